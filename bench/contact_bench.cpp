@@ -1,0 +1,59 @@
+// Contact queries: time of one call, by method, number of spheres and depth.
+#include "palpate/contact/contact_query.h"
+
+#include "bench/contact_setup.h"
+#include "bench/latency.h"
+#include "src/contact/sphere_grid.h"
+
+namespace palpate::bench {
+namespace {
+
+// The boundary stage alone is a query whose plane stage has one lender for all: count priority.
+enum Method { kWeighted, kSimplified, kGraph, kGraphCap, kBoundaryMostly };
+
+ContactOptions options_of(int method) {
+  switch (method) {
+    case kWeighted: return {InsideMethod::weighted, Priority::distance, InsideVolume::full};
+    case kGraph: return {InsideMethod::graph, Priority::distance, InsideVolume::full};
+    case kGraphCap: return {InsideMethod::graph, Priority::distance, InsideVolume::cap};
+    case kBoundaryMostly: return {InsideMethod::simplified, Priority::count, InsideVolume::full};
+    default: return {InsideMethod::simplified, Priority::distance, InsideVolume::full};
+  }
+}
+
+void query(benchmark::State& state) {
+  const Tool& tool = cube_tool(static_cast<int>(state.range(1)));
+  const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(2)) / 100);
+  ThreadPool pool(static_cast<int>(state.range(3)));
+  const auto contact = std::move(make_contact_query(Backend::cpu, tool, {best_isa(), &pool})).value();
+  contact->set_cloud(bumpy_wall().view());
+  const ContactOptions options = options_of(static_cast<int>(state.range(0)));
+  std::size_t i = 0;
+  double num_boundary = 0, num_inside = 0;
+  {
+    Latency latency(state);
+    for (auto _ : state) {
+      Penetration result;
+      latency.time([&] { result = contact->query(poses[i % poses.size()], options); });
+      benchmark::DoNotOptimize(result);
+      if (i < poses.size()) num_boundary += result.num_boundary_spheres;
+      if (i < poses.size()) num_inside += result.num_inside_spheres;
+      ++i;
+    }
+  }
+  const double num_poses = static_cast<double>(std::min(i, poses.size()));
+  state.counters["boundary"] = num_boundary / num_poses;
+  state.counters["inside"] = num_inside / num_poses;
+  state.SetLabel(isa_name(best_isa()));
+}
+
+BENCHMARK(query)
+    ->ArgNames({"method", "spheres", "depth", "threads"})
+    ->ArgsProduct({{kSimplified, kGraph, kBoundaryMostly}, {1000, 5000, 17000}, {10, 50, 100}, {1}})
+    ->ArgsProduct({{kWeighted}, {1000, 5000}, {10, 50, 100}, {1}})
+    ->ArgsProduct({{kSimplified, kGraph}, {17000}, {50}, {2}})
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace palpate::bench

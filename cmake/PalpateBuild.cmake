@@ -1,0 +1,82 @@
+# How every target of the project is built.
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type" FORCE)
+endif()
+
+find_program(PALPATE_CCACHE ccache)
+if(PALPATE_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER "${PALPATE_CCACHE}")
+endif()
+
+find_package(Threads REQUIRED)
+
+# Warnings are errors. No fused multiply-add behind our back: scalar, wide and repeated runs must
+# agree bit for bit. Baseline x86-64-v2; wider code is chosen at run time.
+add_library(palpate_flags INTERFACE)
+target_include_directories(palpate_flags INTERFACE "${PROJECT_SOURCE_DIR}/include"
+                                                   "${PROJECT_SOURCE_DIR}")
+target_compile_options(
+  palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wpedantic;-Wshadow;-Werror;-ffp-contract=off>)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  target_compile_options(palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=x86-64-v2>)
+endif()
+target_link_libraries(palpate_flags INTERFACE Threads::Threads)
+if(PALPATE_SANITIZE)
+  target_compile_options(palpate_flags INTERFACE -fsanitize=${PALPATE_SANITIZE}
+                                                 -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_link_options(palpate_flags INTERFACE -fsanitize=${PALPATE_SANITIZE})
+endif()
+
+# palpate_room(NAME SOURCES a.cpp ... DEPENDS other rooms ... LIBRARIES private libraries ...)
+# One static library per room: palpate_NAME.
+function(palpate_room name)
+  cmake_parse_arguments(ROOM "" "" "SOURCES;DEPENDS;LIBRARIES" ${ARGN})
+  add_library(palpate_${name} STATIC ${ROOM_SOURCES})
+  list(TRANSFORM ROOM_DEPENDS PREPEND palpate_)
+  target_link_libraries(palpate_${name} PUBLIC palpate_flags ${ROOM_DEPENDS} PRIVATE ${ROOM_LIBRARIES})
+endfunction()
+
+# palpate_kernel(ROOM file.cpp) compiles one kernel text once per vector instruction set. The file
+# uses the macro PALPATE_ISA_NAMESPACE for its namespace and PALPATE_LANES for the vector width. Such
+# objects must hold no weak symbols: the linker could pick a copy of an inline function with wide
+# instructions for everybody (tools/check_kernel_objects.sh). Two warnings are off: vectors in
+# internal signatures (psabi) and one that GCC's own AVX-512 header raises.
+function(palpate_kernel room source)
+  set(variants baseline)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    list(APPEND variants avx2 avx512)
+  endif()
+  set(flags_baseline "")
+  set(flags_avx2 -mavx2 -mfma -mbmi -mbmi2 -mlzcnt)
+  set(flags_avx512 ${flags_avx2} -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512)
+  set(lanes_baseline 4)
+  set(lanes_avx2 8)
+  set(lanes_avx512 16)
+  get_filename_component(stem "${source}" NAME_WE)
+  foreach(variant IN LISTS variants)
+    set(copy "${CMAKE_CURRENT_BINARY_DIR}/${stem}_${variant}.cpp")
+    file(CONFIGURE OUTPUT "${copy}" CONTENT
+         "#include \"${CMAKE_CURRENT_SOURCE_DIR}/${source}\"\n" @ONLY)
+    target_sources(palpate_${room} PRIVATE "${copy}")
+    set_source_files_properties(
+      "${copy}" PROPERTIES
+      OBJECT_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}"
+      COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-maybe-uninitialized;${flags_${variant}}"
+      COMPILE_DEFINITIONS "PALPATE_ISA_NAMESPACE=isa_${variant};PALPATE_LANES=${lanes_${variant}}")
+  endforeach()
+endfunction()
+
+# palpate_test(NAME SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.
+function(palpate_test name)
+  cmake_parse_arguments(TEST "" "" "SOURCES;LIBRARIES" ${ARGN})
+  add_executable(${name} ${TEST_SOURCES})
+  target_link_libraries(${name} PRIVATE palpate_flags palpate_test_util ${TEST_LIBRARIES}
+                                        GTest::gtest GTest::gtest_main)
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
+endfunction()

@@ -1,0 +1,89 @@
+// From a raw depth frame to an organised cloud with normals and depth-change vectors (thesis
+// sections 3.4 and 3.5, equations corrected).
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/cloud/point_cloud.h"
+#include "palpate/core/isa.h"
+#include "palpate/core/thread_pool.h"
+
+namespace palpate {
+
+/// Bilateral filter over valid pixels (eq. 3.12 corrected: divided by the sum of the weights).
+struct DepthFilterOptions {
+  bool enabled = true;
+  int radius = 2;            ///< pixels; window 2*radius+1, 1..7
+  double sigma_space = 1.5;  ///< pixels
+  /// Similarity width is sigma_depth * z^2 (z in metres): noise of structured light grows so.
+  double sigma_depth = 0.01;  ///< metres at 1 m
+};
+
+/// Plane fit by principal components over a window (eqs. 3.7-3.11).
+struct NormalOptions {
+  int radius = 3;  ///< pixels; window 2*radius+1, 1..7
+  /// Neighbours count only if their depth differs by at most max_depth_change * z (z in metres,
+  /// depth of the centre pixel): the window must not reach across an edge.
+  double max_depth_change = 0.03;
+  bool anchoring = false;      ///< plane through the point itself (3.9)
+  bool weighting = false;      ///< weights exp(-|p-q|^2 / (2 sigma^2)) (3.10, also in the mean)
+  double weight_sigma = 0.01;  ///< metres at 1 m; grows with z^2
+  bool normalization = false;  ///< difference vectors scaled to unit length (3.11)
+  int min_neighbours = 6;      ///< fewer valid neighbours (with the point itself): no normal
+};
+
+/// Where the surface ends towards something farther away (eqs. 3.13-3.16 corrected: foreground
+/// only, pointing outward, orthogonal to the viewing ray).
+struct DepthChangeOptions {
+  bool enabled = true;
+  double min_step = 0.05;  ///< metres: smaller steps do not count
+};
+
+struct SurfaceOptions {
+  DepthFilterOptions filter;
+  NormalOptions normals;
+  DepthChangeOptions depth_change;
+  double min_depth = 0.1;   ///< metres; nearer pixels are no measurement
+  double max_depth = 10.0;  ///< metres; farther pixels are no measurement
+};
+
+/// Counts of one update.
+struct SurfaceStats {
+  int num_valid = 0;    ///< pixels with a usable depth
+  int num_points = 0;   ///< of these, points with a normal
+};
+
+/// Owns all buffers for one image size; `update` allocates nothing.
+class SurfaceEstimator {
+ public:
+  /// Errors: size out of 8..kMaxImageWidth, intrinsics not positive and finite, options out of
+  /// range.
+  static Result<SurfaceEstimator> create(int width, int height, const Intrinsics& intrinsics,
+                                         const SurfaceOptions& options = {},
+                                         Isa isa = best_isa());
+  SurfaceEstimator(SurfaceEstimator&&) noexcept;
+  SurfaceEstimator& operator=(SurfaceEstimator&&) noexcept;
+  ~SurfaceEstimator();
+
+  /// Computes cloud and depth-change vectors of a frame of the size given at construction. The same
+  /// bits for any number of threads in `pool`. No allocation.
+  SurfaceStats update(const DepthFrame& frame, ThreadPool& pool);
+  /// The same from depth in metres (NaN or 0: no measurement), width * height values.
+  SurfaceStats update(std::span<const float> depth, ThreadPool& pool);
+
+  /// Valid until the next update.
+  PointCloudView cloud() const;
+  /// Filtered depth in metres, NaN where there is no measurement.
+  std::span<const float> depth() const;
+  /// Depth-change vector of each pixel in camera axes (m): zero away from edges. Three arrays.
+  std::span<const float> depth_change(int axis) const;
+
+ private:
+  struct Impl;
+  explicit SurfaceEstimator(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate

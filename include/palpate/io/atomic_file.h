@@ -1,0 +1,21 @@
+// Files that are either whole or absent.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// Writes a temporary file in the same folder, flushes it to disk and renames it over `path`. A
+/// symbolic link is followed; anything but a regular file in the way is an error.
+Status write_file_atomically(const std::filesystem::path& path, std::string_view content);
+
+/// Whole file as bytes. Error: absent, a directory, larger than `max_bytes`.
+Result<std::string> read_file(const std::filesystem::path& path,
+                              std::size_t max_bytes = std::size_t(4) << 30);
+
+}  // namespace palpate

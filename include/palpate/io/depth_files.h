@@ -1,0 +1,41 @@
+// Depth frames and clouds on disk.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/cloud/point_cloud.h"
+
+namespace palpate {
+
+/// A 16-bit greyscale PNG; 0 = no measurement. Errors: not such a PNG, larger than kMaxImage*.
+Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit = 0.001);
+/// Never leaves half a file.
+Status save_depth_png(const DepthFrame& frame, const std::filesystem::path& path);
+
+struct DepthFolderOptions {
+  Intrinsics intrinsics;
+  double unit = 0.001;  ///< metres per count
+  double rate = 30;     ///< frames per second, where the folder holds no time stamps
+};
+
+/// A folder of 16-bit PNGs: TUM layout (a file depth.txt of "timestamp path" lines) or plain (all
+/// *.png of the folder, or of its subfolder "depth", in name order, at `rate`). Only the list is
+/// read now; frames are read when asked for. Errors: no such folder, no frames, sizes differ.
+Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::path& folder,
+                                                       const DepthFolderOptions& options);
+
+/// A cloud with normals from a PLY (ascii or binary; properties x y z nx ny nz) or PCD (ascii,
+/// binary, binary_compressed; fields x y z normal_x normal_y normal_z). A PCD with height > 1 stays
+/// organised. Clouds without normals: Error that says so. Errors also for truncated files and counts
+/// that the file cannot hold (checked before allocating).
+Result<PointCloud> load_cloud(const std::filesystem::path& path);
+
+/// Depth image of an organised PCD without normals: z as 16-bit counts of `unit`.
+Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit = 0.001);
+
+/// Binary PLY with x y z nx ny nz of all valid points. Never leaves half a file.
+Status save_cloud_ply(const PointCloudView& cloud, const std::filesystem::path& path);
+
+}  // namespace palpate

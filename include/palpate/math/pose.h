@@ -1,0 +1,111 @@
+// Poses, twists and wrenches in monogram notation: X_WT is the pose of frame T in frame W and maps
+// T-coordinates to W-coordinates; chaining reads like dominoes: X_WC = X_WT * X_TC.
+#pragma once
+
+#include <algorithm>
+
+#include "palpate/math/vec3.h"
+
+namespace palpate {
+
+/// Unit quaternion, stored x, y, z, w (the order of TUM files).
+struct Quaternion {
+  double x = 0, y = 0, z = 0, w = 1;
+
+  friend bool operator==(const Quaternion&, const Quaternion&) = default;
+};
+
+PALPATE_HOSTDEV inline Quaternion operator*(const Quaternion& a, const Quaternion& b) {
+  return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+          a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+          a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+          a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
+}
+
+PALPATE_HOSTDEV inline Quaternion conjugate(const Quaternion& q) { return {-q.x, -q.y, -q.z, q.w}; }
+
+/// q scaled to unit length; identity for the zero quaternion.
+PALPATE_HOSTDEV inline Quaternion normalized(const Quaternion& q) {
+  const double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  if (!(length > 0)) return {};
+  return {q.x / length, q.y / length, q.z / length, q.w / length};
+}
+
+/// Rotation by `angle` radians about the axis (any length but zero).
+inline Quaternion axis_angle(const Vec3d& axis, double angle) {
+  const Vec3d v = normalized(axis) * std::sin(angle / 2);
+  return {v.x, v.y, v.z, std::cos(angle / 2)};
+}
+
+/// The rotation matrix of a unit quaternion.
+PALPATE_HOSTDEV inline Mat3d rotation_matrix(const Quaternion& q) {
+  const double xx = q.x * q.x, yy = q.y * q.y, zz = q.z * q.z;
+  const double xy = q.x * q.y, xz = q.x * q.z, yz = q.y * q.z;
+  const double wx = q.w * q.x, wy = q.w * q.y, wz = q.w * q.z;
+  return {{{1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)},
+           {2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)},
+           {2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)}}};
+}
+
+/// Rigid motion: rotation, then translation (metres).
+struct Pose {
+  Vec3d translation;
+  Quaternion rotation;
+
+  friend bool operator==(const Pose&, const Pose&) = default;
+};
+
+/// v_A from v_B: rotates only.
+PALPATE_HOSTDEV inline Vec3d rotate(const Quaternion& q, const Vec3d& v) {
+  return rotation_matrix(q) * v;
+}
+
+/// p_A from p_B: X_AB * p_B.
+PALPATE_HOSTDEV inline Vec3d operator*(const Pose& X_AB, const Vec3d& p_B) {
+  return rotate(X_AB.rotation, p_B) + X_AB.translation;
+}
+
+PALPATE_HOSTDEV inline Pose operator*(const Pose& X_AB, const Pose& X_BC) {
+  return {X_AB * X_BC.translation, normalized(X_AB.rotation * X_BC.rotation)};
+}
+
+/// X_BA from X_AB.
+PALPATE_HOSTDEV inline Pose inverse(const Pose& X_AB) {
+  const Quaternion q = conjugate(X_AB.rotation);
+  return {-rotate(q, X_AB.translation), q};
+}
+
+/// Shortest rotation (slerp) and straight line from a (t = 0) to b (t = 1).
+inline Pose interpolate(const Pose& a, const Pose& b, double t) {
+  const Quaternion& p = a.rotation;
+  Quaternion q = b.rotation;
+  double cosine = p.x * q.x + p.y * q.y + p.z * q.z + p.w * q.w;
+  if (cosine < 0) {
+    q = {-q.x, -q.y, -q.z, -q.w};
+    cosine = -cosine;
+  }
+  double weight_p = 1 - t, weight_q = t;
+  if (cosine < 0.9995) {
+    const double angle = std::acos(std::min(cosine, 1.0));
+    weight_p = std::sin((1 - t) * angle) / std::sin(angle);
+    weight_q = std::sin(t * angle) / std::sin(angle);
+  }
+  return {a.translation * (1 - t) + b.translation * t,
+          normalized(Quaternion{weight_p * p.x + weight_q * q.x, weight_p * p.y + weight_q * q.y,
+                                weight_p * p.z + weight_q * q.z,
+                                weight_p * p.w + weight_q * q.w})};
+}
+
+/// Force and torque about a stated point in a stated frame, e.g. F_To_W: at To, expressed in W.
+struct Wrench {
+  Vec3d force;
+  Vec3d torque;
+};
+
+/// Linear velocity of a stated point and angular velocity.
+struct Twist {
+  Vec3d linear;
+  Vec3d angular;
+};
+
+}  // namespace palpate

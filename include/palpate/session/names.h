@@ -1,0 +1,56 @@
+// The words by which people choose among options, on the command line and in files.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "palpate/contact/contact_query.h"
+
+namespace palpate {
+
+template <class Value>
+struct Named {
+  std::string_view name;
+  Value value;
+};
+
+inline constexpr std::array<Named<InsideMethod>, 3> kMethodNames{{
+    {"weighted", InsideMethod::weighted},
+    {"simplified", InsideMethod::simplified},
+    {"graph", InsideMethod::graph},
+}};
+inline constexpr std::array<Named<Priority>, 2> kPriorityNames{{
+    {"distance", Priority::distance},
+    {"count", Priority::count},
+}};
+inline constexpr std::array<Named<InsideVolume>, 2> kInsideNames{{
+    {"full", InsideVolume::full},
+    {"cap", InsideVolume::cap},
+}};
+/// No value: the fastest one that works here.
+inline constexpr std::array<Named<std::optional<Backend>>, 3> kBackendNames{{
+    {"cpu", Backend::cpu},
+    {"cuda", Backend::cuda},
+    {"auto", std::nullopt},
+}};
+
+template <class Table, class Value>
+std::string name_of(const Table& table, const Value& value) {
+  for (const auto& entry : table) {
+    if (entry.value == value) return std::string(entry.name);
+  }
+  return "?";
+}
+
+/// The value of a name, or nullopt for an unknown name.
+template <class Value, std::size_t n>
+std::optional<Value> value_of(const std::array<Named<Value>, n>& table, std::string_view name) {
+  for (const auto& entry : table) {
+    if (entry.name == name) return entry.value;
+  }
+  return std::nullopt;
+}
+
+}  // namespace palpate

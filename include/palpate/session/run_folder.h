@@ -1,0 +1,34 @@
+// The folder of a run. It appears whole or not at all: everything is written into NAME.partial first.
+#pragma once
+
+#include <filesystem>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// Where a recording lies inside the folder of its run, and the file that marks it as ours.
+inline constexpr const char* kRecordingFolder = "recording";
+inline constexpr const char* kRecordingManifest = "recording.json";
+
+/// Removes what it wrote unless `commit` succeeded.
+class RunFolder {
+ public:
+  /// `target` must be new, empty, or hold an earlier run, which `commit` will replace. Errors:
+  /// anything else is in the way; the folder cannot be made.
+  static Result<RunFolder> create(const std::filesystem::path& target);
+  RunFolder(RunFolder&& other) noexcept;
+  RunFolder& operator=(RunFolder&&) = delete;
+  ~RunFolder();
+
+  /// Where to write until `commit`.
+  const std::filesystem::path& partial() const { return partial_; }
+  /// Gives the folder its name.
+  Status commit();
+
+ private:
+  RunFolder(std::filesystem::path target, std::filesystem::path partial);
+  std::filesystem::path target_, partial_;  ///< `partial_` is empty once done
+};
+
+}  // namespace palpate

@@ -1,0 +1,113 @@
+// What happens at a frame and at a tick, whoever keeps the clock; and the run on a simulated clock.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/cloud/surface_estimator.h"
+#include "palpate/contact/contact_query.h"
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// Everything that decides the numbers of a run, beside tool, frames and poses.
+struct RunSettings {
+  double rate = 1000;  ///< ticks per second
+  double duration = std::numeric_limits<double>::infinity();  ///< seconds; ticks at t < duration
+  bool end_with_source = true;  ///< stop one frame period after the last frame
+  ContactOptions contact;
+  SurfaceOptions surface;
+  std::optional<Backend> backend = Backend::cpu;  ///< nullopt: the fastest one that works here
+  int num_threads = 0;                            ///< 0: one per core
+};
+
+/// A frame that became current.
+struct FrameRecord {
+  double time = 0;  ///< seconds since the first frame
+  SurfaceStats surface;
+  double surface_seconds = 0;  ///< compute time
+};
+
+/// One tick of the haptic clock.
+struct TickRecord {
+  double time = 0;  ///< seconds
+  Pose X_WT;
+  Penetration penetration;
+  int frame = 0;             ///< index of the current frame
+  double query_seconds = 0;  ///< compute time
+};
+
+/// A query and the backend that was found for it.
+struct ChosenQuery {
+  Backend backend = Backend::cpu;
+  std::unique_ptr<ContactQuery> query;
+};
+/// make_contact_query, or with nullopt the first backend that works here. `tool` must outlive it.
+Result<ChosenQuery> choose_contact_query(std::optional<Backend> backend, const Tool& tool,
+                                         const ContactCapacities& capacities = {});
+
+/// The loop body: surfaces from frames, wrenches from poses. `tool` must outlive it.
+class Session {
+ public:
+  /// Errors: settings out of range, image size, backend not available.
+  static Result<Session> create(const Tool& tool, const DepthStreamInfo& stream,
+                                const RunSettings& settings);
+
+  /// Makes `frame` (of the stream's size) the one that the next ticks feel.
+  FrameRecord take_frame(const DepthFrame& frame, double time);
+  /// One measurement. No allocation.
+  TickRecord tick(double time, const Pose& X_WT);
+
+  /// The settings, with what was chosen for `backend`.
+  const RunSettings& settings() const { return settings_; }
+  const SurfaceEstimator& surface() const { return surface_; }
+  const ContactQuery& query() const { return *query_; }
+
+ private:
+  Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool, SurfaceEstimator surface,
+          std::unique_ptr<ContactQuery> query);
+
+  RunSettings settings_;
+  std::unique_ptr<ThreadPool> pool_;
+  SurfaceEstimator surface_;
+  std::unique_ptr<ContactQuery> query_;
+  int num_frames_ = 0;
+};
+
+/// All that a run produced.
+struct RunLog {
+  RunSettings settings;  ///< as used
+  DepthStreamInfo stream;
+  std::vector<FrameRecord> frames;
+  std::vector<TickRecord> ticks;
+  bool interrupted = false;      ///< a callback asked to stop
+  std::size_t deepest_tick = 0;  ///< largest volume; the first one if there are several
+  DepthFrame deepest_frame;      ///< the frame that was current then
+};
+
+/// Longest run, to bound memory.
+inline constexpr std::size_t kMaxTicks = 5'000'000;
+
+/// Pose of the tool at a tick.
+using PoseFunction = std::function<Pose(std::size_t tick, double time)>;
+
+struct RunCallbacks {
+  /// A frame has just become current. An error ends the run. May be empty.
+  std::function<Status(std::size_t index, double time, const DepthFrame& frame)> on_frame;
+  /// After every tick; return false to stop. May be empty.
+  std::function<bool(const TickRecord& tick)> on_tick;
+};
+
+/// Runs on a simulated clock: tick k is at time k / rate, and a frame becomes current at the first
+/// tick that is not before its time stamp (relative to the first frame). The same inputs give the
+/// same numbers, compute times aside. Errors: settings out of range; no frame; what the source or a
+/// callback reports.
+Result<RunLog> run_session(const Tool& tool, DepthSource& source, const PoseFunction& X_WT,
+                           const RunSettings& settings, const RunCallbacks& callbacks = {});
+
+}  // namespace palpate

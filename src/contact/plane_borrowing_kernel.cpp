@@ -1,0 +1,253 @@
+// The plane stage, compiled once per instruction set.
+#include <algorithm>
+#include <bit>
+
+#include "src/contact/plane_borrowing.h"
+#include "src/core/simd.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+// Relative slack of comparisons between single-precision distances. Closer calls go to double.
+constexpr float kSlack = 4e-6f;
+
+float horizontal_sum(VecF v) {
+  float sum = 0;
+  for (int i = 0; i < kLanes; ++i) sum += v[i];
+  return sum;
+}
+
+// cap_volume on vectors; the same text as math/sphere.h with selects.
+inline VecF cap_volume_v(VecF radius, VecF distance) {
+  const VecF h = min(max(radius - distance, VecF{}), radius + radius);
+  return static_cast<float>(kPi / 3.0) * h * h * (3.0f * radius - h);
+}
+
+// Of `from[0..num)`, those that may be the nearest boundary sphere of some centre in the ball: no
+// farther than (least distance) + 2 radius.
+int prune_candidates(const BoundaryPlanes& boundary, const std::int32_t* from, int num,
+                     const Cluster& ball, std::int32_t* to) {
+  const auto distances = [&](int i, VecF& distance) {
+    VecF x, y, z;
+    if (from == nullptr) {
+      x = load(boundary.x + i), y = load(boundary.y + i), z = load(boundary.z + i);
+    } else {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const std::int32_t b = from[std::min(i + lane, num - 1)];
+        x[lane] = boundary.x[b], y[lane] = boundary.y[b], z[lane] = boundary.z[b];
+      }
+    }
+    const VecF dx = x - ball.centre.x, dy = y - ball.centre.y, dz = z - ball.centre.z;
+    distance = sqrt(dx * dx + dy * dy + dz * dz);
+  };
+  VecF least = splat(1e30f), distance;
+  for (int i = 0; i < num; i += kLanes) {
+    distances(i, distance);
+    least = min(least, distance);
+  }
+  float limit = 1e30f;
+  for (int lane = 0; lane < kLanes; ++lane) limit = std::min(limit, least[lane]);
+  limit = (limit + 2 * ball.radius) * (1 + kSlack) + 1e-9f;
+  int kept = 0;
+  for (int i = 0; i < num; i += kLanes) {
+    distances(i, distance);
+    const VecI in_range = lane_ids() < splat(static_cast<std::int32_t>(num - i));
+    for (std::uint32_t bits = mask_bits((distance <= limit) & in_range); bits != 0;
+         bits &= bits - 1) {
+      const int at = i + std::countr_zero(bits);
+      to[kept++] = from == nullptr ? at : from[at];
+    }
+  }
+  return kept;
+}
+
+// The nearest boundary sphere by centre distance in double, ties to the lowest sphere id (boundary
+// spheres are in ascending order).
+std::int32_t nearest_exactly(const PlaneBorrowing& job, std::int32_t sphere_id,
+                             const std::int32_t* candidates, int num) {
+  const Vec3d c = to_double(job.spheres[sphere_id].centre);
+  std::int32_t best = candidates[0];
+  double least = 1e300;
+  for (int i = 0; i < num; ++i) {
+    const std::int32_t other = job.boundary.sphere_id[candidates[i]];
+    const Vec3d d = to_double(job.spheres[other].centre) - c;
+    const double squared = dot(d, d);
+    if (squared < least) least = squared, best = candidates[i];
+  }
+  return best;
+}
+
+// V_s of one sphere behind a plane, in double.
+double exact_volume(const PlaneBorrowing& job, std::int32_t sphere_id, std::int32_t lender) {
+  const Sphere& sphere = job.spheres[sphere_id];
+  const Plane<double>& plane = job.boundary.plane[lender];
+  return cap_volume(static_cast<double>(sphere.radius),
+                    dot(plane.normal, to_double(sphere.centre)) - plane.offset);
+}
+
+// Which boundary sphere lends its plane to each lane: the nearest one of the candidates.
+VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place,
+                        const std::int32_t* candidates, int num) {
+  const SphereClusters& c = *job.clusters;
+  const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);
+  VecF least = splat(1e30f), second = splat(1e30f);
+  VecI best = splat(candidates[0]);
+  for (int i = 0; i < num; ++i) {
+    const std::int32_t b = candidates[i];
+    const VecF dx = x - job.boundary.x[b], dy = y - job.boundary.y[b], dz = z - job.boundary.z[b];
+    const VecF squared = dx * dx + dy * dy + dz * dz;
+    const VecI closer = squared < least;
+    second = min(second, max(squared, least));
+    least = select(closer, squared, least);
+    best = closer ? splat(b) : best;
+  }
+  // Close calls, decided in double.
+  std::uint32_t close = mask_bits(second <= least * (1 + 2 * kSlack) + 1e-14f);
+  if (num > 1) {
+    for (; close != 0; close &= close - 1) {
+      const int lane = std::countr_zero(close);
+      const std::int32_t id = c.sphere_id[place + static_cast<std::size_t>(lane)];
+      if (id >= 0) best[lane] = nearest_exactly(job, id, candidates, num);
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, const BorrowingScratch& scratch) {
+  const SphereClusters& c = *job.clusters;
+  const BoundaryPlanes& boundary = job.boundary;
+  MeasureSums sums;
+  int num_group = 0;
+  std::int32_t most_points = 0;
+  if (job.by_count) {
+    // One lender for all: most points, ties to the lowest sphere id.
+    for (int b = 1; b < boundary.num; ++b) {
+      if (boundary.count[b] > boundary.count[most_points]) most_points = b;
+    }
+  } else {
+    num_group = prune_candidates(boundary, nullptr, boundary.num,
+                                 c.groups[static_cast<std::size_t>(group)],
+                                 scratch.group_candidates);
+  }
+  const int first = group * SphereClusters::kClustersPerGroup;
+  const int last = std::min(first + SphereClusters::kClustersPerGroup, c.num_clusters());
+  for (int cluster = first; cluster < last; ++cluster) {
+    const std::int32_t* candidates = &most_points;
+    int num = 1;
+    if (!job.by_count) {
+      num = prune_candidates(boundary, scratch.group_candidates, num_group,
+                             c.clusters[static_cast<std::size_t>(cluster)],
+                             scratch.cluster_candidates);
+      candidates = scratch.cluster_candidates;
+    }
+    VecF volume_sum{}, force[3] = {}, torque[3] = {};
+    const std::size_t begin = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
+    for (std::size_t place = begin; place < begin + SphereClusters::kSize; place += kLanes) {
+      VecI wants;
+      std::memcpy(&wants, job.touched + place, sizeof wants);
+      wants = wants == PlaneBorrowing::kNone;
+      const VecI lender = nearest_candidates(job, place, candidates, num);
+      std::memcpy(job.lender + place, &lender, sizeof lender);
+
+      const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);
+      const VecF radius = load(&c.radius[place]);
+      const VecF nx = gather(boundary.nx, lender), ny = gather(boundary.ny, lender),
+                 nz = gather(boundary.nz, lender);
+      const VecF distance = nx * x + ny * y + nz * z - gather(boundary.offset, lender);
+      // Wholly behind or in front of the plane, or cut by it: then in double.
+      const VecF size = max(max(x, -x), max(max(y, -y), max(z, -z))) + radius;
+      const VecF unsure = radius + size * kSlack;
+      VecF volume = select(wants & (distance < 0.0f), load(&c.volume[place]), VecF{});
+      const VecI cut = wants & (distance < unsure) & (distance > -unsure);
+      for (std::uint32_t bits = mask_bits(cut); bits != 0; bits &= bits - 1) {
+        const int lane = std::countr_zero(bits);
+        volume[lane] = static_cast<float>(
+            exact_volume(job, c.sphere_id[place + static_cast<std::size_t>(lane)], lender[lane]));
+      }
+      store(job.borrowed_volume + place, volume);
+      sums.num_inside += std::popcount(mask_bits(volume > 0.0f));
+
+      const VecF fx = volume * nx, fy = volume * ny, fz = volume * nz;
+      const VecF ax = x - static_cast<float>(job.origin.x), ay = y - static_cast<float>(job.origin.y),
+                 az = z - static_cast<float>(job.origin.z);
+      volume_sum += volume;
+      force[0] += fx, force[1] += fy, force[2] += fz;
+      torque[0] += ay * fz - az * fy;
+      torque[1] += az * fx - ax * fz;
+      torque[2] += ax * fy - ay * fx;
+    }
+    sums.volume += static_cast<double>(horizontal_sum(volume_sum));
+    for (int axis = 0; axis < 3; ++axis) {
+      sums.force[axis] += static_cast<double>(horizontal_sum(force[axis]));
+      sums.torque[axis] += static_cast<double>(horizontal_sum(torque[axis]));
+    }
+  }
+  return sums;
+}
+
+MeasureSums borrow_weighted(const PlaneBorrowing& job, int group) {
+  const SphereClusters& c = *job.clusters;
+  const BoundaryPlanes& boundary = job.boundary;
+  MeasureSums sums;
+  const int first = group * SphereClusters::kClustersPerGroup;
+  const int last = std::min(first + SphereClusters::kClustersPerGroup, c.num_clusters());
+  for (int cluster = first; cluster < last; ++cluster) {
+    const std::size_t begin = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
+    const Cluster& ball = c.clusters[static_cast<std::size_t>(cluster)];
+    // A cluster in front of every plane adds nothing.
+    bool reached = false;
+    for (int b = 0; b < boundary.num && !reached; b += kLanes) {
+      const VecF distance = load(boundary.nx + b) * ball.centre.x +
+                            load(boundary.ny + b) * ball.centre.y +
+                            load(boundary.nz + b) * ball.centre.z - load(boundary.offset + b);
+      const VecF limit = splat(ball.reach + kSlack * (norm(ball.centre) + ball.reach));
+      reached = mask_bits((distance < limit) & (load(boundary.count + b) > 0.0f)) != 0;
+    }
+    if (!reached) {
+      std::fill_n(job.borrowed_volume + begin, SphereClusters::kSize, 0.0f);
+      continue;
+    }
+    for (std::size_t place = begin; place < begin + SphereClusters::kSize; ++place) {
+      job.borrowed_volume[place] = 0;
+      if (job.touched[place] != PlaneBorrowing::kNone || c.sphere_id[place] < 0) continue;
+      const float x = c.x[place], y = c.y[place], z = c.z[place];
+      const VecF radius = splat(c.radius[place]);
+      VecF weight_sum{}, volume_sum{}, force[3] = {};
+      for (int b = 0; b < boundary.num; b += kLanes) {
+        const VecF count = load(boundary.count + b);
+        VecF weight = count;
+        if (!job.by_count) {
+          const VecF dx = load(boundary.x + b) - x, dy = load(boundary.y + b) - y,
+                     dz = load(boundary.z + b) - z;
+          weight = select(count > 0.0f, 1.0f / sqrt(dx * dx + dy * dy + dz * dz), VecF{});
+        }
+        const VecF nx = load(boundary.nx + b), ny = load(boundary.ny + b),
+                   nz = load(boundary.nz + b);
+        const VecF weighted_volume =
+            weight * cap_volume_v(radius, nx * x + ny * y + nz * z - load(boundary.offset + b));
+        weight_sum += weight;
+        volume_sum += weighted_volume;
+        force[0] += weighted_volume * nx;
+        force[1] += weighted_volume * ny;
+        force[2] += weighted_volume * nz;
+      }
+      const double scale = 1.0 / static_cast<double>(horizontal_sum(weight_sum));
+      const double volume = static_cast<double>(horizontal_sum(volume_sum)) * scale;
+      if (!(volume > 0)) continue;
+      const Vec3d F{static_cast<double>(horizontal_sum(force[0])) * scale,
+                    static_cast<double>(horizontal_sum(force[1])) * scale,
+                    static_cast<double>(horizontal_sum(force[2])) * scale};
+      const Vec3d arm = Vec3d{x, y, z} - job.origin;
+      job.borrowed_volume[place] = static_cast<float>(volume);
+      sums.volume += volume;
+      sums.force += F;
+      sums.torque += cross(arm, F);
+      ++sums.num_inside;
+    }
+  }
+  return sums;
+}
+
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

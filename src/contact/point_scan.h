@@ -1,0 +1,52 @@
+// First stage of a query: which points lie in which sphere, and their sums per sphere (thesis
+// section 3.2.1 and eq. 3.3).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/cloud/point_cloud.h"
+#include "palpate/math/pose.h"
+#include "src/contact/sphere_grid.h"
+
+namespace palpate {
+
+/// Sums of the points inside one sphere, in fixed point: whole numbers add up to the same bits in any
+/// order, on any number of threads and on any backend.
+struct alignas(64) PointSums {
+  /// Counts per metre (and per unit of a normal). Rounds at 5e-13 m; 3e5 points of 2 km fit.
+  static constexpr double kScale = 1099511627776.0;  // 2^40
+
+  std::int64_t offset_W[3] = {0, 0, 0};  ///< sum of p - t, world axes, t the tool's translation
+  std::int64_t normal_W[3] = {0, 0, 0};  ///< sum of normals, world axes
+  std::int64_t num_points = 0;
+};
+
+/// Everything a scan reads.
+struct PointScan {
+  PointCloudView cloud;
+  SphereGridView grid;
+  const Sphere* spheres = nullptr;
+  Mat3d R_TW;            ///< world to tool, double: decides close calls
+  Vec3d translation_W;   ///< of X_WT
+
+  // Image window: rows and columns that can hold a point of the tool.
+  int row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
+};
+
+/// Adds the points of rows [row_begin, row_end) of the window to `sums` (one per sphere) and sets the
+/// sphere's bit in `touched`. An unorganised cloud is one row: it is cut by columns instead.
+using ScanPoints = void (*)(const PointScan& scan, int row_begin, int row_end, int column_begin,
+                            int column_end, PointSums* sums, std::uint64_t* touched);
+
+namespace isa_baseline {
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint64_t*);
+}
+namespace isa_avx2 {
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint64_t*);
+}
+namespace isa_avx512 {
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint64_t*);
+}
+
+}  // namespace palpate

@@ -1,0 +1,38 @@
+// The spheres of a tool in spatial order, in small groups: what the plane stage loops over.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "palpate/math/sphere.h"
+
+namespace palpate {
+
+/// A few neighbouring spheres and a ball around their *centres*; `reach` also covers their surfaces.
+struct Cluster {
+  Vec3f centre;
+  float radius = 0;
+  float reach = 0;
+};
+
+/// Structure of arrays in cluster order, each cluster kSize long, each group kClustersPerGroup
+/// clusters. Padding has radius 0 and sphere_id -1.
+class SphereClusters {
+ public:
+  static constexpr int kSize = 32;
+  static constexpr int kClustersPerGroup = 16;
+
+  explicit SphereClusters(std::span<const Sphere> spheres);
+
+  int num_clusters() const { return static_cast<int>(clusters.size()); }
+  int num_groups() const { return static_cast<int>(groups.size()); }
+
+  std::vector<float> x, y, z, radius, volume;  ///< one per place
+  std::vector<std::int32_t> sphere_id;         ///< of each place; -1 for padding
+  std::vector<std::int32_t> place_of;          ///< of each sphere
+  std::vector<Cluster> clusters;
+  std::vector<Cluster> groups;                 ///< around kClustersPerGroup clusters
+};
+
+}  // namespace palpate

@@ -1,0 +1,57 @@
+// Which sphere contains a point? A uniform grid over the tool whose cells know it at once (wholly
+// inside sphere k), or hold the few spheres to try. Replaces the tree of thesis Alg. 3.2 for points:
+// same answer, independent of the number of spheres.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <span>
+#include <vector>
+
+#include "palpate/math/sphere.h"
+
+namespace palpate {
+
+/// Spheres to try in one cell, eight at a time, in grid units (cells).
+struct alignas(32) CandidateBlock {
+  static constexpr int kSize = 8;
+  float x[kSize], y[kSize], z[kSize];
+  float surely_inside[kSize];  ///< squared distance up to which the fast test is sure: inside
+  float maybe_inside[kSize];   ///< beyond which it is sure: outside; negative for padding
+  std::int32_t sphere_id[kSize];
+};
+
+struct CandidateList {
+  std::int32_t first_block = 0, num_blocks = 0;
+};
+
+/// Not owning, trivially copyable.
+struct SphereGridView {
+  Vec3d origin;              ///< low corner, tool frame
+  double cells_per_metre = 1;
+  std::int32_t num_x = 0, num_y = 0, num_z = 0;
+  const std::int32_t* tags = nullptr;  ///< 0: no sphere; k+1: inside sphere k; -(l+1): try list l
+  const CandidateList* lists = nullptr;
+  const CandidateBlock* blocks = nullptr;
+};
+
+/// Owns the grid. Built once per tool.
+class SphereGrid {
+ public:
+  explicit SphereGrid(std::span<const Sphere> spheres);
+  SphereGridView view() const;
+
+  /// The fast test may err by this much, in cells; closer calls are decided in double.
+  static constexpr double kRounding = 1e-4;
+
+ private:
+  Vec3d origin_;
+  double cells_per_metre_ = 1;
+  std::int32_t num_[3] = {0, 0, 0};
+  std::vector<std::int32_t> tags_;
+  std::vector<CandidateList> lists_;
+  std::vector<CandidateBlock> blocks_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,127 @@
+// One vector width for a kernel text that is compiled once per instruction set (see palpate_kernel in
+// cmake/PalpateBuild.cmake). Plain GCC/Clang vector types; the few operations they lack are here.
+// Included only by kernel files, which put their code in namespace PALPATE_ISA_NAMESPACE.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+#if !defined(PALPATE_LANES) || !defined(PALPATE_ISA_NAMESPACE)
+#error "simd.h is for files compiled by palpate_kernel"
+#endif
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+
+inline constexpr int kLanes = PALPATE_LANES;
+
+typedef float VecF __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
+typedef std::int32_t VecI __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
+
+/// All lanes the same.
+inline VecF splat(float value) { return VecF{} + value; }
+inline VecI splat(std::int32_t value) { return VecI{} + value; }
+
+/// 0, 1, 2, ...
+inline VecI lane_ids() {
+  VecI ids;
+  for (int i = 0; i < kLanes; ++i) ids[i] = i;
+  return ids;
+}
+
+/// Unaligned.
+inline VecF load(const float* from) {
+  VecF v;
+  std::memcpy(&v, from, sizeof v);
+  return v;
+}
+inline void store(float* to, VecF v) { std::memcpy(to, &v, sizeof v); }
+
+/// Masks are 0 / -1 per lane, as comparisons give them. `mask ? a : b` selects.
+inline VecF select(VecI mask, VecF a, VecF b) { return mask ? a : b; }
+inline VecF min(VecF a, VecF b) { return a < b ? a : b; }
+inline VecF max(VecF a, VecF b) { return a > b ? a : b; }
+
+inline VecF sqrt(VecF v) {
+#if PALPATE_LANES == 16
+  return reinterpret_cast<VecF>(_mm512_sqrt_ps(reinterpret_cast<__m512>(v)));
+#elif PALPATE_LANES == 8
+  return reinterpret_cast<VecF>(_mm256_sqrt_ps(reinterpret_cast<__m256>(v)));
+#elif defined(__x86_64__)
+  return reinterpret_cast<VecF>(_mm_sqrt_ps(reinterpret_cast<__m128>(v)));
+#else
+  for (int i = 0; i < kLanes; ++i) v[i] = std::sqrt(v[i]);
+  return v;
+#endif
+}
+
+/// Bit i is set if lane i of the mask is.
+inline std::uint32_t mask_bits(VecI mask) {
+#if PALPATE_LANES == 16
+  return _mm512_movepi32_mask(reinterpret_cast<__m512i>(mask));
+#elif PALPATE_LANES == 8
+  return static_cast<std::uint32_t>(_mm256_movemask_ps(reinterpret_cast<__m256>(mask)));
+#elif defined(__x86_64__)
+  return static_cast<std::uint32_t>(_mm_movemask_ps(reinterpret_cast<__m128>(mask)));
+#else
+  std::uint32_t bits = 0;
+  for (int i = 0; i < kLanes; ++i) bits |= static_cast<std::uint32_t>(mask[i] & 1) << i;
+  return bits;
+#endif
+}
+
+/// Nearest whole number towards zero; lanes out of range give an unspecified number.
+inline VecI to_int(VecF v) { return __builtin_convertvector(v, VecI); }
+inline VecF to_float(VecI v) { return __builtin_convertvector(v, VecF); }
+
+/// table[index[i]] for each lane.
+inline VecI gather(const std::int32_t* table, VecI index) {
+#if PALPATE_LANES == 16
+  return reinterpret_cast<VecI>(
+      _mm512_i32gather_epi32(reinterpret_cast<__m512i>(index), table, 4));
+#elif PALPATE_LANES == 8
+  return reinterpret_cast<VecI>(
+      _mm256_i32gather_epi32(table, reinterpret_cast<__m256i>(index), 4));
+#else
+  VecI v;
+  for (int i = 0; i < kLanes; ++i) v[i] = table[index[i]];
+  return v;
+#endif
+}
+
+inline VecF gather(const float* table, VecI index) {
+#if PALPATE_LANES == 16
+  return reinterpret_cast<VecF>(_mm512_i32gather_ps(reinterpret_cast<__m512i>(index), table, 4));
+#elif PALPATE_LANES == 8
+  return reinterpret_cast<VecF>(_mm256_i32gather_ps(table, reinterpret_cast<__m256i>(index), 4));
+#else
+  VecF v;
+  for (int i = 0; i < kLanes; ++i) v[i] = table[index[i]];
+  return v;
+#endif
+}
+
+/// Writes the lanes whose bit is set to consecutive places; may also write up to kLanes values in all.
+template <class Vec, class Element>
+inline void compress_store(Element* to, Vec v, std::uint32_t bits) {
+  static_assert(sizeof(Element) == 4);
+#if PALPATE_LANES == 16
+  _mm512_storeu_si512(to, _mm512_maskz_compress_epi32(static_cast<__mmask16>(bits),
+                                                      reinterpret_cast<__m512i>(v)));
+#elif PALPATE_LANES == 8
+  // Spread the bits to bytes, pick the byte numbers of the set ones, widen them to lane numbers.
+  const std::uint64_t bytes = _pdep_u64(bits, 0x0101010101010101u) * 0xff;
+  const std::uint64_t lanes = _pext_u64(0x0706050403020100u, bytes);
+  const __m256i order = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(lanes)));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(to),
+                      _mm256_permutevar8x32_epi32(reinterpret_cast<__m256i>(v), order));
+#else
+  for (; bits != 0; bits &= bits - 1) *to++ = v[__builtin_ctz(bits)];
+#endif
+}
+
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

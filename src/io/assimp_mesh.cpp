@@ -1,0 +1,100 @@
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+#include <assimp/Importer.hpp>
+
+#include "src/io/mesh_parsers.h"
+
+namespace palpate {
+namespace {
+
+Error bad(std::string message) { return {Errc::bad_input, std::move(message)}; }
+
+/// A little-endian 32-bit number at `offset`.
+std::uint32_t u32_at(std::string_view content, std::size_t offset) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    value |= std::uint32_t(static_cast<unsigned char>(content[offset + i])) << (8 * i);
+  }
+  return value;
+}
+
+Vec3d transform(const aiMatrix4x4& m, const aiVector3D& p) {
+  const double x = p.x, y = p.y, z = p.z;
+  return {m.a1 * x + m.a2 * y + m.a3 * z + m.a4, m.b1 * x + m.b2 * y + m.b3 * z + m.b4,
+          m.c1 * x + m.c2 * y + m.c3 * z + m.c4};
+}
+
+/// Adds the triangles of a node and of those below it. Points and lines are left out.
+void add_node(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent,
+              TriangleMesh& mesh) {
+  const aiMatrix4x4 pose = parent * node.mTransformation;
+  const bool is_mirrored = pose.Determinant() < 0;
+  for (unsigned i = 0; i < node.mNumMeshes; ++i) {
+    const aiMesh& part = *scene.mMeshes[node.mMeshes[i]];
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    for (unsigned v = 0; v < part.mNumVertices; ++v) {
+      mesh.vertices.push_back(transform(pose, part.mVertices[v]));
+    }
+    for (unsigned f = 0; f < part.mNumFaces; ++f) {
+      const aiFace& face = part.mFaces[f];
+      if (face.mNumIndices != 3) continue;
+      const std::uint32_t a = first + face.mIndices[0], b = first + face.mIndices[1],
+                          c = first + face.mIndices[2];
+      mesh.triangles.push_back(is_mirrored ? std::array{a, c, b} : std::array{a, b, c});
+    }
+  }
+  for (unsigned i = 0; i < node.mNumChildren; ++i) {
+    add_node(scene, *node.mChildren[i], pose, mesh);
+  }
+}
+
+}  // namespace
+
+std::optional<Error> check_stl_size(std::string_view content) {
+  constexpr std::size_t kHeaderBytes = 84, kFacetBytes = 50;
+  const bool is_text = content.starts_with("solid") &&
+                       content.substr(0, 1024).find('\0') == std::string_view::npos;
+  if (is_text) {
+    if (content.find("endsolid") != std::string_view::npos ||
+        content.find("ENDSOLID") != std::string_view::npos) {
+      return std::nullopt;
+    }
+    return bad("is truncated: it has no 'endsolid'");
+  }
+  if (content.size() < kHeaderBytes) return bad("is neither a text nor a binary STL file");
+  const std::uint32_t num_facets = u32_at(content, kHeaderBytes - 4);
+  if (num_facets <= (content.size() - kHeaderBytes) / kFacetBytes) return std::nullopt;
+  return bad("is truncated or no STL file: it announces " + std::to_string(num_facets) +
+             " facets but has only " + std::to_string(content.size()) + " bytes");
+}
+
+std::optional<Error> check_glb_size(std::string_view content) {
+  if (content.size() < 12 || !content.starts_with("glTF")) return bad("is not a GLB file");
+  const std::uint32_t size = u32_at(content, 8);
+  if (size <= content.size()) return std::nullopt;
+  return bad("is truncated: it announces " + std::to_string(size) + " bytes but has only " +
+             std::to_string(content.size()));
+}
+
+// Assimp must not repair: of its many steps only the triangulation of polygons and the check of
+// indices are asked for.
+Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path) try {
+  Assimp::Importer importer;
+  const aiScene* scene =
+      importer.ReadFile(path.string(), aiProcess_Triangulate | aiProcess_ValidateDataStructure);
+  if (scene == nullptr || scene->mRootNode == nullptr) {
+    return bad("cannot be read (" + std::string(importer.GetErrorString()) + ")");
+  }
+  TriangleMesh mesh;
+  add_node(*scene, *scene->mRootNode, aiMatrix4x4(), mesh);
+  return mesh;
+} catch (const std::exception& error) {
+  return bad("cannot be read (" + std::string(error.what()) + ")");
+}
+
+}  // namespace palpate

@@ -1,0 +1,139 @@
+#include "palpate/ist/inner_sphere_tree.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+struct Leaf {
+  Sphere sphere;
+  std::int32_t id = -1;
+};
+
+/// How far a ball around `centre` must reach to contain the leaf.
+double reach(const Vec3d& centre, const Leaf& leaf) {
+  return norm(to_double(leaf.sphere.centre) - centre) + double(leaf.sphere.radius);
+}
+
+struct Box {
+  Vec3f low, high;
+};
+
+Box box_of_balls(std::span<const Leaf> leaves) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  Box box{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
+  for (const Leaf& leaf : leaves) {
+    for (int axis = 0; axis < 3; ++axis) {
+      box.low[axis] = std::min(box.low[axis], leaf.sphere.centre[axis] - leaf.sphere.radius);
+      box.high[axis] = std::max(box.high[axis], leaf.sphere.centre[axis] + leaf.sphere.radius);
+    }
+  }
+  return box;
+}
+
+/// A nearly smallest ball around all leaves of a node: from the middle of their box, step towards
+/// the leaf that sticks out most, by ever smaller steps (Badoiu and Clarkson 2003). The radius is
+/// rounded up, so that the stored ball contains every leaf, and every point that the leaf's own
+/// test accepts, in double precision.
+Sphere wrap(std::span<const Leaf> leaves, const Box& box) {
+  constexpr int kNumSteps = 4;
+  constexpr double kRoundingSlack = 1e-9;
+  Vec3d centre = (to_double(box.low) + to_double(box.high)) * 0.5;
+  Sphere best{{}, std::numeric_limits<float>::infinity()};
+  for (int step = 1;; ++step) {
+    const Vec3f stored_centre = to_float(centre);
+    const Vec3d c = to_double(stored_centre);
+    double radius = 0;
+    const Leaf* farthest = nullptr;
+    for (const Leaf& leaf : leaves) {
+      const double r = reach(c, leaf);
+      if (farthest == nullptr || r > radius) {
+        radius = r;
+        farthest = &leaf;
+      }
+    }
+    const float stored_radius =
+        std::nextafter(static_cast<float>(radius * (1 + kRoundingSlack)),
+                       std::numeric_limits<float>::infinity());
+    if (step == 1 || stored_radius < best.radius) best = {stored_centre, stored_radius};
+    if (step > kNumSteps) return best;
+    const Vec3d direction = normalized(to_double(farthest->sphere.centre) - c);
+    centre = c + direction * (radius * 0.2 / step);
+  }
+}
+
+/// Splits leaves into two halves at the median centre along the box' longest axis.
+std::size_t split(std::span<Leaf> leaves, const Box& box) {
+  const Vec3f extent = box.high - box.low;
+  int axis = extent.x >= extent.y ? 0 : 1;
+  if (extent.z > extent[axis]) axis = 2;
+  const std::size_t half = leaves.size() / 2;
+  std::nth_element(leaves.begin(), leaves.begin() + static_cast<std::ptrdiff_t>(half),
+                   leaves.end(), [axis](const Leaf& a, const Leaf& b) {
+                     const float ca = a.sphere.centre[axis], cb = b.sphere.centre[axis];
+                     return ca < cb || (ca == cb && a.id < b.id);
+                   });
+  return half;
+}
+
+}  // namespace
+
+InnerSphereTree::InnerSphereTree(std::span<const Sphere> spheres) {
+  if (spheres.empty()) return;
+  std::vector<Leaf> leaves(spheres.size());
+  for (std::size_t i = 0; i < spheres.size(); ++i)
+    leaves[i] = {spheres[i], static_cast<std::int32_t>(i)};
+
+  // Breadth first, so that siblings lie next to each other: nodes_[k] owns ranges[k].
+  std::vector<std::span<Leaf>> ranges{leaves};
+  nodes_.reserve(spheres.size() * 2);
+  ranges.reserve(spheres.size() * 2);
+  nodes_.emplace_back();
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    const std::span<Leaf> range = ranges[k];
+    if (range.size() == 1) {
+      nodes_[k].bound = range[0].sphere;
+      nodes_[k].sphere_id = range[0].id;
+      continue;
+    }
+    const Box box = box_of_balls(range);
+    nodes_[k].bound = wrap(range, box);
+    nodes_[k].first_child = static_cast<std::int32_t>(nodes_.size());
+    const auto add_child = [&](std::span<Leaf> part) {
+      nodes_.push_back({{}, -1, 0, -1, static_cast<std::int32_t>(k)});
+      ranges.push_back(part);
+      ++nodes_[k].num_children;
+    };
+    // Two median splits in a row make four quarters.
+    const std::size_t half = split(range, box);
+    for (const std::span<Leaf> side : {range.first(half), range.subspan(half)}) {
+      if (side.size() == 1) {
+        add_child(side);
+        continue;
+      }
+      const std::size_t quarter = split(side, box_of_balls(side));
+      add_child(side.first(quarter));
+      add_child(side.subspan(quarter));
+    }
+  }
+}
+
+int InnerSphereTree::find_leaf(const Vec3d& p) const {
+  std::array<std::int32_t, kMaxWaiting> waiting;
+  int num_waiting = 0;
+  if (!nodes_.empty()) waiting[num_waiting++] = 0;
+  while (num_waiting > 0) {
+    const IstNode& node = nodes_[waiting[--num_waiting]];
+    const Vec3d offset = p - to_double(node.bound.centre);
+    const double radius = node.bound.radius;
+    if (!(dot(offset, offset) <= radius * radius)) continue;
+    if (node.num_children == 0) return node.sphere_id;
+    for (int i = 0; i < node.num_children; ++i)
+      waiting[num_waiting++] = node.first_child + i;
+  }
+  return -1;
+}
+
+}  // namespace palpate

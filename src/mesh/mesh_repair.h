@@ -1,0 +1,27 @@
+// The few repairs that do not change the solid that a mesh means.
+#pragma once
+
+#include <cstddef>
+
+#include "palpate/mesh/triangle_mesh.h"
+#include "src/mesh/mesh_topology.h"
+
+namespace palpate {
+
+/// Drops vertices that no face uses; the others keep their order.
+void drop_unused_vertices(TriangleMesh& mesh);
+
+/// Vertices closer than `tolerance` to an earlier kept vertex become that vertex, and faces that
+/// lose a corner by it are dropped: their other two edges cancel, so a closed mesh stays closed.
+/// Returns the number of dropped faces. O(n) for vertices spread over the box.
+std::size_t weld_vertices(TriangleMesh& mesh, double tolerance);
+
+/// True if the height of the face over its longest edge is at most `tolerance`.
+bool is_needle(const TriangleMesh& mesh, const Triangle& triangle, double tolerance);
+
+/// Removes the needles of a closed mesh: a needle a-b-c whose corner c lies on its longest edge ab
+/// is dropped, and the face beyond ab is split at c instead. Returns the number of removed needles;
+/// `is_needle` holds for those that could not be removed.
+std::size_t remove_needles(TriangleMesh& mesh, double tolerance);
+
+}  // namespace palpate

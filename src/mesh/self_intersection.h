@@ -1,0 +1,17 @@
+// Does a surface cross or touch itself?
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "palpate/mesh/triangle_mesh.h"
+
+namespace palpate {
+
+/// Two faces that have a point in common besides the corners and edges they share, or nothing.
+/// Exact for coordinates rounded to 2^-40 of the longest side of the box. O(n log n) for surfaces.
+std::optional<std::pair<std::uint32_t, std::uint32_t>> find_self_intersection(
+    const TriangleMesh& mesh);
+
+}  // namespace palpate

@@ -1,0 +1,127 @@
+#include "src/session/settings_json.h"
+
+#include <nlohmann/json.hpp>
+
+#include "palpate/session/names.h"
+
+namespace palpate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// One list of members serves both directions.
+template <class Options, class Visit>
+void visit_filter(Options& options, Visit visit) {
+  visit("enabled", options.enabled);
+  visit("radius", options.radius);
+  visit("sigma_space", options.sigma_space);
+  visit("sigma_depth", options.sigma_depth);
+}
+
+template <class Options, class Visit>
+void visit_normals(Options& options, Visit visit) {
+  visit("radius", options.radius);
+  visit("max_depth_change", options.max_depth_change);
+  visit("anchoring", options.anchoring);
+  visit("weighting", options.weighting);
+  visit("weight_sigma", options.weight_sigma);
+  visit("normalization", options.normalization);
+  visit("min_neighbours", options.min_neighbours);
+}
+
+template <class Options, class Visit>
+void visit_depth_change(Options& options, Visit visit) {
+  visit("enabled", options.enabled);
+  visit("min_step", options.min_step);
+}
+
+template <class Stream, class Visit>
+void visit_stream(Stream& stream, Visit visit) {
+  visit("name", stream.name);
+  visit("width", stream.width);
+  visit("height", stream.height);
+  visit("fx", stream.intrinsics.fx);
+  visit("fy", stream.intrinsics.fy);
+  visit("cx", stream.intrinsics.cx);
+  visit("cy", stream.intrinsics.cy);
+  visit("unit", stream.unit);
+  visit("rate", stream.rate);
+}
+
+/// Visitors that write members to, and read them from, a JSON object.
+auto writer(Json& json) {
+  return [&json](const char* name, const auto& value) { json[name] = value; };
+}
+auto reader(const Json& json) {
+  return [&json](const char* name, auto& value) { json.at(name).get_to(value); };
+}
+
+Json surface_to_json(const SurfaceOptions& options) {
+  Json json{{"min_depth", options.min_depth}, {"max_depth", options.max_depth}};
+  visit_filter(options.filter, writer(json["filter"]));
+  visit_normals(options.normals, writer(json["normals"]));
+  visit_depth_change(options.depth_change, writer(json["depth_change"]));
+  return json;
+}
+
+SurfaceOptions surface_from_json(const Json& json) {
+  SurfaceOptions options;
+  json.at("min_depth").get_to(options.min_depth);
+  json.at("max_depth").get_to(options.max_depth);
+  visit_filter(options.filter, reader(json.at("filter")));
+  visit_normals(options.normals, reader(json.at("normals")));
+  visit_depth_change(options.depth_change, reader(json.at("depth_change")));
+  return options;
+}
+
+template <class Value, std::size_t n>
+bool read_name(const Json& json, const char* key, const std::array<Named<Value>, n>& table,
+               Value& value) {
+  const std::string name = json.at(key).get<std::string>();
+  for (const auto& entry : table) {
+    if (entry.name == name) return value = entry.value, true;
+  }
+  return false;
+}
+
+}  // namespace
+
+Json to_json(const RunSettings& settings) {
+  return {{"rate", settings.rate},
+          {"method", name_of(kMethodNames, settings.contact.method)},
+          {"priority", name_of(kPriorityNames, settings.contact.priority)},
+          {"inside", name_of(kInsideNames, settings.contact.inside)},
+          {"backend", name_of(kBackendNames, settings.backend)},
+          {"threads", settings.num_threads},
+          {"surface", surface_to_json(settings.surface)}};
+}
+
+Result<RunSettings> settings_from_json(const Json& json) {
+  RunSettings settings;
+  json.at("rate").get_to(settings.rate);
+  json.at("threads").get_to(settings.num_threads);
+  settings.surface = surface_from_json(json.at("surface"));
+  if (!read_name(json, "method", kMethodNames, settings.contact.method) ||
+      !read_name(json, "priority", kPriorityNames, settings.contact.priority) ||
+      !read_name(json, "inside", kInsideNames, settings.contact.inside) ||
+      !read_name(json, "backend", kBackendNames, settings.backend)) {
+    return Error{Errc::bad_input,
+                 "the settings name a method, priority, inside volume or backend that this version "
+                 "does not know"};
+  }
+  return settings;
+}
+
+Json to_json(const DepthStreamInfo& stream) {
+  Json json;
+  visit_stream(stream, writer(json));
+  return json;
+}
+
+DepthStreamInfo stream_from_json(const Json& json) {
+  DepthStreamInfo stream;
+  visit_stream(stream, reader(json));
+  return stream;
+}
+
+}  // namespace palpate

@@ -1,0 +1,269 @@
+// The query against brute force in double, on every instruction set present.
+#include "palpate/contact/contact_query.h"
+
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/contact_truth.h"
+
+namespace palpate {
+namespace {
+
+using test::Random;
+
+std::vector<ContactOptions> all_options() {
+  return {{InsideMethod::weighted, Priority::distance, InsideVolume::full},
+          {InsideMethod::weighted, Priority::count, InsideVolume::full},
+          {InsideMethod::simplified, Priority::distance, InsideVolume::full},
+          {InsideMethod::simplified, Priority::count, InsideVolume::full},
+          {InsideMethod::graph, Priority::distance, InsideVolume::full},
+          {InsideMethod::graph, Priority::distance, InsideVolume::cap}};
+}
+
+std::unique_ptr<ContactQuery> make_query(const Tool& tool, Isa isa = best_isa(),
+                                         ThreadPool* pool = nullptr) {
+  return std::move(make_contact_query(Backend::cpu, tool, {isa, pool})).value();
+}
+
+// A pose that puts the tool into the wall by a random share of its size.
+Pose random_pose(Random& random, double wall_depth, double half_side) {
+  const Quaternion q = random.rotation(3.0);
+  const double x = random.uniform(-0.1, 0.1), y = random.uniform(-0.1, 0.1);
+  const double z = wall_depth + random.uniform(-1.7, 1.7) * half_side;
+  return {{x, y, z}, q};
+}
+
+void expect_near_relative(double got, double want, double scale, const char* what) {
+  EXPECT_NEAR(got, want, 1e-5 * scale) << what;
+}
+
+void expect_equals_truth(const test::Truth& truth, const Pose& X_WT, const ContactOptions& options,
+                         ContactQuery& query) {
+  const Penetration got = query.query(X_WT, options);
+  const Penetration& want = truth.penetration;
+  EXPECT_EQ(got.num_boundary_spheres, want.num_boundary_spheres);
+  EXPECT_EQ(got.num_points, want.num_points);
+  EXPECT_EQ(got.num_inside_spheres, want.num_inside_spheres);
+  expect_near_relative(got.volume, want.volume, want.volume, "volume");
+  const double force = norm(want.measure_W.force), torque = norm(want.measure_W.torque);
+  // A torque may cancel out; then its scale is that of its parts.
+  const double torque_scale = std::max(torque, want.volume * 1e-2);
+  const double force_scale = std::max(force, want.volume * 1e-1);
+  for (int axis = 0; axis < 3; ++axis) {
+    expect_near_relative(got.measure_W.force[axis], want.measure_W.force[axis], force_scale,
+                         "force");
+    expect_near_relative(got.measure_W.torque[axis], want.measure_W.torque[axis], torque_scale,
+                         "torque");
+  }
+  const std::span<const SphereState> states = query.states();
+  int num_wrong = 0;
+  for (std::size_t s = 0; s < states.size(); ++s) num_wrong += states[s] != truth.states[s];
+  EXPECT_EQ(num_wrong, 0);
+}
+
+void expect_equals_truth(const Tool& tool, const PointCloudView& cloud, const Pose& X_WT,
+                         ContactQuery& query) {
+  const std::vector<Sphere> spheres(tool.spheres().begin(), tool.spheres().end());
+  const test::BoundaryTruth touched = test::boundary_truth(spheres, cloud, X_WT);
+  query.set_cloud(cloud);
+  for (const ContactOptions& options : all_options()) {
+    SCOPED_TRACE(testing::Message() << "method " << static_cast<int>(options.method) << ", priority "
+                                    << static_cast<int>(options.priority) << ", inside "
+                                    << static_cast<int>(options.inside));
+    expect_equals_truth(test::contact_truth(spheres, tool.graph().edges(),
+                                            tool.sphere_mass().centre_of_mass, touched, X_WT,
+                                            options),
+                        X_WT, options, query);
+  }
+}
+
+class EveryIsa : public testing::TestWithParam<Isa> {
+ protected:
+  void SetUp() override {
+    if (GetParam() > best_isa()) {
+      GTEST_SKIP() << "SKIPPED: this processor has no " << isa_name(GetParam());
+    }
+  }
+};
+
+TEST_P(EveryIsa, EqualsBruteForceOnRandomPoses) {
+  Random random(7);
+  struct Case {
+    int num_spheres;
+    double half_side, noise;
+    int num_poses;
+  };
+  // 1,000 poses in all; every method sees every pose.
+  for (const Case& c : {Case{40, 0.05, 0.0, 600}, Case{300, 0.04, 0.0015, 350},
+                        Case{1500, 0.1, 0.003, 50}}) {
+    const Tool tool = test::random_tool(c.num_spheres, c.half_side, 11);
+    const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, c.noise, 5);
+    const auto query = make_query(tool, GetParam());
+    for (int i = 0; i < c.num_poses; ++i) {
+      const Pose X_WT = random_pose(random, 0.6, c.half_side);
+      expect_equals_truth(tool, cloud.view(), X_WT, *query);
+      if (HasFailure()) FAIL() << "spheres " << c.num_spheres << ", pose " << i;
+    }
+  }
+}
+
+TEST_P(EveryIsa, EqualsBruteForceOnUnorganisedClouds) {
+  Random random(3);
+  const Tool tool = test::random_tool(200, 0.05, 2);
+  PointCloud cloud(5003, 1);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Vec3d p = random.in_box(0.08);
+    cloud.set(i, to_float(p + Vec3d{3, -2, -5}), to_float(random.direction()));
+  }
+  const auto query = make_query(tool, GetParam());
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT{Vec3d{3, -2, -5} + random.in_box(0.05), random.rotation(3)};
+    expect_equals_truth(tool, cloud.view(), X_WT, *query);
+  }
+}
+
+TEST_P(EveryIsa, AgreesWithBaseline) {
+  Random random(9);
+  const Tool tool = test::random_tool(800, 0.08, 4);
+  const PointCloud cloud = test::noisy_wall(320, 240, 280, 0.7, 0.0015, 8);
+  const auto wide = make_query(tool, GetParam());
+  const auto narrow = make_query(tool, Isa::baseline);
+  wide->set_cloud(cloud.view());
+  narrow->set_cloud(cloud.view());
+  for (int i = 0; i < 50; ++i) {
+    const Pose X_WT = random_pose(random, 0.7, 0.08);
+    for (const ContactOptions& options : all_options()) {
+      const Penetration a = wide->query(X_WT, options), b = narrow->query(X_WT, options);
+      EXPECT_NEAR(a.volume, b.volume, 1e-6 * b.volume);
+      EXPECT_LE(norm(a.measure_W.force - b.measure_W.force), 1e-6 * b.volume);
+      EXPECT_LE(norm(a.measure_W.torque - b.measure_W.torque), 1e-6 * b.volume * 0.1);
+      EXPECT_EQ(a.num_boundary_spheres, b.num_boundary_spheres);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Isas, EveryIsa,
+                         testing::Values(Isa::baseline, Isa::avx2, Isa::avx512),
+                         [](const auto& isa) { return isa_name(isa.param); });
+
+bool same_bits(const Penetration& a, const Penetration& b) {
+  return std::memcmp(&a.volume, &b.volume, sizeof a.volume) == 0 &&
+         std::memcmp(&a.measure_W, &b.measure_W, sizeof a.measure_W) == 0 &&
+         a.num_boundary_spheres == b.num_boundary_spheres &&
+         a.num_inside_spheres == b.num_inside_spheres && a.num_points == b.num_points;
+}
+
+TEST(ContactQuery, SameBitsForAnyThreadCountAndOrder) {
+  Random random(21);
+  const Tool tool = test::random_tool(1200, 0.08, 6);
+  const PointCloud cloud = test::noisy_wall(320, 240, 280, 0.7, 0.0015, 8);
+  std::vector<Pose> poses;
+  for (int i = 0; i < 30; ++i) poses.push_back(random_pose(random, 0.7, 0.08));
+  for (const ContactOptions& options : all_options()) {
+    std::vector<Penetration> expected;
+    const auto one = make_query(tool);
+    one->set_cloud(cloud.view());
+    for (const Pose& pose : poses) expected.push_back(one->query(pose, options));
+    for (int num_threads : {1, 2, 3, 5}) {
+      ThreadPool pool(num_threads);
+      const auto query = make_query(tool, best_isa(), &pool);
+      query->set_cloud(cloud.view());
+      for (std::size_t i = poses.size(); i-- > 0;) {
+        EXPECT_TRUE(same_bits(query->query(poses[i], options), expected[i]));
+      }
+    }
+  }
+}
+
+TEST(ContactQuery, DoesNotAllocate) {
+  Random random(1);
+  const Tool tool = test::random_tool(500, 0.08, 6);
+  const PointCloud cloud = test::noisy_wall(320, 240, 280, 0.7, 0.0015, 8);
+  ThreadPool pool(2);
+  for (ThreadPool* threads : {static_cast<ThreadPool*>(nullptr), &pool}) {
+    const auto query = make_query(tool, best_isa(), threads);
+    const test::AllocationCounter counter;
+    for (int i = 0; i < 100; ++i) {
+      query->set_cloud(cloud.view());
+      const Pose X_WT = random_pose(random, 0.7, 0.08);
+      for (InsideMethod method :
+           {InsideMethod::weighted, InsideMethod::simplified, InsideMethod::graph}) {
+        (void)query->query(X_WT, {method, Priority::distance, InsideVolume::cap});
+        (void)query->states();
+        (void)query->planes();
+      }
+    }
+    EXPECT_EQ(counter.count(), 0u);
+  }
+}
+
+TEST(ContactQuery, NothingTouchedGivesZero) {
+  const Tool tool = test::random_tool(50, 0.05, 6);
+  const PointCloud cloud = test::noisy_wall(64, 48, 60, 0.7, 0, 8);
+  const auto query = make_query(tool);
+  for (const ContactOptions& options : all_options()) {
+    // Before any cloud, in front of the wall, behind the camera.
+    EXPECT_EQ(query->query({{0, 0, 0.7}, {}}, options).volume, 0);
+    query->set_cloud(cloud.view());
+    for (double z : {0.3, -0.5, 0.0}) {
+      const Penetration result = query->query({{0, 0, z}, {}}, options);
+      EXPECT_EQ(result.volume, 0);
+      EXPECT_EQ(result.num_boundary_spheres, 0);
+      EXPECT_EQ(norm(result.measure_W.force), 0);
+    }
+    query->set_cloud({});
+  }
+}
+
+TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
+  const Tool tool = test::random_tool(50, 0.05, 6);
+  const PointCloud cloud = test::noisy_wall(64, 48, 60, 0.7, 0, 8);
+  const auto query = make_query(tool);
+  query->set_cloud(cloud.view());
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const Penetration result = query->query({{0, nan, 0.7}, {}}, {});
+  EXPECT_EQ(result.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+  EXPECT_EQ(result.volume, 0);
+}
+
+TEST(ContactQuery, OpposedNormalsAreAmbiguousAndLendNoPlane) {
+  const Tool tool = test::random_tool(1, 0.05, 6);
+  const Vec3f c = tool.spheres()[0].centre;
+  PointCloud cloud(2, 1);
+  cloud.set(0, c, {0, 0, 1});
+  cloud.set(1, c, {0, 0, -1});
+  const auto query = make_query(tool);
+  query->set_cloud(cloud.view());
+  const Penetration result = query->query({}, {});
+  EXPECT_EQ(result.num_boundary_spheres, 1);
+  EXPECT_EQ(result.status, static_cast<std::uint32_t>(StepStatus::ambiguous_normals));
+  EXPECT_EQ(result.volume, 0);
+}
+
+TEST(ContactQuery, PointOnTheRimCountsAsInside) {
+  SpherePacking packing;
+  packing.spheres = {{{0, 0, 0}, 0.25f}};  // |p - c| = r exactly, in binary
+  const Tool tool =
+      Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+  PointCloud cloud(2, 1);
+  cloud.set(0, {0.25f, 0, 0}, {1, 0, 0});
+  cloud.set(1, {std::nextafter(0.25f, 1.0f), 0, 0}, {1, 0, 0});
+  for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
+    const auto query = make_query(tool, isa);
+    query->set_cloud(cloud.view());
+    EXPECT_EQ(query->query({}, {}).num_points, 1);
+  }
+}
+
+TEST(ContactQuery, CudaIsRefusedByName) {
+  const Tool tool = test::random_tool(5, 0.05, 6);
+  const auto query = make_contact_query(Backend::cuda, tool);
+  ASSERT_FALSE(query.has_value());
+  EXPECT_EQ(query.error().code, Errc::unavailable);
+}
+
+}  // namespace
+}  // namespace palpate

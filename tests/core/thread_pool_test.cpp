@@ -1,0 +1,68 @@
+#include "palpate/core/thread_pool.h"
+
+#include <atomic>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "palpate/core/isa.h"
+#include "tests/test_util/allocation_counter.h"
+
+namespace palpate {
+namespace {
+
+TEST(ThreadPool, RunsEveryTaskOnce) {
+  for (int num_threads : {1, 2, 4, 7}) {
+    ThreadPool pool(num_threads);
+    EXPECT_EQ(pool.num_threads(), num_threads);
+    for (int num_tasks : {0, 1, 2, 5, 1000}) {
+      std::vector<std::atomic<int>> runs(static_cast<std::size_t>(num_tasks));
+      pool.parallel_for(num_tasks, [&](int task) { ++runs[static_cast<std::size_t>(task)]; });
+      for (const std::atomic<int>& count : runs) EXPECT_EQ(count.load(), 1);
+    }
+  }
+}
+
+// Many short loops in a row: a worker that is late must not take tasks of the next loop.
+TEST(ThreadPool, ShortLoopsInARow) {
+  ThreadPool pool(4);
+  std::vector<int> sums(8, 0);
+  for (int loop = 0; loop < 20000; ++loop) {
+    pool.parallel_for(8, [&](int task) { sums[static_cast<std::size_t>(task)] += task; });
+  }
+  for (int task = 0; task < 8; ++task) EXPECT_EQ(sums[static_cast<std::size_t>(task)], 20000 * task);
+}
+
+TEST(ThreadPool, DoesNotAllocatePerLoop) {
+  ThreadPool pool(3);
+  const test::AllocationCounter counter;
+  int total = 0;
+  for (int loop = 0; loop < 100; ++loop) pool.parallel_for(1, [&](int) { ++total; });
+  std::atomic<int> shared{0};
+  for (int loop = 0; loop < 100; ++loop) pool.parallel_for(10, [&](int) { ++shared; });
+  EXPECT_EQ(counter.count(), 0u);
+  EXPECT_EQ(total, 100);
+  EXPECT_EQ(shared.load(), 1000);
+}
+
+TEST(ThreadPool, ZeroMeansOnePerCore) { EXPECT_GE(ThreadPool(0).num_threads(), 1); }
+
+TEST(Isa, NamesAreKnown) {
+  EXPECT_STREQ(isa_name(Isa::baseline), "baseline");
+  EXPECT_STREQ(isa_name(Isa::avx2), "avx2");
+  EXPECT_STREQ(isa_name(Isa::avx512), "avx512");
+}
+
+TEST(Isa, EnvironmentCanOnlyLowerIt) {
+  const Isa best = best_isa();
+  setenv("PALPATE_ISA", "baseline", 1);
+  EXPECT_EQ(best_isa(), Isa::baseline);
+  setenv("PALPATE_ISA", "avx512", 1);
+  EXPECT_EQ(best_isa(), best);
+  setenv("PALPATE_ISA", "nonsense", 1);
+  EXPECT_EQ(best_isa(), best);
+  unsetenv("PALPATE_ISA");
+}
+
+}  // namespace
+}  // namespace palpate

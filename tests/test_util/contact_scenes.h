@@ -1,0 +1,60 @@
+// Small tools and clouds made on the spot, independent of packer and camera.
+#pragma once
+
+#include <vector>
+
+#include "palpate/cloud/point_cloud.h"
+#include "palpate/mesh/shapes.h"
+#include "palpate/tool/tool.h"
+#include "tests/test_util/random.h"
+
+namespace palpate::test {
+
+/// Disjoint spheres of many sizes inside a box of the given half side: random centres, each as large
+/// as its neighbours and the box allow.
+inline std::vector<Sphere> random_spheres(int num, double half_side, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Sphere> spheres;
+  while (static_cast<int>(spheres.size()) < num) {
+    const Vec3f c = to_float(random.in_box(half_side));
+    double r = half_side / 2;
+    for (int axis = 0; axis < 3; ++axis) {
+      r = std::min(r, half_side - std::abs(static_cast<double>(c[axis])));
+    }
+    for (const Sphere& s : spheres) {
+      r = std::min(r, norm(to_double(c) - to_double(s.centre)) - static_cast<double>(s.radius));
+    }
+    if (r > half_side * 0.01) spheres.push_back({c, static_cast<float>(r * 0.999999)});
+  }
+  return spheres;
+}
+
+/// A tool of random spheres; its mesh is the box around them.
+inline Tool random_tool(int num_spheres, double half_side, std::uint64_t seed) {
+  SpherePacking packing;
+  packing.spheres = random_spheres(num_spheres, half_side, seed);
+  return Tool::build(make_box({2 * half_side, 2 * half_side, 2 * half_side}), std::move(packing),
+                     GapRule::absolute, "random spheres")
+      .value();
+}
+
+/// A bumpy wall at about `depth` seen by a pinhole camera, with depth noise, noisy normals and holes.
+inline PointCloud noisy_wall(int width, int height, double focal_length, double depth, double noise,
+                             std::uint64_t seed) {
+  Random random(seed);
+  const Intrinsics k{focal_length, focal_length, width * 0.5 - 0.5, height * 0.5 - 0.5};
+  PointCloud cloud(width, height, k);
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      const double z = depth + 0.01 * std::sin(u * 0.1) * std::cos(v * 0.13) + noise * random.normal();
+      const Vec3d n = Vec3d{0, 0, -1} + 0.2 * random.direction();
+      if (random.uniform() < 0.02) continue;
+      cloud.set(static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
+                    static_cast<std::size_t>(u),
+                to_float({(u - k.cx) * z / k.fx, (v - k.cy) * z / k.fy, z}), to_float(n));
+    }
+  }
+  return cloud;
+}
+
+}  // namespace palpate::test
