@@ -14,7 +14,19 @@ if(PALPATE_CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER "${PALPATE_CCACHE}")
 endif()
 
+# Assertions stay on in every build type except Release (core/assert.h).
+string(REPLACE "-DNDEBUG" "" CMAKE_CXX_FLAGS_RELWITHDEBINFO "${CMAKE_CXX_FLAGS_RELWITHDEBINFO}")
+
 find_package(Threads REQUIRED)
+
+if(PALPATE_CUDA)
+  if(NOT CMAKE_CUDA_ARCHITECTURES)
+    set(CMAKE_CUDA_ARCHITECTURES 80 90)
+  endif()
+  enable_language(CUDA)
+  set(CMAKE_CUDA_STANDARD 20)
+  set(CMAKE_CUDA_STANDARD_REQUIRED ON)
+endif()
 
 # Warnings are errors. No fused multiply-add behind our back: scalar, wide and repeated runs must
 # agree bit for bit. Baseline x86-64-v2; wider code is chosen at run time.
@@ -23,6 +35,8 @@ target_include_directories(palpate_flags INTERFACE "${PROJECT_SOURCE_DIR}/includ
                                                    "${PROJECT_SOURCE_DIR}")
 target_compile_options(
   palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wpedantic;-Wshadow;-Werror;-ffp-contract=off>)
+target_compile_options(palpate_flags
+                       INTERFACE $<$<COMPILE_LANGUAGE:CUDA>:--Werror=all-warnings;--fmad=false>)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   target_compile_options(palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=x86-64-v2>)
 endif()

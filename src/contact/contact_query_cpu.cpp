@@ -87,8 +87,9 @@ class ContactQueryCpu final : public ContactQuery {
     lender_places_.assign(clusters_.x.size(), PlaneBorrowing::kNone);
     borrowed_volume_.assign(clusters_.x.size(), 0.0f);
     group_sums_.resize(static_cast<std::size_t>(clusters_.num_groups()));
-    candidates_.resize(2 * tasks_.size() * (n + kLenderPadding));
-    boundary_volume_.reserve(n);
+    candidate_floats_.resize(8 * tasks_.size() * (n + kLenderPadding));
+    candidate_lenders_.resize(2 * tasks_.size() * (n + kLenderPadding));
+    seed_moments_.reserve(n);
     states_.assign(n, SphereState::outside);
     planes_.assign(n, Plane<float>{});
   }
@@ -108,7 +109,7 @@ class ContactQueryCpu final : public ContactQuery {
     result = find_boundary_planes(X);
     MeasureSums sums = measure_boundary_spheres();
     sums.add(options.method == InsideMethod::graph ? measure_along_graph()
-                                                   : measure_by_borrowing(options));
+                                                   : measure_by_borrowing());
     result.volume = sums.volume;
     result.num_inside_spheres = sums.num_inside;
     result.measure_W = {rotate(X.rotation, sums.force), rotate(X.rotation, sums.torque)};
@@ -128,10 +129,10 @@ class ContactQueryCpu final : public ContactQuery {
   void add_lender(const Sphere& sphere, std::int32_t id, const Plane<double>& plane,
                   std::int64_t num_points);
   MeasureSums measure_boundary_spheres();
-  MeasureSums measure_by_borrowing(const ContactOptions& options);
+  MeasureSums measure_by_borrowing();
   MeasureSums measure_along_graph();
-  const Plane<double>& reference_plane(std::int32_t reached_id) const;
-  double reached_volume(std::int32_t id) const;
+  Candidates candidates(int which);
+  double reached_volume(const GraphTraversal::Visit& visit) const;
   const Vec3d& origin() const { return tool_->sphere_mass().centre_of_mass; }
 
   const Tool* tool_;
@@ -149,7 +150,11 @@ class ContactQueryCpu final : public ContactQuery {
   std::vector<PointTask> tasks_;
   std::vector<GraphTraversal::Seed> seeds_;   // all, ascending; zero normal: no plane
   std::vector<std::int32_t> lender_of_seed_;  // index into the lenders, or -1
-  std::vector<double> boundary_volume_;       // V_s of each seed
+  struct SeedMoment {
+    double volume = 0;
+    Vec3d first;  // sum of V_s (c_s - C)
+  };
+  std::vector<SeedMoment> seed_moments_;      // graph: of the spheres that a seed reached
   // Those with a plane, as the plane stage wants them.
   std::vector<std::int32_t> lender_ids_;
   std::vector<Plane<double>> lender_planes_;
@@ -158,9 +163,10 @@ class ContactQueryCpu final : public ContactQuery {
   std::vector<std::int32_t> touched_places_, lender_places_;
   std::vector<float> borrowed_volume_;
   std::vector<MeasureSums> group_sums_;
-  std::vector<std::int32_t> candidates_;
+  std::vector<float> candidate_floats_;
+  std::vector<std::int32_t> candidate_lenders_;
 
-  std::span<const std::int32_t> reached_;  // graph: inside spheres
+  std::span<const GraphTraversal::Visit> reached_;  // graph
   ContactOptions options_;                 // of the last query
   mutable std::vector<SphereState> states_;
   mutable std::vector<Plane<float>> planes_;
@@ -174,7 +180,6 @@ void ContactQueryCpu::forget_last_query() {
   }
   seeds_.clear();
   lender_of_seed_.clear();
-  boundary_volume_.clear();
   lender_ids_.clear();
   lender_planes_.clear();
   for (std::vector<float>& channel : lender_floats_) channel.clear();
@@ -293,24 +298,28 @@ void ContactQueryCpu::add_lender(const Sphere& sphere, std::int32_t id, const Pl
 // V_s n_s of the boundary spheres, each cut by its own plane (Alg. 3.1); the lever is the centre.
 MeasureSums ContactQueryCpu::measure_boundary_spheres() {
   MeasureSums sums;
-  for (std::size_t s = 0; s < seeds_.size(); ++s) {
-    double volume = 0;
-    if (lender_of_seed_[s] >= 0) {
-      const Plane<double>& plane = lender_planes_[static_cast<std::size_t>(lender_of_seed_[s])];
-      const Sphere& sphere = spheres_[static_cast<std::size_t>(seeds_[s].sphere_id)];
-      const Vec3d c = to_double(sphere.centre);
-      volume = cap_volume(static_cast<double>(sphere.radius), dot(plane.normal, c) - plane.offset);
-      sums.volume += volume;
-      sums.force += volume * plane.normal;
-      sums.torque += cross(c - origin(), volume * plane.normal);
-    }
-    boundary_volume_.push_back(volume);
+  for (std::size_t l = 0; l < lender_ids_.size(); ++l) {
+    const Plane<double>& plane = lender_planes_[l];
+    const Sphere& sphere = spheres_[static_cast<std::size_t>(lender_ids_[l])];
+    const Vec3d c = to_double(sphere.centre);
+    const double volume =
+        cap_volume(static_cast<double>(sphere.radius), dot(plane.normal, c) - plane.offset);
+    sums.volume += volume;
+    sums.force += volume * plane.normal;
+    sums.torque += cross(c - origin(), volume * plane.normal);
   }
   return sums;
 }
 
+Candidates ContactQueryCpu::candidates(int which) {
+  const std::size_t size = spheres_.size() + kLenderPadding;
+  float* floats = candidate_floats_.data() + static_cast<std::size_t>(which) * 4 * size;
+  return {0, floats, floats + size, floats + 2 * size, floats + 3 * size,
+          candidate_lenders_.data() + static_cast<std::size_t>(which) * size};
+}
+
 // Weighted and simplified: groups of clusters in any order, added up in group order.
-MeasureSums ContactQueryCpu::measure_by_borrowing(const ContactOptions& options) {
+MeasureSums ContactQueryCpu::measure_by_borrowing() {
   MeasureSums sums;
   if (lender_ids_.empty()) return sums;
   PlaneBorrowing job;
@@ -328,52 +337,53 @@ MeasureSums ContactQueryCpu::measure_by_borrowing(const ContactOptions& options)
                   lender_floats_[kCount].data(),
                   lender_planes_.data()};
   job.origin = origin();
-  job.by_count = options.priority == Priority::count;
+  job.by_count = options_.priority == Priority::count;
   job.touched = touched_places_.data();
   job.lender = lender_places_.data();
   job.borrowed_volume = borrowed_volume_.data();
 
   const int num_groups = clusters_.num_groups();
   const int num_tasks = static_cast<int>(tasks_.size());
-  const std::size_t scratch_size = spheres_.size() + kLenderPadding;
   pool_->parallel_for(num_tasks, [&](int t) {
-    std::int32_t* scratch = candidates_.data() + 2 * static_cast<std::size_t>(t) * scratch_size;
+    BorrowingScratch scratch{candidates(2 * t), candidates(2 * t + 1)};
     for (int group = t; group < num_groups; group += num_tasks) {
       group_sums_[static_cast<std::size_t>(group)] =
-          options.method == InsideMethod::weighted
-              ? kernels_.borrow_weighted(job, group)
-              : kernels_.borrow_nearest(job, group, {scratch, scratch + scratch_size});
+          options_.method == InsideMethod::weighted ? kernels_.borrow_weighted(job, group)
+                                                    : kernels_.borrow_nearest(job, group, scratch);
     }
   });
   for (const MeasureSums& group : group_sums_) sums.add(group);
   return sums;
 }
 
-const Plane<double>& ContactQueryCpu::reference_plane(std::int32_t reached_id) const {
-  const auto seed = static_cast<std::size_t>(traversal_.reference(reached_id));
-  return lender_planes_[static_cast<std::size_t>(lender_of_seed_[seed])];
-}
-
 // V_s of a sphere that the graph reached: whole (Alg. 3.7) or cut by its reference's plane (footnote).
-double ContactQueryCpu::reached_volume(std::int32_t id) const {
-  const Sphere& sphere = spheres_[static_cast<std::size_t>(id)];
+double ContactQueryCpu::reached_volume(const GraphTraversal::Visit& visit) const {
+  const Sphere& sphere = spheres_[static_cast<std::size_t>(visit.sphere_id)];
   const double r = sphere.radius;
   if (options_.inside == InsideVolume::full) return sphere_volume(r);
-  const Plane<double>& plane = reference_plane(id);
+  const std::int32_t lender = lender_of_seed_[static_cast<std::size_t>(visit.seed)];
+  const Plane<double>& plane = lender_planes_[static_cast<std::size_t>(lender)];
   return cap_volume(r, dot(plane.normal, to_double(sphere.centre)) - plane.offset);
 }
 
+// All spheres with one reference push along one normal: their volumes and first moments are added up
+// first.
 MeasureSums ContactQueryCpu::measure_along_graph() {
   MeasureSums sums;
   reached_ = traversal_.run(seeds_);
-  for (const std::int32_t id : reached_) {
-    const double volume = reached_volume(id);
-    if (!(volume > 0)) continue;
-    const Vec3d force = volume * reference_plane(id).normal;
-    sums.volume += volume;
-    sums.force += force;
-    sums.torque += cross(to_double(spheres_[static_cast<std::size_t>(id)].centre) - origin(), force);
-    ++sums.num_inside;
+  seed_moments_.assign(seeds_.size(), SeedMoment{});
+  for (const GraphTraversal::Visit& visit : reached_) {
+    const double volume = reached_volume(visit);
+    const Vec3d c = to_double(spheres_[static_cast<std::size_t>(visit.sphere_id)].centre);
+    SeedMoment& moment = seed_moments_[static_cast<std::size_t>(visit.seed)];
+    moment.volume += volume;
+    moment.first += volume * (c - origin());
+    sums.num_inside += volume > 0;
+  }
+  for (std::size_t s = 0; s < seeds_.size(); ++s) {
+    sums.volume += seed_moments_[s].volume;
+    sums.force += seed_moments_[s].volume * seeds_[s].normal;
+    sums.torque += cross(seed_moments_[s].first, seeds_[s].normal);
   }
   return sums;
 }
@@ -381,8 +391,10 @@ MeasureSums ContactQueryCpu::measure_along_graph() {
 std::span<const SphereState> ContactQueryCpu::states() const noexcept {
   std::fill(states_.begin(), states_.end(), SphereState::outside);
   if (options_.method == InsideMethod::graph) {
-    for (const std::int32_t id : reached_) {
-      if (reached_volume(id) > 0) states_[static_cast<std::size_t>(id)] = SphereState::inside;
+    for (const GraphTraversal::Visit& visit : reached_) {
+      if (reached_volume(visit) > 0) {
+        states_[static_cast<std::size_t>(visit.sphere_id)] = SphereState::inside;
+      }
     }
   } else if (!lender_ids_.empty()) {
     for (std::size_t id = 0; id < states_.size(); ++id) {
@@ -411,8 +423,8 @@ std::span<const Plane<float>> ContactQueryCpu::planes() const noexcept {
           lender_places_[static_cast<std::size_t>(clusters_.place_of[id])]);
     }
   }
-  for (const std::int32_t id : reached_) {
-    set(id, lender_of_seed_[static_cast<std::size_t>(traversal_.reference(id))]);
+  for (const GraphTraversal::Visit& visit : reached_) {
+    set(visit.sphere_id, lender_of_seed_[static_cast<std::size_t>(visit.seed)]);
   }
   for (std::size_t s = 0; s < seeds_.size(); ++s) set(seeds_[s].sphere_id, lender_of_seed_[s]);
   return planes_;

@@ -26,28 +26,42 @@ class GraphTraversal {
     Vec3d normal;
   };
 
+  /// A sphere that the search found, the seed whose plane is its reference (an index into the seeds)
+  /// and the length of the path from there.
+  struct Visit {
+    double path_length;
+    std::int32_t sphere_id;
+    std::int32_t seed;
+  };
+
   /// Returns the spheres reached, seeds not among them, in the order of their rounds. `seeds` are all
   /// boundary spheres, ascending. O(edges of the spheres reached). No allocation.
-  std::span<const std::int32_t> run(std::span<const Seed> seeds);
-
-  /// Index into the seeds of the last run, for a sphere that was reached.
-  std::int32_t reference(std::int32_t sphere_id) const {
-    return reached_[static_cast<std::size_t>(sphere_id)].seed;
-  }
+  std::span<const Visit> run(std::span<const Seed> seeds);
 
  private:
-  struct Reached {
-    std::int32_t round = kUnreached;
-    std::int32_t seed = -1;
-    double path_length = 0;
+  // The best offer a sphere has had in this round. Nothing beats the offer of a settled sphere, and
+  // anything finite beats that of an unreached one.
+  struct Offer {
+    double path_length;
+    std::int32_t seed;
   };
-  static constexpr std::int32_t kUnreached = -1;
+  // Four edges of one sphere: one cache line.
+  struct alignas(64) EdgeBlock {
+    static constexpr int kSize = 4;
+    float x[kSize], y[kSize], z[kSize];  // unit direction to the neighbour; zero for padding
+    std::int32_t neighbour[kSize];       // one past the last sphere for padding
+  };
+
+  bool points_away_exactly(std::int32_t from, std::int32_t to, const Vec3d& normal) const;
+  void walk_edges(const Visit& from, const Vec3d& normal);
 
   std::span<const Sphere> spheres_;
-  const LeafGraph* graph_;
-  std::vector<Reached> reached_;
-  std::vector<std::int32_t> queue_;  // seeds, then the spheres reached
-  std::size_t num_queued_ = 0;
+  std::vector<std::int32_t> first_block_;  // of each sphere, and one past the last
+  std::vector<EdgeBlock> blocks_;
+  std::vector<double> lengths_;            // of each slot of the blocks
+  std::vector<Offer> offers_;              // of each sphere, and one for padding
+  std::vector<Visit> visits_;              // seeds, then the spheres reached
+  std::size_t num_visits_ = 0;
 };
 
 }  // namespace palpate

@@ -49,21 +49,27 @@ struct PlaneBorrowing {
   float* borrowed_volume = nullptr;  ///< per place: V_s, for the state of the sphere
 };
 
-/// Scratch of one task: lists of boundary spheres that can be nearest to something in a group, then in
-/// a cluster. Each holds at least as many as there are spheres, plus 16.
+/// Boundary spheres that can be the nearest one to some sphere of a group or cluster.
+struct Candidates {
+  int num = 0;
+  float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
+  float* squared_distance = nullptr;               ///< scratch
+  std::int32_t* lender = nullptr;                  ///< index into BoundaryPlanes
+};
+
+/// Scratch of one task. Each array holds at least as many as there are spheres, plus 16.
 struct BorrowingScratch {
-  std::int32_t* group_candidates = nullptr;
-  std::int32_t* cluster_candidates = nullptr;
+  Candidates of_group, of_cluster;
 };
 
 /// Clusters of one group: the best boundary sphere of each sphere cuts it (Alg. 3.4).
-using BorrowNearest = MeasureSums (*)(const PlaneBorrowing&, int group, const BorrowingScratch&);
+using BorrowNearest = MeasureSums (*)(const PlaneBorrowing&, int group, BorrowingScratch&);
 /// Clusters of one group: average over all boundary spheres, weighted by priority (Alg. 3.3).
 using BorrowWeighted = MeasureSums (*)(const PlaneBorrowing&, int group);
 
 #define PALPATE_DECLARE_BORROWING(variant)                                                    \
   namespace variant {                                                                         \
-  MeasureSums borrow_nearest(const PlaneBorrowing&, int group, const BorrowingScratch&);      \
+  MeasureSums borrow_nearest(const PlaneBorrowing&, int group, BorrowingScratch&);            \
   MeasureSums borrow_weighted(const PlaneBorrowing&, int group);                              \
   }
 PALPATE_DECLARE_BORROWING(isa_baseline)

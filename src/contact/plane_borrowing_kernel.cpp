@@ -23,56 +23,70 @@ inline VecF cap_volume_v(VecF radius, VecF distance) {
   return static_cast<float>(kPi / 3.0) * h * h * (3.0f * radius - h);
 }
 
-// Of `from[0..num)`, those that may be the nearest boundary sphere of some centre in the ball: no
-// farther than (least distance) + 2 radius.
-int prune_candidates(const BoundaryPlanes& boundary, const std::int32_t* from, int num,
-                     const Cluster& ball, std::int32_t* to) {
-  const auto distances = [&](int i, VecF& distance) {
-    VecF x, y, z;
-    if (from == nullptr) {
-      x = load(boundary.x + i), y = load(boundary.y + i), z = load(boundary.z + i);
-    } else {
-      for (int lane = 0; lane < kLanes; ++lane) {
-        const std::int32_t b = from[std::min(i + lane, num - 1)];
-        x[lane] = boundary.x[b], y[lane] = boundary.y[b], z[lane] = boundary.z[b];
-      }
-    }
-    const VecF dx = x - ball.centre.x, dy = y - ball.centre.y, dz = z - ball.centre.z;
-    distance = sqrt(dx * dx + dy * dy + dz * dz);
-  };
-  VecF least = splat(1e30f), distance;
-  for (int i = 0; i < num; i += kLanes) {
-    distances(i, distance);
-    least = min(least, distance);
+// Of `from`, those that may be nearest to some centre in the box. With b* the one nearest to the box's
+// middle m, another b is nearer to a point x of the box only if x lies beyond the plane half way
+// between b* and b, so only if |m - b|^2 - |m - b*|^2 < 2 h . |b - b*|, h the half sides of the box.
+void prune_candidates(const Candidates& from, const Cluster& box, Candidates& to) {
+  VecF least = splat(1e30f);
+  for (int i = 0; i < from.num; i += kLanes) {
+    const VecF dx = load(from.x + i) - box.centre.x, dy = load(from.y + i) - box.centre.y,
+               dz = load(from.z + i) - box.centre.z;
+    const VecI in_range = lane_ids() < splat(static_cast<std::int32_t>(from.num - i));
+    const VecF squared = select(in_range, dx * dx + dy * dy + dz * dz, splat(1e30f));
+    store(from.squared_distance + i, squared);
+    least = min(least, squared);
   }
-  float limit = 1e30f;
-  for (int lane = 0; lane < kLanes; ++lane) limit = std::min(limit, least[lane]);
-  limit = (limit + 2 * ball.radius) * (1 + kSlack) + 1e-9f;
-  int kept = 0;
-  for (int i = 0; i < num; i += kLanes) {
-    distances(i, distance);
-    const VecI in_range = lane_ids() < splat(static_cast<std::int32_t>(num - i));
-    for (std::uint32_t bits = mask_bits((distance <= limit) & in_range); bits != 0;
-         bits &= bits - 1) {
-      const int at = i + std::countr_zero(bits);
-      to[kept++] = from == nullptr ? at : from[at];
-    }
+  float nearest = least[0];
+  for (int lane = 1; lane < kLanes; ++lane) nearest = std::min(nearest, least[lane]);
+  int best = 0;
+  while (from.squared_distance[best] != nearest) ++best;
+
+  const float x = from.x[best], y = from.y[best], z = from.z[best];
+  const float slack = nearest * kSlack + 1e-14f;
+  to.num = 0;
+  for (int i = 0; i < from.num; i += kLanes) {
+    const VecF bx = load(from.x + i), by = load(from.y + i), bz = load(from.z + i);
+    const VecF reach = box.half_size.x * max(bx - x, x - bx) +
+                       box.half_size.y * max(by - y, y - by) +
+                       box.half_size.z * max(bz - z, z - bz);
+    const VecF squared = load(from.squared_distance + i);
+    const VecF farther = squared * (1 - kSlack) - (nearest + slack);
+    const std::uint32_t bits = mask_bits(farther <= 2.0f * reach);
+    if (bits == 0) continue;
+    compress_store(to.x + to.num, bx, bits);
+    compress_store(to.y + to.num, by, bits);
+    compress_store(to.z + to.num, bz, bits);
+    VecI lender;
+    std::memcpy(&lender, from.lender + i, sizeof lender);
+    compress_store(to.lender + to.num, lender, bits);
+    to.num += std::popcount(bits);
   }
-  return kept;
+}
+
+// True if some sphere of the cluster may reach behind one of the candidates' planes.
+bool is_reached(const BoundaryPlanes& boundary, const Candidates& candidates, const Cluster& cluster) {
+  const float limit = cluster.reach + kSlack * (norm(cluster.centre) + cluster.reach);
+  for (int i = 0; i < candidates.num; ++i) {
+    const std::int32_t b = candidates.lender[i];
+    const float distance = boundary.nx[b] * cluster.centre.x + boundary.ny[b] * cluster.centre.y +
+                           boundary.nz[b] * cluster.centre.z - boundary.offset[b];
+    if (distance < limit) return true;
+  }
+  return false;
 }
 
 // The nearest boundary sphere by centre distance in double, ties to the lowest sphere id (boundary
 // spheres are in ascending order).
 std::int32_t nearest_exactly(const PlaneBorrowing& job, std::int32_t sphere_id,
-                             const std::int32_t* candidates, int num) {
+                             const Candidates& candidates) {
   const Vec3d c = to_double(job.spheres[sphere_id].centre);
-  std::int32_t best = candidates[0];
+  std::int32_t best = candidates.lender[0];
   double least = 1e300;
-  for (int i = 0; i < num; ++i) {
-    const std::int32_t other = job.boundary.sphere_id[candidates[i]];
+  for (int i = 0; i < candidates.num; ++i) {
+    const std::int32_t other = job.boundary.sphere_id[candidates.lender[i]];
     const Vec3d d = to_double(job.spheres[other].centre) - c;
     const double squared = dot(d, d);
-    if (squared < least) least = squared, best = candidates[i];
+    if (squared < least) least = squared, best = candidates.lender[i];
   }
   return best;
 }
@@ -86,61 +100,65 @@ double exact_volume(const PlaneBorrowing& job, std::int32_t sphere_id, std::int3
 }
 
 // Which boundary sphere lends its plane to each lane: the nearest one of the candidates.
-VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place,
-                        const std::int32_t* candidates, int num) {
+VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place, const Candidates& candidates) {
   const SphereClusters& c = *job.clusters;
   const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);
   VecF least = splat(1e30f), second = splat(1e30f);
-  VecI best = splat(candidates[0]);
-  for (int i = 0; i < num; ++i) {
-    const std::int32_t b = candidates[i];
-    const VecF dx = x - job.boundary.x[b], dy = y - job.boundary.y[b], dz = z - job.boundary.z[b];
+  VecI best = splat(candidates.lender[0]);
+  for (int i = 0; i < candidates.num; ++i) {
+    const VecF dx = x - candidates.x[i], dy = y - candidates.y[i], dz = z - candidates.z[i];
     const VecF squared = dx * dx + dy * dy + dz * dz;
     const VecI closer = squared < least;
     second = min(second, max(squared, least));
-    least = select(closer, squared, least);
-    best = closer ? splat(b) : best;
+    least = min(squared, least);
+    best = closer ? splat(candidates.lender[i]) : best;
   }
   // Close calls, decided in double.
   std::uint32_t close = mask_bits(second <= least * (1 + 2 * kSlack) + 1e-14f);
-  if (num > 1) {
-    for (; close != 0; close &= close - 1) {
-      const int lane = std::countr_zero(close);
-      const std::int32_t id = c.sphere_id[place + static_cast<std::size_t>(lane)];
-      if (id >= 0) best[lane] = nearest_exactly(job, id, candidates, num);
-    }
+  for (; close != 0; close &= close - 1) {
+    const int lane = std::countr_zero(close);
+    const std::int32_t id = c.sphere_id[place + static_cast<std::size_t>(lane)];
+    if (id >= 0) best[lane] = nearest_exactly(job, id, candidates);
   }
   return best;
 }
 
+// Every boundary sphere as a candidate; by count there is only one, that with the most points, ties
+// to the lowest sphere id.
+Candidates all_candidates(const PlaneBorrowing& job, Candidates& scratch) {
+  const BoundaryPlanes& boundary = job.boundary;
+  scratch.num = job.by_count ? 1 : boundary.num;
+  std::int32_t first = 0;
+  for (int b = 1; job.by_count && b < boundary.num; ++b) {
+    if (boundary.count[b] > boundary.count[first]) first = b;
+  }
+  for (int i = 0; i < scratch.num; ++i) {
+    const std::int32_t b = first + i;
+    scratch.x[i] = boundary.x[b], scratch.y[i] = boundary.y[b], scratch.z[i] = boundary.z[b];
+    scratch.lender[i] = b;
+  }
+  return scratch;
+}
+
 }  // namespace
 
-MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, const BorrowingScratch& scratch) {
+MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratch& scratch) {
   const SphereClusters& c = *job.clusters;
   const BoundaryPlanes& boundary = job.boundary;
   MeasureSums sums;
-  int num_group = 0;
-  std::int32_t most_points = 0;
-  if (job.by_count) {
-    // One lender for all: most points, ties to the lowest sphere id.
-    for (int b = 1; b < boundary.num; ++b) {
-      if (boundary.count[b] > boundary.count[most_points]) most_points = b;
-    }
-  } else {
-    num_group = prune_candidates(boundary, nullptr, boundary.num,
-                                 c.groups[static_cast<std::size_t>(group)],
-                                 scratch.group_candidates);
-  }
+  Candidates& of_cluster = scratch.of_cluster;
+  prune_candidates(all_candidates(job, of_cluster), c.groups[static_cast<std::size_t>(group)],
+                   scratch.of_group);
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, c.num_clusters());
   for (int cluster = first; cluster < last; ++cluster) {
-    const std::int32_t* candidates = &most_points;
-    int num = 1;
-    if (!job.by_count) {
-      num = prune_candidates(boundary, scratch.group_candidates, num_group,
-                             c.clusters[static_cast<std::size_t>(cluster)],
-                             scratch.cluster_candidates);
-      candidates = scratch.cluster_candidates;
+    const Cluster& box = c.clusters[static_cast<std::size_t>(cluster)];
+    prune_candidates(scratch.of_group, box, of_cluster);
+    if (!is_reached(boundary, of_cluster, box)) {
+      const std::size_t skipped = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
+      std::fill_n(job.borrowed_volume + skipped, SphereClusters::kSize, 0.0f);
+      std::fill_n(job.lender + skipped, SphereClusters::kSize, PlaneBorrowing::kNone);
+      continue;
     }
     VecF volume_sum{}, force[3] = {}, torque[3] = {};
     const std::size_t begin = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
@@ -148,7 +166,7 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, const Borrowing
       VecI wants;
       std::memcpy(&wants, job.touched + place, sizeof wants);
       wants = wants == PlaneBorrowing::kNone;
-      const VecI lender = nearest_candidates(job, place, candidates, num);
+      const VecI lender = nearest_candidates(job, place, of_cluster);
       std::memcpy(job.lender + place, &lender, sizeof lender);
 
       const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);

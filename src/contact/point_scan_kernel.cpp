@@ -12,8 +12,11 @@ namespace {
 
 constexpr int kRun = 256;  // points per run: all scratch stays in the L1 cache
 
-typedef double VecD __attribute__((vector_size(PALPATE_LANES * 8), aligned(PALPATE_LANES * 8)));
-typedef std::int64_t VecL __attribute__((vector_size(PALPATE_LANES * 8), aligned(PALPATE_LANES * 8)));
+// Doubles fill a register with half as many lanes.
+constexpr int kWide = kLanes / 2;
+typedef float VecN __attribute__((vector_size(PALPATE_LANES * 2), aligned(PALPATE_LANES * 2)));
+typedef double VecD __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
+typedef std::int64_t VecL __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
 typedef float Vec8F __attribute__((vector_size(32), aligned(32)));
 typedef std::int32_t Vec8I __attribute__((vector_size(32), aligned(32)));
 
@@ -111,35 +114,48 @@ bool contains_exactly(const PointScan& scan, std::int32_t sphere_id, std::size_t
   return dot(d, d) <= r * r;
 }
 
+// A close call: of the lanes in `bits`, the candidate that contains the point exactly, or -1.
+std::int32_t decide(const PointScan& scan, const CandidateBlock& block, std::uint32_t bits,
+                    std::int32_t point) {
+  for (; bits != 0; bits &= bits - 1) {
+    const std::int32_t id = block.sphere_id[std::countr_zero(bits)];
+    if (contains_exactly(scan, id, static_cast<std::size_t>(point))) return id;
+  }
+  return -1;
+}
+
 // Step 2: the sphere of each survivor. At most one can contain it: the packing is disjoint.
 void find_spheres(const PointScan& scan, const Survivors& in, Hits& out) {
-  const SphereGridView& grid = scan.grid;
+  constexpr int kAhead = 6;  // blocks come from the L2 or L3 cache
   out.num = 0;
   for (int s = 0; s < in.num; ++s) {
+    const std::int32_t next_tag = in.tag[s + kAhead < in.num ? s + kAhead : s];
+    if (next_tag < 0) {
+      const char* next = reinterpret_cast<const char*>(scan.grid.blocks - (next_tag + 1));
+      __builtin_prefetch(next);
+      __builtin_prefetch(next + 64);
+      __builtin_prefetch(next + 128);
+    }
     const std::int32_t tag = in.tag[s];
     std::int32_t found = tag - 1;  // wholly inside a sphere
     if (tag < 0) {
-      found = -1;
-      const CandidateList& list = grid.lists[-tag - 1];
       const Vec8F x = Vec8F{} + in.x[s], y = Vec8F{} + in.y[s], z = Vec8F{} + in.z[s];
-      for (int b = 0; b < list.num_blocks && found < 0; ++b) {
-        const CandidateBlock& block = grid.blocks[list.first_block + b];
-        const Vec8F dx = x - *reinterpret_cast<const Vec8F*>(block.x);
-        const Vec8F dy = y - *reinterpret_cast<const Vec8F*>(block.y);
-        const Vec8F dz = z - *reinterpret_cast<const Vec8F*>(block.z);
+      const CandidateBlock* block = scan.grid.blocks - (tag + 1);
+      for (;; ++block) {
+        const Vec8F dx = x - *reinterpret_cast<const Vec8F*>(block->x);
+        const Vec8F dy = y - *reinterpret_cast<const Vec8F*>(block->y);
+        const Vec8F dz = z - *reinterpret_cast<const Vec8F*>(block->z);
         const Vec8F squared_distance = dx * dx + dy * dy + dz * dz;
-        const Vec8F limit = *reinterpret_cast<const Vec8F*>(block.maybe_inside);
-        for (std::uint32_t bits = mask_bits_8(squared_distance <= limit); bits != 0;
-             bits &= bits - 1) {
-          const int lane = std::countr_zero(bits);
-          // Surely inside, or a close call that double precision decides.
-          if (squared_distance[lane] <= block.surely_inside[lane] ||
-              contains_exactly(scan, block.sphere_id[lane],
-                               static_cast<std::size_t>(in.index[s]))) {
-            found = block.sphere_id[lane];
-            break;
-          }
+        const std::uint32_t surely = mask_bits_8(
+            squared_distance <= *reinterpret_cast<const Vec8F*>(block->surely_inside));
+        if (surely != 0) {
+          found = block->sphere_id[std::countr_zero(surely)];
+          break;
         }
+        const std::uint32_t maybe = mask_bits_8(
+            squared_distance <= *reinterpret_cast<const Vec8F*>(block->maybe_inside));
+        found = maybe != 0 ? decide(scan, *block, maybe, in.index[s]) : -1;
+        if (found >= 0 || block->goes_on == 0) break;
       }
     }
     out.index[out.num] = in.index[s];
@@ -161,11 +177,17 @@ void add_hits(const PointScan& scan, Hits& hits, PointSums* sums, std::uint64_t*
   alignas(64) std::int64_t fixed[6][kRun + kLanes];
   const float* channels[6] = {scan.cloud.x,  scan.cloud.y,  scan.cloud.z,
                               scan.cloud.nx, scan.cloud.ny, scan.cloud.nz};
-  for (int i = 0; i < kLanes; ++i) hits.index[hits.num + i] = hits.num > 0 ? hits.index[0] : 0;
-  for (int begin = 0; begin < hits.num; begin += kLanes) {
+  for (int i = 0; i < kWide; ++i) hits.index[hits.num + i] = hits.num > 0 ? hits.index[0] : 0;
+  for (int begin = 0; begin < hits.num; begin += kWide) {
+    const std::int32_t* index = hits.index + begin;
+    const bool neighbours = index[kWide - 1] - index[0] == kWide - 1;  // indices ascend
     for (int channel = 0; channel < 6; ++channel) {
-      VecF value;
-      for (int i = 0; i < kLanes; ++i) value[i] = channels[channel][hits.index[begin + i]];
+      VecN value;
+      if (neighbours) {
+        std::memcpy(&value, channels[channel] + index[0], sizeof value);
+      } else {
+        for (int i = 0; i < kWide; ++i) value[i] = channels[channel][index[i]];
+      }
       VecD wide = __builtin_convertvector(value, VecD);
       if (channel < 3) wide -= scan.translation_W[channel];
       *reinterpret_cast<VecL*>(fixed[channel] + begin) = to_fixed(wide);

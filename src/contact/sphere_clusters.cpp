@@ -32,7 +32,7 @@ void sort_spatially(std::span<const Sphere> spheres, std::span<std::int32_t> ids
   sort_spatially(spheres, ids.subspan(half));
 }
 
-// Ball around the centres of places [begin, end): middle of their box, rounded outwards.
+// Places [begin, end), rounded outwards.
 Cluster enclose(const SphereClusters& c, std::size_t begin, std::size_t end) {
   Vec3f low{1e30f, 1e30f, 1e30f}, high = -low;
   for (std::size_t i = begin; i < end; ++i) {
@@ -40,11 +40,10 @@ Cluster enclose(const SphereClusters& c, std::size_t begin, std::size_t end) {
     low = {std::min(low.x, c.x[i]), std::min(low.y, c.y[i]), std::min(low.z, c.z[i])};
     high = {std::max(high.x, c.x[i]), std::max(high.y, c.y[i]), std::max(high.z, c.z[i])};
   }
-  Cluster cluster{(low + high) * 0.5f, 0, 0};
+  Cluster cluster{(low + high) * 0.5f, (high - low) * 0.50001f, 0};
   for (std::size_t i = begin; i < end; ++i) {
     if (c.sphere_id[i] < 0) continue;
-    const float distance = norm(Vec3f{c.x[i], c.y[i], c.z[i]} - cluster.centre) * 1.00001f;
-    cluster.radius = std::max(cluster.radius, distance);
+    const float distance = norm(Vec3f{c.x[i], c.y[i], c.z[i]} - cluster.centre);
     cluster.reach = std::max(cluster.reach, (distance + c.radius[i]) * 1.00001f);
   }
   return cluster;

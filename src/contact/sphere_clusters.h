@@ -9,10 +9,11 @@
 
 namespace palpate {
 
-/// A few neighbouring spheres and a ball around their *centres*; `reach` also covers their surfaces.
+/// A few neighbouring spheres: the box around their *centres*, and a ball around its middle that
+/// covers their surfaces.
 struct Cluster {
   Vec3f centre;
-  float radius = 0;
+  Vec3f half_size;
   float reach = 0;
 };
 

@@ -88,14 +88,14 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
     while (end < overlaps.size() && overlaps[end].cell == overlaps[begin].cell) ++end;
     const std::int32_t cell = overlaps[begin].cell;
     if (tags_[cell] == 0) {
-      lists_.push_back({static_cast<std::int32_t>(blocks_.size()), 0});
-      tags_[cell] = -static_cast<std::int32_t>(lists_.size());
+      tags_[cell] = -static_cast<std::int32_t>(blocks_.size()) - 1;
       for (std::size_t i = begin; i < end; ++i) {
         const std::size_t slot = (i - begin) % CandidateBlock::kSize;
         if (slot == 0) {
-          blocks_.emplace_back();
+          if (i > begin) blocks_.back().goes_on = 1;
+          blocks_.push_back(CandidateBlock{});
+          std::fill_n(blocks_.back().surely_inside, CandidateBlock::kSize, -1.0f);
           std::fill_n(blocks_.back().maybe_inside, CandidateBlock::kSize, -1.0f);
-          ++lists_.back().num_blocks;
         }
         const Sphere& s = spheres[static_cast<std::size_t>(overlaps[i].sphere_id)];
         const Vec3f c = to_float((to_double(s.centre) - origin_) * cells_per_metre_);
@@ -115,8 +115,7 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
 }
 
 SphereGridView SphereGrid::view() const {
-  return {origin_,      cells_per_metre_, num_[0],       num_[1],
-          num_[2],      tags_.data(),     lists_.data(), blocks_.data()};
+  return {origin_, cells_per_metre_, num_[0], num_[1], num_[2], tags_.data(), blocks_.data()};
 }
 
 }  // namespace palpate

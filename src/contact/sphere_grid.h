@@ -13,17 +13,15 @@
 
 namespace palpate {
 
-/// Spheres to try in one cell, eight at a time, in grid units (cells).
-struct alignas(32) CandidateBlock {
+/// Spheres to try in one cell, eight at a time, in grid units (cells). More than eight go on in the
+/// next block.
+struct alignas(64) CandidateBlock {
   static constexpr int kSize = 8;
   float x[kSize], y[kSize], z[kSize];
   float surely_inside[kSize];  ///< squared distance up to which the fast test is sure: inside
   float maybe_inside[kSize];   ///< beyond which it is sure: outside; negative for padding
   std::int32_t sphere_id[kSize];
-};
-
-struct CandidateList {
-  std::int32_t first_block = 0, num_blocks = 0;
+  std::int32_t goes_on;  ///< 1 if the next block belongs to the same cell
 };
 
 /// Not owning, trivially copyable.
@@ -31,8 +29,7 @@ struct SphereGridView {
   Vec3d origin;              ///< low corner, tool frame
   double cells_per_metre = 1;
   std::int32_t num_x = 0, num_y = 0, num_z = 0;
-  const std::int32_t* tags = nullptr;  ///< 0: no sphere; k+1: inside sphere k; -(l+1): try list l
-  const CandidateList* lists = nullptr;
+  const std::int32_t* tags = nullptr;  ///< 0: no sphere; k+1: inside sphere k; -(b+1): try block b
   const CandidateBlock* blocks = nullptr;
 };
 
@@ -50,7 +47,6 @@ class SphereGrid {
   double cells_per_metre_ = 1;
   std::int32_t num_[3] = {0, 0, 0};
   std::vector<std::int32_t> tags_;
-  std::vector<CandidateList> lists_;
   std::vector<CandidateBlock> blocks_;
 };
 

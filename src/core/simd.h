@@ -40,6 +40,14 @@ inline VecF load(const float* from) {
   return v;
 }
 inline void store(float* to, VecF v) { std::memcpy(to, &v, sizeof v); }
+/// Writes the first `count` lanes, all of them if there are no more.
+inline void store_first(float* to, VecF v, int count) {
+  if (count >= kLanes) {
+    store(to, v);
+  } else {
+    for (int i = 0; i < count; ++i) to[i] = v[i];
+  }
+}
 
 /// Masks are 0 / -1 per lane, as comparisons give them. `mask ? a : b` selects.
 inline VecF select(VecI mask, VecF a, VecF b) { return mask ? a : b; }
@@ -57,6 +65,20 @@ inline VecF sqrt(VecF v) {
   for (int i = 0; i < kLanes; ++i) v[i] = std::sqrt(v[i]);
   return v;
 #endif
+}
+
+inline VecF abs(VecF v) { return reinterpret_cast<VecF>(reinterpret_cast<VecI>(v) & 0x7fffffff); }
+
+/// 2^v for v <= 0, relative error below 2e-7; below -100 it stays at 2^-100, away from denormals.
+[[gnu::always_inline]] inline VecF exp2_negative(VecF v) {
+  v = max(v, splat(-100.0f));
+  // Adding 1.5 * 2^23 leaves the nearest whole number in the low bits.
+  constexpr float kMagic = 12582912.0f;
+  const VecF shifted = v + kMagic;
+  const VecF f = v - (shifted - kMagic);  // -0.5 .. 0.5
+  const VecF p = 1.0f + f * (0.693147004f + f * (0.240222424f + f * (0.0555073358f +
+                 f * (0.00967151299f + f * 0.00132647285f))));
+  return reinterpret_cast<VecF>(reinterpret_cast<VecI>(p) + (reinterpret_cast<VecI>(shifted) << 23));
 }
 
 /// Bit i is set if lane i of the mask is.

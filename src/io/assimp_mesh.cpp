@@ -1,10 +1,12 @@
-#include <cmath>
 #include <cstdint>
-#include <cstring>
+#include <memory>
+#include <set>
 #include <string>
 
+#include <assimp/DefaultIOSystem.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
+#include <assimp/IOStream.hpp>
 #include <assimp/Importer.hpp>
 
 #include "src/io/mesh_parsers.h"
@@ -28,6 +30,46 @@ Vec3d transform(const aiMatrix4x4& m, const aiVector3D& p) {
   return {m.a1 * x + m.a2 * y + m.a3 * z + m.a4, m.b1 * x + m.b2 * y + m.b3 * z + m.b4,
           m.c1 * x + m.c2 * y + m.c3 * z + m.c4};
 }
+
+/// Assimp forgets to close some files of which it does not like the content. Here every stream
+/// leaves a list when it is closed, and those still on it are closed at the end.
+class Files : public Assimp::DefaultIOSystem {
+ public:
+  ~Files() override {
+    while (!open_.empty()) delete *open_.begin();
+  }
+
+  Assimp::IOStream* Open(const char* name, const char* mode) override {
+    std::unique_ptr<Assimp::IOStream> file(DefaultIOSystem::Open(name, mode));
+    return file ? new Stream(std::move(file), open_) : nullptr;
+  }
+  void Close(Assimp::IOStream* stream) override { delete stream; }
+
+ private:
+  class Stream : public Assimp::IOStream {
+   public:
+    Stream(std::unique_ptr<Assimp::IOStream> file, std::set<Stream*>& open)
+        : file_(std::move(file)), open_(open) {
+      open_.insert(this);
+    }
+    ~Stream() override { open_.erase(this); }
+
+    size_t Read(void* buffer, size_t size, size_t count) override {
+      return file_->Read(buffer, size, count);
+    }
+    size_t Write(const void*, size_t, size_t) override { return 0; }
+    aiReturn Seek(size_t offset, aiOrigin origin) override { return file_->Seek(offset, origin); }
+    size_t Tell() const override { return file_->Tell(); }
+    size_t FileSize() const override { return file_->FileSize(); }
+    void Flush() override {}
+
+   private:
+    std::unique_ptr<Assimp::IOStream> file_;
+    std::set<Stream*>& open_;
+  };
+
+  std::set<Stream*> open_;
+};
 
 /// Adds the triangles of a node and of those below it. Points and lines are left out.
 void add_node(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent,
@@ -57,8 +99,8 @@ void add_node(const aiScene& scene, const aiNode& node, const aiMatrix4x4& paren
 
 std::optional<Error> check_stl_size(std::string_view content) {
   constexpr std::size_t kHeaderBytes = 84, kFacetBytes = 50;
-  const bool is_text = content.starts_with("solid") &&
-                       content.substr(0, 1024).find('\0') == std::string_view::npos;
+  const bool is_text =
+      content.starts_with("solid") && content.substr(0, 1024).find('\0') == std::string_view::npos;
   if (is_text) {
     if (content.find("endsolid") != std::string_view::npos ||
         content.find("ENDSOLID") != std::string_view::npos) {
@@ -85,16 +127,17 @@ std::optional<Error> check_glb_size(std::string_view content) {
 // indices are asked for.
 Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path) try {
   Assimp::Importer importer;
+  importer.SetIOHandler(new Files);  // The importer owns it.
   const aiScene* scene =
       importer.ReadFile(path.string(), aiProcess_Triangulate | aiProcess_ValidateDataStructure);
   if (scene == nullptr || scene->mRootNode == nullptr) {
-    return bad("cannot be read (" + std::string(importer.GetErrorString()) + ")");
+    return bad("is damaged or empty (Assimp: " + std::string(importer.GetErrorString()) + ")");
   }
   TriangleMesh mesh;
   add_node(*scene, *scene->mRootNode, aiMatrix4x4(), mesh);
   return mesh;
 } catch (const std::exception& error) {
-  return bad("cannot be read (" + std::string(error.what()) + ")");
+  return bad("is damaged (Assimp: " + std::string(error.what()) + ")");
 }
 
 }  // namespace palpate

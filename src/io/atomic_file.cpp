@@ -31,8 +31,8 @@ class File {
 };
 
 Error failure(Errc code, const char* what, const std::filesystem::path& path, const char* advice) {
-  return {code, std::string(what) + " " + path.string() + ": " + std::strerror(errno) + "; " +
-                    advice};
+  return {code,
+          std::string(what) + " " + path.string() + ": " + std::strerror(errno) + "; " + advice};
 }
 
 bool write_all(int descriptor, std::string_view content) {
@@ -49,7 +49,12 @@ bool write_all(int descriptor, std::string_view content) {
 std::filesystem::path temporary_beside(const std::filesystem::path& path) {
   static std::atomic<unsigned> counter{0};
   std::filesystem::path result = path;
-  result += "." + std::to_string(::getpid()) + "-" + std::to_string(counter++) + ".part";
+  for (const unsigned long part :
+       {static_cast<unsigned long>(::getpid()), static_cast<unsigned long>(counter++)}) {
+    result += '.';
+    result += std::to_string(part);
+  }
+  result += ".part";
   return result;
 }
 

@@ -24,6 +24,7 @@ std::string extension_of(const std::filesystem::path& path) {
 /// Dispatches on the extension. Counts are checked against the file's size before Assimp sees it.
 Result<TriangleMesh> parse(const std::filesystem::path& path, const std::string& extension,
                            std::string_view content) {
+  if (extension == ".obj") return parse_obj_mesh(content);
   if (extension == ".ply") return parse_ply_mesh(content);
   if (extension == ".off") return parse_off_mesh(content);
   if (extension == ".stl") {

@@ -1,12 +1,13 @@
 // Readers of mesh files by format. Errors are the rest of a sentence that starts with the name of
-// the file. PLY and OFF have readers of our own because Assimp repairs them silently: it clamps
-// the indices of OFF files and invents faces for PLY files that end early.
+// the file. OBJ, PLY and OFF have readers of our own: Assimp repairs PLY and OFF silently (it
+// clamps the indices of OFF files and invents faces for PLY files that end early), does not know
+// numbers like ".5" in OBJ files, and rounds all of them to single precision.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "palpate/core/result.h"
@@ -15,13 +16,16 @@
 namespace palpate {
 
 /// PLY: ascii, binary little or big endian; any properties besides x, y, z and vertex_indices are
-/// skipped. Polygons become fans of triangles.
+/// skipped.
 Result<TriangleMesh> parse_ply_mesh(std::string_view content);
 
-/// OFF, COFF, NOFF and CNOFF as text. Polygons become fans of triangles.
+/// OBJ: vertices and faces; everything else is skipped.
+Result<TriangleMesh> parse_obj_mesh(std::string_view content);
+
+/// OFF, COFF, NOFF and CNOFF as text.
 Result<TriangleMesh> parse_off_mesh(std::string_view content);
 
-/// STL, OBJ, glTF and GLB. All parts are placed by their nodes and joined.
+/// STL, glTF and GLB. All parts are placed by their nodes and joined.
 Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path);
 
 /// Does the file hold the facets that a binary STL announces, or the end of a text STL?
@@ -29,9 +33,9 @@ std::optional<Error> check_stl_size(std::string_view content);
 /// Does the file hold the bytes that a GLB announces?
 std::optional<Error> check_glb_size(std::string_view content);
 
-/// Adds a polygon as a fan of triangles. Error: fewer than three corners, or an index that is not
-/// one of the vertices. `face` is its number in the file.
+/// Adds a polygon as triangles; concave ones are cut ear by ear. Error: fewer than three corners,
+/// or an index that is not one of the vertices. `where` is " in line 7" or the like.
 std::optional<Error> add_polygon(TriangleMesh& mesh, std::span<const double> indices,
-                                 std::uint64_t face);
+                                 const std::string& where);
 
 }  // namespace palpate

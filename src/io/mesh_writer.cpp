@@ -78,18 +78,18 @@ Status save_mesh(const TriangleMesh& mesh, const std::filesystem::path& path) {
   for (const auto& triangle : mesh.triangles) {
     for (const std::uint32_t index : triangle) {
       if (index < mesh.vertices.size()) continue;
-      return Error{Errc::invalid_argument,
-                   "cannot write " + path.string() + ": a face uses vertex " +
-                       std::to_string(index) + " of " + std::to_string(mesh.vertices.size()) +
-                       "; check the mesh first"};
+      return Error{Errc::invalid_argument, "cannot write " + path.string() +
+                                               ": a face uses vertex " + std::to_string(index) +
+                                               " of " + std::to_string(mesh.vertices.size()) +
+                                               "; check the mesh first"};
     }
   }
   const auto extension = path.extension();
   if (extension == ".ply") return write_file_atomically(path, ply(mesh));
   if (extension == ".stl") return write_file_atomically(path, stl(mesh));
   if (extension == ".obj") return write_file_atomically(path, obj(mesh));
-  return Error{Errc::invalid_argument, "cannot write " + path.string() +
-                                           ": give a name that ends in .ply, .stl or .obj"};
+  return Error{Errc::invalid_argument,
+               "cannot write " + path.string() + ": give a name that ends in .ply, .stl or .obj"};
 }
 
 }  // namespace palpate

@@ -1,5 +1,3 @@
-#include <cmath>
-#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -23,31 +21,6 @@ std::string_view take_content_line(std::string_view& text) {
 
 }  // namespace
 
-std::optional<Error> add_polygon(TriangleMesh& mesh, std::span<const double> indices,
-                                 std::uint64_t face) {
-  const std::string name = "face " + std::to_string(face);
-  if (indices.size() < 3) {
-    return bad("has a face with only " + std::to_string(indices.size()) + " corners (" + name +
-               ", counted from 0)");
-  }
-  for (const double index : indices) {
-    if (index >= 0 && index < static_cast<double>(mesh.vertices.size()) &&
-        index == std::floor(index)) {
-      continue;
-    }
-    char text[64];
-    std::snprintf(text, sizeof text, "%.17g", index);
-    return bad("has an index out of range: " + name + " uses vertex " + text + " of " +
-               std::to_string(mesh.vertices.size()) + " (counted from 0)");
-  }
-  for (std::size_t k = 2; k < indices.size(); ++k) {
-    mesh.triangles.push_back({static_cast<std::uint32_t>(indices[0]),
-                              static_cast<std::uint32_t>(indices[k - 1]),
-                              static_cast<std::uint32_t>(indices[k])});
-  }
-  return std::nullopt;
-}
-
 Result<TriangleMesh> parse_off_mesh(std::string_view content) {
   std::string_view line = take_content_line(content);
   const std::string_view magic = take_word(line);
@@ -55,9 +28,8 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
     return bad("does not start with the word OFF");
   }
   // The counts stand beside the magic word or on the next line.
-  std::string_view counts = line.find_first_not_of(" \t") != std::string_view::npos
-                                ? line
-                                : take_content_line(content);
+  std::string_view counts =
+      line.find_first_not_of(" \t") != std::string_view::npos ? line : take_content_line(content);
   const auto num_vertices = parse_number<std::uint64_t>(take_word(counts));
   const auto num_faces = parse_number<std::uint64_t>(take_word(counts));
   if (!num_vertices || !num_faces) {
@@ -100,7 +72,7 @@ Result<TriangleMesh> parse_off_mesh(std::string_view content) {
       return bad("is truncated or damaged at face " + std::to_string(i) + " of " +
                  std::to_string(*num_faces));
     }
-    if (auto error = add_polygon(mesh, indices, i)) return *error;
+    if (auto error = add_polygon(mesh, indices, " in face " + std::to_string(i))) return *error;
   }
   return mesh;
 }

@@ -33,8 +33,9 @@ class GapSearch {
  public:
   explicit GapSearch(std::span<const Sphere> spheres) : spheres_(spheres), tree_(spheres) {
     largest_radius_.resize(tree_.nodes().size());
-    summarise(largest_radius_, [&](std::int32_t id) { return spheres_[id].radius; },
-              [](float a, float b) { return a > b ? a : b; });
+    summarise(
+        largest_radius_, [&](std::int32_t id) { return spheres_[id].radius; },
+        [](float a, float b) { return a > b ? a : b; });
   }
 
   /// Calls visit(j) for every sphere j that comes after i in the order "smaller radius first, then
@@ -61,8 +62,9 @@ class GapSearch {
   void set_components(std::span<const std::int32_t> component_of) {
     component_of_ = component_of;
     common_component_.resize(tree_.nodes().size());
-    summarise(common_component_, [&](std::int32_t id) { return component_of[id]; },
-              [](std::int32_t a, std::int32_t b) { return a == b ? a : kMixed; });
+    summarise(
+        common_component_, [&](std::int32_t id) { return component_of[id]; },
+        [](std::int32_t a, std::int32_t b) { return a == b ? a : kMixed; });
   }
 
   /// Replaces `best` by the shortest bridge from sphere i to another component, if that is shorter.

@@ -39,8 +39,7 @@ bool between(const FlatPoint& a, const FlatPoint& b, const FlatPoint& p) {
          p.v <= std::max(a.v, b.v);
 }
 
-bool segments_meet(const FlatPoint& p, const FlatPoint& q, const FlatPoint& a,
-                   const FlatPoint& b) {
+bool segments_meet(const FlatPoint& p, const FlatPoint& q, const FlatPoint& a, const FlatPoint& b) {
   const int pqa = turn(p, q, a), pqb = turn(p, q, b), abp = turn(a, b, p), abq = turn(a, b, q);
   if (pqa * pqb < 0 && abp * abq < 0) return true;
   return (pqa == 0 && between(p, q, a)) || (pqb == 0 && between(p, q, b)) ||

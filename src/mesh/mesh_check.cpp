@@ -24,7 +24,9 @@ std::string number(double x) {
 }
 
 std::string point(const Vec3d& p) {
-  return "(" + number(p.x) + ", " + number(p.y) + ", " + number(p.z) + ") m";
+  char text[96];
+  std::snprintf(text, sizeof text, "(%.4g, %.4g, %.4g) m", p.x, p.y, p.z);
+  return text;
 }
 
 /// "1 face", "2 faces".
@@ -90,12 +92,13 @@ Error edge_error(const TriangleMesh& mesh, const EdgeFaults& faults) {
   add(faults.open, "open", " (of one face only)");
   add(faults.non_manifold, "non-manifold", " (of more than two faces)");
   add(faults.inconsistent, "inconsistently oriented", " (whose two faces look to opposite sides)");
-  const Vec3d middle =
-      (mesh.vertices[faults.first.from] + mesh.vertices[faults.first.to]) * 0.5;
+  const Vec3d middle = (mesh.vertices[faults.first.from] + mesh.vertices[faults.first.to]) * 0.5;
   std::string advice;
   if (faults.open) advice += "close the holes";
-  if (faults.non_manifold) advice += (advice.empty() ? "" : ", ") + std::string("remove inner faces");
-  if (faults.inconsistent) advice += (advice.empty() ? "" : ", ") + std::string("unify the normals");
+  if (faults.non_manifold)
+    advice += (advice.empty() ? "" : ", ") + std::string("remove inner faces");
+  if (faults.inconsistent)
+    advice += (advice.empty() ? "" : ", ") + std::string("unify the normals");
   return bad_mesh("the mesh does not bound a solid: " + list + ", the first at " + point(middle) +
                   "; " + advice + " in a mesh editor");
 }
@@ -103,7 +106,14 @@ Error edge_error(const TriangleMesh& mesh, const EdgeFaults& faults) {
 /// Leaves a mesh whose edges are sound and whose faces have an area, or says why it cannot.
 std::optional<Error> repair(SolidMesh& solid, double tolerance) {
   TriangleMesh& mesh = solid.mesh;
-  std::size_t num_dropped = weld_vertices(mesh, tolerance);
+  std::size_t num_dropped = weld_vertices(mesh, 0);
+  const std::size_t num_distinct = mesh.vertices.size();
+  num_dropped += weld_vertices(mesh, tolerance);
+  if (mesh.vertices.size() < num_distinct) {
+    solid.warnings.push_back("joined " +
+                             count(num_distinct - mesh.vertices.size(), "stray corner") +
+                             " to others less than " + number(tolerance) + " m away");
+  }
 
   EdgeFaults faults = find_edge_faults(mesh.triangles);
   if (!faults.none()) {
@@ -169,9 +179,9 @@ std::optional<Error> orient(SolidMesh& solid, std::vector<Shell> shells) {
     }
   }
   if (num_turned > 0) {
-    solid.warnings.push_back(
-        (shells.size() == 1 ? "the mesh was inside out: all faces were turned"
-                            : count(num_turned, "part") + " of the mesh inside out: turned"));
+    solid.warnings.push_back((shells.size() == 1 ? "the mesh was inside out: all faces were turned"
+                                                 : "turned " + count(num_turned, "part") +
+                                                       " of the mesh that looked inside out"));
   }
   for (std::size_t i = 0; i < shells.size(); ++i) {
     const bool is_cavity = enclosing[i].size() % 2 == 1;

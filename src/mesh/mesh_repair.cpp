@@ -43,8 +43,8 @@ class VertexGrid {
   void add(const Vec3d& p) {
     const auto index = static_cast<std::uint32_t>(next_in_cell_.size());
     std::uint32_t& first =
-        first_in_cell_.try_emplace(key(cell(p.x - low_.x), cell(p.y - low_.y), cell(p.z - low_.z)),
-                                   kNone)
+        first_in_cell_
+            .try_emplace(key(cell(p.x - low_.x), cell(p.y - low_.y), cell(p.z - low_.z)), kNone)
             .first->second;
     next_in_cell_.push_back(std::exchange(first, index));
   }

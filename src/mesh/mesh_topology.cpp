@@ -15,8 +15,8 @@ std::vector<HalfEdge> sorted_half_edges(const std::vector<Triangle>& triangles) 
   edges.reserve(3 * triangles.size());
   for (std::size_t face = 0; face < triangles.size(); ++face) {
     for (int k = 0; k < 3; ++k) {
-      edges.push_back({triangles[face][k], triangles[face][(k + 1) % 3],
-                       static_cast<std::uint32_t>(face)});
+      edges.push_back(
+          {triangles[face][k], triangles[face][(k + 1) % 3], static_cast<std::uint32_t>(face)});
     }
   }
   std::sort(edges.begin(), edges.end(), [](const HalfEdge& a, const HalfEdge& b) {

@@ -65,7 +65,10 @@ struct NamedShape {
 };
 
 constexpr NamedShape kShapes[] = {
-    {"box", [] { return make_box({1, 1, 1}); }},
+    {"box",
+     [] {
+       return make_box({1, 1, 1});
+     }},
     {"octahedron", [] { return make_octahedron(1); }},
     {"tetrahedron", [] { return make_tetrahedron(1); }},
     {"sphere", [] { return make_icosphere(0.5, 4); }},
@@ -112,22 +115,22 @@ TriangleMesh make_icosphere(double radius, int subdivisions) {
   PALPATE_ASSERT(radius > 0 && subdivisions >= 0 && subdivisions <= 10);
   // The twelve corners of an icosahedron are those of three golden rectangles.
   const double g = (1 + std::sqrt(5.0)) / 2;
-  TriangleMesh mesh{{{-1, g, 0},
-                     {1, g, 0},
-                     {-1, -g, 0},
-                     {1, -g, 0},
-                     {0, -1, g},
-                     {0, 1, g},
-                     {0, -1, -g},
-                     {0, 1, -g},
-                     {g, 0, -1},
-                     {g, 0, 1},
-                     {-g, 0, -1},
-                     {-g, 0, 1}},
-                    {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
-                     {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
-                     {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
-                     {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}}};
+  TriangleMesh mesh{
+      {{-1, g, 0},
+       {1, g, 0},
+       {-1, -g, 0},
+       {1, -g, 0},
+       {0, -1, g},
+       {0, 1, g},
+       {0, -1, -g},
+       {0, 1, -g},
+       {g, 0, -1},
+       {g, 0, 1},
+       {-g, 0, -1},
+       {-g, 0, 1}},
+      {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
+       {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
+       {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}}};
   for (Vec3d& p : mesh.vertices) p = normalized(p);
 
   for (int level = 0; level < subdivisions; ++level) {
@@ -165,8 +168,7 @@ TriangleMesh make_stylus(double radius, double length, double tip_length, int se
   PALPATE_ASSERT(radius > 0 && tip_length > 0 && length > tip_length && segments >= 3);
   TriangleMesh mesh;
   const Vec3d top{0, 0, length / 2};
-  const Ring lower =
-      add_ring(mesh, {0, 0, tip_length - length / 2}, kX, kY, radius, segments);
+  const Ring lower = add_ring(mesh, {0, 0, tip_length - length / 2}, kX, kY, radius, segments);
   const Ring upper = add_ring(mesh, top, kX, kY, radius, segments);
   connect(mesh, lower, upper);
   close_below(mesh, lower, -top);
@@ -185,8 +187,8 @@ TriangleMesh make_spiral(double helix_radius, double wire_radius, double pitch, 
   for (int step = 0; step <= steps; ++step) {
     const double angle = 2 * kPi * turns * step / steps;
     const Vec3d outward{std::cos(angle), std::sin(angle), 0};
-    const Vec3d tangent = normalized(
-        Vec3d{-helix_radius * std::sin(angle), helix_radius * std::cos(angle), rise});
+    const Vec3d tangent =
+        normalized(Vec3d{-helix_radius * std::sin(angle), helix_radius * std::cos(angle), rise});
     const Vec3d centre = outward * helix_radius + Vec3d{0, 0, rise * (angle - kPi * turns)};
     const Ring ring =
         add_ring(mesh, centre, outward, cross(tangent, outward), wire_radius, wire_segments);

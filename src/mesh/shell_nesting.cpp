@@ -23,8 +23,8 @@ double winding_number(const TriangleMesh& mesh, const Shell& shell, const Vec3d&
     const Vec3d a = mesh.vertices[t[0]] - p, b = mesh.vertices[t[1]] - p,
                 c = mesh.vertices[t[2]] - p;
     const double la = norm(a), lb = norm(b), lc = norm(c);
-    solid_angle += 2 * std::atan2(dot(a, cross(b, c)), la * lb * lc + dot(a, b) * lc +
-                                                           dot(b, c) * la + dot(c, a) * lb);
+    solid_angle += 2 * std::atan2(dot(a, cross(b, c)),
+                                  la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb);
   }
   return solid_angle / (4 * kPi);
 }

@@ -8,9 +8,9 @@
 namespace palpate {
 namespace {
 
-constexpr double kFraction = 0.1;   // of the tool's volume behind the surface at full depth
-constexpr double kPoseRate = 100;   // poses per second
-constexpr double kMaxTurn = 0.2;    // rad, about the viewing ray
+constexpr double kFraction = 0.1;  // of the tool's volume behind the surface at full depth
+constexpr double kPoseRate = 100;  // poses per second
+constexpr double kMaxTurn = 0.2;   // rad, about the viewing ray
 
 /// Where the tool will touch.
 struct Target {
@@ -124,18 +124,20 @@ Result<std::vector<TimedPose>> probing_path(const PointCloudView& cloud, const T
   const Vec3d side = normalized(cross(Vec3d{0, 1, 0}, ray));
   const double slide = std::min(0.3 * length, 0.05);
   const Quaternion pointing = pointing_along(ray);
+  const Vec3d& centre_T = tool.sphere_mass().centre_of_mass;
+  const Vec3d off_axis_T{centre_T.x, centre_T.y, 0};
 
   std::vector<TimedPose> path;
   const int num_steps = std::max(1, static_cast<int>(std::ceil(duration * kPoseRate)));
   for (int i = 0; i <= num_steps; ++i) {
     const double share = static_cast<double>(i) / num_steps;
-    const double depth = -stand_off + (stand_off + press) * (ease(share, 0.05, 0.4) -
-                                                             ease(share, 0.75, 0.95));
+    const double depth =
+        -stand_off + (stand_off + press) * (ease(share, 0.05, 0.4) - ease(share, 0.75, 0.95));
     const double sideways = slide * ease(share, 0.45, 0.7);
     const Quaternion rotation =
         normalized(axis_angle(ray, kMaxTurn * ease(share, 0.45, 0.7)) * pointing);
-    path.push_back({share * duration,
-                    {target->p_W + ray * (depth - extent.front) + side * sideways, rotation}});
+    const Vec3d origin = target->p_W + ray * (depth - extent.front) + side * sideways;
+    path.push_back({share * duration, {origin - rotate(rotation, off_axis_T), rotation}});
   }
   return path;
 }

@@ -54,10 +54,11 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, const PoseF
   if (!report) return report.error();
   RunOutcome outcome{*std::move(log), {}};
   outcome.summary_json = summary_json(tool, outcome.log);
-  const std::pair<const char*, std::string> files[] = {{"wrench.csv", wrench_csv(tool, outcome.log)},
-                                                       {"timing.csv", timing_csv(outcome.log)},
-                                                       {"summary.json", outcome.summary_json},
-                                                       {"report.html", *std::move(report)}};
+  const std::pair<const char*, std::string> files[] = {
+      {"wrench.csv", wrench_csv(tool, outcome.log)},
+      {"timing.csv", timing_csv(outcome.log)},
+      {"summary.json", outcome.summary_json},
+      {"report.html", *std::move(report)}};
   for (const auto& [file, text] : files) {
     const Status status = write_file_atomically(folder->partial() / file, text);
     if (!status) return status.error();

@@ -67,10 +67,12 @@ Result<std::vector<Pose>> parse_poses(std::string_view text, const fs::path& pat
       at = stop;
     }
     if (!good || at != last) {
-      return Error{Errc::bad_input, path.string() + " line " + std::to_string(line_number) +
-                                        ": expected 't tx ty tz qx qy qz qw'; record the run again"};
+      return Error{Errc::bad_input,
+                   path.string() + " line " + std::to_string(line_number) +
+                       ": expected 't tx ty tz qx qy qz qw'; record the run again"};
     }
-    poses.push_back({{values[1], values[2], values[3]}, {values[4], values[5], values[6], values[7]}});
+    poses.push_back(
+        {{values[1], values[2], values[3]}, {values[4], values[5], values[6], values[7]}});
   }
   return poses;
 }
@@ -99,8 +101,9 @@ Result<Manifest> read_manifest(const fs::path& folder) {
     if (json.at("format") != kFormat) return damaged(path, "is not the manifest of a recording");
     if (json.at("version").get<int>() != kVersion) {
       return Error{Errc::bad_input, path.string() + " has format version " +
-                                        json.at("version").dump() + ", this program reads version " +
-                                        std::to_string(kVersion) + "; use the version that wrote it"};
+                                        json.at("version").dump() +
+                                        ", this program reads version " + std::to_string(kVersion) +
+                                        "; use the version that wrote it"};
     }
     if (!json.contains("files")) return damaged(path, "is unfinished");
     auto settings = settings_from_json(json.at("settings"));
@@ -125,10 +128,10 @@ Status check_files(const fs::path& folder, const Json& files) {
       }
     }
     for (const char* name : {kTool, kPath, kFrameList}) {
-      const bool listed = std::any_of(files.begin(), files.end(), [&](const Json& entry) {
-        return entry.at("name") == name;
-      });
-      if (!listed) return damaged(folder / kRecordingManifest, std::string("does not list ") + name);
+      const bool listed = std::any_of(files.begin(), files.end(),
+                                      [&](const Json& entry) { return entry.at("name") == name; });
+      if (!listed)
+        return damaged(folder / kRecordingManifest, std::string("does not list ") + name);
     }
   } catch (const Json::exception& exception) {
     return damaged(folder / kRecordingManifest,

@@ -93,7 +93,9 @@ std::vector<double> surface_seconds(const RunLog& log) {
 }
 
 std::size_t num_deadline_misses(const RunLog& log) {
-  const auto late = [&](const TickRecord& tick) { return tick.query_seconds * log.settings.rate > 1; };
+  const auto late = [&](const TickRecord& tick) {
+    return tick.query_seconds * log.settings.rate > 1;
+  };
   return static_cast<std::size_t>(std::count_if(log.ticks.begin(), log.ticks.end(), late));
 }
 
@@ -101,32 +103,33 @@ std::string summary_json(const Tool& tool, const RunLog& log) {
   const TickRecord& deepest = log.ticks[log.deepest_tick];
   const TickRecord& strongest =
       peak(log, [](const TickRecord& tick) { return norm(tick.penetration.measure_W.force); });
-  const auto contact = [](const TickRecord& tick) { return tick.penetration.num_boundary_spheres > 0; };
-  const Json json{
-      {"version", PALPATE_VERSION},
-      {"interrupted", log.interrupted},
-      {"settings", palpate::to_json(log.settings)},
-      {"stream", palpate::to_json(log.stream)},
-      {"tool",
-       {{"source", tool.source()},
-        {"spheres", tool.spheres().size()},
-        {"sphere_volume", tool.sphere_mass().volume},
-        {"mesh_volume", tool.mesh_mass().volume}}},
-      {"ticks", log.ticks.size()},
-      {"ticks_in_contact", std::count_if(log.ticks.begin(), log.ticks.end(), contact)},
-      {"frames", log.frames.size()},
-      {"duration", static_cast<double>(log.ticks.size()) / log.settings.rate},
-      {"peak",
-       {{"volume", deepest.penetration.volume},
-        {"fraction", deepest.penetration.volume / tool.sphere_mass().volume},
-        {"volume_time", deepest.time},
-        {"force", to_json(strongest.penetration.measure_W.force)},
-        {"force_norm", norm(strongest.penetration.measure_W.force)},
-        {"force_time", strongest.time}}},
-      {"query_us", to_json(percentiles(query_seconds(log)))},
-      {"surface_us", to_json(percentiles(surface_seconds(log)))},
-      {"deadline_misses", num_deadline_misses(log)},
-      {"peak_memory_bytes", peak_memory_bytes()}};
+  const auto contact = [](const TickRecord& tick) {
+    return tick.penetration.num_boundary_spheres > 0;
+  };
+  const Json json{{"version", PALPATE_VERSION},
+                  {"interrupted", log.interrupted},
+                  {"settings", palpate::to_json(log.settings)},
+                  {"stream", palpate::to_json(log.stream)},
+                  {"tool",
+                   {{"source", tool.source()},
+                    {"spheres", tool.spheres().size()},
+                    {"sphere_volume", tool.sphere_mass().volume},
+                    {"mesh_volume", tool.mesh_mass().volume}}},
+                  {"ticks", log.ticks.size()},
+                  {"ticks_in_contact", std::count_if(log.ticks.begin(), log.ticks.end(), contact)},
+                  {"frames", log.frames.size()},
+                  {"duration", static_cast<double>(log.ticks.size()) / log.settings.rate},
+                  {"peak",
+                   {{"volume", deepest.penetration.volume},
+                    {"fraction", deepest.penetration.volume / tool.sphere_mass().volume},
+                    {"volume_time", deepest.time},
+                    {"force", to_json(strongest.penetration.measure_W.force)},
+                    {"force_norm", norm(strongest.penetration.measure_W.force)},
+                    {"force_time", strongest.time}}},
+                  {"query_us", to_json(percentiles(query_seconds(log)))},
+                  {"surface_us", to_json(percentiles(surface_seconds(log)))},
+                  {"deadline_misses", num_deadline_misses(log)},
+                  {"peak_memory_bytes", peak_memory_bytes()}};
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

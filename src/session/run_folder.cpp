@@ -13,13 +13,14 @@ Status check_replaceable(const fs::path& folder) {
   const fs::file_status status = fs::symlink_status(folder, error);
   if (status.type() == fs::file_type::not_found) return Done{};
   if (status.type() != fs::file_type::directory) {
-    return Error{Errc::io_failure,
-                 "cannot write a run to " + folder.string() + ": it is not a folder; give a new name"};
+    return Error{Errc::io_failure, "cannot write a run to " + folder.string() +
+                                       ": it is not a folder; give a new name"};
   }
   if (fs::is_empty(folder, error) && !error) return Done{};
   if (fs::is_regular_file(folder / kRecordingFolder / kRecordingManifest, error)) return Done{};
-  return Error{Errc::io_failure, "cannot write a run to " + folder.string() +
-                                     ": it holds other things than an earlier run; give a new name"};
+  return Error{Errc::io_failure,
+               "cannot write a run to " + folder.string() +
+                   ": it holds other things than an earlier run; give a new name"};
 }
 
 Error failure(const char* what, const fs::path& folder, const std::error_code& error) {

@@ -15,7 +15,8 @@ class FrameQueue {
   Status start() {
     if (const Status status = read(); !status) return status;
     if (!has_upcoming_) {
-      return Error{Errc::bad_input, source_.info().name + " holds no frame; give a source that does"};
+      return Error{Errc::bad_input,
+                   source_.info().name + " holds no frame; give a source that does"};
     }
     first_time_ = upcoming_.timestamp;
     return Done{};
@@ -46,8 +47,8 @@ class FrameQueue {
     has_upcoming_ = *got;
     if (!has_upcoming_) return Done{};
     const auto bad = [&](const std::string& what) {
-      return Error{Errc::bad_input, source_.info().name + ": frame " + std::to_string(num_read_) +
-                                        " " + what};
+      return Error{Errc::bad_input,
+                   source_.info().name + ": frame " + std::to_string(num_read_) + " " + what};
     };
     const DepthStreamInfo& info = source_.info();
     if (upcoming_.width != info.width || upcoming_.height != info.height) {

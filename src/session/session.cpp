@@ -50,8 +50,8 @@ Session::Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
 Result<Session> Session::create(const Tool& tool, const DepthStreamInfo& stream,
                                 const RunSettings& settings) {
   if (const Status status = check(settings); !status) return status.error();
-  auto surface = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics,
-                                          settings.surface);
+  auto surface =
+      SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics, settings.surface);
   if (!surface) return surface.error();
   auto pool = std::make_unique<ThreadPool>(settings.num_threads);
   ContactCapacities capacities;

@@ -20,15 +20,16 @@ TEST(GraphTraversal, WalksAwayFromTheNormalOnly) {
   const GraphTraversal::Seed seed{2, {0, 0, -1}};
   const auto reached = traversal.run({&seed, 1});
   ASSERT_EQ(reached.size(), 2u);
-  EXPECT_EQ(reached[0], 3);
-  EXPECT_EQ(reached[1], 4);
-  EXPECT_EQ(traversal.reference(4), 0);
+  EXPECT_EQ(reached[0].sphere_id, 3);
+  EXPECT_EQ(reached[1].sphere_id, 4);
+  EXPECT_EQ(reached[1].seed, 0);
+  EXPECT_NEAR(reached[1].path_length, 4.0, 1e-12);
   // Asked again with the normal turned: nothing is left of the first search.
   const GraphTraversal::Seed turned{2, {0, 0, 1}};
   const auto other = traversal.run({&turned, 1});
   ASSERT_EQ(other.size(), 2u);
-  EXPECT_EQ(other[0], 1);
-  EXPECT_EQ(other[1], 0);
+  EXPECT_EQ(other[0].sphere_id, 1);
+  EXPECT_EQ(other[1].sphere_id, 0);
 }
 
 TEST(GraphTraversal, ZeroNormalAndBoundarySpheresStopIt) {
@@ -40,7 +41,7 @@ TEST(GraphTraversal, ZeroNormalAndBoundarySpheresStopIt) {
   const GraphTraversal::Seed two[] = {{1, {0, 0, -1}}, {3, {}}};
   const auto reached = traversal.run(two);
   ASSERT_EQ(reached.size(), 1u);
-  EXPECT_EQ(reached[0], 2);
+  EXPECT_EQ(reached[0].sphere_id, 2);
 }
 
 TEST(GraphTraversal, SameRoundGoesToTheShorterPath) {
@@ -50,8 +51,10 @@ TEST(GraphTraversal, SameRoundGoesToTheShorterPath) {
   const LeafGraph graph(spheres, edges, 0, 1);
   GraphTraversal traversal(spheres, graph);
   const GraphTraversal::Seed seeds[] = {{0, {0, 0, -1}}, {1, {0, 0, -1}}};
-  ASSERT_EQ(traversal.run(seeds).size(), 1u);
-  EXPECT_EQ(traversal.reference(2), 1);
+  const auto reached = traversal.run(seeds);
+  ASSERT_EQ(reached.size(), 1u);
+  EXPECT_EQ(reached[0].sphere_id, 2);
+  EXPECT_EQ(reached[0].seed, 1);
 }
 
 }  // namespace

@@ -30,11 +30,11 @@ TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
       ++num_full;
       continue;
     }
-    const CandidateList& list = view.lists[-tag - 1];
+    const CandidateBlock* block = view.blocks - (tag + 1);
     bool listed = false;
-    for (int b = 0; b < list.num_blocks; ++b) {
-      for (std::int32_t candidate : view.blocks[list.first_block + b].sphere_id) {
-        listed |= candidate == id;
+    for (bool more = true; more && !listed; more = block->goes_on == 1, ++block) {
+      for (int slot = 0; slot < CandidateBlock::kSize; ++slot) {
+        listed |= block->maybe_inside[slot] > 0 && block->sphere_id[slot] == id;
       }
     }
     ASSERT_TRUE(listed);

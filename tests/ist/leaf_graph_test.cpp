@@ -74,8 +74,7 @@ void expect_equals_truth(const std::vector<Sphere>& spheres, GapRule rule) {
         EXPECT_LT(graph.neighbours()[k - 1], graph.neighbours()[k]);
       }
       const Sphere& other = spheres[graph.neighbours()[k]];
-      EXPECT_EQ(graph.lengths()[k],
-                norm(to_double(other.centre) - to_double(spheres[i].centre)));
+      EXPECT_EQ(graph.lengths()[k], norm(to_double(other.centre) - to_double(spheres[i].centre)));
     }
   }
 }

@@ -18,7 +18,7 @@ inline std::vector<Sphere> random_packing(int count, std::uint64_t seed, Vec3d o
   std::vector<Sphere> spheres;
   while (static_cast<int>(spheres.size()) < count) {
     const Vec3f centre = to_float(Vec3d{unit(random), unit(random), unit(random)} * 0.1 + origin);
-    double room = largest * std::pow(30.0, 1 - unit(random));
+    double room = largest * std::pow(30.0, -unit(random));
     for (const Sphere& other : spheres) {
       const double distance = norm(to_double(other.centre) - to_double(centre));
       room = std::min(room, distance - double(other.radius));

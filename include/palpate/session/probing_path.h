@@ -10,10 +10,10 @@
 
 namespace palpate {
 
-/// Finds a surface near the image centre of an organised cloud and touches it: along the viewing ray
-/// out of free space, in until about a tenth of the tool is behind the surface, a slide to the side
-/// with a slow turn, and out again. The tool's -z axis points along the ray (the tip of a stylus).
-/// Error: no usable surface near the image centre; duration not > 0.
+/// Finds a surface near the image centre of an organised cloud and touches it: along the viewing
+/// ray out of free space, in until about a tenth of the tool is behind the surface, a slide to the
+/// side with a slow turn, and out again. The tool's -z axis points along the ray (the tip of a
+/// stylus). Error: no usable surface near the image centre; duration not > 0.
 Result<std::vector<TimedPose>> probing_path(const PointCloudView& cloud, const Tool& tool,
                                             double duration);
 

@@ -9,7 +9,8 @@
 namespace palpate {
 
 /// One self-contained HTML page: settings, headline numbers, plots over time, and pictures of the
-/// tool in the scene at the deepest moment. Error: the log's settings cannot be used (backend gone).
+/// tool in the scene at the deepest moment. Error: the log's settings cannot be used (backend
+/// gone).
 Result<std::string> make_report(const Tool& tool, const RunLog& log);
 
 }  // namespace palpate

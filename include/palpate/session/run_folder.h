@@ -1,4 +1,5 @@
-// The folder of a run. It appears whole or not at all: everything is written into NAME.partial first.
+// The folder of a run. It appears whole or not at all: everything is written into NAME.partial
+// first.
 #pragma once
 
 #include <filesystem>

@@ -17,7 +17,7 @@ namespace palpate {
 
 /// Everything that decides the numbers of a run, beside tool, frames and poses.
 struct RunSettings {
-  double rate = 1000;  ///< ticks per second
+  double rate = 1000;                                         ///< ticks per second
   double duration = std::numeric_limits<double>::infinity();  ///< seconds; ticks at t < duration
   bool end_with_source = true;  ///< stop one frame period after the last frame
   ContactOptions contact;

@@ -1,0 +1,69 @@
+# Every command of the project by name. `make` alone lists them.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+JOBS ?= $(shell nproc)
+
+# One preset of CMakePresets.json = one folder under build/.
+define build_preset
+cmake --preset $(1)
+cmake --build --preset $(1) -j $(JOBS)
+endef
+
+.PHONY: help setup lint format tidy build demo test quick-test bench asan tsan cuda clean
+
+help:  ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 14
+
+setup:  ## install missing packages (apt; root or sudo)
+	scripts/setup.sh
+
+build: setup  ## build the release into build/release
+	$(call build_preset,release)
+
+demo: setup  ## set up, build, and run the main job; results in demo/
+	cmake --preset release
+	cmake --build --preset release -j $(JOBS) --target palpate
+	scripts/demo.sh
+
+test: setup  ## set up, lint, build, and run all tests
+	$(MAKE) lint
+	$(call build_preset,release)
+	tools/check_kernel_objects.sh build/release
+	scripts/test.sh release
+
+quick-test:  ## only rebuild and test: make quick-test [ROOM=contact]
+	cmake --preset release
+	cmake --build --preset release -j $(JOBS) $(if $(ROOM),--target tests/$(ROOM)/all)
+	scripts/test.sh release $(ROOM)
+
+bench:  ## run the benchmarks: make bench [PEERS=1]
+	scripts/setup.sh $(if $(PEERS),--peers)
+	$(call build_preset,$(if $(PEERS),peers,bench))
+	@for program in build/$(if $(PEERS),peers,bench)/bin/bench_*; do echo "== $$program"; $$program || exit 1; done
+
+lint:  ## all checks that need no build
+	tools/lint.sh
+
+format:  ## lay out the source text
+	tools/check_format.sh --fix
+
+tidy:  ## optional: clang-tidy over all sources (slow)
+	cmake --preset dev
+	run-clang-tidy -quiet -p build/dev '^$(CURDIR)/(src|apps|scenes)/'
+
+asan: setup  ## all tests with the address and undefined behaviour sanitizers
+	$(call build_preset,asan)
+	scripts/test.sh asan
+
+# GCC's thread sanitizer cannot live with much address space randomisation.
+tsan: setup  ## all tests with the thread sanitizer
+	cmake --preset tsan
+	run=$$(setarch -R true 2>/dev/null && echo setarch -R); \
+	  $$run cmake --build --preset tsan -j $(JOBS) && $$run scripts/test.sh tsan
+
+cuda:  ## compile the library with the CUDA backend; needs nvcc, no GPU
+	@command -v nvcc >/dev/null || { echo "make cuda: nvcc is not in PATH; install the CUDA toolkit"; exit 1; }
+	$(call build_preset,cuda)
+
+clean:  ## remove build/ and demo/
+	rm -rf build demo

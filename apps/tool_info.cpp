@@ -1,0 +1,92 @@
+#include "apps/tool_info.h"
+
+#include <algorithm>
+#include <cstdarg>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+namespace palpate::apps {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
+
+Json to_json(const Mat3d& m) {
+  Json rows = Json::array();
+  for (const auto& row : m.m) rows.push_back({row[0], row[1], row[2]});
+  return rows;
+}
+
+struct RadiusRange {
+  double smallest, largest;
+};
+
+RadiusRange radius_range(const Tool& tool) {
+  const auto [low, high] =
+      std::minmax_element(tool.spheres().begin(), tool.spheres().end(),
+                          [](const Sphere& a, const Sphere& b) { return a.radius < b.radius; });
+  return {low->radius, high->radius};
+}
+
+double fill(const Tool& tool) { return tool.sphere_mass().volume / tool.mesh_mass().volume; }
+
+__attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
+  char buffer[256];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(buffer, sizeof buffer, format, arguments);
+  va_end(arguments);
+  return buffer;
+}
+
+}  // namespace
+
+Json tool_info(const Tool& tool) {
+  const MassProperties &spheres = tool.sphere_mass(), &mesh = tool.mesh_mass();
+  const RadiusRange radius = radius_range(tool);
+  const Bounds box = bounds(tool.mesh());
+  const LeafGraph& graph = tool.graph();
+  return {{"source", tool.source()},
+          {"triangles", tool.mesh().triangles.size()},
+          {"spheres", tool.spheres().size()},
+          {"fill", fill(tool)},
+          {"mesh_volume", mesh.volume},
+          {"sphere_volume", spheres.volume},
+          {"centre_of_mass", to_json(spheres.centre_of_mass)},
+          {"inertia", to_json(spheres.inertia)},
+          {"mesh_centre_of_mass", to_json(mesh.centre_of_mass)},
+          {"mesh_inertia", to_json(mesh.inertia)},
+          {"min_radius", radius.smallest},
+          {"max_radius", radius.largest},
+          {"bounds", {to_json(box.low), to_json(box.high)}},
+          {"tree_nodes", tool.tree().nodes().size()},
+          {"graph",
+           {{"edges", graph.num_edges()},
+            {"bridges", graph.num_bridges()},
+            {"components_before_bridging", graph.num_components_before_bridging()}}}};
+}
+
+std::string describe(const Tool& tool) {
+  const RadiusRange radius = radius_range(tool);
+  const Bounds box = bounds(tool.mesh());
+  const Vec3d size = (box.high - box.low) * 1000;
+  const Vec3d centre = tool.sphere_mass().centre_of_mass * 1000;
+  const LeafGraph& graph = tool.graph();
+  return "source        " + tool.source() + "\n" +
+         text("mesh          %zu triangles, %.4g x %.4g x %.4g mm, %.6g cm3\n",
+              tool.mesh().triangles.size(), size.x, size.y, size.z, tool.mesh_mass().volume * 1e6) +
+         text("spheres       %zu, radii %.4g ... %.4g mm, fill %.2f %%\n", tool.spheres().size(),
+              radius.smallest * 1000, radius.largest * 1000, 100 * fill(tool)) +
+         text("centre        %.4g %.4g %.4g mm (of the spheres)\n", centre.x, centre.y, centre.z) +
+         text("tree          %zu nodes\n", tool.tree().nodes().size()) +
+         text("graph         %d edges, %d of them bridges between %d components\n",
+              graph.num_edges(), graph.num_bridges(), graph.num_components_before_bridging());
+}
+
+void print_json(const Json& json) {
+  std::cout << json.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
+}
+
+}  // namespace palpate::apps

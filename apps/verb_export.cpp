@@ -1,0 +1,80 @@
+// palpate export: a tool's parts as files that other programs read.
+
+#include <cstdio>
+#include <memory>
+
+#include "apps/options.h"
+#include "apps/verbs.h"
+#include "palpate/io/atomic_file.h"
+#include "palpate/io/mesh_file.h"
+#include "palpate/io/tool_file.h"
+
+namespace palpate::apps {
+namespace {
+
+struct Options {
+  std::string tool, spheres, edges, mesh;
+};
+
+/// Nine digits tell every single-precision number from its neighbours.
+std::string spheres_csv(const Tool& tool) {
+  std::string text = "x,y,z,r\n";
+  for (const Sphere& s : tool.spheres()) {
+    char line[96];
+    std::snprintf(line, sizeof line, "%.9g,%.9g,%.9g,%.9g\n", static_cast<double>(s.centre.x),
+                  static_cast<double>(s.centre.y), static_cast<double>(s.centre.z),
+                  static_cast<double>(s.radius));
+    text += line;
+  }
+  return text;
+}
+
+std::string edges_csv(const Tool& tool) {
+  std::string text = "a,b\n";
+  for (const auto& [a, b] : tool.graph().edges()) {
+    text += std::to_string(a) + "," + std::to_string(b) + "\n";
+  }
+  return text;
+}
+
+Status run(const Options& options) {
+  const auto tool = load_tool(options.tool);
+  if (!tool) return tool.error();
+  for (const std::string& path : {options.spheres, options.edges, options.mesh}) {
+    if (path.empty()) continue;
+    if (const Status status = check_output_file(path); !status) return status;
+  }
+  if (!options.spheres.empty()) {
+    const Status status = write_file_atomically(options.spheres, spheres_csv(*tool));
+    if (!status) return status;
+  }
+  if (!options.edges.empty()) {
+    const Status status = write_file_atomically(options.edges, edges_csv(*tool));
+    if (!status) return status;
+  }
+  if (options.mesh.empty()) return Done{};
+  return save_mesh(tool->mesh(), options.mesh);
+}
+
+}  // namespace
+
+void add_export(CLI::App& program, Action& action) {
+  const auto options = std::make_shared<Options>();
+  CLI::App& app = *program.add_subcommand("export", "Write a tool's spheres, graph or mesh.");
+  app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
+  app.add_option("--spheres", options->spheres, "x,y,z,r of every sphere, in metres")
+      ->type_name("FILE.csv");
+  app.add_option("--edges", options->edges, "a,b: neighbours in the leaf graph")
+      ->type_name("FILE.csv");
+  app.add_option("--mesh", options->mesh, "the repaired mesh (.ply, .stl or .obj)")
+      ->type_name("FILE.ply");
+  app.footer("Example: palpate export drill.palp --spheres spheres.csv --edges edges.csv");
+  app.callback([options, &action] {
+    if (options->spheres.empty() && options->edges.empty() && options->mesh.empty()) {
+      usage_error("export: nothing to do; give --spheres, --edges or --mesh");
+    }
+    action = [options] { return run(*options); };
+  });
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,176 @@
+// palpate query: single measurements against one frozen cloud.
+
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "apps/options.h"
+#include "apps/tool_info.h"
+#include "apps/verbs.h"
+#include "palpate/io/depth_files.h"
+#include "palpate/io/tool_file.h"
+#include "palpate/io/trajectory_file.h"
+
+namespace palpate::apps {
+namespace {
+
+struct Options {
+  std::string tool, cloud, depth, pose, poses;
+  CameraOptions camera;
+  RunSettings settings;
+  bool json = false;
+  std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
+};
+
+struct Measurement {
+  Penetration penetration;
+  double seconds = 0;
+};
+
+/// The cloud to measure against, with whatever owns its memory.
+struct FrozenCloud {
+  PointCloud cloud;
+  std::optional<SurfaceEstimator> surface;
+
+  PointCloudView view() const { return surface ? surface->cloud() : cloud.view(); }
+};
+
+Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
+  FrozenCloud result;
+  if (!options.cloud.empty()) {
+    auto cloud = load_cloud(options.cloud);
+    if (!cloud) return cloud.error();
+    result.cloud = *std::move(cloud);
+    return result;
+  }
+  const auto frame = std::filesystem::path(options.depth).extension() == ".pcd"
+                         ? load_depth_pcd(options.depth, options.camera.unit)
+                         : load_depth_png(options.depth, options.camera.unit);
+  if (!frame) return frame.error();
+  auto surface = SurfaceEstimator::create(frame->width, frame->height, *options.camera.intrinsics,
+                                          options.settings.surface);
+  if (!surface) return surface.error();
+  surface->update(*frame, pool);
+  result.surface = *std::move(surface);
+  return result;
+}
+
+nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
+
+void print_results_json(const Options& options, Backend backend, double tool_volume,
+                        const std::vector<Measurement>& measurements) {
+  nlohmann::ordered_json json{{"method", name_of(kMethodNames, options.settings.contact.method)},
+                              {"backend", name_of(kBackendNames, std::optional(backend))},
+                              {"results", nlohmann::ordered_json::array()}};
+  for (const auto& [penetration, seconds] : measurements) {
+    json["results"].push_back({{"volume", penetration.volume},
+                               {"fraction", penetration.volume / tool_volume},
+                               {"force", to_json(penetration.measure_W.force)},
+                               {"torque", to_json(penetration.measure_W.torque)},
+                               {"boundary_spheres", penetration.num_boundary_spheres},
+                               {"inside_spheres", penetration.num_inside_spheres},
+                               {"points", penetration.num_points},
+                               {"compute_us", seconds * 1e6},
+                               {"status", penetration.status}});
+  }
+  print_json(json);
+}
+
+void print_results_table(double tool_volume, const std::vector<Measurement>& measurements) {
+  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s\n", "pose", "volume m3", "% tool",
+              "force measure m3", "torque measure m4", "boundary", "inside", "points", "us");
+  for (std::size_t i = 0; i < measurements.size(); ++i) {
+    const Penetration& p = measurements[i].penetration;
+    const Vec3d &f = p.measure_W.force, &m = p.measure_W.torque;
+    std::printf("%5zu %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g %8d %8d %8d %9.1f%s\n", i,
+                p.volume, 100 * p.volume / tool_volume, f.x, f.y, f.z, m.x, m.y, m.z,
+                p.num_boundary_spheres, p.num_inside_spheres, p.num_points,
+                measurements[i].seconds * 1e6,
+                p.status & static_cast<std::uint32_t>(StepStatus::ambiguous_normals)
+                    ? "  (normals disagree)"
+                    : "");
+  }
+}
+
+Status run(const Options& options) {
+  const auto tool = load_tool(options.tool);
+  if (!tool) return tool.error();
+  std::vector<Pose> poses = options.X_WT;
+  if (!options.poses.empty()) {
+    const auto trajectory = load_trajectory(options.poses);
+    if (!trajectory) return trajectory.error();
+    for (const TimedPose& pose : *trajectory) poses.push_back(pose.X_WT);
+  }
+  ThreadPool pool(options.settings.num_threads);
+  ContactCapacities capacities;
+  capacities.pool = &pool;
+  const auto chosen = choose_contact_query(options.settings.backend, *tool, capacities);
+  if (!chosen) return chosen.error();
+  const auto cloud = read_cloud(options, pool);
+  if (!cloud) return cloud.error();
+
+  chosen->query->set_cloud(cloud->view());
+  std::vector<Measurement> measurements;
+  for (const Pose& X_WT : poses) {
+    const auto start = std::chrono::steady_clock::now();
+    const Penetration penetration = chosen->query->query(X_WT, options.settings.contact);
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    measurements.push_back({penetration, elapsed.count()});
+  }
+  const double tool_volume = tool->sphere_mass().volume;
+  if (options.json) {
+    print_results_json(options, chosen->backend, tool_volume, measurements);
+  } else {
+    print_results_table(tool_volume, measurements);
+  }
+  return Done{};
+}
+
+/// What the parser cannot see by itself.
+void check(Options& options) {
+  if (options.cloud.empty() == options.depth.empty()) {
+    usage_error("query: give one of --cloud and --depth");
+  }
+  if (!options.depth.empty() && !options.camera.intrinsics) {
+    usage_error("query: --depth needs --intrinsics fx,fy,cx,cy");
+  }
+  if (options.pose.empty() == options.poses.empty()) {
+    usage_error("query: give one of --pose and --poses");
+  }
+  if (!options.pose.empty()) {
+    const auto pose = parse_pose(options.pose);
+    if (!pose) usage_error("--pose: " + pose.error().message);
+    options.X_WT = {*pose};
+  }
+}
+
+}  // namespace
+
+void add_query(CLI::App& program, Action& action) {
+  const auto options = std::make_shared<Options>();
+  CLI::App& app = *program.add_subcommand(
+      "query", "Measure a tool against one frozen cloud, once for each pose.");
+  app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
+  app.add_option("--cloud", options->cloud, "points with normals (PLY or PCD)")->type_name("FILE");
+  app.add_option("--depth", options->depth, "16-bit depth image (PNG; or an organised PCD)")
+      ->type_name("FILE");
+  add_camera_options(app, options->camera);
+  app.add_option("--pose", options->pose, "tool in the camera frame")
+      ->type_name("'tx ty tz qx qy qz qw'");
+  app.add_option("--poses", options->poses, "many poses: lines 't tx ty tz qx qy qz qw'")
+      ->type_name("FILE");
+  add_contact_options(app, options->settings);
+  add_surface_options(app, options->settings.surface);
+  app.add_flag("--json", options->json, "print the results as JSON");
+  app.footer(
+      "Example: palpate query drill.palp --depth frame.png --intrinsics 525,525,319.5,239.5 "
+      "--pose '0 0 0.8 0 0 0 1' --method graph");
+  app.callback([options, &action] {
+    check(*options);
+    action = [options] { return run(*options); };
+  });
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,230 @@
+// palpate touch: a moving tool in a stream of depth images.
+
+#include <cmath>
+#include <iostream>
+#include <memory>
+
+#include "apps/options.h"
+#include "apps/terminal.h"
+#include "apps/verbs.h"
+#include "palpate/io/depth_files.h"
+#include "palpate/io/tool_file.h"
+#include "palpate/io/trajectory_file.h"
+#include "palpate/session/probing_path.h"
+#include "palpate/session/record_run.h"
+#include "scenes/scene.h"
+
+namespace palpate::apps {
+namespace {
+
+struct Options {
+  std::string tool, depth_sequence, scene, path, output;
+  CameraOptions camera;
+  double depth_rate = 30;
+  bool noise = true;
+  std::uint64_t seed = 1;
+  RunSettings settings;
+  std::optional<double> duration;
+  bool json = false;
+};
+
+/// Frames to feel, and the path that goes with them if none is given.
+struct Input {
+  std::unique_ptr<DepthSource> source;
+  std::vector<TimedPose> path;
+};
+
+Result<std::unique_ptr<DepthSource>> open_sequence(const Options& options) {
+  DepthFolderOptions folder;
+  folder.intrinsics = *options.camera.intrinsics;
+  folder.unit = options.camera.unit;
+  folder.rate = options.depth_rate;
+  return open_depth_folder(options.depth_sequence, folder);
+}
+
+/// The probing path needs the first frame; the run then reads it again from its own source.
+Result<std::vector<TimedPose>> probe_first_frame(const Options& options, const Tool& tool) {
+  auto source = open_sequence(options);
+  if (!source) return source.error();
+  const DepthStreamInfo& info = (*source)->info();
+  auto surface =
+      SurfaceEstimator::create(info.width, info.height, info.intrinsics, options.settings.surface);
+  if (!surface) return surface.error();
+  DepthFrame frame;
+  const auto got = (*source)->next(frame);
+  if (!got) return got.error();
+  ThreadPool pool(options.settings.num_threads);
+  surface->update(frame, pool);
+  const double duration =
+      options.duration.value_or(static_cast<double>(info.num_frames.value_or(1)) / info.rate);
+  return probing_path(surface->cloud(), tool, duration);
+}
+
+Result<Input> open_input(const Options& options, const Tool& tool) {
+  Input input;
+  if (!options.path.empty()) {
+    auto path = load_trajectory(options.path);
+    if (!path) return path.error();
+    input.path = *std::move(path);
+  }
+  if (!options.depth_sequence.empty()) {
+    auto source = open_sequence(options);
+    if (!source) return source.error();
+    input.source = *std::move(source);
+    if (input.path.empty()) {
+      auto path = probe_first_frame(options, tool);
+      if (!path) return path.error();
+      input.path = *std::move(path);
+    }
+    return input;
+  }
+  auto scene = scenes::make_scene(options.scene);
+  if (!scene) return scene.error();
+  if (input.path.empty()) {
+    for (std::size_t i = 0; i < scene->path_times.size(); ++i) {
+      input.path.push_back({scene->path_times[i], scene->path_poses[i]});
+    }
+  }
+  scenes::SimulatedCameraOptions camera;
+  camera.noise.enabled = options.noise;
+  camera.seed = options.seed;
+  camera.unit = options.noise ? 0.001 : 0.0001;
+  camera.duration = options.duration;
+  auto source = scenes::open_simulated_camera(*std::move(scene), camera);
+  if (!source) return source.error();
+  input.source = *std::move(source);
+  return input;
+}
+
+Status run(const Options& options) {
+  const auto tool = load_tool(options.tool);
+  if (!tool) return tool.error();
+  auto input = open_input(options, *tool);
+  if (!input) return input.error();
+  const std::vector<TimedPose>& path = input->path;
+  if (path.empty()) {
+    return Error{Errc::bad_input, "scene " + options.scene + " has no path of its own: give --path"};
+  }
+  const double path_start = path.front().time, path_length = path.back().time - path_start;
+  const DepthStreamInfo& info = input->source->info();
+
+  // Unless told, the run ends with path or frames, whichever end first; a path of one pose has no
+  // end of its own.
+  RunSettings settings = options.settings;
+  settings.end_with_source = !options.duration;
+  if (options.duration) {
+    settings.duration = *options.duration;
+  } else if (path_length > 0) {
+    settings.duration = path_length;
+  } else if (!info.num_frames) {
+    return Error{Errc::bad_input,
+                 "neither the path nor the frames end by themselves: give --duration"};
+  }
+  double expected = settings.duration;
+  if (settings.end_with_source && info.num_frames) {
+    expected = std::min(expected, *info.num_frames / info.rate);
+  }
+
+  catch_interrupts();
+  Progress bar("touching");
+  const auto keep_going = [&](const TickRecord& tick) {
+    if (bar.due()) {
+      char words[64];
+      std::snprintf(words, sizeof words, "%.2f s, frame %d, %.2f cm3", tick.time, tick.frame,
+                    tick.penetration.volume * 1e6);
+      bar.update(tick.time / expected, words);
+    }
+    return !interrupted();
+  };
+  const PoseFunction X_WT = [&](std::size_t, double time) {
+    return pose_at(path, path_start + time);
+  };
+  const auto outcome =
+      record_run(*tool, *input->source, X_WT, settings, options.output, keep_going);
+  if (!outcome) return outcome.error();
+
+  const RunLog& log = outcome->log;
+  const double deepest = log.ticks[log.deepest_tick].penetration.volume;
+  if (options.json && !log.interrupted) {
+    std::cout << outcome->summary_json;
+  } else if (!options.json) {
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "%zu ticks, %zu frames, deepest %.4g cm3 (%.2f %% of the tool) at %.3f s\n",
+                  log.ticks.size(), log.frames.size(), deepest * 1e6,
+                  100 * deepest / tool->sphere_mass().volume, log.ticks[log.deepest_tick].time);
+    std::cout << text << "report: " << options.output << "/report.html\n";
+  }
+  if (log.interrupted) {
+    return Error{Errc::cancelled, "interrupted; the run so far is complete in " + options.output};
+  }
+  return Done{};
+}
+
+void check(const Options& options) {
+  if (options.depth_sequence.empty() == options.scene.empty()) {
+    usage_error("touch: give one of --depth-sequence and --scene");
+  }
+  if (!options.depth_sequence.empty() && !options.camera.intrinsics) {
+    usage_error("touch: --depth-sequence needs --intrinsics fx,fy,cx,cy");
+  }
+  if (options.scene.empty()) {
+    if (!options.noise) usage_error("touch: --no-noise goes with --scene");
+    return;
+  }
+  std::string names;
+  bool known = false;
+  for (const std::string& name : scenes::scene_names()) {
+    names += (names.empty() ? "" : ", ") + name;
+    known = known || name == options.scene;
+  }
+  if (!known) {
+    usage_error("touch: there is no scene '" + options.scene + "'; choose one of " + names);
+  }
+}
+
+}  // namespace
+
+void add_touch(CLI::App& program, Action& action) {
+  const auto options = std::make_shared<Options>();
+  CLI::App& app = *program.add_subcommand(
+      "touch", "Move a tool through a stream of depth images and record what it feels.");
+  app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
+  app.add_option("-o,--output", options->output, "folder of the run: new, empty or an earlier run")
+      ->required()
+      ->type_name("RUN");
+  app.add_option("--depth-sequence", options->depth_sequence,
+                 "folder of 16-bit PNGs, with depth.txt of time stamps or in name order")
+      ->type_name("DIR");
+  add_camera_options(app, options->camera);
+  app.add_option("--depth-rate", options->depth_rate, "frames per second without time stamps")
+      ->check(CLI::Range(0.01, 10000.0))
+      ->capture_default_str();
+  std::string names;
+  for (const std::string& name : scenes::scene_names()) names += (names.empty() ? "" : ", ") + name;
+  app.add_option("--scene", options->scene, "simulated camera: " + names)->type_name("NAME");
+  app.add_flag("!--no-noise", options->noise, "a perfect simulated camera");
+  app.add_option("--seed", options->seed, "of the simulated noise")->capture_default_str();
+  app.add_option(
+         "--path", options->path,
+         "poses of the tool: lines 't tx ty tz qx qy qz qw'; default: the scene's, or a probe "
+         "of the middle of the first frame")
+      ->type_name("FILE");
+  app.add_option("--duration", options->duration, "seconds; default: until path or frames end")
+      ->check(CLI::Range(1e-3, 86400.0));
+  app.add_option("--rate", options->settings.rate, "measurements per second")
+      ->check(CLI::Range(1.0, 100000.0))
+      ->capture_default_str();
+  add_contact_options(app, options->settings);
+  add_surface_options(app, options->settings.surface);
+  app.add_flag("--json", options->json, "print the summary as JSON");
+  app.footer(
+      "Example: palpate touch drill.palp --depth-sequence frames/ --intrinsics "
+      "525,525,319.5,239.5 -o run1");
+  app.callback([options, &action] {
+    check(*options);
+    action = [options] { return run(*options); };
+  });
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,26 @@
+// The verbs of the command line. Each file verb_*.cpp adds one: it declares its options, and, once
+// the command line is parsed, puts the work to do into `action`.
+#pragma once
+
+#include <functional>
+
+#include "palpate/core/result.h"
+
+namespace CLI {
+class App;
+}
+
+namespace palpate::apps {
+
+/// The work of a verb. An Error means exit status 1; wrong usage is found before, while parsing.
+using Action = std::function<Status()>;
+
+void add_shape(CLI::App& program, Action& action);
+void add_pack(CLI::App& program, Action& action);
+void add_info(CLI::App& program, Action& action);
+void add_export(CLI::App& program, Action& action);
+void add_query(CLI::App& program, Action& action);
+void add_touch(CLI::App& program, Action& action);
+void add_replay(CLI::App& program, Action& action);
+
+}  // namespace palpate::apps

@@ -1,0 +1,160 @@
+// Smooth bodies: signed distances of the parts, a soft minimum, and marching tetrahedra.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <unordered_map>
+
+#include "palpate/core/assert.h"
+#include "scenes/body_shapes.h"
+
+namespace palpate::scenes {
+namespace {
+
+double distance(const RoundCone& cone, const Vec3d& p) {
+  const Vec3d axis = cone.b - cone.a;
+  const double length = norm(axis), taper = cone.radius_a - cone.radius_b;
+  const double along = dot(p - cone.a, axis) / length;
+  const double across = norm(p - cone.a - axis * (along / length));
+  // Normals lean by the half angle of the cone; following them back leads to the nearest ball.
+  const double lean = taper / std::sqrt(length * length - taper * taper);
+  const double s = std::clamp(along - across * lean, 0.0, length);
+  return std::hypot(across, along - s) - (cone.radius_a - taper * s / length);
+}
+
+/// First order: exact on the surface, where it counts.
+double distance(const Ellipsoid& ellipsoid, const Vec3d& p) {
+  const Vec3d &r = ellipsoid.radii, d = p - ellipsoid.centre;
+  const Vec3d scaled{d.x / r.x, d.y / r.y, d.z / r.z};
+  const double k = norm(scaled);
+  const double slope = norm(Vec3d{scaled.x / r.x, scaled.y / r.y, scaled.z / r.z});
+  return slope > 0 ? k * (k - 1) / slope : -std::min({r.x, r.y, r.z});
+}
+
+/// Minimum that rounds the crease between surfaces closer than `blend`.
+double soft_minimum(double a, double b, double blend) {
+  const double h = std::max(0.0, blend - std::abs(a - b));
+  return std::min(a, b) - h * h / (4 * blend);
+}
+
+/// Values at the nodes of a box of cubes.
+struct Grid {
+  Vec3d low;
+  double cell;
+  std::array<std::size_t, 3> nodes;  ///< per axis
+  std::vector<double> values;
+
+  std::size_t index(std::size_t i, std::size_t j, std::size_t k) const {
+    return (k * nodes[1] + j) * nodes[0] + i;
+  }
+  Vec3d position(std::size_t node) const {
+    return low + Vec3d{static_cast<double>(node % nodes[0]),
+                       static_cast<double>(node / nodes[0] % nodes[1]),
+                       static_cast<double>(node / nodes[0] / nodes[1])} *
+                     cell;
+  }
+};
+
+/// Cuts each cube into six tetrahedra around its diagonal; a tetrahedron meets the surface in at most
+/// four edges, so that, unlike with cubes, no case is ambiguous and the mesh is always closed.
+class MarchingTetrahedra {
+ public:
+  explicit MarchingTetrahedra(const Grid& grid) : grid_(grid) {}
+
+  TriangleMesh run() {
+    // Corner bits x 1, y 2, z 4; every row has positive orientation.
+    constexpr std::size_t kTetrahedra[6][4] = {{0, 1, 3, 7}, {0, 1, 7, 5}, {0, 2, 7, 3},
+                                               {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 7, 6}};
+    const auto& n = grid_.nodes;
+    for (std::size_t k = 0; k + 1 < n[2]; ++k) {
+      for (std::size_t j = 0; j + 1 < n[1]; ++j) {
+        for (std::size_t i = 0; i + 1 < n[0]; ++i) {
+          for (const auto& corners : kTetrahedra) {
+            std::array<std::size_t, 4> tetrahedron;
+            for (std::size_t c = 0; c < 4; ++c) {
+              const std::size_t bits = corners[c];
+              tetrahedron[c] = grid_.index(i + (bits & 1), j + (bits >> 1 & 1), k + (bits >> 2));
+            }
+            cut(tetrahedron);
+          }
+        }
+      }
+    }
+    return std::move(mesh_);
+  }
+
+ private:
+  using Tetrahedron = std::array<std::size_t, 4>;
+
+  void cut(const Tetrahedron& t) {
+    unsigned inside = 0;
+    for (unsigned c = 0; c < 4; ++c) inside |= (grid_.values[t[c]] < 0 ? 1u : 0u) << c;
+    // Even orders of the corners, the one alone (or the two inside) first.
+    constexpr std::size_t kAlone[4][4] = {{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 0, 1, 3}, {3, 0, 2, 1}};
+    constexpr std::size_t kPairs[6][4] = {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2},
+                                          {1, 2, 0, 3}, {1, 3, 2, 0}, {2, 3, 0, 1}};
+    for (const auto& [a, b, c, d] : kAlone) {
+      if (inside == 1u << a) add(vertex(t[a], t[b]), vertex(t[a], t[c]), vertex(t[a], t[d]));
+      if (inside == (15u ^ 1u << a)) add(vertex(t[a], t[b]), vertex(t[a], t[d]), vertex(t[a], t[c]));
+    }
+    for (const auto& [a, b, c, d] : kPairs) {
+      if (inside != (1u << a | 1u << b)) continue;
+      add(vertex(t[a], t[c]), vertex(t[a], t[d]), vertex(t[b], t[d]));
+      add(vertex(t[a], t[c]), vertex(t[b], t[d]), vertex(t[b], t[c]));
+    }
+  }
+
+  void add(std::uint32_t a, std::uint32_t b, std::uint32_t c) { mesh_.triangles.push_back({a, b, c}); }
+
+  /// Where the surface crosses the edge of two nodes.
+  std::uint32_t vertex(std::size_t a, std::size_t b) {
+    const auto [low, high] = std::minmax(a, b);
+    const auto [entry, is_new] = vertices_.try_emplace(
+        low * grid_.values.size() + high, static_cast<std::uint32_t>(mesh_.vertices.size()));
+    if (is_new) {
+      const double at_low = grid_.values[low], at_high = grid_.values[high];
+      const Vec3d p = grid_.position(low), q = grid_.position(high);
+      mesh_.vertices.push_back(p + (q - p) * (at_low / (at_low - at_high)));
+    }
+    return entry->second;
+  }
+
+  const Grid& grid_;
+  TriangleMesh mesh_;
+  std::unordered_map<std::size_t, std::uint32_t> vertices_;  ///< by edge
+};
+
+}  // namespace
+
+TriangleMesh blended(std::span<const RoundCone> cones, std::span<const Ellipsoid> ellipsoids,
+                     double blend, double cell) {
+  PALPATE_ASSERT(blend > 0 && cell > 0);
+  TriangleMesh extremes;
+  const auto reach = [&](const Vec3d& centre, const Vec3d& radii) {
+    extremes.vertices.push_back(centre - radii);
+    extremes.vertices.push_back(centre + radii);
+  };
+  for (const RoundCone& c : cones) {
+    reach(c.a, {c.radius_a, c.radius_a, c.radius_a});
+    reach(c.b, {c.radius_b, c.radius_b, c.radius_b});
+  }
+  for (const Ellipsoid& e : ellipsoids) reach(e.centre, e.radii);
+  const Bounds box = bounds(extremes);
+  const double margin = blend + 2 * cell;
+
+  Grid grid{box.low - Vec3d{margin, margin, margin}, cell, {}, {}};
+  for (int axis = 0; axis < 3; ++axis) {
+    grid.nodes[static_cast<std::size_t>(axis)] =
+        static_cast<std::size_t>((box.high[axis] - box.low[axis] + 2 * margin) / cell) + 1;
+  }
+  grid.values.resize(grid.nodes[0] * grid.nodes[1] * grid.nodes[2]);
+  for (std::size_t node = 0; node < grid.values.size(); ++node) {
+    const Vec3d p = grid.position(node);
+    double value = margin;
+    for (const RoundCone& c : cones) value = soft_minimum(value, distance(c, p), blend);
+    for (const Ellipsoid& e : ellipsoids) value = soft_minimum(value, distance(e, p), blend);
+    grid.values[node] = value;
+  }
+  return MarchingTetrahedra(grid).run();
+}
+
+}  // namespace palpate::scenes

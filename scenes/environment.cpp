@@ -1,0 +1,142 @@
+#include "scenes/environment.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "palpate/core/assert.h"
+
+namespace palpate::scenes {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
+
+Plane<double> plane_through(const Vec3d& p, const Vec3d& normal) { return {normal, dot(normal, p)}; }
+
+Plane<double> flipped(const Plane<double>& plane) { return {-plane.normal, -plane.offset}; }
+
+SignedDistance negated(const SignedDistance& d) { return {-d.distance, -d.gradient}; }
+
+double height(const Plane<double>& plane, const Vec3d& p) {
+  return dot(plane.normal, p) - plane.offset;
+}
+
+/// Distance to the convex wedge behind both planes.
+SignedDistance wedge_distance(const Plane<double>& a, const Plane<double>& b, const Vec3d& p) {
+  const double da = height(a, p), db = height(b, p);
+  if (da <= 0 && db <= 0) {
+    return da > db ? SignedDistance{da, a.normal} : SignedDistance{db, b.normal};
+  }
+  // Outside, the nearest point is on a face if the foot of the perpendicular lies on the wedge ...
+  const double c = dot(a.normal, b.normal);
+  if (da > 0 && db - c * da <= 0) return {da, a.normal};
+  if (db > 0 && da - c * db <= 0) return {db, b.normal};
+  // ... and else on the edge. The way there is the combination of both normals with heights da, db.
+  const double s2 = 1 - c * c;
+  const Vec3d from_edge = a.normal * ((da - c * db) / s2) + b.normal * ((db - c * da) / s2);
+  const double distance = norm(from_edge);
+  return {distance, from_edge / distance};
+}
+
+SignedDistance ball_distance(const Vec3d& centre, double radius, const Vec3d& p) {
+  const Vec3d from_centre = p - centre;
+  const double length = norm(from_centre);
+  const Vec3d direction = length > 0 ? from_centre / length : Vec3d{0, 0, -1};
+  return {length - radius, direction};
+}
+
+/// Where a ray from the origin crosses the plane, going into the solid: its part before or after.
+struct Interval {
+  double enter = 0, leave = std::numeric_limits<double>::infinity();
+};
+
+void cut(Interval& ray, const Plane<double>& plane, const Vec3d& direction) {
+  const double speed = dot(plane.normal, direction);
+  const double t = plane.offset / speed;
+  if (speed < 0) {
+    ray.enter = std::max(ray.enter, t);
+  } else if (speed > 0) {
+    ray.leave = std::min(ray.leave, t);
+  } else if (plane.offset < 0) {
+    ray.leave = -1;
+  }
+}
+
+double entry(const Interval& ray) { return ray.enter < ray.leave ? ray.enter : kNever; }
+
+}  // namespace
+
+Environment Environment::wall(double depth) {
+  Environment environment;
+  environment.a = {{0, 0, -1}, -depth};
+  return environment;
+}
+
+Environment Environment::wedge(double depth, double opening) {
+  PALPATE_ASSERT(opening > 0 && opening < 2 * kPi && opening != kPi);
+  const double across = std::cos(opening / 2), along = -std::sin(opening / 2);
+  Environment environment;
+  environment.kind = opening < kPi ? Kind::ridge : Kind::corner;
+  environment.a = plane_through({0, 0, depth}, {across, 0, along});
+  environment.b = plane_through({0, 0, depth}, {-across, 0, along});
+  return environment;
+}
+
+Environment Environment::ball_outside(double depth, double radius) {
+  Environment environment;
+  environment.kind = Kind::ball_outside;
+  environment.centre = {0, 0, depth + radius};
+  environment.radius = radius;
+  return environment;
+}
+
+Environment Environment::ball_inside(double depth, double radius) {
+  Environment environment;
+  environment.kind = Kind::ball_inside;
+  environment.centre = {0, 0, depth - radius};
+  environment.radius = radius;
+  return environment;
+}
+
+SignedDistance signed_distance(const Environment& environment, const Vec3d& p) {
+  const Plane<double>&a = environment.a, &b = environment.b;
+  switch (environment.kind) {
+    case Environment::Kind::half_space: return {height(a, p), a.normal};
+    case Environment::Kind::ridge: return wedge_distance(a, b, p);
+    case Environment::Kind::corner: return negated(wedge_distance(flipped(a), flipped(b), p));
+    case Environment::Kind::ball_outside:
+      return ball_distance(environment.centre, environment.radius, p);
+    case Environment::Kind::ball_inside:
+      return negated(ball_distance(environment.centre, environment.radius, p));
+  }
+  return {};
+}
+
+double first_hit(const Environment& environment, const Vec3d& direction) {
+  Interval first, second;
+  switch (environment.kind) {
+    case Environment::Kind::half_space:
+      cut(first, environment.a, direction);
+      return entry(first);
+    case Environment::Kind::ridge:
+      cut(first, environment.a, direction);
+      cut(first, environment.b, direction);
+      return entry(first);
+    case Environment::Kind::corner:
+      cut(first, environment.a, direction);
+      cut(second, environment.b, direction);
+      return std::fmin(entry(first), entry(second));
+    case Environment::Kind::ball_outside:
+    case Environment::Kind::ball_inside: break;
+  }
+  // |t d - c| = r; the nearer root enters the ball, the farther one leaves it.
+  const double dd = dot(direction, direction), dc = dot(direction, environment.centre);
+  const double cc = dot(environment.centre, environment.centre) - environment.radius * environment.radius;
+  const double discriminant = dc * dc - dd * cc;
+  if (discriminant < 0) return kNever;
+  const double root = std::sqrt(discriminant);
+  const double t =
+      (environment.kind == Environment::Kind::ball_outside ? dc - root : dc + root) / dd;
+  return t > 0 ? t : kNever;
+}
+
+}  // namespace palpate::scenes

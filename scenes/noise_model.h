@@ -1,0 +1,34 @@
+// From exact depth to what a structured-light sensor would deliver.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "scenes/scene.h"
+
+namespace palpate::scenes {
+
+/// Turns images of one size into counts. Owns its buffers.
+class DepthSensor {
+ public:
+  DepthSensor(const NoiseModel& model, const Intrinsics& intrinsics, int width, int height,
+              double unit, std::uint64_t seed);
+
+  /// `depth` in metres, NaN where there is nothing. Every pixel's random numbers are a function of
+  /// seed, frame and pixel alone.
+  void measure(std::span<const float> depth, std::uint64_t frame, std::span<std::uint16_t> counts);
+
+ private:
+  void cast_shadows(std::span<const float> depth);
+  double measure_pixel(std::span<const float> depth, std::uint64_t frame_key, int u, int v) const;
+
+  NoiseModel model_;
+  int width_, height_;
+  double unit_;
+  std::uint64_t seed_;
+  double disparity_;  ///< focal length * baseline: pixels of disparity * metres of depth
+  std::vector<float> lit_;  ///< depth where the projector's light falls, else NaN
+};
+
+}  // namespace palpate::scenes

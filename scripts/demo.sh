@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# The main job, from a generated tool to a report: a stylus feels a simulated hand and, where the
+# developers' data are present, a bottle feels a recorded desk. Everything is written under demo/.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+palpate=build/release/bin/palpate
+data=${PALPATE_DATA:-../shared/data}
+if [ ! -x "$palpate" ]; then
+  echo "demo: $palpate does not exist; run 'make demo' or 'make build' first" >&2
+  exit 1
+fi
+mkdir -p demo
+
+say() { printf '\n== %s\n' "$*"; }
+
+say "A stylus, filled with spheres"
+"$palpate" shape stylus --size 0.12 -o demo/stylus.stl
+"$palpate" pack demo/stylus.stl -o demo/stylus.palp
+
+say "The stylus feels a hand in front of a simulated depth camera"
+"$palpate" touch demo/stylus.palp --scene hand -o demo/hand
+reports=(demo/hand/report.html)
+
+recording=$data/sequences/visp_rbt/depth
+bottle=$data/meshes_good/fuze_bottle.obj
+if [ -d "$recording" ] && [ -f "$bottle" ]; then
+  say "A bottle feels a desk that a real camera recorded"
+  "$palpate" pack "$bottle" -o demo/fuze_bottle.palp
+  "$palpate" touch demo/fuze_bottle.palp --depth-sequence "$recording" \
+    --intrinsics 607.178,607.234,321.391,241.918 -o demo/visp_rbt
+  reports+=(demo/visp_rbt/report.html)
+else
+  say "Skipped: a real recording (no data in '$data'; set PALPATE_DATA to their folder)"
+fi
+
+say "Reports, to open in a browser:"
+for report in "${reports[@]}"; do
+  [ -s "$report" ] || { echo "demo: $report was not written" >&2; exit 1; }
+  echo "  $PWD/$report"
+done

@@ -1,0 +1,97 @@
+#!/usr/bin/env bash
+# Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
+# A second run finds everything in place and needs neither network nor rights.
+#
+# usage: scripts/setup.sh [--peers] [--list]
+#   --peers   also what the benchmark against other libraries needs
+#   --list    only print the names of all packages
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+groups=" build "
+list_only=no
+for argument in "$@"; do
+  case "$argument" in
+    --peers) groups="$groups peers " ;;
+    --list) list_only=yes ;;
+    *)
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--peers] [--list]" >&2
+      exit 2
+      ;;
+  esac
+done
+
+is_installed() {
+  local state
+  state=$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null) && [ "$state" = installed ]
+}
+
+wanted=()
+missing=()
+reasons=()
+while read -r group package reason; do
+  case "$group" in '' | '#'*) continue ;; esac
+  case "$groups" in *" $group "*) ;; *) continue ;; esac
+  wanted+=("$package")
+  if [ "$list_only" = no ] && command -v dpkg-query >/dev/null && ! is_installed "$package"; then
+    missing+=("$package")
+    reasons+=("$reason")
+  fi
+done <scripts/packages.txt
+
+if [ "$list_only" = yes ]; then
+  printf '%s\n' "${wanted[@]}"
+  exit 0
+fi
+
+if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
+  echo "setup: this is not a Debian or Ubuntu machine. Install what corresponds to these packages," >&2
+  echo "setup: then run 'make build':" >&2
+  echo "  ${wanted[*]}" >&2
+  exit 1
+fi
+
+if [ ${#missing[@]} -eq 0 ]; then
+  echo "setup: all ${#wanted[@]} packages are installed"
+  exit 0
+fi
+
+echo "setup: ${#missing[@]} of ${#wanted[@]} packages are missing:"
+for i in "${!missing[@]}"; do
+  printf '  %-22s %s\n' "${missing[$i]}" "${reasons[$i]}"
+done
+
+# Root installs directly; others through sudo, which may ask for a password only if somebody is there.
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  if command -v sudo >/dev/null && { [ -t 0 ] || sudo -n true 2>/dev/null; }; then
+    as_root=(sudo)
+  else
+    echo "setup: installing needs root or sudo, and this account has neither. Ask somebody who has to run" >&2
+    echo "  apt-get update && apt-get install --no-install-recommends ${missing[*]}" >&2
+    echo "setup: and repeat this command afterwards." >&2
+    exit 1
+  fi
+fi
+
+apt() {
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q "$@"
+}
+install_missing() {
+  apt install -y --no-install-recommends "${missing[@]}"
+}
+have_package_lists() {
+  compgen -G '/var/lib/apt/lists/*_Packages*' >/dev/null
+}
+
+# Lists that are absent or too old for the mirror are fetched first.
+have_package_lists || apt update
+if ! install_missing; then
+  echo "setup: trying once more with fresh package lists"
+  apt update
+  if ! install_missing; then
+    echo "setup: apt-get could not install ${missing[*]}: see its message above" >&2
+    exit 1
+  fi
+fi
+echo "setup: done"

@@ -1,0 +1,140 @@
+// The algebra behind the normals: moments of a pixel window, their covariance in camera axes, and its
+// smallest eigenvector. Included by kernel files only.
+//
+// Moments are taken in pixel units around the centre pixel p, not in metres: with
+// r = (du / fx, dv / fy, 0) and the ray a = ((u - cx) / fx, (v - cy) / fy, 1) of p, neighbour q is
+//   q - p = z_q r + (z_q - z_p) a,
+// so the covariance of (du z, dv z, z) and a linear map give that of the points. All terms stay small
+// and single precision suffices at any distance.
+#pragma once
+
+#include "src/core/simd.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+/// Sums over a window of some value times 1, du, dv, du^2, du dv, dv^2.
+struct Moments {
+  VecF s, u, v, uu, uv, vv;
+};
+
+/// The same over one row of it.
+struct RowMoments {
+  VecF s, u, uu;
+};
+
+/// Moments of the weight w, of w t and of w t^2, where t = z - reference (per lane).
+struct WindowSums {
+  Moments w, t, tt;
+  VecF reference;
+};
+
+struct Vector {
+  VecF x, y, z;
+};
+
+struct SymmetricMatrix {
+  VecF xx, xy, xz, yy, yz, zz;
+};
+
+inline Vector operator*(const SymmetricMatrix& c, const Vector& v) {
+  return {c.xx * v.x + c.xy * v.y + c.xz * v.z, c.xy * v.x + c.yy * v.y + c.yz * v.z,
+          c.xz * v.x + c.yz * v.y + c.zz * v.z};
+}
+
+inline SymmetricMatrix blend(VecI mask, const SymmetricMatrix& a, const SymmetricMatrix& b) {
+  return {select(mask, a.xx, b.xx), select(mask, a.xy, b.xy), select(mask, a.xz, b.xz),
+          select(mask, a.yy, b.yy), select(mask, a.yz, b.yz), select(mask, a.zz, b.zz)};
+}
+
+/// What carries pixel units to camera axes at one pixel.
+struct PixelFrame {
+  VecF ray_x, ray_y;      ///< ray = (ray_x, ray_y, 1)
+  float pixel_x, pixel_y;  ///< 1 / fx, 1 / fy
+};
+
+/// A vector in units (pixel z, pixel z, z) in camera axes.
+inline Vector to_camera(const Vector& d, const PixelFrame& frame) {
+  return {d.x * frame.pixel_x + d.z * frame.ray_x, d.y * frame.pixel_y + d.z * frame.ray_y, d.z};
+}
+
+inline Vector mean_of(const WindowSums& sums) {
+  const VecF r = sums.reference;
+  const VecF inverse = 1.0f / sums.w.s;
+  return {(r * sums.w.u + sums.t.u) * inverse, (r * sums.w.v + sums.t.v) * inverse,
+          sums.t.s * inverse};
+}
+
+/// Covariance about `centre`, the mean or zero (zero is p if the reference is the depth of p).
+inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre,
+                                  const PixelFrame& frame) {
+  const VecF r = sums.reference;
+  const VecF inverse = 1.0f / sums.w.s;
+  const VecF xx = (r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse -
+                  centre.x * centre.x;
+  const VecF xy = (r * (r * sums.w.uv + 2.0f * sums.t.uv) + sums.tt.uv) * inverse -
+                  centre.x * centre.y;
+  const VecF yy = (r * (r * sums.w.vv + 2.0f * sums.t.vv) + sums.tt.vv) * inverse -
+                  centre.y * centre.y;
+  const VecF xz = (r * sums.t.u + sums.tt.u) * inverse - centre.x * centre.z;
+  const VecF yz = (r * sums.t.v + sums.tt.v) * inverse - centre.y * centre.z;
+  const VecF zz = sums.tt.s * inverse - centre.z * centre.z;
+
+  const VecF a = frame.ray_x, b = frame.ray_y;
+  const VecF scaled_xz = xz * frame.pixel_x, scaled_yz = yz * frame.pixel_y;
+  const VecF camera_xz = scaled_xz + a * zz, camera_yz = scaled_yz + b * zz;
+  return {xx * (frame.pixel_x * frame.pixel_x) + a * (scaled_xz + camera_xz),
+          xy * (frame.pixel_x * frame.pixel_y) + a * scaled_yz + b * camera_xz,
+          camera_xz,
+          yy * (frame.pixel_y * frame.pixel_y) + b * (scaled_yz + camera_yz),
+          camera_yz,
+          zz};
+}
+
+/// Brings the trace near 1, so that products of elements neither vanish nor overflow. Subtracting
+/// the bits of a positive number from those of 2^127 inverts its exponent.
+inline void scale_to_unit(SymmetricMatrix& c) {
+  const VecI bits = reinterpret_cast<VecI>(c.xx + c.yy + c.zz);
+  const VecF scale = reinterpret_cast<VecF>(0x7f000000 - bits);
+  c = {c.xx * scale, c.xy * scale, c.xz * scale, c.yy * scale, c.yz * scale, c.zz * scale};
+}
+
+/// An eigenvector of the smallest eigenvalue (any length, zero if there is none). The eigenvalue is
+/// the smallest root of the characteristic polynomial x^3 - c2 x^2 + c1 x - c0, whose roots are all
+/// real and not negative: one step of Laguerre's method from 0, which has a short form there, and
+/// one of Newton's come close and never pass it. The adjugate of C - x 1 is then near to a multiple
+/// of n n^T; applied three times, what the steps left is cubed away.
+[[gnu::always_inline]] inline Vector smallest_eigenvector(SymmetricMatrix c) {
+  scale_to_unit(c);
+  const VecF minor_x = c.yy * c.zz - c.yz * c.yz;
+  const VecF minor_y = c.xx * c.zz - c.xz * c.xz;
+  const VecF minor_z = c.xx * c.yy - c.xy * c.xy;
+  const VecF c2 = c.xx + c.yy + c.zz;
+  const VecF c1 = minor_x + minor_y + minor_z;
+  const VecF c0 = c.xx * minor_x + c.xy * (c.xz * c.yz - c.xy * c.zz) +
+                  c.xz * (c.xy * c.yz - c.xz * c.yy);
+  const VecF zero = splat(0.0f);
+  const VecF root = sqrt(max(4.0f * (c1 * c1) - 12.0f * (c0 * c2), zero));
+  VecF x = max(3.0f * c0 / (c1 + root), zero);
+  const VecF slope = (3.0f * x - 2.0f * c2) * x + c1;
+  x -= select(slope > 0.0f, (((x - c2) * x + c1) * x - c0) / slope, zero);
+  c.xx -= x;
+  c.yy -= x;
+  c.zz -= x;
+
+  const SymmetricMatrix adjugate{
+      c.yy * c.zz - c.yz * c.yz, c.xz * c.yz - c.xy * c.zz, c.xy * c.yz - c.xz * c.yy,
+      c.xx * c.zz - c.xz * c.xz, c.xy * c.xz - c.xx * c.yz, c.xx * c.yy - c.xy * c.xy};
+  // Its longest column is the one with the largest diagonal element.
+  const VecI y_beats_x = adjugate.yy > adjugate.xx;
+  const VecI z_beats_both = adjugate.zz > max(adjugate.xx, adjugate.yy);
+  Vector n{select(y_beats_x, adjugate.xy, adjugate.xx),
+           select(y_beats_x, adjugate.yy, adjugate.xy),
+           select(y_beats_x, adjugate.yz, adjugate.xz)};
+  n = {select(z_beats_both, adjugate.xz, n.x), select(z_beats_both, adjugate.yz, n.y),
+       select(z_beats_both, adjugate.zz, n.z)};
+  return adjugate * (adjugate * n);
+}
+
+}  // namespace
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

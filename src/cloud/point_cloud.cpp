@@ -1,0 +1,48 @@
+#include "palpate/cloud/point_cloud.h"
+
+#include <cmath>
+#include <limits>
+
+#include "palpate/core/assert.h"
+
+namespace palpate {
+
+PointCloud::PointCloud(int width, int height, std::optional<Intrinsics> pinhole)
+    : width_(width), height_(height), pinhole_(pinhole) {
+  PALPATE_ASSERT(width >= 0 && height >= 0);
+  constexpr std::size_t kPadding = PointCloudView::kPadding;
+  stride_ = (size() + kPadding - 1) / kPadding * kPadding;
+  data_.assign(6 * stride_, std::numeric_limits<float>::quiet_NaN());
+}
+
+void PointCloud::set(std::size_t i, const Vec3f& p, const Vec3f& n) {
+  PALPATE_ASSERT(i < size());
+  // In double the square of any finite float normal neither overflows nor vanishes.
+  const Vec3d long_n = to_double(n);
+  const double length = norm(long_n);
+  const bool valid = std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z) &&
+                     std::isfinite(length) && length > 0;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const Vec3f unit_n = valid ? to_float(long_n / length) : Vec3f{nan, nan, nan};
+  for (int axis = 0; axis < 3; ++axis) {
+    channel(axis)[i] = valid ? p[axis] : nan;
+    channel(3 + axis)[i] = unit_n[axis];
+  }
+}
+
+PointCloudView PointCloud::view() const {
+  PointCloudView view;
+  view.x = channel(0);
+  view.y = channel(1);
+  view.z = channel(2);
+  view.nx = channel(3);
+  view.ny = channel(4);
+  view.nz = channel(5);
+  view.width = width_;
+  view.height = height_;
+  view.pinhole = pinhole_.has_value();
+  if (pinhole_) view.intrinsics = *pinhole_;
+  return view;
+}
+
+}  // namespace palpate

@@ -1,0 +1,54 @@
+#include "palpate/cloud/surface_estimator.h"
+
+#include "palpate/core/assert.h"
+#include "src/cloud/surface_options.h"
+#include "src/cloud/surface_stages.h"
+
+namespace palpate {
+
+struct SurfaceEstimator::Impl {
+  SurfaceStages stages;
+
+  template <class Depth>
+  SurfaceStats update(const Depth& depth, ThreadPool& pool) {
+    SurfaceStats stats;
+    stats.num_valid = stages.read(depth, pool);
+    stages.filter(pool);
+    stats.num_points = stages.estimate_normals(pool);
+    stages.find_depth_change(pool);
+    return stats;
+  }
+};
+
+SurfaceEstimator::SurfaceEstimator(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+SurfaceEstimator::SurfaceEstimator(SurfaceEstimator&&) noexcept = default;
+SurfaceEstimator& SurfaceEstimator::operator=(SurfaceEstimator&&) noexcept = default;
+SurfaceEstimator::~SurfaceEstimator() = default;
+
+Result<SurfaceEstimator> SurfaceEstimator::create(int width, int height,
+                                                  const Intrinsics& intrinsics,
+                                                  const SurfaceOptions& options, Isa isa) {
+  const Status status = check_surface_settings(width, height, intrinsics, options);
+  if (!status) return status.error();
+  return SurfaceEstimator(
+      std::unique_ptr<Impl>(new Impl{{width, height, intrinsics, options, isa}}));
+}
+
+SurfaceStats SurfaceEstimator::update(const DepthFrame& frame, ThreadPool& pool) {
+  return impl_->update(frame, pool);
+}
+
+SurfaceStats SurfaceEstimator::update(std::span<const float> depth, ThreadPool& pool) {
+  return impl_->update(depth, pool);
+}
+
+PointCloudView SurfaceEstimator::cloud() const { return impl_->stages.cloud().view(); }
+
+std::span<const float> SurfaceEstimator::depth() const { return impl_->stages.depth(); }
+
+std::span<const float> SurfaceEstimator::depth_change(int axis) const {
+  PALPATE_ASSERT(axis >= 0 && axis < 3);
+  return impl_->stages.depth_change(axis);
+}
+
+}  // namespace palpate

@@ -1,0 +1,84 @@
+// What the three stages of surface estimation read and write. Each stage works on strips of whole
+// rows that do not depend on each other, so any number of threads gives the same bits.
+#pragma once
+
+#include <cstddef>
+
+namespace palpate {
+
+/// Inside the room an invalid depth is this large number: it fails every "close enough" test by
+/// itself, and unlike NaN it survives minima and maxima.
+inline constexpr float kNoDepth = 1e9f;
+inline constexpr float kAnyDepth = 1e8f;  ///< valid means depth < kAnyDepth
+
+inline constexpr int kMaxWindowRadius = 7;
+inline constexpr int kStripRows = 16;  ///< rows per task
+
+/// A depth image with a margin of kNoDepth, so that windows and vectors may reach over the border.
+struct PaddedDepth {
+  static constexpr int kMargin = 16;  ///< >= kMaxWindowRadius and >= the widest vector
+
+  const float* pixels = nullptr;  ///< pixel (0, 0)
+  std::ptrdiff_t stride = 0;      ///< floats from row to row
+  int width = 0, height = 0;
+
+  const float* row(int v) const { return pixels + v * stride; }
+};
+
+/// Bilateral filter (eq. 3.12): z_p' = sum w z_q / sum w over the valid q of the window,
+/// w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 s^2)), s = sigma_depth z_p^2.
+/// Invalid pixels stay invalid.
+struct FilterPass {
+  PaddedDepth in;
+  float* out = nullptr;    ///< padded like `in`
+  float* depth = nullptr;  ///< width * height, NaN where invalid
+  int radius = 0;          ///< 0: copy
+  const float* space = nullptr;  ///< -(du^2 + dv^2) / (2 sigma_space^2 ln 2), row-major window
+  float range = 0;               ///< 1 / (2 sigma_depth^2 ln 2)
+};
+
+/// Unprojection and plane fit (eqs. 3.7-3.11). Neighbours of p: the valid pixels q of the window
+/// with |z_q - z_p| <= max_depth_change z_p, p included. No normal if they are fewer than
+/// min_neighbours or all on one line of the image.
+struct NormalPass {
+  PaddedDepth in;
+  float* cloud[6] = {};          ///< x, y, z, nx, ny, nz
+  const float* ray_x = nullptr;  ///< (u - cx) / fx of each column, readable kMargin beyond the last
+  const float* ray_y = nullptr;  ///< (v - cy) / fy of each row
+  float pixel_x = 0, pixel_y = 0;  ///< 1 / fx, 1 / fy
+  int radius = 3;
+  float max_depth_change = 0;
+  float min_neighbours = 0;
+  bool anchoring = false, weighting = false, normalization = false;
+  float weight = 0;  ///< 1 / (2 weight_sigma^2 ln 2)
+};
+
+/// Depth change (eqs. 3.13-3.16 corrected): l = sum max(0, z_q - z_p - min_step) (du, dv, 0) over
+/// the valid ones of the eight neighbours, then l - (l.v) v with v = p / |p|.
+struct DepthChangePass {
+  PaddedDepth in;
+  float* change[3] = {};
+  const float* ray_x = nullptr;
+  const float* ray_y = nullptr;
+  float min_step = 0;
+};
+
+/// Each does rows [row_begin, row_end): one strip.
+struct SurfaceKernels {
+  void (*filter_depth)(const FilterPass&, int row_begin, int row_end);
+  int (*estimate_normals)(const NormalPass&, int row_begin, int row_end);  ///< number of points
+  void (*find_depth_change)(const DepthChangePass&, int row_begin, int row_end);
+};
+
+#define PALPATE_DECLARE_SURFACE_KERNELS(isa)                   \
+  namespace isa {                                              \
+  void filter_depth(const FilterPass&, int, int);              \
+  int estimate_normals(const NormalPass&, int, int);           \
+  void find_depth_change(const DepthChangePass&, int, int);    \
+  }
+PALPATE_DECLARE_SURFACE_KERNELS(isa_baseline)
+PALPATE_DECLARE_SURFACE_KERNELS(isa_avx2)
+PALPATE_DECLARE_SURFACE_KERNELS(isa_avx512)
+#undef PALPATE_DECLARE_SURFACE_KERNELS
+
+}  // namespace palpate

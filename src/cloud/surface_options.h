@@ -1,0 +1,12 @@
+// Which settings of surface estimation are accepted.
+#pragma once
+
+#include "palpate/cloud/surface_estimator.h"
+
+namespace palpate {
+
+/// An error names the first setting that is out of range.
+Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
+                              const SurfaceOptions& options);
+
+}  // namespace palpate

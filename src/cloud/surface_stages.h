@@ -1,0 +1,53 @@
+// The buffers of surface estimation and its stages one by one, for the estimator and the benchmark.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "src/cloud/surface_kernels.h"
+
+namespace palpate {
+
+/// Call the stages in the order read, filter, estimate_normals, find_depth_change. None allocates.
+class SurfaceStages {
+ public:
+  /// Settings as check_surface_settings accepts them.
+  SurfaceStages(int width, int height, const Intrinsics& intrinsics, const SurfaceOptions& options,
+                Isa isa);
+  SurfaceStages(const SurfaceStages&) = delete;  // the passes point into the buffers
+  SurfaceStages& operator=(const SurfaceStages&) = delete;
+
+  /// Depth in metres with kNoDepth for what is no measurement; returns the number of the others.
+  int read(const DepthFrame& frame, ThreadPool& pool);
+  int read(std::span<const float> depth, ThreadPool& pool);
+  void filter(ThreadPool& pool);
+  int estimate_normals(ThreadPool& pool);  ///< returns the number of points
+  void find_depth_change(ThreadPool& pool);
+
+  const PointCloud& cloud() const { return cloud_; }
+  std::span<const float> depth() const { return depth_; }
+  std::span<const float> depth_change(int axis) const { return change_[axis]; }
+  std::size_t num_pixels() const { return depth_.size(); }
+
+ private:
+  template <class ToDepth>
+  int read_pixels(ThreadPool& pool, const ToDepth& to_depth);
+  template <class Task>
+  int sum_over_strips(ThreadPool& pool, const Task& task);
+
+  SurfaceOptions options_;
+  SurfaceKernels kernels_;
+  int width_, height_;
+  std::ptrdiff_t stride_;
+  std::vector<float> raw_, filtered_;  // padded
+  std::vector<float> ray_x_, ray_y_, space_;
+  std::vector<float> depth_, change_[3];
+  std::vector<int> strip_counts_;
+  PointCloud cloud_;
+  FilterPass filter_pass_;
+  NormalPass normal_pass_;
+  DepthChangePass change_pass_;
+};
+
+}  // namespace palpate

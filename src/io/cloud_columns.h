@@ -1,0 +1,33 @@
+// What PLY and PCD files have in common: named columns of numbers, one row per point. Errors are
+// the rest of a sentence that starts with the name of the file.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// The columns asked for, in that order, each width * height long.
+struct CloudColumns {
+  int width = 0, height = 1;
+  std::vector<std::vector<float>> values;
+};
+
+/// Columns of the element "vertex" of a PLY file (text or binary, float or double).
+Result<CloudColumns> read_ply_columns(std::string_view content,
+                                      std::span<const std::string_view> names);
+
+/// Fields of a PCD file (ascii, binary or binary_compressed; float or double).
+Result<CloudColumns> read_pcd_columns(std::string_view content,
+                                      std::span<const std::string_view> names);
+
+/// The error for a column that is not there.
+inline Error missing_column(std::string_view name) {
+  return {Errc::bad_input, "has no '" + std::string(name) + "' of type float or double"};
+}
+
+}  // namespace palpate

@@ -1,0 +1,92 @@
+#include <array>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "palpate/io/atomic_file.h"
+#include "palpate/io/depth_files.h"
+#include "src/io/cloud_columns.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::array<std::string_view, 6> kPlyNames{"x", "y", "z", "nx", "ny", "nz"};
+constexpr std::array<std::string_view, 6> kPcdNames{"x",        "y",        "z",
+                                                    "normal_x", "normal_y", "normal_z"};
+
+Error in_file(const std::filesystem::path& path, const std::string& what) {
+  return {Errc::bad_input, path.string() + " " + what};
+}
+
+bool is_ply(std::string_view content) {
+  return content.starts_with("ply\n") || content.starts_with("ply\r");
+}
+
+bool is_pcd(std::string_view content) {
+  return content.starts_with("# .PCD") || content.starts_with("VERSION");
+}
+
+}  // namespace
+
+Result<PointCloud> load_cloud(const std::filesystem::path& path) {
+  const auto content = read_file(path);
+  if (!content) return content.error();
+  if (!is_ply(*content) && !is_pcd(*content))
+    return in_file(path, "is neither a PLY nor a PCD file; give a cloud in one of these formats");
+  const auto columns = is_ply(*content) ? read_ply_columns(*content, kPlyNames)
+                                        : read_pcd_columns(*content, kPcdNames);
+  if (!columns) {
+    return in_file(path, columns.error().message +
+                             "; a cloud needs x y z and normals (PLY: nx ny nz, PCD: normal_x "
+                             "normal_y normal_z), without normals give a depth image instead");
+  }
+  if (columns->width == 0) return in_file(path, "holds no points; give a cloud that has some");
+  PointCloud cloud(columns->width, columns->height);
+  const auto& v = columns->values;
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    cloud.set(i, {v[0][i], v[1][i], v[2][i]}, {v[3][i], v[4][i], v[5][i]});
+  return cloud;
+}
+
+Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit) {
+  if (!(unit > 0) || !std::isfinite(unit))
+    return Error{Errc::invalid_argument, "the depth unit must be positive metres per count"};
+  const auto content = read_file(path);
+  if (!content) return content.error();
+  if (!is_pcd(*content)) return in_file(path, "is not a PCD file; give one");
+  const auto columns = read_pcd_columns(*content, std::span(kPcdNames).subspan(2, 1));
+  if (!columns) return in_file(path, columns.error().message + "; give an organised PCD file");
+  if (columns->height < 2)
+    return in_file(path, "is not organised like an image (HEIGHT 1); give an organised PCD file");
+  if (columns->width > kMaxImageWidth || columns->height > kMaxImageHeight)
+    return in_file(path, "is larger than 4096 x 4096 points; give a smaller image");
+  DepthFrame frame{columns->width, columns->height, unit, {}, 0};
+  frame.pixels.reserve(columns->values[0].size());
+  for (const float z : columns->values[0]) {
+    const double count = std::round(double(z) / unit);
+    const bool measured = count > 0 && count < 65535;  // false for NaN
+    frame.pixels.push_back(measured ? static_cast<std::uint16_t>(count) : std::uint16_t(0));
+  }
+  return frame;
+}
+
+Status save_cloud_ply(const PointCloudView& cloud, const std::filesystem::path& path) {
+  static_assert(std::endian::native == std::endian::little, "written as little endian");
+  std::size_t num_valid = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) num_valid += !std::isnan(cloud.x[i]);
+  std::string text =
+      "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(num_valid) + "\n";
+  for (const std::string_view name : kPlyNames)
+    text.append("property float ").append(name).append("\n");
+  text += "end_header\n";
+  text.reserve(text.size() + num_valid * kPlyNames.size() * sizeof(float));
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (std::isnan(cloud.x[i])) continue;
+    const std::array<float, 6> row{cloud.x[i],  cloud.y[i],  cloud.z[i],
+                                   cloud.nx[i], cloud.ny[i], cloud.nz[i]};
+    text.append(reinterpret_cast<const char*>(row.data()), sizeof(row));
+  }
+  return write_file_atomically(path, text);
+}
+
+}  // namespace palpate

@@ -1,0 +1,200 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate/io/atomic_file.h"
+#include "palpate/io/depth_files.h"
+#include "src/io/text_scanner.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Entry {
+  double time = 0;
+  fs::path path;
+};
+
+Error bad(const fs::path& path, const std::string& what) {
+  return {Errc::bad_input, path.string() + " " + what};
+}
+
+/// "frame2" before "frame10": runs of digits compare as numbers, then everything as text.
+bool natural_less(const std::string& a, const std::string& b) {
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  std::size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (!is_digit(a[i]) || !is_digit(b[j])) {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i;
+      ++j;
+      continue;
+    }
+    const auto take_digits = [&](const std::string& text, std::size_t& at) {
+      while (at < text.size() && text[at] == '0') ++at;
+      const std::size_t first = at;
+      while (at < text.size() && is_digit(text[at])) ++at;
+      return std::string_view(text).substr(first, at - first);
+    };
+    const std::string_view m = take_digits(a, i), n = take_digits(b, j);
+    if (m.size() != n.size()) return m.size() < n.size();
+    if (m != n) return m < n;
+  }
+  if ((i < a.size()) != (j < b.size())) return j < b.size();
+  return a < b;
+}
+
+/// Lines "timestamp path" relative to the folder, as the TUM RGB-D benchmark has them.
+Result<std::vector<Entry>> read_tum_list(const fs::path& list) {
+  const auto content = read_file(list);
+  if (!content) return content.error();
+  std::vector<Entry> entries;
+  std::string_view rest = *content;
+  for (int line_number = 1; !rest.empty(); ++line_number) {
+    std::string_view line = take_line(rest);
+    const std::string_view stamp = take_word(line), name = take_word(line);
+    if (stamp.empty() || stamp.starts_with('#')) continue;
+    const std::string where = "line " + std::to_string(line_number);
+    const auto time = parse_number<double>(stamp);
+    if (!time || !std::isfinite(*time) || name.empty() || !take_word(line).empty())
+      return bad(list, where + " is not 'timestamp path'; correct it");
+    if (!entries.empty() && *time <= entries.back().time)
+      return bad(list, where + " does not come after the line before in time; sort the list");
+    entries.push_back({*time, list.parent_path() / fs::path(std::string(name))});
+  }
+  return entries;
+}
+
+Result<std::vector<Entry>> list_pngs(const fs::path& folder, double rate) {
+  std::error_code error;
+  std::vector<Entry> entries;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const fs::path& path = it->path();
+    if (path.extension() == ".png" || path.extension() == ".PNG") entries.push_back({0, path});
+  }
+  if (error)
+    return Error{Errc::io_failure, "cannot list " + folder.string() + ": " + error.message() +
+                                       "; check its permissions"};
+  std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+    return natural_less(a.path.filename().string(), b.path.filename().string());
+  });
+  for (std::size_t k = 0; k < entries.size(); ++k) entries[k].time = static_cast<double>(k) / rate;
+  return entries;
+}
+
+struct ImageSize {
+  std::uint32_t width = 0, height = 0;
+
+  friend bool operator==(const ImageSize&, const ImageSize&) = default;
+};
+
+/// From the first bytes of a PNG: signature, length and name of the chunk IHDR, width, height, bits
+/// per channel, colour type.
+Result<ImageSize> read_size(const fs::path& path) {
+  constexpr std::string_view kStart("\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", 16);
+  constexpr std::string_view kGrey16("\x10\0", 2);
+  std::array<char, 26> bytes{};
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored))
+    return Error{Errc::not_found, "no such frame: " + path.string() + "; check the list"};
+  std::ifstream file(path, std::ios::binary);
+  file.read(bytes.data(), bytes.size());
+  const std::string_view header(bytes.data(), static_cast<std::size_t>(file.gcount()));
+  if (header.size() < bytes.size() || !header.starts_with(kStart) || !header.ends_with(kGrey16))
+    return bad(path, "is not a 16-bit greyscale PNG; save depth with 16 bits and one channel");
+  const auto big_endian = [&](std::size_t at) {
+    std::uint32_t value = 0;
+    for (std::size_t k = at; k < at + 4; ++k)
+      value = value << 8 | static_cast<unsigned char>(header[k]);
+    return value;
+  };
+  const ImageSize size{big_endian(16), big_endian(20)};
+  if (size.width < 1 || size.height < 1 || size.width > kMaxImageWidth ||
+      size.height > kMaxImageHeight)
+    return bad(path, "has no pixels or more than 4096 x 4096; give another image");
+  return size;
+}
+
+class FolderSource : public DepthSource {
+ public:
+  FolderSource(std::vector<Entry> entries, DepthStreamInfo info)
+      : entries_(std::move(entries)), info_(std::move(info)) {}
+
+  const DepthStreamInfo& info() const override { return info_; }
+
+  Result<bool> next(DepthFrame& frame) override {
+    if (next_ == entries_.size()) return false;
+    const Entry& entry = entries_[next_++];
+    auto loaded = load_depth_png(entry.path, info_.unit);
+    if (!loaded) return loaded.error();
+    if (loaded->width != info_.width || loaded->height != info_.height)
+      return bad(entry.path, "has changed its size since the folder was opened; open it again");
+    frame = *std::move(loaded);
+    frame.timestamp = entry.time;
+    return true;
+  }
+
+ private:
+  std::vector<Entry> entries_;
+  DepthStreamInfo info_;
+  std::size_t next_ = 0;
+};
+
+std::optional<Error> check(const DepthFolderOptions& options) {
+  const auto positive = [](double value) { return value > 0 && std::isfinite(value); };
+  const Intrinsics& camera = options.intrinsics;
+  if (positive(options.unit) && positive(options.rate) && positive(camera.fx) &&
+      positive(camera.fy) && std::isfinite(camera.cx) && std::isfinite(camera.cy))
+    return std::nullopt;
+  return Error{Errc::invalid_argument,
+               "a depth folder needs a positive unit, rate, fx and fy; give the camera's "
+               "intrinsics in pixels"};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
+                                                       const DepthFolderOptions& options) {
+  if (auto error = check(options)) return *std::move(error);
+  std::error_code ignored;
+  if (!fs::is_directory(folder, ignored))
+    return Error{Errc::not_found, "no such folder: " + folder.string() + "; check its name"};
+  const bool is_tum = fs::exists(folder / "depth.txt", ignored);
+  auto entries = is_tum ? read_tum_list(folder / "depth.txt") : list_pngs(folder, options.rate);
+  if (entries && entries->empty() && !is_tum && fs::is_directory(folder / "depth", ignored))
+    entries = list_pngs(folder / "depth", options.rate);
+  if (!entries) return entries.error();
+  if (entries->empty())
+    return bad(folder, "holds no depth frames; give a folder with 16-bit PNGs or a depth.txt");
+
+  const auto size = read_size(entries->front().path);
+  if (!size) return size.error();
+  for (const Entry& entry : *entries) {
+    const auto other = read_size(entry.path);
+    if (!other) return other.error();
+    if (!(*other == *size))
+      return bad(entry.path, "is not of the same size as " + entries->front().path.string() +
+                                 "; put only frames of one camera into a folder");
+  }
+  DepthStreamInfo info{static_cast<int>(size->width),
+                       static_cast<int>(size->height),
+                       options.intrinsics,
+                       options.unit,
+                       options.rate,
+                       static_cast<int>(entries->size()),
+                       folder.string()};
+  if (is_tum && entries->size() > 1)
+    info.rate =
+        static_cast<double>(entries->size() - 1) / (entries->back().time - entries->front().time);
+  return std::unique_ptr<DepthSource>(
+      std::make_unique<FolderSource>(*std::move(entries), std::move(info)));
+}
+
+}  // namespace palpate

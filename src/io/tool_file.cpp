@@ -1,0 +1,233 @@
+// Layout, all little endian, every section at a multiple of 8 bytes:
+//   header          magic, format version, number of sections, length of the file
+//   section table   per section: name, element size, offset, number of elements
+//   sections        vertices, triangles, spheres, facts, edges, source
+//   checksum        XXH3-64 of everything before it
+#include "palpate/io/tool_file.h"
+
+#include <xxhash.h>
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <type_traits>
+#include <utility>
+
+#include "palpate/io/atomic_file.h"
+
+namespace palpate {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "tool files are little endian");
+
+constexpr std::array<char, 8> kMagic{'\x89', 'P', 'A', 'L', 'P', '\r', '\n', '\x1a'};
+constexpr std::uint32_t kVersion = 1;
+constexpr std::size_t kAlignment = 8;
+constexpr std::size_t kMaxSource = std::size_t(1) << 20;
+
+struct Header {
+  std::array<char, 8> magic = kMagic;
+  std::uint32_t version = kVersion;
+  std::uint32_t num_sections = 0;
+  std::uint64_t file_bytes = 0;
+};
+
+enum class SectionName : std::uint32_t { vertices = 1, triangles, spheres, facts, edges, source };
+constexpr std::uint32_t kNumSections = 6;
+
+struct Section {
+  SectionName name{};
+  std::uint32_t element_bytes = 0;
+  std::uint64_t offset = 0, num_elements = 0;
+};
+
+struct Facts {
+  double mesh_volume = 0;
+  std::uint32_t stop = 0;
+  std::uint32_t num_bridges = 0;
+  std::uint32_t num_components_before_bridging = 0;
+  std::uint32_t reserved = 0;
+};
+
+using Checksum = std::uint64_t;
+using StoredEdge = std::array<std::uint32_t, 2>;
+using StoredTriangle = std::array<std::uint32_t, 3>;
+
+// What is copied byte by byte has no holes.
+static_assert(sizeof(Header) == 24 && sizeof(Section) == 24 && sizeof(Facts) == 24);
+static_assert(sizeof(Vec3d) == 24 && sizeof(Sphere) == 16 && sizeof(StoredTriangle) == 12);
+
+class Writer {
+ public:
+  Writer() : content_(sizeof(Header) + kNumSections * sizeof(Section), '\0') {}
+
+  template <class T>
+  void add(SectionName name, const T* elements, std::size_t count) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    pad();
+    sections_[num_added_++] = {name, sizeof(T), content_.size(), count};
+    if (count > 0) content_.append(reinterpret_cast<const char*>(elements), count * sizeof(T));
+  }
+
+  std::string finish() {
+    pad();
+    const Header header{.num_sections = kNumSections,
+                        .file_bytes = content_.size() + sizeof(Checksum)};
+    std::memcpy(content_.data(), &header, sizeof(header));
+    std::memcpy(content_.data() + sizeof(header), sections_.data(), sizeof(sections_));
+    const Checksum checksum = XXH3_64bits(content_.data(), content_.size());
+    content_.append(reinterpret_cast<const char*>(&checksum), sizeof(checksum));
+    return std::move(content_);
+  }
+
+ private:
+  void pad() { content_.resize((content_.size() + kAlignment - 1) / kAlignment * kAlignment); }
+
+  std::string content_;
+  std::array<Section, kNumSections> sections_;
+  std::size_t num_added_ = 0;
+};
+
+class Reader {
+ public:
+  explicit Reader(std::string_view content) : content_(content) {}
+
+  /// Magic, version, length and checksum: afterwards the file is what a program has written.
+  std::optional<std::string> check_whole() {
+    if (content_.size() < sizeof(kMagic) ||
+        std::memcmp(content_.data(), kMagic.data(), sizeof(kMagic)) != 0)
+      return "is not a tool file; make one with 'palpate pack'";
+    if (content_.size() < sizeof(Header) + sizeof(Checksum)) return truncated();
+    std::memcpy(&header_, content_.data(), sizeof(header_));
+    if (header_.version > kVersion)
+      return "has format version " + std::to_string(header_.version) +
+             ", this program reads up to " + std::to_string(kVersion) + "; use a newer program";
+    if (header_.version == 0) return damaged("its version is 0");
+    if (content_.size() < header_.file_bytes) return truncated();
+    if (content_.size() > header_.file_bytes) return damaged("bytes follow its end");
+    const std::size_t body_bytes = content_.size() - sizeof(Checksum);
+    Checksum checksum;
+    std::memcpy(&checksum, content_.data() + body_bytes, sizeof(checksum));
+    if (checksum != XXH3_64bits(content_.data(), body_bytes))
+      return damaged("its checksum does not match");
+    if (header_.num_sections > (body_bytes - sizeof(Header)) / sizeof(Section))
+      return damaged("it has no room for its sections");
+    return std::nullopt;
+  }
+
+  /// All elements of a section; nullopt if it is missing, stored twice, or outside of the file.
+  template <class T>
+  std::optional<std::vector<T>> take(SectionName name) const {
+    std::optional<Section> found;
+    for (std::uint32_t i = 0; i < header_.num_sections; ++i) {
+      Section section;
+      std::memcpy(&section, content_.data() + sizeof(Header) + i * sizeof(Section),
+                  sizeof(section));
+      if (section.name != name) continue;
+      if (found) return std::nullopt;
+      found = section;
+    }
+    const std::size_t body_bytes = content_.size() - sizeof(Checksum);
+    if (!found || found->element_bytes != sizeof(T) || found->offset > body_bytes ||
+        found->num_elements > (body_bytes - found->offset) / sizeof(T))
+      return std::nullopt;
+    std::vector<T> elements(found->num_elements);
+    if (!elements.empty())
+      std::memcpy(elements.data(), content_.data() + found->offset, elements.size() * sizeof(T));
+    return elements;
+  }
+
+  static std::string damaged(const std::string& how) {
+    return "is damaged: " + how + "; copy it again or pack the mesh again";
+  }
+
+ private:
+  static std::string truncated() { return "is truncated; copy it again or pack the mesh again"; }
+
+  std::string_view content_;
+  Header header_;
+};
+
+/// The edges as (a, b) with a < b < num_spheres, strictly ascending; nullopt otherwise.
+std::optional<std::vector<std::pair<int, int>>> checked_edges(const std::vector<StoredEdge>& stored,
+                                                              std::size_t num_spheres) {
+  std::vector<std::pair<int, int>> edges;
+  edges.reserve(stored.size());
+  for (std::size_t i = 0; i < stored.size(); ++i) {
+    const auto [a, b] = stored[i];
+    if (a >= b || b >= num_spheres || (i > 0 && !(stored[i - 1] < stored[i]))) return std::nullopt;
+    edges.emplace_back(static_cast<int>(a), static_cast<int>(b));
+  }
+  return edges;
+}
+
+Result<Tool> parse_tool(std::string_view content) {
+  const auto bad = [](std::string message) { return Error{Errc::bad_input, std::move(message)}; };
+  Reader reader(content);
+  if (auto trouble = reader.check_whole()) return bad(*trouble);
+  auto vertices = reader.take<Vec3d>(SectionName::vertices);
+  auto triangles = reader.take<StoredTriangle>(SectionName::triangles);
+  auto spheres = reader.take<Sphere>(SectionName::spheres);
+  const auto facts = reader.take<Facts>(SectionName::facts);
+  const auto stored_edges = reader.take<StoredEdge>(SectionName::edges);
+  const auto source = reader.take<char>(SectionName::source);
+  if (!vertices || !triangles || !spheres || !facts || !stored_edges || !source)
+    return bad(Reader::damaged("a section is missing or does not fit"));
+  if (facts->size() != 1 || source->size() > kMaxSource)
+    return bad(Reader::damaged("a section has the wrong size"));
+
+  const Facts& fact = facts->front();
+  if (fact.stop > static_cast<std::uint32_t>(PackStop::exhausted) || fact.reserved != 0 ||
+      fact.num_bridges > stored_edges->size() ||
+      std::uint64_t(fact.num_bridges) + 1 != fact.num_components_before_bridging ||
+      fact.num_components_before_bridging > spheres->size())
+    return bad(Reader::damaged("its facts are out of range"));
+  const auto edges = checked_edges(*stored_edges, spheres->size());
+  if (!edges) return bad(Reader::damaged("its edges are out of range"));
+
+  LeafGraph graph(*spheres, *edges, static_cast<int>(fact.num_bridges),
+                  static_cast<int>(fact.num_components_before_bridging));
+  SpherePacking packing{std::move(*spheres), fact.mesh_volume, static_cast<PackStop>(fact.stop)};
+  auto tool = Tool::restore({std::move(*vertices), std::move(*triangles)}, std::move(packing),
+                            std::move(graph), std::string(source->begin(), source->end()));
+  if (!tool) return bad("holds a bad tool: " + tool.error().message);
+  return tool;
+}
+
+}  // namespace
+
+Status save_tool(const Tool& tool, const std::filesystem::path& path) {
+  if (tool.source().size() > kMaxSource)
+    return Error{Errc::invalid_argument,
+                 "cannot write " + path.string() + ": the name of its source is longer than 1 MiB"};
+  const TriangleMesh& mesh = tool.mesh();
+  const LeafGraph& graph = tool.graph();
+  std::vector<StoredEdge> edges;
+  edges.reserve(static_cast<std::size_t>(graph.num_edges()));
+  for (const auto& [a, b] : graph.edges())
+    edges.push_back({static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b)});
+  const Facts facts{tool.packing().mesh_volume, static_cast<std::uint32_t>(tool.packing().stop),
+                    static_cast<std::uint32_t>(graph.num_bridges()),
+                    static_cast<std::uint32_t>(graph.num_components_before_bridging())};
+
+  Writer writer;
+  writer.add(SectionName::vertices, mesh.vertices.data(), mesh.vertices.size());
+  writer.add(SectionName::triangles, mesh.triangles.data(), mesh.triangles.size());
+  writer.add(SectionName::spheres, tool.spheres().data(), tool.spheres().size());
+  writer.add(SectionName::facts, &facts, 1);
+  writer.add(SectionName::edges, edges.data(), edges.size());
+  writer.add(SectionName::source, tool.source().data(), tool.source().size());
+  return write_file_atomically(path, writer.finish());
+}
+
+Result<Tool> load_tool(const std::filesystem::path& path) {
+  const auto content = read_file(path);
+  if (!content) return content.error();
+  auto tool = parse_tool(*content);
+  if (!tool) return Error{tool.error().code, path.string() + " " + tool.error().message};
+  return tool;
+}
+
+}  // namespace palpate

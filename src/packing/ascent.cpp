@@ -1,0 +1,141 @@
+#include "src/packing/ascent.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+constexpr int kMaxSteps = 32;
+constexpr int kMaxMeetings = 64;
+constexpr double kEnough = 0.5;  // of the promised gain
+
+// Half side of the box one step may move in, as fraction of the clearance. Below 1/sqrt(3) the new
+// centre lies in the old ball, so no step can jump through a wall.
+constexpr double kStep = 0.5;
+
+// An obstacle farther than this times the clearance cannot matter within one step.
+constexpr double kHorizon = 1 + 2 * 1.7320508075688773 * kStep;
+
+// Gains, as fraction of the radius: one that is not worth a step, and one after which convergence
+// makes another step pointless.
+constexpr double kNoGain = 1e-7;
+constexpr double kLastGain = 1e-4;
+
+}  // namespace
+
+double FreeSpace::clearance(const Vec3d& p, double reach) const {
+  const double free = spheres.clearance(p, reach);
+  if (free <= 0) return free;
+  return std::min(free, mesh.closest(p, free).distance);
+}
+
+bool FreeSpace::gather(const Vec3d& p, double clearance, double reach, std::size_t limit,
+                       Obstacles& obstacles) const {
+  obstacles.centre = p;
+  double excess = reach - clearance;
+  for (int attempt = 0; attempt < 8; ++attempt, excess *= 0.4) {
+    obstacles.reach = clearance + excess;
+    obstacles.spheres.clear();
+    obstacles.triangles.clear();
+    if (mesh.gather(p, obstacles.reach, limit, obstacles.triangles) &&
+        spheres.gather(p, obstacles.reach, limit, obstacles.spheres)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+double Ascent::measure(const Obstacles& obstacles, const Vec3d& p) {
+  distance_.clear();
+  away_.clear();
+  double least = std::numeric_limits<double>::infinity();
+  const auto add = [&](const Vec3d& from, double radius) {
+    const Vec3d v = p - from;
+    const double length = norm(v), distance = length - radius;
+    distance_.push_back(distance);
+    away_.push_back(v * (1 / length));
+    least = std::min(least, distance);
+  };
+  for (const Sphere& s : obstacles.spheres) add(to_double(s.centre), s.radius);
+  for (int t : obstacles.triangles) add(closest_point(space_.mesh.triangle(t), p), 0);
+  return least;
+}
+
+// Returns false when the ball has grown out of the reach of the obstacles.
+bool Ascent::climb_within(const Obstacles& obstacles, Ball& ball) {
+  ball.radius = measure(obstacles, ball.centre);
+  for (int step = 0; step < kMaxSteps; ++step) {
+    if (ball.radius >= space_.max_radius || !(ball.radius > 0)) return true;
+    constraints_.clear();
+    const double horizon = kHorizon * ball.radius;
+    for (std::size_t i = 0; i < distance_.size(); ++i) {
+      if (distance_[i] <= horizon) constraints_.add(away_[i], distance_[i]);
+    }
+    const LinearOptimum best = solve_linear_program(constraints_, kStep * ball.radius);
+    const double gain = best.t - ball.radius;
+    if (gain <= kNoGain * ball.radius) return true;
+    const Vec3d centre = ball.centre + best.d;
+    const double known = obstacles.reach - norm(centre - obstacles.centre);
+    const double radius = measure(obstacles, centre);
+    if (radius > known) {
+      if (known <= ball.radius) return false;
+      ball = {centre, known};
+      return false;
+    }
+    if (radius <= ball.radius) return true;
+    ball = {centre, radius};
+    if (gain <= kLastGain * radius) return true;
+  }
+  return true;
+}
+
+// Only the obstacles that were ever in the way take part: whenever a step falls short of what the
+// linear program promised, the obstacle it met joins them.
+Ball Ascent::climb(const Vec3d& start, double reach) {
+  obstacles_.spheres.clear();
+  obstacles_.triangles.clear();
+  Ball ball{start, meet(start, reach)};
+  for (int step = 0; step < kMaxMeetings; ++step) {
+    if (ball.radius >= space_.max_radius || !(ball.radius > 0)) break;
+    measure(obstacles_, ball.centre);
+    constraints_.clear();
+    for (std::size_t i = 0; i < distance_.size(); ++i) constraints_.add(away_[i], distance_[i]);
+    const LinearOptimum best = solve_linear_program(constraints_, kStep * ball.radius);
+    const double gain = best.t - ball.radius;
+    if (gain <= kNoGain * ball.radius) break;
+    const Vec3d centre = ball.centre + best.d;
+    const double radius = meet(centre, std::numeric_limits<double>::max());
+    if (radius < ball.radius + kEnough * gain) continue;
+    ball = {centre, radius};
+    if (gain <= kLastGain * radius) break;
+  }
+  ball.radius = std::min(ball.radius, space_.max_radius);
+  return ball;
+}
+
+// The clearance of p; the obstacle that limits it joins obstacles_.
+double Ascent::meet(const Vec3d& p, double reach) {
+  Sphere sphere;
+  const double free = space_.spheres.nearest(p, reach, sphere);
+  if (free <= 0) return free;
+  const auto closest = space_.mesh.closest(p, free);
+  if (closest.triangle >= 0) {
+    obstacles_.triangles.push_back(closest.triangle);
+    return closest.distance;
+  }
+  if (sphere.radius > 0) obstacles_.spheres.push_back(sphere);
+  return free;
+}
+
+Ball Ascent::climb(const Vec3d& start, const Obstacles& obstacles) {
+  Ball ball{start, 0};
+  if (climb_within(obstacles, ball)) {
+    ball.radius = std::min(ball.radius, space_.max_radius);
+    return ball;
+  }
+  return climb(ball.centre, std::numeric_limits<double>::max());
+}
+
+}  // namespace palpate

@@ -1,0 +1,144 @@
+#include "src/session/report_pictures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "src/session/scene_picture.h"
+#include "src/session/svg_plot.h"
+
+namespace palpate {
+namespace {
+
+std::string svg_line(const char* css_class, double x1, double y1, double x2, double y2) {
+  char text[160];
+  std::snprintf(text, sizeof text, "<line class='%s' x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f'/>",
+                css_class, x1, y1, x2, y2);
+  return text;
+}
+
+std::string svg_text(double x, double y, const char* anchor, const std::string& content) {
+  char text[120];
+  std::snprintf(text, sizeof text, "<text x='%.1f' y='%.1f' text-anchor='%s'>", x, y, anchor);
+  return text + escape_html(content) + "</text>";
+}
+
+/// A line with a head at its end, legible on any ground.
+std::string svg_arrow(double x1, double y1, double x2, double y2) {
+  const double length = std::hypot(x2 - x1, y2 - y1);
+  const double ex = (x2 - x1) / length, ey = (y2 - y1) / length;
+  char head[200];
+  std::snprintf(head, sizeof head, "<path class='ink-fill' d='M%.1f %.1fL%.1f %.1fL%.1f %.1fz'/>",
+                x2 + 4 * ex, y2 + 4 * ey, x2 - 11 * ex - 7 * ey, y2 - 11 * ey + 7 * ex,
+                x2 - 11 * ex + 7 * ey, y2 - 11 * ey - 7 * ex);
+  const double xs = x2 - 8 * ex, ys = y2 - 8 * ey;
+  return svg_line("halo-line", x1, y1, xs, ys) + svg_line("ink", x1, y1, xs, ys) + head;
+}
+
+/// A round length whose bar is between a tenth and a quarter of the picture wide.
+std::string scale_bar(const View& view, double pixels_per_metre) {
+  double length = std::pow(10.0, std::floor(std::log10(0.25 * view.width / pixels_per_metre)));
+  for (const double factor : {5.0, 2.0}) {
+    if (length * factor * pixels_per_metre <= 0.25 * view.width) {
+      length *= factor;
+      break;
+    }
+  }
+  const double x = 18, y = view.height - 18, end = x + length * pixels_per_metre;
+  return svg_line("halo-line", x, y, end, y) + svg_line("ink", x, y, end, y) +
+         svg_text(x, y - 10, "start",
+                  length < 0.01 ? short_number(length * 1000) + " mm"
+                                : short_number(length * 100) + " cm");
+}
+
+/// The two axes of the picture, as a small cross of arrows in the lower right corner.
+std::string axes(const View& view, const char* to_the_right, const char* vertical,
+                 bool vertical_up) {
+  const double x = view.width - 92, y = view.height - (vertical_up ? 24 : 84);
+  const double tip = y + (vertical_up ? -52 : 52);
+  return svg_arrow(x, y, x + 52, y) + svg_arrow(x, y, x, tip) +
+         svg_text(x + 64, y + 6, "start", to_the_right) +
+         svg_text(x - 10, tip + 6, "end", vertical);
+}
+
+/// The force at the centre of mass, one tool radius long if it lies in the picture's plane.
+std::string force_arrow(const View& view, const Vec3d& C_W, const Vec3d& force_W, double radius) {
+  const Vec3d tip_W = C_W + normalized(force_W) * (1.2 * radius);
+  const ScreenPoint from = view.to_screen(C_W), to = view.to_screen(tip_W);
+  if (std::hypot(to.x - from.x, to.y - from.y) < 24) return {};
+  return svg_arrow(from.x, from.y, to.x, to.y) + svg_text(to.x + 10, to.y + 18, "start", "F");
+}
+
+/// Radius of the tool about its centre of mass.
+double tool_radius(const Tool& tool) {
+  double radius = 0;
+  for (const Sphere& s : tool.spheres()) {
+    radius = std::max(radius, norm(to_double(s.centre) - tool.sphere_mass().centre_of_mass) +
+                                  static_cast<double>(s.radius));
+  }
+  return radius;
+}
+
+}  // namespace
+
+Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
+  const TickRecord& tick = log.ticks[log.deepest_tick];
+  auto session = Session::create(tool, log.stream, log.settings);
+  if (!session) return session.error();
+  session->take_frame(log.deepest_frame, 0);
+  session->tick(tick.time, tick.X_WT);
+  const PointCloudView cloud = session->surface().cloud();
+  const auto states = session->query().states();
+
+  const Vec3d C_W = tick.X_WT * tool.sphere_mass().centre_of_mass;
+  const double radius = tool_radius(tool);
+  const bool finite =
+      (tick.penetration.status & static_cast<std::uint32_t>(StepStatus::non_finite_pose)) == 0;
+  if (!finite || !(C_W.z > 0.01)) {
+    return std::string(
+        "<h2>The deepest moment</h2><p>The tool was not in front of the camera.</p>");
+  }
+  const std::string slab = short_number(radius * 200, 2) + " cm";
+  struct Panel {
+    View view;
+    std::string overlay, caption;
+  };
+  const View camera = camera_view(C_W, radius), above = birds_eye_view(C_W, radius),
+             side = side_view(C_W, radius);
+  const Panel panels[] = {
+      {camera, axes(camera, "x", "y", false),
+       "As the depth camera sees it, enlarged. The surface is a veil: spheres behind it shine "
+       "through. The scale holds at the tool's centre."},
+      {above, axes(above, "x", "z", true),
+       "From above, without perspective; the camera is below the picture. Only a slice of the "
+       "surface is drawn, " +
+           slab + " thick, around the tool's centre."},
+      {side, axes(side, "z", "y", false),
+       "From the side, without perspective; the camera is to the left of the picture. The same "
+       "kind of slice."}};
+  const bool contact = tick.penetration.volume > 0;
+  std::string html = contact
+                         ? "<h2>The deepest moment, at " + short_number(tick.time) + " s</h2>"
+                         : "<h2>The tool never touched the surface</h2><p>The pictures show the "
+                           "start.</p>";
+  html += "<div class='pictures'>\n";
+  for (const Panel& panel : panels) {
+    const View& view = panel.view;
+    char open[120];
+    std::snprintf(open, sizeof open, "<svg viewBox='0 0 %d %d'>", view.width, view.height);
+    html += "<figure><div class='picture'><img alt='' src='data:image/png;base64," +
+            base64(draw_scene_png(view, cloud, tool.spheres(), states, tick.X_WT)) + "'>" + open +
+            scale_bar(view, view.to_screen(C_W).pixels_per_metre) + panel.overlay;
+    if (contact) html += force_arrow(view, C_W, tick.penetration.measure_W.force, radius);
+    html += "</svg></div><figcaption>" + panel.caption + "</figcaption></figure>\n";
+  }
+  html +=
+      "</div><div class='key'>"
+      "<span><i style='background:#296beb'></i>inside: behind the surface</span>"
+      "<span><i style='background:#9e38cc'></i>boundary: holds points of the surface</span>"
+      "<span><i style='background:#e03d33'></i>outside: free</span>";
+  if (contact) html += "<span>F: direction of the force on the tool</span>";
+  return html + "</div>\n";
+}
+
+}  // namespace palpate

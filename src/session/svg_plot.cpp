@@ -1,0 +1,300 @@
+#include "src/session/svg_plot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+// The picture, in its own units; the page scales it.
+constexpr double kWidth = 900, kHeight = 250;
+constexpr double kLeft = 66, kRight = 66, kTop = 26, kBottom = 40;
+constexpr double kPlotWidth = kWidth - kLeft - kRight, kPlotHeight = kHeight - kTop - kBottom;
+
+__attribute__((format(printf, 2, 3))) void append(std::string& svg, const char* format, ...) {
+  char buffer[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(buffer, sizeof buffer, format, arguments);
+  va_end(arguments);
+  svg += buffer;
+}
+
+void append_text(std::string& svg, double x, double y, const char* anchor, const std::string& text,
+                 const char* css_class = "label") {
+  append(svg, "<text class='%s' x='%.1f' y='%.1f' text-anchor='%s'>", css_class, x, y, anchor);
+  svg += escape_html(text) + "</text>";
+}
+
+void append_line(std::string& svg, const char* css_class, double x1, double y1, double x2,
+                 double y2) {
+  append(svg, "<line class='%s' x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f'/>", css_class, x1, y1, x2,
+         y2);
+}
+
+void append_side_label(std::string& svg, double x, const std::string& text) {
+  append(svg,
+         "<text class='label' text-anchor='middle' transform='translate(%.1f %.1f) rotate(-90)'>",
+         x, kTop + kPlotHeight / 2);
+  svg += escape_html(text) + "</text>";
+}
+
+/// Maps [low, high] to [from, to], linearly or by logarithm.
+struct Axis {
+  double low, high, from, to;
+  bool log = false;
+
+  double operator()(double value) const {
+    const double share =
+        log ? std::log(value / low) / std::log(high / low) : (value - low) / (high - low);
+    return from + share * (to - from);
+  }
+
+  /// Values with sensible numbers: steps of 1, 2 or 5 times a power of ten, or the powers of ten.
+  std::vector<double> ticks(int about) const {
+    std::vector<double> values;
+    if (log) {
+      const int first = static_cast<int>(std::ceil(std::log10(low) - 1e-9));
+      const int last = static_cast<int>(std::floor(std::log10(high) + 1e-9));
+      const int step = std::max(1, (last - first) / about);
+      for (int e = first; e <= last; e += step) values.push_back(std::pow(10.0, e));
+      return values;
+    }
+    const double rough = (high - low) / about;
+    const double power = std::pow(10.0, std::floor(std::log10(rough)));
+    const double lead = rough / power;
+    const double step = power * (lead < 1.5 ? 1 : lead < 3.5 ? 2 : lead < 7.5 ? 5 : 10);
+    const double first = std::ceil(low / step - 1e-9);
+    for (double k = first; k * step <= high + 1e-9 * step; ++k) {
+      values.push_back(std::abs(k) < 0.5 ? 0.0 : k * step);
+    }
+    return values;
+  }
+};
+
+/// Range of all finite values, widened to whole ticks; 0 is part of a linear range.
+Axis value_axis(const TimePlot& plot) {
+  double low = plot.log_y ? std::numeric_limits<double>::infinity() : 0, high = 0;
+  for (const PlotLine& line : plot.lines) {
+    for (const double y : line.y) {
+      if (!std::isfinite(y) || (plot.log_y && y <= 0)) continue;
+      low = std::min(low, y);
+      high = std::max(high, y);
+    }
+  }
+  Axis axis{low, high, kTop + kPlotHeight, kTop, plot.log_y};
+  if (plot.log_y) {
+    if (!(high > 0)) axis.low = 1, axis.high = 10;
+    axis.high = std::max(axis.high, plot.limit);
+    axis.low = std::pow(10.0, std::floor(std::log10(axis.low)));
+    axis.high = std::pow(10.0, std::ceil(std::log10(axis.high * 1.01)));
+    return axis;
+  }
+  if (!(high > low)) axis.high = low + 1;
+  const double margin = 0.06 * (axis.high - axis.low);
+  axis.high += margin;
+  if (axis.low < 0) axis.low -= margin;
+  return axis;
+}
+
+/// The line as an SVG path. Where several values fall on one column of pixels, their smallest and
+/// largest stand for them, in the order in which they come.
+void append_curve(std::string& svg, const std::vector<double>& x, const PlotLine& line,
+                  const Axis& x_axis, const Axis& y_axis) {
+  svg += "<path class='curve " + line.css_class + "' d='";
+  bool pen_down = false;
+  const auto point = [&](std::size_t i) {
+    append(svg, "%c%.1f %.1f", pen_down ? 'L' : 'M', x_axis(x[i]), y_axis(line.y[i]));
+    pen_down = true;
+  };
+  const auto usable = [&](double y) { return std::isfinite(y) && (!y_axis.log || y > 0); };
+  const bool decimate = x.size() > 2 * static_cast<std::size_t>(kPlotWidth);
+  std::size_t i = 0;
+  while (i < x.size()) {
+    if (!usable(line.y[i])) {
+      pen_down = false;
+      ++i;
+      continue;
+    }
+    std::size_t low = i, high = i, end = i + 1;
+    if (decimate) {
+      const double column = std::floor(x_axis(x[i]));
+      for (; end < x.size() && usable(line.y[end]) && std::floor(x_axis(x[end])) == column; ++end) {
+        if (line.y[end] < line.y[low]) low = end;
+        if (line.y[end] > line.y[high]) high = end;
+      }
+    }
+    point(std::min(low, high));
+    if (low != high) point(std::max(low, high));
+    i = end;
+  }
+  svg += "'/>";
+}
+
+std::string open_svg(const std::string& title) {
+  std::string svg;
+  append(svg, "<svg viewBox='0 0 %.0f %.0f' role='img'", kWidth, kHeight);
+  return svg + " aria-label='" + escape_html(title) + "'>";
+}
+
+void append_frame(std::string& svg) {
+  append(svg, "<rect class='axis' x='%.1f' y='%.1f' width='%.1f' height='%.1f'/>", kLeft, kTop,
+         kPlotWidth, kPlotHeight);
+}
+
+void append_legend(std::string& svg, const TimePlot& plot) {
+  double x = kLeft;
+  const auto entry = [&](const std::string& css_class, const std::string& label) {
+    append(svg, "<line class='curve %s' x1='%.1f' y1='12' x2='%.1f' y2='12'/>", css_class.c_str(),
+           x, x + 18);
+    append_text(svg, x + 23, 16, "start", label);
+    x += 40 + 7.2 * static_cast<double>(label.size());
+  };
+  for (const PlotLine& line : plot.lines) entry(line.css_class, line.label);
+  if (!plot.events.empty()) entry("event", "new depth frame");
+  if (plot.marked_x >= 0) entry("marked", "deepest moment");
+}
+
+}  // namespace
+
+std::string short_number(double value, int digits) {
+  char buffer[40];
+  std::snprintf(buffer, sizeof buffer, "%.*g", digits, value);
+  return buffer;
+}
+
+std::string escape_html(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    switch (c) {
+      case '&': escaped += "&amp;"; break;
+      case '<': escaped += "&lt;"; break;
+      case '>': escaped += "&gt;"; break;
+      case '\'': escaped += "&#39;"; break;
+      case '"': escaped += "&quot;"; break;
+      default: escaped += c;
+    }
+  }
+  return escaped;
+}
+
+std::string draw(const TimePlot& plot) {
+  std::string svg = open_svg(plot.y_label + " over time");
+  const double x_high = plot.x.size() > 1 ? plot.x.back() : plot.x.empty() ? 1 : plot.x[0] + 1;
+  const Axis x_axis{plot.x.empty() ? 0 : plot.x.front(), x_high, kLeft, kLeft + kPlotWidth};
+  const Axis y_axis = value_axis(plot);
+
+  for (const double x : x_axis.ticks(10)) {
+    append_line(svg, "grid", x_axis(x), kTop, x_axis(x), kTop + kPlotHeight);
+    append_text(svg, x_axis(x), kTop + kPlotHeight + 16, "middle", short_number(x));
+  }
+  append_text(svg, kLeft + kPlotWidth / 2, kHeight - 6, "middle", "time in s");
+  for (const double y : y_axis.ticks(5)) {
+    append_line(svg, "grid", kLeft, y_axis(y), kLeft + kPlotWidth, y_axis(y));
+    append_text(svg, kLeft - 7, y_axis(y) + 4, "end", short_number(y));
+  }
+  append_side_label(svg, 14, plot.y_label);
+  if (plot.right_factor > 0) {
+    Axis right = y_axis;
+    right.low *= plot.right_factor;
+    right.high *= plot.right_factor;
+    for (const double y : right.ticks(5)) {
+      append_line(svg, "axis", kLeft + kPlotWidth, right(y), kLeft + kPlotWidth + 4, right(y));
+      append_text(svg, kLeft + kPlotWidth + 8, right(y) + 4, "start", short_number(y));
+    }
+    append_side_label(svg, kWidth - 8, plot.right_label);
+  }
+  append_frame(svg);
+  // One stroke for each column of pixels is enough.
+  double last_stroke = -1;
+  svg += "<path class='event' d='";
+  for (const double event : plot.events) {
+    const double x = x_axis(event);
+    if (event > x_high || x - last_stroke < 1) continue;
+    append(svg, "M%.1f %.1fv6", x, kTop);
+    last_stroke = x;
+  }
+  svg += "'/>";
+  if (plot.marked_x >= 0) {
+    append_line(svg, "marked", x_axis(plot.marked_x), kTop, x_axis(plot.marked_x),
+                kTop + kPlotHeight);
+  }
+  for (const PlotLine& line : plot.lines) append_curve(svg, plot.x, line, x_axis, y_axis);
+  if (plot.limit > 0) {
+    append_line(svg, "limit", kLeft, y_axis(plot.limit), kLeft + kPlotWidth, y_axis(plot.limit));
+    append_text(svg, kLeft + kPlotWidth - 4, y_axis(plot.limit) - 4, "end", plot.limit_label,
+                "label limit-label");
+  }
+  append_legend(svg, plot);
+  return svg + "</svg>";
+}
+
+std::string draw(const LogHistogram& histogram) {
+  std::string svg = open_svg("Histogram: " + histogram.x_label);
+  double low = std::numeric_limits<double>::infinity(), high = 0;
+  const auto widen = [&](double value) {
+    if (!(value > 0)) return;
+    low = std::min(low, value);
+    high = std::max(high, value);
+  };
+  for (const double value : histogram.values) widen(value);
+  for (const Marker& marker : histogram.markers) widen(marker.value);
+  if (!(high > 0)) low = 1, high = 10;
+  constexpr int kBinsPerDecade = 25;
+  const double first_bin = std::floor(std::log10(low) * kBinsPerDecade) - 1;
+  const double last_bin = std::floor(std::log10(high) * kBinsPerDecade) + 2;
+  const auto edge = [&](double bin) { return std::pow(10.0, bin / kBinsPerDecade); };
+  std::vector<std::size_t> counts(static_cast<std::size_t>(last_bin - first_bin) + 1);
+  for (const double value : histogram.values) {
+    if (!(value > 0)) continue;
+    const double bin = std::floor(std::log10(value) * kBinsPerDecade) - first_bin;
+    ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, last_bin - first_bin))];
+  }
+  const double most = static_cast<double>(*std::max_element(counts.begin(), counts.end()));
+
+  const Axis x_axis{edge(first_bin), edge(last_bin), kLeft, kLeft + kPlotWidth, true};
+  // Half a count is the bottom line, so that a single value has a bar.
+  const Axis y_axis{0.5, std::max(10.0, most) * 1.5, kTop + kPlotHeight, kTop, true};
+  for (const double y : y_axis.ticks(5)) {
+    append_line(svg, "grid", kLeft, y_axis(y), kLeft + kPlotWidth, y_axis(y));
+    append_text(svg, kLeft - 7, y_axis(y) + 4, "end", short_number(y));
+  }
+  append_side_label(svg, 14, "ticks in bin");
+  for (int e = static_cast<int>(std::floor(std::log10(x_axis.low)));
+       e <= static_cast<int>(std::ceil(std::log10(x_axis.high))); ++e) {
+    for (const int lead : {1, 2, 5}) {
+      const double x = lead * std::pow(10.0, e);
+      if (x < x_axis.low || x > x_axis.high) continue;
+      append_line(svg, "grid", x_axis(x), kTop, x_axis(x), kTop + kPlotHeight);
+      append_text(svg, x_axis(x), kTop + kPlotHeight + 16, "middle", short_number(x));
+    }
+  }
+  append_text(svg, kLeft + kPlotWidth / 2, kHeight - 6, "middle", histogram.x_label);
+  for (std::size_t b = 0; b < counts.size(); ++b) {
+    if (counts[b] == 0) continue;
+    const double left = x_axis(edge(first_bin + static_cast<double>(b)));
+    const double right = x_axis(edge(first_bin + static_cast<double>(b) + 1));
+    const double top = y_axis(static_cast<double>(counts[b]));
+    append(svg, "<rect class='bar' x='%.1f' y='%.1f' width='%.1f' height='%.1f'/>", left, top,
+           std::max(right - left - 0.6, 0.8), kTop + kPlotHeight - top);
+  }
+  append_frame(svg);
+  // Labels step down so that near ones stay readable.
+  double y = kTop + 13;
+  for (const Marker& marker : histogram.markers) {
+    if (!(marker.value > 0)) continue;
+    const double x = x_axis(marker.value);
+    const bool to_the_left = x > kLeft + 0.75 * kPlotWidth;
+    append_line(svg, "limit", x, kTop, x, kTop + kPlotHeight);
+    append_text(svg, x + (to_the_left ? -5 : 5), y, to_the_left ? "end" : "start", marker.label,
+                "label halo");
+    y += 15;
+  }
+  return svg + "</svg>";
+}
+
+}  // namespace palpate

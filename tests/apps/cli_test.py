@@ -1,0 +1,375 @@
+"""Drives the real program: every verb, its files, its exit status and its error lines.
+
+Usage: cli_test.py PATH_OF_PALPATE"""
+
+import json
+import math
+import os
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import zlib
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import contact_truth  # noqa: E402
+
+PALPATE = None
+INTRINSICS = "200,200,79.5,59.5"
+
+
+def palpate(*arguments, timeout=300):
+    return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, text=True,
+                          timeout=timeout)
+
+
+def read(path, mode="r"):
+    with open(path, mode) as file:
+        return file.read()
+
+
+def write_depth_png(path, width, height, value):
+    """16-bit greyscale; value(u, v) in counts."""
+    rows = b"".join(
+        b"\0" + struct.pack(f">{width}H", *(value(u, v) for u in range(width))) for v in range(height))
+
+    def chunk(kind, data):
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    with open(path, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n" +
+                   chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)) +
+                   chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
+def bumpy_wall():
+    """x y z nx ny nz of a wall at z = 0.5 m with gentle bumps, in single precision."""
+    points = []
+    for i in range(-40, 41):
+        for j in range(-40, 41):
+            x, y = i * 0.0015, j * 0.0015
+            z = 0.5 + 0.003 * math.sin(60 * x) * math.cos(45 * y)
+            n = [60 * 0.003 * math.cos(60 * x) * math.cos(45 * y),
+                 -45 * 0.003 * math.sin(60 * x) * math.sin(45 * y), -1.0]
+            n = contact_truth.times(n, 1 / math.sqrt(contact_truth.dot(n, n)))
+            points.append(struct.unpack("6f", struct.pack("6f", x, y, z, *n)))
+    return points
+
+
+def write_ply(path, points):
+    header = ("ply\nformat ascii 1.0\nelement vertex %d\n" % len(points) +
+              "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz")) +
+              "end_header\n")
+    with open(path, "w") as file:
+        file.write(header + "".join(" ".join("%.9g" % c for c in p) + "\n" for p in points))
+
+
+class CommandLine(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="palpate-cli-")
+        cls.mesh, cls.tool = cls.path("box.ply"), cls.path("box.palp")
+        cls.frames = cls.path("frames")
+        os.mkdir(cls.frames)
+        for k in range(4):
+            write_depth_png(os.path.join(cls.frames, f"{k:03d}.png"), 160, 120,
+                            lambda u, v, k=k: 5000 - 20 * k + int(30 * math.sin(u / 9)))
+        cls.succeed("shape", "octahedron", "--size", 0.08, "-o", cls.mesh)
+        cls.packed = cls.succeed("pack", cls.mesh, "-o", cls.tool, "--spheres", 120, "--json")
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder, name)
+
+    @staticmethod
+    def succeed(*arguments):
+        result = palpate(*arguments)
+        assert result.returncode == 0, (arguments, result.returncode, result.stderr)
+        return result.stdout
+
+    def expect_failure(self, status, *arguments, mentions=""):
+        result = palpate(*arguments)
+        self.assertEqual(result.returncode, status, (arguments, result.stderr))
+        self.assertEqual(result.stdout, "", arguments)
+        lines = result.stderr.splitlines()
+        self.assertEqual(len(lines), 1, result.stderr)
+        self.assertTrue(lines[0].startswith("palpate: "), lines)
+        self.assertIn(mentions, lines[0])
+
+    def sequence(self, *more):
+        return ("touch", self.tool, "--depth-sequence", self.frames, "--intrinsics", INTRINSICS,
+                "--depth-unit", 0.0001, *more)
+
+    # General
+
+    def test_help_and_version(self):
+        self.assertRegex(self.succeed("--version"), r"^palpate \d+\.\d+\.\d+\n$")
+        program = self.succeed("--help")
+        for verb in ("shape", "pack", "info", "export", "query", "touch", "replay"):
+            self.assertIn(verb, program)
+            self.assertIn(f"Example: palpate {verb}", self.succeed(verb, "--help"))
+
+    def test_wrong_usage(self):
+        tool, mesh = self.tool, self.mesh
+        for arguments in (
+            (), ("dance",), ("info",), ("info", tool, "--colour"), ("pack", mesh),
+            ("pack", mesh, "-o", self.path("x.palp"), "--spheres", 0),
+            ("pack", mesh, "-o", self.path("x.palp"), "--unit", "parsec"),
+            ("pack", mesh, "-o", self.path("x.palp"), "--max-radius", "nan"),
+            ("export", tool), ("shape", "blob", "--size", 0.1, "-o", self.path("x.ply")),
+            ("query", tool), ("query", tool, "--depth", "x.png", "--pose", "0 0 0 0 0 0 1"),
+            ("query", tool, "--cloud", "x.ply", "--pose", "0 0 1"),
+            ("query", tool, "--cloud", "x.ply", "--pose", "0 0 0 0 0 0 1", "--poses", "y"),
+            ("touch", tool, "-o", self.path("x")),
+            ("touch", tool, "--scene", "paradise", "-o", self.path("x")),
+            ("touch", tool, "--depth-sequence", self.frames, "-o", self.path("x")),
+            self.sequence("-o", self.path("x"), "--rate", 0),
+            self.sequence("-o", self.path("x"), "--no-noise"),
+            ("replay",),
+        ):
+            self.expect_failure(2, *arguments)
+        self.expect_failure(2, *self.sequence("-o", self.path("x"), "--method", "field"),
+                            mentions="weighted, simplified, graph")
+        self.expect_failure(2, "shape", "blob", "-o", self.path("x.ply"), mentions="octahedron")
+
+    def test_bad_input(self):
+        tool = self.tool
+        for arguments in (
+            ("info", self.path("absent.palp")), ("info", self.mesh), ("info", self.folder),
+            ("pack", self.path("absent.stl"), "-o", self.path("x.palp")),
+            ("pack", tool, "-o", self.path("x.palp")),
+            ("pack", self.mesh, "-o", self.path("no/such/folder/x.palp")),
+            ("pack", self.mesh, "-o", self.path("x.palp"), "--unit", "mm", "--scale", 0.001),
+            ("export", tool, "--mesh", self.path("x.unknown")),
+            ("query", tool, "--cloud", tool, "--pose", "0 0 0 0 0 0 1"),
+            ("touch", tool, "--depth-sequence", self.path("absent"), "--intrinsics", INTRINSICS,
+             "-o", self.path("x")),
+            self.sequence("-o", self.path("x"), "--path", tool),
+            ("replay", self.path("absent")), ("replay", self.frames),
+        ):
+            self.expect_failure(1, *arguments)
+        for name in ("x", "x.partial", "x.palp", "x.unknown"):
+            self.assertFalse(os.path.exists(self.path(name)), name)
+
+    def test_cuda_is_refused_where_there_is_none(self):
+        result = palpate(*self.sequence("-o", self.path("cuda"), "--backend", "cuda"))
+        self.assertIn(result.returncode, (0, 1))
+        if result.returncode == 1:
+            self.assertIn("--backend", result.stderr)
+
+    # Tools
+
+    def test_info(self):
+        info = json.loads(self.succeed("info", self.tool, "--json"))
+        packed = json.loads(self.packed)
+        self.assertEqual(packed.pop("output"), self.tool)
+        self.assertGreater(packed.pop("seconds"), 0)
+        self.assertEqual(packed, info)
+        self.assertEqual(info["spheres"], 120)
+        self.assertAlmostEqual(info["mesh_volume"], 0.08**3 / 6, delta=1e-12)
+        self.assertAlmostEqual(info["fill"], info["sphere_volume"] / info["mesh_volume"], delta=1e-12)
+        self.assertEqual((len(info["inertia"]), len(info["inertia"][0])), (3, 3))
+        for value, expected in zip(info["bounds"][0] + info["bounds"][1], [-0.04] * 3 + [0.04] * 3):
+            self.assertAlmostEqual(value, expected, delta=1e-9)
+        self.assertEqual(set(info["graph"]), {"edges", "bridges", "components_before_bridging"})
+        self.assertIn("120", self.succeed("info", self.tool))
+
+    def read_export(self):
+        spheres, edges = self.path("spheres.csv"), self.path("edges.csv")
+        self.succeed("export", self.tool, "--spheres", spheres, "--edges", edges)
+        sphere_lines = read(spheres).splitlines()
+        edge_lines = read(edges).splitlines()
+        self.assertEqual((sphere_lines[0], edge_lines[0]), ("x,y,z,r", "a,b"))
+        return ([[float(x) for x in line.split(",")] for line in sphere_lines[1:]],
+                [tuple(int(x) for x in line.split(",")) for line in edge_lines[1:]])
+
+    def test_export(self):
+        info = json.loads(self.succeed("info", self.tool, "--json"))
+        spheres, edges = self.read_export()
+        self.assertEqual((len(spheres), len(edges)), (info["spheres"], info["graph"]["edges"]))
+        volume = sum(4 / 3 * math.pi * s[3]**3 for s in spheres)
+        self.assertAlmostEqual(volume / info["sphere_volume"], 1, delta=1e-9)
+        self.assertAlmostEqual(min(s[3] for s in spheres), info["min_radius"], delta=1e-12)
+        for a, b in zip(contact_truth.centre_of_mass(spheres), info["centre_of_mass"]):
+            self.assertAlmostEqual(a, b, delta=1e-12)
+        for number in ("%.9g" % c for s in spheres for c in s):
+            self.assertEqual(struct.unpack("f", struct.pack("f", float(number)))[0],
+                             struct.unpack("f", struct.pack("f", float(number)))[0])
+        mesh = self.path("again.ply")
+        self.succeed("export", self.tool, "--mesh", mesh)
+        again = json.loads(
+            self.succeed("pack", mesh, "-o", self.path("again.palp"), "--spheres", 120, "--json"))
+        self.assertEqual(again["sphere_volume"], info["sphere_volume"])
+
+    def test_units(self):
+        packed = json.loads(self.succeed("pack", self.mesh, "-o", self.path("scaled.palp"), "--unit",
+                                         "cm", "--scale", 200, "--spheres", 10, "--json"))
+        self.assertAlmostEqual(packed["bounds"][1][0], 0.08, delta=1e-9)
+
+    # Measurements
+
+    def test_query_agrees_with_brute_force(self):
+        cloud = bumpy_wall()
+        write_ply(self.path("wall.ply"), cloud)
+        spheres, edges = self.read_export()
+        a = math.sin(0.2)
+        pose = [0.004, -0.003, 0.478, a * 0.6, a * 0.8, 0.0, math.cos(0.2)]
+        for method, priority, inside in (("weighted", "distance", "full"),
+                                         ("weighted", "count", "full"),
+                                         ("simplified", "distance", "full"),
+                                         ("simplified", "count", "full"),
+                                         ("graph", "distance", "full"), ("graph", "distance", "cap")):
+            document = json.loads(
+                self.succeed("query", self.tool, "--cloud", self.path("wall.ply"), "--pose",
+                             " ".join(map(repr, pose)), "--method", method, "--priority", priority,
+                             "--inside", inside, "--json"))
+            self.assertEqual((document["method"], len(document["results"])), (method, 1))
+            result = document["results"][0]
+            volume, force, torque, boundary, points = contact_truth.measure(
+                spheres, edges, cloud, pose, method, priority, inside)
+            self.assertGreater(boundary, 5)
+            self.assertEqual((result["boundary_spheres"], result["points"]), (boundary, points))
+            self.assertAlmostEqual(result["volume"] / volume, 1, delta=1e-5)
+            for got, expected in ((result["force"], force), (result["torque"], torque)):
+                scale = math.sqrt(contact_truth.dot(expected, expected))
+                error = contact_truth.sub(got, expected)
+                self.assertLess(math.sqrt(contact_truth.dot(error, error)) / scale, 1e-5, method)
+            total = sum(4 / 3 * math.pi * s[3]**3 for s in spheres)
+            self.assertAlmostEqual(result["fraction"], result["volume"] / total, delta=1e-9)
+
+    def test_query_many_poses_from_depth(self):
+        poses = self.path("poses.txt")
+        with open(poses, "w") as file:
+            file.write("# t tx ty tz qx qy qz qw\n0 0 0 0.2 0 0 0 1\n1 0 0 0.49 0 0 0 1\n")
+        arguments = ("query", self.tool, "--depth", os.path.join(self.frames, "000.png"),
+                     "--intrinsics", INTRINSICS, "--depth-unit", 0.0001, "--poses", poses)
+        results = json.loads(self.succeed(*arguments, "--json"))["results"]
+        self.assertEqual(results[0]["volume"], 0)
+        self.assertGreater(results[1]["volume"], 0)
+        self.assertGreater(results[1]["compute_us"], 0)
+        self.assertLess(results[1]["force"][2], 0)  # out of the wall, towards the camera
+        self.assertEqual(len(self.succeed(*arguments).splitlines()), 3)
+        unfiltered = json.loads(self.succeed(*arguments, "--json", "--no-filter"))["results"]
+        self.assertNotEqual(unfiltered[1]["volume"], results[1]["volume"])
+
+    # Runs
+
+    def test_touch_and_replay(self):
+        run, again = self.path("run"), self.path("run2")
+        summary = json.loads(self.succeed(*self.sequence("-o", run, "--json", "--method", "graph")))
+        self.assertEqual(summary, json.loads(read(os.path.join(run, "summary.json"))))
+        self.assertEqual(summary["frames"], 4)
+        self.assertGreater(summary["peak"]["volume"], 0)
+        self.assertLess(summary["peak"]["fraction"], 0.3)
+        lines = read(os.path.join(run, "wrench.csv")).splitlines()
+        self.assertEqual(len(lines), summary["ticks"] + 1)
+        self.assertEqual({len(line.split(",")) for line in lines}, {21})
+        self.assertIn("</html>", read(os.path.join(run, "report.html")))
+        self.assertEqual(self.succeed("replay", run), f"identical: {summary['ticks']} ticks\n")
+        self.succeed("replay", run, "-o", again, "--threads", 2)
+        for name in ("wrench.csv", "recording/path.txt", "recording/depth.txt"):
+            self.assertEqual(read(os.path.join(run, name)), read(os.path.join(again, name)), name)
+        self.succeed(*self.sequence("-o", run, "--method", "graph", "--threads", 1))
+        self.assertEqual(read(os.path.join(run, "wrench.csv")).splitlines(), lines)
+
+        wrench = os.path.join(again, "wrench.csv")
+        text = read(wrench)
+        with open(wrench, "w") as file:
+            file.write(text.replace("\n0.005,", "\n0.0050,", 1))
+        self.expect_failure(1, "replay", again, mentions="line 7")
+        frame = os.path.join(again, "recording", "depth", "000001.png")
+        content = bytearray(read(frame, "rb"))
+        content[len(content) // 2] ^= 255
+        with open(frame, "wb") as file:
+            file.write(content)
+        self.expect_failure(1, "replay", again, mentions="000001.png")
+
+    def test_touch_follows_a_path(self):
+        path = self.path("path.txt")
+        with open(path, "w") as file:
+            file.write("100 0 0 0.3 0 0 0 1\n100.1 0 0 0.5 0 0 0 1\n")
+        run = self.path("run_path")
+        self.succeed(*self.sequence("-o", run, "--path", path, "--rate", 500))
+        lines = read(os.path.join(run, "wrench.csv")).splitlines()
+        self.assertEqual(len(lines), 51)  # 0.1 s at 500 Hz and the header
+        self.assertAlmostEqual(float(lines[26].split(",")[3]), 0.4, delta=1e-9)
+        self.succeed(*self.sequence("-o", run, "--path", path, "--rate", 500, "--duration", 0.2))
+        self.assertEqual(len(read(os.path.join(run, "wrench.csv")).splitlines()), 101)
+
+    def test_touch_a_scene(self):
+        scene = re.search(r"--scene NAME\s+simulated camera:\s+([\w-]+)",
+                          self.succeed("touch", "--help")).group(1)
+        run = self.path("run_scene")
+        self.succeed("touch", self.tool, "--scene", scene, "--no-noise", "--duration", 0.2, "-o", run)
+        self.assertIn("identical: 200 ticks", self.succeed("replay", run))
+
+    def test_broken_frame_leaves_nothing(self):
+        frames = self.path("broken_frames")
+        shutil.copytree(self.frames, frames)
+        with open(os.path.join(frames, "002.png"), "r+b") as file:
+            file.truncate(200)
+        self.expect_failure(1, "touch", self.tool, "--depth-sequence", frames, "--intrinsics",
+                            INTRINSICS, "-o", self.path("broken_run"), mentions="002.png")
+        self.assertFalse(os.path.exists(self.path("broken_run")))
+        self.assertFalse(os.path.exists(self.path("broken_run.partial")))
+
+    def test_other_folders_are_not_replaced(self):
+        folder = self.path("precious")
+        os.mkdir(folder)
+        with open(os.path.join(folder, "thesis.tex"), "w") as file:
+            file.write("years of work")
+        self.expect_failure(1, *self.sequence("-o", folder))
+        self.assertEqual(os.listdir(folder), ["thesis.tex"])
+
+    def interrupt(self, arguments, wait_for):
+        process = subprocess.Popen([PALPATE, *map(str, arguments)], stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 60
+        while not wait_for() and process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=120)
+        return process.returncode, output, errors
+
+    def test_interrupted_touch_keeps_the_run_so_far(self):
+        run = self.path("run_interrupted")
+        started = lambda: os.path.exists(run + ".partial/recording/depth/000000.png")  # noqa: E731
+        status, output, errors = self.interrupt(
+            self.sequence("-o", run, "--json", "--duration", 40, "--rate", 100000, "--path",
+                          self.still_pose()), started)
+        self.assertEqual((status, output), (1, ""), errors)
+        self.assertIn("interrupted", errors.splitlines()[-1])
+        summary = json.loads(read(os.path.join(run, "summary.json")))
+        self.assertTrue(summary["interrupted"])
+        self.assertIn(f"identical: {summary['ticks']} ticks", self.succeed("replay", run))
+
+    def still_pose(self):
+        path = self.path("still.txt")
+        with open(path, "w") as file:
+            file.write("0 0 0 0.48 0 0 0 1\n")
+        return path
+
+    def test_interrupted_pack_writes_nothing(self):
+        tool = self.path("endless.palp")
+        begin = time.monotonic()
+        status, output, _ = self.interrupt(
+            ("pack", self.mesh, "-o", tool, "--spheres", 10000000, "--json"),
+            lambda: time.monotonic() > begin + 1.0)
+        self.assertEqual((status, output), (1, ""))
+        self.assertFalse(any(name.startswith("endless") for name in os.listdir(self.folder)))
+
+
+if __name__ == "__main__":
+    PALPATE = os.path.abspath(sys.argv.pop(1))
+    unittest.main()

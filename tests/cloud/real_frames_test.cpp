@@ -1,0 +1,96 @@
+// Frames of real sensors: nearly every measurement gets a normal, and it faces the camera.
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include <gtest/gtest.h>
+#include <png.h>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "tests/cloud/surface_truth.h"
+#include "tests/test_util/data.h"
+
+namespace palpate {
+namespace {
+
+// 16-bit grey PNG; an empty frame if it cannot be read.
+DepthFrame read_png(const std::filesystem::path& path, double unit) {
+  DepthFrame frame;
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
+                                                             std::fclose);
+  if (file == nullptr) return frame;
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png_create_info_struct(png);
+  png_init_io(png, file.get());
+  png_read_png(png, info, PNG_TRANSFORM_SWAP_ENDIAN, nullptr);
+  frame.width = static_cast<int>(png_get_image_width(png, info));
+  frame.height = static_cast<int>(png_get_image_height(png, info));
+  frame.unit = unit;
+  png_bytepp rows = png_get_rows(png, info);
+  for (int v = 0; v < frame.height; ++v) {
+    const auto* row = reinterpret_cast<const std::uint16_t*>(rows[v]);
+    frame.pixels.insert(frame.pixels.end(), row, row + frame.width);
+  }
+  png_destroy_read_struct(&png, &info, nullptr);
+  return frame;
+}
+
+struct RealFrame {
+  const char* name;
+  Intrinsics intrinsics;
+};
+
+constexpr RealFrame kFrames[] = {
+    {"pcl_person", {525, 525, 319.5, 239.5}},
+    {"pcl_floor_box_chair", {525, 525, 320, 240}},
+    {"pcl_milk_clorox_table", {525, 525, 319.5, 239.5}},
+    {"pcl_stairs_shelf_1", {525, 525, 319.5, 239.5}},
+    {"pcl_stairs_shelf_2", {525, 525, 319.5, 239.5}},
+    {"pcl_grabber_1", {525, 525, 320, 240}},
+    {"pcl_grabber_2", {525, 525, 320, 240}},
+    {"pcl_grabber_3", {525, 525, 320, 240}},
+    {"realsense_room_0", {617.25, 617.549, 317.392, 245.98}},
+    {"realsense_room_2", {617.25, 617.549, 317.392, 245.98}},
+    {"realsense_room_4", {617.25, 617.549, 317.392, 245.98}},
+    {"slambook_desk_1", {518, 519, 325.5, 253.5}},
+};
+
+TEST(RealFrames, NormalsAreThereAreUnitAndFaceTheCamera) {
+  PALPATE_DATA_OR_SKIP(folder, "frames");
+  ThreadPool pool(2);
+  for (const RealFrame& real : kFrames) {
+    SCOPED_TRACE(real.name);
+    const DepthFrame frame = read_png(folder / (std::string(real.name) + ".png"), 0.001);
+    ASSERT_EQ(frame.pixels.size(), 640u * 480u);
+    SurfaceEstimator estimator = SurfaceEstimator::create(640, 480, real.intrinsics).value();
+    const SurfaceStats stats = estimator.update(frame, pool);
+    EXPECT_GT(stats.num_points, 0.8 * stats.num_valid);
+    EXPECT_GT(stats.num_valid, 0.6 * 640 * 480);
+    const PointCloudView cloud = estimator.cloud();
+    const test::TrueDepth depth{estimator.depth(), 640, 480};
+    double worst_angle = 0;
+    int num_points = 0, num_compared = 0;
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      if (std::isnan(cloud.nx[i])) continue;
+      ++num_points;
+      const Vec3d p{cloud.x[i], cloud.y[i], cloud.z[i]};
+      const Vec3d n{cloud.nx[i], cloud.ny[i], cloud.nz[i]};
+      ASSERT_NEAR(norm(n), 1, 1e-6);
+      ASSERT_LE(dot(n, p), 1e-6 * norm(p));
+      if (i % 23 != 0) continue;
+      const test::TrueNormal expected =
+          true_normal(depth, real.intrinsics, {}, static_cast<int>(i % 640), static_cast<int>(i / 640));
+      ASSERT_TRUE(expected.exists);
+      if (!expected.well_conditioned()) continue;
+      ++num_compared;
+      worst_angle = std::max(worst_angle, std::min(test::angle_between(n, expected.n),
+                                                   test::angle_between(-n, expected.n)));
+    }
+    EXPECT_EQ(num_points, stats.num_points);
+    EXPECT_GT(num_compared, 3000);
+    EXPECT_LE(worst_angle, 0.05);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,221 @@
+// Each stage against its definition in double (surface_truth.h).
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "tests/cloud/depth_scenes.h"
+#include "tests/cloud/surface_truth.h"
+
+namespace palpate {
+namespace {
+
+using test::DepthScene;
+using test::TrueDepth;
+using test::TrueNormal;
+
+SurfaceEstimator estimate(const DepthScene& scene, const SurfaceOptions& options) {
+  SurfaceEstimator estimator =
+      SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics, options).value();
+  ThreadPool pool(1);
+  estimator.update(scene.depth, pool);
+  return estimator;
+}
+
+void check_filter(const DepthScene& scene, const SurfaceOptions& options) {
+  const SurfaceEstimator estimator = estimate(scene, options);
+  const TrueDepth raw{scene.depth, scene.width, scene.height};
+  const TrueDepth filtered{estimator.depth(), scene.width, scene.height};
+  for (int v = 0; v < scene.height; ++v) {
+    for (int u = 0; u < scene.width; ++u) {
+      const bool valid = raw(u, v) >= options.min_depth && raw(u, v) <= options.max_depth;
+      ASSERT_EQ(std::isfinite(filtered(u, v)), valid) << u << " " << v;
+      if (!valid) continue;
+      const double expected =
+          options.filter.enabled ? true_filtered(raw, options.filter, u, v) : raw(u, v);
+      ASSERT_NEAR(filtered(u, v), expected, 3e-7 * expected) << u << " " << v;
+    }
+  }
+}
+
+// Returns the number of normals whose direction was compared.
+int check_normals(const DepthScene& scene, const SurfaceOptions& options) {
+  const SurfaceEstimator estimator = estimate(scene, options);
+  const TrueDepth depth{estimator.depth(), scene.width, scene.height};
+  const PointCloudView cloud = estimator.cloud();
+  const Intrinsics& k = scene.intrinsics;
+  int num_compared = 0;
+  for (int v = 0; v < scene.height; ++v) {
+    for (int u = 0; u < scene.width; ++u) {
+      const auto i = static_cast<std::size_t>(v * scene.width + u);
+      const TrueNormal expected = true_normal(depth, k, options.normals, u, v);
+      const std::string where = std::to_string(u) + " " + std::to_string(v);
+      EXPECT_EQ(std::isfinite(cloud.nx[i]), expected.exists) << where;
+      for (const float* channel : {cloud.x, cloud.y, cloud.z, cloud.ny, cloud.nz}) {
+        EXPECT_EQ(std::isfinite(channel[i]), std::isfinite(cloud.nx[i])) << where;
+      }
+      if (!expected.exists || !std::isfinite(cloud.nx[i])) continue;
+      const double z = depth(u, v);
+      const Vec3d p{(u - k.cx) * z / k.fx, (v - k.cy) * z / k.fy, z};
+      EXPECT_EQ(cloud.z[i], static_cast<float>(z));
+      EXPECT_NEAR(static_cast<double>(cloud.x[i]), p.x, 2e-7 * std::abs(p.x)) << where;
+      EXPECT_NEAR(static_cast<double>(cloud.y[i]), p.y, 2e-7 * std::abs(p.y)) << where;
+      const Vec3d n{cloud.nx[i], cloud.ny[i], cloud.nz[i]};
+      EXPECT_NEAR(norm(n), 1, 1e-6);
+      EXPECT_LE(dot(n, p) / norm(p), 1e-6);
+      if (!expected.well_conditioned()) continue;
+      // Edge-on planes may flip by rounding.
+      const double angle = std::min(test::angle_between(n, expected.n), test::angle_between(-n, expected.n));
+      EXPECT_LE(angle, 0.05) << where;
+      ++num_compared;
+      if (testing::Test::HasFailure()) return num_compared;
+    }
+  }
+  return num_compared;
+}
+
+void check_depth_change(const DepthScene& scene, const SurfaceOptions& options) {
+  const SurfaceEstimator estimator = estimate(scene, options);
+  const TrueDepth depth{estimator.depth(), scene.width, scene.height};
+  int num_edges = 0;
+  for (int v = 0; v < scene.height; ++v) {
+    for (int u = 0; u < scene.width; ++u) {
+      const auto i = static_cast<std::size_t>(v * scene.width + u);
+      const Vec3d expected = test::true_depth_change(depth, scene.intrinsics,
+                                                     options.depth_change.min_step, u, v);
+      for (int axis = 0; axis < 3; ++axis) {
+        ASSERT_NEAR(static_cast<double>(estimator.depth_change(axis)[i]), expected[axis],
+                    3e-6 * (norm(expected) + 0.1))
+            << u << " " << v;
+      }
+      num_edges += norm(expected) > 0;
+    }
+  }
+  EXPECT_GT(num_edges, scene.height);
+}
+
+TEST(SurfaceStages, FilterFollowsItsDefinition) {
+  for (int radius : {1, 2, 3, 7}) {
+    for (double sigma_depth : {0.001, 0.01, 0.5}) {
+      SurfaceOptions options;
+      options.filter.radius = radius;
+      options.filter.sigma_depth = sigma_depth;
+      options.filter.sigma_space = 0.75 * radius;
+      check_filter(test::cluttered_scene(61, 47, 60, 1.3, 3), options);
+    }
+  }
+  SurfaceOptions unfiltered;
+  unfiltered.filter.enabled = false;
+  check_filter(test::cluttered_scene(61, 47, 60, 1.3, 3), unfiltered);
+}
+
+TEST(SurfaceStages, NormalsFollowTheirDefinitionWithEveryOption) {
+  int seed = 0;
+  for (int flags = 0; flags < 16; ++flags) {
+    for (int radius : {1, 2, 3, 5, 7}) {
+      SurfaceOptions options;
+      options.filter.enabled = (flags & 8) != 0;
+      options.normals.radius = radius;
+      options.normals.anchoring = (flags & 1) != 0;
+      options.normals.weighting = (flags & 2) != 0;
+      options.normals.normalization = (flags & 4) != 0;
+      SCOPED_TRACE("flags " + std::to_string(flags) + " radius " + std::to_string(radius));
+      const DepthScene scene = test::cluttered_scene(75, 53, 80, 1.5, static_cast<std::uint64_t>(++seed));
+      EXPECT_GT(check_normals(scene, options), 500);
+    }
+  }
+}
+
+TEST(SurfaceStages, NormalsArePreciseAtAnyDistanceFocalLengthAndPrincipalPoint) {
+  for (double distance : {0.3, 1.0, 3.0, 6.5}) {
+    for (double f : {120.0, 525.0, 1400.0}) {
+      for (double shift : {0.0, -300.0, 900.0}) {
+        for (bool filter : {false, true}) {
+          SCOPED_TRACE(std::to_string(distance) + " m, f " + std::to_string(f) + ", shift " +
+                       std::to_string(shift));
+          SurfaceOptions options;
+          options.filter.enabled = filter;
+          DepthScene scene = test::cluttered_scene(131, 70, f, distance, 9);
+          scene.intrinsics.cx += shift;
+          scene.intrinsics.cy -= shift / 2;
+          check_normals(scene, options);
+        }
+      }
+    }
+  }
+}
+
+TEST(SurfaceStages, SlantedPlanesHaveExactNormals) {
+  for (const Vec3d& slope : {Vec3d{0, 0, -1}, Vec3d{1, 0, -1}, Vec3d{-0.5, 1.5, -1}, Vec3d{2, 2, -1}}) {
+    for (double distance : {0.3, 1.0, 2.0, 4.0}) {
+      const Vec3d n = normalized(slope);
+      DepthScene scene = test::plane_scene(67, 50, 525, n, {0, 0, distance});
+      SurfaceOptions options;
+      options.filter.enabled = false;
+      const SurfaceEstimator estimator = estimate(scene, options);
+      const PointCloudView cloud = estimator.cloud();
+      for (std::size_t i = 0; i < cloud.size(); ++i) {
+        const Vec3d found{cloud.nx[i], cloud.ny[i], cloud.nz[i]};
+        ASSERT_LE(test::angle_between(found, n), 0.01) << i << ", " << distance << " m";
+        for (int axis = 0; axis < 3; ++axis) ASSERT_EQ(estimator.depth_change(axis)[i], 0.0f);
+      }
+    }
+  }
+}
+
+TEST(SurfaceStages, DepthChangeFollowsItsDefinition) {
+  for (double min_step : {0.0, 0.05, 0.2}) {
+    SurfaceOptions options;
+    options.depth_change.min_step = min_step;
+    check_depth_change(test::cluttered_scene(61, 47, 60, 1.3, 4), options);
+  }
+}
+
+// A pillar before a wall: vectors on the pillar's border only, pointing away from it, orthogonal to
+// the viewing ray.
+TEST(SurfaceStages, EdgesPointOutwardsFromTheForeground) {
+  DepthScene scene = test::empty_scene(50, 40, 60);
+  scene.intrinsics.cx = -20;  // far off the axis
+  for (int v = 0; v < scene.height; ++v) {
+    for (int u = 0; u < scene.width; ++u) scene.at(u, v) = u >= 20 && u < 30 ? 1.0f : 2.0f;
+  }
+  const SurfaceEstimator estimator = estimate(scene, {});
+  for (int v = 0; v < scene.height; ++v) {
+    for (int u = 0; u < scene.width; ++u) {
+      const auto i = static_cast<std::size_t>(v * scene.width + u);
+      const Vec3d l{estimator.depth_change(0)[i], estimator.depth_change(1)[i],
+                    estimator.depth_change(2)[i]};
+      if (u != 20 && u != 29) {
+        EXPECT_EQ(norm(l), 0) << u << " " << v;
+        continue;
+      }
+      EXPECT_GT(norm(l), 0.5);
+      EXPECT_GT(u == 29 ? l.x : -l.x, 0);
+      const Vec3d p{(u - scene.intrinsics.cx) / 60, (v - scene.intrinsics.cy) / 60, 1};
+      EXPECT_NEAR(dot(l, p), 0, 1e-5 * norm(l));
+    }
+  }
+}
+
+// The printed equation 3.12 divides by the number of pixels and would shrink it.
+TEST(SurfaceStages, FilterKeepsAFlatPatch) {
+  DepthScene scene = test::empty_scene(21, 21, 100);
+  for (int v = 8; v < 13; ++v) {
+    for (int u = 8; u < 13; ++u) scene.at(u, v) = 1.234f;
+  }
+  for (double sigma_space : {1.0, 1.5, 3.0}) {
+    SurfaceOptions options;
+    options.filter.sigma_space = sigma_space;
+    const SurfaceEstimator estimator = estimate(scene, options);
+    for (std::size_t i = 0; i < scene.depth.size(); ++i) {
+      if (std::isfinite(scene.depth[i])) {
+        EXPECT_EQ(estimator.depth()[i], 1.234f);
+      } else {
+        EXPECT_TRUE(std::isnan(estimator.depth()[i]));
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate

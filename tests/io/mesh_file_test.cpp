@@ -1,0 +1,418 @@
+// Mesh files: every format, every real mesh by name, and files that are damaged.
+#include "palpate/io/mesh_file.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "palpate/io/atomic_file.h"
+#include "palpate/mesh/mass_properties.h"
+#include "palpate/mesh/mesh_check.h"
+#include "palpate/mesh/shapes.h"
+#include "tests/test_util/data.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder that vanishes with the test.
+class MeshFile : public ::testing::Test {
+ protected:
+  MeshFile() : folder_(fs::temp_directory_path() / ("palpate-mesh-" + std::to_string(getpid()))) {
+    fs::create_directories(folder_);
+  }
+  ~MeshFile() override { fs::remove_all(folder_); }
+
+  fs::path write(const std::string& name, const std::string& content) const {
+    std::ofstream(folder_ / name, std::ios::binary) << content;
+    return folder_ / name;
+  }
+
+  void expect_error(const std::string& name, const std::string& content,
+                    const std::string& words) const {
+    const auto mesh = load_mesh(write(name, content));
+    ASSERT_FALSE(mesh) << name << " was read; expected: " << words;
+    EXPECT_NE(mesh.error().message.find(words), std::string::npos) << mesh.error().message;
+    EXPECT_NE(mesh.error().message.find(name), std::string::npos) << mesh.error().message;
+  }
+
+  /// Every truncation ends in an error or a mesh with sound indices, never in a crash.
+  void truncate(const std::string& name, const std::string& content, bool must_fail) const {
+    constexpr std::size_t kTruncations = 200;
+    for (std::size_t i = 0; i < kTruncations; ++i) {
+      const std::size_t length = i * content.size() / kTruncations;
+      const auto mesh = load_mesh(write(name, content.substr(0, length)));
+      if (!mesh) {
+        EXPECT_FALSE(mesh.error().message.empty());
+        continue;
+      }
+      EXPECT_FALSE(must_fail) << name << " cut to " << length << " bytes was read";
+      for (const auto& triangle : mesh->triangles) {
+        for (const std::uint32_t vertex : triangle) ASSERT_LT(vertex, mesh->vertices.size());
+      }
+      EXPECT_FALSE(check_solid(*mesh)) << name << " cut to " << length << " bytes is a solid";
+    }
+  }
+
+  fs::path folder_;
+};
+
+std::string text(const fs::path& path) { return *read_file(path); }
+
+TriangleMesh sample() { return make_torus(0.05, 0.02, 12, 8); }
+
+std::string off_text(const TriangleMesh& mesh) {
+  std::string out = "OFF # a comment\n" + std::to_string(mesh.vertices.size()) + " " +
+                    std::to_string(mesh.triangles.size()) + " 0\n\n";
+  for (const Vec3d& p : mesh.vertices) {
+    out += std::to_string(p.x) + " " + std::to_string(p.y) + " " + std::to_string(p.z) + "\n";
+  }
+  for (const auto& t : mesh.triangles) {
+    out += "3 " + std::to_string(t[0]) + " " + std::to_string(t[1]) + " " + std::to_string(t[2]) +
+           " 255 0 0\n";
+  }
+  return out;
+}
+
+std::string ply_text(const TriangleMesh& mesh) {
+  std::string out =
+      "ply\r\nformat ascii 1.0\r\ncomment c\r\nelement vertex " +
+      std::to_string(mesh.vertices.size()) +
+      "\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\nproperty uchar red\r\n"
+      "element face " +
+      std::to_string(mesh.triangles.size()) +
+      "\r\nproperty list uchar uint vertex_index\r\nproperty int flags\r\nend_header\r\n";
+  for (const Vec3d& p : mesh.vertices) {
+    out += std::to_string(p.x) + " " + std::to_string(p.y) + " " + std::to_string(p.z) + " 7\r\n";
+  }
+  for (const auto& t : mesh.triangles) {
+    out += "3 " + std::to_string(t[0]) + " " + std::to_string(t[1]) + " " + std::to_string(t[2]) +
+           " 0\r\n";
+  }
+  return out;
+}
+
+std::string stl_text(const TriangleMesh& mesh) {
+  std::string out = "solid part\n";
+  for (const auto& t : mesh.triangles) {
+    out += "facet normal 0 0 0\nouter loop\n";
+    for (const std::uint32_t v : t) {
+      const Vec3d& p = mesh.vertices[v];
+      out += "vertex " + std::to_string(p.x) + " " + std::to_string(p.y) + " " +
+             std::to_string(p.z) + "\n";
+    }
+    out += "endloop\nendfacet\n";
+  }
+  return out + "endsolid part\n";
+}
+
+template <class T>
+void append(std::string& out, T value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+/// The binary chunk of a glTF: float positions, then 32-bit indices.
+std::string gltf_buffer(const TriangleMesh& mesh) {
+  std::string out;
+  for (const Vec3d& p : mesh.vertices) {
+    for (int axis = 0; axis < 3; ++axis) append(out, static_cast<float>(p[axis]));
+  }
+  for (const auto& t : mesh.triangles) {
+    for (const std::uint32_t v : t) append(out, v);
+  }
+  return out;
+}
+
+/// One mesh placed twice: 0.2 m along x, and mirrored in x = 0 from there.
+std::string gltf_json(const TriangleMesh& mesh, const std::string& buffer_uri) {
+  const std::string num_vertices = std::to_string(mesh.vertices.size());
+  const std::string num_indices = std::to_string(3 * mesh.triangles.size());
+  const std::string position_bytes = std::to_string(12 * mesh.vertices.size());
+  const std::string index_bytes = std::to_string(12 * mesh.triangles.size());
+  const std::string bytes = std::to_string(12 * (mesh.vertices.size() + mesh.triangles.size()));
+  return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],"nodes":[
+{"mesh":0,"translation":[0.2,0,0]},
+{"scale":[-1,1,1],"children":[2]},{"mesh":0,"translation":[0.2,0,0]}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"type":"VEC3","count":)" +
+         num_vertices + R"(,"min":[-1,-1,-1],"max":[1,1,1]},
+{"bufferView":1,"componentType":5125,"type":"SCALAR","count":)" +
+         num_indices + R"(}],
+"bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":)" +
+         position_bytes + R"(},{"buffer":0,"byteOffset":)" + position_bytes + R"(,"byteLength":)" +
+         index_bytes + R"(}],"buffers":[{)" + buffer_uri + R"("byteLength":)" + bytes + "}]}";
+}
+
+std::string glb(const TriangleMesh& mesh) {
+  std::string json = gltf_json(mesh, "");
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  const std::string buffer = gltf_buffer(mesh);
+  std::string out = "glTF";
+  append(out, std::uint32_t(2));
+  append(out, static_cast<std::uint32_t>(12 + 8 + json.size() + 8 + buffer.size()));
+  append(out, static_cast<std::uint32_t>(json.size()));
+  out += "JSON" + json;
+  append(out, static_cast<std::uint32_t>(buffer.size()));
+  out += std::string("BIN\0", 4) + buffer;
+  return out;
+}
+
+void expect_same_solid(const Result<TriangleMesh>& read, const TriangleMesh& mesh, double tolerance,
+                       double copies = 1) {
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->triangles.size(), copies * mesh.triangles.size());
+  const auto solid = check_solid(*read);
+  ASSERT_TRUE(solid) << solid.error().message;
+  EXPECT_TRUE(solid->warnings.empty()) << solid->warnings.front();
+  const double expected = copies * mass_properties(mesh).volume;
+  EXPECT_NEAR(mass_properties(solid->mesh).volume, expected, tolerance * expected);
+}
+
+TEST_F(MeshFile, PlyRoundTripIsExact) {
+  const TriangleMesh mesh = make_spiral(0.02, 0.004, 0.014, 2, 20, 8);
+  ASSERT_TRUE(save_mesh(mesh, folder_ / "m.ply"));
+  const auto read = load_mesh(folder_ / "m.ply");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->vertices, mesh.vertices);
+  EXPECT_EQ(read->triangles, mesh.triangles);
+  const auto scaled = load_mesh(folder_ / "m.ply", 0.001);
+  ASSERT_TRUE(scaled);
+  EXPECT_EQ(scaled->vertices[5], mesh.vertices[5] * 0.001);
+}
+
+TEST_F(MeshFile, ObjRoundTripIsExact) {
+  const TriangleMesh mesh = make_spiral(0.02, 0.004, 0.014, 2, 20, 8);
+  ASSERT_TRUE(save_mesh(mesh, folder_ / "m.obj"));
+  const auto read = load_mesh(folder_ / "m.obj");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->vertices, mesh.vertices);
+  EXPECT_EQ(read->triangles, mesh.triangles);
+}
+
+TEST_F(MeshFile, ConcavePolygonsStayWithinTheirOutline) {
+  // An L-shaped prism with hexagons as its ends: every corner may be the first.
+  for (int first = 0; first < 6; ++first) {
+    const int outline[6][2] = {{0, 0}, {2, 0}, {2, 1}, {1, 1}, {1, 2}, {0, 2}};
+    std::string obj, top = "f", bottom = "f", sides;
+    for (int i = 0; i < 6; ++i) {
+      const auto& [x, y] = outline[(first + i) % 6];
+      const std::string place = "v 0." + std::to_string(x) + " ." + std::to_string(y);
+      obj += place + " 0\n" + place + " 0.1\n";
+      const int a = 2 * i + 1, b = 2 * ((i + 1) % 6) + 1;
+      top += ' ' + std::to_string(a + 1);
+      bottom += ' ' + std::to_string(2 * (5 - i) + 1);
+      sides += "f " + std::to_string(a) + " " + std::to_string(b) + " \\\n" +
+               std::to_string(b + 1) + " " + std::to_string(a + 1) + "\n";
+    }
+    const auto mesh = load_mesh(write("l.obj", obj + top + "\n" + bottom + "\n" + sides));
+    ASSERT_TRUE(mesh) << mesh.error().message;
+    const auto solid = check_solid(*mesh);
+    ASSERT_TRUE(solid) << solid.error().message;
+    EXPECT_NEAR(mass_properties(solid->mesh).volume, 0.003, 1e-12);
+    EXPECT_EQ(solid->mesh.triangles.size(), 20u);
+  }
+}
+
+TEST_F(MeshFile, ObjAndStlRoundTripToSinglePrecision) {
+  for (const char* name : {"m.obj", "m.stl", "m.ply"}) {
+    SCOPED_TRACE(name);
+    ASSERT_TRUE(save_mesh(sample(), folder_ / name));
+    expect_same_solid(load_mesh(folder_ / name), sample(), 1e-6);
+  }
+}
+
+TEST_F(MeshFile, ReadsTextFormats) {
+  expect_same_solid(load_mesh(write("m.off", off_text(sample()))), sample(), 1e-4);
+  expect_same_solid(load_mesh(write("m.ply", ply_text(sample()))), sample(), 1e-4);
+  expect_same_solid(load_mesh(write("m.STL", stl_text(sample()))), sample(), 1e-4);
+}
+
+TEST_F(MeshFile, ReadsGltfWithItsNodes) {
+  write("m.bin", gltf_buffer(sample()));
+  const auto gltf = load_mesh(write("m.gltf", gltf_json(sample(), R"("uri":"m.bin",)")));
+  expect_same_solid(gltf, sample(), 1e-6, 2);
+  const auto binary = load_mesh(write("m.glb", glb(sample())));
+  expect_same_solid(binary, sample(), 1e-6, 2);
+  EXPECT_NEAR(bounds(*binary).high.x, 0.27, 1e-7);
+  EXPECT_NEAR(bounds(*binary).low.x, -0.27, 1e-7);
+}
+
+TEST_F(MeshFile, TriangulatesPolygonsAndSkipsLines) {
+  const std::string corners =
+      "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv .1 .1 0\nv 0 0 .1\nv .1 0 .1\nv 0 .1 .1\nv .1 .1 .1\n";
+  const auto mesh =
+      load_mesh(write("cube.obj", corners + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\no a\nf 1 3 4 2\nf 5 6 "
+                                            "8 7\nf 1 2 6 5\no b\nf 3/1 7/2 8/3 4/4\n"
+                                            "f 1 5 7 3\nf -7 -5 -1 -3\nl 1 8\n"));
+  expect_same_solid(mesh, make_box({0.1, 0.1, 0.1}), 1e-6);
+  const auto off = load_mesh(write("cube.off",
+                                   "OFF 8 6 0\n0 0 0\n.1 0 0\n0 .1 0\n.1 .1 0\n0 0 .1\n.1 0 .1\n"
+                                   "0 .1 .1\n.1 .1 .1\n4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n"
+                                   "4 0 4 6 2\n4 1 3 7 5"));
+  expect_same_solid(off, make_box({0.1, 0.1, 0.1}), 1e-6);
+}
+
+TEST_F(MeshFile, BadArgumentsAreErrors) {
+  EXPECT_EQ(load_mesh(folder_ / "absent.obj").error().code, Errc::not_found);
+  const auto unknown = load_mesh(write("m.xyz", "hello"));
+  EXPECT_NE(unknown.error().message.find(".glb"), std::string::npos) << unknown.error().message;
+  fs::create_directories(folder_ / "folder.stl");
+  EXPECT_EQ(load_mesh(folder_ / "folder.stl").error().code, Errc::bad_input);
+  const fs::path good = write("m.off", off_text(sample()));
+  for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
+    EXPECT_EQ(load_mesh(good, scale).error().code, Errc::invalid_argument);
+  }
+  EXPECT_FALSE(save_mesh(sample(), folder_ / "m.xyz"));
+  EXPECT_FALSE(save_mesh(sample(), folder_ / "nowhere" / "m.ply"));
+  EXPECT_FALSE(save_mesh({{}, {{0, 1, 2}}}, folder_ / "m.stl"));
+  EXPECT_FALSE(fs::exists(folder_ / "m.stl"));
+}
+
+TEST_F(MeshFile, DamagedFilesAreErrors) {
+  for (const std::string name : {"m.obj", "m.stl", "m.ply", "m.off", "m.gltf", "m.glb"}) {
+    expect_error(name, "", "empty");
+    expect_error(name, "this is not a mesh at all, only a line of text\n", "export");
+    expect_error(name, std::string(500, '\0'), "export");
+  }
+  const std::string corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  expect_error("m.obj", corners + "f 1 2 9\n", "out of range");
+  expect_error("m.obj", corners + "f 0 1 2\n", "damaged face in line 4");
+  expect_error("m.obj", corners + "f 1 2\n", "only 2 corners in line 4");
+  expect_error("m.obj", corners + "v 1 2\n", "damaged vertex in line 4");
+  expect_error("m.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "vertex 3 of 3");
+  expect_error("m.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n", "vertex -1 of 3");
+  expect_error("m.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1    \n", "only 2 corners");
+  expect_error("m.off", "OFF\n3 1 0\n0 0 0\n1 0 x\n0 1 0\n3 0 1 2\n", "vertex 1");
+  expect_error("m.off", "OFF BINARY\n", "text OFF");
+  expect_error("m.off", "OFF\n4000000000 4000000000 0\n0 0 0\n", "announces");
+  std::string ply = ply_text(make_octahedron(0.1));
+  expect_error("m.ply", ply.substr(0, ply.size() - 8), "truncated");
+  expect_error("m.ply", ply.replace(ply.find("\r\n3 0 1"), 7, "\r\n3 0 9"), "vertex 9 of 6");
+  expect_error("m.ply",
+               "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\n"
+               "property float y\nproperty float z\nend_header\n",
+               "announces 4000000000");
+  expect_error("m.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1 ",
+               "without x, y and z");
+  std::string stl(84, ' ');
+  stl.replace(80, 4, "\xff\xff\xff\x7f");
+  expect_error("m.stl", stl, "announces 2147483647 facets");
+}
+
+TEST_F(MeshFile, TruncationsNeverCrash) {
+  for (const char* name : {"whole.ply", "whole.stl", "whole.obj"}) {
+    ASSERT_TRUE(save_mesh(sample(), folder_ / name));
+  }
+  truncate("cut.ply", text(folder_ / "whole.ply"), true);
+  truncate("cut.stl", text(folder_ / "whole.stl"), true);
+  truncate("cut.obj", text(folder_ / "whole.obj"), false);
+  truncate("text.ply", ply_text(sample()), true);
+  truncate("text.stl", stl_text(sample()), true);
+  truncate("cut.off", off_text(sample()), true);
+  truncate("cut.glb", glb(sample()), true);
+  write("m.bin", gltf_buffer(sample()));
+  truncate("cut.gltf", gltf_json(sample(), R"("uri":"m.bin",)"), true);
+}
+
+TEST_F(MeshFile, GltfWithATruncatedBufferIsAnError) {
+  write("m.bin", gltf_buffer(sample()).substr(0, 1000));
+  EXPECT_FALSE(load_mesh(write("m.gltf", gltf_json(sample(), R"("uri":"m.bin",)"))));
+}
+
+/// The mesh scaled such that its longest side is a hand's 0.15 m.
+TriangleMesh hand_sized(TriangleMesh mesh) {
+  const Bounds box = bounds(mesh);
+  const Vec3d sides = box.high - box.low;
+  const double scale = 0.15 / std::max({sides.x, sides.y, sides.z});
+  for (Vec3d& p : mesh.vertices) p *= scale;
+  return mesh;
+}
+
+TEST(RealMeshes, GoodOnesAreSolids) {
+  // Name, vertices, faces and volume in the units of the file, from the notes of the data set.
+  const struct {
+    const char* name;
+    std::size_t num_vertices, num_faces;
+    double volume;
+  } kMeshes[] = {
+      {"spiral_tool.obj", 2704, 5404, 2.44805e-05}, {"bunny_3k.off", 3485, 6966, 0.000753934},
+      {"chai3d_drill.obj", 445, 886, 59858.4},      {"torus.stl", 4350, 8700, 4.91755},
+      {"quadknot.obj", 1440, 2880, 1057310.0},      {"fuze_bottle.obj", 502, 1000, 0.000606689},
+      {"cube_20mm_text.stl", 132, 260, 7938.68},    {"cylinder.stl", 210, 416, 25.0924},
+      {"unit_sphere.stl", 642, 1280, 4.15274},      {"plate_holes.stl", 618, 1252, 767362.0},
+      {"spot_cow.obj", 2930, 5856, 0.718259},       {"visp_cube.obj", 8, 12, 0.000614125}};
+  PALPATE_DATA_OR_SKIP(folder, "meshes_good");
+  for (const auto& expected : kMeshes) {
+    SCOPED_TRACE(expected.name);
+    const auto mesh = load_mesh(folder / expected.name);
+    ASSERT_TRUE(mesh) << mesh.error().message;
+    EXPECT_NEAR(mass_properties(*mesh).volume / expected.volume, 1, 2e-5);
+    const auto solid = check_solid(hand_sized(*mesh));
+    ASSERT_TRUE(solid) << solid.error().message;
+    EXPECT_TRUE(solid->warnings.empty()) << solid->warnings.front();
+    EXPECT_EQ(solid->mesh.vertices.size(), expected.num_vertices);
+    EXPECT_EQ(solid->mesh.triangles.size(), expected.num_faces);
+  }
+}
+
+TEST(RealMeshes, BadOnesEndInTheirOwnErrorOrWarning) {
+  // `words` stand in the error, or in the only warning if the mesh can be accepted.
+  const struct {
+    const char* name;
+    bool accepted;
+    const char* words;
+  } kMeshes[] = {{"soup.stl", false, "300 open edges"},
+                 {"multibody.stl", false, "12 inconsistently oriented edges"},
+                 {"joined_tetrahedra.obj", false, "3 non-manifold edges"},
+                 {"chair_model.obj", false, "non-manifold edges"},
+                 {"angle_block_open.stl", true, "joined"},
+                 {"teapot_open.stl", false, "64 open edges"},
+                 {"capsule_slivers.obj", true, "dropped 200 faces without area"},
+                 {"empty.stl", false, "empty"},
+                 {"not_enough_indices.obj", false, "only 2 corners in line 9"},
+                 {"nan_color.obj", true, ""},
+                 {"self_intersect_a.obj", false, "crosses or touches itself"},
+                 {"visp_dragon.obj", false, "6 open edges (of one face only), 6 non-manifold"},
+                 {"derived_drill_flipped.obj", true, "inside out"},
+                 {"derived_spiral_oneflip.obj", false, "3 inconsistently oriented edges"},
+                 {"derived_knot_onehole.obj", false, "3 open edges"},
+                 {"derived_fuze_nan.obj", false, "not a finite number"},
+                 {"derived_torus_outofrange.obj", false, "out of range"}};
+  PALPATE_DATA_OR_SKIP(folder, "meshes_bad");
+  for (const auto& expected : kMeshes) {
+    SCOPED_TRACE(expected.name);
+    std::string said;
+    bool accepted = false;
+    const auto mesh = load_mesh(folder / expected.name);
+    if (mesh) {
+      const auto solid = check_solid(hand_sized(*mesh));
+      accepted = solid.has_value();
+      if (!solid) said = solid.error().message;
+      if (solid && !solid->warnings.empty()) said = solid->warnings.front();
+    } else {
+      said = mesh.error().message;
+    }
+    EXPECT_EQ(accepted, expected.accepted) << said;
+    EXPECT_NE(said.find(expected.words), std::string::npos) << said;
+  }
+}
+
+TEST(RealMeshes, WrongUnitIsNoticed) {
+  PALPATE_DATA_OR_SKIP(folder, "meshes_bad");
+  const auto metres = load_mesh(folder / "large_block.stl");
+  ASSERT_TRUE(metres);
+  const auto refused = check_solid(*metres);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("4572 m long"), std::string::npos);
+  EXPECT_TRUE(check_solid(hand_sized(*metres)));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,192 @@
+#include "palpate/io/tool_file.h"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "tests/io/files.h"
+#include "tests/ist/random_packing.h"
+
+namespace palpate {
+namespace {
+
+using test::expect_error;
+using test::read_bytes;
+using test::TemporaryFolder;
+using test::write_bytes;
+
+Tool small_tool(int num_spheres) {
+  TriangleMesh mesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                    {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
+  SpherePacking packing{test::random_packing(num_spheres, 3), 1.0 / 6, PackStop::radius};
+  return *Tool::build(mesh, packing, GapRule::relative, "a tool for tests");
+}
+
+void expect_same(const Tool& a, const Tool& b) {
+  ASSERT_EQ(a.mesh().vertices.size(), b.mesh().vertices.size());
+  EXPECT_EQ(std::memcmp(a.mesh().vertices.data(), b.mesh().vertices.data(),
+                        a.mesh().vertices.size() * sizeof(Vec3d)),
+            0);
+  EXPECT_EQ(a.mesh().triangles, b.mesh().triangles);
+  ASSERT_EQ(a.spheres().size(), b.spheres().size());
+  EXPECT_EQ(std::memcmp(a.spheres().data(), b.spheres().data(), a.spheres().size_bytes()), 0);
+  EXPECT_EQ(a.packing().mesh_volume, b.packing().mesh_volume);
+  EXPECT_EQ(a.packing().stop, b.packing().stop);
+  EXPECT_EQ(a.graph().edges(), b.graph().edges());
+  EXPECT_TRUE(std::ranges::equal(a.graph().lengths(), b.graph().lengths()));
+  EXPECT_EQ(a.graph().num_bridges(), b.graph().num_bridges());
+  EXPECT_EQ(a.graph().num_components_before_bridging(), b.graph().num_components_before_bridging());
+  EXPECT_EQ(a.sphere_mass().volume, b.sphere_mass().volume);
+  EXPECT_EQ(a.source(), b.source());
+}
+
+/// A crafted file passes the checksum.
+void seal(std::string& bytes) {
+  const std::uint64_t checksum = XXH3_64bits(bytes.data(), bytes.size() - 8);
+  std::memcpy(bytes.data() + bytes.size() - 8, &checksum, 8);
+}
+
+template <class T>
+T peek(const std::string& bytes, std::size_t at) {
+  T value;
+  std::memcpy(&value, bytes.data() + at, sizeof(value));
+  return value;
+}
+
+template <class T>
+void poke(std::string& bytes, std::size_t at, T value) {
+  std::memcpy(bytes.data() + at, &value, sizeof(value));
+}
+
+TEST(ToolFile, RoundTripsBitForBit) {
+  const TemporaryFolder folder;
+  for (const int count : {1, 2, 5, 1000}) {
+    const Tool tool = small_tool(count);
+    ASSERT_TRUE(save_tool(tool, folder / "tool.palp").has_value());
+    const auto loaded = load_tool(folder / "tool.palp");
+    ASSERT_TRUE(loaded.has_value()) << loaded.error().message;
+    expect_same(tool, *loaded);
+    ASSERT_TRUE(save_tool(*loaded, folder / "again.palp").has_value());
+    EXPECT_EQ(read_bytes(folder / "tool.palp"), read_bytes(folder / "again.palp"));
+  }
+}
+
+TEST(ToolFile, EveryTruncationIsAnError) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(save_tool(small_tool(5), folder / "tool.palp").has_value());
+  test::for_each_truncation(folder / "tool.palp", std::size_t(-1),
+                            [](const std::filesystem::path& cut, std::size_t length) {
+                              expect_error(load_tool(cut),
+                                           length < 8 ? "is not a tool file" : "is truncated");
+                            });
+}
+
+TEST(ToolFile, EveryFlippedByteIsAnError) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(save_tool(small_tool(5), folder / "tool.palp").has_value());
+  const std::string good = read_bytes(folder / "tool.palp");
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    for (const char mask : {'\x01', '\x80', '\xff'}) {
+      std::string bytes = good;
+      bytes[i] = static_cast<char>(bytes[i] ^ mask);
+      write_bytes(folder / "bad.palp", bytes);
+      ASSERT_FALSE(load_tool(folder / "bad.palp").has_value()) << "byte " << i;
+    }
+  }
+}
+
+TEST(ToolFile, SaysWhatIsWrong) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(load_tool(folder / "absent.palp").error().code, Errc::not_found);
+  EXPECT_FALSE(load_tool(folder.path()).has_value());
+  write_bytes(folder / "empty.palp", "");
+  expect_error(load_tool(folder / "empty.palp"), "is not a tool file");
+  write_bytes(folder / "garbage.palp", std::string(5000, 'x'));
+  expect_error(load_tool(folder / "garbage.palp"), "is not a tool file");
+
+  ASSERT_TRUE(save_tool(small_tool(3), folder / "tool.palp").has_value());
+  const std::string good = read_bytes(folder / "tool.palp");
+  std::string newer = good;
+  poke<std::uint32_t>(newer, 8, 2);
+  write_bytes(folder / "newer.palp", newer);
+  expect_error(load_tool(folder / "newer.palp"), "newer");
+  std::string flipped = good;
+  flipped[good.size() / 2] ^= 1;
+  write_bytes(folder / "flipped.palp", flipped);
+  expect_error(load_tool(folder / "flipped.palp"), "checksum");
+  write_bytes(folder / "longer.palp", good + "x");
+  expect_error(load_tool(folder / "longer.palp"), "bytes follow");
+}
+
+TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(save_tool(small_tool(5), folder / "tool.palp").has_value());
+  const std::string good = read_bytes(folder / "tool.palp");
+  const auto expect_bad = [&](std::string bytes, const std::string& words) {
+    seal(bytes);
+    write_bytes(folder / "bad.palp", bytes);
+    expect_error(load_tool(folder / "bad.palp"), words);
+  };
+  constexpr std::size_t kTable = 24, kEntry = 24;
+  for (std::size_t section = 0; section < 6; ++section) {
+    const std::size_t entry = kTable + section * kEntry;
+    for (const std::uint64_t huge : {~std::uint64_t(0), std::uint64_t(1) << 62,
+                                     std::uint64_t(1) << 32, std::uint64_t(100000)}) {
+      std::string bytes = good;
+      poke(bytes, entry + 16, huge);  // number of elements
+      expect_bad(bytes, "damaged");
+      bytes = good;
+      poke(bytes, entry + 8, huge);  // offset
+      expect_bad(bytes, "damaged");
+    }
+    std::string bytes = good;
+    poke<std::uint32_t>(bytes, entry, 99);  // a section of another name: ours is missing
+    expect_bad(bytes, "missing");
+    bytes = good;
+    poke<std::uint32_t>(bytes, entry + 4, 7);  // element size
+    expect_bad(bytes, "does not fit");
+  }
+  std::string bytes = good;
+  poke<std::uint32_t>(bytes, 12, 0xffffffffu);  // number of sections
+  expect_bad(bytes, "sections");
+
+  const auto at = [&](std::size_t section) {
+    return peek<std::uint64_t>(good, kTable + section * kEntry + 8);
+  };
+  const auto expect_value_refused = [&](std::size_t where, auto value, const std::string& words) {
+    std::string changed = good;
+    poke(changed, where, value);
+    expect_bad(changed, words);
+  };
+  const double nan = std::nan("");
+  expect_value_refused(at(0), nan, "vertex 0");
+  expect_value_refused(at(1), std::uint32_t(4), "triangle 0");
+  expect_value_refused(at(2) + 12, -1.0f, "sphere 0");
+  expect_value_refused(at(2) + 16, std::nanf(""), "sphere 1");
+  expect_value_refused(at(3), nan, "volume");
+  expect_value_refused(at(3) + 8, std::uint32_t(5), "facts");
+  expect_value_refused(at(3) + 12, std::uint32_t(0x80000000u), "facts");
+  expect_value_refused(at(3) + 16, std::uint32_t(0), "facts");
+  expect_value_refused(at(4), std::uint32_t(9), "edges");
+  expect_value_refused(at(4) + 4, std::uint32_t(0), "edges");
+  expect_value_refused(at(4) + 4, std::uint32_t(0x80000001u), "edges");
+  bytes = good;
+  poke<std::uint64_t>(bytes, kTable + 4 * kEntry + 16, 1);  // only one edge left, and no bridges
+  poke<std::uint32_t>(bytes, at(3) + 12, 0);
+  poke<std::uint32_t>(bytes, at(3) + 16, 1);
+  expect_bad(bytes, "parts");
+}
+
+TEST(ToolFile, SavingLeavesNoHalfFile) {
+  const TemporaryFolder folder;
+  EXPECT_FALSE(save_tool(small_tool(2), folder / "no/such/folder.palp").has_value());
+  ASSERT_TRUE(save_tool(small_tool(2), folder / "tool.palp").has_value());
+  const auto entries = std::filesystem::directory_iterator(folder.path());
+  EXPECT_EQ(std::distance(begin(entries), end(entries)), 1);
+}
+
+}  // namespace
+}  // namespace palpate

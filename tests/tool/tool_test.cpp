@@ -1,0 +1,97 @@
+#include "palpate/tool/tool.h"
+
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "tests/ist/random_packing.h"
+
+namespace palpate {
+namespace {
+
+TriangleMesh tetrahedron() {
+  return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+          {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
+}
+
+SpherePacking packing_of(std::vector<Sphere> spheres) {
+  return {std::move(spheres), 1.0 / 6, PackStop::count};
+}
+
+void expect_refused(TriangleMesh mesh, SpherePacking packing, const std::string& word) {
+  const Result<Tool> tool =
+      Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "test");
+  ASSERT_FALSE(tool.has_value());
+  EXPECT_EQ(tool.error().code, Errc::bad_input);
+  EXPECT_NE(tool.error().message.find(word), std::string::npos) << tool.error().message;
+}
+
+TEST(Tool, BuildsEverythingFromMeshAndSpheres) {
+  const std::vector<Sphere> spheres = test::random_packing(200, 4);
+  const Result<Tool> built =
+      Tool::build(tetrahedron(), packing_of(spheres), GapRule::relative, "a tetrahedron");
+  ASSERT_TRUE(built.has_value()) << built.error().message;
+  const Tool& tool = *built;
+  EXPECT_EQ(tool.spheres().size(), 200u);
+  EXPECT_EQ(tool.mesh().triangles.size(), 4u);
+  EXPECT_EQ(tool.source(), "a tetrahedron");
+  EXPECT_EQ(tool.tree().find_leaf(to_double(spheres[17].centre)), 17);
+  EXPECT_EQ(tool.graph().row_starts().size(), 201u);
+  EXPECT_GE(tool.graph().num_edges(), 199);
+
+  double volume = 0;
+  Vec3d moment;
+  for (const Sphere& sphere : spheres) {
+    volume += sphere_volume(double(sphere.radius));
+    moment += to_double(sphere.centre) * sphere_volume(double(sphere.radius));
+  }
+  EXPECT_NEAR(tool.sphere_mass().volume, volume, 1e-12 * volume);
+  EXPECT_NEAR(norm(tool.sphere_mass().centre_of_mass - moment / volume), 0, 1e-12);
+  EXPECT_NEAR(tool.mesh_mass().volume, 1.0 / 6, 1e-12);
+  EXPECT_NEAR(norm(tool.mesh_mass().centre_of_mass - Vec3d{.25, .25, .25}), 0, 1e-12);
+}
+
+TEST(Tool, OneSphereIsEnough) {
+  const Result<Tool> tool =
+      Tool::build(tetrahedron(), packing_of({{{.2f, .2f, .2f}, .1f}}), GapRule::absolute, "");
+  ASSERT_TRUE(tool.has_value());
+  EXPECT_EQ(tool->graph().num_edges(), 0);
+}
+
+TEST(Tool, RefusesBadSpheres) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  expect_refused(tetrahedron(), packing_of({}), "at least one sphere");
+  for (const Sphere& bad :
+       {Sphere{{nan, 0, 0}, 1}, Sphere{{0, -infinity, 0}, 1}, Sphere{{0, 0, 0}, 0},
+        Sphere{{0, 0, 0}, -1}, Sphere{{0, 0, 0}, nan}, Sphere{{0, 0, 0}, infinity}}) {
+    expect_refused(tetrahedron(), packing_of({{{0, 0, 0}, 1}, bad}), "sphere 1");
+  }
+}
+
+TEST(Tool, RefusesBadMeshes) {
+  TriangleMesh mesh = tetrahedron();
+  mesh.vertices[2].y = std::numeric_limits<double>::quiet_NaN();
+  expect_refused(mesh, packing_of({{{0, 0, 0}, 1}}), "vertex 2");
+  mesh = tetrahedron();
+  mesh.triangles[3][1] = 4;
+  expect_refused(mesh, packing_of({{{0, 0, 0}, 1}}), "triangle 3");
+  SpherePacking packing = packing_of({{{0, 0, 0}, 1}});
+  packing.mesh_volume = std::numeric_limits<double>::infinity();
+  expect_refused(tetrahedron(), packing, "volume");
+}
+
+TEST(Tool, RestoreRefusesGraphsOfOtherSpheres) {
+  const std::vector<Sphere> spheres = test::random_packing(10, 1);
+  const std::vector<std::pair<int, int>> one_edge{{0, 1}};
+  EXPECT_FALSE(
+      Tool::restore(tetrahedron(), packing_of(spheres), LeafGraph(spheres, one_edge, 0, 1), "")
+          .has_value());
+  const std::vector<Sphere> fewer(spheres.begin(), spheres.begin() + 5);
+  EXPECT_FALSE(
+      Tool::restore(tetrahedron(), packing_of(spheres), LeafGraph(fewer, GapRule::relative), "")
+          .has_value());
+}
+
+}  // namespace
+}  // namespace palpate

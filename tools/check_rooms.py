@@ -1,0 +1,158 @@
+#!/usr/bin/env python3
+"""Rooms may include only the rooms below them (docs/architecture.md draws the picture).
+
+Also: a private header (src/ROOM/...) is for its own room and that room's tests; public headers
+include nothing but the standard library and each other; every other library has a home.
+
+usage: tools/check_rooms.py [ROOT]
+"""
+
+import re
+import sys
+from pathlib import Path
+
+from project_files import ROOT, project_files
+
+# A room may include itself and the rooms named here, and what these may include.
+BELOW = {
+    "core": (),
+    "math": ("core",),
+    "mesh": ("math",),
+    "packing": ("mesh",),
+    "ist": ("math",),
+    "tool": ("mesh", "packing", "ist"),
+    "cloud": ("math",),
+    "contact": ("cloud", "tool"),
+    "io": ("contact",),
+    "session": ("io",),
+    "scenes": ("mesh", "cloud"),
+    "apps": ("session", "scenes"),
+}
+READ_EVERYTHING = ("tests", "bench")
+
+# Private headers that more than one room may include.
+SHARED_PRIVATE = {"src/core/simd.h": ("cloud", "contact")}
+
+# Libraries and where they are at home, beside tests and bench.
+LIBRARIES = (
+    (r"assimp/", ("io",)),
+    (r"png\.h", ("io", "session")),
+    (r"(lib)?lzf\.h", ("io",)),
+    (r"xxhash\.h", ("io", "session")),
+    (r"zlib\.h", ("io", "session")),
+    (r"nlohmann/", ("io", "session", "apps")),
+    (r"CLI/", ("apps",)),
+    (r"embree\d*/", ("scenes",)),
+    (r"(gtest|gmock|benchmark|pcl|opencv\d*|Eigen)/", ()),
+)
+CUDA = re.compile(r"(cuda|cub/|thrust/|cooperative_groups|nv)")
+IS_CUDA_FILE = re.compile(r"(\.cuh?|_cuda\.(h|cpp))$")
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*(?:<([^>]+)>|"([^"]+)")')
+SOURCE = {".h", ".cpp", ".cu", ".cuh"}
+
+
+def allowed_rooms(room):
+    """The room itself and everything it may include."""
+    rooms = {room}
+    for below in BELOW[room]:
+        rooms |= allowed_rooms(below)
+    return rooms
+
+
+def room_of(name):
+    """The room of a path relative to the root, or None for a file outside all rooms."""
+    parts = Path(name).parts
+    if parts[:2] == ("include", "palpate") and len(parts) > 3:
+        return parts[2]
+    if parts[0] == "palpate" and len(parts) > 2:  # as written in an include line
+        return parts[1]
+    if parts[0] == "src" and len(parts) > 2:
+        return parts[1]
+    if parts[0] in ("scenes", "apps") + READ_EVERYTHING:
+        return parts[0]
+    return None
+
+
+def is_public(name):
+    return name.startswith("include/") or name == "scenes/scene.h"
+
+
+def check_project_include(name, target):
+    """What is wrong with the file `name` including "target"; None if nothing is."""
+    room, target_room = room_of(name), room_of(target)
+    if target_room is None:
+        return f'write the path from the root, e.g. "palpate/{room}/..." or "src/{room}/..."'
+    if target_room not in BELOW and target_room not in READ_EVERYTHING:
+        return f"there is no room {target_room}: name it in tools/check_rooms.py"
+    if room in READ_EVERYTHING:
+        tested = Path(name).parts[1]
+        if target.startswith("src/") and room == "tests" and tested in BELOW:
+            if target_room != tested and tested not in SHARED_PRIVATE.get(target, ()):
+                return f"tests of {tested} may not read the private headers of {target_room}"
+        return None
+    if target_room in READ_EVERYTHING or target_room not in allowed_rooms(room):
+        below = ", ".join(sorted(allowed_rooms(room) - {room})) or "no other room"
+        return f"{room} may not include {target_room} (only {below})"
+    if target.startswith("src/"):
+        if is_public(name):
+            return "a public header may not include a private one"
+        if target_room != room and room not in SHARED_PRIVATE.get(target, ()):
+            return f"{target} is private to {target_room}"
+    return None
+
+
+def check_library_include(name, target):
+    """The same for <target>."""
+    room = room_of(name)
+    if is_public(name):
+        if "/" in target or "." in target:
+            return "public headers include only the C++ standard library and each other"
+        return None
+    if CUDA.match(target) and not IS_CUDA_FILE.search(name):
+        return "CUDA headers belong into *.cu, *.cuh and *_cuda.* files"
+    if room in READ_EVERYTHING:
+        return None
+    for pattern, homes in LIBRARIES:
+        if re.match(pattern, target) and room not in homes:
+            return f"<{target}> may be included only in {', '.join(homes + READ_EVERYTHING)}"
+    return None
+
+
+def check_text(name, text):
+    """Yields (line number, what is wrong)."""
+    room = room_of(name)
+    if room is None:
+        return
+    if room not in BELOW and room not in READ_EVERYTHING:
+        yield 1, f"there is no room {room}: name it in tools/check_rooms.py"
+        return
+    for number, line in enumerate(text.splitlines(), start=1):
+        match = INCLUDE.match(line)
+        if not match:
+            continue
+        library, target = match.groups()
+        if target is not None:
+            problem = check_project_include(name, target)
+        else:
+            problem = check_library_include(name, library)
+        if problem:
+            yield number, problem
+
+
+def main(root=ROOT):
+    num_files = num_problems = 0
+    for path in project_files(root):
+        if path.suffix not in SOURCE:
+            continue
+        num_files += 1
+        text = (root / path).read_text(encoding="utf-8", errors="replace")
+        for number, problem in check_text(path.as_posix(), text):
+            num_problems += 1
+            print(f"{path.as_posix()}:{number}: {problem}")
+    print(f"check_rooms: {num_files} files, {num_problems} problems")
+    return 1 if num_problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]).resolve()) if len(sys.argv) > 1 else main())

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# All checks that need no build; every one runs, so that all problems are seen at once.
+# usage: tools/lint.sh
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+failed=()
+run() { "$@" || failed+=("$*"); }
+
+run tools/check_scripts.sh
+run python3 -m unittest discover -q -s tools -p '*_test.py'
+run python3 tools/check_rooms.py
+run python3 tools/check_words.py
+run tools/check_format.sh
+run tools/check_headers.sh
+
+if [ ${#failed[@]} -gt 0 ]; then
+  printf 'lint: failed: %s\n' "${failed[@]}"
+  exit 1
+fi
+echo "lint: all checks passed"
