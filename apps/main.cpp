@@ -10,13 +10,36 @@ namespace {
 
 constexpr int kInputAtFault = 1, kWrongUsage = 2;
 
-/// One line, whatever the message holds.
-int fail(std::string message, int status) {
-  for (char& c : message) {
-    if (c == '\n' || c == '\r') c = ' ';
+/// Length of the UTF-8 character at `at`, 0 if these bytes are none.
+std::size_t utf8_length(const std::string& text, std::size_t at) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const std::size_t length = byte(at) < 0x80       ? 1
+                             : byte(at) >> 5 == 6  ? 2
+                             : byte(at) >> 4 == 14 ? 3
+                             : byte(at) >> 3 == 30 ? 4
+                                                   : 0;
+  if (at + length > text.size()) return 0;
+  for (std::size_t i = 1; i < length; ++i) {
+    if (byte(at + i) >> 6 != 2) return 0;
   }
-  while (!message.empty() && message.back() == ' ') message.pop_back();
-  std::cerr << "palpate: " << message << std::endl;
+  return length;
+}
+
+/// One printable line, even if the message quotes a file that is not text.
+int fail(const std::string& message, int status) {
+  std::string line = "palpate: ";
+  for (std::size_t at = 0; at < message.size();) {
+    const std::size_t length = utf8_length(message, at);
+    const auto first = static_cast<unsigned char>(message[at]);
+    if (length == 0 || (length == 1 && (first < 0x20 || first == 0x7f))) {
+      line += first == '\n' ? ' ' : '?';
+      ++at;
+    } else {
+      line.append(message, at, length);
+      at += length;
+    }
+  }
+  std::cerr << line << std::endl;
   return status;
 }
 

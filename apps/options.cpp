@@ -13,14 +13,17 @@ void add_contact_options(CLI::App& app, RunSettings& settings) {
             "what makes a boundary sphere good");
   add_named(app, "--inside", contact.inside, kInsideNames, "volume of a sphere the graph reaches");
   add_named(app, "--backend", settings.backend, kBackendNames, "where queries run");
-  app.add_option("--threads", settings.num_threads, "threads; 0: one per core")
+  app.add_option("--threads", settings.num_threads,
+                 "threads; 0: one per core for surfaces, one for queries")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
 }
 
 void add_surface_options(CLI::App& app, SurfaceOptions& options) {
   const std::string group = "From depth to surface";
-  app.add_flag("!--no-filter", options.filter.enabled, "leave out the bilateral filter")
+  app.add_flag_callback(
+         "--no-filter", [&options] { options.filter.enabled = false; },
+         "leave out the bilateral filter")
       ->group(group);
   app.add_option("--normal-radius", options.normals.radius, "pixels around a point for its normal")
       ->check(CLI::Range(1, 7))

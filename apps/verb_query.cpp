@@ -104,9 +104,7 @@ Status run(const Options& options) {
     for (const TimedPose& pose : *trajectory) poses.push_back(pose.X_WT);
   }
   ThreadPool pool(options.settings.num_threads);
-  ContactCapacities capacities;
-  capacities.pool = &pool;
-  const auto chosen = choose_contact_query(options.settings.backend, *tool, capacities);
+  const auto chosen = choose_contact_query(options.settings, *tool, pool);
   if (!chosen) return chosen.error();
   const auto cloud = read_cloud(options, pool);
   if (!cloud) return cloud.error();

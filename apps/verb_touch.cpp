@@ -103,7 +103,8 @@ Status run(const Options& options) {
   if (!input) return input.error();
   const std::vector<TimedPose>& path = input->path;
   if (path.empty()) {
-    return Error{Errc::bad_input, "scene " + options.scene + " has no path of its own: give --path"};
+    return Error{Errc::bad_input,
+                 "scene " + options.scene + " has no path of its own: give --path"};
   }
   const double path_start = path.front().time, path_length = path.back().time - path_start;
   const DepthStreamInfo& info = input->source->info();
@@ -203,7 +204,8 @@ void add_touch(CLI::App& program, Action& action) {
   std::string names;
   for (const std::string& name : scenes::scene_names()) names += (names.empty() ? "" : ", ") + name;
   app.add_option("--scene", options->scene, "simulated camera: " + names)->type_name("NAME");
-  app.add_flag("!--no-noise", options->noise, "a perfect simulated camera");
+  app.add_flag_callback(
+      "--no-noise", [options] { options->noise = false; }, "a perfect simulated camera");
   app.add_option("--seed", options->seed, "of the simulated noise")->capture_default_str();
   app.add_option(
          "--path", options->path,

@@ -42,7 +42,8 @@ BENCHMARK(stage)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 
-// Normals alone with their error, of raw noise and of filtered depth: comparable with other libraries.
+// Normals alone with their error, of raw noise and of filtered depth: comparable with other
+// libraries.
 void normals(benchmark::State& state) {
   const WallFrame wall(640, 480);
   SurfaceOptions options;

@@ -10,8 +10,8 @@
 namespace palpate::bench {
 namespace {
 
-// Normals from 3-D points, as the library wants them. Compare with our `normals`; `filtered` is by our
-// filter.
+// Normals from 3-D points, as the library wants them. Compare with our `normals`; `filtered` is by
+// our filter.
 void opencv_normals(benchmark::State& state) {
   const WallFrame wall(640, 480);
   const Intrinsics& k = wall.intrinsics;

@@ -35,6 +35,10 @@ target_include_directories(palpate_flags INTERFACE "${PROJECT_SOURCE_DIR}/includ
                                                    "${PROJECT_SOURCE_DIR}")
 target_compile_options(
   palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wpedantic;-Wshadow;-Werror;-ffp-contract=off>)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+  # GCC 12 warns about "literal" + std::string where nothing is wrong (GCC bug 105651).
+  target_compile_options(palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-restrict>)
+endif()
 target_compile_options(palpate_flags
                        INTERFACE $<$<COMPILE_LANGUAGE:CUDA>:--Werror=all-warnings;--fmad=false>)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")

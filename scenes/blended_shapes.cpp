@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <unordered_map>
 
 #include "palpate/core/assert.h"
@@ -10,15 +11,24 @@
 namespace palpate::scenes {
 namespace {
 
-double distance(const RoundCone& cone, const Vec3d& p) {
-  const Vec3d axis = cone.b - cone.a;
-  const double length = norm(axis), taper = cone.radius_a - cone.radius_b;
-  const double along = dot(p - cone.a, axis) / length;
-  const double across = norm(p - cone.a - axis * (along / length));
+/// Of the hull of two balls.
+double distance(const Ball& a, const Ball& b, const Vec3d& p) {
+  const Vec3d axis = b.centre - a.centre;
+  const double length = norm(axis), taper = a.radius - b.radius;
+  const double along = dot(p - a.centre, axis) / length;
+  const double across = norm(p - a.centre - axis * (along / length));
   // Normals lean by the half angle of the cone; following them back leads to the nearest ball.
   const double lean = taper / std::sqrt(length * length - taper * taper);
   const double s = std::clamp(along - across * lean, 0.0, length);
-  return std::hypot(across, along - s) - (cone.radius_a - taper * s / length);
+  return std::hypot(across, along - s) - (a.radius - taper * s / length);
+}
+
+double distance(const BallChain& chain, const Vec3d& p) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < chain.size(); ++i) {
+    nearest = std::min(nearest, distance(chain[i - 1], chain[i], p));
+  }
+  return nearest;
 }
 
 /// First order: exact on the surface, where it counts.
@@ -54,8 +64,8 @@ struct Grid {
   }
 };
 
-/// Cuts each cube into six tetrahedra around its diagonal; a tetrahedron meets the surface in at most
-/// four edges, so that, unlike with cubes, no case is ambiguous and the mesh is always closed.
+/// Cuts each cube into six tetrahedra around its diagonal; a tetrahedron meets the surface in at
+/// most four edges, so that, unlike with cubes, no case is ambiguous and the mesh is always closed.
 class MarchingTetrahedra {
  public:
   explicit MarchingTetrahedra(const Grid& grid) : grid_(grid) {}
@@ -94,7 +104,8 @@ class MarchingTetrahedra {
                                           {1, 2, 0, 3}, {1, 3, 2, 0}, {2, 3, 0, 1}};
     for (const auto& [a, b, c, d] : kAlone) {
       if (inside == 1u << a) add(vertex(t[a], t[b]), vertex(t[a], t[c]), vertex(t[a], t[d]));
-      if (inside == (15u ^ 1u << a)) add(vertex(t[a], t[b]), vertex(t[a], t[d]), vertex(t[a], t[c]));
+      if (inside == (15u ^ 1u << a))
+        add(vertex(t[a], t[b]), vertex(t[a], t[d]), vertex(t[a], t[c]));
     }
     for (const auto& [a, b, c, d] : kPairs) {
       if (inside != (1u << a | 1u << b)) continue;
@@ -103,7 +114,9 @@ class MarchingTetrahedra {
     }
   }
 
-  void add(std::uint32_t a, std::uint32_t b, std::uint32_t c) { mesh_.triangles.push_back({a, b, c}); }
+  void add(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    mesh_.triangles.push_back({a, b, c});
+  }
 
   /// Where the surface crosses the edge of two nodes.
   std::uint32_t vertex(std::size_t a, std::size_t b) {
@@ -125,7 +138,7 @@ class MarchingTetrahedra {
 
 }  // namespace
 
-TriangleMesh blended(std::span<const RoundCone> cones, std::span<const Ellipsoid> ellipsoids,
+TriangleMesh blended(std::span<const BallChain> chains, std::span<const Ellipsoid> ellipsoids,
                      double blend, double cell) {
   PALPATE_ASSERT(blend > 0 && cell > 0);
   TriangleMesh extremes;
@@ -133,9 +146,8 @@ TriangleMesh blended(std::span<const RoundCone> cones, std::span<const Ellipsoid
     extremes.vertices.push_back(centre - radii);
     extremes.vertices.push_back(centre + radii);
   };
-  for (const RoundCone& c : cones) {
-    reach(c.a, {c.radius_a, c.radius_a, c.radius_a});
-    reach(c.b, {c.radius_b, c.radius_b, c.radius_b});
+  for (const BallChain& chain : chains) {
+    for (const Ball& ball : chain) reach(ball.centre, Vec3d{1, 1, 1} * ball.radius);
   }
   for (const Ellipsoid& e : ellipsoids) reach(e.centre, e.radii);
   const Bounds box = bounds(extremes);
@@ -150,7 +162,7 @@ TriangleMesh blended(std::span<const RoundCone> cones, std::span<const Ellipsoid
   for (std::size_t node = 0; node < grid.values.size(); ++node) {
     const Vec3d p = grid.position(node);
     double value = margin;
-    for (const RoundCone& c : cones) value = soft_minimum(value, distance(c, p), blend);
+    for (const BallChain& c : chains) value = soft_minimum(value, distance(c, p), blend);
     for (const Ellipsoid& e : ellipsoids) value = soft_minimum(value, distance(e, p), blend);
     grid.values[node] = value;
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "palpate/math/vec3.h"
 #include "palpate/mesh/triangle_mesh.h"
@@ -13,21 +14,22 @@ TriangleMesh block(const Vec3d& low, const Vec3d& high);
 /// Adds a part to a body.
 void append(TriangleMesh& body, const TriangleMesh& part);
 
-/// Hull of two balls: a phalanx, an arm, a neck. One ball may not contain the other.
-struct RoundCone {
-  Vec3d a;
-  double radius_a;
-  Vec3d b;
-  double radius_b;
+struct Ball {
+  Vec3d centre;
+  double radius;
 };
+/// A finger, an arm, a neck: the hulls of each two neighbouring balls, of which neither may contain
+/// the other.
+using BallChain = std::vector<Ball>;
 /// Axes parallel to the frame's.
 struct Ellipsoid {
   Vec3d centre, radii;
 };
 
-/// Parts of clay pressed together: creases closer than about `blend` (m) are filled. The surface is
-/// taken from a grid of cubes with side `cell` (m), which must be well below the smallest radius.
-TriangleMesh blended(std::span<const RoundCone> cones, std::span<const Ellipsoid> ellipsoids,
+/// Parts of clay pressed together: creases between parts closer than about `blend` (m) are filled.
+/// The surface is taken from a grid of cubes with side `cell` (m), which must be well below the
+/// smallest radius.
+TriangleMesh blended(std::span<const BallChain> chains, std::span<const Ellipsoid> ellipsoids,
                      double blend, double cell);
 
 }  // namespace palpate::scenes

@@ -1,6 +1,7 @@
 #include "scenes/depth_renderer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -30,16 +31,17 @@ SceneHandle build_tree(RTCDevice device, const TriangleMesh& mesh) {
   SceneHandle tree(rtcNewScene(device));
   rtcSetSceneFlags(tree.get(), RTC_SCENE_FLAG_ROBUST);
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* vertices = static_cast<float*>(
-      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                              3 * sizeof(float), mesh.vertices.size()));
+  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
+                                                               RTC_FORMAT_FLOAT3, 3 * sizeof(float),
+                                                               mesh.vertices.size()));
   auto* indices = static_cast<std::uint32_t*>(
       rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                               3 * sizeof(std::uint32_t), mesh.triangles.size()));
   for (const Vec3d& p : mesh.vertices) {
     for (int axis = 0; axis < 3; ++axis) *vertices++ = static_cast<float>(p[axis]);
   }
-  for (const auto& triangle : mesh.triangles) indices = std::copy(triangle.begin(), triangle.end(), indices);
+  for (const auto& triangle : mesh.triangles)
+    indices = std::copy(triangle.begin(), triangle.end(), indices);
   rtcCommitGeometry(geometry);
   rtcAttachGeometry(tree.get(), geometry);
   rtcReleaseGeometry(geometry);
@@ -47,28 +49,44 @@ SceneHandle build_tree(RTCDevice device, const TriangleMesh& mesh) {
   return tree;
 }
 
-/// Index of the first triangle that the ray meets before `limit`, or -1.
-std::ptrdiff_t first_triangle(RTCScene tree, const Vec3d& origin, const Vec3d& direction, double limit) {
-  RTCRayHit query{};
-  query.ray.org_x = static_cast<float>(origin.x);
-  query.ray.org_y = static_cast<float>(origin.y);
-  query.ray.org_z = static_cast<float>(origin.z);
-  query.ray.dir_x = static_cast<float>(direction.x);
-  query.ray.dir_y = static_cast<float>(direction.y);
-  query.ray.dir_z = static_cast<float>(direction.z);
-  query.ray.tfar = static_cast<float>(limit);
-  query.ray.mask = ~0u;
-  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+/// Rays of neighbouring pixels travel together.
+constexpr int kPacket = 8;
+
+struct Packet {
+  alignas(32) int valid[kPacket] = {};  ///< -1: cast this ray
+  RTCRayHit8 query{};
+
+  void set(int lane, const Vec3d& origin, const Vec3d& direction, double limit) {
+    valid[lane] = -1;
+    query.ray.org_x[lane] = static_cast<float>(origin.x);
+    query.ray.org_y[lane] = static_cast<float>(origin.y);
+    query.ray.org_z[lane] = static_cast<float>(origin.z);
+    query.ray.dir_x[lane] = static_cast<float>(direction.x);
+    query.ray.dir_y[lane] = static_cast<float>(direction.y);
+    query.ray.dir_z[lane] = static_cast<float>(direction.z);
+    query.ray.tfar[lane] = static_cast<float>(limit);
+    query.ray.mask[lane] = ~0u;
+    query.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
+  }
+
+  void cast(RTCScene tree) {
 #if RTC_VERSION_MAJOR >= 4
-  rtcIntersect1(tree, &query);
+    rtcIntersect8(valid, tree, &query);
 #else
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  rtcIntersect1(tree, &context, &query);
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    rtcIntersect8(valid, tree, &context, &query);
 #endif
-  return query.hit.geomID == RTC_INVALID_GEOMETRY_ID ? -1
-                                                     : static_cast<std::ptrdiff_t>(query.hit.primID);
-}
+  }
+
+  /// Index of the first triangle that the ray met, or -1.
+  std::ptrdiff_t triangle(int lane) const {
+    return query.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID
+               ? -1
+               : static_cast<std::ptrdiff_t>(query.hit.primID[lane]);
+  }
+};
 
 /// Pixels [u0, u1) x [v0, v1).
 struct Rectangle {
@@ -87,7 +105,9 @@ Rectangle covered(const Scene& scene, const Body& body, const Pose& X_WB) {
     u0 = std::min(u0, u), u1 = std::max(u1, u);
     v0 = std::min(v0, v), v1 = std::max(v1, v);
   }
-  const auto pixel = [](double x, int size) { return static_cast<int>(std::clamp(x, 0.0, double(size))); };
+  const auto pixel = [](double x, int size) {
+    return static_cast<int>(std::clamp(x, 0.0, double(size)));
+  };
   return {pixel(std::floor(u0), scene.width), pixel(std::ceil(u1) + 1, scene.width),
           pixel(std::floor(v0), scene.height), pixel(std::ceil(v1) + 1, scene.height)};
 }
@@ -128,17 +148,27 @@ struct DepthRenderer::Impl {
     const Vec3d& origin = X_BW.translation;
     const Rectangle pixels = covered(scene, scene.bodies[which], X_WB);
     for (int v = pixels.v0; v < pixels.v1; ++v) {
-      for (int u = pixels.u0; u < pixels.u1; ++u) {
-        float& z = at(image, u, v);
-        const Vec3d direction = R_BW * ray(u, v);
-        const double limit = std::isnan(z) ? kInfinity : static_cast<double>(z);
-        const std::ptrdiff_t hit = first_triangle(trees[which].get(), origin, direction, limit);
-        if (hit < 0) continue;
-        // Embree works in single precision; the depth is that of the triangle's plane in double.
-        const auto& [i, j, k] = mesh.triangles[static_cast<std::size_t>(hit)];
-        const Vec3d& p = mesh.vertices[i];
-        const Vec3d normal = cross(mesh.vertices[j] - p, mesh.vertices[k] - p);
-        z = static_cast<float>(dot(normal, p - origin) / dot(normal, direction));
+      for (int u = pixels.u0; u < pixels.u1; u += kPacket) {
+        const int size = std::min(kPacket, pixels.u1 - u);
+        std::array<Vec3d, kPacket> directions;
+        Packet packet;
+        for (int lane = 0; lane < size; ++lane) {
+          Vec3d& direction = directions[static_cast<std::size_t>(lane)] = R_BW * ray(u + lane, v);
+          const float z = at(image, u + lane, v);
+          packet.set(lane, origin, direction, std::isnan(z) ? kInfinity : static_cast<double>(z));
+        }
+        packet.cast(trees[which].get());
+        for (int lane = 0; lane < size; ++lane) {
+          const std::ptrdiff_t hit = packet.triangle(lane);
+          if (hit < 0) continue;
+          // Embree works in single precision; the depth is that of the triangle's plane in double.
+          const auto& [i, j, k] = mesh.triangles[static_cast<std::size_t>(hit)];
+          const Vec3d& p = mesh.vertices[i];
+          const Vec3d normal = cross(mesh.vertices[j] - p, mesh.vertices[k] - p);
+          const Vec3d& direction = directions[static_cast<std::size_t>(lane)];
+          at(image, u + lane, v) =
+              static_cast<float>(dot(normal, p - origin) / dot(normal, direction));
+        }
       }
     }
   }
@@ -147,13 +177,15 @@ struct DepthRenderer::Impl {
 DepthRenderer::DepthRenderer(Scene scene) : impl_(std::make_unique<Impl>()) {
   Impl& self = *impl_;
   self.scene = std::move(scene);
-  // One thread builds the trees: frames are the same bits everywhere, and nobody else's core is used.
+  // One thread builds the trees: frames are the same bits everywhere, and nobody else's core is
+  // used.
   self.device.reset(rtcNewDevice("threads=1,set_affinity=0"));
   for (const Body& body : self.scene.bodies) {
     self.trees.push_back(build_tree(self.device.get(), body.mesh));
   }
-  self.still.assign(static_cast<std::size_t>(self.scene.width) * static_cast<std::size_t>(self.scene.height),
-                    std::numeric_limits<float>::quiet_NaN());
+  self.still.assign(
+      static_cast<std::size_t>(self.scene.width) * static_cast<std::size_t>(self.scene.height),
+      std::numeric_limits<float>::quiet_NaN());
   self.draw_environment(self.still);
   for (std::size_t i = 0; i < self.scene.bodies.size(); ++i) {
     if (!self.scene.bodies[i].motion) self.draw_body(i, self.scene.bodies[i].X_WB, self.still);

@@ -10,7 +10,9 @@ namespace {
 
 constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
 
-Plane<double> plane_through(const Vec3d& p, const Vec3d& normal) { return {normal, dot(normal, p)}; }
+Plane<double> plane_through(const Vec3d& p, const Vec3d& normal) {
+  return {normal, dot(normal, p)};
+}
 
 Plane<double> flipped(const Plane<double>& plane) { return {-plane.normal, -plane.offset}; }
 
@@ -114,9 +116,7 @@ SignedDistance signed_distance(const Environment& environment, const Vec3d& p) {
 double first_hit(const Environment& environment, const Vec3d& direction) {
   Interval first, second;
   switch (environment.kind) {
-    case Environment::Kind::half_space:
-      cut(first, environment.a, direction);
-      return entry(first);
+    case Environment::Kind::half_space: cut(first, environment.a, direction); return entry(first);
     case Environment::Kind::ridge:
       cut(first, environment.a, direction);
       cut(first, environment.b, direction);
@@ -130,7 +130,8 @@ double first_hit(const Environment& environment, const Vec3d& direction) {
   }
   // |t d - c| = r; the nearer root enters the ball, the farther one leaves it.
   const double dd = dot(direction, direction), dc = dot(direction, environment.centre);
-  const double cc = dot(environment.centre, environment.centre) - environment.radius * environment.radius;
+  const double cc =
+      dot(environment.centre, environment.centre) - environment.radius * environment.radius;
   const double discriminant = dc * dc - dd * cc;
   if (discriminant < 0) return kNever;
   const double root = std::sqrt(discriminant);

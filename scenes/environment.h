@@ -32,8 +32,8 @@ struct Environment {
   static Environment ball_inside(double depth, double radius);
 };
 
-/// A value of the signed distance field (positive in free space) and its unit gradient, which on the
-/// surface is the outward normal. Where several surface points are nearest, one of them counts.
+/// A value of the signed distance field (positive in free space) and its unit gradient, which on
+/// the surface is the outward normal. Where several surface points are nearest, one of them counts.
 struct SignedDistance {
   double distance = 0;
   Vec3d gradient;

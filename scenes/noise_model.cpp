@@ -8,8 +8,8 @@
 namespace palpate::scenes {
 namespace {
 
-// Numbers are drawn by position, not in turn: SplitMix64's output function of a counter (Steele, Lea
-// & Flood 2014).
+// Numbers are drawn by position, not in turn: SplitMix64's output function of a counter (Steele,
+// Lea & Flood 2014).
 constexpr std::uint64_t kGolden = 0x9e3779b97f4a7c15u;
 
 constexpr std::uint64_t mixed(std::uint64_t z) {
@@ -27,7 +27,8 @@ std::uint64_t draw(std::uint64_t frame_key, std::uint64_t pixel, Draw which) {
 double uniform(std::uint32_t bits) { return (bits + 0.5) * 0x1.0p-32; }
 
 /// A number of mean 0 and variance 1 that is normal for our purposes: the heads among n coins, made
-/// smooth by one uniform number. Whole numbers and products only, so it has the same bits everywhere.
+/// smooth by one uniform number. Whole numbers and products only, so it has the same bits
+/// everywhere.
 double normal(std::uint64_t coins, int n, double smoothing) {
   return (std::popcount(coins) - 0.5 * n + smoothing - 0.5) / std::sqrt(n / 4.0 + 1.0 / 12.0);
 }
@@ -40,8 +41,8 @@ constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
 }  // namespace
 
-DepthSensor::DepthSensor(const NoiseModel& model, const Intrinsics& intrinsics, int width, int height,
-                         double unit, std::uint64_t seed)
+DepthSensor::DepthSensor(const NoiseModel& model, const Intrinsics& intrinsics, int width,
+                         int height, double unit, std::uint64_t seed)
     : model_(model),
       width_(width),
       height_(height),
@@ -53,8 +54,8 @@ DepthSensor::DepthSensor(const NoiseModel& model, const Intrinsics& intrinsics, 
 void DepthSensor::cast_shadows(std::span<const float> depth) {
   std::copy(depth.begin(), depth.end(), lit_.begin());
   if (!(disparity_ > 0)) return;
-  // Camera and projector see the same rows. A point of depth z at column u is at u - disparity / z in
-  // the projector's image. Its light comes from the right (+x), so going left the columns in the
+  // Camera and projector see the same rows. A point of depth z at column u is at u - disparity / z
+  // in the projector's image. Its light comes from the right (+x), so going left the columns in the
   // projector's image must fall; where they do not, something to the right is in the way.
   const auto width = static_cast<std::size_t>(width_);
   for (std::size_t row = 0; row < depth.size(); row += width) {
@@ -86,28 +87,30 @@ double DepthSensor::measure_pixel(std::span<const float> depth, std::uint64_t fr
   if (model_.lateral > 0) {
     const std::uint64_t jitter = draw(frame_key, pixel, kJitter);
     const auto shifted = [&](int at, std::uint64_t coins, int size) {
-      return std::clamp(at + static_cast<int>(std::lround(model_.lateral * normal(coins, 32, 0.5))), 0,
-                        size - 1);
+      return std::clamp(
+          at + static_cast<int>(std::floor(model_.lateral * normal(coins, 32, 0.5) + 0.5)), 0,
+          size - 1);
     };
     const std::size_t other =
         index(shifted(u, jitter & 0xffffffffu, width_), shifted(v, jitter >> 32, height_));
     // Written so that an edge towards nothing (NaN) counts as well.
-    const double step = std::abs(static_cast<double>(depth[other]) - static_cast<double>(depth[pixel]));
+    const double step =
+        std::abs(static_cast<double>(depth[other]) - static_cast<double>(depth[pixel]));
     if (!(step <= kEdgeShare * static_cast<double>(depth[pixel]))) source = other;
   }
   const double z = lit_[source];
   if (!(z > 0)) return kNone;
 
   const double sigma = model_.axial_base + model_.axial_growth * (z - 0.4) * (z - 0.4);
-  const double noise =
-      normal(draw(frame_key, pixel, kCoins), 64, uniform(static_cast<std::uint32_t>(uniforms >> 32)));
+  const double noise = normal(draw(frame_key, pixel, kCoins), 64,
+                              uniform(static_cast<std::uint32_t>(uniforms >> 32)));
   const double steps = disparity_ * model_.disparity_steps;
   if (!(steps > 0)) return z + sigma * noise;
   // The measured sigma contains the rounding error of variance step^2 / 12; it is not added twice.
   const double step = z * z / steps;
   const double spread = std::sqrt(std::max(0.0, sigma * sigma - step * step / 12));
   const double noisy = z + spread * noise;
-  return noisy > 0 ? steps / std::max(1.0, std::round(steps / noisy)) : kNone;
+  return noisy > 0 ? steps / std::max(1.0, std::floor(steps / noisy + 0.5)) : kNone;
 }
 
 void DepthSensor::measure(std::span<const float> depth, std::uint64_t frame,
@@ -122,7 +125,8 @@ void DepthSensor::measure(std::span<const float> depth, std::uint64_t frame,
                                       : static_cast<double>(depth[pixel]);
       // NaN and whatever does not fit are no measurement.
       const double count = std::floor(z / unit_ + 0.5);
-      counts[pixel] = count >= 1 && count < 65535 ? static_cast<std::uint16_t>(count) : std::uint16_t{0};
+      counts[pixel] =
+          count >= 1 && count < 65535 ? static_cast<std::uint16_t>(count) : std::uint16_t{0};
     }
   }
 }

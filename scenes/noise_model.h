@@ -27,7 +27,7 @@ class DepthSensor {
   int width_, height_;
   double unit_;
   std::uint64_t seed_;
-  double disparity_;  ///< focal length * baseline: pixels of disparity * metres of depth
+  double disparity_;        ///< focal length * baseline: pixels of disparity * metres of depth
   std::vector<float> lit_;  ///< depth where the projector's light falls, else NaN
 };
 

@@ -1,5 +1,5 @@
-// Scenes as code: what the simulated depth camera looks at. Shared by tests, benchmarks, the command
-// line and, later, the viewer.
+// Scenes as code: what the simulated depth camera looks at. Shared by tests, benchmarks, the
+// command line and, later, the viewer.
 #pragma once
 
 #include <memory>
@@ -27,15 +27,15 @@ struct Body {
 /// A world seen by a depth camera at the origin of W (x right, y down, z forward).
 struct Scene {
   std::string name;
-  std::string title;  ///< one line for people
+  std::string title;                       ///< one line for people
   std::optional<Environment> environment;  ///< the part that is known exactly; it never moves
   std::vector<Body> bodies;                ///< the rest
   Intrinsics intrinsics{575.8157, 575.8157, 319.5, 239.5};
   int width = 640, height = 480;
-  double rate = 30;         ///< frames per second
-  double duration = 4;      ///< seconds of the default motion and tool path
-  std::string tool_shape;   ///< the shape that goes with it (mesh/shapes.h)
-  double tool_size = 0.1;   ///< metres
+  double rate = 30;                ///< frames per second
+  double duration = 4;             ///< seconds of the default motion and tool path
+  std::string tool_shape;          ///< the shape that goes with it (mesh/shapes.h)
+  double tool_size = 0.1;          ///< metres
   std::vector<double> path_times;  ///< default tool path, with path_poses
   std::vector<Pose> path_poses;    ///< X_WT
 };
@@ -72,12 +72,12 @@ std::vector<std::string> scene_names();
 /// Error: unknown name (the message lists the known ones).
 Result<Scene> make_scene(std::string_view name);
 
-/// Exact depth along z in metres of every pixel at time t, NaN where nothing is hit. Embree finds the
-/// triangle, its depth is computed in double; the environment is cast in double.
+/// Exact depth along z in metres of every pixel at time t, NaN where nothing is hit. Embree finds
+/// the triangle, its depth is computed in double; the environment is cast in double.
 std::vector<float> render_depth(const Scene& scene, double t);
 
-/// Streams the scene through the noise model: frame k at time k / rate, as long as that is less than
-/// the duration. The same seed gives the same bits. Error: a number out of its range.
+/// Streams the scene through the noise model: frame k at time k / rate, as long as that is less
+/// than the duration. The same seed gives the same bits. Error: a number out of its range.
 Result<std::unique_ptr<DepthSource>> open_simulated_camera(Scene scene,
                                                            const SimulatedCameraOptions& options);
 

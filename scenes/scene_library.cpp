@@ -22,14 +22,16 @@ Body moving_body(std::string name, TriangleMesh mesh, Pose (*motion)(double)) {
 /// A wall across the whole image.
 TriangleMesh wall_at(double depth) { return block({-4, -3, depth}, {4, 3, depth + 0.1}); }
 
-// ---- The synthetic environments of thesis section 5.1.2 ------------------------------------------
+// ---- The synthetic environments of thesis section 5.1.2
+// ------------------------------------------
 
 Scene thesis_scene(const std::string& name) {
   Scene scene;
   scene.environment = environment_of(name);
   for (const ThesisExperiment& experiment : thesis_experiments()) {
     if (experiment.scene != name) continue;
-    scene.title = experiment.tool_shape + " into " + name + " (thesis Fig. " + experiment.figure + ")";
+    scene.title =
+        experiment.tool_shape + " into " + name + " (thesis Fig. " + experiment.figure + ")";
     scene.tool_shape = experiment.tool_shape;
     scene.tool_size = experiment.tool_size;
     set_path(scene, experiment);
@@ -41,16 +43,17 @@ Scene thesis_scene(const std::string& name) {
   return scene;
 }
 
-// ---- Rooms and bodies -----------------------------------------------------------------------------
+// ---- Rooms and bodies
+// -----------------------------------------------------------------------------
 
 /// Thesis Figs. 3.12-3.14: both sides of the pillar hide a part of the room.
 Scene pillar() {
   Scene scene;
   scene.title = "box scrapes around the edge of a pillar in a room (thesis Figs. 3.12-3.14)";
-  TriangleMesh room = block({-2, 0.6, 0}, {2, 0.7, 3});         // floor
-  append(room, block({-2, -2, 2.4}, {2, 0.7, 2.5}));            // back
-  append(room, block({-1.5, -2, 0}, {-1.4, 0.7, 2.45}));        // left
-  append(room, block({1.4, -2, 0}, {1.5, 0.7, 2.45}));          // right
+  TriangleMesh room = block({-2, 0.6, 0}, {2, 0.7, 3});   // floor
+  append(room, block({-2, -2, 2.4}, {2, 0.7, 2.5}));      // back
+  append(room, block({-1.5, -2, 0}, {-1.4, 0.7, 2.45}));  // left
+  append(room, block({1.4, -2, 0}, {1.5, 0.7, 2.45}));    // right
   TriangleMesh column = block({-0.11, -1.5, 1.0}, {0.11, 0.62, 1.22});
   append(column, block({-0.14, 0.5, 0.97}, {0.14, 0.62, 1.25}));  // plinth
   scene.bodies = {still_body("room", std::move(room)), still_body("pillar", std::move(column))};
@@ -72,18 +75,18 @@ Scene mannequin() {
   Scene scene;
   scene.title = "spiral presses the chest of a mannequin on a table (thesis Fig. 3.6)";
   std::vector<Ellipsoid> masses = {
-      {{0, 0.01, 1.10}, {0.160, 0.20, 0.105}},        // chest
-      {{0, 0.22, 1.11}, {0.130, 0.16, 0.090}},        // waist
-      {{0, -0.335, 1.095}, {0.070, 0.082, 0.088}},    // skull
-      {{0, -0.285, 1.062}, {0.050, 0.065, 0.058}},    // face
+      {{0, 0.01, 1.10}, {0.160, 0.20, 0.105}},      // chest
+      {{0, 0.22, 1.11}, {0.130, 0.16, 0.090}},      // waist
+      {{0, -0.335, 1.095}, {0.070, 0.082, 0.088}},  // skull
+      {{0, -0.285, 1.062}, {0.050, 0.065, 0.058}},  // face
   };
-  std::vector<RoundCone> limbs = {
-      {{-0.15, -0.10, 1.11}, 0.060, {0.15, -0.10, 1.11}, 0.0601},   // shoulders
-      {{0, -0.14, 1.12}, 0.062, {0, -0.27, 1.11}, 0.048},           // neck
-      {{0, -0.325, 1.004}, 0.006, {0, -0.300, 0.999}, 0.010},       // nose
+  std::vector<BallChain> limbs = {
+      {{{-0.15, -0.10, 1.11}, 0.060}, {{0.15, -0.10, 1.11}, 0.060}},  // shoulders
+      {{{0, -0.14, 1.12}, 0.062}, {{0, -0.27, 1.11}, 0.048}},         // neck
+      {{{0, -0.325, 1.004}, 0.006}, {{0, -0.300, 0.999}, 0.010}},     // nose
   };
   for (const double side : {-1.0, 1.0}) {
-    limbs.push_back({{side * 0.185, -0.085, 1.11}, 0.055, {side * 0.215, 0.07, 1.11}, 0.045});
+    limbs.push_back({{{side * 0.185, -0.085, 1.11}, 0.055}, {{side * 0.215, 0.07, 1.11}, 0.045}});
     masses.push_back({{side * 0.07, -0.02, 1.05}, {0.085, 0.075, 0.060}});  // breast muscle
   }
   TriangleMesh bust = blended(limbs, masses, 0.03, 0.006);
@@ -95,7 +98,7 @@ Scene mannequin() {
   Touch touch;
   touch.surface = [](double) { return Pose{{0.0, -0.02, 1.0}, {}}; };
   touch.reach = 0.05;
-  touch.depth = 0.03;
+  touch.depth = 0.022;
   touch.slide = {0.05, 0.03, 0};
   touch.turn = degrees(40);
   touch.tilt = degrees(20);
@@ -125,8 +128,9 @@ Scene moving_wall() {
 }
 
 Pose box_motion(double t) {
-  return {{0.12 * std::sin(kPi / 2 * t), 0.02 * std::sin(kPi * t), 1.0 + 0.03 * std::cos(kPi / 2 * t)},
-          axis_angle({0.2, 1, 0}, 0.35 * std::sin(kPi / 2 * t))};
+  return {
+      {0.12 * std::sin(kPi / 2 * t), 0.02 * std::sin(kPi * t), 1.0 + 0.03 * std::cos(kPi / 2 * t)},
+      axis_angle({0.2, 1, 0}, 0.35 * std::sin(kPi / 2 * t))};
 }
 
 Scene moving_box() {
@@ -146,45 +150,51 @@ Scene moving_box() {
   return scene;
 }
 
-// ---- The demonstration: a living hand -----------------------------------------------------------------
+// ---- The demonstration: a living hand
+// -----------------------------------------------------------------
 
 /// An open hand, palm towards the camera, fingers up. Its frame: origin in the palm, axes as the
 /// camera's.
 TriangleMesh hand_mesh() {
-  std::vector<RoundCone> bones;
-  struct Joint {
-    Vec3d p;
-    double radius;
+  std::vector<BallChain> chains = {
+      // Index, middle, ring and little finger, each from the wrist over knuckle and joints to the
+      // tip.
+      {{{-0.015, 0.044, 0.004}, 0.0145},
+       {{-0.033, -0.040, 0.000}, 0.0116},
+       {{-0.040, -0.081, -0.002}, 0.0098},
+       {{-0.043, -0.104, -0.007}, 0.0086},
+       {{-0.044, -0.122, -0.014}, 0.0072}},
+      {{{-0.005, 0.044, 0.004}, 0.0145},
+       {{-0.011, -0.046, -0.001}, 0.0118},
+       {{-0.014, -0.091, -0.002}, 0.0100},
+       {{-0.014, -0.118, -0.007}, 0.0088},
+       {{-0.014, -0.138, -0.014}, 0.0074}},
+      {{{0.006, 0.044, 0.004}, 0.0145},
+       {{0.011, -0.043, 0.000}, 0.0114},
+       {{0.015, -0.085, -0.002}, 0.0096},
+       {{0.017, -0.110, -0.008}, 0.0084},
+       {{0.018, -0.128, -0.016}, 0.0072}},
+      {{{0.016, 0.044, 0.004}, 0.0145},
+       {{0.031, -0.035, 0.002}, 0.0106},
+       {{0.041, -0.067, 0.000}, 0.0087},
+       {{0.046, -0.086, -0.005}, 0.0076},
+       {{0.048, -0.101, -0.011}, 0.0064}},
+      // Thumb with its ball, and the heel of the hand.
+      {{{-0.016, 0.042, -0.001}, 0.0165},
+       {{-0.038, 0.012, -0.009}, 0.0145},
+       {{-0.062, -0.017, -0.015}, 0.0112},
+       {{-0.076, -0.045, -0.018}, 0.0086}},
+      {{{0.018, 0.036, 0.001}, 0.0160}, {{0.030, -0.008, 0.001}, 0.0125}},
   };
-  const auto chain = [&](std::initializer_list<Joint> joints) {
-    for (const Joint* j = joints.begin(); j + 1 != joints.end(); ++j) {
-      bones.push_back({j[0].p, j[0].radius, j[1].p, j[1].radius});
-    }
-  };
-  // Index, middle, ring and little finger, each from the wrist over knuckle and joints to the tip.
-  chain({{{-0.015, 0.044, 0.004}, 0.0145}, {{-0.033, -0.040, 0.000}, 0.0112},
-         {{-0.040, -0.081, -0.002}, 0.0090}, {{-0.043, -0.104, -0.007}, 0.0082},
-         {{-0.044, -0.122, -0.014}, 0.0070}});
-  chain({{{-0.005, 0.044, 0.004}, 0.0145}, {{-0.011, -0.046, -0.001}, 0.0114},
-         {{-0.014, -0.091, -0.002}, 0.0092}, {{-0.014, -0.118, -0.007}, 0.0084},
-         {{-0.014, -0.138, -0.014}, 0.0072}});
-  chain({{{0.006, 0.044, 0.004}, 0.0145}, {{0.011, -0.043, 0.000}, 0.0110},
-         {{0.015, -0.085, -0.002}, 0.0088}, {{0.017, -0.110, -0.008}, 0.0080},
-         {{0.018, -0.128, -0.016}, 0.0070}});
-  chain({{{0.016, 0.044, 0.004}, 0.0145}, {{0.031, -0.035, 0.002}, 0.0104},
-         {{0.041, -0.067, 0.000}, 0.0080}, {{0.046, -0.086, -0.005}, 0.0072},
-         {{0.048, -0.101, -0.011}, 0.0062}});
-  // Thumb with its ball, and the heel of the hand.
-  chain({{{-0.016, 0.042, -0.001}, 0.0165}, {{-0.038, 0.012, -0.009}, 0.0145},
-         {{-0.062, -0.017, -0.015}, 0.0108}, {{-0.076, -0.045, -0.018}, 0.0082}});
-  chain({{{0.018, 0.036, 0.001}, 0.0160}, {{0.030, -0.008, 0.001}, 0.0125}});
   // Wrist and forearm are wider than thick.
   for (const double side : {-1.0, 1.0}) {
-    chain({{{side * 0.012, 0.040, 0.005}, 0.0170}, {{side * 0.010, 0.075, 0.006}, 0.0175},
-           {{side * 0.014, 0.20, 0.018}, 0.0260}, {{side * 0.014, 0.32, 0.030}, 0.0300}});
+    chains.push_back({{{side * 0.011, 0.040, 0.005}, 0.0170},
+                      {{side * 0.0085, 0.080, 0.006}, 0.0185},
+                      {{side * 0.0085, 0.20, 0.016}, 0.0270},
+                      {{side * 0.0085, 0.33, 0.030}, 0.0320}});
   }
   const Ellipsoid palm{{0, 0.002, 0.002}, {0.038, 0.052, 0.0150}};
-  return blended(bones, {&palm, 1}, 0.006, 0.0025);
+  return blended(chains, {&palm, 1}, 0.008, 0.0025);
 }
 
 /// Sways like a hand held out for inspection: slow, and never quite the same.
@@ -245,7 +255,8 @@ Result<Scene> make_scene(std::string_view name) {
   }
   std::string known;
   for (const std::string& scene : scene_names()) known += (known.empty() ? "" : ", ") + scene;
-  return Error{Errc::not_found, "there is no scene '" + std::string(name) + "'; known are " + known};
+  return Error{Errc::not_found,
+               "there is no scene '" + std::string(name) + "'; known are " + known};
 }
 
 }  // namespace palpate::scenes

@@ -36,8 +36,10 @@ constexpr std::array<NamedEnvironment, 11> kEnvironments{{
 ThesisExperiment experiment(std::string figure, std::string scene, std::string shape, double size,
                             double reach, const Quaternion& rotation = {},
                             double contact = kDepth) {
-  return {std::move(figure), std::move(scene),
-          std::move(shape),  size,
+  return {std::move(figure),
+          std::move(scene),
+          std::move(shape),
+          size,
           {{0, 0, contact - reach}, rotation},
           {{0, 0, kDepth + reach}, rotation}};
 }
@@ -51,7 +53,8 @@ std::vector<ThesisExperiment> thesis_experiments() {
     const Environment environment = *environment_of(scene);
     double contact = kDepth;
     if (environment.kind == Environment::Kind::ball_inside) {
-      contact = environment.centre.z + std::sqrt(environment.radius * environment.radius - kCube * kCube / 2);
+      contact = environment.centre.z +
+                std::sqrt(environment.radius * environment.radius - kCube * kCube / 2);
     }
     return experiment(std::move(figure), std::move(scene), "box", kCube, kCube / 2, {}, contact);
   };

@@ -7,7 +7,7 @@ namespace palpate::scenes {
 namespace {
 
 constexpr double kSamplesPerSecond = 50;
-constexpr double kApproachTime = 0.5;      // s
+constexpr double kApproachTime = 0.5;       // s
 constexpr double kApproachDistance = 0.02;  // m
 
 /// From 0 at `start` to 1 at `end` without a jerk at either.
@@ -28,8 +28,8 @@ void set_path(Scene& scene, const Touch& touch) {
     const double slid = eased(share, 0.3, 0.75);
     const double below = -touch.clearance + pressed * (touch.clearance + touch.depth);
     const Vec3d p_ST = touch.slide * (slid - 0.5) + Vec3d{0, 0, below - touch.reach};
-    const Quaternion turned = axis_angle({0, 0, 1}, touch.turn * slid) *
-                              axis_angle({1, 0, 0}, touch.tilt * (slid - 0.5));
+    const Quaternion turned =
+        axis_angle({0, 0, 1}, touch.turn * slid) * axis_angle({1, 0, 0}, touch.tilt * (slid - 0.5));
     scene.path_times.push_back(t);
     scene.path_poses.push_back(touch.surface(t) * Pose{p_ST, normalized(turned * touch.R_ST)});
   }

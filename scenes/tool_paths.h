@@ -10,13 +10,13 @@ namespace palpate::scenes {
 struct Touch {
   /// X_WS at time t: origin on the touched surface, which may move; +z into the solid.
   Pose (*surface)(double t) = nullptr;
-  Quaternion R_ST;         ///< how the tool is held
-  double reach = 0;        ///< m, from the tool's origin to the surface at first contact
-  double depth = 0;        ///< m, pressed in from there
-  double clearance = 0.06; ///< m, before and after
-  Vec3d slide;             ///< m in S, while pressed
-  double turn = 0;         ///< rad about the slide's normal +z of S, while pressed
-  double tilt = 0;         ///< rad about x of S, while pressed
+  Quaternion R_ST;          ///< how the tool is held
+  double reach = 0;         ///< m, from the tool's origin to the surface at first contact
+  double depth = 0;         ///< m, pressed in from there
+  double clearance = 0.06;  ///< m, before and after
+  Vec3d slide;              ///< m in S, while pressed
+  double turn = 0;          ///< rad about the slide's normal +z of S, while pressed
+  double tilt = 0;          ///< rad about x of S, while pressed
 };
 
 /// Fills the default path over the duration of the scene.

@@ -1,6 +1,7 @@
 // Everything here rests on one idea. Seen from an apex, a closed mesh is a signed sum of cones, one
-// over each triangle. If every surface of the environment looks edge-on from the apex (planes through
-// it) or is a sphere around it, cutting the cones cuts the solid and no cap has to be constructed.
+// over each triangle. If every surface of the environment looks edge-on from the apex (planes
+// through it) or is a sphere around it, cutting the cones cuts the solid and no cap has to be
+// constructed.
 #include "scenes/truth.h"
 
 #include <algorithm>
@@ -31,7 +32,9 @@ Plane<double> flipped(const Plane<double>& plane) { return {-plane.normal, -plan
 /// A triangle cut by at most three planes has at most six corners.
 class Polygon {
  public:
-  explicit Polygon(const Triangle& t) : size_(3) { std::copy(t.begin(), t.end(), corners_.begin()); }
+  explicit Polygon(const Triangle& t) : size_(3) {
+    std::copy(t.begin(), t.end(), corners_.begin());
+  }
 
   /// Keeps what lies behind the plane (Sutherland & Hodgman).
   void clip(const Plane<double>& plane) {
@@ -43,7 +46,8 @@ class Polygon {
       const double hp = dot(plane.normal, p) - plane.offset;
       const double hq = dot(plane.normal, q) - plane.offset;
       if (hp <= 0) corners_[size_++] = p;
-      if ((hp < 0 && hq > 0) || (hp > 0 && hq < 0)) corners_[size_++] = p + (q - p) * (hp / (hp - hq));
+      if ((hp < 0 && hq > 0) || (hp > 0 && hq < 0))
+        corners_[size_++] = p + (q - p) * (hp / (hp - hq));
     }
   }
 
@@ -98,16 +102,16 @@ double whole_volume(const TriangleMesh& tool, const Pose& X_WT) {
 /// Ball and cone with the apex in the ball's centre. The cone's base is a triangle in a plane at
 /// height h, seen from the foot of the apex as three fans, one per edge. A fan's boundary is
 /// rho(theta) = d / cos(theta), d being the distance of the edge. Directions that meet the base
-/// within the ball contribute volume h rho^2 / 6 per theta, the others (of cone angle w = atan(rho/h))
-/// h c^2 / 6 + r^3 / 3 (cos w_c - cos w), with c the radius of the ball's disc in the base plane.
+/// within the ball contribute volume h rho^2 / 6 per theta, the others (of cone angle w =
+/// atan(rho/h)) h c^2 / 6 + r^3 / 3 (cos w_c - cos w), with c the radius of the ball's disc in the
+/// base plane.
 class BallCone {
  public:
   BallCone(double radius, double height)
       : radius_(radius),
         height_(height),
         disc_(std::sqrt(std::max(0.0, radius * radius - height * height))),
-        plateau_(height * disc_ * disc_ / 6 +
-                 radius * radius * std::min(radius, height) / 3) {}
+        plateau_(height * disc_ * disc_ / 6 + radius * radius * std::min(radius, height) / 3) {}
 
   /// Fan over an edge at distance d > 0 between the tangential coordinates t0 < t1.
   double fan(double d, double t0, double t1) const {

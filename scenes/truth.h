@@ -12,24 +12,25 @@
 
 namespace palpate::scenes {
 
-/// Volume common to the closed mesh (frame T) and the solid, in m3. Closed form for all kinds, balls
-/// included; the error is that of double arithmetic, below 1e-10 of the tool's volume for hand-sized
-/// tools within a few metres. O(triangles).
+/// Volume common to the closed mesh (frame T) and the solid, in m3. Closed form for all kinds,
+/// balls included; the error is that of double arithmetic, below 1e-10 of the tool's volume for
+/// hand-sized tools within a few metres. O(triangles).
 double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environment& environment);
 
-/// The common part's volume and the exact counterpart of the wrench sum V_s n_s (thesis section 3.2):
-/// the integral of n over it and of (x - C) x n, n being the gradient of the distance field. Exact
-/// for `half_space` and `ridge`; nullopt for the others, whose field bends inside the solid.
+/// The common part's volume and the exact counterpart of the wrench sum V_s n_s (thesis
+/// section 3.2): the integral of n over it and of (x - C) x n, n being the gradient of the distance
+/// field. Exact for `half_space` and `ridge`; nullopt for the others, whose field bends inside the
+/// solid.
 struct ExactPenetration {
-  double volume = 0;    ///< m3
-  Wrench measure_C_W;   ///< force m3, torque m4 about C
+  double volume = 0;   ///< m3
+  Wrench measure_C_W;  ///< force m3, torque m4 about C
 };
 std::optional<ExactPenetration> exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
                                                   const Vec3d& centre_W,
                                                   const Environment& environment);
 
-/// One experiment of the thesis: a tool moves in a straight line along z, without turning, from first
-/// contact (0 %) until its rear has passed z = 1 m (100 %).
+/// One experiment of the thesis: a tool moves in a straight line along z, without turning, from
+/// first contact (0 %) until its rear has passed z = 1 m (100 %).
 struct ThesisExperiment {
   std::string figure;      ///< of the thesis, e.g. "5.18"
   std::string scene;       ///< for make_scene and environment_of

@@ -30,8 +30,7 @@ void find_depth_change(const DepthChangePass& pass, int row_begin, int row_end) 
                  c = near_depth(above + u + 1), d = near_depth(here + u - 1),
                  e = near_depth(here + u + 1), f = near_depth(below + u - 1),
                  g = near_depth(below + u), h = near_depth(below + u + 1);
-      const VecF farthest =
-          max(max_of_three(a, b, c), max(max(d, e), max_of_three(f, g, h)));
+      const VecF farthest = max(max_of_three(a, b, c), max(max(d, e), max_of_three(f, g, h)));
       const VecF limit = z + pass.min_step;
       VecF change[3] = {zero, zero, zero};
       if (mask_bits(farthest > limit) != 0) {

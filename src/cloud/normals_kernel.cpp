@@ -1,10 +1,10 @@
-// Unprojection and normals by principal components (thesis section 3.4, eqs. 3.7-3.11), compiled once
-// per instruction set.
+// Unprojection and normals by principal components (thesis section 3.4, eqs. 3.7-3.11), compiled
+// once per instruction set.
 //
 // Most windows of a frame are whole: every pixel valid and within the depth gate. Then all weights
-// are 1 and the moments are separable: sums over rows first, shared by all windows above each other,
-// then over columns. The remaining pixels (borders, holes, edges) and all pixels when an option asks
-// for other weights take the direct way, tap by tap, on kLanes pixels at once.
+// are 1 and the moments are separable: sums over rows first, shared by all windows above each
+// other, then over columns. The remaining pixels (borders, holes, edges) and all pixels when an
+// option asks for other weights take the direct way, tap by tap, on kLanes pixels at once.
 #include <algorithm>
 #include <limits>
 
@@ -15,8 +15,8 @@
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
 
-// Beyond this relative distance from the reference depth of its column the separable sums would lose
-// digits of the depth noise; such pixels go the direct way.
+// Beyond this relative distance from the reference depth of its column the separable sums would
+// lose digits of the depth noise; such pixels go the direct way.
 constexpr float kMaxReferenceOffset = 0.04f;
 
 // Neighbours nearer to the centre than this (times depth) have no direction (eq. 3.11).
@@ -110,8 +110,8 @@ struct DistanceWeight {
   VecF scale;  // 1 / (2 sigma^2 ln 2)
 
   VecF operator()(int du, int dv, VecF z, VecF depth_difference) const {
-    const Vector d = to_camera({static_cast<float>(du) * z, static_cast<float>(dv) * z,
-                                depth_difference}, frame);
+    const Vector d = to_camera(
+        {static_cast<float>(du) * z, static_cast<float>(dv) * z, depth_difference}, frame);
     const VecF weight = exp2_negative(-scale * (d.x * d.x + d.y * d.y + d.z * d.z));
     return weight * neighbour(du, dv, z, depth_difference);
   }
@@ -198,7 +198,7 @@ inline VecI spans_plane(const Moments& count, float min_neighbours) {
   const VecF uu = count.s * count.uu - count.u * count.u;
   const VecF uv = count.s * count.uv - count.u * count.v;
   const VecF vv = count.s * count.vv - count.v * count.v;
-  return (count.s >= min_neighbours) ;
+  return (count.s >= min_neighbours) & (uu * vv - uv * uv > 1e-5f * uu * vv);
 }
 
 struct Fit {

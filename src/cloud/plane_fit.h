@@ -1,11 +1,11 @@
-// The algebra behind the normals: moments of a pixel window, their covariance in camera axes, and its
-// smallest eigenvector. Included by kernel files only.
+// The algebra behind the normals: moments of a pixel window, their covariance in camera axes, and
+// its smallest eigenvector. Included by kernel files only.
 //
 // Moments are taken in pixel units around the centre pixel p, not in metres: with
 // r = (du / fx, dv / fy, 0) and the ray a = ((u - cx) / fx, (v - cy) / fy, 1) of p, neighbour q is
 //   q - p = z_q r + (z_q - z_p) a,
-// so the covariance of (du z, dv z, z) and a linear map give that of the points. All terms stay small
-// and single precision suffices at any distance.
+// so the covariance of (du z, dv z, z) and a linear map give that of the points. All terms stay
+// small and single precision suffices at any distance.
 #pragma once
 
 #include "src/core/simd.h"
@@ -49,7 +49,7 @@ inline SymmetricMatrix blend(VecI mask, const SymmetricMatrix& a, const Symmetri
 
 /// What carries pixel units to camera axes at one pixel.
 struct PixelFrame {
-  VecF ray_x, ray_y;      ///< ray = (ray_x, ray_y, 1)
+  VecF ray_x, ray_y;       ///< ray = (ray_x, ray_y, 1)
   float pixel_x, pixel_y;  ///< 1 / fx, 1 / fy
 };
 
@@ -70,12 +70,12 @@ inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre,
                                   const PixelFrame& frame) {
   const VecF r = sums.reference;
   const VecF inverse = 1.0f / sums.w.s;
-  const VecF xx = (r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse -
-                  centre.x * centre.x;
-  const VecF xy = (r * (r * sums.w.uv + 2.0f * sums.t.uv) + sums.tt.uv) * inverse -
-                  centre.x * centre.y;
-  const VecF yy = (r * (r * sums.w.vv + 2.0f * sums.t.vv) + sums.tt.vv) * inverse -
-                  centre.y * centre.y;
+  const VecF xx =
+      (r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse - centre.x * centre.x;
+  const VecF xy =
+      (r * (r * sums.w.uv + 2.0f * sums.t.uv) + sums.tt.uv) * inverse - centre.x * centre.y;
+  const VecF yy =
+      (r * (r * sums.w.vv + 2.0f * sums.t.vv) + sums.tt.vv) * inverse - centre.y * centre.y;
   const VecF xz = (r * sums.t.u + sums.tt.u) * inverse - centre.x * centre.z;
   const VecF yz = (r * sums.t.v + sums.tt.v) * inverse - centre.y * centre.z;
   const VecF zz = sums.tt.s * inverse - centre.z * centre.z;
@@ -92,9 +92,9 @@ inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre,
 }
 
 /// Brings the trace near 1, so that products of elements neither vanish nor overflow. Subtracting
-/// the bits of a positive number from those of 2^127 inverts its exponent.
+/// the bits of a number from those of 2^127 inverts its exponent.
 inline void scale_to_unit(SymmetricMatrix& c) {
-  const VecI bits = reinterpret_cast<VecI>(c.xx + c.yy + c.zz);
+  const VecI bits = reinterpret_cast<VecI>(abs(c.xx + c.yy + c.zz));
   const VecF scale = reinterpret_cast<VecF>(0x7f000000 - bits);
   c = {c.xx * scale, c.xy * scale, c.xz * scale, c.yy * scale, c.yz * scale, c.zz * scale};
 }
@@ -111,8 +111,8 @@ inline void scale_to_unit(SymmetricMatrix& c) {
   const VecF minor_z = c.xx * c.yy - c.xy * c.xy;
   const VecF c2 = c.xx + c.yy + c.zz;
   const VecF c1 = minor_x + minor_y + minor_z;
-  const VecF c0 = c.xx * minor_x + c.xy * (c.xz * c.yz - c.xy * c.zz) +
-                  c.xz * (c.xy * c.yz - c.xz * c.yy);
+  const VecF c0 =
+      c.xx * minor_x + c.xy * (c.xz * c.yz - c.xy * c.zz) + c.xz * (c.xy * c.yz - c.xz * c.yy);
   const VecF zero = splat(0.0f);
   const VecF root = sqrt(max(4.0f * (c1 * c1) - 12.0f * (c0 * c2), zero));
   VecF x = max(3.0f * c0 / (c1 + root), zero);
@@ -122,14 +122,14 @@ inline void scale_to_unit(SymmetricMatrix& c) {
   c.yy -= x;
   c.zz -= x;
 
-  const SymmetricMatrix adjugate{
-      c.yy * c.zz - c.yz * c.yz, c.xz * c.yz - c.xy * c.zz, c.xy * c.yz - c.xz * c.yy,
-      c.xx * c.zz - c.xz * c.xz, c.xy * c.xz - c.xx * c.yz, c.xx * c.yy - c.xy * c.xy};
+  SymmetricMatrix adjugate{c.yy * c.zz - c.yz * c.yz, c.xz * c.yz - c.xy * c.zz,
+                           c.xy * c.yz - c.xz * c.yy, c.xx * c.zz - c.xz * c.xz,
+                           c.xy * c.xz - c.xx * c.yz, c.xx * c.yy - c.xy * c.xy};
+  scale_to_unit(adjugate);
   // Its longest column is the one with the largest diagonal element.
   const VecI y_beats_x = adjugate.yy > adjugate.xx;
   const VecI z_beats_both = adjugate.zz > max(adjugate.xx, adjugate.yy);
-  Vector n{select(y_beats_x, adjugate.xy, adjugate.xx),
-           select(y_beats_x, adjugate.yy, adjugate.xy),
+  Vector n{select(y_beats_x, adjugate.xy, adjugate.xx), select(y_beats_x, adjugate.yy, adjugate.xy),
            select(y_beats_x, adjugate.yz, adjugate.xz)};
   n = {select(z_beats_both, adjugate.xz, n.x), select(z_beats_both, adjugate.yz, n.y),
        select(z_beats_both, adjugate.zz, n.z)};

@@ -26,13 +26,13 @@ struct PaddedDepth {
 };
 
 /// Bilateral filter (eq. 3.12): z_p' = sum w z_q / sum w over the valid q of the window,
-/// w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 s^2)), s = sigma_depth z_p^2.
-/// Invalid pixels stay invalid.
+/// w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 s^2)), s = sigma_depth
+/// z_p^2. Invalid pixels stay invalid.
 struct FilterPass {
   PaddedDepth in;
-  float* out = nullptr;    ///< padded like `in`
-  float* depth = nullptr;  ///< width * height, NaN where invalid
-  int radius = 0;          ///< 0: copy
+  float* out = nullptr;          ///< padded like `in`
+  float* depth = nullptr;        ///< width * height, NaN where invalid
+  int radius = 0;                ///< 0: copy
   const float* space = nullptr;  ///< -(du^2 + dv^2) / (2 sigma_space^2 ln 2), row-major window
   float range = 0;               ///< 1 / (2 sigma_depth^2 ln 2)
 };
@@ -70,11 +70,11 @@ struct SurfaceKernels {
   void (*find_depth_change)(const DepthChangePass&, int row_begin, int row_end);
 };
 
-#define PALPATE_DECLARE_SURFACE_KERNELS(isa)                   \
-  namespace isa {                                              \
-  void filter_depth(const FilterPass&, int, int);              \
-  int estimate_normals(const NormalPass&, int, int);           \
-  void find_depth_change(const DepthChangePass&, int, int);    \
+#define PALPATE_DECLARE_SURFACE_KERNELS(isa)                \
+  namespace isa {                                           \
+  void filter_depth(const FilterPass&, int, int);           \
+  int estimate_normals(const NormalPass&, int, int);        \
+  void find_depth_change(const DepthChangePass&, int, int); \
   }
 PALPATE_DECLARE_SURFACE_KERNELS(isa_baseline)
 PALPATE_DECLARE_SURFACE_KERNELS(isa_avx2)

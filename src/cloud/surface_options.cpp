@@ -51,10 +51,10 @@ Status check_surface_settings(int width, int height, const Intrinsics& k,
   };
   for (const Range& range : ranges) {
     if (contains(range)) continue;
-    return Error{Errc::invalid_argument,
-                 std::string("surface estimation: ") + range.name + " is " + text(range.value) +
-                     ", but must be from " + text(range.low) + " to " + text(range.high) +
-                     "; correct this setting"};
+    return Error{Errc::invalid_argument, std::string("surface estimation: ") + range.name + " is " +
+                                             text(range.value) + ", but must be from " +
+                                             text(range.low) + " to " + text(range.high) +
+                                             "; correct this setting"};
   }
   return Done{};
 }

@@ -67,7 +67,7 @@ class ContactQueryCpu final : public ContactQuery {
         kernels_(kernels_for(std::min(capacities.isa, best_isa()))),
         grid_(spheres_),
         clusters_(spheres_),
-        traversal_(spheres_, tool.graph()),
+        traversal_(spheres_, tool.graph(), clusters_.order()),
         box_T_(bounds_of(spheres_)) {
     const std::size_t n = spheres_.size();
     tasks_.resize(static_cast<std::size_t>(pool_->num_threads()));

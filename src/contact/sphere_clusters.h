@@ -28,6 +28,8 @@ class SphereClusters {
 
   int num_clusters() const { return static_cast<int>(clusters.size()); }
   int num_groups() const { return static_cast<int>(groups.size()); }
+  /// All spheres in cluster order.
+  std::span<const std::int32_t> order() const { return std::span(sphere_id).first(place_of.size()); }
 
   std::vector<float> x, y, z, radius, volume;  ///< one per place
   std::vector<std::int32_t> sphere_id;         ///< of each place; -1 for padding

@@ -8,6 +8,12 @@ namespace palpate {
 namespace {
 
 constexpr int kMaxSteps = 32;
+// Distances to the mesh may be off by this fraction where many triangles are about equally near.
+constexpr double kTolerance = 1e-3;
+
+constexpr int kMaxShrinks = 24;
+constexpr double kTouching = 1 - 1e-3;  // of its radius: so near an obstacle may be to a tangent ball
+
 constexpr int kMaxMeetings = 64;
 constexpr double kEnough = 0.5;  // of the promised gain
 
@@ -31,11 +37,40 @@ double FreeSpace::clearance(const Vec3d& p, double reach) const {
   return std::min(free, mesh.closest(p, free).distance);
 }
 
+FreeSpace::Nearest FreeSpace::nearest(const Vec3d& p, double reach) const {
+  Nearest result;
+  result.distance = spheres.nearest(p, reach, result.sphere);
+  if (result.distance <= 0) return result;
+  const auto closest = mesh.closest(p, result.distance, kTolerance);
+  if (closest.triangle >= 0) return {closest.distance, {}, closest.triangle, closest.point};
+  return result;
+}
+
+// A ball that is too large shrinks until it only touches what was in its way (Ma, Bae and Choi 2012):
+// |n q - v| = R + q for an obstacle of radius R at v, seen from p, gives q = (v.v - R^2) / 2(v.n + R).
+// A wall right at p can be overlooked, hence the last check.
+Ball FreeSpace::tangent_ball(const Vec3d& p, const Vec3d& n, double radius) const {
+  for (int i = 0; i < kMaxShrinks; ++i) {
+    const Vec3d centre = p + n * radius;
+    const Nearest found = nearest(centre, radius * kTouching);
+    const bool is_sphere = found.sphere.radius > 0;
+    if (!is_sphere && found.triangle < 0) {
+      return mesh.inside(centre) ? Ball{centre, radius * kTouching} : Ball{};
+    }
+    const Vec3d v = (is_sphere ? to_double(found.sphere.centre) : found.point) - p;
+    const double big = found.sphere.radius, length = norm(v);
+    const double free = (length - big) * (length + big) / (2 * (dot(v, n) + big));
+    if (!(free > 0)) break;
+    radius = std::min(radius * kTouching, free);
+  }
+  return {};
+}
+
 bool FreeSpace::gather(const Vec3d& p, double clearance, double reach, std::size_t limit,
                        Obstacles& obstacles) const {
   obstacles.centre = p;
   double excess = reach - clearance;
-  for (int attempt = 0; attempt < 8; ++attempt, excess *= 0.4) {
+  for (int attempt = 0; attempt < 2; ++attempt, excess *= 0.4) {
     obstacles.reach = clearance + excess;
     obstacles.spheres.clear();
     obstacles.triangles.clear();
@@ -117,16 +152,13 @@ Ball Ascent::climb(const Vec3d& start, double reach) {
 
 // The clearance of p; the obstacle that limits it joins obstacles_.
 double Ascent::meet(const Vec3d& p, double reach) {
-  Sphere sphere;
-  const double free = space_.spheres.nearest(p, reach, sphere);
-  if (free <= 0) return free;
-  const auto closest = space_.mesh.closest(p, free);
-  if (closest.triangle >= 0) {
-    obstacles_.triangles.push_back(closest.triangle);
-    return closest.distance;
+  const FreeSpace::Nearest found = space_.nearest(p, reach);
+  if (found.triangle >= 0) {
+    obstacles_.triangles.push_back(found.triangle);
+  } else if (found.sphere.radius > 0) {
+    obstacles_.spheres.push_back(found.sphere);
   }
-  if (sphere.radius > 0) obstacles_.spheres.push_back(sphere);
-  return free;
+  return found.distance;
 }
 
 Ball Ascent::climb(const Vec3d& start, const Obstacles& obstacles) {

@@ -31,6 +31,20 @@ struct FreeSpace {
   /// Distance from an inside point to the nearest obstacle, or `reach` if that is less.
   double clearance(const Vec3d& p, double reach) const;
 
+  /// The nearest obstacle not farther than `reach` from an inside point, a sphere or a point of a
+  /// triangle; distance `reach` if there is none.
+  struct Nearest {
+    double distance = 0;
+    Sphere sphere;      ///< radius 0: none
+    int triangle = -1;  ///< -1: none
+    Vec3d point;        ///< of the triangle
+  };
+  Nearest nearest(const Vec3d& p, double reach) const;
+
+  /// About the largest ball in the free space, not larger than `radius`, that touches the point p of
+  /// an obstacle's surface from the side to which the unit vector n points; radius 0 if none is found.
+  Ball tangent_ball(const Vec3d& p, const Vec3d& n, double radius) const;
+
   /// Collects the obstacles within `reach` of p, or within less where they are more than `limit`;
   /// `clearance` is that of p. False: even just beyond the clearance they are too many.
   bool gather(const Vec3d& p, double clearance, double reach, std::size_t limit,

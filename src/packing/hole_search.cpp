@@ -90,14 +90,37 @@ void HoleSearch::touch_triangle(const Sphere& sphere, const Triangle& triangle) 
   }
 }
 
-void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>& holes) {
-  const Vec3d p = to_double(sphere.centre);
+// All directions at once against the obstacles nearby; false if these are too many.
+bool HoleSearch::measure_directions(const Sphere& sphere) {
   const double r = sphere.radius;
-  if (!space_.gather(p, r, kReach * r, kMaxObstacles, obstacles_)) return;
+  if (!space_.gather(to_double(sphere.centre), r, kReach * r, kMaxObstacles, obstacles_)) {
+    return false;
+  }
   const double most = std::min((obstacles_.reach - r) / 2, space_.max_radius);
   radius_.assign(kNumDirections, static_cast<float>(most / r));
   for (const Sphere& obstacle : obstacles_.spheres) touch_sphere(sphere, obstacle);
   for (int t : obstacles_.triangles) touch_triangle(sphere, space_.mesh.triangle(t));
+  return true;
+}
+
+// One direction after the other, looking for the obstacle in its way.
+void HoleSearch::probe_directions(const Sphere& sphere) {
+  const double r = sphere.radius;
+  const Directions& u = directions();
+  radius_.resize(kNumDirections);
+  for (std::size_t i = 0; i < kNumDirections; ++i) {
+    const Vec3d n = to_double(Vec3f{u.x[i], u.y[i], u.z[i]});
+    const Ball ball = space_.tangent_ball(to_double(sphere.centre) + n * r, n,
+                                          std::min(r, space_.max_radius));
+    radius_[i] = static_cast<float>(ball.radius / r);
+  }
+}
+
+void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>& holes) {
+  const Vec3d p = to_double(sphere.centre);
+  const double r = sphere.radius;
+  const bool measured = measure_directions(sphere);
+  if (!measured) probe_directions(sphere);
 
   const Directions& u = directions();
   const std::size_t first = holes.size();
@@ -110,7 +133,8 @@ void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>
         });
     if (!peak) continue;
     const Vec3d direction = to_double(Vec3f{u.x[i], u.y[i], u.z[i]});
-    const Ball hole = ascent_.climb(p + direction * (r + q * r), obstacles_);
+    const Vec3d start = p + direction * (r + q * r);
+    const Ball hole = measured ? ascent_.climb(start, obstacles_) : ascent_.climb(start, 1.1 * q * r);
     if (hole.radius < min_radius) continue;
     const bool known = std::any_of(
         holes.begin() + static_cast<std::ptrdiff_t>(first), holes.end(), [&](const Ball& other) {

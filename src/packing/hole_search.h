@@ -21,6 +21,8 @@ class HoleSearch {
   Ascent& ascent() { return ascent_; }
 
  private:
+  bool measure_directions(const Sphere& sphere);
+  void probe_directions(const Sphere& sphere);
   void touch_sphere(const Sphere& sphere, const Sphere& obstacle);
   void touch_triangle(const Sphere& sphere, const Triangle& triangle);
 

@@ -63,7 +63,7 @@ class Packer {
   }
 
   Result<SpherePacking> run() {
-    const StartingPoints start = starting_points(mesh_, box_, options_.seed, pool_);
+    const StartingPoints start = starting_points(space_, box_, options_.seed, pool_);
     head_start_ = kHeadStart * start.spacing;
     for (const Ball& ball : start.balls) push(ball, false);
     while (!done_) {

@@ -10,7 +10,6 @@ constexpr double kNumCells = 40000;
 constexpr int kMaxCellsPerAxis = 512;
 constexpr double kTolerance = 0.02;  // of the distances of cells
 constexpr int kMaxFacets = 4096;
-constexpr int kMaxShrinks = 12;
 
 // Side of a cube such that about kNumCells of them fill the box.
 double cell_size(const Vec3d& extent) {
@@ -50,28 +49,11 @@ void scan_row(const TriangleBvh& mesh, const Vec3d& start, double h, int num,
   }
 }
 
-// The largest ball inside that touches the mesh at p, `n` being the way in: starting from one that
-// is too large, each shrinks until it touches the point that was in its way.
-Ball tangent_ball(const TriangleBvh& mesh, const Vec3d& p, const Vec3d& n, double radius) {
-  for (int i = 0; i < kMaxShrinks; ++i) {
-    const auto closest = mesh.closest(p + n * radius, radius * (1 - 1e-3));
-    if (closest.triangle < 0) break;
-    const Vec3d v = closest.point - p;
-    const double along = dot(v, n);
-    if (!(along > 0)) {
-      radius *= 0.5;
-    } else {
-      radius = std::min(radius * (1 - 1e-3), dot(v, v) / (2 * along));
-    }
-  }
-  const Vec3d centre = p + n * radius;
-  return {centre, mesh.closest(centre, radius * 1.001).distance};
-}
-
 }  // namespace
 
-StartingPoints starting_points(const TriangleBvh& mesh, const Bounds& box, std::uint64_t jitter,
+StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::uint64_t jitter,
                                   ThreadPool& pool) {
+  const TriangleBvh& mesh = space.mesh;
   const Vec3d extent = box.high - box.low;
   const double h = cell_size(extent);
   int num[3];
@@ -99,7 +81,7 @@ StartingPoints starting_points(const TriangleBvh& mesh, const Bounds& box, std::
       const Triangle& t = mesh.triangle(static_cast<int>(facet));
       const Vec3d n = -normalized(cross(t.b - t.a, t.c - t.a));
       if (n == Vec3d{}) continue;
-      part.push_back(tangent_ball(mesh, (t.a + t.b + t.c) / 3.0, n, norm(extent) / 2));
+      part.push_back(space.tangent_ball((t.a + t.b + t.c) / 3.0, n, norm(extent) / 2));
     }
   });
   StartingPoints seeds{{}, h};

@@ -17,7 +17,7 @@ struct StartingPoints {
 /// Cell centres of a grid over `box` that `jitter` shifts (0: not at all), and the balls that touch the
 /// middle of some facets from inside, which find what is thinner than a cell. Their order depends
 /// on the arguments only.
-StartingPoints starting_points(const TriangleBvh& mesh, const Bounds& box, std::uint64_t jitter,
+StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::uint64_t jitter,
                                ThreadPool& pool);
 
 }  // namespace palpate

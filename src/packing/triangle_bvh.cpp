@@ -10,6 +10,7 @@ namespace {
 constexpr int kLeafSize = 4;
 constexpr int kBins = 16;
 constexpr int kBalancedDepth = 40;  // from here on split in halves: bounds the depth
+constexpr int kLongSearch = 64;      // nodes
 constexpr int kStackSize = 256;     // > 3 * (kBalancedDepth + 32)
 
 // Float rounding of a point, of a box and of their distance, as fraction of the extent and of the
@@ -74,6 +75,7 @@ struct TriangleBvh::Builder {
   std::vector<Box> boxes;
   std::vector<Vec3d> centroids;
   std::vector<int> order;
+  std::vector<Triangle> triangles;
   double padding = 0;
 
   Box box_of(const Range& range) const {
@@ -137,6 +139,26 @@ struct TriangleBvh::Builder {
     return static_cast<int>(middle - order.begin());
   }
 
+  void fit_slab(const Range& range, Node& node, std::size_t k) const {
+    Vec3d sum;
+    for (int i = range.begin; i < range.end; ++i) {
+      const Triangle& t = triangles[index(i)];
+      sum += cross(t.b - t.a, t.c - t.a);
+    }
+    const Vec3d n = to_double(to_float(normalized(sum)));
+    double low = 1e300, high = -1e300;
+    for (int i = range.begin; i < range.end; ++i) {
+      const Triangle& t = triangles[index(i)];
+      for (const Vec3d& v : {t.a, t.b, t.c}) {
+        low = std::min(low, dot(n, v - bvh.origin_));
+        high = std::max(high, dot(n, v - bvh.origin_));
+      }
+    }
+    for (int axis = 0; axis < 3; ++axis) node.normal[axis][k] = static_cast<float>(n[axis]);
+    node.slab_low[k] = static_cast<float>(low - padding);
+    node.slab_high[k] = static_cast<float>(high + padding);
+  }
+
   std::int32_t build(const Range& range) {
     Range parts[4] = {range};
     int num_parts = 1;
@@ -163,6 +185,7 @@ struct TriangleBvh::Builder {
         node.low[axis][k] = used ? static_cast<float>(box.low[axis] - origin - padding) : 1e18f;
         node.high[axis][k] = used ? static_cast<float>(box.high[axis] - origin + padding) : 1e18f;
       }
+      if (used) fit_slab(parts[k], node, k);
       node.child[k] = child;
       node.count[k] = !used ? -1 : leaf ? parts[k].size() : 0;
     }
@@ -171,15 +194,13 @@ struct TriangleBvh::Builder {
 };
 
 TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
-  Builder builder{*this, {}, {}, {}};
+  Builder builder{*this, {}, {}, {}, {}};
   const Bounds extent = bounds(mesh);
   origin_ = (extent.low + extent.high) * 0.5;
   const Vec3d size = extent.high - extent.low;
   builder.padding = kBoxPadding * std::max({size.x, size.y, size.z});
-  std::vector<Triangle> triangles;
-  triangles.reserve(mesh.triangles.size());
   for (const auto& [a, b, c] : mesh.triangles) {
-    triangles.push_back({mesh.vertices[a], mesh.vertices[b], mesh.vertices[c]});
+    builder.triangles.push_back({mesh.vertices[a], mesh.vertices[b], mesh.vertices[c]});
     Box box;
     box.add(mesh.vertices[a]);
     box.add(mesh.vertices[b]);
@@ -187,29 +208,28 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
     builder.boxes.push_back(box);
     builder.centroids.push_back((box.low + box.high) * 0.5);
   }
-  builder.order.resize(triangles.size());
+  builder.order.resize(mesh.triangles.size());
   std::iota(builder.order.begin(), builder.order.end(), 0);
-  builder.build({0, static_cast<int>(triangles.size()), 0});
-  triangles_.reserve(triangles.size());
-  for (int i : builder.order) triangles_.push_back(triangles[static_cast<std::size_t>(i)]);
+  builder.build({0, static_cast<int>(mesh.triangles.size()), 0});
+  triangles_.reserve(mesh.triangles.size());
+  for (int i : builder.order) triangles_.push_back(builder.triangles[static_cast<std::size_t>(i)]);
 }
 
-std::array<float, 3> TriangleBvh::local(const Vec3d& p) const {
-  const Vec3f q = to_float(p - origin_);
-  return {q.x, q.y, q.z};
-}
-
-void TriangleBvh::distances2(const Node& node, const float p[3], float out[4]) const {
-  for (int k = 0; k < 4; ++k) {
-    float sum = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const float below = node.low[axis][k] - p[axis], above = p[axis] - node.high[axis][k];
-      const float outside = below > above ? below : above;
-      const float d = outside > 0 ? outside : 0;
-      sum += d * d;
-    }
-    out[k] = sum * kDistanceSlack;
-  }
+// Squared lower bounds of the distances to what the four children hold.
+inline TriangleBvh::Float4 TriangleBvh::distances2(const Node& node, const Vec3f& p) {
+  const Float4 zero{};
+  const auto outside = [&](Float4 low, Float4 high, Float4 x) {
+    const Float4 below = low - x, above = x - high;
+    const Float4 d = below > above ? below : above;
+    return d > zero ? d : zero;
+  };
+  const Float4 dx = outside(node.low[0], node.high[0], zero + p.x);
+  const Float4 dy = outside(node.low[1], node.high[1], zero + p.y);
+  const Float4 dz = outside(node.low[2], node.high[2], zero + p.z);
+  const Float4 along = node.normal[0] * p.x + node.normal[1] * p.y + node.normal[2] * p.z;
+  const Float4 slab = outside(node.slab_low, node.slab_high, along);
+  const Float4 box2 = dx * dx + dy * dy + dz * dz, slab2 = slab * slab;
+  return (box2 > slab2 ? box2 : slab2) * kDistanceSlack;
 }
 
 TriangleBvh::Closest TriangleBvh::closest(const Vec3d& p, double max_distance,
@@ -218,19 +238,19 @@ TriangleBvh::Closest TriangleBvh::closest(const Vec3d& p, double max_distance,
     float distance2;
     std::int32_t node;
   };
-  const std::array<float, 3> q = local(p);
-  const double prune = 1 / ((1 + tolerance) * (1 + tolerance));
+  const Vec3f q = to_float(p - origin_);
+  const double tired = 1 / ((1 + tolerance) * (1 + tolerance));
   Closest best;
   double best2 = max_distance * max_distance;
   Entry stack[kStackSize];
   int top = 0;
   stack[top++] = {0, 0};
-  while (top > 0) {
+  for (int num_visited = 0; top > 0; ++num_visited) {
+    const double prune = num_visited < kLongSearch ? 1 : tired;
     const Entry entry = stack[--top];
     if (static_cast<double>(entry.distance2) > best2 * prune) continue;
     const Node& node = nodes_[static_cast<std::size_t>(entry.node)];
-    float distance2[4];
-    distances2(node, q.data(), distance2);
+    const Float4 distance2 = distances2(node, q);
     const int first_pushed = top;
     for (int k = 0; k < 4; ++k) {
       if (node.count[k] < 0 || static_cast<double>(distance2[k]) > best2 * prune) continue;
@@ -261,7 +281,7 @@ TriangleBvh::Closest TriangleBvh::closest(const Vec3d& p, double max_distance,
 
 bool TriangleBvh::gather(const Vec3d& p, double distance, std::size_t limit,
                          std::vector<int>& out) const {
-  const std::array<float, 3> q = local(p);
+  const Vec3f q = to_float(p - origin_);
   const double distance2 = distance * distance;
   const std::size_t start = out.size();
   std::int32_t stack[kStackSize];
@@ -269,10 +289,9 @@ bool TriangleBvh::gather(const Vec3d& p, double distance, std::size_t limit,
   stack[top++] = 0;
   while (top > 0) {
     const Node& node = nodes_[static_cast<std::size_t>(stack[--top])];
-    float box2[4];
-    distances2(node, q.data(), box2);
+    const Float4 bound2 = distances2(node, q);
     for (int k = 0; k < 4; ++k) {
-      if (node.count[k] < 0 || static_cast<double>(box2[k]) > distance2) continue;
+      if (node.count[k] < 0 || static_cast<double>(bound2[k]) > distance2) continue;
       if (node.child[k] >= 0) {
         stack[top++] = node.child[k];
         continue;
@@ -289,10 +308,9 @@ bool TriangleBvh::gather(const Vec3d& p, double distance, std::size_t limit,
   return true;
 }
 
-// Möller-Trumbore against every triangle whose box the ray meets.
+// Möller-Trumbore against every triangle whose box and slab the ray meets.
 int TriangleBvh::count_crossings(const Vec3d& p, const Vec3d& direction) const {
   const Vec3d from = p - origin_;
-  const Vec3d inverse{1 / direction.x, 1 / direction.y, 1 / direction.z};
   int crossings = 0;
   std::int32_t stack[kStackSize];
   int top = 0;
@@ -302,12 +320,17 @@ int TriangleBvh::count_crossings(const Vec3d& p, const Vec3d& direction) const {
     for (int k = 0; k < 4; ++k) {
       if (node.count[k] < 0) continue;
       double enter = 0, leave = 1e300;
-      for (int axis = 0; axis < 3; ++axis) {
-        const double t0 = (static_cast<double>(node.low[axis][k]) - from[axis]) * inverse[axis];
-        const double t1 = (static_cast<double>(node.high[axis][k]) - from[axis]) * inverse[axis];
+      const auto clip = [&](float low, float high, double position, double speed) {
+        const double t0 = (static_cast<double>(low) - position) / speed;
+        const double t1 = (static_cast<double>(high) - position) / speed;
         enter = std::max(enter, std::min(t0, t1));
         leave = std::min(leave, std::max(t0, t1));
+      };
+      for (int axis = 0; axis < 3; ++axis) {
+        clip(node.low[axis][k], node.high[axis][k], from[axis], direction[axis]);
       }
+      const Vec3d normal = to_double(Vec3f{node.normal[0][k], node.normal[1][k], node.normal[2][k]});
+      clip(node.slab_low[k], node.slab_high[k], dot(normal, from), dot(normal, direction));
       if (enter > leave) continue;
       if (node.child[k] >= 0) {
         stack[top++] = node.child[k];
@@ -333,9 +356,9 @@ bool TriangleBvh::inside(const Vec3d& p) const {
   static constexpr Vec3d kDirections[3] = {{0.530943, 0.271819, 0.802653},
                                            {-0.351447, 0.870017, -0.345774},
                                            {0.716531, -0.483119, -0.503218}};
-  int votes = 0;
-  for (const Vec3d& direction : kDirections) votes += count_crossings(p, direction) % 2;
-  return votes >= 2;
+  const auto vote = [&](int i) { return count_crossings(p, kDirections[i]) % 2 == 1; };
+  const bool first = vote(0);
+  return vote(1) == first ? first : vote(2);
 }
 
 }  // namespace palpate

@@ -1,7 +1,6 @@
 // Distances from a point to a triangle mesh.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -17,8 +16,10 @@ struct Triangle {
 /// The point of the triangle that is closest to p.
 Vec3d closest_point(const Triangle& triangle, const Vec3d& p);
 
-/// Four-wide bounding volume hierarchy. Boxes are single precision and slightly too large, triangles
-/// are exact: boxes only decide what is looked at.
+/// Four-wide bounding volume hierarchy. Besides its box a child has a slab across its mean normal,
+/// which stays thin on curved surfaces: seen from inside a round tool all boxes are about equally
+/// near, slabs are not. Both are single precision and slightly too large, triangles are exact: boxes
+/// and slabs only decide what is looked at.
 class TriangleBvh {
  public:
   struct Closest {
@@ -29,9 +30,9 @@ class TriangleBvh {
 
   explicit TriangleBvh(const TriangleMesh& mesh);
 
-  /// Closest point of the surface not farther than `max_distance`. With `tolerance` > 0 the
-  /// distance may be too large by that fraction, which saves work where many triangles are
-  /// almost equally far, as at the centre of a finely tessellated ball.
+  /// Closest point of the surface not farther than `max_distance`. When a search grows long, as at
+  /// the centre of a finely tessellated ball where all triangles are about equally far, its result
+  /// may be too far by the fraction `tolerance`.
   Closest closest(const Vec3d& p, double max_distance, double tolerance = 0) const;
 
   /// Appends every triangle not farther than `distance` from p; false, with a part of them
@@ -46,14 +47,15 @@ class TriangleBvh {
 
  private:
   // A child >= 0 is a node; below 0 it is the leaf of triangles [first, first + count).
-  struct alignas(16) Node {
-    float low[3][4], high[3][4];
+  typedef float Float4 __attribute__((vector_size(16)));
+  struct Node {
+    Float4 low[3], high[3];
+    Float4 normal[3], slab_low, slab_high;
     std::int32_t child[4];
     std::int32_t count[4];  ///< of a leaf; -1: no child
   };
   struct Builder;
-  void distances2(const Node& node, const float p[3], float out[4]) const;
-  std::array<float, 3> local(const Vec3d& p) const;
+  static Float4 distances2(const Node& node, const Vec3f& p);
   int count_crossings(const Vec3d& p, const Vec3d& direction) const;
 
   Vec3d origin_;

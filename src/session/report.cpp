@@ -34,7 +34,7 @@ constexpr Unit kTimeUnits[] = {{"s", 1}, {"ms", 1e3}, {"µs", 1e6}};
 
 std::string with_unit(double value, std::span<const Unit> units) {
   const Unit unit = unit_for(std::abs(value), units);
-  return short_number(value * unit.factor, 3) + " " + unit.name;
+  return short_number(value * unit.factor, 3) + "\u00a0" + unit.name;
 }
 
 /// One value per tick.
@@ -64,7 +64,7 @@ std::string headline(const Tool& tool, const RunLog& log) {
   return "<div class='cards'>" +
          card(with_unit(volume, kVolumeUnits),
               "deepest penetration, " + short_number(100 * volume / tool.sphere_mass().volume, 3) +
-                  " % of the tool") +
+                  "\u00a0% of the tool") +
          card(with_unit(force, kVolumeUnits), "largest force measure |F|") +
          card(with_unit(query.median, kTimeUnits),
               "median of a query; 99 %: " + with_unit(query.p99, kTimeUnits)) +
@@ -156,6 +156,14 @@ std::string row(const std::string& name, const std::string& value) {
   return "<tr><td>" + escape_html(name) + "</td><td>" + escape_html(value) + "</td></tr>";
 }
 
+/// The end of a path that still tells what it is: the last two parts.
+std::string short_name(const std::string& name) {
+  const std::size_t last = name.find_last_of('/', name.empty() ? 0 : name.size() - 2);
+  if (last == std::string::npos || last == 0) return name;
+  const std::size_t before = name.find_last_of('/', last - 1);
+  return before == std::string::npos ? name : name.substr(before + 1);
+}
+
 std::string on_off(bool on) { return on ? "on" : "off"; }
 
 std::string tables(const Tool& tool, const RunLog& log) {
@@ -176,7 +184,8 @@ std::string tables(const Tool& tool, const RunLog& log) {
          row("priority", name_of(kPriorityNames, s.contact.priority)) +
          row("inside volume (graph)", name_of(kInsideNames, s.contact.inside)) +
          row("backend", name_of(kBackendNames, s.backend)) +
-         row("threads", s.num_threads == 0 ? "one per core" : std::to_string(s.num_threads)) +
+         row("threads", s.num_threads == 0 ? "queries 1, surfaces one per core"
+                                           : std::to_string(s.num_threads)) +
          row("rate", short_number(s.rate) + " Hz") +
          row("duration", short_number(static_cast<double>(log.ticks.size()) / s.rate) + " s") +
          "</table><table>" + row("depth frames from", log.stream.name) +
@@ -198,7 +207,7 @@ std::string tables(const Tool& tool, const RunLog& log) {
 Result<std::string> make_report(const Tool& tool, const RunLog& log) {
   auto pictures = deepest_moment_html(tool, log);
   if (!pictures) return pictures.error();
-  const std::string title = tool.source() + " in " + log.stream.name;
+  const std::string title = tool.source() + " in " + short_name(log.stream.name);
   std::string html =
       "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
       "<meta name='viewport' content='width=device-width,initial-scale=1'><title>Palpate: " +

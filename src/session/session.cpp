@@ -29,15 +29,18 @@ Status check(const RunSettings& settings) {
 
 }  // namespace
 
-Result<ChosenQuery> choose_contact_query(std::optional<Backend> backend, const Tool& tool,
-                                         const ContactCapacities& capacities) {
-  if (!backend) {
-    if (auto cuda = choose_contact_query(Backend::cuda, tool, capacities)) return cuda;
-    backend = Backend::cpu;
-  }
-  auto query = make_contact_query(*backend, tool, capacities);
-  if (!query) return query.error();
-  return ChosenQuery{*backend, *std::move(query)};
+Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool& tool,
+                                         ThreadPool& pool) {
+  ContactCapacities capacities;
+  if (settings.num_threads > 1) capacities.pool = &pool;
+  const auto make = [&](Backend backend) -> Result<ChosenQuery> {
+    auto query = make_contact_query(backend, tool, capacities);
+    if (!query) return query.error();
+    return ChosenQuery{backend, *std::move(query)};
+  };
+  if (settings.backend) return make(*settings.backend);
+  auto cuda = make(Backend::cuda);
+  return cuda ? std::move(cuda) : make(Backend::cpu);
 }
 
 Session::Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
@@ -54,9 +57,7 @@ Result<Session> Session::create(const Tool& tool, const DepthStreamInfo& stream,
       SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics, settings.surface);
   if (!surface) return surface.error();
   auto pool = std::make_unique<ThreadPool>(settings.num_threads);
-  ContactCapacities capacities;
-  capacities.pool = pool.get();
-  auto chosen = choose_contact_query(settings.backend, tool, capacities);
+  auto chosen = choose_contact_query(settings, tool, *pool);
   if (!chosen) return chosen.error();
   RunSettings used = settings;
   used.backend = chosen->backend;

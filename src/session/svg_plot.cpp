@@ -163,7 +163,9 @@ void append_legend(std::string& svg, const TimePlot& plot) {
 
 std::string short_number(double value, int digits) {
   char buffer[40];
-  std::snprintf(buffer, sizeof buffer, "%.*g", digits, value);
+  // Large whole numbers in full: 12000, not 1.2e+04.
+  const bool large = std::abs(value) >= std::pow(10.0, digits) && std::abs(value) < 1e7;
+  std::snprintf(buffer, sizeof buffer, large ? "%.*f" : "%.*g", large ? 0 : digits, value);
   return buffer;
 }
 
@@ -227,7 +229,7 @@ std::string draw(const TimePlot& plot) {
   if (plot.limit > 0) {
     append_line(svg, "limit", kLeft, y_axis(plot.limit), kLeft + kPlotWidth, y_axis(plot.limit));
     append_text(svg, kLeft + kPlotWidth - 4, y_axis(plot.limit) - 4, "end", plot.limit_label,
-                "label limit-label");
+                "label halo limit-label");
   }
   append_legend(svg, plot);
   return svg + "</svg>";

@@ -18,7 +18,9 @@ struct DepthScene {
 };
 
 inline DepthScene empty_scene(int width, int height, double f) {
-  return {width, height, {f, f, width / 2.0 - 0.5, height / 2.0 - 0.5},
+  return {width,
+          height,
+          {f, f, width / 2.0 - 0.5, height / 2.0 - 0.5},
           std::vector<float>(static_cast<std::size_t>(width * height), NAN)};
 }
 

@@ -78,8 +78,8 @@ TEST(RealFrames, NormalsAreThereAreUnitAndFaceTheCamera) {
       ASSERT_NEAR(norm(n), 1, 1e-6);
       ASSERT_LE(dot(n, p), 1e-6 * norm(p));
       if (i % 23 != 0) continue;
-      const test::TrueNormal expected =
-          true_normal(depth, real.intrinsics, {}, static_cast<int>(i % 640), static_cast<int>(i / 640));
+      const test::TrueNormal expected = true_normal(
+          depth, real.intrinsics, {}, static_cast<int>(i % 640), static_cast<int>(i / 640));
       ASSERT_TRUE(expected.exists);
       if (!expected.well_conditioned()) continue;
       ++num_compared;

@@ -50,7 +50,10 @@ int check_normals(const DepthScene& scene, const SurfaceOptions& options) {
       const auto i = static_cast<std::size_t>(v * scene.width + u);
       const TrueNormal expected = true_normal(depth, k, options.normals, u, v);
       const std::string where = std::to_string(u) + " " + std::to_string(v);
-      EXPECT_EQ(std::isfinite(cloud.nx[i]), expected.exists) << where;
+      // Weights may leave no more than a line of a window: then there may or may not be a normal.
+      if (!options.normals.weighting || expected.well_conditioned()) {
+        EXPECT_EQ(std::isfinite(cloud.nx[i]), expected.exists) << where;
+      }
       for (const float* channel : {cloud.x, cloud.y, cloud.z, cloud.ny, cloud.nz}) {
         EXPECT_EQ(std::isfinite(channel[i]), std::isfinite(cloud.nx[i])) << where;
       }
@@ -65,7 +68,8 @@ int check_normals(const DepthScene& scene, const SurfaceOptions& options) {
       EXPECT_LE(dot(n, p) / norm(p), 1e-6);
       if (!expected.well_conditioned()) continue;
       // Edge-on planes may flip by rounding.
-      const double angle = std::min(test::angle_between(n, expected.n), test::angle_between(-n, expected.n));
+      const double angle =
+          std::min(test::angle_between(n, expected.n), test::angle_between(-n, expected.n));
       EXPECT_LE(angle, 0.05) << where;
       ++num_compared;
       if (testing::Test::HasFailure()) return num_compared;
@@ -81,8 +85,8 @@ void check_depth_change(const DepthScene& scene, const SurfaceOptions& options) 
   for (int v = 0; v < scene.height; ++v) {
     for (int u = 0; u < scene.width; ++u) {
       const auto i = static_cast<std::size_t>(v * scene.width + u);
-      const Vec3d expected = test::true_depth_change(depth, scene.intrinsics,
-                                                     options.depth_change.min_step, u, v);
+      const Vec3d expected =
+          test::true_depth_change(depth, scene.intrinsics, options.depth_change.min_step, u, v);
       for (int axis = 0; axis < 3; ++axis) {
         ASSERT_NEAR(static_cast<double>(estimator.depth_change(axis)[i]), expected[axis],
                     3e-6 * (norm(expected) + 0.1))
@@ -120,7 +124,8 @@ TEST(SurfaceStages, NormalsFollowTheirDefinitionWithEveryOption) {
       options.normals.weighting = (flags & 2) != 0;
       options.normals.normalization = (flags & 4) != 0;
       SCOPED_TRACE("flags " + std::to_string(flags) + " radius " + std::to_string(radius));
-      const DepthScene scene = test::cluttered_scene(75, 53, 80, 1.5, static_cast<std::uint64_t>(++seed));
+      const DepthScene scene =
+          test::cluttered_scene(75, 53, 80, 1.5, static_cast<std::uint64_t>(++seed));
       EXPECT_GT(check_normals(scene, options), 500);
     }
   }
@@ -146,7 +151,8 @@ TEST(SurfaceStages, NormalsArePreciseAtAnyDistanceFocalLengthAndPrincipalPoint) 
 }
 
 TEST(SurfaceStages, SlantedPlanesHaveExactNormals) {
-  for (const Vec3d& slope : {Vec3d{0, 0, -1}, Vec3d{1, 0, -1}, Vec3d{-0.5, 1.5, -1}, Vec3d{2, 2, -1}}) {
+  for (const Vec3d& slope :
+       {Vec3d{0, 0, -1}, Vec3d{1, 0, -1}, Vec3d{-0.5, 1.5, -1}, Vec3d{2, 2, -1}}) {
     for (double distance : {0.3, 1.0, 2.0, 4.0}) {
       const Vec3d n = normalized(slope);
       DepthScene scene = test::plane_scene(67, 50, 525, n, {0, 0, distance});

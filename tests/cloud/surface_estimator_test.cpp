@@ -43,10 +43,13 @@ TEST(SurfaceEstimator, WhatIsNoMeasurementIsInvalid) {
   DepthScene scene = test::plane_scene(40, 30, 40, {0, 0, -1}, {0, 0, 1});
   DepthFrame frame = as_frame(scene);
   const auto pixel = [](int u, int v) { return static_cast<std::size_t>(v * 40 + u); };
-  const std::pair<std::size_t, std::uint16_t> bad[] = {
-      {pixel(3, 3), 0}, {pixel(10, 3), 65535}, {pixel(17, 3), 99}, {pixel(24, 3), 10001},
-      {pixel(31, 3), 65534}};
-  const std::pair<std::size_t, std::uint16_t> lone[] = {{pixel(3, 20), 100}, {pixel(13, 20), 10000}};
+  const std::pair<std::size_t, std::uint16_t> bad[] = {{pixel(3, 3), 0},
+                                                       {pixel(10, 3), 65535},
+                                                       {pixel(17, 3), 99},
+                                                       {pixel(24, 3), 10001},
+                                                       {pixel(31, 3), 65534}};
+  const std::pair<std::size_t, std::uint16_t> lone[] = {{pixel(3, 20), 100},
+                                                        {pixel(13, 20), 10000}};
   for (const auto& [i, count] : bad) frame.pixels[i] = count;
   for (const auto& [i, count] : lone) frame.pixels[i] = count;
   ThreadPool pool(1);
@@ -150,8 +153,8 @@ TEST(SurfaceEstimator, UpdateAllocatesNothing) {
 
 TEST(SurfaceEstimator, AnyImageSize) {
   ThreadPool pool(2);
-  for (const auto& [width, height] : {std::pair{8, 8}, {9, 8}, {8, 17}, {17, 33}, {4096, 8}, {8, 4096},
-                                      {1920, 1080}}) {
+  for (const auto& [width, height] :
+       {std::pair{8, 8}, {9, 8}, {8, 17}, {17, 33}, {4096, 8}, {8, 4096}, {1920, 1080}}) {
     const DepthScene scene = test::plane_scene(width, height, 0.6 * width, {0, 0, -1}, {0, 0, 1});
     SurfaceEstimator estimator = make_estimator(scene);
     const SurfaceStats stats = estimator.update(scene.depth, pool);

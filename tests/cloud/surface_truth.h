@@ -1,5 +1,5 @@
-// The definitions of surface estimation written down once more, in double, pixel by pixel. Shares no
-// code with the library. Input depth is NaN where there is no measurement.
+// The definitions of surface estimation written down once more, in double, pixel by pixel. Shares
+// no code with the library. Input depth is NaN where there is no measurement.
 #pragma once
 
 #include <array>

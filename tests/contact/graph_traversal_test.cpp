@@ -12,11 +12,18 @@ std::vector<Sphere> row_of_spheres() {
   return spheres;
 }
 
+// The order of the spheres must not matter.
+std::vector<std::int32_t> backwards(std::size_t num) {
+  std::vector<std::int32_t> order(num);
+  for (std::size_t i = 0; i < num; ++i) order[i] = static_cast<std::int32_t>(num - 1 - i);
+  return order;
+}
+
 TEST(GraphTraversal, WalksAwayFromTheNormalOnly) {
   const std::vector<Sphere> spheres = row_of_spheres();
   const LeafGraph graph(spheres, GapRule::relative);
   ASSERT_EQ(graph.num_edges(), 4);
-  GraphTraversal traversal(spheres, graph);
+  GraphTraversal traversal(spheres, graph, backwards(spheres.size()));
   const GraphTraversal::Seed seed{2, {0, 0, -1}};
   const auto reached = traversal.run({&seed, 1});
   ASSERT_EQ(reached.size(), 2u);
@@ -35,7 +42,7 @@ TEST(GraphTraversal, WalksAwayFromTheNormalOnly) {
 TEST(GraphTraversal, ZeroNormalAndBoundarySpheresStopIt) {
   const std::vector<Sphere> spheres = row_of_spheres();
   const LeafGraph graph(spheres, GapRule::relative);
-  GraphTraversal traversal(spheres, graph);
+  GraphTraversal traversal(spheres, graph, backwards(spheres.size()));
   const GraphTraversal::Seed silent{2, {}};
   EXPECT_TRUE(traversal.run({&silent, 1}).empty());
   const GraphTraversal::Seed two[] = {{1, {0, 0, -1}}, {3, {}}};
@@ -49,7 +56,7 @@ TEST(GraphTraversal, SameRoundGoesToTheShorterPath) {
   const std::vector<Sphere> spheres = {{{-3, 0, 0}, 1}, {{2.5f, 0, 0}, 1}, {{0, 0, 1}, 1}};
   const std::pair<int, int> edges[] = {{0, 2}, {1, 2}};
   const LeafGraph graph(spheres, edges, 0, 1);
-  GraphTraversal traversal(spheres, graph);
+  GraphTraversal traversal(spheres, graph, backwards(spheres.size()));
   const GraphTraversal::Seed seeds[] = {{0, {0, 0, -1}}, {1, {0, 0, -1}}};
   const auto reached = traversal.run(seeds);
   ASSERT_EQ(reached.size(), 1u);

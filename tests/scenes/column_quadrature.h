@@ -1,5 +1,5 @@
-// Volumes the plodding way: a tool is cut into thin columns along its z axis. Shares no idea with the
-// cones of truth.cpp.
+// Volumes the plodding way: a tool is cut into thin columns along its z axis. Shares no idea with
+// the cones of truth.cpp.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +30,8 @@ inline std::vector<Span> inside_spans(const TriangleMesh& mesh, double x, double
   }
   std::sort(crossings.begin(), crossings.end());
   std::vector<Span> spans;
-  for (std::size_t i = 1; i < crossings.size(); i += 2) spans.emplace_back(crossings[i - 1], crossings[i]);
+  for (std::size_t i = 1; i < crossings.size(); i += 2)
+    spans.emplace_back(crossings[i - 1], crossings[i]);
   return spans;
 }
 

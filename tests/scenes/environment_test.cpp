@@ -92,8 +92,9 @@ TEST(Environment, RaysEndOnTheSurfaceAndCrossItThere) {
 
 TEST(Environment, RidgeAndCornerOpenAsFarAsTheirNamesSay) {
   // Share of a small circle around the edge that lies in the solid.
-  for (const auto& [name, degrees] : {std::pair{"ridge-135", 135.0}, std::pair{"ridge-90", 90.0},
-                                      std::pair{"corner-225", 225.0}, std::pair{"corner-270", 270.0}}) {
+  for (const auto& [name, degrees] :
+       {std::pair{"ridge-135", 135.0}, std::pair{"ridge-90", 90.0}, std::pair{"corner-225", 225.0},
+        std::pair{"corner-270", 270.0}}) {
     const Environment e = *environment_of(name);
     int inside = 0;
     for (int i = 0; i < 3600; ++i) {

@@ -249,9 +249,9 @@ TEST(SimulatedCamera, RefusesNonsense) {
     options.duration = bad;
     EXPECT_TRUE(refused(scene, options));
   }
-  for (double NoiseModel::*field : {&NoiseModel::axial_base, &NoiseModel::axial_growth,
-                                    &NoiseModel::disparity_steps, &NoiseModel::baseline,
-                                    &NoiseModel::missing, &NoiseModel::lateral}) {
+  for (double NoiseModel::*field :
+       {&NoiseModel::axial_base, &NoiseModel::axial_growth, &NoiseModel::disparity_steps,
+        &NoiseModel::baseline, &NoiseModel::missing, &NoiseModel::lateral}) {
     SimulatedCameraOptions options;
     options.noise.*field = -1;
     EXPECT_TRUE(refused(scene, options));

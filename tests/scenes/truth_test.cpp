@@ -52,8 +52,9 @@ TEST(ExactVolume, MatchesClosedFormsAtTheWall) {
     const TriangleMesh tetrahedron = make_tetrahedron(0.15);
     EXPECT_NEAR(wall_share(tetrahedron, ahead, 0.75 * h, h, s), s * s * s, 1e-12);
     EXPECT_NEAR(wall_share(tetrahedron, turned_over, 0.25 * h, h, s), 1 - r * r * r, 1e-12);
-    EXPECT_NEAR(wall_share(tetrahedron, edge_first, 0.15 / std::sqrt(8.0), 0.15 / std::sqrt(2.0), s),
-                3 * s * s - 2 * s * s * s, 1e-12);
+    EXPECT_NEAR(
+        wall_share(tetrahedron, edge_first, 0.15 / std::sqrt(8.0), 0.15 / std::sqrt(2.0), s),
+        3 * s * s - 2 * s * s * s, 1e-12);
   }
 }
 
@@ -66,8 +67,8 @@ TEST(ExactVolume, WholeOrNothingFarFromTheSurface) {
   }
 }
 
-// Every kind, convex and ring-shaped tools, random poses, against thin columns. The tolerance is the
-// quadrature's.
+// Every kind, convex and ring-shaped tools, random poses, against thin columns. The tolerance is
+// the quadrature's.
 TEST(ExactVolume, MatchesColumnQuadratureInRandomPoses) {
   struct Tool {
     TriangleMesh mesh;
@@ -144,7 +145,8 @@ TEST(ExactVolume, CornerIsTheUnionOfItsWalls) {
     const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.05), random.rotation(kPi)};
     EXPECT_NEAR(exact_volume(tool, X_WT, corner) / volume(tool),
                 (exact_volume(tool, X_WT, a) + exact_volume(tool, X_WT, b) -
-                 exact_volume(tool, X_WT, both)) / volume(tool),
+                 exact_volume(tool, X_WT, both)) /
+                    volume(tool),
                 1e-10);
   }
 }
@@ -216,7 +218,8 @@ TEST(ThesisExperiments, GoFromFirstContactToWhollyPast) {
       before = v;
     }
     // A tool as wide as a ridge or ball never goes in wholly; concave solids swallow it.
-    const bool concave = e->kind != Environment::Kind::ridge && e->kind != Environment::Kind::ball_outside;
+    const bool concave =
+        e->kind != Environment::Kind::ridge && e->kind != Environment::Kind::ball_outside;
     if (concave) {
       EXPECT_NEAR(before, 1, 1e-9);
     } else {

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "palpate/contact/contact_query.h"
 #include "tests/test_util/contact_scenes.h"
 
 namespace palpate {

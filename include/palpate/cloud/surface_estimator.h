@@ -12,16 +12,21 @@
 
 namespace palpate {
 
-/// Bilateral filter over valid pixels (eq. 3.12 corrected: divided by the sum of the weights).
+/// Bilateral filter over the valid pixels q of a window (eq. 3.12, divided by the sum of the
+/// weights): w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 (sigma_depth
+/// z_p^2)^2)). It fills no holes.
 struct DepthFilterOptions {
   bool enabled = true;
   int radius = 2;            ///< pixels; window 2*radius+1, 1..7
-  double sigma_space = 1.5;  ///< pixels
-  /// Similarity width is sigma_depth * z^2 (z in metres): noise of structured light grows so.
+  double sigma_space = 1.5;  ///< pixels, 0.1..1000
+  /// Similarity width is sigma_depth * z^2 (z in metres): noise of structured light grows so. Up
+  /// to 1.
   double sigma_depth = 0.01;  ///< metres at 1 m
 };
 
-/// Plane fit by principal components over a window (eqs. 3.7-3.11).
+/// Plane fit by principal components over a window (eqs. 3.7-3.11): the eigenvector of the smallest
+/// eigenvalue of the neighbours' covariance, towards the camera. No normal if all neighbours lie on
+/// one line of the image: their plane would contain the eye.
 struct NormalOptions {
   int radius = 3;  ///< pixels; window 2*radius+1, 1..7
   /// Neighbours count only if their depth differs by at most max_depth_change * z (z in metres,
@@ -30,12 +35,14 @@ struct NormalOptions {
   bool anchoring = false;      ///< plane through the point itself (3.9)
   bool weighting = false;      ///< weights exp(-|p-q|^2 / (2 sigma^2)) (3.10, also in the mean)
   double weight_sigma = 0.01;  ///< metres at 1 m; grows with z^2
-  bool normalization = false;  ///< difference vectors scaled to unit length (3.11)
-  int min_neighbours = 6;      ///< fewer valid neighbours (with the point itself): no normal
+  /// Difference vectors scaled to unit length (3.11); those shorter than 1e-5 z are left out.
+  bool normalization = false;
+  int min_neighbours = 6;  ///< fewer valid neighbours (with the point itself): no normal
 };
 
 /// Where the surface ends towards something farther away (eqs. 3.13-3.16 corrected: foreground
-/// only, pointing outward, orthogonal to the viewing ray).
+/// only, pointing outward, orthogonal to the viewing ray). l = sum max(0, z_q - z_p - min_step)
+/// (du, dv, 0) over the valid ones of the eight neighbours, then l - (l.v) v with v = p / |p|.
 struct DepthChangeOptions {
   bool enabled = true;
   double min_step = 0.05;  ///< metres: smaller steps do not count
@@ -51,18 +58,17 @@ struct SurfaceOptions {
 
 /// Counts of one update.
 struct SurfaceStats {
-  int num_valid = 0;    ///< pixels with a usable depth
-  int num_points = 0;   ///< of these, points with a normal
+  int num_valid = 0;   ///< pixels with a usable depth
+  int num_points = 0;  ///< of these, points with a normal
 };
 
 /// Owns all buffers for one image size; `update` allocates nothing.
 class SurfaceEstimator {
  public:
   /// Errors: size out of 8..kMaxImageWidth, intrinsics not positive and finite, options out of
-  /// range.
+  /// range. All instruction sets give the same bits; one that the processor lacks is lowered.
   static Result<SurfaceEstimator> create(int width, int height, const Intrinsics& intrinsics,
-                                         const SurfaceOptions& options = {},
-                                         Isa isa = best_isa());
+                                         const SurfaceOptions& options = {}, Isa isa = best_isa());
   SurfaceEstimator(SurfaceEstimator&&) noexcept;
   SurfaceEstimator& operator=(SurfaceEstimator&&) noexcept;
   ~SurfaceEstimator();

@@ -23,7 +23,9 @@ struct RunSettings {
   ContactOptions contact;
   SurfaceOptions surface;
   std::optional<Backend> backend = Backend::cpu;  ///< nullopt: the fastest one that works here
-  int num_threads = 0;                            ///< 0: one per core
+  /// For surfaces and queries. 0: surfaces on one thread per core, queries on the caller's alone,
+  /// which is fastest for all but the largest tools.
+  int num_threads = 0;
 };
 
 /// A frame that became current.
@@ -47,9 +49,9 @@ struct ChosenQuery {
   Backend backend = Backend::cpu;
   std::unique_ptr<ContactQuery> query;
 };
-/// make_contact_query, or with nullopt the first backend that works here. `tool` must outlive it.
-Result<ChosenQuery> choose_contact_query(std::optional<Backend> backend, const Tool& tool,
-                                         const ContactCapacities& capacities = {});
+/// A query by `settings.backend` and `settings.num_threads`. `tool` and `pool` must outlive it.
+Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool& tool,
+                                         ThreadPool& pool);
 
 /// The loop body: surfaces from frames, wrenches from poses. `tool` must outlive it.
 class Session {

@@ -1,0 +1,312 @@
+#include "palpate/packing/packer.h"
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include "palpate/mesh/mass_properties.h"
+#include "palpate/mesh/shapes.h"
+#include "tests/test_util/data.h"
+#include "tests/test_util/random.h"
+
+namespace palpate {
+namespace {
+
+TriangleMesh read_off(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::string magic;
+  std::size_t num_vertices = 0, num_faces = 0, ignored;
+  file >> magic >> num_vertices >> num_faces >> ignored;
+  TriangleMesh mesh;
+  mesh.vertices.resize(num_vertices);
+  mesh.triangles.resize(num_faces);
+  for (Vec3d& v : mesh.vertices) file >> v.x >> v.y >> v.z;
+  for (auto& t : mesh.triangles) file >> ignored >> t[0] >> t[1] >> t[2];
+  return mesh;
+}
+
+TriangleMesh moved(TriangleMesh mesh, double scale, const Vec3d& shift) {
+  const Quaternion q = axis_angle({1, -2, 0.5}, 0.8);
+  for (Vec3d& p : mesh.vertices) p = rotate(q, p) * scale + shift;
+  return mesh;
+}
+
+SpherePacking pack(const TriangleMesh& mesh, int num, int num_threads = 0) {
+  PackOptions options;
+  options.max_spheres = num;
+  options.num_threads = num_threads;
+  return pack_spheres(mesh, options).value();
+}
+
+double fill(const SpherePacking& packing) {
+  double volume = 0;
+  for (const Sphere& s : packing.spheres) volume += sphere_volume(static_cast<double>(s.radius));
+  return volume / packing.mesh_volume;
+}
+
+bool same_bits(const std::vector<Sphere>& a, const std::vector<Sphere>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Sphere)) == 0;
+}
+
+double distance_to_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) {
+  const Vec3d n = cross(b - a, c - a);
+  const auto left = [&](const Vec3d& u, const Vec3d& v) { return dot(cross(v - u, p - u), n) >= 0; };
+  if (left(a, b) && left(b, c) && left(c, a)) return std::abs(dot(n, p - a)) / norm(n);
+  const auto to_edge = [&](const Vec3d& u, const Vec3d& v) {
+    const double s = std::clamp(dot(p - u, v - u) / dot(v - u, v - u), 0.0, 1.0);
+    return norm(p - (u + (v - u) * s));
+  };
+  return std::min({to_edge(a, b), to_edge(b, c), to_edge(c, a)});
+}
+
+// Winding number: the sum of the solid angles of all triangles (van Oosterom and Strackee).
+double winding_number(const TriangleMesh& mesh, const Vec3d& p) {
+  double sum = 0;
+  for (const auto& t : mesh.triangles) {
+    const Vec3d a = mesh.vertices[t[0]] - p, b = mesh.vertices[t[1]] - p, c = mesh.vertices[t[2]] - p;
+    const double la = norm(a), lb = norm(b), lc = norm(c);
+    sum += std::atan2(dot(a, cross(b, c)),
+                      la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb);
+  }
+  return sum / (2 * kPi);
+}
+
+// Every pair of spheres, every sphere against every triangle, in double.
+void expect_exact(const TriangleMesh& mesh, const std::vector<Sphere>& spheres) {
+  int num_overlaps = 0, num_protrusions = 0, num_outside = 0;
+  for (std::size_t i = 0; i < spheres.size(); ++i) {
+    const Vec3d c = to_double(spheres[i].centre);
+    const double r = spheres[i].radius;
+    ASSERT_GT(r, 0);
+    for (std::size_t j = 0; j < i; ++j) {
+      const double reach = r + static_cast<double>(spheres[j].radius);
+      if (norm(c - to_double(spheres[j].centre)) < reach) ++num_overlaps;
+    }
+    for (const auto& t : mesh.triangles) {
+      const double distance = distance_to_triangle(mesh.vertices[t[0]], mesh.vertices[t[1]],
+                                                   mesh.vertices[t[2]], c);
+      if (!(distance > r)) ++num_protrusions;
+    }
+    if (std::abs(winding_number(mesh, c) - 1) > 1e-6) ++num_outside;
+  }
+  EXPECT_EQ(num_overlaps, 0);
+  EXPECT_EQ(num_protrusions, 0);
+  EXPECT_EQ(num_outside, 0);
+}
+
+TEST(Packer, SpheresAreDisjointAndInside) {
+  for (const std::string& name : shape_names()) {
+    SCOPED_TRACE(name);
+    const TriangleMesh mesh = make_shape(name, 0.1).value();
+    const SpherePacking packing = pack(mesh, 1500);
+    expect_exact(mesh, packing.spheres);
+    EXPECT_NEAR(packing.mesh_volume, mass_properties(mesh).volume, 1e-12 * packing.mesh_volume);
+  }
+}
+
+TEST(Packer, AnySizeAndPlace) {
+  for (const auto& [scale, shift] : {std::pair{0.01, Vec3d{}}, std::pair{0.01, Vec3d{0.7, -0.9, 0.4}},
+                                     std::pair{20.0, Vec3d{-3, 1, 2}}}) {
+    const TriangleMesh mesh = moved(make_octahedron(0.1), scale, shift);
+    const SpherePacking packing = pack(mesh, 1000);
+    expect_exact(mesh, packing.spheres);
+    EXPECT_EQ(packing.spheres.size(), 1000u);
+    EXPECT_GT(fill(packing), 0.85);
+  }
+}
+
+TEST(Packer, ThinAndLong) {
+  for (const Vec3d& size : {Vec3d{0.1, 0.1, 1e-4}, Vec3d{1, 1e-3, 1e-3}, Vec3d{1, 1e-3, 2e-5}}) {
+    for (const TriangleMesh& mesh : {make_box(size), moved(make_box(size), 1, {0.1, 0, 0})}) {
+      const SpherePacking packing = pack(mesh, 2000);
+      EXPECT_EQ(packing.spheres.size(), 2000u);
+      expect_exact(mesh, packing.spheres);
+    }
+  }
+}
+
+TEST(Packer, TwoShells) {
+  TriangleMesh mesh = make_box({0.1, 0.1, 0.1});
+  const TriangleMesh other = moved(make_box({0.001, 0.001, 0.001}), 1, {0.2, 0, 0});
+  for (const auto& t : other.triangles) {
+    mesh.triangles.push_back({t[0] + 8, t[1] + 8, t[2] + 8});
+  }
+  mesh.vertices.insert(mesh.vertices.end(), other.vertices.begin(), other.vertices.end());
+  const SpherePacking packing = pack(mesh, 5000);
+  expect_exact(mesh, packing.spheres);
+  EXPECT_TRUE(std::any_of(packing.spheres.begin(), packing.spheres.end(),
+                          [](const Sphere& s) { return s.centre.x > 0.15f; }));
+}
+
+// Measured: cube .8377, tetrahedron .8000, octahedron .8590.
+TEST(Packer, FillsWell) {
+  EXPECT_GT(fill(pack(make_box({0.1, 0.1, 0.1}), 1000)), 0.835);
+  EXPECT_GT(fill(pack(make_tetrahedron(0.1), 1000)), 0.795);
+  EXPECT_GT(fill(pack(make_octahedron(0.1), 1000)), 0.855);
+}
+
+// Measured: .8022 at 1000, .8779 at 10000.
+TEST(Packer, FillsTheBunny) {
+  PALPATE_DATA_OR_SKIP(path, "meshes_good/bunny_3k.off");
+  const TriangleMesh bunny = read_off(path);
+  const SpherePacking packing = pack(bunny, 10000);
+  EXPECT_GT(fill(packing), 0.875);
+  SpherePacking first = packing;
+  first.spheres.resize(1000);
+  EXPECT_GT(fill(first), 0.798);
+  expect_exact(bunny, first.spheres);
+  // Approximately largest first.
+  for (std::size_t i = 1; i < packing.spheres.size(); ++i) {
+    EXPECT_LT(packing.spheres[i].radius, 1.25f * packing.spheres[i - 1].radius);
+  }
+}
+
+TEST(Packer, EveryPrefixIsThePackingForThatNumber) {
+  const TriangleMesh mesh = make_shape("stylus", 0.15).value();
+  const std::vector<Sphere> all = pack(mesh, 3000).spheres;
+  for (std::size_t num : {1u, 7u, 300u, 2999u}) {
+    const std::vector<Sphere> prefix(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(num));
+    EXPECT_TRUE(same_bits(pack(mesh, static_cast<int>(num)).spheres, prefix));
+  }
+}
+
+TEST(Packer, SameBitsForAnyThreadCountAndRun) {
+  for (const char* name : {"box", "torus", "spiral"}) {
+    const TriangleMesh mesh = make_shape(name, 0.1).value();
+    const std::vector<Sphere> expected = pack(mesh, 3000, 1).spheres;
+    for (int num_threads : {1, 2, 3}) {
+      EXPECT_TRUE(same_bits(pack(mesh, 3000, num_threads).spheres, expected));
+    }
+  }
+}
+
+TEST(Packer, SeedChangesTheStart) {
+  const TriangleMesh mesh = make_shape("torus", 0.1).value();
+  PackOptions options;
+  options.max_spheres = 500;
+  const auto plain = pack_spheres(mesh, options).value();
+  options.seed = 7;
+  const auto jittered = pack_spheres(mesh, options).value();
+  EXPECT_FALSE(same_bits(plain.spheres, jittered.spheres));
+  EXPECT_TRUE(same_bits(jittered.spheres, pack_spheres(mesh, options).value().spheres));
+  EXPECT_NEAR(fill(plain), fill(jittered), 0.03);
+  expect_exact(mesh, jittered.spheres);
+}
+
+TEST(Packer, StopsAtEachLimit) {
+  const TriangleMesh mesh = make_box({0.1, 0.1, 0.1});
+  PackOptions options;
+  options.max_spheres = 40;
+  EXPECT_EQ(pack_spheres(mesh, options)->stop, PackStop::count);
+
+  options = {};
+  options.max_fill = 0.8;
+  const auto filled = pack_spheres(mesh, options).value();
+  EXPECT_EQ(filled.stop, PackStop::fill);
+  EXPECT_GE(fill(filled), 0.8);
+  EXPECT_LT(fill(filled), 0.801);
+
+  options = {};
+  options.min_radius = 0.003;
+  const auto coarse = pack_spheres(mesh, options).value();
+  EXPECT_EQ(coarse.stop, PackStop::radius);
+  EXPECT_GT(coarse.spheres.size(), 100u);
+  for (const Sphere& s : coarse.spheres) EXPECT_GE(static_cast<double>(s.radius), 0.003);
+
+  options = {};
+  options.max_spheres = 1 << 30;
+  options.max_seconds = 0.05;
+  EXPECT_EQ(pack_spheres(mesh, options)->stop, PackStop::time);
+
+  // A needle so thin that single precision ends it before the count does.
+  options = {};
+  options.max_spheres = 1 << 30;
+  const TriangleMesh needle = make_box({0.1, 4e-6, 4e-6});
+  const auto exhausted = pack_spheres(needle, options).value();
+  EXPECT_EQ(exhausted.stop, PackStop::exhausted);
+  EXPECT_GT(exhausted.spheres.size(), 1000u);
+  expect_exact(needle, exhausted.spheres);
+}
+
+TEST(Packer, CapsTheRadius) {
+  const TriangleMesh mesh = make_box({0.1, 0.1, 0.1});
+  PackOptions options;
+  options.max_spheres = 2000;
+  options.max_radius = 0.005;
+  const auto packing = pack_spheres(mesh, options).value();
+  expect_exact(mesh, packing.spheres);
+  for (const Sphere& s : packing.spheres) EXPECT_LE(static_cast<double>(s.radius), 0.005);
+  EXPECT_GT(fill(packing), 0.65);
+}
+
+TEST(Packer, Cancels) {
+  PackOptions options;
+  int num_calls = 0;
+  options.progress = [&](const PackProgress&) { return ++num_calls < 1; };
+  const auto result = pack_spheres(make_box({0.1, 0.1, 0.1}), options);
+  ASSERT_FALSE(result.has_value());
+  EXPECT_EQ(result.error().code, Errc::cancelled);
+  EXPECT_EQ(num_calls, 1);
+}
+
+TEST(Packer, ReportsProgress) {
+  PackOptions options;
+  options.max_spheres = 60000;
+  std::vector<PackProgress> reports;
+  options.progress = [&](const PackProgress& progress) { return reports.push_back(progress), true; };
+  const auto packing = pack_spheres(make_box({0.1, 0.1, 0.1}), options).value();
+  ASSERT_GE(reports.size(), 1u);
+  for (std::size_t i = 1; i < reports.size(); ++i) {
+    EXPECT_GE(reports[i].num_spheres, reports[i - 1].num_spheres);
+    EXPECT_GE(reports[i].fill, reports[i - 1].fill);
+    EXPECT_GT(reports[i].last_radius, 0);
+  }
+  EXPECT_LE(reports.back().fill, fill(packing));
+}
+
+TEST(Packer, RefusesNonsense) {
+  const TriangleMesh box = make_box({1, 1, 1});
+  const auto code = [&](auto change) {
+    PackOptions options;
+    change(options);
+    return pack_spheres(box, options).error().code;
+  };
+  EXPECT_EQ(code([](PackOptions& o) { o.max_spheres = 0; }), Errc::invalid_argument);
+  EXPECT_EQ(code([](PackOptions& o) { o.max_radius = 0; }), Errc::invalid_argument);
+  EXPECT_EQ(code([](PackOptions& o) { o.max_radius = NAN; }), Errc::invalid_argument);
+  EXPECT_EQ(code([](PackOptions& o) { o.min_radius = -1; }), Errc::invalid_argument);
+  EXPECT_EQ(code([](PackOptions& o) { o.min_radius = 0.2, o.max_radius = 0.1; }),
+            Errc::invalid_argument);
+  EXPECT_EQ(code([](PackOptions& o) { o.max_fill = 0; }), Errc::invalid_argument);
+  EXPECT_EQ(code([](PackOptions& o) { o.max_seconds = NAN; }), Errc::invalid_argument);
+  EXPECT_EQ(code([](PackOptions& o) { o.num_threads = -1; }), Errc::invalid_argument);
+  // No sphere of half a metre and more fits.
+  EXPECT_EQ(code([](PackOptions& o) { o.min_radius = 0.51; }), Errc::bad_input);
+
+  EXPECT_EQ(pack_spheres(TriangleMesh{}, {}).error().code, Errc::bad_input);
+  TriangleMesh broken = box;
+  broken.triangles[3][1] = 99;
+  EXPECT_EQ(pack_spheres(broken, {}).error().code, Errc::bad_input);
+  broken = box;
+  broken.vertices[2].y = NAN;
+  EXPECT_EQ(pack_spheres(broken, {}).error().code, Errc::bad_input);
+  broken = box;
+  for (auto& t : broken.triangles) std::swap(t[0], t[1]);
+  EXPECT_EQ(pack_spheres(broken, {}).error().code, Errc::bad_input);
+}
+
+// Where all facets are equally far from the middle, and the first ball leaves only slivers.
+TEST(Packer, SurvivesFineRoundTools) {
+  const SpherePacking ball = pack(make_icosphere(0.05, 5), 300);
+  EXPECT_GT(fill(ball), 0.998);
+  const TriangleMesh cylinder = moved(make_cylinder(0.02, 0.1, 8192), 1, {});
+  const SpherePacking packing = pack(cylinder, 300);
+  EXPECT_EQ(packing.spheres.size(), 300u);
+  EXPECT_GT(fill(packing), 0.75);
+  expect_exact(cylinder, {packing.spheres.begin(), packing.spheres.begin() + 100});
+}
+
+}  // namespace
+}  // namespace palpate
