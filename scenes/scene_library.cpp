@@ -22,8 +22,7 @@ Body moving_body(std::string name, TriangleMesh mesh, Pose (*motion)(double)) {
 /// A wall across the whole image.
 TriangleMesh wall_at(double depth) { return block({-4, -3, depth}, {4, 3, depth + 0.1}); }
 
-// ---- The synthetic environments of thesis section 5.1.2
-// ------------------------------------------
+// ---- The synthetic environments of thesis section 5.1.2 ----
 
 Scene thesis_scene(const std::string& name) {
   Scene scene;
@@ -43,8 +42,7 @@ Scene thesis_scene(const std::string& name) {
   return scene;
 }
 
-// ---- Rooms and bodies
-// -----------------------------------------------------------------------------
+// ---- Rooms and bodies ----
 
 /// Thesis Figs. 3.12-3.14: both sides of the pillar hide a part of the room.
 Scene pillar() {
@@ -150,8 +148,7 @@ Scene moving_box() {
   return scene;
 }
 
-// ---- The demonstration: a living hand
-// -----------------------------------------------------------------
+// ---- The demonstration: a living hand ----
 
 /// An open hand, palm towards the camera, fingers up. Its frame: origin in the palm, axes as the
 /// camera's.

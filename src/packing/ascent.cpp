@@ -98,7 +98,8 @@ double Ascent::measure(const Obstacles& obstacles, const Vec3d& p) {
   return least;
 }
 
-// Returns false when the ball has grown out of the reach of the obstacles.
+// Returns false when the ball has grown out of the reach of the obstacles: then its radius is only
+// an upper bound.
 bool Ascent::climb_within(const Obstacles& obstacles, Ball& ball) {
   ball.radius = measure(obstacles, ball.centre);
   for (int step = 0; step < kMaxSteps; ++step) {
@@ -115,8 +116,7 @@ bool Ascent::climb_within(const Obstacles& obstacles, Ball& ball) {
     const double known = obstacles.reach - norm(centre - obstacles.centre);
     const double radius = measure(obstacles, centre);
     if (radius > known) {
-      if (known <= ball.radius) return false;
-      ball = {centre, known};
+      if (known > ball.radius) ball = {centre, radius};
       return false;
     }
     if (radius <= ball.radius) return true;
@@ -141,7 +141,7 @@ Ball Ascent::climb(const Vec3d& start, double reach) {
     const double gain = best.t - ball.radius;
     if (gain <= kNoGain * ball.radius) break;
     const Vec3d centre = ball.centre + best.d;
-    const double radius = meet(centre, std::numeric_limits<double>::max());
+    const double radius = meet(centre, ball.radius + 1.001 * norm(best.d));
     if (radius < ball.radius + kEnough * gain) continue;
     ball = {centre, radius};
     if (gain <= kLastGain * radius) break;
@@ -167,7 +167,7 @@ Ball Ascent::climb(const Vec3d& start, const Obstacles& obstacles) {
     ball.radius = std::min(ball.radius, space_.max_radius);
     return ball;
   }
-  return climb(ball.centre, std::numeric_limits<double>::max());
+  return climb(ball.centre, ball.radius);
 }
 
 }  // namespace palpate

@@ -27,7 +27,7 @@ constexpr double kIntact = 1 - 1e-6;     // of its radius: such a candidate need
 constexpr double kProgressPeriod = 0.2;  // seconds
 
 // Below these a sphere no longer touches its neighbours once its centre is rounded to float.
-constexpr double kMinRadiusOfExtent = 1e-5;
+constexpr double kMinRadiusOfExtent = 2e-6;
 constexpr double kMinRadiusOfCoordinate = 1e-6;
 
 // How much a ball may grow from a starting point, as fraction of the grid's spacing: starting
@@ -45,6 +45,16 @@ struct Candidate {
     return a.priority < b.priority || (a.priority == b.priority && a.id > b.id);
   }
 };
+
+// A call of its own: GCC 12 forgets the rounding of double -> float -> double when it vectorises the
+// pair.
+[[gnu::noinline]] Vec3f rounded(const Vec3d& p) { return to_float(p); }
+
+// The largest float that is less than x, or the one before it.
+float just_below(double x) {
+  const float nearest = static_cast<float>(x);
+  return std::nextafter(static_cast<double>(nearest) > x ? std::nextafter(nearest, 0.0f) : nearest, 0.0f);
+}
 
 class Packer {
  public:
@@ -159,12 +169,9 @@ class Packer {
   // around that centre, in double, less one or two units in the last place. This is the proof that
   // the stored sphere overlaps nothing.
   Sphere stored(const Ball& ball) const {
-    const Vec3f centre = to_float(ball.centre);
-    const double radius = std::min(space_.clearance(to_double(centre), 1.01 * ball.radius),
-                                   options_.max_radius);
-    const float rounded = static_cast<float>(radius);
-    return {centre, std::nextafter(static_cast<double>(rounded) > radius
-                                       ? std::nextafter(rounded, 0.0f) : rounded, 0.0f)};
+    const Vec3f centre = rounded(ball.centre);
+    const double free = space_.clearance(to_double(centre), 1.01 * ball.radius);
+    return {centre, just_below(std::min(free, options_.max_radius))};
   }
 
   void insert_batch() {

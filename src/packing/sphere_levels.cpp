@@ -9,7 +9,7 @@ namespace {
 // In units of 2^exponent, for radii in [1, 2).
 constexpr double kCellSize = 4;
 constexpr double kMargin = 4;
-constexpr double kMaxCellsPerSearch = 64;  // a wider search looks at every sphere of the level
+constexpr double kWidestSearch = 2;  // cells to each side; a wider one looks at the whole level
 
 std::int64_t cell_index(double x, double cell_size) {
   return static_cast<std::int64_t>(std::floor(x / cell_size));
@@ -111,16 +111,14 @@ template <class Visit>
 void SphereLevels::visit(const Vec3d& p, double reach, Visit&& visit) const {
   for (const Level& level : levels_) {
     const double h = level.cell_size, extra = std::max(0.0, reach - level.margin) * (1 + 1e-9);
+    if (extra > kWidestSearch * h) {
+      for (const Sphere& sphere : level.spheres) reach = visit(sphere);
+      continue;
+    }
     const std::int64_t low[3] = {cell_index(p.x - extra, h), cell_index(p.y - extra, h),
                                  cell_index(p.z - extra, h)};
     const std::int64_t high[3] = {cell_index(p.x + extra, h), cell_index(p.y + extra, h),
                                   cell_index(p.z + extra, h)};
-    double num_cells = 1;
-    for (int k = 0; k < 3; ++k) num_cells *= static_cast<double>(high[k] - low[k] + 1);
-    if (num_cells > kMaxCellsPerSearch) {
-      for (const Sphere& sphere : level.spheres) reach = visit(sphere);
-      continue;
-    }
     for (std::int64_t z = low[2]; z <= high[2]; ++z) {
       for (std::int64_t y = low[1]; y <= high[1]; ++y) {
         for (std::int64_t x = low[0]; x <= high[0]; ++x) {

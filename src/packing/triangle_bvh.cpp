@@ -59,8 +59,8 @@ Vec3d closest_point(const Triangle& t, const Vec3d& p) {
   if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
     return t.b + (t.c - t.b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
   }
-  const double scale = 1 / (va + vb + vc);
-  return t.a + ab * (vb * scale) + ac * (vc * scale);
+  const Vec3d n = cross(ab, ac);  // not by barycentric coordinates: needles would spoil them
+  return p - n * (dot(n, ap) / dot(n, n));
 }
 
 // Top-down build: a range of triangles is cut in two by the surface area heuristic on binned

@@ -129,7 +129,7 @@ TEST(Packer, ThinAndLong) {
 
 TEST(Packer, TwoShells) {
   TriangleMesh mesh = make_box({0.1, 0.1, 0.1});
-  const TriangleMesh other = moved(make_box({0.001, 0.001, 0.001}), 1, {0.2, 0, 0});
+  const TriangleMesh other = moved(make_box({0.01, 0.01, 0.01}), 1, {0.2, 0, 0});
   for (const auto& t : other.triangles) {
     mesh.triangles.push_back({t[0] + 8, t[1] + 8, t[2] + 8});
   }
@@ -158,9 +158,13 @@ TEST(Packer, FillsTheBunny) {
   EXPECT_GT(fill(first), 0.798);
   expect_exact(bunny, first.spheres);
   // Approximately largest first.
-  for (std::size_t i = 1; i < packing.spheres.size(); ++i) {
-    EXPECT_LT(packing.spheres[i].radius, 1.25f * packing.spheres[i - 1].radius);
+  int num_late = 0;
+  float least = 1;
+  for (const Sphere& s : packing.spheres) {
+    least = std::min(least, s.radius);
+    if (s.radius > 1.05f * least) ++num_late;
   }
+  EXPECT_LT(num_late, 100);
 }
 
 TEST(Packer, EveryPrefixIsThePackingForThatNumber) {
