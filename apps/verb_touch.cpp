@@ -42,22 +42,11 @@ Result<std::unique_ptr<DepthSource>> open_sequence(const Options& options) {
   return open_depth_folder(options.depth_sequence, folder);
 }
 
-/// The probing path needs the first frame; the run then reads it again from its own source.
-Result<std::vector<TimedPose>> probe_first_frame(const Options& options, const Tool& tool) {
+/// The probing path looks ahead; the run then reads the frames again from its own source.
+Result<std::vector<TimedPose>> probe_sequence(const Options& options, const Tool& tool) {
   auto source = open_sequence(options);
   if (!source) return source.error();
-  const DepthStreamInfo& info = (*source)->info();
-  auto surface =
-      SurfaceEstimator::create(info.width, info.height, info.intrinsics, options.settings.surface);
-  if (!surface) return surface.error();
-  DepthFrame frame;
-  const auto got = (*source)->next(frame);
-  if (!got) return got.error();
-  ThreadPool pool(options.settings.num_threads);
-  surface->update(frame, pool);
-  const double duration =
-      options.duration.value_or(static_cast<double>(info.num_frames.value_or(1)) / info.rate);
-  return probing_path(surface->cloud(), tool, duration);
+  return probing_path(**source, tool, options.duration);
 }
 
 Result<Input> open_input(const Options& options, const Tool& tool) {
@@ -72,7 +61,7 @@ Result<Input> open_input(const Options& options, const Tool& tool) {
     if (!source) return source.error();
     input.source = *std::move(source);
     if (input.path.empty()) {
-      auto path = probe_first_frame(options, tool);
+      auto path = probe_sequence(options, tool);
       if (!path) return path.error();
       input.path = *std::move(path);
     }
@@ -203,14 +192,16 @@ void add_touch(CLI::App& program, Action& action) {
       ->capture_default_str();
   std::string names;
   for (const std::string& name : scenes::scene_names()) names += (names.empty() ? "" : ", ") + name;
-  app.add_option("--scene", options->scene, "simulated camera: " + names)->type_name("NAME");
+  app.add_option("--scene", options->scene,
+                 "simulated camera: " + names + "; palpate scenes tells more")
+      ->type_name("NAME");
   app.add_flag_callback(
       "--no-noise", [options] { options->noise = false; }, "a perfect simulated camera");
   app.add_option("--seed", options->seed, "of the simulated noise")->capture_default_str();
   app.add_option(
          "--path", options->path,
          "poses of the tool: lines 't tx ty tz qx qy qz qw'; default: the scene's, or a probe "
-         "of the middle of the first frame")
+         "that follows what is in the middle of the image")
       ->type_name("FILE");
   app.add_option("--duration", options->duration, "seconds; default: until path or frames end")
       ->check(CLI::Range(1e-3, 86400.0));

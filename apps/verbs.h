@@ -22,5 +22,6 @@ void add_export(CLI::App& program, Action& action);
 void add_query(CLI::App& program, Action& action);
 void add_touch(CLI::App& program, Action& action);
 void add_replay(CLI::App& program, Action& action);
+void add_scenes(CLI::App& program, Action& action);
 
 }  // namespace palpate::apps

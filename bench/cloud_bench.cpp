@@ -42,13 +42,14 @@ BENCHMARK(stage)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 
-// Normals alone with their error, of raw noise and of filtered depth: comparable with other
+// Normals alone with their error, by fit, of raw noise and of filtered depth: comparable with other
 // libraries.
 void normals(benchmark::State& state) {
   const WallFrame wall(640, 480);
   SurfaceOptions options;
-  options.filter.enabled = state.range(0) != 0;
-  ThreadPool pool(static_cast<int>(state.range(1)));
+  options.normals.fit = state.range(0) == 0 ? PlaneFit::along_ray : PlaneFit::principal;
+  options.filter.enabled = state.range(1) != 0;
+  ThreadPool pool(static_cast<int>(state.range(2)));
   SurfaceStages stages(wall.width, wall.height, wall.intrinsics, options, best_isa());
   stages.read(wall.depth, pool);
   stages.filter(pool);
@@ -62,11 +63,12 @@ void normals(benchmark::State& state) {
   }
   state.counters["mean_deg"] = error.degrees();
   state.counters["valid_percent"] = 100.0 * error.num() / static_cast<double>(stages.num_pixels());
+  state.SetLabel(state.range(0) == 0 ? "along ray" : "principal");
 }
 
 BENCHMARK(normals)
-    ->ArgNames({"filtered", "threads"})
-    ->ArgsProduct({{0, 1}, {1, 2}})
+    ->ArgNames({"fit", "filtered", "threads"})
+    ->ArgsProduct({{0, 1}, {0, 1}, {1, 2}})
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 

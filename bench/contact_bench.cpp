@@ -1,25 +1,82 @@
 // Contact queries: time of one call, by method, number of spheres and depth.
 #include "palpate/contact/contact_query.h"
 
+#include <bit>
+
 #include "bench/contact_setup.h"
 #include "bench/latency.h"
+#include "src/contact/image_window.h"
+#include "src/contact/point_scan.h"
 #include "src/contact/sphere_grid.h"
 
 namespace palpate::bench {
 namespace {
 
-// The boundary stage alone is a query whose plane stage has one lender for all: count priority.
-enum Method { kWeighted, kSimplified, kGraph, kGraphCap, kBoundaryMostly };
+enum Method { kWeighted, kSimplified, kGraph, kGraphCap };
 
 ContactOptions options_of(int method) {
   switch (method) {
     case kWeighted: return {InsideMethod::weighted, Priority::distance, InsideVolume::full};
     case kGraph: return {InsideMethod::graph, Priority::distance, InsideVolume::full};
     case kGraphCap: return {InsideMethod::graph, Priority::distance, InsideVolume::cap};
-    case kBoundaryMostly: return {InsideMethod::simplified, Priority::count, InsideVolume::full};
     default: return {InsideMethod::simplified, Priority::distance, InsideVolume::full};
   }
 }
+
+// The boundary stage alone: which points are in which sphere, with their sums per sphere.
+void boundary(benchmark::State& state) {
+  const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
+  const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
+  const SphereGrid grid(tool.spheres());
+  std::vector<PointSums> sums(tool.spheres().size());
+  std::vector<std::uint64_t> touched((sums.size() + 63) / 64);
+  const double half = kToolSize / 2;
+  PointScan scan;
+  scan.cloud = bumpy_wall().view();
+  scan.grid = grid.view();
+  scan.spheres = tool.spheres().data();
+  const ScanPoints scan_points = best_isa() == Isa::baseline ? isa_baseline::scan_points
+#if defined(__x86_64__)
+                                 : best_isa() == Isa::avx2 ? isa_avx2::scan_points
+                                                           : isa_avx512::scan_points;
+#else
+                                                             : nullptr;
+#endif
+  std::size_t i = 0;
+  double num_boundary = 0;
+  {
+    Latency latency(state);
+    for (auto _ : state) {
+      const Pose& X_WT = poses[i % poses.size()];
+      int num_touched = 0;
+      latency.time([&] {
+        const ImageWindow window = image_window(scan.cloud, {{-half, -half, -half}, {half, half, half}}, X_WT);
+        scan.R_TW = rotation_matrix(conjugate(X_WT.rotation));
+        scan.translation_W = X_WT.translation;
+        scan_points(scan, window.row_begin, window.row_end, window.column_begin, window.column_end,
+                    sums.data(), touched.data());
+        // Ready for the next pose.
+        for (std::size_t word = 0; word < touched.size(); ++word) {
+          for (std::uint64_t bits = touched[word]; bits != 0; bits &= bits - 1) {
+            sums[word * 64 + static_cast<std::size_t>(std::countr_zero(bits))] = PointSums{};
+            ++num_touched;
+          }
+          touched[word] = 0;
+        }
+      });
+      if (i < poses.size()) num_boundary += num_touched;
+      ++i;
+    }
+  }
+  state.counters["boundary"] = num_boundary / static_cast<double>(std::min(i, poses.size()));
+  state.SetLabel(isa_name(best_isa()));
+}
+
+BENCHMARK(boundary)
+    ->ArgNames({"spheres", "depth"})
+    ->ArgsProduct({{1000, 5000, 17000}, {10, 50, 100}})
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
 
 void query(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(1)));
@@ -49,7 +106,7 @@ void query(benchmark::State& state) {
 
 BENCHMARK(query)
     ->ArgNames({"method", "spheres", "depth", "threads"})
-    ->ArgsProduct({{kSimplified, kGraph, kBoundaryMostly}, {1000, 5000, 17000}, {10, 50, 100}, {1}})
+    ->ArgsProduct({{kSimplified, kGraph}, {1000, 5000, 17000}, {10, 50, 100}, {1}})
     ->ArgsProduct({{kWeighted}, {1000, 5000}, {10, 50, 100}, {1}})
     ->ArgsProduct({{kSimplified, kGraph}, {17000}, {50}, {2}})
     ->UseManualTime()

@@ -206,17 +206,20 @@ Pose hand_motion(double t) {
 
 Scene hand() {
   Scene scene;
-  scene.title = "ball follows a moving hand and presses its palm";
+  scene.title = "stylus follows a moving hand and draws on its palm";
   scene.duration = 8;
   scene.bodies = {still_body("wall", wall_at(1.1)), moving_body("hand", hand_mesh(), hand_motion)};
-  scene.tool_shape = "sphere";
-  scene.tool_size = 0.045;
+  scene.tool_shape = "stylus";
+  scene.tool_size = 0.12;
   Touch touch;
   touch.surface = [](double t) { return hand_motion(t) * Pose{{0, -0.005, -0.0135}, {}}; };
-  touch.reach = 0.0225;
-  touch.depth = 0.013;
-  touch.slide = {0.03, 0.015, 0};
-  touch.turn = degrees(60);
+  // Held like a pen: the tip, at the lower end of the tool's z axis, points into the palm; the
+  // other end leans to the lower right.
+  touch.R_ST = axis_angle({0.6, -0.8, 0}, degrees(34)) * axis_angle({1, 0, 0}, kPi);
+  touch.pivot = {0, 0, -scene.tool_size / 2};
+  touch.depth = 0.018;
+  touch.eight = {0.014, 0.008, 0};
+  touch.turn = degrees(25);
   set_path(scene, touch);
   return scene;
 }

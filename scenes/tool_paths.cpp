@@ -27,11 +27,14 @@ void set_path(Scene& scene, const Touch& touch) {
     const double pressed = eased(share, 0.05, 0.35) - eased(share, 0.7, 0.95);
     const double slid = eased(share, 0.3, 0.75);
     const double below = -touch.clearance + pressed * (touch.clearance + touch.depth);
-    const Vec3d p_ST = touch.slide * (slid - 0.5) + Vec3d{0, 0, below - touch.reach};
+    const Vec3d eight{touch.eight.x * std::sin(2 * kPi * slid),
+                      touch.eight.y * std::sin(4 * kPi * slid), 0};
+    const Vec3d p_S = touch.slide * (slid - 0.5) + eight + Vec3d{0, 0, below - touch.reach};
     const Quaternion turned =
         axis_angle({0, 0, 1}, touch.turn * slid) * axis_angle({1, 0, 0}, touch.tilt * (slid - 0.5));
+    const Quaternion R_ST = normalized(turned * touch.R_ST);
     scene.path_times.push_back(t);
-    scene.path_poses.push_back(touch.surface(t) * Pose{p_ST, normalized(turned * touch.R_ST)});
+    scene.path_poses.push_back(touch.surface(t) * Pose{p_S - rotate(R_ST, touch.pivot), R_ST});
   }
 }
 

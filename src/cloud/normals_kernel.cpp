@@ -1,5 +1,5 @@
-// Unprojection and normals by principal components (thesis section 3.4, eqs. 3.7-3.11), compiled
-// once per instruction set.
+// Unprojection and normals by a plane fit (thesis section 3.4, eqs. 3.7-3.11), compiled once per
+// instruction set.
 //
 // Most windows of a frame are whole: every pixel valid and within the depth gate. Then all weights
 // are 1 and the moments are separable: sums over rows first, shared by all windows above each
@@ -164,7 +164,7 @@ template <class Weight>
   return sums;
 }
 
-// Covariance of directions instead of differences (eq. 3.11), up to a factor.
+// The same of directions instead of differences (eq. 3.11), up to a factor.
 template <class Weight>
 inline SymmetricMatrix direction_covariance(const float* centre, std::ptrdiff_t stride, int radius,
                                             const Weight& weight, const Vector& origin,
@@ -176,18 +176,18 @@ inline SymmetricMatrix direction_covariance(const float* centre, std::ptrdiff_t 
   for (int dv = -radius; dv <= radius; ++dv) {
     for (int du = -radius; du <= radius; ++du) {
       const VecF z = load(centre + dv * stride + du);
-      const Vector d = to_camera({static_cast<float>(du) * z - origin.x,
-                                  static_cast<float>(dv) * z - origin.y, z - z_p - origin.z},
-                                 frame);
+      const Vector e{static_cast<float>(du) * z - origin.x, static_cast<float>(dv) * z - origin.y,
+                     z - z_p - origin.z};
+      const Vector d = to_camera(e, frame);
       const VecF squared = d.x * d.x + d.y * d.y + d.z * d.z;
       const VecF w = select(squared > min_difference * min_difference,
                             weight(du, dv, z, z - z_p) / squared, zero);
-      c.xx += w * d.x * d.x;
-      c.xy += w * d.x * d.y;
-      c.xz += w * d.x * d.z;
-      c.yy += w * d.y * d.y;
-      c.yz += w * d.y * d.z;
-      c.zz += w * d.z * d.z;
+      c.xx += w * e.x * e.x;
+      c.xy += w * e.x * e.y;
+      c.xz += w * e.x * e.z;
+      c.yy += w * e.y * e.y;
+      c.yz += w * e.y * e.z;
+      c.zz += w * e.z * e.z;
     }
   }
   return c;
@@ -198,12 +198,12 @@ inline VecI spans_plane(const Moments& count, float min_neighbours) {
   const VecF uu = count.s * count.uu - count.u * count.u;
   const VecF uv = count.s * count.uv - count.u * count.v;
   const VecF vv = count.s * count.vv - count.v * count.v;
-  return (count.s >= min_neighbours) & (uu * vv - uv * uv > 1e-5f * uu * vv);
+  return (count.s >= min_neighbours) & (uu * vv - uv * uv > kMinSpread * uu * vv);
 }
 
-struct Fit {
-  SymmetricMatrix c;
-  VecI valid;  // enough neighbours for a plane
+struct Neighbours {
+  SymmetricMatrix e;  // their covariance
+  VecI valid;         // enough for a plane
 };
 
 template <class Weight>
@@ -214,24 +214,25 @@ inline SymmetricMatrix weighted_covariance(const NormalPass& pass, const float* 
   const Vector origin = pass.anchoring ? Vector{zero, zero, zero} : mean_of(sums);
   return pass.normalization
              ? direction_covariance(centre, pass.in.stride, pass.radius, weight, origin, frame)
-             : covariance(sums, origin, frame);
+             : covariance(sums, origin);
 }
 
-[[gnu::always_inline]] inline Fit fit_directly(const NormalPass& pass, const float* centre,
-                                               const PixelFrame& frame, int radius) {
+[[gnu::always_inline]] inline Neighbours gather_directly(const NormalPass& pass,
+                                                         const float* centre,
+                                                         const PixelFrame& frame, int radius) {
   const VecF z = load(centre);
   const GateWeight gate{pass.max_depth_change * z};
   const WindowSums sums = sum_window(centre, pass.in.stride, radius, gate);
-  SymmetricMatrix c;
+  SymmetricMatrix e;
   if (pass.weighting) {
     const VecF squared = z * z;
     const DistanceWeight weight{gate, frame, pass.weight / (squared * squared)};
-    c = weighted_covariance(pass, centre, sum_window(centre, pass.in.stride, pass.radius, weight),
+    e = weighted_covariance(pass, centre, sum_window(centre, pass.in.stride, pass.radius, weight),
                             weight, frame);
   } else {
-    c = weighted_covariance(pass, centre, sums, gate, frame);
+    e = weighted_covariance(pass, centre, sums, gate, frame);
   }
-  return {c, spans_plane(sums.w, pass.min_neighbours)};
+  return {e, spans_plane(sums.w, pass.min_neighbours)};
 }
 
 // --- Strips ------------------------------------------------------------------------------------
@@ -247,19 +248,25 @@ inline VecF column_reference(const PaddedDepth& in, int u, int row_begin, int ro
   return reference;
 }
 
+inline PixelFrame frame_at(const NormalPass& pass, int u, int v) {
+  return {load(pass.ray_x + u), splat(pass.ray_y[v]), pass.pixel_x, pass.pixel_y};
+}
+
 // Writes kLanes pixels of the cloud and returns how many are points. Normals face the camera (3.8).
 [[gnu::always_inline]] inline int store_points(const NormalPass& pass, int u, int v,
-                                               const Fit& fit) {
+                                               const Neighbours& neighbours, bool along_ray) {
   const VecF nan = splat(std::numeric_limits<float>::quiet_NaN());
   const VecF z = load(pass.in.row(v) + u);
-  const VecF ray_x = load(pass.ray_x + u), ray_y = splat(pass.ray_y[v]);
-  const Vector n = smallest_eigenvector(fit.c);
+  const PixelFrame frame = frame_at(pass, u, v);
+  const Vector n = along_ray ? normal_along_ray(neighbours.e, frame)
+                             : smallest_eigenvector(to_camera(neighbours.e, frame));
   const VecF squared = n.x * n.x + n.y * n.y + n.z * n.z;
-  const VecF along_ray = n.x * ray_x + n.y * ray_y + n.z;
+  const VecF from_camera = n.x * frame.ray_x + n.y * frame.ray_y + n.z;
   const VecF inverse = 1.0f / sqrt(squared);
-  const VecF scale = select(along_ray > 0.0f, -inverse, inverse);
-  const VecI valid = fit.valid & (squared > 0.0f);
-  const VecF values[6] = {ray_x * z, ray_y * z, z, n.x * scale, n.y * scale, n.z * scale};
+  const VecF scale = select(from_camera > 0.0f, -inverse, inverse);
+  const VecI valid = neighbours.valid & (squared > 0.0f);
+  const VecF values[6] = {frame.ray_x * z, frame.ray_y * z, z,
+                          n.x * scale,     n.y * scale,     n.z * scale};
   const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(v) * pass.in.width + u;
   for (int channel = 0; channel < 6; ++channel) {
     store_first(pass.cloud[channel] + at, select(valid, values[channel], nan), pass.in.width - u);
@@ -270,7 +277,7 @@ inline VecF column_reference(const PaddedDepth& in, int u, int row_begin, int ro
 // kLanes columns of a strip. Each step runs over all rows before the next starts: the eigenvectors
 // are long chains of dependent operations, and only neighbours of their kind can fill the gaps.
 [[gnu::always_inline]] inline int do_columns(const NormalPass& pass, int u, int row_begin,
-                                             int row_end, int radius) {
+                                             int row_end, int radius, bool along_ray) {
   const bool separable = !pass.anchoring && !pass.weighting && !pass.normalization;
   const VecF reference = column_reference(pass.in, u, row_begin, row_end);
   RowSums rows[kStripRows + 2 * kMaxWindowRadius];
@@ -281,33 +288,32 @@ inline VecF column_reference(const PaddedDepth& in, int u, int row_begin, int ro
   }
 
   const VecI none = VecI{};
-  Fit fits[kStripRows];
+  Neighbours neighbours[kStripRows];
   for (int v = row_begin; v < row_end; ++v) {
-    Fit& fit = fits[v - row_begin];
-    fit.valid = none;
+    Neighbours& here = neighbours[v - row_begin];
+    here.valid = none;
     const float* centre = pass.in.row(v) + u;
     const VecF z = load(centre);
     const VecI valid = z < kAnyDepth;
     if (mask_bits(valid) == 0) continue;
-    const PixelFrame frame{load(pass.ray_x + u), splat(pass.ray_y[v]), pass.pixel_x, pass.pixel_y};
     VecI whole = none;
     if (separable) {
       const WholeWindow window = sum_columns(rows + (v - row_begin + radius), reference, radius);
       const VecF gate = pass.max_depth_change * z;
       whole = valid & (window.max - z <= gate) & (z - window.min <= gate) &
               (abs(z - reference) <= kMaxReferenceOffset * z);
-      fit = {covariance(window.sums, mean_of(window.sums), frame), whole};
+      here = {covariance(window.sums, mean_of(window.sums)), whole};
     }
     const VecI rest = valid & ~whole;
     if (mask_bits(rest) != 0) {
-      const Fit direct = fit_directly(pass, centre, frame, radius);
-      fit = {blend(whole, fit.c, direct.c), whole | (rest & direct.valid)};
+      const Neighbours direct = gather_directly(pass, centre, frame_at(pass, u, v), radius);
+      here = {blend(whole, here.e, direct.e), whole | (rest & direct.valid)};
     }
   }
 
   int num_points = 0;
   for (int v = row_begin; v < row_end; ++v) {
-    num_points += store_points(pass, u, v, fits[v - row_begin]);
+    num_points += store_points(pass, u, v, neighbours[v - row_begin], along_ray);
   }
   return num_points;
 }
@@ -318,8 +324,13 @@ int estimate_normals(const NormalPass& shared, int row_begin, int row_end) {
   const NormalPass pass = shared;  // a local copy: no store can alias it
   int num_points = 0;
   for (int u = 0; u < pass.in.width; u += kLanes) {
-    num_points += pass.radius == 3 ? do_columns(pass, u, row_begin, row_end, 3)  // unrolled
-                                   : do_columns(pass, u, row_begin, row_end, pass.radius);
+    if (pass.radius != 3) {
+      num_points += do_columns(pass, u, row_begin, row_end, pass.radius, pass.along_ray);
+    } else if (pass.along_ray) {  // unrolled
+      num_points += do_columns(pass, u, row_begin, row_end, 3, true);
+    } else {
+      num_points += do_columns(pass, u, row_begin, row_end, 3, false);
+    }
   }
   return num_points;
 }

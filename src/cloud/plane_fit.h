@@ -1,17 +1,21 @@
-// The algebra behind the normals: moments of a pixel window, their covariance in camera axes, and
-// its smallest eigenvector. Included by kernel files only.
+// The algebra behind the normals: moments of a pixel window, their covariance, and the plane that
+// fits it best. Included by kernel files only.
 //
 // Moments are taken in pixel units around the centre pixel p, not in metres: with
-// r = (du / fx, dv / fy, 0) and the ray a = ((u - cx) / fx, (v - cy) / fy, 1) of p, neighbour q is
-//   q - p = z_q r + (z_q - z_p) a,
-// so the covariance of (du z, dv z, z) and a linear map give that of the points. All terms stay
-// small and single precision suffices at any distance.
+// e = (du z_q, dv z_q, z_q - z_p), neighbour q is
+//   q - p = M e,   M = [1/fx 0 a_x; 0 1/fy a_y; 0 0 1],   a = ((u - cx) / fx, (v - cy) / fy, 1),
+// where a is the ray of p. So the covariance of the points is C = M E M^T with that of the e's. All
+// terms stay small and single precision suffices at any distance.
 #pragma once
 
 #include "src/core/simd.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
+
+/// Of the determinant of the spread in the image, relative to the spread itself: less means that
+/// the points are on one line.
+constexpr float kMinSpread = 1e-5f;
 
 /// Sums over a window of some value times 1, du, dv, du^2, du dv, dv^2.
 struct Moments {
@@ -65,47 +69,70 @@ inline Vector mean_of(const WindowSums& sums) {
           sums.t.s * inverse};
 }
 
-/// Covariance about `centre`, the mean or zero (zero is p if the reference is the depth of p).
-inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre,
-                                  const PixelFrame& frame) {
+/// E about `centre`, the mean or zero (zero is p if the reference is the depth of p).
+inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre) {
   const VecF r = sums.reference;
   const VecF inverse = 1.0f / sums.w.s;
-  const VecF xx =
-      (r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse - centre.x * centre.x;
-  const VecF xy =
-      (r * (r * sums.w.uv + 2.0f * sums.t.uv) + sums.tt.uv) * inverse - centre.x * centre.y;
-  const VecF yy =
-      (r * (r * sums.w.vv + 2.0f * sums.t.vv) + sums.tt.vv) * inverse - centre.y * centre.y;
-  const VecF xz = (r * sums.t.u + sums.tt.u) * inverse - centre.x * centre.z;
-  const VecF yz = (r * sums.t.v + sums.tt.v) * inverse - centre.y * centre.z;
-  const VecF zz = sums.tt.s * inverse - centre.z * centre.z;
+  return {(r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse - centre.x * centre.x,
+          (r * (r * sums.w.uv + 2.0f * sums.t.uv) + sums.tt.uv) * inverse - centre.x * centre.y,
+          (r * sums.t.u + sums.tt.u) * inverse - centre.x * centre.z,
+          (r * (r * sums.w.vv + 2.0f * sums.t.vv) + sums.tt.vv) * inverse - centre.y * centre.y,
+          (r * sums.t.v + sums.tt.v) * inverse - centre.y * centre.z,
+          sums.tt.s * inverse - centre.z * centre.z};
+}
 
+/// C = M E M^T.
+inline SymmetricMatrix to_camera(const SymmetricMatrix& e, const PixelFrame& frame) {
   const VecF a = frame.ray_x, b = frame.ray_y;
-  const VecF scaled_xz = xz * frame.pixel_x, scaled_yz = yz * frame.pixel_y;
-  const VecF camera_xz = scaled_xz + a * zz, camera_yz = scaled_yz + b * zz;
-  return {xx * (frame.pixel_x * frame.pixel_x) + a * (scaled_xz + camera_xz),
-          xy * (frame.pixel_x * frame.pixel_y) + a * scaled_yz + b * camera_xz,
+  const VecF scaled_xz = e.xz * frame.pixel_x, scaled_yz = e.yz * frame.pixel_y;
+  const VecF camera_xz = scaled_xz + a * e.zz, camera_yz = scaled_yz + b * e.zz;
+  return {e.xx * (frame.pixel_x * frame.pixel_x) + a * (scaled_xz + camera_xz),
+          e.xy * (frame.pixel_x * frame.pixel_y) + a * scaled_yz + b * camera_xz,
           camera_xz,
-          yy * (frame.pixel_y * frame.pixel_y) + b * (scaled_yz + camera_yz),
+          e.yy * (frame.pixel_y * frame.pixel_y) + b * (scaled_yz + camera_yz),
           camera_yz,
-          zz};
+          e.zz};
 }
 
-/// Brings the trace near 1, so that products of elements neither vanish nor overflow. Subtracting
-/// the bits of a number from those of 2^127 inverts its exponent.
-inline void scale_to_unit(SymmetricMatrix& c) {
-  const VecI bits = reinterpret_cast<VecI>(abs(c.xx + c.yy + c.zz));
-  const VecF scale = reinterpret_cast<VecF>(0x7f000000 - bits);
-  c = {c.xx * scale, c.xy * scale, c.xz * scale, c.yy * scale, c.yz * scale, c.zz * scale};
+/// A power of two that brings a positive number near 1. Subtracting its bits from those of 2^127
+/// inverts the exponent.
+inline VecF scale_to_unit(VecF v) {
+  return reinterpret_cast<VecF>(0x7f000000 - reinterpret_cast<VecI>(abs(v)));
 }
 
-/// An eigenvector of the smallest eigenvalue (any length, zero if there is none). The eigenvalue is
-/// the smallest root of the characteristic polynomial x^3 - c2 x^2 + c1 x - c0, whose roots are all
-/// real and not negative: one step of Laguerre's method from 0, which has a short form there, and
-/// one of Newton's come close and never pass it. The adjugate of C - x 1 is then near to a multiple
-/// of n n^T; applied three times, what the steps left is cubed away.
+inline SymmetricMatrix operator*(VecF s, const SymmetricMatrix& c) {
+  return {s * c.xx, s * c.xy, s * c.xz, s * c.yy, s * c.yz, s * c.zz};
+}
+
+/// Brings the trace near 1, so that products of elements neither vanish nor overflow.
+inline SymmetricMatrix with_unit_trace(const SymmetricMatrix& c) {
+  return scale_to_unit(c.xx + c.yy + c.zz) * c;
+}
+
+/// The plane if only the distance along the ray is noisy, as a depth camera's is: its normal
+/// minimises n^T C n subject to n.a = 1, which is n ~ C^-1 a ~ adj(C) a. As a = M (0, 0, 1), that
+/// is M^-T times the last column of adj(E): three minors. No other matrix is inverted, so points
+/// without noise and a singular E do no harm. The last minor is n.a, positive unless the points
+/// are on one line of the image: then the result is zero.
+inline Vector normal_along_ray(const SymmetricMatrix& e, const PixelFrame& frame) {
+  const SymmetricMatrix c = scale_to_unit(e.xx + e.yy) * e;
+  const VecF minor_z = c.xx * c.yy - c.xy * c.xy;
+  const VecF x = (c.xy * c.yz - c.xz * c.yy) * frame.pixel_y;
+  const VecF y = (c.xy * c.xz - c.xx * c.yz) * frame.pixel_x;
+  const VecF z = minor_z * (frame.pixel_x * frame.pixel_y) - (frame.ray_x * x + frame.ray_y * y);
+  const VecI valid = minor_z > kMinSpread;
+  const VecF zero = splat(0.0f);
+  return {select(valid, x, zero), select(valid, y, zero), select(valid, z, zero)};
+}
+
+/// The plane if all coordinates are equally noisy (eq. 3.7): an eigenvector of the smallest
+/// eigenvalue (any length, zero if there is none). The eigenvalue is the smallest root of the
+/// characteristic polynomial x^3 - c2 x^2 + c1 x - c0, whose roots are all real and not negative:
+/// one step of Laguerre's method from 0, which has a short form there, and one of Newton's come
+/// close and never pass it. The adjugate of C - x 1 is then near to a multiple of n n^T; applied
+/// three times, what the steps left is cubed away.
 [[gnu::always_inline]] inline Vector smallest_eigenvector(SymmetricMatrix c) {
-  scale_to_unit(c);
+  c = with_unit_trace(c);
   const VecF minor_x = c.yy * c.zz - c.yz * c.yz;
   const VecF minor_y = c.xx * c.zz - c.xz * c.xz;
   const VecF minor_z = c.xx * c.yy - c.xy * c.xy;
@@ -122,10 +149,9 @@ inline void scale_to_unit(SymmetricMatrix& c) {
   c.yy -= x;
   c.zz -= x;
 
-  SymmetricMatrix adjugate{c.yy * c.zz - c.yz * c.yz, c.xz * c.yz - c.xy * c.zz,
-                           c.xy * c.yz - c.xz * c.yy, c.xx * c.zz - c.xz * c.xz,
-                           c.xy * c.xz - c.xx * c.yz, c.xx * c.yy - c.xy * c.xy};
-  scale_to_unit(adjugate);
+  const SymmetricMatrix adjugate = with_unit_trace(
+      {c.yy * c.zz - c.yz * c.yz, c.xz * c.yz - c.xy * c.zz, c.xy * c.yz - c.xz * c.yy,
+       c.xx * c.zz - c.xz * c.xz, c.xy * c.xz - c.xx * c.yz, c.xx * c.yy - c.xy * c.xy});
   // Its longest column is the one with the largest diagonal element.
   const VecI y_beats_x = adjugate.yy > adjugate.xx;
   const VecI z_beats_both = adjugate.zz > max(adjugate.xx, adjugate.yy);

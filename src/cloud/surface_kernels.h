@@ -49,6 +49,7 @@ struct NormalPass {
   int radius = 3;
   float max_depth_change = 0;
   float min_neighbours = 0;
+  bool along_ray = true;  ///< PlaneFit::along_ray, else principal
   bool anchoring = false, weighting = false, normalization = false;
   float weight = 0;  ///< 1 / (2 weight_sigma^2 ln 2)
 };

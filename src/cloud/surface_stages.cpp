@@ -102,6 +102,7 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   normal_pass_.radius = normals.radius;
   normal_pass_.max_depth_change = static_cast<float>(normals.max_depth_change);
   normal_pass_.min_neighbours = static_cast<float>(normals.min_neighbours);
+  normal_pass_.along_ray = normals.fit == PlaneFit::along_ray;
   normal_pass_.anchoring = normals.anchoring;
   normal_pass_.weighting = normals.weighting;
   normal_pass_.normalization = normals.normalization;

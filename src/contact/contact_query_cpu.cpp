@@ -221,11 +221,7 @@ void ContactQueryCpu::find_boundary_points(const Pose& X_WT) {
       for (std::uint64_t bits = tasks_[t].touched[word]; bits != 0; bits &= bits - 1) {
         const std::size_t id = word * 64 + static_cast<std::size_t>(std::countr_zero(bits));
         PointSums& from = tasks_[t].sums[id];
-        for (int axis = 0; axis < 3; ++axis) {
-          all.sums[id].offset_W[axis] += from.offset_W[axis];
-          all.sums[id].normal_W[axis] += from.normal_W[axis];
-        }
-        all.sums[id].num_points += from.num_points;
+        all.sums[id].add(from);
         from = PointSums{};
       }
       all.touched[word] |= tasks_[t].touched[word];
@@ -243,8 +239,8 @@ Penetration ContactQueryCpu::find_boundary_planes(const Pose& X_WT) {
     for (std::uint64_t bits = all.touched[word]; bits != 0; bits &= bits - 1) {
       const std::size_t id = word * 64 + static_cast<std::size_t>(std::countr_zero(bits));
       const PointSums& sums = all.sums[id];
-      const double scale = 1.0 / (PointSums::kScale * static_cast<double>(sums.num_points));
-      const auto mean = [&](const std::int64_t (&sum)[3]) {
+      const double scale = 1.0 / (PointSums::kScale * static_cast<double>(sums.num_points()));
+      const auto mean = [&](const std::int64_t (&sum)[4]) {
         return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
                      static_cast<double>(sum[2])} * scale;
       };
@@ -261,10 +257,10 @@ Penetration ContactQueryCpu::find_boundary_planes(const Pose& X_WT) {
       lender_of_seed_.push_back(has_plane ? static_cast<std::int32_t>(lender_ids_.size()) : -1);
       if (has_plane) {
         add_lender(spheres_[id], static_cast<std::int32_t>(id), {n_T, dot(n_T, p_T)},
-                   sums.num_points);
+                   sums.num_points());
       }
       touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kTouched;
-      result.num_points += static_cast<int>(sums.num_points);
+      result.num_points += static_cast<int>(sums.num_points());
     }
     all.touched[word] = 0;
   }

@@ -1,6 +1,6 @@
-// The point loop, compiled once per instruction set. Three steps on short runs of a row: look up the
-// grid cells of a few points at a time and keep those that matter; decide the sphere of each; add
-// them up in fixed point.
+// The point loop, compiled once per instruction set. Two steps on short runs of a row: look up the
+// grid cells of a few points at a time and keep those that matter; then, one by one, find the sphere
+// that contains the point and add it up in fixed point.
 #include <algorithm>
 #include <bit>
 
@@ -12,11 +12,9 @@ namespace {
 
 constexpr int kRun = 256;  // points per run: all scratch stays in the L1 cache
 
-// Doubles fill a register with half as many lanes.
-constexpr int kWide = kLanes / 2;
-typedef float VecN __attribute__((vector_size(PALPATE_LANES * 2), aligned(PALPATE_LANES * 2)));
-typedef double VecD __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
-typedef std::int64_t VecL __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
+typedef float Vec4F __attribute__((vector_size(16)));
+typedef double Vec4D __attribute__((vector_size(32)));
+typedef std::int64_t Vec4L __attribute__((vector_size(32)));
 typedef float Vec8F __attribute__((vector_size(32), aligned(32)));
 typedef std::int32_t Vec8I __attribute__((vector_size(32), aligned(32)));
 
@@ -25,13 +23,6 @@ struct Survivors {
   alignas(64) std::int32_t index[kRun + kLanes];
   alignas(64) std::int32_t tag[kRun + kLanes];
   alignas(64) float x[kRun + kLanes], y[kRun + kLanes], z[kRun + kLanes];  // grid units
-  int num = 0;
-};
-
-// Points of a run that are inside a sphere.
-struct Hits {
-  alignas(64) std::int32_t index[kRun + kLanes];
-  alignas(64) std::int32_t sphere_id[kRun + kLanes];
   int num = 0;
 };
 
@@ -118,18 +109,70 @@ bool contains_exactly(const PointScan& scan, std::int32_t sphere_id, std::size_t
 std::int32_t decide(const PointScan& scan, const CandidateBlock& block, std::uint32_t bits,
                     std::int32_t point) {
   for (; bits != 0; bits &= bits - 1) {
-    const std::int32_t id = block.sphere_id[std::countr_zero(bits)];
+    const std::int32_t id = block.id(std::countr_zero(bits));
     if (contains_exactly(scan, id, static_cast<std::size_t>(point))) return id;
   }
   return -1;
 }
 
-// Step 2: the sphere of each survivor. At most one can contain it: the packing is disjoint.
-void find_spheres(const PointScan& scan, const Survivors& in, Hits& out) {
+// Rounds v * 2^40 to whole numbers by adding 1.5 * 2^52, which leaves them in the low bits.
+inline Vec4L to_fixed(Vec4D v) {
+  constexpr double kMagic = 6755399441055744.0;
+  const Vec4D shifted = v * PointSums::kScale + kMagic;
+  return reinterpret_cast<Vec4L>(shifted) - std::bit_cast<std::int64_t>(kMagic);
+}
+
+inline void add_to(std::int64_t* sum, Vec4L value) {
+  Vec4L total;
+  std::memcpy(&total, sum, sizeof total);
+  total += value;
+  std::memcpy(sum, &total, sizeof total);
+}
+
+// Where sums go.
+struct Accumulator {
+  const PointCloudView& cloud;
+  Vec4D translation_W;
+  PointSums* sums;
+  std::uint64_t* touched;
+
+  // The three coordinates and the count at once.
+  void add(std::int32_t i, std::int32_t id) const {
+    const Vec4F p{cloud.x[i], cloud.y[i], cloud.z[i], 1.0f};
+    const Vec4F n{cloud.nx[i], cloud.ny[i], cloud.nz[i], 0.0f};
+    add_to(sums[id].offset_W, to_fixed(__builtin_convertvector(p, Vec4D) - translation_W));
+    add_to(sums[id].normal_W, to_fixed(__builtin_convertvector(n, Vec4D)));
+    touched[id / 64] |= std::uint64_t{1} << (id % 64);
+  }
+};
+
+// The candidate of a cell that contains the point, or -1.
+inline std::int32_t find_sphere(const PointScan& scan, const CandidateBlock* block, float px, float py,
+                                float pz, std::int32_t point) {
+  const Vec8F x = Vec8F{} + px, y = Vec8F{} + py, z = Vec8F{} + pz;
+  for (;; ++block) {
+    const Vec8F dx = x - *reinterpret_cast<const Vec8F*>(block->x);
+    const Vec8F dy = y - *reinterpret_cast<const Vec8F*>(block->y);
+    const Vec8F dz = z - *reinterpret_cast<const Vec8F*>(block->z);
+    const Vec8F squared_distance = dx * dx + dy * dy + dz * dz;
+    const std::uint32_t surely =
+        mask_bits_8(squared_distance <= *reinterpret_cast<const Vec8F*>(block->surely_inside));
+    if (surely != 0) return block->id(std::countr_zero(surely));
+    const std::uint32_t maybe =
+        mask_bits_8(squared_distance <= *reinterpret_cast<const Vec8F*>(block->maybe_inside));
+    if (maybe != 0) {
+      const std::int32_t found = decide(scan, *block, maybe, point);
+      if (found >= 0) return found;
+    }
+    if (!block->goes_on()) return -1;
+  }
+}
+
+// Step 2: at most one sphere can contain a point, the packing is disjoint.
+void add_points(const PointScan& scan, const Survivors& in, const Accumulator& to) {
   constexpr int kAhead = 6;  // blocks come from the L2 or L3 cache
-  out.num = 0;
   for (int s = 0; s < in.num; ++s) {
-    const std::int32_t next_tag = in.tag[s + kAhead < in.num ? s + kAhead : s];
+    const std::int32_t next_tag = in.tag[std::min(s + kAhead, in.num - 1)];
     if (next_tag < 0) {
       const char* next = reinterpret_cast<const char*>(scan.grid.blocks - (next_tag + 1));
       __builtin_prefetch(next);
@@ -137,77 +180,11 @@ void find_spheres(const PointScan& scan, const Survivors& in, Hits& out) {
       __builtin_prefetch(next + 128);
     }
     const std::int32_t tag = in.tag[s];
-    std::int32_t found = tag - 1;  // wholly inside a sphere
-    if (tag < 0) {
-      const Vec8F x = Vec8F{} + in.x[s], y = Vec8F{} + in.y[s], z = Vec8F{} + in.z[s];
-      const CandidateBlock* block = scan.grid.blocks - (tag + 1);
-      for (;; ++block) {
-        const Vec8F dx = x - *reinterpret_cast<const Vec8F*>(block->x);
-        const Vec8F dy = y - *reinterpret_cast<const Vec8F*>(block->y);
-        const Vec8F dz = z - *reinterpret_cast<const Vec8F*>(block->z);
-        const Vec8F squared_distance = dx * dx + dy * dy + dz * dz;
-        const std::uint32_t surely = mask_bits_8(
-            squared_distance <= *reinterpret_cast<const Vec8F*>(block->surely_inside));
-        if (surely != 0) {
-          found = block->sphere_id[std::countr_zero(surely)];
-          break;
-        }
-        const std::uint32_t maybe = mask_bits_8(
-            squared_distance <= *reinterpret_cast<const Vec8F*>(block->maybe_inside));
-        found = maybe != 0 ? decide(scan, *block, maybe, in.index[s]) : -1;
-        if (found >= 0 || block->goes_on == 0) break;
-      }
-    }
-    out.index[out.num] = in.index[s];
-    out.sphere_id[out.num] = found;
-    out.num += found >= 0;
-  }
-}
-
-// Rounds v * 2^40 to whole numbers by adding 1.5 * 2^52, which leaves them in the low bits.
-inline VecL to_fixed(VecD v) {
-  constexpr double kMagic = 6755399441055744.0;
-  const VecD shifted = v * PointSums::kScale + kMagic;
-  return reinterpret_cast<VecL>(shifted) - std::bit_cast<std::int64_t>(kMagic);
-}
-
-// Step 3: fixed-point sums. Neighbouring pixels mostly hit the same sphere, so sums stay in registers
-// until the sphere changes.
-void add_hits(const PointScan& scan, Hits& hits, PointSums* sums, std::uint64_t* touched) {
-  alignas(64) std::int64_t fixed[6][kRun + kLanes];
-  const float* channels[6] = {scan.cloud.x,  scan.cloud.y,  scan.cloud.z,
-                              scan.cloud.nx, scan.cloud.ny, scan.cloud.nz};
-  for (int i = 0; i < kWide; ++i) hits.index[hits.num + i] = hits.num > 0 ? hits.index[0] : 0;
-  for (int begin = 0; begin < hits.num; begin += kWide) {
-    const std::int32_t* index = hits.index + begin;
-    const bool neighbours = index[kWide - 1] - index[0] == kWide - 1;  // indices ascend
-    for (int channel = 0; channel < 6; ++channel) {
-      VecN value;
-      if (neighbours) {
-        std::memcpy(&value, channels[channel] + index[0], sizeof value);
-      } else {
-        for (int i = 0; i < kWide; ++i) value[i] = channels[channel][index[i]];
-      }
-      VecD wide = __builtin_convertvector(value, VecD);
-      if (channel < 3) wide -= scan.translation_W[channel];
-      *reinterpret_cast<VecL*>(fixed[channel] + begin) = to_fixed(wide);
-    }
-  }
-  for (int begin = 0; begin < hits.num;) {
-    const std::int32_t id = hits.sphere_id[begin];
-    std::int64_t sum[6] = {0, 0, 0, 0, 0, 0};
-    int end = begin;
-    for (; end < hits.num && hits.sphere_id[end] == id; ++end) {
-      for (int channel = 0; channel < 6; ++channel) sum[channel] += fixed[channel][end];
-    }
-    PointSums& total = sums[id];
-    for (int axis = 0; axis < 3; ++axis) {
-      total.offset_W[axis] += sum[axis];
-      total.normal_W[axis] += sum[3 + axis];
-    }
-    total.num_points += end - begin;
-    touched[id / 64] |= std::uint64_t{1} << (id % 64);
-    begin = end;
+    const std::int32_t id =
+        tag > 0 ? tag - 1  // the cell is wholly inside a sphere
+                : find_sphere(scan, scan.grid.blocks - (tag + 1), in.x[s], in.y[s], in.z[s],
+                              in.index[s]);
+    if (id >= 0) to.add(in.index[s], id);
   }
 }
 
@@ -217,7 +194,11 @@ void scan_points(const PointScan& scan, int row_begin, int row_end, int column_b
                  int column_end, PointSums* sums, std::uint64_t* touched) {
   const GridTransform to_grid(scan);
   Survivors survivors;
-  Hits hits;
+  const Accumulator accumulator{
+      scan.cloud,
+      {scan.translation_W.x, scan.translation_W.y, scan.translation_W.z, 0.0},
+      sums,
+      touched};
   for (int row = row_begin; row < row_end; ++row) {
     const std::size_t row_start =
         static_cast<std::size_t>(row) * static_cast<std::size_t>(scan.cloud.width);
@@ -225,9 +206,7 @@ void scan_points(const PointScan& scan, int row_begin, int row_end, int column_b
     for (std::size_t begin = row_start + static_cast<std::size_t>(column_begin); begin < last;
          begin += kRun) {
       find_cells(scan, to_grid, begin, std::min(begin + kRun, last), survivors);
-      if (survivors.num == 0) continue;
-      find_spheres(scan, survivors, hits);
-      add_hits(scan, hits, sums, touched);
+      add_points(scan, survivors, accumulator);
     }
   }
 }

@@ -10,10 +10,10 @@ namespace {
 // rounding put into the neighbouring cell still finds its sphere.
 constexpr double kInflation = 1e-3;
 
-// About 1.25 cells per sphere along an axis: finer grids fall out of the L2 cache, coarser ones have
+// About 1.5 cells per sphere along an axis: finer grids fall out of the L2 cache, coarser ones have
 // longer lists (bench/contact_bench.cpp).
 int cells_along_longest_side(std::size_t num_spheres) {
-  return std::clamp(static_cast<int>(1.25 * std::cbrt(static_cast<double>(num_spheres))), 12, 128);
+  return std::clamp(static_cast<int>(1.5 * std::cbrt(static_cast<double>(num_spheres))), 12, 128);
 }
 
 double squared(double v) { return v * v; }
@@ -92,7 +92,7 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
       for (std::size_t i = begin; i < end; ++i) {
         const std::size_t slot = (i - begin) % CandidateBlock::kSize;
         if (slot == 0) {
-          if (i > begin) blocks_.back().goes_on = 1;
+          if (i > begin) blocks_.back().sphere_id[CandidateBlock::kSize - 1] |= CandidateBlock::kGoesOn;
           blocks_.push_back(CandidateBlock{});
           std::fill_n(blocks_.back().surely_inside, CandidateBlock::kSize, -1.0f);
           std::fill_n(blocks_.back().maybe_inside, CandidateBlock::kSize, -1.0f);

@@ -20,8 +20,11 @@ struct alignas(64) CandidateBlock {
   float x[kSize], y[kSize], z[kSize];
   float surely_inside[kSize];  ///< squared distance up to which the fast test is sure: inside
   float maybe_inside[kSize];   ///< beyond which it is sure: outside; negative for padding
-  std::int32_t sphere_id[kSize];
-  std::int32_t goes_on;  ///< 1 if the next block belongs to the same cell
+  std::int32_t sphere_id[kSize];  ///< the last one carries kGoesOn if the next block is of this cell
+
+  static constexpr std::int32_t kGoesOn = 1 << 30;
+  std::int32_t id(int slot) const { return sphere_id[slot] & (kGoesOn - 1); }
+  bool goes_on() const { return (sphere_id[kSize - 1] & kGoesOn) != 0; }
 };
 
 /// Not owning, trivially copyable.

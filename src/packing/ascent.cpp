@@ -7,15 +7,16 @@
 namespace palpate {
 namespace {
 
-constexpr int kMaxSteps = 32;
+constexpr int kMaxSteps = 32;     // among known obstacles
+constexpr int kMaxMeetings = 64;  // steps, and obstacles met, when looking for them on the way
+constexpr double kEnough = 0.5;   // of the promised gain: otherwise the obstacle met joins first
+
 // Distances to the mesh may be off by this fraction where many triangles are about equally near.
 constexpr double kTolerance = 1e-3;
 
 constexpr int kMaxShrinks = 24;
-constexpr double kTouching = 1 - 1e-3;  // of its radius: so near an obstacle may be to a tangent ball
-
-constexpr int kMaxMeetings = 64;
-constexpr double kEnough = 0.5;  // of the promised gain
+// An obstacle may be so near to the centre of a tangent ball, as fraction of the radius.
+constexpr double kTouching = 1 - 1e-3;
 
 // Half side of the box one step may move in, as fraction of the clearance. Below 1/sqrt(3) the new
 // centre lies in the old ball, so no step can jump through a wall.
@@ -46,9 +47,9 @@ FreeSpace::Nearest FreeSpace::nearest(const Vec3d& p, double reach) const {
   return result;
 }
 
-// A ball that is too large shrinks until it only touches what was in its way (Ma, Bae and Choi 2012):
-// |n q - v| = R + q for an obstacle of radius R at v, seen from p, gives q = (v.v - R^2) / 2(v.n + R).
-// A wall right at p can be overlooked, hence the last check.
+// A ball that is too large shrinks until it only touches what was in its way (Ma, Bae and Choi
+// 2012): |n q - v| = R + q for an obstacle of radius R at v, seen from p, gives q = (v.v - R^2) /
+// 2(v.n + R). A wall right at p can be overlooked, hence the last check.
 Ball FreeSpace::tangent_ball(const Vec3d& p, const Vec3d& n, double radius) const {
   for (int i = 0; i < kMaxShrinks; ++i) {
     const Vec3d centre = p + n * radius;

@@ -41,8 +41,9 @@ struct FreeSpace {
   };
   Nearest nearest(const Vec3d& p, double reach) const;
 
-  /// About the largest ball in the free space, not larger than `radius`, that touches the point p of
-  /// an obstacle's surface from the side to which the unit vector n points; radius 0 if none is found.
+  /// About the largest ball in the free space, not larger than `radius`, that touches the point p
+  /// of an obstacle's surface from the side to which the unit vector n points; radius 0 if none is
+  /// found.
   Ball tangent_ball(const Vec3d& p, const Vec3d& n, double radius) const;
 
   /// Collects the obstacles within `reach` of p, or within less where they are more than `limit`;

@@ -110,8 +110,8 @@ void HoleSearch::probe_directions(const Sphere& sphere) {
   radius_.resize(kNumDirections);
   for (std::size_t i = 0; i < kNumDirections; ++i) {
     const Vec3d n = to_double(Vec3f{u.x[i], u.y[i], u.z[i]});
-    const Ball ball = space_.tangent_ball(to_double(sphere.centre) + n * r, n,
-                                          std::min(r, space_.max_radius));
+    const Ball ball =
+        space_.tangent_ball(to_double(sphere.centre) + n * r, n, std::min(r, space_.max_radius));
     radius_[i] = static_cast<float>(ball.radius / r);
   }
 }
@@ -127,14 +127,15 @@ void HoleSearch::find(const Sphere& sphere, double min_radius, std::vector<Ball>
   for (std::size_t i = 0; i < kNumDirections; ++i) {
     const double q = static_cast<double>(radius_[i]);
     if (q * r * 2 < min_radius) continue;
-    const bool peak = std::none_of(
-        u.neighbours[i].begin(), u.neighbours[i].end(), [&](std::size_t j) {
+    const bool peak =
+        std::none_of(u.neighbours[i].begin(), u.neighbours[i].end(), [&](std::size_t j) {
           return radius_[j] > radius_[i] || (radius_[j] == radius_[i] && j < i);
         });
     if (!peak) continue;
     const Vec3d direction = to_double(Vec3f{u.x[i], u.y[i], u.z[i]});
     const Vec3d start = p + direction * (r + q * r);
-    const Ball hole = measured ? ascent_.climb(start, obstacles_) : ascent_.climb(start, 1.1 * q * r);
+    const Ball hole =
+        measured ? ascent_.climb(start, obstacles_) : ascent_.climb(start, 1.1 * q * r);
     if (hole.radius < min_radius) continue;
     const bool known = std::any_of(
         holes.begin() + static_cast<std::ptrdiff_t>(first), holes.end(), [&](const Ball& other) {

@@ -17,9 +17,9 @@ double dot4(const Vec4& a, const Vec4& b) {
 
 }  // namespace
 
-// Dual simplex with z = (d, t) and rows a.z <= b. Four rows are active: z is their common point, and
-// the multipliers lambda >= 0 write the objective as their combination, which proves z optimal for
-// the active rows alone. The start takes the tightest constraint and the three sides of the box
+// Dual simplex with z = (d, t) and rows a.z <= b. Four rows are active: z is their common point,
+// and the multipliers lambda >= 0 write the objective as their combination, which proves z optimal
+// for the active rows alone. The start takes the tightest constraint and the three sides of the box
 // that its normal points at. While some row is violated it enters, and the one that lets every
 // multiplier stay >= 0 leaves. `inverse` holds the columns of the inverse of the active matrix:
 // inverse[j] . a_k = (j == k).

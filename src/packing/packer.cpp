@@ -1,8 +1,8 @@
-// Greedy sphere packing in the spirit of Protosphere (thesis section 2.4): always insert the largest
-// sphere that fits. Candidates are balls that touch obstacles on all sides; they wait in a heap. The
-// largest few are inserted at once, and around each new sphere a search finds the holes it left,
-// which are the next candidates. Void and void alone is ever looked at, so the cost per sphere does
-// not depend on their number.
+// Greedy sphere packing in the spirit of Protosphere (thesis section 2.4): always insert the
+// largest sphere that fits. Candidates are balls that touch obstacles on all sides; they wait in a
+// heap. The largest few are inserted at once, and around each new sphere a search finds the holes
+// it left, which are the next candidates. Void and void alone is ever looked at, so the cost per
+// sphere does not depend on their number.
 #include "palpate/packing/packer.h"
 
 #include <algorithm>
@@ -46,14 +46,15 @@ struct Candidate {
   }
 };
 
-// A call of its own: GCC 12 forgets the rounding of double -> float -> double when it vectorises the
-// pair.
+// A call of its own: GCC 12 forgets the rounding of double -> float -> double when it vectorises
+// the pair.
 [[gnu::noinline]] Vec3f rounded(const Vec3d& p) { return to_float(p); }
 
 // The largest float that is less than x, or the one before it.
 float just_below(double x) {
   const float nearest = static_cast<float>(x);
-  return std::nextafter(static_cast<double>(nearest) > x ? std::nextafter(nearest, 0.0f) : nearest, 0.0f);
+  return std::nextafter(static_cast<double>(nearest) > x ? std::nextafter(nearest, 0.0f) : nearest,
+                        0.0f);
 }
 
 class Packer {
@@ -97,9 +98,7 @@ class Packer {
   }
 
  private:
-  double elapsed() const {
-    return std::chrono::duration<double>(Clock::now() - start_).count();
-  }
+  double elapsed() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
   void stop(PackStop why) {
     packing_.stop = why;
@@ -271,13 +270,15 @@ Status check(const TriangleMesh& solid, const PackOptions& options) {
   if (!(options.max_fill > 0)) return refuse("max_fill must be positive; 1 means no limit");
   if (!(options.max_seconds >= 0)) return refuse("max_seconds must not be negative");
   if (options.num_threads < 0) return refuse("num_threads must not be negative; 0 is one per core");
+  bool usable = true;
+  for (const Vec3d& v : solid.vertices) usable = usable && std::isfinite(dot(v, v));
   for (const auto& triangle : solid.triangles) {
-    for (std::uint32_t i : triangle) {
-      if (i < solid.vertices.size() && std::isfinite(norm(solid.vertices[i]))) continue;
-      return Error{Errc::bad_input,
-                   "the mesh to pack has a face with a missing or infinite vertex; pass what "
-                   "check_solid returns"};
-    }
+    for (std::uint32_t i : triangle) usable = usable && i < solid.vertices.size();
+  }
+  if (!usable) {
+    return Error{
+        Errc::bad_input,
+        "the mesh to pack has a missing or infinite vertex; pass what check_solid returns"};
   }
   if (!(mass_properties(solid).volume > 0)) {
     return Error{Errc::bad_input,

@@ -9,7 +9,7 @@ namespace {
 constexpr double kNumCells = 40000;
 constexpr int kMaxCellsPerAxis = 512;
 constexpr double kTolerance = 0.02;  // of the distances of cells
-constexpr int kMaxFacets = 4096;
+constexpr int kMaxFacets = 1024;
 
 // Side of a cube such that about kNumCells of them fill the box.
 double cell_size(const Vec3d& extent) {
@@ -52,14 +52,15 @@ void scan_row(const TriangleBvh& mesh, const Vec3d& start, double h, int num,
 }  // namespace
 
 StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::uint64_t jitter,
-                                  ThreadPool& pool) {
+                               ThreadPool& pool) {
   const TriangleBvh& mesh = space.mesh;
   const Vec3d extent = box.high - box.low;
   const double h = cell_size(extent);
   int num[3];
   Vec3d start;
   for (int k = 0; k < 3; ++k) {
-    const double shift = jitter == 0 ? 0 : fraction(3 * jitter + static_cast<std::uint64_t>(k)) - 0.5;
+    const double shift =
+        jitter == 0 ? 0 : fraction(3 * jitter + static_cast<std::uint64_t>(k)) - 0.5;
     num[k] = static_cast<int>(std::ceil(extent[k] / h)) + (jitter == 0 ? 0 : 1);
     start[k] = (box.low[k] + box.high[k]) / 2 + h * (shift - 0.5 * (num[k] - 1));
   }

@@ -10,13 +10,14 @@
 namespace palpate {
 
 struct StartingPoints {
-  std::vector<Ball> balls;  ///< inside points; the radius is their distance to the mesh, or a bit less
-  double spacing = 0;       ///< of the grid
+  std::vector<Ball>
+      balls;           ///< inside points; the radius is their distance to the mesh, or a bit less
+  double spacing = 0;  ///< of the grid
 };
 
-/// Cell centres of a grid over `box` that `jitter` shifts (0: not at all), and the balls that touch the
-/// middle of some facets from inside, which find what is thinner than a cell. Their order depends
-/// on the arguments only.
+/// Cell centres of a grid over `box` that `jitter` shifts (0: not at all), and the balls that touch
+/// the middle of some facets from inside, which find what is thinner than a cell. Their order
+/// depends on the arguments only.
 StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::uint64_t jitter,
                                ThreadPool& pool);
 

@@ -8,9 +8,9 @@
 
 namespace palpate {
 
-/// A hash grid per power of two of the radius. A level keeps a sphere in every cell that lies within
-/// a margin of it, so a search not wider than the margin reads one cell per level.
-/// Reading from several threads is safe, inserting is not.
+/// A hash grid per power of two of the radius. A level keeps a sphere in every cell that lies
+/// within a margin of it, so a search not wider than the margin reads one cell per level. Reading
+/// from several threads is safe, inserting is not.
 class SphereLevels {
  public:
   void insert(const Sphere& sphere);

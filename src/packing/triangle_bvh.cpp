@@ -10,7 +10,7 @@ namespace {
 constexpr int kLeafSize = 4;
 constexpr int kBins = 16;
 constexpr int kBalancedDepth = 40;  // from here on split in halves: bounds the depth
-constexpr int kLongSearch = 64;      // nodes
+constexpr int kLongSearch = 64;     // nodes
 constexpr int kStackSize = 256;     // > 3 * (kBalancedDepth + 32)
 
 // Float rounding of a point, of a box and of their distance, as fraction of the extent and of the
@@ -126,7 +126,8 @@ struct TriangleBvh::Builder {
         if (count > 0 && count < range.size() && cost < best) best = cost, best_bin = b;
       }
       if (best_bin >= 0) {
-        const auto middle = std::partition(first, last, [&](int i) { return bin_of(i) <= best_bin; });
+        const auto middle =
+            std::partition(first, last, [&](int i) { return bin_of(i) <= best_bin; });
         return static_cast<int>(middle - order.begin());
       }
     }
@@ -145,7 +146,7 @@ struct TriangleBvh::Builder {
       const Triangle& t = triangles[index(i)];
       sum += cross(t.b - t.a, t.c - t.a);
     }
-    const Vec3d n = to_double(to_float(normalized(sum)));
+    const Vec3d n = normalized(sum);
     double low = 1e300, high = -1e300;
     for (int i = range.begin; i < range.end; ++i) {
       const Triangle& t = triangles[index(i)];
@@ -329,7 +330,8 @@ int TriangleBvh::count_crossings(const Vec3d& p, const Vec3d& direction) const {
       for (int axis = 0; axis < 3; ++axis) {
         clip(node.low[axis][k], node.high[axis][k], from[axis], direction[axis]);
       }
-      const Vec3d normal = to_double(Vec3f{node.normal[0][k], node.normal[1][k], node.normal[2][k]});
+      const Vec3d normal =
+          to_double(Vec3f{node.normal[0][k], node.normal[1][k], node.normal[2][k]});
       clip(node.slab_low[k], node.slab_high[k], dot(normal, from), dot(normal, direction));
       if (enter > leave) continue;
       if (node.child[k] >= 0) {

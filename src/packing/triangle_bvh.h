@@ -18,8 +18,8 @@ Vec3d closest_point(const Triangle& triangle, const Vec3d& p);
 
 /// Four-wide bounding volume hierarchy. Besides its box a child has a slab across its mean normal,
 /// which stays thin on curved surfaces: seen from inside a round tool all boxes are about equally
-/// near, slabs are not. Both are single precision and slightly too large, triangles are exact: boxes
-/// and slabs only decide what is looked at.
+/// near, slabs are not. Both are single precision and slightly too large, triangles are exact:
+/// boxes and slabs only decide what is looked at.
 class TriangleBvh {
  public:
   struct Closest {

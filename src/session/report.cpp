@@ -188,7 +188,7 @@ std::string tables(const Tool& tool, const RunLog& log) {
                                            : std::to_string(s.num_threads)) +
          row("rate", short_number(s.rate) + " Hz") +
          row("duration", short_number(static_cast<double>(log.ticks.size()) / s.rate) + " s") +
-         "</table><table>" + row("depth frames from", log.stream.name) +
+         "</table><table>" + row("depth frames from", short_name(log.stream.name)) +
          row("image",
              std::to_string(log.stream.width) + " × " + std::to_string(log.stream.height)) +
          row("fx, fy, cx, cy", short_number(k.fx, 6) + ", " + short_number(k.fy, 6) + ", " +

@@ -116,7 +116,8 @@ class CommandLine(unittest.TestCase):
     def test_help_and_version(self):
         self.assertRegex(self.succeed("--version"), r"^palpate \d+\.\d+\.\d+\n$")
         program = self.succeed("--help")
-        for verb in ("shape", "pack", "info", "export", "query", "touch", "replay"):
+        for verb in ("shape", "pack", "info", "export", "query", "touch", "replay",
+                     "scenes"):
             self.assertIn(verb, program)
             self.assertIn(f"Example: palpate {verb}", self.succeed(verb, "--help"))
 
@@ -306,12 +307,54 @@ class CommandLine(unittest.TestCase):
         self.succeed(*self.sequence("-o", run, "--path", path, "--rate", 500, "--duration", 0.2))
         self.assertEqual(len(read(os.path.join(run, "wrench.csv")).splitlines()), 101)
 
+    def test_scenes(self):
+        scenes = json.loads(self.succeed("scenes", "--json"))["scenes"]
+        text = self.succeed("scenes")
+        program_help = self.succeed("touch", "--help")
+        for scene in scenes:
+            self.assertEqual(set(scene), {"name", "title", "tool", "duration"})
+            self.assertRegex(text, rf"(?m)^{scene['name']} +{scene['tool']['shape']} ")
+            self.assertIn(scene["title"], text)
+            self.assertIn(scene["name"], program_help)
+        hand = {scene["name"]: scene for scene in scenes}["hand"]
+        self.assertEqual(hand["tool"], {"shape": "stylus", "size": 0.12})
+
     def test_touch_a_scene(self):
-        scene = re.search(r"--scene NAME\s+simulated camera:\s+([\w-]+)",
-                          self.succeed("touch", "--help")).group(1)
         run = self.path("run_scene")
-        self.succeed("touch", self.tool, "--scene", scene, "--no-noise", "--duration", 0.2, "-o", run)
+        self.succeed("touch", self.tool, "--scene", "wall", "--no-noise", "--duration", 0.2, "-o", run)
         self.assertIn("identical: 200 ticks", self.succeed("replay", run))
+
+    def test_touch_a_scene_with_tools_of_any_size(self):
+        mesh, tool = self.path("any.ply"), self.path("any.palp")
+        for size in (0.001, 1.5):
+            self.succeed("shape", "sphere", "--size", size, "-o", mesh)
+            self.succeed("pack", mesh, "-o", tool, "--spheres", 20)
+            self.succeed("touch", tool, "--scene", "hand", "--duration", 0.05, "-o",
+                         self.path("run_any"))
+
+    def test_probing_follows_the_frames(self):
+        frames, run = self.path("leaving"), self.path("run_leaving")
+        os.mkdir(frames)
+        with open(os.path.join(frames, "depth.txt"), "w") as file:
+            for k in range(12):  # away from the camera by 22 cm in 1.1 s
+                write_depth_png(os.path.join(frames, f"{k}.png"), 160, 120,
+                                lambda u, v, k=k: 4000 + 200 * k)
+                file.write(f"{50 + 0.1 * k} {k}.png\n")
+        summary = json.loads(self.succeed(
+            "touch", self.tool, "--depth-sequence", frames, "--intrinsics", INTRINSICS,
+            "--depth-unit", 0.0001, "-o", run, "--json"))
+        self.assertEqual((summary["frames"], summary["ticks"]), (12, 1200))
+        rows = read(os.path.join(run, "wrench.csv")).splitlines()
+        column = rows[0].split(",").index("volume")
+        total = summary["peak"]["volume"] / summary["peak"]["fraction"]
+        for k, row in enumerate(rows[1:]):
+            fraction = float(row.split(",")[column]) / total
+            self.assertLess(fraction, 0.3, k)
+            if 450 < k < 900:
+                self.assertGreater(fraction, 0.01, k)
+        with open(os.path.join(run, "report.html")) as file:
+            self.assertNotIn(self.folder, file.read())
+        self.assertIn("identical: 1200 ticks", self.succeed("replay", run))
 
     def test_broken_frame_leaves_nothing(self):
         frames = self.path("broken_frames")

@@ -81,7 +81,7 @@ TEST(RealFrames, NormalsAreThereAreUnitAndFaceTheCamera) {
       const test::TrueNormal expected = true_normal(
           depth, real.intrinsics, {}, static_cast<int>(i % 640), static_cast<int>(i / 640));
       ASSERT_TRUE(expected.exists);
-      if (!expected.well_conditioned()) continue;
+      if (!expected.well_conditioned) continue;
       ++num_compared;
       worst_angle = std::max(worst_angle, std::min(test::angle_between(n, expected.n),
                                                    test::angle_between(-n, expected.n)));

@@ -10,6 +10,8 @@
 namespace palpate {
 namespace {
 
+constexpr PlaneFit kFits[] = {PlaneFit::along_ray, PlaneFit::principal};
+
 using test::DepthScene;
 using test::TrueDepth;
 using test::TrueNormal;
@@ -51,7 +53,7 @@ int check_normals(const DepthScene& scene, const SurfaceOptions& options) {
       const TrueNormal expected = true_normal(depth, k, options.normals, u, v);
       const std::string where = std::to_string(u) + " " + std::to_string(v);
       // Weights may leave no more than a line of a window: then there may or may not be a normal.
-      if (!options.normals.weighting || expected.well_conditioned()) {
+      if (!options.normals.weighting || expected.well_conditioned) {
         EXPECT_EQ(std::isfinite(cloud.nx[i]), expected.exists) << where;
       }
       for (const float* channel : {cloud.x, cloud.y, cloud.z, cloud.ny, cloud.nz}) {
@@ -66,7 +68,7 @@ int check_normals(const DepthScene& scene, const SurfaceOptions& options) {
       const Vec3d n{cloud.nx[i], cloud.ny[i], cloud.nz[i]};
       EXPECT_NEAR(norm(n), 1, 1e-6);
       EXPECT_LE(dot(n, p) / norm(p), 1e-6);
-      if (!expected.well_conditioned()) continue;
+      if (!expected.well_conditioned) continue;
       // Edge-on planes may flip by rounding.
       const double angle =
           std::min(test::angle_between(n, expected.n), test::angle_between(-n, expected.n));
@@ -115,10 +117,11 @@ TEST(SurfaceStages, FilterFollowsItsDefinition) {
 
 TEST(SurfaceStages, NormalsFollowTheirDefinitionWithEveryOption) {
   int seed = 0;
-  for (int flags = 0; flags < 16; ++flags) {
+  for (int flags = 0; flags < 32; ++flags) {
     for (int radius : {1, 2, 3, 5, 7}) {
       SurfaceOptions options;
       options.filter.enabled = (flags & 8) != 0;
+      options.normals.fit = kFits[flags / 16];
       options.normals.radius = radius;
       options.normals.anchoring = (flags & 1) != 0;
       options.normals.weighting = (flags & 2) != 0;
@@ -135,17 +138,35 @@ TEST(SurfaceStages, NormalsArePreciseAtAnyDistanceFocalLengthAndPrincipalPoint) 
   for (double distance : {0.3, 1.0, 3.0, 6.5}) {
     for (double f : {120.0, 525.0, 1400.0}) {
       for (double shift : {0.0, -300.0, 900.0}) {
-        for (bool filter : {false, true}) {
-          SCOPED_TRACE(std::to_string(distance) + " m, f " + std::to_string(f) + ", shift " +
-                       std::to_string(shift));
-          SurfaceOptions options;
-          options.filter.enabled = filter;
-          DepthScene scene = test::cluttered_scene(131, 70, f, distance, 9);
-          scene.intrinsics.cx += shift;
-          scene.intrinsics.cy -= shift / 2;
-          check_normals(scene, options);
+        for (PlaneFit fit : kFits) {
+          for (bool filter : {false, true}) {
+            SCOPED_TRACE(std::to_string(distance) + " m, f " + std::to_string(f) + ", shift " +
+                         std::to_string(shift));
+            SurfaceOptions options;
+            options.filter.enabled = filter;
+            options.normals.fit = fit;
+            DepthScene scene = test::cluttered_scene(131, 70, f, distance, 9);
+            scene.intrinsics.cx += shift;
+            scene.intrinsics.cy -= shift / 2;
+            scene.intrinsics.fy *= 1.3;
+            check_normals(scene, options);
+          }
         }
       }
+    }
+  }
+}
+
+// A window that may reach across edges sees surfaces edge-on, n.r nearly zero.
+TEST(SurfaceStages, NormalsFollowTheirDefinitionAcrossEdges) {
+  for (PlaneFit fit : kFits) {
+    for (int radius : {1, 3}) {
+      SurfaceOptions options;
+      options.filter.enabled = false;
+      options.normals.fit = fit;
+      options.normals.radius = radius;
+      options.normals.max_depth_change = 10;
+      EXPECT_GT(check_normals(test::cluttered_scene(75, 53, 525, 2, 11), options), 500);
     }
   }
 }
@@ -155,16 +176,83 @@ TEST(SurfaceStages, SlantedPlanesHaveExactNormals) {
        {Vec3d{0, 0, -1}, Vec3d{1, 0, -1}, Vec3d{-0.5, 1.5, -1}, Vec3d{2, 2, -1}}) {
     for (double distance : {0.3, 1.0, 2.0, 4.0}) {
       const Vec3d n = normalized(slope);
-      DepthScene scene = test::plane_scene(67, 50, 525, n, {0, 0, distance});
-      SurfaceOptions options;
-      options.filter.enabled = false;
-      const SurfaceEstimator estimator = estimate(scene, options);
-      const PointCloudView cloud = estimator.cloud();
-      for (std::size_t i = 0; i < cloud.size(); ++i) {
-        const Vec3d found{cloud.nx[i], cloud.ny[i], cloud.nz[i]};
-        ASSERT_LE(test::angle_between(found, n), 0.01) << i << ", " << distance << " m";
-        for (int axis = 0; axis < 3; ++axis) ASSERT_EQ(estimator.depth_change(axis)[i], 0.0f);
+      const DepthScene scene = test::plane_scene(67, 50, 525, n, {0, 0, distance});
+      for (PlaneFit fit : kFits) {
+        SurfaceOptions options;
+        options.filter.enabled = false;
+        options.normals.fit = fit;
+        const SurfaceEstimator estimator = estimate(scene, options);
+        const PointCloudView cloud = estimator.cloud();
+        for (std::size_t i = 0; i < cloud.size(); ++i) {
+          const Vec3d found{cloud.nx[i], cloud.ny[i], cloud.nz[i]};
+          ASSERT_LE(test::angle_between(found, n), 0.01) << i << ", " << distance << " m";
+          for (int axis = 0; axis < 3; ++axis) ASSERT_EQ(estimator.depth_change(axis)[i], 0.0f);
+        }
       }
+    }
+  }
+}
+
+// Degrees between the mean of all normals of a noisy plane and the truth, and the mean of their own
+// angles.
+struct NormalError {
+  double bias, mean;
+};
+
+NormalError noisy_plane_error(PlaneFit fit, const Vec3d& n, double noise) {
+  DepthScene scene = test::plane_scene(320, 240, 525, n, {0, 0, 1});
+  test::Random random(21);
+  for (float& z : scene.depth) z += static_cast<float>(noise * random.normal());
+  SurfaceOptions options;
+  options.filter.enabled = false;
+  options.normals.fit = fit;
+  options.normals.max_depth_change = 0.2;
+  const SurfaceEstimator estimator = estimate(scene, options);
+  const PointCloudView cloud = estimator.cloud();
+  Vec3d sum;
+  double sum_angles = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Vec3d found{cloud.nx[i], cloud.ny[i], cloud.nz[i]};
+    // n / n.r, whose lateral part depends linearly on the depths; unit vectors would be biased by
+    // their curved sphere alone.
+    sum += found / found.z;
+    sum_angles += test::angle_between(found, n);
+  }
+  return {test::angle_between(-sum, n), sum_angles / static_cast<double>(cloud.size())};
+}
+
+// Noise lies along the rays. The plane fit that knows it has no bias, principal components have.
+TEST(SurfaceStages, NormalsAlongTheRayAreUnbiasedOnSlantedNoisyPlanes) {
+  for (const Vec3d& slope : {Vec3d{0.6, 0, -1}, Vec3d{-0.5, 0.8, -1}, Vec3d{1.2, 0.4, -1}}) {
+    const Vec3d n = normalized(slope);
+    const NormalError along_ray = noisy_plane_error(PlaneFit::along_ray, n, 0.0015);
+    const NormalError principal = noisy_plane_error(PlaneFit::principal, n, 0.0015);
+    EXPECT_LT(along_ray.bias, 0.1);
+    EXPECT_GT(principal.bias, 1);
+    EXPECT_LT(along_ray.mean, 0.8 * principal.mean);
+  }
+}
+
+TEST(SurfaceStages, PointsOnOneLineOfTheImageHaveNoNormal) {
+  for (int direction = 0; direction < 4; ++direction) {
+    DepthScene scene = test::empty_scene(40, 40, 60);
+    for (int i = 0; i < 40; ++i) {
+      const int u[] = {i, 20, i, i}, v[] = {20, i, i, i / 2};  // the last is more than a line
+      scene.at(u[direction], v[direction]) = 1.0f + 0.01f * static_cast<float>(i % 3);
+    }
+    for (int flags = 0; flags < 16; ++flags) {
+      SurfaceOptions options;
+      options.normals.fit = kFits[flags / 8];
+      options.normals.min_neighbours = 3;
+      options.normals.anchoring = (flags & 1) != 0;
+      options.normals.weighting = (flags & 2) != 0;
+      options.normals.normalization = (flags & 4) != 0;
+      const SurfaceEstimator estimator = estimate(scene, options);
+      int num_normals = 0;
+      for (std::size_t i = 0; i < scene.depth.size(); ++i) {
+        num_normals += std::isfinite(estimator.cloud().nz[i]);
+      }
+      EXPECT_EQ(num_normals, direction == 3 ? 40 : 0) << direction << " flags " << flags;
     }
   }
 }

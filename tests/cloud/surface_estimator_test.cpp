@@ -33,8 +33,15 @@ std::vector<float> results(const SurfaceEstimator& estimator) {
   return all;
 }
 
-SurfaceOptions with_all_options() {
+SurfaceOptions with_principal() {
   SurfaceOptions options;
+  options.normals.fit = PlaneFit::principal;
+  return options;
+}
+
+SurfaceOptions with_all_options(PlaneFit fit = PlaneFit::along_ray) {
+  SurfaceOptions options;
+  options.normals.fit = fit;
   options.normals.anchoring = options.normals.weighting = options.normals.normalization = true;
   return options;
 }
@@ -93,7 +100,7 @@ TEST(SurfaceEstimator, FrameAndMetresAgree) {
 
 TEST(SurfaceEstimator, SameBitsForAnyNumberOfThreads) {
   const DepthScene scene = test::cluttered_scene(203, 151, 200, 1.2, 6);
-  for (const SurfaceOptions& options : {SurfaceOptions{}, with_all_options()}) {
+  for (const SurfaceOptions& options : {SurfaceOptions{}, with_principal(), with_all_options()}) {
     std::vector<float> expected;
     for (int num_threads : {1, 2, 3}) {
       ThreadPool pool(num_threads);
@@ -119,7 +126,8 @@ TEST_P(SurfaceEstimatorIsa, SameBitsAsBaseline) {
   ThreadPool pool(1);
   for (int width : {8, 9, 31, 64, 203}) {
     const DepthScene scene = test::cluttered_scene(width, 45, 100, 1.2, 7);
-    for (SurfaceOptions options : {SurfaceOptions{}, with_all_options()}) {
+    for (SurfaceOptions options : {SurfaceOptions{}, with_principal(), with_all_options(),
+                                   with_all_options(PlaneFit::principal)}) {
       for (int radius : {2, 3}) {
         options.filter.radius = options.normals.radius = radius;
         SurfaceEstimator baseline = make_estimator(scene, options, Isa::baseline);
@@ -142,7 +150,7 @@ TEST(SurfaceEstimator, UpdateAllocatesNothing) {
   const DepthScene scene = test::cluttered_scene(203, 151, 200, 1.2, 8);
   const DepthFrame frame = as_frame(scene);
   ThreadPool pool(2);
-  for (const SurfaceOptions& options : {SurfaceOptions{}, with_all_options()}) {
+  for (const SurfaceOptions& options : {SurfaceOptions{}, with_principal(), with_all_options()}) {
     SurfaceEstimator estimator = make_estimator(scene, options);
     const test::AllocationCounter counter;
     estimator.update(frame, pool);

@@ -46,13 +46,8 @@ inline double true_filtered(const TrueDepth& depth, const DepthFilterOptions& op
 
 struct TrueNormal {
   bool exists = false;
+  bool well_conditioned = false;  ///< the plane is clear: neither near to a ball nor to a line
   Vec3d n;
-  std::array<double, 3> eigenvalues{};  ///< ascending
-
-  /// The plane is clear: neither near to a ball nor to a line.
-  bool well_conditioned() const {
-    return eigenvalues[0] < 0.5 * eigenvalues[1] && eigenvalues[1] > 1e-3 * eigenvalues[2];
-  }
 };
 
 /// Eigenvalues ascending with eigenvectors of a symmetric matrix, by Jacobi rotations.
@@ -90,6 +85,33 @@ inline void eigen_decomposition(double a[3][3], std::array<double, 3>& values, V
     values[static_cast<std::size_t>(i)] = a[order[i]][order[i]];
     vectors[i] = {v[0][order[i]], v[1][order[i]], v[2][order[i]]};
   }
+}
+
+/// Eq. 3.7.
+inline TrueNormal principal_normal(double c[3][3]) {
+  std::array<double, 3> values{};
+  Vec3d vectors[3];
+  eigen_decomposition(c, values, vectors);
+  return {true, values[0] < 0.5 * values[1] && values[1] > 1e-3 * values[2], vectors[0]};
+}
+
+/// The n with n.r = 1 that minimises n^T C n: n = r / |r|^2 + a s + b t with s and t orthogonal to
+/// r has the derivatives s^T C n = 0 and t^T C n = 0, two equations for a and b.
+inline TrueNormal normal_along(const Vec3d& r, const double c[3][3]) {
+  const auto product = [&](const Vec3d& x, const Vec3d& y) {
+    double sum = 0;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) sum += x[i] * c[i][j] * y[j];
+    }
+    return sum;
+  };
+  const Vec3d s = normalized(cross(r, Vec3d{0, 1, 0})), t = normalized(cross(r, s));
+  const Vec3d start = r / dot(r, r);
+  const double ss = product(s, s), st = product(s, t), tt = product(t, t);
+  const double s0 = product(s, start), t0 = product(t, start);
+  const double determinant = ss * tt - st * st;
+  const double a = (st * t0 - tt * s0) / determinant, b = (st * s0 - ss * t0) / determinant;
+  return {true, determinant > 1e-3 * (ss + tt) * (ss + tt), normalized(start + a * s + b * t)};
 }
 
 /// Eqs. 3.7-3.11. Whether a pixel is a neighbour is decided in single precision, as in the library.
@@ -141,10 +163,8 @@ inline TrueNormal true_normal(const TrueDepth& depth, const Intrinsics& k,
       for (int column = 0; column < 3; ++column) c[row][column] += weights[i] * d[row] * d[column];
     }
   }
-  Vec3d vectors[3];
-  eigen_decomposition(c, result.eigenvalues, vectors);
-  result.exists = true;
-  result.n = dot(vectors[0], p) > 0 ? -vectors[0] : vectors[0];
+  result = options.fit == PlaneFit::principal ? principal_normal(c) : normal_along(p, c);
+  if (dot(result.n, p) > 0) result.n = -result.n;
   return result;
 }
 

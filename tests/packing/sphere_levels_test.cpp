@@ -48,9 +48,7 @@ TEST(SphereLevels, AgreesWithBruteForce) {
   }
 }
 
-TEST(SphereLevels, EmptyIsFree) {
-  EXPECT_EQ(SphereLevels().clearance({1, 2, 3}, 0.5), 0.5);
-}
+TEST(SphereLevels, EmptyIsFree) { EXPECT_EQ(SphereLevels().clearance({1, 2, 3}, 0.5), 0.5); }
 
 }  // namespace
 }  // namespace palpate

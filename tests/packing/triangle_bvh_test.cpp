@@ -15,7 +15,9 @@ namespace {
 double distance_to_triangle(const Triangle& t, const Vec3d& p) {
   const Vec3d n = cross(t.b - t.a, t.c - t.a);
   const Vec3d foot = p - n * (dot(n, p - t.a) / dot(n, n));
-  const auto left = [&](const Vec3d& a, const Vec3d& b) { return dot(cross(b - a, foot - a), n) >= 0; };
+  const auto left = [&](const Vec3d& a, const Vec3d& b) {
+    return dot(cross(b - a, foot - a), n) >= 0;
+  };
   if (left(t.a, t.b) && left(t.b, t.c) && left(t.c, t.a)) return norm(p - foot);
   const auto to_edge = [&](const Vec3d& a, const Vec3d& b) {
     const double s = std::clamp(dot(p - a, b - a) / dot(b - a, b - a), 0.0, 1.0);

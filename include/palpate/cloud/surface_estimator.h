@@ -24,10 +24,19 @@ struct DepthFilterOptions {
   double sigma_depth = 0.01;  ///< metres at 1 m
 };
 
-/// Plane fit by principal components over a window (eqs. 3.7-3.11): the eigenvector of the smallest
-/// eigenvalue of the neighbours' covariance, towards the camera. No normal if all neighbours lie on
-/// one line of the image: their plane would contain the eye.
+/// Which plane fits the neighbours' covariance C best.
+enum class PlaneFit {
+  /// Only the distance along the ray r of the centre pixel is noisy, as a depth camera's is: n
+  /// minimises n^T C n subject to n.r = 1, that is n ~ C^-1 r. No bias on slanted surfaces.
+  along_ray,
+  /// All coordinates are equally noisy: n is the eigenvector of the smallest eigenvalue (eq. 3.7).
+  principal,
+};
+
+/// Plane fit over a window (eqs. 3.7-3.11): the normal is of unit length and towards the camera. No
+/// normal if all neighbours lie on one line of the image: their plane would contain the eye.
 struct NormalOptions {
+  PlaneFit fit = PlaneFit::along_ray;
   int radius = 3;  ///< pixels; window 2*radius+1, 1..7
   /// Neighbours count only if their depth differs by at most max_depth_change * z (z in metres,
   /// depth of the centre pixel): the window must not reach across an edge.
