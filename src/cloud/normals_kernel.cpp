@@ -110,8 +110,8 @@ struct DistanceWeight {
   VecF scale;  // 1 / (2 sigma^2 ln 2)
 
   VecF operator()(int du, int dv, VecF z, VecF depth_difference) const {
-    const Vector d = to_camera(
-        {static_cast<float>(du) * z, static_cast<float>(dv) * z, depth_difference}, frame);
+    const Vector e{static_cast<float>(du) * z, static_cast<float>(dv) * z, depth_difference};
+    const Vector d = to_camera(e, frame);
     const VecF weight = exp2_negative(-scale * (d.x * d.x + d.y * d.y + d.z * d.z));
     return weight * neighbour(du, dv, z, depth_difference);
   }

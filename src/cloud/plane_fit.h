@@ -111,9 +111,9 @@ inline SymmetricMatrix with_unit_trace(const SymmetricMatrix& c) {
 
 /// The plane if only the distance along the ray is noisy, as a depth camera's is: its normal
 /// minimises n^T C n subject to n.a = 1, which is n ~ C^-1 a ~ adj(C) a. As a = M (0, 0, 1), that
-/// is M^-T times the last column of adj(E): three minors. No other matrix is inverted, so points
-/// without noise and a singular E do no harm. The last minor is n.a, positive unless the points
-/// are on one line of the image: then the result is zero.
+/// is M^-T times the last column of adj(E): three minors. E itself is not inverted, so points
+/// without noise, whose E is singular, do no harm. The last minor is n.a, positive unless the
+/// points are on one line of the image: then the result is zero.
 inline Vector normal_along_ray(const SymmetricMatrix& e, const PixelFrame& frame) {
   const SymmetricMatrix c = scale_to_unit(e.xx + e.yy) * e;
   const VecF minor_z = c.xx * c.yy - c.xy * c.xy;

@@ -122,18 +122,19 @@ void CoarseDepth::add(const DepthFrame& frame) {
 /// Median of the measurements in a cell.
 double CoarseDepth::measure(const DepthFrame& frame, int column, int row) {
   const int u0 = first_pixel(column, columns_, width_), v0 = first_pixel(row, rows_, height_);
-  cache_.clear();
+  cell_pixels_.clear();
   for (int v = std::max(0, v0); v < std::min(height_, v0 + cell_); ++v) {
     for (int u = std::max(0, u0); u < std::min(width_, u0 + cell_); ++u) {
       const std::uint16_t pixel =
           frame.pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) +
                        static_cast<std::size_t>(u)];
-      if (pixel != 0 && pixel != 65535) cache_.push_back(pixel);
+      if (pixel != 0 && pixel != 65535) cell_pixels_.push_back(pixel);
     }
   }
-  if (cache_.empty() || static_cast<double>(cache_.size()) < kMinValid * cell_ * cell_) return NAN;
-  const auto middle = cache_.begin() + static_cast<std::ptrdiff_t>(cache_.size() / 2);
-  std::nth_element(cache_.begin(), middle, cache_.end());
+  if (cell_pixels_.empty() || static_cast<double>(cell_pixels_.size()) < kMinValid * cell_ * cell_)
+    return NAN;
+  const auto middle = cell_pixels_.begin() + static_cast<std::ptrdiff_t>(cell_pixels_.size() / 2);
+  std::nth_element(cell_pixels_.begin(), middle, cell_pixels_.end());
   return *middle * frame.unit;
 }
 

@@ -1,6 +1,7 @@
 // A depth stream at a glance: one depth per frame for each of a few cells around the image centre.
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <vector>
 
@@ -40,7 +41,7 @@ class CoarseDepth {
   DepthProfile profile(int column, int row) const;
 
  private:
-  CoarseDepth(const DepthStreamInfo& info);
+  explicit CoarseDepth(const DepthStreamInfo& info);
   void add(const DepthFrame& frame);
   double measure(const DepthFrame& frame, int column, int row);
   int first_pixel(int cell, int num_cells, int num_pixels) const;
@@ -50,9 +51,9 @@ class CoarseDepth {
   int columns_ = 0, rows_ = 0, width_ = 0, height_ = 0;
   Intrinsics intrinsics_;
   double duration_ = 0;
-  std::vector<double> times_;         ///< since the first frame
-  std::vector<float> depths_;         ///< frame by frame, row by row; NaN: too few measurements
-  std::vector<std::uint16_t> cache_;  ///< pixels of one cell
+  std::vector<double> times_;  ///< since the first frame
+  std::vector<float> depths_;  ///< frame by frame, row by row; NaN: too few measurements
+  std::vector<std::uint16_t> cell_pixels_;  ///< pixels of one cell
 };
 
 }  // namespace palpate

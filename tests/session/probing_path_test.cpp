@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <functional>
+#include <utility>
 
+#include "palpate/math/sphere.h"
 #include "palpate/session/session.h"
 #include "src/session/coarse_depth.h"
 #include "tests/test_util/contact_scenes.h"
