@@ -3,6 +3,8 @@
 #include <cmath>
 #include <vector>
 
+#include "palpate/io/tool_file.h"
+
 namespace palpate::apps {
 
 void add_contact_options(CLI::App& app, RunSettings& settings) {
@@ -53,6 +55,21 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
   app.add_option("--depth-unit", options.unit, "metres per count of the depth images")
       ->check(CLI::Range(1e-6, 1.0))
       ->capture_default_str();
+}
+
+void add_prefix_option(CLI::App& app, int& num_spheres) {
+  app.add_option("--spheres", num_spheres, "only the first so many spheres of the tool file")
+      ->check(CLI::Range(1, 1 << 30));
+}
+
+Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres, int num_threads) {
+  auto tool = load_tool(path);
+  if (!tool || num_spheres == 0) return tool;
+  auto prefix = tool->prefix(num_spheres, num_threads);
+  if (!prefix) {
+    return Error{prefix.error().code, path.string() + ": --spheres: " + prefix.error().message};
+  }
+  return prefix;
 }
 
 Status check_output_file(const std::filesystem::path& path) {

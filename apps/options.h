@@ -50,6 +50,11 @@ struct CameraOptions {
 };
 void add_camera_options(CLI::App& app, CameraOptions& options);
 
+/// --spheres: how many spheres of a tool file to use; 0: all.
+void add_prefix_option(CLI::App& app, int& num_spheres);
+/// Reads a tool file, the first `num_spheres` of it unless that is 0.
+Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres, int num_threads);
+
 /// A file can be written to `path` as far as one can see before hours of work: its folder exists
 /// and no folder has its name.
 Status check_output_file(const std::filesystem::path& path);

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 namespace palpate::apps {
 namespace {
@@ -28,6 +29,11 @@ RadiusRange radius_range(const Tool& tool) {
       std::minmax_element(tool.spheres().begin(), tool.spheres().end(),
                           [](const Sphere& a, const Sphere& b) { return a.radius < b.radius; });
   return {low->radius, high->radius};
+}
+
+double represented_volume(const Tool& tool) {
+  const auto volumes = tool.represented_volumes();
+  return std::accumulate(volumes.begin(), volumes.end(), 0.0);
 }
 
 double fill(const Tool& tool) { return tool.sphere_mass().volume / tool.mesh_mass().volume; }
@@ -54,6 +60,7 @@ Json tool_info(const Tool& tool) {
           {"fill", fill(tool)},
           {"mesh_volume", mesh.volume},
           {"sphere_volume", spheres.volume},
+          {"represented_volume", represented_volume(tool)},
           {"centre_of_mass", to_json(spheres.centre_of_mass)},
           {"inertia", to_json(spheres.inertia)},
           {"mesh_centre_of_mass", to_json(mesh.centre_of_mass)},

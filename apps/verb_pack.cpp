@@ -1,7 +1,9 @@
 // palpate pack: from a mesh to a tool.
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -26,6 +28,7 @@ struct Options {
   std::string mesh, output;
   double unit = 1, scale = 1;
   PackOptions pack;
+  std::vector<double> camera_spacing;  ///< depth in metres and focal length in pixels, or empty
   GapRule gap_rule = GapRule::absolute;
   bool json = false;
 };
@@ -34,11 +37,18 @@ const char* reason(PackStop stop) {
   switch (stop) {
     case PackStop::count: return "as many as asked for";
     case PackStop::fill: return "the fill limit was reached";
-    case PackStop::radius: return "the next one would be smaller than --min-radius";
+    case PackStop::radius: return "the next one would be smaller than the smallest radius allowed";
     case PackStop::time: return "the time was up";
     case PackStop::exhausted: return "no further one fits at single precision";
   }
   return "";
+}
+
+/// Points of a camera with focal length f (pixels) are z/f apart at depth z. A sphere that the
+/// surface cuts is only sure to hold a point if the cut disc's radius is at least that spacing /
+/// sqrt 2: half the diagonal of a square of four points.
+double least_felt_radius(double depth, double focal_length) {
+  return depth / focal_length / std::sqrt(2.0);
 }
 
 Status run(const Options& options) {
@@ -70,8 +80,8 @@ Status run(const Options& options) {
   if (!packing) return packing.error();
   const PackStop stop = packing->stop;
   const std::string source = std::filesystem::path(options.mesh).filename().string();
-  const auto tool =
-      Tool::build(std::move(solid->mesh), *std::move(packing), options.gap_rule, source);
+  const auto tool = Tool::build(std::move(solid->mesh), *std::move(packing), options.gap_rule,
+                                source, pack.num_threads);
   if (!tool) return tool.error();
   if (interrupted()) return Error{Errc::cancelled, "interrupted; nothing was written"};
   if (const Status status = save_tool(*tool, options.output); !status) return status;
@@ -86,6 +96,12 @@ Status run(const Options& options) {
     return Done{};
   }
   std::cout << describe(*tool);
+  if (!options.camera_spacing.empty()) {
+    const double depth = options.camera_spacing[0], focal_length = options.camera_spacing[1];
+    std::printf("camera        points %.4g mm apart at %.4g m: no sphere below %.4g mm\n",
+                1000 * depth / focal_length, depth, 1000 * options.pack.min_radius);
+    std::fflush(stdout);
+  }
   if (stop != PackStop::count) std::cout << "stopped       " << reason(stop) << '\n';
   char text[64];
   std::snprintf(text, sizeof text, "%.2f s", seconds);
@@ -117,6 +133,19 @@ void add_pack(CLI::App& program, Action& action) {
       ->check(CLI::PositiveNumber);
   app.add_option("--min-radius", pack.min_radius, "stop at smaller spheres, in metres")
       ->check(CLI::NonNegativeNumber);
+  app.add_option(
+         "--camera-spacing", options->camera_spacing,
+         "no sphere too small to be sure to hold a point of a camera at depth Z metres with "
+         "focal length F pixels: --min-radius Z / F / sqrt 2 at least")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(CLI::PositiveNumber)
+      ->type_name("Z,F");
+  app.add_option("--max-fill", pack.max_fill, "stop at this fraction of the mesh volume")
+      ->check(CLI::PositiveNumber & CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  app.add_option("--max-seconds", pack.max_seconds, "stop after so many seconds")
+      ->check(CLI::PositiveNumber);
   app.add_option("--seed", pack.seed, "jitters the starting grid; 0: the plain grid")
       ->capture_default_str();
   add_named(app, "--gap-rule", options->gap_rule, kGapRules, "which spheres are neighbours");
@@ -126,11 +155,22 @@ void add_pack(CLI::App& program, Action& action) {
   app.add_flag("--json", options->json, "print the result as JSON");
   app.footer("Example: palpate pack drill.stl --unit mm --spheres 10000 -o drill.palp");
   app.callback([options, &action] {
-    if (std::isnan(options->pack.max_radius) || std::isnan(options->pack.min_radius)) {
-      usage_error("--max-radius and --min-radius must be numbers");
+    PackOptions& limits = options->pack;
+    for (const double limit :
+         {limits.max_radius, limits.min_radius, limits.max_fill, limits.max_seconds}) {
+      if (std::isnan(limit)) {
+        usage_error("--max-radius, --min-radius, --max-fill and --max-seconds must be numbers");
+      }
+    }
+    if (!options->camera_spacing.empty()) {
+      const double floor =
+          least_felt_radius(options->camera_spacing[0], options->camera_spacing[1]);
+      if (!std::isfinite(floor)) usage_error("--camera-spacing: Z and F must be finite");
+      limits.min_radius = std::max(limits.min_radius, floor);
     }
     if (options->pack.min_radius > options->pack.max_radius) {
-      usage_error("--min-radius must not be greater than --max-radius");
+      usage_error(
+          "--min-radius (or what --camera-spacing asks for) must not be greater than --max-radius");
     }
     action = [options] { return run(*options); };
   });

@@ -10,7 +10,6 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/io/depth_files.h"
-#include "palpate/io/tool_file.h"
 #include "palpate/io/trajectory_file.h"
 
 namespace palpate::apps {
@@ -20,6 +19,7 @@ struct Options {
   std::string tool, cloud, depth, pose, poses;
   CameraOptions camera;
   RunSettings settings;
+  int num_spheres = 0;  ///< of the tool file; 0: all
   bool json = false;
   std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
 };
@@ -95,7 +95,8 @@ void print_results_table(double tool_volume, const std::vector<Measurement>& mea
 }
 
 Status run(const Options& options) {
-  const auto tool = load_tool(options.tool);
+  const auto tool =
+      load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
   if (!tool) return tool.error();
   std::vector<Pose> poses = options.X_WT;
   if (!options.poses.empty()) {
@@ -151,6 +152,7 @@ void add_query(CLI::App& program, Action& action) {
   CLI::App& app = *program.add_subcommand(
       "query", "Measure a tool against one frozen cloud, once for each pose.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
+  add_prefix_option(app, options->num_spheres);
   app.add_option("--cloud", options->cloud, "points with normals (PLY or PCD)")->type_name("FILE");
   app.add_option("--depth", options->depth, "16-bit depth image (PNG; or an organised PCD)")
       ->type_name("FILE");

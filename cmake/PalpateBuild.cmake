@@ -28,13 +28,13 @@ if(PALPATE_CUDA)
   set(CMAKE_CUDA_STANDARD_REQUIRED ON)
 endif()
 
-# Warnings are errors. No fused multiply-add behind our back: scalar, wide and repeated runs must
+# Warnings are errors. Square roots set no errno, so that they are one instruction. No fused multiply-add behind our back: scalar, wide and repeated runs must
 # agree bit for bit. Baseline x86-64-v2; wider code is chosen at run time.
 add_library(palpate_flags INTERFACE)
 target_include_directories(palpate_flags INTERFACE "${PROJECT_SOURCE_DIR}/include"
                                                    "${PROJECT_SOURCE_DIR}")
 target_compile_options(
-  palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wpedantic;-Wshadow;-Werror;-ffp-contract=off>)
+  palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wall;-Wextra;-Wpedantic;-Wshadow;-Werror;-ffp-contract=off;-fno-math-errno>)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
   # GCC 12 warns about "literal" + std::string where nothing is wrong (GCC bug 105651).
   target_compile_options(palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-Wno-restrict>)

@@ -1,5 +1,7 @@
 #include "src/contact/graph_traversal.h"
 
+#include <algorithm>
+
 namespace palpate {
 
 GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const LeafGraph& graph,
@@ -69,6 +71,10 @@ std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed>
   for (std::size_t round_begin = 0; round_begin < num_visits;) {
     const std::size_t round_end = num_visits;
     for (std::size_t v = round_begin; v < round_end; ++v) {
+      constexpr std::size_t kAhead = 6;  // rows come from the L2 cache or farther
+      const auto later = static_cast<std::size_t>(places_[std::min(v + kAhead, round_end - 1)]);
+      __builtin_prefetch(&neighbours_[static_cast<std::size_t>(row_starts_[later])]);
+      __builtin_prefetch(&centres_[later]);
       const Vec3d& normal = seeds[static_cast<std::size_t>(visits_[v].seed)].normal;
       num_visits = walk_edges(visits_[v], places_[v], normal, num_visits);
     }

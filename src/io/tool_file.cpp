@@ -1,7 +1,7 @@
 // Layout, all little endian, every section at a multiple of 8 bytes:
 //   header          magic, format version, number of sections, length of the file
 //   section table   per section: name, element size, offset, number of elements
-//   sections        vertices, triangles, spheres, facts, edges, source
+//   sections        vertices, triangles, spheres, facts, edges, source, represented volumes
 //   checksum        XXH3-64 of everything before it
 #include "palpate/io/tool_file.h"
 
@@ -23,7 +23,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "tool files are little endian");
 
 constexpr std::array<char, 8> kMagic{'\x89', 'P', 'A', 'L', 'P', '\r', '\n', '\x1a'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::size_t kAlignment = 8;
 constexpr std::size_t kMaxSource = std::size_t(1) << 20;
 
@@ -34,8 +34,16 @@ struct Header {
   std::uint64_t file_bytes = 0;
 };
 
-enum class SectionName : std::uint32_t { vertices = 1, triangles, spheres, facts, edges, source };
-constexpr std::uint32_t kNumSections = 6;
+enum class SectionName : std::uint32_t {
+  vertices = 1,
+  triangles,
+  spheres,
+  facts,
+  edges,
+  source,
+  represented_volumes
+};
+constexpr std::uint32_t kNumSections = 7;
 
 struct Section {
   SectionName name{};
@@ -48,7 +56,7 @@ struct Facts {
   std::uint32_t stop = 0;
   std::uint32_t num_bridges = 0;
   std::uint32_t num_components_before_bridging = 0;
-  std::uint32_t reserved = 0;
+  std::uint32_t gap_rule = 0;
 };
 
 using Checksum = std::uint64_t;
@@ -104,7 +112,9 @@ class Reader {
     if (header_.version > kVersion)
       return "has format version " + std::to_string(header_.version) +
              ", this program reads up to " + std::to_string(kVersion) + "; use a newer program";
-    if (header_.version == 0) return damaged("its version is 0");
+    if (header_.version < kVersion)
+      return "has format version " + std::to_string(header_.version) + ", this program reads " +
+             std::to_string(kVersion) + "; pack the mesh again";
     if (content_.size() < header_.file_bytes) return truncated();
     if (content_.size() > header_.file_bytes) return damaged("bytes follow its end");
     const std::size_t body_bytes = content_.size() - sizeof(Checksum);
@@ -173,13 +183,15 @@ Result<Tool> parse_tool(std::string_view content) {
   const auto facts = reader.take<Facts>(SectionName::facts);
   const auto stored_edges = reader.take<StoredEdge>(SectionName::edges);
   const auto source = reader.take<char>(SectionName::source);
-  if (!vertices || !triangles || !spheres || !facts || !stored_edges || !source)
+  auto volumes = reader.take<float>(SectionName::represented_volumes);
+  if (!vertices || !triangles || !spheres || !facts || !stored_edges || !source || !volumes)
     return bad(Reader::damaged("a section is missing or does not fit"));
   if (facts->size() != 1 || source->size() > kMaxSource)
     return bad(Reader::damaged("a section has the wrong size"));
 
   const Facts& fact = facts->front();
-  if (fact.stop > static_cast<std::uint32_t>(PackStop::exhausted) || fact.reserved != 0 ||
+  if (fact.stop > static_cast<std::uint32_t>(PackStop::exhausted) ||
+      fact.gap_rule > static_cast<std::uint32_t>(GapRule::relative) ||
       fact.num_bridges > stored_edges->size() ||
       std::uint64_t(fact.num_bridges) + 1 != fact.num_components_before_bridging ||
       fact.num_components_before_bridging > spheres->size())
@@ -190,8 +202,10 @@ Result<Tool> parse_tool(std::string_view content) {
   LeafGraph graph(*spheres, *edges, static_cast<int>(fact.num_bridges),
                   static_cast<int>(fact.num_components_before_bridging));
   SpherePacking packing{std::move(*spheres), fact.mesh_volume, static_cast<PackStop>(fact.stop)};
+  Tool::StoredParts parts{std::move(graph), static_cast<GapRule>(fact.gap_rule),
+                          std::move(*volumes)};
   auto tool = Tool::restore({std::move(*vertices), std::move(*triangles)}, std::move(packing),
-                            std::move(graph), std::string(source->begin(), source->end()));
+                            std::move(parts), std::string(source->begin(), source->end()));
   if (!tool) return bad("holds a bad tool: " + tool.error().message);
   return tool;
 }
@@ -210,7 +224,8 @@ Status save_tool(const Tool& tool, const std::filesystem::path& path) {
     edges.push_back({static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b)});
   const Facts facts{tool.packing().mesh_volume, static_cast<std::uint32_t>(tool.packing().stop),
                     static_cast<std::uint32_t>(graph.num_bridges()),
-                    static_cast<std::uint32_t>(graph.num_components_before_bridging())};
+                    static_cast<std::uint32_t>(graph.num_components_before_bridging()),
+                    static_cast<std::uint32_t>(tool.gap_rule())};
 
   Writer writer;
   writer.add(SectionName::vertices, mesh.vertices.data(), mesh.vertices.size());
@@ -219,6 +234,8 @@ Status save_tool(const Tool& tool, const std::filesystem::path& path) {
   writer.add(SectionName::facts, &facts, 1);
   writer.add(SectionName::edges, edges.data(), edges.size());
   writer.add(SectionName::source, tool.source().data(), tool.source().size());
+  writer.add(SectionName::represented_volumes, tool.represented_volumes().data(),
+             tool.represented_volumes().size());
   return write_file_atomically(path, writer.finish());
 }
 

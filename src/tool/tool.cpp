@@ -64,33 +64,65 @@ bool is_connected(const LeafGraph& graph, std::size_t num_spheres) {
   return num_seen == num_spheres;
 }
 
-}  // namespace
-
-Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
-                         std::string source) {
-  // The graph needs spheres that passed the check.
-  if (auto error = check(mesh, packing)) return *std::move(error);
-  LeafGraph graph(packing.spheres, rule);
-  return restore(std::move(mesh), std::move(packing), std::move(graph), std::move(source));
+/// One per sphere, and together the mesh. Rounding to float moves the sum by less than 1e-6.
+std::optional<Error> check_volumes(std::span<const float> volumes, std::size_t num_spheres,
+                                   double mesh_volume) {
+  double sum = 0;
+  bool good = volumes.size() == num_spheres;
+  for (const float volume : volumes) {
+    good = good && volume >= 0;
+    sum += static_cast<double>(volume);
+  }
+  if (good && std::abs(sum - mesh_volume) <= 1e-6 * mesh_volume) return std::nullopt;
+  return bad(
+      "the volumes that the tool's spheres represent are not its mesh; build the tool again");
 }
 
-Result<Tool> Tool::restore(TriangleMesh mesh, SpherePacking packing, LeafGraph graph,
+}  // namespace
+
+Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule, std::string source,
+                         int num_threads) {
+  // Graph and volumes need spheres that passed the check.
+  if (auto error = check(mesh, packing)) return *std::move(error);
+  ThreadPool pool(num_threads);
+  auto volumes = palpate::represented_volumes(mesh, packing.spheres, pool);
+  if (!volumes) return volumes.error();
+  StoredParts parts{LeafGraph(packing.spheres, rule), rule, *std::move(volumes)};
+  return restore(std::move(mesh), std::move(packing), std::move(parts), std::move(source));
+}
+
+Result<Tool> Tool::restore(TriangleMesh mesh, SpherePacking packing, StoredParts parts,
                            std::string source) {
   if (auto error = check(mesh, packing)) return *std::move(error);
-  if (graph.row_starts().size() != packing.spheres.size() + 1)
+  if (parts.graph.row_starts().size() != packing.spheres.size() + 1)
     return bad("the tool's graph belongs to another number of spheres; build the tool again");
-  if (!is_connected(graph, packing.spheres.size()))
+  if (!is_connected(parts.graph, packing.spheres.size()))
     return bad("the tool's graph falls into several parts; build the tool again");
+  const MassProperties mesh_mass = mass_properties(mesh);
+  if (auto error =
+          check_volumes(parts.represented_volumes, packing.spheres.size(), mesh_mass.volume))
+    return *std::move(error);
 
   Tool tool;
   tool.mesh_ = std::move(mesh);
   tool.packing_ = std::move(packing);
   tool.tree_ = InnerSphereTree(tool.packing_.spheres);
-  tool.graph_ = std::move(graph);
+  tool.parts_ = std::move(parts);
   tool.sphere_mass_ = mass_properties(tool.packing_.spheres);
-  tool.mesh_mass_ = mass_properties(tool.mesh_);
+  tool.mesh_mass_ = mesh_mass;
   tool.source_ = std::move(source);
   return tool;
+}
+
+Result<Tool> Tool::prefix(int num_spheres, int num_threads) const {
+  if (num_spheres < 1 || static_cast<std::size_t>(num_spheres) > spheres().size())
+    return Error{Errc::invalid_argument,
+                 "the tool has " + std::to_string(spheres().size()) + " spheres, " +
+                     std::to_string(num_spheres) +
+                     " were asked for; ask for fewer or pack the mesh with more"};
+  const auto first = spheres().first(static_cast<std::size_t>(num_spheres));
+  SpherePacking packing{{first.begin(), first.end()}, packing_.mesh_volume, PackStop::count};
+  return build(mesh_, std::move(packing), gap_rule(), source_, num_threads);
 }
 
 }  // namespace palpate

@@ -39,6 +39,8 @@ void expect_same(const Tool& a, const Tool& b) {
   EXPECT_TRUE(std::ranges::equal(a.graph().lengths(), b.graph().lengths()));
   EXPECT_EQ(a.graph().num_bridges(), b.graph().num_bridges());
   EXPECT_EQ(a.graph().num_components_before_bridging(), b.graph().num_components_before_bridging());
+  EXPECT_EQ(a.gap_rule(), b.gap_rule());
+  EXPECT_TRUE(std::ranges::equal(a.represented_volumes(), b.represented_volumes()));
   EXPECT_EQ(a.sphere_mass().volume, b.sphere_mass().volume);
   EXPECT_EQ(a.source(), b.source());
 }
@@ -110,9 +112,13 @@ TEST(ToolFile, SaysWhatIsWrong) {
   ASSERT_TRUE(save_tool(small_tool(3), folder / "tool.palp").has_value());
   const std::string good = read_bytes(folder / "tool.palp");
   std::string newer = good;
-  poke<std::uint32_t>(newer, 8, 2);
+  poke<std::uint32_t>(newer, 8, 3);
   write_bytes(folder / "newer.palp", newer);
   expect_error(load_tool(folder / "newer.palp"), "newer");
+  std::string older = good;
+  poke<std::uint32_t>(older, 8, 1);
+  write_bytes(folder / "older.palp", older);
+  expect_error(load_tool(folder / "older.palp"), "pack the mesh again");
   std::string flipped = good;
   flipped[good.size() / 2] ^= 1;
   write_bytes(folder / "flipped.palp", flipped);
@@ -131,7 +137,7 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
     expect_error(load_tool(folder / "bad.palp"), words);
   };
   constexpr std::size_t kTable = 24, kEntry = 24;
-  for (std::size_t section = 0; section < 6; ++section) {
+  for (std::size_t section = 0; section < 7; ++section) {
     const std::size_t entry = kTable + section * kEntry;
     for (const std::uint64_t huge : {~std::uint64_t(0), std::uint64_t(1) << 62,
                                      std::uint64_t(1) << 32, std::uint64_t(100000)}) {
@@ -170,9 +176,12 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
   expect_value_refused(at(3) + 8, std::uint32_t(5), "facts");
   expect_value_refused(at(3) + 12, std::uint32_t(0x80000000u), "facts");
   expect_value_refused(at(3) + 16, std::uint32_t(0), "facts");
+  expect_value_refused(at(3) + 20, std::uint32_t(2), "facts");
   expect_value_refused(at(4), std::uint32_t(9), "edges");
   expect_value_refused(at(4) + 4, std::uint32_t(0), "edges");
   expect_value_refused(at(4) + 4, std::uint32_t(0x80000001u), "edges");
+  expect_value_refused(at(6), std::nanf(""), "volumes");
+  expect_value_refused(at(6) + 4, 1.0f, "volumes");
   bytes = good;
   poke<std::uint64_t>(bytes, kTable + 4 * kEntry + 16, 1);  // only one edge left, and no bridges
   poke<std::uint32_t>(bytes, at(3) + 12, 0);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
+#include <set>
 
 #include <gtest/gtest.h>
 
@@ -316,6 +317,106 @@ TEST(Packer, SurvivesFineRoundTools) {
   EXPECT_EQ(packing.spheres.size(), 300u);
   EXPECT_GT(fill(packing), 0.75);
   expect_exact(cylinder, {packing.spheres.begin(), packing.spheres.begin() + 100});
+}
+
+// A plate with rows x columns square holes, made of square cells of side `cell`: genus = holes.
+TriangleMesh holed_plate(int rows, int columns, double cell, double thickness) {
+  const int nx = 2 * columns + 1, ny = 2 * rows + 1;
+  const auto solid = [&](int x, int y) {
+    return x >= 0 && y >= 0 && x < nx && y < ny && (x % 2 == 0 || y % 2 == 0);
+  };
+  TriangleMesh mesh;
+  for (int z = 0; z < 2; ++z) {
+    for (int y = 0; y <= ny; ++y) {
+      for (int x = 0; x <= nx; ++x) mesh.vertices.push_back({x * cell, y * cell, z * thickness});
+    }
+  }
+  const auto at = [&](int x, int y, int z) {
+    return static_cast<std::uint32_t>((z * (ny + 1) + y) * (nx + 1) + x);
+  };
+  const auto quad = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
+    mesh.triangles.push_back({a, b, c});
+    mesh.triangles.push_back({a, c, d});
+  };
+  for (int y = 0; y < ny; ++y) {
+    for (int x = 0; x < nx; ++x) {
+      if (!solid(x, y)) continue;
+      quad(at(x, y, 1), at(x + 1, y, 1), at(x + 1, y + 1, 1), at(x, y + 1, 1));
+      quad(at(x, y, 0), at(x, y + 1, 0), at(x + 1, y + 1, 0), at(x + 1, y, 0));
+      const auto wall = [&](int x0, int y0, int x1, int y1) {
+        quad(at(x0, y0, 0), at(x1, y1, 0), at(x1, y1, 1), at(x0, y0, 1));
+      };
+      if (!solid(x, y - 1)) wall(x, y, x + 1, y);
+      if (!solid(x + 1, y)) wall(x + 1, y, x + 1, y + 1);
+      if (!solid(x, y + 1)) wall(x + 1, y + 1, x, y + 1);
+      if (!solid(x - 1, y)) wall(x, y + 1, x, y);
+    }
+  }
+  return mesh;
+}
+
+TriangleMesh stretched(TriangleMesh mesh, const Vec3d& factor) {
+  for (Vec3d& p : mesh.vertices) p = {p.x * factor.x, p.y * factor.y, p.z * factor.z};
+  return mesh;
+}
+
+// As many triangles as a laser scan, and as bumpy.
+TriangleMesh scan() {
+  TriangleMesh mesh = make_torus(0.05, 0.02, 320, 160);
+  for (Vec3d& p : mesh.vertices) {
+    p = p * (1 + 0.02 * std::sin(400 * p.x) * std::sin(300 * p.y) + 0.01 * std::cos(500 * p.z));
+  }
+  return mesh;
+}
+
+TEST(Packer, PacksEveryKindOfTool) {
+  const TriangleMesh plate = holed_plate(4, 6, 0.01, 0.004);
+  std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
+  std::set<std::uint32_t> used;
+  for (const auto& t : plate.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      used.insert(t[k]);
+      edges.insert(std::minmax(t[k], t[(k + 1) % 3]));
+    }
+  }
+  const auto euler =
+      static_cast<int>(used.size() + plate.triangles.size()) - static_cast<int>(edges.size());
+  ASSERT_EQ((2 - euler) / 2, 24);
+  ASSERT_EQ(scan().triangles.size(), 102400u);
+
+  struct Kind {
+    const char* name;
+    TriangleMesh mesh;
+    int num_spheres;
+    double fill;  ///< a little less than measured
+  };
+  const Kind kinds[] = {
+      {"box of 12 triangles", moved(make_box({0.08, 0.05, 0.03}), 1, {}), 1000, 0.785},
+      {"plate of genus 24", moved(plate, 1, {}), 2000, 0.565},
+      {"needle", moved(stretched(make_octahedron(0.1), {1, 0.002, 0.002}), 1, {}), 1000, 0.515},
+      {"thin sheet", moved(make_box({0.2, 0.1, 5e-5}), 1, {}), 3000, 1e-4},
+      {"scan", scan(), 1000, 0.75}};
+  for (const Kind& kind : kinds) {
+    SCOPED_TRACE(kind.name);
+    const SpherePacking packing = pack(kind.mesh, kind.num_spheres);
+    EXPECT_EQ(packing.spheres.size(), static_cast<std::size_t>(kind.num_spheres));
+    EXPECT_EQ(packing.stop, PackStop::count);
+    EXPECT_GT(fill(packing), kind.fill);
+    const auto num_checked = std::min<std::ptrdiff_t>(kind.num_spheres, 200);
+    expect_exact(kind.mesh, {packing.spheres.begin(), packing.spheres.begin() + num_checked});
+  }
+}
+
+TEST(Packer, GivesWhatFitsAndSaysSo) {
+  PackOptions options;
+  options.max_spheres = 100000;
+  options.min_radius = 2.4e-4;
+  const auto packing = pack_spheres(make_box({0.02, 0.02, 5e-4}), options).value();
+  EXPECT_EQ(packing.stop, PackStop::radius);
+  EXPECT_GT(packing.spheres.size(), 500u);
+  EXPECT_LT(packing.spheres.size(), 1600u);  // a square lattice of the largest has 1600
+  options.min_radius = 2.6e-4;
+  EXPECT_EQ(pack_spheres(make_box({0.02, 0.02, 5e-4}), options).error().code, Errc::bad_input);
 }
 
 }  // namespace

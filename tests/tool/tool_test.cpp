@@ -1,9 +1,11 @@
 #include "palpate/tool/tool.h"
 
+#include <algorithm>
 #include <limits>
 
 #include <gtest/gtest.h>
 
+#include "palpate/mesh/shapes.h"
 #include "tests/ist/random_packing.h"
 
 namespace palpate {
@@ -84,13 +86,53 @@ TEST(Tool, RefusesBadMeshes) {
 TEST(Tool, RestoreRefusesGraphsOfOtherSpheres) {
   const std::vector<Sphere> spheres = test::random_packing(10, 1);
   const std::vector<std::pair<int, int>> one_edge{{0, 1}};
-  EXPECT_FALSE(
-      Tool::restore(tetrahedron(), packing_of(spheres), LeafGraph(spheres, one_edge, 0, 1), "")
-          .has_value());
+  const std::vector<float> volumes(10, 1.0f / 60);
+  EXPECT_FALSE(Tool::restore(tetrahedron(), packing_of(spheres),
+                             {LeafGraph(spheres, one_edge, 0, 1), GapRule::relative, volumes}, "")
+                   .has_value());
   const std::vector<Sphere> fewer(spheres.begin(), spheres.begin() + 5);
-  EXPECT_FALSE(
-      Tool::restore(tetrahedron(), packing_of(spheres), LeafGraph(fewer, GapRule::relative), "")
-          .has_value());
+  EXPECT_FALSE(Tool::restore(tetrahedron(), packing_of(spheres),
+                             {LeafGraph(fewer, GapRule::relative), GapRule::relative, volumes}, "")
+                   .has_value());
+  const LeafGraph graph(spheres, GapRule::relative);
+  const auto restored = [&](const std::vector<float>& represented) {
+    return Tool::restore(tetrahedron(), packing_of(spheres),
+                         {graph, GapRule::relative, represented}, "")
+        .has_value();
+  };
+  EXPECT_TRUE(restored(volumes));
+  std::vector<float> bad = volumes;
+  bad.pop_back();
+  EXPECT_FALSE(restored(bad));
+  bad = volumes;
+  bad[3] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_FALSE(restored(bad));
+  bad = volumes;
+  bad[3] += 1e-5f;
+  EXPECT_FALSE(restored(bad));
+}
+
+TEST(Tool, PrefixIsTheToolOfFewerSpheres) {
+  const TriangleMesh mesh = make_box({0.1, 0.1, 0.1});
+  PackOptions options;
+  options.max_spheres = 300;
+  const auto build = [&] {
+    return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "box").value();
+  };
+  const Tool whole = build();
+  options.max_spheres = 120;
+  const Tool coarse = build();
+  const auto prefix = whole.prefix(120, 1);
+  ASSERT_TRUE(prefix.has_value());
+  EXPECT_EQ(prefix->spheres().size(), 120u);
+  EXPECT_EQ(prefix->graph().edges(), coarse.graph().edges());
+  EXPECT_TRUE(std::ranges::equal(prefix->represented_volumes(), coarse.represented_volumes()));
+  EXPECT_EQ(prefix->sphere_mass().volume, coarse.sphere_mass().volume);
+  EXPECT_EQ(prefix->gap_rule(), GapRule::relative);
+  EXPECT_EQ(prefix->packing().stop, PackStop::count);
+  EXPECT_EQ(whole.prefix(0).error().code, Errc::invalid_argument);
+  EXPECT_EQ(whole.prefix(301).error().code, Errc::invalid_argument);
+  EXPECT_NE(whole.prefix(301).error().message.find("300"), std::string::npos);
 }
 
 }  // namespace

@@ -10,24 +10,39 @@
 #include "palpate/mesh/mass_properties.h"
 #include "palpate/mesh/triangle_mesh.h"
 #include "palpate/packing/packer.h"
+#include "palpate/packing/represented_volumes.h"
 
 namespace palpate {
 
 /// Immutable after construction. Everything is in the tool frame T, which is the frame of the mesh.
 class Tool {
  public:
-  /// Builds tree, graph and mass properties. Error: no spheres, or more than 2^30.
+  /// Builds tree, graph, mass properties and represented volumes; same bits for any `num_threads`
+  /// (0: one per core). Error: no spheres, or more than 2^30; the mesh encloses no volume.
   static Result<Tool> build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
-                            std::string source);
-  /// From stored parts, without rebuilding the graph (used by load_tool).
-  static Result<Tool> restore(TriangleMesh mesh, SpherePacking packing, LeafGraph graph,
+                            std::string source, int num_threads = 0);
+  /// What takes long to compute and is therefore stored in tool files.
+  struct StoredParts {
+    LeafGraph graph;
+    GapRule gap_rule = GapRule::absolute;  ///< of the graph
+    std::vector<float> represented_volumes;
+  };
+  /// From stored parts (used by load_tool).
+  static Result<Tool> restore(TriangleMesh mesh, SpherePacking packing, StoredParts parts,
                               std::string source);
+  /// A coarser tool of the first `num_spheres` spheres: what packing only so many would have given.
+  /// Error: fewer than one, or more than there are.
+  Result<Tool> prefix(int num_spheres, int num_threads = 0) const;
 
   const TriangleMesh& mesh() const { return mesh_; }
   std::span<const Sphere> spheres() const { return packing_.spheres; }
   const SpherePacking& packing() const { return packing_; }
   const InnerSphereTree& tree() const { return tree_; }
-  const LeafGraph& graph() const { return graph_; }
+  const LeafGraph& graph() const { return parts_.graph; }
+  GapRule gap_rule() const { return parts_.gap_rule; }
+  /// The part of the solid that each sphere stands for, m3: together the volume of the mesh. The
+  /// contact query does not use them yet: it measures sphere volume.
+  std::span<const float> represented_volumes() const { return parts_.represented_volumes; }
   /// Of the spheres at density 1 (eqs. 3.4-3.6): its centre of mass is the reference point of all
   /// torques.
   const MassProperties& sphere_mass() const { return sphere_mass_; }
@@ -40,7 +55,7 @@ class Tool {
   TriangleMesh mesh_;
   SpherePacking packing_;
   InnerSphereTree tree_;
-  LeafGraph graph_;
+  StoredParts parts_;
   MassProperties sphere_mass_, mesh_mass_;
   std::string source_;
 };
