@@ -50,7 +50,8 @@ void boundary(benchmark::State& state) {
       const Pose& X_WT = poses[i % poses.size()];
       int num_touched = 0;
       latency.time([&] {
-        const ImageWindow window = image_window(scan.cloud, {{-half, -half, -half}, {half, half, half}}, X_WT);
+        const ImageWindow window =
+            image_window(scan.cloud, {{-half, -half, -half}, {half, half, half}}, X_WT);
         scan.R_TW = rotation_matrix(conjugate(X_WT.rotation));
         scan.translation_W = X_WT.translation;
         scan_points(scan, window.row_begin, window.row_end, window.column_begin, window.column_end,
@@ -82,7 +83,8 @@ void query(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(1)));
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(2)) / 100);
   ThreadPool pool(static_cast<int>(state.range(3)));
-  const auto contact = std::move(make_contact_query(Backend::cpu, tool, {best_isa(), &pool})).value();
+  const auto contact =
+      std::move(make_contact_query(Backend::cpu, tool, {best_isa(), &pool})).value();
   contact->set_cloud(bumpy_wall().view());
   const ContactOptions options = options_of(static_cast<int>(state.range(0)));
   std::size_t i = 0;

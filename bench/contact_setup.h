@@ -1,5 +1,5 @@
-// The set-up of every contact benchmark: a 640x480 frame of a bumpy wall at 1 m, a cube of 0.2 m packed
-// with N spheres, 200 random poses at a given depth.
+// The set-up of every contact benchmark: a 640x480 frame of a bumpy wall at 1 m, a cube of 0.2 m
+// packed with N spheres, 200 random poses at a given depth.
 #pragma once
 
 #include <cstdlib>

@@ -2,8 +2,8 @@
 // frame: PCL's OrganizedNeighbor, one radius search per sphere.
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
-#include <pcl/search/impl/organized.hpp>
 #include <pcl/search/organized.h>
+#include <pcl/search/impl/organized.hpp>
 
 #include "bench/contact_setup.h"
 #include "bench/latency.h"
@@ -15,9 +15,8 @@ void pcl_organized_neighbor(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
   const PointCloud& wall = bumpy_wall();
-  pcl::PointCloud<pcl::PointXYZ>::Ptr cloud(
-      new pcl::PointCloud<pcl::PointXYZ>(static_cast<std::uint32_t>(wall.width()),
-                                         static_cast<std::uint32_t>(wall.height())));
+  pcl::PointCloud<pcl::PointXYZ>::Ptr cloud(new pcl::PointCloud<pcl::PointXYZ>(
+      static_cast<std::uint32_t>(wall.width()), static_cast<std::uint32_t>(wall.height())));
   for (std::size_t i = 0; i < wall.size(); ++i) {
     const Vec3f p = wall.point(i);
     (*cloud)[i] = pcl::PointXYZ(p.x, p.y, p.z);

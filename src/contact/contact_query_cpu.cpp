@@ -154,7 +154,7 @@ class ContactQueryCpu final : public ContactQuery {
     double volume = 0;
     Vec3d first;  // sum of V_s (c_s - C)
   };
-  std::vector<SeedMoment> seed_moments_;      // graph: of the spheres that a seed reached
+  std::vector<SeedMoment> seed_moments_;  // graph: of the spheres that a seed reached
   // Those with a plane, as the plane stage wants them.
   std::vector<std::int32_t> lender_ids_;
   std::vector<Plane<double>> lender_planes_;
@@ -167,7 +167,7 @@ class ContactQueryCpu final : public ContactQuery {
   std::vector<std::int32_t> candidate_lenders_;
 
   std::span<const GraphTraversal::Visit> reached_;  // graph
-  ContactOptions options_;                 // of the last query
+  ContactOptions options_;                          // of the last query
   mutable std::vector<SphereState> states_;
   mutable std::vector<Plane<float>> planes_;
 };
@@ -186,8 +186,8 @@ void ContactQueryCpu::forget_last_query() {
   reached_ = {};
 }
 
-// Stage 1: which points are in which spheres. Rows (or runs of an unorganised cloud) are shared out;
-// the sums are whole numbers, so merging them in any order gives the same bits.
+// Stage 1: which points are in which spheres. Rows (or runs of an unorganised cloud) are shared
+// out; the sums are whole numbers, so merging them in any order gives the same bits.
 void ContactQueryCpu::find_boundary_points(const Pose& X_WT) {
   const ImageWindow window = image_window(cloud_, box_T_, X_WT);
   PointScan scan;
@@ -202,13 +202,14 @@ void ContactQueryCpu::find_boundary_points(const Pose& X_WT) {
   const int begin = by_rows ? window.row_begin : window.column_begin;
   const int end = by_rows ? window.row_end : window.column_end;
   pool_->parallel_for(num_tasks, [&](int t) {
-    const int from = begin + static_cast<int>(static_cast<std::int64_t>(end - begin) * t / num_tasks);
+    const int from =
+        begin + static_cast<int>(static_cast<std::int64_t>(end - begin) * t / num_tasks);
     const int to =
         begin + static_cast<int>(static_cast<std::int64_t>(end - begin) * (t + 1) / num_tasks);
     PointTask& task = tasks_[static_cast<std::size_t>(t)];
     if (by_rows) {
-      kernels_.scan_points(scan, from, to, window.column_begin, window.column_end,
-                           task.sums.data(), task.touched.data());
+      kernels_.scan_points(scan, from, to, window.column_begin, window.column_end, task.sums.data(),
+                           task.touched.data());
     } else {
       kernels_.scan_points(scan, window.row_begin, window.row_end, from, to, task.sums.data(),
                            task.touched.data());
@@ -240,9 +241,10 @@ Penetration ContactQueryCpu::find_boundary_planes(const Pose& X_WT) {
       const std::size_t id = word * 64 + static_cast<std::size_t>(std::countr_zero(bits));
       const PointSums& sums = all.sums[id];
       const double scale = 1.0 / (PointSums::kScale * static_cast<double>(sums.num_points()));
-      const auto mean = [&](const std::int64_t (&sum)[4]) {
+      const auto mean = [&](const std::int64_t(&sum)[4]) {
         return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
-                     static_cast<double>(sum[2])} * scale;
+                     static_cast<double>(sum[2])} *
+               scale;
       };
       const Vec3d p_T = R_TW * mean(sums.offset_W);
       const Vec3d mean_normal = mean(sums.normal_W);
@@ -310,7 +312,11 @@ MeasureSums ContactQueryCpu::measure_boundary_spheres() {
 Candidates ContactQueryCpu::candidates(int which) {
   const std::size_t size = spheres_.size() + kLenderPadding;
   float* floats = candidate_floats_.data() + static_cast<std::size_t>(which) * 4 * size;
-  return {0, floats, floats + size, floats + 2 * size, floats + 3 * size,
+  return {0,
+          floats,
+          floats + size,
+          floats + 2 * size,
+          floats + 3 * size,
           candidate_lenders_.data() + static_cast<std::size_t>(which) * size};
 }
 
@@ -352,7 +358,8 @@ MeasureSums ContactQueryCpu::measure_by_borrowing() {
   return sums;
 }
 
-// V_s of a sphere that the graph reached: whole (Alg. 3.7) or cut by its reference's plane (footnote).
+// V_s of a sphere that the graph reached: whole (Alg. 3.7) or cut by its reference's plane
+// (footnote).
 double ContactQueryCpu::reached_volume(const GraphTraversal::Visit& visit) const {
   const Sphere& sphere = spheres_[static_cast<std::size_t>(visit.sphere_id)];
   const double r = sphere.radius;
@@ -362,8 +369,8 @@ double ContactQueryCpu::reached_volume(const GraphTraversal::Visit& visit) const
   return cap_volume(r, dot(plane.normal, to_double(sphere.centre)) - plane.offset);
 }
 
-// All spheres with one reference push along one normal: their volumes and first moments are added up
-// first.
+// All spheres with one reference push along one normal: their volumes and first moments are added
+// up first.
 MeasureSums ContactQueryCpu::measure_along_graph() {
   MeasureSums sums;
   reached_ = traversal_.run(seeds_);

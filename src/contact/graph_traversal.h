@@ -13,9 +13,9 @@ namespace palpate {
 
 /// Breadth-first from all boundary spheres at once. An edge i -> j is walked only if it points away
 /// from the collision normal of i's *reference* boundary sphere, (c_j - c_i) . n_b < 0, at every
-/// step: that is what keeps the search inside. The reference of a sphere is the boundary sphere that
-/// reaches it over the fewest edges; among those of the same round, the one with the shortest path,
-/// then the lowest index. So the result does not depend on any order of execution.
+/// step: that is what keeps the search inside. The reference of a sphere is the boundary sphere
+/// that reaches it over the fewest edges; among those of the same round, the one with the shortest
+/// path, then the lowest index. So the result does not depend on any order of execution.
 class GraphTraversal {
  public:
   /// `spatial_order` lists all spheres so that neighbours in space are neighbours in the list: the
@@ -29,16 +29,16 @@ class GraphTraversal {
     Vec3d normal;
   };
 
-  /// A sphere that the search found, the seed whose plane is its reference (an index into the seeds)
-  /// and the length of the path from there.
+  /// A sphere that the search found, the seed whose plane is its reference (an index into the
+  /// seeds) and the length of the path from there.
   struct Visit {
     double path_length;
     std::int32_t sphere_id;
     std::int32_t seed;
   };
 
-  /// Returns the spheres reached, seeds not among them, in the order of their rounds. `seeds` are all
-  /// boundary spheres, ascending. O(edges of the spheres reached). No allocation.
+  /// Returns the spheres reached, seeds not among them, in the order of their rounds. `seeds` are
+  /// all boundary spheres, ascending. O(edges of the spheres reached). No allocation.
   std::span<const Visit> run(std::span<const Seed> seeds);
 
  private:
@@ -62,10 +62,10 @@ class GraphTraversal {
   std::vector<Place> place_of_;           // of each sphere
   std::vector<std::int32_t> row_starts_;  // of each place, and one past the last
   std::vector<Place> neighbours_;
-  std::vector<State> states_;             // of each place
-  std::vector<Offer> offers_;             // of each place
-  std::vector<Visit> visits_;             // seeds, then the spheres reached
-  std::vector<Place> places_;             // of each visit
+  std::vector<State> states_;  // of each place
+  std::vector<Offer> offers_;  // of each place
+  std::vector<Visit> visits_;  // seeds, then the spheres reached
+  std::vector<Place> places_;  // of each visit
   std::size_t num_visits_ = 0;
 };
 

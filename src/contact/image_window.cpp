@@ -25,8 +25,9 @@ ImageWindow image_window(const PointCloudView& cloud, const Bounds& box_T, const
   const auto clamped = [](double value, int limit) {
     return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(limit)));
   };
-  return {clamped(std::floor(v_low) - 1, cloud.height), clamped(std::ceil(v_high) + 2, cloud.height),
-          clamped(std::floor(u_low) - 1, cloud.width), clamped(std::ceil(u_high) + 2, cloud.width)};
+  return {clamped(std::floor(v_low) - 1, cloud.height),
+          clamped(std::ceil(v_high) + 2, cloud.height), clamped(std::floor(u_low) - 1, cloud.width),
+          clamped(std::ceil(u_high) + 2, cloud.width)};
 }
 
 }  // namespace palpate

@@ -12,8 +12,8 @@ struct ImageWindow {
   int row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
 };
 
-/// The image of a box given in the tool frame, one pixel larger on every side; the whole cloud where
-/// that cannot be said (no pinhole cloud, box at or behind the camera).
+/// The image of a box given in the tool frame, one pixel larger on every side; the whole cloud
+/// where that cannot be said (no pinhole cloud, box at or behind the camera).
 ImageWindow image_window(const PointCloudView& cloud, const Bounds& box_T, const Pose& X_WT);
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
-// Second stage of the two brute-force methods: spheres that no point touches borrow a plane from the
-// boundary spheres (thesis section 3.2.2, Algs. 3.3 and 3.4 corrected).
+// Second stage of the two brute-force methods: spheres that no point touches borrow a plane from
+// the boundary spheres (thesis section 3.2.2, Algs. 3.3 and 3.4 corrected).
 #pragma once
 
 #include <cstdint>
@@ -9,15 +9,15 @@
 
 namespace palpate {
 
-/// Boundary spheres that lend a plane, ascending by sphere id; arrays are padded to a multiple of 16
-/// with places whose distance is huge and whose weight is 0. Tool frame.
+/// Boundary spheres that lend a plane, ascending by sphere id; arrays are padded to a multiple of
+/// 16 with places whose distance is huge and whose weight is 0. Tool frame.
 struct BoundaryPlanes {
   int num = 0;
   const std::int32_t* sphere_id = nullptr;
   const float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
   const float *nx = nullptr, *ny = nullptr, *nz = nullptr, *offset = nullptr;
-  const float* count = nullptr;           ///< points inside: the priority `count`
-  const Plane<double>* plane = nullptr;   ///< the same planes in double
+  const float* count = nullptr;          ///< points inside: the priority `count`
+  const Plane<double>* plane = nullptr;  ///< the same planes in double
 };
 
 /// Sums over some spheres, tool frame; the torque is about `origin`.
@@ -42,11 +42,11 @@ struct PlaneBorrowing {
   const SphereClusters* clusters = nullptr;
   const Sphere* spheres = nullptr;
   BoundaryPlanes boundary;
-  Vec3d origin;                      ///< centre of mass
-  bool by_count = false;             ///< weights: points inside instead of inverse distance
+  Vec3d origin;                           ///< centre of mass
+  bool by_count = false;                  ///< weights: points inside instead of inverse distance
   const std::int32_t* touched = nullptr;  ///< per place: kTouched or kNone
-  std::int32_t* lender = nullptr;    ///< simplified: index into `boundary` per place
-  float* borrowed_volume = nullptr;  ///< per place: V_s, for the state of the sphere
+  std::int32_t* lender = nullptr;         ///< simplified: index into `boundary` per place
+  float* borrowed_volume = nullptr;       ///< per place: V_s, for the state of the sphere
 };
 
 /// Boundary spheres that can be the nearest one to some sphere of a group or cluster.
@@ -67,10 +67,10 @@ using BorrowNearest = MeasureSums (*)(const PlaneBorrowing&, int group, Borrowin
 /// Clusters of one group: average over all boundary spheres, weighted by priority (Alg. 3.3).
 using BorrowWeighted = MeasureSums (*)(const PlaneBorrowing&, int group);
 
-#define PALPATE_DECLARE_BORROWING(variant)                                                    \
-  namespace variant {                                                                         \
-  MeasureSums borrow_nearest(const PlaneBorrowing&, int group, BorrowingScratch&);            \
-  MeasureSums borrow_weighted(const PlaneBorrowing&, int group);                              \
+#define PALPATE_DECLARE_BORROWING(variant)                                         \
+  namespace variant {                                                              \
+  MeasureSums borrow_nearest(const PlaneBorrowing&, int group, BorrowingScratch&); \
+  MeasureSums borrow_weighted(const PlaneBorrowing&, int group);                   \
   }
 PALPATE_DECLARE_BORROWING(isa_baseline)
 PALPATE_DECLARE_BORROWING(isa_avx2)

@@ -23,9 +23,10 @@ inline VecF cap_volume_v(VecF radius, VecF distance) {
   return static_cast<float>(kPi / 3.0) * h * h * (3.0f * radius - h);
 }
 
-// Of `from`, those that may be nearest to some centre in the box. With b* the one nearest to the box's
-// middle m, another b is nearer to a point x of the box only if x lies beyond the plane half way
-// between b* and b, so only if |m - b|^2 - |m - b*|^2 < 2 h . |b - b*|, h the half sides of the box.
+// Of `from`, those that may be nearest to some centre in the box. With b* the one nearest to the
+// box's middle m, another b is nearer to a point x of the box only if x lies beyond the plane half
+// way between b* and b, so only if |m - b|^2 - |m - b*|^2 < 2 h . |b - b*|, h the half sides of the
+// box.
 void prune_candidates(const Candidates& from, const Cluster& box, Candidates& to) {
   VecF least = splat(1e30f);
   for (int i = 0; i < from.num; i += kLanes) {
@@ -64,7 +65,8 @@ void prune_candidates(const Candidates& from, const Cluster& box, Candidates& to
 }
 
 // True if some sphere of the cluster may reach behind one of the candidates' planes.
-bool is_reached(const BoundaryPlanes& boundary, const Candidates& candidates, const Cluster& cluster) {
+bool is_reached(const BoundaryPlanes& boundary, const Candidates& candidates,
+                const Cluster& cluster) {
   const float limit = cluster.reach + kSlack * (norm(cluster.centre) + cluster.reach);
   for (int i = 0; i < candidates.num; ++i) {
     const std::int32_t b = candidates.lender[i];
@@ -100,7 +102,8 @@ double exact_volume(const PlaneBorrowing& job, std::int32_t sphere_id, std::int3
 }
 
 // Which boundary sphere lends its plane to each lane: the nearest one of the candidates.
-VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place, const Candidates& candidates) {
+VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place,
+                        const Candidates& candidates) {
   const SphereClusters& c = *job.clusters;
   const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);
   VecF least = splat(1e30f), second = splat(1e30f);
@@ -188,7 +191,8 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
       sums.num_inside += std::popcount(mask_bits(volume > 0.0f));
 
       const VecF fx = volume * nx, fy = volume * ny, fz = volume * nz;
-      const VecF ax = x - static_cast<float>(job.origin.x), ay = y - static_cast<float>(job.origin.y),
+      const VecF ax = x - static_cast<float>(job.origin.x),
+                 ay = y - static_cast<float>(job.origin.y),
                  az = z - static_cast<float>(job.origin.z);
       volume_sum += volume;
       force[0] += fx, force[1] += fy, force[2] += fz;

@@ -11,14 +11,15 @@
 
 namespace palpate {
 
-/// Sums of the points inside one sphere, in fixed point: whole numbers add up to the same bits in any
-/// order, on any number of threads and on any backend. One cache line.
+/// Sums of the points inside one sphere, in fixed point: whole numbers add up to the same bits in
+/// any order, on any number of threads and on any backend. One cache line.
 struct alignas(64) PointSums {
-  /// Counts per metre (and per unit of a normal, and per point). Rounds at 5e-13 m; 8 million points
-  /// within 1 m fit.
+  /// Counts per metre (and per unit of a normal, and per point). Rounds at 5e-13 m; 8 million
+  /// points within 1 m fit.
   static constexpr double kScale = 1099511627776.0;  // 2^40
 
-  std::int64_t offset_W[4] = {0, 0, 0, 0};  ///< sum of p - t, world axes, t the tool's translation; points
+  std::int64_t offset_W[4] = {0, 0, 0,
+                              0};  ///< sum of p - t, world axes, t the tool's translation; points
   std::int64_t normal_W[4] = {0, 0, 0, 0};  ///< sum of normals, world axes; unused
 
   std::int64_t num_points() const { return offset_W[3] >> 40; }
@@ -36,15 +37,15 @@ struct PointScan {
   PointCloudView cloud;
   SphereGridView grid;
   const Sphere* spheres = nullptr;
-  Mat3d R_TW;            ///< world to tool, double: decides close calls
-  Vec3d translation_W;   ///< of X_WT
+  Mat3d R_TW;           ///< world to tool, double: decides close calls
+  Vec3d translation_W;  ///< of X_WT
 
   // Image window: rows and columns that can hold a point of the tool.
   int row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
 };
 
-/// Adds the points of rows [row_begin, row_end) of the window to `sums` (one per sphere) and sets the
-/// sphere's bit in `touched`. An unorganised cloud is one row: it is cut by columns instead.
+/// Adds the points of rows [row_begin, row_end) of the window to `sums` (one per sphere) and sets
+/// the sphere's bit in `touched`. An unorganised cloud is one row: it is cut by columns instead.
 using ScanPoints = void (*)(const PointScan& scan, int row_begin, int row_end, int column_begin,
                             int column_end, PointSums* sums, std::uint64_t* touched);
 

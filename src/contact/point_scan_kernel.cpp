@@ -1,6 +1,6 @@
 // The point loop, compiled once per instruction set. Two steps on short runs of a row: look up the
-// grid cells of a few points at a time and keep those that matter; then, one by one, find the sphere
-// that contains the point and add it up in fixed point.
+// grid cells of a few points at a time and keep those that matter; then, one by one, find the
+// sphere that contains the point and add it up in fixed point.
 #include <algorithm>
 #include <bit>
 
@@ -81,9 +81,10 @@ void find_cells(const PointScan& scan, const GridTransform& to_grid, std::size_t
     inside &= lane_ids() < splat(static_cast<std::int32_t>(std::min<std::size_t>(end - i, kLanes)));
     if (mask_bits(inside) == 0) continue;
     const VecF zero = splat(0.0f);
-    const VecI cell = (to_int(select(inside, gz, zero)) * grid.num_y +
-                       to_int(select(inside, gy, zero))) * grid.num_x +
-                      to_int(select(inside, gx, zero));
+    const VecI cell =
+        (to_int(select(inside, gz, zero)) * grid.num_y + to_int(select(inside, gy, zero))) *
+            grid.num_x +
+        to_int(select(inside, gx, zero));
     const VecI tag = gather(grid.tags, cell);
     const std::uint32_t bits = mask_bits(inside & (tag != 0));
     if (bits == 0) continue;
@@ -147,8 +148,8 @@ struct Accumulator {
 };
 
 // The candidate of a cell that contains the point, or -1.
-inline std::int32_t find_sphere(const PointScan& scan, const CandidateBlock* block, float px, float py,
-                                float pz, std::int32_t point) {
+inline std::int32_t find_sphere(const PointScan& scan, const CandidateBlock* block, float px,
+                                float py, float pz, std::int32_t point) {
   const Vec8F x = Vec8F{} + px, y = Vec8F{} + py, z = Vec8F{} + pz;
   for (;; ++block) {
     const Vec8F dx = x - *reinterpret_cast<const Vec8F*>(block->x);
@@ -180,10 +181,9 @@ void add_points(const PointScan& scan, const Survivors& in, const Accumulator& t
       __builtin_prefetch(next + 128);
     }
     const std::int32_t tag = in.tag[s];
-    const std::int32_t id =
-        tag > 0 ? tag - 1  // the cell is wholly inside a sphere
-                : find_sphere(scan, scan.grid.blocks - (tag + 1), in.x[s], in.y[s], in.z[s],
-                              in.index[s]);
+    const std::int32_t id = tag > 0 ? tag - 1  // the cell is wholly inside a sphere
+                                    : find_sphere(scan, scan.grid.blocks - (tag + 1), in.x[s],
+                                                  in.y[s], in.z[s], in.index[s]);
     if (id >= 0) to.add(in.index[s], id);
   }
 }

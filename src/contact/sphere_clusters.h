@@ -29,13 +29,15 @@ class SphereClusters {
   int num_clusters() const { return static_cast<int>(clusters.size()); }
   int num_groups() const { return static_cast<int>(groups.size()); }
   /// All spheres in cluster order.
-  std::span<const std::int32_t> order() const { return std::span(sphere_id).first(place_of.size()); }
+  std::span<const std::int32_t> order() const {
+    return std::span(sphere_id).first(place_of.size());
+  }
 
   std::vector<float> x, y, z, radius, volume;  ///< one per place
   std::vector<std::int32_t> sphere_id;         ///< of each place; -1 for padding
   std::vector<std::int32_t> place_of;          ///< of each sphere
   std::vector<Cluster> clusters;
-  std::vector<Cluster> groups;                 ///< around kClustersPerGroup clusters
+  std::vector<Cluster> groups;  ///< around kClustersPerGroup clusters
 };
 
 }  // namespace palpate

@@ -35,8 +35,7 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
     }
   }
   const Vec3d size = high - low;
-  cells_per_metre_ =
-      cells_along_longest_side(spheres.size()) / std::max({size.x, size.y, size.z});
+  cells_per_metre_ = cells_along_longest_side(spheres.size()) / std::max({size.x, size.y, size.z});
   const double margin = 2 * kInflation / cells_per_metre_;
   origin_ = low - Vec3d{margin, margin, margin};
   for (int axis = 0; axis < 3; ++axis) {
@@ -92,7 +91,8 @@ SphereGrid::SphereGrid(std::span<const Sphere> spheres) {
       for (std::size_t i = begin; i < end; ++i) {
         const std::size_t slot = (i - begin) % CandidateBlock::kSize;
         if (slot == 0) {
-          if (i > begin) blocks_.back().sphere_id[CandidateBlock::kSize - 1] |= CandidateBlock::kGoesOn;
+          if (i > begin)
+            blocks_.back().sphere_id[CandidateBlock::kSize - 1] |= CandidateBlock::kGoesOn;
           blocks_.push_back(CandidateBlock{});
           std::fill_n(blocks_.back().surely_inside, CandidateBlock::kSize, -1.0f);
           std::fill_n(blocks_.back().maybe_inside, CandidateBlock::kSize, -1.0f);

@@ -1,6 +1,6 @@
 // Which sphere contains a point? A uniform grid over the tool whose cells know it at once (wholly
-// inside sphere k), or hold the few spheres to try. Replaces the tree of thesis Alg. 3.2 for points:
-// same answer, independent of the number of spheres.
+// inside sphere k), or hold the few spheres to try. Replaces the tree of thesis Alg. 3.2 for
+// points: same answer, independent of the number of spheres.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,8 @@ struct alignas(64) CandidateBlock {
   float x[kSize], y[kSize], z[kSize];
   float surely_inside[kSize];  ///< squared distance up to which the fast test is sure: inside
   float maybe_inside[kSize];   ///< beyond which it is sure: outside; negative for padding
-  std::int32_t sphere_id[kSize];  ///< the last one carries kGoesOn if the next block is of this cell
+  std::int32_t
+      sphere_id[kSize];  ///< the last one carries kGoesOn if the next block is of this cell
 
   static constexpr std::int32_t kGoesOn = 1 << 30;
   std::int32_t id(int slot) const { return sphere_id[slot] & (kGoesOn - 1); }
@@ -29,7 +30,7 @@ struct alignas(64) CandidateBlock {
 
 /// Not owning, trivially copyable.
 struct SphereGridView {
-  Vec3d origin;              ///< low corner, tool frame
+  Vec3d origin;  ///< low corner, tool frame
   double cells_per_metre = 1;
   std::int32_t num_x = 0, num_y = 0, num_z = 0;
   const std::int32_t* tags = nullptr;  ///< 0: no sphere; k+1: inside sphere k; -(b+1): try block b

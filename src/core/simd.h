@@ -1,6 +1,6 @@
-// One vector width for a kernel text that is compiled once per instruction set (see palpate_kernel in
-// cmake/PalpateBuild.cmake). Plain GCC/Clang vector types; the few operations they lack are here.
-// Included only by kernel files, which put their code in namespace PALPATE_ISA_NAMESPACE.
+// One vector width for a kernel text that is compiled once per instruction set (see palpate_kernel
+// in cmake/PalpateBuild.cmake). Plain GCC/Clang vector types; the few operations they lack are
+// here. Included only by kernel files, which put their code in namespace PALPATE_ISA_NAMESPACE.
 #pragma once
 
 #include <cmath>
@@ -20,7 +20,8 @@ namespace palpate::PALPATE_ISA_NAMESPACE {
 inline constexpr int kLanes = PALPATE_LANES;
 
 typedef float VecF __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
-typedef std::int32_t VecI __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
+typedef std::int32_t VecI
+    __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
 
 /// All lanes the same.
 inline VecF splat(float value) { return VecF{} + value; }
@@ -76,9 +77,12 @@ inline VecF abs(VecF v) { return reinterpret_cast<VecF>(reinterpret_cast<VecI>(v
   constexpr float kMagic = 12582912.0f;
   const VecF shifted = v + kMagic;
   const VecF f = v - (shifted - kMagic);  // -0.5 .. 0.5
-  const VecF p = 1.0f + f * (0.693147004f + f * (0.240222424f + f * (0.0555073358f +
-                 f * (0.00967151299f + f * 0.00132647285f))));
-  return reinterpret_cast<VecF>(reinterpret_cast<VecI>(p) + (reinterpret_cast<VecI>(shifted) << 23));
+  const VecF p =
+      1.0f +
+      f * (0.693147004f +
+           f * (0.240222424f + f * (0.0555073358f + f * (0.00967151299f + f * 0.00132647285f))));
+  return reinterpret_cast<VecF>(reinterpret_cast<VecI>(p) +
+                                (reinterpret_cast<VecI>(shifted) << 23));
 }
 
 /// Bit i is set if lane i of the mask is.
@@ -103,11 +107,9 @@ inline VecF to_float(VecI v) { return __builtin_convertvector(v, VecF); }
 /// table[index[i]] for each lane.
 inline VecI gather(const std::int32_t* table, VecI index) {
 #if PALPATE_LANES == 16
-  return reinterpret_cast<VecI>(
-      _mm512_i32gather_epi32(reinterpret_cast<__m512i>(index), table, 4));
+  return reinterpret_cast<VecI>(_mm512_i32gather_epi32(reinterpret_cast<__m512i>(index), table, 4));
 #elif PALPATE_LANES == 8
-  return reinterpret_cast<VecI>(
-      _mm256_i32gather_epi32(table, reinterpret_cast<__m256i>(index), 4));
+  return reinterpret_cast<VecI>(_mm256_i32gather_epi32(table, reinterpret_cast<__m256i>(index), 4));
 #else
   VecI v;
   for (int i = 0; i < kLanes; ++i) v[i] = table[index[i]];
@@ -127,13 +129,14 @@ inline VecF gather(const float* table, VecI index) {
 #endif
 }
 
-/// Writes the lanes whose bit is set to consecutive places; may also write up to kLanes values in all.
+/// Writes the lanes whose bit is set to consecutive places; may also write up to kLanes values in
+/// all.
 template <class Vec, class Element>
 inline void compress_store(Element* to, Vec v, std::uint32_t bits) {
   static_assert(sizeof(Element) == 4);
 #if PALPATE_LANES == 16
-  _mm512_storeu_si512(to, _mm512_maskz_compress_epi32(static_cast<__mmask16>(bits),
-                                                      reinterpret_cast<__m512i>(v)));
+  _mm512_storeu_si512(
+      to, _mm512_maskz_compress_epi32(static_cast<__mmask16>(bits), reinterpret_cast<__m512i>(v)));
 #elif PALPATE_LANES == 8
   // Spread the bits to bytes, pick the byte numbers of the set ones, widen them to lane numbers.
   const std::uint64_t bytes = _pdep_u64(bits, 0x0101010101010101u) * 0xff;

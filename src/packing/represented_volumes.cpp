@@ -10,6 +10,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "palpate/mesh/mass_properties.h"
 #include "src/packing/cut_cube.h"
@@ -44,6 +45,7 @@ struct Cell {
   std::uint64_t path = 1;  ///< octants from the root, three bits each
   bool inside = false;     ///< its centre
   std::vector<std::int32_t> spheres, triangles;
+  std::vector<double> powers;  ///< at the centre, of the parent's spheres
 
   std::uint64_t weight() const { return std::uint64_t(1) << 3 * (kDeepestLevel - level); }
 };
@@ -136,14 +138,20 @@ class PowerCells {
     child.spheres.clear();
     if (child.triangles.empty() && !child.inside) return;  // all outside
     const Vec3d m = child.cube.centre;
-    const std::int32_t best = nearest(parent, m);
-    const double least = ball(best).power(m);
+    child.powers.clear();
+    double least = std::numeric_limits<double>::infinity();
+    Vec3d nearest_centre;
+    for (const std::int32_t i : parent.spheres) {
+      child.powers.push_back(ball(i).power(m));
+      if (child.powers.back() < least) least = child.powers.back(), nearest_centre = ball(i).centre;
+    }
     // Two powers differ by an affine function: beaten here by more than it can change in the cell
     // is beaten all over it.
-    for (const std::int32_t i : parent.spheres) {
-      const Vec3d apart = ball(i).centre - ball(best).centre;
+    for (std::size_t k = 0; k < parent.spheres.size(); ++k) {
+      const std::int32_t i = parent.spheres[k];
+      const Vec3d apart = ball(i).centre - nearest_centre;
       const double change = 2 * half * (std::abs(apart.x) + std::abs(apart.y) + std::abs(apart.z));
-      if (ball(i).power(m) - least <= change) child.spheres.push_back(i);
+      if (child.powers[k] - least <= change) child.spheres.push_back(i);
     }
   }
 

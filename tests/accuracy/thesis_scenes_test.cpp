@@ -33,13 +33,13 @@ const Tool& packed_tool(const std::string& shape, double size) {
 }
 
 struct PathError {
-  double rms = 0;           // of (measured share of the packing) - (exact share of the mesh)
-  double worst_lost = 0;    // largest share of the travel, from either end, that is out of contact
+  double rms = 0;         // of (measured share of the packing) - (exact share of the mesh)
+  double worst_lost = 0;  // largest share of the travel, from either end, that is out of contact
 };
 
-// The point methods measure only while a point is inside a sphere: before the first sphere is reached
-// and once the surface has left the last one behind they give zero (thesis section 3.2). Those steps
-// are not averaged; how many there may be is checked apart.
+// The point methods measure only while a point is inside a sphere: before the first sphere is
+// reached and once the surface has left the last one behind they give zero (thesis section 3.2).
+// Those steps are not averaged; how many there may be is checked apart.
 PathError path_error(const scenes::ThesisExperiment& experiment, const ContactOptions& options) {
   const scenes::Scene scene = scenes::make_scene(experiment.scene).value();
   const scenes::Environment environment = scenes::environment_of(experiment.scene).value();
@@ -96,8 +96,8 @@ TEST_P(ThesisScenes, GraphDoesNotLeak) {
 
 INSTANTIATE_TEST_SUITE_P(Figures, ThesisScenes, testing::ValuesIn(scenes::thesis_experiments()),
                          [](const auto& experiment) {
-                           std::string name = experiment.param.scene + "_" +
-                                              experiment.param.tool_shape;
+                           std::string name =
+                               experiment.param.scene + "_" + experiment.param.tool_shape;
                            for (char& c : name) c = c == '-' ? '_' : c;
                            return name;
                          });

@@ -70,13 +70,13 @@ void expect_equals_truth(const Tool& tool, const PointCloudView& cloud, const Po
   const test::BoundaryTruth touched = test::boundary_truth(spheres, cloud, X_WT);
   query.set_cloud(cloud);
   for (const ContactOptions& options : all_options()) {
-    SCOPED_TRACE(testing::Message() << "method " << static_cast<int>(options.method) << ", priority "
-                                    << static_cast<int>(options.priority) << ", inside "
-                                    << static_cast<int>(options.inside));
-    expect_equals_truth(test::contact_truth(spheres, tool.graph().edges(),
-                                            tool.sphere_mass().centre_of_mass, touched, X_WT,
-                                            options),
-                        X_WT, options, query);
+    SCOPED_TRACE(testing::Message() << "method " << static_cast<int>(options.method)
+                                    << ", priority " << static_cast<int>(options.priority)
+                                    << ", inside " << static_cast<int>(options.inside));
+    expect_equals_truth(
+        test::contact_truth(spheres, tool.graph().edges(), tool.sphere_mass().centre_of_mass,
+                            touched, X_WT, options),
+        X_WT, options, query);
   }
 }
 
@@ -97,8 +97,8 @@ TEST_P(EveryIsa, EqualsBruteForceOnRandomPoses) {
     int num_poses;
   };
   // 1,000 poses in all; every method sees every pose.
-  for (const Case& c : {Case{40, 0.05, 0.0, 600}, Case{300, 0.04, 0.0015, 350},
-                        Case{1500, 0.1, 0.003, 50}}) {
+  for (const Case& c :
+       {Case{40, 0.05, 0.0, 600}, Case{300, 0.04, 0.0015, 350}, Case{1500, 0.1, 0.003, 50}}) {
     const Tool tool = test::random_tool(c.num_spheres, c.half_side, 11);
     const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, c.noise, 5);
     const auto query = make_query(tool, GetParam());
@@ -145,8 +145,7 @@ TEST_P(EveryIsa, AgreesWithBaseline) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Isas, EveryIsa,
-                         testing::Values(Isa::baseline, Isa::avx2, Isa::avx512),
+INSTANTIATE_TEST_SUITE_P(Isas, EveryIsa, testing::Values(Isa::baseline, Isa::avx2, Isa::avx512),
                          [](const auto& isa) { return isa_name(isa.param); });
 
 bool same_bits(const Penetration& a, const Penetration& b) {

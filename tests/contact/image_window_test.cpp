@@ -27,9 +27,9 @@ TEST(ImageWindow, HoldsEveryPixelOfTheBox) {
     EXPECT_LE(window.row_end, view.height);
     EXPECT_LE(window.column_end, view.width);
     for (int k = 0; k < 200; ++k) {
-      const Vec3d p_W = X_WT * Vec3d{random.uniform(box.low.x, box.high.x),
-                                     random.uniform(box.low.y, box.high.y),
-                                     random.uniform(box.low.z, box.high.z)};
+      const Vec3d p_W =
+          X_WT * Vec3d{random.uniform(box.low.x, box.high.x), random.uniform(box.low.y, box.high.y),
+                       random.uniform(box.low.z, box.high.z)};
       if (p_W.z <= 0) continue;
       const double u = std::round(view.intrinsics.fx * p_W.x / p_W.z + view.intrinsics.cx);
       const double v = std::round(view.intrinsics.fy * p_W.y / p_W.z + view.intrinsics.cy);

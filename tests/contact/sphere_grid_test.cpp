@@ -7,7 +7,8 @@
 namespace palpate {
 namespace {
 
-// Cells by definition: tags and lists must agree with a test of the cell's corners and of the sphere.
+// Cells by definition: tags and lists must agree with a test of the cell's corners and of the
+// sphere.
 TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
   const std::vector<Sphere> spheres = test::random_spheres(400, 0.1, 3);
   const SphereGrid grid(spheres);
@@ -22,8 +23,9 @@ TEST(SphereGrid, EveryPointOfASphereFindsItInItsCell) {
         (to_double(s.centre) + r * random.direction() - view.origin) * view.cells_per_metre;
     ASSERT_TRUE(g.x >= 0 && g.y >= 0 && g.z >= 0 && g.x < view.num_x && g.y < view.num_y &&
                 g.z < view.num_z);
-    const std::int32_t tag = view.tags[(static_cast<int>(g.z) * view.num_y + static_cast<int>(g.y)) *
-                                           view.num_x + static_cast<int>(g.x)];
+    const std::int32_t tag =
+        view.tags[(static_cast<int>(g.z) * view.num_y + static_cast<int>(g.y)) * view.num_x +
+                  static_cast<int>(g.x)];
     ASSERT_NE(tag, 0);
     if (tag > 0) {
       ASSERT_EQ(tag - 1, id);

@@ -11,7 +11,8 @@ namespace {
 TEST(Pose, ChainsLikeDominoes) {
   test::Random random(1);
   for (int i = 0; i < 100; ++i) {
-    const Pose X_AB{random.in_box(2), random.rotation(3)}, X_BC{random.in_box(2), random.rotation(3)};
+    const Pose X_AB{random.in_box(2), random.rotation(3)},
+        X_BC{random.in_box(2), random.rotation(3)};
     const Vec3d p_C = random.in_box(1);
     EXPECT_LT(norm((X_AB * X_BC) * p_C - X_AB * (X_BC * p_C)), 1e-14 * 10);
     EXPECT_LT(norm(inverse(X_AB) * (X_AB * p_C) - p_C), 1e-14 * 10);
@@ -36,7 +37,8 @@ TEST(Pose, InterpolationTakesTheShortWayAtConstantSpeed) {
   // Nearly equal rotations take the straight path of the same function.
   const Pose near{{0, 0, 0}, axis_angle({0, 1, 0}, 1e-4)};
   EXPECT_LT(norm(rotate(interpolate(a, near, 0.5).rotation, {0, 0, 1}) -
-                 rotate(axis_angle({0, 1, 0}, 5e-5), {0, 0, 1})), 1e-12);
+                 rotate(axis_angle({0, 1, 0}, 5e-5), {0, 0, 1})),
+            1e-12);
 }
 
 TEST(Vec3, CrossIsRightHanded) {

@@ -30,7 +30,8 @@ TEST(ThreadPool, ShortLoopsInARow) {
   for (int loop = 0; loop < 20000; ++loop) {
     pool.parallel_for(8, [&](int task) { sums[static_cast<std::size_t>(task)] += task; });
   }
-  for (int task = 0; task < 8; ++task) EXPECT_EQ(sums[static_cast<std::size_t>(task)], 20000 * task);
+  for (int task = 0; task < 8; ++task)
+    EXPECT_EQ(sums[static_cast<std::size_t>(task)], 20000 * task);
 }
 
 TEST(ThreadPool, DoesNotAllocatePerLoop) {

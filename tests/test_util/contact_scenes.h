@@ -10,8 +10,8 @@
 
 namespace palpate::test {
 
-/// Disjoint spheres of many sizes inside a box of the given half side: random centres, each as large
-/// as its neighbours and the box allow.
+/// Disjoint spheres of many sizes inside a box of the given half side: random centres, each as
+/// large as its neighbours and the box allow.
 inline std::vector<Sphere> random_spheres(int num, double half_side, std::uint64_t seed) {
   Random random(seed);
   std::vector<Sphere> spheres;
@@ -38,7 +38,8 @@ inline Tool random_tool(int num_spheres, double half_side, std::uint64_t seed) {
       .value();
 }
 
-/// A bumpy wall at about `depth` seen by a pinhole camera, with depth noise, noisy normals and holes.
+/// A bumpy wall at about `depth` seen by a pinhole camera, with depth noise, noisy normals and
+/// holes.
 inline PointCloud noisy_wall(int width, int height, double focal_length, double depth, double noise,
                              std::uint64_t seed) {
   Random random(seed);
@@ -46,7 +47,8 @@ inline PointCloud noisy_wall(int width, int height, double focal_length, double 
   PointCloud cloud(width, height, k);
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) {
-      const double z = depth + 0.01 * std::sin(u * 0.1) * std::cos(v * 0.13) + noise * random.normal();
+      const double z =
+          depth + 0.01 * std::sin(u * 0.1) * std::cos(v * 0.13) + noise * random.normal();
       const Vec3d n = Vec3d{0, 0, -1} + 0.2 * random.direction();
       if (random.uniform() < 0.02) continue;
       cloud.set(static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +

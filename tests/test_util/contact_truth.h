@@ -1,5 +1,6 @@
-// The obvious answer to a contact query: every point against every sphere, every sphere against every
-// boundary sphere, all in double, in the world frame. Shares no code with the library's query.
+// The obvious answer to a contact query: every point against every sphere, every sphere against
+// every boundary sphere, all in double, in the world frame. Shares no code with the library's
+// query.
 #pragma once
 
 #include <algorithm>
@@ -107,7 +108,8 @@ inline Truth contact_truth(const std::vector<Sphere>& spheres,
       ++truth.penetration.num_inside_spheres;
     }
   };
-  for (std::size_t s : boundary) add(s, volume_behind(s, plane[s]), volume_behind(s, plane[s]) * plane[s].n);
+  for (std::size_t s : boundary)
+    add(s, volume_behind(s, plane[s]), volume_behind(s, plane[s]) * plane[s].n);
   if (boundary.empty()) return truth;
 
   if (options.method == InsideMethod::graph) {
@@ -151,9 +153,8 @@ inline Truth contact_truth(const std::vector<Sphere>& spheres,
     for (std::size_t s = 0; s < n; ++s) {
       if (label[s].round <= 0) continue;
       const Lender& lender = plane[label[s].reference];
-      const double volume = options.inside == InsideVolume::full
-                                ? true_cap(spheres[s].radius, -1e9)
-                                : volume_behind(s, lender);
+      const double volume = options.inside == InsideVolume::full ? true_cap(spheres[s].radius, -1e9)
+                                                                 : volume_behind(s, lender);
       add(s, volume, volume * lender.n);
     }
     return truth;

@@ -13,10 +13,10 @@ namespace palpate::test {
 std::optional<std::filesystem::path> data_folder();
 
 /// Path of one data file; skips the test by name when the data are not there.
-#define PALPATE_DATA_OR_SKIP(variable, relative)                                   \
-  const auto variable##_folder = ::palpate::test::data_folder();                   \
-  if (!variable##_folder) GTEST_SKIP() << "SKIPPED: no real data for " << relative \
-                                       << " (set PALPATE_DATA)";                   \
+#define PALPATE_DATA_OR_SKIP(variable, relative)                                       \
+  const auto variable##_folder = ::palpate::test::data_folder();                       \
+  if (!variable##_folder)                                                              \
+    GTEST_SKIP() << "SKIPPED: no real data for " << relative << " (set PALPATE_DATA)"; \
   const std::filesystem::path variable = *variable##_folder / relative
 
 }  // namespace palpate::test

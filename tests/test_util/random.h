@@ -22,7 +22,8 @@ class Random {
     return low + (high - low) * (static_cast<double>(bits() >> 11) * 0x1.0p-53);
   }
   double normal() {
-    return std::sqrt(-2 * std::log(1 - uniform())) * std::cos(2 * 3.14159265358979323846 * uniform());
+    return std::sqrt(-2 * std::log(1 - uniform())) *
+           std::cos(2 * 3.14159265358979323846 * uniform());
   }
   Vec3d in_box(double half) {
     const double x = uniform(-half, half), y = uniform(-half, half), z = uniform(-half, half);

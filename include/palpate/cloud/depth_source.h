@@ -29,10 +29,10 @@ struct DepthFrame {
 struct DepthStreamInfo {
   int width = 0, height = 0;
   Intrinsics intrinsics;
-  double unit = 0.001;                  ///< metres per count
-  double rate = 30;                     ///< nominal frames per second
-  std::optional<int> num_frames;        ///< nullopt for an endless stream
-  std::string name;                     ///< for people
+  double unit = 0.001;            ///< metres per count
+  double rate = 30;               ///< nominal frames per second
+  std::optional<int> num_frames;  ///< nullopt for an endless stream
+  std::string name;               ///< for people
 };
 
 /// A source is read by one thread, oldest frame first.

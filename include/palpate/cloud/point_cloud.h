@@ -11,9 +11,10 @@
 namespace palpate {
 
 /// What a query sees. Not owning, trivially copyable. Point i has coordinates x[i], y[i], z[i]
-/// (camera frame C, metres) and a unit normal out of the environment. An invalid point is NaN in all
-/// six. Point (u, v) of an organised cloud is i = v * width + u; an unorganised cloud has height 1.
-/// The arrays are readable up to the next multiple of kPadding points; the padding is NaN.
+/// (camera frame C, metres) and a unit normal out of the environment. An invalid point is NaN in
+/// all six. Point (u, v) of an organised cloud is i = v * width + u; an unorganised cloud has
+/// height 1. The arrays are readable up to the next multiple of kPadding points; the padding is
+/// NaN.
 struct PointCloudView {
   static constexpr std::size_t kPadding = 64;
 

@@ -42,8 +42,8 @@ struct ContactOptions {
 /// Things a caller may want to know about a step that still gave a valid result.
 enum class StepStatus : std::uint32_t {
   ok = 0,
-  non_finite_pose = 1,     ///< the pose was not finite: nothing was measured, all zero
-  ambiguous_normals = 2,   ///< a boundary sphere's points disagree (|mean normal| < 0.5)
+  non_finite_pose = 1,    ///< the pose was not finite: nothing was measured, all zero
+  ambiguous_normals = 2,  ///< a boundary sphere's points disagree (|mean normal| < 0.5)
 };
 
 /// The measure for one pose.

@@ -28,8 +28,8 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::pa
 
 /// A cloud with normals from a PLY (ascii or binary; properties x y z nx ny nz) or PCD (ascii,
 /// binary, binary_compressed; fields x y z normal_x normal_y normal_z). A PCD with height > 1 stays
-/// organised. Clouds without normals: Error that says so. Errors also for truncated files and counts
-/// that the file cannot hold (checked before allocating).
+/// organised. Clouds without normals: Error that says so. Errors also for truncated files and
+/// counts that the file cannot hold (checked before allocating).
 Result<PointCloud> load_cloud(const std::filesystem::path& path);
 
 /// Depth image of an organised PCD without normals: z as 16-bit counts of `unit`.

@@ -16,10 +16,9 @@ struct Quaternion {
 };
 
 PALPATE_HOSTDEV inline Quaternion operator*(const Quaternion& a, const Quaternion& b) {
-  return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-          a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
-          a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
-          a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
+  return {
+      a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+      a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
 }
 
 PALPATE_HOSTDEV inline Quaternion conjugate(const Quaternion& q) { return {-q.x, -q.y, -q.z, q.w}; }
@@ -92,8 +91,7 @@ inline Pose interpolate(const Pose& a, const Pose& b, double t) {
   }
   return {a.translation * (1 - t) + b.translation * t,
           normalized(Quaternion{weight_p * p.x + weight_q * q.x, weight_p * p.y + weight_q * q.y,
-                                weight_p * p.z + weight_q * q.z,
-                                weight_p * p.w + weight_q * q.w})};
+                                weight_p * p.z + weight_q * q.z, weight_p * p.w + weight_q * q.w})};
 }
 
 /// Force and torque about a stated point in a stated frame, e.g. F_To_W: at To, expressed in W.

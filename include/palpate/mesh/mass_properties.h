@@ -10,9 +10,9 @@ namespace palpate {
 
 /// At density 1 kg/m3, so that mass equals volume.
 struct MassProperties {
-  double volume = 0;      ///< m3
-  Vec3d centre_of_mass;   ///< m
-  Mat3d inertia;          ///< kg m2 about the centre of mass, axes of the given frame
+  double volume = 0;     ///< m3
+  Vec3d centre_of_mass;  ///< m
+  Mat3d inertia;         ///< kg m2 about the centre of mass, axes of the given frame
 };
 
 /// Exact for a closed mesh (divergence theorem). O(triangles).
