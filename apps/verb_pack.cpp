@@ -139,10 +139,8 @@ void add_pack(CLI::App& program, Action& action) {
          "focal length F pixels: --min-radius Z / F / sqrt 2 at least")
       ->delimiter(',')
       ->expected(2)
-      ->check(CLI::PositiveNumber)
       ->type_name("Z,F");
   app.add_option("--max-fill", pack.max_fill, "stop at this fraction of the mesh volume")
-      ->check(CLI::PositiveNumber & CLI::Range(0.0, 1.0))
       ->capture_default_str();
   app.add_option("--max-seconds", pack.max_seconds, "stop after so many seconds")
       ->check(CLI::PositiveNumber);
@@ -162,13 +160,18 @@ void add_pack(CLI::App& program, Action& action) {
         usage_error("--max-radius, --min-radius, --max-fill and --max-seconds must be numbers");
       }
     }
-    if (!options->camera_spacing.empty()) {
-      const double floor =
-          least_felt_radius(options->camera_spacing[0], options->camera_spacing[1]);
-      if (!std::isfinite(floor)) usage_error("--camera-spacing: Z and F must be finite");
-      limits.min_radius = std::max(limits.min_radius, floor);
+    if (!(limits.max_fill > 0 && limits.max_fill <= 1)) {
+      usage_error("--max-fill must be greater than 0 and at most 1");
     }
-    if (options->pack.min_radius > options->pack.max_radius) {
+    if (!options->camera_spacing.empty()) {
+      const double depth = options->camera_spacing[0], focal_length = options->camera_spacing[1];
+      const double radius = least_felt_radius(depth, focal_length);
+      if (!(depth > 0 && focal_length > 0 && std::isfinite(radius))) {
+        usage_error("--camera-spacing: Z and F must be finite and greater than 0");
+      }
+      limits.min_radius = std::max(limits.min_radius, radius);
+    }
+    if (limits.min_radius > limits.max_radius) {
       usage_error(
           "--min-radius (or what --camera-spacing asks for) must not be greater than --max-radius");
     }

@@ -11,11 +11,23 @@ namespace {
 // Relative slack of comparisons between single-precision distances. Closer calls go to double.
 constexpr float kSlack = 4e-6f;
 
-float horizontal_sum(VecF v) {
-  float sum = 0;
-  for (int i = 0; i < kLanes; ++i) sum += v[i];
-  return sum;
-}
+// Sixteen partial sums, whatever the width of the vectors: so every instruction set adds the same
+// numbers in the same order and gives the same bits.
+constexpr int kRow = 16;
+constexpr int kPartsPerRow = kRow / kLanes;
+
+struct RowSums {
+  VecF lanes[kPartsPerRow] = {};
+
+  void add(int part, VecF values) { lanes[part] += values; }
+  double total() const {
+    float sum = 0;
+    for (const VecF& v : lanes) {
+      for (int i = 0; i < kLanes; ++i) sum += v[i];
+    }
+    return static_cast<double>(sum);
+  }
+};
 
 // cap_volume on vectors; the same text as math/sphere.h with selects.
 inline VecF cap_volume_v(VecF radius, VecF distance) {
@@ -163,9 +175,11 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
       std::fill_n(job.lender + skipped, SphereClusters::kSize, PlaneBorrowing::kNone);
       continue;
     }
-    VecF volume_sum{}, force[3] = {}, torque[3] = {};
+    RowSums volume_sum, force[3], torque[3];
     const std::size_t begin = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
-    for (std::size_t place = begin; place < begin + SphereClusters::kSize; place += kLanes) {
+    for (int i = 0; i < SphereClusters::kSize; i += kLanes) {
+      const std::size_t place = begin + static_cast<std::size_t>(i);
+      const int part = i % kRow / kLanes;
       VecI wants;
       std::memcpy(&wants, job.touched + place, sizeof wants);
       wants = wants == PlaneBorrowing::kNone;
@@ -194,16 +208,18 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
       const VecF ax = x - static_cast<float>(job.origin.x),
                  ay = y - static_cast<float>(job.origin.y),
                  az = z - static_cast<float>(job.origin.z);
-      volume_sum += volume;
-      force[0] += fx, force[1] += fy, force[2] += fz;
-      torque[0] += ay * fz - az * fy;
-      torque[1] += az * fx - ax * fz;
-      torque[2] += ax * fy - ay * fx;
+      volume_sum.add(part, volume);
+      force[0].add(part, fx);
+      force[1].add(part, fy);
+      force[2].add(part, fz);
+      torque[0].add(part, ay * fz - az * fy);
+      torque[1].add(part, az * fx - ax * fz);
+      torque[2].add(part, ax * fy - ay * fx);
     }
-    sums.volume += static_cast<double>(horizontal_sum(volume_sum));
+    sums.volume += volume_sum.total();
     for (int axis = 0; axis < 3; ++axis) {
-      sums.force[axis] += static_cast<double>(horizontal_sum(force[axis]));
-      sums.torque[axis] += static_cast<double>(horizontal_sum(torque[axis]));
+      sums.force[axis] += force[axis].total();
+      sums.torque[axis] += torque[axis].total();
     }
   }
   return sums;
@@ -236,31 +252,33 @@ MeasureSums borrow_weighted(const PlaneBorrowing& job, int group) {
       if (job.touched[place] != PlaneBorrowing::kNone || c.sphere_id[place] < 0) continue;
       const float x = c.x[place], y = c.y[place], z = c.z[place];
       const VecF radius = splat(c.radius[place]);
-      VecF weight_sum{}, volume_sum{}, force[3] = {};
-      for (int b = 0; b < boundary.num; b += kLanes) {
-        const VecF count = load(boundary.count + b);
-        VecF weight = count;
-        if (!job.by_count) {
-          const VecF dx = load(boundary.x + b) - x, dy = load(boundary.y + b) - y,
-                     dz = load(boundary.z + b) - z;
-          weight = select(count > 0.0f, 1.0f / sqrt(dx * dx + dy * dy + dz * dz), VecF{});
+      RowSums weight_sum, volume_sum, force[3];
+      for (int row = 0; row < boundary.num; row += kRow) {
+#pragma GCC unroll 4
+        for (int part = 0; part < kPartsPerRow; ++part) {
+          const int b = row + part * kLanes;
+          const VecF count = load(boundary.count + b);
+          VecF weight = count;
+          if (!job.by_count) {
+            const VecF dx = load(boundary.x + b) - x, dy = load(boundary.y + b) - y,
+                       dz = load(boundary.z + b) - z;
+            weight = select(count > 0.0f, 1.0f / sqrt(dx * dx + dy * dy + dz * dz), VecF{});
+          }
+          const VecF nx = load(boundary.nx + b), ny = load(boundary.ny + b),
+                     nz = load(boundary.nz + b);
+          const VecF weighted_volume =
+              weight * cap_volume_v(radius, nx * x + ny * y + nz * z - load(boundary.offset + b));
+          weight_sum.add(part, weight);
+          volume_sum.add(part, weighted_volume);
+          force[0].add(part, weighted_volume * nx);
+          force[1].add(part, weighted_volume * ny);
+          force[2].add(part, weighted_volume * nz);
         }
-        const VecF nx = load(boundary.nx + b), ny = load(boundary.ny + b),
-                   nz = load(boundary.nz + b);
-        const VecF weighted_volume =
-            weight * cap_volume_v(radius, nx * x + ny * y + nz * z - load(boundary.offset + b));
-        weight_sum += weight;
-        volume_sum += weighted_volume;
-        force[0] += weighted_volume * nx;
-        force[1] += weighted_volume * ny;
-        force[2] += weighted_volume * nz;
       }
-      const double scale = 1.0 / static_cast<double>(horizontal_sum(weight_sum));
-      const double volume = static_cast<double>(horizontal_sum(volume_sum)) * scale;
+      const double scale = 1.0 / weight_sum.total();
+      const double volume = volume_sum.total() * scale;
       if (!(volume > 0)) continue;
-      const Vec3d F{static_cast<double>(horizontal_sum(force[0])) * scale,
-                    static_cast<double>(horizontal_sum(force[1])) * scale,
-                    static_cast<double>(horizontal_sum(force[2])) * scale};
+      const Vec3d F{force[0].total() * scale, force[1].total() * scale, force[2].total() * scale};
       const Vec3d arm = Vec3d{x, y, z} - job.origin;
       job.borrowed_volume[place] = static_cast<float>(volume);
       sums.volume += volume;

@@ -128,6 +128,12 @@ class CommandLine(unittest.TestCase):
             ("pack", mesh, "-o", self.path("x.palp"), "--spheres", 0),
             ("pack", mesh, "-o", self.path("x.palp"), "--unit", "parsec"),
             ("pack", mesh, "-o", self.path("x.palp"), "--max-radius", "nan"),
+            ("pack", mesh, "-o", self.path("x.palp"), "--max-fill", 0),
+            ("pack", mesh, "-o", self.path("x.palp"), "--max-fill", "nan"),
+            ("pack", mesh, "-o", self.path("x.palp"), "--max-seconds", -1),
+            ("pack", mesh, "-o", self.path("x.palp"), "--camera-spacing", "1"),
+            ("pack", mesh, "-o", self.path("x.palp"), "--camera-spacing", "1,0"),
+            ("pack", mesh, "-o", self.path("x.palp"), "--camera-spacing", "1,1", "--max-radius", 0.1),
             ("export", tool), ("shape", "blob", "--size", 0.1, "-o", self.path("x.ply")),
             ("query", tool), ("query", tool, "--depth", "x.png", "--pose", "0 0 0 0 0 0 1"),
             ("query", tool, "--cloud", "x.ply", "--pose", "0 0 1"),
@@ -185,6 +191,36 @@ class CommandLine(unittest.TestCase):
             self.assertAlmostEqual(value, expected, delta=1e-9)
         self.assertEqual(set(info["graph"]), {"edges", "bridges", "components_before_bridging"})
         self.assertIn("120", self.succeed("info", self.tool))
+        self.assertAlmostEqual(info["represented_volume"] / info["mesh_volume"], 1, delta=1e-6)
+
+    def test_pack_limits(self):
+        def pack(*options):
+            return json.loads(self.succeed("pack", self.mesh, "-o", self.path("limited.palp"),
+                                           "--spheres", 5000, "--json", *options))
+        fill = pack("--max-fill", 0.7)["fill"]
+        self.assertTrue(0.7 <= fill < 0.72, fill)
+        # Points 1 m away are 1 m / 525 apart.
+        felt = 1 / 525 / math.sqrt(2)
+        self.assertGreaterEqual(pack("--camera-spacing", "1,525")["min_radius"], felt)
+        self.assertLess(pack("--camera-spacing", "1,525")["min_radius"], 1.2 * felt)
+        self.assertGreaterEqual(
+            pack("--camera-spacing", "1,525", "--min-radius", 0.002)["min_radius"], 0.002)
+        self.assertIn("apart", self.succeed("pack", self.mesh, "-o", self.path("limited.palp"),
+                                            "--camera-spacing", "1,525"))
+
+    def test_query_with_fewer_spheres(self):
+        write_ply(self.path("wall.ply"), bumpy_wall())
+        self.succeed("pack", self.mesh, "-o", self.path("coarse.palp"), "--spheres", 40)
+        def query(tool, *options):
+            results = json.loads(self.succeed(
+                "query", tool, "--cloud", self.path("wall.ply"), "--pose", "0 0 0.478 0 0 0 1",
+                "--json", *options))["results"]
+            return [{key: value for key, value in result.items() if key != "compute_us"}
+                    for result in results]
+        self.assertEqual(query(self.tool, "--spheres", 40), query(self.path("coarse.palp")))
+        self.assertEqual(query(self.tool, "--spheres", 120), query(self.tool))
+        self.expect_failure(1, "query", self.tool, "--cloud", self.path("wall.ply"), "--pose",
+                            "0 0 0.478 0 0 0 1", "--spheres", 121, mentions="120 spheres")
 
     def read_export(self):
         spheres, edges = self.path("spheres.csv"), self.path("edges.csv")
