@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <set>
@@ -115,12 +116,18 @@ std::optional<Error> check_stl_size(std::string_view content) {
              " facets but has only " + std::to_string(content.size()) + " bytes");
 }
 
-std::optional<Error> check_glb_size(std::string_view content) {
-  if (content.size() < 12 || !content.starts_with("glTF")) return bad("is not a GLB file");
-  const std::uint32_t size = u32_at(content, 8);
-  if (size <= content.size()) return std::nullopt;
-  return bad("is truncated: it announces " + std::to_string(size) + " bytes but has only " +
-             std::to_string(content.size()));
+Result<std::string_view> glb_json(std::string_view content) {
+  constexpr std::size_t kHeaderBytes = 20;  // of the file and of its first chunk
+  if (content.size() < kHeaderBytes || !content.starts_with("glTF") || u32_at(content, 4) != 2 ||
+      content.substr(16, 4) != "JSON") {
+    return bad("is not a GLB file of version 2");
+  }
+  const std::uint32_t size = u32_at(content, 8), json_size = u32_at(content, 12);
+  if (size > content.size() || json_size > content.size() - kHeaderBytes) {
+    return bad("is truncated: it announces " + std::to_string(std::max(size, json_size)) +
+               " bytes but has only " + std::to_string(content.size()));
+  }
+  return content.substr(kHeaderBytes, json_size);
 }
 
 // Assimp must not repair: of its many steps only the triangulation of polygons and the check of

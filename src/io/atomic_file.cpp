@@ -74,10 +74,15 @@ Status write_file_atomically(const std::filesystem::path& path, std::string_view
                                        ": it is not a regular file; give the name of a new file"};
   }
 
+  // A file that is replaced keeps its permissions, from the first byte on.
+  struct stat earlier {};
+  const bool replaces = ::stat(target.c_str(), &earlier) == 0;
   const std::filesystem::path temporary = temporary_beside(target);
-  File file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+  File file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC,
+                   replaces ? earlier.st_mode & 0666 : 0666));
   if (file.get() < 0) return failure(Errc::io_failure, "cannot write", path, kAdvice);
-  if (!write_all(file.get(), content) || ::fsync(file.get()) != 0 || !file.close() ||
+  if ((replaces && ::fchmod(file.get(), earlier.st_mode & 0777) != 0) ||
+      !write_all(file.get(), content) || ::fsync(file.get()) != 0 || !file.close() ||
       std::rename(temporary.c_str(), target.c_str()) != 0) {
     const Error error = failure(Errc::io_failure, "cannot write", path, kAdvice);
     ::unlink(temporary.c_str());

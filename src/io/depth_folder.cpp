@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -56,7 +57,7 @@ Result<std::vector<Entry>> read_tum_list(const fs::path& list) {
   const auto content = read_file(list);
   if (!content) return content.error();
   std::vector<Entry> entries;
-  std::string_view rest = *content;
+  std::string_view rest = without_mark(*content);
   for (int line_number = 1; !rest.empty(); ++line_number) {
     std::string_view line = take_line(rest);
     const std::string_view stamp = take_word(line), name = take_word(line);
@@ -102,9 +103,15 @@ Result<ImageSize> read_size(const fs::path& path) {
   constexpr std::string_view kGrey16("\x10\0", 2);
   std::array<char, 26> bytes{};
   std::error_code ignored;
-  if (!fs::is_regular_file(path, ignored))
+  const auto kind = fs::status(path, ignored).type();
+  if (kind == fs::file_type::not_found)
     return Error{Errc::not_found, "no such frame: " + path.string() + "; check the list"};
+  if (kind != fs::file_type::regular && kind != fs::file_type::none)
+    return bad(path, "is not a file but is named as a frame; rename or remove it");
   std::ifstream file(path, std::ios::binary);
+  if (!file)
+    return Error{Errc::io_failure, "cannot read " + path.string() + ": " + std::strerror(errno) +
+                                       "; check its permissions"};
   file.read(bytes.data(), bytes.size());
   const std::string_view header(bytes.data(), static_cast<std::size_t>(file.gcount()));
   if (header.size() < bytes.size() || !header.starts_with(kStart) || !header.ends_with(kGrey16))
@@ -164,7 +171,10 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
                                                        const DepthFolderOptions& options) {
   if (auto error = check(options)) return *std::move(error);
   std::error_code ignored;
-  if (!fs::is_directory(folder, ignored))
+  const auto kind = fs::status(folder, ignored).type();
+  if (kind == fs::file_type::regular)
+    return bad(folder, "is not a folder; give the folder of the frames");
+  if (kind == fs::file_type::not_found)
     return Error{Errc::not_found, "no such folder: " + folder.string() + "; check its name"};
   const bool is_tum = fs::exists(folder / "depth.txt", ignored);
   auto entries = is_tum ? read_tum_list(folder / "depth.txt") : list_pngs(folder, options.rate);

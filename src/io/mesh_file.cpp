@@ -30,8 +30,10 @@ Result<TriangleMesh> parse(const std::filesystem::path& path, const std::string&
   if (extension == ".stl") {
     if (auto error = check_stl_size(content)) return *error;
   }
-  if (extension == ".glb") {
-    if (auto error = check_glb_size(content)) return *error;
+  if (extension == ".gltf" || extension == ".glb") {
+    const Result<std::string_view> json = extension == ".glb" ? glb_json(content) : content;
+    if (!json) return json.error();
+    if (auto error = check_gltf(*json, path.parent_path(), content.size())) return *error;
   }
   return load_with_assimp(path);
 }

@@ -7,6 +7,12 @@
 
 namespace palpate {
 
+/// Text without the byte order mark that some editors put in front of UTF-8.
+inline std::string_view without_mark(std::string_view text) {
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  return text;
+}
+
 /// Takes the first line off `text`, without its line end.
 inline std::string_view take_line(std::string_view& text) {
   const std::size_t end = text.find('\n');

@@ -45,7 +45,7 @@ Result<std::vector<TimedPose>> load_trajectory(const std::filesystem::path& path
   const auto content = read_file(path);
   if (!content) return content.error();
   std::vector<TimedPose> poses;
-  std::string_view rest = *content;
+  std::string_view rest = without_mark(*content);
   for (int line_number = 1; !rest.empty(); ++line_number) {
     const std::string_view line = take_line(rest);
     std::string_view words = line.substr(0, line.find('#'));

@@ -23,7 +23,7 @@ constexpr int kDeepestLevel = 20;  // a cell of it counts 1; the root counts 8^2
 constexpr int kSampledLevels = 2;  // a sampled cell counts at least 8^2
 
 // Side of a sampled cell, as a fraction of the distance to the nearest centre or of the radius.
-// Measured against a ten times finer one: .6 % rms a sphere; the error falls with its square.
+// Measured against one ten times finer: .7 % rms a sphere; the error falls with its square.
 constexpr double kFineness = 0.3;
 
 // The octree's cube is larger than the solid and off its centre, so that the planes of a CAD model

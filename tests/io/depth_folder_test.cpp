@@ -1,3 +1,5 @@
+#include <unistd.h>
+
 #include <gtest/gtest.h>
 
 #include "palpate/io/depth_files.h"
@@ -87,6 +89,15 @@ TEST(DepthFolder, SaysWhatIsWrong) {
   expect_error(open_depth_folder(folder.path(), kOptions), "2.png is not of the same size");
   write_bytes(folder / "2.png", "no image");
   expect_error(open_depth_folder(folder.path(), kOptions), "2.png is not a 16-bit");
+
+  std::filesystem::remove(folder / "2.png");
+  std::filesystem::create_directory(folder / "2.png");
+  expect_error(open_depth_folder(folder.path(), kOptions), "2.png is not a file");
+  expect_error(open_depth_folder(folder / "1.png", kOptions), "1.png is not a folder");
+  std::filesystem::remove(folder / "2.png");
+  save_numbered(folder / "2.png", 2);
+  std::filesystem::permissions(folder / "2.png", std::filesystem::perms::none);
+  if (::geteuid() != 0) expect_error(open_depth_folder(folder.path(), kOptions), "cannot read");
 
   const auto expect_bad_list = [&](const std::string& text, const std::string& words) {
     write_bytes(folder / "depth.txt", text);

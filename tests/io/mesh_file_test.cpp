@@ -321,6 +321,68 @@ TEST_F(MeshFile, TruncationsNeverCrash) {
   truncate("cut.gltf", gltf_json(sample(), R"("uri":"m.bin",)"), true);
 }
 
+/// A glTF with these nodes; no buffers.
+std::string gltf_of_nodes(const std::string& nodes, const std::string& more = "") {
+  return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[)" + nodes +
+         "]" + more + "}";
+}
+
+TEST_F(MeshFile, GltfOfEndlessDepthIsAnError) {
+  const std::string open(200000, '['), close(200000, ']');
+  expect_error("deep.gltf", R"({"asset":{"version":"2.0"},"extras":)" + open + close + "}",
+               "levels of JSON");
+  expect_error("deeper.gltf", open, "levels of JSON");
+  std::string chain;
+  for (int i = 1; i < 20000; ++i) chain += R"({"children":[)" + std::to_string(i) + "]},";
+  expect_error("chain.gltf", gltf_of_nodes(chain + "{}"), "levels of nodes");
+}
+
+TEST_F(MeshFile, GltfNodesAreTrees) {
+  std::string bomb;
+  for (int i = 1; i < 40; ++i) {
+    const std::string next = std::to_string(i);
+    bomb += R"({"children":[)" + next + "," + next + "]},";
+  }
+  expect_error("bomb.gltf", gltf_of_nodes(bomb + "{}"), "two parents");
+  expect_error("loop.gltf", gltf_of_nodes(R"({},{"children":[2]},{"children":[1]})"), "ancestors");
+  expect_error("self.gltf", gltf_of_nodes(R"({"children":[0]})"), "ancestors");
+  expect_error("range.gltf", gltf_of_nodes(R"({"children":[1]})"), "names node 1 of only 1");
+  expect_error("minus.gltf", gltf_of_nodes(R"({"children":[-1]})"), "no whole number");
+  expect_error("twin.gltf", gltf_of_nodes("{}", R"(,"nodes":[])"), "gives 'nodes' twice");
+  expect_error("mesh.gltf", gltf_of_nodes(R"({"mesh":0})"), "names mesh 0 of only 0");
+}
+
+TEST_F(MeshFile, GltfCountsAreCheckedAgainstTheFile) {
+  const auto with = [&](const std::string& parts) { return gltf_of_nodes("{}", "," + parts); };
+  const std::string buffer =
+      R"("buffers":[{"byteLength":12,"uri":"data:;base64,AAAAAAAAAAAAAAAA"}])";
+  expect_error("buffer.gltf", with(R"("buffers":[{"byteLength":4000000000}])"), "truncated");
+  expect_error("file.gltf", with(R"("buffers":[{"byteLength":4,"uri":"none.bin"}])"), "none.bin");
+  expect_error("device.gltf", with(R"("buffers":[{"byteLength":4,"uri":"../../../dev/zero"}])"),
+               "no readable file");
+  expect_error("view.gltf",
+               with(buffer + R"(,"bufferViews":[{"buffer":0,"byteOffset":8,"byteLength":8}])"),
+               "does not fit");
+  expect_error("accessor.gltf",
+               with(buffer + R"(,"bufferViews":[{"buffer":0,"byteLength":12}],"accessors":[)"
+                             R"({"bufferView":0,"componentType":5126,"type":"VEC3","count":2}])"),
+               "announces 2 elements");
+  expect_error("sparse.gltf",
+               with(R"("accessors":[{"componentType":5126,"type":"VEC3","count":2000000000}])"),
+               "announces 2000000000 elements");
+}
+
+TEST_F(MeshFile, GltfThatRepeatsItsMeshTooOftenIsAnError) {
+  write("m.bin", gltf_buffer(sample()));
+  std::string json = gltf_json(sample(), R"("uri":"m.bin",)");
+  std::string many = R"("nodes":[)";
+  for (int i = 0; i < 100000; ++i) many += R"({"mesh":0},)";
+  const std::size_t nodes = json.find("\"nodes\":[\n");
+  ASSERT_NE(nodes, std::string::npos) << json;
+  json.replace(nodes, 9, many);
+  expect_error("repeat.gltf", json, "50 million");
+}
+
 TEST_F(MeshFile, GltfWithATruncatedBufferIsAnError) {
   write("m.bin", gltf_buffer(sample()).substr(0, 1000));
   EXPECT_FALSE(load_mesh(write("m.gltf", gltf_json(sample(), R"("uri":"m.bin",)"))));

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "palpate/io/atomic_file.h"
 #include "palpate/math/sphere.h"
 #include "tests/io/files.h"
 #include "tests/test_util/data.h"
@@ -45,6 +46,27 @@ TEST(TrajectoryFile, AcceptsTabsLineEndsCommentsAndPlusSigns) {
   ASSERT_EQ(loaded->size(), 2u);
   EXPECT_EQ((*loaded)[0].X_WT, (Pose{{1, 2, 3}, {0, 0, 0, 1}}));
   EXPECT_EQ((*loaded)[1].X_WT, (Pose{{1, 2, 3}, {0, 0, 1, 0}}));
+}
+
+TEST(TrajectoryFile, SkipsAByteOrderMark) {
+  const TemporaryFolder folder;
+  write_bytes(folder / "path.txt",
+              "\xef\xbb\xbf"
+              "0 1 2 3 0 0 0 1\n");
+  const auto loaded = load_trajectory(folder / "path.txt");
+  ASSERT_TRUE(loaded.has_value()) << loaded.error().message;
+  EXPECT_EQ((*loaded)[0].X_WT, (Pose{{1, 2, 3}, {0, 0, 0, 1}}));
+}
+
+TEST(AtomicFile, KeepsThePermissionsOfTheFileItReplaces) {
+  const TemporaryFolder folder;
+  namespace fs = std::filesystem;
+  const auto secret = fs::perms::owner_read | fs::perms::owner_write;
+  write_bytes(folder / "a.txt", "old");
+  fs::permissions(folder / "a.txt", secret);
+  ASSERT_TRUE(write_file_atomically(folder / "a.txt", "new").has_value());
+  EXPECT_EQ(fs::status(folder / "a.txt").permissions(), secret);
+  EXPECT_EQ(test::read_bytes(folder / "a.txt"), "new");
 }
 
 TEST(TrajectoryFile, NamesTheLineOfEveryMistake) {

@@ -1,0 +1,270 @@
+// Assimp follows the nodes of a glTF file wherever they lead, by recursion, and believes its
+// counts. Files that would make it run out of stack or memory are refused here.
+#include <algorithm>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "src/io/mesh_parsers.h"
+
+namespace palpate {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kMaxJsonDepth = 64, kMaxNodeDepth = 256;
+constexpr std::size_t kMaxJsonBytes = std::size_t(64) << 20;
+/// Vertices and indices of all placed meshes together.
+constexpr double kMaxElements = 5e7;
+
+/// What is wrong; thrown and caught in this file only.
+struct Fault {
+  std::string what;
+};
+
+std::string item(const char* kind, std::size_t index) {
+  return std::string(kind) + " " + std::to_string(index);
+}
+
+/// A member that is a list; an absent one is empty.
+const Json& list(const Json& object, const char* key) {
+  static const Json kNone = Json::array();
+  if (!object.is_object()) throw Fault{std::string("has no object where '") + key + "' belongs"};
+  const auto found = object.find(key);
+  if (found == object.end()) return kNone;
+  if (!found->is_array()) throw Fault{std::string("has no list as '") + key + "'"};
+  return *found;
+}
+
+std::uint64_t whole(const Json& value, const char* what) {
+  if (value.is_number_unsigned()) return value.get<std::uint64_t>();
+  throw Fault{std::string("has a '") + what + "' that is no whole number"};
+}
+
+/// A member that is a whole number.
+std::optional<std::uint64_t> whole_member(const Json& object, const char* key) {
+  if (!object.is_object()) throw Fault{std::string("has no object where '") + key + "' belongs"};
+  const auto found = object.find(key);
+  if (found == object.end()) return std::nullopt;
+  return whole(*found, key);
+}
+
+std::size_t index_into(std::size_t size, std::uint64_t index, const char* what) {
+  if (index < size) return static_cast<std::size_t>(index);
+  throw Fault{std::string("names ") + what + " " + std::to_string(index) + " of only " +
+              std::to_string(size)};
+}
+
+/// The text as a document of bounded depth in which no key is given twice: of two, one reader takes
+/// the first and another the last.
+Json parse_json(std::string_view text) {
+  if (text.size() > kMaxJsonBytes) throw Fault{"has more than 64 MiB of JSON; save it as GLB"};
+  std::string fault;
+  std::vector<std::vector<std::string>> keys;  // of the objects that are open
+  const auto on_event = [&](int depth, Json::parse_event_t event, Json& value) {
+    if (depth > kMaxJsonDepth) {
+      fault = "nests more than " + std::to_string(kMaxJsonDepth) + " levels of JSON";
+      return false;
+    }
+    if (event == Json::parse_event_t::object_start) keys.emplace_back();
+    if (event == Json::parse_event_t::object_end && !keys.empty()) {
+      std::sort(keys.back().begin(), keys.back().end());
+      const auto twin = std::adjacent_find(keys.back().begin(), keys.back().end());
+      if (twin != keys.back().end()) fault = "gives '" + *twin + "' twice";
+      keys.pop_back();
+    }
+    if (event == Json::parse_event_t::key && !keys.empty()) {
+      keys.back().push_back(value.get<std::string>());
+    }
+    return true;
+  };
+  Json document = Json::parse(text.begin(), text.end(), on_event, /*allow_exceptions=*/false);
+  if (!fault.empty()) throw Fault{fault};
+  if (!document.is_object()) throw Fault{"is not a glTF file or is truncated"};
+  return document;
+}
+
+/// Bytes that a buffer can have at most: those of the GLB, of its data URI, or of its file.
+std::uint64_t available_bytes(const Json& buffer, const std::filesystem::path& folder,
+                              std::size_t num_file_bytes) {
+  const auto uri = buffer.find("uri");
+  if (uri == buffer.end()) return num_file_bytes;
+  if (!uri->is_string()) throw Fault{"has a 'uri' that is no text"};
+  const std::string& name = uri->get_ref<const std::string&>();
+  if (name.starts_with("data:")) return name.size();
+  std::error_code error;
+  // Assimp appends the name to the folder, even if it looks like an absolute one.
+  const std::filesystem::path path = (folder / "").string() + name;
+  const bool is_file = std::filesystem::is_regular_file(path, error);
+  const std::uintmax_t size = is_file ? std::filesystem::file_size(path, error) : 0;
+  if (!is_file || error) throw Fault{"needs " + path.string() + ", which is no readable file"};
+  return size;
+}
+
+struct View {
+  std::uint64_t length, stride;
+};
+
+std::vector<View> check_views(const Json& root, const std::filesystem::path& folder,
+                              std::size_t num_file_bytes) {
+  std::vector<std::uint64_t> buffers;
+  for (const Json& buffer : list(root, "buffers")) {
+    const std::uint64_t length = whole_member(buffer, "byteLength").value_or(0);
+    if (length > available_bytes(buffer, folder, num_file_bytes)) {
+      throw Fault{"is truncated: " + item("buffer", buffers.size()) + " announces " +
+                  std::to_string(length) + " bytes, more than there are"};
+    }
+    buffers.push_back(length);
+  }
+  std::vector<View> views;
+  for (const Json& view : list(root, "bufferViews")) {
+    const std::uint64_t length = whole_member(view, "byteLength").value_or(0);
+    const std::uint64_t offset = whole_member(view, "byteOffset").value_or(0);
+    const std::uint64_t buffer = buffers[index_into(
+        buffers.size(), whole_member(view, "buffer").value_or(UINT64_MAX), "buffer")];
+    if (offset > buffer || length > buffer - offset) {
+      throw Fault{"has " + item("bufferView", views.size()) + " that does not fit into its buffer"};
+    }
+    views.push_back({length, whole_member(view, "byteStride").value_or(0)});
+  }
+  return views;
+}
+
+double element_bytes(const Json& accessor) {
+  const std::uint64_t component = whole_member(accessor, "componentType").value_or(0);
+  const std::string type = accessor.value("type", "");
+  const double bytes = component == 5120 || component == 5121   ? 1
+                       : component == 5122 || component == 5123 ? 2
+                       : component == 5125 || component == 5126 ? 4
+                                                                : 0;
+  const double count = type == "SCALAR"                   ? 1
+                       : type == "VEC2"                   ? 2
+                       : type == "VEC3"                   ? 3
+                       : type == "VEC4" || type == "MAT2" ? 4
+                       : type == "MAT3"                   ? 9
+                       : type == "MAT4"                   ? 16
+                                                          : 0;
+  return bytes * count;
+}
+
+/// The number of elements of each accessor, all of which lie within their bufferView.
+std::vector<double> check_accessors(const Json& root, const std::vector<View>& views,
+                                    std::size_t num_file_bytes) {
+  std::vector<double> counts;
+  for (const Json& accessor : list(root, "accessors")) {
+    const std::string name = item("accessor", counts.size());
+    const auto count = static_cast<double>(whole_member(accessor, "count").value_or(0));
+    const auto offset = static_cast<double>(whole_member(accessor, "byteOffset").value_or(0));
+    if (accessor.contains("sparse")) {
+      throw Fault{"has the sparse " + name + ", which is not supported; save plain accessors"};
+    }
+    const double bytes = element_bytes(accessor);
+    if (bytes == 0) throw Fault{"has " + name + " of an unknown type"};
+    double available = static_cast<double>(num_file_bytes), stride = bytes;
+    if (const auto index = whole_member(accessor, "bufferView")) {
+      const View& view = views[index_into(views.size(), *index, "bufferView")];
+      available = static_cast<double>(view.length);
+      if (view.stride != 0) stride = static_cast<double>(view.stride);
+    }
+    if (count > 0 && offset + (count - 1) * stride + bytes > available) {
+      throw Fault{"is truncated: " + name + " announces " +
+                  std::to_string(static_cast<std::uint64_t>(count)) +
+                  " elements, more than there are"};
+    }
+    counts.push_back(count);
+  }
+  return counts;
+}
+
+/// The vertices and indices of each mesh.
+std::vector<double> check_meshes(const Json& root, const std::vector<double>& counts) {
+  std::vector<double> sizes;
+  for (const Json& mesh : list(root, "meshes")) {
+    double size = 1;
+    const auto add = [&](const Json& accessor) {
+      size += counts[index_into(counts.size(), whole(accessor, "accessor"), "accessor")];
+    };
+    for (const Json& primitive : list(mesh, "primitives")) {
+      if (!primitive.is_object()) throw Fault{"has a primitive that is no object"};
+      if (primitive.contains("indices")) add(primitive["indices"]);
+      Json groups = list(primitive, "targets");
+      if (primitive.contains("attributes")) groups.push_back(primitive["attributes"]);
+      for (const Json& group : groups) {
+        for (const Json& accessor : group) add(accessor);
+      }
+    }
+    sizes.push_back(size);
+  }
+  return sizes;
+}
+
+/// Nodes form trees of bounded depth, of which each scene names the roots.
+void check_nodes(const Json& root, const std::vector<double>& mesh_sizes) {
+  const Json& nodes = list(root, "nodes");
+  std::vector<bool> has_parent(nodes.size());
+  double num_elements = 0;
+  for (const double size : mesh_sizes) num_elements += size;
+  for (const Json& node : nodes) {
+    for (const Json& child : list(node, "children")) {
+      const std::size_t i = index_into(nodes.size(), whole(child, "children"), "node");
+      if (has_parent[i]) throw Fault{"has " + item("node", i) + " with two parents"};
+      has_parent[i] = true;
+    }
+    if (const auto mesh = whole_member(node, "mesh")) {
+      num_elements += mesh_sizes[index_into(mesh_sizes.size(), *mesh, "mesh")];
+    }
+  }
+  if (num_elements > kMaxElements) {
+    throw Fault{"has more than 50 million vertices and indices, repeated meshes included"};
+  }
+  // Level by level from the roots; what is never reached is a cycle.
+  std::vector<std::size_t> level, next;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (!has_parent[i]) level.push_back(i);
+  }
+  std::size_t num_reached = 0;
+  for (int depth = 1; !level.empty(); ++depth) {
+    if (depth > kMaxNodeDepth) {
+      throw Fault{"nests more than " + std::to_string(kMaxNodeDepth) + " levels of nodes"};
+    }
+    num_reached += level.size();
+    next.clear();
+    for (const std::size_t i : level) {
+      for (const Json& child : list(nodes[i], "children")) next.push_back(child.get<std::size_t>());
+    }
+    level.swap(next);
+  }
+  if (num_reached != nodes.size()) throw Fault{"has nodes that are their own ancestors"};
+  for (const Json& scene : list(root, "scenes")) {
+    std::vector<bool> is_listed(nodes.size());
+    for (const Json& entry : list(scene, "nodes")) {
+      const std::size_t i = index_into(nodes.size(), whole(entry, "nodes"), "node");
+      if (is_listed[i] || has_parent[i]) {
+        throw Fault{"has a scene that places " + item("node", i) + " twice"};
+      }
+      is_listed[i] = true;
+    }
+  }
+}
+
+}  // namespace
+
+std::optional<Error> check_gltf(std::string_view json, const std::filesystem::path& folder,
+                                std::size_t num_file_bytes) try {
+  const Json root = parse_json(json);
+  const auto asset = root.find("asset");
+  if (asset == root.end() || !asset->is_object() ||
+      !asset->value("version", "").starts_with("2.")) {
+    throw Fault{"is not of glTF version 2"};
+  }
+  const std::vector<View> views = check_views(root, folder, num_file_bytes);
+  check_nodes(root, check_meshes(root, check_accessors(root, views, num_file_bytes)));
+  return std::nullopt;
+} catch (const Fault& fault) {
+  return Error{Errc::bad_input, fault.what};
+} catch (const Json::exception& error) {
+  return Error{Errc::bad_input, "is damaged (" + std::string(error.what()) + ")"};
+}
+
+}  // namespace palpate
