@@ -1,8 +1,6 @@
 // Contact queries: time of one call, by method, number of spheres and depth.
 #include "palpate/contact/contact_query.h"
 
-#include <bit>
-
 #include "bench/contact_setup.h"
 #include "bench/latency.h"
 #include "src/contact/image_window.h"
@@ -29,7 +27,7 @@ void boundary(benchmark::State& state) {
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
   const SphereGrid grid(tool.spheres());
   std::vector<PointSums> sums(tool.spheres().size());
-  std::vector<std::uint64_t> touched((sums.size() + 63) / 64);
+  std::vector<std::uint8_t> touched((sums.size() + 7) / 8 * 8);
   const double half = kToolSize / 2;
   PointScan scan;
   scan.cloud = bumpy_wall().view();
@@ -57,13 +55,10 @@ void boundary(benchmark::State& state) {
         scan_points(scan, window.row_begin, window.row_end, window.column_begin, window.column_end,
                     sums.data(), touched.data());
         // Ready for the next pose.
-        for (std::size_t word = 0; word < touched.size(); ++word) {
-          for (std::uint64_t bits = touched[word]; bits != 0; bits &= bits - 1) {
-            sums[word * 64 + static_cast<std::size_t>(std::countr_zero(bits))] = PointSums{};
-            ++num_touched;
-          }
-          touched[word] = 0;
-        }
+        take_touched(touched, [&](std::size_t id) {
+          sums[id] = PointSums{};
+          ++num_touched;
+        });
       });
       if (i < poses.size()) num_boundary += num_touched;
       ++i;

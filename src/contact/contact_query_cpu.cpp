@@ -2,7 +2,6 @@
 #include "src/contact/contact_query_cpu.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <vector>
 
@@ -54,8 +53,8 @@ bool is_finite(const Pose& X) {
 
 // Points of one task, merged into the first task's sums afterwards.
 struct PointTask {
-  std::vector<PointSums> sums;         // one per sphere
-  std::vector<std::uint64_t> touched;  // one bit per sphere
+  std::vector<PointSums> sums;        // one per sphere
+  std::vector<std::uint8_t> touched;  // one per sphere, and up to a multiple of eight
 };
 
 class ContactQueryCpu final : public ContactQuery {
@@ -73,7 +72,7 @@ class ContactQueryCpu final : public ContactQuery {
     tasks_.resize(static_cast<std::size_t>(pool_->num_threads()));
     for (PointTask& task : tasks_) {
       task.sums.resize(n);
-      task.touched.assign((n + 63) / 64, 0);
+      task.touched.assign((n + 7) / 8 * 8, 0);
     }
     seeds_.reserve(n);
     lender_of_seed_.reserve(n);
@@ -218,16 +217,11 @@ void ContactQueryCpu::find_boundary_points(const Pose& X_WT) {
 
   PointTask& all = tasks_[0];
   for (std::size_t t = 1; t < tasks_.size(); ++t) {
-    for (std::size_t word = 0; word < all.touched.size(); ++word) {
-      for (std::uint64_t bits = tasks_[t].touched[word]; bits != 0; bits &= bits - 1) {
-        const std::size_t id = word * 64 + static_cast<std::size_t>(std::countr_zero(bits));
-        PointSums& from = tasks_[t].sums[id];
-        all.sums[id].add(from);
-        from = PointSums{};
-      }
-      all.touched[word] |= tasks_[t].touched[word];
-      tasks_[t].touched[word] = 0;
-    }
+    take_touched(tasks_[t].touched, [&](std::size_t id) {
+      all.sums[id].add(tasks_[t].sums[id]);
+      tasks_[t].sums[id] = PointSums{};
+      all.touched[id] = 1;
+    });
   }
 }
 
@@ -236,36 +230,32 @@ Penetration ContactQueryCpu::find_boundary_planes(const Pose& X_WT) {
   Penetration result;
   const Mat3d R_TW = rotation_matrix(conjugate(X_WT.rotation));
   PointTask& all = tasks_[0];
-  for (std::size_t word = 0; word < all.touched.size(); ++word) {
-    for (std::uint64_t bits = all.touched[word]; bits != 0; bits &= bits - 1) {
-      const std::size_t id = word * 64 + static_cast<std::size_t>(std::countr_zero(bits));
-      const PointSums& sums = all.sums[id];
-      const double scale = 1.0 / (PointSums::kScale * static_cast<double>(sums.num_points()));
-      const auto mean = [&](const std::int64_t(&sum)[4]) {
-        return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
-                     static_cast<double>(sum[2])} *
-               scale;
-      };
-      const Vec3d p_T = R_TW * mean(sums.offset_W);
-      const Vec3d mean_normal = mean(sums.normal_W);
-      const double length = norm(mean_normal);
-      if (length < 0.5) {
-        result.status |= static_cast<std::uint32_t>(StepStatus::ambiguous_normals);
-      }
-      // Normals that cancel out say nothing: such a sphere has no plane.
-      const bool has_plane = length > 1e-6;
-      const Vec3d n_T = has_plane ? R_TW * (mean_normal / length) : Vec3d{};
-      seeds_.push_back({static_cast<std::int32_t>(id), n_T});
-      lender_of_seed_.push_back(has_plane ? static_cast<std::int32_t>(lender_ids_.size()) : -1);
-      if (has_plane) {
-        add_lender(spheres_[id], static_cast<std::int32_t>(id), {n_T, dot(n_T, p_T)},
-                   sums.num_points());
-      }
-      touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kTouched;
-      result.num_points += static_cast<int>(sums.num_points());
+  take_touched(all.touched, [&](std::size_t id) {
+    const PointSums& sums = all.sums[id];
+    const double scale = 1.0 / (PointSums::kScale * static_cast<double>(sums.num_points()));
+    const auto mean = [&](const std::int64_t(&sum)[4]) {
+      return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
+                   static_cast<double>(sum[2])} *
+             scale;
+    };
+    const Vec3d p_T = R_TW * mean(sums.offset_W);
+    const Vec3d mean_normal = mean(sums.normal_W);
+    const double length = norm(mean_normal);
+    if (length < 0.5) {
+      result.status |= static_cast<std::uint32_t>(StepStatus::ambiguous_normals);
     }
-    all.touched[word] = 0;
-  }
+    // Normals that cancel out say nothing: such a sphere has no plane.
+    const bool has_plane = length > 1e-6;
+    const Vec3d n_T = has_plane ? R_TW * (mean_normal / length) : Vec3d{};
+    seeds_.push_back({static_cast<std::int32_t>(id), n_T});
+    lender_of_seed_.push_back(has_plane ? static_cast<std::int32_t>(lender_ids_.size()) : -1);
+    if (has_plane) {
+      add_lender(spheres_[id], static_cast<std::int32_t>(id), {n_T, dot(n_T, p_T)},
+                 sums.num_points());
+    }
+    touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kTouched;
+    result.num_points += static_cast<int>(sums.num_points());
+  });
   result.num_boundary_spheres = static_cast<int>(seeds_.size());
   // Padding for whole vectors: far away, no weight.
   for (std::size_t i = 0; i < kLenderPadding; ++i) {

@@ -4,6 +4,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <span>
 
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/math/pose.h"
@@ -45,18 +47,33 @@ struct PointScan {
 };
 
 /// Adds the points of rows [row_begin, row_end) of the window to `sums` (one per sphere) and sets
-/// the sphere's bit in `touched`. An unorganised cloud is one row: it is cut by columns instead.
+/// the sphere's byte in `touched`. An unorganised cloud is one row: it is cut by columns instead.
 using ScanPoints = void (*)(const PointScan& scan, int row_begin, int row_end, int column_begin,
-                            int column_end, PointSums* sums, std::uint64_t* touched);
+                            int column_end, PointSums* sums, std::uint8_t* touched);
 
 namespace isa_baseline {
-void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint64_t*);
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
 }
 namespace isa_avx2 {
-void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint64_t*);
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
 }
 namespace isa_avx512 {
-void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint64_t*);
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
+}
+
+/// Calls visit(sphere_id), ascending, for every set byte of `touched`, and clears it. The length
+/// must be a multiple of eight.
+template <class Visit>
+void take_touched(std::span<std::uint8_t> touched, Visit&& visit) {
+  for (std::size_t begin = 0; begin < touched.size(); begin += 8) {
+    std::uint64_t eight;
+    std::memcpy(&eight, &touched[begin], sizeof eight);
+    if (eight == 0) continue;
+    for (std::size_t id = begin; id < begin + 8; ++id) {
+      if (touched[id] != 0) visit(id);
+    }
+    std::memset(&touched[begin], 0, sizeof eight);
+  }
 }
 
 }  // namespace palpate

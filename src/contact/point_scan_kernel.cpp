@@ -130,27 +130,28 @@ inline void add_to(std::int64_t* sum, Vec4L value) {
   std::memcpy(sum, &total, sizeof total);
 }
 
-// Where sums go.
+// Where sums go. Holds copies of the pointers: the sums are written through memcpy, which might be
+// writing anything as far as the compiler knows.
 struct Accumulator {
-  const PointCloudView& cloud;
+  const float *x, *y, *z, *nx, *ny, *nz;
   Vec4D translation_W;
   PointSums* sums;
-  std::uint64_t* touched;
+  std::uint8_t* touched;
 
   // The three coordinates and the count at once.
   void add(std::int32_t i, std::int32_t id) const {
-    const Vec4F p{cloud.x[i], cloud.y[i], cloud.z[i], 1.0f};
-    const Vec4F n{cloud.nx[i], cloud.ny[i], cloud.nz[i], 0.0f};
+    const Vec4F p{x[i], y[i], z[i], 1.0f};
+    const Vec4F n{nx[i], ny[i], nz[i], 0.0f};
     add_to(sums[id].offset_W, to_fixed(__builtin_convertvector(p, Vec4D) - translation_W));
     add_to(sums[id].normal_W, to_fixed(__builtin_convertvector(n, Vec4D)));
-    touched[id / 64] |= std::uint64_t{1} << (id % 64);
+    touched[id] = 1;
   }
 };
 
 // The candidate of a cell that contains the point, or -1.
 inline std::int32_t find_sphere(const PointScan& scan, const CandidateBlock* block, float px,
                                 float py, float pz, std::int32_t point) {
-  const Vec8F x = Vec8F{} + px, y = Vec8F{} + py, z = Vec8F{} + pz;
+  const Vec8F x = px - Vec8F{}, y = py - Vec8F{}, z = pz - Vec8F{};
   for (;; ++block) {
     const Vec8F dx = x - *reinterpret_cast<const Vec8F*>(block->x);
     const Vec8F dy = y - *reinterpret_cast<const Vec8F*>(block->y);
@@ -191,11 +192,16 @@ void add_points(const PointScan& scan, const Survivors& in, const Accumulator& t
 }  // namespace
 
 void scan_points(const PointScan& scan, int row_begin, int row_end, int column_begin,
-                 int column_end, PointSums* sums, std::uint64_t* touched) {
+                 int column_end, PointSums* sums, std::uint8_t* touched) {
   const GridTransform to_grid(scan);
   Survivors survivors;
   const Accumulator accumulator{
-      scan.cloud,
+      scan.cloud.x,
+      scan.cloud.y,
+      scan.cloud.z,
+      scan.cloud.nx,
+      scan.cloud.ny,
+      scan.cloud.nz,
       {scan.translation_W.x, scan.translation_W.y, scan.translation_W.z, 0.0},
       sums,
       touched};

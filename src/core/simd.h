@@ -24,7 +24,7 @@ typedef std::int32_t VecI
     __attribute__((vector_size(PALPATE_LANES * 4), aligned(PALPATE_LANES * 4)));
 
 /// All lanes the same.
-inline VecF splat(float value) { return VecF{} + value; }
+inline VecF splat(float value) { return value - VecF{}; }
 inline VecI splat(std::int32_t value) { return VecI{} + value; }
 
 /// 0, 1, 2, ...
