@@ -43,6 +43,29 @@ int fail(const std::string& message, int status) {
   return status;
 }
 
+/// One line for a command line that cannot be understood.
+int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
+  std::string what = error.what(), verb;
+  if (const auto chosen = program.get_subcommands(); !chosen.empty()) {
+    verb = chosen.front()->get_name() + " ";
+  } else {
+    const auto unknown = program.remaining();
+    std::string verbs;
+    for (const CLI::App* known : program.get_subcommands({})) {
+      verbs += (verbs.empty() ? "" : ", ") + known->get_name();
+    }
+    if (unknown.empty()) {
+      what = "give a verb";
+    } else {
+      const bool is_option = unknown.front().starts_with('-');
+      what = std::string("there is no ") + (is_option ? "option '" : "verb '") + unknown.front() +
+             (is_option ? "' before the verb" : "'");
+    }
+    what += "; the verbs are " + verbs;
+  }
+  return fail(what + "; see palpate " + verb + "--help", kWrongUsage);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -69,7 +92,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& help_or_version) {
     return program.exit(help_or_version);
   } catch (const CLI::ParseError& error) {
-    return fail(std::string(error.what()) + "; see palpate --help", kWrongUsage);
+    return fail_usage(program, error);
   }
   try {
     if (const palpate::Status status = action(); !status) {

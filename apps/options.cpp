@@ -1,11 +1,43 @@
 #include "apps/options.h"
 
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <iostream>
+#include <thread>
 #include <vector>
 
 #include "palpate/io/tool_file.h"
 
 namespace palpate::apps {
+namespace {
+
+/// The absolute path that a name leads to, links followed, whether or not it is there.
+std::filesystem::path resolved(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::weakly_canonical(std::filesystem::absolute(path, ignored), ignored);
+}
+
+}  // namespace
+
+void add_threads_option(CLI::App& app, int& num_threads, const std::string& help) {
+  const NumberRange range{0, 1 << 20, "a whole number of threads, 0 or more"};
+  const auto parse = [&num_threads, range](const std::string& text) {
+    constexpr int kPerCore = 4;
+    const int most = kPerCore * static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    num_threads = parse_number_in<int>("--threads", range, text);
+    if (num_threads <= most) return;
+    num_threads = most;
+    std::cerr << "palpate: note: --threads " << text << " is more than " << kPerCore
+              << " per core; " << most << " are used\n";
+  };
+  app.add_option_function<std::string>("--threads", parse, help)
+      ->type_name("NUMBER")
+      ->default_str("0");
+}
 
 void add_contact_options(CLI::App& app, RunSettings& settings) {
   ContactOptions& contact = settings.contact;
@@ -15,10 +47,8 @@ void add_contact_options(CLI::App& app, RunSettings& settings) {
             "what makes a boundary sphere good");
   add_named(app, "--inside", contact.inside, kInsideNames, "volume of a sphere the graph reaches");
   add_named(app, "--backend", settings.backend, kBackendNames, "where queries run");
-  app.add_option("--threads", settings.num_threads,
-                 "threads; 0: one per core for surfaces, one for queries")
-      ->check(CLI::Range(0, 256))
-      ->capture_default_str();
+  add_threads_option(app, settings.num_threads,
+                     "threads; 0: one per core for surfaces, one for queries");
 }
 
 void add_surface_options(CLI::App& app, SurfaceOptions& options) {
@@ -27,9 +57,16 @@ void add_surface_options(CLI::App& app, SurfaceOptions& options) {
          "--no-filter", [&options] { options.filter.enabled = false; },
          "leave out the bilateral filter")
       ->group(group);
-  app.add_option("--normal-radius", options.normals.radius, "pixels around a point for its normal")
-      ->check(CLI::Range(1, 7))
-      ->capture_default_str()
+  const NumberRange depths{1e-3, 1e3, "a number of metres from 0.001 to 1000"};
+  add_number(app, "--min-depth", options.min_depth, depths, "nearer pixels are no measurement")
+      ->group(group);
+  add_number(app, "--max-depth", options.max_depth, depths, "farther pixels are no measurement")
+      ->group(group);
+  add_number(app, "--normal-radius", options.normals.radius,
+             {1, 7, "a whole number of pixels from 1 to 7"}, "pixels around a point for its normal")
+      ->group(group);
+  add_named(app, "--plane-fit", options.normals.fit, kPlaneFitNames,
+            "which coordinates of a pixel are noisy: its depth or all")
       ->group(group);
   app.add_flag("--weighting", options.normals.weighting, "near neighbours count more")
       ->group(group);
@@ -41,10 +78,14 @@ void add_surface_options(CLI::App& app, SurfaceOptions& options) {
 
 void add_camera_options(CLI::App& app, CameraOptions& options) {
   const auto parse = [&options](const std::vector<double>& k) {
+    constexpr double kMost = 1e6;
     for (const double value : k) {
-      if (!std::isfinite(value)) usage_error("--intrinsics: the four numbers must be finite");
+      if (!(std::abs(value) <= kMost)) {
+        usage_error("--intrinsics: must be fx,fy,cx,cy, numbers of pixels up to a million");
+      }
     }
-    if (!(k[0] > 0 && k[1] > 0)) usage_error("--intrinsics: fx and fy must be greater than 0");
+    if (!(k[0] >= 1 && k[1] >= 1))
+      usage_error("--intrinsics: must be fx,fy,cx,cy with fx and fy of at least 1 pixel");
     options.intrinsics = Intrinsics{k[0], k[1], k[2], k[3]};
   };
   app.add_option_function<std::vector<double>>("--intrinsics", parse,
@@ -52,14 +93,14 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
       ->delimiter(',')
       ->expected(4)
       ->type_name("fx,fy,cx,cy");
-  app.add_option("--depth-unit", options.unit, "metres per count of the depth images")
-      ->check(CLI::Range(1e-6, 1.0))
-      ->capture_default_str();
+  add_number(app, "--depth-unit", options.unit, {1e-6, 1, "a number of metres from 0.000001 to 1"},
+             "metres per count of the depth images");
 }
 
 void add_prefix_option(CLI::App& app, int& num_spheres) {
-  app.add_option("--spheres", num_spheres, "only the first so many spheres of the tool file")
-      ->check(CLI::Range(1, 1 << 30));
+  add_number(app, "--spheres", num_spheres, {1, 1 << 30, "a whole number, 1 or more"},
+             "only the first so many spheres of the tool file")
+      ->default_str("all");
 }
 
 Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres, int num_threads) {
@@ -72,18 +113,42 @@ Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres
   return prefix;
 }
 
-Status check_output_file(const std::filesystem::path& path) {
+bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
   std::error_code ignored;
-  const auto folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  return std::filesystem::equivalent(a, b, ignored) || resolved(a) == resolved(b);
+}
+
+Status check_output_file(const std::filesystem::path& path, const std::filesystem::path& input) {
+  const auto refuse = [&path](const std::string& why) {
+    return Error{Errc::io_failure, "cannot write " + path.string() + ": " + why};
+  };
+  std::error_code ignored;
+  const std::filesystem::path target = resolved(path);
+  const auto folder = target.parent_path();
   if (!std::filesystem::is_directory(folder, ignored)) {
-    return Error{Errc::not_found, "cannot write " + path.string() + ": there is no folder " +
-                                      folder.string() + "; make it first"};
+    return refuse("there is no folder " + folder.string() + "; make it first");
   }
-  if (std::filesystem::is_directory(path, ignored)) {
-    return Error{Errc::io_failure,
-                 "cannot write " + path.string() + ": it is a folder; give the name of a file"};
+  if (std::filesystem::is_directory(target, ignored)) {
+    return refuse("it is a folder; give the name of a file");
+  }
+  if (std::filesystem::exists(target, ignored) &&
+      !std::filesystem::is_regular_file(target, ignored)) {
+    return refuse("it is not a regular file; give the name of a new file");
+  }
+  if (::access(folder.c_str(), W_OK | X_OK) != 0) {
+    return refuse(std::string("its folder: ") + std::strerror(errno) + "; choose another one");
+  }
+  if (!input.empty() && is_same_file(path, input)) {
+    return refuse("it is the input " + input.string() + "; give another name");
   }
   return Done{};
+}
+
+void check_mesh_name(const std::string& flag, const std::filesystem::path& path) {
+  const auto extension = path.extension();
+  if (extension != ".ply" && extension != ".stl" && extension != ".obj") {
+    usage_error(flag + ": '" + path.string() + "' must end in .ply, .stl or .obj");
+  }
 }
 
 }  // namespace palpate::apps

@@ -6,8 +6,8 @@
 
 namespace palpate::apps {
 
-/// From now on Ctrl-C (and a polite kill) sets a flag instead of ending the program; a second one
-/// ends it.
+/// From now on Ctrl-C (and a polite kill, or a closed terminal) sets a flag instead of ending the
+/// program; a second one ends it.
 void catch_interrupts();
 bool interrupted();
 

@@ -84,6 +84,9 @@ std::string describe(const Tool& tool) {
   return "source        " + tool.source() + "\n" +
          text("mesh          %zu triangles, %.4g x %.4g x %.4g mm, %.6g cm3\n",
               tool.mesh().triangles.size(), size.x, size.y, size.z, tool.mesh_mass().volume * 1e6) +
+         text("bounds        %.4g %.4g %.4g ... %.4g %.4g %.4g mm\n", box.low.x * 1000,
+              box.low.y * 1000, box.low.z * 1000, box.high.x * 1000, box.high.y * 1000,
+              box.high.z * 1000) +
          text("spheres       %zu, radii %.4g ... %.4g mm, fill %.2f %%\n", tool.spheres().size(),
               radius.smallest * 1000, radius.largest * 1000, 100 * fill(tool)) +
          text("centre        %.4g %.4g %.4g mm (of the spheres)\n", centre.x, centre.y, centre.z) +

@@ -1,6 +1,8 @@
 // palpate export: a tool's parts as files that other programs read.
 
+#include <array>
 #include <cstdio>
+#include <iostream>
 #include <memory>
 
 #include "apps/options.h"
@@ -40,20 +42,36 @@ std::string edges_csv(const Tool& tool) {
 Status run(const Options& options) {
   const auto tool = load_tool(options.tool);
   if (!tool) return tool.error();
-  for (const std::string& path : {options.spheres, options.edges, options.mesh}) {
-    if (path.empty()) continue;
-    if (const Status status = check_output_file(path); !status) return status;
+  // Everything that can be seen to go wrong is seen before the first file is written.
+  const std::array outputs{options.spheres, options.edges, options.mesh};
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (outputs[i].empty()) continue;
+    if (const Status status = check_output_file(outputs[i], options.tool); !status) return status;
+    for (std::size_t k = 0; k < i; ++k) {
+      if (outputs[k].empty() || !is_same_file(outputs[i], outputs[k])) continue;
+      return Error{Errc::invalid_argument,
+                   "cannot write two things to " + outputs[i] + "; give two names"};
+    }
   }
   if (!options.spheres.empty()) {
     const Status status = write_file_atomically(options.spheres, spheres_csv(*tool));
     if (!status) return status;
+    std::cout << "written       " << options.spheres << ", " << tool->spheres().size()
+              << " spheres\n";
   }
   if (!options.edges.empty()) {
     const Status status = write_file_atomically(options.edges, edges_csv(*tool));
     if (!status) return status;
+    std::cout << "written       " << options.edges << ", " << tool->graph().num_edges()
+              << " edges\n";
   }
-  if (options.mesh.empty()) return Done{};
-  return save_mesh(tool->mesh(), options.mesh);
+  if (!options.mesh.empty()) {
+    const Status status = save_mesh(tool->mesh(), options.mesh);
+    if (!status) return status;
+    std::cout << "written       " << options.mesh << ", " << tool->mesh().triangles.size()
+              << " triangles\n";
+  }
+  return Done{};
 }
 
 }  // namespace
@@ -73,6 +91,7 @@ void add_export(CLI::App& program, Action& action) {
     if (options->spheres.empty() && options->edges.empty() && options->mesh.empty()) {
       usage_error("export: nothing to do; give --spheres, --edges or --mesh");
     }
+    if (!options->mesh.empty()) check_mesh_name("--mesh", options->mesh);
     action = [options] { return run(*options); };
   });
 }

@@ -51,17 +51,70 @@ double least_felt_radius(double depth, double focal_length) {
   return depth / focal_length / std::sqrt(2.0);
 }
 
+/// Longest side of the box around all faces; NaN if a corner is not finite or not there.
+double longest_side(const TriangleMesh& mesh) {
+  TriangleMesh corners;
+  for (const auto& triangle : mesh.triangles) {
+    for (const std::uint32_t vertex : triangle) {
+      if (vertex >= mesh.vertices.size()) return NAN;
+      const Vec3d& p = mesh.vertices[vertex];
+      if (!std::isfinite(p.x + p.y + p.z)) return NAN;
+      corners.vertices.push_back(p);
+    }
+  }
+  const Bounds box = bounds(corners);
+  const Vec3d sides = box.high - box.low;
+  return std::max({sides.x, sides.y, sides.z});
+}
+
+std::string length_text(double metres) {
+  char text[48];
+  const bool is_short = metres < 0.1;
+  std::snprintf(text, sizeof text, is_short ? "%.4g mm" : "%.4g m",
+                is_short ? metres * 1000 : metres);
+  return text;
+}
+
+/// Checks the mesh; what is odd about its size is told in terms of the options.
+Result<SolidMesh> check_tool_mesh(const Options& options, const TriangleMesh& raw) {
+  constexpr double kSmallTool = 0.005;
+  const MeshCheckOptions limits;
+  const double length = longest_side(raw);
+  const std::string how_long = options.mesh + ": the tool is " + length_text(length) +
+                               " long, read in " + name_of(kUnits, options.unit) +
+                               (options.scale == 1 ? "" : " and scaled");
+  if (length > limits.max_extent || length < limits.min_extent) {
+    return Error{Errc::bad_input, how_long + ", and may have " + length_text(limits.min_extent) +
+                                      " to " + length_text(limits.max_extent) +
+                                      "; give the right --unit (m, mm, cm, in) or --scale"};
+  }
+  auto solid = check_solid(raw, limits);
+  if (!solid) return Error{solid.error().code, options.mesh + ": " + solid.error().message};
+  for (std::string& warning : solid->warnings) warning = options.mesh + ": " + warning;
+  if (length < kSmallTool) solid->warnings.push_back(how_long + "; check --unit");
+  return solid;
+}
+
+/// Why no sphere fits, in terms of the options.
+Error no_sphere(const Options& options, const Error& error) {
+  if (error.code != Errc::bad_input) return error;
+  std::string advice;
+  if (options.pack.min_radius > 0) advice += "lower --min-radius or --camera-spacing, ";
+  if (std::isfinite(options.pack.max_radius)) advice += "raise --max-radius, ";
+  return {error.code, options.mesh + ": no sphere fits into the mesh; " + advice +
+                          "move it to its origin, or make it thicker than a few millionths of its "
+                          "size"};
+}
+
 Status run(const Options& options) {
   const auto start = std::chrono::steady_clock::now();
-  if (const Status status = check_output_file(options.output); !status) return status;
+  if (const Status status = check_output_file(options.output, options.mesh); !status) return status;
   const auto raw = load_mesh(options.mesh, options.unit * options.scale);
   if (!raw) return raw.error();
-  auto solid = check_solid(*raw);
-  if (!solid) {
-    return Error{solid.error().code, options.mesh + ": " + solid.error().message};
-  }
+  auto solid = check_tool_mesh(options, *raw);
+  if (!solid) return solid.error();
   for (const std::string& warning : solid->warnings) {
-    std::cerr << "palpate: warning: " << options.mesh << ": " << warning << '\n';
+    std::cerr << "palpate: warning: " << warning << '\n';
   }
 
   catch_interrupts();
@@ -77,7 +130,7 @@ Status run(const Options& options) {
     return !interrupted();
   };
   auto packing = pack_spheres(solid->mesh, pack);
-  if (!packing) return packing.error();
+  if (!packing) return no_sphere(options, packing.error());
   const PackStop stop = packing->stop;
   const std::string source = std::filesystem::path(options.mesh).filename().string();
   const auto tool = Tool::build(std::move(solid->mesh), *std::move(packing), options.gap_rule,
@@ -122,17 +175,17 @@ void add_pack(CLI::App& program, Action& action) {
       ->required()
       ->type_name("TOOL.palp");
   PackOptions& pack = options->pack;
-  app.add_option("--spheres", pack.max_spheres, "at most so many spheres")
-      ->check(CLI::Range(1, 1 << 24))
-      ->capture_default_str();
+  // Two million spheres need 2.5 GB while they are packed.
+  add_number(app, "--spheres", pack.max_spheres, {1, 2e6, "a whole number from 1 to 2000000"},
+             "at most so many spheres");
   add_named(app, "--unit", options->unit, kUnits, "unit of the mesh file");
-  app.add_option("--scale", options->scale, "factor on top of the unit")
-      ->check(CLI::Range(1e-9, 1e9))
-      ->capture_default_str();
-  app.add_option("--max-radius", pack.max_radius, "no larger sphere, in metres")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--min-radius", pack.min_radius, "stop at smaller spheres, in metres")
-      ->check(CLI::NonNegativeNumber);
+  add_number(app, "--scale", options->scale, {1e-9, 1e9, "a number from 1e-9 to 1e9"},
+             "factor on top of the unit");
+  add_number(app, "--max-radius", pack.max_radius,
+             {kLeastPositive, kGreatest, "a number of metres greater than 0"},
+             "no larger sphere, in metres");
+  add_number(app, "--min-radius", pack.min_radius, {0, kGreatest, "a number of metres, 0 or more"},
+             "stop at smaller spheres, in metres");
   app.add_option(
          "--camera-spacing", options->camera_spacing,
          "no sphere too small to be sure to hold a point of a camera at depth Z metres with "
@@ -140,29 +193,20 @@ void add_pack(CLI::App& program, Action& action) {
       ->delimiter(',')
       ->expected(2)
       ->type_name("Z,F");
-  app.add_option("--max-fill", pack.max_fill, "stop at this fraction of the mesh volume")
-      ->capture_default_str();
-  app.add_option("--max-seconds", pack.max_seconds, "stop after so many seconds")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--seed", pack.seed, "jitters the starting grid; 0: the plain grid")
-      ->capture_default_str();
+  add_number(app, "--max-fill", pack.max_fill,
+             {kLeastPositive, 1, "a number greater than 0, at most 1"},
+             "stop at this fraction of the mesh volume");
+  add_number(app, "--max-seconds", pack.max_seconds,
+             {kLeastPositive, kGreatest, "a number of seconds greater than 0"},
+             "stop after so many seconds");
+  add_number(app, "--seed", pack.seed, {0, kGreatest, "a whole number, 0 or more, below 2^64"},
+             "jitters the starting grid; 0: the plain grid");
   add_named(app, "--gap-rule", options->gap_rule, kGapRules, "which spheres are neighbours");
-  app.add_option("--threads", pack.num_threads, "threads; 0: one per core")
-      ->check(CLI::Range(0, 256))
-      ->capture_default_str();
+  add_threads_option(app, pack.num_threads, "threads; 0: one per core");
   app.add_flag("--json", options->json, "print the result as JSON");
   app.footer("Example: palpate pack drill.stl --unit mm --spheres 10000 -o drill.palp");
   app.callback([options, &action] {
     PackOptions& limits = options->pack;
-    for (const double limit :
-         {limits.max_radius, limits.min_radius, limits.max_fill, limits.max_seconds}) {
-      if (std::isnan(limit)) {
-        usage_error("--max-radius, --min-radius, --max-fill and --max-seconds must be numbers");
-      }
-    }
-    if (!(limits.max_fill > 0 && limits.max_fill <= 1)) {
-      usage_error("--max-fill must be greater than 0 and at most 1");
-    }
     if (!options->camera_spacing.empty()) {
       const double depth = options->camera_spacing[0], focal_length = options->camera_spacing[1];
       const double radius = least_felt_radius(depth, focal_length);

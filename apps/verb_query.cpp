@@ -1,6 +1,8 @@
 // palpate query: single measurements against one frozen cloud.
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -33,9 +35,12 @@ struct Measurement {
 struct FrozenCloud {
   PointCloud cloud;
   std::optional<SurfaceEstimator> surface;
+  std::size_t num_usable = 0;  ///< points with a normal
 
   PointCloudView view() const { return surface ? surface->cloud() : cloud.view(); }
 };
+
+void warn(const std::string& message) { std::cerr << "palpate: warning: " << message << '\n'; }
 
 Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
   FrozenCloud result;
@@ -43,6 +48,13 @@ Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
     auto cloud = load_cloud(options.cloud);
     if (!cloud) return cloud.error();
     result.cloud = *std::move(cloud);
+    const float* x = result.cloud.channel(0);
+    result.num_usable = static_cast<std::size_t>(
+        std::count_if(x, x + result.cloud.size(), [](float value) { return !std::isnan(value); }));
+    if (result.num_usable == 0) {
+      warn(options.cloud + ": none of " + std::to_string(result.cloud.size()) +
+           " points is usable; check its coordinates and normals");
+    }
     return result;
   }
   const auto frame = std::filesystem::path(options.depth).extension() == ".pcd"
@@ -52,17 +64,29 @@ Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
   auto surface = SurfaceEstimator::create(frame->width, frame->height, *options.camera.intrinsics,
                                           options.settings.surface);
   if (!surface) return surface.error();
-  surface->update(*frame, pool);
+  const SurfaceStats stats = surface->update(*frame, pool);
+  result.num_usable = static_cast<std::size_t>(stats.num_points);
+  if (stats.num_points == 0) {
+    const SurfaceOptions& limits = options.settings.surface;
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  stats.num_valid == 0
+                      ? "0 of %zu pixels are usable (%g to %g m); check --depth-unit"
+                      : "0 of %zu pixels have a normal (%g to %g m); the image is too sparse",
+                  frame->pixels.size(), limits.min_depth, limits.max_depth);
+    warn(options.depth + ": " + text);
+  }
   result.surface = *std::move(surface);
   return result;
 }
 
 nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
-void print_results_json(const Options& options, Backend backend, double tool_volume,
-                        const std::vector<Measurement>& measurements) {
+void print_results_json(const Options& options, Backend backend, std::size_t num_usable,
+                        double tool_volume, const std::vector<Measurement>& measurements) {
   nlohmann::ordered_json json{{"method", name_of(kMethodNames, options.settings.contact.method)},
                               {"backend", name_of(kBackendNames, std::optional(backend))},
+                              {"usable_points", num_usable},
                               {"results", nlohmann::ordered_json::array()}};
   for (const auto& [penetration, seconds] : measurements) {
     json["results"].push_back({{"volume", penetration.volume},
@@ -120,7 +144,7 @@ Status run(const Options& options) {
   }
   const double tool_volume = tool->sphere_mass().volume;
   if (options.json) {
-    print_results_json(options, chosen->backend, tool_volume, measurements);
+    print_results_json(options, chosen->backend, cloud->num_usable, tool_volume, measurements);
   } else {
     print_results_table(tool_volume, measurements);
   }
@@ -134,6 +158,9 @@ void check(Options& options) {
   }
   if (!options.depth.empty() && !options.camera.intrinsics) {
     usage_error("query: --depth needs --intrinsics fx,fy,cx,cy");
+  }
+  if (!(options.settings.surface.min_depth < options.settings.surface.max_depth)) {
+    usage_error("--min-depth must be less than --max-depth");
   }
   if (options.pose.empty() == options.poses.empty()) {
     usage_error("query: give one of --pose and --poses");

@@ -9,6 +9,7 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/session/record_run.h"
+#include "palpate/session/run_folder.h"
 
 namespace palpate::apps {
 namespace {
@@ -22,8 +23,7 @@ struct Options {
 Status run(const Options& options) {
   ReplayOptions replay;
   if (!options.output.empty()) {
-    std::error_code ignored;
-    if (std::filesystem::equivalent(options.run, options.output, ignored)) {
+    if (lies_inside(options.run, options.output)) {
       return Error{Errc::io_failure,
                    "the replay would replace the run it repeats: give another folder"};
     }

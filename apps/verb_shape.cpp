@@ -1,5 +1,7 @@
 // palpate shape: simple tools without a CAD program.
 
+#include <algorithm>
+#include <iostream>
 #include <memory>
 
 #include "apps/options.h"
@@ -17,9 +19,13 @@ struct Options {
 };
 
 Status run(const Options& options) {
+  if (const Status status = check_output_file(options.output, {}); !status) return status;
   const auto mesh = make_shape(options.name, options.size);
   if (!mesh) return mesh.error();
-  return save_mesh(*mesh, options.output);
+  if (const Status status = save_mesh(*mesh, options.output); !status) return status;
+  std::cout << "written       " << options.output << ", " << mesh->triangles.size()
+            << " triangles, in metres\n";
+  return Done{};
 }
 
 }  // namespace
@@ -29,19 +35,24 @@ void add_shape(CLI::App& program, Action& action) {
   CLI::App& app = *program.add_subcommand("shape", "Write a simple closed mesh, in metres.");
   std::string names;
   for (const std::string& name : shape_names()) names += (names.empty() ? "" : ", ") + name;
-  app.add_option("name", options->name, "one of " + names)->required()->type_name("NAME");
-  app.add_option("--size", options->size, "longest side in metres")
-      ->check(CLI::Range(1e-4, 2.0))
-      ->capture_default_str();
+  const auto parse_name = [options, names](const std::string& name) {
+    const auto known = shape_names();
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      usage_error("there is no shape '" + name + "'; choose one of " + names);
+    }
+    options->name = name;
+  };
+  app.add_option_function<std::string>("name", parse_name, "one of " + names)
+      ->required()
+      ->type_name("NAME");
+  add_number(app, "--size", options->size, {1e-4, 2, "a number of metres from 0.0001 to 2"},
+             "longest side in metres");
   app.add_option("-o,--output", options->output, "mesh file (.ply, .stl or .obj)")
       ->required()
       ->type_name("FILE");
   app.footer("Example: palpate shape stylus --size 0.15 -o stylus.ply");
-  app.callback([options, names, &action] {
-    const auto known = shape_names();
-    if (std::find(known.begin(), known.end(), options->name) == known.end()) {
-      usage_error("there is no shape '" + options->name + "'; choose one of " + names);
-    }
+  app.callback([options, &action] {
+    check_mesh_name("--output", options->output);
     action = [options] { return run(*options); };
   });
 }

@@ -12,6 +12,7 @@
 #include "palpate/io/trajectory_file.h"
 #include "palpate/session/probing_path.h"
 #include "palpate/session/record_run.h"
+#include "palpate/session/run_folder.h"
 #include "scenes/scene.h"
 
 namespace palpate::apps {
@@ -42,13 +43,6 @@ Result<std::unique_ptr<DepthSource>> open_sequence(const Options& options) {
   return open_depth_folder(options.depth_sequence, folder);
 }
 
-/// The probing path looks ahead; the run then reads the frames again from its own source.
-Result<std::vector<TimedPose>> probe_sequence(const Options& options, const Tool& tool) {
-  auto source = open_sequence(options);
-  if (!source) return source.error();
-  return probing_path(**source, tool, options.duration);
-}
-
 Result<Input> open_input(const Options& options, const Tool& tool) {
   Input input;
   if (!options.path.empty()) {
@@ -61,7 +55,7 @@ Result<Input> open_input(const Options& options, const Tool& tool) {
     if (!source) return source.error();
     input.source = *std::move(source);
     if (input.path.empty()) {
-      auto path = probe_sequence(options, tool);
+      auto path = probing_path([&] { return open_sequence(options); }, tool, options.duration);
       if (!path) return path.error();
       input.path = *std::move(path);
     }
@@ -85,7 +79,20 @@ Result<Input> open_input(const Options& options, const Tool& tool) {
   return input;
 }
 
+/// A run must not replace what it reads.
+Status check_inputs(const Options& options) {
+  for (const std::string& input : {options.tool, options.depth_sequence, options.path}) {
+    if (!input.empty() && lies_inside(input, options.output)) {
+      return Error{Errc::io_failure, "the run would replace " + options.output +
+                                         ", where its input " + input +
+                                         " lies: give another folder"};
+    }
+  }
+  return Done{};
+}
+
 Status run(const Options& options) {
+  if (const Status status = check_inputs(options); !status) return status;
   const auto tool = load_tool(options.tool);
   if (!tool) return tool.error();
   auto input = open_input(options, *tool);
@@ -133,6 +140,7 @@ Status run(const Options& options) {
       record_run(*tool, *input->source, X_WT, settings, options.output, keep_going);
   if (!outcome) return outcome.error();
 
+  if (!outcome->warning.empty()) std::cerr << "palpate: " << outcome->warning << "\n";
   const RunLog& log = outcome->log;
   const double deepest = log.ticks[log.deepest_tick].penetration.volume;
   if (options.json && !log.interrupted) {
@@ -143,7 +151,9 @@ Status run(const Options& options) {
                   "%zu ticks, %zu frames, deepest %.4g cm3 (%.2f %% of the tool) at %.3f s\n",
                   log.ticks.size(), log.frames.size(), deepest * 1e6,
                   100 * deepest / tool->sphere_mass().volume, log.ticks[log.deepest_tick].time);
-    std::cout << text << "report: " << options.output << "/report.html\n";
+    std::cout << text
+              << "report: " << (std::filesystem::path(options.output) / "report.html").string()
+              << "\n";
   }
   if (log.interrupted) {
     return Error{Errc::cancelled, "interrupted; the run so far is complete in " + options.output};

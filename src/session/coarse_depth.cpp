@@ -3,12 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
+
+#include "palpate/cloud/surface_estimator.h"
 
 namespace palpate {
 namespace {
 
 constexpr int kCellsAcross = 24;   // of the whole image's width
 constexpr double kMinValid = 0.3;  // of a cell's pixels
+const SurfaceOptions kRange;       // what a surface is made of
 
 /// The largest odd number of cells within the middle half of the image, so that one is central.
 int odd_count(int num_pixels, int cell) { return std::max(1, (num_pixels / 2 / cell - 1) | 1); }
@@ -65,6 +69,11 @@ double DepthProfile::at(double time) const {
   const auto k = static_cast<std::size_t>(after - times.begin());
   const double share = (time - times[k - 1]) / (times[k] - times[k - 1]);
   return depths[k - 1] + (depths[k] - depths[k - 1]) * share;
+}
+
+DepthProfile smooth_profile(std::vector<double> times, std::vector<double> depths) {
+  fill_gaps(depths);
+  return {std::move(times), over_five(over_five(depths, median), smoothed)};
 }
 
 CoarseDepth::CoarseDepth(const DepthStreamInfo& info)
@@ -128,7 +137,9 @@ double CoarseDepth::measure(const DepthFrame& frame, int column, int row) {
       const std::uint16_t pixel =
           frame.pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) +
                        static_cast<std::size_t>(u)];
-      if (pixel != 0 && pixel != 65535) cell_pixels_.push_back(pixel);
+      const double z = pixel * frame.unit;
+      const bool usable = pixel != 65535 && z >= kRange.min_depth && z <= kRange.max_depth;
+      if (usable) cell_pixels_.push_back(pixel);
     }
   }
   if (cell_pixels_.empty() || static_cast<double>(cell_pixels_.size()) < kMinValid * cell_ * cell_)
@@ -177,16 +188,14 @@ double CoarseDepth::unevenness(int column, int row) const {
 }
 
 DepthProfile CoarseDepth::profile(int column, int row) const {
-  DepthProfile profile;
+  std::vector<double> times, depths;
   for (std::size_t k = 0; k < times_.size(); ++k) {
     // A frame is felt until the next one comes: the middle of that time stands for it.
     const double end = k + 1 < times_.size() ? times_[k + 1] : duration_;
-    profile.times.push_back((times_[k] + end) / 2);
-    profile.depths.push_back(depth(k, column, row));
+    times.push_back((times_[k] + end) / 2);
+    depths.push_back(depth(k, column, row));
   }
-  fill_gaps(profile.depths);
-  profile.depths = over_five(over_five(profile.depths, median), smoothed);
-  return profile;
+  return smooth_profile(std::move(times), std::move(depths));
 }
 
 }  // namespace palpate

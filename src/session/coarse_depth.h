@@ -10,13 +10,15 @@
 
 namespace palpate {
 
-/// Depths of one cell over time: linear between frames, constant before the first and after the
-/// last.
+/// Depths over time: linear in between, constant before the first and after the last.
 struct DepthProfile {
   std::vector<double> times, depths;  ///< seconds, metres along z
 
   double at(double time) const;
 };
+
+/// For something that cannot jump: NaNs filled, outliers removed, smoothed over five values.
+DepthProfile smooth_profile(std::vector<double> times, std::vector<double> depths);
 
 class CoarseDepth {
  public:
@@ -36,8 +38,7 @@ class CoarseDepth {
   /// to frame, frames without depth, and a little for the distance to the image centre. Infinite if
   /// more than half of the frames have no depth here.
   double unevenness(int column, int row) const;
-  /// The depth of a cell for something that cannot jump: gaps filled, outliers removed, smoothed
-  /// over five frames. The cell must have a finite unevenness.
+  /// The depth of a cell as smooth_profile. The cell must have a finite unevenness.
   DepthProfile profile(int column, int row) const;
 
  private:

@@ -52,8 +52,9 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, const PoseF
 
   auto report = make_report(tool, *log);
   if (!report) return report.error();
-  RunOutcome outcome{*std::move(log), {}};
+  RunOutcome outcome{*std::move(log), {}, {}};
   outcome.summary_json = summary_json(tool, outcome.log);
+  outcome.warning = scarce_surface_warning(outcome.log);
   const std::pair<const char*, std::string> files[] = {
       {"wrench.csv", wrench_csv(tool, outcome.log)},
       {"timing.csv", timing_csv(outcome.log)},

@@ -21,7 +21,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kFormat = "palpate recording";
 constexpr int kVersion = 1;
 constexpr const char* kTool = "tool.palp";
 constexpr const char* kPath = "path.txt";
@@ -81,6 +80,23 @@ Error damaged(const fs::path& path, const std::string& what) {
   return {Errc::bad_input, path.string() + " " + what + "; record the run again"};
 }
 
+/// What a manifest lacks, in plain words.
+std::string explain(const Json::exception& exception) {
+  constexpr int kMissingKey = 403;
+  const std::string what = exception.what();
+  const std::size_t begin = what.find('\''), end = what.rfind('\'');
+  if (exception.id == kMissingKey && begin < end && end != std::string::npos) {
+    return "it has no \"" + what.substr(begin + 1, end - begin - 1) + "\"";
+  }
+  if (dynamic_cast<const Json::parse_error*>(&exception) != nullptr) return "it is not JSON";
+  return "one of its values is of the wrong kind";
+}
+
+Error no_manifest(const fs::path& path, const Json::exception& exception) {
+  return {Errc::bad_input, path.string() + " is not a recording of palpate: " + explain(exception) +
+                               "; give the folder of a run that palpate wrote, or record it again"};
+}
+
 /// Everything in the manifest, before the files are touched.
 struct Manifest {
   RunSettings settings;
@@ -98,7 +114,8 @@ Result<Manifest> read_manifest(const fs::path& folder) {
   if (!text) return text.error();
   try {
     const Json json = Json::parse(*text);
-    if (json.at("format") != kFormat) return damaged(path, "is not the manifest of a recording");
+    if (json.at("format") != kRecordingFormat)
+      return damaged(path, "is not the manifest of a recording");
     if (json.at("version").get<int>() != kVersion) {
       return Error{Errc::bad_input, path.string() + " has format version " +
                                         json.at("version").dump() +
@@ -110,7 +127,7 @@ Result<Manifest> read_manifest(const fs::path& folder) {
     if (!settings) return damaged(path, "cannot be used: " + settings.error().message);
     return Manifest{*settings, stream_from_json(json.at("stream")), json.at("files")};
   } catch (const Json::exception& exception) {
-    return damaged(path, std::string("is damaged (") + exception.what() + ")");
+    return no_manifest(path, exception);
   }
 }
 
@@ -134,8 +151,7 @@ Status check_files(const fs::path& folder, const Json& files) {
         return damaged(folder / kRecordingManifest, std::string("does not list ") + name);
     }
   } catch (const Json::exception& exception) {
-    return damaged(folder / kRecordingManifest,
-                   std::string("is damaged (") + exception.what() + ")");
+    return no_manifest(folder / kRecordingManifest, exception);
   }
   return Done{};
 }
@@ -150,7 +166,7 @@ Result<Recorder> Recorder::create(const fs::path& folder, const Tool& tool) {
                                        error.message() + "; check permissions and free space"};
   }
   // The manifest comes first without its list of files: it marks the folder as ours.
-  const Json manifest{{"format", kFormat}, {"version", kVersion}};
+  const Json manifest{{"format", kRecordingFormat}, {"version", kVersion}};
   if (const Status status =
           write_file_atomically(folder / kRecordingManifest, manifest.dump(1) + "\n");
       !status) {
@@ -186,14 +202,10 @@ Status Recorder::finish(const RunLog& log) {
     if (const Status status = write_file_atomically(folder_ / name, text); !status) return status;
     if (const Status status = add_file(name); !status) return status;
   }
-  Json manifest{{"format", kFormat},
-                {"version", kVersion},
-                {"program", PALPATE_VERSION},
-                {"ticks", log.ticks.size()},
-                {"frames", log.frames.size()},
-                {"settings", to_json(log.settings)},
-                {"stream", to_json(log.stream)},
-                {"files", Json::array()}};
+  Json manifest{{"format", kRecordingFormat},    {"version", kVersion},
+                {"program", PALPATE_VERSION},    {"ticks", log.ticks.size()},
+                {"frames", log.frames.size()},   {"settings", to_json(log.settings)},
+                {"stream", to_json(log.stream)}, {"files", Json::array()}};
   for (const FileEntry& file : files_) {
     manifest["files"].push_back(
         {{"name", file.name}, {"bytes", file.bytes}, {"crc32", file.checksum}});

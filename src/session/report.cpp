@@ -195,7 +195,8 @@ std::string tables(const Tool& tool, const RunLog& log) {
                                    short_number(k.cx, 6) + ", " + short_number(k.cy, 6)) +
          row("depth unit", short_number(log.stream.unit, 6) + " m") +
          row("bilateral filter", on_off(s.surface.filter.enabled)) +
-         row("normals: radius", std::to_string(n.radius) + " pixels") +
+         row("normals: fit, radius",
+             name_of(kPlaneFitNames, n.fit) + ", " + std::to_string(n.radius) + " pixels") +
          row("normals: weighting, anchoring, normalisation",
              on_off(n.weighting) + ", " + on_off(n.anchoring) + ", " + on_off(n.normalization)) +
          row("query: median / 99 % / 99.9 % / max", times(query)) +

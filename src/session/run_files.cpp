@@ -99,6 +99,25 @@ std::size_t num_deadline_misses(const RunLog& log) {
   return static_cast<std::size_t>(std::count_if(log.ticks.begin(), log.ticks.end(), late));
 }
 
+std::string scarce_surface_warning(const RunLog& log) {
+  const int num_pixels = log.stream.width * log.stream.height;
+  const auto scarce = [&](const FrameRecord& frame) {
+    return frame.surface.num_points < 0.001 * num_pixels;
+  };
+  const auto first = std::find_if(log.frames.begin(), log.frames.end(), scarce);
+  if (first == log.frames.end()) return {};
+  const auto num_scarce = std::count_if(first, log.frames.end(), scarce);
+  std::string range;
+  append_number(range, log.settings.surface.min_depth);
+  range += " to ";
+  append_number(range, log.settings.surface.max_depth);
+  return std::to_string(first->surface.num_points) + " of " + std::to_string(num_pixels) +
+         " pixels are usable (" + range + " m, with a surface around them) in frame " +
+         std::to_string(first - log.frames.begin()) + ", and hardly any in " +
+         std::to_string(num_scarce) + " of " + std::to_string(log.frames.size()) +
+         " frames; check --depth-unit";
+}
+
 std::string summary_json(const Tool& tool, const RunLog& log) {
   const TickRecord& deepest = log.ticks[log.deepest_tick];
   const TickRecord& strongest =
@@ -106,30 +125,32 @@ std::string summary_json(const Tool& tool, const RunLog& log) {
   const auto contact = [](const TickRecord& tick) {
     return tick.penetration.num_boundary_spheres > 0;
   };
-  const Json json{{"version", PALPATE_VERSION},
-                  {"interrupted", log.interrupted},
-                  {"settings", palpate::to_json(log.settings)},
-                  {"stream", palpate::to_json(log.stream)},
-                  {"tool",
-                   {{"source", tool.source()},
-                    {"spheres", tool.spheres().size()},
-                    {"sphere_volume", tool.sphere_mass().volume},
-                    {"mesh_volume", tool.mesh_mass().volume}}},
-                  {"ticks", log.ticks.size()},
-                  {"ticks_in_contact", std::count_if(log.ticks.begin(), log.ticks.end(), contact)},
-                  {"frames", log.frames.size()},
-                  {"duration", static_cast<double>(log.ticks.size()) / log.settings.rate},
-                  {"peak",
-                   {{"volume", deepest.penetration.volume},
-                    {"fraction", deepest.penetration.volume / tool.sphere_mass().volume},
-                    {"volume_time", deepest.time},
-                    {"force", to_json(strongest.penetration.measure_W.force)},
-                    {"force_norm", norm(strongest.penetration.measure_W.force)},
-                    {"force_time", strongest.time}}},
-                  {"query_us", to_json(percentiles(query_seconds(log)))},
-                  {"surface_us", to_json(percentiles(surface_seconds(log)))},
-                  {"deadline_misses", num_deadline_misses(log)},
-                  {"peak_memory_bytes", peak_memory_bytes()}};
+  Json json{{"version", PALPATE_VERSION},
+            {"interrupted", log.interrupted},
+            {"settings", palpate::to_json(log.settings)},
+            {"stream", palpate::to_json(log.stream)},
+            {"tool",
+             {{"source", tool.source()},
+              {"spheres", tool.spheres().size()},
+              {"sphere_volume", tool.sphere_mass().volume},
+              {"mesh_volume", tool.mesh_mass().volume}}},
+            {"ticks", log.ticks.size()},
+            {"ticks_in_contact", std::count_if(log.ticks.begin(), log.ticks.end(), contact)},
+            {"frames", log.frames.size()},
+            {"duration", static_cast<double>(log.ticks.size()) / log.settings.rate},
+            {"peak",
+             {{"volume", deepest.penetration.volume},
+              {"fraction", deepest.penetration.volume / tool.sphere_mass().volume},
+              {"volume_time", deepest.time},
+              {"force", to_json(strongest.penetration.measure_W.force)},
+              {"force_norm", norm(strongest.penetration.measure_W.force)},
+              {"force_time", strongest.time}}},
+            {"query_us", to_json(percentiles(query_seconds(log)))},
+            {"surface_us", to_json(percentiles(surface_seconds(log)))},
+            {"deadline_misses", num_deadline_misses(log)},
+            {"peak_memory_bytes", peak_memory_bytes()}};
+  const std::string warning = scarce_surface_warning(log);
+  if (!warning.empty()) json["warning"] = warning;
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

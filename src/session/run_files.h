@@ -10,6 +10,9 @@ namespace palpate {
 std::string wrench_csv(const Tool& tool, const RunLog& log);
 std::string timing_csv(const RunLog& log);
 std::string summary_json(const Tool& tool, const RunLog& log);
+/// A sentence if some frame shows hardly any surface, so that a volume of zero says nothing; else
+/// empty.
+std::string scarce_surface_warning(const RunLog& log);
 
 /// Compute times in seconds.
 std::vector<double> query_seconds(const RunLog& log);

@@ -1,13 +1,72 @@
 #include "palpate/session/run_folder.h"
 
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
+
+#include "palpate/io/atomic_file.h"
 
 namespace palpate {
 namespace fs = std::filesystem;
 namespace {
 
-/// Nothing, an empty folder, or a run of ours: what may be replaced.
+enum class Place { run, recording, frames };
+
+bool is_frame_name(const std::string& name) {
+  return name.size() > 4 && name.ends_with(".png") &&
+         std::all_of(name.begin(), name.end() - 4, [](char c) { return c >= '0' && c <= '9'; });
+}
+
+/// Whether a run has a file of this name there.
+bool is_our_file(Place place, const std::string& name) {
+  const auto one_of = [&](std::initializer_list<std::string_view> names) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  switch (place) {
+    case Place::run: return one_of({"wrench.csv", "timing.csv", "summary.json", "report.html"});
+    case Place::recording:
+      return one_of({kRecordingManifest, "tool.palp", "path.txt", "depth.txt"});
+    case Place::frames: return is_frame_name(name);
+  }
+  return false;
+}
+
+/// The first thing in the folder that no run has there; empty if there is none.
+fs::path find_foreign(const fs::path& folder, Place place, std::error_code& error) {
+  for (auto entry = fs::directory_iterator(folder, error);
+       !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    const fs::path& path = entry->path();
+    const std::string name = path.filename().string();
+    const fs::file_type type = entry->symlink_status(error).type();
+    if (type == fs::file_type::regular && is_our_file(place, name)) continue;
+    const bool inner = (place == Place::run && name == kRecordingFolder) ||
+                       (place == Place::recording && name == "depth");
+    if (type != fs::file_type::directory || !inner) return path;
+    const fs::path found =
+        find_foreign(path, place == Place::run ? Place::recording : Place::frames, error);
+    if (!found.empty()) return found;
+  }
+  return {};
+}
+
+bool has_our_manifest(const fs::path& folder) {
+  const auto text = read_file(folder / kRecordingFolder / kRecordingManifest, std::size_t(1) << 30);
+  if (!text) return false;
+  const auto json = nlohmann::json::parse(*text, nullptr, false);
+  if (!json.is_object()) return false;
+  const auto format = json.find("format");
+  return format != json.end() && *format == kRecordingFormat;
+}
+
+/// Nothing, an empty folder, or a run of ours and nothing else: what may be replaced.
 Status check_replaceable(const fs::path& folder) {
   std::error_code error;
   const fs::file_status status = fs::symlink_status(folder, error);
@@ -17,10 +76,32 @@ Status check_replaceable(const fs::path& folder) {
                                        ": it is not a folder; give a new name"};
   }
   if (fs::is_empty(folder, error) && !error) return Done{};
-  if (fs::is_regular_file(folder / kRecordingFolder / kRecordingManifest, error)) return Done{};
-  return Error{Errc::io_failure,
-               "cannot write a run to " + folder.string() +
-                   ": it holds other things than an earlier run; give a new name"};
+  const fs::path foreign = find_foreign(folder, Place::run, error);
+  if (!error && foreign.empty() && has_our_manifest(folder)) return Done{};
+  const std::string what =
+      foreign.empty() ? "" : " (" + foreign.lexically_relative(folder).string() + ")";
+  return Error{Errc::io_failure, "cannot write a run to " + folder.string() +
+                                     ": it holds other things than an earlier run" + what +
+                                     "; give a new name"};
+}
+
+/// Removes what killed processes left of the same run: NAME.partial-PID of a PID that is gone.
+void clear_leftovers(const fs::path& target) {
+  const std::string prefix = target.filename().string() + ".partial-";
+  std::error_code error;
+  std::vector<fs::path> leftovers;
+  for (auto entry = fs::directory_iterator(target.parent_path(), error);
+       !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (!name.starts_with(prefix)) continue;
+    pid_t process = 0;
+    const char* const end = name.data() + name.size();
+    const auto [stop, bad] = std::from_chars(name.data() + prefix.size(), end, process);
+    if (bad != std::errc{} || process <= 0 || (stop != end && *stop != '-')) continue;
+    const bool gone = kill(process, 0) != 0 && errno == ESRCH;
+    if (gone && check_replaceable(entry->path())) leftovers.push_back(entry->path());
+  }
+  for (const fs::path& leftover : leftovers) fs::remove_all(leftover, error);
 }
 
 Error failure(const char* what, const fs::path& folder, const std::error_code& error) {
@@ -50,37 +131,55 @@ Result<RunFolder> RunFolder::create(const fs::path& name) {
     return Error{Errc::invalid_argument,
                  "cannot write a run to '" + name.string() + "': give the name of a new folder"};
   }
-  fs::path partial = target;
-  partial += ".partial";
-  for (const fs::path& folder : {target, partial}) {
-    if (const Status status = check_replaceable(folder); !status) return status.error();
+  if (const Status status = check_replaceable(target); !status) return status.error();
+  clear_leftovers(target);
+  // A name of its own for every process, and for every run of a process.
+  const std::string stem = target.string() + ".partial-" + std::to_string(getpid());
+  for (int number = 1; number < 1000; ++number) {
+    const fs::path partial = number == 1 ? stem : stem + "-" + std::to_string(number);
+    const bool made = fs::create_directory(partial, error);
+    if (error) return failure("cannot make the folder", partial, error);
+    if (made) return RunFolder(std::move(target), partial);
   }
-  // A run that was killed leaves its partial folder behind.
-  fs::remove_all(partial, error);
-  if (!error) fs::create_directory(partial, error);
-  if (error) return failure("cannot make the folder", partial, error);
-  return RunFolder(std::move(target), std::move(partial));
+  return failure("cannot make the folder", stem, std::make_error_code(std::errc::file_exists));
 }
 
 Status RunFolder::commit() {
   std::error_code error, ignored;
-  fs::path old = target_;
+  fs::path old = partial_;
   old += ".replaced";
-  const bool replaces = fs::exists(target_, ignored);
-  if (replaces) {
-    if (const Status status = check_replaceable(old); !status) return status.error();
-    fs::remove_all(old, error);
-    if (!error) fs::rename(target_, old, error);
-    if (error) return failure("cannot replace", target_, error);
+  // Once more, should another run of the same name get in between.
+  for (int attempt = 0; attempt < 20; ++attempt) {
+    const bool replaces = fs::exists(target_, ignored);
+    if (replaces) {
+      // Something may have been added since the start.
+      if (const Status status = check_replaceable(target_); !status) return status.error();
+      fs::rename(target_, old, error);
+      if (error == std::errc::no_such_file_or_directory) continue;
+      if (error) return failure("cannot replace", target_, error);
+    }
+    fs::rename(partial_, target_, error);
+    if (!error) {
+      partial_.clear();
+      if (replaces) fs::remove_all(old, ignored);
+      return Done{};
+    }
+    const bool taken = error == std::errc::directory_not_empty || error == std::errc::file_exists;
+    if (replaces && taken) fs::remove_all(old, ignored);
+    if (replaces && !taken) fs::rename(old, target_, ignored);
+    if (!taken) break;
   }
-  fs::rename(partial_, target_, error);
-  if (error) {
-    if (replaces) fs::rename(old, target_, ignored);
-    return failure("cannot write", target_, error);
-  }
-  partial_.clear();
-  if (replaces) fs::remove_all(old, ignored);
-  return Done{};
+  return failure("cannot write", target_, error);
+}
+
+bool lies_inside(const fs::path& path, const fs::path& folder) {
+  std::error_code error;
+  const fs::path inner = fs::weakly_canonical(path, error);
+  if (error) return false;
+  fs::path outer = fs::weakly_canonical(folder, error);
+  if (error) return false;
+  if (!outer.has_filename()) outer = outer.parent_path();
+  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
 }
 
 }  // namespace palpate

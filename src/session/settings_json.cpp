@@ -59,6 +59,7 @@ auto reader(const Json& json) {
 Json surface_to_json(const SurfaceOptions& options) {
   Json json{{"min_depth", options.min_depth}, {"max_depth", options.max_depth}};
   visit_filter(options.filter, writer(json["filter"]));
+  json["normals"]["fit"] = name_of(kPlaneFitNames, options.normals.fit);
   visit_normals(options.normals, writer(json["normals"]));
   visit_depth_change(options.depth_change, writer(json["depth_change"]));
   return json;
@@ -104,10 +105,12 @@ Result<RunSettings> settings_from_json(const Json& json) {
   if (!read_name(json, "method", kMethodNames, settings.contact.method) ||
       !read_name(json, "priority", kPriorityNames, settings.contact.priority) ||
       !read_name(json, "inside", kInsideNames, settings.contact.inside) ||
-      !read_name(json, "backend", kBackendNames, settings.backend)) {
+      !read_name(json, "backend", kBackendNames, settings.backend) ||
+      !read_name(json.at("surface").at("normals"), "fit", kPlaneFitNames,
+                 settings.surface.normals.fit)) {
     return Error{Errc::bad_input,
-                 "the settings name a method, priority, inside volume or backend that this version "
-                 "does not know"};
+                 "the settings name a method, priority, inside volume, backend or plane fit that "
+                 "this version does not know"};
   }
   return settings;
 }

@@ -2,6 +2,7 @@
 
 Usage: cli_test.py PATH_OF_PALPATE"""
 
+import glob
 import json
 import math
 import os
@@ -134,7 +135,8 @@ class CommandLine(unittest.TestCase):
             ("pack", mesh, "-o", self.path("x.palp"), "--camera-spacing", "1"),
             ("pack", mesh, "-o", self.path("x.palp"), "--camera-spacing", "1,0"),
             ("pack", mesh, "-o", self.path("x.palp"), "--camera-spacing", "1,1", "--max-radius", 0.1),
-            ("export", tool), ("shape", "blob", "--size", 0.1, "-o", self.path("x.ply")),
+            ("export", tool), ("export", tool, "--mesh", self.path("x.unknown")),
+            ("shape", "box", "-o", self.path("x.xyz")), ("shape", "blob", "--size", 0.1, "-o", self.path("x.ply")),
             ("query", tool), ("query", tool, "--depth", "x.png", "--pose", "0 0 0 0 0 0 1"),
             ("query", tool, "--cloud", "x.ply", "--pose", "0 0 1"),
             ("query", tool, "--cloud", "x.ply", "--pose", "0 0 0 0 0 0 1", "--poses", "y"),
@@ -150,6 +152,84 @@ class CommandLine(unittest.TestCase):
                             mentions="weighted, simplified, graph")
         self.expect_failure(2, "shape", "blob", "-o", self.path("x.ply"), mentions="octahedron")
 
+    def test_usage_errors_name_what_is_wrong(self):
+        self.expect_failure(2, "frobnicate", mentions="'frobnicate'; the verbs are shape, pack, ")
+        self.expect_failure(2, "--bogus", mentions="'--bogus'")
+        self.expect_failure(2, mentions="see palpate --help")
+        self.expect_failure(2, "shape", "foo", mentions="octahedron")
+        self.expect_failure(2, "info", mentions="; see palpate info --help")
+        pack = ("pack", self.mesh, "-o", self.path("x.palp"))
+        query = ("query", self.tool, "--pose", "0 0 0 0 0 0 1", "--depth", "x.png")
+        shape = ("shape", "box", "-o", self.path("x.ply"))
+        for verb, option, value in (
+            (pack, "--scale", "nan"), (pack, "--scale", 0), (pack, "--spheres", 1.5),
+            (pack, "--spheres", 3000000), (pack, "--max-radius", -1),
+            (pack, "--max-radius", "inf"), (pack, "--seed", -1), (pack, "--seed", "9" * 30),
+            (pack, "--threads", "1e3"), (query, "--depth-unit", "nan"),
+            (query, "--normal-radius", 8), (query, "--max-depth", "inf"),
+            (query, "--intrinsics", "nan,1,1,1"), (query, "--intrinsics", "1e9,1,1,1"),
+            (shape, "--size", "nan"),
+        ):
+            self.expect_failure(2, *verb, option, value, mentions=f"{option}: must be ")
+            self.assertLess(len(palpate(*verb, option, value).stderr), 160)
+
+    def test_outputs_never_replace_inputs(self):
+        mesh, tool = self.path("precious.ply"), self.path("precious.palp")
+        shutil.copy(self.mesh, mesh)
+        shutil.copy(self.tool, tool)
+        os.symlink(mesh, self.path("link.palp"))
+        before = read(mesh, "rb"), read(tool, "rb")
+        for output in (mesh, self.path("link.palp")):
+            self.expect_failure(1, "pack", mesh, "-o", output, mentions="it is the input")
+        csv = self.path("same.csv")
+        self.expect_failure(1, "export", tool, "--spheres", tool, mentions="it is the input")
+        self.expect_failure(1, "export", tool, "--spheres", csv, "--edges", csv,
+                            mentions="two things")
+        self.expect_failure(1, "export", tool, "--spheres", csv, "--edges", "/dev/full",
+                            mentions="not a regular file")
+        self.assertFalse(os.path.exists(csv))
+        relative = subprocess.run([PALPATE, "export", tool, "--spheres", "new.csv", "--edges",
+                                   "./new.csv"], cwd=self.folder, capture_output=True, text=True)
+        self.assertIn("two things", relative.stderr)
+        self.assertEqual(before, (read(mesh, "rb"), read(tool, "rb")))
+
+    def test_sizes_are_told_in_the_unit_given(self):
+        large, x = self.path("large.obj"), self.path("x.palp")
+        corners = ((0, 0, 0), (4600, 0, 0), (0, 4600, 0), (0, 0, 4600))
+        with open(large, "w") as file:
+            file.write("".join("v %d %d %d\n" % c for c in corners) +
+                       "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+        self.expect_failure(1, "pack", large, "-o", x, "--unit", "mm",
+                            mentions="4.6 m long, read in mm, and may have 0.1 mm to 2 m")
+        small = palpate("pack", large, "-o", x, "--unit", "mm", "--scale", 1e-3, "--spheres", 5)
+        self.assertEqual(small.returncode, 0)
+        self.assertIn("4.6 mm long", small.stderr)
+        os.remove(x)
+        self.expect_failure(1, "pack", self.mesh, "-o", x, "--max-radius", 1e-30,
+                            mentions="raise --max-radius")
+
+    def test_names_without_a_folder(self):
+        for arguments in (("shape", "box", "-o", "here.ply"), ("pack", "here.ply", "-o", "here.palp",
+                                                               "--spheres", "5"),
+                          ("export", "here.palp", "--spheres", "here.csv")):
+            done = subprocess.run([PALPATE, *arguments], cwd=self.folder, capture_output=True,
+                                  text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("written ", done.stdout)
+
+    def test_query_of_nothing_is_warned_of(self):
+        query = ("query", self.tool, "--depth", os.path.join(self.frames, "000.png"),
+                 "--intrinsics", INTRINSICS, "--pose", "0 0 0.49 0 0 0 1", "--json")
+        for arguments, usable in (((*query, "--depth-unit", 0.0001), True),
+                                  ((*query, "--depth-unit", 0.01), False),
+                                  ((*query, "--depth-unit", 0.0001, "--min-depth", 1), False)):
+            result = palpate(*arguments)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            document = json.loads(result.stdout)
+            self.assertEqual(document["usable_points"] > 0, usable)
+            self.assertEqual(document["results"][0]["volume"] > 0, usable)
+            self.assertEqual("0 of 19200 pixels are usable" in result.stderr, not usable)
+
     def test_bad_input(self):
         tool = self.tool
         for arguments in (
@@ -158,7 +238,6 @@ class CommandLine(unittest.TestCase):
             ("pack", tool, "-o", self.path("x.palp")),
             ("pack", self.mesh, "-o", self.path("no/such/folder/x.palp")),
             ("pack", self.mesh, "-o", self.path("x.palp"), "--unit", "mm", "--scale", 0.001),
-            ("export", tool, "--mesh", self.path("x.unknown")),
             ("query", tool, "--cloud", tool, "--pose", "0 0 0 0 0 0 1"),
             ("touch", tool, "--depth-sequence", self.path("absent"), "--intrinsics", INTRINSICS,
              "-o", self.path("x")),
@@ -166,8 +245,9 @@ class CommandLine(unittest.TestCase):
             ("replay", self.path("absent")), ("replay", self.frames),
         ):
             self.expect_failure(1, *arguments)
-        for name in ("x", "x.partial", "x.palp", "x.unknown"):
+        for name in ("x", "x.palp", "x.unknown"):
             self.assertFalse(os.path.exists(self.path(name)), name)
+        self.assertFalse([name for name in os.listdir(self.folder) if ".partial" in name])
 
     def test_cuda_is_refused_where_there_is_none(self):
         result = palpate(*self.sequence("-o", self.path("cuda"), "--backend", "cuda"))
@@ -401,7 +481,7 @@ class CommandLine(unittest.TestCase):
         self.expect_failure(1, "touch", self.tool, "--depth-sequence", frames, "--intrinsics",
                             INTRINSICS, "-o", self.path("broken_run"), mentions="002.png")
         self.assertFalse(os.path.exists(self.path("broken_run")))
-        self.assertFalse(os.path.exists(self.path("broken_run.partial")))
+        self.assertFalse([name for name in os.listdir(self.folder) if ".partial" in name])
 
     def test_other_folders_are_not_replaced(self):
         folder = self.path("precious")
@@ -411,22 +491,59 @@ class CommandLine(unittest.TestCase):
         self.expect_failure(1, *self.sequence("-o", folder))
         self.assertEqual(os.listdir(folder), ["thesis.tex"])
 
-    def interrupt(self, arguments, wait_for):
+    def test_runs_with_other_things_are_not_replaced(self):
+        run = self.path("run_with_notes")
+        self.succeed(*self.sequence("-o", run, "--duration", 0.01))
+        notes = os.path.join(run, "notes.txt")
+        with open(notes, "w") as file:
+            file.write("years of work")
+        self.expect_failure(1, *self.sequence("-o", run), mentions="notes.txt")
+        self.assertEqual(read(notes), "years of work")
+
+    def test_runs_do_not_replace_their_inputs(self):
+        run = self.path("run_again")
+        self.succeed(*self.sequence("-o", run, "--duration", 0.01))
+        inside = os.path.join(run, "recording")
+        frames = ("--intrinsics", INTRINSICS, "--depth-unit", 0.0001, "-o", run + "/")
+        for arguments in (
+            ("touch", self.tool, "--depth-sequence", os.path.join(inside, "depth"), *frames),
+            ("touch", os.path.join(inside, "tool.palp"), "--depth-sequence", self.frames, *frames),
+            ("touch", self.tool, "--depth-sequence", self.frames, "--path",
+             os.path.join(inside, "path.txt"), *frames),
+            ("replay", run, "-o", run),
+        ):
+            self.expect_failure(1, *arguments, mentions="would replace")
+
+    def test_touch_warns_of_a_wrong_unit(self):
+        result = palpate("touch", self.tool, "--depth-sequence", self.frames, "--intrinsics",
+                         INTRINSICS, "--depth-unit", 0.00001, "--path", self.still_pose(), "-o",
+                         self.path("run_unit"), "--duration", 0.01)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("0 of 19200 pixels are usable", result.stderr)
+        self.assertEqual(len(result.stderr.splitlines()), 1)
+        self.assertIn("report: " + os.path.join(self.path("run_unit"), "report.html"), result.stdout)
+
+    def interrupt(self, arguments, wait_for, how=signal.SIGINT):
         process = subprocess.Popen([PALPATE, *map(str, arguments)], stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, text=True)
         deadline = time.monotonic() + 60
         while not wait_for() and process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(how)
         output, errors = process.communicate(timeout=120)
         return process.returncode, output, errors
 
     def test_interrupted_touch_keeps_the_run_so_far(self):
+        for how in (signal.SIGINT, signal.SIGHUP):
+            self.interrupted_touch(how)
+
+    def interrupted_touch(self, how):
         run = self.path("run_interrupted")
-        started = lambda: os.path.exists(run + ".partial/recording/depth/000000.png")  # noqa: E731
+        shutil.rmtree(run, ignore_errors=True)
+        started = lambda: glob.glob(run + ".partial-*/recording/depth/000000.png")  # noqa: E731
         status, output, errors = self.interrupt(
             self.sequence("-o", run, "--json", "--duration", 40, "--rate", 100000, "--path",
-                          self.still_pose()), started)
+                          self.still_pose()), started, how)
         self.assertEqual((status, output), (1, ""), errors)
         self.assertIn("interrupted", errors.splitlines()[-1])
         summary = json.loads(read(os.path.join(run, "summary.json")))
@@ -443,7 +560,7 @@ class CommandLine(unittest.TestCase):
         tool = self.path("endless.palp")
         begin = time.monotonic()
         status, output, _ = self.interrupt(
-            ("pack", self.mesh, "-o", tool, "--spheres", 10000000, "--json"),
+            ("pack", self.mesh, "-o", tool, "--spheres", 2000000, "--json"),
             lambda: time.monotonic() > begin + 1.0)
         self.assertEqual((status, output), (1, ""))
         self.assertFalse(any(name.startswith("endless") for name in os.listdir(self.folder)))

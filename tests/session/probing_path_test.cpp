@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <utility>
 
 #include "palpate/math/sphere.h"
@@ -51,6 +53,14 @@ class FunctionStream : public DepthSource {
   int next_ = 0;
 };
 
+/// Opens copies of a stream.
+template <class Stream>
+OpenDepthSource copies_of(const Stream& stream) {
+  return [stream]() -> Result<std::unique_ptr<DepthSource>> {
+    return std::unique_ptr<DepthSource>(std::make_unique<Stream>(stream));
+  };
+}
+
 std::vector<double> every(double period, int num) {
   std::vector<double> times;
   for (int k = 0; k < num; ++k) times.push_back(k * period);
@@ -68,7 +78,7 @@ double swinging_wall(double time, int, int) {
 TEST(ProbingPath, StartsFreeReachesATenthAndLeaves) {
   const Tool tool = test::random_tool(150, 0.04, 3);
   FunctionStream stream(still_wall, every(0.04, 50)), again(still_wall, every(0.04, 50));
-  const auto path = probing_path(stream, tool, std::nullopt);
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
   EXPECT_EQ(path->front().time, 0);
   EXPECT_NEAR(path->back().time, 2.0, 1e-12);
@@ -86,7 +96,7 @@ TEST(ProbingPath, StartsFreeReachesATenthAndLeaves) {
 TEST(ProbingPath, FollowsAMovingScene) {
   const Tool tool = test::random_tool(150, 0.04, 3);
   FunctionStream stream(swinging_wall, every(0.04, 100));
-  const auto path = probing_path(stream, tool, std::nullopt);
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
   for (std::size_t i = 1; i < path->size(); ++i) {
     const double way = norm((*path)[i].X_WT.translation - (*path)[i - 1].X_WT.translation);
@@ -110,6 +120,35 @@ TEST(ProbingPath, FollowsAMovingScene) {
   }
 }
 
+TEST(ProbingPath, HoldsALongToolByItsAxisAndStaysClearOfSurroundings) {
+  // A rod of 24 cm along x, thin at its low end, in a pit with walls that come nearer for a while.
+  SpherePacking packing;
+  for (int i = 0; i < 24; ++i) {
+    packing.spheres.push_back({{0.01f * static_cast<float>(i), 0, 0}, i < 6 ? 0.005f : 0.012f});
+  }
+  std::reverse(packing.spheres.begin(), packing.spheres.end());  // largest first
+  const auto tool = Tool::build(make_box({0.24, 0.02, 0.02}), packing, GapRule::absolute, "rod");
+  ASSERT_TRUE(tool) << tool.error().message;
+  const Scene pit = [](double time, int u, int v) {
+    const bool in_pit = std::abs(u - 120) < 45 && std::abs(v - 90) < 45;
+    return in_pit ? 0.7 : time > 1.8 ? 0.35 : 0.55;
+  };
+  FunctionStream stream(pit, every(0.04, 50)), again(pit, every(0.04, 50));
+  const auto path = probing_path(copies_of(stream), *tool, std::nullopt);
+  ASSERT_TRUE(path) << path.error().message;
+  for (const TimedPose& pose : *path) {
+    EXPECT_GT(rotate(pose.X_WT.rotation, {-1, 0, 0}).z, 0.8);
+  }
+  const auto log = run_session(
+      *tool, again, [&](std::size_t, double time) { return pose_at(*path, time); }, RunSettings{});
+  ASSERT_TRUE(log) << log.error().message;
+  EXPECT_EQ(log->ticks.front().penetration.volume, 0);
+  EXPECT_EQ(log->ticks.back().penetration.volume, 0);
+  const double peak = log->ticks[log->deepest_tick].penetration.volume / tool->sphere_mass().volume;
+  EXPECT_GT(peak, 0.02);
+  EXPECT_LT(peak, 0.3);
+}
+
 TEST(ProbingPath, ChoosesACalmPlace) {
   // A post sticks out of the middle of the wall, and a curtain flutters on the right.
   const Scene scene = [](double time, int u, int v) {
@@ -118,7 +157,7 @@ TEST(ProbingPath, ChoosesACalmPlace) {
   };
   const Tool tool = test::random_tool(50, 0.02, 3);
   FunctionStream stream(scene, every(0.04, 25));
-  const auto path = probing_path(stream, tool, std::nullopt);
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
   const Vec3d p_W = pose_at(*path, 0.37) * Vec3d{};
   EXPECT_GT(p_W.z, 0.62);
@@ -130,10 +169,10 @@ TEST(ProbingPath, ChoosesACalmPlace) {
 TEST(ProbingPath, TakesTimeFromTheStampsOrTheCaller) {
   const Tool tool = test::random_tool(20, 0.04, 3);
   FunctionStream uneven(still_wall, {0, 0.1, 0.5, 3.0}), cut(still_wall, {0, 0.1, 0.5, 3.0});
-  const auto path = probing_path(uneven, tool, std::nullopt);
+  const auto path = probing_path(copies_of(uneven), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
   EXPECT_NEAR(path->back().time, 3.0 + 1 / 25.0, 1e-12);
-  const auto longer = probing_path(cut, tool, 1.5);
+  const auto longer = probing_path(copies_of(cut), tool, 1.5);
   ASSERT_TRUE(longer) << longer.error().message;
   EXPECT_NEAR(longer->back().time, 1.5, 1e-12);
 }
@@ -145,7 +184,7 @@ TEST(ProbingPath, OffCentreToolsStillMeetTheRay) {
       Tool::build(make_box({0.1, 0.1, 0.1}), packing, GapRule::absolute, "one sphere");
   ASSERT_TRUE(tool) << tool.error().message;
   FunctionStream stream(still_wall, every(0.04, 25));
-  const auto path = probing_path(stream, *tool, std::nullopt);
+  const auto path = probing_path(copies_of(stream), *tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
   const Vec3d C_W = pose_at(*path, 0.37) * tool->sphere_mass().centre_of_mass;
   EXPECT_LT(std::hypot(C_W.x, C_W.y), 0.05);
@@ -155,7 +194,7 @@ TEST(ProbingPath, OffCentreToolsStillMeetTheRay) {
 TEST(ProbingPath, PointsTheTipOfAPenIntoTheScene) {
   const Tool tool = test::random_tool(20, 0.04, 3);
   FunctionStream stream(still_wall, every(0.04, 25));
-  const auto path = probing_path(stream, tool, std::nullopt);
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
   for (const TimedPose& pose : *path) {
     const Vec3d back_W = rotate(pose.X_WT.rotation, {0, 0, 1});
@@ -169,7 +208,7 @@ TEST(ProbingPath, NothingToTouchIsAnError) {
   const Tool tool = test::random_tool(20, 0.04, 3);
   const auto error = [&](Scene scene, std::vector<double> times, std::optional<double> duration) {
     FunctionStream stream(std::move(scene), std::move(times));
-    const auto path = probing_path(stream, tool, duration);
+    const auto path = probing_path(copies_of(stream), tool, duration);
     EXPECT_FALSE(path);
     return path ? "" : path.error().message;
   };
@@ -181,7 +220,7 @@ TEST(ProbingPath, NothingToTouchIsAnError) {
   }
   FunctionStream broken(still_wall, every(0.04, 4));
   broken.fail_at = 2;
-  const auto path = probing_path(broken, tool, std::nullopt);
+  const auto path = probing_path(copies_of(broken), tool, std::nullopt);
   ASSERT_FALSE(path);
   EXPECT_EQ(path.error().message, "frame 2 is broken");
 }
@@ -227,9 +266,12 @@ TEST(CoarseDepth, CopesWithTinyImages) {
     bool done_ = false;
   };
   const Tool tool = test::random_tool(20, 0.04, 3);
-  for (const auto& [width, height] : {std::pair{1, 1}, {2, 1}, {3, 7}, {30, 1}, {64, 48}}) {
+  for (const auto& [width, height] :
+       {std::pair{1, 1}, {2, 1}, {3, 7}, {30, 1}, {8, 8}, {9, 30}, {64, 48}}) {
     TinyStream stream(width, height);
-    EXPECT_TRUE(probing_path(stream, tool, 1.0)) << width << " x " << height;
+    // No surface has fewer than 8 pixels a side.
+    const auto path = probing_path(copies_of(stream), tool, 1.0);
+    EXPECT_EQ(path.has_value(), std::min(width, height) >= 8) << width << " x " << height;
   }
 }
 

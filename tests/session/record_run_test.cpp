@@ -49,7 +49,8 @@ TEST_F(RecordRun, WritesEverythingAndReplaysIdentically) {
                            "recording/depth.txt", "recording/depth/000004.png"}) {
     EXPECT_TRUE(fs::is_regular_file(run() / file)) << file;
   }
-  EXPECT_FALSE(fs::exists(run().string() + ".partial"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), {}), 1);
+  EXPECT_EQ(outcome->warning, "");
   const std::string csv = read(run() / "wrench.csv");
   EXPECT_EQ(csv.substr(0, csv.find('\n')),
             "t,tx,ty,tz,qx,qy,qz,qw,volume,fraction,fx,fy,fz,mx,my,mz,boundary_spheres,"
@@ -136,6 +137,30 @@ TEST_F(RecordRun, DamagedRecordingsAreErrors) {
   }
   write(recording() / "recording.json", manifest);
   EXPECT_EQ(message(), "no error");
+}
+
+TEST_F(RecordRun, OtherJsonIsNamedInPlainWords) {
+  ASSERT_TRUE(record(run()));
+  for (const auto& [text, words] : std::initializer_list<std::pair<const char*, const char*>>{
+           {"{}", "it has no \"format\""}, {"x", "it is not JSON"}}) {
+    write(recording() / "recording.json", text);
+    const auto replay = replay_run(run(), {});
+    ASSERT_FALSE(replay);
+    const std::string& message = replay.error().message;
+    EXPECT_NE(message.find("recording.json is not a recording of palpate"), std::string::npos);
+    EXPECT_NE(message.find(words), std::string::npos) << message;
+    EXPECT_EQ(message.find("exception"), std::string::npos) << message;
+  }
+}
+
+TEST_F(RecordRun, WarnsOfFramesWithoutASurface) {
+  SyntheticStream stream(5);
+  RunSettings settings;
+  settings.surface.max_depth = 0.2;  // nearer than everything
+  const auto outcome = record_run(tool_, stream, kPath, settings, run());
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->warning.substr(0, 51), "0 of 6912 pixels are usable (0.1 to 0.2 m, with a s");
+  EXPECT_EQ(nlohmann::json::parse(read(run() / "summary.json")).at("warning"), outcome->warning);
 }
 
 TEST_F(RecordRun, NothingIsLeftBehindByAFault) {

@@ -17,6 +17,17 @@ void touch(const fs::path& path) {
   std::ofstream(path) << "x";
 }
 
+/// An earlier run with all its names.
+void make_run(const fs::path& folder) {
+  for (const char* name :
+       {"wrench.csv", "timing.csv", "summary.json", "report.html", "recording/tool.palp",
+        "recording/path.txt", "recording/depth.txt", "recording/depth/000000.png"}) {
+    touch(folder / name);
+  }
+  std::ofstream(folder / kRecordingFolder / kRecordingManifest)
+      << "{\"format\": \"palpate recording\", \"version\": 1}";
+}
+
 TEST(RunFolder, AppearsOnCommitOnly) {
   const test::TemporaryFolder root;
   const fs::path target = root.path() / "run";
@@ -37,16 +48,15 @@ TEST(RunFolder, AppearsOnCommitOnly) {
 TEST(RunFolder, ReplacesARunWhole) {
   const test::TemporaryFolder root;
   const fs::path target = root.path() / "run";
-  touch(target / kRecordingFolder / kRecordingManifest);
-  touch(target / "old");
-  // What a killed run leaves behind is cleared away.
-  touch(root.path() / "run.partial" / kRecordingFolder / kRecordingManifest);
+  make_run(target);
+  // What a killed run leaves behind is cleared away: no process has the largest number.
+  make_run(root.path() / "run.partial-2147483647");
   auto folder = RunFolder::create(target);
   ASSERT_TRUE(folder) << folder.error().message;
   touch(folder->partial() / "new");
   ASSERT_TRUE(folder->commit());
   EXPECT_TRUE(fs::exists(target / "new"));
-  EXPECT_FALSE(fs::exists(target / "old"));
+  EXPECT_FALSE(fs::exists(target / "wrench.csv"));
   EXPECT_EQ(std::distance(fs::directory_iterator(root.path()), {}), 1);
 }
 
@@ -54,14 +64,75 @@ TEST(RunFolder, LeavesOtherThingsAlone) {
   const test::TemporaryFolder root;
   touch(root.path() / "folder" / "thesis.tex");
   touch(root.path() / "file");
-  touch(root.path() / "half.partial" / "thesis.tex");
+  touch(root.path() / "run.partial-2147483647" / "thesis.tex");
   for (const fs::path& target :
-       {root.path() / "folder", root.path() / "file", root.path() / "half",
-        root.path() / "no" / "such" / "parent", fs::path("/"), root.path()}) {
+       {root.path() / "folder", root.path() / "file", root.path() / "no" / "such" / "parent",
+        fs::path("/"), root.path()}) {
     EXPECT_FALSE(RunFolder::create(target)) << target;
   }
   EXPECT_TRUE(fs::exists(root.path() / "folder" / "thesis.tex"));
-  EXPECT_TRUE(fs::exists(root.path() / "half.partial" / "thesis.tex"));
+  EXPECT_TRUE(fs::exists(root.path() / "run.partial-2147483647" / "thesis.tex"));
+}
+
+TEST(RunFolder, KeepsARunThatHoldsMoreThanARun) {
+  for (const char* name :
+       {"notes.txt", "wrench.csv.bak", "recording/more.txt", "recording/depth/mine.png",
+        "recording/depth/deeper/000001.png", "figures/a.png"}) {
+    const test::TemporaryFolder root;
+    make_run(root.path() / "run");
+    EXPECT_TRUE(RunFolder::create(root.path() / "run"));
+    touch(root.path() / "run" / name);
+    const auto folder = RunFolder::create(root.path() / "run");
+    ASSERT_FALSE(folder) << name;
+    EXPECT_NE(folder.error().message.find("other things than an earlier run"), std::string::npos);
+    EXPECT_TRUE(fs::exists(root.path() / "run" / name));
+  }
+  for (const char* manifest : {"x", "{}", "[]", "{\"format\": \"someone else's\"}"}) {
+    const test::TemporaryFolder root;
+    make_run(root.path() / "run");
+    std::ofstream(root.path() / "run" / kRecordingFolder / kRecordingManifest) << manifest;
+    EXPECT_FALSE(RunFolder::create(root.path() / "run")) << manifest;
+  }
+}
+
+TEST(RunFolder, ThingsAddedDuringTheRunStay) {
+  const test::TemporaryFolder root;
+  make_run(root.path() / "run");
+  auto folder = RunFolder::create(root.path() / "run");
+  ASSERT_TRUE(folder) << folder.error().message;
+  touch(root.path() / "run" / "notes.txt");
+  EXPECT_FALSE(folder->commit());
+  EXPECT_TRUE(fs::exists(root.path() / "run" / "notes.txt"));
+}
+
+TEST(RunFolder, RunsOfOneNameDoNotDisturbEachOther) {
+  const test::TemporaryFolder root;
+  auto first = RunFolder::create(root.path() / "run");
+  auto second = RunFolder::create(root.path() / "run");
+  ASSERT_TRUE(first && second);
+  EXPECT_NE(first->partial(), second->partial());
+  make_run(first->partial());
+  make_run(second->partial());
+  touch(second->partial() / "second");
+  EXPECT_TRUE(first->commit());
+  EXPECT_TRUE(second->commit());
+  EXPECT_TRUE(fs::exists(root.path() / "run" / "second"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(root.path()), {}), 1);
+}
+
+TEST(RunFolder, KnowsWhatLiesInside) {
+  const test::TemporaryFolder root;
+  make_run(root.path() / "run");
+  const fs::path run = root.path() / "run";
+  fs::create_directory_symlink(run, root.path() / "link");
+  for (const fs::path& path : {run, run / "recording" / "depth", run / "recording" / ".." / "new",
+                               root.path() / "link" / "wrench.csv"}) {
+    EXPECT_TRUE(lies_inside(path, run)) << path;
+    EXPECT_TRUE(lies_inside(path, run.string() + "/")) << path;
+  }
+  for (const fs::path& path : {root.path(), root.path() / "run2", run / ".." / "tool.palp"}) {
+    EXPECT_FALSE(lies_inside(path, run)) << path;
+  }
 }
 
 }  // namespace

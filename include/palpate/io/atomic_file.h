@@ -11,7 +11,8 @@
 namespace palpate {
 
 /// Writes a temporary file in the same folder, flushes it to disk and renames it over `path`. A
-/// symbolic link is followed; a file that is replaced keeps its permissions; anything but a regular file in the way is an error.
+/// symbolic link is followed; a file that is replaced keeps its permissions; anything but a regular
+/// file in the way is an error.
 Status write_file_atomically(const std::filesystem::path& path, std::string_view content);
 
 /// Whole file as bytes. Error: absent, a directory, larger than `max_bytes`.

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact_query.h"
 
 namespace palpate {
@@ -28,6 +29,10 @@ inline constexpr std::array<Named<Priority>, 2> kPriorityNames{{
 inline constexpr std::array<Named<InsideVolume>, 2> kInsideNames{{
     {"full", InsideVolume::full},
     {"cap", InsideVolume::cap},
+}};
+inline constexpr std::array<Named<PlaneFit>, 2> kPlaneFitNames{{
+    {"along_ray", PlaneFit::along_ray},
+    {"principal", PlaneFit::principal},
 }};
 /// No value: the fastest one that works here.
 inline constexpr std::array<Named<std::optional<Backend>>, 3> kBackendNames{{

@@ -20,6 +20,7 @@ namespace palpate {
 struct RunOutcome {
   RunLog log;
   std::string summary_json;  ///< as in summary.json
+  std::string warning;       ///< about frames that show hardly any surface; else empty
 };
 
 /// Runs and writes `folder`, whole or not at all. `keep_going` as RunCallbacks::on_tick: a run that

@@ -1,4 +1,4 @@
-// The folder of a run. It appears whole or not at all: everything is written into NAME.partial
+// The folder of a run. It appears whole or not at all: everything is written into NAME.partial-PID
 // first.
 #pragma once
 
@@ -11,12 +11,16 @@ namespace palpate {
 /// Where a recording lies inside the folder of its run, and the file that marks it as ours.
 inline constexpr const char* kRecordingFolder = "recording";
 inline constexpr const char* kRecordingManifest = "recording.json";
+inline constexpr const char* kRecordingFormat = "palpate recording";
+
+/// Whether `path` is `folder` or lies in it, so that replacing the folder would remove it.
+bool lies_inside(const std::filesystem::path& path, const std::filesystem::path& folder);
 
 /// Removes what it wrote unless `commit` succeeded.
 class RunFolder {
  public:
-  /// `target` must be new, empty, or hold an earlier run, which `commit` will replace. Errors:
-  /// anything else is in the way; the folder cannot be made.
+  /// `target` must be new, empty, or hold an earlier run and nothing else, which `commit` will
+  /// replace. Errors: anything else is in the way; the folder cannot be made.
   static Result<RunFolder> create(const std::filesystem::path& target);
   RunFolder(RunFolder&& other) noexcept;
   RunFolder& operator=(RunFolder&&) = delete;
