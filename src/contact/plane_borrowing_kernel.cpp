@@ -89,6 +89,14 @@ bool is_reached(const BoundaryPlanes& boundary, const Candidates& candidates,
   return false;
 }
 
+// Marks the spheres of clusters [first, last) as not behind any plane.
+void leave_outside(const PlaneBorrowing& job, int first, int last) {
+  const std::size_t begin = static_cast<std::size_t>(first) * SphereClusters::kSize;
+  const std::size_t end = static_cast<std::size_t>(last) * SphereClusters::kSize;
+  std::fill(job.borrowed_volume + begin, job.borrowed_volume + end, 0.0f);
+  std::fill(job.lender + begin, job.lender + end, PlaneBorrowing::kNone);
+}
+
 // The nearest boundary sphere by centre distance in double, ties to the lowest sphere id (boundary
 // spheres are in ascending order).
 std::int32_t nearest_exactly(const PlaneBorrowing& job, std::int32_t sphere_id,
@@ -162,17 +170,19 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
   const BoundaryPlanes& boundary = job.boundary;
   MeasureSums sums;
   Candidates& of_cluster = scratch.of_cluster;
-  prune_candidates(all_candidates(job, of_cluster), c.groups[static_cast<std::size_t>(group)],
-                   scratch.of_group);
+  const Cluster& group_box = c.groups[static_cast<std::size_t>(group)];
+  prune_candidates(all_candidates(job, of_cluster), group_box, scratch.of_group);
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, c.num_clusters());
+  if (!is_reached(boundary, scratch.of_group, group_box)) {
+    leave_outside(job, first, last);
+    return sums;
+  }
   for (int cluster = first; cluster < last; ++cluster) {
     const Cluster& box = c.clusters[static_cast<std::size_t>(cluster)];
     prune_candidates(scratch.of_group, box, of_cluster);
     if (!is_reached(boundary, of_cluster, box)) {
-      const std::size_t skipped = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
-      std::fill_n(job.borrowed_volume + skipped, SphereClusters::kSize, 0.0f);
-      std::fill_n(job.lender + skipped, SphereClusters::kSize, PlaneBorrowing::kNone);
+      leave_outside(job, cluster, cluster + 1);
       continue;
     }
     RowSums volume_sum, force[3], torque[3];
