@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "src/contact/graph_traversal.h"
@@ -89,6 +90,8 @@ class ContactQueryCpu final : public ContactQuery {
     candidate_floats_.resize(8 * tasks_.size() * (n + kLenderPadding));
     candidate_lenders_.resize(2 * tasks_.size() * (n + kLenderPadding));
     seed_moments_.reserve(n);
+    numbers_.resize(n + kLenderPadding);
+    std::iota(numbers_.begin(), numbers_.end(), 0);
     states_.assign(n, SphereState::outside);
     planes_.assign(n, Plane<float>{});
   }
@@ -164,6 +167,7 @@ class ContactQueryCpu final : public ContactQuery {
   std::vector<MeasureSums> group_sums_;
   std::vector<float> candidate_floats_;
   std::vector<std::int32_t> candidate_lenders_;
+  std::vector<std::int32_t> numbers_;  // 0, 1, 2, ...
 
   std::span<const GraphTraversal::Visit> reached_;  // graph
   ContactOptions options_;                          // of the last query
@@ -330,6 +334,15 @@ MeasureSums ContactQueryCpu::measure_by_borrowing() {
                   lender_planes_.data()};
   job.origin = origin();
   job.by_count = options_.priority == Priority::count;
+  job.num_lenders = job.boundary.num;
+  if (job.by_count) {
+    // One lender for all: most points, ties to the lowest sphere id.
+    const std::vector<float>& count = lender_floats_[kCount];
+    job.first_lender = static_cast<std::int32_t>(
+        std::max_element(count.begin(), count.begin() + job.boundary.num) - count.begin());
+    job.num_lenders = 1;
+  }
+  job.numbers = numbers_.data();
   job.touched = touched_places_.data();
   job.lender = lender_places_.data();
   job.borrowed_volume = borrowed_volume_.data();

@@ -42,8 +42,11 @@ struct PlaneBorrowing {
   const SphereClusters* clusters = nullptr;
   const Sphere* spheres = nullptr;
   BoundaryPlanes boundary;
-  Vec3d origin;                           ///< centre of mass
-  bool by_count = false;                  ///< weights: points inside instead of inverse distance
+  Vec3d origin;           ///< centre of mass
+  bool by_count = false;  ///< weights: points inside instead of inverse distance
+  /// Simplified: only these of `boundary` may lend; by count that is the one with the most points.
+  std::int32_t first_lender = 0, num_lenders = 0;
+  const std::int32_t* numbers = nullptr;  ///< 0, 1, 2, ..., as many as `boundary` and 16 more
   const std::int32_t* touched = nullptr;  ///< per place: kTouched or kNone
   std::int32_t* lender = nullptr;         ///< simplified: index into `boundary` per place
   float* borrowed_volume = nullptr;       ///< per place: V_s, for the state of the sphere
@@ -53,7 +56,7 @@ struct PlaneBorrowing {
 struct Candidates {
   int num = 0;
   float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
-  float* squared_distance = nullptr;               ///< scratch
+  float* squared_distance = nullptr;               ///< scratch, as large as `boundary`
   std::int32_t* lender = nullptr;                  ///< index into BoundaryPlanes
 };
 

@@ -35,24 +35,34 @@ inline VecF cap_volume_v(VecF radius, VecF distance) {
   return static_cast<float>(kPi / 3.0) * h * h * (3.0f * radius - h);
 }
 
+// Centres to choose from, and whose they are.
+struct CandidateList {
+  int num;
+  const float *x, *y, *z;
+  const std::int32_t* lender;
+};
+
+CandidateList list_of(const Candidates& c) { return {c.num, c.x, c.y, c.z, c.lender}; }
+
 // Of `from`, those that may be nearest to some centre in the box. With b* the one nearest to the
 // box's middle m, another b is nearer to a point x of the box only if x lies beyond the plane half
 // way between b* and b, so only if |m - b|^2 - |m - b*|^2 < 2 h . |b - b*|, h the half sides of the
 // box.
-void prune_candidates(const Candidates& from, const Cluster& box, Candidates& to) {
+// `to` may not overlap `from`; its squared distances are scratch.
+void prune_candidates(const CandidateList& from, const Cluster& box, Candidates& to) {
   VecF least = splat(1e30f);
   for (int i = 0; i < from.num; i += kLanes) {
     const VecF dx = load(from.x + i) - box.centre.x, dy = load(from.y + i) - box.centre.y,
                dz = load(from.z + i) - box.centre.z;
     const VecI in_range = lane_ids() < splat(static_cast<std::int32_t>(from.num - i));
     const VecF squared = select(in_range, dx * dx + dy * dy + dz * dz, splat(1e30f));
-    store(from.squared_distance + i, squared);
+    store(to.squared_distance + i, squared);
     least = min(least, squared);
   }
   float nearest = least[0];
   for (int lane = 1; lane < kLanes; ++lane) nearest = std::min(nearest, least[lane]);
   int best = 0;
-  while (from.squared_distance[best] != nearest) ++best;
+  while (to.squared_distance[best] != nearest) ++best;
 
   const float x = from.x[best], y = from.y[best], z = from.z[best];
   const float slack = nearest * kSlack + 1e-14f;
@@ -62,7 +72,7 @@ void prune_candidates(const Candidates& from, const Cluster& box, Candidates& to
     const VecF reach = box.half_size.x * max(bx - x, x - bx) +
                        box.half_size.y * max(by - y, y - by) +
                        box.half_size.z * max(bz - z, z - bz);
-    const VecF squared = load(from.squared_distance + i);
+    const VecF squared = load(to.squared_distance + i);
     const VecF farther = squared * (1 - kSlack) - (nearest + slack);
     const std::uint32_t bits = mask_bits(farther <= 2.0f * reach);
     if (bits == 0) continue;
@@ -146,23 +156,6 @@ VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place,
   return best;
 }
 
-// Every boundary sphere as a candidate; by count there is only one, that with the most points, ties
-// to the lowest sphere id.
-Candidates all_candidates(const PlaneBorrowing& job, Candidates& scratch) {
-  const BoundaryPlanes& boundary = job.boundary;
-  scratch.num = job.by_count ? 1 : boundary.num;
-  std::int32_t first = 0;
-  for (int b = 1; job.by_count && b < boundary.num; ++b) {
-    if (boundary.count[b] > boundary.count[first]) first = b;
-  }
-  for (int i = 0; i < scratch.num; ++i) {
-    const std::int32_t b = first + i;
-    scratch.x[i] = boundary.x[b], scratch.y[i] = boundary.y[b], scratch.z[i] = boundary.z[b];
-    scratch.lender[i] = b;
-  }
-  return scratch;
-}
-
 }  // namespace
 
 MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratch& scratch) {
@@ -171,7 +164,10 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
   MeasureSums sums;
   Candidates& of_cluster = scratch.of_cluster;
   const Cluster& group_box = c.groups[static_cast<std::size_t>(group)];
-  prune_candidates(all_candidates(job, of_cluster), group_box, scratch.of_group);
+  const CandidateList lenders{job.num_lenders, boundary.x + job.first_lender,
+                              boundary.y + job.first_lender, boundary.z + job.first_lender,
+                              job.numbers + job.first_lender};
+  prune_candidates(lenders, group_box, scratch.of_group);
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, c.num_clusters());
   if (!is_reached(boundary, scratch.of_group, group_box)) {
@@ -180,7 +176,7 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
   }
   for (int cluster = first; cluster < last; ++cluster) {
     const Cluster& box = c.clusters[static_cast<std::size_t>(cluster)];
-    prune_candidates(scratch.of_group, box, of_cluster);
+    prune_candidates(list_of(scratch.of_group), box, of_cluster);
     if (!is_reached(boundary, of_cluster, box)) {
       leave_outside(job, cluster, cluster + 1);
       continue;
