@@ -1,5 +1,5 @@
-// Time and fill of the sphere packer. The bunny is read from
-// $PALPATE_DATA/meshes_good/bunny_3k.off.
+// Time and fill of the sphere packer, and what the volumes that spheres stand for add. The bunny is
+// read from $PALPATE_DATA/meshes_good/bunny_3k.off.
 //   bench_packing --benchmark_filter=bunny
 #include <benchmark/benchmark.h>
 
@@ -9,6 +9,7 @@
 
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
+#include "palpate/packing/represented_volumes.h"
 
 namespace palpate {
 namespace {
@@ -26,11 +27,20 @@ TriangleMesh read_off(const std::string& path) {
   return mesh;
 }
 
+TriangleMesh cube() { return make_box({0.1, 0.1, 0.1}); }
+
+TriangleMesh bunny() {
+  const char* folder = std::getenv("PALPATE_DATA");
+  return folder ? read_off(std::string(folder) + "/meshes_good/bunny_3k.off") : TriangleMesh{};
+}
+
+bool is_missing(const TriangleMesh& mesh, benchmark::State& state) {
+  if (mesh.triangles.empty()) state.SkipWithError("set PALPATE_DATA to the folder of real data");
+  return mesh.triangles.empty();
+}
+
 void pack(benchmark::State& state, const TriangleMesh& mesh) {
-  if (mesh.triangles.empty()) {
-    state.SkipWithError("set PALPATE_DATA to the folder of real data");
-    return;
-  }
+  if (is_missing(mesh, state)) return;
   PackOptions options;
   options.max_spheres = static_cast<int>(state.range(0));
   options.num_threads = static_cast<int>(state.range(1));
@@ -55,15 +65,27 @@ void settings(benchmark::internal::Benchmark* bench) {
       ->UseRealTime();
 }
 
-void pack_cube(benchmark::State& state) { pack(state, make_box({0.1, 0.1, 0.1})); }
+void pack_cube(benchmark::State& state) { pack(state, cube()); }
 BENCHMARK(pack_cube)->Apply(settings);
 
-void pack_bunny(benchmark::State& state) {
-  const char* folder = std::getenv("PALPATE_DATA");
-  pack(state,
-       folder ? read_off(std::string(folder) + "/meshes_good/bunny_3k.off") : TriangleMesh{});
-}
+void pack_bunny(benchmark::State& state) { pack(state, bunny()); }
 BENCHMARK(pack_bunny)->Apply(settings);
+
+void volumes(benchmark::State& state, const TriangleMesh& mesh) {
+  if (is_missing(mesh, state)) return;
+  PackOptions options;
+  options.max_spheres = static_cast<int>(state.range(0));
+  const SpherePacking packing = pack_spheres(mesh, options).value();
+  ThreadPool pool(static_cast<int>(state.range(1)));
+  for (auto _ : state)
+    benchmark::DoNotOptimize(represented_volumes(mesh, packing.spheres, pool).value().data());
+}
+
+void volumes_cube(benchmark::State& state) { volumes(state, cube()); }
+BENCHMARK(volumes_cube)->Apply(settings);
+
+void volumes_bunny(benchmark::State& state) { volumes(state, bunny()); }
+BENCHMARK(volumes_bunny)->Apply(settings);
 
 // Where every facet is about equally far from the axis.
 void pack_round_cylinder(benchmark::State& state) { pack(state, make_cylinder(0.02, 0.1, 8192)); }

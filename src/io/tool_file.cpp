@@ -1,7 +1,8 @@
 // Layout, all little endian, every section at a multiple of 8 bytes:
 //   header          magic, format version, number of sections, length of the file
 //   section table   per section: name, element size, offset, number of elements
-//   sections        vertices, triangles, spheres, facts, edges, source, represented volumes
+//   sections        vertices, triangles, spheres, facts, edges, source, represented volumes,
+//                   tree nodes
 //   checksum        XXH3-64 of everything before it
 #include "palpate/io/tool_file.h"
 
@@ -23,7 +24,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "tool files are little endian");
 
 constexpr std::array<char, 8> kMagic{'\x89', 'P', 'A', 'L', 'P', '\r', '\n', '\x1a'};
-constexpr std::uint32_t kVersion = 2;
+constexpr std::uint32_t kVersion = 3;
 constexpr std::size_t kAlignment = 8;
 constexpr std::size_t kMaxSource = std::size_t(1) << 20;
 
@@ -41,9 +42,10 @@ enum class SectionName : std::uint32_t {
   facts,
   edges,
   source,
-  represented_volumes
+  represented_volumes,
+  tree_nodes
 };
-constexpr std::uint32_t kNumSections = 7;
+constexpr std::uint32_t kNumSections = 8;
 
 struct Section {
   SectionName name{};
@@ -66,6 +68,7 @@ using StoredTriangle = std::array<std::uint32_t, 3>;
 // What is copied byte by byte has no holes.
 static_assert(sizeof(Header) == 24 && sizeof(Section) == 24 && sizeof(Facts) == 24);
 static_assert(sizeof(Vec3d) == 24 && sizeof(Sphere) == 16 && sizeof(StoredTriangle) == 12);
+static_assert(sizeof(IstNode) == 32);
 
 class Writer {
  public:
@@ -98,6 +101,13 @@ class Writer {
   std::size_t num_added_ = 0;
 };
 
+template <class T>
+T element(std::string_view bytes, std::size_t i) {
+  T value;
+  std::memcpy(&value, bytes.data() + i * sizeof(T), sizeof(T));
+  return value;
+}
+
 class Reader {
  public:
   explicit Reader(std::string_view content) : content_(content) {}
@@ -127,14 +137,14 @@ class Reader {
     return std::nullopt;
   }
 
-  /// All elements of a section; nullopt if it is missing, stored twice, or outside of the file.
+  /// The bytes of a section with elements of type T; nullopt if it is missing, stored twice, or
+  /// outside of the file.
   template <class T>
-  std::optional<std::vector<T>> take(SectionName name) const {
+  std::optional<std::string_view> find(SectionName name) const {
+    static_assert(std::is_trivially_copyable_v<T>);
     std::optional<Section> found;
     for (std::uint32_t i = 0; i < header_.num_sections; ++i) {
-      Section section;
-      std::memcpy(&section, content_.data() + sizeof(Header) + i * sizeof(Section),
-                  sizeof(section));
+      const auto section = element<Section>(content_.substr(sizeof(Header)), i);
       if (section.name != name) continue;
       if (found) return std::nullopt;
       found = section;
@@ -143,9 +153,16 @@ class Reader {
     if (!found || found->element_bytes != sizeof(T) || found->offset > body_bytes ||
         found->num_elements > (body_bytes - found->offset) / sizeof(T))
       return std::nullopt;
-    std::vector<T> elements(found->num_elements);
-    if (!elements.empty())
-      std::memcpy(elements.data(), content_.data() + found->offset, elements.size() * sizeof(T));
+    return content_.substr(found->offset, found->num_elements * sizeof(T));
+  }
+
+  /// All elements of a section, under the same conditions.
+  template <class T>
+  std::optional<std::vector<T>> take(SectionName name) const {
+    const auto bytes = find<T>(name);
+    if (!bytes) return std::nullopt;
+    std::vector<T> elements(bytes->size() / sizeof(T));
+    if (!elements.empty()) std::memcpy(elements.data(), bytes->data(), bytes->size());
     return elements;
   }
 
@@ -161,13 +178,16 @@ class Reader {
 };
 
 /// The edges as (a, b) with a < b < num_spheres, strictly ascending; nullopt otherwise.
-std::optional<std::vector<std::pair<int, int>>> checked_edges(const std::vector<StoredEdge>& stored,
+std::optional<std::vector<std::pair<int, int>>> checked_edges(std::string_view stored,
                                                               std::size_t num_spheres) {
   std::vector<std::pair<int, int>> edges;
-  edges.reserve(stored.size());
-  for (std::size_t i = 0; i < stored.size(); ++i) {
-    const auto [a, b] = stored[i];
-    if (a >= b || b >= num_spheres || (i > 0 && !(stored[i - 1] < stored[i]))) return std::nullopt;
+  edges.reserve(stored.size() / sizeof(StoredEdge));
+  std::uint64_t last = 0;  // (0, 0) is no edge, and all others come after it
+  for (std::size_t i = 0; i < stored.size() / sizeof(StoredEdge); ++i) {
+    const auto [a, b] = element<StoredEdge>(stored, i);
+    const std::uint64_t edge = std::uint64_t(a) << 32 | b;
+    if (a >= b || b >= num_spheres || edge <= last) return std::nullopt;
+    last = edge;
     edges.emplace_back(static_cast<int>(a), static_cast<int>(b));
   }
   return edges;
@@ -181,10 +201,12 @@ Result<Tool> parse_tool(std::string_view content) {
   auto triangles = reader.take<StoredTriangle>(SectionName::triangles);
   auto spheres = reader.take<Sphere>(SectionName::spheres);
   const auto facts = reader.take<Facts>(SectionName::facts);
-  const auto stored_edges = reader.take<StoredEdge>(SectionName::edges);
+  const auto stored_edges = reader.find<StoredEdge>(SectionName::edges);
   const auto source = reader.take<char>(SectionName::source);
   auto volumes = reader.take<float>(SectionName::represented_volumes);
-  if (!vertices || !triangles || !spheres || !facts || !stored_edges || !source || !volumes)
+  auto tree_nodes = reader.take<IstNode>(SectionName::tree_nodes);
+  if (!vertices || !triangles || !spheres || !facts || !stored_edges || !source || !volumes ||
+      !tree_nodes)
     return bad(Reader::damaged("a section is missing or does not fit"));
   if (facts->size() != 1 || source->size() > kMaxSource)
     return bad(Reader::damaged("a section has the wrong size"));
@@ -192,18 +214,18 @@ Result<Tool> parse_tool(std::string_view content) {
   const Facts& fact = facts->front();
   if (fact.stop > static_cast<std::uint32_t>(PackStop::exhausted) ||
       fact.gap_rule > static_cast<std::uint32_t>(GapRule::relative) ||
-      fact.num_bridges > stored_edges->size() ||
+      fact.num_bridges > stored_edges->size() / sizeof(StoredEdge) ||
       std::uint64_t(fact.num_bridges) + 1 != fact.num_components_before_bridging ||
       fact.num_components_before_bridging > spheres->size())
     return bad(Reader::damaged("its facts are out of range"));
   const auto edges = checked_edges(*stored_edges, spheres->size());
   if (!edges) return bad(Reader::damaged("its edges are out of range"));
 
-  LeafGraph graph(*spheres, *edges, static_cast<int>(fact.num_bridges),
+  LeafGraph graph(spheres->size(), *edges, static_cast<int>(fact.num_bridges),
                   static_cast<int>(fact.num_components_before_bridging));
   SpherePacking packing{std::move(*spheres), fact.mesh_volume, static_cast<PackStop>(fact.stop)};
   Tool::StoredParts parts{std::move(graph), static_cast<GapRule>(fact.gap_rule),
-                          std::move(*volumes)};
+                          std::move(*volumes), std::move(*tree_nodes)};
   auto tool = Tool::restore({std::move(*vertices), std::move(*triangles)}, std::move(packing),
                             std::move(parts), std::string(source->begin(), source->end()));
   if (!tool) return bad("holds a bad tool: " + tool.error().message);
@@ -236,6 +258,7 @@ Status save_tool(const Tool& tool, const std::filesystem::path& path) {
   writer.add(SectionName::source, tool.source().data(), tool.source().size());
   writer.add(SectionName::represented_volumes, tool.represented_volumes().data(),
              tool.represented_volumes().size());
+  writer.add(SectionName::tree_nodes, tool.tree().nodes().data(), tool.tree().nodes().size());
   return write_file_atomically(path, writer.finish());
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace palpate {
 namespace {
@@ -29,12 +30,13 @@ Box box_of_balls(std::span<const Leaf> leaves) {
   return box;
 }
 
+/// Balls are this much larger than their leaves need, relatively: a stored ball contains every
+/// leaf, and every point that the leaf's own test accepts, in double precision.
+constexpr double kRoundingSlack = 1e-9;
+
 /// A ball around all leaves of a node, about the middle of their box: stepping on towards the
-/// smallest ball made it 1.5 % smaller for half as much time again. The radius is rounded up, so
-/// that the stored ball contains every leaf, and every point that the leaf's own test accepts, in
-/// double precision.
+/// smallest ball made it 1.5 % smaller for half as much time again. The radius is rounded up.
 Sphere wrap(std::span<const Leaf> leaves, const Box& box) {
-  constexpr double kRoundingSlack = 1e-9;
   const Vec3f centre = to_float((to_double(box.low) + to_double(box.high)) * 0.5);
   double radius = 0;
   for (const Leaf& leaf : leaves) {
@@ -44,6 +46,14 @@ Sphere wrap(std::span<const Leaf> leaves, const Box& box) {
   }
   return {centre, std::nextafter(static_cast<float>(radius * (1 + kRoundingSlack)),
                                  std::numeric_limits<float>::infinity())};
+}
+
+/// Does the ball contain the leaf with at least half of the slack? What `wrap` made does, in spite
+/// of all rounding here.
+bool wraps(const Sphere& ball, const Sphere& leaf) {
+  const double room = double(ball.radius) * (1 - 0.5 * kRoundingSlack) - double(leaf.radius);
+  const Vec3d offset = to_double(leaf.centre) - to_double(ball.centre);
+  return std::isfinite(room) && room >= 0 && dot(offset, offset) <= room * room;
 }
 
 /// Splits leaves into two halves at the median centre along the box' longest axis.
@@ -58,6 +68,54 @@ std::size_t split(std::span<Leaf> leaves, const Box& box) {
                      return ca < cb || (ca == cb && a.id < b.id);
                    });
   return half;
+}
+
+/// Breadth first, siblings side by side, no deeper than a traversal's stack allows, and every
+/// sphere is one leaf.
+bool is_well_formed(std::span<const IstNode> nodes, std::span<const Sphere> spheres) {
+  if (nodes.empty() || nodes[0].parent != -1) return nodes.empty() && spheres.empty();
+  std::vector<char> is_leaf(spheres.size(), 0);
+  std::size_t num_leaves = 0, num_claimed = 1;  // by their parents; the root by us
+  std::size_t level_end = 1;
+  int num_levels = 1;
+  for (std::size_t k = 0; k < nodes.size(); ++k) {
+    if (k == num_claimed) return false;
+    if (k == level_end) {
+      level_end = num_claimed;
+      if (++num_levels > InnerSphereTree::kMaxLevels) return false;
+    }
+    const IstNode& node = nodes[k];
+    if (node.num_children == 0) {
+      const auto id = static_cast<std::uint32_t>(node.sphere_id);
+      if (node.first_child != -1 || id >= spheres.size() || is_leaf[id]) return false;
+      is_leaf[id] = 1;
+      ++num_leaves;
+      continue;
+    }
+    if (node.sphere_id != -1 || node.num_children < 2 ||
+        node.num_children > InnerSphereTree::kBranching ||
+        node.first_child != static_cast<std::int32_t>(num_claimed) ||
+        num_claimed + node.num_children > nodes.size())
+      return false;
+    for (const IstNode& child : nodes.subspan(num_claimed, node.num_children)) {
+      if (child.parent != static_cast<std::int32_t>(k)) return false;
+    }
+    num_claimed += node.num_children;
+  }
+  return num_leaves == spheres.size();
+}
+
+/// Are the leaves the spheres, each inside all nodes above it?
+bool is_wrapped(std::span<const IstNode> nodes, std::span<const Sphere> spheres) {
+  for (const IstNode& node : nodes) {
+    if (node.num_children > 0) continue;
+    const Sphere& leaf = spheres[node.sphere_id];
+    if (node.bound.centre != leaf.centre || node.bound.radius != leaf.radius) return false;
+    for (std::int32_t up = node.parent; up >= 0; up = nodes[up].parent) {
+      if (!wraps(nodes[up].bound, leaf)) return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace
@@ -100,6 +158,16 @@ InnerSphereTree::InnerSphereTree(std::span<const Sphere> spheres) {
       add_child(side.subspan(quarter));
     }
   }
+}
+
+Result<InnerSphereTree> InnerSphereTree::restore(std::vector<IstNode> nodes,
+                                                 std::span<const Sphere> spheres) {
+  if (!is_well_formed(nodes, spheres) || !is_wrapped(nodes, spheres))
+    return Error{Errc::bad_input,
+                 "the inner sphere tree does not wrap the tool's spheres; build the tool again"};
+  InnerSphereTree tree;
+  tree.nodes_ = std::move(nodes);
+  return tree;
 }
 
 int InnerSphereTree::find_leaf(const Vec3d& p) const {

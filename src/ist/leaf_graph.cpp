@@ -67,22 +67,22 @@ LeafGraph::LeafGraph(std::span<const Sphere> spheres, GapRule rule) {
   const std::vector<Edge> added = bridges(spheres, components, search);
   num_bridges_ = static_cast<int>(added.size());
   all_edges.insert(all_edges.end(), added.begin(), added.end());
-  set_edges(spheres, all_edges);
+  set_edges(spheres.size(), all_edges);
 }
 
-LeafGraph::LeafGraph(std::span<const Sphere> spheres, std::span<const Edge> edges, int num_bridges,
+LeafGraph::LeafGraph(std::size_t num_spheres, std::span<const Edge> edges, int num_bridges,
                      int num_components_before_bridging)
     : num_bridges_(num_bridges), num_components_before_bridging_(num_components_before_bridging) {
-  set_edges(spheres, edges);
+  set_edges(num_spheres, edges);
 }
 
-void LeafGraph::set_edges(std::span<const Sphere> spheres, std::span<const Edge> edges) {
-  row_starts_.assign(spheres.size() + 1, 0);
+void LeafGraph::set_edges(std::size_t num_spheres, std::span<const Edge> edges) {
+  row_starts_.assign(num_spheres + 1, 0);
   for (const auto& [a, b] : edges) {
     ++row_starts_[a + 1];
     ++row_starts_[b + 1];
   }
-  for (std::size_t i = 0; i < spheres.size(); ++i) row_starts_[i + 1] += row_starts_[i];
+  for (std::size_t i = 0; i < num_spheres; ++i) row_starts_[i + 1] += row_starts_[i];
 
   neighbours_.resize(2 * edges.size());
   std::vector<std::int32_t> next(row_starts_.begin(), row_starts_.end() - 1);
@@ -90,14 +90,10 @@ void LeafGraph::set_edges(std::span<const Sphere> spheres, std::span<const Edge>
     neighbours_[next[a]++] = b;
     neighbours_[next[b]++] = a;
   }
-  lengths_.resize(neighbours_.size());
-  for (std::size_t i = 0; i < spheres.size(); ++i) {
+  for (std::size_t i = 0; i < num_spheres; ++i) {
     const auto row = neighbours_.begin() + row_starts_[i];
     const auto row_end = neighbours_.begin() + row_starts_[i + 1];
     if (!std::is_sorted(row, row_end)) std::sort(row, row_end);
-    const Vec3d centre = to_double(spheres[i].centre);
-    for (std::int32_t k = row_starts_[i]; k < row_starts_[i + 1]; ++k)
-      lengths_[k] = norm(to_double(spheres[neighbours_[k]].centre) - centre);
   }
 }
 

@@ -74,11 +74,14 @@ class Packer {
   }
 
   Result<SpherePacking> run() {
-    const StartingPoints start = starting_points(space_, box_, options_.seed, pool_);
-    head_start_ = kHeadStart * start.spacing;
-    for (const Ball& ball : start.balls) push(ball, false);
+    const Error cancelled{Errc::cancelled, "sphere packing was cancelled"};
+    const auto start =
+        starting_points(space_, box_, options_.seed, pool_, [this] { return report(); });
+    if (!start) return cancelled;
+    head_start_ = kHeadStart * start->spacing;
+    for (const Ball& ball : start->balls) push(ball, false);
     while (!done_) {
-      if (!report()) return Error{Errc::cancelled, "sphere packing was cancelled"};
+      if (!report()) return cancelled;
       take_batch();
       if (batch_.empty()) {
         packing_.stop = limited_by_radius_ ? PackStop::radius : PackStop::exhausted;

@@ -10,6 +10,7 @@ constexpr double kNumCells = 40000;
 constexpr int kMaxCellsPerAxis = 512;
 constexpr double kTolerance = 0.02;  // of the distances of cells
 constexpr int kMaxFacets = 1024;
+constexpr int kQuestions = 64;  // whether to go on
 
 // Side of a cube such that about kNumCells of them fill the box.
 double cell_size(const Vec3d& extent) {
@@ -51,8 +52,9 @@ void scan_row(const TriangleBvh& mesh, const Vec3d& start, double h, int num,
 
 }  // namespace
 
-StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::uint64_t jitter,
-                               ThreadPool& pool) {
+std::optional<StartingPoints> starting_points(const FreeSpace& space, const Bounds& box,
+                                              std::uint64_t jitter, ThreadPool& pool,
+                                              const std::function<bool()>& keep_going) {
   const TriangleBvh& mesh = space.mesh;
   const Vec3d extent = box.high - box.low;
   const double h = cell_size(extent);
@@ -68,8 +70,9 @@ StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::u
   const int num_facets = std::min(mesh.num_triangles(), kMaxFacets);
   constexpr int kFacetsPerTask = 64;
   const int num_facet_tasks = (num_facets + kFacetsPerTask - 1) / kFacetsPerTask;
-  std::vector<std::vector<Ball>> parts(static_cast<std::size_t>(num_rows + num_facet_tasks));
-  pool.parallel_for(num_rows + num_facet_tasks, [&](int task) {
+  const int num_tasks = num_rows + num_facet_tasks;
+  std::vector<std::vector<Ball>> parts(static_cast<std::size_t>(num_tasks));
+  const auto run = [&](int task) {
     std::vector<Ball>& part = parts[static_cast<std::size_t>(task)];
     if (task < num_rows) {
       const Vec3d row{0, h * (task % num[1]), h * (task / num[1])};
@@ -84,7 +87,13 @@ StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::u
       if (n == Vec3d{}) continue;
       part.push_back(space.tangent_ball((t.a + t.b + t.c) / 3.0, n, norm(extent) / 2));
     }
-  });
+  };
+  const int tasks_per_question = std::max(1, num_tasks / kQuestions);
+  for (int first = 0; first < num_tasks; first += tasks_per_question) {
+    if (!keep_going()) return std::nullopt;
+    pool.parallel_for(std::min(tasks_per_question, num_tasks - first),
+                      [&](int task) { run(first + task); });
+  }
   StartingPoints seeds{{}, h};
   for (const auto& part : parts) {
     std::copy_if(part.begin(), part.end(), std::back_inserter(seeds.balls),

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <vector>
 
 #include "palpate/core/thread_pool.h"
@@ -17,8 +19,10 @@ struct StartingPoints {
 
 /// Cell centres of a grid over `box` that `jitter` shifts (0: not at all), and the balls that touch
 /// the middle of some facets from inside, which find what is thinner than a cell. Their order
-/// depends on the arguments only.
-StartingPoints starting_points(const FreeSpace& space, const Bounds& box, std::uint64_t jitter,
-                               ThreadPool& pool);
+/// depends on the arguments only. `keep_going` is asked many times on the calling thread; nothing
+/// if it says no.
+std::optional<StartingPoints> starting_points(const FreeSpace& space, const Bounds& box,
+                                              std::uint64_t jitter, ThreadPool& pool,
+                                              const std::function<bool()>& keep_going);
 
 }  // namespace palpate

@@ -47,18 +47,16 @@ std::optional<Error> check(const TriangleMesh& mesh, const SpherePacking& packin
 /// Can every sphere be reached from sphere 0? A flood over the edges.
 bool is_connected(const LeafGraph& graph, std::size_t num_spheres) {
   std::vector<char> seen(num_spheres, 0);
-  std::vector<std::int32_t> waiting{0};
-  seen[0] = 1;
+  std::vector<std::int32_t> waiting(num_spheres + 1);  // one to write to when all are there
   std::size_t num_seen = 1;
-  while (!waiting.empty()) {
-    const std::int32_t i = waiting.back();
-    waiting.pop_back();
+  seen[0] = 1;
+  for (std::size_t next = 0; next < num_seen; ++next) {
+    const std::int32_t i = waiting[next];
     for (std::int32_t k = graph.row_starts()[i]; k < graph.row_starts()[i + 1]; ++k) {
       const std::int32_t j = graph.neighbours()[k];
-      if (seen[j]) continue;
+      waiting[num_seen] = j;  // stays if j is new: a branch would be mispredicted too often
+      num_seen += seen[j] == 0;
       seen[j] = 1;
-      ++num_seen;
-      waiting.push_back(j);
     }
   }
   return num_seen == num_spheres;
@@ -87,7 +85,11 @@ Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
   ThreadPool pool(num_threads);
   auto volumes = palpate::represented_volumes(mesh, packing.spheres, pool);
   if (!volumes) return volumes.error();
-  StoredParts parts{LeafGraph(packing.spheres, rule), rule, *std::move(volumes)};
+  const InnerSphereTree tree(packing.spheres);
+  StoredParts parts{LeafGraph(packing.spheres, rule),
+                    rule,
+                    *std::move(volumes),
+                    {tree.nodes().begin(), tree.nodes().end()}};
   return restore(std::move(mesh), std::move(packing), std::move(parts), std::move(source));
 }
 
@@ -102,11 +104,13 @@ Result<Tool> Tool::restore(TriangleMesh mesh, SpherePacking packing, StoredParts
   if (auto error =
           check_volumes(parts.represented_volumes, packing.spheres.size(), mesh_mass.volume))
     return *std::move(error);
+  auto tree = InnerSphereTree::restore(std::move(parts.tree_nodes), packing.spheres);
+  if (!tree) return tree.error();
 
   Tool tool;
   tool.mesh_ = std::move(mesh);
   tool.packing_ = std::move(packing);
-  tool.tree_ = InnerSphereTree(tool.packing_.spheres);
+  tool.tree_ = *std::move(tree);
   tool.parts_ = std::move(parts);
   tool.sphere_mass_ = mass_properties(tool.packing_.spheres);
   tool.mesh_mass_ = mesh_mass;

@@ -36,7 +36,10 @@ void expect_same(const Tool& a, const Tool& b) {
   EXPECT_EQ(a.packing().mesh_volume, b.packing().mesh_volume);
   EXPECT_EQ(a.packing().stop, b.packing().stop);
   EXPECT_EQ(a.graph().edges(), b.graph().edges());
-  EXPECT_TRUE(std::ranges::equal(a.graph().lengths(), b.graph().lengths()));
+  ASSERT_EQ(a.tree().nodes().size(), b.tree().nodes().size());
+  EXPECT_EQ(
+      std::memcmp(a.tree().nodes().data(), b.tree().nodes().data(), a.tree().nodes().size_bytes()),
+      0);
   EXPECT_EQ(a.graph().num_bridges(), b.graph().num_bridges());
   EXPECT_EQ(a.graph().num_components_before_bridging(), b.graph().num_components_before_bridging());
   EXPECT_EQ(a.gap_rule(), b.gap_rule());
@@ -112,11 +115,11 @@ TEST(ToolFile, SaysWhatIsWrong) {
   ASSERT_TRUE(save_tool(small_tool(3), folder / "tool.palp").has_value());
   const std::string good = read_bytes(folder / "tool.palp");
   std::string newer = good;
-  poke<std::uint32_t>(newer, 8, 3);
+  poke<std::uint32_t>(newer, 8, 4);
   write_bytes(folder / "newer.palp", newer);
   expect_error(load_tool(folder / "newer.palp"), "newer");
   std::string older = good;
-  poke<std::uint32_t>(older, 8, 1);
+  poke<std::uint32_t>(older, 8, 2);
   write_bytes(folder / "older.palp", older);
   expect_error(load_tool(folder / "older.palp"), "pack the mesh again");
   std::string flipped = good;
@@ -137,7 +140,7 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
     expect_error(load_tool(folder / "bad.palp"), words);
   };
   constexpr std::size_t kTable = 24, kEntry = 24;
-  for (std::size_t section = 0; section < 7; ++section) {
+  for (std::size_t section = 0; section < 8; ++section) {
     const std::size_t entry = kTable + section * kEntry;
     for (const std::uint64_t huge : {~std::uint64_t(0), std::uint64_t(1) << 62,
                                      std::uint64_t(1) << 32, std::uint64_t(100000)}) {
@@ -182,6 +185,16 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
   expect_value_refused(at(4) + 4, std::uint32_t(0x80000001u), "edges");
   expect_value_refused(at(6), std::nanf(""), "volumes");
   expect_value_refused(at(6) + 4, 1.0f, "volumes");
+  // The tree: every number of every node. Balls may grow, and zeros change their sign.
+  const std::size_t num_tree_bytes = 32 * peek<std::uint64_t>(good, kTable + 7 * kEntry + 16);
+  for (std::size_t i = 0; i < num_tree_bytes; i += 4) {
+    for (const std::uint32_t value : {0x80000000u, 0x7fc00000u, 0x7fffffffu, 0xfffffffeu}) {
+      expect_value_refused(at(7) + i, value, "tree");
+    }
+  }
+  bytes = good;
+  poke<std::uint64_t>(bytes, kTable + 7 * kEntry + 16, 0);
+  expect_bad(bytes, "tree");
   bytes = good;
   poke<std::uint64_t>(bytes, kTable + 4 * kEntry + 16, 1);  // only one edge left, and no bridges
   poke<std::uint32_t>(bytes, at(3) + 12, 0);

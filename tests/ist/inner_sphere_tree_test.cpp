@@ -1,5 +1,6 @@
 #include "palpate/ist/inner_sphere_tree.h"
 
+#include <limits>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -140,6 +141,80 @@ TEST(InnerSphereTree, IsTheSameOnEveryRun) {
     EXPECT_EQ(a.nodes()[k].sphere_id, b.nodes()[k].sphere_id);
     EXPECT_EQ(a.nodes()[k].bound.centre, b.nodes()[k].bound.centre);
     EXPECT_EQ(a.nodes()[k].bound.radius, b.nodes()[k].bound.radius);
+  }
+}
+
+std::vector<IstNode> nodes_of(const std::vector<Sphere>& spheres) {
+  const InnerSphereTree tree(spheres);
+  return {tree.nodes().begin(), tree.nodes().end()};
+}
+
+TEST(InnerSphereTree, RestoresWhatItBuilt) {
+  for (const int count : {0, 1, 2, 3, 4, 5, 17, 1000}) {
+    const std::vector<Sphere> spheres = random_packing(count, count);
+    const auto restored = InnerSphereTree::restore(nodes_of(spheres), spheres);
+    ASSERT_TRUE(restored.has_value()) << restored.error().message;
+    EXPECT_EQ(restored->nodes().size(), nodes_of(spheres).size());
+    for (int i = 0; i < count; ++i) EXPECT_EQ(restored->find_leaf(to_double(spheres[i].centre)), i);
+  }
+}
+
+// Any single change of any number in any node is noticed, except for a ball that is still large
+// enough.
+TEST(InnerSphereTree, RestoreRefusesEveryHostileNode) {
+  const std::vector<Sphere> spheres = random_packing(60, 8);
+  const std::vector<IstNode> good = nodes_of(spheres);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  const auto expect_refused = [&](std::size_t k, auto change) {
+    std::vector<IstNode> nodes = good;
+    change(nodes[k]);
+    EXPECT_FALSE(InnerSphereTree::restore(nodes, spheres).has_value()) << "node " << k;
+  };
+  for (std::size_t k = 0; k < good.size(); ++k) {
+    for (std::int32_t IstNode::*number :
+         {&IstNode::first_child, &IstNode::num_children, &IstNode::sphere_id, &IstNode::parent}) {
+      for (const std::int32_t value : {-2147483647 - 1, -2, -1, 0, 1, 2, 3, 4, 5, 59, 60, 61, 70,
+                                       2147483647, int(k), int(k) + 1}) {
+        if (good[k].*number != value) expect_refused(k, [&](IstNode& n) { n.*number = value; });
+      }
+    }
+    for (const float value : {nan, infinity, -infinity, 1e30f}) {
+      for (int axis = 0; axis < 3; ++axis)
+        expect_refused(k, [&](IstNode& n) { n.bound.centre[axis] = value; });
+    }
+    for (const float value : {nan, -infinity, 0.0f, -good[k].bound.radius})
+      expect_refused(k, [&](IstNode& n) { n.bound.radius = value; });
+    expect_refused(k, [&](IstNode& n) { n.bound.radius *= 0.9f; });
+  }
+  std::vector<IstNode> nodes = good;
+  nodes.pop_back();
+  EXPECT_FALSE(InnerSphereTree::restore(nodes, spheres).has_value());
+  nodes = good;
+  nodes.push_back(good.back());
+  EXPECT_FALSE(InnerSphereTree::restore(nodes, spheres).has_value());
+  EXPECT_FALSE(InnerSphereTree::restore({}, spheres).has_value());
+  const std::vector<Sphere> fewer(spheres.begin(), spheres.end() - 1);
+  EXPECT_FALSE(InnerSphereTree::restore(good, fewer).has_value());
+  EXPECT_FALSE(InnerSphereTree::restore(good, {}).has_value());
+}
+
+// A chain would overflow the stack of a traversal.
+TEST(InnerSphereTree, RestoreRefusesDeepTrees) {
+  for (const int depth : {15, 16, 5000}) {
+    const std::vector<Sphere> spheres = lattice(20, 0.01f, 0.005f);
+    const std::vector<Sphere> used(spheres.begin(), spheres.begin() + depth + 1);
+    std::vector<IstNode> nodes{{{{0, 0, 0}, 10}, -1, 0, -1, -1}};
+    for (int i = 0; i < depth; ++i) {  // each inner node has one leaf and one inner node
+      const int parent = i == 0 ? 0 : 2 * i;
+      nodes[parent].first_child = static_cast<int>(nodes.size());
+      nodes[parent].num_children = 2;
+      nodes.push_back({used[i], -1, 0, i, parent});
+      nodes.push_back({{{0, 0, 0}, 10}, -1, 0, -1, parent});
+    }
+    nodes.back().sphere_id = depth;
+    nodes.back().bound = used[depth];
+    EXPECT_EQ(InnerSphereTree::restore(nodes, used).has_value(), depth == 15) << depth;
   }
 }
 

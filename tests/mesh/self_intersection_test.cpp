@@ -116,6 +116,34 @@ TEST(SelfIntersection, AgreesWithBruteForceOnMovedPairsOfSolids) {
   EXPECT_LT(num_meeting, 90);
 }
 
+/// Two fans over a common rim: around the tip and, if `with_base`, around the middle of the base.
+TriangleMesh make_cone(std::uint32_t num_facets, double height, bool with_base) {
+  TriangleMesh mesh;
+  mesh.vertices = {{0, 0, height}, {0, 0, 0}};
+  for (std::uint32_t i = 0; i < num_facets; ++i) {
+    const double angle = 6.283185307179586 * i / num_facets;
+    mesh.vertices.push_back({std::cos(angle), std::sin(angle), 0});
+    const std::uint32_t from = 2 + i, to = 2 + (i + 1) % num_facets;
+    mesh.triangles.push_back({0, from, to});
+    if (with_base) mesh.triangles.push_back({1, to, from});
+  }
+  return mesh;
+}
+
+TEST(SelfIntersection, AgreesWithBruteForceOnCrumpledCones) {
+  std::mt19937 random(4);
+  int num_meeting = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    TriangleMesh mesh = make_cone(60, trial % 2, true);
+    mesh.vertices[1].z -= 1;
+    std::normal_distribution<double> noise(0, 0.01 * (1 + trial % 5));
+    for (Vec3d& p : mesh.vertices) p += {noise(random), noise(random), 5 * noise(random)};
+    expect_same_as_brute_force(mesh, num_meeting);
+  }
+  EXPECT_GT(num_meeting, 30);
+  EXPECT_LT(num_meeting, 170);
+}
+
 /// Two triangles with corners on a small grid; equal corners are shared.
 using Corners = GridPoint[3];
 bool meet(const Corners& a, const Corners& b) {
@@ -169,6 +197,19 @@ TEST(SelfIntersection, LargeMeshesAreFine) {
   touching.vertices[0] = {-0.05, 0, 0};
   EXPECT_TRUE(find_self_intersection(touching));
   EXPECT_FALSE(find_self_intersection({}));
+}
+
+// All boxes overlap at the tip: pair by pair this would take minutes.
+TEST(SelfIntersection, LargeFansAreFine) {
+  const Quaternion turn = axis_angle({1, 2, 3}, 0.7);
+  for (const double height : {0.0, 1.0}) {
+    TriangleMesh fan = make_cone(25000, height, false);
+    EXPECT_FALSE(find_self_intersection(fan));
+    for (Vec3d& p : fan.vertices) p = rotate(turn, p);
+    EXPECT_FALSE(find_self_intersection(fan));
+    fan.vertices[2 + 7000] = fan.vertices[2 + 12000] * 0.9 + fan.vertices[0] * 0.1;
+    EXPECT_TRUE(find_self_intersection(fan));
+  }
 }
 
 }  // namespace

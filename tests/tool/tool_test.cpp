@@ -83,33 +83,36 @@ TEST(Tool, RefusesBadMeshes) {
   expect_refused(tetrahedron(), packing, "volume");
 }
 
-TEST(Tool, RestoreRefusesGraphsOfOtherSpheres) {
+TEST(Tool, RestoreRefusesPartsOfOtherTools) {
   const std::vector<Sphere> spheres = test::random_packing(10, 1);
   const std::vector<std::pair<int, int>> one_edge{{0, 1}};
-  const std::vector<float> volumes(10, 1.0f / 60);
-  EXPECT_FALSE(Tool::restore(tetrahedron(), packing_of(spheres),
-                             {LeafGraph(spheres, one_edge, 0, 1), GapRule::relative, volumes}, "")
-                   .has_value());
   const std::vector<Sphere> fewer(spheres.begin(), spheres.begin() + 5);
-  EXPECT_FALSE(Tool::restore(tetrahedron(), packing_of(spheres),
-                             {LeafGraph(fewer, GapRule::relative), GapRule::relative, volumes}, "")
-                   .has_value());
+  const std::vector<float> volumes(10, 1.0f / 60);
   const LeafGraph graph(spheres, GapRule::relative);
-  const auto restored = [&](const std::vector<float>& represented) {
+  const InnerSphereTree tree(spheres), smaller_tree(fewer);
+  const auto restored = [&](const LeafGraph& edges, const std::vector<float>& represented,
+                            const InnerSphereTree& nodes) {
     return Tool::restore(tetrahedron(), packing_of(spheres),
-                         {graph, GapRule::relative, represented}, "")
+                         {edges,
+                          GapRule::relative,
+                          represented,
+                          {nodes.nodes().begin(), nodes.nodes().end()}},
+                         "")
         .has_value();
   };
-  EXPECT_TRUE(restored(volumes));
+  EXPECT_TRUE(restored(graph, volumes, tree));
+  EXPECT_FALSE(restored(LeafGraph(10, one_edge, 0, 1), volumes, tree));
+  EXPECT_FALSE(restored(LeafGraph(fewer, GapRule::relative), volumes, tree));
+  EXPECT_FALSE(restored(graph, volumes, smaller_tree));
   std::vector<float> bad = volumes;
   bad.pop_back();
-  EXPECT_FALSE(restored(bad));
+  EXPECT_FALSE(restored(graph, bad, tree));
   bad = volumes;
   bad[3] = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_FALSE(restored(bad));
+  EXPECT_FALSE(restored(graph, bad, tree));
   bad = volumes;
   bad[3] += 1e-5f;
-  EXPECT_FALSE(restored(bad));
+  EXPECT_FALSE(restored(graph, bad, tree));
 }
 
 TEST(Tool, PrefixIsTheToolOfFewerSpheres) {

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "palpate/core/result.h"
 #include "palpate/math/sphere.h"
 
 namespace palpate {
@@ -24,12 +25,17 @@ struct IstNode {
 class InnerSphereTree {
  public:
   static constexpr int kBranching = 4;
-  /// Room a depth-first traversal needs on its stack: halves differ by at most one leaf, so 2^30
-  /// spheres make at most 16 levels, and each level leaves at most three siblings waiting.
-  static constexpr int kMaxWaiting = 16 * (kBranching - 1) + 1;
+  /// Halves differ by at most one leaf, so 2^30 spheres make at most 16 levels.
+  static constexpr int kMaxLevels = 16;
+  /// Room a depth-first traversal needs on its stack: each level leaves at most three siblings.
+  static constexpr int kMaxWaiting = kMaxLevels * (kBranching - 1) + 1;
 
   InnerSphereTree() = default;
   explicit InnerSphereTree(std::span<const Sphere> spheres);
+  /// Of nodes that were stored. Error: they are not laid out as nodes() are (breadth first,
+  /// siblings side by side), a sphere is missing or does not lie in all nodes above it. O(n log n).
+  static Result<InnerSphereTree> restore(std::vector<IstNode> nodes,
+                                         std::span<const Sphere> spheres);
 
   std::span<const IstNode> nodes() const { return nodes_; }
 

@@ -1,6 +1,7 @@
 // Which spheres of a packing are neighbours (thesis section 3.3.1).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -25,13 +26,11 @@ class LeafGraph {
   /// one component is left. O(n log n) for packings.
   LeafGraph(std::span<const Sphere> spheres, GapRule rule);
   /// A graph that was stored; edges as (a, b) with a < b.
-  LeafGraph(std::span<const Sphere> spheres, std::span<const std::pair<int, int>> edges,
-            int num_bridges, int num_components_before_bridging);
+  LeafGraph(std::size_t num_spheres, std::span<const std::pair<int, int>> edges, int num_bridges,
+            int num_components_before_bridging);
 
   std::span<const std::int32_t> row_starts() const { return row_starts_; }
   std::span<const std::int32_t> neighbours() const { return neighbours_; }
-  /// Distance of the two centres (m, double precision on the stored numbers), beside neighbours().
-  std::span<const double> lengths() const { return lengths_; }
 
   int num_edges() const { return static_cast<int>(neighbours_.size() / 2); }
   int num_bridges() const { return num_bridges_; }
@@ -40,10 +39,9 @@ class LeafGraph {
   std::vector<std::pair<int, int>> edges() const;
 
  private:
-  void set_edges(std::span<const Sphere> spheres, std::span<const std::pair<int, int>> edges);
+  void set_edges(std::size_t num_spheres, std::span<const std::pair<int, int>> edges);
 
   std::vector<std::int32_t> row_starts_, neighbours_;
-  std::vector<double> lengths_;
   int num_bridges_ = 0;
   int num_components_before_bridging_ = 0;
 };

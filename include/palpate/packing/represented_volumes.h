@@ -13,11 +13,11 @@ namespace palpate {
 
 /// Spheres fill 80 to 90 % of a solid; the rest belongs to them as well. The volume of each
 /// sphere's power cell (the points x where |x - c|^2 - r^2 is least), clipped to the solid, in m3.
-/// Together they are the volume of the mesh, and none is less than its sphere as long as the
-/// spheres are disjoint and inside. Same bits for any number of threads. Error: the mesh encloses
-/// no volume, there are no spheres.
-///
-/// Contact queries do not use these volumes yet: they measure sphere volume.
+/// The sphere itself is known exactly; what its cell holds besides is measured along 512 rays or
+/// more, to .5 % rms of the volume or better; over 10 % for single ones that reach into a sharp
+/// edge. What is measured is scaled so that all together are the volume of the mesh. None is less
+/// than its sphere as long as the spheres are disjoint and inside. Same bits for any number of
+/// threads. Error: the mesh encloses no volume, there are no spheres.
 Result<std::vector<float>> represented_volumes(const TriangleMesh& solid,
                                                std::span<const Sphere> spheres, ThreadPool& pool);
 

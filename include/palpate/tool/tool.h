@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "palpate/core/result.h"
 #include "palpate/ist/inner_sphere_tree.h"
@@ -24,8 +25,9 @@ class Tool {
   /// What takes long to compute and is therefore stored in tool files.
   struct StoredParts {
     LeafGraph graph;
-    GapRule gap_rule = GapRule::absolute;  ///< of the graph
+    GapRule gap_rule = GapRule::relative;  ///< of the graph
     std::vector<float> represented_volumes;
+    std::vector<IstNode> tree_nodes;
   };
   /// From stored parts (used by load_tool).
   static Result<Tool> restore(TriangleMesh mesh, SpherePacking packing, StoredParts parts,
@@ -40,8 +42,7 @@ class Tool {
   const InnerSphereTree& tree() const { return tree_; }
   const LeafGraph& graph() const { return parts_.graph; }
   GapRule gap_rule() const { return parts_.gap_rule; }
-  /// The part of the solid that each sphere stands for, m3: together the volume of the mesh. The
-  /// contact query does not use them yet: it measures sphere volume.
+  /// The part of the solid that each sphere stands for, m3: together the volume of the mesh.
   std::span<const float> represented_volumes() const { return parts_.represented_volumes; }
   /// Of the spheres at density 1 (eqs. 3.4-3.6): its centre of mass is the reference point of all
   /// torques.

@@ -1,0 +1,70 @@
+// What the packing comparison measured, and how it is shown.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bench/stopwatch.h"
+
+namespace palpate::bench {
+
+/// The state of a packing when its newest sphere was inserted.
+struct CurvePoint {
+  int spheres = 0;
+  double fill = 0;         ///< sphere volume / mesh volume
+  Times times;             ///< since the call
+  double last_radius = 0;  ///< metres
+};
+
+/// One packer on one mesh, by ascending number of spheres: every number, or those of separate runs.
+struct PackingCurve {
+  std::vector<CurvePoint> points;
+  std::string ending;  ///< why it has fewer spheres than asked for; empty if it has not
+
+  std::optional<CurvePoint> at(int spheres) const;
+  /// The first point that has at least this fill.
+  std::optional<CurvePoint> reaching(double fill) const;
+  /// Those at the counts of the report, and the last.
+  std::vector<CurvePoint> reported() const;
+};
+
+struct PackingMethod {
+  const char* id;    ///< in the CSV file
+  const char* name;  ///< for people
+};
+inline constexpr std::array<PackingMethod, 3> kMethods{
+    {{"palpate", "Palpate"}, {"prototypes", "prototype placement"}, {"fixed-grid", "fixed grid"}}};
+inline constexpr std::array kCounts{100, 300, 1000, 3000, 10000, 17000, 30000, 100000};
+
+struct MeshComparison {
+  std::string mesh;
+  std::array<PackingCurve, kMethods.size()> curves;  ///< as kMethods
+};
+
+struct PackingComparison {
+  std::vector<MeshComparison> meshes;
+  std::vector<std::string> skipped;  ///< a sentence each
+  double prototype_share = 0;        ///< of the largest, from which on a round inserts
+  int grid_cells = 0;                ///< of the fixed grid, along the longest side
+  /// How the numbers came to be: date, machine, commit, command, ...
+  std::vector<std::array<std::string, 2>> facts;
+};
+
+/// The summary table: per mesh and method the state at two counts, and what it takes to reach the
+/// fills A and B, which are those of Palpate at the two counts, as multiples of what Palpate needs.
+inline constexpr int kSmall = 1000, kLarge = 10000;
+std::vector<std::string> summary_header();
+std::vector<std::vector<std::string>> summary_rows(const PackingComparison& comparison);
+
+/// What the numbers say, in a few sentences.
+std::string finding(const PackingComparison& comparison);
+/// One line per mesh, method and count, after comment lines with the facts.
+std::string to_csv(const PackingComparison& comparison);
+/// The summary table as Markdown.
+std::string to_markdown(const PackingComparison& comparison);
+/// The report: one HTML page with everything in it.
+std::string to_html(const PackingComparison& comparison);
+
+}  // namespace palpate::bench
