@@ -18,16 +18,17 @@ namespace palpate::scenes {
 double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environment& environment);
 
 /// The common part's volume and the exact counterpart of the wrench sum V_s n_s (thesis
-/// section 3.2): the integral of n over it and of (x - C) x n, n being the gradient of the distance
-/// field. Exact for `half_space` and `ridge`; nullopt for the others, whose field bends inside the
-/// solid.
+/// section 3.2): the integral of n over it and of (x - C) x n, n being the gradient of
+/// signed_distance. The force is minus the gradient of the energy "integral of depth over the
+/// common part". Closed form for all kinds but `corner`, where the part nearest to the edge takes
+/// quadrature; errors below 1e-10 of the tool's volume (times its size, for the torque about a C
+/// within it), below 1e-9 in corners. O(triangles).
 struct ExactPenetration {
   double volume = 0;   ///< m3
   Wrench measure_C_W;  ///< force m3, torque m4 about C
 };
-std::optional<ExactPenetration> exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
-                                                  const Vec3d& centre_W,
-                                                  const Environment& environment);
+ExactPenetration exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
+                                   const Vec3d& centre_W, const Environment& environment);
 
 /// One experiment of the thesis: a tool moves in a straight line along z, without turning, from
 /// first contact (0 %) until its rear has passed z = 1 m (100 %).

@@ -1,106 +1,144 @@
-// The twelve noise-free experiments of thesis Figs. 5.17-5.29, from ray-cast depth to penetration
-// volume, against the exact volume of the polyhedral tool in the exact solid.
+// The synthetic scenes, from ray-cast depth to volume and wrench, against the exact ones of the
+// polyhedral tool in the exact solid: the twelve noise-free experiments of thesis Figs. 5.17-5.29
+// and some with a tilted tool. bench/contact_accuracy.cpp measures the same in more detail.
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <ostream>
 
 #include <gtest/gtest.h>
 
-#include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
-#include "palpate/tool/tool.h"
-#include "scenes/scene.h"
-#include "scenes/truth.h"
+#include "tests/test_util/contact_accuracy.h"
 
-namespace palpate {
+namespace palpate::test {
+
+/// For messages of GoogleTest.
+void PrintTo(const ContactCase& c, std::ostream* stream) { *stream << c.name; }
+
 namespace {
 
-constexpr int kNumSteps = 100;
+constexpr int kNumSpheres = 1000;
 
-const Tool& packed_tool(const std::string& shape, double size) {
-  static std::map<std::string, std::unique_ptr<Tool>> tools;
-  auto& tool = tools[shape];
-  if (tool == nullptr) {
-    const TriangleMesh mesh = make_shape(shape, size).value();
-    PackOptions options;
-    options.max_spheres = 1000;
-    tool = std::make_unique<Tool>(
-        Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::absolute, shape).value());
-  }
-  return *tool;
+const Tool& tool_of(const ContactCase& c) {
+  static std::map<std::string, Tool> tools;
+  if (!tools.contains(c.tool_shape)) tools.emplace(c.tool_shape, packed_tool(c, kNumSpheres));
+  return tools.at(c.tool_shape);
 }
 
-struct PathError {
-  double rms = 0;         // of (measured share of the packing) - (exact share of the mesh)
-  double worst_lost = 0;  // largest share of the travel, from either end, that is out of contact
+double degrees(double angle) { return angle * 180 / kPi; }
+
+struct Errors {
+  VolumeError volume;
+  WrenchError wrench;
 };
+
+Errors errors_of(const ContactCase& c, const Measure& measure) {
+  const Tool& tool = tool_of(c);
+  return {volume_error(tool, exact_steps(c, tool, 0, 1, 100), measure),
+          wrench_error(tool, exact_steps(c, tool, 0, 0.5, 100), measure)};
+}
+
+Errors errors_of(const ContactCase& c, const ContactOptions& options) {
+  const SeenScene seen = see(c, DepthNoise::none);
+  return errors_of(c, query_measure(tool_of(c), seen, options));
+}
+
+void print(const char* method, const ContactCase& c, const Errors& e) {
+  std::printf(
+      "%s: %s: volume %.2f %%, lost with %.2f %% across, direction %.2f (max %.2f) deg, "
+      "torque %.2f (max %.2f) %%\n",
+      c.name.c_str(), method, 100 * e.volume.rms, 100 * e.volume.worst_lost,
+      degrees(e.wrench.direction_rms), degrees(e.wrench.direction_worst), 100 * e.wrench.torque_rms,
+      100 * e.wrench.torque_worst);
+}
+
+std::vector<ContactCase> all_cases() {
+  std::vector<ContactCase> cases = thesis_cases();
+  for (ContactCase& c : tilted_cases()) cases.push_back(std::move(c));
+  return cases;
+}
+
+std::string name_of(const testing::TestParamInfo<ContactCase>& info) {
+  std::string name = info.param.name;
+  for (char& c : name) c = c == '-' || c == ' ' ? '_' : c;
+  return name;
+}
+
+class EveryCase : public testing::TestWithParam<ContactCase> {};
+
+/// Limits of the force direction (degrees) by kind of environment. Where the surface bends sharply,
+/// one plane per sphere cannot follow it.
+struct DirectionLimits {
+  double flat, round, corner, ridge;
+};
+
+double limit(const DirectionLimits& limits, const ContactCase& c) {
+  switch (c.environment.kind) {
+    case scenes::Environment::Kind::half_space: return limits.flat;
+    case scenes::Environment::Kind::corner: return limits.corner;
+    case scenes::Environment::Kind::ridge: return limits.ridge;
+    case scenes::Environment::Kind::ball_outside:
+    case scenes::Environment::Kind::ball_inside: break;
+  }
+  return limits.round;
+}
+
+void expect_direction(const Errors& e, const ContactCase& c, const DirectionLimits& rms,
+                      const DirectionLimits& worst) {
+  EXPECT_LE(degrees(e.wrench.direction_rms), limit(rms, c));
+  EXPECT_LE(degrees(e.wrench.direction_worst), limit(worst, c));
+}
 
 // The point methods measure only while a point is inside a sphere: before the first sphere is
 // reached and once the surface has left the last one behind they give zero (thesis section 3.2).
-// Those steps are not averaged; how many there may be is checked apart.
-PathError path_error(const scenes::ThesisExperiment& experiment, const ContactOptions& options) {
-  const scenes::Scene scene = scenes::make_scene(experiment.scene).value();
-  const scenes::Environment environment = scenes::environment_of(experiment.scene).value();
-  ThreadPool pool(1);
-  SurfaceEstimator surface =
-      SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics).value();
-  const std::vector<float> depth = scenes::render_depth(scene, 0);
-  surface.update(std::span<const float>(depth), pool);
-
-  const Tool& tool = packed_tool(experiment.tool_shape, experiment.tool_size);
-  const auto query = std::move(make_contact_query(Backend::cpu, tool)).value();
-  query->set_cloud(surface.cloud());
-  PathError result;
-  double sum = 0;
-  int num_touching = 0;
-  for (int step = 0; step <= kNumSteps; ++step) {
-    const double share = static_cast<double>(step) / kNumSteps;
-    const Pose X_WT = interpolate(experiment.start, experiment.end, share);
-    const Penetration measured = query->query(X_WT, options);
-    if (measured.num_boundary_spheres == 0) {
-      result.worst_lost = std::max(result.worst_lost, std::min(share, 1 - share));
-      continue;
-    }
-    const double exact = scenes::exact_volume(tool.mesh(), X_WT, environment);
-    const double error =
-        measured.volume / tool.sphere_mass().volume - exact / tool.mesh_mass().volume;
-    sum += error * error;
-    ++num_touching;
-  }
-  result.rms = std::sqrt(sum / num_touching);
-  return result;
+// Those steps are not averaged; how much of the tool may cross the surface there is checked apart.
+TEST_P(EveryCase, WeightedIsNearTheTruth) {
+  const Errors e = errors_of(GetParam(), ContactOptions{.method = InsideMethod::weighted});
+  print("weighted", GetParam(), e);
+  EXPECT_LE(e.volume.rms, 0.1);
+  EXPECT_LE(e.volume.worst_lost, 0.02);
+  expect_direction(e, GetParam(), {0.01, 1.6, 5.5, 12}, {0.02, 2.6, 12, 21});
 }
 
-class ThesisScenes : public testing::TestWithParam<scenes::ThesisExperiment> {};
-
-TEST_P(ThesisScenes, SimplifiedStaysWithinTwoPercentOfTheExactVolume) {
-  const PathError error =
-      path_error(GetParam(), {InsideMethod::simplified, Priority::distance, InsideVolume::full});
-  std::printf("%s %s: simplified %.2f %%, contact lost in the outer %.0f %%\n",
-              GetParam().scene.c_str(), GetParam().tool_shape.c_str(), 100 * error.rms,
-              100 * error.worst_lost);
-  EXPECT_LE(error.rms, 0.02);
-  EXPECT_LE(error.worst_lost, 0.06);
+TEST_P(EveryCase, SimplifiedIsNearTheTruth) {
+  const Errors e = errors_of(GetParam(), ContactOptions{.method = InsideMethod::simplified});
+  print("simplified", GetParam(), e);
+  EXPECT_LE(e.volume.rms, 0.015);
+  EXPECT_LE(e.volume.worst_lost, 0.02);
+  expect_direction(e, GetParam(), {0.01, 0.6, 5, 9}, {0.02, 1, 12, 22});
 }
 
 // The traversal as printed in the thesis leaks to the outside: 14-50 % of the volume is wrong here.
-TEST_P(ThesisScenes, GraphDoesNotLeak) {
-  const PathError error =
-      path_error(GetParam(), {InsideMethod::graph, Priority::distance, InsideVolume::cap});
-  std::printf("%s %s: graph, capped %.2f %%\n", GetParam().scene.c_str(),
-              GetParam().tool_shape.c_str(), 100 * error.rms);
-  EXPECT_LE(error.rms, 0.04);
+TEST_P(EveryCase, GraphDoesNotLeak) {
+  const Errors e = errors_of(
+      GetParam(), ContactOptions{.method = InsideMethod::graph, .inside = InsideVolume::cap});
+  print("graph, capped", GetParam(), e);
+  EXPECT_LE(e.volume.rms, GetParam().name == "ridge-90 tetrahedron tilted" ? 0.08 : 0.035);
+  expect_direction(e, GetParam(), {0.01, 0.8, 5, 11}, {0.02, 1.5, 11, 26});
 }
 
-INSTANTIATE_TEST_SUITE_P(Figures, ThesisScenes, testing::ValuesIn(scenes::thesis_experiments()),
-                         [](const auto& experiment) {
-                           std::string name =
-                               experiment.param.scene + "_" + experiment.param.tool_shape;
-                           for (char& c : name) c = c == '-' ? '_' : c;
-                           return name;
-                         });
+TEST_P(EveryCase, FieldIsNearTheTruth) {
+  const Errors e = errors_of(GetParam(), ContactOptions{.method = InsideMethod::field});
+  print("field", GetParam(), e);
+  EXPECT_LE(e.volume.rms, 0.02);
+  EXPECT_EQ(e.volume.worst_lost, 0);
+  expect_direction(e, GetParam(), {0.01, 0.4, 2, 2}, {0.02, 1.2, 4, 4});
+}
+
+// What measures the errors finds none in the truth, and a closed loop does no work.
+TEST_P(EveryCase, TheTruthHasNoError) {
+  const ContactCase& c = GetParam();
+  const Measure exact = exact_measure(tool_of(c), c.environment);
+  const Errors e = errors_of(c, exact);
+  EXPECT_EQ(e.volume.worst, 0);
+  EXPECT_EQ(e.volume.lost, 0);
+  EXPECT_LT(e.wrench.direction_worst, 1e-12);
+  EXPECT_EQ(e.wrench.torque_worst, 0);
+  EXPECT_EQ(e.wrench.jump, e.wrench.exact_jump);
+  EXPECT_LT(loop_work(c, tool_of(c), exact, 1000), 1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, EveryCase, testing::ValuesIn(all_cases()), name_of);
 
 }  // namespace
-}  // namespace palpate
+}  // namespace palpate::test

@@ -163,37 +163,6 @@ TEST(ExactVolume, TurningToolAndBallTogetherChangesNothing) {
   }
 }
 
-// The measure is the gradient of the energy (integral of depth over the common part); here both
-// come from a grid of points.
-TEST(ExactPenetration, MatchesASumOverPoints) {
-  const TriangleMesh cube = make_box({0.1, 0.1, 0.1});
-  Random random(19);
-  for (const char* name : {"wall", "ridge-135", "ridge-90"}) {
-    const Environment e = *environment_of(name);
-    for (int i = 0; i < 3; ++i) {
-      const Pose X_WT{Vec3d{0, 0, 1.02} + random.in_box(0.03), random.rotation(kPi)};
-      const Vec3d centre = X_WT.translation + random.in_box(0.02);
-      const auto exact = exact_penetration(cube, X_WT, centre, e);
-      ASSERT_TRUE(exact);
-      EXPECT_NEAR(exact->volume, exact_volume(cube, X_WT, e), 1e-15);
-      constexpr int n = 80;
-      const double cell = 0.1 / n;
-      Wrench sum;
-      for (int j = 0; j < n * n * n; ++j) {
-        const Vec3d p = X_WT * Vec3d{(j % n + 0.5) * cell - 0.05, (j / n % n + 0.5) * cell - 0.05,
-                                     (j / n / n + 0.5) * cell - 0.05};
-        const SignedDistance d = signed_distance(e, p);
-        if (d.distance >= 0) continue;
-        sum.force += d.gradient * (cell * cell * cell);
-        sum.torque += cross(p - centre, d.gradient) * (cell * cell * cell);
-      }
-      EXPECT_LT(norm(exact->measure_C_W.force - sum.force), 3e-3 * volume(cube));
-      EXPECT_LT(norm(exact->measure_C_W.torque - sum.torque), 3e-3 * volume(cube) * 0.1);
-    }
-  }
-  EXPECT_FALSE(exact_penetration(cube, {}, {}, *environment_of("corner-225")));
-}
-
 TEST(ThesisExperiments, GoFromFirstContactToWhollyPast) {
   const std::vector<ThesisExperiment> experiments = thesis_experiments();
   EXPECT_EQ(experiments.size(), 12u);

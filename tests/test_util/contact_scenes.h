@@ -59,4 +59,54 @@ inline PointCloud noisy_wall(int width, int height, double focal_length, double 
   return cloud;
 }
 
+/// A cloud with depth-change vectors.
+struct CloudWithEdges {
+  PointCloud cloud;
+  std::vector<float> edge[3];
+
+  PointCloudView view() const {
+    PointCloudView view = cloud.view();
+    view.edge_x = edge[0].data();
+    view.edge_y = edge[1].data();
+    view.edge_z = edge[2].data();
+    return view;
+  }
+};
+
+/// A bumpy wall as above with a square hole or, where it is not, an outside: what `is_near` (of the
+/// pixel) leaves out lies `step` behind. Depth-change vectors by their definition, with noise.
+template <class IsNear>
+CloudWithEdges stepped_wall(int width, int height, double focal_length, double depth, double step,
+                            double noise, std::uint64_t seed, IsNear&& is_near) {
+  Random random(seed);
+  CloudWithEdges scene{noisy_wall(width, height, focal_length, depth, noise, seed), {}};
+  for (std::vector<float>& axis : scene.edge) axis.assign(scene.cloud.size(), 0.0f);
+  const auto is_inside = [&](int u, int v) { return u >= 0 && v >= 0 && u < width && v < height; };
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
+                            static_cast<std::size_t>(u);
+      const Vec3d p = to_double(scene.cloud.point(i));
+      if (!is_near(u, v)) {
+        scene.cloud.set(i, to_float(p * ((p.z + step) / p.z)), scene.cloud.normal(i));
+        continue;
+      }
+      Vec3d change;
+      for (int dv = -1; dv <= 1; ++dv) {
+        for (int du = -1; du <= 1; ++du) {
+          if (!is_inside(u + du, v + dv) || is_near(u + du, v + dv)) continue;
+          const double more = step - 0.05 + noise * random.normal();
+          change += more * Vec3d{static_cast<double>(du), static_cast<double>(dv), 0};
+        }
+      }
+      const Vec3d ray = normalized(p);
+      change -= dot(change, ray) * ray;
+      for (int axis = 0; axis < 3; ++axis) {
+        scene.edge[axis][i] = static_cast<float>(std::isfinite(p.x) ? change[axis] : 0);
+      }
+    }
+  }
+  return scene;
+}
+
 }  // namespace palpate::test

@@ -1,0 +1,62 @@
+// Edge planes on real depth images: the query against brute force where people and furniture end.
+#include <gtest/gtest.h>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "palpate/contact/contact_query.h"
+#include "palpate/io/depth_files.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/contact_truth.h"
+#include "tests/test_util/data.h"
+
+namespace palpate {
+namespace {
+
+TEST(RealEdges, EqualBruteForce) {
+  PALPATE_DATA_OR_SKIP(path, "frames/pcl_person.png");
+  const auto frame = load_depth_png(path, 0.001);
+  ASSERT_TRUE(frame);
+  SurfaceEstimator surface =
+      SurfaceEstimator::create(frame->width, frame->height, {525, 525, 319.5, 239.5}).value();
+  ThreadPool pool(1);
+  surface.update(*frame, pool);
+  const PointCloudView cloud = surface.cloud();
+  std::vector<std::size_t> edge_points;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (cloud.edge_x[i] != 0 && std::isfinite(cloud.x[i])) edge_points.push_back(i);
+  }
+  ASSERT_GT(edge_points.size(), 500u);
+
+  const Tool tool = test::random_tool(120, 0.06, 3);
+  const test::ToolTruth tool_truth(tool);
+  const auto query = std::move(make_contact_query(Backend::cpu, tool)).value();
+  query->set_cloud(cloud);
+  test::Random random(5);
+  int num_cut = 0;
+  for (int k = 0; k < 40; ++k) {
+    const std::size_t i = edge_points[random.bits() % edge_points.size()];
+    const Pose X_WT{Vec3d{cloud.x[i], cloud.y[i], cloud.z[i]} + random.in_box(0.03),
+                    random.rotation(3)};
+    for (const Continuity continuity : {Continuity::none, Continuity::entry}) {
+      const test::BoundaryTruth touched =
+          test::boundary_truth(tool_truth.spheres, cloud, X_WT, continuity);
+      for (const InsideMethod method :
+           {InsideMethod::weighted, InsideMethod::simplified, InsideMethod::graph}) {
+        double without = 0;
+        for (const Edges edges : {Edges::none, Edges::strict, Edges::cut}) {
+          const ContactOptions options{
+              method, Priority::distance, InsideVolume::cap, SphereVolumes::own, edges, continuity};
+          const double expected =
+              test::contact_truth(tool_truth, touched, X_WT, options).penetration.volume;
+          const double measured = query->query(X_WT, options).volume;
+          ASSERT_NEAR(measured, expected, 1e-5 * expected + 1e-12) << "pose " << k;
+          if (edges == Edges::none) without = measured;
+          if (edges == Edges::cut) num_cut += measured < 0.98 * without;
+        }
+      }
+    }
+  }
+  EXPECT_GT(num_cut, 60);  // of 240: edges matter here
+}
+
+}  // namespace
+}  // namespace palpate
