@@ -63,8 +63,9 @@ endfunction()
 # palpate_kernel(ROOM file.cpp) compiles one kernel text once per vector instruction set. The file
 # uses the macro PALPATE_ISA_NAMESPACE for its namespace and PALPATE_LANES for the vector width. Such
 # objects must hold no weak symbols: the linker could pick a copy of an inline function with wide
-# instructions for everybody (tools/check_kernel_objects.sh). Two warnings are off: vectors in
-# internal signatures (psabi) and one that GCC's own AVX-512 header raises.
+# instructions for everybody (tools/check_kernel_objects.sh). Three warnings are off: vectors in
+# internal signatures (psabi), vectors as template arguments (ignored-attributes) and one that GCC's
+# own AVX-512 header raises.
 function(palpate_kernel room source)
   set(variants baseline)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
@@ -85,7 +86,7 @@ function(palpate_kernel room source)
     set_source_files_properties(
       "${copy}" PROPERTIES
       OBJECT_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}"
-      COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-maybe-uninitialized;${flags_${variant}}"
+      COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;${flags_${variant}}"
       COMPILE_DEFINITIONS "PALPATE_ISA_NAMESPACE=isa_${variant};PALPATE_LANES=${lanes_${variant}}")
   endforeach()
 endfunction()

@@ -42,7 +42,13 @@ SurfaceStats SurfaceEstimator::update(std::span<const float> depth, ThreadPool& 
   return impl_->update(depth, pool);
 }
 
-PointCloudView SurfaceEstimator::cloud() const { return impl_->stages.cloud().view(); }
+PointCloudView SurfaceEstimator::cloud() const {
+  PointCloudView view = impl_->stages.cloud().view();
+  view.edge_x = depth_change(0).data();
+  view.edge_y = depth_change(1).data();
+  view.edge_z = depth_change(2).data();
+  return view;
+}
 
 std::span<const float> SurfaceEstimator::depth() const { return impl_->stages.depth(); }
 

@@ -6,12 +6,17 @@
 #include <numeric>
 #include <vector>
 
+#include "src/contact/boundary_points.h"
+#include "src/contact/edge_planes.h"
+#include "src/contact/field_contact.h"
 #include "src/contact/graph_traversal.h"
 #include "src/contact/image_window.h"
+#include "src/contact/lenders.h"
 #include "src/contact/plane_borrowing.h"
 #include "src/contact/point_scan.h"
 #include "src/contact/sphere_clusters.h"
 #include "src/contact/sphere_grid.h"
+#include "src/contact/volume_scales.h"
 
 namespace palpate {
 namespace {
@@ -46,17 +51,14 @@ Bounds bounds_of(std::span<const Sphere> spheres) {
   return box;
 }
 
+// Sum of kernel weights at which a boundary sphere counts by half as one (Continuity::entry).
+constexpr double kHalfPresence = 0.25;
+
 bool is_finite(const Pose& X) {
   const Vec3d& t = X.translation;
   const Quaternion& q = X.rotation;
   return std::isfinite(t.x + t.y + t.z + q.x + q.y + q.z + q.w);
 }
-
-// Points of one task, merged into the first task's sums afterwards.
-struct PointTask {
-  std::vector<PointSums> sums;        // one per sphere
-  std::vector<std::uint8_t> touched;  // one per sphere, and up to a multiple of eight
-};
 
 class ContactQueryCpu final : public ContactQuery {
  public:
@@ -67,46 +69,50 @@ class ContactQueryCpu final : public ContactQuery {
         kernels_(kernels_for(std::min(capacities.isa, best_isa()))),
         grid_(spheres_),
         clusters_(spheres_),
+        own_volumes_(tool, clusters_, SphereVolumes::own),
+        represented_volumes_(tool, clusters_, SphereVolumes::represented),
         traversal_(spheres_, tool.graph(), clusters_.order()),
-        box_T_(bounds_of(spheres_)) {
+        points_(spheres_.size(), *pool_, kernels_.scan_points),
+        edges_(spheres_, clusters_),
+        field_(tool, *pool_, std::min(capacities.isa, best_isa())),
+        box_T_(bounds_of(spheres_)),
+        lenders_(spheres_) {
     const std::size_t n = spheres_.size();
-    tasks_.resize(static_cast<std::size_t>(pool_->num_threads()));
-    for (PointTask& task : tasks_) {
-      task.sums.resize(n);
-      task.touched.assign((n + 7) / 8 * 8, 0);
-    }
     seeds_.reserve(n);
     lender_of_seed_.reserve(n);
-    lender_ids_.reserve(n);
-    lender_planes_.reserve(n);
-    for (std::vector<float>& channel : lender_floats_) channel.reserve(n + kLenderPadding);
     touched_places_.assign(clusters_.x.size(), PlaneBorrowing::kNone);
     for (std::size_t place = 0; place < clusters_.x.size(); ++place) {
       if (clusters_.sphere_id[place] < 0) touched_places_[place] = PlaneBorrowing::kTouched;
     }
+    skipped_places_ = touched_places_;
     lender_places_.assign(clusters_.x.size(), PlaneBorrowing::kNone);
     borrowed_volume_.assign(clusters_.x.size(), 0.0f);
     group_sums_.resize(static_cast<std::size_t>(clusters_.num_groups()));
-    candidate_floats_.resize(8 * tasks_.size() * (n + kLenderPadding));
-    candidate_lenders_.resize(2 * tasks_.size() * (n + kLenderPadding));
+    const auto num_tasks = static_cast<std::size_t>(pool_->num_threads());
+    candidate_floats_.resize(8 * num_tasks * (n + Lenders::kPadding));
+    candidate_lenders_.resize(2 * num_tasks * (n + Lenders::kPadding));
+    borrowed_.resize(n);
     seed_moments_.reserve(n);
-    numbers_.resize(n + kLenderPadding);
+    numbers_.resize(n + Lenders::kPadding);
     std::iota(numbers_.begin(), numbers_.end(), 0);
     states_.assign(n, SphereState::outside);
     planes_.assign(n, Plane<float>{});
   }
 
   void set_cloud(const PointCloudView& cloud) noexcept override { cloud_ = cloud; }
+  void set_field(const DepthFieldView& field) noexcept override { field_.set_field(field); }
 
   Penetration query(const Pose& X_WT, const ContactOptions& options) noexcept override {
     Penetration result;
     options_ = options;
+    scales_ = options.counted() == SphereVolumes::own ? &own_volumes_ : &represented_volumes_;
     forget_last_query();
     if (!is_finite(X_WT)) {
       result.status |= static_cast<std::uint32_t>(StepStatus::non_finite_pose);
       return result;
     }
     const Pose X{X_WT.translation, normalized(X_WT.rotation)};
+    if (options.method == InsideMethod::field) return field_.measure(X, options.counted());
     find_boundary_points(X);
     result = find_boundary_planes(X);
     MeasureSums sums = measure_boundary_spheres();
@@ -118,23 +124,35 @@ class ContactQueryCpu final : public ContactQuery {
     return result;
   }
 
+  Stiffness stiffness() const noexcept override {
+    return options_.method == InsideMethod::field ? field_.stiffness() : Stiffness{};
+  }
   std::span<const SphereState> states() const noexcept override;
   std::span<const Plane<float>> planes() const noexcept override;
 
  private:
-  static constexpr std::size_t kLenderPadding = 16;
-  enum LenderChannel { kX, kY, kZ, kNx, kNy, kNz, kOffset, kCount, kNumChannels };
-
   void forget_last_query();
   void find_boundary_points(const Pose& X_WT);
   Penetration find_boundary_planes(const Pose& X_WT);
-  void add_lender(const Sphere& sphere, std::int32_t id, const Plane<double>& plane,
-                  std::int64_t num_points);
   MeasureSums measure_boundary_spheres();
   MeasureSums measure_by_borrowing();
+  MeasureSums measure_one_by_one();
   MeasureSums measure_along_graph();
   Candidates candidates(int which);
   double reached_volume(const GraphTraversal::Visit& visit) const;
+  double volume_scale(std::int32_t id) const {
+    return static_cast<double>(scales_->of_sphere[static_cast<std::size_t>(id)]);
+  }
+  bool uses_edges() const { return options_.edges != Edges::none && cloud_.edge_x != nullptr; }
+  bool fades_in() const {
+    return options_.continuity == Continuity::entry || options_.continuity == Continuity::both;
+  }
+  // Whether the spheres that no point touches lay lenders over each other.
+  bool overlays() const { return fades_in() && options_.method == InsideMethod::simplified; }
+  BorrowRule borrow_rule() const {
+    return {options_.method == InsideMethod::weighted, options_.priority == Priority::count,
+            edges_.empty() ? nullptr : &edges_};
+  }
   const Vec3d& origin() const { return tool_->sphere_mass().centre_of_mass; }
 
   const Tool* tool_;
@@ -144,12 +162,16 @@ class ContactQueryCpu final : public ContactQuery {
   Kernels kernels_;
   SphereGrid grid_;
   SphereClusters clusters_;
+  VolumeScales own_volumes_, represented_volumes_;
+  const VolumeScales* scales_ = &own_volumes_;  // of the last query
   GraphTraversal traversal_;
+  BoundaryPoints points_;
+  EdgePlanes edges_;
+  FieldContact field_;
   Bounds box_T_;
   PointCloudView cloud_;
 
   // Boundary spheres of the last query.
-  std::vector<PointTask> tasks_;
   std::vector<GraphTraversal::Seed> seeds_;   // all, ascending; zero normal: no plane
   std::vector<std::int32_t> lender_of_seed_;  // index into the lenders, or -1
   struct SeedMoment {
@@ -157,17 +179,15 @@ class ContactQueryCpu final : public ContactQuery {
     Vec3d first;  // sum of V_s (c_s - C)
   };
   std::vector<SeedMoment> seed_moments_;  // graph: of the spheres that a seed reached
-  // Those with a plane, as the plane stage wants them.
-  std::vector<std::int32_t> lender_ids_;
-  std::vector<Plane<double>> lender_planes_;
-  std::vector<float> lender_floats_[kNumChannels];
+  Lenders lenders_;                       // those with a plane
   // Per place of clusters_.
-  std::vector<std::int32_t> touched_places_, lender_places_;
+  std::vector<std::int32_t> touched_places_, skipped_places_, lender_places_;
   std::vector<float> borrowed_volume_;
   std::vector<MeasureSums> group_sums_;
   std::vector<float> candidate_floats_;
   std::vector<std::int32_t> candidate_lenders_;
   std::vector<std::int32_t> numbers_;  // 0, 1, 2, ...
+  std::vector<Borrowed> borrowed_;     // of spheres that are measured one by one
 
   std::span<const GraphTraversal::Visit> reached_;  // graph
   ContactOptions options_;                          // of the last query
@@ -178,133 +198,102 @@ class ContactQueryCpu final : public ContactQuery {
 void ContactQueryCpu::forget_last_query() {
   for (const GraphTraversal::Seed& seed : seeds_) {
     const auto id = static_cast<std::size_t>(seed.sphere_id);
-    tasks_[0].sums[id] = PointSums{};
     touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kNone;
   }
   seeds_.clear();
   lender_of_seed_.clear();
-  lender_ids_.clear();
-  lender_planes_.clear();
-  for (std::vector<float>& channel : lender_floats_) channel.clear();
+  edges_.clear();
+  lenders_.clear();
   reached_ = {};
 }
 
-// Stage 1: which points are in which spheres. Rows (or runs of an unorganised cloud) are shared
-// out; the sums are whole numbers, so merging them in any order gives the same bits.
+// Stage 1: which points are in which spheres.
 void ContactQueryCpu::find_boundary_points(const Pose& X_WT) {
-  const ImageWindow window = image_window(cloud_, box_T_, X_WT);
   PointScan scan;
   scan.cloud = cloud_;
   scan.grid = grid_.view();
   scan.spheres = spheres_.data();
   scan.R_TW = rotation_matrix(conjugate(X_WT.rotation));
   scan.translation_W = X_WT.translation;
-
-  const int num_tasks = static_cast<int>(tasks_.size());
-  const bool by_rows = cloud_.height > 1;
-  const int begin = by_rows ? window.row_begin : window.column_begin;
-  const int end = by_rows ? window.row_end : window.column_end;
-  pool_->parallel_for(num_tasks, [&](int t) {
-    const int from =
-        begin + static_cast<int>(static_cast<std::int64_t>(end - begin) * t / num_tasks);
-    const int to =
-        begin + static_cast<int>(static_cast<std::int64_t>(end - begin) * (t + 1) / num_tasks);
-    PointTask& task = tasks_[static_cast<std::size_t>(t)];
-    if (by_rows) {
-      kernels_.scan_points(scan, from, to, window.column_begin, window.column_end, task.sums.data(),
-                           task.touched.data());
-    } else {
-      kernels_.scan_points(scan, window.row_begin, window.row_end, from, to, task.sums.data(),
-                           task.touched.data());
-    }
-  });
-
-  PointTask& all = tasks_[0];
-  for (std::size_t t = 1; t < tasks_.size(); ++t) {
-    take_touched(tasks_[t].touched, [&](std::size_t id) {
-      all.sums[id].add(tasks_[t].sums[id]);
-      tasks_[t].sums[id] = PointSums{};
-      all.touched[id] = 1;
-    });
-  }
+  scan.weights = options_.continuity == Continuity::none    ? PointWeights::none
+                 : options_.continuity == Continuity::entry ? PointWeights::beside
+                                                            : PointWeights::in_sums;
+  points_.collect(scan, image_window(cloud_, box_T_, X_WT), uses_edges());
 }
 
 // Stage 2: mean point and unit mean normal of each boundary sphere (eq. 3.3), in the tool frame.
 Penetration ContactQueryCpu::find_boundary_planes(const Pose& X_WT) {
   Penetration result;
   const Mat3d R_TW = rotation_matrix(conjugate(X_WT.rotation));
-  PointTask& all = tasks_[0];
-  take_touched(all.touched, [&](std::size_t id) {
-    const PointSums& sums = all.sums[id];
-    const double scale = 1.0 / (PointSums::kScale * static_cast<double>(sums.num_points()));
+  const bool weighted =
+      options_.continuity == Continuity::kernel || options_.continuity == Continuity::both;
+  points_.take([&](std::size_t id, const PointSums& sums, const EdgeSums& edge_sums) {
+    const double weight = weighted ? sums.weight() : static_cast<double>(sums.num_points());
+    const double scale = 1.0 / (PointSums::kScale * weight);
     const auto mean = [&](const std::int64_t(&sum)[4]) {
       return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
                    static_cast<double>(sum[2])} *
              scale;
     };
-    const Vec3d p_T = R_TW * mean(sums.offset_W);
-    const Vec3d mean_normal = mean(sums.normal_W);
+    // Points that only graze the sphere weigh nothing.
+    const bool has_weight = !weighted || weight > 1e-6;
+    const Vec3d p_T = has_weight ? R_TW * mean(sums.offset_W) : Vec3d{};
+    const Vec3d mean_normal = has_weight ? mean(sums.normal_W) : Vec3d{};
     const double length = norm(mean_normal);
-    if (length < 0.5) {
+    if (has_weight && length < 0.5) {
       result.status |= static_cast<std::uint32_t>(StepStatus::ambiguous_normals);
     }
     // Normals that cancel out say nothing: such a sphere has no plane.
     const bool has_plane = length > 1e-6;
+    const LenderPoint point{p_T, uses_edges() ? norm(X_WT * p_T) : 0};
     const Vec3d n_T = has_plane ? R_TW * (mean_normal / length) : Vec3d{};
-    seeds_.push_back({static_cast<std::int32_t>(id), n_T});
-    lender_of_seed_.push_back(has_plane ? static_cast<std::int32_t>(lender_ids_.size()) : -1);
+    const auto sphere_id = static_cast<std::int32_t>(id);
+    seeds_.push_back({sphere_id, n_T, point});
+    lender_of_seed_.push_back(has_plane ? lenders_.size() : -1);
     if (has_plane) {
-      add_lender(spheres_[id], static_cast<std::int32_t>(id), {n_T, dot(n_T, p_T)},
-                 sums.num_points());
+      const double presence = fades_in() ? sums.weight() / (sums.weight() + kHalfPresence) : 1;
+      lenders_.add({sphere_id, {n_T, dot(n_T, p_T)}, point, weight, presence});
     }
     touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kTouched;
+    if (uses_edges()) edges_.add_pieces(edge_sums, R_TW, X_WT.translation);
     result.num_points += static_cast<int>(sums.num_points());
   });
+  edges_.find_nearest(X_WT, options_.edges);
+  for (std::int32_t l = 0; l < lenders_.size(); ++l) edges_.note(lenders_[l].point);
+  lenders_.pad();
   result.num_boundary_spheres = static_cast<int>(seeds_.size());
-  // Padding for whole vectors: far away, no weight.
-  for (std::size_t i = 0; i < kLenderPadding; ++i) {
-    for (int channel = 0; channel < kNumChannels; ++channel) {
-      lender_floats_[channel].push_back(channel <= kZ ? 1e12f : 0.0f);
-    }
-  }
   return result;
 }
 
-void ContactQueryCpu::add_lender(const Sphere& sphere, std::int32_t id, const Plane<double>& plane,
-                                 std::int64_t num_points) {
-  lender_ids_.push_back(id);
-  lender_planes_.push_back(plane);
-  const float values[kNumChannels] = {sphere.centre.x,
-                                      sphere.centre.y,
-                                      sphere.centre.z,
-                                      static_cast<float>(plane.normal.x),
-                                      static_cast<float>(plane.normal.y),
-                                      static_cast<float>(plane.normal.z),
-                                      static_cast<float>(plane.offset),
-                                      static_cast<float>(num_points)};
-  for (int channel = 0; channel < kNumChannels; ++channel) {
-    lender_floats_[channel].push_back(values[channel]);
-  }
-}
-
-// V_s n_s of the boundary spheres, each cut by its own plane (Alg. 3.1); the lever is the centre.
+// V_s n_s of the boundary spheres, each cut by its own plane (Alg. 3.1) and, by `cut`, by its edge;
+// the lever is the centre. A sphere that a point has just entered is still measured as if it were
+// untouched: V = (1 - presence) V_state + presence V_cap.
 MeasureSums ContactQueryCpu::measure_boundary_spheres() {
   MeasureSums sums;
-  for (std::size_t l = 0; l < lender_ids_.size(); ++l) {
-    const Plane<double>& plane = lender_planes_[l];
-    const Sphere& sphere = spheres_[static_cast<std::size_t>(lender_ids_[l])];
-    const Vec3d c = to_double(sphere.centre);
-    const double volume =
-        cap_volume(static_cast<double>(sphere.radius), dot(plane.normal, c) - plane.offset);
+  BorrowRule own_rule = borrow_rule();
+  if (options_.edges != Edges::cut) own_rule.edges = nullptr;
+  for (std::size_t s = 0; s < seeds_.size(); ++s) {
+    const std::int32_t id = seeds_[s].sphere_id, l = lender_of_seed_[s];
+    Borrowed measured;
+    if (l >= 0) measured = lenders_.borrow_from(lenders_[l], id, own_rule);
+    if (fades_in()) {
+      const double presence = l >= 0 ? lenders_[l].presence : 0;
+      const Borrowed state = lenders_.borrow(id, borrow_rule());
+      measured.volume = presence * measured.volume + (1 - presence) * state.volume;
+      measured.force = presence * measured.force + (1 - presence) * state.force;
+    }
+    const double volume = volume_scale(id) * measured.volume;
+    const Vec3d force = volume_scale(id) * measured.force;
     sums.volume += volume;
-    sums.force += volume * plane.normal;
-    sums.torque += cross(c - origin(), volume * plane.normal);
+    sums.force += force;
+    sums.torque +=
+        cross(to_double(spheres_[static_cast<std::size_t>(id)].centre) - origin(), force);
   }
   return sums;
 }
 
 Candidates ContactQueryCpu::candidates(int which) {
-  const std::size_t size = spheres_.size() + kLenderPadding;
+  const std::size_t size = spheres_.size() + Lenders::kPadding;
   float* floats = candidate_floats_.data() + static_cast<std::size_t>(which) * 4 * size;
   return {0,
           floats,
@@ -317,38 +306,38 @@ Candidates ContactQueryCpu::candidates(int which) {
 // Weighted and simplified: groups of clusters in any order, added up in group order.
 MeasureSums ContactQueryCpu::measure_by_borrowing() {
   MeasureSums sums;
-  if (lender_ids_.empty()) return sums;
+  if (lenders_.empty()) return sums;
   PlaneBorrowing job;
   job.clusters = &clusters_;
   job.spheres = spheres_.data();
-  job.boundary = {static_cast<int>(lender_ids_.size()),
-                  lender_ids_.data(),
-                  lender_floats_[kX].data(),
-                  lender_floats_[kY].data(),
-                  lender_floats_[kZ].data(),
-                  lender_floats_[kNx].data(),
-                  lender_floats_[kNy].data(),
-                  lender_floats_[kNz].data(),
-                  lender_floats_[kOffset].data(),
-                  lender_floats_[kCount].data(),
-                  lender_planes_.data()};
+  job.boundary = lenders_.view(fades_in());
   job.origin = origin();
   job.by_count = options_.priority == Priority::count;
   job.num_lenders = job.boundary.num;
   if (job.by_count) {
     // One lender for all: most points, ties to the lowest sphere id.
-    const std::vector<float>& count = lender_floats_[kCount];
-    job.first_lender = static_cast<std::int32_t>(
-        std::max_element(count.begin(), count.begin() + job.boundary.num) - count.begin());
+    job.first_lender = lenders_.heaviest();
     job.num_lenders = 1;
   }
   job.numbers = numbers_.data();
   job.touched = touched_places_.data();
+  const bool one_by_one = overlays() || !edges_.empty();
+  if (one_by_one) {
+    skipped_places_ = touched_places_;
+    for (std::size_t id = 0; id < spheres_.size(); ++id) {
+      if (overlays() || edges_.concerns(static_cast<std::int32_t>(id))) {
+        skipped_places_[static_cast<std::size_t>(clusters_.place_of[id])] =
+            PlaneBorrowing::kTouched;
+      }
+    }
+    job.touched = skipped_places_.data();
+  }
+  job.volume_scale = scales_->of_place.data();
   job.lender = lender_places_.data();
   job.borrowed_volume = borrowed_volume_.data();
 
   const int num_groups = clusters_.num_groups();
-  const int num_tasks = static_cast<int>(tasks_.size());
+  const int num_tasks = pool_->num_threads();
   pool_->parallel_for(num_tasks, [&](int t) {
     BorrowingScratch scratch{candidates(2 * t), candidates(2 * t + 1)};
     for (int group = t; group < num_groups; group += num_tasks) {
@@ -358,25 +347,67 @@ MeasureSums ContactQueryCpu::measure_by_borrowing() {
     }
   });
   for (const MeasureSums& group : group_sums_) sums.add(group);
+  if (one_by_one) sums.add(measure_one_by_one());
+  return sums;
+}
+
+// Untouched spheres that an edge concerns, or that lay lenders over each other: those that the
+// kernels left out.
+MeasureSums ContactQueryCpu::measure_one_by_one() {
+  const BorrowRule rule = borrow_rule();
+  const bool from_nearest = options_.method == InsideMethod::simplified && !overlays();
+  const auto is_one_of_them = [&](std::size_t place) {
+    return touched_places_[place] != PlaneBorrowing::kTouched &&
+           skipped_places_[place] == PlaneBorrowing::kTouched;
+  };
+  const int num_tasks = pool_->num_threads();
+  pool_->parallel_for(num_tasks, [&](int t) {
+    // Every so many: spheres that need it lie together.
+    const auto num = static_cast<std::size_t>(num_tasks);
+    for (auto place = static_cast<std::size_t>(t); place < touched_places_.size(); place += num) {
+      if (!is_one_of_them(place)) continue;
+      const std::int32_t id = clusters_.sphere_id[place], nearest = lender_places_[place];
+      Borrowed& borrowed = borrowed_[static_cast<std::size_t>(id)];
+      if (!from_nearest) {
+        borrowed = lenders_.borrow(id, rule);
+      } else {
+        borrowed = nearest < 0 ? Borrowed{} : lenders_.borrow_from(lenders_[nearest], id, rule);
+      }
+    }
+  });
+  MeasureSums sums;
+  for (std::size_t id = 0; id < spheres_.size(); ++id) {
+    const auto place = static_cast<std::size_t>(clusters_.place_of[id]);
+    if (!is_one_of_them(place)) continue;
+    const double scale = volume_scale(static_cast<std::int32_t>(id));
+    const double volume = scale * borrowed_[id].volume;
+    const Vec3d force = scale * borrowed_[id].force;
+    borrowed_volume_[place] = static_cast<float>(volume);
+    sums.volume += volume;
+    sums.force += force;
+    sums.torque += cross(to_double(spheres_[id].centre) - origin(), force);
+    sums.num_inside += volume > 0;
+  }
   return sums;
 }
 
 // V_s of a sphere that the graph reached: whole (Alg. 3.7) or cut by its reference's plane
 // (footnote).
 double ContactQueryCpu::reached_volume(const GraphTraversal::Visit& visit) const {
-  const Sphere& sphere = spheres_[static_cast<std::size_t>(visit.sphere_id)];
-  const double r = sphere.radius;
-  if (options_.inside == InsideVolume::full) return sphere_volume(r);
-  const std::int32_t lender = lender_of_seed_[static_cast<std::size_t>(visit.seed)];
-  const Plane<double>& plane = lender_planes_[static_cast<std::size_t>(lender)];
-  return cap_volume(r, dot(plane.normal, to_double(sphere.centre)) - plane.offset);
+  const std::int32_t id = visit.sphere_id;
+  const double r = spheres_[static_cast<std::size_t>(id)].radius, scale = volume_scale(id);
+  const bool whole = options_.inside == InsideVolume::full;
+  if (whole && edges_.empty()) return scale * sphere_volume(r);
+  const Lender& lender = lenders_[lender_of_seed_[static_cast<std::size_t>(visit.seed)]];
+  if (whole) return scale * edges_.full_volume(id, lender.point);
+  return scale * lenders_.borrow_from(lender, id, borrow_rule()).volume;
 }
 
 // All spheres with one reference push along one normal: their volumes and first moments are added
 // up first.
 MeasureSums ContactQueryCpu::measure_along_graph() {
   MeasureSums sums;
-  reached_ = traversal_.run(seeds_);
+  reached_ = traversal_.run(seeds_, edges_.empty() ? nullptr : &edges_);
   seed_moments_.assign(seeds_.size(), SeedMoment{});
   for (const GraphTraversal::Visit& visit : reached_) {
     const double volume = reached_volume(visit);
@@ -395,6 +426,10 @@ MeasureSums ContactQueryCpu::measure_along_graph() {
 }
 
 std::span<const SphereState> ContactQueryCpu::states() const noexcept {
+  if (options_.method == InsideMethod::field) {
+    field_.describe(states_, planes_);
+    return states_;
+  }
   std::fill(states_.begin(), states_.end(), SphereState::outside);
   if (options_.method == InsideMethod::graph) {
     for (const GraphTraversal::Visit& visit : reached_) {
@@ -402,7 +437,7 @@ std::span<const SphereState> ContactQueryCpu::states() const noexcept {
         states_[static_cast<std::size_t>(visit.sphere_id)] = SphereState::inside;
       }
     }
-  } else if (!lender_ids_.empty()) {
+  } else if (!lenders_.empty()) {
     for (std::size_t id = 0; id < states_.size(); ++id) {
       if (borrowed_volume_[static_cast<std::size_t>(clusters_.place_of[id])] > 0) {
         states_[id] = SphereState::inside;
@@ -416,14 +451,18 @@ std::span<const SphereState> ContactQueryCpu::states() const noexcept {
 }
 
 std::span<const Plane<float>> ContactQueryCpu::planes() const noexcept {
+  if (options_.method == InsideMethod::field) {
+    field_.describe(states_, planes_);
+    return planes_;
+  }
   std::fill(planes_.begin(), planes_.end(), Plane<float>{});
   const auto set = [&](std::int32_t id, std::int32_t lender) {
     if (lender < 0) return;
-    const Plane<double>& plane = lender_planes_[static_cast<std::size_t>(lender)];
+    const Plane<double>& plane = lenders_[lender].plane_T;
     planes_[static_cast<std::size_t>(id)] = {to_float(plane.normal),
                                              static_cast<float>(plane.offset)};
   };
-  if (options_.method == InsideMethod::simplified && !lender_ids_.empty()) {
+  if (options_.method == InsideMethod::simplified && !lenders_.empty()) {
     for (std::size_t id = 0; id < planes_.size(); ++id) {
       set(static_cast<std::int32_t>(id),
           lender_places_[static_cast<std::size_t>(clusters_.place_of[id])]);

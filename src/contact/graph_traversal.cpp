@@ -1,6 +1,7 @@
 #include "src/contact/graph_traversal.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace palpate {
 
@@ -18,6 +19,7 @@ GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const LeafGraph&
     centres_.push_back(spheres[id].centre);
   }
   neighbours_.reserve(graph.neighbours().size());
+  std::int32_t longest_row = 0;
   for (const std::int32_t id : sphere_ids_) {
     row_starts_.push_back(static_cast<std::int32_t>(neighbours_.size()));
     const auto row = static_cast<std::size_t>(id);
@@ -25,26 +27,42 @@ GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const LeafGraph&
       const std::int32_t neighbour = graph.neighbours()[static_cast<std::size_t>(e)];
       neighbours_.push_back(place_of_[static_cast<std::size_t>(neighbour)]);
     }
+    longest_row = std::max(longest_row, graph.row_starts()[row + 1] - graph.row_starts()[row]);
   }
   row_starts_.push_back(static_cast<std::int32_t>(neighbours_.size()));
+  ahead_.resize(static_cast<std::size_t>(longest_row));
 }
 
 // Offers the reference of one sphere to its neighbours and appends those it is the first to reach.
-std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const Vec3d& normal,
-                                       std::size_t num_visits) {
+template <bool kWithEdgePlanes>
+std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const Seed& seed,
+                                       const EdgePlanes* edge_planes, std::size_t num_visits) {
   const Vec3d c = to_double(centres_[static_cast<std::size_t>(place)]);
   const Place* const neighbours = neighbours_.data();
   const Vec3f* const centres = centres_.data();
   State* const states = states_.data();
   Offer* const offers = offers_.data();
   Place* const places = places_.data();
+  Place* const ahead = ahead_.data();
   const std::int32_t end = row_starts_[static_cast<std::size_t>(place) + 1];
+  // What stays is written on, what goes is written over: a branch per edge would be mispredicted
+  // too often.
+  std::size_t num_ahead = 0;
   for (std::int32_t e = row_starts_[static_cast<std::size_t>(place)]; e < end; ++e) {
-    const auto to = static_cast<std::size_t>(neighbours[e]);
-    if (states[to] == kSettled) continue;
-    const Vec3d step = to_double(centres[to]) - c;
-    if (!(dot(step, normal) < 0)) continue;
-    const Offer offer{from.path_length + norm(step), from.seed};
+    const Place to = neighbours[e];
+    ahead[num_ahead] = to;
+    num_ahead += states[to] != kSettled;
+  }
+  const std::size_t num_open = std::exchange(num_ahead, 0);
+  for (std::size_t k = 0; k < num_open; ++k) {
+    const Place to = ahead[k];
+    ahead[num_ahead] = to;
+    num_ahead += dot(to_double(centres[to]) - c, seed.normal) < 0;
+  }
+  for (std::size_t k = 0; k < num_ahead; ++k) {
+    const auto to = static_cast<std::size_t>(ahead[k]);
+    if (kWithEdgePlanes && edge_planes->forbids(sphere_ids_[to], seed.point)) continue;
+    const Offer offer{from.path_length + norm(to_double(centres[to]) - c), from.seed};
     Offer& best = offers[to];
     if (states[to] == kUnreached) {
       states[to] = kReachedThisRound;
@@ -58,7 +76,8 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const Vec
   return num_visits;
 }
 
-std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed> seeds) {
+std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed> seeds,
+                                                           const EdgePlanes* edge_planes) {
   for (std::size_t v = 0; v < num_visits_; ++v) {
     states_[static_cast<std::size_t>(places_[v])] = kUnreached;
   }
@@ -75,8 +94,10 @@ std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed>
       const auto later = static_cast<std::size_t>(places_[std::min(v + kAhead, round_end - 1)]);
       __builtin_prefetch(&neighbours_[static_cast<std::size_t>(row_starts_[later])]);
       __builtin_prefetch(&centres_[later]);
-      const Vec3d& normal = seeds[static_cast<std::size_t>(visits_[v].seed)].normal;
-      num_visits = walk_edges(visits_[v], places_[v], normal, num_visits);
+      const Seed& seed = seeds[static_cast<std::size_t>(visits_[v].seed)];
+      num_visits = edge_planes == nullptr
+                       ? walk_edges<false>(visits_[v], places_[v], seed, nullptr, num_visits)
+                       : walk_edges<true>(visits_[v], places_[v], seed, edge_planes, num_visits);
     }
     // What the round reached is settled now.
     for (std::size_t v = round_end; v < num_visits; ++v) {

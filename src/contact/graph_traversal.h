@@ -8,6 +8,7 @@
 
 #include "palpate/ist/leaf_graph.h"
 #include "palpate/math/sphere.h"
+#include "src/contact/edge_planes.h"
 
 namespace palpate {
 
@@ -23,10 +24,12 @@ class GraphTraversal {
   GraphTraversal(std::span<const Sphere> spheres, const LeafGraph& graph,
                  std::span<const std::int32_t> spatial_order);
 
-  /// A boundary sphere and its unit normal in the tool frame; a zero normal starts no search.
+  /// A boundary sphere, its unit normal in the tool frame and, for edges, its mean point; a zero
+  /// normal starts no search.
   struct Seed {
     std::int32_t sphere_id;
     Vec3d normal;
+    LenderPoint point{};
   };
 
   /// A sphere that the search found, the seed whose plane is its reference (an index into the
@@ -38,8 +41,9 @@ class GraphTraversal {
   };
 
   /// Returns the spheres reached, seeds not among them, in the order of their rounds. `seeds` are
-  /// all boundary spheres, ascending. O(edges of the spheres reached). No allocation.
-  std::span<const Visit> run(std::span<const Seed> seeds);
+  /// all boundary spheres, ascending. O(edges of the spheres reached). No allocation. The search
+  /// does not walk into a sphere that `edge_planes` (may be null) forbids to its reference.
+  std::span<const Visit> run(std::span<const Seed> seeds, const EdgePlanes* edge_planes = nullptr);
 
  private:
   // Inside, a sphere is known by its place in the spatial order.
@@ -54,14 +58,16 @@ class GraphTraversal {
     std::int32_t seed = -1;
   };
 
-  std::size_t walk_edges(const Visit& from, Place place, const Vec3d& normal,
-                         std::size_t num_visits);
+  template <bool kWithEdgePlanes>
+  std::size_t walk_edges(const Visit& from, Place place, const Seed& seed,
+                         const EdgePlanes* edge_planes, std::size_t num_visits);
 
   std::vector<Vec3f> centres_;            // of each place
   std::vector<std::int32_t> sphere_ids_;  // of each place
   std::vector<Place> place_of_;           // of each sphere
   std::vector<std::int32_t> row_starts_;  // of each place, and one past the last
   std::vector<Place> neighbours_;
+  std::vector<Place> ahead_;   // of one sphere: neighbours not settled and in its direction
   std::vector<State> states_;  // of each place
   std::vector<Offer> offers_;  // of each place
   std::vector<Visit> visits_;  // seeds, then the spheres reached

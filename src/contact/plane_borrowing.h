@@ -17,6 +17,7 @@ struct BoundaryPlanes {
   const float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
   const float *nx = nullptr, *ny = nullptr, *nz = nullptr, *offset = nullptr;
   const float* count = nullptr;          ///< points inside: the priority `count`
+  const float* presence = nullptr;       ///< factors of the weights; null: all ones
   const Plane<double>* plane = nullptr;  ///< the same planes in double
 };
 
@@ -48,6 +49,7 @@ struct PlaneBorrowing {
   std::int32_t first_lender = 0, num_lenders = 0;
   const std::int32_t* numbers = nullptr;  ///< 0, 1, 2, ..., as many as `boundary` and 16 more
   const std::int32_t* touched = nullptr;  ///< per place: kTouched or kNone
+  const float* volume_scale = nullptr;    ///< per place: factor of its V_s
   std::int32_t* lender = nullptr;         ///< simplified: index into `boundary` per place
   float* borrowed_volume = nullptr;       ///< per place: V_s, for the state of the sphere
 };

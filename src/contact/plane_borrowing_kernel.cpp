@@ -11,23 +11,8 @@ namespace {
 // Relative slack of comparisons between single-precision distances. Closer calls go to double.
 constexpr float kSlack = 4e-6f;
 
-// Sixteen partial sums, whatever the width of the vectors: so every instruction set adds the same
-// numbers in the same order and gives the same bits.
+// Values in a row of RowSums.
 constexpr int kRow = 16;
-constexpr int kPartsPerRow = kRow / kLanes;
-
-struct RowSums {
-  VecF lanes[kPartsPerRow] = {};
-
-  void add(int part, VecF values) { lanes[part] += values; }
-  double total() const {
-    float sum = 0;
-    for (const VecF& v : lanes) {
-      for (int i = 0; i < kLanes; ++i) sum += v[i];
-    }
-    return static_cast<double>(sum);
-  }
-};
 
 // cap_volume on vectors; the same text as math/sphere.h with selects.
 inline VecF cap_volume_v(VecF radius, VecF distance) {
@@ -156,6 +141,74 @@ VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place,
   return best;
 }
 
+template <bool kWithPresence>
+MeasureSums average_planes(const PlaneBorrowing& job, int group) {
+  const SphereClusters& c = *job.clusters;
+  const BoundaryPlanes& boundary = job.boundary;
+  MeasureSums sums;
+  const int first = group * SphereClusters::kClustersPerGroup;
+  const int last = std::min(first + SphereClusters::kClustersPerGroup, c.num_clusters());
+  for (int cluster = first; cluster < last; ++cluster) {
+    const std::size_t begin = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
+    const Cluster& ball = c.clusters[static_cast<std::size_t>(cluster)];
+    // A cluster in front of every plane adds nothing.
+    bool reached = false;
+    for (int b = 0; b < boundary.num && !reached; b += kLanes) {
+      const VecF distance = load(boundary.nx + b) * ball.centre.x +
+                            load(boundary.ny + b) * ball.centre.y +
+                            load(boundary.nz + b) * ball.centre.z - load(boundary.offset + b);
+      const VecF limit = splat(ball.reach + kSlack * (norm(ball.centre) + ball.reach));
+      reached = mask_bits((distance < limit) & (load(boundary.count + b) > 0.0f)) != 0;
+    }
+    if (!reached) {
+      std::fill_n(job.borrowed_volume + begin, SphereClusters::kSize, 0.0f);
+      continue;
+    }
+    for (std::size_t place = begin; place < begin + SphereClusters::kSize; ++place) {
+      job.borrowed_volume[place] = 0;
+      if (job.touched[place] != PlaneBorrowing::kNone || c.sphere_id[place] < 0) continue;
+      const float x = c.x[place], y = c.y[place], z = c.z[place];
+      const VecF radius = splat(c.radius[place]);
+      RowSums weight_sum, volume_sum, force[3];
+      for (int row = 0; row < boundary.num; row += kRow) {
+#pragma GCC unroll 4
+        for (int part = 0; part < RowSums::kParts; ++part) {
+          const int b = row + part * kLanes;
+          const VecF count = load(boundary.count + b);
+          VecF weight = count;
+          if (!job.by_count) {
+            const VecF dx = load(boundary.x + b) - x, dy = load(boundary.y + b) - y,
+                       dz = load(boundary.z + b) - z;
+            weight = select(count > 0.0f, 1.0f / sqrt(dx * dx + dy * dy + dz * dz), VecF{});
+          }
+          if (kWithPresence) weight *= load(boundary.presence + b);
+          const VecF nx = load(boundary.nx + b), ny = load(boundary.ny + b),
+                     nz = load(boundary.nz + b);
+          const VecF weighted_volume =
+              weight * cap_volume_v(radius, nx * x + ny * y + nz * z - load(boundary.offset + b));
+          weight_sum.add(part, weight);
+          volume_sum.add(part, weighted_volume);
+          force[0].add(part, weighted_volume * nx);
+          force[1].add(part, weighted_volume * ny);
+          force[2].add(part, weighted_volume * nz);
+        }
+      }
+      const double scale =
+          static_cast<double>(job.volume_scale[place]) * (1.0 / weight_sum.total());
+      const double volume = volume_sum.total() * scale;
+      if (!(volume > 0)) continue;
+      const Vec3d F{force[0].total() * scale, force[1].total() * scale, force[2].total() * scale};
+      const Vec3d arm = Vec3d{x, y, z} - job.origin;
+      job.borrowed_volume[place] = static_cast<float>(volume);
+      sums.volume += volume;
+      sums.force += F;
+      sums.torque += cross(arm, F);
+      ++sums.num_inside;
+    }
+  }
+  return sums;
+}
+
 }  // namespace
 
 MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratch& scratch) {
@@ -207,6 +260,7 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
         volume[lane] = static_cast<float>(
             exact_volume(job, c.sphere_id[place + static_cast<std::size_t>(lane)], lender[lane]));
       }
+      volume *= load(job.volume_scale + place);
       store(job.borrowed_volume + place, volume);
       sums.num_inside += std::popcount(mask_bits(volume > 0.0f));
 
@@ -232,68 +286,8 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
 }
 
 MeasureSums borrow_weighted(const PlaneBorrowing& job, int group) {
-  const SphereClusters& c = *job.clusters;
-  const BoundaryPlanes& boundary = job.boundary;
-  MeasureSums sums;
-  const int first = group * SphereClusters::kClustersPerGroup;
-  const int last = std::min(first + SphereClusters::kClustersPerGroup, c.num_clusters());
-  for (int cluster = first; cluster < last; ++cluster) {
-    const std::size_t begin = static_cast<std::size_t>(cluster) * SphereClusters::kSize;
-    const Cluster& ball = c.clusters[static_cast<std::size_t>(cluster)];
-    // A cluster in front of every plane adds nothing.
-    bool reached = false;
-    for (int b = 0; b < boundary.num && !reached; b += kLanes) {
-      const VecF distance = load(boundary.nx + b) * ball.centre.x +
-                            load(boundary.ny + b) * ball.centre.y +
-                            load(boundary.nz + b) * ball.centre.z - load(boundary.offset + b);
-      const VecF limit = splat(ball.reach + kSlack * (norm(ball.centre) + ball.reach));
-      reached = mask_bits((distance < limit) & (load(boundary.count + b) > 0.0f)) != 0;
-    }
-    if (!reached) {
-      std::fill_n(job.borrowed_volume + begin, SphereClusters::kSize, 0.0f);
-      continue;
-    }
-    for (std::size_t place = begin; place < begin + SphereClusters::kSize; ++place) {
-      job.borrowed_volume[place] = 0;
-      if (job.touched[place] != PlaneBorrowing::kNone || c.sphere_id[place] < 0) continue;
-      const float x = c.x[place], y = c.y[place], z = c.z[place];
-      const VecF radius = splat(c.radius[place]);
-      RowSums weight_sum, volume_sum, force[3];
-      for (int row = 0; row < boundary.num; row += kRow) {
-#pragma GCC unroll 4
-        for (int part = 0; part < kPartsPerRow; ++part) {
-          const int b = row + part * kLanes;
-          const VecF count = load(boundary.count + b);
-          VecF weight = count;
-          if (!job.by_count) {
-            const VecF dx = load(boundary.x + b) - x, dy = load(boundary.y + b) - y,
-                       dz = load(boundary.z + b) - z;
-            weight = select(count > 0.0f, 1.0f / sqrt(dx * dx + dy * dy + dz * dz), VecF{});
-          }
-          const VecF nx = load(boundary.nx + b), ny = load(boundary.ny + b),
-                     nz = load(boundary.nz + b);
-          const VecF weighted_volume =
-              weight * cap_volume_v(radius, nx * x + ny * y + nz * z - load(boundary.offset + b));
-          weight_sum.add(part, weight);
-          volume_sum.add(part, weighted_volume);
-          force[0].add(part, weighted_volume * nx);
-          force[1].add(part, weighted_volume * ny);
-          force[2].add(part, weighted_volume * nz);
-        }
-      }
-      const double scale = 1.0 / weight_sum.total();
-      const double volume = volume_sum.total() * scale;
-      if (!(volume > 0)) continue;
-      const Vec3d F{force[0].total() * scale, force[1].total() * scale, force[2].total() * scale};
-      const Vec3d arm = Vec3d{x, y, z} - job.origin;
-      job.borrowed_volume[place] = static_cast<float>(volume);
-      sums.volume += volume;
-      sums.force += F;
-      sums.torque += cross(arm, F);
-      ++sums.num_inside;
-    }
-  }
-  return sums;
+  return job.boundary.presence == nullptr ? average_planes<false>(job, group)
+                                          : average_planes<true>(job, group);
 }
 
 }  // namespace palpate::PALPATE_ISA_NAMESPACE

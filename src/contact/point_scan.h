@@ -22,9 +22,10 @@ struct alignas(64) PointSums {
 
   std::int64_t offset_W[4] = {0, 0, 0,
                               0};  ///< sum of p - t, world axes, t the tool's translation; points
-  std::int64_t normal_W[4] = {0, 0, 0, 0};  ///< sum of normals, world axes; unused
+  std::int64_t normal_W[4] = {0, 0, 0, 0};  ///< sum of normals, world axes; of kernel weights
 
   std::int64_t num_points() const { return offset_W[3] >> 40; }
+  double weight() const { return static_cast<double>(normal_W[3]) / kScale; }
 
   void add(const PointSums& other) {
     for (int i = 0; i < 4; ++i) {
@@ -34,13 +35,43 @@ struct alignas(64) PointSums {
   }
 };
 
-/// Everything a scan reads.
+/// Kernel weights (1 - |p - c|^2 / r^2)^2 of the points of a sphere.
+enum class PointWeights {
+  none,
+  beside,   ///< only added up
+  in_sums,  ///< applied to offsets and normals as well
+};
+
+/// The same of a sphere's edge points, by the direction in which the surface ends: to the right and
+/// left in the image, down and up. Contours of depth images are ragged, so each point is replaced
+/// by the mean of the edge points around its pixel, and unit depth-change vectors of this mean take
+/// the place of normals.
+struct EdgeSums {
+  static constexpr int kDirections = 4;
+  /// Shorter depth-change vectors (m) are noise.
+  static constexpr double kMinChange = 0.005;
+  static constexpr int kRadius = 4;  ///< pixels; a square around the point
+  /// Depth cameras see nothing beside a near surface where their projector is in its shadow, so a
+  /// surface also ends at missing pixels in its row or column (at most so many) behind which
+  /// something lies farther away by more than kMinStep (m).
+  static constexpr int kMaxHole = 64;
+  static constexpr double kMinStep = 0.05;
+  /// Edge points whose depths differ by more (m) belong to different surfaces.
+  static constexpr double kSameSurface = 0.02;
+
+  PointSums towards[kDirections];
+};
+
+/// Everything a scan reads, and the sums that all scans share.
 struct PointScan {
   PointCloudView cloud;
   SphereGridView grid;
   const Sphere* spheres = nullptr;
   Mat3d R_TW;           ///< world to tool, double: decides close calls
   Vec3d translation_W;  ///< of X_WT
+  PointWeights weights = PointWeights::none;
+  /// One per sphere; null if edges do not matter. Added to atomically: edge points are few.
+  EdgeSums* edges = nullptr;
 
   // Image window: rows and columns that can hold a point of the tool.
   int row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;

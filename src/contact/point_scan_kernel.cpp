@@ -148,6 +148,94 @@ struct Accumulator {
   }
 };
 
+// The same with kernel weights.
+struct WeightedAccumulator {
+  Accumulator plain;
+  const PointScan* scan;
+
+  void add(std::int32_t i, std::int32_t id) const {
+    const Vec3d offset_W = Vec3d{plain.x[i], plain.y[i], plain.z[i]} - scan->translation_W;
+    const Sphere& sphere = scan->spheres[id];
+    const Vec3d d = scan->R_TW * offset_W - to_double(sphere.centre);
+    const double r = sphere.radius, rim = 1.0 - dot(d, d) / (r * r);
+    const double weight = rim > 0 ? rim * rim : 0;
+    const double factor = scan->weights == PointWeights::in_sums ? weight : 1;
+    const Vec4D offset{offset_W.x * factor, offset_W.y * factor, offset_W.z * factor, 1.0};
+    const Vec4D normal{plain.nx[i] * factor, plain.ny[i] * factor, plain.nz[i] * factor, weight};
+    add_to(plain.sums[id].offset_W, to_fixed(offset));
+    add_to(plain.sums[id].normal_W, to_fixed(normal));
+    plain.touched[id] = 1;
+  }
+};
+
+// Adds edge points to their sphere's edge sums as well.
+template <class Surface>
+struct EdgeAccumulator {
+  Surface surface;
+  const PointCloudView* cloud;
+  EdgeSums* edges;
+  Vec4D translation_W;
+
+  bool is_point(std::int32_t i) const { return cloud->z[i] == cloud->z[i]; }
+
+  // Depth-change vector, across missing pixels where nothing is known beside the point.
+  Vec4D change(std::int32_t i, int row, int column) const {
+    const Vec4D known{cloud->edge_x[i], cloud->edge_y[i], cloud->edge_z[i], 0.0};
+    if (known[0] != 0 || known[1] != 0 || !is_point(i)) return known;
+    const int width = cloud->width;
+    const int steps[4] = {1, -1, width, -width};
+    const int room[4] = {width - 1 - column, column, cloud->height - 1 - row, row};
+    Vec4D l{};
+    for (int k = 0; k < 4; ++k) {
+      if (room[k] == 0 || is_point(i + steps[k])) continue;
+      const int end = std::min(room[k], EdgeSums::kMaxHole);
+      int n = 2;
+      while (n <= end && !is_point(i + n * steps[k])) ++n;
+      if (n > end) continue;
+      const double z = cloud->z[i], beyond = cloud->z[i + n * steps[k]];
+      const double more = beyond - z - EdgeSums::kMinStep;
+      if (more > 0) l[k / 2] += k % 2 == 0 ? more : -more;
+    }
+    if (l[0] == 0 && l[1] == 0) return l;
+    const Vec4D p = point(i);
+    return l - dot(l, p) / dot(p, p) * p * Vec4D{1.0, 1.0, 1.0, 0.0};
+  }
+  Vec4D point(std::int32_t i) const { return Vec4D{cloud->x[i], cloud->y[i], cloud->z[i], 1.0}; }
+  static double dot(Vec4D a, Vec4D b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+  static void add_shared(std::int64_t* sum, Vec4L value) {
+    for (int k = 0; k < 4; ++k) __atomic_fetch_add(sum + k, value[k], __ATOMIC_RELAXED);
+  }
+
+  void add(std::int32_t i, std::int32_t id) const {
+    surface.add(i, id);
+    const int row = i / cloud->width, column = i % cloud->width;
+    const Vec4D own = change(i, row, column);
+    if (!(dot(own, own) > EdgeSums::kMinChange * EdgeSums::kMinChange)) return;
+    // Edge points of the same surface around it that look in about the same direction.
+    constexpr int kRadius = EdgeSums::kRadius;
+    const int low = std::max(column - kRadius, 0);
+    const int high = std::min(column + kRadius, cloud->width - 1);
+    Vec4D p{}, l{};
+    for (int v = std::max(row - kRadius, 0); v <= std::min(row + kRadius, cloud->height - 1); ++v) {
+      for (int u = low; u <= high; ++u) {
+        const std::int32_t q = v * cloud->width + u;
+        const Vec4D other = change(q, v, u);
+        if (!(dot(own, other) > 0)) continue;
+        const float step = cloud->z[q] - cloud->z[i];
+        constexpr float kSame = static_cast<float>(EdgeSums::kSameSurface);
+        if (!(step < kSame && step > -kSame)) continue;  // nor if it is no point
+        p += point(q);
+        l += other;
+      }
+    }
+    const bool sideways = __builtin_fabs(l[0]) >= __builtin_fabs(l[1]);
+    const int direction = sideways ? (l[0] > 0 ? 0 : 1) : (l[1] > 0 ? 2 : 3);
+    PointSums& sums = edges[id].towards[direction];
+    add_shared(sums.offset_W, to_fixed(p / p[3] - translation_W));
+    add_shared(sums.normal_W, to_fixed(l / __builtin_sqrt(dot(l, l))));
+  }
+};
+
 // The candidate of a cell that contains the point, or -1.
 inline std::int32_t find_sphere(const PointScan& scan, const CandidateBlock* block, float px,
                                 float py, float pz, std::int32_t point) {
@@ -171,7 +259,8 @@ inline std::int32_t find_sphere(const PointScan& scan, const CandidateBlock* blo
 }
 
 // Step 2: at most one sphere can contain a point, the packing is disjoint.
-void add_points(const PointScan& scan, const Survivors& in, const Accumulator& to) {
+template <class To>
+void add_points(const PointScan& scan, const Survivors& in, const To& to) {
   constexpr int kAhead = 6;  // blocks come from the L2 or L3 cache
   for (int s = 0; s < in.num; ++s) {
     const std::int32_t next_tag = in.tag[std::min(s + kAhead, in.num - 1)];
@@ -189,12 +278,38 @@ void add_points(const PointScan& scan, const Survivors& in, const Accumulator& t
   }
 }
 
+// Part of the window.
+struct Pixels {
+  int row_begin, row_end, column_begin, column_end;
+};
+
+template <class To>
+void scan_pixels(const PointScan& scan, const Pixels& pixels, const To& to) {
+  const GridTransform to_grid(scan);
+  Survivors survivors;
+  for (int row = pixels.row_begin; row < pixels.row_end; ++row) {
+    const std::size_t row_start =
+        static_cast<std::size_t>(row) * static_cast<std::size_t>(scan.cloud.width);
+    const std::size_t last = row_start + static_cast<std::size_t>(pixels.column_end);
+    for (std::size_t begin = row_start + static_cast<std::size_t>(pixels.column_begin);
+         begin < last; begin += kRun) {
+      find_cells(scan, to_grid, begin, std::min(begin + kRun, last), survivors);
+      add_points(scan, survivors, to);
+    }
+  }
+}
+
+template <class Surface>
+void scan_with_edges(const PointScan& scan, const Pixels& pixels, const Surface& to) {
+  if (scan.edges == nullptr) return scan_pixels(scan, pixels, to);
+  const Vec4D translation_W{scan.translation_W.x, scan.translation_W.y, scan.translation_W.z, 0.0};
+  scan_pixels(scan, pixels, EdgeAccumulator<Surface>{to, &scan.cloud, scan.edges, translation_W});
+}
+
 }  // namespace
 
 void scan_points(const PointScan& scan, int row_begin, int row_end, int column_begin,
                  int column_end, PointSums* sums, std::uint8_t* touched) {
-  const GridTransform to_grid(scan);
-  Survivors survivors;
   const Accumulator accumulator{
       scan.cloud.x,
       scan.cloud.y,
@@ -205,15 +320,11 @@ void scan_points(const PointScan& scan, int row_begin, int row_end, int column_b
       {scan.translation_W.x, scan.translation_W.y, scan.translation_W.z, 0.0},
       sums,
       touched};
-  for (int row = row_begin; row < row_end; ++row) {
-    const std::size_t row_start =
-        static_cast<std::size_t>(row) * static_cast<std::size_t>(scan.cloud.width);
-    const std::size_t last = row_start + static_cast<std::size_t>(column_end);
-    for (std::size_t begin = row_start + static_cast<std::size_t>(column_begin); begin < last;
-         begin += kRun) {
-      find_cells(scan, to_grid, begin, std::min(begin + kRun, last), survivors);
-      add_points(scan, survivors, accumulator);
-    }
+  const Pixels pixels{row_begin, row_end, column_begin, column_end};
+  if (scan.weights == PointWeights::none) {
+    scan_with_edges(scan, pixels, accumulator);
+  } else {
+    scan_with_edges(scan, pixels, WeightedAccumulator{accumulator, &scan});
   }
 }
 

@@ -55,6 +55,17 @@ SphereClusters::SphereClusters(std::span<const Sphere> spheres) {
   std::vector<std::int32_t> order(spheres.size());
   std::iota(order.begin(), order.end(), 0);
   sort_spatially(spheres, order);
+  // Spheres of like size next to each other: vectors of them take the same branches.
+  for (std::size_t begin = 0; begin < order.size(); begin += kSize) {
+    const auto from = order.begin() + static_cast<std::ptrdiff_t>(begin);
+    const auto to =
+        order.begin() + static_cast<std::ptrdiff_t>(std::min(begin + kSize, order.size()));
+    std::sort(from, to, [&](std::int32_t a, std::int32_t b) {
+      const float ra = spheres[static_cast<std::size_t>(a)].radius;
+      const float rb = spheres[static_cast<std::size_t>(b)].radius;
+      return ra != rb ? ra > rb : a < b;
+    });
+  }
 
   const std::size_t num_places = (order.size() + kSize - 1) / kSize * kSize;
   for (std::vector<float>* array : {&x, &y, &z, &radius, &volume}) array->assign(num_places, 0.0f);

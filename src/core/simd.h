@@ -40,6 +40,20 @@ inline VecF load(const float* from) {
   std::memcpy(&v, from, sizeof v);
   return v;
 }
+/// a0 b0 a1 b1 ... as two vectors.
+inline void load_pairs(const float* from, VecF& a, VecF& b) {
+  const VecF low = load(from), high = load(from + kLanes);
+#if PALPATE_LANES == 16
+  a = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+  b = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+#elif PALPATE_LANES == 8
+  a = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14);
+  b = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15);
+#else
+  a = __builtin_shufflevector(low, high, 0, 2, 4, 6);
+  b = __builtin_shufflevector(low, high, 1, 3, 5, 7);
+#endif
+}
 inline void store(float* to, VecF v) { std::memcpy(to, &v, sizeof v); }
 /// Writes the first `count` lanes, all of them if there are no more.
 inline void store_first(float* to, VecF v, int count) {
@@ -99,6 +113,23 @@ inline std::uint32_t mask_bits(VecI mask) {
   return bits;
 #endif
 }
+
+/// A sum over many values in sixteen parts, whatever the width of the vectors: so every instruction
+/// set adds the same numbers in the same order and gives the same bits. Value i of a row of sixteen
+/// is lane i % kLanes of part i / kLanes.
+struct RowSums {
+  static constexpr int kParts = 16 / kLanes;
+  VecF lanes[kParts] = {};
+
+  void add(int part, VecF values) { lanes[part] += values; }
+  double total() const {
+    float sum = 0;
+    for (const VecF& v : lanes) {
+      for (int i = 0; i < kLanes; ++i) sum += v[i];
+    }
+    return static_cast<double>(sum);
+  }
+};
 
 /// Nearest whole number towards zero; lanes out of range give an unspecified number.
 inline VecI to_int(VecF v) { return __builtin_convertvector(v, VecI); }

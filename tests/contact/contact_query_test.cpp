@@ -2,6 +2,7 @@
 #include "palpate/contact/contact_query.h"
 
 #include <cstring>
+#include <map>
 
 #include <gtest/gtest.h>
 
@@ -15,12 +16,49 @@ namespace {
 using test::Random;
 
 std::vector<ContactOptions> all_options() {
-  return {{InsideMethod::weighted, Priority::distance, InsideVolume::full},
-          {InsideMethod::weighted, Priority::count, InsideVolume::full},
-          {InsideMethod::simplified, Priority::distance, InsideVolume::full},
-          {InsideMethod::simplified, Priority::count, InsideVolume::full},
-          {InsideMethod::graph, Priority::distance, InsideVolume::full},
-          {InsideMethod::graph, Priority::distance, InsideVolume::cap}};
+  std::vector<ContactOptions> all;
+  for (SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
+    for (InsideMethod method : {InsideMethod::weighted, InsideMethod::simplified}) {
+      all.push_back({method, Priority::distance, InsideVolume::full, volumes});
+      all.push_back({method, Priority::count, InsideVolume::full, volumes});
+    }
+    all.push_back({InsideMethod::graph, Priority::distance, InsideVolume::full, volumes});
+    all.push_back({InsideMethod::graph, Priority::distance, InsideVolume::cap, volumes});
+  }
+  return all;
+}
+
+std::vector<ContactOptions> all_options_with_edges() {
+  std::vector<ContactOptions> all;
+  for (Edges edges : {Edges::centre, Edges::strict, Edges::cut}) {
+    for (ContactOptions options : all_options()) {
+      options.edges = edges;
+      all.push_back(options);
+    }
+  }
+  return all;
+}
+
+// Every way to smooth, with and without edges.
+std::vector<ContactOptions> all_continuities() {
+  std::vector<ContactOptions> all;
+  for (Continuity continuity : {Continuity::kernel, Continuity::entry, Continuity::both}) {
+    for (Edges edges : {Edges::none, Edges::strict, Edges::cut}) {
+      for (ContactOptions options : all_options()) {
+        options.edges = edges;
+        options.continuity = continuity;
+        all.push_back(options);
+      }
+    }
+  }
+  return all;
+}
+
+// A foreground of the shape of an L, so that edges look in all directions and turn both ways.
+test::CloudWithEdges l_shape(double noise, std::uint64_t seed) {
+  return test::stepped_wall(160, 120, 140, 0.6, 0.12, noise, seed, [](int u, int v) {
+    return u > 50 && v > 30 && (u < 80 || v > 65) && u + v < 190;
+  });
 }
 
 std::unique_ptr<ContactQuery> make_query(const Tool& tool, Isa isa = best_isa(),
@@ -65,18 +103,24 @@ void expect_equals_truth(const test::Truth& truth, const Pose& X_WT, const Conta
 }
 
 void expect_equals_truth(const Tool& tool, const PointCloudView& cloud, const Pose& X_WT,
-                         ContactQuery& query) {
-  const std::vector<Sphere> spheres(tool.spheres().begin(), tool.spheres().end());
-  const test::BoundaryTruth touched = test::boundary_truth(spheres, cloud, X_WT);
+                         ContactQuery& query,
+                         const std::vector<ContactOptions>& all = all_options()) {
+  const test::ToolTruth tool_truth(tool);
+  std::map<Continuity, test::BoundaryTruth> touched;
   query.set_cloud(cloud);
-  for (const ContactOptions& options : all_options()) {
+  for (const ContactOptions& options : all) {
     SCOPED_TRACE(testing::Message() << "method " << static_cast<int>(options.method)
                                     << ", priority " << static_cast<int>(options.priority)
-                                    << ", inside " << static_cast<int>(options.inside));
-    expect_equals_truth(
-        test::contact_truth(spheres, tool.graph().edges(), tool.sphere_mass().centre_of_mass,
-                            touched, X_WT, options),
-        X_WT, options, query);
+                                    << ", inside " << static_cast<int>(options.inside)
+                                    << ", volumes " << static_cast<int>(options.counted())
+                                    << ", edges " << static_cast<int>(options.edges)
+                                    << ", continuity " << static_cast<int>(options.continuity));
+    if (!touched.contains(options.continuity)) {
+      touched[options.continuity] =
+          test::boundary_truth(tool_truth.spheres, cloud, X_WT, options.continuity);
+    }
+    expect_equals_truth(test::contact_truth(tool_truth, touched[options.continuity], X_WT, options),
+                        X_WT, options, query);
   }
 }
 
@@ -132,6 +176,33 @@ TEST_P(EveryIsa, EqualsBruteForceOnUnorganisedClouds) {
   }
 }
 
+TEST_P(EveryIsa, EqualsBruteForceAtEdges) {
+  Random random(13);
+  for (const auto& [num_spheres, noise, num_poses] :
+       {std::tuple{60, 0.0, 300}, std::tuple{400, 0.0015, 120}}) {
+    const Tool tool = test::random_tool(num_spheres, 0.05, 11);
+    const test::CloudWithEdges scene = l_shape(noise, 5);
+    const auto query = make_query(tool, GetParam());
+    for (int i = 0; i < num_poses; ++i) {
+      Pose X_WT = random_pose(random, 0.62, 0.05);
+      expect_equals_truth(tool, scene.view(), X_WT, *query, all_options_with_edges());
+      if (HasFailure()) FAIL() << "spheres " << num_spheres << ", pose " << i;
+    }
+  }
+}
+
+TEST_P(EveryIsa, EqualsBruteForceWithContinuity) {
+  Random random(17);
+  const Tool tool = test::random_tool(150, 0.05, 12);
+  const test::CloudWithEdges scene = l_shape(0.0015, 6);
+  const auto query = make_query(tool, GetParam());
+  for (int i = 0; i < 60; ++i) {
+    const Pose X_WT = random_pose(random, 0.62, 0.05);
+    expect_equals_truth(tool, scene.view(), X_WT, *query, all_continuities());
+    if (HasFailure()) FAIL() << "pose " << i;
+  }
+}
+
 TEST_P(EveryIsa, GivesTheBitsOfTheBaseline) {
   Random random(9);
   const Tool tool = test::random_tool(800, 0.08, 4);
@@ -146,6 +217,17 @@ TEST_P(EveryIsa, GivesTheBitsOfTheBaseline) {
       EXPECT_TRUE(same_bits(wide->query(X_WT, options), narrow->query(X_WT, options)));
     }
   }
+  const test::CloudWithEdges scene = l_shape(0.0015, 5);
+  wide->set_cloud(scene.view());
+  narrow->set_cloud(scene.view());
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT = random_pose(random, 0.62, 0.08);
+    for (const auto& all : {all_options_with_edges(), all_continuities()}) {
+      for (const ContactOptions& options : all) {
+        EXPECT_TRUE(same_bits(wide->query(X_WT, options), narrow->query(X_WT, options)));
+      }
+    }
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Isas, EveryIsa, testing::Values(Isa::baseline, Isa::avx2, Isa::avx512),
@@ -156,16 +238,24 @@ TEST(ContactQuery, SameBitsForAnyThreadCountAndOrder) {
   const Tool tool = test::random_tool(1200, 0.08, 6);
   const PointCloud cloud = test::noisy_wall(320, 240, 280, 0.7, 0.0015, 8);
   std::vector<Pose> poses;
-  for (int i = 0; i < 30; ++i) poses.push_back(random_pose(random, 0.7, 0.08));
-  for (const ContactOptions& options : all_options()) {
+  for (int i = 0; i < 30; ++i) poses.push_back(random_pose(random, 0.65, 0.08));
+  const test::CloudWithEdges scene = l_shape(0.0015, 5);
+  std::vector<std::pair<ContactOptions, PointCloudView>> cases;
+  for (const ContactOptions& options : all_options()) cases.emplace_back(options, cloud.view());
+  for (const auto& all : {all_options_with_edges(), all_continuities()}) {
+    for (const ContactOptions& options : all) {
+      if (options.volumes == SphereVolumes::own) cases.emplace_back(options, scene.view());
+    }
+  }
+  for (const auto& [options, view] : cases) {
     std::vector<Penetration> expected;
     const auto one = make_query(tool);
-    one->set_cloud(cloud.view());
+    one->set_cloud(view);
     for (const Pose& pose : poses) expected.push_back(one->query(pose, options));
     for (int num_threads : {1, 2, 3, 5}) {
       ThreadPool pool(num_threads);
       const auto query = make_query(tool, best_isa(), &pool);
-      query->set_cloud(cloud.view());
+      query->set_cloud(view);
       for (std::size_t i = poses.size(); i-- > 0;) {
         EXPECT_TRUE(same_bits(query->query(poses[i], options), expected[i]));
       }
@@ -176,17 +266,22 @@ TEST(ContactQuery, SameBitsForAnyThreadCountAndOrder) {
 TEST(ContactQuery, DoesNotAllocate) {
   Random random(1);
   const Tool tool = test::random_tool(500, 0.08, 6);
-  const PointCloud cloud = test::noisy_wall(320, 240, 280, 0.7, 0.0015, 8);
+  const test::CloudWithEdges scene = l_shape(0.0015, 5);
   ThreadPool pool(2);
   for (ThreadPool* threads : {static_cast<ThreadPool*>(nullptr), &pool}) {
     const auto query = make_query(tool, best_isa(), threads);
     const test::AllocationCounter counter;
     for (int i = 0; i < 100; ++i) {
-      query->set_cloud(cloud.view());
-      const Pose X_WT = random_pose(random, 0.7, 0.08);
+      query->set_cloud(scene.view());
+      const Pose X_WT = random_pose(random, 0.65, 0.08);
       for (InsideMethod method :
            {InsideMethod::weighted, InsideMethod::simplified, InsideMethod::graph}) {
-        (void)query->query(X_WT, {method, Priority::distance, InsideVolume::cap});
+        for (Edges edges : {Edges::none, Edges::cut}) {
+          for (Continuity continuity : {Continuity::none, Continuity::both}) {
+            (void)query->query(X_WT, {method, Priority::distance, InsideVolume::cap,
+                                      SphereVolumes::represented, edges, continuity});
+          }
+        }
         (void)query->states();
         (void)query->planes();
       }
@@ -213,13 +308,41 @@ TEST(ContactQuery, NothingTouchedGivesZero) {
   }
 }
 
+TEST(ContactQuery, RepresentedVolumesOfAnImmersedToolAreTheMesh) {
+  const Tool tool = test::random_tool(300, 0.05, 6);
+  // A wall in front of the tool, and one point that makes contact.
+  PointCloud cloud(1, 1);
+  std::size_t first = 0;  // the sphere nearest to the camera
+  for (std::size_t s = 1; s < tool.spheres().size(); ++s) {
+    if (tool.spheres()[s].centre.z - tool.spheres()[s].radius <
+        tool.spheres()[first].centre.z - tool.spheres()[first].radius) {
+      first = s;
+    }
+  }
+  const Sphere& sphere = tool.spheres()[first];
+  cloud.set(0, sphere.centre - Vec3f{0, 0, 0.99999f * sphere.radius}, {0, 0, -1});
+  const auto query = make_query(tool);
+  query->set_cloud(cloud.view());
+  for (ContactOptions options : all_options()) {
+    const Penetration result = query->query({}, options);
+    ASSERT_EQ(result.num_boundary_spheres, 1);
+    if (result.num_inside_spheres + 1 < static_cast<int>(tool.spheres().size())) {
+      EXPECT_EQ(options.method, InsideMethod::graph);  // it may not reach all of them
+      continue;
+    }
+    const double full = full_volume(tool, options);
+    EXPECT_NEAR(result.volume, full, 2e-6 * full);
+  }
+  EXPECT_NEAR(full_volume(tool, SphereVolumes::represented), 1e-3, 1e-12);
+}
+
 TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
   const Tool tool = test::random_tool(50, 0.05, 6);
   const PointCloud cloud = test::noisy_wall(64, 48, 60, 0.7, 0, 8);
   const auto query = make_query(tool);
   query->set_cloud(cloud.view());
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const Penetration result = query->query({{0, nan, 0.7}, {}}, {});
+  const Penetration result = query->query({{0, nan, 0.7}, {}}, {InsideMethod::simplified});
   EXPECT_EQ(result.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
   EXPECT_EQ(result.volume, 0);
 }
@@ -232,7 +355,7 @@ TEST(ContactQuery, OpposedNormalsAreAmbiguousAndLendNoPlane) {
   cloud.set(1, c, {0, 0, -1});
   const auto query = make_query(tool);
   query->set_cloud(cloud.view());
-  const Penetration result = query->query({}, {});
+  const Penetration result = query->query({}, {InsideMethod::simplified});
   EXPECT_EQ(result.num_boundary_spheres, 1);
   EXPECT_EQ(result.status, static_cast<std::uint32_t>(StepStatus::ambiguous_normals));
   EXPECT_EQ(result.volume, 0);
@@ -249,7 +372,7 @@ TEST(ContactQuery, PointOnTheRimCountsAsInside) {
   for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
     const auto query = make_query(tool, isa);
     query->set_cloud(cloud.view());
-    EXPECT_EQ(query->query({}, {}).num_points, 1);
+    EXPECT_EQ(query->query({}, {InsideMethod::simplified}).num_points, 1);
   }
 }
 

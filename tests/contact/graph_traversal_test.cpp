@@ -55,7 +55,7 @@ TEST(GraphTraversal, SameRoundGoesToTheShorterPath) {
   // Sphere 2 can be reached in one round from 0 (far) and from 1 (near).
   const std::vector<Sphere> spheres = {{{-3, 0, 0}, 1}, {{2.5f, 0, 0}, 1}, {{0, 0, 1}, 1}};
   const std::pair<int, int> edges[] = {{0, 2}, {1, 2}};
-  const LeafGraph graph(spheres, edges, 0, 1);
+  const LeafGraph graph(spheres.size(), edges, 0, 1);
   GraphTraversal traversal(spheres, graph, backwards(spheres.size()));
   const GraphTraversal::Seed seeds[] = {{0, {0, 0, -1}}, {1, {0, 0, -1}}};
   const auto reached = traversal.run(seeds);

@@ -25,6 +25,9 @@ struct PointCloudView {
   /// look only at the pixels the tool can cover.
   bool pinhole = false;
   Intrinsics intrinsics;
+  /// Depth-change vector of each point in camera axes, m (SurfaceEstimator::depth_change); zero
+  /// away from edges. Null if there are none.
+  const float *edge_x = nullptr, *edge_y = nullptr, *edge_z = nullptr;
 
   std::size_t size() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);

@@ -3,12 +3,14 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/isa.h"
 #include "palpate/core/result.h"
 #include "palpate/core/thread_pool.h"
+#include "palpate/field/depth_field.h"
 #include "palpate/math/pose.h"
 #include "palpate/tool/tool.h"
 
@@ -19,6 +21,7 @@ enum class InsideMethod {
   weighted,    ///< average over all boundary spheres (Alg. 3.3)
   simplified,  ///< the best boundary sphere only (Alg. 3.4)
   graph,       ///< along the leaf graph, away from the surface (Algs. 3.5-3.7)
+  field,       ///< no points at all: every sphere asks the depth field (field/depth_field.h)
 };
 
 /// What makes a boundary sphere a good one to borrow from.
@@ -33,11 +36,57 @@ enum class InsideVolume {
   cap,   ///< cut by the plane of its reference (footnote of Alg. 3.7)
 };
 
+/// What a sphere that is wholly inside counts.
+enum class SphereVolumes {
+  own,          ///< its own volume: all spheres together fill 80 to 90 % of the tool
+  represented,  ///< the part of the tool that it stands for: together the volume of the mesh
+};
+
+/// Where the surface ends towards something farther away, a camera does not see what is behind the
+/// edge: an edge plane (thesis section 3.5), which contains the viewing ray, keeps planes of the
+/// surface from reaching beyond it. Needs a cloud with depth-change vectors.
+enum class Edges {
+  none,
+  centre,  ///< nothing is borrowed by spheres with their centre beyond the edge
+  strict,  ///< nor by spheres that the edge plane cuts
+  cut,     ///< every sphere is cut by its surface plane and by the edge plane: continuous
+};
+
+/// How the point-hit methods smooth over points that enter and leave spheres. Kernel weights
+/// w = (1 - |p - c|^2 / r^2)^2 vanish at the rim of a sphere with centre c.
+enum class Continuity {
+  none,
+  kernel,  ///< planes through weighted means; the priority `count` is the sum of the weights W
+  /// A boundary sphere counts as one by W / (W + 1/4) only, as lender and for its own volume; for
+  /// the rest it is as if no point touched it.
+  entry,
+  both,
+};
+
 struct ContactOptions {
-  InsideMethod method = InsideMethod::simplified;
+  InsideMethod method = InsideMethod::field;
   Priority priority = Priority::distance;
   InsideVolume inside = InsideVolume::full;
+  /// `represented` scales every V_s by represented / own volume of its sphere. nullopt: as fits the
+  /// method, see `counted`.
+  std::optional<SphereVolumes> volumes = std::nullopt;
+  Edges edges = Edges::none;
+  Continuity continuity = Continuity::none;
+
+  /// The field measures the tool, the methods of the thesis measure its spheres.
+  SphereVolumes counted() const {
+    if (volumes) return *volumes;
+    return method == InsideMethod::field ? SphereVolumes::represented : SphereVolumes::own;
+  }
 };
+
+/// What Penetration::volume is when the whole tool is inside, m3.
+inline double full_volume(const Tool& tool, SphereVolumes volumes) {
+  return volumes == SphereVolumes::own ? tool.sphere_mass().volume : tool.mesh_mass().volume;
+}
+inline double full_volume(const Tool& tool, const ContactOptions& options) {
+  return full_volume(tool, options.counted());
+}
 
 /// Things a caller may want to know about a step that still gave a valid result.
 enum class StepStatus : std::uint32_t {
@@ -52,10 +101,18 @@ struct Penetration {
   /// force: sum V_s n_s (m3); torque: sum (c_s - C) x V_s n_s (m4) about the tool's centre of mass
   /// C; both in W, before any stiffness.
   Wrench measure_W;
+  double potential = 0;          ///< field: U with measure_W = -dU/dpose, m4; else 0
   int num_boundary_spheres = 0;  ///< spheres that contain at least one point
   int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
   int num_points = 0;            ///< points inside some sphere
   std::uint32_t status = 0;      ///< StepStatus bits
+};
+
+/// How the measure changes with the pose: moved by `shift` and turned by the small rotation vector
+/// `turn` about C (both in W), (force, torque) becomes (force, torque) - m (shift, turn). Rows and
+/// columns: x, y, z of force / shift, then of torque / turn. m2, m3 and m4.
+struct Stiffness {
+  double m[6][6] = {};
 };
 
 /// State of one sphere after a query, for pictures and tests.
@@ -69,10 +126,16 @@ class ContactQuery {
 
   /// The cloud that the next queries look at, expressed in W. The view must stay valid. O(1).
   virtual void set_cloud(const PointCloudView& cloud) noexcept = 0;
+  /// The field that the next queries by `field` look at, expressed in W. The view must stay valid.
+  virtual void set_field(const DepthFieldView& field) noexcept = 0;
 
   /// One measurement. O(points in the tool's image window + spheres). No allocation, no lock. The
   /// same input gives the same bits, whatever was asked before and for any number of threads.
   virtual Penetration query(const Pose& X_WT, const ContactOptions& options) noexcept = 0;
+
+  /// Of the last query if it was by `field`, in closed form; else zero, for the other measures are
+  /// not differentiable. O(spheres), several times the time of the query; no allocation.
+  virtual Stiffness stiffness() const noexcept = 0;
 
   /// Per sphere, of the last query. `planes` are in the tool frame: the plane a sphere was cut by
   /// (normal zero if none).

@@ -1,0 +1,61 @@
+// Body against body: two inner sphere trees, and what the spheres of one share with those of the
+// other (thesis section 3.1.1; Weller and Zachmann 2009, "A unified approach for physically-based
+// simulations and haptic rendering").
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "palpate/contact/contact_query.h"
+#include "palpate/math/pose.h"
+#include "palpate/tool/tool.h"
+
+namespace palpate {
+
+/// Integral of lens_volume(a, b, s) over s from `distance` to a + b, m4: the potential of two balls
+/// whose centres are `distance` apart. Closed form, accurate down to the lightest touch.
+double lens_potential(double a, double b, double distance);
+
+/// What two bodies share, and what that does to either of them. As spheres of one packing are
+/// disjoint, the volume is that of the intersection of the two packings: never more than a body.
+struct BodyPenetration {
+  /// For each body as for a tool in a cloud: volume, and the wrench on it about its own centre of
+  /// mass, in W. `num_boundary_spheres` are its spheres that overlap some sphere of the other body;
+  /// the counts of inside spheres and points stay 0.
+  Penetration on_a, on_b;
+  std::int64_t num_pairs = 0;  ///< overlapping pairs of spheres: what the query's time grows with
+};
+
+/// Measures two rigid bodies against each other. Every pair of overlapping spheres adds the exact
+/// volume V of its lens, and pushes with the force V m, m being the unit vector from the centre of
+/// B's sphere to that of A's: volume times direction, as everywhere.
+///
+/// The force of a pair depends on the distance of two centres alone, along the line between them.
+/// So it is the exact gradient of a potential, the sum of `lens_potential` over all pairs (volume
+/// integrated over depth, as for planes): closed paths do no work. Both bodies feel opposite forces
+/// along one line, so that momentum is kept. Where one sphere lies within the other, V is the whole
+/// smaller ball, and the force still points along the line of centres. Coincident centres have no
+/// such line: the pair adds its volume and no force.
+///
+/// Only the spheres themselves count, not the parts of the solids that they represent. Computed in
+/// double on the stored numbers, in a fixed order: the same input gives the same bits. No pair is
+/// left out, whatever it takes. One thread at a time.
+class BodyContact {
+ public:
+  /// Both bodies must outlive it. All memory is allocated here.
+  BodyContact(const Tool& a, const Tool& b);
+
+  /// One measurement; no allocation. With a pose that is not finite, nothing is measured and the
+  /// body whose pose it is gets StepStatus::non_finite_pose.
+  BodyPenetration measure(const Pose& X_WA, const Pose& X_WB) noexcept;
+
+  /// The potential whose gradient the wrenches are, m4. Takes about twice the time of `measure`.
+  double potential(const Pose& X_WA, const Pose& X_WB) const noexcept;
+
+ private:
+  const Tool* a_;
+  const Tool* b_;
+  std::vector<std::uint8_t> touched_a_, touched_b_;  // one per sphere, of this measurement
+};
+
+}  // namespace palpate

@@ -1,0 +1,69 @@
+// Several bodies at once: any number of moving tools and of rigid objects around one cloud.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "palpate/contact/body_contact.h"
+#include "palpate/contact/contact_query.h"
+
+namespace palpate {
+
+/// What one body feels: the cloud, and all other bodies together.
+struct BodyMeasure {
+  Penetration cloud;
+  Penetration bodies;          ///< sum over the other bodies, see BodyPenetration
+  std::int64_t num_pairs = 0;  ///< overlapping pairs of spheres with other bodies
+
+  /// Volume and wrench of both shares; counts and potential of the cloud alone. What lies both in
+  /// the cloud and in another body counts in both. Away from other bodies, the bits of `cloud`.
+  Penetration total() const;
+};
+
+/// Moving tools feel the cloud, each other and the objects; objects stay where they are put and
+/// feel the tools. Bodies are known by the number that adding them returned: 0, 1, ...
+class BodyWorld {
+ public:
+  /// A tool that moves. `cloud_query` measures it against the cloud; null: it feels bodies alone.
+  /// `tool` must outlive the world.
+  int add_tool(const Tool& tool, std::unique_ptr<ContactQuery> cloud_query);
+  /// An object that stays where it is. `object` must outlive the world.
+  int add_object(const Tool& object, const Pose& X_WB);
+
+  int num_bodies() const { return static_cast<int>(bodies_.size()); }
+  const Pose& pose(int body) const { return at(body).X_WB; }
+  void set_pose(int body, const Pose& X_WB) noexcept { at(body).X_WB = X_WB; }
+  /// The cloud and the field that the next measurements look at, for all tools; see ContactQuery.
+  void set_cloud(const PointCloudView& cloud) noexcept;
+  void set_field(const DepthFieldView& field) noexcept;
+
+  /// Measures every tool against the cloud and every pair of bodies once, except two objects. No
+  /// allocation; the same bits for the same poses and cloud.
+  void measure(const ContactOptions& options) noexcept;
+  /// Of the last `measure`.
+  const BodyMeasure& measured(int body) const { return at(body).measured; }
+
+ private:
+  struct Body {
+    const Tool* shape;
+    std::unique_ptr<ContactQuery> cloud_query;  // null: does not feel the cloud
+    bool moves;
+    Pose X_WB;
+    BodyMeasure measured;
+  };
+  struct Pair {
+    int a, b;
+    BodyContact contact;
+  };
+
+  int add(Body body);
+  Body& at(int body) { return bodies_[static_cast<std::size_t>(body)]; }
+  const Body& at(int body) const { return bodies_[static_cast<std::size_t>(body)]; }
+
+  std::vector<Body> bodies_;
+  std::vector<Pair> pairs_;
+};
+
+}  // namespace palpate

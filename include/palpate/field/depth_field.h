@@ -1,0 +1,95 @@
+// One scalar field per depth frame, positive in front of the surface and negative behind it, that
+// does not depend on the tool: a sphere asks it at its centre, and its gradient is where the force
+// points. What makes contact continuous and conservative.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "palpate/cloud/point_cloud.h"
+#include "palpate/core/result.h"
+#include "palpate/core/thread_pool.h"
+
+namespace palpate {
+
+/// What lies where the camera measured nothing and hole filling did not reach.
+enum class UnknownSpace {
+  free,   ///< nothing: contact fades out over the width of a sphere at the border
+  solid,  ///< the surface goes on from what is around it, flat, however wide the hole
+};
+
+/// Thick enough for everything behind a surface to be solid, metres.
+inline constexpr double kSolidBehind = 1e6;
+
+struct DepthFieldOptions {
+  UnknownSpace unknown = UnknownSpace::free;
+  /// Holes up to about 2^fill_levels pixels across are closed by surface interpolated from around
+  /// them; 0 closes none.
+  int fill_levels = 4;
+  /// How far behind the first surface along the line of sight there is something to feel, metres:
+  /// from there to twice as far the push fades out, beyond it there is nothing. At least 1 mm.
+  double thickness = kSolidBehind;
+};
+
+/// One resolution. Each pixel has the tangent plane of its surface point as it is met along the
+/// pixel's own ray: at depth z it is `offset - z * slope` metres away, with offset = d of the plane
+/// n . x = -d and slope = d / (depth of the point). A pixel without surface has slope 0. Pixel (u,
+/// v) is number v * stride + u, and kBorder more pixels follow on all sides; all levels have one
+/// stride.
+struct DepthFieldLevel {
+  static constexpr int kBorder = 5;
+
+  const float* planes = nullptr;          ///< offset, slope, offset, slope, ...
+  const std::uint8_t* is_step = nullptr;  ///< 1: the planes of the nine pixels around differ
+  int width = 0, height = 0;
+  int stride = 0;
+  float scale = 1;  ///< pixels of this level per pixel of the depth image: 2^-level
+  /// Greatest column and row that can be asked, the image's width and height here plus 2; the least
+  /// is kFirst. Beyond them everything is constant.
+  float last_u = 0, last_v = 0;
+  static constexpr float kFirst = -2;
+  float step_limit = 0;  ///< metres: by more than this they differ
+};
+
+/// A bound for a square of kTileSize pixels: at depth z, each of their planes is at least
+/// least_slope * (nearest - z) away as long as that is positive.
+struct DepthTile {
+  float nearest = 0;      ///< least depth of their surface points, m
+  float least_slope = 0;  ///< least slope of their planes
+};
+
+/// What queries see; not owning, trivially copyable. Level k has pixels 2^k wide.
+struct DepthFieldView {
+  static constexpr int kMaxLevels = 6, kTileSize = 16;
+
+  DepthFieldLevel levels[kMaxLevels];
+  int num_levels = 0;                ///< 0: no field
+  const DepthTile* tiles = nullptr;  ///< row by row; pixels beyond the image count to the outermost
+  int tiles_wide = 0, tiles_high = 0;
+  Intrinsics intrinsics;
+  float thickness = 0;  ///< as DepthFieldOptions
+};
+
+/// Owns the images for one image size; `update` allocates nothing.
+class DepthField {
+ public:
+  /// Errors: a size out of 8..4096, options out of range.
+  static Result<DepthField> create(int width, int height, const DepthFieldOptions& options = {});
+  DepthField(DepthField&&) noexcept;
+  DepthField& operator=(DepthField&&) noexcept;
+  ~DepthField();
+
+  /// Rebuilds the field from an organised pinhole cloud of the size given at construction. The same
+  /// bits for any number of threads. O(pixels), about 6 ms for 640x480 on one core.
+  void update(const PointCloudView& cloud, ThreadPool& pool);
+
+  /// Valid until the next update; no levels before the first one.
+  const DepthFieldView& view() const;
+
+ private:
+  struct Impl;
+  explicit DepthField(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate

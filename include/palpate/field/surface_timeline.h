@@ -1,0 +1,77 @@
+// What lies between depth frames. Frames come at 30 Hz and the hand feels at 1 kHz: whoever
+// switches to a new frame when it arrives makes a step in the force, thirty times a second.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "palpate/cloud/depth_average.h"
+#include "palpate/cloud/surface_estimator.h"
+#include "palpate/field/depth_field.h"
+
+namespace palpate {
+
+enum class TimeMode {
+  latest,       ///< the newest frame at once: no lag, but steps
+  interpolate,  ///< from the last frame to the newest one: no steps, but one frame of lag
+  /// Towards where the newest frame's surface will be when the next one comes, each pixel moving as
+  /// it did between the last two frames. What was predicted wrongly is corrected on the way.
+  predict,
+};
+
+struct TimeOptions {
+  TimeMode mode = TimeMode::interpolate;
+  DepthAverageOptions average;
+  /// predict: a pixel whose depth changed by more than this share shows another surface and is not
+  /// moved.
+  double max_jump = 0.03;
+  /// Expected time between the first frames, s; 0: as the stream says.
+  double first_period = 0;
+};
+
+/// What queries look at.
+struct Surfaces {
+  PointCloudView cloud;
+  DepthFieldView field;  ///< no levels if there is none
+};
+
+/// A moment between two surfaces: the measure is (1 - progress) times that of `from` and progress
+/// times that of `to` (contact/blended_query.h). So whatever appears or vanishes fades in or out,
+/// be it a pixel or a wall.
+struct SurfaceMoment {
+  Surfaces from, to;
+  double progress = 1;
+};
+
+/// Frames in, moments out. All memory is allocated at construction.
+class SurfaceTimeline {
+ public:
+  /// With `field` each frame gets a depth field. Errors: see SurfaceEstimator, DepthField and
+  /// DepthAverager; max_jump or first_period negative.
+  static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
+                                        const SurfaceOptions& surface,
+                                        const std::optional<DepthFieldOptions>& field,
+                                        const TimeOptions& options);
+  SurfaceTimeline(SurfaceTimeline&&) noexcept;
+  SurfaceTimeline& operator=(SurfaceTimeline&&) noexcept;
+  ~SurfaceTimeline();
+
+  /// Takes the frame that became current at `time` (s, later than the one before). No allocation;
+  /// the same bits for any number of threads.
+  SurfaceStats push(const DepthFrame& frame, double time, ThreadPool& pool);
+  /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
+  /// waited for. The views stay valid until the next push. O(1).
+  SurfaceMoment at(double time) const;
+
+  /// Of the newest frame; before the first push, without any points.
+  const SurfaceEstimator& newest() const;
+  /// Expected time to the next frame, s: the first one's, then a running mean.
+  double period() const;
+
+ private:
+  struct Impl;
+  explicit SurfaceTimeline(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate

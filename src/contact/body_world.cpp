@@ -1,0 +1,69 @@
+#include "palpate/contact/body_world.h"
+
+namespace palpate {
+namespace {
+
+void add_measure(const Penetration& part, Penetration& sum) {
+  sum.volume += part.volume;
+  sum.measure_W.force += part.measure_W.force;
+  sum.measure_W.torque += part.measure_W.torque;
+  sum.status |= part.status;
+}
+
+}  // namespace
+
+Penetration BodyMeasure::total() const {
+  Penetration sum = cloud;
+  sum.status |= bodies.status;
+  if (num_pairs > 0) add_measure(bodies, sum);
+  return sum;
+}
+
+int BodyWorld::add_tool(const Tool& tool, std::unique_ptr<ContactQuery> cloud_query) {
+  return add({&tool, std::move(cloud_query), true, {}, {}});
+}
+
+int BodyWorld::add_object(const Tool& object, const Pose& X_WB) {
+  return add({&object, nullptr, false, X_WB, {}});
+}
+
+int BodyWorld::add(Body body) {
+  const int index = num_bodies();
+  for (int other = 0; other < index; ++other) {
+    if (at(other).moves || body.moves) {
+      pairs_.push_back({other, index, BodyContact(*at(other).shape, *body.shape)});
+    }
+  }
+  bodies_.push_back(std::move(body));
+  return index;
+}
+
+void BodyWorld::set_cloud(const PointCloudView& cloud) noexcept {
+  for (Body& body : bodies_) {
+    if (body.cloud_query) body.cloud_query->set_cloud(cloud);
+  }
+}
+
+void BodyWorld::set_field(const DepthFieldView& field) noexcept {
+  for (Body& body : bodies_) {
+    if (body.cloud_query) body.cloud_query->set_field(field);
+  }
+}
+
+void BodyWorld::measure(const ContactOptions& options) noexcept {
+  for (Body& body : bodies_) {
+    body.measured = {};
+    if (body.cloud_query) body.measured.cloud = body.cloud_query->query(body.X_WB, options);
+  }
+  for (Pair& pair : pairs_) {
+    Body &a = at(pair.a), &b = at(pair.b);
+    const BodyPenetration shared = pair.contact.measure(a.X_WB, b.X_WB);
+    for (const auto& [body, part] : {std::pair{&a, &shared.on_a}, std::pair{&b, &shared.on_b}}) {
+      add_measure(*part, body->measured.bodies);
+      body->measured.bodies.num_boundary_spheres += part->num_boundary_spheres;
+      body->measured.num_pairs += shared.num_pairs;
+    }
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,182 @@
+#include "palpate/contact/blended_query.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "palpate/math/sphere.h"
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_scenes.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kWidth = 96, kHeight = 72;
+const Intrinsics kCamera{100, 100, 47.5, 35.5};
+const InsideMethod kAllMethods[] = {InsideMethod::weighted, InsideMethod::simplified,
+                                    InsideMethod::graph, InsideMethod::field};
+
+/// A wall at some depth, with everything that queries ask.
+class Wall {
+ public:
+  explicit Wall(double depth)
+      : cloud_(kWidth, kHeight, kCamera),
+        field_(std::move(DepthField::create(kWidth, kHeight)).value()) {
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) {
+        const Vec3d p{(u - kCamera.cx) * depth / kCamera.fx, (v - kCamera.cy) * depth / kCamera.fy,
+                      depth};
+        cloud_.set(static_cast<std::size_t>(v * kWidth + u), to_float(p), {0, 0, -1});
+      }
+    }
+    ThreadPool pool(1);
+    field_.update(cloud_.view(), pool);
+  }
+  Surfaces surfaces() const { return {cloud_.view(), field_.view()}; }
+
+ private:
+  PointCloud cloud_;
+  DepthField field_;
+};
+
+const Tool& tool() {
+  static const Tool made = test::random_tool(200, 0.03, 7);
+  return made;
+}
+
+std::unique_ptr<ContactQuery> plain_query() {
+  return std::move(make_contact_query(Backend::cpu, tool())).value();
+}
+
+Pose pose_at(double z) { return {{0.003, -0.002, z}, axis_angle({1, 2, 3}, 0.4)}; }
+
+ContactOptions options_of(InsideMethod method) {
+  ContactOptions options;
+  options.method = method;
+  options.volumes = SphereVolumes::own;
+  return options;
+}
+
+TEST(BlendedQuery, WeighsBothSurfaces) {
+  const Wall old_wall(0.5), new_wall(0.495);
+  const auto plain = plain_query();
+  BlendedQuery blended(plain_query());
+  for (const InsideMethod method : kAllMethods) {
+    const ContactOptions options = options_of(method);
+    const auto on = [&](const Wall& wall) {
+      plain->set_cloud(wall.surfaces().cloud);
+      plain->set_field(wall.surfaces().field);
+      return plain->query(pose_at(0.49), options);
+    };
+    const Penetration from = on(old_wall), to = on(new_wall);
+    ASSERT_GT(to.volume, from.volume);
+    for (const double t : {0.0, 0.25, 1.0}) {
+      blended.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
+      const Penetration got = blended.query(pose_at(0.49), options);
+      EXPECT_EQ(got.volume, t < 1 ? (1 - t) * from.volume + t * to.volume : to.volume);
+      EXPECT_NEAR(
+          norm(got.measure_W.force - ((1 - t) * from.measure_W.force + t * to.measure_W.force)), 0,
+          1e-18);
+      EXPECT_NEAR(
+          norm(got.measure_W.torque - ((1 - t) * from.measure_W.torque + t * to.measure_W.torque)),
+          0, 1e-20);
+      EXPECT_EQ(got.num_boundary_spheres, to.num_boundary_spheres);
+      EXPECT_EQ(got.num_inside_spheres, to.num_inside_spheres);
+    }
+  }
+}
+
+// Between two frames of a wall that moves by a few millimetres, the force is that of the wall on
+// its way, as moving the points themselves would give: every sphere's cap volume is nearly linear
+// over such a distance.
+TEST(BlendedQuery, FollowsAMovingWall) {
+  const Wall old_wall(0.5), new_wall(0.4975);
+  const Pose X_WT = pose_at(0.492);
+  BlendedQuery query(plain_query());
+  for (const double t : {0.0, 0.3, 0.5, 0.8, 1.0}) {
+    query.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
+    const double depth = 0.5 - 0.0025 * t;
+    double expected = 0;
+    for (const Sphere& s : tool().spheres()) {
+      expected += cap_volume(static_cast<double>(s.radius), depth - (X_WT * to_double(s.centre)).z);
+    }
+    const Penetration got = query.query(X_WT, options_of(InsideMethod::field));
+    EXPECT_NEAR(got.volume, expected, 0.005 * expected) << t;
+    EXPECT_NEAR(-got.measure_W.force.z, expected, 0.005 * expected) << t;
+  }
+}
+
+TEST(BlendedQuery, IsTheGradientOfOnePotentialAtEveryInstant) {
+  const Wall old_wall(0.5), new_wall(0.48);
+  BlendedQuery query(plain_query());
+  const ContactOptions options = options_of(InsideMethod::field);
+  for (const double t : {0.2, 0.5, 0.9}) {
+    query.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
+    constexpr double kStep = 1e-4;
+    const double force = query.query(pose_at(0.49), options).measure_W.force.z;
+    const double slope = (query.query(pose_at(0.49 + kStep), options).potential -
+                          query.query(pose_at(0.49 - kStep), options).potential) /
+                         (2 * kStep);
+    EXPECT_NEAR(force, -slope, 2e-3 * std::abs(force)) << t;
+    // And the stiffness is the slope of the force.
+    const double force_slope = (query.query(pose_at(0.49 + kStep), options).measure_W.force.z -
+                                query.query(pose_at(0.49 - kStep), options).measure_W.force.z) /
+                               (2 * kStep);
+    query.query(pose_at(0.49), options);
+    EXPECT_NEAR(query.stiffness().m[2][2], -force_slope, 0.01 * std::abs(force_slope)) << t;
+  }
+}
+
+// A wall that appears or vanishes as a whole fades linearly.
+TEST(BlendedQuery, WhatAppearsFadesIn) {
+  const Wall wall(0.5);
+  const PointCloud nothing(kWidth, kHeight, kCamera);
+  ThreadPool pool(1);
+  DepthField empty = std::move(DepthField::create(kWidth, kHeight)).value();
+  empty.update(nothing.view(), pool);
+  const Surfaces none{nothing.view(), empty.view()};
+  BlendedQuery query(plain_query());
+  for (const InsideMethod method : kAllMethods) {
+    const auto volume = [&](const Surfaces& from, const Surfaces& to, double t) {
+      query.set_moment({from, to, t});
+      return query.query(pose_at(0.5), options_of(method)).volume;
+    };
+    const double whole = volume(none, wall.surfaces(), 1);
+    ASSERT_GT(whole, 0);
+    for (double t = 0; t <= 1; t += 0.125) {
+      EXPECT_NEAR(volume(none, wall.surfaces(), t), t * whole, 1e-9 * whole);
+      EXPECT_NEAR(volume(wall.surfaces(), none, t), (1 - t) * whole, 1e-9 * whole);
+    }
+  }
+}
+
+TEST(BlendedQuery, SettingOneSurfaceLeavesNothingToBlend) {
+  const Wall old_wall(0.5), new_wall(0.49);
+  BlendedQuery query(plain_query());
+  query.set_moment({old_wall.surfaces(), old_wall.surfaces(), 0.5});
+  query.set_cloud(new_wall.surfaces().cloud);
+  query.set_field(new_wall.surfaces().field);
+  const auto plain = plain_query();
+  plain->set_cloud(new_wall.surfaces().cloud);
+  plain->set_field(new_wall.surfaces().field);
+  for (const InsideMethod method : kAllMethods) {
+    EXPECT_EQ(query.query(pose_at(0.49), options_of(method)).volume,
+              plain->query(pose_at(0.49), options_of(method)).volume);
+  }
+}
+
+TEST(BlendedQuery, DoesNotAllocate) {
+  const Wall old_wall(0.5), new_wall(0.49);
+  BlendedQuery query(plain_query());
+  const SurfaceMoment moment{old_wall.surfaces(), new_wall.surfaces(), 0.5};
+  const test::AllocationCounter counter;
+  for (const InsideMethod method : kAllMethods) {
+    query.set_moment(moment);
+    query.query(pose_at(0.49), options_of(method));
+    query.stiffness();
+  }
+  EXPECT_EQ(counter.count(), 0u);
+}
+
+}  // namespace
+}  // namespace palpate
