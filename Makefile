@@ -9,10 +9,10 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test bench asan tsan cuda clean
+.PHONY: help setup lint format tidy build demo test quick-test bench packing-curves asan tsan cuda clean
 
 help:  ## this list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 14
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
 
 setup:  ## install missing packages (apt; root or sudo)
 	scripts/setup.sh
@@ -40,6 +40,13 @@ bench:  ## run the benchmarks: make bench [PEERS=1]
 	scripts/setup.sh $(if $(PEERS),--peers)
 	$(call build_preset,$(if $(PEERS),peers,bench))
 	@for program in build/$(if $(PEERS),peers,bench)/bin/bench_*; do echo "== $$program"; $$program || exit 1; done
+
+packing-curves:  ## the packing comparison page, into build/packing-curves
+	scripts/setup.sh
+	cmake --preset bench
+	cmake --build --preset bench -j $(JOBS) --target packing_curves
+	build/bench/bin/packing_curves build/packing-curves \
+	  --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"
 
 lint:  ## all checks that need no build
 	tools/lint.sh

@@ -42,10 +42,24 @@ void add_threads_option(CLI::App& app, int& num_threads, const std::string& help
 void add_contact_options(CLI::App& app, RunSettings& settings) {
   ContactOptions& contact = settings.contact;
   add_named(app, "--method", contact.method, kMethodNames,
-            "plane of spheres that no point touches");
+            "how a sphere is measured: by the depth field, or by the points in the spheres");
   add_named(app, "--priority", contact.priority, kPriorityNames,
             "what makes a boundary sphere good");
   add_named(app, "--inside", contact.inside, kInsideNames, "volume of a sphere the graph reaches");
+  add_named(app, "--volumes", contact.volumes, kVolumesNames,
+            "what a sphere counts: itself or the part of the tool it stands for, which is auto for "
+            "the field");
+  add_named(app, "--edges", contact.edges, kEdgesNames,
+            "what happens where the surface ends in front of something farther away");
+  add_named(app, "--continuity", contact.continuity, kContinuityNames,
+            "how weighted, simplified and graph smooth over points that enter and leave spheres");
+  add_named(app, "--unknown", settings.field.unknown, kUnknownNames,
+            "field: what lies where nothing was measured");
+  add_number(app, "--fill-levels", settings.field.fill_levels, {0, 5, "a whole number from 0 to 5"},
+             "field: close holes up to about 2^this pixels wide");
+  add_number(app, "--thickness", settings.field.thickness,
+             {1e-3, kSolidBehind, "a number of metres from 0.001 to 1000000"},
+             "field: how far behind a surface there is something to feel, in metres");
   add_named(app, "--backend", settings.backend, kBackendNames, "where queries run");
   add_threads_option(app, settings.num_threads,
                      "threads; 0: one per core for surfaces, one for queries");
@@ -73,6 +87,24 @@ void add_surface_options(CLI::App& app, SurfaceOptions& options) {
   app.add_flag("--anchoring", options.normals.anchoring, "planes through the point itself")
       ->group(group);
   app.add_flag("--normalization", options.normals.normalization, "all neighbours count the same")
+      ->group(group);
+}
+
+void add_time_options(CLI::App& app, TimeOptions& options) {
+  const std::string group = "Between depth images";
+  add_named(app, "--time", options.mode, kTimeModeNames,
+            "what is felt until the next depth image comes")
+      ->group(group);
+  add_named(app, "--average", options.average.kind, kDepthAverageNames,
+            "average of each pixel's depth over time")
+      ->group(group);
+  add_number(app, "--average-frames", options.average.frames,
+             {1, 64, "a whole number of frames from 1 to 64"},
+             "moving: measurements in the average")
+      ->group(group);
+  add_number(app, "--average-weight", options.average.weight,
+             {kLeastPositive, 1, "a number above 0, up to 1"},
+             "exponential: weight of the newest measurement")
       ->group(group);
 }
 

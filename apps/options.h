@@ -87,6 +87,9 @@ void add_contact_options(CLI::App& app, RunSettings& settings);
 /// How surfaces come from depth images: --min-depth, --no-filter, --normal-radius, ...
 void add_surface_options(CLI::App& app, SurfaceOptions& options);
 
+/// What happens between depth frames: --time, --average, ...
+void add_time_options(CLI::App& app, TimeOptions& options);
+
 /// --intrinsics fx,fy,cx,cy and --depth-unit.
 struct CameraOptions {
   std::optional<Intrinsics> intrinsics;

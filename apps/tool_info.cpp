@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "palpate/session/packing_report.h"
+
 namespace palpate::apps {
 namespace {
 
@@ -54,6 +56,7 @@ Json tool_info(const Tool& tool) {
   const RadiusRange radius = radius_range(tool);
   const Bounds box = bounds(tool.mesh());
   const LeafGraph& graph = tool.graph();
+  const Standoff gap = standoff(tool);
   return {{"source", tool.source()},
           {"triangles", tool.mesh().triangles.size()},
           {"spheres", tool.spheres().size()},
@@ -67,6 +70,7 @@ Json tool_info(const Tool& tool) {
           {"mesh_inertia", to_json(mesh.inertia)},
           {"min_radius", radius.smallest},
           {"max_radius", radius.largest},
+          {"standoff", {{"mean", gap.mean}, {"p95", gap.p95}, {"max", gap.max}}},
           {"bounds", {to_json(box.low), to_json(box.high)}},
           {"tree_nodes", tool.tree().nodes().size()},
           {"graph",
@@ -81,6 +85,7 @@ std::string describe(const Tool& tool) {
   const Vec3d size = (box.high - box.low) * 1000;
   const Vec3d centre = tool.sphere_mass().centre_of_mass * 1000;
   const LeafGraph& graph = tool.graph();
+  const Standoff gap = standoff(tool);
   return "source        " + tool.source() + "\n" +
          text("mesh          %zu triangles, %.4g x %.4g x %.4g mm, %.6g cm3\n",
               tool.mesh().triangles.size(), size.x, size.y, size.z, tool.mesh_mass().volume * 1e6) +
@@ -89,6 +94,10 @@ std::string describe(const Tool& tool) {
               box.high.z * 1000) +
          text("spheres       %zu, radii %.4g ... %.4g mm, fill %.2f %%\n", tool.spheres().size(),
               radius.smallest * 1000, radius.largest * 1000, 100 * fill(tool)) +
+         text(
+             "standoff      %.4g mm from the surface to the nearest sphere (95 %%: %.4g, most "
+             "%.4g)\n",
+             gap.mean * 1000, gap.p95 * 1000, gap.max * 1000) +
          text("centre        %.4g %.4g %.4g mm (of the spheres)\n", centre.x, centre.y, centre.z) +
          text("tree          %zu nodes\n", tool.tree().nodes().size()) +
          text("graph         %d edges, %d of them bridges between %d components\n",

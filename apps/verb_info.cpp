@@ -7,19 +7,28 @@
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
+#include "palpate/io/atomic_file.h"
 #include "palpate/io/tool_file.h"
+#include "palpate/session/packing_report.h"
 
 namespace palpate::apps {
 namespace {
 
 struct Options {
-  std::string tool;
+  std::string tool, page;
   bool json = false;
 };
 
 Status run(const Options& options) {
+  if (!options.page.empty()) {
+    if (const Status status = check_output_file(options.page, options.tool); !status) return status;
+  }
   const auto tool = load_tool(options.tool);
   if (!tool) return tool.error();
+  if (!options.page.empty()) {
+    const std::string page = packing_page(*tool, packing_statistics(*tool));
+    if (const Status status = write_file_atomically(options.page, page); !status) return status;
+  }
   if (options.json) {
     print_json(tool_info(*tool));
   } else {
@@ -34,6 +43,8 @@ void add_info(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand("info", "Tell what is in a tool file.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
+  app.add_option("--report", options->page, "write a page that shows the packing")
+      ->type_name("PAGE.html");
   app.add_flag("--json", options->json, "print it as JSON");
   app.footer("Example: palpate info drill.palp --json");
   app.callback([options, &action] { action = [options] { return run(*options); }; });

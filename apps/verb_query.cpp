@@ -8,9 +8,12 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
+#include "palpate/contact/body_world.h"
+#include "palpate/field/pinhole_cloud.h"
 #include "palpate/io/depth_files.h"
 #include "palpate/io/trajectory_file.h"
 
@@ -21,6 +24,7 @@ struct Options {
   std::string tool, cloud, depth, pose, poses;
   CameraOptions camera;
   RunSettings settings;
+  std::vector<ObjectOption> objects;
   int num_spheres = 0;  ///< of the tool file; 0: all
   bool json = false;
   std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
@@ -28,6 +32,7 @@ struct Options {
 
 struct Measurement {
   Penetration penetration;
+  BodyMeasure shares;  ///< of cloud and objects
   double seconds = 0;
 };
 
@@ -35,7 +40,8 @@ struct Measurement {
 struct FrozenCloud {
   PointCloud cloud;
   std::optional<SurfaceEstimator> surface;
-  std::size_t num_usable = 0;  ///< points with a normal
+  std::optional<DepthField> field;  ///< if the method asks one
+  std::size_t num_usable = 0;       ///< points with a normal
 
   PointCloudView view() const { return surface ? surface->cloud() : cloud.view(); }
 };
@@ -88,7 +94,7 @@ void print_results_json(const Options& options, Backend backend, std::size_t num
                               {"backend", name_of(kBackendNames, std::optional(backend))},
                               {"usable_points", num_usable},
                               {"results", nlohmann::ordered_json::array()}};
-  for (const auto& [penetration, seconds] : measurements) {
+  for (const auto& [penetration, shares, seconds] : measurements) {
     json["results"].push_back({{"volume", penetration.volume},
                                {"fraction", penetration.volume / tool_volume},
                                {"force", to_json(penetration.measure_W.force)},
@@ -98,24 +104,50 @@ void print_results_json(const Options& options, Backend backend, std::size_t num
                                {"points", penetration.num_points},
                                {"compute_us", seconds * 1e6},
                                {"status", penetration.status}});
+    if (options.objects.empty()) continue;
+    const Penetration& objects = shares.bodies;
+    json["results"].back()["objects"] = {{"volume", objects.volume},
+                                         {"force", to_json(objects.measure_W.force)},
+                                         {"torque", to_json(objects.measure_W.torque)},
+                                         {"pairs", shares.num_pairs}};
   }
   print_json(json);
 }
 
-void print_results_table(double tool_volume, const std::vector<Measurement>& measurements) {
-  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s\n", "pose", "volume m3", "% tool",
-              "force measure m3", "torque measure m4", "boundary", "inside", "points", "us");
+void print_results_table(const Options& options, double tool_volume,
+                         const std::vector<Measurement>& measurements) {
+  const bool has_objects = !options.objects.empty();
+  std::printf("%5s %12s %8s %36s %36s %8s %8s %8s %9s%s\n", "pose", "volume m3", "% tool",
+              "force measure m3", "torque measure m4", "boundary", "inside", "points", "us",
+              has_objects ? "   objects m3" : "");
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     const Penetration& p = measurements[i].penetration;
     const Vec3d &f = p.measure_W.force, &m = p.measure_W.torque;
-    std::printf("%5zu %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g %8d %8d %8d %9.1f%s\n", i,
+    std::printf("%5zu %12.5g %8.3f %12.4g%12.4g%12.4g %12.4g%12.4g%12.4g %8d %8d %8d %9.1f", i,
                 p.volume, 100 * p.volume / tool_volume, f.x, f.y, f.z, m.x, m.y, m.z,
                 p.num_boundary_spheres, p.num_inside_spheres, p.num_points,
-                measurements[i].seconds * 1e6,
-                p.status & static_cast<std::uint32_t>(StepStatus::ambiguous_normals)
-                    ? "  (normals disagree)"
-                    : "");
+                measurements[i].seconds * 1e6);
+    if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
+    std::puts(p.status & static_cast<std::uint32_t>(StepStatus::ambiguous_normals)
+                  ? "  (normals disagree)"
+                  : "");
   }
+}
+
+/// Makes the depth field of a frozen cloud.
+Status add_field(const Options& options, FrozenCloud& frozen, ThreadPool& pool) {
+  PointCloud pinhole;
+  if (!frozen.surface) {
+    auto made = make_pinhole_cloud(frozen.cloud.view());
+    if (!made) return Error{made.error().code, options.cloud + ": " + made.error().message};
+    pinhole = *std::move(made);
+  }
+  const PointCloudView view = frozen.surface ? frozen.surface->cloud() : pinhole.view();
+  auto field = DepthField::create(view.width, view.height, options.settings.field);
+  if (!field) return field.error();
+  frozen.field = *std::move(field);
+  frozen.field->update(view, pool);
+  return Done{};
 }
 
 Status run(const Options& options) {
@@ -128,25 +160,36 @@ Status run(const Options& options) {
     if (!trajectory) return trajectory.error();
     for (const TimedPose& pose : *trajectory) poses.push_back(pose.X_WT);
   }
+  const auto objects = load_objects(options.objects);
+  if (!objects) return objects.error();
   ThreadPool pool(options.settings.num_threads);
-  const auto chosen = choose_contact_query(options.settings, *tool, pool);
+  auto chosen = choose_contact_query(options.settings, *tool, pool);
   if (!chosen) return chosen.error();
-  const auto cloud = read_cloud(options, pool);
+  auto cloud = read_cloud(options, pool);
   if (!cloud) return cloud.error();
+  if (options.settings.contact.method == InsideMethod::field) {
+    if (const Status status = add_field(options, *cloud, pool); !status) return status;
+    chosen->query->set_field(cloud->field->view());
+  }
 
-  chosen->query->set_cloud(cloud->view());
+  BodyWorld world;
+  const int body = world.add_tool(*tool, std::move(chosen->query));
+  for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
+  world.set_cloud(cloud->view());
   std::vector<Measurement> measurements;
   for (const Pose& X_WT : poses) {
     const auto start = std::chrono::steady_clock::now();
-    const Penetration penetration = chosen->query->query(X_WT, options.settings.contact);
+    world.set_pose(body, X_WT);
+    world.measure(options.settings.contact);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    measurements.push_back({penetration, elapsed.count()});
+    const BodyMeasure& measured = world.measured(body);
+    measurements.push_back({measured.total(), measured, elapsed.count()});
   }
-  const double tool_volume = tool->sphere_mass().volume;
+  const double tool_volume = full_volume(*tool, options.settings.contact);
   if (options.json) {
     print_results_json(options, chosen->backend, cloud->num_usable, tool_volume, measurements);
   } else {
-    print_results_table(tool_volume, measurements);
+    print_results_table(options, tool_volume, measurements);
   }
   return Done{};
 }
@@ -188,6 +231,7 @@ void add_query(CLI::App& program, Action& action) {
       ->type_name("'tx ty tz qx qy qz qw'");
   app.add_option("--poses", options->poses, "many poses: lines 't tx ty tz qx qy qz qw'")
       ->type_name("FILE");
+  add_object_option(app, options->objects);
   add_contact_options(app, options->settings);
   add_surface_options(app, options->settings.surface);
   app.add_flag("--json", options->json, "print the results as JSON");

@@ -1,14 +1,15 @@
 // palpate touch: a moving tool in a stream of depth images.
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
 
+#include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/terminal.h"
 #include "apps/verbs.h"
 #include "palpate/io/depth_files.h"
-#include "palpate/io/tool_file.h"
 #include "palpate/io/trajectory_file.h"
 #include "palpate/session/probing_path.h"
 #include "palpate/session/record_run.h"
@@ -25,7 +26,9 @@ struct Options {
   bool noise = true;
   std::uint64_t seed = 1;
   RunSettings settings;
+  std::vector<ObjectOption> objects;
   std::optional<double> duration;
+  int num_spheres = 0;  ///< 0: all
   bool json = false;
 };
 
@@ -81,7 +84,9 @@ Result<Input> open_input(const Options& options, const Tool& tool) {
 
 /// A run must not replace what it reads.
 Status check_inputs(const Options& options) {
-  for (const std::string& input : {options.tool, options.depth_sequence, options.path}) {
+  std::vector<std::string> inputs{options.tool, options.depth_sequence, options.path};
+  for (const ObjectOption& object : options.objects) inputs.push_back(object.file);
+  for (const std::string& input : inputs) {
     if (!input.empty() && lies_inside(input, options.output)) {
       return Error{Errc::io_failure, "the run would replace " + options.output +
                                          ", where its input " + input +
@@ -93,8 +98,11 @@ Status check_inputs(const Options& options) {
 
 Status run(const Options& options) {
   if (const Status status = check_inputs(options); !status) return status;
-  const auto tool = load_tool(options.tool);
+  const auto tool =
+      load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
   if (!tool) return tool.error();
+  auto objects = load_objects(options.objects);
+  if (!objects) return objects.error();
   auto input = open_input(options, *tool);
   if (!input) return input.error();
   const std::vector<TimedPose>& path = input->path;
@@ -108,6 +116,7 @@ Status run(const Options& options) {
   // Unless told, the run ends with path or frames, whichever end first; a path of one pose has no
   // end of its own.
   RunSettings settings = options.settings;
+  settings.objects = *std::move(objects);
   settings.end_with_source = !options.duration;
   if (options.duration) {
     settings.duration = *options.duration;
@@ -150,9 +159,16 @@ Status run(const Options& options) {
     std::snprintf(text, sizeof text,
                   "%zu ticks, %zu frames, deepest %.4g cm3 (%.2f %% of the tool) at %.3f s\n",
                   log.ticks.size(), log.frames.size(), deepest * 1e6,
-                  100 * deepest / tool->sphere_mass().volume, log.ticks[log.deepest_tick].time);
-    std::cout << text
-              << "report: " << (std::filesystem::path(options.output) / "report.html").string()
+                  100 * deepest / full_volume(*tool, log.settings.contact),
+                  log.ticks[log.deepest_tick].time);
+    std::cout << text;
+    if (!log.settings.objects.empty()) {
+      double most = 0;
+      for (const TickRecord& tick : log.ticks) most = std::max(most, tick.objects.volume);
+      std::snprintf(text, sizeof text, "deepest in objects %.4g cm3\n", most * 1e6);
+      std::cout << text;
+    }
+    std::cout << "report: " << (std::filesystem::path(options.output) / "report.html").string()
               << "\n";
   }
   if (log.interrupted) {
@@ -218,8 +234,11 @@ void add_touch(CLI::App& program, Action& action) {
   app.add_option("--rate", options->settings.rate, "measurements per second")
       ->check(CLI::Range(1.0, 100000.0))
       ->capture_default_str();
+  add_prefix_option(app, options->num_spheres);
+  add_object_option(app, options->objects);
   add_contact_options(app, options->settings);
   add_surface_options(app, options->settings.surface);
+  add_time_options(app, options->settings.time);
   app.add_flag("--json", options->json, "print the summary as JSON");
   app.footer(
       "Example: palpate touch drill.palp --depth-sequence frames/ --intrinsics "

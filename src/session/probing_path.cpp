@@ -189,7 +189,9 @@ class Feeler {
     if (!coarse) return coarse.error();
     auto surface = SurfaceEstimator::create(info.width, info.height, info.intrinsics);
     if (!surface) return surface.error();
-    Feeler feeler(tool, *std::move(coarse), *std::move(surface));
+    auto field = DepthField::create(info.width, info.height);
+    if (!field) return field.error();
+    Feeler feeler(tool, *std::move(coarse), *std::move(surface), *std::move(field));
     auto query = make_contact_query(Backend::cpu, *feeler.coarse_);
     if (!query) return query.error();
     feeler.query_ = *std::move(query);
@@ -198,7 +200,8 @@ class Feeler {
 
   void take_frame(const DepthFrame& frame, ThreadPool& pool) {
     surface_.update(frame, pool);
-    query_->set_cloud(surface_.cloud());
+    field_.update(surface_.cloud(), pool);
+    query_->set_field(field_.view());
     nearest_ = INFINITY;
     for (const float z : surface_.depth()) {
       if (z > 0) nearest_ = std::min(nearest_, static_cast<double>(z));  // false for NaN
@@ -234,13 +237,16 @@ class Feeler {
   }
 
  private:
-  Feeler(const Tool& tool, Tool coarse, SurfaceEstimator surface)
+  Feeler(const Tool& tool, Tool coarse, SurfaceEstimator surface, DepthField field)
       : full_(&tool),
         coarse_(std::make_unique<Tool>(std::move(coarse))),
-        surface_(std::move(surface)) {}
+        surface_(std::move(surface)),
+        field_(std::move(field)) {}
 
   double fraction(const Motion& motion, double time, double distance) {
-    return query_->query(motion.pose(time, distance), {}).volume / coarse_->sphere_mass().volume;
+    constexpr ContactOptions kField{.method = InsideMethod::field};
+    return query_->query(motion.pose(time, distance), kField).volume /
+           full_volume(*coarse_, kField);
   }
   /// Where between two distances the fraction is reached: the nearer end of a small interval.
   double cross(const Motion& motion, double time, double low, double high, double level) {
@@ -254,6 +260,7 @@ class Feeler {
   const Tool* full_;
   std::unique_ptr<Tool> coarse_;
   SurfaceEstimator surface_;
+  DepthField field_;
   std::unique_ptr<ContactQuery> query_;
   double nearest_ = INFINITY;
 };

@@ -39,7 +39,7 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, const PoseF
                               const std::function<bool(const TickRecord&)>& keep_going) {
   auto folder = RunFolder::create(name);
   if (!folder) return folder.error();
-  auto recorder = Recorder::create(folder->partial() / kRecordingFolder, tool);
+  auto recorder = Recorder::create(folder->partial() / kRecordingFolder, tool, settings.objects);
   if (!recorder) return recorder.error();
   RunCallbacks callbacks;
   callbacks.on_tick = keep_going;

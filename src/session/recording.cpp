@@ -21,7 +21,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
+constexpr int kVersionWithoutObjects = 1;  // older programs can repeat such a recording
 constexpr const char* kTool = "tool.palp";
 constexpr const char* kPath = "path.txt";
 constexpr const char* kFrameList = "depth.txt";
@@ -32,6 +33,12 @@ std::string crc32_hex(std::string_view bytes) {
   char text[16];
   std::snprintf(text, sizeof text, "%08lx", crc);
   return text;
+}
+
+std::string object_file(std::size_t index) {
+  char name[40];
+  std::snprintf(name, sizeof name, "object-%03zu.palp", index);
+  return name;
 }
 
 std::string poses_text(const std::vector<TickRecord>& ticks) {
@@ -116,11 +123,12 @@ Result<Manifest> read_manifest(const fs::path& folder) {
     const Json json = Json::parse(*text);
     if (json.at("format") != kRecordingFormat)
       return damaged(path, "is not the manifest of a recording");
-    if (json.at("version").get<int>() != kVersion) {
-      return Error{Errc::bad_input, path.string() + " has format version " +
-                                        json.at("version").dump() +
-                                        ", this program reads version " + std::to_string(kVersion) +
-                                        "; use the version that wrote it"};
+    const int version = json.at("version").get<int>();
+    if (version < kVersionWithoutObjects || version > kVersion) {
+      return Error{Errc::bad_input,
+                   path.string() + " has format version " + json.at("version").dump() +
+                       ", this program reads versions up to " + std::to_string(kVersion) +
+                       "; use the version that wrote it"};
     }
     if (!json.contains("files")) return damaged(path, "is unfinished");
     auto settings = settings_from_json(json.at("settings"));
@@ -131,8 +139,8 @@ Result<Manifest> read_manifest(const fs::path& folder) {
   }
 }
 
-/// Every listed file must be there as it was written.
-Status check_files(const fs::path& folder, const Json& files) {
+/// Every listed file must be there as it was written, and every necessary file be listed.
+Status check_files(const fs::path& folder, const Json& files, std::size_t num_objects) {
   try {
     for (const Json& entry : files) {
       const auto name = entry.at("name").get<std::string>();
@@ -144,11 +152,12 @@ Status check_files(const fs::path& folder, const Json& files) {
         return damaged(path, "was changed after the recording (its checksum differs)");
       }
     }
-    for (const char* name : {kTool, kPath, kFrameList}) {
+    std::vector<std::string> necessary{kTool, kPath, kFrameList};
+    for (std::size_t i = 0; i < num_objects; ++i) necessary.push_back(object_file(i));
+    for (const std::string& name : necessary) {
       const bool listed = std::any_of(files.begin(), files.end(),
                                       [&](const Json& entry) { return entry.at("name") == name; });
-      if (!listed)
-        return damaged(folder / kRecordingManifest, std::string("does not list ") + name);
+      if (!listed) return damaged(folder / kRecordingManifest, "does not list " + name);
     }
   } catch (const Json::exception& exception) {
     return no_manifest(folder / kRecordingManifest, exception);
@@ -158,7 +167,8 @@ Status check_files(const fs::path& folder, const Json& files) {
 
 }  // namespace
 
-Result<Recorder> Recorder::create(const fs::path& folder, const Tool& tool) {
+Result<Recorder> Recorder::create(const fs::path& folder, const Tool& tool,
+                                  std::span<const SceneObject> objects) {
   std::error_code error;
   fs::create_directories(folder / "depth", error);
   if (error) {
@@ -166,7 +176,8 @@ Result<Recorder> Recorder::create(const fs::path& folder, const Tool& tool) {
                                        error.message() + "; check permissions and free space"};
   }
   // The manifest comes first without its list of files: it marks the folder as ours.
-  const Json manifest{{"format", kRecordingFormat}, {"version", kVersion}};
+  const Json manifest{{"format", kRecordingFormat},
+                      {"version", objects.empty() ? kVersionWithoutObjects : kVersion}};
   if (const Status status =
           write_file_atomically(folder / kRecordingManifest, manifest.dump(1) + "\n");
       !status) {
@@ -174,9 +185,21 @@ Result<Recorder> Recorder::create(const fs::path& folder, const Tool& tool) {
   }
   Recorder recorder(folder);
   recorder.frame_list_ = "# time stamp in seconds, file\n";
-  if (const Status status = save_tool(tool, folder / kTool); !status) return status.error();
-  if (const Status status = recorder.add_file(kTool); !status) return status.error();
+  if (const Status status = recorder.add_tool(tool, kTool); !status) return status.error();
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    if (objects[i].shape == nullptr) {
+      return Error{Errc::invalid_argument,
+                   "object " + std::to_string(i) + " has no shape; give it a tool"};
+    }
+    const Status status = recorder.add_tool(*objects[i].shape, object_file(i));
+    if (!status) return status.error();
+  }
   return recorder;
+}
+
+Status Recorder::add_tool(const Tool& tool, const std::string& name) {
+  if (const Status status = save_tool(tool, folder_ / name); !status) return status;
+  return add_file(name);
 }
 
 Status Recorder::add_file(const std::string& name) {
@@ -202,10 +225,12 @@ Status Recorder::finish(const RunLog& log) {
     if (const Status status = write_file_atomically(folder_ / name, text); !status) return status;
     if (const Status status = add_file(name); !status) return status;
   }
-  Json manifest{{"format", kRecordingFormat},    {"version", kVersion},
-                {"program", PALPATE_VERSION},    {"ticks", log.ticks.size()},
-                {"frames", log.frames.size()},   {"settings", to_json(log.settings)},
-                {"stream", to_json(log.stream)}, {"files", Json::array()}};
+  const bool has_objects = !log.settings.objects.empty();
+  Json manifest{
+      {"format", kRecordingFormat},    {"version", has_objects ? kVersion : kVersionWithoutObjects},
+      {"program", PALPATE_VERSION},    {"ticks", log.ticks.size()},
+      {"frames", log.frames.size()},   {"settings", to_json(log.settings)},
+      {"stream", to_json(log.stream)}, {"files", Json::array()}};
   for (const FileEntry& file : files_) {
     manifest["files"].push_back(
         {{"name", file.name}, {"bytes", file.bytes}, {"crc32", file.checksum}});
@@ -218,10 +243,17 @@ Status Recorder::finish(const RunLog& log) {
 Result<Recording> load_recording(const fs::path& folder) {
   auto manifest = read_manifest(folder);
   if (!manifest) return manifest.error();
-  if (const Status status = check_files(folder, manifest->files); !status) return status.error();
+  std::vector<SceneObject>& objects = manifest->settings.objects;
+  if (const Status status = check_files(folder, manifest->files, objects.size()); !status)
+    return status.error();
 
   auto tool = load_tool(folder / kTool);
   if (!tool) return tool.error();
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    auto shape = load_tool(folder / object_file(i));
+    if (!shape) return shape.error();
+    objects[i].shape = std::make_shared<const Tool>(*std::move(shape));
+  }
   const auto text = read_file(folder / kPath);
   if (!text) return text.error();
   auto poses = parse_poses(*text, folder / kPath);

@@ -5,37 +5,14 @@
 #include <span>
 
 #include "palpate/session/names.h"
+#include "src/session/html_page.h"
 #include "src/session/report_pictures.h"
-#include "src/session/report_style.h"
 #include "src/session/run_files.h"
 #include "src/session/statistics.h"
 #include "src/session/svg_plot.h"
 
 namespace palpate {
 namespace {
-
-/// A unit in which the largest value reads well.
-struct Unit {
-  const char* name;
-  double factor;
-};
-
-/// The first unit in which `largest` is at least 1, else the last one.
-Unit unit_for(double largest, std::span<const Unit> units) {
-  for (const Unit& unit : units) {
-    if (largest * unit.factor >= 1) return unit;
-  }
-  return units.back();
-}
-
-constexpr Unit kVolumeUnits[] = {{"m³", 1}, {"cm³", 1e6}, {"mm³", 1e9}};
-constexpr Unit kTorqueUnits[] = {{"m⁴", 1}, {"cm⁴", 1e8}, {"mm⁴", 1e12}};
-constexpr Unit kTimeUnits[] = {{"s", 1}, {"ms", 1e3}, {"µs", 1e6}};
-
-std::string with_unit(double value, std::span<const Unit> units) {
-  const Unit unit = unit_for(std::abs(value), units);
-  return short_number(value * unit.factor, 3) + "\u00a0" + unit.name;
-}
 
 /// One value per tick.
 template <class Value>
@@ -50,11 +27,6 @@ double largest(const std::vector<double>& values) {
   return values.empty() ? 0 : *std::max_element(values.begin(), values.end());
 }
 
-std::string card(const std::string& value, const std::string& caption) {
-  return "<div class='card'><b>" + escape_html(value) + "</b><span>" + escape_html(caption) +
-         "</span></div>";
-}
-
 std::string headline(const Tool& tool, const RunLog& log) {
   const double volume = log.ticks[log.deepest_tick].penetration.volume;
   const auto query = percentiles(query_seconds(log)), surface = percentiles(surface_seconds(log));
@@ -63,7 +35,8 @@ std::string headline(const Tool& tool, const RunLog& log) {
   const std::size_t misses = num_deadline_misses(log);
   return "<div class='cards'>" +
          card(with_unit(volume, kVolumeUnits),
-              "deepest penetration, " + short_number(100 * volume / tool.sphere_mass().volume, 3) +
+              "deepest penetration, " +
+                  short_number(100 * volume / full_volume(tool, log.settings.contact), 3) +
                   "\u00a0% of the tool") +
          card(with_unit(force, kVolumeUnits), "largest force measure |F|") +
          card(with_unit(query.median, kTimeUnits),
@@ -76,12 +49,8 @@ std::string headline(const Tool& tool, const RunLog& log) {
          "</div>";
 }
 
-std::string figure(const std::string& svg, const std::string& caption) {
-  return "<figure>" + svg + "<figcaption>" + escape_html(caption) + "</figcaption></figure>\n";
-}
-
 /// A plot of a vector over time: its components and its length.
-std::string vector_figure(const RunLog& log, TimePlot plot, std::span<const Unit> units,
+std::string vector_figure(const RunLog& log, LinePlot plot, std::span<const Unit> units,
                           const std::string& name, const std::string& symbol, Vec3d Wrench::*member,
                           const std::string& caption) {
   const auto length =
@@ -101,24 +70,32 @@ std::string vector_figure(const RunLog& log, TimePlot plot, std::span<const Unit
 }
 
 std::string plots(const Tool& tool, const RunLog& log) {
-  TimePlot base;
+  LinePlot base;
+  base.x_label = "time in s";
   base.x = series(log, [](const TickRecord& tick) { return tick.time; });
   for (const FrameRecord& frame : log.frames) base.events.push_back(frame.time);
   base.marked_x = log.ticks[log.deepest_tick].time;
 
-  TimePlot volume = base;
+  LinePlot volume = base;
   const Unit unit = unit_for(log.ticks[log.deepest_tick].penetration.volume, kVolumeUnits);
   volume.y_label = std::string("volume in ") + unit.name;
-  volume.right_factor = 100 / (tool.sphere_mass().volume * unit.factor);
+  volume.right_factor = 100 / (full_volume(tool, log.settings.contact) * unit.factor);
   volume.right_label = "% of the tool";
   volume.lines.push_back({"penetration volume", "series1", series(log, [&](const TickRecord& tick) {
                             return tick.penetration.volume * unit.factor;
                           })});
+  if (!log.settings.objects.empty()) {
+    volume.lines.push_back({"in objects", "series2", series(log, [&](const TickRecord& tick) {
+                              return tick.objects.volume * unit.factor;
+                            })});
+  }
   std::string html = "<h2>What the tool felt</h2>\n";
   html +=
       figure(draw(volume),
-             "How much of the tool's spheres lies behind the surface. A step at a stroke on the "
-             "top edge is the scene moving on: a new depth frame became current there.");
+             "How much of the tool's spheres lies behind the surface" +
+                 std::string(log.settings.objects.empty() ? "" : " or in an object") +
+                 ". A step at a stroke on the top edge is the scene moving on: a new depth frame "
+                 "became current there.");
   html +=
       vector_figure(log, base, kVolumeUnits, "force measure", "F", &Wrench::force,
                     "Sum of volume times surface normal over all spheres, before any stiffness, "
@@ -127,7 +104,7 @@ std::string plots(const Tool& tool, const RunLog& log) {
                         "Torque of the same forces about the tool's centre of mass.");
 
   html += "<h2>How long it took</h2>\n";
-  TimePlot timing = base;
+  LinePlot timing = base;
   timing.log_y = true;
   timing.y_label = "query in µs";
   timing.limit = 1e6 / log.settings.rate;
@@ -138,7 +115,8 @@ std::string plots(const Tool& tool, const RunLog& log) {
   html += figure(draw(timing), "Compute time of each query on this machine.");
 
   const auto p = percentiles(query_seconds(log));
-  LogHistogram histogram;
+  Histogram histogram;
+  histogram.y_label = "ticks in bin";
   histogram.x_label = "query in µs";
   for (const double seconds : query_seconds(log)) histogram.values.push_back(seconds * 1e6);
   const auto marker = [&](const char* name, double us) {
@@ -152,10 +130,6 @@ std::string plots(const Tool& tool, const RunLog& log) {
   return html;
 }
 
-std::string row(const std::string& name, const std::string& value) {
-  return "<tr><td>" + escape_html(name) + "</td><td>" + escape_html(value) + "</td></tr>";
-}
-
 /// The end of a path that still tells what it is: the last two parts.
 std::string short_name(const std::string& name) {
   const std::size_t last = name.find_last_of('/', name.empty() ? 0 : name.size() - 2);
@@ -165,6 +139,18 @@ std::string short_name(const std::string& name) {
 }
 
 std::string on_off(bool on) { return on ? "on" : "off"; }
+
+std::string object_rows(const std::vector<SceneObject>& objects) {
+  std::string html;
+  for (const SceneObject& object : objects) {
+    const Vec3d& p = object.X_WB.translation;
+    html += row("object", object.shape->source() + ", " +
+                              std::to_string(object.shape->spheres().size()) + " spheres, at " +
+                              short_number(p.x) + ", " + short_number(p.y) + ", " +
+                              short_number(p.z) + " m");
+  }
+  return html;
+}
 
 std::string tables(const Tool& tool, const RunLog& log) {
   const RunSettings& s = log.settings;
@@ -183,12 +169,18 @@ std::string tables(const Tool& tool, const RunLog& log) {
          row("inside method", name_of(kMethodNames, s.contact.method)) +
          row("priority", name_of(kPriorityNames, s.contact.priority)) +
          row("inside volume (graph)", name_of(kInsideNames, s.contact.inside)) +
+         row("volume of a sphere", name_of(kVolumesNames, std::optional(s.contact.counted()))) +
+         row("edges", name_of(kEdgesNames, s.contact.edges)) +
+         row("continuity", name_of(kContinuityNames, s.contact.continuity)) +
+         row("between frames", name_of(kTimeModeNames, s.time.mode)) +
+         row("average over frames", name_of(kDepthAverageNames, s.time.average.kind)) +
          row("backend", name_of(kBackendNames, s.backend)) +
          row("threads", s.num_threads == 0 ? "queries 1, surfaces one per core"
                                            : std::to_string(s.num_threads)) +
          row("rate", short_number(s.rate) + " Hz") +
          row("duration", short_number(static_cast<double>(log.ticks.size()) / s.rate) + " s") +
-         "</table><table>" + row("depth frames from", short_name(log.stream.name)) +
+         object_rows(s.objects) + "</table><table>" +
+         row("depth frames from", short_name(log.stream.name)) +
          row("image",
              std::to_string(log.stream.width) + " × " + std::to_string(log.stream.height)) +
          row("fx, fy, cx, cy", short_number(k.fx, 6) + ", " + short_number(k.fy, 6) + ", " +
@@ -209,23 +201,18 @@ Result<std::string> make_report(const Tool& tool, const RunLog& log) {
   auto pictures = deepest_moment_html(tool, log);
   if (!pictures) return pictures.error();
   const std::string title = tool.source() + " in " + short_name(log.stream.name);
-  std::string html =
-      "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-      "<meta name='viewport' content='width=device-width,initial-scale=1'><title>Palpate: " +
-      escape_html(title) + "</title><style>" + kReportStyle + "</style></head><body><main>\n";
-  html += "<h1>" + escape_html(title) + "</h1><p class='sub'>A tool of " +
-          std::to_string(tool.spheres().size()) +
-          " spheres, felt against a stream of depth images " + short_number(log.settings.rate) +
-          " times a second.</p>\n";
+  std::string html = open_page(title, "A tool of " + std::to_string(tool.spheres().size()) +
+                                          " spheres, felt against a stream of depth images " +
+                                          short_number(log.settings.rate) + " times a second.");
   if (log.interrupted) {
     html += "<p class='warn'>This run was interrupted after " +
             short_number(static_cast<double>(log.ticks.size()) / log.settings.rate) +
             " s. What is shown is complete up to there.</p>\n";
   }
   html += headline(tool, log) + *pictures + plots(tool, log) + tables(tool, log);
-  html += "<footer>Palpate " PALPATE_VERSION
-          ". The numbers of this page are in wrench.csv, timing.csv and summary.json beside it; "
-          "the folder recording repeats them bit for bit.</footer>\n</main></body></html>\n";
+  html += close_page(
+      "The numbers of this page are in wrench.csv, timing.csv and summary.json beside it; the "
+      "folder recording repeats them bit for bit.");
   return html;
 }
 

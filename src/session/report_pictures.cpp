@@ -2,54 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-
+#include "src/session/picture_overlay.h"
 #include "src/session/scene_picture.h"
 #include "src/session/svg_plot.h"
 
 namespace palpate {
 namespace {
-
-std::string svg_line(const char* css_class, double x1, double y1, double x2, double y2) {
-  char text[160];
-  std::snprintf(text, sizeof text, "<line class='%s' x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f'/>",
-                css_class, x1, y1, x2, y2);
-  return text;
-}
-
-std::string svg_text(double x, double y, const char* anchor, const std::string& content) {
-  char text[120];
-  std::snprintf(text, sizeof text, "<text x='%.1f' y='%.1f' text-anchor='%s'>", x, y, anchor);
-  return text + escape_html(content) + "</text>";
-}
-
-/// A line with a head at its end, legible on any ground.
-std::string svg_arrow(double x1, double y1, double x2, double y2) {
-  const double length = std::hypot(x2 - x1, y2 - y1);
-  const double ex = (x2 - x1) / length, ey = (y2 - y1) / length;
-  char head[200];
-  std::snprintf(head, sizeof head, "<path class='ink-fill' d='M%.1f %.1fL%.1f %.1fL%.1f %.1fz'/>",
-                x2 + 4 * ex, y2 + 4 * ey, x2 - 11 * ex - 7 * ey, y2 - 11 * ey + 7 * ex,
-                x2 - 11 * ex + 7 * ey, y2 - 11 * ey - 7 * ex);
-  const double xs = x2 - 8 * ex, ys = y2 - 8 * ey;
-  return svg_line("halo-line", x1, y1, xs, ys) + svg_line("ink", x1, y1, xs, ys) + head;
-}
-
-/// A round length whose bar is between a tenth and a quarter of the picture wide.
-std::string scale_bar(const View& view, double pixels_per_metre) {
-  double length = std::pow(10.0, std::floor(std::log10(0.25 * view.width / pixels_per_metre)));
-  for (const double factor : {5.0, 2.0}) {
-    if (length * factor * pixels_per_metre <= 0.25 * view.width) {
-      length *= factor;
-      break;
-    }
-  }
-  const double x = 18, y = view.height - 18, end = x + length * pixels_per_metre;
-  return svg_line("halo-line", x, y, end, y) + svg_line("ink", x, y, end, y) +
-         svg_text(x, y - 10, "start",
-                  length < 0.01 ? short_number(length * 1000) + " mm"
-                                : short_number(length * 100) + " cm");
-}
 
 /// The two axes of the picture, as a small cross of arrows in the lower right corner.
 std::string axes(const View& view, const char* to_the_right, const char* vertical,
@@ -124,13 +82,10 @@ Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
   html += "<div class='pictures'>\n";
   for (const Panel& panel : panels) {
     const View& view = panel.view;
-    char open[120];
-    std::snprintf(open, sizeof open, "<svg viewBox='0 0 %d %d'>", view.width, view.height);
-    html += "<figure><div class='picture'><img alt='' src='data:image/png;base64," +
-            base64(draw_scene_png(view, cloud, tool.spheres(), states, tick.X_WT)) + "'>" + open +
-            scale_bar(view, view.to_screen(C_W).pixels_per_metre) + panel.overlay;
-    if (contact) html += force_arrow(view, C_W, tick.penetration.measure_W.force, radius);
-    html += "</svg></div><figcaption>" + panel.caption + "</figcaption></figure>\n";
+    std::string overlay = scale_bar(view, view.to_screen(C_W).pixels_per_metre) + panel.overlay;
+    if (contact) overlay += force_arrow(view, C_W, tick.penetration.measure_W.force, radius);
+    html += picture(view, draw_scene_png(view, cloud, tool.spheres(), states, tick.X_WT), overlay,
+                    panel.caption);
   }
   html +=
       "</div><div class='key'>"

@@ -45,10 +45,17 @@ double peak_memory_bytes() {
 }  // namespace
 
 std::string wrench_csv(const Tool& tool, const RunLog& log) {
-  const double tool_volume = tool.sphere_mass().volume;
+  const double tool_volume = full_volume(tool, log.settings.contact);
   std::string text =
       "t,tx,ty,tz,qx,qy,qz,qw,volume,fraction,fx,fy,fz,mx,my,mz,boundary_spheres,inside_spheres,"
       "points,frame,status\n";
+  const bool has_objects = !log.settings.objects.empty();
+  if (has_objects) {
+    text.back() = ',';
+    text +=
+        "objects_volume,objects_fx,objects_fy,objects_fz,objects_mx,objects_my,objects_mz,"
+        "object_pairs\n";
+  }
   text.reserve(text.size() + log.ticks.size() * 256);
   for (const TickRecord& tick : log.ticks) {
     const Vec3d& p = tick.X_WT.translation;
@@ -58,6 +65,11 @@ std::string wrench_csv(const Tool& tool, const RunLog& log) {
     append_row(text, ',', tick.time, p.x, p.y, p.z, q.x, q.y, q.z, q.w, r.volume,
                r.volume / tool_volume, f.x, f.y, f.z, m.x, m.y, m.z, r.num_boundary_spheres,
                r.num_inside_spheres, r.num_points, tick.frame, r.status);
+    if (!has_objects) continue;
+    const Vec3d &of = tick.objects.measure_W.force, &om = tick.objects.measure_W.torque;
+    text.back() = ',';
+    append_row(text, ',', tick.objects.volume, of.x, of.y, of.z, om.x, om.y, om.z,
+               tick.object_pairs);
   }
   return text;
 }
@@ -123,7 +135,7 @@ std::string summary_json(const Tool& tool, const RunLog& log) {
   const TickRecord& strongest =
       peak(log, [](const TickRecord& tick) { return norm(tick.penetration.measure_W.force); });
   const auto contact = [](const TickRecord& tick) {
-    return tick.penetration.num_boundary_spheres > 0;
+    return tick.penetration.num_boundary_spheres > 0 || tick.object_pairs > 0;
   };
   Json json{{"version", PALPATE_VERSION},
             {"interrupted", log.interrupted},
@@ -140,7 +152,7 @@ std::string summary_json(const Tool& tool, const RunLog& log) {
             {"duration", static_cast<double>(log.ticks.size()) / log.settings.rate},
             {"peak",
              {{"volume", deepest.penetration.volume},
-              {"fraction", deepest.penetration.volume / tool.sphere_mass().volume},
+              {"fraction", deepest.penetration.volume / full_volume(tool, log.settings.contact)},
               {"volume_time", deepest.time},
               {"force", to_json(strongest.penetration.measure_W.force)},
               {"force_norm", norm(strongest.penetration.measure_W.force)},
@@ -149,6 +161,14 @@ std::string summary_json(const Tool& tool, const RunLog& log) {
             {"surface_us", to_json(percentiles(surface_seconds(log)))},
             {"deadline_misses", num_deadline_misses(log)},
             {"peak_memory_bytes", peak_memory_bytes()}};
+  if (!log.settings.objects.empty()) {
+    const auto touches = [](const TickRecord& tick) { return tick.object_pairs > 0; };
+    const TickRecord& most = peak(log, [](const TickRecord& tick) { return tick.objects.volume; });
+    json["objects"] = {
+        {"ticks_in_contact", std::count_if(log.ticks.begin(), log.ticks.end(), touches)},
+        {"peak_volume", most.objects.volume},
+        {"peak_volume_time", most.time}};
+  }
   const std::string warning = scarce_surface_warning(log);
   if (!warning.empty()) json["warning"] = warning;
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

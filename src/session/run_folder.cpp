@@ -20,9 +20,12 @@ namespace {
 
 enum class Place { run, recording, frames };
 
-bool is_frame_name(const std::string& name) {
-  return name.size() > 4 && name.ends_with(".png") &&
-         std::all_of(name.begin(), name.end() - 4, [](char c) { return c >= '0' && c <= '9'; });
+/// PREFIX, one or more digits, SUFFIX.
+bool is_numbered(std::string_view name, std::string_view prefix, std::string_view suffix) {
+  if (name.size() <= prefix.size() + suffix.size()) return false;
+  if (!name.starts_with(prefix) || !name.ends_with(suffix)) return false;
+  return std::all_of(name.begin() + prefix.size(), name.end() - suffix.size(),
+                     [](char c) { return c >= '0' && c <= '9'; });
 }
 
 /// Whether a run has a file of this name there.
@@ -33,8 +36,9 @@ bool is_our_file(Place place, const std::string& name) {
   switch (place) {
     case Place::run: return one_of({"wrench.csv", "timing.csv", "summary.json", "report.html"});
     case Place::recording:
-      return one_of({kRecordingManifest, "tool.palp", "path.txt", "depth.txt"});
-    case Place::frames: return is_frame_name(name);
+      return one_of({kRecordingManifest, "tool.palp", "path.txt", "depth.txt"}) ||
+             is_numbered(name, "object-", ".palp");
+    case Place::frames: return is_numbered(name, "", ".png");
   }
   return false;
 }

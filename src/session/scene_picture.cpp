@@ -142,21 +142,6 @@ std::vector<std::uint8_t> compose(const View& fine, const Layer& surface, const 
   return rgba;
 }
 
-std::string encode_png(const std::vector<std::uint8_t>& rgba, int width, int height) {
-  png_image image{};
-  image.version = PNG_IMAGE_VERSION;
-  image.width = static_cast<png_uint_32>(width);
-  image.height = static_cast<png_uint_32>(height);
-  image.format = PNG_FORMAT_RGBA;
-  png_alloc_size_t size = 0;
-  if (!png_image_write_to_memory(&image, nullptr, &size, 0, rgba.data(), 0, nullptr)) return {};
-  std::string bytes(size, '\0');
-  if (!png_image_write_to_memory(&image, bytes.data(), &size, 0, rgba.data(), 0, nullptr))
-    return {};
-  bytes.resize(size);
-  return bytes;
-}
-
 View orthographic(const Vec3d& right, const Vec3d& down, const Vec3d& centre_W, double radius) {
   View view;
   view.right = right;
@@ -207,6 +192,21 @@ std::string draw_scene_png(const View& view, const PointCloudView& cloud,
   draw_surface(fine, cloud, surface);
   draw_spheres(fine, spheres, states, X_WT, tool);
   return encode_png(compose(fine, surface, tool), view.width, view.height);
+}
+
+std::string encode_png(const std::vector<std::uint8_t>& rgba, int width, int height) {
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  image.width = static_cast<png_uint_32>(width);
+  image.height = static_cast<png_uint_32>(height);
+  image.format = PNG_FORMAT_RGBA;
+  png_alloc_size_t size = 0;
+  if (!png_image_write_to_memory(&image, nullptr, &size, 0, rgba.data(), 0, nullptr)) return {};
+  std::string bytes(size, '\0');
+  if (!png_image_write_to_memory(&image, bytes.data(), &size, 0, rgba.data(), 0, nullptr))
+    return {};
+  bytes.resize(size);
+  return bytes;
 }
 
 std::string base64(const std::string& bytes) {

@@ -44,6 +44,8 @@ std::string draw_scene_png(const View& view, const PointCloudView& cloud,
                            std::span<const Sphere> spheres, std::span<const SphereState> states,
                            const Pose& X_WT);
 
+/// PNG file bytes; empty if there is no memory for them.
+std::string encode_png(const std::vector<std::uint8_t>& rgba, int width, int height);
 std::string base64(const std::string& bytes);
 
 }  // namespace palpate

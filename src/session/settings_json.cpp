@@ -35,6 +35,16 @@ void visit_depth_change(Options& options, Visit visit) {
   visit("min_step", options.min_step);
 }
 
+template <class Options, class Visit>
+void visit_time(Options& options, Visit visit) {
+  visit("max_jump", options.max_jump);
+  visit("first_period", options.first_period);
+  visit("average_frames", options.average.frames);
+  visit("average_weight", options.average.weight);
+  visit("average_max_jump", options.average.max_jump);
+  visit("average_keep_frames", options.average.keep_frames);
+}
+
 template <class Stream, class Visit>
 void visit_stream(Stream& stream, Visit visit) {
   visit("name", stream.name);
@@ -85,16 +95,67 @@ bool read_name(const Json& json, const char* key, const std::array<Named<Value>,
   return false;
 }
 
+/// The same for a setting that older recordings do not have: they keep its default.
+template <class Value, std::size_t n>
+bool read_new_name(const Json& json, const char* key, const std::array<Named<Value>, n>& table,
+                   Value& value) {
+  return !json.contains(key) || read_name(json, key, table, value);
+}
+
+Json time_to_json(const TimeOptions& options) {
+  Json json{{"mode", name_of(kTimeModeNames, options.mode)},
+            {"average", name_of(kDepthAverageNames, options.average.kind)}};
+  visit_time(options, writer(json));
+  return json;
+}
+
+/// Older recordings felt the latest frame. False: a name that is not known.
+bool read_time(const Json& json, TimeOptions& options) {
+  options.mode = TimeMode::latest;
+  if (!json.contains("time")) return true;
+  const Json& time = json["time"];
+  visit_time(options, reader(time));
+  return read_name(time, "mode", kTimeModeNames, options.mode) &&
+         read_name(time, "average", kDepthAverageNames, options.average.kind);
+}
+
+Json to_json(const SceneObject& object) {
+  const Vec3d& p = object.X_WB.translation;
+  const Quaternion& q = object.X_WB.rotation;
+  return {{"source", object.shape->source()},
+          {"spheres", object.shape->spheres().size()},
+          {"pose", {p.x, p.y, p.z, q.x, q.y, q.z, q.w}}};
+}
+
+std::vector<SceneObject> objects_from_json(const Json& json) {
+  std::vector<SceneObject> objects;
+  for (const Json& object : json) {
+    const auto v = object.at("pose").get<std::array<double, 7>>();
+    objects.push_back({nullptr, {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}}});
+  }
+  return objects;
+}
+
 }  // namespace
 
 Json to_json(const RunSettings& settings) {
-  return {{"rate", settings.rate},
-          {"method", name_of(kMethodNames, settings.contact.method)},
-          {"priority", name_of(kPriorityNames, settings.contact.priority)},
-          {"inside", name_of(kInsideNames, settings.contact.inside)},
-          {"backend", name_of(kBackendNames, settings.backend)},
-          {"threads", settings.num_threads},
-          {"surface", surface_to_json(settings.surface)}};
+  Json json{{"rate", settings.rate},
+            {"method", name_of(kMethodNames, settings.contact.method)},
+            {"priority", name_of(kPriorityNames, settings.contact.priority)},
+            {"inside", name_of(kInsideNames, settings.contact.inside)},
+            {"volumes", name_of(kVolumesNames, std::optional(settings.contact.counted()))},
+            {"edges", name_of(kEdgesNames, settings.contact.edges)},
+            {"continuity", name_of(kContinuityNames, settings.contact.continuity)},
+            {"backend", name_of(kBackendNames, settings.backend)},
+            {"threads", settings.num_threads},
+            {"surface", surface_to_json(settings.surface)},
+            {"field",
+             {{"unknown", name_of(kUnknownNames, settings.field.unknown)},
+              {"fill_levels", settings.field.fill_levels},
+              {"thickness", settings.field.thickness}}},
+            {"time", time_to_json(settings.time)}};
+  for (const SceneObject& object : settings.objects) json["objects"].push_back(to_json(object));
+  return json;
 }
 
 Result<RunSettings> settings_from_json(const Json& json) {
@@ -102,15 +163,26 @@ Result<RunSettings> settings_from_json(const Json& json) {
   json.at("rate").get_to(settings.rate);
   json.at("threads").get_to(settings.num_threads);
   settings.surface = surface_from_json(json.at("surface"));
+  if (json.contains("field")) {
+    json["field"].at("fill_levels").get_to(settings.field.fill_levels);
+    json["field"].at("thickness").get_to(settings.field.thickness);
+  }
+  if (json.contains("objects")) settings.objects = objects_from_json(json.at("objects"));
   if (!read_name(json, "method", kMethodNames, settings.contact.method) ||
       !read_name(json, "priority", kPriorityNames, settings.contact.priority) ||
       !read_name(json, "inside", kInsideNames, settings.contact.inside) ||
+      (json.contains("field") &&
+       !read_name(json["field"], "unknown", kUnknownNames, settings.field.unknown)) ||
+      !read_new_name(json, "volumes", kVolumesNames, settings.contact.volumes) ||
+      !read_new_name(json, "edges", kEdgesNames, settings.contact.edges) ||
+      !read_new_name(json, "continuity", kContinuityNames, settings.contact.continuity) ||
+      !read_time(json, settings.time) ||
       !read_name(json, "backend", kBackendNames, settings.backend) ||
       !read_name(json.at("surface").at("normals"), "fit", kPlaneFitNames,
                  settings.surface.normals.fit)) {
     return Error{Errc::bad_input,
-                 "the settings name a method, priority, inside volume, backend or plane fit that "
-                 "this version does not know"};
+                 "the settings name a method, priority, volume, edge rule, smoothing, time mode, "
+                 "average, backend or plane fit that this version does not know"};
   }
   return settings;
 }

@@ -8,7 +8,8 @@
 namespace palpate {
 
 nlohmann::ordered_json to_json(const RunSettings& settings);
-/// Throws nlohmann::json::exception for missing or ill-typed members.
+/// Objects come back without their shapes, which recordings keep in files of their own. Throws
+/// nlohmann::json::exception for missing or ill-typed members.
 Result<RunSettings> settings_from_json(const nlohmann::ordered_json& json);
 
 nlohmann::ordered_json to_json(const DepthStreamInfo& stream);

@@ -1,4 +1,4 @@
-// Order statistics of compute times.
+// Order statistics.
 #pragma once
 
 #include <algorithm>
@@ -7,6 +7,15 @@
 
 namespace palpate {
 
+/// The smallest value that at least this share of the values, which are ascending and at least one,
+/// do not exceed.
+template <class Value>
+Value nearest_rank(const std::vector<Value>& sorted, double share) {
+  const double rank = std::ceil(share * static_cast<double>(sorted.size()));
+  return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
+}
+
+/// Of compute times.
 struct Percentiles {
   double median = 0, p99 = 0, p999 = 0, max = 0;
 };
@@ -15,11 +24,8 @@ struct Percentiles {
 inline Percentiles percentiles(std::vector<double> values) {
   if (values.empty()) return {};
   std::sort(values.begin(), values.end());
-  const auto at = [&](double share) {
-    const double rank = std::ceil(share * static_cast<double>(values.size()));
-    return values[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
-  };
-  return {at(0.5), at(0.99), at(0.999), values.back()};
+  return {nearest_rank(values, 0.5), nearest_rank(values, 0.99), nearest_rank(values, 0.999),
+          values.back()};
 }
 
 }  // namespace palpate

@@ -13,6 +13,7 @@ namespace {
 // The picture, in its own units; the page scales it.
 constexpr double kWidth = 900, kHeight = 250;
 constexpr double kLeft = 66, kRight = 66, kTop = 26, kBottom = 40;
+constexpr double kFewDecades = 2.5;
 constexpr double kPlotWidth = kWidth - kLeft - kRight, kPlotHeight = kHeight - kTop - kBottom;
 
 __attribute__((format(printf, 2, 3))) void append(std::string& svg, const char* format, ...) {
@@ -54,14 +55,21 @@ struct Axis {
     return from + share * (to - from);
   }
 
-  /// Values with sensible numbers: steps of 1, 2 or 5 times a power of ten, or the powers of ten.
+  /// Values with sensible numbers: steps of 1, 2 or 5 times a power of ten; on a logarithmic axis
+  /// the powers of ten, with 2 and 5 between them if they are few.
   std::vector<double> ticks(int about) const {
     std::vector<double> values;
     if (log) {
-      const int first = static_cast<int>(std::ceil(std::log10(low) - 1e-9));
-      const int last = static_cast<int>(std::floor(std::log10(high) + 1e-9));
+      const int first = static_cast<int>(std::floor(std::log10(low) - 1e-9));
+      const int last = static_cast<int>(std::ceil(std::log10(high) + 1e-9));
       const int step = std::max(1, (last - first) / about);
-      for (int e = first; e <= last; e += step) values.push_back(std::pow(10.0, e));
+      for (int e = first; e <= last; e += step) {
+        for (const int lead : {1, 2, 5}) {
+          const double value = lead * std::pow(10.0, e);
+          if (lead > 1 && std::log10(high / low) > kFewDecades) break;
+          if (value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9)) values.push_back(value);
+        }
+      }
       return values;
     }
     const double rough = (high - low) / about;
@@ -77,7 +85,7 @@ struct Axis {
 };
 
 /// Range of all finite values, widened to whole ticks; 0 is part of a linear range.
-Axis value_axis(const TimePlot& plot) {
+Axis value_axis(const LinePlot& plot) {
   double low = plot.log_y ? std::numeric_limits<double>::infinity() : 0, high = 0;
   for (const PlotLine& line : plot.lines) {
     for (const double y : line.y) {
@@ -146,7 +154,7 @@ void append_frame(std::string& svg) {
          kPlotWidth, kPlotHeight);
 }
 
-void append_legend(std::string& svg, const TimePlot& plot) {
+void append_legend(std::string& svg, const LinePlot& plot) {
   double x = kLeft;
   const auto entry = [&](const std::string& css_class, const std::string& label) {
     append(svg, "<line class='curve %s' x1='%.1f' y1='12' x2='%.1f' y2='12'/>", css_class.c_str(),
@@ -157,6 +165,49 @@ void append_legend(std::string& svg, const TimePlot& plot) {
   for (const PlotLine& line : plot.lines) entry(line.css_class, line.label);
   if (!plot.events.empty()) entry("event", "new depth frame");
   if (plot.marked_x >= 0) entry("marked", "deepest moment");
+}
+
+/// Ends of bins that hold all values and markers, ascending; at least one bin.
+std::vector<double> bin_edges(const Histogram& histogram) {
+  const bool log = histogram.bins != Bins::even;
+  double low = std::numeric_limits<double>::infinity(), high = 0;
+  const auto widen = [&](double value) {
+    if (log && !(value > 0)) return;
+    low = std::min(low, value);
+    high = std::max(high, value);
+  };
+  for (const double value : histogram.values) widen(value);
+  for (const Marker& marker : histogram.markers) widen(marker.value);
+  if (!(high > 0)) low = 1, high = 10;
+  std::vector<double> edges;
+  if (histogram.bins == Bins::even) {
+    constexpr int kNumBins = 80;
+    for (int b = 0; b <= kNumBins; ++b) edges.push_back(1.02 * high * b / kNumBins);
+  } else if (histogram.bins == Bins::whole_numbers) {
+    constexpr double kGrowth = 1.12;
+    edges.push_back(0.5);
+    while (edges.back() <= high) {
+      edges.push_back(std::max(edges.back() + 1, std::floor(edges.back() * kGrowth) + 0.5));
+    }
+  } else {
+    constexpr int kBinsPerDecade = 25;
+    const double first = std::floor(std::log10(low) * kBinsPerDecade) - 1;
+    const double last = std::floor(std::log10(high) * kBinsPerDecade) + 2;
+    for (double bin = first; bin <= last; ++bin) {
+      edges.push_back(std::pow(10.0, bin / kBinsPerDecade));
+    }
+  }
+  return edges;
+}
+
+std::vector<double> count_in_bins(const std::vector<double>& values,
+                                  const std::vector<double>& edges) {
+  std::vector<double> counts(edges.size() - 1);
+  for (const double value : values) {
+    const auto after = std::upper_bound(edges.begin(), edges.end(), value);
+    if (after != edges.begin() && after != edges.end()) ++counts[after - edges.begin() - 1];
+  }
+  return counts;
 }
 
 }  // namespace
@@ -184,17 +235,18 @@ std::string escape_html(const std::string& text) {
   return escaped;
 }
 
-std::string draw(const TimePlot& plot) {
-  std::string svg = open_svg(plot.y_label + " over time");
+std::string draw(const LinePlot& plot) {
+  std::string svg = open_svg(plot.y_label + " over " + plot.x_label);
   const double x_high = plot.x.size() > 1 ? plot.x.back() : plot.x.empty() ? 1 : plot.x[0] + 1;
-  const Axis x_axis{plot.x.empty() ? 0 : plot.x.front(), x_high, kLeft, kLeft + kPlotWidth};
+  const Axis x_axis{plot.x.empty() ? 0 : plot.x.front(), x_high, kLeft, kLeft + kPlotWidth,
+                    plot.log_x};
   const Axis y_axis = value_axis(plot);
 
   for (const double x : x_axis.ticks(10)) {
     append_line(svg, "grid", x_axis(x), kTop, x_axis(x), kTop + kPlotHeight);
     append_text(svg, x_axis(x), kTop + kPlotHeight + 16, "middle", short_number(x));
   }
-  append_text(svg, kLeft + kPlotWidth / 2, kHeight - 6, "middle", "time in s");
+  append_text(svg, kLeft + kPlotWidth / 2, kHeight - 6, "middle", plot.x_label);
   for (const double y : y_axis.ticks(5)) {
     append_line(svg, "grid", kLeft, y_axis(y), kLeft + kPlotWidth, y_axis(y));
     append_text(svg, kLeft - 7, y_axis(y) + 4, "end", short_number(y));
@@ -235,54 +287,32 @@ std::string draw(const TimePlot& plot) {
   return svg + "</svg>";
 }
 
-std::string draw(const LogHistogram& histogram) {
+std::string draw(const Histogram& histogram) {
   std::string svg = open_svg("Histogram: " + histogram.x_label);
-  double low = std::numeric_limits<double>::infinity(), high = 0;
-  const auto widen = [&](double value) {
-    if (!(value > 0)) return;
-    low = std::min(low, value);
-    high = std::max(high, value);
-  };
-  for (const double value : histogram.values) widen(value);
-  for (const Marker& marker : histogram.markers) widen(marker.value);
-  if (!(high > 0)) low = 1, high = 10;
-  constexpr int kBinsPerDecade = 25;
-  const double first_bin = std::floor(std::log10(low) * kBinsPerDecade) - 1;
-  const double last_bin = std::floor(std::log10(high) * kBinsPerDecade) + 2;
-  const auto edge = [&](double bin) { return std::pow(10.0, bin / kBinsPerDecade); };
-  std::vector<std::size_t> counts(static_cast<std::size_t>(last_bin - first_bin) + 1);
-  for (const double value : histogram.values) {
-    if (!(value > 0)) continue;
-    const double bin = std::floor(std::log10(value) * kBinsPerDecade) - first_bin;
-    ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0, last_bin - first_bin))];
-  }
-  const double most = static_cast<double>(*std::max_element(counts.begin(), counts.end()));
-
-  const Axis x_axis{edge(first_bin), edge(last_bin), kLeft, kLeft + kPlotWidth, true};
+  const std::vector<double> edges = bin_edges(histogram);
+  const std::vector<double> counts = count_in_bins(histogram.values, edges);
+  const double most = *std::max_element(counts.begin(), counts.end());
+  const bool log = histogram.bins != Bins::even;
+  const Axis x_axis{edges.front(), edges.back(), kLeft, kLeft + kPlotWidth, log};
   // Half a count is the bottom line, so that a single value has a bar.
-  const Axis y_axis{0.5, std::max(10.0, most) * 1.5, kTop + kPlotHeight, kTop, true};
+  const double bottom = kTop + kPlotHeight;
+  const Axis y_axis = log ? Axis{0.5, std::max(10.0, most) * 1.5, bottom, kTop, true}
+                          : Axis{0, std::max(1.0, most) * 1.06, bottom, kTop, false};
   for (const double y : y_axis.ticks(5)) {
     append_line(svg, "grid", kLeft, y_axis(y), kLeft + kPlotWidth, y_axis(y));
     append_text(svg, kLeft - 7, y_axis(y) + 4, "end", short_number(y));
   }
-  append_side_label(svg, 14, "ticks in bin");
-  for (int e = static_cast<int>(std::floor(std::log10(x_axis.low)));
-       e <= static_cast<int>(std::ceil(std::log10(x_axis.high))); ++e) {
-    for (const int lead : {1, 2, 5}) {
-      const double x = lead * std::pow(10.0, e);
-      if (x < x_axis.low || x > x_axis.high) continue;
-      append_line(svg, "grid", x_axis(x), kTop, x_axis(x), kTop + kPlotHeight);
-      append_text(svg, x_axis(x), kTop + kPlotHeight + 16, "middle", short_number(x));
-    }
+  append_side_label(svg, 14, histogram.y_label);
+  for (const double x : x_axis.ticks(10)) {
+    append_line(svg, "grid", x_axis(x), kTop, x_axis(x), bottom);
+    append_text(svg, x_axis(x), bottom + 16, "middle", short_number(x));
   }
   append_text(svg, kLeft + kPlotWidth / 2, kHeight - 6, "middle", histogram.x_label);
   for (std::size_t b = 0; b < counts.size(); ++b) {
     if (counts[b] == 0) continue;
-    const double left = x_axis(edge(first_bin + static_cast<double>(b)));
-    const double right = x_axis(edge(first_bin + static_cast<double>(b) + 1));
-    const double top = y_axis(static_cast<double>(counts[b]));
+    const double left = x_axis(edges[b]), right = x_axis(edges[b + 1]), top = y_axis(counts[b]);
     append(svg, "<rect class='bar' x='%.1f' y='%.1f' width='%.1f' height='%.1f'/>", left, top,
-           std::max(right - left - 0.6, 0.8), kTop + kPlotHeight - top);
+           std::max(right - left - 0.6, 0.8), bottom - top);
   }
   append_frame(svg);
   // Labels step down so that near ones stay readable.

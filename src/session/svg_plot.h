@@ -10,12 +10,12 @@ namespace palpate {
 struct PlotLine {
   std::string label;
   std::string css_class;
-  std::vector<double> y;  ///< beside TimePlot::x; not finite: a gap
+  std::vector<double> y;  ///< beside LinePlot::x; not finite: a gap
 };
 
-/// Curves over time.
-struct TimePlot {
-  std::string y_label;
+/// Curves over a common x, for example time.
+struct LinePlot {
+  std::string x_label, y_label;
   std::vector<double> x;  ///< ascending
   std::vector<PlotLine> lines;
   std::vector<double> events;  ///< short strokes at the top
@@ -24,22 +24,30 @@ struct TimePlot {
   double right_factor = 0;  ///< second axis: y times this; 0: none
   std::string right_label;
   double marked_x = -1;  ///< dashed vertical line; negative: none
-  bool log_y = false;    ///< needs positive values
+  bool log_x = false;    ///< needs positive values
+  bool log_y = false;
 };
-std::string draw(const TimePlot& plot);
+std::string draw(const LinePlot& plot);
 
 struct Marker {
   double value = 0;
   std::string label;
 };
 
-/// Counts in logarithmic bins, on a logarithmic axis as well: rare values stay visible.
-struct LogHistogram {
-  std::vector<double> values;  ///< positive
-  std::string x_label;
+/// How the values of a histogram are counted together.
+enum class Bins {
+  logarithmic,    ///< positive values; both axes logarithmic: rare values stay visible
+  whole_numbers,  ///< the same for counts: bins end between whole numbers
+  even            ///< from zero, both axes linear
+};
+
+struct Histogram {
+  Bins bins = Bins::logarithmic;
+  std::vector<double> values;
+  std::string x_label, y_label;
   std::vector<Marker> markers;
 };
-std::string draw(const LogHistogram& histogram);
+std::string draw(const Histogram& histogram);
 
 /// A number for people: at most `digits` significant digits, no trailing zeros.
 std::string short_number(double value, int digits = 4);

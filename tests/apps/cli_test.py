@@ -148,8 +148,8 @@ class CommandLine(unittest.TestCase):
             ("replay",),
         ):
             self.expect_failure(2, *arguments)
-        self.expect_failure(2, *self.sequence("-o", self.path("x"), "--method", "field"),
-                            mentions="weighted, simplified, graph")
+        self.expect_failure(2, *self.sequence("-o", self.path("x"), "--method", "magic"),
+                            mentions="weighted, simplified, graph, field")
         self.expect_failure(2, "shape", "blob", "-o", self.path("x.ply"), mentions="octahedron")
 
     def test_usage_errors_name_what_is_wrong(self):
@@ -288,6 +288,147 @@ class CommandLine(unittest.TestCase):
         self.assertIn("apart", self.succeed("pack", self.mesh, "-o", self.path("limited.palp"),
                                             "--camera-spacing", "1,525"))
 
+    # Pages
+
+    def expect_page(self, path, *words):
+        page = read(path)
+        self.assertTrue(page.startswith("<!doctype html>"), path)
+        self.assertTrue(page.endswith("</html>\n"), path)
+        self.assertEqual(page.count("data:image/png;base64,"), 2)
+        self.assertNotIn("http", re.sub(r"base64,[^']*", "", page))
+        for word in words:
+            self.assertIn(word, page)
+
+    def test_pages(self):
+        tool, page, again = self.path("shown.palp"), self.path("shown.html"), self.path("again.html")
+        packed = json.loads(self.succeed("pack", self.mesh, "-o", tool, "--spheres", 300,
+                                         "--max-radius", 0.012, "--report", page, "--json"))
+        self.assertEqual(packed["report"], page)
+        self.expect_page(page, "box.ply", "as many as asked for", "--max-radius", "12 mm", "time: packing",
+                         f"<b>{packed['graph']['edges']}</b>")
+        plain = self.path("plain.palp")
+        self.succeed("pack", self.mesh, "-o", plain, "--spheres", 300, "--max-radius", 0.012)
+        self.assertEqual(read(tool, "rb"), read(plain, "rb"))  # the page changes nothing
+        info = json.loads(self.succeed("info", tool, "--report", again, "--json"))
+        self.expect_page(again, "box.ply", f"<b>{packed['graph']['edges']}</b>")
+        self.assertEqual(set(info["standoff"]), {"mean", "p95", "max"})
+        self.assertLess(0, info["standoff"]["mean"])
+        self.assertLess(info["standoff"]["mean"], info["standoff"]["p95"])
+        self.assertLess(info["standoff"]["p95"], info["standoff"]["max"])
+
+    def test_bad_pages(self):
+        tool, x = self.path("no_page.palp"), self.path("x.html")
+        pack = ("pack", self.mesh, "-o", tool, "--report")
+        self.expect_failure(2, *pack, mentions="give the name of the page")
+        self.expect_failure(1, *pack, tool, mentions="two things")
+        self.expect_failure(1, *pack, self.mesh, mentions="it is the input")
+        self.expect_failure(1, *pack, self.path("no/such/x.html"), mentions="make it first")
+        self.expect_failure(1, "info", self.tool, "--report", self.tool, mentions="it is the input")
+        self.expect_failure(1, "info", self.mesh, "--report", x)
+        self.assertFalse(os.path.exists(tool) or os.path.exists(x))
+
+    # Folders of meshes
+
+    def mesh_folder(self, name):
+        folder = self.path(name)
+        os.mkdir(folder)
+        self.succeed("shape", "box", "--size", 0.05, "-o", os.path.join(folder, "b.ply"))
+        self.succeed("shape", "octahedron", "--size", 0.05, "-o", os.path.join(folder, "a.STL.obj"))
+        os.mkdir(os.path.join(folder, "c.obj"))
+        for other in ("notes.txt", ".hidden.stl"):
+            with open(os.path.join(folder, other), "w") as file:
+                file.write("no mesh")
+        return folder, os.path.join(self.folder, name + "_tools")
+
+    def pack_folder(self, status, folder, tools, *options):
+        """The names of what was packed, skipped and failed."""
+        result = palpate("pack", folder, "-o", tools, "--spheres", 20, "--json", *options)
+        self.assertEqual(result.returncode, status, result.stderr)
+        self.assertEqual(len(result.stderr.splitlines()), status, result.stderr)
+        document = json.loads(result.stdout)
+        self.assertFalse(document["interrupted"])
+        self.failures = document["failed"]
+        return tuple([os.path.basename(entry["mesh"]) for entry in document[key]]
+                     for key in ("packed", "skipped", "failed"))
+
+    def test_pack_a_folder(self):
+        folder, tools = self.mesh_folder("shelf")
+        both = ["a.STL.obj", "b.ply"]
+        self.assertEqual(self.pack_folder(0, folder, tools), (both, [], []))
+        self.assertEqual(sorted(os.listdir(tools)),
+                         ["a.STL.pack.json", "a.STL.palp", "b.pack.json", "b.palp"])
+        alone = self.path("alone.palp")
+        self.succeed("pack", os.path.join(folder, "b.ply"), "-o", alone, "--spheres", 20)
+        made = read(os.path.join(tools, "b.palp"), "rb")
+        self.assertEqual(made, read(alone, "rb"))
+
+        # Only what is made from counts, not dates.
+        os.utime(os.path.join(folder, "b.ply"))
+        self.assertEqual(self.pack_folder(0, folder, tools), ([], both, []))
+        self.assertEqual(self.pack_folder(0, folder, tools, "--threads", 1), ([], both, []))
+        self.assertEqual(self.pack_folder(0, folder, tools, "--seed", 1), (both, [], []))
+        self.assertEqual(self.pack_folder(0, folder, tools, "--scale", 2), (both, [], []))
+        self.assertEqual(self.pack_folder(0, folder, tools), (both, [], []))
+        self.assertEqual(read(os.path.join(tools, "b.palp"), "rb"), made)
+        shutil.copy(self.mesh, os.path.join(folder, "b.ply"))
+        os.utime(os.path.join(folder, "b.ply"), (0, 0))
+        self.assertEqual(self.pack_folder(0, folder, tools), (["b.ply"], ["a.STL.obj"], []))
+        shutil.copy(alone, os.path.join(tools, "a.STL.palp"))
+        os.remove(os.path.join(tools, "b.pack.json"))
+        self.assertEqual(self.pack_folder(0, folder, tools), (both, [], []))
+
+        # Pages are wanted or not.
+        self.assertEqual(self.pack_folder(0, folder, tools, "--report"), (both, [], []))
+        self.expect_page(os.path.join(tools, "b.html"), "b.ply")
+        self.assertEqual(self.pack_folder(0, folder, tools, "--report"), ([], both, []))
+        self.assertEqual(self.pack_folder(0, folder, tools), ([], both, []))
+        os.remove(os.path.join(tools, "b.html"))
+        self.assertEqual(self.pack_folder(0, folder, tools, "--report"),
+                         (["b.ply"], ["a.STL.obj"], []))
+
+        text = self.succeed("pack", folder, "-o", tools, "--spheres", 30)
+        self.assertRegex(text, r"(?m)^packed +\S*a.STL.palp: 30 spheres, fill ")
+        self.assertRegex(self.succeed("pack", folder, "-o", tools, "--spheres", 30),
+                         r"(?m)^up to date +\S*b.palp$")
+
+    def test_bad_meshes_of_a_folder(self):
+        folder, tools = self.mesh_folder("mixed")
+        with open(os.path.join(folder, "a_hole.obj"), "w") as file:
+            file.write("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
+        with open(os.path.join(folder, "a_lie.stl"), "w") as file:
+            file.write("no mesh at all")
+        shutil.copy(os.path.join(folder, "b.ply"), os.path.join(folder, "b.PLY"))
+        bad = ["a_hole.obj", "a_lie.stl", "b.ply"]  # upper case comes first
+        packed, skipped, failed = self.pack_folder(1, folder, tools)
+        self.assertEqual((packed, skipped, failed), (["a.STL.obj", "b.PLY"], [], bad))
+        self.assertIn("b.PLY already makes b.palp", self.failures[2]["reason"])
+        for failure in self.failures:
+            self.assertIn(failure["mesh"], failure["reason"])
+        self.assertEqual(self.pack_folder(1, folder, tools), ([], packed, bad))
+        result = palpate("pack", folder, "-o", tools, "--spheres", 20)
+        self.assertEqual(result.returncode, 1)
+        self.assertEqual(len(re.findall(r"(?m)^failed ", result.stdout)), 3, result.stdout)
+        self.assertEqual(result.stderr.splitlines(),
+                         ["palpate: 3 of 5 meshes could not be packed; the list above says why"])
+
+    def test_folders_that_cannot_be_packed(self):
+        folder, tools = self.mesh_folder("stuck")
+        pack = ("pack", folder, "-o")
+        self.expect_failure(1, *pack, self.mesh, mentions="cannot write tools into")
+        self.expect_failure(1, *pack, self.path("no/such/folder"), mentions="cannot write tools")
+        self.expect_failure(2, *pack, tools, "--report", "page.html", mentions="give no name")
+        self.expect_failure(1, "pack", os.path.join(folder, "c.obj"), "-o", tools,
+                            mentions="there is no mesh in")
+        self.assertFalse(os.path.exists(tools))
+        locked = self.path("locked")
+        os.mkdir(locked, 0o555)
+        if not os.access(locked, os.W_OK):  # for root everything is writable
+            self.expect_failure(1, *pack, locked, mentions="cannot write tools into")
+        # What stands in the way of one tool is no reason to stop.
+        os.makedirs(os.path.join(tools, "a.STL.palp"))
+        self.assertEqual(self.pack_folder(1, folder, tools), (["b.ply"], [], ["a.STL.obj"]))
+        self.assertIn("it is a folder", self.failures[0]["reason"])
+
     def test_query_with_fewer_spheres(self):
         write_ply(self.path("wall.ply"), bumpy_wall())
         self.succeed("pack", self.mesh, "-o", self.path("coarse.palp"), "--spheres", 40)
@@ -364,6 +505,18 @@ class CommandLine(unittest.TestCase):
             total = sum(4 / 3 * math.pi * s[3]**3 for s in spheres)
             self.assertAlmostEqual(result["fraction"], result["volume"] / total, delta=1e-9)
 
+    def test_query_in_volumes_of_the_mesh(self):
+        write_ply(self.path("wall.ply"), bumpy_wall())
+        def query(volumes):
+            return json.loads(self.succeed(
+                "query", self.tool, "--cloud", self.path("wall.ply"), "--pose",
+                "0 0 0.478 0 0 0 1", "--volumes", volumes, "--json"))["results"][0]
+        spheres, mesh = query("spheres"), query("represented")
+        info = json.loads(self.succeed("info", self.tool, "--json"))
+        self.assertAlmostEqual(mesh["fraction"], mesh["volume"] / info["mesh_volume"], delta=1e-9)
+        self.assertGreater(mesh["volume"], spheres["volume"])
+        self.assertLess(abs(mesh["fraction"] - spheres["fraction"]), 0.1)
+
     def test_query_many_poses_from_depth(self):
         poses = self.path("poses.txt")
         with open(poses, "w") as file:
@@ -411,6 +564,32 @@ class CommandLine(unittest.TestCase):
             file.write(content)
         self.expect_failure(1, "replay", again, mentions="000001.png")
 
+    def test_touch_with_fewer_spheres(self):
+        run, coarse = self.path("run_prefix"), self.path("prefix.palp")
+        self.succeed("pack", self.mesh, "-o", coarse, "--spheres", 40)
+        touch = (*self.sequence("-o", run, "--method", "graph", "--duration", 0.1), "--spheres")
+        self.succeed(*touch, 40)
+        self.assertIn("identical: 100 ticks", self.succeed("replay", run))
+        recorded = json.loads(
+            self.succeed("info", os.path.join(run, "recording", "tool.palp"), "--json"))
+        self.assertEqual(recorded["spheres"], 40)
+        lines = read(os.path.join(run, "wrench.csv"))
+        self.succeed(*(coarse if argument == self.tool else argument for argument in touch[:-1]))
+        self.assertEqual(read(os.path.join(run, "wrench.csv")), lines)
+        self.expect_failure(1, *touch, 121, mentions="120 spheres")
+        self.expect_failure(2, *touch, 0, mentions="--spheres: must be ")
+
+    def test_replay_keeps_the_contact_options(self):
+        run = self.path("run_options")
+        options = {"method": "weighted", "volumes": "represented", "edges": "cut",
+                   "continuity": "entry"}
+        flags = [word for name, value in options.items() for word in (f"--{name}", value)]
+        summary = json.loads(self.succeed(*self.sequence("-o", run, "--json", *flags)))
+        self.assertEqual({name: summary["settings"][name] for name in options}, options)
+        self.assertEqual(self.succeed("replay", run), f"identical: {summary['ticks']} ticks\n")
+        self.expect_failure(2, *self.sequence("-o", run, "--edges", "sideways"),
+                            mentions="sideways")
+
     def test_touch_follows_a_path(self):
         path = self.path("path.txt")
         with open(path, "w") as file:
@@ -434,6 +613,66 @@ class CommandLine(unittest.TestCase):
             self.assertIn(scene["name"], program_help)
         hand = {scene["name"]: scene for scene in scenes}["hand"]
         self.assertEqual(hand["tool"], {"shape": "stylus", "size": 0.12})
+
+    # Objects beside the cloud
+
+    def test_query_of_objects(self):
+        query = ("query", self.tool, "--depth", os.path.join(self.frames, "000.png"), "--intrinsics",
+                 INTRINSICS, "--depth-unit", 0.0001, "--pose", "0 0 0.49 0 0 0 1", "--json")
+        (cloud,) = json.loads(self.succeed(*query))["results"]
+        self.assertNotIn("objects", cloud)
+        right, left = f"{self.tool}@0.05 0 0.49 0 0 0 1", f"{self.tool}@-0.05 0 0.49 0 0 0 2"
+        (one,) = json.loads(self.succeed(*query, "--object", right))["results"]
+        (two,) = json.loads(self.succeed(*query, "--object", right, "--object", left))["results"]
+        self.assertEqual(set(one["objects"]), {"volume", "force", "torque", "pairs"})
+        self.assertLess(one["objects"]["force"][0], 0)
+        self.assertGreater(one["objects"]["pairs"], 0)
+        self.assertEqual(one["volume"], cloud["volume"] + one["objects"]["volume"])
+        self.assertGreater(two["objects"]["volume"], 1.5 * one["objects"]["volume"])
+        self.assertEqual(one["boundary_spheres"], cloud["boundary_spheres"])
+        table = self.succeed(*query[:-1], "--object", right).splitlines()
+        self.assertIn("objects", table[0])
+
+    def test_touch_with_objects_and_replay(self):
+        run, at_name = self.path("run_objects"), self.path("a@b.palp")
+        shutil.copy(self.tool, at_name)
+        touch = self.sequence("-o", run, "--path", self.still_pose(), "--duration", 0.05)
+        self.succeed(*touch)
+        plain = read(os.path.join(run, "wrench.csv")).splitlines()
+        summary = json.loads(self.succeed(
+            *touch, "--json", "--object", f"{self.tool}@0.05 0 0.48 0 0 0 1", "--object",
+            f"{at_name}@0 0.05 0.48 0 0 0 1"))
+        self.assertEqual(len(summary["settings"]["objects"]), 2)
+        self.assertGreater(summary["objects"]["peak_volume"], 0)
+        lines = read(os.path.join(run, "wrench.csv")).splitlines()
+        self.assertTrue(lines[0].startswith(plain[0] + ",objects_volume,"), lines[0])
+        self.assertEqual({len(line.split(",")) for line in lines}, {29})
+        self.assertTrue(os.path.exists(os.path.join(run, "recording", "object-001.palp")))
+        self.assertIn("object", read(os.path.join(run, "report.html")))
+        self.assertEqual(self.succeed("replay", run), "identical: 50 ticks\n")
+        again = self.path("run_objects_again")
+        self.succeed("replay", run, "-o", again)
+        self.assertEqual(read(os.path.join(again, "wrench.csv")).splitlines(), lines)
+        os.remove(os.path.join(again, "recording", "object-000.palp"))
+        self.expect_failure(1, "replay", again, mentions="object-000.palp")
+
+    def test_bad_objects(self):
+        touch = self.sequence("-o", self.path("x"))
+        for value, words in ((self.tool, "TOOL.palp@"), ("@0 0 0 0 0 0 1", "TOOL.palp@"),
+                             (f"{self.tool}@0 0 0", "--object"),
+                             (f"{self.tool}@0 0 0 0 0 0 0", "--object"),
+                             (f"{self.tool}@0 0 nan 0 0 0 1", "--object"),
+                             (f"{self.tool}@", "--object")):
+            self.expect_failure(2, *touch, "--object", value, mentions=words)
+        pose = "@0 0 0.5 0 0 0 1"
+        self.expect_failure(1, *touch, "--object", self.path("absent.palp") + pose,
+                            mentions="absent.palp")
+        self.expect_failure(1, *touch, "--object", self.mesh + pose, mentions="not a tool file")
+        self.assertFalse(os.path.exists(self.path("x")))
+        run = self.path("run_precious")
+        self.succeed(*self.sequence("-o", run, "--duration", 0.01))
+        self.expect_failure(1, *self.sequence("-o", run, "--object", os.path.join(
+            run, "recording", "tool.palp") + pose), mentions="would replace")
 
     def test_touch_a_scene(self):
         run = self.path("run_scene")
@@ -564,6 +803,25 @@ class CommandLine(unittest.TestCase):
             lambda: time.monotonic() > begin + 1.0)
         self.assertEqual((status, output), (1, ""))
         self.assertFalse(any(name.startswith("endless") for name in os.listdir(self.folder)))
+
+    def test_interrupted_folder_tells_what_was_done(self):
+        folder, tools = self.mesh_folder("long")
+        self.pack_folder(0, folder, tools)
+        shutil.copy(self.mesh, os.path.join(folder, "b.ply"))
+        begin = time.monotonic()
+        os.remove(os.path.join(folder, "a.STL.obj"))
+        shutil.copy(self.mesh, os.path.join(folder, "c.ply"))
+        before = read(os.path.join(tools, "b.palp"), "rb")
+        status, output, errors = self.interrupt(
+            ("pack", folder, "-o", tools, "--spheres", 2000000, "--json"),
+            lambda: time.monotonic() > begin + 1.0)
+        self.assertEqual(status, 1, errors)
+        document = json.loads(output)
+        self.assertTrue(document["interrupted"])
+        self.assertEqual((document["packed"], document["skipped"], document["failed"]), ([], [], []))
+        self.assertIn("interrupted after 0 of 2 meshes", errors)
+        self.assertEqual(read(os.path.join(tools, "b.palp"), "rb"), before)
+        self.assertFalse([name for name in os.listdir(tools) if ".partial" in name])
 
 
 if __name__ == "__main__":

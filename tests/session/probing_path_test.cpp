@@ -86,7 +86,7 @@ TEST(ProbingPath, StartsFreeReachesATenthAndLeaves) {
       tool, again, [&](std::size_t, double time) { return pose_at(*path, time); }, RunSettings{});
   ASSERT_TRUE(log) << log.error().message;
   const auto fraction = [&](std::size_t tick) {
-    return log->ticks[tick].penetration.volume / tool.sphere_mass().volume;
+    return log->ticks[tick].penetration.volume / full_volume(tool, ContactOptions{});
   };
   EXPECT_EQ(fraction(0), 0);
   EXPECT_EQ(fraction(log->ticks.size() - 1), 0);
@@ -106,11 +106,13 @@ TEST(ProbingPath, FollowsAMovingScene) {
   for (const auto& [time, X_WT] : *path) {
     const double wall = swinging_depth(std::floor(time / 0.04 + 1e-9) * 0.04);
     double behind = 0;
-    for (const Sphere& s : tool.spheres()) {
-      const double z = (X_WT * to_double(s.centre)).z;
-      behind += cap_volume(static_cast<double>(s.radius), wall - z);
+    for (std::size_t i = 0; i < tool.spheres().size(); ++i) {
+      const Sphere& s = tool.spheres()[i];
+      const double radius = s.radius, z = (X_WT * to_double(s.centre)).z;
+      behind += static_cast<double>(tool.represented_volumes()[i]) * cap_volume(radius, wall - z) /
+                sphere_volume(radius);
     }
-    behind /= tool.sphere_mass().volume;
+    behind /= tool.mesh_mass().volume;
     if (time > 0.36 * 4 && time < 0.74 * 4) {
       EXPECT_NEAR(behind, 0.1, 0.08) << time;
     }

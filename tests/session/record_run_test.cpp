@@ -28,7 +28,12 @@ class RecordRun : public ::testing::Test {
     settings.num_threads = num_threads;
     settings.contact.method = InsideMethod::graph;
     settings.contact.inside = InsideVolume::cap;
+    settings.contact.volumes = SphereVolumes::represented;
+    settings.contact.edges = Edges::cut;
+    settings.contact.continuity = Continuity::both;
     settings.surface.normals.radius = 2;
+    settings.time.mode = TimeMode::predict;
+    settings.time.average = {DepthAverage::moving, 5, 0.5, 0.02, 4};
     return record_run(tool_, stream, kPath, settings, name);
   }
 
@@ -192,12 +197,45 @@ TEST_F(RecordRun, SettingsSurviveTheRecording) {
   ASSERT_TRUE(recording) << recording.error().message;
   EXPECT_EQ(recording->settings.contact.method, InsideMethod::graph);
   EXPECT_EQ(recording->settings.contact.inside, InsideVolume::cap);
+  EXPECT_EQ(recording->settings.contact.volumes, SphereVolumes::represented);
+  EXPECT_EQ(recording->settings.contact.edges, Edges::cut);
+  EXPECT_EQ(recording->settings.contact.continuity, Continuity::both);
   EXPECT_EQ(recording->settings.surface.normals.radius, 2);
+  const TimeOptions& time = recording->settings.time;
+  EXPECT_EQ(time.mode, TimeMode::predict);
+  EXPECT_EQ(time.average.kind, DepthAverage::moving);
+  EXPECT_EQ(time.average.frames, 5);
+  EXPECT_EQ(time.average.weight, 0.5);
+  EXPECT_EQ(time.average.max_jump, 0.02);
+  EXPECT_EQ(time.average.keep_frames, 4);
   EXPECT_EQ(recording->frames->info().intrinsics, SyntheticStream(1).info().intrinsics);
   EXPECT_EQ(recording->frames->info().unit, 0.0005);
   for (std::size_t k = 0; k < recording->poses.size(); ++k) {
     EXPECT_EQ(recording->poses[k], test::pressing_pose(static_cast<double>(k) / 1000)) << k;
   }
+}
+
+TEST_F(RecordRun, OlderRecordingsKeepTheDefaultsOfNewSettings) {
+  ASSERT_TRUE(record(run()));
+  std::string manifest = read(recording() / "recording.json");
+  for (const char* key : {"volumes", "edges", "continuity"}) {
+    const std::size_t begin = manifest.find(std::string("\"") + key + "\":");
+    ASSERT_NE(begin, std::string::npos) << key;
+    manifest.erase(begin, manifest.find(',', begin) + 1 - begin);
+  }
+  const std::size_t time = manifest.find("\"time\":");  // and before it a comma
+  ASSERT_NE(time, std::string::npos);
+  const std::size_t comma = manifest.rfind(',', time);
+  manifest.erase(comma, manifest.find('}', time) + 1 - comma);
+  write(recording() / "recording.json", manifest);
+  const auto recording_again = load_recording(recording());
+  ASSERT_TRUE(recording_again) << recording_again.error().message;
+  EXPECT_EQ(recording_again->settings.contact.counted(), SphereVolumes::own);
+  EXPECT_EQ(recording_again->settings.contact.edges, Edges::none);
+  EXPECT_EQ(recording_again->settings.contact.continuity, Continuity::none);
+  EXPECT_EQ(recording_again->settings.contact.inside, InsideVolume::cap);
+  EXPECT_EQ(recording_again->settings.time.mode, TimeMode::latest);
+  EXPECT_EQ(recording_again->settings.time.average.kind, DepthAverage::none);
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ TEST(Report, RunWithoutContactAndTinyRunsWork) {
 }
 
 TEST(SvgPlot, LongRunsStaySmallAndKeepTheirPeaks) {
-  TimePlot plot;
+  LinePlot plot;
   plot.y_label = "y";
   plot.lines.push_back({"line", "series1", {}});
   for (int i = 0; i < 200000; ++i) {

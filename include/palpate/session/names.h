@@ -8,6 +8,7 @@
 
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact_query.h"
+#include "palpate/field/surface_timeline.h"
 
 namespace palpate {
 
@@ -17,10 +18,11 @@ struct Named {
   Value value;
 };
 
-inline constexpr std::array<Named<InsideMethod>, 3> kMethodNames{{
+inline constexpr std::array<Named<InsideMethod>, 4> kMethodNames{{
     {"weighted", InsideMethod::weighted},
     {"simplified", InsideMethod::simplified},
     {"graph", InsideMethod::graph},
+    {"field", InsideMethod::field},
 }};
 inline constexpr std::array<Named<Priority>, 2> kPriorityNames{{
     {"distance", Priority::distance},
@@ -30,9 +32,40 @@ inline constexpr std::array<Named<InsideVolume>, 2> kInsideNames{{
     {"full", InsideVolume::full},
     {"cap", InsideVolume::cap},
 }};
+inline constexpr std::array<Named<std::optional<SphereVolumes>>, 3> kVolumesNames{{
+    {"auto", std::nullopt},
+    {"spheres", SphereVolumes::own},
+    {"represented", SphereVolumes::represented},
+}};
+inline constexpr std::array<Named<Edges>, 4> kEdgesNames{{
+    {"none", Edges::none},
+    {"centre", Edges::centre},
+    {"strict", Edges::strict},
+    {"cut", Edges::cut},
+}};
+inline constexpr std::array<Named<Continuity>, 4> kContinuityNames{{
+    {"none", Continuity::none},
+    {"kernel", Continuity::kernel},
+    {"entry", Continuity::entry},
+    {"both", Continuity::both},
+}};
 inline constexpr std::array<Named<PlaneFit>, 2> kPlaneFitNames{{
     {"along_ray", PlaneFit::along_ray},
     {"principal", PlaneFit::principal},
+}};
+inline constexpr std::array<Named<UnknownSpace>, 2> kUnknownNames{{
+    {"free", UnknownSpace::free},
+    {"solid", UnknownSpace::solid},
+}};
+inline constexpr std::array<Named<TimeMode>, 3> kTimeModeNames{{
+    {"latest", TimeMode::latest},
+    {"interpolate", TimeMode::interpolate},
+    {"predict", TimeMode::predict},
+}};
+inline constexpr std::array<Named<DepthAverage>, 3> kDepthAverageNames{{
+    {"none", DepthAverage::none},
+    {"moving", DepthAverage::moving},
+    {"exponential", DepthAverage::exponential},
 }};
 /// No value: the fastest one that works here.
 inline constexpr std::array<Named<std::optional<Backend>>, 3> kBackendNames{{

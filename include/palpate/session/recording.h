@@ -2,6 +2,7 @@
 //
 //   recording.json   format, settings, camera, and length and checksum of every other file
 //   tool.palp        the tool
+//   object-000.palp  the objects, if any; their poses are among the settings
 //   path.txt         the pose of every tick (TUM format, exact decimals)
 //   depth.txt        time stamp and file of every frame that became current (TUM layout)
 //   depth/*.png      these frames
@@ -9,6 +10,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,7 +23,8 @@ namespace palpate {
 class Recorder {
  public:
   /// Starts the recording in `folder`, which must not exist yet.
-  static Result<Recorder> create(const std::filesystem::path& folder, const Tool& tool);
+  static Result<Recorder> create(const std::filesystem::path& folder, const Tool& tool,
+                                 std::span<const SceneObject> objects = {});
 
   /// Stores a frame; for RunCallbacks::on_frame.
   Status add_frame(std::size_t index, double time, const DepthFrame& frame);
@@ -30,6 +33,7 @@ class Recorder {
 
  private:
   explicit Recorder(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  Status add_tool(const Tool& tool, const std::string& name);
   Status add_file(const std::string& name);
 
   struct FileEntry {

@@ -10,10 +10,20 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/cloud/surface_estimator.h"
+#include "palpate/contact/blended_query.h"
+#include "palpate/contact/body_world.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/core/result.h"
+#include "palpate/field/depth_field.h"
 
 namespace palpate {
+
+/// A rigid object that the tool feels beside the cloud. It stays where it is; the depth frames need
+/// not show it.
+struct SceneObject {
+  std::shared_ptr<const Tool> shape;
+  Pose X_WB;
+};
 
 /// Everything that decides the numbers of a run, beside tool, frames and poses.
 struct RunSettings {
@@ -22,6 +32,9 @@ struct RunSettings {
   bool end_with_source = true;  ///< stop one frame period after the last frame
   ContactOptions contact;
   SurfaceOptions surface;
+  DepthFieldOptions field;  ///< for the method `field`
+  TimeOptions time;
+  std::vector<SceneObject> objects;
   std::optional<Backend> backend = Backend::cpu;  ///< nullopt: the fastest one that works here
   /// For surfaces and queries. 0: surfaces on one thread per core, queries on the caller's alone,
   /// which is fastest for all but the largest tools.
@@ -39,9 +52,11 @@ struct FrameRecord {
 struct TickRecord {
   double time = 0;  ///< seconds
   Pose X_WT;
-  Penetration penetration;
-  int frame = 0;             ///< index of the current frame
-  double query_seconds = 0;  ///< compute time
+  Penetration penetration;        ///< cloud and objects, see BodyMeasure::total
+  Penetration objects;            ///< the objects' share of it
+  std::int64_t object_pairs = 0;  ///< spheres of tool and objects that overlap
+  int frame = 0;                  ///< index of the current frame
+  double query_seconds = 0;       ///< compute time
 };
 
 /// A query and the backend that was found for it.
@@ -56,28 +71,30 @@ Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool
 /// The loop body: surfaces from frames, wrenches from poses. `tool` must outlive it.
 class Session {
  public:
-  /// Errors: settings out of range, image size, backend not available.
+  /// Errors: settings out of range, an object without shape, image size, backend not available.
   static Result<Session> create(const Tool& tool, const DepthStreamInfo& stream,
                                 const RunSettings& settings);
 
-  /// Makes `frame` (of the stream's size) the one that the next ticks feel.
+  /// Makes `frame` (of the stream's size) the one that the next ticks feel, or go towards.
   FrameRecord take_frame(const DepthFrame& frame, double time);
   /// One measurement. No allocation.
   TickRecord tick(double time, const Pose& X_WT);
 
-  /// The settings, with what was chosen for `backend`.
+  /// The settings, with what was chosen for `backend` and for the first period.
   const RunSettings& settings() const { return settings_; }
-  const SurfaceEstimator& surface() const { return surface_; }
+  /// Of the newest frame.
+  const SurfaceEstimator& surface() const { return timeline_.newest(); }
   const ContactQuery& query() const { return *query_; }
 
  private:
-  Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool, SurfaceEstimator surface,
-          std::unique_ptr<ContactQuery> query);
+  Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool, SurfaceTimeline timeline,
+          const Tool& tool, std::unique_ptr<BlendedQuery> query);
 
   RunSettings settings_;
   std::unique_ptr<ThreadPool> pool_;
-  SurfaceEstimator surface_;
-  std::unique_ptr<ContactQuery> query_;
+  SurfaceTimeline timeline_;
+  BodyWorld world_;      // the tool, then the objects
+  BlendedQuery* query_;  // the tool's, owned by the world
   int num_frames_ = 0;
 };
 

@@ -1,0 +1,23 @@
+// Rigid objects beside the cloud: --object TOOL2.palp@'tx ty tz qx qy qz qw'.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "palpate/session/session.h"
+
+namespace palpate::apps {
+
+/// An object as the command line names it.
+struct ObjectOption {
+  std::string file;
+  Pose X_WB;
+};
+
+/// --object, as often as there are objects.
+void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects);
+/// Reads the tool files, each once.
+Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options);
+
+}  // namespace palpate::apps

@@ -1,0 +1,62 @@
+// The field method: making the field of a frame, and asking it.
+//   bench_field --benchmark_filter=field_query
+#include "palpate/field/depth_field.h"
+
+#include "bench/contact_setup.h"
+#include "bench/latency.h"
+#include "palpate/contact/contact_query.h"
+
+namespace palpate::bench {
+namespace {
+
+void field_update(benchmark::State& state) {
+  ThreadPool pool(static_cast<int>(state.range(0)));
+  DepthField field = std::move(DepthField::create(640, 480)).value();
+  Latency latency(state);
+  for (auto _ : state) {
+    latency.time([&] { field.update(bumpy_wall().view(), pool); });
+  }
+}
+
+BENCHMARK(field_update)
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2)
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
+
+void field_query(benchmark::State& state) {
+  const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
+  const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
+  ThreadPool pool(static_cast<int>(state.range(2)));
+  DepthField field = std::move(DepthField::create(640, 480)).value();
+  field.update(bumpy_wall().view(), pool);
+  const auto contact =
+      std::move(make_contact_query(Backend::cpu, tool, {best_isa(), &pool})).value();
+  contact->set_field(field.view());
+  const ContactOptions options{.method = InsideMethod::field};
+  std::size_t i = 0;
+  double num_inside = 0;
+  {
+    Latency latency(state);
+    for (auto _ : state) {
+      Penetration result;
+      latency.time([&] { result = contact->query(poses[i % poses.size()], options); });
+      benchmark::DoNotOptimize(result);
+      if (i < poses.size()) num_inside += result.num_inside_spheres;
+      ++i;
+    }
+  }
+  state.counters["inside"] = num_inside / static_cast<double>(std::min(i, poses.size()));
+  state.SetLabel(isa_name(best_isa()));
+}
+
+BENCHMARK(field_query)
+    ->ArgNames({"spheres", "depth", "threads"})
+    ->ArgsProduct({{1000, 5000, 17000, 100000}, {10, 50, 100}, {1}})
+    ->ArgsProduct({{17000, 100000}, {50}, {2}})
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace palpate::bench

@@ -1,0 +1,13 @@
+// Is it still the same?
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace palpate {
+
+/// XXH3 of the bytes, 128 bits in hexadecimal: equal for equal bytes, and for nothing else that
+/// happens by accident.
+std::string checksum(std::string_view bytes);
+
+}  // namespace palpate

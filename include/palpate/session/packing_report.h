@@ -1,0 +1,65 @@
+// What is worth knowing about a packed tool: the numbers, and the page that shows them to people.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate/tool/tool.h"
+
+namespace palpate {
+
+/// void(N) = factor * N^-exponent. Greedy packings approach it, with an exponent a little below
+/// that of the Apollonian packing, the best that spheres can do; the shape of the solid decides the
+/// factor, and how soon.
+struct PowerLaw {
+  double factor = 0, exponent = 0;
+  double rms = 0;  ///< deviation of ln void from the law
+  int first = 0;   ///< the smallest N that was fitted; the largest is all
+  double operator()(double n) const;
+};
+/// (3 - D) / D with the dimension D = 2.4739465 of the Apollonian sphere packing.
+inline constexpr double kApollonianExponent = 0.2126;
+
+/// Least squares through ln void over ln N from `first` on, every decade with the same weight;
+/// values[n - 1] is the void fraction of the first n spheres. Nothing if there are fewer than
+/// twice `first` values, or one of those fitted is not positive.
+std::optional<PowerLaw> fit_power_law(std::span<const double> void_fractions, int first = 100);
+
+/// Points spread evenly over the area of a mesh's surface; they depend on mesh and number only.
+std::vector<Vec3d> surface_points(const TriangleMesh& mesh, int num);
+
+/// How far the surface of the solid is from the nearest sphere: how late a contact is felt.
+struct Standoff {
+  std::vector<double> samples;  ///< m, ascending
+  double mean = 0, p95 = 0, max = 0;
+};
+/// At surface_points, exact in double for each of them. O(num_samples log num_spheres).
+Standoff standoff(const Tool& tool, int num_samples = 20000);
+
+struct PackingStatistics {
+  std::vector<double> fill;  ///< [n - 1]: volume of the first n spheres / mesh volume
+  std::optional<PowerLaw> void_law;
+  double smallest_radius = 0, median_radius = 0, largest_radius = 0;  ///< m
+  Standoff standoff;
+  std::vector<int> degrees;  ///< of sphere i in the leaf graph
+  double mean_degree = 0;
+  int median_degree = 0, p90_degree = 0, p99_degree = 0, max_degree = 0;
+  double represented_volume = 0;  ///< m3, of all spheres together
+};
+PackingStatistics packing_statistics(const Tool& tool);
+
+/// What a page tells beside the tool itself; empty parts are left out.
+struct PackingNotes {
+  std::string stopped;                                       ///< why there are no more spheres
+  std::vector<std::pair<std::string, std::string>> options;  ///< name and value, for people
+  std::vector<std::pair<std::string, double>> step_seconds;  ///< name and time taken
+};
+
+/// One self-contained HTML page: cut-away pictures, fill, radii, standoff, graph and mass.
+std::string packing_page(const Tool& tool, const PackingStatistics& statistics,
+                         const PackingNotes& notes = {});
+
+}  // namespace palpate

@@ -1,0 +1,175 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "palpate/session/packing_report.h"
+#include "src/session/statistics.h"
+
+namespace palpate {
+namespace {
+
+/// The fractional part.
+double fraction(double x) { return x - std::floor(x); }
+
+double distance(const Vec3d& p, const Sphere& sphere) {
+  return norm(p - to_double(sphere.centre)) - static_cast<double>(sphere.radius);
+}
+
+/// Nearest sphere to p, by branch and bound: no sphere is nearer than the node that contains it.
+/// `guess` is any sphere; a near one saves work.
+int nearest_sphere(const Tool& tool, const Vec3d& p, int guess) {
+  const auto nodes = tool.tree().nodes();
+  struct Waiting {
+    double bound;
+    std::int32_t node;
+  };
+  std::array<Waiting, InnerSphereTree::kMaxWaiting> waiting;
+  int num_waiting = 0;
+  int best = guess;
+  double least = distance(p, tool.spheres()[static_cast<std::size_t>(guess)]);
+  waiting[static_cast<std::size_t>(num_waiting++)] = {distance(p, nodes[0].bound), 0};
+  while (num_waiting > 0) {
+    const Waiting next = waiting[static_cast<std::size_t>(--num_waiting)];
+    if (next.bound >= least) continue;
+    const IstNode& node = nodes[static_cast<std::size_t>(next.node)];
+    if (node.num_children == 0) {
+      const double found = distance(p, tool.spheres()[static_cast<std::size_t>(node.sphere_id)]);
+      if (found < least) {
+        least = found;
+        best = node.sphere_id;
+      }
+      continue;
+    }
+    const int first = num_waiting;
+    for (std::int32_t k = 0; k < node.num_children; ++k) {
+      const std::int32_t child = node.first_child + k;
+      const double bound = distance(p, nodes[static_cast<std::size_t>(child)].bound);
+      if (bound < least) waiting[static_cast<std::size_t>(num_waiting++)] = {bound, child};
+    }
+    std::sort(waiting.begin() + first, waiting.begin() + num_waiting,
+              [](const Waiting& a, const Waiting& b) { return a.bound > b.bound; });
+  }
+  return best;
+}
+
+}  // namespace
+
+double PowerLaw::operator()(double n) const { return factor * std::pow(n, -exponent); }
+
+std::optional<PowerLaw> fit_power_law(std::span<const double> void_fractions, int first) {
+  const int last = static_cast<int>(void_fractions.size());
+  if (first < 1 || last < 2 * first) return std::nullopt;
+  // The same number of values from every decade.
+  constexpr int kPerDecade = 100;
+  std::vector<double> x, y;
+  int previous = 0;
+  for (int k = 0;; ++k) {
+    const double wanted = std::round(first * std::pow(10.0, static_cast<double>(k) / kPerDecade));
+    const int n = static_cast<int>(std::min<double>(wanted, last));
+    if (n != previous) {
+      const double share = void_fractions[static_cast<std::size_t>(n) - 1];
+      if (!(share > 0)) return std::nullopt;
+      x.push_back(std::log(n));
+      y.push_back(std::log(share));
+    }
+    if (n == last) break;
+    previous = n;
+  }
+  const auto count = static_cast<double>(x.size());
+  const double mean_x = std::accumulate(x.begin(), x.end(), 0.0) / count;
+  const double mean_y = std::accumulate(y.begin(), y.end(), 0.0) / count;
+  double xx = 0, xy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mean_x) * (x[i] - mean_x);
+    xy += (x[i] - mean_x) * (y[i] - mean_y);
+  }
+  PowerLaw law;
+  law.exponent = -xy / xx;
+  law.factor = std::exp(mean_y + law.exponent * mean_x);
+  law.first = first;
+  double squares = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double deviation = y[i] - (std::log(law.factor) - law.exponent * x[i]);
+    squares += deviation * deviation;
+  }
+  law.rms = std::sqrt(squares / count);
+  return law;
+}
+
+// Equal steps along the triangles laid end to end, and within each triangle the low-discrepancy
+// sequence of the plastic number g, g^3 = g + 1.
+std::vector<Vec3d> surface_points(const TriangleMesh& mesh, int num) {
+  const auto corners = [&mesh](std::size_t i) {
+    const auto& t = mesh.triangles[i];
+    return std::array{mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]};
+  };
+  std::vector<double> area_up_to;  // of triangles 0 ... i
+  double area = 0;
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto [a, b, c] = corners(i);
+    area += norm(cross(b - a, c - a)) / 2;
+    area_up_to.push_back(area);
+  }
+  std::vector<Vec3d> points;
+  std::size_t i = 0;
+  for (int k = 0; k < num; ++k) {
+    while (i + 1 < area_up_to.size() && area_up_to[i] <= area * (k + 0.5) / num) ++i;
+    const auto [a, b, c] = corners(i);
+    constexpr double kPlastic = 1.32471795724474602596;
+    double u = fraction(0.5 + k / kPlastic), v = fraction(0.5 + k / (kPlastic * kPlastic));
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    points.push_back(a + (b - a) * u + (c - a) * v);
+  }
+  return points;
+}
+
+Standoff standoff(const Tool& tool, int num_samples) {
+  Standoff result;
+  int near = 0;  // points follow each other along the surface
+  for (const Vec3d& p : surface_points(tool.mesh(), num_samples)) {
+    near = nearest_sphere(tool, p, near);
+    result.samples.push_back(distance(p, tool.spheres()[static_cast<std::size_t>(near)]));
+  }
+  std::sort(result.samples.begin(), result.samples.end());
+  result.mean = std::accumulate(result.samples.begin(), result.samples.end(), 0.0) / num_samples;
+  result.p95 = nearest_rank(result.samples, 0.95);
+  result.max = result.samples.back();
+  return result;
+}
+
+PackingStatistics packing_statistics(const Tool& tool) {
+  PackingStatistics s;
+  std::vector<double> voids, radii;
+  double volume = 0;
+  for (const Sphere& sphere : tool.spheres()) {
+    radii.push_back(static_cast<double>(sphere.radius));
+    volume += sphere_volume(radii.back());
+    s.fill.push_back(volume / tool.mesh_mass().volume);
+    voids.push_back(1 - s.fill.back());
+  }
+  s.void_law = fit_power_law(voids);
+  std::sort(radii.begin(), radii.end());
+  s.smallest_radius = radii.front();
+  s.median_radius = nearest_rank(radii, 0.5);
+  s.largest_radius = radii.back();
+  s.standoff = standoff(tool);
+
+  const auto row_starts = tool.graph().row_starts();
+  for (std::size_t i = 0; i + 1 < row_starts.size(); ++i) {
+    s.degrees.push_back(row_starts[i + 1] - row_starts[i]);
+  }
+  std::vector<int> sorted = s.degrees;
+  std::sort(sorted.begin(), sorted.end());
+  s.mean_degree = 2.0 * tool.graph().num_edges() / static_cast<double>(sorted.size());
+  s.median_degree = nearest_rank(sorted, 0.5);
+  s.p90_degree = nearest_rank(sorted, 0.9);
+  s.p99_degree = nearest_rank(sorted, 0.99);
+  s.max_degree = sorted.back();
+
+  const auto represented = tool.represented_volumes();
+  s.represented_volume = std::accumulate(represented.begin(), represented.end(), 0.0);
+  return s;
+}
+
+}  // namespace palpate

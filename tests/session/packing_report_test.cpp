@@ -1,0 +1,208 @@
+#include "palpate/session/packing_report.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "palpate/mesh/mesh_check.h"
+#include "palpate/mesh/shapes.h"
+#include "palpate/session/checksum.h"
+
+namespace palpate {
+namespace {
+
+Tool packed_tool(const TriangleMesh& mesh, int num_spheres, const std::string& name = "tool") {
+  const TriangleMesh solid = check_solid(mesh).value().mesh;
+  PackOptions options;
+  options.max_spheres = num_spheres;
+  return Tool::build(solid, pack_spheres(solid, options).value(), GapRule::relative, name).value();
+}
+
+/// A cube of 2 cm with these spheres inside.
+Tool cube_with(std::vector<Sphere> spheres) {
+  SpherePacking packing{std::move(spheres), 8e-6, PackStop::count};
+  return Tool::build(make_box({0.02, 0.02, 0.02}), std::move(packing), GapRule::relative, "cube")
+      .value();
+}
+
+std::size_t count(const std::string& text, const std::string& word) {
+  std::size_t n = 0;
+  for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++n;
+  return n;
+}
+
+/// The page without its pictures, whose letters mean nothing.
+std::string without_pictures(std::string page) {
+  for (std::size_t at = 0; (at = page.find("base64,", at)) != std::string::npos;) {
+    at += 7;
+    page.erase(at, page.find('\'', at) - at);
+  }
+  return page;
+}
+
+TEST(PackingStatistics, OneBallInACube) {
+  const double r = 0.01;
+  const Tool tool = cube_with({{{0, 0, 0}, static_cast<float>(r)}});
+  const PackingStatistics s = packing_statistics(tool);
+  ASSERT_EQ(s.fill.size(), 1u);
+  EXPECT_NEAR(s.fill[0], kPi / 6, 1e-7);
+  EXPECT_FALSE(s.void_law);
+  EXPECT_EQ(s.smallest_radius, s.largest_radius);
+  EXPECT_EQ(s.degrees, std::vector<int>{0});
+  EXPECT_NEAR(s.represented_volume, 8e-6, 1e-12);
+  // Over a face of side 2: mean of sqrt(1 + x^2 + y^2) - 1, by quadrature.
+  double mean = 0;
+  constexpr int kCells = 400;
+  for (int i = 0; i < kCells; ++i) {
+    for (int j = 0; j < kCells; ++j) {
+      const double x = (i + 0.5) / kCells, y = (j + 0.5) / kCells;
+      mean += (std::sqrt(1 + x * x + y * y) - 1) / (kCells * kCells);
+    }
+  }
+  EXPECT_NEAR(s.standoff.mean, r * mean, r * 1e-3);
+  EXPECT_GE(s.standoff.samples.front(), -1e-9);
+  EXPECT_LE(s.standoff.max, r * (std::sqrt(3.0) - 1) + 1e-9);
+  EXPECT_GT(s.standoff.max, r * 0.71);
+}
+
+TEST(PackingStatistics, EightEqualBalls) {
+  std::vector<Sphere> spheres;
+  for (int k = 0; k < 8; ++k) {
+    const auto at = [k](int bit) { return (k >> bit & 1) != 0 ? 0.005f : -0.005f; };
+    spheres.push_back({{at(0), at(1), at(2)}, 0.0049f});
+  }
+  const PackingStatistics s = packing_statistics(cube_with(spheres));
+  EXPECT_EQ(s.degrees, std::vector<int>(8, 3));
+  EXPECT_EQ(s.mean_degree, 3);
+  EXPECT_EQ(s.median_degree, 3);
+  EXPECT_EQ(s.max_degree, 3);
+  for (std::size_t n = 1; n <= 8; ++n) {
+    EXPECT_NEAR(s.fill[n - 1], static_cast<double>(n) * sphere_volume(0.0049) / 8e-6, 1e-7);
+  }
+}
+
+TEST(PackingStatistics, AgreeWithBruteForce) {
+  const Tool tool = packed_tool(make_torus(0.04, 0.015, 40, 20), 1500);
+  const PackingStatistics s = packing_statistics(tool);
+
+  std::vector<int> degrees(tool.spheres().size());
+  for (const auto& [a, b] : tool.graph().edges()) {
+    ++degrees[static_cast<std::size_t>(a)];
+    ++degrees[static_cast<std::size_t>(b)];
+  }
+  EXPECT_EQ(s.degrees, degrees);
+  std::sort(degrees.begin(), degrees.end());
+  EXPECT_EQ(s.median_degree, degrees[749]);
+  EXPECT_EQ(s.p90_degree, degrees[1349]);
+  EXPECT_EQ(s.p99_degree, degrees[1484]);
+  EXPECT_EQ(s.max_degree, degrees.back());
+  EXPECT_DOUBLE_EQ(s.mean_degree, std::accumulate(degrees.begin(), degrees.end(), 0.0) / 1500);
+
+  EXPECT_NEAR(s.fill.back(), tool.sphere_mass().volume / tool.mesh_mass().volume, 1e-12);
+  EXPECT_NEAR(s.represented_volume / tool.mesh_mass().volume, 1, 1e-6);
+  ASSERT_TRUE(s.void_law);
+  EXPECT_NEAR(s.void_law->exponent, kApollonianExponent, 0.03);
+  EXPECT_NEAR((*s.void_law)(1500), 1 - s.fill.back(), 0.02 * (1 - s.fill.back()));
+}
+
+TEST(Standoff, IsTheNearestOfAllSpheres) {
+  const Tool tool = packed_tool(make_stylus(0.005, 0.12, 0.03, 24), 700);
+  const auto brute_force = [&](const Vec3d& p) {
+    double least = INFINITY;
+    for (const Sphere& sphere : tool.spheres()) {
+      least =
+          std::min(least, norm(p - to_double(sphere.centre)) - static_cast<double>(sphere.radius));
+    }
+    return least;
+  };
+  const auto points = surface_points(tool.mesh(), 3000);
+  std::vector<double> expected;
+  for (const Vec3d& p : points) expected.push_back(brute_force(p));
+  std::sort(expected.begin(), expected.end());
+  const Standoff measured = standoff(tool, 3000);
+  EXPECT_EQ(measured.samples, expected);
+  EXPECT_EQ(measured.max, expected.back());
+  EXPECT_EQ(measured.p95, expected[2849]);
+  EXPECT_NEAR(measured.mean, std::accumulate(expected.begin(), expected.end(), 0.0) / 3000, 1e-15);
+  EXPECT_EQ(standoff(tool, 3000).samples, measured.samples);
+}
+
+TEST(Standoff, PointsLieOnTheSurfaceAndEvenly) {
+  const TriangleMesh box = make_box({0.01, 0.02, 0.04});
+  const int num = 20000;
+  double on_large_faces = 0;  // across x: 2 * 8 of 28
+  Vec3d mean;
+  for (const Vec3d& p : surface_points(box, num)) {
+    const double out[] = {std::abs(p.x) - 0.005, std::abs(p.y) - 0.01, std::abs(p.z) - 0.02};
+    EXPECT_NEAR(*std::max_element(out, out + 3), 0, 1e-15);
+    on_large_faces += std::abs(out[0]) < 1e-12 ? 1.0 / num : 0;
+    mean += p / num;
+  }
+  EXPECT_NEAR(on_large_faces, 16.0 / 28, 1e-3);
+  EXPECT_LT(norm(mean), 2e-4);
+}
+
+TEST(PowerLaw, IsFoundAgain) {
+  std::vector<double> values;
+  for (int n = 1; n <= 20000; ++n) {
+    values.push_back(n < 100 ? 0.9 : 0.7 * std::pow(n, -0.21));
+  }
+  auto law = fit_power_law(values);
+  ASSERT_TRUE(law);
+  EXPECT_NEAR(law->factor, 0.7, 1e-10);
+  EXPECT_NEAR(law->exponent, 0.21, 1e-12);
+  EXPECT_LT(law->rms, 1e-12);
+  EXPECT_EQ(law->first, 100);
+  // Every decade counts the same: noise of one sign in 1000 ... 2000 cannot move it much.
+  for (int n = 1000; n < 2000; ++n) values[static_cast<std::size_t>(n) - 1] *= 1.01;
+  law = fit_power_law(values);
+  EXPECT_NEAR(law->exponent, 0.21, 3e-3);
+  EXPECT_GT(law->rms, 1e-3);
+
+  EXPECT_FALSE(fit_power_law(std::vector<double>(199, 0.5)));
+  EXPECT_TRUE(fit_power_law(std::vector<double>(200, 0.5)));
+  values[5000] = 0;
+  values.resize(5001);
+  EXPECT_FALSE(fit_power_law(values)) << "nothing left: no logarithm";
+}
+
+TEST(PackingPage, IsWholeAndEscaped) {
+  const Tool tool = packed_tool(make_octahedron(0.08), 400, "<probe>.stl");
+  PackingNotes notes;
+  notes.stopped = "as many as asked for";
+  notes.options = {{"--spheres", "400"}};
+  notes.step_seconds = {{"packing", 0.25}};
+  const PackingStatistics statistics = packing_statistics(tool);
+  const std::string page = packing_page(tool, statistics, notes);
+  EXPECT_EQ(count(page, "data:image/png;base64,iVBOR"), 2u);
+  EXPECT_EQ(count(page, "<svg"), count(page, "</svg>"));
+  EXPECT_EQ(count(page, "<svg"), 7u);
+  EXPECT_EQ(count(page, "<probe>"), 0u);
+  EXPECT_GE(count(page, "&lt;probe&gt;.stl"), 2u);
+  EXPECT_EQ(count(without_pictures(page), "nan"), 0u);
+  EXPECT_EQ(count(without_pictures(page), "http"), 0u) << "the page must not need the network";
+  for (const char* words :
+       {"as many as asked for", "--spheres", "250\u00a0ms", "0.2126", "</html>"}) {
+    EXPECT_GE(count(page, words), 1u) << words;
+  }
+  EXPECT_EQ(page, packing_page(tool, statistics, notes));
+}
+
+TEST(PackingPage, WorksForTheSmallestTools) {
+  const Tool tool = cube_with({{{0, 0, 0}, 0.01f}});
+  const std::string page = packing_page(tool, packing_statistics(tool));
+  EXPECT_EQ(count(page, "data:image/png;base64,iVBOR"), 2u);
+  EXPECT_EQ(count(without_pictures(page), "nan"), 0u) << without_pictures(page);
+}
+
+TEST(Checksum, TellsBytesApart) {
+  EXPECT_EQ(checksum("palpate").size(), 32u);
+  EXPECT_EQ(checksum("palpate"), checksum("palpate"));
+  EXPECT_NE(checksum("palpate"), checksum("palpatf"));
+  EXPECT_EQ(checksum(""), "99aa06d3014798d86001c324468d497f");  // of the reference implementation
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,119 @@
+// What a run feels between depth frames.
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "palpate/session/session.h"
+#include "src/session/run_files.h"
+#include "tests/session/synthetic_stream.h"
+#include "tests/test_util/allocation_counter.h"
+
+namespace palpate {
+namespace {
+
+using test::SyntheticStream;
+
+constexpr TimeMode kModes[] = {TimeMode::latest, TimeMode::interpolate, TimeMode::predict};
+/// Held still in the wall that comes nearer by 2 mm a frame.
+const PoseFunction kHeld = [](std::size_t, double) {
+  return Pose{{0.002, 0.005, 0.49}, axis_angle({1, 2, 3}, 0.2)};
+};
+
+RunSettings settings_with(TimeMode mode) {
+  RunSettings settings;
+  settings.time.mode = mode;
+  settings.contact.method = InsideMethod::field;
+  return settings;
+}
+
+Result<RunLog> run(const Tool& tool, const RunSettings& settings) {
+  SyntheticStream stream(8, 32);  // time stamps without rounding
+  return run_session(tool, stream, kHeld, settings);
+}
+
+TEST(RunBetweenFrames, OnlyTheLatestFrameAloneMakesSteps) {
+  const Tool tool = test::small_tool();
+  for (const TimeMode mode : kModes) {
+    const auto log = run(tool, settings_with(mode));
+    ASSERT_TRUE(log) << log.error().message;
+    std::vector<double> steps;
+    double largest_arrival = 0;
+    for (std::size_t k = 1; k < log->ticks.size(); ++k) {
+      const TickRecord &last = log->ticks[k - 1], &now = log->ticks[k];
+      if (now.frame < 3) continue;  // a prediction needs two frames
+      const double step = norm(now.penetration.measure_W.force - last.penetration.measure_W.force);
+      steps.push_back(step);
+      if (now.frame != last.frame) largest_arrival = std::max(largest_arrival, step);
+    }
+    std::nth_element(steps.begin(), steps.begin() + std::ssize(steps) / 2, steps.end());
+    const double median = steps[steps.size() / 2];
+    if (mode == TimeMode::latest) {
+      EXPECT_EQ(median, 0);
+      EXPECT_GT(largest_arrival, 0);
+    } else {
+      EXPECT_GT(median, 0);
+      EXPECT_LT(largest_arrival, 3 * median);
+    }
+  }
+}
+
+TEST(RunBetweenFrames, InterpolationEndsWhereTheLatestFrameIs) {
+  const Tool tool = test::small_tool();
+  const auto latest = run(tool, settings_with(TimeMode::latest));
+  const auto interpolated = run(tool, settings_with(TimeMode::interpolate));
+  ASSERT_TRUE(latest && interpolated);
+  // At tick 125 frame 4 arrives: the way to frame 3 has just been gone.
+  const auto volume = [](const RunLog& log, std::size_t tick) {
+    return log.ticks[tick].penetration.volume;
+  };
+  EXPECT_NEAR(volume(*interpolated, 125), volume(*latest, 124), 1e-9 * volume(*latest, 124));
+  EXPECT_GT(volume(*latest, 125), 1.02 * volume(*latest, 124));
+}
+
+TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
+  const Tool tool = test::small_tool();
+  for (const TimeMode mode : kModes) {
+    for (const DepthAverage average :
+         {DepthAverage::none, DepthAverage::moving, DepthAverage::exponential}) {
+      std::string first;
+      for (const int num_threads : {1, 3}) {
+        RunSettings settings = settings_with(mode);
+        settings.time.average.kind = average;
+        settings.num_threads = num_threads;
+        const auto log = run(tool, settings);
+        ASSERT_TRUE(log) << log.error().message;
+        const std::string csv = wrench_csv(tool, *log);
+        if (first.empty()) first = csv;
+        EXPECT_EQ(csv, first);
+      }
+    }
+  }
+}
+
+TEST(RunBetweenFrames, TicksAndFramesDoNotAllocate) {
+  const Tool tool = test::small_tool();
+  SyntheticStream stream(4);
+  RunSettings settings = settings_with(TimeMode::predict);
+  settings.time.average.kind = DepthAverage::moving;
+  settings.num_threads = 1;
+  auto session = Session::create(tool, stream.info(), settings);
+  ASSERT_TRUE(session) << session.error().message;
+  DepthFrame frames[4];
+  for (DepthFrame& frame : frames) ASSERT_TRUE(stream.next(frame).value());
+  const test::AllocationCounter counter;
+  for (int k = 0; k < 4; ++k) {
+    session->take_frame(frames[k], k / 30.0);
+    session->tick(k / 30.0 + 0.01, kHeld(0, 0));
+  }
+  EXPECT_EQ(counter.count(), 0u);
+}
+
+TEST(RunBetweenFrames, RefusesBadAverages) {
+  RunSettings settings = settings_with(TimeMode::latest);
+  settings.time.average = {DepthAverage::moving, 0};
+  EXPECT_FALSE(run(test::small_tool(), settings));
+}
+
+}  // namespace
+}  // namespace palpate
