@@ -1,6 +1,5 @@
 // Elements against the depth field, compiled once per instruction set: the steps of
-// palpate/field/field_sample.h, first for vectors of elements, then for the nine pixels that each
-// element sees, then for vectors again.
+// palpate/field/field_sample.h for as many elements at once as a vector has lanes.
 #include "palpate/field/field_sample.h"
 #include "src/contact/field_contact.h"
 #include "src/core/simd.h"
@@ -10,164 +9,118 @@ namespace {
 
 constexpr int kSize = SphereClusters::kSize;
 
-// Offset and slope of three neighbouring pixels of a row, and of one more that has no weight.
-typedef float Pixels __attribute__((vector_size(32)));
+// What a query knows of the field.
+struct Field {
+  explicit Field(const DepthFieldView& view)
+      : fx(static_cast<float>(view.intrinsics.fx)),
+        fy(static_cast<float>(view.intrinsics.fy)),
+        cx(static_cast<float>(view.intrinsics.cx)),
+        cy(static_cast<float>(view.intrinsics.cy)),
+        width(static_cast<float>(view.levels[0].width)),
+        height(static_cast<float>(view.levels[0].height)),
+        thickness(view.thickness),
+        stride(view.levels[0].stride),
+        last_level(view.num_levels - 1),
+        planes(view.levels[0].planes),
+        is_step(view.levels[0].is_step) {
+    for (int k = 0; k < view.num_levels; ++k) {
+      start[k] = static_cast<std::int32_t>(view.levels[k].is_step - is_step);
+      step_limit[k] = view.levels[k].step_limit;
+    }
+  }
 
-inline Pixels load_pixels(const float* from) {
-  Pixels v;
-  std::memcpy(&v, from, sizeof v);
-  return v;
-}
-
-// An offset and a slope: offset - z slope is a distance, or the derivative of one.
-typedef float Pair __attribute__((vector_size(8)));
-typedef float Half __attribute__((vector_size(16)));
-
-inline void store_pair(float* to, Pair pair) { std::memcpy(to, &pair, sizeof pair); }
-
-// Where elements look on one level: the nearest pixel and where between the pixels.
-struct Spot {
-  std::int32_t level[kSize], pixel[kSize];
-  float s[kSize], t[kSize];  // right of and below its middle
+  float fx, fy, cx, cy, width, height, thickness;
+  std::int32_t stride, last_level;
+  const float* planes;  // of level 0; the other levels follow
+  const std::uint8_t* is_step;
+  std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
+  float step_limit[DepthFieldView::kMaxLevels] = {};
 };
 
-// The elements of one cluster on their way.
-struct alignas(64) Lookup {
-  float lever_x[kSize], lever_y[kSize], lever_z[kSize];  // c_s - C in W
-  float from_u[kSize], from_v[kSize];                    // pixels from the image centre
-  float z[kSize], inverse_z[kSize];
-  Spot spot, next;  // `next` if there is something to blend
-  float blend[kSize], blend_by_z[kSize];
-  float phi[2 * kSize], by_u[2 * kSize], by_v[2 * kSize];  // pairs
-  float more_by_z[kSize];                                  // of the blend
+// Where in the image elements are seen.
+struct Seen {
+  VecF u, v, depth;
 };
 
-// Every level has the same stride, and a size that is that of the image times its scale.
-[[gnu::always_inline]] inline void locate(const DepthFieldView& field, VecF u, VecF v, VecI level,
-                                          int i, Spot& spot) {
-  const DepthFieldLevel& finest = field.levels[0];
+// phi and its derivatives, each element on a level of its own.
+[[gnu::always_inline]] inline ImageGradient<VecF> sample(const Field& field, const Seen& at,
+                                                         VecI level, VecF radius) {
   const VecF scale = reinterpret_cast<VecF>((127 - level) << 23);  // 2^-level
-  const auto place = [&](VecF at, int size, VecF& offset) {
-    VecF p = (at + 0.5f) * scale - 0.5f;
-    p = min(max(p, splat(DepthFieldLevel::kFirst)), static_cast<float>(size) * scale + 2.0f);
+  const auto place = [&](VecF pixels, float size, VecF& offset) {
+    VecF p = (pixels + 0.5f) * scale - 0.5f;
+    p = min(max(p, splat(DepthFieldLevel::kFirst)), size * scale + 2.0f);
     const VecI pixel = to_int(p + 4.5f) - 4;  // rounded down: p > -4
     offset = p - to_float(pixel);
     return pixel;
   };
   VecF s, t;
-  const VecI column = place(u, finest.width, s), row = place(v, finest.height, t);
-  store(spot.s + i, s);
-  store(spot.t + i, t);
-  const VecI pixel = row * finest.stride + column;
-  std::memcpy(spot.pixel + i, &pixel, sizeof pixel);
-  std::memcpy(spot.level + i, &level, sizeof level);
-}
+  const VecI column = place(at.u, field.width, s), row = place(at.v, field.height, t);
+  const VecI pixel = gather(field.start, level) + row * field.stride + column;
 
-// Where the elements are, and which level they ask.
-void look(const FieldJob& job, std::size_t begin, Lookup& at) {
-  const SphereClusters& c = *job.clusters;
-  const float fx = static_cast<float>(job.field.intrinsics.fx);
-  const float fy = static_cast<float>(job.field.intrinsics.fy);
-  const float cx = static_cast<float>(job.field.intrinsics.cx);
-  const float cy = static_cast<float>(job.field.intrinsics.cy);
-  const VecI last = splat(static_cast<std::int32_t>(job.field.num_levels - 1));
-  for (int i = 0; i < kSize; i += kLanes) {
-    const std::size_t place = begin + static_cast<std::size_t>(i);
-    const VecF x = load(&c.x[place]), y = load(&c.y[place]), z = load(&c.z[place]);
-    const auto rotated = [&](const float(&row)[3]) { return row[0] * x + row[1] * y + row[2] * z; };
-    const VecF lx = rotated(job.R_WT[0]), ly = rotated(job.R_WT[1]), lz = rotated(job.R_WT[2]);
-    store(at.lever_x + i, lx);
-    store(at.lever_y + i, ly);
-    store(at.lever_z + i, lz);
-    const VecF depth = max(lz + job.p_WC[2], splat(kLeastDepth));
-    const VecF inverse = 1.0f / depth;
-    store(at.z + i, depth);
-    store(at.inverse_z + i, inverse);
-    const VecF from_u = fx * (lx + job.p_WC[0]) * inverse;
-    const VecF from_v = fy * (ly + job.p_WC[1]) * inverse;
-    store(at.from_u + i, from_u);
-    store(at.from_v + i, from_v);
-
-    // Footprint = m 2^e with m in [1, 2): between levels e and e + 1.
-    const VecF footprint = max(kFootprint * load(job.radius + place) * fx * inverse, splat(1.0f));
-    const VecI bits = reinterpret_cast<VecI>(footprint);
-    const VecI exponent = (bits >> 23) - 127;
-    const VecF m = reinterpret_cast<VecF>((bits & 0x7fffff) | 0x3f800000);
-    const Sloped<VecF> step = smooth_step((m - 1.0f) * (1.0f / (kBlendEnd - 1)));
-    const VecI is_next = (step.value >= splat(1.0f)) & (exponent < last);
-    const VecI is_single = is_next | (exponent >= last);
-    const VecI level = exponent < last ? exponent - is_next : last;
-    const VecF u = from_u + cx, v = from_v + cy;
-    locate(job.field, u, v, level, i, at.spot);
-    const VecF blend = select(is_single, VecF{}, step.value);
-    if (mask_bits(blend > VecF{}) != 0) {
-      locate(job.field, u, v, level < last ? level + 1 : last, i, at.next);
+  // Row by row, the middle one first: it tells whether the planes have to be saturated.
+  VecF plane[3], slope[3];
+  const auto take_row = [&](int q) {
+    VecF pairs[6];  // offset, slope, offset, slope, ...
+    gather_six(field.planes, 2 * (pixel + ((q - 1) * field.stride - 1)), pairs);
+    for (int p = 0; p < 3; ++p) {
+      slope[p] = pairs[2 * p + 1];
+      plane[p] = pairs[2 * p] - at.depth * slope[p];
     }
-    store(at.blend + i, blend);
-    store(at.blend_by_z + i,
-          select(is_single, VecF{}, step.slope * m * inverse * (-1.0f / (kBlendEnd - 1))));
-  }
-}
-
-// phi and its derivatives in the image, on one level.
-struct Sample {
-  Pair phi, by_u, by_v;
-};
-
-// Pixels with the same distance and slope at z as the saturated ones.
-[[gnu::noinline]] Pixels saturate_row(Pixels p, float z, float limit, float thickness) {
-  for (int k = 0; k < 6; k += 2) {
-    const Sloped<float> plane = saturate(p[k] - z * p[k + 1], limit, thickness);
-    const float slope = p[k + 1] * plane.slope;
-    p[k] = plane.value + z * slope;
-    p[k + 1] = slope;
-  }
-  return p;
-}
-
-[[gnu::always_inline]] inline Sample sample(const DepthFieldView& field, const Spot& spot, int i,
-                                            float z, float radius) {
-  const DepthFieldLevel& level = field.levels[spot.level[i]];
-  const std::ptrdiff_t stride = level.stride, pixel = spot.pixel[i];
-  const float* corner = level.planes + 2 * (pixel - stride - 1);
-  Pixels p0 = load_pixels(corner), p1 = load_pixels(corner + 2 * stride),
-         p2 = load_pixels(corner + 4 * stride);
-  if (must_saturate(level, pixel, z, field.thickness)) [[unlikely]] {
-    const float limit = radius + level.step_limit;
-    p0 = saturate_row(p0, z, limit, field.thickness);
-    p1 = saturate_row(p1, z, limit, field.thickness);
-    p2 = saturate_row(p2, z, limit, field.thickness);
-  }
-  const Sloped<Pixels> row = spline(p0, p1, p2, spot.t[i]);
-  // Per pixel of the row: the pair of its value, and the pair of its slope by v.
-  const Half left = __builtin_shufflevector(row.value, row.slope, 0, 1, 8, 9);
-  const Half middle = __builtin_shufflevector(row.value, row.slope, 2, 3, 10, 11);
-  const Half right = __builtin_shufflevector(row.value, row.slope, 4, 5, 12, 13);
-  const Sloped<Half> both = spline(left, middle, right, spot.s[i]);
-  return {__builtin_shufflevector(both.value, both.value, 0, 1),
-          level.scale * __builtin_shufflevector(both.slope, both.slope, 0, 1),
-          level.scale * __builtin_shufflevector(both.value, both.value, 2, 3)};
-}
-
-// What the field says to each element.
-void ask(const FieldJob& job, std::size_t begin, Lookup& at) {
-  for (int i = 0; i < kSize; ++i) {
-    const float z = at.z[i], radius = job.radius[begin + static_cast<std::size_t>(i)];
-    Sample result = sample(job.field, at.spot, i, z, radius);
-    at.more_by_z[i] = 0;
-    const float blend = at.blend[i];
-    if (blend > 0) [[unlikely]] {
-      const Sample next = sample(job.field, at.next, i, z, radius);
-      const Pair change = next.phi - result.phi;
-      at.more_by_z[i] = (change[0] - z * change[1]) * at.blend_by_z[i];
-      result.phi += blend * change;
-      result.by_u += blend * (next.by_u - result.by_u);
-      result.by_v += blend * (next.by_v - result.by_v);
+  };
+  take_row(1);
+  const VecF step_limit = gather(field.step_limit, level);
+  const VecI must_bend =
+      (gather_bytes(field.is_step, pixel) != 0) | (plane[1] < 2.0f * step_limit - field.thickness);
+  const bool some_bend = mask_bits(must_bend) != 0;
+  VecF value[3], by_u[3], slopes[3];
+  const auto sum_row = [&](int q) {
+    if (some_bend) [[unlikely]] {
+      for (int p = 0; p < 3; ++p) {
+        const Sloped<VecF> bent = saturate(plane[p], radius + step_limit, splat(field.thickness));
+        plane[p] = select(must_bend, bent.value, plane[p]);
+        slope[p] = select(must_bend, slope[p] * bent.slope, slope[p]);
+      }
     }
-    store_pair(at.phi + 2 * i, result.phi);
-    store_pair(at.by_u + 2 * i, result.by_u);
-    store_pair(at.by_v + 2 * i, result.by_v);
+    const Sloped<VecF> sum = spline(plane[0], plane[1], plane[2], s);
+    value[q] = sum.value;
+    by_u[q] = sum.slope;
+    slopes[q] = spline(slope[0], slope[1], slope[2], s).value;
+  };
+  sum_row(1);
+  for (const int q : {0, 2}) {
+    take_row(q);
+    sum_row(q);
   }
+  const Sloped<VecF> phi = spline(value[0], value[1], value[2], t);
+  return {phi.value, spline(by_u[0], by_u[1], by_u[2], t).value * scale, phi.slope * scale,
+          -spline(slopes[0], slopes[1], slopes[2], t).value};
+}
+
+// phi for spheres of these radii: footprint = m 2^e with m in [1, 2) lies between levels e and e
+// + 1.
+[[gnu::always_inline]] inline ImageGradient<VecF> ask(const Field& field, const Seen& at,
+                                                      VecF inverse_depth, VecF radius) {
+  const VecI last = splat(field.last_level);
+  const VecF footprint = max(kFootprint * radius * field.fx * inverse_depth, splat(1.0f));
+  const VecI bits = reinterpret_cast<VecI>(footprint);
+  const VecI exponent = (bits >> 23) - 127;
+  const VecF m = reinterpret_cast<VecF>((bits & 0x7fffff) | 0x3f800000);
+  const Sloped<VecF> step = smooth_step((m - 1.0f) * (1.0f / (kBlendEnd - 1)));
+  const VecI is_next = (step.value >= splat(1.0f)) & (exponent < last);
+  const VecI is_single = is_next | (exponent >= last);
+  const VecI level = exponent < last ? exponent - is_next : last;
+  ImageGradient<VecF> g = sample(field, at, level, radius);
+  const VecF blend = select(is_single, VecF{}, step.value);
+  if (mask_bits(blend > VecF{}) != 0) {
+    const ImageGradient<VecF> next = sample(field, at, level < last ? level + 1 : last, radius);
+    const VecF blend_by_z = step.slope * m * inverse_depth * (-1.0f / (kBlendEnd - 1));
+    const VecF change = next.phi - g.phi;
+    g.by_u += blend * (next.by_u - g.by_u);
+    g.by_v += blend * (next.by_v - g.by_v);
+    g.by_z += blend * (next.by_z - g.by_z) + select(is_single, VecF{}, change * blend_by_z);
+    g.phi += blend * change;
+  }
+  return g;
 }
 
 // Sums of one group.
@@ -175,38 +128,35 @@ struct Totals {
   RowSums volume, potential, fx, fy, fz, tx, ty, tz, boundary, inside;
 };
 
-// Volumes, energies and forces of the elements.
-void push(const FieldJob& job, std::size_t begin, const Lookup& at, Totals& totals) {
-  const float fx = static_cast<float>(job.field.intrinsics.fx);
-  const float fy = static_cast<float>(job.field.intrinsics.fy);
+// Volumes, energies and forces of one cluster.
+void measure_cluster(const FieldJob& job, const Field& field, std::size_t begin, Totals& totals) {
+  const SphereClusters& c = *job.clusters;
   for (int i = 0; i < kSize; i += kLanes) {
     const std::size_t place = begin + static_cast<std::size_t>(i);
-    const int part = i / kLanes % RowSums::kParts;
-    const VecF radius = load(job.radius + place), factor = load(job.factor + place);
-    const VecF lz = load(at.lever_z + i);
-    const VecI in_front = lz + job.p_WC[2] > splat(kLeastDepth);
-    const VecF depth = load(at.z + i);
-    VecF slope;
-    const auto distance = [&](const float* pairs) {
-      VecF offset;
-      load_pairs(pairs + 2 * i, offset, slope);
-      return offset - depth * slope;
+    const VecF x_T = load(&c.x[place]), y_T = load(&c.y[place]), z_T = load(&c.z[place]);
+    const auto rotated = [&](const float(&row)[3]) {
+      return row[0] * x_T + row[1] * y_T + row[2] * z_T;
     };
-    const VecF by_u = distance(at.by_u), by_v = distance(at.by_v), at_centre = distance(at.phi);
-    const VecF phi = select(in_front, at_centre, radius);
+    const VecF lx = rotated(job.R_WT[0]), ly = rotated(job.R_WT[1]), lz = rotated(job.R_WT[2]);
+    const VecF depth = max(lz + job.p_WC[2], splat(kLeastDepth)), inverse_depth = 1.0f / depth;
+    const VecF from_u = field.fx * (lx + job.p_WC[0]) * inverse_depth;
+    const VecF from_v = field.fy * (ly + job.p_WC[1]) * inverse_depth;
+    const VecF radius = load(job.radius + place), factor = load(job.factor + place);
+    ImageGradient<VecF> g =
+        ask(field, {from_u + field.cx, from_v + field.cy, depth}, inverse_depth, radius);
+    const VecI in_front = lz + job.p_WC[2] > splat(kLeastDepth);
+    const VecF phi = select(in_front, g.phi, radius);
+
     const VecF h = min(max(radius - phi, VecF{}), radius + radius);
     const VecF volume = factor * (static_cast<float>(kPi / 3) * h * h * (3.0f * radius - h));
     const VecF whole = factor * (static_cast<float>(4 * kPi / 3) * radius * radius * radius);
     const VecF potential =
         factor * (static_cast<float>(kPi / 12) * h * h * h * (4.0f * radius - h)) +
         whole * max(-phi - radius, VecF{});
-    const Gradient3<VecF> n =
-        to_space(ImageGradient<VecF>{phi, by_u, by_v, load(at.more_by_z + i) - slope},
-                 load(at.from_u + i), load(at.from_v + i), load(at.inverse_z + i), fx, fy);
+    const Gradient3<VecF> n = to_space(g, from_u, from_v, inverse_depth, field.fx, field.fy);
     const VecF x = volume * n.x, y = volume * n.y, z = volume * n.z;
-    const VecF lx = load(at.lever_x + i), ly = load(at.lever_y + i);
-    const VecF counted = load(job.counted + place);
-    totals.volume.add(part, volume * fade(phi, splat(job.field.thickness)));
+    const int part = i / kLanes % RowSums::kParts;
+    totals.volume.add(part, volume * fade(phi, splat(field.thickness)));
     totals.potential.add(part, potential);
     totals.fx.add(part, x);
     totals.fy.add(part, y);
@@ -214,6 +164,7 @@ void push(const FieldJob& job, std::size_t begin, const Lookup& at, Totals& tota
     totals.tx.add(part, ly * z - lz * y);
     totals.ty.add(part, lz * x - lx * z);
     totals.tz.add(part, lx * y - ly * x);
+    const VecF counted = load(job.counted + place);
     const VecI is_inside = phi <= -radius;
     totals.inside.add(part, select(is_inside, counted, VecF{}));
     totals.boundary.add(part, select((phi < radius) & ~is_inside, counted, VecF{}));
@@ -268,14 +219,11 @@ FieldSums measure_group(const FieldJob& job, int group) {
   const SphereClusters& clusters = *job.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
+  const Field field(job.field);
   Totals totals;
-  Lookup at;
   for (int cluster = first; cluster < last; ++cluster) {
     if (is_in_front(job, cluster)) continue;
-    const std::size_t begin = static_cast<std::size_t>(cluster) * kSize;
-    look(job, begin, at);
-    ask(job, begin, at);
-    push(job, begin, at, totals);
+    measure_cluster(job, field, static_cast<std::size_t>(cluster) * kSize, totals);
   }
   FieldSums sums;
   sums.volume = totals.volume.total();

@@ -40,20 +40,6 @@ inline VecF load(const float* from) {
   std::memcpy(&v, from, sizeof v);
   return v;
 }
-/// a0 b0 a1 b1 ... as two vectors.
-inline void load_pairs(const float* from, VecF& a, VecF& b) {
-  const VecF low = load(from), high = load(from + kLanes);
-#if PALPATE_LANES == 16
-  a = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
-  b = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-#elif PALPATE_LANES == 8
-  a = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14);
-  b = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15);
-#else
-  a = __builtin_shufflevector(low, high, 0, 2, 4, 6);
-  b = __builtin_shufflevector(low, high, 1, 3, 5, 7);
-#endif
-}
 inline void store(float* to, VecF v) { std::memcpy(to, &v, sizeof v); }
 /// Writes the first `count` lanes, all of them if there are no more.
 inline void store_first(float* to, VecF v, int count) {
@@ -157,6 +143,86 @@ inline VecF gather(const float* table, VecI index) {
   VecF v;
   for (int i = 0; i < kLanes; ++i) v[i] = table[index[i]];
   return v;
+#endif
+}
+
+/// The byte table[index[i]] for each lane; three more bytes after the last one may be read.
+inline VecI gather_bytes(const std::uint8_t* table, VecI index) {
+#if PALPATE_LANES == 16
+  return reinterpret_cast<VecI>(
+             _mm512_i32gather_epi32(reinterpret_cast<__m512i>(index), table, 1)) &
+         0xff;
+#elif PALPATE_LANES == 8
+  return reinterpret_cast<VecI>(_mm256_i32gather_epi32(reinterpret_cast<const int*>(table),
+                                                       reinterpret_cast<__m256i>(index), 1)) &
+         0xff;
+#else
+  VecI v;
+  for (int i = 0; i < kLanes; ++i) v[i] = table[index[i]];
+  return v;
+#endif
+}
+
+/// Numbers k = 0 ... 5 from table[index[i]] on, for each lane, as columns[k]; eight may be read.
+/// Narrow vectors load whole rows and transpose them, which is faster there than gathering.
+inline void gather_six(const float* table, VecI index, VecF (&columns)[6]) {
+#if PALPATE_LANES == 16
+  const __m512i all = reinterpret_cast<__m512i>(index);
+  const __m256i from[2] = {_mm512_castsi512_si256(all), _mm512_extracti64x4_epi64(all, 1)};
+  for (int k = 0; k < 6; k += 2) {
+    const VecF low = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[0], table + k, 4));
+    const VecF high = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[1], table + k, 4));
+    columns[k] = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24,
+                                         26, 28, 30);
+    columns[k + 1] = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23,
+                                             25, 27, 29, 31);
+  }
+#elif PALPATE_LANES == 8
+  VecF low[4], high[4];  // two rows woven into each other
+  for (int i = 0; i < 4; ++i) {
+    const VecF a = load(table + index[2 * i]), b = load(table + index[2 * i + 1]);
+    low[i] = __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13);
+    high[i] = __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
+  }
+  const auto first = [](VecF a, VecF b) {
+    return __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13);
+  };
+  const auto second = [](VecF a, VecF b) {
+    return __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
+  };
+  const auto left = [](VecF a, VecF b) {
+    return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11);
+  };
+  const auto right = [](VecF a, VecF b) {
+    return __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15);
+  };
+  const VecF a04 = first(low[0], low[1]), b04 = first(low[2], low[3]);
+  const VecF a15 = second(low[0], low[1]), b15 = second(low[2], low[3]);
+  columns[0] = left(a04, b04);
+  columns[1] = left(a15, b15);
+  columns[2] = left(first(high[0], high[1]), first(high[2], high[3]));
+  columns[3] = left(second(high[0], high[1]), second(high[2], high[3]));
+  columns[4] = right(a04, b04);
+  columns[5] = right(a15, b15);
+#else
+  VecF front[4], back[4];
+  for (int i = 0; i < 4; ++i) {
+    front[i] = load(table + index[i]);
+    back[i] = load(table + index[i] + 4);
+  }
+  const auto low = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 0, 4, 1, 5); };
+  const auto high = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 2, 6, 3, 7); };
+  const auto first = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 0, 1, 4, 5); };
+  const auto second = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 2, 3, 6, 7); };
+  const VecF a = low(front[0], front[1]), b = low(front[2], front[3]);
+  const VecF c = high(front[0], front[1]), d = high(front[2], front[3]);
+  const VecF e = low(back[0], back[1]), f = low(back[2], back[3]);
+  columns[0] = first(a, b);
+  columns[1] = second(a, b);
+  columns[2] = first(c, d);
+  columns[3] = second(c, d);
+  columns[4] = first(e, f);
+  columns[5] = second(e, f);
 #endif
 }
 

@@ -41,11 +41,23 @@ float step_limit_of(int level) {
   return std::min(kStepLimit * static_cast<float>(1 << level), kStepLimitLimit);
 }
 
-/// One level with its memory.
+/// The pixels of all levels.
+struct Pixels {
+  std::vector<TangentPlane> planes;
+  std::vector<std::uint8_t> is_step;
+};
+
+/// One level, whose pixels are rows of a larger memory from `first_row` on.
 class Image {
  public:
-  Image(int width, int height, int stride)
-      : width_(width), height_(height), stride_(stride), planes_(size()), is_step_(size(), 1) {}
+  static int num_rows(int height) { return height + 2 * kBorder; }
+
+  Image(Pixels& pixels, int first_row, int width, int height, int stride)
+      : width_(width),
+        height_(height),
+        stride_(stride),
+        planes_(&pixels.planes[static_cast<std::size_t>(first_row * stride)]),
+        is_step_(&pixels.is_step[static_cast<std::size_t>(first_row * stride)]) {}
 
   int width() const { return width_; }
   int height() const { return height_; }
@@ -67,17 +79,14 @@ class Image {
   }
 
  private:
-  std::size_t size() const {  // four pixels are read where three are needed
-    return static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_ + 2 * kBorder) + 1;
-  }
   std::size_t index(int u, int v) const {
     return static_cast<std::size_t>(v + kBorder) * static_cast<std::size_t>(stride_) +
            static_cast<std::size_t>(u + kBorder);
   }
 
   int width_, height_, stride_;
-  std::vector<TangentPlane> planes_;
-  std::vector<std::uint8_t> is_step_;
+  TangentPlane* planes_;
+  std::uint8_t* is_step_;
 };
 
 /// Which of a few pixels a wider one stands for.
@@ -133,6 +142,7 @@ void for_rows(ThreadPool& pool, int height, const Row& row) {
 
 struct DepthField::Impl {
   DepthFieldOptions options;
+  Pixels pixels;
   std::vector<Image> images;
   std::vector<char> row_has_hole;  // of level 0
   std::vector<DepthTile> tiles;
@@ -178,10 +188,10 @@ void DepthField::Impl::widen(int level, Choice choice, ThreadPool& pool) {
     const int v0 = 2 * v, v1 = std::min(2 * v + 1, fine.height() - 1);
     for (int u = 0; u < coarse.width(); ++u) {
       const int u0 = 2 * u, u1 = std::min(2 * u + 1, fine.width() - 1);
-      const TangentPlane pixels[4] = {fine.at(u0, v0), fine.at(u1, v0), fine.at(u0, v1),
-                                      fine.at(u1, v1)};
+      const TangentPlane four[4] = {fine.at(u0, v0), fine.at(u1, v0), fine.at(u0, v1),
+                                    fine.at(u1, v1)};
       constexpr float kEqual[4] = {1, 1, 1, 1};
-      coarse.at(u, v) = merge(pixels, kEqual, tolerance, choice);
+      coarse.at(u, v) = merge(four, kEqual, tolerance, choice);
     }
   });
 }
@@ -198,10 +208,10 @@ void DepthField::Impl::fill_level(int level, ThreadPool& pool) {
     for (int u = 0; u < fine.width(); ++u) {
       if (fine.at(u, v).is_surface()) continue;
       const int u0 = u / 2, u1 = std::clamp(u0 + (u % 2 ? 1 : -1), 0, coarse.width() - 1);
-      const TangentPlane pixels[4] = {coarse.at(u0, v0), coarse.at(u1, v0), coarse.at(u0, v1),
-                                      coarse.at(u1, v1)};
+      const TangentPlane four[4] = {coarse.at(u0, v0), coarse.at(u1, v0), coarse.at(u0, v1),
+                                    coarse.at(u1, v1)};
       constexpr float kBilinear[4] = {9, 3, 3, 1};
-      fine.at(u, v) = merge(pixels, kBilinear, tolerance, Choice::farthest);
+      fine.at(u, v) = merge(four, kBilinear, tolerance, Choice::farthest);
     }
   });
 }
@@ -290,11 +300,25 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   auto impl = std::make_unique<Impl>();
   impl->options = options;
   const int stride = width + 2 * kBorder;
-  while (static_cast<int>(impl->images.size()) < DepthFieldView::kMaxLevels &&
+  struct Size {
+    int width, height;
+  };
+  std::vector<Size> sizes;
+  int num_rows = 0;
+  while (static_cast<int>(sizes.size()) < DepthFieldView::kMaxLevels &&
          std::min(width, height) >= 4) {
-    impl->images.emplace_back(width, height, stride);
+    sizes.push_back({width, height});
+    num_rows += Image::num_rows(height);
     width = (width + 1) / 2;
     height = (height + 1) / 2;
+  }
+  const auto num_pixels = static_cast<std::size_t>(num_rows) * static_cast<std::size_t>(stride);
+  impl->pixels.planes.resize(num_pixels + 1);      // four pixels are read where three are needed
+  impl->pixels.is_step.assign(num_pixels + 3, 1);  // vectors of bytes are read four at a time
+  int first_row = 0;
+  for (const Size& size : sizes) {
+    impl->images.emplace_back(impl->pixels, first_row, size.width, size.height, stride);
+    first_row += Image::num_rows(size.height);
   }
   const Image& finest = impl->images[0];
   impl->row_has_hole.resize(static_cast<std::size_t>(finest.height()));
