@@ -2,36 +2,25 @@
 // read from $PALPATE_DATA/meshes_good/bunny_3k.off.
 //   bench_packing --benchmark_filter=bunny
 #include <benchmark/benchmark.h>
+#include <sys/resource.h>
 
 #include <cstdlib>
-#include <fstream>
 #include <string>
 
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
 #include "palpate/packing/represented_volumes.h"
+#include "tests/test_util/off_mesh.h"
 
 namespace palpate {
 namespace {
-
-TriangleMesh read_off(const std::string& path) {
-  std::ifstream file(path);
-  std::string magic;
-  std::size_t num_vertices = 0, num_faces = 0, ignored = 0;
-  file >> magic >> num_vertices >> num_faces >> ignored;
-  TriangleMesh mesh;
-  mesh.vertices.resize(num_vertices);
-  mesh.triangles.resize(num_faces);
-  for (Vec3d& v : mesh.vertices) file >> v.x >> v.y >> v.z;
-  for (auto& t : mesh.triangles) file >> ignored >> t[0] >> t[1] >> t[2];
-  return mesh;
-}
 
 TriangleMesh cube() { return make_box({0.1, 0.1, 0.1}); }
 
 TriangleMesh bunny() {
   const char* folder = std::getenv("PALPATE_DATA");
-  return folder ? read_off(std::string(folder) + "/meshes_good/bunny_3k.off") : TriangleMesh{};
+  return folder ? test::read_off(std::string(folder) + "/meshes_good/bunny_3k.off")
+                : TriangleMesh{};
 }
 
 bool is_missing(const TriangleMesh& mesh, benchmark::State& state) {
@@ -70,6 +59,21 @@ BENCHMARK(pack_cube)->Apply(settings);
 
 void pack_bunny(benchmark::State& state) { pack(state, bunny()); }
 BENCHMARK(pack_bunny)->Apply(settings);
+
+// A million spheres: once, with the most memory that the process ever held.
+void pack_bunny_million(benchmark::State& state) {
+  pack(state, bunny());
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  state.counters["peak_gib"] = static_cast<double>(usage.ru_maxrss) / (1 << 20);
+}
+BENCHMARK(pack_bunny_million)
+    ->Args({1000000, 0})
+    ->ArgNames({"spheres", "threads"})
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
 
 void volumes(benchmark::State& state, const TriangleMesh& mesh) {
   if (is_missing(mesh, state)) return;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <fstream>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -10,23 +9,11 @@
 #include "palpate/mesh/mass_properties.h"
 #include "palpate/mesh/shapes.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/off_mesh.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {
 namespace {
-
-TriangleMesh read_off(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  std::string magic;
-  std::size_t num_vertices = 0, num_faces = 0, ignored;
-  file >> magic >> num_vertices >> num_faces >> ignored;
-  TriangleMesh mesh;
-  mesh.vertices.resize(num_vertices);
-  mesh.triangles.resize(num_faces);
-  for (Vec3d& v : mesh.vertices) file >> v.x >> v.y >> v.z;
-  for (auto& t : mesh.triangles) file >> ignored >> t[0] >> t[1] >> t[2];
-  return mesh;
-}
 
 TriangleMesh moved(TriangleMesh mesh, double scale, const Vec3d& shift) {
   const Quaternion q = axis_angle({1, -2, 0.5}, 0.8);
@@ -155,7 +142,7 @@ TEST(Packer, FillsWell) {
 // Measured: .8022 at 1000, .8779 at 10000.
 TEST(Packer, FillsTheBunny) {
   PALPATE_DATA_OR_SKIP(path, "meshes_good/bunny_3k.off");
-  const TriangleMesh bunny = read_off(path);
+  const TriangleMesh bunny = test::read_off(path);
   const SpherePacking packing = pack(bunny, 10000);
   EXPECT_GT(fill(packing), 0.875);
   SpherePacking first = packing;

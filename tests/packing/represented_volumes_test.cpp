@@ -1,7 +1,6 @@
 #include "palpate/packing/represented_volumes.h"
 
 #include <algorithm>
-#include <fstream>
 #include <limits>
 #include <numeric>
 #include <string>
@@ -15,6 +14,7 @@
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/off_mesh.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {
@@ -51,19 +51,6 @@ TriangleMesh make_corner(double size) {
     mesh.triangles.push_back({3, j, i});
     mesh.triangles.push_back({9, i + 6, j + 6});
   }
-  return mesh;
-}
-
-TriangleMesh read_off(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  std::string magic;
-  std::size_t num_vertices = 0, num_faces = 0, ignored = 0;
-  file >> magic >> num_vertices >> num_faces >> ignored;
-  TriangleMesh mesh;
-  mesh.vertices.resize(num_vertices);
-  mesh.triangles.resize(num_faces);
-  for (Vec3d& v : mesh.vertices) file >> v.x >> v.y >> v.z;
-  for (auto& t : mesh.triangles) file >> ignored >> t[0] >> t[1] >> t[2];
   return mesh;
 }
 
@@ -178,7 +165,7 @@ TEST(RepresentedVolumes, AgreeWithAFineSampling) {
 TEST(RepresentedVolumes, RandomPointsInTheBunnyAgree) {
   PALPATE_DATA_OR_SKIP(path, "meshes_good/bunny_3k.off");
   ThreadPool pool(2);
-  const TriangleMesh mesh = read_off(path);
+  const TriangleMesh mesh = test::read_off(path);
   const auto spheres = pack(mesh, 1000);
   const auto volumes = represented_volumes(mesh, spheres, pool).value();
   const TriangleBvh bvh(mesh);
