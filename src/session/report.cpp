@@ -92,7 +92,7 @@ std::string plots(const Tool& tool, const RunLog& log) {
   std::string html = "<h2>What the tool felt</h2>\n";
   html +=
       figure(draw(volume),
-             "How much of the tool's spheres lies behind the surface" +
+             "How much of the tool lies behind the surface" +
                  std::string(log.settings.objects.empty() ? "" : " or in an object") +
                  ". A step at a stroke on the top edge is the scene moving on: a new depth frame "
                  "became current there.");

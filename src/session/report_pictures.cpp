@@ -90,7 +90,7 @@ Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
   html +=
       "</div><div class='key'>"
       "<span><i style='background:#296beb'></i>inside: behind the surface</span>"
-      "<span><i style='background:#9e38cc'></i>boundary: holds points of the surface</span>"
+      "<span><i style='background:#9e38cc'></i>boundary: at the surface</span>"
       "<span><i style='background:#e03d33'></i>outside: free</span>";
   if (contact) html += "<span>F: direction of the force on the tool</span>";
   return html + "</div>\n";

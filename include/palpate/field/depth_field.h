@@ -80,7 +80,7 @@ class DepthField {
   ~DepthField();
 
   /// Rebuilds the field from an organised pinhole cloud of the size given at construction. The same
-  /// bits for any number of threads. O(pixels), about 6 ms for 640x480 on one core.
+  /// bits for any number of threads. O(pixels), about 9 ms for 640x480 on one core.
   void update(const PointCloudView& cloud, ThreadPool& pool);
 
   /// Valid until the next update; no levels before the first one.
