@@ -81,7 +81,7 @@ struct Seen {
         slope[p] = select(must_bend, slope[p] * bent.slope, slope[p]);
       }
     }
-    const Sloped<VecF> sum = spline(plane[0], plane[1], plane[2], s);
+    const Curved<VecF> sum = spline(plane[0], plane[1], plane[2], s);
     value[q] = sum.value;
     by_u[q] = sum.slope;
     slopes[q] = spline(slope[0], slope[1], slope[2], s).value;
@@ -91,7 +91,7 @@ struct Seen {
     take_row(q);
     sum_row(q);
   }
-  const Sloped<VecF> phi = spline(value[0], value[1], value[2], t);
+  const Curved<VecF> phi = spline(value[0], value[1], value[2], t);
   return {phi.value, spline(by_u[0], by_u[1], by_u[2], t).value * scale, phi.slope * scale,
           -spline(slopes[0], slopes[1], slopes[2], t).value};
 }

@@ -91,11 +91,9 @@ std::string plots(const Tool& tool, const RunLog& log) {
   }
   std::string html = "<h2>What the tool felt</h2>\n";
   html +=
-      figure(draw(volume),
-             "How much of the tool lies behind the surface" +
-                 std::string(log.settings.objects.empty() ? "" : " or in an object") +
-                 ". A step at a stroke on the top edge is the scene moving on: a new depth frame "
-                 "became current there.");
+      figure(draw(volume), "How much of the tool lies behind the surface" +
+                               std::string(log.settings.objects.empty() ? "" : " or in an object") +
+                               ". At each stroke on the top edge a new depth frame arrived.");
   html +=
       vector_figure(log, base, kVolumeUnits, "force measure", "F", &Wrench::force,
                     "Sum of volume times surface normal over all spheres, before any stiffness, "
@@ -166,7 +164,7 @@ std::string tables(const Tool& tool, const RunLog& log) {
          row("sphere volume / mesh volume", with_unit(tool.sphere_mass().volume, kVolumeUnits) +
                                                 " / " +
                                                 with_unit(tool.mesh_mass().volume, kVolumeUnits)) +
-         row("inside method", name_of(kMethodNames, s.contact.method)) +
+         row("method", name_of(kMethodNames, s.contact.method)) +
          row("priority", name_of(kPriorityNames, s.contact.priority)) +
          row("inside volume (graph)", name_of(kInsideNames, s.contact.inside)) +
          row("volume of a sphere", name_of(kVolumesNames, std::optional(s.contact.counted()))) +

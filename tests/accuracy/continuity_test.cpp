@@ -12,6 +12,7 @@
 #include "palpate/packing/packer.h"
 #include "palpate/tool/tool.h"
 #include "scenes/scene.h"
+#include "tests/accuracy/point_methods.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {
@@ -57,13 +58,7 @@ double largest_force_step(const SurfaceEstimator& surface, const ContactOptions&
   return largest / full_volume(cube_tool(), options);
 }
 
-struct Method {
-  const char* name;
-  InsideMethod method;
-  InsideVolume inside;
-};
-
-class ForceSteps : public testing::TestWithParam<Method> {};
+class ForceSteps : public testing::TestWithParam<test::PointMethod> {};
 
 TEST_P(ForceSteps, OfPointsThatEnterAreSmoothedByEntry) {
   const auto& [name, method, inside] = GetParam();
@@ -90,13 +85,8 @@ TEST_P(ForceSteps, OfPointsThatEnterAreSmoothedByEntry) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Methods, ForceSteps,
-    testing::Values(Method{"weighted", InsideMethod::weighted, InsideVolume::full},
-                    Method{"simplified", InsideMethod::simplified, InsideVolume::full},
-                    Method{"graph", InsideMethod::graph, InsideVolume::full},
-                    Method{"graph_cap", InsideMethod::graph, InsideVolume::cap}),
-    [](const auto& method) { return method.param.name; });
+INSTANTIATE_TEST_SUITE_P(Methods, ForceSteps, test::point_methods(),
+                         [](const auto& method) { return method.param.name; });
 
 }  // namespace
 }  // namespace palpate

@@ -14,6 +14,7 @@
 #include "palpate/tool/tool.h"
 #include "scenes/scene.h"
 #include "scenes/truth.h"
+#include "tests/accuracy/point_methods.h"
 
 namespace palpate {
 namespace {
@@ -93,13 +94,7 @@ PathError path_error(const SurfaceEstimator& surface, double side, const Contact
   return result;
 }
 
-struct Method {
-  const char* name;
-  InsideMethod method;
-  InsideVolume inside;
-};
-
-class EdgesOfThePillar : public testing::TestWithParam<Method> {};
+class EdgesOfThePillar : public testing::TestWithParam<test::PointMethod> {};
 
 // The noisy camera does not see what is left of the pillar: its projector is to the right.
 TEST_P(EdgesOfThePillar, StopTunnelling) {
@@ -143,13 +138,8 @@ TEST(FieldAtThePillar, DoesNotTunnel) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Methods, EdgesOfThePillar,
-    testing::Values(Method{"weighted", InsideMethod::weighted, InsideVolume::full},
-                    Method{"simplified", InsideMethod::simplified, InsideVolume::full},
-                    Method{"graph", InsideMethod::graph, InsideVolume::full},
-                    Method{"graph_cap", InsideMethod::graph, InsideVolume::cap}),
-    [](const auto& method) { return method.param.name; });
+INSTANTIATE_TEST_SUITE_P(Methods, EdgesOfThePillar, test::point_methods(),
+                         [](const auto& method) { return method.param.name; });
 
 }  // namespace
 }  // namespace palpate

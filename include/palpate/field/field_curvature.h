@@ -21,49 +21,45 @@ struct ImageCurvature {
 
 /// As sample_level, with second derivatives.
 PALPATE_HOSTDEV inline ImageCurvature sample_level_curvature(const DepthFieldLevel& level,
-                                                             const PixelWeights<double>& weights,
+                                                             const PixelSpot<double>& spot,
                                                              double z, double radius,
                                                              double thickness) {
-  const bool is_bent = must_saturate(level, weights.pixel, z, thickness);
+  const bool is_bent = must_saturate(level, spot.pixel, z, thickness);
   const double limit = radius + static_cast<double>(level.step_limit);
-  ImageCurvature sum;
+  // Of each row: phi, its derivative by z, its second derivative by z.
+  Curved<double> phi[3], by_z[3], by_zz[3];
   for (int q = 0; q < 3; ++q) {
+    const float* pair = level.planes + 2 * (spot.pixel + (q - 1) * level.stride - 1);
+    double distance[3], first[3], second[3];
     for (int p = 0; p < 3; ++p) {
-      const int k = weights.pixel + (q - 1) * level.stride + p - 1;
-      const double slope = level.planes[2 * k + 1];
-      const double distance = static_cast<double>(level.planes[2 * k]) - z * slope;
-      Sloped<double> plane{distance, 1};
-      double bend = 0;
-      if (is_bent) {
-        plane = saturate(distance, limit, thickness);
-        if (distance > limit && distance < 3 * limit) bend = -1 / (2 * limit);
-        if (distance < -thickness && distance > -2 * thickness) bend = 1 / thickness;
-      }
-      const double wu = weights.u[p], du = weights.by_u[p];
-      const double wv = weights.v[q], dv = weights.by_v[q];
-      const double duu = 2 * static_cast<double>(kSplineC[p]);
-      const double dvv = 2 * static_cast<double>(kSplineC[q]);
-      const double by_z = -plane.slope * slope;
-      sum.first.phi += wu * wv * plane.value;
-      sum.first.by_u += du * wv * plane.value;
-      sum.first.by_v += wu * dv * plane.value;
-      sum.first.by_z += wu * wv * by_z;
-      sum.uu += duu * wv * plane.value;
-      sum.uv += du * dv * plane.value;
-      sum.vv += wu * dvv * plane.value;
-      sum.uz += du * wv * by_z;
-      sum.vz += wu * dv * by_z;
-      sum.zz += wu * wv * bend * slope * slope;
+      const double slope = pair[2 * p + 1];
+      distance[p] = static_cast<double>(pair[2 * p]) - z * slope;
+      first[p] = -slope;
+      second[p] = 0;
+      if (!is_bent) continue;
+      const double d = distance[p];
+      if (d > limit && d < 3 * limit) second[p] = -slope * slope / (2 * limit);
+      if (d < -thickness && d > -2 * thickness) second[p] = slope * slope / thickness;
+      const Sloped<double> plane = saturate(d, limit, thickness);
+      distance[p] = plane.value;
+      first[p] *= plane.slope;
     }
+    phi[q] = spline(distance[0], distance[1], distance[2], spot.s);
+    by_z[q] = spline(first[0], first[1], first[2], spot.s);
+    by_zz[q] = spline(second[0], second[1], second[2], spot.s);
   }
-  const double s = level.scale;
-  sum.first.by_u *= s;
-  sum.first.by_v *= s;
-  sum.uu *= s * s;
-  sum.uv *= s * s;
-  sum.vv *= s * s;
-  sum.uz *= s;
-  sum.vz *= s;
+  const double t = spot.t, s = level.scale;
+  const Curved<double> value = spline(phi[0].value, phi[1].value, phi[2].value, t);
+  const Curved<double> by_u = spline(phi[0].slope, phi[1].slope, phi[2].slope, t);
+  const Curved<double> z_value = spline(by_z[0].value, by_z[1].value, by_z[2].value, t);
+  ImageCurvature sum;
+  sum.first = {value.value, by_u.value * s, value.slope * s, z_value.value};
+  sum.uu = spline(phi[0].bend, phi[1].bend, phi[2].bend, t).value * s * s;
+  sum.uv = by_u.slope * s * s;
+  sum.vv = value.bend * s * s;
+  sum.uz = spline(by_z[0].slope, by_z[1].slope, by_z[2].slope, t).value * s;
+  sum.vz = z_value.slope * s;
+  sum.zz = spline(by_zz[0].value, by_zz[1].value, by_zz[2].value, t).value;
   return sum;
 }
 
@@ -77,11 +73,11 @@ PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthField
   const DepthFieldLevel& level = field.levels[choice.level];
   const double thickness = field.thickness;
   ImageCurvature c =
-      sample_level_curvature(level, weights_at(level, at.u, at.v), z, radius, thickness);
+      sample_level_curvature(level, spot_at(level, at.u, at.v), z, radius, thickness);
   if (choice.blend.value > 0) {
     const DepthFieldLevel& wider = field.levels[choice.level + 1];
     const ImageCurvature next =
-        sample_level_curvature(wider, weights_at(wider, at.u, at.v), z, radius, thickness);
+        sample_level_curvature(wider, spot_at(wider, at.u, at.v), z, radius, thickness);
     const double b = choice.blend.value, by_z = choice.blend.slope;
     const auto mix = [b](double from, double to) { return from + b * (to - from); };
     const ImageGradient<double> change{next.first.phi - c.first.phi, next.first.by_u - c.first.by_u,

@@ -21,26 +21,26 @@
 
 namespace palpate {
 
-/// B(t + 1), B(t), B(t - 1) and derivatives for t in [-1/2, 1/2]: a + t (b + t c), b + 2 t c.
-inline constexpr float kSplineA[4] = {0.125f, 0.75f, 0.125f, 0};
-inline constexpr float kSplineB[4] = {-0.5f, 0, 0.5f, 0};
-inline constexpr float kSplineC[4] = {0.5f, -1, 0.5f, 0};
-
 /// A number and its derivative.
 template <class Real>
 struct Sloped {
   Real value, slope;
 };
 
-/// The quadratic B-spline over three neighbours, at t in [-1/2, 1/2] from the middle one, and its
-/// slope: the same weights in another order.
+/// A number with its first and second derivative.
+template <class Real>
+struct Curved {
+  Real value, slope, bend;
+};
+
+/// The quadratic B-spline over three neighbours, at t in [-1/2, 1/2] from the middle one.
 template <class Value, class Real>
-PALPATE_FORMULA Sloped<Value> spline(const Value& left, const Value& middle, const Value& right,
+PALPATE_FORMULA Curved<Value> spline(const Value& left, const Value& middle, const Value& right,
                                      Real t) {
   const Value sum = left + right;
   const Value b = 0.5f * (right - left), c = 0.5f * sum - middle;
   const Value ct = c * t;
-  return {0.125f * sum + 0.75f * middle + (b + ct) * t, b + ct + ct};
+  return {0.125f * sum + 0.75f * middle + (b + ct) * t, b + ct + ct, c + c};
 }
 
 /// Width of the wanted pixel over the radius of the sphere. With 0.87 the B-spline has the second
@@ -145,14 +145,14 @@ PALPATE_HOSTDEV inline LevelChoice<Real> choose_level(const DepthFieldView& fiel
   return choice;
 }
 
-/// The nearest pixel of a level, and the weights of it and its neighbours with their derivatives.
+/// The nearest pixel of a level, and how far right of and below its middle.
 template <class Real>
-struct PixelWeights {
-  int pixel;
-  Real u[3], v[3], by_u[3], by_v[3];
+struct PixelSpot {
+  std::ptrdiff_t pixel;
+  Real s, t;
 };
 template <class Real>
-PALPATE_HOSTDEV inline PixelWeights<Real> weights_at(const DepthFieldLevel& level, Real u, Real v) {
+PALPATE_HOSTDEV inline PixelSpot<Real> spot_at(const DepthFieldLevel& level, Real u, Real v) {
   const auto place = [&level](Real at, float last) {
     const Real least = Real(DepthFieldLevel::kFirst), most = Real(last);
     const Real p = (at + Real(0.5)) * Real(level.scale) - Real(0.5);
@@ -161,17 +161,7 @@ PALPATE_HOSTDEV inline PixelWeights<Real> weights_at(const DepthFieldLevel& leve
   const Real at_u = place(u, level.last_u), at_v = place(v, level.last_v);
   const int i = static_cast<int>(std::floor(at_u + Real(0.5)));
   const int j = static_cast<int>(std::floor(at_v + Real(0.5)));
-  const Real s = at_u - Real(i), t = at_v - Real(j);
-  PixelWeights<Real> w;
-  w.pixel = j * level.stride + i;
-  for (int k = 0; k < 3; ++k) {
-    const Real a = Real(kSplineA[k]), b = Real(kSplineB[k]), c = Real(kSplineC[k]);
-    w.u[k] = a + s * (b + s * c);
-    w.v[k] = a + t * (b + t * c);
-    w.by_u[k] = b + 2 * s * c;
-    w.by_v[k] = b + 2 * t * c;
-  }
-  return w;
+  return {std::ptrdiff_t(j) * level.stride + i, at_u - Real(i), at_v - Real(j)};
 }
 
 /// Do the planes around a pixel have to be saturated one by one? At a step, and deep behind a
@@ -188,27 +178,30 @@ PALPATE_FORMULA bool must_saturate(const DepthFieldLevel& level, std::ptrdiff_t 
 /// One level.
 template <class Real>
 PALPATE_HOSTDEV inline ImageGradient<Real> sample_level(const DepthFieldLevel& level,
-                                                        const PixelWeights<Real>& weights, Real z,
+                                                        const PixelSpot<Real>& spot, Real z,
                                                         Real radius, Real thickness) {
-  const bool is_bent = must_saturate(level, weights.pixel, z, thickness);
+  const bool is_bent = must_saturate(level, spot.pixel, z, thickness);
   const Real limit = radius + Real(level.step_limit);
-  ImageGradient<Real> sum{};
+  Curved<Real> rows[3], row_slopes[3];
   for (int q = 0; q < 3; ++q) {
+    const float* pair = level.planes + 2 * (spot.pixel + (q - 1) * level.stride - 1);
+    Real distance[3], slope[3];
     for (int p = 0; p < 3; ++p) {
-      const int k = weights.pixel + (q - 1) * level.stride + p - 1;
-      const Real slope = Real(level.planes[2 * k + 1]);
-      Sloped<Real> plane{Real(level.planes[2 * k]) - z * slope, 1};
-      if (is_bent) plane = saturate(plane.value, limit, thickness);
-      const Real w = weights.u[p] * weights.v[q];
-      sum.phi += w * plane.value;
-      sum.by_u += weights.by_u[p] * weights.v[q] * plane.value;
-      sum.by_v += weights.u[p] * weights.by_v[q] * plane.value;
-      sum.by_z -= w * plane.slope * slope;
+      slope[p] = Real(pair[2 * p + 1]);
+      distance[p] = Real(pair[2 * p]) - z * slope[p];
+      if (!is_bent) continue;
+      const Sloped<Real> plane = saturate(distance[p], limit, thickness);
+      distance[p] = plane.value;
+      slope[p] *= plane.slope;
     }
+    rows[q] = spline(distance[0], distance[1], distance[2], spot.s);
+    row_slopes[q] = spline(slope[0], slope[1], slope[2], spot.s);
   }
-  sum.by_u *= Real(level.scale);
-  sum.by_v *= Real(level.scale);
-  return sum;
+  const Curved<Real> phi = spline(rows[0].value, rows[1].value, rows[2].value, spot.t);
+  const Real scale = Real(level.scale);
+  return {phi.value, spline(rows[0].slope, rows[1].slope, rows[2].slope, spot.t).value * scale,
+          phi.slope * scale,
+          -spline(row_slopes[0].value, row_slopes[1].value, row_slopes[2].value, spot.t).value};
 }
 
 /// phi for a sphere of this radius (m) at p_C, and its gradient. For single numbers; the vector
@@ -227,11 +220,11 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
   const LevelChoice<Real> choice = choose_level(field, radius, z);
   const DepthFieldLevel& level = field.levels[choice.level];
   const Real thickness = Real(field.thickness);
-  ImageGradient<Real> g = sample_level(level, weights_at(level, at.u, at.v), z, radius, thickness);
+  ImageGradient<Real> g = sample_level(level, spot_at(level, at.u, at.v), z, radius, thickness);
   if (choice.blend.value > 0) {
     const DepthFieldLevel& wider = field.levels[choice.level + 1];
     const ImageGradient<Real> next =
-        sample_level(wider, weights_at(wider, at.u, at.v), z, radius, thickness);
+        sample_level(wider, spot_at(wider, at.u, at.v), z, radius, thickness);
     const Real b = choice.blend.value;
     g.by_u += b * (next.by_u - g.by_u);
     g.by_v += b * (next.by_v - g.by_v);
