@@ -15,6 +15,8 @@
 namespace palpate::apps {
 namespace {
 
+const NumberRange kGpus{0, 63, "the number of a GPU, 0 or more"};
+
 /// The absolute path that a name leads to, links followed, whether or not it is there.
 std::filesystem::path resolved(const std::filesystem::path& path) {
   std::error_code ignored;
@@ -60,9 +62,20 @@ void add_contact_options(CLI::App& app, RunSettings& settings) {
   add_number(app, "--thickness", settings.field.thickness,
              {1e-3, kSolidBehind, "a number of metres from 0.001 to 1000000"},
              "field: how far behind a surface there is something to feel, in metres");
-  add_named(app, "--backend", settings.backend, kBackendNames, "where queries run");
+  add_named(app, "--backend", settings.backend, kBackendNames,
+            "where surfaces and queries are computed; auto: on a GPU if there is one");
+  add_number(app, "--contact-gpu", settings.contact_gpu, kGpus, "cuda: which GPU computes queries");
   add_threads_option(app, settings.num_threads,
                      "threads; 0: one per core for surfaces, one for queries");
+}
+
+void add_sensing_gpu_option(CLI::App& app, int& gpu) {
+  add_number(app, "--sensing-gpu", gpu, kGpus, "cuda: which GPU makes the surfaces");
+}
+
+void note_backend(const std::string& why_not_cuda) {
+  if (why_not_cuda.empty()) return;
+  std::cerr << "palpate: note: backend cpu is used: " << why_not_cuda << '\n';
 }
 
 void add_surface_options(CLI::App& app, SurfaceOptions& options) {

@@ -82,8 +82,12 @@ CLI::Option* add_number(CLI::App& app, const std::string& flag, Number& value,
 
 /// --threads, of which there may be a few per core.
 void add_threads_option(CLI::App& app, int& num_threads, const std::string& help);
-/// --method, --priority, --inside, --backend and --threads.
+/// --method, --priority, --inside, --backend, --contact-gpu and --threads.
 void add_contact_options(CLI::App& app, RunSettings& settings);
+/// --sensing-gpu.
+void add_sensing_gpu_option(CLI::App& app, int& gpu);
+/// Tells people on stderr that --backend auto did not find a GPU, if so.
+void note_backend(const std::string& why_not_cuda);
 /// How surfaces come from depth images: --min-depth, --no-filter, --normal-radius, ...
 void add_surface_options(CLI::App& app, SurfaceOptions& options);
 

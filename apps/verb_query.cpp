@@ -13,6 +13,7 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/contact/body_world.h"
+#include "palpate/core/stamp.h"
 #include "palpate/field/pinhole_cloud.h"
 #include "palpate/io/depth_files.h"
 #include "palpate/io/trajectory_file.h"
@@ -43,7 +44,13 @@ struct FrozenCloud {
   std::optional<DepthField> field;  ///< if the method asks one
   std::size_t num_usable = 0;       ///< points with a normal
 
-  PointCloudView view() const { return surface ? surface->cloud() : cloud.view(); }
+  std::uint64_t stamp = next_stamp();
+
+  PointCloudView view() const {
+    PointCloudView seen = surface ? surface->cloud() : cloud.view();
+    seen.stamp = stamp;  // it stays as it is
+    return seen;
+  }
 };
 
 void warn(const std::string& message) { std::cerr << "palpate: warning: " << message << '\n'; }
@@ -165,6 +172,7 @@ Status run(const Options& options) {
   ThreadPool pool(options.settings.num_threads);
   auto chosen = choose_contact_query(options.settings, *tool, pool);
   if (!chosen) return chosen.error();
+  note_backend(chosen->why_not_cuda);
   auto cloud = read_cloud(options, pool);
   if (!cloud) return cloud.error();
   if (options.settings.contact.method == InsideMethod::field) {
@@ -184,6 +192,8 @@ Status run(const Options& options) {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
     measurements.push_back({measured.total(), measured, elapsed.count()});
+    constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
+    if ((measured.total().status & kFailed) != 0) return lost_backend();
   }
   const double tool_volume = full_volume(*tool, options.settings.contact);
   if (options.json) {

@@ -151,8 +151,10 @@ Status run(const Options& options) {
 
   if (!outcome->warning.empty()) std::cerr << "palpate: " << outcome->warning << "\n";
   const RunLog& log = outcome->log;
+  note_backend(log.why_not_cuda);
   const double deepest = log.ticks[log.deepest_tick].penetration.volume;
-  if (options.json && !log.interrupted) {
+  const bool is_complete = !log.interrupted && log.failure.empty();
+  if (options.json && is_complete) {
     std::cout << outcome->summary_json;
   } else if (!options.json) {
     char text[160];
@@ -173,6 +175,9 @@ Status run(const Options& options) {
   }
   if (log.interrupted) {
     return Error{Errc::cancelled, "interrupted; the run so far is complete in " + options.output};
+  }
+  if (!log.failure.empty()) {
+    return Error{Errc::unavailable, log.failure + "; the run so far is in " + options.output};
   }
   return Done{};
 }
@@ -237,6 +242,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_prefix_option(app, options->num_spheres);
   add_object_option(app, options->objects);
   add_contact_options(app, options->settings);
+  add_sensing_gpu_option(app, options->settings.sensing_gpu);
   add_surface_options(app, options->settings.surface);
   add_time_options(app, options->settings.time);
   app.add_flag("--json", options->json, "print the summary as JSON");

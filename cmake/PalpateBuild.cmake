@@ -21,11 +21,17 @@ find_package(Threads REQUIRED)
 
 if(PALPATE_CUDA)
   if(NOT CMAKE_CUDA_ARCHITECTURES)
-    set(CMAKE_CUDA_ARCHITECTURES 80 90)
+    set(CMAKE_CUDA_ARCHITECTURES 75 80 90)
   endif()
   enable_language(CUDA)
+  find_package(CUDAToolkit REQUIRED)
   set(CMAKE_CUDA_STANDARD 20)
   set(CMAKE_CUDA_STANDARD_REQUIRED ON)
+  if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)
+    # Some releases of CMake 3.25 do not know how to ask nvcc for C++20.
+    set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION -std=c++20)
+    set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION -std=c++20)
+  endif()
 endif()
 
 # Warnings are errors. Square roots set no errno, so that they are one instruction. No fused multiply-add behind our back: scalar, wide and repeated runs must
@@ -45,6 +51,9 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   target_compile_options(palpate_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=x86-64-v2>)
 endif()
 target_link_libraries(palpate_flags INTERFACE Threads::Threads)
+if(PALPATE_CUDA)
+  target_compile_definitions(palpate_flags INTERFACE PALPATE_CUDA)
+endif()
 if(PALPATE_SANITIZE)
   target_compile_options(palpate_flags INTERFACE -fsanitize=${PALPATE_SANITIZE}
                                                  -fno-omit-frame-pointer -fno-sanitize-recover=all)
@@ -89,6 +98,46 @@ function(palpate_kernel room source)
       COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;${flags_${variant}}"
       COMPILE_DEFINITIONS "PALPATE_ISA_NAMESPACE=isa_${variant};PALPATE_LANES=${lanes_${variant}}")
   endforeach()
+endfunction()
+
+# palpate_device_code(ROOM a.cu ...) adds files with kernels to a room: compiled by nvcc in a build
+# with CUDA. In one without, the tests get them compiled for the emulator (src/gpu/emulator.h), as
+# the library palpate_emulated.
+function(palpate_device_code room)
+  if(PALPATE_CUDA)
+    target_sources(palpate_${room} PRIVATE ${ARGN})
+    return()
+  endif()
+  foreach(source IN LISTS ARGN)
+    get_filename_component(stem "${source}" NAME_WE)
+    set(copy "${CMAKE_CURRENT_BINARY_DIR}/${stem}_emulated.cpp")
+    file(CONFIGURE OUTPUT "${copy}" CONTENT
+         "#include \"${CMAKE_CURRENT_SOURCE_DIR}/${source}\"\n" @ONLY)
+    set_property(GLOBAL APPEND PROPERTY PALPATE_EMULATED_SOURCES "${copy}")
+    set_property(GLOBAL APPEND PROPERTY PALPATE_EMULATED_ROOMS palpate_${room})
+  endforeach()
+endfunction()
+
+# palpate_device_test(NAME SOURCES ... LIBRARIES ...): a test of the CUDA backend: on a GPU in a build
+# with CUDA, else by the emulator.
+function(palpate_device_test name)
+  cmake_parse_arguments(TEST "" "" "SOURCES;LIBRARIES" ${ARGN})
+  if(PALPATE_CUDA)
+    palpate_test(${name} SOURCES ${TEST_SOURCES} LIBRARIES ${TEST_LIBRARIES})
+    return()
+  endif()
+  set(sources "")
+  foreach(source IN LISTS TEST_SOURCES)
+    if(source MATCHES "[.]cu$")
+      get_filename_component(stem "${source}" NAME_WE)
+      set(copy "${CMAKE_CURRENT_BINARY_DIR}/${stem}_emulated.cpp")
+      file(CONFIGURE OUTPUT "${copy}" CONTENT
+           "#include \"${CMAKE_CURRENT_SOURCE_DIR}/${source}\"\n" @ONLY)
+      set(source "${copy}")
+    endif()
+    list(APPEND sources "${source}")
+  endforeach()
+  palpate_test(${name} SOURCES ${sources} LIBRARIES palpate_emulated ${TEST_LIBRARIES})
 endfunction()
 
 # palpate_test(NAME SOURCES a.cpp ... LIBRARIES ...): one GoogleTest program, found by CTest.

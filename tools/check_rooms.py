@@ -17,11 +17,12 @@ from project_files import ROOT, project_files
 BELOW = {
     "core": (),
     "math": ("core",),
+    "gpu": ("core",),
     "mesh": ("math",),
     "packing": ("mesh",),
     "ist": ("math",),
     "tool": ("mesh", "packing", "ist"),
-    "cloud": ("math",),
+    "cloud": ("math", "gpu"),
     "field": ("cloud",),
     "contact": ("field", "tool"),
     "io": ("contact",),
@@ -32,7 +33,19 @@ BELOW = {
 READ_EVERYTHING = ("tests", "bench")
 
 # Private headers that more than one room may include.
-SHARED_PRIVATE = {"src/core/simd.h": ("cloud", "contact")}
+SHARED_PRIVATE = {
+    "src/core/simd.h": ("cloud", "contact"),
+    "src/core/one_lane.h": ("cloud", "contact"),
+    "src/core/lanes.h": ("cloud", "contact"),
+    "src/gpu/runtime.h": ("cloud", "field", "contact"),
+    "src/gpu/device_code.cuh": ("cloud", "field", "contact"),
+    "src/gpu/team.cuh": ("cloud", "field", "contact"),
+    "src/gpu/emulator.h": ("cloud", "field", "contact"),
+    "src/cloud/surface_cuda.h": ("field",),
+    "src/cloud/depth_average_cuda.h": ("field",),
+    "src/cloud/cloud_blend_cuda.h": ("field",),
+    "src/cloud/image_rows.h": ("field",),
+}
 
 # Libraries and where they are at home, beside tests and bench.
 LIBRARIES = (
@@ -44,6 +57,7 @@ LIBRARIES = (
     (r"nlohmann/", ("io", "session", "apps")),
     (r"CLI/", ("apps",)),
     (r"embree\d*/", ("scenes",)),
+    (r"boost/context/", ("gpu",)),
     (r"(gtest|gmock|benchmark|pcl|opencv\d*|Eigen)/", ()),
 )
 CUDA = re.compile(r"(cuda|cub/|thrust/|cooperative_groups|nv)")

@@ -1,85 +1,37 @@
 #include "palpate/cloud/depth_average.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <string>
 #include <vector>
 
 #include "palpate/core/assert.h"
+#include "src/cloud/depth_average_options.h"
+#include "src/cloud/pixel_average.h"
 
 namespace palpate {
 namespace {
 
 constexpr int kMostFrames = 64, kMostKept = 100;
 
-bool is_measurement(std::uint16_t count) { return count != 0 && count != 65535; }
-
-/// What a pixel remembers. Sums of counts are whole numbers, so that nothing drifts.
-struct Memory {
-  std::uint32_t sum = 0;         ///< moving: of the ring
-  float mean = 0;                ///< exponential, in counts
-  std::uint8_t num = 0;          ///< measurements in the average; exponential: 0 or 1
-  std::uint8_t next = 0;         ///< moving: where the ring is written next
-  std::uint8_t num_missing = 0;  ///< frames since the last measurement
-};
-
 }  // namespace
 
 struct DepthAverager::Impl {
   int width, height;
   DepthAverageOptions options;
-  std::vector<Memory> memories;
+  std::vector<PixelMemory> memories;
   std::vector<std::uint16_t> rings;  // moving: the last measurements, pixel by pixel
   std::vector<float> depth;
 
-  double mean(const Memory& memory) const {
-    return options.kind == DepthAverage::moving
-               ? static_cast<double>(memory.sum) / static_cast<double>(memory.num)
-               : static_cast<double>(memory.mean);
-  }
-  void add(Memory& memory, std::uint16_t* ring, std::uint16_t count) const;
   float update(std::size_t pixel, std::uint16_t count, double unit);
 };
 
-void DepthAverager::Impl::add(Memory& memory, std::uint16_t* ring, std::uint16_t count) const {
-  if (memory.num > 0 && std::abs(count - mean(memory)) > options.max_jump * mean(memory)) {
-    memory = {};
-  }
-  memory.num_missing = 0;
-  if (options.kind == DepthAverage::exponential) {
-    const float weight = memory.num > 0 ? static_cast<float>(options.weight) : 1.0f;
-    memory.mean += weight * (static_cast<float>(count) - memory.mean);
-    memory.num = 1;
-    return;
-  }
-  if (memory.num == options.frames) {
-    memory.sum -= ring[memory.next];
-  } else {
-    ++memory.num;
-  }
-  memory.sum += count;
-  ring[memory.next] = count;
-  memory.next = static_cast<std::uint8_t>((memory.next + 1) % options.frames);
-}
-
 float DepthAverager::Impl::update(std::size_t pixel, std::uint16_t count, double unit) {
-  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-  if (options.kind == DepthAverage::none) {
-    return is_measurement(count) ? static_cast<float>(count * unit) : kNone;
-  }
-  Memory& memory = memories[pixel];
-  if (is_measurement(count)) {
-    const auto ring_size = static_cast<std::size_t>(options.frames);
-    add(memory, rings.empty() ? nullptr : &rings[pixel * ring_size], count);
-  } else if (memory.num > 0 && ++memory.num_missing > options.keep_frames) {
-    memory = {};
-  }
-  return memory.num > 0 ? static_cast<float>(mean(memory) * unit) : kNone;
+  if (options.kind == DepthAverage::none) return newest_depth(count, unit);
+  const auto ring_size = static_cast<std::size_t>(options.frames);
+  const PixelRing ring{rings.empty() ? nullptr : &rings[pixel * ring_size], 1};
+  return update_average(memories[pixel], ring, count, unit, options);
 }
 
-Result<DepthAverager> DepthAverager::create(int width, int height,
-                                            const DepthAverageOptions& options) {
+Status check_average_settings(int width, int height, const DepthAverageOptions& options) {
   constexpr int kLeast = 8;
   if (width < kLeast || width > kMaxImageWidth || height < kLeast || height > kMaxImageHeight) {
     return Error{Errc::invalid_argument, "depth images of " + std::to_string(width) + " x " +
@@ -97,6 +49,13 @@ Result<DepthAverager> DepthAverager::create(int width, int height,
                  "and 0 to " +
                      std::to_string(kMostKept) + " frames to keep a pixel"};
   }
+  return Done{};
+}
+
+Result<DepthAverager> DepthAverager::create(int width, int height,
+                                            const DepthAverageOptions& options) {
+  const Status status = check_average_settings(width, height, options);
+  if (!status) return status.error();
   auto impl = std::make_unique<Impl>(Impl{width, height, options, {}, {}, {}});
   const std::size_t size = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   impl->depth.resize(size);

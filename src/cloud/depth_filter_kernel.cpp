@@ -1,35 +1,12 @@
-// Bilateral filter of depth (thesis eq. 3.12, divided by the sum of the weights), compiled once per
-// instruction set.
-#include <algorithm>
+// Bilateral filter of depth (thesis eq. 3.12), compiled once per instruction set.
 #include <limits>
 
+#include "src/cloud/bilateral.h"
 #include "src/cloud/surface_kernels.h"
 #include "src/core/simd.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
-
-// The mean is taken over differences to the centre, which keeps all digits and a flat patch exact.
-// Invalid neighbours need no test: kNoDepth is so far off that their weight, 2^-100, times their
-// difference is nothing beside any depth.
-[[gnu::always_inline]] inline VecF filtered(const FilterPass& pass, const float* centre, VecF z,
-                                            int radius) {
-  const VecF squared = z * z;
-  const VecF range = pass.range / (squared * squared);
-  VecF sum = splat(0.0f), sum_weights = splat(1.0f);
-  const float* space = pass.space;
-  for (int dv = -radius; dv <= radius; ++dv) {
-    const float* row = centre + dv * pass.in.stride;
-    for (int du = -radius; du <= radius; ++du, ++space) {
-      if (du == 0 && dv == 0) continue;
-      const VecF difference = load(row + du) - z;
-      const VecF weight = exp2_negative(*space - difference * difference * range);
-      sum += weight * difference;
-      sum_weights += weight;
-    }
-  }
-  return z + sum / sum_weights;
-}
 
 [[gnu::always_inline]] inline void filter_rows(const FilterPass& pass, int row_begin, int row_end,
                                                int radius) {
@@ -43,7 +20,8 @@ namespace {
       const VecI valid = z < kAnyDepth;
       VecF result = z;
       if (radius > 0 && mask_bits(valid) != 0) {
-        result = select(valid, filtered(pass, in + u, z, radius), z);
+        result =
+            select(valid, filtered(in + u, pass.in.stride, z, radius, pass.space, pass.range), z);
       }
       store(out + u, result);  // lanes beyond the width are margin and stay kNoDepth
       store_first(depth + u, select(valid, result, nan), pass.in.width - u);

@@ -1,5 +1,5 @@
 // The algebra behind the normals: moments of a pixel window, their covariance, and the plane that
-// fits it best. Included by kernel files only.
+// fits it best. One text for vectors and for single numbers (core/lanes.h).
 //
 // Moments are taken in pixel units around the centre pixel p, not in metres: with
 // e = (du z_q, dv z_q, z_q - z_p), neighbour q is
@@ -8,7 +8,7 @@
 // terms stay small and single precision suffices at any distance.
 #pragma once
 
-#include "src/core/simd.h"
+#include "src/core/lanes.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
@@ -41,12 +41,13 @@ struct SymmetricMatrix {
   VecF xx, xy, xz, yy, yz, zz;
 };
 
-inline Vector operator*(const SymmetricMatrix& c, const Vector& v) {
+PALPATE_HOSTDEV inline Vector operator*(const SymmetricMatrix& c, const Vector& v) {
   return {c.xx * v.x + c.xy * v.y + c.xz * v.z, c.xy * v.x + c.yy * v.y + c.yz * v.z,
           c.xz * v.x + c.yz * v.y + c.zz * v.z};
 }
 
-inline SymmetricMatrix blend(VecI mask, const SymmetricMatrix& a, const SymmetricMatrix& b) {
+PALPATE_HOSTDEV inline SymmetricMatrix blend(Mask mask, const SymmetricMatrix& a,
+                                             const SymmetricMatrix& b) {
   return {select(mask, a.xx, b.xx), select(mask, a.xy, b.xy), select(mask, a.xz, b.xz),
           select(mask, a.yy, b.yy), select(mask, a.yz, b.yz), select(mask, a.zz, b.zz)};
 }
@@ -58,11 +59,11 @@ struct PixelFrame {
 };
 
 /// A vector in units (pixel z, pixel z, z) in camera axes.
-inline Vector to_camera(const Vector& d, const PixelFrame& frame) {
+PALPATE_HOSTDEV inline Vector to_camera(const Vector& d, const PixelFrame& frame) {
   return {d.x * frame.pixel_x + d.z * frame.ray_x, d.y * frame.pixel_y + d.z * frame.ray_y, d.z};
 }
 
-inline Vector mean_of(const WindowSums& sums) {
+PALPATE_HOSTDEV inline Vector mean_of(const WindowSums& sums) {
   const VecF r = sums.reference;
   const VecF inverse = 1.0f / sums.w.s;
   return {(r * sums.w.u + sums.t.u) * inverse, (r * sums.w.v + sums.t.v) * inverse,
@@ -70,7 +71,7 @@ inline Vector mean_of(const WindowSums& sums) {
 }
 
 /// E about `centre`, the mean or zero (zero is p if the reference is the depth of p).
-inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre) {
+PALPATE_HOSTDEV inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre) {
   const VecF r = sums.reference;
   const VecF inverse = 1.0f / sums.w.s;
   return {(r * (r * sums.w.uu + 2.0f * sums.t.uu) + sums.tt.uu) * inverse - centre.x * centre.x,
@@ -82,7 +83,8 @@ inline SymmetricMatrix covariance(const WindowSums& sums, const Vector& centre) 
 }
 
 /// C = M E M^T.
-inline SymmetricMatrix to_camera(const SymmetricMatrix& e, const PixelFrame& frame) {
+PALPATE_HOSTDEV inline SymmetricMatrix to_camera(const SymmetricMatrix& e,
+                                                 const PixelFrame& frame) {
   const VecF a = frame.ray_x, b = frame.ray_y;
   const VecF scaled_xz = e.xz * frame.pixel_x, scaled_yz = e.yz * frame.pixel_y;
   const VecF camera_xz = scaled_xz + a * e.zz, camera_yz = scaled_yz + b * e.zz;
@@ -94,18 +96,12 @@ inline SymmetricMatrix to_camera(const SymmetricMatrix& e, const PixelFrame& fra
           e.zz};
 }
 
-/// A power of two that brings a positive number near 1. Subtracting its bits from those of 2^127
-/// inverts the exponent.
-inline VecF scale_to_unit(VecF v) {
-  return reinterpret_cast<VecF>(0x7f000000 - reinterpret_cast<VecI>(abs(v)));
-}
-
-inline SymmetricMatrix operator*(VecF s, const SymmetricMatrix& c) {
+PALPATE_HOSTDEV inline SymmetricMatrix operator*(VecF s, const SymmetricMatrix& c) {
   return {s * c.xx, s * c.xy, s * c.xz, s * c.yy, s * c.yz, s * c.zz};
 }
 
 /// Brings the trace near 1, so that products of elements neither vanish nor overflow.
-inline SymmetricMatrix with_unit_trace(const SymmetricMatrix& c) {
+PALPATE_HOSTDEV inline SymmetricMatrix with_unit_trace(const SymmetricMatrix& c) {
   return scale_to_unit(c.xx + c.yy + c.zz) * c;
 }
 
@@ -114,13 +110,13 @@ inline SymmetricMatrix with_unit_trace(const SymmetricMatrix& c) {
 /// is M^-T times the last column of adj(E): three minors. E itself is not inverted, so points
 /// without noise, whose E is singular, do no harm. The last minor is n.a, positive unless the
 /// points are on one line of the image: then the result is zero.
-inline Vector normal_along_ray(const SymmetricMatrix& e, const PixelFrame& frame) {
+PALPATE_HOSTDEV inline Vector normal_along_ray(const SymmetricMatrix& e, const PixelFrame& frame) {
   const SymmetricMatrix c = scale_to_unit(e.xx + e.yy) * e;
   const VecF minor_z = c.xx * c.yy - c.xy * c.xy;
   const VecF x = (c.xy * c.yz - c.xz * c.yy) * frame.pixel_y;
   const VecF y = (c.xy * c.xz - c.xx * c.yz) * frame.pixel_x;
   const VecF z = minor_z * (frame.pixel_x * frame.pixel_y) - (frame.ray_x * x + frame.ray_y * y);
-  const VecI valid = minor_z > kMinSpread;
+  const Mask valid = minor_z > kMinSpread;
   const VecF zero = splat(0.0f);
   return {select(valid, x, zero), select(valid, y, zero), select(valid, z, zero)};
 }
@@ -131,7 +127,7 @@ inline Vector normal_along_ray(const SymmetricMatrix& e, const PixelFrame& frame
 /// one step of Laguerre's method from 0, which has a short form there, and one of Newton's come
 /// close and never pass it. The adjugate of C - x 1 is then near to a multiple of n n^T; applied
 /// three times, what the steps left is cubed away.
-[[gnu::always_inline]] inline Vector smallest_eigenvector(SymmetricMatrix c) {
+PALPATE_FORMULA Vector smallest_eigenvector(SymmetricMatrix c) {
   c = with_unit_trace(c);
   const VecF minor_x = c.yy * c.zz - c.yz * c.yz;
   const VecF minor_y = c.xx * c.zz - c.xz * c.xz;
@@ -153,13 +149,30 @@ inline Vector normal_along_ray(const SymmetricMatrix& e, const PixelFrame& frame
       {c.yy * c.zz - c.yz * c.yz, c.xz * c.yz - c.xy * c.zz, c.xy * c.yz - c.xz * c.yy,
        c.xx * c.zz - c.xz * c.xz, c.xy * c.xz - c.xx * c.yz, c.xx * c.yy - c.xy * c.xy});
   // Its longest column is the one with the largest diagonal element.
-  const VecI y_beats_x = adjugate.yy > adjugate.xx;
-  const VecI z_beats_both = adjugate.zz > max(adjugate.xx, adjugate.yy);
+  const Mask y_beats_x = adjugate.yy > adjugate.xx;
+  const Mask z_beats_both = adjugate.zz > max(adjugate.xx, adjugate.yy);
   Vector n{select(y_beats_x, adjugate.xy, adjugate.xx), select(y_beats_x, adjugate.yy, adjugate.xy),
            select(y_beats_x, adjugate.yz, adjugate.xz)};
   n = {select(z_beats_both, adjugate.xz, n.x), select(z_beats_both, adjugate.yz, n.y),
        select(z_beats_both, adjugate.zz, n.z)};
   return adjugate * (adjugate * n);
+}
+
+struct UnitNormal {
+  Vector n;
+  Mask exists;
+};
+
+/// The normal of the fitted plane, towards the camera (eq. 3.8). `along_ray` as PlaneFit.
+PALPATE_FORMULA UnitNormal unit_normal(const SymmetricMatrix& e, const PixelFrame& frame,
+                                       bool along_ray) {
+  const Vector n =
+      along_ray ? normal_along_ray(e, frame) : smallest_eigenvector(to_camera(e, frame));
+  const VecF squared = n.x * n.x + n.y * n.y + n.z * n.z;
+  const VecF from_camera = n.x * frame.ray_x + n.y * frame.ray_y + n.z;
+  const VecF inverse = 1.0f / sqrt(squared);
+  const VecF scale = select(from_camera > 0.0f, -inverse, inverse);
+  return {{n.x * scale, n.y * scale, n.z * scale}, squared > 0.0f};
 }
 
 }  // namespace

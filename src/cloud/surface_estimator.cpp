@@ -1,6 +1,7 @@
 #include "palpate/cloud/surface_estimator.h"
 
 #include "palpate/core/assert.h"
+#include "palpate/core/stamp.h"
 #include "src/cloud/surface_options.h"
 #include "src/cloud/surface_stages.h"
 
@@ -8,6 +9,7 @@ namespace palpate {
 
 struct SurfaceEstimator::Impl {
   SurfaceStages stages;
+  std::uint64_t stamp = 0;
 
   template <class Depth>
   SurfaceStats update(const Depth& depth, ThreadPool& pool) {
@@ -16,6 +18,7 @@ struct SurfaceEstimator::Impl {
     stages.filter(pool);
     stats.num_points = stages.estimate_normals(pool);
     stages.find_depth_change(pool);
+    stamp = next_stamp();
     return stats;
   }
 };
@@ -31,7 +34,7 @@ Result<SurfaceEstimator> SurfaceEstimator::create(int width, int height,
   const Status status = check_surface_settings(width, height, intrinsics, options);
   if (!status) return status.error();
   return SurfaceEstimator(
-      std::unique_ptr<Impl>(new Impl{{width, height, intrinsics, options, isa}}));
+      std::unique_ptr<Impl>(new Impl{{width, height, intrinsics, options, isa}, 0}));
 }
 
 SurfaceStats SurfaceEstimator::update(const DepthFrame& frame, ThreadPool& pool) {
@@ -47,6 +50,7 @@ PointCloudView SurfaceEstimator::cloud() const {
   view.edge_x = depth_change(0).data();
   view.edge_y = depth_change(1).data();
   view.edge_z = depth_change(2).data();
+  view.stamp = impl_->stamp;
   return view;
 }
 

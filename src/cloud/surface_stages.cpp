@@ -1,12 +1,12 @@
 #include "src/cloud/surface_stages.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-#include <numbers>
 #include <numeric>
 
 #include "palpate/core/assert.h"
+#include "src/cloud/raw_depth.h"
+#include "src/cloud/surface_settings.h"
 
 namespace palpate {
 namespace {
@@ -41,28 +41,6 @@ float* first_pixel(std::vector<float>& padded, std::ptrdiff_t stride) {
   return padded.data() + kMargin * stride + kMargin;
 }
 
-// (i - c) / f, with a margin at the end.
-std::vector<float> ray_table(int num, double f, double c) {
-  std::vector<float> table(static_cast<std::size_t>(num + kMargin));
-  for (std::size_t i = 0; i < table.size(); ++i) {
-    table[i] = static_cast<float>((static_cast<double>(i) - c) / f);
-  }
-  return table;
-}
-
-// exp(-d^2 / (2 sigma^2)) = 2^(-d^2 * this)
-double gauss_scale(double sigma) { return 1 / (2 * sigma * sigma * std::numbers::ln2); }
-
-std::vector<float> space_exponents(int radius, double sigma) {
-  std::vector<float> exponents;
-  for (int dv = -radius; dv <= radius; ++dv) {
-    for (int du = -radius; du <= radius; ++du) {
-      exponents.push_back(static_cast<float>(-(du * du + dv * dv) * gauss_scale(sigma)));
-    }
-  }
-  return exponents;
-}
-
 }  // namespace
 
 SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
@@ -76,37 +54,26 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
       filtered_(padded_image(height, stride_)),
       ray_x_(ray_table(width, k.fx, k.cx)),
       ray_y_(ray_table(height, k.fy, k.cy)),
-      space_(space_exponents(options.filter.radius, options.filter.sigma_space)),
+      space_(space_exponents(options.filter)),
       strip_counts_(static_cast<std::size_t>((height + kStripRows - 1) / kStripRows)),
       cloud_(width, height, k) {
   const std::size_t num_pixels = cloud_.size();
   depth_.assign(num_pixels, std::numeric_limits<float>::quiet_NaN());
   for (std::vector<float>& axis : change_) axis.assign(num_pixels, 0.0f);
 
+  filter_pass_ = filter_settings(options.filter);
   filter_pass_.in = {first_pixel(raw_, stride_), stride_, width, height};
   filter_pass_.out = first_pixel(filtered_, stride_);
   filter_pass_.depth = depth_.data();
-  filter_pass_.radius = options.filter.enabled ? options.filter.radius : 0;
   filter_pass_.space = space_.data();
-  filter_pass_.range = static_cast<float>(gauss_scale(options.filter.sigma_depth));
 
-  const NormalOptions& normals = options.normals;
+  normal_pass_ = normal_settings(options.normals, k);
   normal_pass_.in = {first_pixel(filtered_, stride_), stride_, width, height};
   for (int channel = 0; channel < 6; ++channel) {
     normal_pass_.cloud[channel] = cloud_.channel(channel);
   }
   normal_pass_.ray_x = ray_x_.data();
   normal_pass_.ray_y = ray_y_.data();
-  normal_pass_.pixel_x = static_cast<float>(1 / k.fx);
-  normal_pass_.pixel_y = static_cast<float>(1 / k.fy);
-  normal_pass_.radius = normals.radius;
-  normal_pass_.max_depth_change = static_cast<float>(normals.max_depth_change);
-  normal_pass_.min_neighbours = static_cast<float>(normals.min_neighbours);
-  normal_pass_.along_ray = normals.fit == PlaneFit::along_ray;
-  normal_pass_.anchoring = normals.anchoring;
-  normal_pass_.weighting = normals.weighting;
-  normal_pass_.normalization = normals.normalization;
-  normal_pass_.weight = static_cast<float>(gauss_scale(normals.weight_sigma));
 
   change_pass_.in = normal_pass_.in;
   for (int axis = 0; axis < 3; ++axis) change_pass_.change[axis] = change_[axis].data();
@@ -137,7 +104,7 @@ int SurfaceStages::read_pixels(ThreadPool& pool, const ToDepth& to_depth) {
       const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(width_);
       for (int u = 0; u < width_; ++u) {
         const float z = to_depth(begin + static_cast<std::size_t>(u));
-        const bool valid = (z >= min_depth) & (z <= max_depth);  // NaN is not
+        const bool valid = is_usable_depth(z, min_depth, max_depth);
         out[u] = valid ? z : kNoDepth;
         num_valid += valid;
       }
@@ -151,10 +118,7 @@ int SurfaceStages::read(const DepthFrame& frame, ThreadPool& pool) {
                  frame.pixels.size() == num_pixels());
   const std::uint16_t* pixels = frame.pixels.data();
   const double unit = frame.unit;
-  return read_pixels(pool, [pixels, unit](std::size_t i) {
-    const int count = pixels[i];
-    return static_cast<float>(count == 65535 ? 0.0 : count * unit);
-  });
+  return read_pixels(pool, [pixels, unit](std::size_t i) { return depth_of(pixels[i], unit); });
 }
 
 int SurfaceStages::read(std::span<const float> depth, ThreadPool& pool) {

@@ -5,6 +5,9 @@
 #include <cmath>
 #include <numeric>
 
+#include "src/contact/body_contact_cuda.h"
+#include "src/contact/body_pair.h"
+
 namespace palpate {
 namespace {
 
@@ -18,10 +21,9 @@ struct NodePair {
 /// siblings waiting.
 constexpr int kMaxWaitingPairs = 2 * (InnerSphereTree::kMaxWaiting - 1) + 1;
 
-/// Calls visit(leaf of A, leaf of B, centre of A's sphere - centre of B's in frame A, distance of
-/// the centres squared) for every pair of leaves that overlap, in an order that follows from the
-/// trees alone. A ball contains all leaves below it with some slack for rounding, so that balls
-/// apart mean leaves apart: pruning loses no pair.
+/// Calls visit(leaf of A, leaf of B, their pair in frame A) for every pair of leaves that overlap,
+/// in an order that follows from the trees alone. A ball contains all leaves below it with some
+/// slack for rounding, so that balls apart mean leaves apart: pruning loses no pair.
 template <class Visit>
 void for_each_overlap(const InnerSphereTree& tree_a, const InnerSphereTree& tree_b,
                       const Pose& X_AB, Visit visit) {
@@ -34,12 +36,11 @@ void for_each_overlap(const InnerSphereTree& tree_a, const InnerSphereTree& tree
   int num_waiting = 0;
   const auto consider = [&](std::int32_t index_a, std::int32_t index_b, const Vec3d& b_centre_A) {
     const IstNode &a = nodes_a[index_a], &b = nodes_b[index_b];
-    const Vec3d offset_A = to_double(a.bound.centre) - b_centre_A;
-    const double distance2 = dot(offset_A, offset_A);
-    const double reach = double(a.bound.radius) + double(b.bound.radius);
-    if (!(distance2 < reach * reach)) return;
+    const SpherePair pair(double(a.bound.radius), double(b.bound.radius),
+                          to_double(a.bound.centre) - b_centre_A);
+    if (!pair.overlaps()) return;
     if (a.num_children == 0 && b.num_children == 0) {
-      visit(a, b, offset_A, distance2);
+      visit(a, b, pair);
     } else {
       waiting[num_waiting++] = {index_a, index_b, b_centre_A};
     }
@@ -57,18 +58,6 @@ void for_each_overlap(const InnerSphereTree& tree_a, const InnerSphereTree& tree
         consider(pair.a, i, centre_A(nodes_b[i]));
     }
   }
-}
-
-bool is_finite(const Pose& X) {
-  const Vec3d& t = X.translation;
-  const Quaternion& q = X.rotation;
-  return std::isfinite(t.x + t.y + t.z + q.x + q.y + q.z + q.w);
-}
-
-/// X_AB from the poses of both in W.
-Pose relative_pose(const Pose& X_WA, const Pose& X_WB) {
-  return inverse(Pose{X_WA.translation, normalized(X_WA.rotation)}) *
-         Pose{X_WB.translation, normalized(X_WB.rotation)};
 }
 
 int num_touched(const std::vector<std::uint8_t>& touched) {
@@ -99,54 +88,80 @@ double lens_potential(double a, double b, double distance) {
 BodyContact::BodyContact(const Tool& a, const Tool& b)
     : a_(&a), b_(&b), touched_a_(a.spheres().size()), touched_b_(b.spheres().size()) {}
 
-BodyPenetration BodyContact::measure(const Pose& X_WA, const Pose& X_WB) noexcept {
-  BodyPenetration result;
+Pose relative_pose(const Pose& X_WA, const Pose& X_WB) {
+  return inverse(Pose{X_WA.translation, normalized(X_WA.rotation)}) *
+         Pose{X_WB.translation, normalized(X_WB.rotation)};
+}
+
+bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result) {
   constexpr auto kNonFinite = static_cast<std::uint32_t>(StepStatus::non_finite_pose);
   if (!is_finite(X_WA)) result.on_a.status = kNonFinite;
   if (!is_finite(X_WB)) result.on_b.status = kNonFinite;
-  if ((result.on_a.status | result.on_b.status) != 0) return result;
+  return (result.on_a.status | result.on_b.status) != 0;
+}
+
+BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,
+                                 const Pose& X_WA, const Pose& X_WB) {
+  // The same forces on B, opposite and about its own centre of mass.
+  const Vec3d C_A = a.sphere_mass().centre_of_mass;
+  const Vec3d C_B_A = relative_pose(X_WA, X_WB) * b.sphere_mass().centre_of_mass;
+  const Vec3d torque_B_A = -(sums.torque_A + cross(C_A - C_B_A, sums.force_A));
+  const Quaternion R_WA = normalized(X_WA.rotation);
+  BodyPenetration result;
+  result.on_a.volume = result.on_b.volume = sums.volume;
+  result.on_a.measure_W = {rotate(R_WA, sums.force_A), rotate(R_WA, sums.torque_A)};
+  result.on_b.measure_W = {-result.on_a.measure_W.force, rotate(R_WA, torque_B_A)};
+  result.on_a.num_boundary_spheres = sums.num_touched_a;
+  result.on_b.num_boundary_spheres = sums.num_touched_b;
+  result.num_pairs = sums.num_pairs;
+  return result;
+}
+
+void BodyContact::start(const Pose& X_WA, const Pose& X_WB) noexcept {
+  X_WA_ = X_WA;
+  X_WB_ = X_WB;
+}
+
+BodyPenetration BodyContact::finish() noexcept {
+  if (BodyPenetration nothing; is_non_finite(X_WA_, X_WB_, nothing)) return nothing;
   std::fill(touched_a_.begin(), touched_a_.end(), std::uint8_t{0});
   std::fill(touched_b_.begin(), touched_b_.end(), std::uint8_t{0});
-  const Pose X_AB = relative_pose(X_WA, X_WB);
   const Vec3d C_A = a_->sphere_mass().centre_of_mass;
-  double volume = 0;
-  Vec3d force_A, torque_A;  // on A, about its centre of mass
-  for_each_overlap(
-      a_->tree(), b_->tree(), X_AB,
-      [&](const IstNode& a, const IstNode& b, const Vec3d& offset_A, double distance2) {
-        const double distance = std::sqrt(distance2);
-        const double lens =
-            lens_volume<double>(double(a.bound.radius), double(b.bound.radius), distance);
-        volume += lens;
-        ++result.num_pairs;
-        touched_a_[static_cast<std::size_t>(a.sphere_id)] = 1;
-        touched_b_[static_cast<std::size_t>(b.sphere_id)] = 1;
-        if (!(distance > 0)) return;
-        const Vec3d f_A = (lens / distance) * offset_A;
-        force_A += f_A;
-        torque_A += cross(to_double(a.bound.centre) - C_A, f_A);
-      });
-  // The same forces, opposite and about B's own centre of mass.
-  const Vec3d C_B_A = X_AB * b_->sphere_mass().centre_of_mass;
-  const Vec3d torque_B_A = -(torque_A + cross(C_A - C_B_A, force_A));
-  const Quaternion R_WA = normalized(X_WA.rotation);
-  result.on_a.volume = result.on_b.volume = volume;
-  result.on_a.measure_W = {rotate(R_WA, force_A), rotate(R_WA, torque_A)};
-  result.on_b.measure_W = {-result.on_a.measure_W.force, rotate(R_WA, torque_B_A)};
-  result.on_a.num_boundary_spheres = num_touched(touched_a_);
-  result.on_b.num_boundary_spheres = num_touched(touched_b_);
-  return result;
+  BodySums sums;
+  for_each_overlap(a_->tree(), b_->tree(), relative_pose(X_WA_, X_WB_),
+                   [&](const IstNode& a, const IstNode& b, const SpherePair& pair) {
+                     const SharedLens lens(pair);
+                     sums.volume += lens.volume;
+                     sums.force_A += lens.force;
+                     sums.torque_A += cross(to_double(a.bound.centre) - C_A, lens.force);
+                     ++sums.num_pairs;
+                     touched_a_[static_cast<std::size_t>(a.sphere_id)] = 1;
+                     touched_b_[static_cast<std::size_t>(b.sphere_id)] = 1;
+                   });
+  sums.num_touched_a = num_touched(touched_a_);
+  sums.num_touched_b = num_touched(touched_b_);
+  return body_penetration(sums, *a_, *b_, X_WA_, X_WB_);
 }
 
 double BodyContact::potential(const Pose& X_WA, const Pose& X_WB) const noexcept {
   if (!is_finite(X_WA) || !is_finite(X_WB)) return 0;
   double sum = 0;
   for_each_overlap(a_->tree(), b_->tree(), relative_pose(X_WA, X_WB),
-                   [&](const IstNode& a, const IstNode& b, const Vec3d&, double distance2) {
-                     sum += lens_potential(double(a.bound.radius), double(b.bound.radius),
-                                           std::sqrt(distance2));
+                   [&](const IstNode&, const IstNode&, const SpherePair& pair) {
+                     sum += lens_potential(pair.radius_a, pair.radius_b, pair.distance());
                    });
   return sum;
+}
+
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
+                                                            const Tool& b, int gpu) {
+  if (backend == Backend::cpu) return std::unique_ptr<BodyPairQuery>(new BodyContact(a, b));
+#if defined(PALPATE_CUDA)
+  return make_body_contact_cuda(a, b, gpu);
+#else
+  (void)gpu;
+  return find_gpus().error();
+#endif
 }
 
 }  // namespace palpate

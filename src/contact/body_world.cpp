@@ -31,11 +31,23 @@ int BodyWorld::add(Body body) {
   const int index = num_bodies();
   for (int other = 0; other < index; ++other) {
     if (at(other).moves || body.moves) {
-      pairs_.push_back({other, index, BodyContact(*at(other).shape, *body.shape)});
+      pairs_.push_back(
+          {other, index, std::make_unique<BodyContact>(*at(other).shape, *body.shape)});
     }
   }
   bodies_.push_back(std::move(body));
   return index;
+}
+
+Status BodyWorld::measure_pairs_by(const MakePairQuery& make) {
+  std::vector<std::unique_ptr<BodyPairQuery>> queries;
+  for (const Pair& pair : pairs_) {
+    auto query = make(*at(pair.a).shape, *at(pair.b).shape);
+    if (!query) return query.error();
+    queries.push_back(std::move(*query));
+  }
+  for (std::size_t i = 0; i < pairs_.size(); ++i) pairs_[i].query = std::move(queries[i]);
+  return Done{};
 }
 
 void BodyWorld::set_cloud(const PointCloudView& cloud) noexcept {
@@ -51,13 +63,14 @@ void BodyWorld::set_field(const DepthFieldView& field) noexcept {
 }
 
 void BodyWorld::measure(const ContactOptions& options) noexcept {
+  for (Pair& pair : pairs_) pair.query->start(at(pair.a).X_WB, at(pair.b).X_WB);
   for (Body& body : bodies_) {
     body.measured = {};
     if (body.cloud_query) body.measured.cloud = body.cloud_query->query(body.X_WB, options);
   }
   for (Pair& pair : pairs_) {
     Body &a = at(pair.a), &b = at(pair.b);
-    const BodyPenetration shared = pair.contact.measure(a.X_WB, b.X_WB);
+    const BodyPenetration shared = pair.query->finish();
     for (const auto& [body, part] : {std::pair{&a, &shared.on_a}, std::pair{&b, &shared.on_b}}) {
       add_measure(*part, body->measured.bodies);
       body->measured.bodies.num_boundary_spheres += part->num_boundary_spheres;

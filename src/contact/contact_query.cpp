@@ -1,6 +1,7 @@
 #include "palpate/contact/contact_query.h"
 
 #include "src/contact/contact_query_cpu.h"
+#include "src/contact/contact_query_cuda.h"
 
 namespace palpate {
 
@@ -10,8 +11,11 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const 
     case Backend::cpu: return make_contact_query_cpu(tool, capacities);
     case Backend::cuda: break;
   }
-  return Error{Errc::unavailable,
-               "this build has no CUDA backend: use the CPU (--backend cpu or auto)"};
+#if defined(PALPATE_CUDA)
+  return make_contact_query_cuda(tool, capacities);
+#else
+  return find_gpus().error();
+#endif
 }
 
 }  // namespace palpate

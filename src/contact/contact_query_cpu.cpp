@@ -6,9 +6,11 @@
 #include <numeric>
 #include <vector>
 
+#include "src/contact/boundary_plane.h"
 #include "src/contact/boundary_points.h"
 #include "src/contact/edge_planes.h"
 #include "src/contact/field_contact.h"
+#include "src/contact/graph_rule.h"
 #include "src/contact/graph_traversal.h"
 #include "src/contact/image_window.h"
 #include "src/contact/lenders.h"
@@ -38,26 +40,6 @@ Kernels kernels_for(Isa isa) {
 #endif
   (void)isa;
   return {isa_baseline::scan_points, isa_baseline::borrow_nearest, isa_baseline::borrow_weighted};
-}
-
-Bounds bounds_of(std::span<const Sphere> spheres) {
-  Bounds box{{1e300, 1e300, 1e300}, {-1e300, -1e300, -1e300}};
-  for (const Sphere& s : spheres) {
-    for (int axis = 0; axis < 3; ++axis) {
-      box.low[axis] = std::min(box.low[axis], static_cast<double>(s.centre[axis]) - s.radius);
-      box.high[axis] = std::max(box.high[axis], static_cast<double>(s.centre[axis]) + s.radius);
-    }
-  }
-  return box;
-}
-
-// Sum of kernel weights at which a boundary sphere counts by half as one (Continuity::entry).
-constexpr double kHalfPresence = 0.25;
-
-bool is_finite(const Pose& X) {
-  const Vec3d& t = X.translation;
-  const Quaternion& q = X.rotation;
-  return std::isfinite(t.x + t.y + t.z + q.x + q.y + q.z + q.w);
 }
 
 class ContactQueryCpu final : public ContactQuery {
@@ -151,8 +133,9 @@ class ContactQueryCpu final : public ContactQuery {
   bool overlays() const { return fades_in() && options_.method == InsideMethod::simplified; }
   BorrowRule borrow_rule() const {
     return {options_.method == InsideMethod::weighted, options_.priority == Priority::count,
-            edges_.empty() ? nullptr : &edges_};
+            found_edges()};
   }
+  const EdgesView* found_edges() const { return edges_.empty() ? nullptr : &edges_view_; }
   const Vec3d& origin() const { return tool_->sphere_mass().centre_of_mass; }
 
   const Tool* tool_;
@@ -167,6 +150,7 @@ class ContactQueryCpu final : public ContactQuery {
   GraphTraversal traversal_;
   BoundaryPoints points_;
   EdgePlanes edges_;
+  EdgesView edges_view_;
   FieldContact field_;
   Bounds box_T_;
   PointCloudView cloud_;
@@ -225,41 +209,26 @@ void ContactQueryCpu::find_boundary_points(const Pose& X_WT) {
 Penetration ContactQueryCpu::find_boundary_planes(const Pose& X_WT) {
   Penetration result;
   const Mat3d R_TW = rotation_matrix(conjugate(X_WT.rotation));
-  const bool weighted =
-      options_.continuity == Continuity::kernel || options_.continuity == Continuity::both;
+  const BoundaryPlaneRule rule{
+      options_.continuity == Continuity::kernel || options_.continuity == Continuity::both,
+      fades_in(), uses_edges()};
   points_.take([&](std::size_t id, const PointSums& sums, const EdgeSums& edge_sums) {
-    const double weight = weighted ? sums.weight() : static_cast<double>(sums.num_points());
-    const double scale = 1.0 / (PointSums::kScale * weight);
-    const auto mean = [&](const std::int64_t(&sum)[4]) {
-      return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
-                   static_cast<double>(sum[2])} *
-             scale;
-    };
-    // Points that only graze the sphere weigh nothing.
-    const bool has_weight = !weighted || weight > 1e-6;
-    const Vec3d p_T = has_weight ? R_TW * mean(sums.offset_W) : Vec3d{};
-    const Vec3d mean_normal = has_weight ? mean(sums.normal_W) : Vec3d{};
-    const double length = norm(mean_normal);
-    if (has_weight && length < 0.5) {
+    const BoundarySphere sphere =
+        boundary_sphere(static_cast<std::int32_t>(id), sums, rule, R_TW, X_WT.translation);
+    if (sphere.is_ambiguous) {
       result.status |= static_cast<std::uint32_t>(StepStatus::ambiguous_normals);
     }
-    // Normals that cancel out say nothing: such a sphere has no plane.
-    const bool has_plane = length > 1e-6;
-    const LenderPoint point{p_T, uses_edges() ? norm(X_WT * p_T) : 0};
-    const Vec3d n_T = has_plane ? R_TW * (mean_normal / length) : Vec3d{};
-    const auto sphere_id = static_cast<std::int32_t>(id);
-    seeds_.push_back({sphere_id, n_T, point});
-    lender_of_seed_.push_back(has_plane ? lenders_.size() : -1);
-    if (has_plane) {
-      const double presence = fades_in() ? sums.weight() / (sums.weight() + kHalfPresence) : 1;
-      lenders_.add({sphere_id, {n_T, dot(n_T, p_T)}, point, weight, presence});
-    }
+    const Lender& lender = sphere.lender;
+    seeds_.push_back({sphere.sphere_id, lender.plane_T.normal, lender.point});
+    lender_of_seed_.push_back(sphere.has_plane() ? lenders_.size() : -1);
+    if (sphere.has_plane()) lenders_.add(lender);
     touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kTouched;
     if (uses_edges()) edges_.add_pieces(edge_sums, R_TW, X_WT.translation);
-    result.num_points += static_cast<int>(sums.num_points());
+    result.num_points += sphere.num_points;
   });
   edges_.find_nearest(X_WT, options_.edges);
   for (std::int32_t l = 0; l < lenders_.size(); ++l) edges_.note(lenders_[l].point);
+  edges_view_ = edges_.view();
   lenders_.pad();
   result.num_boundary_spheres = static_cast<int>(seeds_.size());
   return result;
@@ -275,10 +244,10 @@ MeasureSums ContactQueryCpu::measure_boundary_spheres() {
   for (std::size_t s = 0; s < seeds_.size(); ++s) {
     const std::int32_t id = seeds_[s].sphere_id, l = lender_of_seed_[s];
     Borrowed measured;
-    if (l >= 0) measured = lenders_.borrow_from(lenders_[l], id, own_rule);
+    if (l >= 0) measured = lenders_.lenders().borrow_from(lenders_[l], id, own_rule);
     if (fades_in()) {
       const double presence = l >= 0 ? lenders_[l].presence : 0;
-      const Borrowed state = lenders_.borrow(id, borrow_rule());
+      const Borrowed state = lenders_.lenders().borrow(id, borrow_rule());
       measured.volume = presence * measured.volume + (1 - presence) * state.volume;
       measured.force = presence * measured.force + (1 - presence) * state.force;
     }
@@ -325,7 +294,7 @@ MeasureSums ContactQueryCpu::measure_by_borrowing() {
   if (one_by_one) {
     skipped_places_ = touched_places_;
     for (std::size_t id = 0; id < spheres_.size(); ++id) {
-      if (overlays() || edges_.concerns(static_cast<std::int32_t>(id))) {
+      if (overlays() || edges_view_.concerns(static_cast<std::int32_t>(id))) {
         skipped_places_[static_cast<std::size_t>(clusters_.place_of[id])] =
             PlaneBorrowing::kTouched;
       }
@@ -369,9 +338,10 @@ MeasureSums ContactQueryCpu::measure_one_by_one() {
       const std::int32_t id = clusters_.sphere_id[place], nearest = lender_places_[place];
       Borrowed& borrowed = borrowed_[static_cast<std::size_t>(id)];
       if (!from_nearest) {
-        borrowed = lenders_.borrow(id, rule);
+        borrowed = lenders_.lenders().borrow(id, rule);
       } else {
-        borrowed = nearest < 0 ? Borrowed{} : lenders_.borrow_from(lenders_[nearest], id, rule);
+        borrowed =
+            nearest < 0 ? Borrowed{} : lenders_.lenders().borrow_from(lenders_[nearest], id, rule);
       }
     }
   });
@@ -391,23 +361,18 @@ MeasureSums ContactQueryCpu::measure_one_by_one() {
   return sums;
 }
 
-// V_s of a sphere that the graph reached: whole (Alg. 3.7) or cut by its reference's plane
-// (footnote).
 double ContactQueryCpu::reached_volume(const GraphTraversal::Visit& visit) const {
-  const std::int32_t id = visit.sphere_id;
-  const double r = spheres_[static_cast<std::size_t>(id)].radius, scale = volume_scale(id);
-  const bool whole = options_.inside == InsideVolume::full;
-  if (whole && edges_.empty()) return scale * sphere_volume(r);
-  const Lender& lender = lenders_[lender_of_seed_[static_cast<std::size_t>(visit.seed)]];
-  if (whole) return scale * edges_.full_volume(id, lender.point);
-  return scale * lenders_.borrow_from(lender, id, borrow_rule()).volume;
+  const std::int32_t l = lender_of_seed_[static_cast<std::size_t>(visit.seed)];
+  return volume_scale(visit.sphere_id) * palpate::reached_volume(lenders_.lenders(), lenders_[l],
+                                                                 visit.sphere_id, options_.inside,
+                                                                 found_edges());
 }
 
 // All spheres with one reference push along one normal: their volumes and first moments are added
 // up first.
 MeasureSums ContactQueryCpu::measure_along_graph() {
   MeasureSums sums;
-  reached_ = traversal_.run(seeds_, edges_.empty() ? nullptr : &edges_);
+  reached_ = traversal_.run(seeds_, found_edges());
   seed_moments_.assign(seeds_.size(), SeedMoment{});
   for (const GraphTraversal::Visit& visit : reached_) {
     const double volume = reached_volume(visit);
@@ -462,14 +427,16 @@ std::span<const Plane<float>> ContactQueryCpu::planes() const noexcept {
     planes_[static_cast<std::size_t>(id)] = {to_float(plane.normal),
                                              static_cast<float>(plane.offset)};
   };
-  if (options_.method == InsideMethod::simplified && !lenders_.empty()) {
+  if (options_.method == InsideMethod::simplified && !overlays() && !lenders_.empty()) {
     for (std::size_t id = 0; id < planes_.size(); ++id) {
-      set(static_cast<std::int32_t>(id),
-          lender_places_[static_cast<std::size_t>(clusters_.place_of[id])]);
+      const auto place = static_cast<std::size_t>(clusters_.place_of[id]);
+      if (borrowed_volume_[place] > 0) set(static_cast<std::int32_t>(id), lender_places_[place]);
     }
   }
   for (const GraphTraversal::Visit& visit : reached_) {
-    set(visit.sphere_id, lender_of_seed_[static_cast<std::size_t>(visit.seed)]);
+    if (reached_volume(visit) > 0) {
+      set(visit.sphere_id, lender_of_seed_[static_cast<std::size_t>(visit.seed)]);
+    }
   }
   for (std::size_t s = 0; s < seeds_.size(); ++s) set(seeds_[s].sphere_id, lender_of_seed_[s]);
   return planes_;

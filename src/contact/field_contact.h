@@ -5,6 +5,7 @@
 
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/depth_field.h"
+#include "src/contact/field_bound.h"
 #include "src/contact/field_elements.h"
 
 namespace palpate {
@@ -27,21 +28,20 @@ struct FieldSums {
 };
 
 /// What one query asks of each group of clusters.
-struct FieldJob {
+struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per place
   const float* largest_radius = nullptr;                                 ///< per cluster
   DepthFieldView field;
-  float R_WT[3][3] = {};
-  float p_WC[3] = {};  ///< of the centre of mass
+  FieldFrame frame;
 };
 
 /// Elements of one group of clusters, in a fixed order.
-using MeasureGroup = FieldSums (*)(const FieldJob&, int group);
+using MeasureGroup = FieldSums (*)(const MeasureJob&, int group);
 
-#define PALPATE_DECLARE_FIELD(variant)                 \
-  namespace variant {                                  \
-  FieldSums measure_group(const FieldJob&, int group); \
+#define PALPATE_DECLARE_FIELD(variant)                   \
+  namespace variant {                                    \
+  FieldSums measure_group(const MeasureJob&, int group); \
   }
 PALPATE_DECLARE_FIELD(isa_baseline)
 PALPATE_DECLARE_FIELD(isa_avx2)
@@ -56,7 +56,7 @@ class FieldContact {
 
   void set_field(const DepthFieldView& field) { field_ = field; }
 
-  /// U = sum f_s G(phi(c_s)), G the integral of the cap volume over depth and f_s what the sphere
+  /// U = sum f_s G(phi(c_s)), G the integral of the cap volume over depth and f_s what the element
   /// counts over what it is; force and torque are minus its derivatives, exactly:
   /// F = sum f_s V_cap(phi) grad phi, torque = sum (c_s - C) x that. `X_WT` is finite, its
   /// quaternion unit. O(elements). The same bits for any number of threads.
@@ -69,10 +69,14 @@ class FieldContact {
   void describe(std::span<SphereState> states, std::span<Plane<float>> planes) const noexcept;
 
  private:
+  const FieldElements& elements() const {
+    return volumes_ == SphereVolumes::own ? own_ : represented_;
+  }
+
   const Tool* tool_;
   ThreadPool* pool_;
   MeasureGroup measure_group_;
-  FieldElements elements_;
+  FieldElements own_, represented_;
   DepthFieldView field_;
   std::vector<FieldSums> group_sums_;
   Pose X_WT_;

@@ -2,6 +2,7 @@
 // palpate/field/field_sample.h for as many elements at once as a vector has lanes.
 #include "palpate/field/field_sample.h"
 #include "src/contact/field_contact.h"
+#include "src/contact/field_element.h"
 #include "src/core/simd.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
@@ -24,8 +25,8 @@ struct Field {
         planes(view.levels[0].planes),
         is_step(view.levels[0].is_step) {
     for (int k = 0; k < view.num_levels; ++k) {
-      start[k] = static_cast<std::int32_t>(view.levels[k].is_step - is_step);
-      step_limit[k] = view.levels[k].step_limit;
+      start.entries[k] = static_cast<std::int32_t>(view.levels[k].is_step - is_step);
+      step_limit.entries[k] = view.levels[k].step_limit;
     }
   }
 
@@ -33,19 +34,23 @@ struct Field {
   std::int32_t stride, last_level;
   const float* planes;  // of level 0; the other levels follow
   const std::uint8_t* is_step;
-  std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
-  float step_limit[DepthFieldView::kMaxLevels] = {};
+  LaneTable<std::int32_t> start;  // pixel (0, 0) of each level
+  LaneTable<float> step_limit;
 };
 
-// Where in the image elements are seen.
-struct Seen {
-  VecF u, v, depth;
+// Where on one level elements are seen.
+struct Spot {
+  VecI pixel;
+  VecF s, t;  // from the middle of the pixel
 };
 
-// phi and its derivatives, each element on a level of its own.
-[[gnu::always_inline]] inline ImageGradient<VecF> sample(const Field& field, const Seen& at,
-                                                         VecI level, VecF radius) {
-  const VecF scale = reinterpret_cast<VecF>((127 - level) << 23);  // 2^-level
+// 2^-level
+[[gnu::always_inline]] inline VecF scale_of(VecI level) {
+  return reinterpret_cast<VecF>((127 - level) << 23);
+}
+
+[[gnu::always_inline]] inline Spot spot_at(const Field& field, VecF u, VecF v, VecI level) {
+  const VecF scale = scale_of(level);
   const auto place = [&](VecF pixels, float size, VecF& offset) {
     VecF p = (pixels + 0.5f) * scale - 0.5f;
     p = min(max(p, splat(DepthFieldLevel::kFirst)), size * scale + 2.0f);
@@ -53,25 +58,33 @@ struct Seen {
     offset = p - to_float(pixel);
     return pixel;
   };
-  VecF s, t;
-  const VecI column = place(at.u, field.width, s), row = place(at.v, field.height, t);
-  const VecI pixel = gather(field.start, level) + row * field.stride + column;
+  Spot spot;
+  const VecI column = place(u, field.width, spot.s), row = place(v, field.height, spot.t);
+  spot.pixel = look_up(field.start, level) + row * field.stride + column;
+  return spot;
+}
 
+// phi and its derivatives, each element on a level of its own.
+[[gnu::always_inline]] inline ImageGradient<VecF> sample(const Field& field, const Spot& at,
+                                                         VecI level, VecF depth, VecF radius) {
   // Row by row, the middle one first: it tells whether the planes have to be saturated.
   VecF plane[3], slope[3];
   const auto take_row = [&](int q) {
     VecF pairs[6];  // offset, slope, offset, slope, ...
-    gather_six(field.planes, 2 * (pixel + ((q - 1) * field.stride - 1)), pairs);
+    gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), at.pixel, pairs);
     for (int p = 0; p < 3; ++p) {
       slope[p] = pairs[2 * p + 1];
-      plane[p] = pairs[2 * p] - at.depth * slope[p];
+      plane[p] = pairs[2 * p] - depth * slope[p];
     }
   };
   take_row(1);
-  const VecF step_limit = gather(field.step_limit, level);
-  const VecI must_bend =
-      (gather_bytes(field.is_step, pixel) != 0) | (plane[1] < 2.0f * step_limit - field.thickness);
-  const bool some_bend = mask_bits(must_bend) != 0;
+  const VecF step_limit = look_up(field.step_limit, level);
+  const VecI is_deep = plane[1] < 2.0f * step_limit - field.thickness;
+  const bool some_bend = any_byte(field.is_step, at.pixel) || mask_bits(is_deep) != 0;
+  VecI must_bend{};
+  if (some_bend) [[unlikely]] {
+    must_bend = (gather_bytes(field.is_step, at.pixel) != 0) | is_deep;
+  }
   VecF value[3], by_u[3], slopes[3];
   const auto sum_row = [&](int q) {
     if (some_bend) [[unlikely]] {
@@ -81,46 +94,20 @@ struct Seen {
         slope[p] = select(must_bend, slope[p] * bent.slope, slope[p]);
       }
     }
-    const Curved<VecF> sum = spline(plane[0], plane[1], plane[2], s);
+    const Curved<VecF> sum = spline(plane[0], plane[1], plane[2], at.s);
     value[q] = sum.value;
     by_u[q] = sum.slope;
-    slopes[q] = spline(slope[0], slope[1], slope[2], s).value;
+    slopes[q] = spline(slope[0], slope[1], slope[2], at.s).value;
   };
   sum_row(1);
-  for (const int q : {0, 2}) {
-    take_row(q);
-    sum_row(q);
-  }
-  const Curved<VecF> phi = spline(value[0], value[1], value[2], t);
-  return {phi.value, spline(by_u[0], by_u[1], by_u[2], t).value * scale, phi.slope * scale,
-          -spline(slopes[0], slopes[1], slopes[2], t).value};
-}
-
-// phi for spheres of these radii: footprint = m 2^e with m in [1, 2) lies between levels e and e
-// + 1.
-[[gnu::always_inline]] inline ImageGradient<VecF> ask(const Field& field, const Seen& at,
-                                                      VecF inverse_depth, VecF radius) {
-  const VecI last = splat(field.last_level);
-  const VecF footprint = max(kFootprint * radius * field.fx * inverse_depth, splat(1.0f));
-  const VecI bits = reinterpret_cast<VecI>(footprint);
-  const VecI exponent = (bits >> 23) - 127;
-  const VecF m = reinterpret_cast<VecF>((bits & 0x7fffff) | 0x3f800000);
-  const Sloped<VecF> step = smooth_step((m - 1.0f) * (1.0f / (kBlendEnd - 1)));
-  const VecI is_next = (step.value >= splat(1.0f)) & (exponent < last);
-  const VecI is_single = is_next | (exponent >= last);
-  const VecI level = exponent < last ? exponent - is_next : last;
-  ImageGradient<VecF> g = sample(field, at, level, radius);
-  const VecF blend = select(is_single, VecF{}, step.value);
-  if (mask_bits(blend > VecF{}) != 0) {
-    const ImageGradient<VecF> next = sample(field, at, level < last ? level + 1 : last, radius);
-    const VecF blend_by_z = step.slope * m * inverse_depth * (-1.0f / (kBlendEnd - 1));
-    const VecF change = next.phi - g.phi;
-    g.by_u += blend * (next.by_u - g.by_u);
-    g.by_v += blend * (next.by_v - g.by_v);
-    g.by_z += blend * (next.by_z - g.by_z) + select(is_single, VecF{}, change * blend_by_z);
-    g.phi += blend * change;
-  }
-  return g;
+  take_row(0);
+  sum_row(0);
+  take_row(2);
+  sum_row(2);
+  const VecF scale = scale_of(level);
+  const Curved<VecF> phi = spline(value[0], value[1], value[2], at.t);
+  return {phi.value, spline(by_u[0], by_u[1], by_u[2], at.t).value * scale, phi.slope * scale,
+          -spline(slopes[0], slopes[1], slopes[2], at.t).value};
 }
 
 // Sums of one group.
@@ -128,36 +115,111 @@ struct Totals {
   RowSums volume, potential, fx, fy, fz, tx, ty, tz, boundary, inside;
 };
 
-// Volumes, energies and forces of one cluster.
-void measure_cluster(const FieldJob& job, const Field& field, std::size_t begin, Totals& totals) {
+// The elements of a cluster between the steps of measuring them. Each step is a short loop: then
+// the processor has several vectors in flight, where one long loop would wait for each vector's
+// chain.
+struct Elements {
+  alignas(64) float lx[kSize], ly[kSize], lz[kSize];  // from C, in W
+  alignas(64) float from_u[kSize], from_v[kSize], depth[kSize], inverse_depth[kSize];
+  alignas(64) std::int32_t level[kSize], pixel[kSize];
+  alignas(64) float s[kSize], t[kSize];
+  alignas(64) float blend[kSize], blend_by_z[kSize];  // with the next wider level
+  alignas(64) float phi[kSize], by_u[kSize], by_v[kSize], by_z[kSize];
+};
+
+// Step 1: where the elements are seen, and on which level: footprint = m 2^e with m in [1, 2) lies
+// between levels e and e + 1.
+[[gnu::always_inline]] inline void aim(const MeasureJob& job, const Field& field, std::size_t begin,
+                                       Elements& to) {
   const SphereClusters& c = *job.clusters;
+  const VecI last = splat(field.last_level);
   for (int i = 0; i < kSize; i += kLanes) {
     const std::size_t place = begin + static_cast<std::size_t>(i);
     const VecF x_T = load(&c.x[place]), y_T = load(&c.y[place]), z_T = load(&c.z[place]);
     const auto rotated = [&](const float(&row)[3]) {
       return row[0] * x_T + row[1] * y_T + row[2] * z_T;
     };
-    const VecF lx = rotated(job.R_WT[0]), ly = rotated(job.R_WT[1]), lz = rotated(job.R_WT[2]);
-    const VecF depth = max(lz + job.p_WC[2], splat(kLeastDepth)), inverse_depth = 1.0f / depth;
-    const VecF from_u = field.fx * (lx + job.p_WC[0]) * inverse_depth;
-    const VecF from_v = field.fy * (ly + job.p_WC[1]) * inverse_depth;
-    const VecF radius = load(job.radius + place), factor = load(job.factor + place);
-    ImageGradient<VecF> g =
-        ask(field, {from_u + field.cx, from_v + field.cy, depth}, inverse_depth, radius);
-    const VecI in_front = lz + job.p_WC[2] > splat(kLeastDepth);
-    const VecF phi = select(in_front, g.phi, radius);
+    const VecF lx = rotated(job.frame.R_WT[0]), ly = rotated(job.frame.R_WT[1]),
+               lz = rotated(job.frame.R_WT[2]);
+    const VecF depth = max(lz + job.frame.p_WC[2], splat(kLeastDepth)),
+               inverse_depth = 1.0f / depth;
+    const VecF from_u = field.fx * (lx + job.frame.p_WC[0]) * inverse_depth;
+    const VecF from_v = field.fy * (ly + job.frame.p_WC[1]) * inverse_depth;
 
-    const VecF h = min(max(radius - phi, VecF{}), radius + radius);
-    const VecF volume = factor * (static_cast<float>(kPi / 3) * h * h * (3.0f * radius - h));
-    const VecF whole = factor * (static_cast<float>(4 * kPi / 3) * radius * radius * radius);
-    const VecF potential =
-        factor * (static_cast<float>(kPi / 12) * h * h * h * (4.0f * radius - h)) +
-        whole * max(-phi - radius, VecF{});
-    const Gradient3<VecF> n = to_space(g, from_u, from_v, inverse_depth, field.fx, field.fy);
-    const VecF x = volume * n.x, y = volume * n.y, z = volume * n.z;
+    const VecF radius = load(job.radius + place);
+    const VecF footprint = max(kFootprint * radius * field.fx * inverse_depth, splat(1.0f));
+    const VecI bits = reinterpret_cast<VecI>(footprint);
+    const VecI exponent = (bits >> 23) - 127;
+    const VecF m = reinterpret_cast<VecF>((bits & 0x7fffff) | 0x3f800000);
+    const Sloped<VecF> step = smooth_step((m - 1.0f) * (1.0f / (kBlendEnd - 1)));
+    const VecI is_next = (step.value >= splat(1.0f)) & (exponent < last);
+    const VecI is_single = is_next | (exponent >= last);
+    const VecI level = exponent < last ? exponent - is_next : last;
+    const VecF step_by_z = step.slope * m * inverse_depth * (-1.0f / (kBlendEnd - 1));
+    const Spot spot = spot_at(field, from_u + field.cx, from_v + field.cy, level);
+
+    store(to.lx + i, lx);
+    store(to.ly + i, ly);
+    store(to.lz + i, lz);
+    store(to.from_u + i, from_u);
+    store(to.from_v + i, from_v);
+    store(to.depth + i, depth);
+    store(to.inverse_depth + i, inverse_depth);
+    store(to.level + i, level);
+    store(to.pixel + i, spot.pixel);
+    store(to.s + i, spot.s);
+    store(to.t + i, spot.t);
+    store(to.blend + i, select(is_single, VecF{}, step.value));
+    store(to.blend_by_z + i, select(is_single, VecF{}, step_by_z));
+  }
+}
+
+// Step 2: phi and its derivatives.
+[[gnu::always_inline]] inline void ask(const MeasureJob& job, const Field& field, std::size_t begin,
+                                       Elements& at) {
+  const VecI last = splat(field.last_level);
+  for (int i = 0; i < kSize; i += kLanes) {
+    const VecF depth = load(at.depth + i), radius = load(job.radius + begin + i);
+    const VecI level = load(at.level + i);
+    ImageGradient<VecF> g =
+        sample(field, {load(at.pixel + i), load(at.s + i), load(at.t + i)}, level, depth, radius);
+    const VecF blend = load(at.blend + i);
+    if (mask_bits(blend > VecF{}) != 0) {
+      const VecI wider = level < last ? level + 1 : last;
+      const VecF u = load(at.from_u + i) + field.cx, v = load(at.from_v + i) + field.cy;
+      const ImageGradient<VecF> next =
+          sample(field, spot_at(field, u, v, wider), wider, depth, radius);
+      const VecF change = next.phi - g.phi;
+      g.by_u += blend * (next.by_u - g.by_u);
+      g.by_v += blend * (next.by_v - g.by_v);
+      g.by_z += blend * (next.by_z - g.by_z) + change * load(at.blend_by_z + i);
+      g.phi += blend * change;
+    }
+    store(at.phi + i, g.phi);
+    store(at.by_u + i, g.by_u);
+    store(at.by_v + i, g.by_v);
+    store(at.by_z + i, g.by_z);
+  }
+}
+
+// Step 3: volumes, energies and forces.
+[[gnu::always_inline]] inline void sum_up(const MeasureJob& job, const Field& field,
+                                          std::size_t begin, const Elements& at, Totals& totals) {
+  for (int i = 0; i < kSize; i += kLanes) {
+    const std::size_t place = begin + static_cast<std::size_t>(i);
+    const VecF radius = load(job.radius + place), factor = load(job.factor + place);
+    const VecF lx = load(at.lx + i), ly = load(at.ly + i), lz = load(at.lz + i);
+    const VecI in_front = lz + job.frame.p_WC[2] > splat(kLeastDepth);
+    const VecF phi = select(in_front, load(at.phi + i), radius);
+
+    const CutBall<VecF> cut = cut_ball(radius, factor, phi);
+    const ImageGradient<VecF> g{phi, load(at.by_u + i), load(at.by_v + i), load(at.by_z + i)};
+    const Gradient3<VecF> n = to_space(g, load(at.from_u + i), load(at.from_v + i),
+                                       load(at.inverse_depth + i), field.fx, field.fy);
+    const VecF x = cut.volume * n.x, y = cut.volume * n.y, z = cut.volume * n.z;
     const int part = i / kLanes % RowSums::kParts;
-    totals.volume.add(part, volume * fade(phi, splat(field.thickness)));
-    totals.potential.add(part, potential);
+    totals.volume.add(part, cut.volume * fade(phi, splat(field.thickness)));
+    totals.potential.add(part, cut.potential);
     totals.fx.add(part, x);
     totals.fy.add(part, y);
     totals.fz.add(part, z);
@@ -171,42 +233,17 @@ void measure_cluster(const FieldJob& job, const Field& field, std::size_t begin,
   }
 }
 
-// True if the tiles that a cluster can ask about are all well behind it: every plane is at least
-// the largest radius away from every element.
-bool is_in_front(const FieldJob& job, int cluster) {
-  const Cluster& ball = job.clusters->clusters[static_cast<std::size_t>(cluster)];
-  const Vec3f& c = ball.centre;
-  const auto coordinate = [&](int row) {
-    const float(&r)[3] = job.R_WT[row];
-    return r[0] * c.x + r[1] * c.y + r[2] * c.z + job.p_WC[row];
-  };
-  const float reach = ball.reach * 1.0001f, depth = coordinate(2);
-  const float nearest = depth - reach, farthest = depth + reach;
-  if (!(nearest > kLeastDepth)) return farthest < kLeastDepth;
-  const float radius = job.largest_radius[cluster];
-  // Tiles of the cluster's image, and of the three footprints around that a wide pixel and its
-  // neighbours take in.
+// True if the tiles that spheres in a ball can ask about are all well behind it: every plane is at
+// least the largest radius away from every sphere.
+bool is_in_front(const MeasureJob& job, const Cluster& ball, float largest_radius) {
   const DepthFieldView& field = job.field;
-  const auto tiles = [&](float x, double focal, double centre, int num, int& first, int& last) {
-    const float f = static_cast<float>(focal);
-    const float margin = 2 + 4 * kFootprint * radius * f / nearest;
-    const float low = f * (x - reach) / (x < reach ? nearest : farthest) - margin;
-    const float high = f * (x + reach) / (x > -reach ? nearest : farthest) + margin;
-    const auto tile = [&](float pixel) {
-      const float at = (pixel + static_cast<float>(centre)) * (1.0f / DepthFieldView::kTileSize);
-      const float most = static_cast<float>(num - 1);
-      return static_cast<int>(at > 0 ? (at < most ? at : most) : 0.0f);
-    };
-    first = tile(low);
-    last = tile(high);
-  };
-  int left, right, top, bottom;
-  tiles(coordinate(0), field.intrinsics.fx, field.intrinsics.cx, field.tiles_wide, left, right);
-  tiles(coordinate(1), field.intrinsics.fy, field.intrinsics.cy, field.tiles_high, top, bottom);
-  for (int v = top; v <= bottom; ++v) {
-    for (int u = left; u <= right; ++u) {
+  const BallWindow window =
+      window_of(job.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
+  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
+  for (int v = window.top; v <= window.bottom; ++v) {
+    for (int u = window.left; u <= window.right; ++u) {
       const DepthTile& tile = field.tiles[v * field.tiles_wide + u];
-      if (!(tile.least_slope * (tile.nearest - farthest) > radius)) return false;
+      if (!is_behind(tile, window.farthest, largest_radius)) return false;
     }
   }
   return true;
@@ -214,16 +251,26 @@ bool is_in_front(const FieldJob& job, int cluster) {
 
 }  // namespace
 
-FieldSums measure_group(const FieldJob& job, int group) {
+FieldSums measure_group(const MeasureJob& job, int group) {
   if (job.field.num_levels == 0) return {};
   const SphereClusters& clusters = *job.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
   const Field field(job.field);
+  const float largest_radius =
+      *std::max_element(job.largest_radius + first, job.largest_radius + last);
+  if (is_in_front(job, clusters.groups[static_cast<std::size_t>(group)], largest_radius)) return {};
   Totals totals;
+  Elements elements;
   for (int cluster = first; cluster < last; ++cluster) {
-    if (is_in_front(job, cluster)) continue;
-    measure_cluster(job, field, static_cast<std::size_t>(cluster) * kSize, totals);
+    const auto begin = static_cast<std::size_t>(cluster) * kSize;
+    if (is_in_front(job, clusters.clusters[static_cast<std::size_t>(cluster)],
+                    job.largest_radius[cluster])) {
+      continue;
+    }
+    aim(job, field, begin, elements);
+    ask(job, field, begin, elements);
+    sum_up(job, field, begin, elements, totals);
   }
   FieldSums sums;
   sums.volume = totals.volume.total();

@@ -8,47 +8,35 @@ namespace palpate {
 GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const LeafGraph& graph,
                                std::span<const std::int32_t> spatial_order)
     : sphere_ids_(spatial_order.begin(), spatial_order.end()),
-      place_of_(spheres.size()),
+      graph_(graph, spatial_order),
       states_(spheres.size(), kUnreached),
       offers_(spheres.size()),
       visits_(spheres.size() + 1),
       places_(spheres.size() + 1) {
-  for (std::size_t place = 0; place < sphere_ids_.size(); ++place) {
-    const auto id = static_cast<std::size_t>(sphere_ids_[place]);
-    place_of_[id] = static_cast<Place>(place);
-    centres_.push_back(spheres[id].centre);
-  }
-  neighbours_.reserve(graph.neighbours().size());
   std::int32_t longest_row = 0;
-  for (const std::int32_t id : sphere_ids_) {
-    row_starts_.push_back(static_cast<std::int32_t>(neighbours_.size()));
-    const auto row = static_cast<std::size_t>(id);
-    for (std::int32_t e = graph.row_starts()[row]; e < graph.row_starts()[row + 1]; ++e) {
-      const std::int32_t neighbour = graph.neighbours()[static_cast<std::size_t>(e)];
-      neighbours_.push_back(place_of_[static_cast<std::size_t>(neighbour)]);
-    }
-    longest_row = std::max(longest_row, graph.row_starts()[row + 1] - graph.row_starts()[row]);
+  for (std::size_t place = 0; place < sphere_ids_.size(); ++place) {
+    centres_.push_back(spheres[static_cast<std::size_t>(sphere_ids_[place])].centre);
+    longest_row = std::max(longest_row, graph_.row_starts[place + 1] - graph_.row_starts[place]);
   }
-  row_starts_.push_back(static_cast<std::int32_t>(neighbours_.size()));
   ahead_.resize(static_cast<std::size_t>(longest_row));
 }
 
 // Offers the reference of one sphere to its neighbours and appends those it is the first to reach.
 template <bool kWithEdgePlanes>
 std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const Seed& seed,
-                                       const EdgePlanes* edge_planes, std::size_t num_visits) {
+                                       const EdgesView* edge_planes, std::size_t num_visits) {
   const Vec3d c = to_double(centres_[static_cast<std::size_t>(place)]);
-  const Place* const neighbours = neighbours_.data();
+  const Place* const neighbours = graph_.neighbours.data();
   const Vec3f* const centres = centres_.data();
   State* const states = states_.data();
   Offer* const offers = offers_.data();
   Place* const places = places_.data();
   Place* const ahead = ahead_.data();
-  const std::int32_t end = row_starts_[static_cast<std::size_t>(place) + 1];
+  const std::int32_t end = graph_.row_starts[static_cast<std::size_t>(place) + 1];
   // What stays is written on, what goes is written over: a branch per edge would be mispredicted
   // too often.
   std::size_t num_ahead = 0;
-  for (std::int32_t e = row_starts_[static_cast<std::size_t>(place)]; e < end; ++e) {
+  for (std::int32_t e = graph_.row_starts[static_cast<std::size_t>(place)]; e < end; ++e) {
     const Place to = neighbours[e];
     ahead[num_ahead] = to;
     num_ahead += states[to] != kSettled;
@@ -57,7 +45,7 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const See
   for (std::size_t k = 0; k < num_open; ++k) {
     const Place to = ahead[k];
     ahead[num_ahead] = to;
-    num_ahead += dot(to_double(centres[to]) - c, seed.normal) < 0;
+    num_ahead += leads_inside(to_double(centres[to]) - c, seed.normal);
   }
   for (std::size_t k = 0; k < num_ahead; ++k) {
     const auto to = static_cast<std::size_t>(ahead[k]);
@@ -68,8 +56,7 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const See
       states[to] = kReachedThisRound;
       places[num_visits++] = static_cast<Place>(to);
       best = offer;
-    } else if (offer.path_length < best.path_length ||
-               (offer.path_length == best.path_length && offer.seed < best.seed)) {
+    } else if (offer.beats(best)) {
       best = offer;
     }
   }
@@ -77,14 +64,14 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const See
 }
 
 std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed> seeds,
-                                                           const EdgePlanes* edge_planes) {
+                                                           const EdgesView* edge_planes) {
   for (std::size_t v = 0; v < num_visits_; ++v) {
     states_[static_cast<std::size_t>(places_[v])] = kUnreached;
   }
   std::size_t num_visits = seeds.size();
   for (std::size_t s = 0; s < seeds.size(); ++s) {
     visits_[s] = {0.0, seeds[s].sphere_id, static_cast<std::int32_t>(s)};
-    places_[s] = place_of_[static_cast<std::size_t>(seeds[s].sphere_id)];
+    places_[s] = graph_.place_of[static_cast<std::size_t>(seeds[s].sphere_id)];
     states_[static_cast<std::size_t>(places_[s])] = kSettled;
   }
   for (std::size_t round_begin = 0; round_begin < num_visits;) {
@@ -92,7 +79,7 @@ std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed>
     for (std::size_t v = round_begin; v < round_end; ++v) {
       constexpr std::size_t kAhead = 6;  // rows come from the L2 cache or farther
       const auto later = static_cast<std::size_t>(places_[std::min(v + kAhead, round_end - 1)]);
-      __builtin_prefetch(&neighbours_[static_cast<std::size_t>(row_starts_[later])]);
+      __builtin_prefetch(&graph_.neighbours[static_cast<std::size_t>(graph_.row_starts[later])]);
       __builtin_prefetch(&centres_[later]);
       const Seed& seed = seeds[static_cast<std::size_t>(visits_[v].seed)];
       num_visits = edge_planes == nullptr

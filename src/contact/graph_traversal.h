@@ -6,9 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "palpate/ist/leaf_graph.h"
 #include "palpate/math/sphere.h"
-#include "src/contact/edge_planes.h"
+#include "src/contact/edge_pieces.h"
+#include "src/contact/graph_rule.h"
+#include "src/contact/place_graph.h"
 
 namespace palpate {
 
@@ -43,7 +44,7 @@ class GraphTraversal {
   /// Returns the spheres reached, seeds not among them, in the order of their rounds. `seeds` are
   /// all boundary spheres, ascending. O(edges of the spheres reached). No allocation. The search
   /// does not walk into a sphere that `edge_planes` (may be null) forbids to its reference.
-  std::span<const Visit> run(std::span<const Seed> seeds, const EdgePlanes* edge_planes = nullptr);
+  std::span<const Visit> run(std::span<const Seed> seeds, const EdgesView* edge_planes = nullptr);
 
  private:
   // Inside, a sphere is known by its place in the spatial order.
@@ -52,24 +53,16 @@ class GraphTraversal {
   // One byte a sphere: most edges lead to a settled one, and the bytes of all stay in the L1 cache.
   enum State : std::uint8_t { kUnreached, kReachedThisRound, kSettled };
 
-  // The best offer a sphere has had in this round.
-  struct Offer {
-    double path_length = 0;
-    std::int32_t seed = -1;
-  };
-
   template <bool kWithEdgePlanes>
   std::size_t walk_edges(const Visit& from, Place place, const Seed& seed,
-                         const EdgePlanes* edge_planes, std::size_t num_visits);
+                         const EdgesView* edge_planes, std::size_t num_visits);
 
   std::vector<Vec3f> centres_;            // of each place
   std::vector<std::int32_t> sphere_ids_;  // of each place
-  std::vector<Place> place_of_;           // of each sphere
-  std::vector<std::int32_t> row_starts_;  // of each place, and one past the last
-  std::vector<Place> neighbours_;
+  PlaceGraph graph_;
   std::vector<Place> ahead_;   // of one sphere: neighbours not settled and in its direction
   std::vector<State> states_;  // of each place
-  std::vector<Offer> offers_;  // of each place
+  std::vector<Offer> offers_;  // of each place: the best one it has had in this round
   std::vector<Visit> visits_;  // seeds, then the spheres reached
   std::vector<Place> places_;  // of each visit
   std::size_t num_visits_ = 0;

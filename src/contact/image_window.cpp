@@ -5,6 +5,17 @@
 
 namespace palpate {
 
+Bounds bounds_of(std::span<const Sphere> spheres) {
+  Bounds box{{1e300, 1e300, 1e300}, {-1e300, -1e300, -1e300}};
+  for (const Sphere& s : spheres) {
+    for (int axis = 0; axis < 3; ++axis) {
+      box.low[axis] = std::min(box.low[axis], static_cast<double>(s.centre[axis]) - s.radius);
+      box.high[axis] = std::max(box.high[axis], static_cast<double>(s.centre[axis]) + s.radius);
+    }
+  }
+  return box;
+}
+
 ImageWindow image_window(const PointCloudView& cloud, const Bounds& box_T, const Pose& X_WT) {
   const ImageWindow everything{0, cloud.height, 0, cloud.width};
   if (!cloud.pinhole) return everything;

@@ -27,7 +27,7 @@ struct MeasureSums {
   Vec3d force, torque;
   int num_inside = 0;
 
-  void add(const MeasureSums& other) {
+  PALPATE_HOSTDEV void add(const MeasureSums& other) {
     volume += other.volume;
     force += other.force;
     torque += other.torque;

@@ -2,14 +2,12 @@
 #include <algorithm>
 #include <bit>
 
+#include "src/contact/borrow_rule.h"
 #include "src/contact/plane_borrowing.h"
 #include "src/core/simd.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
-
-// Relative slack of comparisons between single-precision distances. Closer calls go to double.
-constexpr float kSlack = 4e-6f;
 
 // Values in a row of RowSums.
 constexpr int kRow = 16;
@@ -29,18 +27,15 @@ struct CandidateList {
 
 CandidateList list_of(const Candidates& c) { return {c.num, c.x, c.y, c.z, c.lender}; }
 
-// Of `from`, those that may be nearest to some centre in the box. With b* the one nearest to the
-// box's middle m, another b is nearer to a point x of the box only if x lies beyond the plane half
-// way between b* and b, so only if |m - b|^2 - |m - b*|^2 < 2 h . |b - b*|, h the half sides of the
-// box.
-// `to` may not overlap `from`; its squared distances are scratch.
+// Of `from`, those that may be nearest to some centre in the box. `to` may not overlap `from`;
+// its squared distances are scratch.
 void prune_candidates(const CandidateList& from, const Cluster& box, Candidates& to) {
   VecF least = splat(1e30f);
   for (int i = 0; i < from.num; i += kLanes) {
     const VecF dx = load(from.x + i) - box.centre.x, dy = load(from.y + i) - box.centre.y,
                dz = load(from.z + i) - box.centre.z;
     const VecI in_range = lane_ids() < splat(static_cast<std::int32_t>(from.num - i));
-    const VecF squared = select(in_range, dx * dx + dy * dy + dz * dz, splat(1e30f));
+    const VecF squared = select(in_range, squared_length(dx, dy, dz), splat(1e30f));
     store(to.squared_distance + i, squared);
     least = min(least, squared);
   }
@@ -49,17 +44,12 @@ void prune_candidates(const CandidateList& from, const Cluster& box, Candidates&
   int best = 0;
   while (to.squared_distance[best] != nearest) ++best;
 
-  const float x = from.x[best], y = from.y[best], z = from.z[best];
-  const float slack = nearest * kSlack + 1e-14f;
+  const NearestToMiddle nearest_one{from.x[best], from.y[best], from.z[best], nearest};
   to.num = 0;
   for (int i = 0; i < from.num; i += kLanes) {
     const VecF bx = load(from.x + i), by = load(from.y + i), bz = load(from.z + i);
-    const VecF reach = box.half_size.x * max(bx - x, x - bx) +
-                       box.half_size.y * max(by - y, y - by) +
-                       box.half_size.z * max(bz - z, z - bz);
     const VecF squared = load(to.squared_distance + i);
-    const VecF farther = squared * (1 - kSlack) - (nearest + slack);
-    const std::uint32_t bits = mask_bits(farther <= 2.0f * reach);
+    const std::uint32_t bits = mask_bits(may_be_nearest(bx, by, bz, squared, nearest_one, box));
     if (bits == 0) continue;
     compress_store(to.x + to.num, bx, bits);
     compress_store(to.y + to.num, by, bits);
@@ -74,7 +64,7 @@ void prune_candidates(const CandidateList& from, const Cluster& box, Candidates&
 // True if some sphere of the cluster may reach behind one of the candidates' planes.
 bool is_reached(const BoundaryPlanes& boundary, const Candidates& candidates,
                 const Cluster& cluster) {
-  const float limit = cluster.reach + kSlack * (norm(cluster.centre) + cluster.reach);
+  const float limit = reach_with_slack(cluster);
   for (int i = 0; i < candidates.num; ++i) {
     const std::int32_t b = candidates.lender[i];
     const float distance = boundary.nx[b] * cluster.centre.x + boundary.ny[b] * cluster.centre.y +
@@ -125,14 +115,14 @@ VecI nearest_candidates(const PlaneBorrowing& job, std::size_t place,
   VecI best = splat(candidates.lender[0]);
   for (int i = 0; i < candidates.num; ++i) {
     const VecF dx = x - candidates.x[i], dy = y - candidates.y[i], dz = z - candidates.z[i];
-    const VecF squared = dx * dx + dy * dy + dz * dz;
+    const VecF squared = squared_length(dx, dy, dz);
     const VecI closer = squared < least;
     second = min(second, max(squared, least));
     least = min(squared, least);
     best = closer ? splat(candidates.lender[i]) : best;
   }
   // Close calls, decided in double.
-  std::uint32_t close = mask_bits(second <= least * (1 + 2 * kSlack) + 1e-14f);
+  std::uint32_t close = mask_bits(is_close_call(least, second));
   for (; close != 0; close &= close - 1) {
     const int lane = std::countr_zero(close);
     const std::int32_t id = c.sphere_id[place + static_cast<std::size_t>(lane)];
@@ -157,7 +147,7 @@ MeasureSums average_planes(const PlaneBorrowing& job, int group) {
       const VecF distance = load(boundary.nx + b) * ball.centre.x +
                             load(boundary.ny + b) * ball.centre.y +
                             load(boundary.nz + b) * ball.centre.z - load(boundary.offset + b);
-      const VecF limit = splat(ball.reach + kSlack * (norm(ball.centre) + ball.reach));
+      const VecF limit = splat(reach_with_slack(ball));
       reached = mask_bits((distance < limit) & (load(boundary.count + b) > 0.0f)) != 0;
     }
     if (!reached) {
@@ -251,8 +241,7 @@ MeasureSums borrow_nearest(const PlaneBorrowing& job, int group, BorrowingScratc
                  nz = gather(boundary.nz, lender);
       const VecF distance = nx * x + ny * y + nz * z - gather(boundary.offset, lender);
       // Wholly behind or in front of the plane, or cut by it: then in double.
-      const VecF size = max(max(x, -x), max(max(y, -y), max(z, -z))) + radius;
-      const VecF unsure = radius + size * kSlack;
+      const VecF unsure = cut_distance(x, y, z, radius);
       VecF volume = select(wants & (distance < 0.0f), load(&c.volume[place]), VecF{});
       const VecI cut = wants & (distance < unsure) & (distance > -unsure);
       for (std::uint32_t bits = mask_bits(cut); bits != 0; bits &= bits - 1) {

@@ -24,14 +24,23 @@ struct alignas(64) PointSums {
                               0};  ///< sum of p - t, world axes, t the tool's translation; points
   std::int64_t normal_W[4] = {0, 0, 0, 0};  ///< sum of normals, world axes; of kernel weights
 
-  std::int64_t num_points() const { return offset_W[3] >> 40; }
-  double weight() const { return static_cast<double>(normal_W[3]) / kScale; }
+  PALPATE_HOSTDEV std::int64_t num_points() const { return offset_W[3] >> 40; }
+  PALPATE_HOSTDEV double weight() const { return static_cast<double>(normal_W[3]) / kScale; }
+  PALPATE_HOSTDEV Vec3d offset() const { return sum_of(offset_W); }  ///< m
+  PALPATE_HOSTDEV Vec3d normal() const { return sum_of(normal_W); }
 
   void add(const PointSums& other) {
     for (int i = 0; i < 4; ++i) {
       offset_W[i] += other.offset_W[i];
       normal_W[i] += other.normal_W[i];
     }
+  }
+
+ private:
+  PALPATE_HOSTDEV static Vec3d sum_of(const std::int64_t (&sum)[4]) {
+    return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
+                 static_cast<double>(sum[2])} /
+           kScale;
   }
 };
 

@@ -24,8 +24,8 @@ struct alignas(64) CandidateBlock {
       sphere_id[kSize];  ///< the last one carries kGoesOn if the next block is of this cell
 
   static constexpr std::int32_t kGoesOn = 1 << 30;
-  std::int32_t id(int slot) const { return sphere_id[slot] & (kGoesOn - 1); }
-  bool goes_on() const { return (sphere_id[kSize - 1] & kGoesOn) != 0; }
+  PALPATE_HOSTDEV std::int32_t id(int slot) const { return sphere_id[slot] & (kGoesOn - 1); }
+  PALPATE_HOSTDEV bool goes_on() const { return (sphere_id[kSize - 1] & kGoesOn) != 0; }
 };
 
 /// Not owning, trivially copyable.
@@ -42,6 +42,8 @@ class SphereGrid {
  public:
   explicit SphereGrid(std::span<const Sphere> spheres);
   SphereGridView view() const;
+  std::span<const std::int32_t> tags() const { return tags_; }
+  std::span<const CandidateBlock> blocks() const { return blocks_; }
 
   /// The fast test may err by this much, in cells; closer calls are decided in double.
   static constexpr double kRounding = 1e-4;

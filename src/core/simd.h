@@ -40,6 +40,12 @@ inline VecF load(const float* from) {
   std::memcpy(&v, from, sizeof v);
   return v;
 }
+inline VecI load(const std::int32_t* from) {
+  VecI v;
+  std::memcpy(&v, from, sizeof v);
+  return v;
+}
+inline void store(std::int32_t* to, VecI v) { std::memcpy(to, &v, sizeof v); }
 inline void store(float* to, VecF v) { std::memcpy(to, &v, sizeof v); }
 /// Writes the first `count` lanes, all of them if there are no more.
 inline void store_first(float* to, VecF v, int count) {
@@ -51,7 +57,8 @@ inline void store_first(float* to, VecF v, int count) {
 }
 
 /// Masks are 0 / -1 per lane, as comparisons give them. `mask ? a : b` selects.
-inline VecF select(VecI mask, VecF a, VecF b) { return mask ? a : b; }
+using Mask = VecI;
+inline VecF select(Mask mask, VecF a, VecF b) { return mask ? a : b; }
 inline VecF min(VecF a, VecF b) { return a < b ? a : b; }
 inline VecF max(VecF a, VecF b) { return a > b ? a : b; }
 
@@ -70,20 +77,9 @@ inline VecF sqrt(VecF v) {
 
 inline VecF abs(VecF v) { return reinterpret_cast<VecF>(reinterpret_cast<VecI>(v) & 0x7fffffff); }
 
-/// 2^v for v <= 0, relative error below 2e-7; below -100 it stays at 2^-100, away from denormals.
-[[gnu::always_inline]] inline VecF exp2_negative(VecF v) {
-  v = max(v, splat(-100.0f));
-  // Adding 1.5 * 2^23 leaves the nearest whole number in the low bits.
-  constexpr float kMagic = 12582912.0f;
-  const VecF shifted = v + kMagic;
-  const VecF f = v - (shifted - kMagic);  // -0.5 .. 0.5
-  const VecF p =
-      1.0f +
-      f * (0.693147004f +
-           f * (0.240222424f + f * (0.0555073358f + f * (0.00967151299f + f * 0.00132647285f))));
-  return reinterpret_cast<VecF>(reinterpret_cast<VecI>(p) +
-                                (reinterpret_cast<VecI>(shifted) << 23));
-}
+/// The bits of numbers, and back.
+inline VecI bits_of(VecF v) { return reinterpret_cast<VecI>(v); }
+inline VecF from_bits(VecI bits) { return reinterpret_cast<VecF>(bits); }
 
 /// Bit i is set if lane i of the mask is.
 inline std::uint32_t mask_bits(VecI mask) {
@@ -163,24 +159,63 @@ inline VecI gather_bytes(const std::uint8_t* table, VecI index) {
 #endif
 }
 
-/// Numbers k = 0 ... 5 from table[index[i]] on, for each lane, as columns[k]; eight may be read.
-/// Narrow vectors load whole rows and transpose them, which is faster there than gathering.
-inline void gather_six(const float* table, VecI index, VecF (&columns)[6]) {
+/// Is any of the bytes table[index[i]] not 0?
+inline bool any_byte(const std::uint8_t* table, VecI index) {
+  std::uint32_t any = 0;
+  for (int i = 0; i < kLanes; ++i) any |= table[index[i]];
+  return any != 0;
+}
+
+/// A few numbers to pick from, faster than from memory.
+template <class Element>
+struct LaneTable {
+  alignas(64) Element entries[kLanes > 8 ? kLanes : 8] = {};
+};
+
+/// table.entries[index[i]] for each lane, index 0 ... 7.
+inline VecF look_up(const LaneTable<float>& table, VecI index) {
+#if PALPATE_LANES == 16
+  return reinterpret_cast<VecF>(
+      _mm512_permutexvar_ps(reinterpret_cast<__m512i>(index), _mm512_load_ps(table.entries)));
+#elif PALPATE_LANES == 8
+  return reinterpret_cast<VecF>(
+      _mm256_permutevar8x32_ps(_mm256_load_ps(table.entries), reinterpret_cast<__m256i>(index)));
+#else
+  return gather(table.entries, index);
+#endif
+}
+inline VecI look_up(const LaneTable<std::int32_t>& table, VecI index) {
+#if PALPATE_LANES == 16
+  return reinterpret_cast<VecI>(
+      _mm512_permutexvar_epi32(reinterpret_cast<__m512i>(index), _mm512_load_si512(table.entries)));
+#elif PALPATE_LANES == 8
+  return reinterpret_cast<VecI>(_mm256_permutevar8x32_epi32(
+      _mm256_load_si256(reinterpret_cast<const __m256i*>(table.entries)),
+      reinterpret_cast<__m256i>(index)));
+#else
+  return gather(table.entries, index);
+#endif
+}
+
+/// Numbers k = 0 ... 5 from table[2 * index[i]] on, for each lane, as columns[k]; eight may be
+/// read. Narrow vectors load whole rows and transpose them, which is faster there than gathering.
+inline void gather_three_pairs(const float* table, VecI index, VecF (&columns)[6]) {
 #if PALPATE_LANES == 16
   const __m512i all = reinterpret_cast<__m512i>(index);
   const __m256i from[2] = {_mm512_castsi512_si256(all), _mm512_extracti64x4_epi64(all, 1)};
   for (int k = 0; k < 6; k += 2) {
-    const VecF low = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[0], table + k, 4));
-    const VecF high = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[1], table + k, 4));
+    const VecF low = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[0], table + k, 8));
+    const VecF high = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[1], table + k, 8));
     columns[k] = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24,
                                          26, 28, 30);
     columns[k + 1] = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23,
                                              25, 27, 29, 31);
   }
 #elif PALPATE_LANES == 8
+  const auto row = [&](int lane) { return table + 2 * std::ptrdiff_t{index[lane]}; };
   VecF low[4], high[4];  // two rows woven into each other
   for (int i = 0; i < 4; ++i) {
-    const VecF a = load(table + index[2 * i]), b = load(table + index[2 * i + 1]);
+    const VecF a = load(row(2 * i)), b = load(row(2 * i + 1));
     low[i] = __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13);
     high[i] = __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
   }
@@ -207,8 +242,9 @@ inline void gather_six(const float* table, VecI index, VecF (&columns)[6]) {
 #else
   VecF front[4], back[4];
   for (int i = 0; i < 4; ++i) {
-    front[i] = load(table + index[i]);
-    back[i] = load(table + index[i] + 4);
+    const float* const row = table + 2 * std::ptrdiff_t{index[i]};
+    front[i] = load(row);
+    back[i] = load(row + 4);
   }
   const auto low = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 0, 4, 1, 5); };
   const auto high = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 2, 6, 3, 7); };

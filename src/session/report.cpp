@@ -150,6 +150,15 @@ std::string object_rows(const std::vector<SceneObject>& objects) {
   return html;
 }
 
+std::string backend_words(const RunSettings& settings) {
+  std::string words = name_of(kBackendNames, settings.backend);
+  if (settings.backend == Backend::cuda) {
+    words += ": surfaces on GPU " + std::to_string(settings.sensing_gpu) + ", queries on GPU " +
+             std::to_string(settings.contact_gpu);
+  }
+  return words;
+}
+
 std::string tables(const Tool& tool, const RunLog& log) {
   const RunSettings& s = log.settings;
   const NormalOptions& n = s.surface.normals;
@@ -172,7 +181,7 @@ std::string tables(const Tool& tool, const RunLog& log) {
          row("continuity", name_of(kContinuityNames, s.contact.continuity)) +
          row("between frames", name_of(kTimeModeNames, s.time.mode)) +
          row("average over frames", name_of(kDepthAverageNames, s.time.average.kind)) +
-         row("backend", name_of(kBackendNames, s.backend)) +
+         row("backend", backend_words(s)) +
          row("threads", s.num_threads == 0 ? "queries 1, surfaces one per core"
                                            : std::to_string(s.num_threads)) +
          row("rate", short_number(s.rate) + " Hz") +
@@ -206,6 +215,11 @@ Result<std::string> make_report(const Tool& tool, const RunLog& log) {
     html += "<p class='warn'>This run was interrupted after " +
             short_number(static_cast<double>(log.ticks.size()) / log.settings.rate) +
             " s. What is shown is complete up to there.</p>\n";
+  }
+  if (!log.failure.empty()) {
+    html += "<p class='warn'>This run ended after " +
+            short_number(static_cast<double>(log.ticks.size()) / log.settings.rate) +
+            " s: " + escape_html(log.failure) + ". The force was faded out.</p>\n";
   }
   html += headline(tool, log) + *pictures + plots(tool, log) + tables(tool, log);
   html += close_page(

@@ -41,11 +41,14 @@ double tool_radius(const Tool& tool) {
 
 Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
   const TickRecord& tick = log.ticks[log.deepest_tick];
-  auto session = Session::create(tool, log.stream, log.settings);
+  RunSettings settings = log.settings;
+  settings.backend = Backend::cpu;  // shows the same, also when a GPU has failed
+  auto session = Session::create(tool, log.stream, settings);
   if (!session) return session.error();
   session->take_frame(log.deepest_frame, 0);
   session->tick(tick.time, tick.X_WT);
-  const PointCloudView cloud = session->surface().cloud();
+  const PointCloud points = session->newest_cloud();
+  const PointCloudView cloud = points.view();
   const auto states = session->query().states();
 
   const Vec3d C_W = tick.X_WT * tool.sphere_mass().centre_of_mass;

@@ -169,6 +169,8 @@ std::string summary_json(const Tool& tool, const RunLog& log) {
         {"peak_volume", most.objects.volume},
         {"peak_volume_time", most.time}};
   }
+  if (!log.failure.empty()) json["failure"] = log.failure;
+  if (!log.why_not_cuda.empty()) json["why_not_cuda"] = log.why_not_cuda;
   const std::string warning = scarce_surface_warning(log);
   if (!warning.empty()) json["warning"] = warning;
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "palpate/session/session.h"
+#include "src/session/run_loop.h"
 
 namespace palpate {
 namespace {
@@ -81,8 +82,15 @@ Result<RunLog> run_session(const Tool& tool, DepthSource& source, const PoseFunc
                            const RunSettings& settings, const RunCallbacks& callbacks) {
   auto session = Session::create(tool, source.info(), settings);
   if (!session) return session.error();
+  return run_loop(*session, source, X_WT, callbacks);
+}
+
+Result<RunLog> run_loop(Session& session, DepthSource& source, const PoseFunction& X_WT,
+                        const RunCallbacks& callbacks) {
+  const RunSettings& settings = session.settings();
   RunLog log;
-  log.settings = session->settings();
+  log.settings = settings;
+  log.why_not_cuda = session.why_not_cuda();
   log.stream = source.info();
   if (std::isfinite(settings.duration)) {
     const double num_ticks = std::ceil(settings.duration * settings.rate);
@@ -107,9 +115,9 @@ Result<RunLog> run_session(const Tool& tool, DepthSource& source, const PoseFunc
             callbacks.on_frame(log.frames.size(), frames.current_time(), frames.current());
         if (!status) return status.error();
       }
-      log.frames.push_back(session->take_frame(frames.current(), frames.current_time()));
+      log.frames.push_back(session.take_frame(frames.current(), frames.current_time()));
     }
-    const TickRecord& tick = log.ticks.emplace_back(session->tick(time, X_WT(k, time)));
+    const TickRecord& tick = log.ticks.emplace_back(session.tick(time, X_WT(k, time)));
     if (tick.penetration.volume > deepest) {
       deepest = tick.penetration.volume;
       log.deepest_tick = k;
@@ -118,6 +126,10 @@ Result<RunLog> run_session(const Tool& tool, DepthSource& source, const PoseFunc
     }
     if (callbacks.on_tick && !callbacks.on_tick(tick)) {
       log.interrupted = true;
+      break;
+    }
+    if (session.is_faded_out()) {
+      log.failure = session.status().error().message;
       break;
     }
   }

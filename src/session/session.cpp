@@ -1,5 +1,6 @@
 #include "palpate/session/session.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
@@ -10,6 +11,16 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kToolBody = 0;  // of the session's world
+
+/// What `share` of a measure is.
+Penetration faded(const Penetration& last, double share) {
+  Penetration result;
+  result.volume = share * last.volume;
+  result.potential = share * last.potential;
+  result.measure_W.force = share * last.measure_W.force;
+  result.measure_W.torque = share * last.measure_W.torque;
+  return result;
+}
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -28,29 +39,44 @@ Status check(const RunSettings& settings) {
                  "the number of threads must be from 0 (one per core) to 256"};
   }
   for (const SceneObject& object : settings.objects) {
-    const Vec3d& t = object.X_WB.translation;
-    const Quaternion& q = object.X_WB.rotation;
-    if (object.shape == nullptr || !std::isfinite(t.x + t.y + t.z + q.x + q.y + q.z + q.w)) {
+    if (object.shape == nullptr || !is_finite(object.X_WB)) {
       return Error{Errc::invalid_argument, "every object needs a shape and a finite pose"};
     }
   }
   return Done{};
 }
 
+Result<SurfaceTimeline> timeline_for(const DepthStreamInfo& stream, const RunSettings& settings) {
+  std::optional<DepthFieldOptions> field;
+  if (settings.contact.method == InsideMethod::field) field = settings.field;
+  return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
+                                 {*settings.backend, settings.sensing_gpu});
+}
+
 }  // namespace
+
+Error lost_backend() {
+  return {Errc::unavailable,
+          "the GPU did not answer a query in time or is lost; check it with nvidia-smi, or use the "
+          "CPU (--backend cpu)"};
+}
 
 Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool& tool,
                                          ThreadPool& pool) {
   ContactCapacities capacities;
+  capacities.gpu = settings.contact_gpu;
   if (settings.num_threads > 1) capacities.pool = &pool;
   const auto make = [&](Backend backend) -> Result<ChosenQuery> {
     auto query = make_contact_query(backend, tool, capacities);
     if (!query) return query.error();
-    return ChosenQuery{backend, *std::move(query)};
+    return ChosenQuery{backend, *std::move(query), {}};
   };
   if (settings.backend) return make(*settings.backend);
   auto cuda = make(Backend::cuda);
-  return cuda ? std::move(cuda) : make(Backend::cpu);
+  if (cuda) return cuda;
+  auto cpu = make(Backend::cpu);
+  if (cpu) cpu->why_not_cuda = cuda.error().message;
+  return cpu;
 }
 
 Session::Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
@@ -66,18 +92,34 @@ Session::Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
 Result<Session> Session::create(const Tool& tool, const DepthStreamInfo& stream,
                                 const RunSettings& settings) {
   if (const Status status = check(settings); !status) return status.error();
-  std::optional<DepthFieldOptions> field;
-  if (settings.contact.method == InsideMethod::field) field = settings.field;
-  auto timeline = SurfaceTimeline::create(stream, settings.surface, field, settings.time);
-  if (!timeline) return timeline.error();
-  auto pool = std::make_unique<ThreadPool>(settings.num_threads);
-  auto chosen = choose_contact_query(settings, tool, *pool);
-  if (!chosen) return chosen.error();
   RunSettings used = settings;
-  used.backend = chosen->backend;
+  used.backend = settings.backend.value_or(Backend::cuda);
+  auto timeline = timeline_for(stream, used);
+  auto pool = std::make_unique<ThreadPool>(settings.num_threads);
+  Result<ChosenQuery> chosen =
+      timeline ? choose_contact_query(used, tool, *pool) : Result<ChosenQuery>(timeline.error());
+  if (!chosen && !settings.backend) {
+    used.backend = Backend::cpu;
+    auto session = create(tool, stream, used);
+    if (session) session->why_not_cuda_ = chosen.error().message;
+    return session;
+  }
+  if (!chosen) return chosen.error();
   used.time.first_period = timeline->period();
   return Session(used, std::move(pool), *std::move(timeline), tool,
                  std::make_unique<BlendedQuery>(std::move(chosen->query)));
+}
+
+Result<Session> Session::create(const Tool& tool, const DepthStreamInfo& stream,
+                                const RunSettings& settings, std::unique_ptr<ContactQuery> query) {
+  if (const Status status = check(settings); !status) return status.error();
+  RunSettings used = settings;
+  used.backend = settings.backend.value_or(Backend::cpu);
+  auto timeline = timeline_for(stream, used);
+  if (!timeline) return timeline.error();
+  used.time.first_period = timeline->period();
+  return Session(used, std::make_unique<ThreadPool>(settings.num_threads), *std::move(timeline),
+                 tool, std::make_unique<BlendedQuery>(std::move(query)));
 }
 
 FrameRecord Session::take_frame(const DepthFrame& frame, double time) {
@@ -104,7 +146,26 @@ TickRecord Session::tick(double time, const Pose& X_WT) {
   record.penetration = measured.total();
   record.objects = measured.bodies;
   record.object_pairs = measured.num_pairs;
+  constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
+  if (status_ && !timeline_.status()) status_ = timeline_.status();
+  if (status_ && (record.penetration.status & kFailed) != 0) {
+    status_ = lost_backend();
+  }
+  if (status_) {
+    last_good_ = record;
+  } else {
+    fade_out(record);
+  }
   return record;
+}
+
+void Session::fade_out(TickRecord& record) {
+  const double share = std::max(0.0, 1 - (record.time - last_good_.time) / kFadeTime);
+  record.penetration = faded(last_good_.penetration, share);
+  record.penetration.status = static_cast<std::uint32_t>(StepStatus::backend_failed);
+  record.objects = faded(last_good_.objects, share);
+  record.object_pairs = 0;
+  is_faded_out_ = share == 0;
 }
 
 }  // namespace palpate

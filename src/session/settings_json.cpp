@@ -147,6 +147,8 @@ Json to_json(const RunSettings& settings) {
             {"edges", name_of(kEdgesNames, settings.contact.edges)},
             {"continuity", name_of(kContinuityNames, settings.contact.continuity)},
             {"backend", name_of(kBackendNames, settings.backend)},
+            {"sensing_gpu", settings.sensing_gpu},
+            {"contact_gpu", settings.contact_gpu},
             {"threads", settings.num_threads},
             {"surface", surface_to_json(settings.surface)},
             {"field",
@@ -162,6 +164,8 @@ Result<RunSettings> settings_from_json(const Json& json) {
   RunSettings settings;
   json.at("rate").get_to(settings.rate);
   json.at("threads").get_to(settings.num_threads);
+  settings.sensing_gpu = json.value("sensing_gpu", 0);  // older recordings know no GPU
+  settings.contact_gpu = json.value("contact_gpu", 0);
   settings.surface = surface_from_json(json.at("surface"));
   if (json.contains("field")) {
     json["field"].at("fill_levels").get_to(settings.field.fill_levels);

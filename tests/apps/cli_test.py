@@ -255,6 +255,15 @@ class CommandLine(unittest.TestCase):
         if result.returncode == 1:
             self.assertIn("--backend", result.stderr)
 
+    def test_auto_says_which_backend_it_took_and_why(self):
+        result = palpate(*self.sequence("-o", self.path("auto"), "--backend", "auto"))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        with open(os.path.join(self.path("auto"), "summary.json"), encoding="utf-8") as file:
+            summary = json.load(file)
+        is_cpu = summary["settings"]["backend"] == "cpu"
+        self.assertEqual("why_not_cuda" in summary, is_cpu)
+        self.assertEqual("backend cpu is used: " in result.stderr, is_cpu)
+
     # Tools
 
     def test_info(self):

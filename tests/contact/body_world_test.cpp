@@ -76,6 +76,33 @@ TEST_F(SeveralBodies, EachFeelsTheCloudTheOthersAndTheObjects) {
   EXPECT_EQ(total.num_boundary_spheres, cloud.num_boundary_spheres);
 }
 
+TEST_F(SeveralBodies, PairsAreMeasuredByWhatIsAskedFor) {
+  BodyWorld world;
+  const int first = world.add_tool(first_, nullptr);
+  world.add_object(object_, X_WO_);
+  world.add_tool(second_, nullptr);
+  world.set_pose(first, X_WF_);
+  world.set_pose(2, X_WS_);
+  world.measure(kOptions);
+  const BodyMeasure before = world.measured(first);
+  ASSERT_GT(before.num_pairs, 0);
+  int num_made = 0;
+  const auto make = [&](const Tool& a, const Tool& b) -> Result<std::unique_ptr<BodyPairQuery>> {
+    ++num_made;
+    if (num_made == 2) return Error{Errc::unavailable, "only one"};
+    return make_body_pair_query(Backend::cpu, a, b);
+  };
+  for (const bool works : {false, true}) {
+    EXPECT_EQ(world.measure_pairs_by(make).has_value(), works);
+    world.measure(kOptions);
+    expect_same(world.measured(first).bodies, before.bodies);
+  }
+  EXPECT_EQ(num_made, 2 + 3);
+#if !defined(PALPATE_CUDA)
+  EXPECT_EQ(make_body_pair_query(Backend::cuda, first_, second_).error().code, Errc::unavailable);
+#endif
+}
+
 TEST_F(SeveralBodies, ObjectsDoNotFeelEachOther) {
   BodyWorld world;
   const int one = world.add_object(first_, {});

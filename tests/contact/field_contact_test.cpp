@@ -79,16 +79,15 @@ Pose random_pose(Random& random) {
 // U = sum f G(phi) and its parts by their definition, element by element in double.
 Penetration brute_force(const Tool& tool, const FrozenField& scene, const Pose& X_WT,
                         SphereVolumes volumes) {
-  const FieldElements elements(tool);
-  const std::vector<float>& factors = elements.factor(volumes);
+  const FieldElements elements(tool, volumes);
   Penetration sum;
-  for (std::size_t i = 0; i < factors.size(); ++i) {
+  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
     if (elements.clusters.sphere_id[i] < 0) continue;
     const Vec3d lever = rotate(
         X_WT.rotation,
         to_double(Vec3f{elements.clusters.x[i], elements.clusters.y[i], elements.clusters.z[i]}));
     const Vec3d c = X_WT * tool.sphere_mass().centre_of_mass + lever;
-    const double r = elements.radius[i], factor = factors[i];
+    const double r = elements.radius[i], factor = elements.factor[i];
     const FieldSample<double> at = sample_field(scene.field.view(), c, r);
     const double h = std::clamp(r - at.phi, 0.0, 2 * r);
     const double thickness = scene.field.view().thickness;
@@ -356,28 +355,71 @@ TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
   const FrozenField scene = plane(wall);
   const auto query = make_query(tool, scene);
   const Pose X_WT{{0, 0, 0.6}, axis_angle({1, 1, 0}, 0.4)};
-  const Penetration got = query->query(X_WT, kOwn);
-  int num_inside = 0, num_boundary = 0;
-  for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
-    const Sphere& s = tool.spheres()[id];
-    const double distance = 0.6 - (X_WT * to_double(s.centre)).z;
-    const double r = s.radius;
-    const SphereState state = query->states()[id];
-    num_inside += state == SphereState::inside;
-    num_boundary += state == SphereState::boundary;
-    if (std::abs(std::abs(distance) - r) < 1e-6) continue;
-    EXPECT_EQ(state, distance >= r   ? SphereState::outside
-                     : distance > -r ? SphereState::boundary
-                                     : SphereState::inside);
-    if (state == SphereState::outside) continue;
-    const Plane<float>& cut = query->planes()[id];
-    const Vec3d n_W = rotate(X_WT.rotation, to_double(cut.normal));
-    EXPECT_NEAR(norm(n_W - wall.normal), 0, 1e-4);
-    EXPECT_NEAR(dot(to_double(cut.normal), to_double(s.centre)) - static_cast<double>(cut.offset),
-                distance, 1e-5);
+  for (const ContactOptions& options : {kOwn, kRepresented}) {
+    const Penetration got = query->query(X_WT, options);
+    int num_inside = 0, num_boundary = 0;
+    for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
+      const Sphere ball = felt_ball(tool, id, options.counted());
+      const double distance = 0.6 - (X_WT * to_double(ball.centre)).z;
+      const double r = ball.radius;
+      const SphereState state = query->states()[id];
+      num_inside += state == SphereState::inside;
+      num_boundary += state == SphereState::boundary;
+      if (std::abs(std::abs(distance) - r) < 1e-6) continue;
+      EXPECT_EQ(state, distance >= r   ? SphereState::outside
+                       : distance > -r ? SphereState::boundary
+                                       : SphereState::inside);
+      if (state == SphereState::outside) continue;
+      const Plane<float>& cut = query->planes()[id];
+      const Vec3d n_W = rotate(X_WT.rotation, to_double(cut.normal));
+      EXPECT_NEAR(norm(n_W - wall.normal), 0, 1e-4);
+      EXPECT_NEAR(
+          dot(to_double(cut.normal), to_double(ball.centre)) - static_cast<double>(cut.offset),
+          distance, 1e-5);
+    }
+    EXPECT_EQ(num_inside, got.num_inside_spheres);
+    EXPECT_EQ(num_boundary, got.num_boundary_spheres);
   }
-  EXPECT_EQ(num_inside, got.num_inside_spheres);
-  EXPECT_EQ(num_boundary, got.num_boundary_spheres);
+}
+
+// A ball is what its sphere stands for as long as it need not grow by more than half.
+TEST(FieldElements, AreAsLargeAsWhatTheyStandFor) {
+  const Tool tool = test::random_tool(400, 0.05, 24);
+  int num_grown = 0;
+  for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
+    const Sphere sphere = tool.spheres()[id], own = felt_ball(tool, id, SphereVolumes::own);
+    EXPECT_EQ(own.centre, sphere.centre);
+    EXPECT_EQ(own.radius, sphere.radius);
+    const Sphere ball = felt_ball(tool, id, SphereVolumes::represented);
+    const double volume = tool.represented_volumes()[id], r = ball.radius;
+    EXPECT_EQ(ball.centre, sphere.centre);
+    EXPECT_LE(r, 1.50001 * static_cast<double>(sphere.radius));
+    EXPECT_GE(ball.radius, sphere.radius);
+    if (r > 1.49999 * static_cast<double>(sphere.radius)) continue;
+    EXPECT_NEAR(sphere_volume(r), volume, 1e-5 * volume);
+    ++num_grown;
+  }
+  EXPECT_GT(num_grown, 0);
+  for (const SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
+    const FieldElements elements(tool, volumes);
+    double sum = 0, counted = 0;
+    Vec3d first;
+    for (std::size_t i = 0; i < elements.radius.size(); ++i) {
+      const double volume = static_cast<double>(elements.factor[i]) *
+                            sphere_volume(static_cast<double>(elements.radius[i]));
+      const SphereClusters& at = elements.clusters;
+      sum += volume;
+      first += volume * to_double(Vec3f{at.x[i], at.y[i], at.z[i]});
+      counted += static_cast<double>(elements.counted[i]);
+    }
+    const double all = full_volume(tool, volumes);
+    EXPECT_NEAR(sum, all, 1e-6 * all);
+    EXPECT_EQ(counted, 400);
+    // Torques are about the centre of mass of the spheres.
+    if (volumes == SphereVolumes::own) {
+      EXPECT_NEAR(norm(first), 0, 1e-8 * all);
+    }
+  }
 }
 
 TEST(FieldContact, BadPosesAndNoFieldGiveNothing) {

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
 #include "palpate/cloud/intrinsics.h"
+#include "palpate/gpu/devices.h"
 #include "palpate/math/vec3.h"
 
 namespace palpate {
@@ -28,6 +30,9 @@ struct PointCloudView {
   /// Depth-change vector of each point in camera axes, m (SurfaceEstimator::depth_change); zero
   /// away from edges. Null if there are none.
   const float *edge_x = nullptr, *edge_y = nullptr, *edge_z = nullptr;
+  int gpu = kHostMemory;  ///< whose memory the arrays are in
+  /// Two views with one stamp show the same values, unless it is 0.
+  std::uint64_t stamp = 0;
 
   std::size_t size() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "palpate/contact/contact_query.h"
@@ -26,9 +27,32 @@ struct BodyPenetration {
   std::int64_t num_pairs = 0;  ///< overlapping pairs of spheres: what the query's time grows with
 };
 
-/// Measures two rigid bodies against each other. Every pair of overlapping spheres adds the exact
-/// volume V of its lens, and pushes with the force V m, m being the unit vector from the centre of
-/// B's sphere to that of A's: volume times direction, as everywhere.
+/// Measures two rigid bodies against each other, somewhere. One thread at a time.
+class BodyPairQuery {
+ public:
+  virtual ~BodyPairQuery() = default;
+
+  /// Begins a measurement: on a GPU, it runs until `finish` is called, which returns the result. No
+  /// allocation. With a pose that is not finite, nothing is measured and the body whose pose it is
+  /// gets StepStatus::non_finite_pose.
+  virtual void start(const Pose& X_WA, const Pose& X_WB) noexcept = 0;
+  virtual BodyPenetration finish() noexcept = 0;
+
+  BodyPenetration measure(const Pose& X_WA, const Pose& X_WB) noexcept {
+    start(X_WA, X_WB);
+    return finish();
+  }
+};
+
+/// Both bodies must outlive it. See BodyContact for what is measured: a GPU finds the same pairs,
+/// and sums that differ by rounding alone. Errors: the backend is not in this build or on this
+/// machine; no memory left on the GPU.
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
+                                                            const Tool& b, int gpu = 0);
+
+/// Measures two rigid bodies against each other on the CPU. Every pair of overlapping spheres adds
+/// the exact volume V of its lens, and pushes with the force V m, m being the unit vector from the
+/// centre of B's sphere to that of A's: volume times direction, as everywhere.
 ///
 /// The force of a pair depends on the distance of two centres alone, along the line between them.
 /// So it is the exact gradient of a potential, the sum of `lens_potential` over all pairs (volume
@@ -40,14 +64,13 @@ struct BodyPenetration {
 /// Only the spheres themselves count, not the parts of the solids that they represent. Computed in
 /// double on the stored numbers, in a fixed order: the same input gives the same bits. No pair is
 /// left out, whatever it takes. One thread at a time.
-class BodyContact {
+class BodyContact final : public BodyPairQuery {
  public:
   /// Both bodies must outlive it. All memory is allocated here.
   BodyContact(const Tool& a, const Tool& b);
 
-  /// One measurement; no allocation. With a pose that is not finite, nothing is measured and the
-  /// body whose pose it is gets StepStatus::non_finite_pose.
-  BodyPenetration measure(const Pose& X_WA, const Pose& X_WB) noexcept;
+  void start(const Pose& X_WA, const Pose& X_WB) noexcept override;
+  BodyPenetration finish() noexcept override;
 
   /// The potential whose gradient the wrenches are, m4. Takes about twice the time of `measure`.
   double potential(const Pose& X_WA, const Pose& X_WB) const noexcept;
@@ -55,6 +78,7 @@ class BodyContact {
  private:
   const Tool* a_;
   const Tool* b_;
+  Pose X_WA_, X_WB_;
   std::vector<std::uint8_t> touched_a_, touched_b_;  // one per sphere, of this measurement
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -32,6 +33,14 @@ class BodyWorld {
   /// An object that stays where it is. `object` must outlive the world.
   int add_object(const Tool& object, const Pose& X_WB);
 
+  /// How a pair of bodies is measured; see make_body_pair_query.
+  using MakePairQuery =
+      std::function<Result<std::unique_ptr<BodyPairQuery>>(const Tool& a, const Tool& b)>;
+  /// Lets other queries than BodyContact measure the pairs of the bodies added so far, e.g. on a
+  /// GPU: there, pairs are measured all at once, and at the same time as the cloud. Error: the
+  /// first one of `make`; nothing has changed then.
+  Status measure_pairs_by(const MakePairQuery& make);
+
   int num_bodies() const { return static_cast<int>(bodies_.size()); }
   const Pose& pose(int body) const { return at(body).X_WB; }
   void set_pose(int body, const Pose& X_WB) noexcept { at(body).X_WB = X_WB; }
@@ -55,7 +64,7 @@ class BodyWorld {
   };
   struct Pair {
     int a, b;
-    BodyContact contact;
+    std::unique_ptr<BodyPairQuery> query;
   };
 
   int add(Body body);

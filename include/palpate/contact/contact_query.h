@@ -93,6 +93,8 @@ enum class StepStatus : std::uint32_t {
   ok = 0,
   non_finite_pose = 1,    ///< the pose was not finite: nothing was measured, all zero
   ambiguous_normals = 2,  ///< a boundary sphere's points disagree (|mean normal| < 0.5)
+  /// The GPU did not answer in time or is lost: nothing was measured, all zero. It stays so.
+  backend_failed = 4,
 };
 
 /// The measure for one pose.
@@ -124,9 +126,11 @@ class ContactQuery {
  public:
   virtual ~ContactQuery() = default;
 
-  /// The cloud that the next queries look at, expressed in W. The view must stay valid. O(1).
+  /// The cloud that the next queries look at, expressed in W. The view must stay valid. O(1). The
+  /// CUDA backend takes clouds in host memory and of other GPUs too: it copies them, once for each
+  /// stamp, before the next query.
   virtual void set_cloud(const PointCloudView& cloud) noexcept = 0;
-  /// The field that the next queries by `field` look at, expressed in W. The view must stay valid.
+  /// The same for the field that the next queries by `field` look at.
   virtual void set_field(const DepthFieldView& field) noexcept = 0;
 
   /// One measurement. O(points in the tool's image window + spheres). No allocation, no lock. The
@@ -137,19 +141,19 @@ class ContactQuery {
   /// not differentiable. O(spheres), several times the time of the query; no allocation.
   virtual Stiffness stiffness() const noexcept = 0;
 
-  /// Per sphere, of the last query. `planes` are in the tool frame: the plane a sphere was cut by
-  /// (normal zero if none).
+  /// Per sphere, of the last query. `planes` are in the tool frame: the plane that cuts a boundary
+  /// sphere or that an inside sphere has borrowed; normal zero if none or, by `weighted` and
+  /// Continuity::entry, many.
   virtual std::span<const SphereState> states() const noexcept = 0;
   virtual std::span<const Plane<float>> planes() const noexcept = 0;
 };
-
-/// Where queries run.
-enum class Backend { cpu, cuda };
 
 struct ContactCapacities {
   Isa isa = best_isa();
   /// Threads used inside one query; null runs on the caller's thread alone.
   ThreadPool* pool = nullptr;
+  /// Which GPU, for the CUDA backend.
+  int gpu = 0;
 };
 
 /// Errors: the backend is not in this build or on this machine. `tool` must outlive the query.

@@ -67,7 +67,10 @@ struct DepthFieldView {
   const DepthTile* tiles = nullptr;  ///< row by row; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   Intrinsics intrinsics;
-  float thickness = 0;  ///< as DepthFieldOptions
+  float thickness = 0;    ///< as DepthFieldOptions
+  int gpu = kHostMemory;  ///< whose memory the arrays are in
+  /// Two views with one stamp show the same values, unless it is 0.
+  std::uint64_t stamp = 0;
 };
 
 /// Owns the images for one image size; `update` allocates nothing.

@@ -17,6 +17,9 @@
 // are blended, and the blend is part of the gradient.
 #pragma once
 
+#include <cmath>
+#include <cstring>
+
 #include "palpate/field/depth_field.h"
 
 namespace palpate {
@@ -37,10 +40,11 @@ struct Curved {
 template <class Value, class Real>
 PALPATE_FORMULA Curved<Value> spline(const Value& left, const Value& middle, const Value& right,
                                      Real t) {
-  const Value sum = left + right;
-  const Value b = 0.5f * (right - left), c = 0.5f * sum - middle;
-  const Value ct = c * t;
-  return {0.125f * sum + 0.75f * middle + (b + ct) * t, b + ct + ct, c + c};
+  const Value from_left = left - middle, from_right = right - middle;
+  const Real a = 0.5f - t, b = 0.5f + t;
+  const Real half_aa = 0.5f * a * a, half_bb = 0.5f * b * b;
+  return {middle + from_left * half_aa + from_right * half_bb, from_right * b - from_left * a,
+          from_left + from_right};
 }
 
 /// Width of the wanted pixel over the radius of the sphere. With 0.87 the B-spline has the second
@@ -156,7 +160,7 @@ PALPATE_HOSTDEV inline PixelSpot<Real> spot_at(const DepthFieldLevel& level, Rea
   const auto place = [&level](Real at, float last) {
     const Real least = Real(DepthFieldLevel::kFirst), most = Real(last);
     const Real p = (at + Real(0.5)) * Real(level.scale) - Real(0.5);
-    return p < least ? least : (p > most ? most : p);
+    return p > least ? (p < most ? p : most) : least;  // NaN: least
   };
   const Real at_u = place(u, level.last_u), at_v = place(v, level.last_v);
   const int i = static_cast<int>(std::floor(at_u + Real(0.5)));
@@ -175,27 +179,39 @@ PALPATE_FORMULA bool must_saturate(const DepthFieldLevel& level, std::ptrdiff_t 
          Real(plane[0]) - z * Real(plane[1]) < 2 * Real(level.step_limit) - thickness;
 }
 
+/// Two neighbours among DepthFieldLevel::planes, which a GPU loads at once.
+struct alignas(2 * sizeof(float)) PlanePair {
+  float offset, slope;
+};
+
 /// One level.
 template <class Real>
 PALPATE_HOSTDEV inline ImageGradient<Real> sample_level(const DepthFieldLevel& level,
                                                         const PixelSpot<Real>& spot, Real z,
                                                         Real radius, Real thickness) {
-  const bool is_bent = must_saturate(level, spot.pixel, z, thickness);
-  const Real limit = radius + Real(level.step_limit);
+  Real distance[3][3], slope[3][3];
+  for (int q = 0; q < 3; ++q) {  // all is read before anything waits for it
+    const float* row = level.planes + 2 * (spot.pixel + (q - 1) * level.stride - 1);
+    for (int p = 0; p < 3; ++p) {
+      const PlanePair pair = reinterpret_cast<const PlanePair*>(row)[p];
+      slope[q][p] = Real(pair.slope);
+      distance[q][p] = Real(pair.offset) - z * slope[q][p];
+    }
+  }
+  if (must_saturate(level, spot.pixel, z, thickness)) {
+    const Real limit = radius + Real(level.step_limit);
+    for (int q = 0; q < 3; ++q) {
+      for (int p = 0; p < 3; ++p) {
+        const Sloped<Real> plane = saturate(distance[q][p], limit, thickness);
+        distance[q][p] = plane.value;
+        slope[q][p] *= plane.slope;
+      }
+    }
+  }
   Curved<Real> rows[3], row_slopes[3];
   for (int q = 0; q < 3; ++q) {
-    const float* pair = level.planes + 2 * (spot.pixel + (q - 1) * level.stride - 1);
-    Real distance[3], slope[3];
-    for (int p = 0; p < 3; ++p) {
-      slope[p] = Real(pair[2 * p + 1]);
-      distance[p] = Real(pair[2 * p]) - z * slope[p];
-      if (!is_bent) continue;
-      const Sloped<Real> plane = saturate(distance[p], limit, thickness);
-      distance[p] = plane.value;
-      slope[p] *= plane.slope;
-    }
-    rows[q] = spline(distance[0], distance[1], distance[2], spot.s);
-    row_slopes[q] = spline(slope[0], slope[1], slope[2], spot.s);
+    rows[q] = spline(distance[q][0], distance[q][1], distance[q][2], spot.s);
+    row_slopes[q] = spline(slope[q][0], slope[q][1], slope[q][2], spot.s);
   }
   const Curved<Real> phi = spline(rows[0].value, rows[1].value, rows[2].value, spot.t);
   const Real scale = Real(level.scale);

@@ -43,32 +43,47 @@ struct SurfaceMoment {
   double progress = 1;
 };
 
+/// Where surfaces are made, and where their arrays are.
+struct SensingPlace {
+  Backend backend = Backend::cpu;
+  int gpu = 0;  ///< for the CUDA backend
+};
+
+class FrameSlots;  // how the surfaces of frames are made, see src/field/frame_slots.h
+struct SlotSettings;
+
 /// Frames in, moments out. All memory is allocated at construction.
 class SurfaceTimeline {
  public:
   /// With `field` each frame gets a depth field. Errors: see SurfaceEstimator, DepthField and
-  /// DepthAverager; max_jump or first_period negative.
+  /// DepthAverager; max_jump or first_period negative; the place is not in this build or on this
+  /// machine, or has too little memory.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,
-                                        const TimeOptions& options);
+                                        const TimeOptions& options, const SensingPlace& place = {});
   SurfaceTimeline(SurfaceTimeline&&) noexcept;
   SurfaceTimeline& operator=(SurfaceTimeline&&) noexcept;
   ~SurfaceTimeline();
 
   /// Takes the frame that became current at `time` (s, later than the one before). No allocation;
-  /// the same bits for any number of threads.
+  /// the same bits for any number of threads and at every place. Waits for the GPU.
   SurfaceStats push(const DepthFrame& frame, double time, ThreadPool& pool);
   /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
   /// waited for. The views stay valid until the next push. O(1).
   SurfaceMoment at(double time) const;
 
-  /// Of the newest frame; before the first push, without any points.
-  const SurfaceEstimator& newest() const;
+  /// A copy in host memory of the newest frame's points as they were seen, not predicted; before
+  /// the first push, without any points.
+  PointCloud newest_cloud() const;
   /// Expected time to the next frame, s: the first one's, then a running mean.
   double period() const;
+  /// An error once the GPU has failed: then surfaces stay as they were.
+  const Status& status() const;
 
  private:
+  friend Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
+                                               const SlotSettings& settings);
   struct Impl;
   explicit SurfaceTimeline(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;

@@ -106,4 +106,11 @@ struct Twist {
   Vec3d angular;
 };
 
+/// Of all seven numbers.
+inline bool is_finite(const Pose& X) {
+  const Vec3d& t = X.translation;
+  const Quaternion& q = X.rotation;
+  return std::isfinite(t.x + t.y + t.z + q.x + q.y + q.z + q.w);
+}
+
 }  // namespace palpate

@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
@@ -35,7 +36,9 @@ struct RunSettings {
   DepthFieldOptions field;  ///< for the method `field`
   TimeOptions time;
   std::vector<SceneObject> objects;
-  std::optional<Backend> backend = Backend::cpu;  ///< nullopt: the fastest one that works here
+  /// Where surfaces and queries are computed; nullopt: the fastest one that works here.
+  std::optional<Backend> backend = Backend::cpu;
+  int sensing_gpu = 0, contact_gpu = 0;  ///< by CUDA: which GPU makes the surfaces, which queries
   /// For surfaces and queries. 0: surfaces on one thread per core, queries on the caller's alone,
   /// which is fastest for all but the largest tools.
   int num_threads = 0;
@@ -63,10 +66,15 @@ struct TickRecord {
 struct ChosenQuery {
   Backend backend = Backend::cpu;
   std::unique_ptr<ContactQuery> query;
+  std::string why_not_cuda;  ///< if the fastest one was asked for and this is another
 };
-/// A query by `settings.backend` and `settings.num_threads`. `tool` and `pool` must outlive it.
+/// A query by `backend`, `contact_gpu` and `num_threads` of the settings. `tool` and `pool` must
+/// outlive it.
 Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool& tool,
                                          ThreadPool& pool);
+
+/// What StepStatus::backend_failed means.
+Error lost_backend();
 
 /// The loop body: surfaces from frames, wrenches from poses. `tool` must outlive it.
 class Session {
@@ -74,21 +82,34 @@ class Session {
   /// Errors: settings out of range, an object without shape, image size, backend not available.
   static Result<Session> create(const Tool& tool, const DepthStreamInfo& stream,
                                 const RunSettings& settings);
+  /// The same with a query that was made elsewhere, and surfaces by `settings.backend`.
+  static Result<Session> create(const Tool& tool, const DepthStreamInfo& stream,
+                                const RunSettings& settings, std::unique_ptr<ContactQuery> query);
 
   /// Makes `frame` (of the stream's size) the one that the next ticks feel, or go towards.
   FrameRecord take_frame(const DepthFrame& frame, double time);
-  /// One measurement. No allocation.
+  /// One measurement. No allocation. When the backend has failed, what was felt last fades to zero
+  /// over kFadeTime instead of vanishing at once, and StepStatus::backend_failed is set.
   TickRecord tick(double time, const Pose& X_WT);
+  static constexpr double kFadeTime = 0.05;  ///< s
+
+  /// An error once the backend has failed.
+  const Status& status() const { return status_; }
+  /// It has failed, and nothing is felt any more.
+  bool is_faded_out() const { return is_faded_out_; }
 
   /// The settings, with what was chosen for `backend` and for the first period.
   const RunSettings& settings() const { return settings_; }
-  /// Of the newest frame.
-  const SurfaceEstimator& surface() const { return timeline_.newest(); }
+  /// Why the CUDA backend is not used although the fastest one was asked for; else empty.
+  const std::string& why_not_cuda() const { return why_not_cuda_; }
+  /// SurfaceTimeline::newest_cloud.
+  PointCloud newest_cloud() const { return timeline_.newest_cloud(); }
   const ContactQuery& query() const { return *query_; }
 
  private:
   Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool, SurfaceTimeline timeline,
           const Tool& tool, std::unique_ptr<BlendedQuery> query);
+  void fade_out(TickRecord& record);
 
   RunSettings settings_;
   std::unique_ptr<ThreadPool> pool_;
@@ -96,6 +117,10 @@ class Session {
   BodyWorld world_;      // the tool, then the objects
   BlendedQuery* query_;  // the tool's, owned by the world
   int num_frames_ = 0;
+  std::string why_not_cuda_;
+  Status status_ = Done{};
+  bool is_faded_out_ = false;
+  TickRecord last_good_;
 };
 
 /// All that a run produced.
@@ -105,6 +130,8 @@ struct RunLog {
   std::vector<FrameRecord> frames;
   std::vector<TickRecord> ticks;
   bool interrupted = false;      ///< a callback asked to stop
+  std::string failure;           ///< why the run ended early: the backend failed; else empty
+  std::string why_not_cuda;      ///< Session::why_not_cuda
   std::size_t deepest_tick = 0;  ///< largest volume; the first one if there are several
   DepthFrame deepest_frame;      ///< the frame that was current then
 };
@@ -124,8 +151,8 @@ struct RunCallbacks {
 
 /// Runs on a simulated clock: tick k is at time k / rate, and a frame becomes current at the first
 /// tick that is not before its time stamp (relative to the first frame). The same inputs give the
-/// same numbers, compute times aside. Errors: settings out of range; no frame; what the source or a
-/// callback reports.
+/// same numbers, compute times aside. If the backend fails, the run ends when the force has faded
+/// out. Errors: settings out of range; no frame; what the source or a callback reports.
 Result<RunLog> run_session(const Tool& tool, DepthSource& source, const PoseFunction& X_WT,
                            const RunSettings& settings, const RunCallbacks& callbacks = {});
 

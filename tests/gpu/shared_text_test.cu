@@ -1,12 +1,13 @@
 // Functions marked PALPATE_HOSTDEV give the same numbers on the device as on the host.
-#include <cuda_runtime.h>
-
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "palpate/math/pose.h"
 #include "palpate/math/sphere.h"
+#include "src/gpu/runtime.h"
+#include "src/gpu/team.cuh"
+#include "tests/test_util/gpu.h"
 
 namespace palpate {
 namespace {
@@ -27,22 +28,19 @@ PALPATE_HOSTDEV Sample sample(int i) {
 }
 
 __global__ void sample_all(Sample* out) {
-  const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  if (i < kNum) out[i] = sample(i);
+  for (int i = gpu::grid_thread(); i < kNum; i += gpu::grid_threads()) out[i] = sample(i);
 }
 
 TEST(SharedText, DeviceEqualsHost) {
-  int num_devices = 0;
-  if (cudaGetDeviceCount(&num_devices) != cudaSuccess || num_devices == 0) {
-    GTEST_SKIP() << "SKIPPED: no CUDA device or driver on this machine";
-  }
-  Sample* on_device = nullptr;
-  ASSERT_EQ(cudaMalloc(&on_device, kNum * sizeof(Sample)), cudaSuccess);
-  sample_all<<<kNum / 128, 128>>>(on_device);
-  std::vector<Sample> got(kNum);
-  ASSERT_EQ(cudaMemcpy(got.data(), on_device, kNum * sizeof(Sample), cudaMemcpyDeviceToHost),
-            cudaSuccess);
-  EXPECT_EQ(cudaFree(on_device), cudaSuccess);
+  PALPATE_GPU_OR_SKIP();
+  gpu::Memory memory(0);
+  gpu::Stream stream(0, gpu::Priority::high);
+  Sample* const on_device = memory.take<Sample>(kNum);
+  Sample* const got = memory.take_pinned<Sample>(kNum);
+  ASSERT_TRUE(memory.status()) << memory.status().error().message;
+  gpu::launch(stream, {.blocks = 4, .threads = 128}, sample_all, on_device);
+  stream.copy(got, on_device, kNum * sizeof(Sample));
+  ASSERT_TRUE(stream.wait()) << stream.status().error().message;
   for (int i = 0; i < kNum; ++i) {
     const Sample want = sample(i);
     EXPECT_NEAR(got[i].cap, want.cap, 1e-14);

@@ -1,0 +1,372 @@
+// What the CUDA backend takes on this machine, beside the floor measured in the same run: one CSV
+// row for each case. No Google Benchmark: machines with GPUs are often bare.
+//   gpu_bench [--quick] [--gpu N] [--only WORD]
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "bench/contact_setup.h"
+#include "bench/gpu_floor.cuh"
+#include "bench/wall_frame.h"
+#include "palpate/contact/contact_query.h"
+#include "palpate/field/surface_timeline.h"
+#include "palpate/gpu/devices.h"
+#include "src/cloud/surface_cuda.h"
+#include "src/field/depth_field_cuda.h"
+
+namespace palpate::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  double seconds = 1.0;  // of each case
+  int gpu = 0;
+  std::string only;  // cases whose names have this
+  std::vector<int> sizes{1000, 5000, 17000, 100000, 1000000};
+};
+
+Options options;
+
+double microseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::micro>(Clock::now() - start).count();
+}
+
+bool is_wanted(const std::string& name) { return name.find(options.only) != std::string::npos; }
+
+/// One row: how the times of single calls are distributed, microseconds.
+void report(const std::string& name, std::vector<double>& times) {
+  std::sort(times.begin(), times.end());
+  const auto at = [&](double share) {
+    return times[static_cast<std::size_t>(share * static_cast<double>(times.size() - 1))];
+  };
+  std::printf("%s,%zu,%.2f,%.2f,%.2f,%.2f\n", name.c_str(), times.size(), at(0.5), at(0.99),
+              at(0.999), times.back());
+  std::fflush(stdout);
+}
+
+/// Calls again and again.
+template <class Call>
+void measure(const std::string& name, const Call& call) {
+  if (!is_wanted(name)) return;
+  for (int i = 0; i < 50; ++i) call();
+  std::vector<double> times;
+  const Clock::time_point begin = Clock::now();
+  do {
+    const Clock::time_point start = Clock::now();
+    call();
+    times.push_back(microseconds_since(start));
+  } while (times.size() < 20000 && microseconds_since(begin) < 1e6 * options.seconds);
+  report(name, times);
+}
+
+[[noreturn]] void stop(const Error& error) {
+  std::fprintf(stderr, "gpu_bench: %s\n", error.message.c_str());
+  std::exit(1);
+}
+
+template <class T>
+T value_or_stop(Result<T> result) {
+  if (!result) stop(result.error());
+  return std::move(result).value();
+}
+
+// Launches, barriers and hand-overs without any work.
+void measure_floor() {
+  gpu::Memory memory(options.gpu);
+  gpu::Stream stream(options.gpu, gpu::Priority::high);
+  auto* const flag = memory.take_pinned<std::uint64_t>(1);
+  auto* const counts = memory.take<unsigned long long>(3);
+  if (!memory.status()) stop(memory.status().error());
+  std::uint64_t number = 0;
+  const auto await = [&] {
+    while (*static_cast<volatile std::uint64_t*>(flag) != number && stream.status()) {
+    }
+  };
+  const gpu::LaunchShape small{.blocks = 16, .threads = 128};
+  const gpu::LaunchShape whole{
+      .blocks = 132, .threads = 512, .shared_bytes = 16, .cooperative = true};
+  measure("floor: one launch", [&] {
+    gpu::launch(stream, small, raise_flag, flag, ++number);
+    await();
+  });
+  measure("floor: one launch and the last of 132 blocks", [&] {
+    gpu::launch(stream, whole, raise_flag_last, flag, ++number, counts);
+    await();
+  });
+  for (const int barriers : {2, 8}) {
+    measure("floor: one launch and " + std::to_string(barriers) + " barriers of 132 blocks", [&] {
+      gpu::launch(stream, whole, raise_flag_after, flag, ++number, counts + 1, barriers);
+      await();
+    });
+  }
+  measure("floor: graph of 5 empty kernels", [&, graph = [&] {
+            stream.begin_recording();
+            for (int i = 0; i < 5; ++i) gpu::launch(stream, small, do_nothing);
+            return stream.end_recording();
+          }()] {
+    stream.launch(graph);
+    gpu::launch(stream, small, raise_flag, flag, ++number);
+    await();
+  });
+  if (!stream.status()) stop(stream.status().error());
+}
+
+// Pose to wrench on the host.
+void measure_queries(int num_spheres) {
+  const Tool& tool = cube_tool(num_spheres);
+  ThreadPool pool(0);
+  DepthField field = value_or_stop(DepthField::create(640, 480));
+  PointCloudView cloud = bumpy_wall().view();
+  cloud.stamp = 1;  // copied once
+  field.update(cloud, pool);
+  const auto query = value_or_stop(make_contact_query(Backend::cuda, tool, {.gpu = options.gpu}));
+  query->set_cloud(cloud);
+  query->set_field(field.view());
+  const std::pair<const char*, InsideMethod> methods[] = {{"field", InsideMethod::field},
+                                                          {"simplified", InsideMethod::simplified},
+                                                          {"weighted", InsideMethod::weighted},
+                                                          {"graph", InsideMethod::graph}};
+  for (const auto& [name, method] : methods) {
+    for (const int depth : {10, 50, 100}) {
+      const std::vector<Pose> poses = random_poses(depth / 100.0);
+      std::size_t i = 0;
+      std::uint32_t status = 0;
+      measure(
+          std::string(name) + "/spheres:" + std::to_string(num_spheres) +
+              "/depth:" + std::to_string(depth),
+          [&] { status |= query->query(poses[i++ % poses.size()], {.method = method}).status; });
+      if ((status & static_cast<std::uint32_t>(StepStatus::backend_failed)) != 0) {
+        stop({Errc::unavailable, "a query failed on the GPU"});
+      }
+    }
+  }
+  if (num_spheres <= 100000) {
+    query->query(random_poses(0.5)[0], {.method = InsideMethod::field});
+    Stiffness stiffness;
+    measure("stiffness/spheres:" + std::to_string(num_spheres),
+            [&] { stiffness = query->stiffness(); });
+  }
+}
+
+DepthFrame wall_frame(int width, int height) {
+  const WallFrame wall(width, height);
+  DepthFrame frame{width, height, 0.001, {}, 0};
+  for (const float z : wall.depth) {
+    frame.pixels.push_back(static_cast<std::uint16_t>(1000 * z + 0.5f));
+  }
+  return frame;
+}
+
+/// Filter, normals, depth change and field of a frame.
+struct Sensing {
+  SurfaceCuda surface;
+  DepthFieldCuda field;
+
+  Sensing(int width, int height)
+      : surface(value_or_stop(SurfaceCuda::create(
+            width, height, WallFrame(width, height).intrinsics, {}, options.gpu))),
+        field(value_or_stop(DepthFieldCuda::create(width, height, {}, options.gpu))) {
+    const DepthFrame frame = wall_frame(width, height);
+    std::copy(frame.pixels.begin(), frame.pixels.end(), surface.input().begin());
+    surface.set_unit(frame.unit);
+  }
+};
+
+// Time on the device, of one frame among many in a row.
+void measure_sensing(int width, int height) {
+  const std::string size = std::to_string(width) + "x" + std::to_string(height);
+  Sensing sensing(width, height);
+  gpu::Memory memory(options.gpu);
+  gpu::Stream stream(options.gpu, gpu::Priority::low);
+  const float* const depth = memory.copy_of(WallFrame(width, height).depth);
+  const auto measure_recorded = [&](const std::string& name, const auto& enqueue) {
+    if (!is_wanted(name)) return;
+    stream.begin_recording();
+    enqueue();
+    const gpu::Graph graph = stream.end_recording();
+    std::vector<double> times;
+    for (int i = 0; i < 200; ++i) {
+      constexpr int kFrames = 20;
+      stream.mark();
+      for (int k = 0; k < kFrames; ++k) stream.launch(graph);
+      times.push_back(stream.lap() / kFrames);
+    }
+    if (!stream.status()) stop(stream.status().error());
+    report(name, times);
+  };
+  measure_recorded("sensing: surface and field, device time/" + size, [&] {
+    sensing.surface.enqueue_depth(stream, depth);
+    sensing.field.enqueue(sensing.surface.cloud(), stream);
+  });
+  measure_recorded("sensing: surface, device time/" + size,
+                   [&] { sensing.surface.enqueue_depth(stream, depth); });
+  measure_recorded("sensing: field, device time/" + size,
+                   [&] { sensing.field.enqueue(sensing.surface.cloud(), stream); });
+  measure_recorded("sensing: copy, surface and field, device time/" + size, [&] {
+    sensing.surface.enqueue(stream);
+    sensing.field.enqueue(sensing.surface.cloud(), stream);
+  });
+
+  ThreadPool pool(0);
+  const DepthFrame frame = wall_frame(width, height);
+  const DepthStreamInfo info{width,        height, WallFrame(width, height).intrinsics, 0.001, 30,
+                             std::nullopt, "wall"};
+  auto timeline = value_or_stop(
+      SurfaceTimeline::create(info, {}, DepthFieldOptions{}, {}, {Backend::cuda, options.gpu}));
+  double time = 0;
+  measure("sensing: frame to finished surfaces on the host/" + size,
+          [&] { timeline.push(frame, time += 1.0 / 30, pool); });
+}
+
+// The thesis' question of section 4.2: what a haptic loop at 1 kHz feels of a camera at 30 Hz on
+// the same GPU (Figs. 4.2 and 4.3).
+void measure_sharing(int width, int height) {
+  using std::chrono::microseconds;
+  struct Way {
+    const char* name;
+    bool senses;
+    gpu::Priority priority;
+    int num_parts;
+  };
+  const Way ways[] = {
+      {"no camera", false, gpu::Priority::low, 1},
+      {"whole frames, equal priority", true, gpu::Priority::high, 1},
+      {"whole frames, low priority", true, gpu::Priority::low, 1},
+      {"16 parts spread over the frame time, equal priority", true, gpu::Priority::high, 16},
+      {"16 parts spread over the frame time, low priority", true, gpu::Priority::low, 16}};
+  const Tool& tool = cube_tool(17000);
+  ThreadPool pool(0);
+  DepthField field = value_or_stop(DepthField::create(640, 480));
+  PointCloudView cloud = bumpy_wall().view();
+  cloud.stamp = 1;
+  field.update(cloud, pool);
+  const auto query = value_or_stop(make_contact_query(Backend::cuda, tool, {.gpu = options.gpu}));
+  query->set_cloud(cloud);
+  query->set_field(field.view());
+  const std::vector<Pose> poses = random_poses(0.5);
+  for (const auto& [method_name, method] : {std::pair{"field", InsideMethod::field},
+                                            std::pair{"simplified", InsideMethod::simplified}}) {
+    for (const Way& way : ways) {
+      const std::string name = "sharing: " + std::string(method_name) + " at 1 kHz; " +
+                               std::to_string(width) + "x" + std::to_string(height) +
+                               " at 30 Hz: " + way.name;
+      if (!is_wanted(name)) continue;
+      std::atomic<bool> goes_on{true};
+      std::vector<double> frame_times;
+      std::thread camera([&] {
+        if (!way.senses) return;
+        Sensing sensing(width, height);
+        gpu::Stream stream(options.gpu, way.priority);
+        const auto period = microseconds(33333);
+        for (auto start = Clock::now(); goes_on; start += period) {
+          std::this_thread::sleep_until(start);
+          const auto begin = Clock::now();
+          // t_T of eq. 4.19: a part begins when its share of the frame time has come.
+          for (int part = 0; part < way.num_parts; ++part) {
+            std::this_thread::sleep_until(start + part * period / way.num_parts);
+            sensing.surface.enqueue(stream, part, way.num_parts);
+            stream.wait();
+          }
+          sensing.field.enqueue(sensing.surface.cloud(), stream);
+          stream.wait();
+          frame_times.push_back(microseconds_since(begin));
+        }
+      });
+      std::vector<double> times;
+      auto tick = Clock::now() + microseconds(200000);
+      const int num_ticks = static_cast<int>(2500 * options.seconds);
+      for (int i = 0; i < num_ticks; ++i, tick += microseconds(1000)) {
+        while (Clock::now() < tick) {
+        }
+        const auto begin = Clock::now();
+        query->query(poses[static_cast<std::size_t>(i) % poses.size()], {.method = method});
+        times.push_back(microseconds_since(begin));
+      }
+      goes_on = false;
+      camera.join();
+      report(name, times);
+      if (!frame_times.empty()) report(name + "; its frames", frame_times);
+    }
+  }
+}
+
+// Sensing on one GPU, contact on another: what the query after a new frame pays for the copy.
+void measure_two_gpus() {
+  const DepthFrame frame = wall_frame(640, 480);
+  const DepthStreamInfo info{640,          480,   WallFrame(640, 480).intrinsics, 0.001, 30,
+                             std::nullopt, "wall"};
+  const Tool& tool = cube_tool(17000);
+  ThreadPool pool(0);
+  const std::vector<Pose> poses = random_poses(0.5);
+  for (const int sensing_gpu : {0, 1}) {
+    for (const auto& [method_name, method] : {std::pair{"field", InsideMethod::field},
+                                              std::pair{"simplified", InsideMethod::simplified}}) {
+      const std::string name = "two GPUs: " + std::string(method_name) + ", sensing on GPU " +
+                               std::to_string(sensing_gpu) + ", contact on GPU 0";
+      if (!is_wanted(name)) continue;
+      auto timeline = value_or_stop(SurfaceTimeline::create(
+          info, {}, DepthFieldOptions{}, {.mode = TimeMode::latest}, {Backend::cuda, sensing_gpu}));
+      const auto query = value_or_stop(make_contact_query(Backend::cuda, tool, {.gpu = 0}));
+      std::vector<double> first, later, pushes;
+      double time = 0;
+      for (int f = 0; f < 300; ++f) {
+        const auto begin = Clock::now();
+        timeline.push(frame, time += 1.0 / 30, pool);
+        pushes.push_back(microseconds_since(begin));
+        const Surfaces surfaces = timeline.at(time).to;
+        query->set_cloud(surfaces.cloud);
+        query->set_field(surfaces.field);
+        for (int i = 0; i < 20; ++i) {
+          const auto start = Clock::now();
+          query->query(poses[static_cast<std::size_t>(f + i) % poses.size()], {.method = method});
+          (i == 0 ? first : later).push_back(microseconds_since(start));
+        }
+      }
+      report(name + ": frames", pushes);
+      report(name + ": first query of a frame", first);
+      report(name + ": other queries", later);
+    }
+  }
+}
+
+void run() {
+  const auto gpus = value_or_stop(find_gpus());
+  std::printf("# %s\ncase,calls,median_us,p99_us,p99.9_us,max_us\n", gpus[0].name.c_str());
+  measure_floor();
+  measure_sensing(640, 480);
+  measure_sensing(1920, 1080);
+  for (const int size : options.sizes) measure_queries(size);
+  measure_sharing(640, 480);
+  measure_sharing(1920, 1080);
+  if (gpus.size() > 1) measure_two_gpus();
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  using palpate::bench::options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--quick") {
+      options.seconds = 0.2;
+      options.sizes = {1000, 17000};
+    } else if (word == "--gpu" && i + 1 < argc) {
+      options.gpu = std::atoi(argv[++i]);
+    } else if (word == "--only" && i + 1 < argc) {
+      options.only = argv[++i];
+    } else {
+      std::fprintf(stderr, "usage: gpu_bench [--quick] [--gpu N] [--only WORD]\n");
+      return 2;
+    }
+  }
+  palpate::bench::run();
+}

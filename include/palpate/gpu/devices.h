@@ -1,0 +1,31 @@
+// Which GPUs the CUDA backend can use on this machine.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// Where work is done.
+enum class Backend { cpu, cuda };
+
+/// Where arrays are: in host memory, or in that of a GPU.
+inline constexpr int kHostMemory = -1;
+
+/// One GPU, known everywhere by its index.
+struct GpuInfo {
+  int index = 0;
+  std::string name;
+  std::size_t memory_bytes = 0;
+  int num_multiprocessors = 0;
+  int compute_major = 0, compute_minor = 0;  ///< 9, 0 for Hopper
+};
+
+/// At least one. Errors (unavailable): this build has no CUDA backend; no driver; a driver that is
+/// too old for this build; no GPU.
+Result<std::vector<GpuInfo>> find_gpus();
+
+}  // namespace palpate

@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# Builds the core and its CUDA backend on a machine with a GPU, runs all tests on it, the four
+# checkers of compute-sanitizer and the benchmark, and prints a short table. Needs nvcc, CMake, make,
+# a C++ compiler, Eigen and GoogleTest; nothing is downloaded.
+#
+# usage: scripts/gpu_check.sh [--no-sanitizer] [--quick] [BUILD_DIR [RESULTS_DIR]]
+#   RESULTS_DIR gets gpu-MACHINE-COMMIT.csv, in the columns of bench/results/
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+sanitizer=1
+quick=()
+while [[ ${1:-} == --* ]]; do
+  case $1 in
+    --no-sanitizer) sanitizer=0 ;;
+    --quick) quick=(--quick) ;;
+    *) sed -n '6,7s/^# //p' "$0" >&2; exit 2 ;;
+  esac
+  shift
+done
+build=${1:-build/gpu}
+results=${2:-$build}
+
+for tool in nvcc cmake nvidia-smi; do
+  command -v "$tool" >/dev/null || { echo "gpu_check: $tool is missing; install it and run this again" >&2; exit 1; }
+done
+gpu=$(nvidia-smi --query-gpu=name --format=csv,noheader | head -1)
+architecture=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader | head -1 | tr -d .)
+echo "== $gpu, compute capability $architecture, $(nproc) cores"
+
+echo "== build"
+cmake -S . -B "$build" -G "Unix Makefiles" -DCMAKE_BUILD_TYPE=Release -DPALPATE_APPS=OFF -DPALPATE_CUDA=ON \
+  -DPALPATE_BENCH=ON -DCMAKE_CUDA_ARCHITECTURES="$architecture" >"$build.cmake.log" 2>&1 ||
+  { cat "$build.cmake.log"; exit 1; }
+make -C "$build" -j"$(nproc)" >"$build.make.log" 2>&1 || { tail -40 "$build.make.log"; exit 1; }
+
+echo "== tests"
+status=0
+ctest --test-dir "$build" -j8 --output-on-failure >"$build.ctest.log" 2>&1 || status=1
+grep -E "tests passed|Failed|\*\*\*" "$build.ctest.log" || true
+[ "$status" -eq 0 ] || { tail -60 "$build.ctest.log"; exit 1; }
+
+if [ "$sanitizer" -eq 1 ]; then
+  echo "== compute-sanitizer"
+  for checker in memcheck racecheck initcheck synccheck; do
+    for test in "$build"/bin/test_*_cuda "$build"/bin/test_gpu_team; do
+      name=$(basename "$test")
+      # The failing allocation of this test is meant to fail.
+      PALPATE_SHORT_TESTS=1 compute-sanitizer --tool "$checker" --error-exitcode 9 "$test" \
+        --gtest_filter='-Memory.*' >"$build.$checker.$name.log" 2>&1 || status=1
+      printf '%-10s %-28s %s\n' "$checker" "$name" "$(grep 'ERROR SUMMARY\|RACECHECK SUMMARY' "$build.$checker.$name.log" | sed 's/=* //' || echo failed)"
+    done
+  done
+  [ "$status" -eq 0 ] || { echo "gpu_check: compute-sanitizer found errors, see $build.*.log" >&2; exit 1; }
+fi
+
+echo "== benchmark"
+command_line="$build/bin/gpu_bench ${quick[*]:-}"
+$command_line | tee "$build.bench.csv"
+commit=$(git rev-parse --short HEAD 2>/dev/null || echo unknown)
+machine=$(echo "$gpu" | tr 'A-Z ' 'a-z-')
+mkdir -p "$results"
+awk -v date="$(date +%F)" -v commit="$commit" -v machine="$gpu" -v line="$command_line" -F, '
+  BEGIN { OFS = ","; print "date,commit,machine,isa,program,case,calls,median_us,p99_us,p99.9_us,max_us,cpu_us,facts,load_before,command,note" }
+  /^#|^case/ { next }
+  { print date, commit, "\"" machine "\"", "", "gpu_bench", "\"" $1 "\"", $2, $3, $4, $5, $6, "", "", "", line, "" }
+' "$build.bench.csv" >"$results/gpu-$machine-$commit.csv"
+echo "== rows in $results/gpu-$machine-$commit.csv"

@@ -1,0 +1,43 @@
+// An organised cloud in the memory of a GPU.
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "palpate/cloud/point_cloud.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+
+/// The arrays of a cloud, as PointCloudView wants them.
+struct CloudArrays {
+  float* channels[6] = {};  ///< x, y, z, nx, ny, nz
+  PointCloudView view;      ///< of these
+
+  /// All points invalid. Failures are left in `memory`, which owns the arrays.
+  static CloudArrays make(gpu::Memory& memory, int width, int height, const Intrinsics& k) {
+    CloudArrays cloud;
+    PointCloudView& view = cloud.view;
+    view.width = width;
+    view.height = height;
+    view.pinhole = true;
+    view.intrinsics = k;
+    view.gpu = memory.gpu();
+    const std::vector<float> none(padded_size(view), std::numeric_limits<float>::quiet_NaN());
+    for (float*& channel : cloud.channels) channel = memory.copy_of(none);
+    view.x = cloud.channels[0];
+    view.y = cloud.channels[1];
+    view.z = cloud.channels[2];
+    view.nx = cloud.channels[3];
+    view.ny = cloud.channels[4];
+    view.nz = cloud.channels[5];
+    return cloud;
+  }
+
+  static std::size_t padded_size(const PointCloudView& view) {
+    constexpr std::size_t kPadding = PointCloudView::kPadding;
+    return (view.size() + kPadding - 1) / kPadding * kPadding;
+  }
+};
+
+}  // namespace palpate

@@ -1,0 +1,47 @@
+// Averages of raw depth over time on a GPU: what DepthAverager does, with the same bits.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "palpate/cloud/depth_average.h"
+#include "src/cloud/image_rows.h"
+
+namespace palpate {
+
+namespace gpu {
+class Stream;
+}
+
+/// Owns all buffers for one image size. Nothing waits or allocates after `create`, and all work may
+/// be recorded in a gpu::Graph.
+class DepthAveragerCuda {
+ public:
+  /// Errors: those of DepthAverager::create, no such GPU, not enough memory on it.
+  static Result<DepthAveragerCuda> create(int width, int height, const DepthAverageOptions& options,
+                                          int gpu);
+  DepthAveragerCuda(DepthAveragerCuda&&) noexcept;
+  DepthAveragerCuda& operator=(DepthAveragerCuda&&) noexcept;
+  ~DepthAveragerCuda();
+
+  /// Page-locked memory where the host puts the next raw frame and its unit (metres per count), as
+  /// of SurfaceCuda.
+  std::span<std::uint16_t> input();
+  void set_unit(double unit);
+
+  /// Takes the frame in `input` into the averages: all of it, or some rows, of which each is taken
+  /// once, from the top down (SurfaceCuda::input_rows).
+  void enqueue(gpu::Stream& stream);
+  void enqueue(gpu::Stream& stream, ImageRows rows);
+
+  /// Metres on the GPU, NaN where there is no measurement; always the same array.
+  const float* depth() const;
+
+ private:
+  struct Impl;
+  explicit DepthAveragerCuda(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,11 @@
+// A range of the rows of an image.
+#pragma once
+
+namespace palpate {
+
+/// Rows [begin, end).
+struct ImageRows {
+  int begin = 0, end = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,20 @@
+// What the numbers of a raw depth frame say. One text for host and device.
+#pragma once
+
+#include "palpate/core/hostdev.h"
+
+namespace palpate {
+
+PALPATE_HOSTDEV inline bool is_measurement(int count) { return count != 0 && count != 65535; }
+
+/// Metres; 0: no measurement.
+PALPATE_HOSTDEV inline float depth_of(int count, double unit) {
+  return static_cast<float>(count == 65535 ? 0.0 : count * unit);
+}
+
+/// NaN is not.
+PALPATE_HOSTDEV inline bool is_usable_depth(float z, float min_depth, float max_depth) {
+  return (z >= min_depth) & (z <= max_depth);
+}
+
+}  // namespace palpate

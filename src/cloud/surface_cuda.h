@@ -1,0 +1,56 @@
+// Surface estimation on a GPU: what SurfaceEstimator does, by the same formulas and with the same
+// bits, on device memory.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "src/cloud/image_rows.h"
+
+namespace palpate {
+
+namespace gpu {
+class Stream;
+}
+
+/// Owns all buffers for one image size. Nothing waits or allocates after `create`, and all work may
+/// be recorded in a gpu::Graph: what changes from frame to frame is read from page-locked memory.
+class SurfaceCuda {
+ public:
+  /// Errors: those of SurfaceEstimator::create, no such GPU, not enough memory on it.
+  static Result<SurfaceCuda> create(int width, int height, const Intrinsics& intrinsics,
+                                    const SurfaceOptions& options, int gpu);
+  SurfaceCuda(SurfaceCuda&&) noexcept;
+  SurfaceCuda& operator=(SurfaceCuda&&) noexcept;
+  ~SurfaceCuda();
+
+  /// Page-locked memory where the host puts the next raw frame and its unit (metres per count). Do
+  /// not write while work that was asked for before is still to read it.
+  std::span<std::uint16_t> input();
+  void set_unit(double unit);
+
+  /// Asks for read, filter, normals and depth change of the frame in `input`. A frame may be done
+  /// in parts, spread over the time between frames so that queries never wait for long (thesis
+  /// section 4.2): all parts 0 ... num_parts - 1, in order. The bits do not depend on the number.
+  void enqueue(gpu::Stream& stream, int part = 0, int num_parts = 1);
+  /// The same from depth in metres (NaN or 0: no measurement), width * height values on this GPU.
+  void enqueue_depth(gpu::Stream& stream, const float* depth, int part = 0, int num_parts = 1);
+  /// The rows of its input that a part is the first to read.
+  ImageRows input_rows(int part, int num_parts) const;
+
+  /// Arrays on the GPU, always the same ones; they hold a frame when its last part is done.
+  PointCloudView cloud() const;
+  /// Filtered depth in metres on the GPU, NaN where there is no measurement.
+  const float* depth() const;
+  /// Of the last frame that is done.
+  SurfaceStats stats() const;
+
+ private:
+  struct Impl;
+  explicit SurfaceCuda(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate

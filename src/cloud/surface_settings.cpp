@@ -1,0 +1,54 @@
+#include "src/cloud/surface_settings.h"
+
+#include <numbers>
+
+namespace palpate {
+namespace {
+
+// exp(-d^2 / (2 sigma^2)) = 2^(-d^2 * this)
+double gauss_scale(double sigma) { return 1 / (2 * sigma * sigma * std::numbers::ln2); }
+
+}  // namespace
+
+std::vector<float> ray_table(int num, double f, double c) {
+  std::vector<float> table(static_cast<std::size_t>(num + PaddedDepth::kMargin));
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    table[i] = static_cast<float>((static_cast<double>(i) - c) / f);
+  }
+  return table;
+}
+
+std::vector<float> space_exponents(const DepthFilterOptions& options) {
+  std::vector<float> exponents;
+  for (int dv = -options.radius; dv <= options.radius; ++dv) {
+    for (int du = -options.radius; du <= options.radius; ++du) {
+      exponents.push_back(
+          static_cast<float>(-(du * du + dv * dv) * gauss_scale(options.sigma_space)));
+    }
+  }
+  return exponents;
+}
+
+FilterPass filter_settings(const DepthFilterOptions& options) {
+  FilterPass pass;
+  pass.radius = options.enabled ? options.radius : 0;
+  pass.range = static_cast<float>(gauss_scale(options.sigma_depth));
+  return pass;
+}
+
+NormalPass normal_settings(const NormalOptions& options, const Intrinsics& k) {
+  NormalPass pass;
+  pass.pixel_x = static_cast<float>(1 / k.fx);
+  pass.pixel_y = static_cast<float>(1 / k.fy);
+  pass.radius = options.radius;
+  pass.max_depth_change = static_cast<float>(options.max_depth_change);
+  pass.min_neighbours = static_cast<float>(options.min_neighbours);
+  pass.along_ray = options.fit == PlaneFit::along_ray;
+  pass.anchoring = options.anchoring;
+  pass.weighting = options.weighting;
+  pass.normalization = options.normalization;
+  pass.weight = static_cast<float>(gauss_scale(options.weight_sigma));
+  return pass;
+}
+
+}  // namespace palpate

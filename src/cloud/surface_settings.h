@@ -1,0 +1,21 @@
+// Options as the stages of surface estimation take them, and the tables that they read.
+#pragma once
+
+#include <vector>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "src/cloud/surface_kernels.h"
+
+namespace palpate {
+
+/// (i - c) / f for i = 0 ... num - 1 and a margin of PaddedDepth::kMargin more.
+std::vector<float> ray_table(int num, double f, double c);
+
+/// FilterPass::space.
+std::vector<float> space_exponents(const DepthFilterOptions& options);
+
+/// All but the pointers and the image.
+FilterPass filter_settings(const DepthFilterOptions& options);
+NormalPass normal_settings(const NormalOptions& options, const Intrinsics& k);
+
+}  // namespace palpate

@@ -1,0 +1,105 @@
+// Borrow stage of a query on a GPU: the boundary spheres' own caps, and planes for the spheres that
+// no point touches (thesis section 3.2.2, Algs. 3.1, 3.3 and 3.4 corrected). All threads of the
+// grid call; each returns the sums of its share, which depends on the sizes of grid and tool alone.
+//
+// A kernel made for one method, or for clouds without edges, says so by constants.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "src/contact/borrow_average.cuh"
+#include "src/contact/borrow_context.cuh"
+#include "src/contact/borrow_nearest.cuh"
+
+namespace palpate {
+
+inline constexpr std::size_t kBorrowSharedBytes = sizeof(BorrowShared);
+
+/// V_s n_s of the boundary spheres, each cut by its own plane (Alg. 3.1) and, by `cut`, by its
+/// edge. A sphere that a point has just entered is still measured as if it were untouched: V = (1 -
+/// presence) V_state + presence V_cap.
+__device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, InsideMethod method,
+                                                       bool with_edges) {
+  const BorrowContext context(q, method, with_edges);
+  MeasureSums sums;
+  BorrowRule own_rule = context.rule();
+  if (q.edges != Edges::cut) own_rule.edges = nullptr;
+  const auto own = [&](std::int32_t i) {
+    const Lender& lender = q.boundary.lenders[i];
+    if (lender.sphere_id < 0) return Borrowed{};
+    return context.lenders.borrow_from(lender, lender.sphere_id, own_rule);
+  };
+  const std::int32_t num = context.lenders.num;
+  if (!context.fades_in()) {
+    const int first = spread_warp() * gpu::kWarpSize + gpu::lane_id();
+    for (std::int32_t i = first; i < num; i += gpu::grid_threads()) {
+      const std::int32_t id = q.boundary.sphere_id[i];
+      context.add(sums, q.scan.spheres[id].centre, context.scaled(id, own(i)));
+    }
+    return sums;
+  }
+  for (std::int32_t i = spread_warp(); i < num; i += num_grid_warps()) {
+    const std::int32_t id = q.boundary.sphere_id[i];
+    const Borrowed cap = own(i), state = context.borrow_by_warp(id);
+    const Lender& lender = q.boundary.lenders[i];
+    const double presence = lender.sphere_id >= 0 ? lender.presence : 0;
+    const Borrowed measured{presence * cap.volume + (1 - presence) * state.volume,
+                            presence * cap.force + (1 - presence) * state.force};
+    if (gpu::lane_id() == 0)
+      context.add(sums, q.scan.spheres[id].centre, context.scaled(id, measured));
+  }
+  return sums;
+}
+
+/// Untouched spheres for which all lenders are looked at in double; a warp for each.
+__device__ inline MeasureSums measure_one_by_one(const BorrowContext& context) {
+  const PointQuery& q = context.q;
+  MeasureSums sums;
+  const std::int32_t num_places = q.clusters.num_places();
+  const int warps = num_grid_warps();
+  // Every so many: spheres that need it lie together.
+  for (std::int32_t first = spread_warp(); first < num_places; first += warps * gpu::kWarpSize) {
+    const std::int32_t place = first + warps * gpu::lane_id();
+    const std::int32_t id = place < num_places ? q.clusters.sphere_id[place] : -1;
+    const bool mine =
+        context.is_untouched(id, context.touched_word(id)) && context.is_one_by_one(id);
+    unsigned todo = __ballot_sync(gpu::kWholeWarp, mine);
+    for (; todo != 0; todo &= todo - 1) {
+      const int lane = __ffs(static_cast<int>(todo)) - 1;
+      const Borrowed borrowed = context.borrow_by_warp(__shfl_sync(gpu::kWholeWarp, id, lane));
+      if (lane == gpu::lane_id()) {
+        context.add_untouched(sums, place, q.scan.spheres[id].centre, context.scaled(id, borrowed));
+      }
+    }
+  }
+  return sums;
+}
+
+/// Weighted and simplified: every untouched sphere borrows. Writes PointQuery::lender (-1 where
+/// there is no single one, or nothing can be inside) and PointQuery::borrowed_volume of their
+/// places.
+__device__ inline MeasureSums borrow_planes(const PointQuery& q, InsideMethod method,
+                                            bool with_edges) {
+  const BorrowContext context(q, method, with_edges);
+  MeasureSums sums;
+  const bool is_weighted = method == InsideMethod::weighted;
+  if (*q.boundary.num_lenders == 0) {
+    context.leave_outside(0, q.clusters.num_places(), gpu::grid_thread(), gpu::grid_threads());
+  } else if (is_weighted) {
+    sums = AverageBorrowing(context).run();
+  } else if (q.priority == Priority::count) {
+    // One lender for all.
+    const auto index =
+        static_cast<std::int32_t>(0xffffffffu - (*q.boundary.heaviest & 0xffffffffu));
+    sums = NearestBorrowing(context).run({nullptr, index, 1});
+  } else {
+    sums = NearestBorrowing(context).run({nullptr, 0, context.lenders.num});
+  }
+  if (context.overlays() || (is_weighted && context.has_edges)) {
+    sums.add(measure_one_by_one(context));
+  }
+  return sums;
+}
+
+}  // namespace palpate

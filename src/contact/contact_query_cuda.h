@@ -1,0 +1,13 @@
+#pragma once
+
+#include <memory>
+
+#include "palpate/contact/contact_query.h"
+
+namespace palpate {
+
+/// Errors: no such GPU, or not enough memory on it.
+Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(const Tool& tool,
+                                                              const ContactCapacities& capacities);
+
+}  // namespace palpate

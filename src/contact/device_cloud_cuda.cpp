@@ -1,0 +1,52 @@
+#include "src/contact/device_cloud.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kNumChannels = 9;
+
+}  // namespace
+
+bool DeviceClouds::shows(const Copy& copy, const PointCloudView& cloud) const {
+  return cloud.stamp != 0 && copy.source.stamp == cloud.stamp && copy.source.x == cloud.x &&
+         copy.source.gpu == cloud.gpu;
+}
+
+PointCloudView DeviceClouds::on_gpu(const PointCloudView& cloud, gpu::Stream& stream) {
+  if (cloud.gpu == gpu_ || cloud.size() == 0) return cloud;
+  const bool is_first = shows(copies_[0], cloud);
+  const bool is_known = is_first || shows(copies_[1], cloud);
+  const bool takes_first = is_known ? is_first : copies_[0].last_use <= copies_[1].last_use;
+  Copy& copy = copies_[takes_first ? 0 : 1];
+  copy.last_use = ++num_uses_;
+
+  constexpr std::size_t kPadding = PointCloudView::kPadding;
+  const std::size_t num = (cloud.size() + kPadding - 1) / kPadding * kPadding;
+  if (num > copy.capacity) {
+    copy.source = {};
+    copy.memory.emplace(gpu_);
+    copy.data = copy.memory->take<float>(kNumChannels * num);
+    copy.capacity = copy.data != nullptr ? num : 0;
+    if (const Status& status = copy.memory->status(); !status) {
+      stream.fail(status.error());
+      return {};
+    }
+  }
+  PointCloudView view = cloud;
+  const float** const ends[] = {&view.x,  &view.y,      &view.z,      &view.nx,    &view.ny,
+                                &view.nz, &view.edge_x, &view.edge_y, &view.edge_z};
+  for (std::size_t channel = 0; channel < kNumChannels; ++channel) {
+    const float*& array = *ends[channel];
+    if (array == nullptr) continue;
+    float* const here = copy.data + channel * copy.capacity;
+    // The depth-change vectors have no padding.
+    const std::size_t num_values = channel < 6 ? num : cloud.size();
+    if (!is_known) stream.copy(here, array, num_values * sizeof(float));
+    array = here;
+  }
+  view.gpu = gpu_;
+  copy.source = cloud;
+  return view;
+}
+
+}  // namespace palpate

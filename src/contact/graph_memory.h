@@ -1,0 +1,38 @@
+// What the graph stage of a query on a GPU (graph_stage.cuh) reads and writes: its memory.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "src/contact/place_graph.h"
+#include "src/contact/point_query.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+
+inline PlaceGraphView place_graph_on_gpu(gpu::Memory& memory, const LeafGraph& graph,
+                                         const SphereClusters& clusters) {
+  constexpr int kPart = PlaceGraphView::kPart;
+  const PlaceGraph by_place(graph, clusters.sphere_id);
+  std::vector<PlaceSphere> spheres;
+  std::vector<RowPart> more_parts;
+  for (std::size_t i = 0; i < clusters.x.size(); ++i) {
+    spheres.push_back({clusters.x[i], clusters.y[i], clusters.z[i], clusters.radius[i]});
+    const std::int32_t row_end = by_place.row_starts[i + 1];
+    for (std::int32_t begin = by_place.row_starts[i] + kPart; begin < row_end; begin += kPart) {
+      more_parts.push_back({static_cast<std::int32_t>(i), begin, std::min(begin + kPart, row_end)});
+    }
+  }
+  return {memory.copy_of(spheres), memory.copy_of(by_place.row_starts),
+          memory.copy_of(by_place.neighbours), memory.copy_of(more_parts),
+          static_cast<std::int32_t>(more_parts.size())};
+}
+
+inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const LeafGraph& graph,
+                                       const SphereClusters& clusters) {
+  const std::size_t num_places = clusters.x.size();
+  return {memory.take<PlaceState>(num_places), memory.take<double>(num_places),
+          memory.take<Offer>(graph.neighbours().size()), memory.take<std::int32_t>(3), 1};
+}
+
+}  // namespace palpate

@@ -1,0 +1,82 @@
+// How the result of a query comes from a GPU to the host: straight from the kernel into page-locked
+// memory that the host watches, without a copy and without waiting for the stream.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "palpate/contact/contact_query.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+
+/// What the threads of a query add up. Counts are whole numbers.
+struct MeasureTerms {
+  double volume = 0;
+  double potential = 0;
+  double force[3] = {}, torque[3] = {};
+  double num_boundary = 0, num_inside = 0, num_points = 0;
+  double status = 0;      ///< StepStatus bits, of one thread alone
+  double num_rounds = 0;  ///< of the graph search, of one thread alone
+  double unused[3] = {};
+
+  static constexpr int kNum = 16;
+};
+static_assert(sizeof(MeasureTerms) == MeasureTerms::kNum * sizeof(double));
+
+/// Sums over all threads.
+struct QueryAnswer : MeasureTerms {
+  /// Force and torque in the frame in which they were added up.
+  Penetration penetration() const {
+    Penetration result;
+    result.volume = volume;
+    result.potential = potential;
+    result.measure_W = {{force[0], force[1], force[2]}, {torque[0], torque[1], torque[2]}};
+    result.num_boundary_spheres = static_cast<int>(num_boundary);
+    result.num_inside_spheres = static_cast<int>(num_inside);
+    result.num_points = static_cast<int>(num_points);
+    result.status = static_cast<std::uint32_t>(status);
+    return result;
+  }
+};
+static_assert(std::is_trivially_copyable_v<QueryAnswer>);
+
+/// Where finish_measure (finish_measure.cuh) puts sums. An argument of the kernel.
+struct MeasureOutput {
+  double* partials = nullptr;           ///< MeasureTerms of each block
+  unsigned long long* count = nullptr;  ///< of the blocks that are done
+  /// Page-locked. Each word is half of one of the numbers, and above it the number of the query:
+  /// words are written at once, so each tells by itself whether it is there yet, and no fence holds
+  /// the kernel up.
+  std::uint64_t* words = nullptr;
+  std::uint32_t query = 0;
+};
+
+/// Owns the memory for the answers of one kernel, which always has the same number of blocks.
+class AnswerBox {
+ public:
+  static constexpr int kNumWords = 2 * MeasureTerms::kNum;
+
+  AnswerBox(int gpu, int num_blocks);
+
+  /// What the kernel of the next query is told. One query at a time.
+  MeasureOutput next() noexcept;
+
+  /// Waits until this query has answered, but not longer than 50 ms: then, and if the device
+  /// reports an error, false, and the stream has failed.
+  bool await(gpu::Stream& stream) noexcept;
+  const QueryAnswer& answer() const { return answer_; }
+
+  const Status& status() const { return memory_.status(); }
+  int num_blocks() const { return num_blocks_; }
+
+ private:
+  bool take() noexcept;
+
+  gpu::Memory memory_;
+  int num_blocks_;
+  MeasureOutput output_;
+  QueryAnswer answer_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,341 @@
+#include "src/field/depth_field_cuda.h"
+
+#include <utility>
+#include <vector>
+
+#include "palpate/core/stamp.h"
+#include "src/gpu/team.cuh"
+
+namespace palpate {
+namespace {
+
+// A block makes all levels of a square of level 0, of which the widest level has one pixel. A
+// thread has two by two pixels of level 0.
+constexpr int kLevels = DepthFieldView::kMaxLevels;
+constexpr int kSquare = 1 << (kLevels - 1), kQuads = kSquare / 2, kThreads = kQuads * kQuads;
+constexpr int kTile = DepthFieldView::kTileSize;
+static_assert(kSquare == 2 * kTile && kThreads == 256);
+
+/// The pixels of the levels from 1 on that belong to a square.
+struct SquareLevels {
+  TangentPlane pixels[(kThreads * 4 - 1) / 3];
+
+  __device__ static int first(int level) {
+    int at = 0;
+    for (int k = 1; k < level; ++k) at += (kSquare >> k) * (kSquare >> k);
+    return at;
+  }
+  __device__ TangentPlane& at(int level, int x, int y) {
+    return pixels[first(level) + y * (kSquare >> level) + x];
+  }
+};
+
+/// A square of the image and this thread's place in it.
+struct Place {
+  int square_u, square_v;  ///< number of the square
+  int x, y;                ///< of the thread's pixel of level 1 in the square
+
+  __device__ Place(const FieldJob& job)
+      : square_u(static_cast<int>(blockIdx.x) % job.squares_wide),
+        square_v(static_cast<int>(blockIdx.x) / job.squares_wide),
+        x(static_cast<int>(threadIdx.x) % kQuads),
+        y(static_cast<int>(threadIdx.x) / kQuads) {}
+
+  /// First column and row of the thread's four pixels.
+  __device__ int u() const { return square_u * kSquare + 2 * x; }
+  __device__ int v() const { return square_v * kSquare + 2 * y; }
+};
+
+__device__ inline TangentPlane* pixel(const FieldJob& job, TangentPlane* planes, int level, int u,
+                                      int v) {
+  return planes + job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u;
+}
+
+/// Makes the levels 1..top of a square in `out`, from the four pixels that each thread has of level
+/// 0. `quad` outside of the image is not looked at.
+__device__ void widen_square(const FieldJob& job, const Place& place, const TangentPlane (&quad)[4],
+                             int top, Choice choice, TangentPlane* out, SquareLevels& levels) {
+  if (top < 1) return;
+  const auto store = [&](int level, int x, int y, const TangentPlane& plane) {
+    levels.at(level, x, y) = plane;
+    const int size = kSquare >> level;
+    *pixel(job, out, level, place.square_u * size + x, place.square_v * size + y) = plane;
+  };
+  const auto inside = [&](int level, int x, int y) {
+    const int size = kSquare >> level;
+    return place.square_u * size + x < job.layout.levels[level].width &&
+           place.square_v * size + y < job.layout.levels[level].height;
+  };
+  if (inside(1, place.x, place.y)) store(1, place.x, place.y, widened(quad, 1, choice));
+  for (int level = 2; level <= top; ++level) {
+    __syncthreads();
+    const int size = kSquare >> level;
+    const int x = static_cast<int>(threadIdx.x) % size, y = static_cast<int>(threadIdx.x) / size;
+    if (y >= size || !inside(level, x, y)) continue;  // to the next barrier
+    // At an odd end the last one counts twice.
+    const int x1 = 2 * x + inside(level - 1, 2 * x + 1, 2 * y);
+    const int y1 = 2 * y + inside(level - 1, 2 * x, 2 * y + 1);
+    const TangentPlane four[4] = {levels.at(level - 1, 2 * x, 2 * y),
+                                  levels.at(level - 1, x1, 2 * y), levels.at(level - 1, 2 * x, y1),
+                                  levels.at(level - 1, x1, y1)};
+    store(level, x, y, widened(four, level, choice));
+  }
+}
+
+/// Calls f(index in the quad, u, v) for those of a thread's four pixels that are in the image.
+template <class F>
+__device__ void for_quad(const FieldJob& job, const Place& place, const F& f) {
+  const PyramidLayout::Level& image = job.layout.levels[0];
+  for (int k = 0; k < 4; ++k) {
+    const int u = place.u() + k % 2, v = place.v() + k / 2;
+    if (u < image.width && v < image.height) f(k, u, v);
+  }
+}
+
+/// At an odd end the last pixel counts twice.
+__device__ void complete_quad(const FieldJob& job, const Place& place, TangentPlane (&quad)[4]) {
+  if (place.u() + 1 >= job.layout.levels[0].width) quad[1] = quad[0], quad[3] = quad[2];
+  if (place.v() + 1 >= job.layout.levels[0].height) quad[2] = quad[0], quad[3] = quad[1];
+}
+
+struct TakeScratch {
+  SquareLevels levels;
+  int has_hole;
+};
+
+/// First kernel: the planes of level 0, and what holes are filled with.
+__global__ void __launch_bounds__(kThreads)
+    take_planes(const __grid_constant__ FieldJob job,
+                const __grid_constant__ PointCloudView cloud) {
+  auto& shared = gpu::shared_memory<TakeScratch>();
+  if (threadIdx.x == 0) shared.has_hole = 0;
+  __syncthreads();
+  const Place place(job);
+  TangentPlane quad[4];
+  bool has_hole = false;
+  for_quad(job, place, [&](int k, int u, int v) {
+    const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(cloud.width) +
+                          static_cast<std::size_t>(u);
+    const float z = cloud.z[i];
+    const TangentPlane plane =
+        tangent_plane(cloud.x[i], cloud.y[i], z, cloud.nx[i], cloud.ny[i], cloud.nz[i]);
+    if (z > 0) {
+      quad[k] = plane;
+    } else {
+      has_hole = true;
+    }
+    *pixel(job, job.planes, 0, u, v) = quad[k];
+  });
+  if (has_hole) shared.has_hole = 1;
+  complete_quad(job, place, quad);
+  widen_square(job, place, quad, job.num_filled, Choice::nearest, job.nearest, shared.levels);
+  __syncthreads();
+  if (threadIdx.x == 0) job.has_hole[blockIdx.x] = shared.has_hole;
+}
+
+/// What the holes of a square are filled with: of each level the pixels from
+/// `start` on, counted from the square's first one: all that the level before asks.
+struct Surroundings {
+  static constexpr int kNum = 18 * 18 + 12 * 12 + 8 * 8 + 6 * 6 + 5 * 5;
+
+  TangentPlane pixels[kNum];
+
+  __device__ static int size(int level) {
+    return level == 1 ? 18 : (level == 2 ? 12 : (level == 3 ? 8 : (level == 4 ? 6 : 5)));
+  }
+  __device__ static int start(int level) { return level == 1 ? -1 : -2; }
+  __device__ static int first(int level) {
+    int at = 0;
+    for (int k = 1; k < level; ++k) at += size(k) * size(k);
+    return at;
+  }
+  __device__ static int first_u(int level, int square) {
+    return square * (kSquare >> level) + start(level);
+  }
+};
+
+__device__ void fill_quad(const FieldJob& job, const Place& place, TangentPlane (&quad)[4],
+                          Surroundings& around) {
+  // Calls f(u, v, pixel) for this thread's pixels of a level.
+  const auto for_pixels = [&](int level, const auto& f) {
+    const int size = Surroundings::size(level);
+    const PyramidLayout::Level& image = job.layout.levels[level];
+    for (int i = static_cast<int>(threadIdx.x); i < size * size; i += kThreads) {
+      const int u = Surroundings::first_u(level, place.square_u) + i % size;
+      const int v = Surroundings::first_u(level, place.square_v) + i / size;
+      if (u < 0 || v < 0 || u >= image.width || v >= image.height) continue;
+      f(u, v, around.pixels[Surroundings::first(level) + i]);
+    }
+  };
+  // What `level` knows about pixel (u, v) of the level before.
+  const auto ask = [&](int level, int u, int v) {
+    const PyramidLayout::Level& image = job.layout.levels[level];
+    const int u1 = second_nearest(u, image.width), v1 = second_nearest(v, image.height);
+    const auto at = [&](int wide_u, int wide_v) {
+      return around.pixels[Surroundings::first(level) +
+                           (wide_v - Surroundings::first_u(level, place.square_v)) *
+                               Surroundings::size(level) +
+                           wide_u - Surroundings::first_u(level, place.square_u)];
+    };
+    const TangentPlane four[4] = {at(u / 2, v / 2), at(u1, v / 2), at(u / 2, v1), at(u1, v1)};
+    return interpolated(four, level);
+  };
+  for (int level = 1; level <= job.num_filled; ++level) {
+    for_pixels(level, [&](int u, int v, TangentPlane& plane) {
+      plane = *pixel(job, job.nearest, level, u, v);
+    });
+  }
+  __syncthreads();
+  for (int level = job.num_filled - 1; level >= 1; --level) {
+    for_pixels(level, [&](int u, int v, TangentPlane& plane) {
+      if (!plane.is_surface()) plane = ask(level + 1, u, v);
+    });
+    __syncthreads();
+  }
+  for_quad(job, place, [&](int k, int u, int v) {
+    if (quad[k].is_surface()) return;
+    quad[k] = ask(1, u, v);
+    *pixel(job, job.planes, 0, u, v) = quad[k];
+  });
+}
+
+constexpr int kWarps = kThreads / gpu::kWarpSize;
+
+struct WidenScratch {
+  SquareLevels levels;
+  Surroundings around;
+  DepthTile tiles[kWarps][2];  // of each warp's pixels in the left and the right tile
+};
+
+/// Second kernel: fills holes, makes tiles and wider levels.
+__global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__ FieldJob job) {
+  auto& shared = gpu::shared_memory<WidenScratch>();
+  const Place place(job);
+  TangentPlane quad[4];
+  for_quad(job, place, [&](int k, int u, int v) { quad[k] = *pixel(job, job.planes, 0, u, v); });
+  if (job.num_filled > 0 && job.has_hole[blockIdx.x]) fill_quad(job, place, quad, shared.around);
+
+  // A warp has two rows of 16 threads: the left half of each is in one tile.
+  DepthTile tile = empty_tile();
+  for_quad(job, place, [&](int k, int, int) { tile = join(tile, tile_of(quad[k])); });
+  for (int step = 1; step < gpu::kWarpSize; step *= 2) {
+    if (step == kTile / 2) continue;
+    tile = join(tile, {__shfl_xor_sync(gpu::kWholeWarp, tile.nearest, step),
+                       __shfl_xor_sync(gpu::kWholeWarp, tile.least_slope, step)});
+  }
+  const int lane = gpu::lane_id();
+  if (lane % 8 == 0 && lane < 16) shared.tiles[gpu::warp_id()][lane / 8] = tile;
+
+  complete_quad(job, place, quad);
+  widen_square(job, place, quad, job.layout.num_levels - 1, Choice::majority, job.planes,
+               shared.levels);
+  __syncthreads();
+  if (threadIdx.x < 4) {
+    const int side = static_cast<int>(threadIdx.x) % 2, row = static_cast<int>(threadIdx.x) / 2;
+    DepthTile all = empty_tile();
+    for (int k = 0; k < kWarps / 2; ++k) all = join(all, shared.tiles[row * kWarps / 2 + k][side]);
+    const int u = 2 * place.square_u + side, v = 2 * place.square_v + row;
+    const int tiles_wide = (job.layout.levels[0].width + kTile - 1) / kTile;
+    const int tiles_high = (job.layout.levels[0].height + kTile - 1) / kTile;
+    if (u < tiles_wide && v < tiles_high) job.tiles[v * tiles_wide + u] = all;
+  }
+}
+
+constexpr int kRun = 4;  // pixels of a thread, one below the other
+constexpr int kStepsWide = gpu::kWarpSize, kStepsHigh = kRun * kWarps;
+
+/// Third kernel: borders and steps.
+__global__ void __launch_bounds__(kThreads) find_steps(const __grid_constant__ FieldJob job) {
+  const int block = static_cast<int>(blockIdx.x);
+  int level = 0;
+  while (block >= job.first_step_block[level + 1]) ++level;
+  constexpr int kBorder = DepthFieldLevel::kBorder;
+  const int width = job.layout.levels[level].width, height = job.layout.levels[level].height;
+  const int blocks_wide = (width + 2 * kBorder + kStepsWide - 1) / kStepsWide;
+  const int number = block - job.first_step_block[level];
+  const int u = number % blocks_wide * kStepsWide + gpu::lane_id() - kBorder;
+  const int first_v = number / blocks_wide * kStepsHigh + kRun * gpu::warp_id() - kBorder;
+  if (u >= width + kBorder) return;
+
+  // Outside of the image: nothing, or the surface of the outermost pixels going on. The border in
+  // memory is not read here.
+  const auto plane_at = [&](int at_u, int at_v) {
+    const int inner_u = at_u < 0 ? 0 : (at_u >= width ? width - 1 : at_u);
+    const int inner_v = at_v < 0 ? 0 : (at_v >= height ? height - 1 : at_v);
+    if (!job.goes_on && (inner_u != at_u || inner_v != at_v)) return TangentPlane{};
+    return *pixel(job, job.planes, level, inner_u, inner_v);
+  };
+  TangentPlane rows[kRun + 2][3];
+  for (int row = 0; row < kRun + 2; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      rows[row][column] = plane_at(u + column - 1, first_v + row - 1);
+    }
+  }
+  const float limit = step_limit_of(level);
+  for (int k = 0; k < kRun; ++k) {
+    const int v = first_v + k;
+    if (v >= height + kBorder) continue;
+    if (u < 0 || u >= width || v < 0 || v >= height) {
+      *pixel(job, job.planes, level, u, v) = rows[k + 1][1];
+    }
+    if (u >= -kStepBorder && u < width + kStepBorder && v >= -kStepBorder &&
+        v < height + kStepBorder) {
+      const TangentPlane* const around[3] = {rows[k], rows[k + 1], rows[k + 2]};
+      job.is_step[job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride +
+                  u] = has_step(around, limit);
+    }
+  }
+}
+
+}  // namespace
+
+Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
+                                              const DepthFieldOptions& options, int gpu) {
+  const auto layout = pyramid_layout(width, height, options);
+  if (!layout) return layout.error();
+  FieldJob job;
+  job.layout = *layout;
+  job.num_filled = layout->num_filled(options);
+  job.goes_on = options.unknown == UnknownSpace::solid;
+  const auto blocks_over = [](int size, int part) { return (size + part - 1) / part; };
+  job.squares_wide = blocks_over(width, kSquare);
+  job.squares_high = blocks_over(height, kSquare);
+  constexpr int kBorders = 2 * DepthFieldLevel::kBorder;
+  for (int level = 0; level < layout->num_levels; ++level) {
+    const auto& image = layout->levels[level];
+    job.first_step_block[level + 1] =
+        job.first_step_block[level] + blocks_over(image.width + kBorders, kStepsWide) *
+                                          blocks_over(image.height + kBorders, kStepsHigh);
+  }
+  gpu::Memory memory(gpu);
+  job.planes = memory.take<TangentPlane>(layout->num_planes());
+  job.nearest = memory.take<TangentPlane>(layout->num_planes());
+  // Beyond the places where steps are looked for, everything counts as one.
+  job.is_step = memory.copy_of(std::vector<std::uint8_t>(layout->num_steps(), 1));
+  job.tiles = memory.take<DepthTile>(layout->num_tiles());
+  job.has_hole = memory.take<int>(static_cast<std::size_t>(job.squares_wide) *
+                                  static_cast<std::size_t>(job.squares_high));
+  if (!memory.status()) return memory.status().error();
+  return DepthFieldCuda(std::move(memory), job, options);
+}
+
+void DepthFieldCuda::enqueue(const PointCloudView& cloud, gpu::Stream& stream) {
+  PALPATE_ASSERT(cloud.pinhole && cloud.gpu == memory_.gpu() &&
+                 cloud.width == job_.layout.levels[0].width &&
+                 cloud.height == job_.layout.levels[0].height);
+  const int squares = job_.squares_wide * job_.squares_high;
+  gpu::launch(stream, {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(TakeScratch)},
+              take_planes, job_, cloud);
+  gpu::launch(stream,
+              {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(WidenScratch)},
+              widen_planes, job_);
+  gpu::launch(stream,
+              {.blocks = job_.first_step_block[job_.layout.num_levels], .threads = kThreads},
+              find_steps, job_);
+  view_ = job_.layout.view(job_.planes, job_.is_step, job_.tiles, options_);
+  view_.intrinsics = cloud.intrinsics;
+  view_.gpu = memory_.gpu();
+  view_.stamp = next_stamp();
+}
+
+}  // namespace palpate

@@ -1,0 +1,67 @@
+#include "src/field/field_pyramid.h"
+
+#include <algorithm>
+#include <string>
+
+#include "palpate/cloud/depth_source.h"
+
+namespace palpate {
+
+Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOptions& options) {
+  constexpr int kLeast = 8;
+  if (width < kLeast || width > kMaxImageWidth || height < kLeast || height > kMaxImageHeight) {
+    return Error{Errc::invalid_argument, "a depth field of " + std::to_string(width) + " x " +
+                                             std::to_string(height) +
+                                             " pixels is not possible; use 8 to 4096 a side"};
+  }
+  if (options.fill_levels < 0 || options.fill_levels >= DepthFieldView::kMaxLevels) {
+    return Error{Errc::invalid_argument, "holes can be filled over 0 to " +
+                                             std::to_string(DepthFieldView::kMaxLevels - 1) +
+                                             " levels, not " + std::to_string(options.fill_levels)};
+  }
+  if (!(options.thickness >= 1e-3 && options.thickness <= kSolidBehind)) {
+    return Error{Errc::invalid_argument,
+                 "what is behind a surface can be felt over 0.001 m and more, not over " +
+                     std::to_string(options.thickness) + " m"};
+  }
+  PyramidLayout layout;
+  layout.stride = width + 2 * DepthFieldLevel::kBorder;
+  while (layout.num_levels < DepthFieldView::kMaxLevels && std::min(width, height) >= 4) {
+    layout.levels[layout.num_levels++] = {width, height, layout.num_rows};
+    layout.num_rows += height + 2 * DepthFieldLevel::kBorder;
+    width = (width + 1) / 2;
+    height = (height + 1) / 2;
+  }
+  return layout;
+}
+
+DepthFieldView PyramidLayout::view(const TangentPlane* planes, const std::uint8_t* is_step,
+                                   const DepthTile* tiles, const DepthFieldOptions& options) const {
+  DepthFieldView view;
+  view.num_levels = num_levels;
+  for (int number = 0; number < num_levels; ++number) {
+    const float scale = 1.0f / static_cast<float>(1 << number);
+    DepthFieldLevel& level = view.levels[number];
+    level.planes = &planes[origin(number)].offset;
+    level.is_step = &is_step[origin(number)];
+    level.width = levels[number].width;
+    level.height = levels[number].height;
+    level.stride = stride;
+    level.scale = scale;
+    level.last_u = static_cast<float>(levels[0].width) * scale + 2;
+    level.last_v = static_cast<float>(levels[0].height) * scale + 2;
+    level.step_limit = step_limit_of(number);
+  }
+  view.tiles = tiles;
+  view.tiles_wide = tiles_wide();
+  view.tiles_high = tiles_high();
+  view.thickness = static_cast<float>(options.thickness);
+  return view;
+}
+
+int PyramidLayout::num_filled(const DepthFieldOptions& options) const {
+  const int top = num_levels - 1;
+  return options.unknown == UnknownSpace::solid ? top : std::min(options.fill_levels, top);
+}
+
+}  // namespace palpate

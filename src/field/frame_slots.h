@@ -1,0 +1,48 @@
+// What a timeline keeps of the last frames. The time keeping is one for all (surface_timeline.cpp);
+// the surfaces are made on the CPU or on a GPU.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "palpate/field/surface_timeline.h"
+
+namespace palpate {
+
+/// What the surfaces of frames depend on.
+struct SlotSettings {
+  DepthStreamInfo stream;
+  SurfaceOptions surface;
+  std::optional<DepthFieldOptions> field;
+  TimeOptions time;
+
+  /// With the newest frame alone there is nothing to blend.
+  int num_slots() const { return time.mode == TimeMode::latest ? 1 : 2; }
+};
+
+/// One or two frames with all that is made from them.
+class FrameSlots {
+ public:
+  virtual ~FrameSlots() = default;
+
+  /// Fills a slot from the next frame. With `motion` the surface is predicted: each pixel goes from
+  /// the frame in the other slot to this one and beyond, to `motion` times the way.
+  virtual SurfaceStats take(int slot, const DepthFrame& frame, std::optional<double> motion,
+                            ThreadPool& pool) = 0;
+  virtual const Surfaces& surfaces(int slot) const = 0;
+  /// The points of a slot's frame as they were seen, in host memory.
+  virtual PointCloud seen_cloud(int slot) const = 0;
+  /// An error once the GPU has failed.
+  virtual const Status& status() const = 0;
+};
+
+/// Errors: see SurfaceEstimator, DepthField and DepthAverager; no such GPU, too little memory on
+/// it.
+Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& settings);
+Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& settings, int gpu);
+
+/// A timeline over these slots. Errors: max_jump or first_period.
+Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
+                                      const SlotSettings& settings);
+
+}  // namespace palpate

@@ -1,0 +1,154 @@
+#include <algorithm>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "palpate/core/stamp.h"
+#include "src/cloud/cloud_blend_cuda.h"
+#include "src/cloud/depth_average_cuda.h"
+#include "src/cloud/surface_cuda.h"
+#include "src/field/depth_field_cuda.h"
+#include "src/field/frame_slots.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+namespace {
+
+struct Slot {
+  SurfaceCuda estimator;
+  std::optional<CloudBlendCuda> predicted;
+  std::optional<DepthFieldCuda> field;
+  gpu::Graph as_seen, as_predicted;  // all the work of a frame
+
+  PointCloudView predicted_cloud() const {
+    PointCloudView cloud = estimator.cloud();
+    const PointCloudView moved = predicted->cloud();
+    std::tie(cloud.x, cloud.y, cloud.z) = std::tie(moved.x, moved.y, moved.z);
+    std::tie(cloud.nx, cloud.ny, cloud.nz) = std::tie(moved.nx, moved.ny, moved.nz);
+    return cloud;
+  }
+};
+
+class FrameSlotsCuda final : public FrameSlots {
+ public:
+  FrameSlotsCuda(const SlotSettings& settings, std::optional<DepthAveragerCuda> averager,
+                 std::vector<Slot> slots, int gpu)
+      : max_jump_(settings.time.max_jump),
+        averager_(std::move(averager)),
+        slots_(std::move(slots)),
+        surfaces_(slots_.size()),
+        stream_(gpu, gpu::Priority::low) {
+    for (Slot& slot : slots_) {
+      slot.as_seen = record(slot, nullptr);
+      if (slot.predicted) slot.as_predicted = record(slot, &slots_[&slot == &slots_[0] ? 1 : 0]);
+    }
+    stream_.wait();
+  }
+
+  SurfaceStats take(int number, const DepthFrame& frame, std::optional<double> motion,
+                    ThreadPool&) override {
+    Slot& slot = slots_[static_cast<std::size_t>(number)];
+    const auto put = [&frame](auto& taker) {
+      std::copy(frame.pixels.begin(), frame.pixels.end(), taker.input().begin());
+      taker.set_unit(frame.unit);
+    };
+    if (averager_) {
+      put(*averager_);
+    } else {
+      put(slot.estimator);
+    }
+    if (motion) slot.predicted->set_progress(*motion);
+    stream_.launch(motion ? slot.as_predicted : slot.as_seen);
+    // What was there before stays, should the GPU have failed.
+    if (!stream_.wait()) return {};
+    Surfaces& surfaces = surfaces_[static_cast<std::size_t>(number)];
+    surfaces.cloud = motion ? slot.predicted_cloud() : slot.estimator.cloud();
+    surfaces.cloud.stamp = next_stamp();
+    if (slot.field) {
+      surfaces.field = slot.field->view();
+      surfaces.field.stamp = next_stamp();
+    }
+    return slot.estimator.stats();
+  }
+
+  const Surfaces& surfaces(int slot) const override {
+    return surfaces_[static_cast<std::size_t>(slot)];
+  }
+
+  PointCloud seen_cloud(int slot) const override {
+    const PointCloudView seen = slots_[static_cast<std::size_t>(slot)].estimator.cloud();
+    PointCloud copy(seen.width, seen.height, seen.intrinsics);
+    if (surfaces(slot).cloud.width == 0) return copy;  // no frame yet
+    gpu::Stream stream(stream_.gpu(), gpu::Priority::low);
+    int channel = 0;
+    for (const float* values : {seen.x, seen.y, seen.z, seen.nx, seen.ny, seen.nz}) {
+      stream.copy(copy.channel(channel++), values, seen.size() * sizeof(float));
+    }
+    stream.wait();
+    return copy;
+  }
+
+  const Status& status() const override { return stream_.status(); }
+
+ private:
+  /// The work of a frame that goes into `slot`, predicted from the frame in `last` if there is one.
+  gpu::Graph record(Slot& slot, const Slot* last) {
+    stream_.begin_recording();
+    if (averager_) {
+      averager_->enqueue(stream_);
+      slot.estimator.enqueue_depth(stream_, averager_->depth());
+    } else {
+      slot.estimator.enqueue(stream_);
+    }
+    PointCloudView cloud = slot.estimator.cloud();
+    if (last != nullptr) {
+      slot.predicted->enqueue(stream_, last->estimator.cloud(), cloud, max_jump_);
+      cloud = slot.predicted_cloud();
+    }
+    if (slot.field) slot.field->enqueue(cloud, stream_);
+    return stream_.end_recording();
+  }
+
+  double max_jump_;
+  std::optional<DepthAveragerCuda> averager_;
+  std::vector<Slot> slots_;
+  std::vector<Surfaces> surfaces_;
+  gpu::Stream stream_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& settings, int gpu) {
+  if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
+  const DepthStreamInfo& stream = settings.stream;
+  std::optional<DepthAveragerCuda> averager;
+  if (settings.time.average.kind != DepthAverage::none) {
+    auto made = DepthAveragerCuda::create(stream.width, stream.height, settings.time.average, gpu);
+    if (!made) return made.error();
+    averager = *std::move(made);
+  }
+  std::vector<Slot> slots;
+  for (int i = 0; i < settings.num_slots(); ++i) {
+    auto estimator =
+        SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, settings.surface, gpu);
+    if (!estimator) return estimator.error();
+    Slot slot{*std::move(estimator), {}, {}, {}, {}};
+    if (settings.time.mode == TimeMode::predict) {
+      auto made = CloudBlendCuda::create(stream.width, stream.height, stream.intrinsics, gpu);
+      if (!made) return made.error();
+      slot.predicted = *std::move(made);
+    }
+    if (settings.field) {
+      auto made = DepthFieldCuda::create(stream.width, stream.height, *settings.field, gpu);
+      if (!made) return made.error();
+      slot.field = *std::move(made);
+    }
+    slots.push_back(std::move(slot));
+  }
+  auto made =
+      std::make_unique<FrameSlotsCuda>(settings, std::move(averager), std::move(slots), gpu);
+  if (!made->status()) return made->status().error();
+  return std::unique_ptr<FrameSlots>(std::move(made));
+}
+
+}  // namespace palpate

@@ -1,0 +1,168 @@
+// What the CUDA backend needs of its runtime: memory, streams, launches. Two implementations:
+// CUDA's own (runtime_cuda.cpp), and the emulator that tests use where no GPU is
+// (runtime_emulated.cpp).
+//
+// Nothing here throws. A failure (no memory left, a lost device) is kept by the object that met it
+// and reported by `status()`; later calls on it then do nothing.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <tuple>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "palpate/core/result.h"
+
+namespace palpate::gpu {
+
+/// Owns any number of arrays on one GPU and in page-locked host memory.
+class Memory {
+ public:
+  explicit Memory(int gpu) : gpu_(gpu) {}
+  Memory(Memory&&) noexcept;
+  Memory& operator=(Memory&&) noexcept;
+  ~Memory();
+
+  /// `num` zeroed values on the GPU; null after a failure.
+  template <class T>
+  T* take(std::size_t num) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    return static_cast<T*>(take_bytes(num * sizeof(T), false));
+  }
+  /// A copy of `values` on the GPU.
+  template <class T>
+  T* copy_of(std::span<const T> values) {
+    T* const copy = take<T>(values.size());
+    if (copy != nullptr) upload(copy, values.data(), values.size_bytes());
+    return copy;
+  }
+  template <class T>
+  T* copy_of(const std::vector<T>& values) {
+    return copy_of(std::span<const T>(values));
+  }
+  /// `num` zeroed values in page-locked host memory, which kernels of this GPU may read and write
+  /// at the same address (over the bus); null after a failure.
+  template <class T>
+  T* take_pinned(std::size_t num) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    return static_cast<T*>(take_bytes(num * sizeof(T), true));
+  }
+
+  /// The first failure: how much memory was asked for and what to do.
+  const Status& status() const { return status_; }
+  int gpu() const { return gpu_; }
+
+ private:
+  struct Block {
+    void* data;
+    bool pinned;
+  };
+
+  void* take_bytes(std::size_t num_bytes, bool pinned);
+  void upload(void* to, const void* from, std::size_t num_bytes);
+  void release();
+
+  int gpu_;
+  std::vector<Block> blocks_;
+  Status status_ = Done{};
+};
+
+/// How a kernel is run. All blocks of a cooperative one run at the same time and may wait for each
+/// other (gpu/team.h, grid_barrier); see resident_blocks.
+struct LaunchShape {
+  int blocks = 1;
+  int threads = 128;  ///< per block, a multiple of 32
+  std::size_t shared_bytes = 0;
+  bool cooperative = false;
+};
+
+enum class Priority { low, high };
+
+/// A recorded sequence of copies and launches that runs as one.
+class Graph {
+ public:
+  Graph();
+  Graph(Graph&&) noexcept;
+  Graph& operator=(Graph&&) noexcept;
+  ~Graph();
+
+ private:
+  friend class Stream;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// A queue of work on one GPU, done in order. Streams of high priority overtake others. No call
+/// waits, except `wait`, or allocates, except recording and the emulator.
+class Stream {
+ public:
+  Stream(int gpu, Priority priority);
+  Stream(Stream&&) noexcept;
+  Stream& operator=(Stream&&) noexcept;
+  ~Stream();
+
+  /// Between any two of host, this GPU and other GPUs. Host memory should be page-locked.
+  void copy(void* to, const void* from, std::size_t num_bytes) noexcept;
+  /// Sets all bytes to 0.
+  void clear(void* data, std::size_t num_bytes) noexcept;
+  /// Waits for all that was asked for so far, but not longer than 2 s: then the device counts as
+  /// lost.
+  const Status& wait() noexcept;
+  /// True if all that was asked for is done. Does not wait.
+  bool is_idle() noexcept;
+  /// Marks the stream as failed; e.g. when a result has not come in time.
+  void fail(Error error) noexcept;
+
+  /// What is asked for between these two is not done but recorded.
+  void begin_recording() noexcept;
+  Graph end_recording() noexcept;
+  void launch(const Graph& graph) noexcept;
+
+  /// Runs a kernel: a function marked __global__. Called by gpu::launch.
+  void launch_kernel(const LaunchShape& shape, const void* kernel, void** arguments) noexcept;
+  void run_emulated(const LaunchShape& shape, std::function<void()> kernel);
+
+  /// Time on the device between two marks, microseconds. For measurements: `lap` waits.
+  void mark() noexcept;
+  double lap() noexcept;
+
+  const Status& status() const { return status_; }
+  int gpu() const { return gpu_; }
+
+ private:
+  struct Impl;
+  int gpu_;
+  std::unique_ptr<Impl> impl_;
+  Status status_ = Done{};
+};
+
+/// launch(stream, {.blocks = 4}, kernel, arguments ...): asynchronous; failures go to the stream.
+template <class... Parameters, class... Arguments>
+void launch(Stream& stream, const LaunchShape& shape, void (*kernel)(Parameters...),
+            Arguments&&... arguments) noexcept {
+  std::tuple<std::remove_const_t<Parameters>...> values{std::forward<Arguments>(arguments)...};
+#if defined(PALPATE_EMULATE_CUDA)
+  stream.run_emulated(shape, [kernel, values] { std::apply(kernel, values); });
+#else
+  std::apply(
+      [&](auto&... value) {
+        void* pointers[] = {const_cast<void*>(static_cast<const void*>(&value))..., nullptr};
+        stream.launch_kernel(shape, reinterpret_cast<const void*>(kernel), pointers);
+      },
+      values);
+#endif
+}
+
+/// How many blocks of a kernel run on the GPU at the same time, at most; 0 after a failure. Raises
+/// the kernel's limit of shared memory to `shared_bytes`.
+int resident_blocks(int gpu, const void* kernel, int threads, std::size_t shared_bytes);
+
+/// Is there such a GPU, fit for this build? The error says what is missing.
+Status check_gpu(int gpu);
+
+}  // namespace palpate::gpu

@@ -1,0 +1,88 @@
+// The runtime of the emulator: device memory is host memory, and all work is done at once.
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+
+#include "palpate/gpu/devices.h"
+#include "src/gpu/emulator.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate::gpu {
+
+void* Memory::take_bytes(std::size_t num_bytes, bool pinned) {
+  if (!status_) return nullptr;
+  void* const data = std::calloc(num_bytes + 1, 1);
+  blocks_.push_back({data, pinned});
+  return data;
+}
+
+void Memory::upload(void* to, const void* from, std::size_t num_bytes) {
+  std::memcpy(to, from, num_bytes);
+}
+
+void Memory::release() {
+  for (const Block& block : blocks_) std::free(block.data);
+  blocks_.clear();
+}
+
+struct Graph::Impl {
+  std::vector<std::function<void()>> steps;
+};
+
+Graph::Graph() = default;
+Graph::Graph(Graph&&) noexcept = default;
+Graph& Graph::operator=(Graph&&) noexcept = default;
+Graph::~Graph() = default;
+
+struct Stream::Impl {
+  bool records = false;
+  std::vector<std::function<void()>> steps;
+  std::chrono::steady_clock::time_point start;
+
+  void take(std::function<void()> step) { records ? steps.push_back(std::move(step)) : step(); }
+};
+
+Stream::Stream(int gpu, Priority) : gpu_(gpu), impl_(std::make_unique<Impl>()) {}
+Stream::Stream(Stream&&) noexcept = default;
+Stream& Stream::operator=(Stream&&) noexcept = default;
+Stream::~Stream() = default;
+
+void Stream::copy(void* to, const void* from, std::size_t num_bytes) noexcept {
+  impl_->take([=] { std::memcpy(to, from, num_bytes); });
+}
+void Stream::clear(void* data, std::size_t num_bytes) noexcept {
+  impl_->take([=] { std::memset(data, 0, num_bytes); });
+}
+const Status& Stream::wait() noexcept { return status_; }
+bool Stream::is_idle() noexcept { return true; }
+
+void Stream::begin_recording() noexcept { impl_->records = true; }
+Graph Stream::end_recording() noexcept {
+  Graph graph;
+  impl_->records = false;
+  graph.impl_ = std::make_unique<Graph::Impl>(Graph::Impl{std::move(impl_->steps)});
+  impl_->steps.clear();
+  return graph;
+}
+void Stream::launch(const Graph& graph) noexcept {
+  for (const auto& step : graph.impl_->steps) step();
+}
+
+void Stream::launch_kernel(const LaunchShape&, const void*, void**) noexcept { std::abort(); }
+void Stream::run_emulated(const LaunchShape& shape, std::function<void()> kernel) {
+  if (!status_) return;
+  impl_->take([shape, kernel = std::move(kernel)] {
+    emulator::run_grid(shape.blocks, shape.threads, shape.shared_bytes, shape.cooperative, kernel);
+  });
+}
+
+void Stream::mark() noexcept { impl_->start = std::chrono::steady_clock::now(); }
+double Stream::lap() noexcept {
+  return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - impl_->start)
+      .count();
+}
+
+int resident_blocks(int, const void*, int, std::size_t) { return 2; }
+Status check_gpu(int) { return Done{}; }
+
+}  // namespace palpate::gpu

@@ -1,0 +1,203 @@
+// Surface estimation on a GPU against that of the CPU: the same bits.
+#include "src/cloud/surface_cuda.h"
+
+#include <algorithm>
+#include <string>
+
+#include "tests/cloud/depth_scenes.h"
+#include "tests/cloud/gpu_copies.h"
+#include "tests/test_util/gpu.h"
+
+namespace palpate {
+namespace {
+
+using test::DepthScene;
+
+/// Both backends on one scene.
+struct Pair {
+  SurfaceEstimator cpu;
+  SurfaceCuda cuda;
+  gpu::Stream stream{0, gpu::Priority::low};
+  ThreadPool pool{1};
+  SurfaceStats expected{};
+
+  Pair(const DepthScene& scene, const SurfaceOptions& options)
+      : cpu(SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics, options).value()),
+        cuda(std::move(
+            SurfaceCuda::create(scene.width, scene.height, scene.intrinsics, options, 0).value())) {
+  }
+
+  void take(const DepthFrame& frame) {
+    std::ranges::copy(frame.pixels, cuda.input().begin());
+    cuda.set_unit(frame.unit);
+    expected = cpu.update(frame, pool);
+  }
+
+  void compare() {
+    ASSERT_TRUE(stream.wait()) << stream.status().error().message;
+    EXPECT_EQ(cuda.stats().num_valid, expected.num_valid);
+    EXPECT_EQ(cuda.stats().num_points, expected.num_points);
+    test::expect_same_bits(test::copy_to_host(stream, cuda.depth(), cpu.depth().size()),
+                           cpu.depth().data(), "depth");
+    test::expect_same_cloud(stream, cuda.cloud(), cpu.cloud());
+  }
+};
+
+SurfaceOptions default_options() {
+  SurfaceOptions options;
+  options.depth_change.min_step = 0.01;
+  return options;
+}
+
+TEST(SurfaceCuda, EqualsTheCpuWithEveryOption) {
+  PALPATE_GPU_OR_SKIP();
+  std::uint64_t seed = 0;
+  for (int flags = 0; flags < 32; ++flags) {
+    for (const int radius : {1, 2, 3, 5, 7}) {
+      if (flags % 8 != 0 && radius > 3 && (flags + radius) % 3 != 0) continue;  // to save time
+      SurfaceOptions options = default_options();
+      options.filter.enabled = (flags & 8) != 0;
+      options.filter.radius = radius;
+      options.normals.fit = flags < 16 ? PlaneFit::along_ray : PlaneFit::principal;
+      options.normals.radius = radius;
+      options.normals.anchoring = (flags & 1) != 0;
+      options.normals.weighting = (flags & 2) != 0;
+      options.normals.normalization = (flags & 4) != 0;
+      SCOPED_TRACE("flags " + std::to_string(flags) + " radius " + std::to_string(radius));
+      const DepthScene scene = test::cluttered_scene(45, 37, 60, 1.5, ++seed);
+      Pair pair(scene, options);
+      pair.take(test::as_frame(scene));
+      pair.cuda.enqueue(pair.stream);
+      ASSERT_NO_FATAL_FAILURE(pair.compare());
+      EXPECT_GT(pair.expected.num_points, 300);
+    }
+  }
+}
+
+TEST(SurfaceCuda, EqualsTheCpuForAnySizeUnitAndDistance) {
+  PALPATE_GPU_OR_SKIP();
+  const struct {
+    int width, height;
+    double distance, unit;
+  } cases[] = {{96, 72, 1.2, 0.001},   {8, 8, 0.8, 0.001},     {33, 17, 0.5, 0.0002},
+               {64, 32, 4.0, 0.001},   {31, 49, 2.0, 0.00025}, {129, 16, 1.0, 0.001},
+               {320, 240, 1.0, 0.0001}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(std::to_string(c.width) + " x " + std::to_string(c.height));
+    const DepthScene scene = test::cluttered_scene(c.width, c.height, 1.1 * c.width, c.distance, 5);
+    Pair pair(scene, default_options());
+    pair.take(test::as_frame(scene, c.unit));
+    pair.cuda.enqueue(pair.stream);
+    ASSERT_NO_FATAL_FAILURE(pair.compare());
+  }
+}
+
+TEST(SurfaceCuda, KnowsWhatIsNoMeasurement) {
+  PALPATE_GPU_OR_SKIP();
+  DepthScene scene = test::plane_scene(40, 24, 50, {0, 0, -1}, {0, 0, 1});
+  SurfaceOptions options = default_options();
+  options.max_depth = 70;
+  Pair pair(scene, options);
+  DepthFrame frame = test::as_frame(scene);
+  for (std::size_t i = 0; i < frame.pixels.size(); i += 37) {
+    frame.pixels[i] = static_cast<std::uint16_t>(i % 2 == 0 ? 65535 : 0);
+  }
+  frame.pixels[100] = 99;  // nearer than min_depth
+  pair.take(frame);
+  pair.cuda.enqueue(pair.stream);
+  pair.compare();
+  EXPECT_LT(pair.expected.num_valid, 40 * 24);
+}
+
+TEST(SurfaceCuda, OrderOfThreadsDoesNotMatter) {
+  PALPATE_GPU_OR_SKIP();
+  const DepthScene scene = test::cluttered_scene(96, 72, 90, 1.2, 8);
+  test::in_all_orders([&] {
+    Pair pair(scene, default_options());
+    pair.take(test::as_frame(scene));
+    for (int run = 0; run < 2; ++run) {
+      pair.cuda.enqueue(pair.stream);
+      ASSERT_NO_FATAL_FAILURE(pair.compare());
+    }
+  });
+}
+
+TEST(SurfaceCuda, PartsGiveTheSameBitsAndReadTheirRowsOnly) {
+  PALPATE_GPU_OR_SKIP();
+  const DepthScene scene = test::cluttered_scene(70, 150, 90, 1.2, 9);
+  SurfaceOptions options = default_options();
+  options.filter.radius = options.normals.radius = 7;
+  const DepthFrame frame = test::as_frame(scene);
+  for (const int num_parts : {1, 2, 3, 4, 10, 16}) {
+    SCOPED_TRACE(num_parts);
+    Pair pair(scene, options);
+    pair.expected = pair.cpu.update(frame, pair.pool);
+    pair.cuda.set_unit(frame.unit);
+    int rows_given = 0;
+    for (int part = 0; part < num_parts; ++part) {
+      const ImageRows rows = pair.cuda.input_rows(part, num_parts);
+      EXPECT_EQ(rows.begin, rows_given);
+      const auto begin = frame.pixels.begin();
+      std::copy(begin + rows.begin * scene.width, begin + rows.end * scene.width,
+                pair.cuda.input().begin() + rows.begin * scene.width);
+      rows_given = rows.end;
+      pair.cuda.enqueue(pair.stream, part, num_parts);
+      ASSERT_TRUE(pair.stream.wait());
+    }
+    EXPECT_EQ(rows_given, scene.height);
+    ASSERT_NO_FATAL_FAILURE(pair.compare());
+  }
+}
+
+TEST(SurfaceCuda, ARecordingTakesWhateverFrameIsThere) {
+  PALPATE_GPU_OR_SKIP();
+  const DepthScene scene = test::cluttered_scene(50, 40, 60, 1.2, 1);
+  Pair pair(scene, default_options());
+  pair.stream.begin_recording();
+  pair.cuda.enqueue(pair.stream);
+  const gpu::Graph graph = pair.stream.end_recording();
+  for (const std::uint64_t seed : {2u, 3u, 4u}) {
+    const double unit = seed == 3 ? 0.0005 : 0.001;
+    pair.take(test::as_frame(test::cluttered_scene(50, 40, 60, 1.2, seed), unit));
+    pair.stream.launch(graph);
+    ASSERT_NO_FATAL_FAILURE(pair.compare());
+  }
+}
+
+TEST(SurfaceCuda, TakesDepthInMetres) {
+  PALPATE_GPU_OR_SKIP();
+  DepthScene scene = test::cluttered_scene(77, 60, 80, 1.2, 4);
+  scene.at(3, 3) = 0;
+  scene.at(4, 3) = INFINITY;
+  scene.at(5, 3) = -1;
+  Pair pair(scene, default_options());
+  pair.expected = pair.cpu.update(scene.depth, pair.pool);
+  gpu::Memory memory(0);
+  pair.cuda.enqueue_depth(pair.stream, memory.copy_of(scene.depth));
+  pair.compare();
+}
+
+TEST(SurfaceCuda, WithoutDepthChangeVectorsAreZero) {
+  PALPATE_GPU_OR_SKIP();
+  const DepthScene scene = test::cluttered_scene(40, 30, 60, 1.2, 4);
+  SurfaceOptions options = default_options();
+  options.depth_change.enabled = false;
+  Pair pair(scene, options);
+  pair.take(test::as_frame(scene));
+  pair.cuda.enqueue(pair.stream);
+  pair.compare();
+  for (const float x : test::copy_to_host(pair.stream, pair.cuda.cloud().edge_x, 40 * 30)) {
+    EXPECT_EQ(x, 0);
+  }
+}
+
+TEST(SurfaceCuda, RefusesBadSettings) {
+  PALPATE_GPU_OR_SKIP();
+  EXPECT_FALSE(SurfaceCuda::create(7, 100, {60, 60, 4, 50}, {}, 0));
+  SurfaceOptions options;
+  options.normals.radius = 8;
+  EXPECT_FALSE(SurfaceCuda::create(64, 48, {60, 60, 32, 24}, options, 0));
+}
+
+}  // namespace
+}  // namespace palpate

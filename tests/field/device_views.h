@@ -1,0 +1,123 @@
+// Compares what is on a GPU with what the CPU made.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "palpate/field/depth_field.h"
+#include "src/gpu/runtime.h"
+#if defined(PALPATE_EMULATE_CUDA)
+#include "src/gpu/emulator.h"
+#endif
+
+namespace palpate::test {
+
+/// Runs `body` in several orders of threads where the emulator can choose one, else twice.
+template <class Body>
+void in_all_orders(const Body& body) {
+#if defined(PALPATE_EMULATE_CUDA)
+  for (const std::uint32_t seed : {1u, 2u}) {
+    emulator::set_order(seed);
+    body();
+  }
+  emulator::set_order(0);
+#else
+  body();
+#endif
+  body();
+}
+
+/// All that a view shows, in host memory.
+struct ShownField {
+  std::vector<float> planes;
+  std::vector<std::uint8_t> is_step;
+  std::vector<DepthTile> tiles;
+};
+
+inline ShownField shown_by(const DepthFieldView& view, gpu::Stream& stream) {
+  constexpr int kBorder = DepthFieldLevel::kBorder;
+  ShownField shown;
+  // The copies are not page-locked: fine for a test.
+  for (int k = 0; k < view.num_levels; ++k) {
+    const DepthFieldLevel& level = view.levels[k];
+    const std::ptrdiff_t first = -kBorder * (level.stride + 1);
+    const auto rows = static_cast<std::size_t>(level.height + 2 * kBorder);
+    const std::size_t size = rows * static_cast<std::size_t>(level.stride);
+    std::vector<float> planes(2 * size);
+    std::vector<std::uint8_t> is_step(size);
+    stream.copy(planes.data(), level.planes + 2 * first, planes.size() * sizeof(float));
+    stream.copy(is_step.data(), level.is_step + first, size);
+    EXPECT_TRUE(stream.wait()) << stream.status().error().message;
+    // Beside a narrower level's border nothing is shown.
+    for (std::size_t row = 0; row < rows; ++row) {
+      const std::size_t begin = row * static_cast<std::size_t>(level.stride);
+      const auto end = begin + static_cast<std::size_t>(level.width + 2 * kBorder);
+      for (std::size_t i = begin; i < end; ++i) {
+        shown.planes.insert(shown.planes.end(), {planes[2 * i], planes[2 * i + 1]});
+        shown.is_step.push_back(is_step[i]);
+      }
+    }
+  }
+  shown.tiles.resize(static_cast<std::size_t>(view.tiles_wide * view.tiles_high));
+  stream.copy(shown.tiles.data(), view.tiles, shown.tiles.size() * sizeof(DepthTile));
+  EXPECT_TRUE(stream.wait()) << stream.status().error().message;
+  return shown;
+}
+
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+inline void expect_same_field(const DepthFieldView& got, const DepthFieldView& want,
+                              gpu::Stream& stream) {
+  ASSERT_EQ(got.num_levels, want.num_levels);
+  for (int k = 0; k < want.num_levels; ++k) {
+    const DepthFieldLevel &a = got.levels[k], &b = want.levels[k];
+    EXPECT_EQ(a.width, b.width);
+    EXPECT_EQ(a.height, b.height);
+    EXPECT_EQ(a.scale, b.scale);
+    EXPECT_EQ(a.last_u, b.last_u);
+    EXPECT_EQ(a.last_v, b.last_v);
+    EXPECT_EQ(a.step_limit, b.step_limit);
+  }
+  EXPECT_EQ(got.tiles_wide, want.tiles_wide);
+  EXPECT_EQ(got.tiles_high, want.tiles_high);
+  EXPECT_EQ(got.thickness, want.thickness);
+  EXPECT_EQ(got.intrinsics.fx, want.intrinsics.fx);
+  const ShownField a = shown_by(got, stream), b = shown_by(want, stream);
+  EXPECT_TRUE(same_bits(a.planes, b.planes));
+  EXPECT_TRUE(same_bits(a.is_step, b.is_step));
+  EXPECT_TRUE(same_bits(a.tiles, b.tiles));
+}
+
+/// Points, normals and depth-change vectors.
+inline void expect_same_cloud(const PointCloudView& got, const PointCloudView& want,
+                              gpu::Stream& stream) {
+  ASSERT_EQ(got.width, want.width);
+  ASSERT_EQ(got.height, want.height);
+  EXPECT_EQ(got.pinhole, want.pinhole);
+  EXPECT_EQ(got.intrinsics.cy, want.intrinsics.cy);
+  const auto channels = [](const PointCloudView& view) {
+    return std::vector{view.x,  view.y,      view.z,      view.nx,    view.ny,
+                       view.nz, view.edge_x, view.edge_y, view.edge_z};
+  };
+  const auto a = channels(got), b = channels(want);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ASSERT_NE(a[i], nullptr);
+    std::vector<float> values(want.size());
+    stream.copy(values.data(), a[i], values.size() * sizeof(float));
+    ASSERT_TRUE(stream.wait()) << stream.status().error().message;
+    // One NaN is as good as another.
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      if (std::isnan(values[k]) && std::isnan(b[i][k])) continue;
+      ASSERT_EQ(values[k], b[i][k]) << "channel " << i << ", point " << k;
+    }
+  }
+}
+
+}  // namespace palpate::test
