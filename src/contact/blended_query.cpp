@@ -26,7 +26,14 @@ Penetration BlendedQuery::query(const Pose& X_WT, const ContactOptions& options)
   X_WT_ = X_WT;
   options_ = options;
   const double t = moment_.progress, s = 1 - t;
+  is_one_query_ = true;
   if (t >= 1) return query_one(moment_.to);
+  if (options.method == InsideMethod::field) {
+    const auto both = query_->query_between(moment_.from.field, moment_.to.field, t, X_WT,
+                                            options.counted());
+    if (both) return *both;
+  }
+  is_one_query_ = false;
   const Penetration from = query_one(moment_.from);
   Penetration both = query_one(moment_.to);
   both.volume = s * from.volume + t * both.volume;
@@ -38,8 +45,8 @@ Penetration BlendedQuery::query(const Pose& X_WT, const ContactOptions& options)
 }
 
 Stiffness BlendedQuery::stiffness() const noexcept {
+  if (is_one_query_) return query_->stiffness();
   const double t = moment_.progress, s = 1 - t;
-  if (t >= 1) return query_->stiffness();
   query_one(moment_.from);
   const Stiffness from = query_->stiffness();
   query_one(moment_.to);  // states and planes are its again

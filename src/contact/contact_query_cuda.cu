@@ -78,7 +78,8 @@ __global__ void __launch_bounds__(kQueryThreads, 1)
 using PointKernel = void (*)(PointQuery, MeasureOutput, unsigned long long*);
 
 constexpr std::size_t kSharedBytes =
-    std::max({sizeof(FinishScratch), kBoundarySharedBytes, kEdgeSharedBytes, kBorrowSharedBytes});
+    std::max({sizeof(FinishScratch), kBoundarySharedBytes, kEdgeSharedBytes, kBorrowSharedBytes,
+              kGraphSharedBytes});
 
 constexpr PointKernel kKernels[3][2] = {
     {point_query<InsideMethod::weighted, false>, point_query<InsideMethod::weighted, true>},
@@ -130,6 +131,9 @@ class ContactQueryCuda final : public ContactQuery {
   void set_field(const DepthFieldView& field) noexcept override { field_.set_field(field); }
 
   Penetration query(const Pose& X_WT, const ContactOptions& options) noexcept override;
+  std::optional<Penetration> query_between(const DepthFieldView& from, const DepthFieldView& to,
+                                           double t, const Pose& X_WT,
+                                           SphereVolumes volumes) noexcept override;
   Stiffness stiffness() const noexcept override {
     return options_.method == InsideMethod::field && is_measured_ ? field_.stiffness()
                                                                   : Stiffness{};
@@ -144,6 +148,17 @@ class ContactQueryCuda final : public ContactQuery {
   }
 
  private:
+  static Penetration not_finite() {
+    Penetration nothing;
+    nothing.status = static_cast<std::uint32_t>(StepStatus::non_finite_pose);
+    return nothing;
+  }
+  // Notes whether a query by `field` has been answered.
+  Penetration taken(const Penetration& result) {
+    constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
+    is_measured_ = (result.status & kFailed) == 0;
+    return result;
+  }
   void take_tool();
   void take_scratch();
   void take_edge_candidates(std::size_t num_points);
@@ -230,7 +245,7 @@ void ContactQueryCuda::take_scratch() {
   q.piece_of = memory_.take<std::int32_t>(n);
   q.edge_distance = memory_.take<double>(n);
   q.edge_side = memory_.take<EdgeSide>(n);
-  q.search = graph_search_on_gpu(memory_, tool_->graph(), clusters_);
+  q.search = graph_search_on_gpu(memory_, q.graph, num_places, tool_->graph().neighbours().size());
   q.lender = memory_.take<std::int32_t>(num_places);
   q.borrowed_volume = memory_.take<float>(num_places);
   barrier_ = memory_.take<unsigned long long>(1);
@@ -251,18 +266,13 @@ void ContactQueryCuda::take_edge_candidates(std::size_t num_points) {
 Penetration ContactQueryCuda::query(const Pose& X_WT, const ContactOptions& options) noexcept {
   options_ = options;
   is_measured_ = false;
-  Penetration result;
-  if (!is_finite(X_WT)) {
-    result.status |= static_cast<std::uint32_t>(StepStatus::non_finite_pose);
-    return result;
-  }
+  if (!is_finite(X_WT)) return not_finite();
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   if (options.method == InsideMethod::field) {
-    result = field_.measure(X, options.counted());
-    is_measured_ = (result.status & static_cast<std::uint32_t>(StepStatus::backend_failed)) == 0;
-    return result;
+    return taken(field_.measure(X, options.counted()));
   }
   ask(X);
+  Penetration result;
   is_measured_ = answers_.await(stream_);
   if (!is_measured_) {
     result.status |= static_cast<std::uint32_t>(StepStatus::backend_failed);
@@ -273,6 +283,17 @@ Penetration ContactQueryCuda::query(const Pose& X_WT, const ContactOptions& opti
                       rotate(X.rotation, result.measure_W.torque)};
   query_.search.first_round += static_cast<int>(answers_.answer().num_rounds) + 1;
   return result;
+}
+
+std::optional<Penetration> ContactQueryCuda::query_between(const DepthFieldView& from,
+                                                           const DepthFieldView& to, double t,
+                                                           const Pose& X_WT,
+                                                           SphereVolumes volumes) noexcept {
+  options_ = {.method = InsideMethod::field, .volumes = volumes};
+  is_measured_ = false;
+  if (!is_finite(X_WT)) return not_finite();
+  const Pose X{X_WT.translation, normalized(X_WT.rotation)};
+  return taken(field_.measure(X, volumes, from, to, t));
 }
 
 // Launches the kernel for a pose and the options of this query.

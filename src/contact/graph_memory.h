@@ -18,9 +18,10 @@ inline PlaceGraphView place_graph_on_gpu(gpu::Memory& memory, const LeafGraph& g
   std::vector<RowPart> more_parts;
   for (std::size_t i = 0; i < clusters.x.size(); ++i) {
     spheres.push_back({clusters.x[i], clusters.y[i], clusters.z[i], clusters.radius[i]});
-    const std::int32_t row_end = by_place.row_starts[i + 1];
-    for (std::int32_t begin = by_place.row_starts[i] + kPart; begin < row_end; begin += kPart) {
-      more_parts.push_back({static_cast<std::int32_t>(i), begin, std::min(begin + kPart, row_end)});
+    const std::int32_t row_begin = by_place.row_starts[i], row_end = by_place.row_starts[i + 1];
+    for (std::int32_t begin = row_begin + kPart; begin < row_end; begin += kPart) {
+      more_parts.push_back({static_cast<std::int32_t>(i), row_begin, begin,
+                            std::min(begin + kPart, row_end)});
     }
   }
   return {memory.copy_of(spheres), memory.copy_of(by_place.row_starts),
@@ -28,11 +29,17 @@ inline PlaceGraphView place_graph_on_gpu(gpu::Memory& memory, const LeafGraph& g
           static_cast<std::int32_t>(more_parts.size())};
 }
 
-inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const LeafGraph& graph,
-                                       const SphereClusters& clusters) {
-  const std::size_t num_places = clusters.x.size();
-  return {memory.take<PlaceState>(num_places), memory.take<double>(num_places),
-          memory.take<Offer>(graph.neighbours().size()), memory.take<std::int32_t>(3), 1};
+/// For the graph as place_graph_on_gpu gives it.
+inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const PlaceGraphView& graph,
+                                       std::size_t num_places, std::size_t num_edges) {
+  const std::size_t num_parts = num_places + static_cast<std::size_t>(graph.num_more_parts);
+  return {memory.take<PlaceState>(num_places),
+          memory.take<double>(num_places),
+          memory.take<Offer>(num_edges),
+          {memory.take<RowPart>(num_parts), memory.take<RowPart>(num_parts)},
+          memory.take<std::int32_t>(3),
+          memory.take<std::int32_t>(1),
+          1};
 }
 
 }  // namespace palpate

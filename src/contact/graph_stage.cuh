@@ -1,16 +1,16 @@
 // Graph stage of a query on a GPU: which untouched spheres are inside, and whose plane is theirs
 // (thesis section 3.3.2; Algs. 3.5 to 3.7 corrected). The result is that of GraphTraversal.
 //
-// One barrier a round. In a round, each place that the round before has *stamped* is settled: it
-// takes the best of the offers that were left for it. Now that it knows its reference, it stamps
-// those of its neighbours that no earlier round has reached, if the reference lets it walk there,
-// and leaves them its offer. A round stamps one number alone, so it does not matter who stamps
-// first, and plain stores do. Offers lie in any order, but all of a round are compared. What a
-// round reads of the round before was complete at the barrier.
+// In a round, each place that the round before has *reached* is settled: it takes the best of the
+// offers that were left for it. Now that it knows its reference, it offers it to those of its
+// neighbours that no earlier round has reached, if the reference lets it walk there. The first to
+// make an offer to a place puts it on the list for the next round. Offers and lists lie in any
+// order, but all offers of a round are compared, and all of a list are settled.
 //
-// Places are looked at by warps, eight neighbouring ones (one sector of memory) at a time, in an
-// assignment that does not depend on what happens. A warp shares its lanes among the places that it
-// finds stamped. Long rows are shared by many warps, each of which compares all offers.
+// Rows of neighbours are worked at in parts, each by some lanes of a warp: as many as there are for
+// each part. With many parts all blocks share a round, and a barrier ends it. Few are quicker done
+// by one block alone, which goes on from round to round until there are many again; the others wait
+// at the barrier meanwhile. What a round reads of the round before was complete at the barrier.
 #pragma once
 
 #include <cstdint>
@@ -25,172 +25,152 @@ namespace palpate {
 /// The search of one query, as one thread sees it.
 class GraphStage {
  public:
+  /// Shared memory of a block.
+  struct Scratch {
+    std::int32_t num_listed[3];
+  };
+
   __device__ GraphStage(const PointQuery& q, bool with_edges)
       : graph_(q.graph),
         search_(q.search),
-        lenders_(q.boundary.lenders),
+        boundary_(q.boundary),
+        place_of_(q.clusters.place_of),
         reference_(q.lender),
         sphere_ids_(q.clusters.sphere_id),
-        num_places_(q.clusters.num_places()),
         edges_(q.edges_view()),
         with_edges_(with_edges && *q.num_pieces > 0) {}
 
   /// Returns the number of rounds after the first.
   __device__ int run(unsigned long long* barrier) {
-    const int warp = gpu::grid_thread() / gpu::kWarpSize;
-    // Most warps have one of these parts or none: it is kept.
-    const std::int32_t first_part = num_warps() - 1 - warp;
-    const RowPart kept = more_part(first_part);
-    for (int rounds = 0;; ++rounds) {
-      const std::int32_t round = search_.first_round + rounds;
-      if (rounds > 0) gpu::grid_barrier(barrier);
-      const bool goes_on = rounds == 0 || gpu::read_now(flag(rounds - 1)) != 0;
-      if (gpu::grid_thread() == 0) write_now(flag(rounds + 1), 0);  // read before this barrier
-      Look look = look_at(warp);
-      Look more = look_at(kept);
-      if (!goes_on) return rounds - 1;
-      bool has_stamped = false;
-      for (std::int32_t sector = warp; sector * kSector < num_places_;) {
-        sector += kSectorsPerLook * num_warps();
-        const Look next = look_at(sector);  // on its way while these places are settled
-        has_stamped |= settle(look, round, true);
-        look = next;
+    const Team grid{gpu::warp_id() * static_cast<int>(gridDim.x) + static_cast<int>(blockIdx.x),
+                    gpu::grid_threads() / gpu::kWarpSize, search_.num_listed};
+    settle_boundary(grid);
+    bool was_alone = false;
+    for (int rounds = 1, turn = 1;; ++turn) {
+      gpu::grid_barrier(barrier);
+      const std::int32_t num = gpu::read_now(grid.num_listed + turn % 3);
+      if (was_alone) rounds = gpu::read_now(search_.num_rounds);
+      if (gpu::grid_thread() == 0) write_now(grid.num_listed + (turn + 2) % 3, 0);
+      if (num == 0) return rounds - 1;
+      was_alone = num <= kFew;
+      if (!was_alone) {
+        settle_listed(grid, turn, num, search_.first_round + rounds++);
+      } else if (blockIdx.x == 0) {
+        go_on_alone(turn, num, rounds);
       }
-      for (std::int32_t part = first_part; part < graph_.num_more_parts;) {
-        part += num_warps();
-        const Look next = look_at(more_part(part));
-        has_stamped |= settle(more, round, false);
-        more = next;
-      }
-      if (has_stamped) write_now(flag(rounds), 1);
     }
   }
 
  private:
-  static constexpr int kSector = 8;  // places
-  static constexpr int kSectorsPerLook = gpu::kWarpSize / kSector;
+  static constexpr int kFew = 128;  // parts of rows
   static constexpr int kBatch = 4;  // neighbours that a lane asks about at the same time
+  static constexpr int kLeastLanes = 4;
 
-  /// What a lane sees of a place: its state, and the part of its row to be worked at.
-  struct Look {
-    PlaceState state;
-    std::int32_t place = 0, offers_begin = 0, begin = 0, end = 0;
+  /// Those who share a round, and where they count the parts that they list.
+  struct Team {
+    int warp, num_warps;
+    std::int32_t* num_listed;
   };
-  /// Some neighbours, asked about together. Behind the end of the row: one that is never open.
+  /// Where what a round reaches is listed.
+  struct Reached {
+    std::int32_t round;
+    RowPart* parts;
+    std::int32_t* num;
+  };
+  /// Some neighbours, asked about together.
   struct Ahead {
-    std::int32_t place[kBatch], round[kBatch], offers_begin[kBatch];
+    std::int32_t place[kBatch], round[kBatch], row_begin[kBatch], row_end[kBatch];
     PlaceSphere sphere[kBatch];
   };
 
-  __device__ static int num_warps() { return gpu::grid_threads() / gpu::kWarpSize; }
-  __device__ std::int32_t* flag(int rounds) const { return search_.any_reached + rounds % 3; }
   __device__ static void write_now(std::int32_t* to, std::int32_t value) {
     *static_cast<volatile std::int32_t*>(to) = value;
   }
 
-  /// The places of four sectors, this one and others of this warp; the first part of their rows.
-  __device__ Look look_at(std::int32_t sector) const {
-    const int lane = gpu::lane_id();
-    Look look;
-    look.place = (sector + lane / kSector * num_warps()) * kSector + lane % kSector;
-    if (look.place >= num_places_) return look;
-    // All at once, though few places will turn out to be stamped.
-    look.state = state_of(look.place);
-    look.begin = look.offers_begin = graph_.row_starts[look.place];
-    look.end = graph_.row_starts[look.place + 1];
-    if (look.end > look.begin + PlaceGraphView::kPart) {
-      look.end = look.begin + PlaceGraphView::kPart;
-    }
-    return look;
-  }
-  /// One further part of a row, by lane 0.
-  __device__ Look look_at(const RowPart& part) const {
-    Look look;
-    look.place = part.place;
-    look.begin = part.begin;
-    look.end = part.end;
-    if (part.begin == part.end || gpu::lane_id() != 0) return look;
-    look.state = state_of(part.place);
-    look.offers_begin = graph_.row_starts[part.place];
-    return look;
-  }
-  __device__ RowPart more_part(std::int32_t part) const {
-    return part < graph_.num_more_parts ? graph_.more_parts[part] : RowPart{};
-  }
-  __device__ PlaceState state_of(std::int32_t place) const {
-    const PlaceState& state = search_.places[place];
-    return {gpu::read_now(&state.round), gpu::read_now(&state.num_offers)};
+  /// Rounds by this block, from the list of this turn to that of the next.
+  __device__ void go_on_alone(int turn, std::int32_t num, int rounds) const {
+    std::int32_t* const num_listed = gpu::shared_memory<Scratch>().num_listed;
+    const Team block{gpu::warp_id(), gpu::warps_per_block(), num_listed};
+    if (threadIdx.x < 3) num_listed[threadIdx.x] = 0;
+    __syncthreads();
+    // Lists lie as if each round were a turn; the last one has to be that of the next turn.
+    int from = turn;
+    do {
+      settle_listed(block, from, num, search_.first_round + rounds++);
+      __syncthreads();
+      ++from;
+      num = gpu::read_now(num_listed + from % 3);
+      if (threadIdx.x == 0) write_now(num_listed + (from + 2) % 3, 0);
+    } while ((num > 0 && num <= kFew) || (num > kFew && (from - turn) % 2 == 0));
+    if (threadIdx.x != 0) return;
+    *search_.num_rounds = rounds;
+    search_.num_listed[(turn + 1) % 3] = num;
   }
 
-  /// Settles the stamped places of a warp, several at a time. All lanes call.
-  __device__ bool settle(const Look& look, std::int32_t round, bool is_first_part) const {
-    const bool is_stamped = look.state.round == round;
-    const unsigned stamped = __ballot_sync(gpu::kWholeWarp, is_stamped);
-    if (stamped == 0) return false;
-    const int num = __popc(stamped), length = look.end - look.begin;
-    int width = num > 4 ? 4 : (num > 2 ? 8 : (num > 1 ? 16 : 32));  // lanes for each place
-    if (width < 16 && __any_sync(gpu::kWholeWarp, is_stamped && length > 16)) width = 16;
-    if (__any_sync(gpu::kWholeWarp, is_stamped && length >= PlaceGraphView::kPart)) width = 32;
-    const int at_once = gpu::kWarpSize / width, group = gpu::lane_id() / width;
-    bool has_stamped = false;
-    for (int begin = 0; begin < num; begin += at_once) {
-      const bool has_place = begin + group < num;
-      unsigned rest = stamped;
-      for (int i = 0; has_place && i < begin + group; ++i) rest &= rest - 1;
-      const int from = __ffs(static_cast<int>(rest)) - 1;
-      Look mine;
-      mine.state.num_offers = __shfl_sync(gpu::kWholeWarp, look.state.num_offers, from);
-      mine.place = __shfl_sync(gpu::kWholeWarp, look.place, from);
-      mine.offers_begin = __shfl_sync(gpu::kWholeWarp, look.offers_begin, from);
-      mine.begin = __shfl_sync(gpu::kWholeWarp, look.begin, from);
-      mine.end = __shfl_sync(gpu::kWholeWarp, look.end, from);
-      if (!has_place) mine.end = mine.begin;
-      has_stamped |= settle_one(mine, width, round, is_first_part && has_place);
+  __device__ void settle_boundary(const Team& team) const {
+    const std::int32_t num = *boundary_.num, all = num + graph_.num_more_parts;
+    const Reached reached = reached_from(team, 0, search_.first_round);
+    const int width = lanes_for_each(all, team), at_once = gpu::kWarpSize / width;
+    for (std::int32_t first = team.warp * at_once; first < all;
+         first += team.num_warps * at_once) {
+      const std::int32_t i = first + gpu::lane_id() / width;
+      RowPart part;
+      if (i < num) {
+        part.place = place_of_[boundary_.sphere_id[i]];
+        part.begin = part.row_begin = graph_.row_starts[part.place];
+        part.end = graph_.row_starts[part.place + 1];
+        if (part.end > part.begin + PlaceGraphView::kPart) {
+          part.end = part.begin + PlaceGraphView::kPart;
+        }
+      } else if (i < all) {
+        part = graph_.more_parts[i - num];
+        if (gpu::read_now(&search_.places[part.place].round) != search_.first_round) {
+          part.end = part.begin;
+        }
+      }
+      if (!__any_sync(gpu::kWholeWarp, part.begin < part.end)) continue;
+      const std::int32_t seed = part.begin < part.end ? reference_[part.place] : -1;
+      walk(part, width, {0, seed}, look_ahead(part, width), reached);
     }
-    return has_stamped;
   }
 
-  /// Settles one place with `width` lanes. All lanes of the warp call.
-  __device__ bool settle_one(const Look& mine, int width, std::int32_t round,
-                             bool tells_result) const {
+  __device__ void settle_listed(const Team& team, int turn, std::int32_t num,
+                                std::int32_t round) const {
+    const RowPart* const parts = search_.listed[turn % 2];
+    const Reached reached = reached_from(team, turn, round);
+    const int width = lanes_for_each(num, team), at_once = gpu::kWarpSize / width;
+    for (std::int32_t first = team.warp * at_once; first < num;
+         first += team.num_warps * at_once) {
+      const std::int32_t i = first + gpu::lane_id() / width;
+      settle(i < num ? parts[i] : RowPart{}, width, reached);
+    }
+  }
+
+  __device__ Reached reached_from(const Team& team, int turn, std::int32_t round) const {
+    return {round + 1, search_.listed[(turn + 1) % 2], team.num_listed + (turn + 1) % 3};
+  }
+  __device__ static int lanes_for_each(std::int32_t num, const Team& team) {
+    int width = gpu::kWarpSize;
+    while (width > kLeastLanes && num > team.num_warps * (gpu::kWarpSize / width)) width /= 2;
+    return width;
+  }
+
+  /// One part by `width` lanes; an empty one by those that have none. All lanes of the warp call.
+  __device__ void settle(const RowPart& part, int width, const Reached& reached) const {
+    const bool has_part = part.begin < part.end;
     const int sub = gpu::lane_id() % width;
-    const Vec3d c = graph_.spheres[mine.place].centre();
     // All that does not need the reference is asked for before it is known.
-    const Offer* const offers = search_.offers + mine.offers_begin;
-    const bool has_offer = sub < mine.state.num_offers;
-    Offer best = has_offer ? offers[sub] : Offer{1e300, INT32_MAX};
-    Ahead ahead = look_ahead(mine.begin + sub, mine.end, width);
-    if (round == search_.first_round) {
-      best = {0, reference_[mine.place]};  // a boundary sphere: itself, or -1
-    } else {
-      best = best_offer(best, offers, mine.state.num_offers, sub, width);
-      if (tells_result && sub == 0) {
-        reference_[mine.place] = best.seed;
-        search_.path_length[mine.place] = best.path_length;
-      }
+    const Offer* const offers = search_.offers + part.row_begin;
+    const int num = has_part ? gpu::read_now(&search_.places[part.place].num_offers) : 0;
+    const Offer first = has_part && sub < part.end - part.row_begin ? offers[sub] : Offer{};
+    const Ahead ahead = look_ahead(part, width);
+    const Offer best =
+        best_offer(sub < num ? first : Offer{1e300, INT32_MAX}, offers, num, sub, width);
+    if (has_part && part.begin == part.row_begin && sub == 0) {
+      reference_[part.place] = best.seed;
+      search_.path_length[part.place] = best.path_length;
     }
-    if (best.seed < 0) return false;
-    const Lender& lender = lenders_[best.seed];
-    const Vec3d normal = lender.plane_T.normal;
-    bool has_stamped = false;
-    for (std::int32_t e = mine.begin + sub; e < mine.end;) {
-#pragma unroll
-      for (int b = 0; b < kBatch; ++b) {
-        // Some may have been stamped for the next round by now.
-        if (ahead.round[b] >= search_.first_round && ahead.round[b] != round + 1) continue;
-        const std::int32_t to = ahead.place[b];
-        const Vec3d edge = ahead.sphere[b].centre() - c;
-        if (!leads_inside(edge, normal)) continue;
-        if (with_edges_ && edges_.forbids(sphere_ids_[to], lender.point)) continue;
-        write_now(&search_.places[to].round, round + 1);
-        const std::int32_t number = atomicAdd(&search_.places[to].num_offers, 1);
-        search_.offers[ahead.offers_begin[b] + number] = {best.path_length + norm(edge), best.seed};
-        has_stamped = true;
-      }
-      e += kBatch * width;
-      if (e < mine.end) ahead = look_ahead(e, mine.end, width);
-    }
-    return has_stamped;
+    walk(part, width, has_part ? best : Offer{}, ahead, reached);
   }
 
   /// The best of some offers, in all lanes of each `width`. All lanes of the warp call.
@@ -208,38 +188,112 @@ class GraphStage {
     return best;
   }
 
-  __device__ Ahead look_ahead(std::int32_t e, std::int32_t end, int width) const {
+  /// Neighbours of the part, from `begin` on, as many as its lanes look at together. Behind its end:
+  /// one that is never open.
+  __device__ Ahead look_ahead(const RowPart& part, int width) const {
     Ahead ahead;
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
-      const std::int32_t edge = e + b * width;
-      ahead.place[b] = edge < end ? graph_.neighbours[edge] : -1;
+      const std::int32_t e = part.begin + gpu::lane_id() % width + b * width;
+      ahead.place[b] = e < part.end ? graph_.neighbours[e] : -1;
+      ahead.round[b] = INT32_MAX;
     }
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
-      const std::int32_t place = ahead.place[b] < 0 ? 0 : ahead.place[b];
+      const std::int32_t place = ahead.place[b];
+      if (place < 0) continue;
       ahead.round[b] = gpu::read_now(&search_.places[place].round);
-      ahead.offers_begin[b] = graph_.row_starts[place];
+      ahead.row_begin[b] = graph_.row_starts[place];
+      ahead.row_end[b] = graph_.row_starts[place + 1];
       ahead.sphere[b] = graph_.spheres[place];
-      if (ahead.place[b] < 0) ahead.round[b] = INT32_MAX;
     }
     return ahead;
   }
 
+  /// Offers the reference of a place, if it has one, to those neighbours to which it leads. `ahead`:
+  /// the first of them. All lanes of the warp call.
+  __device__ void walk(RowPart part, int width, const Offer& from, Ahead ahead,
+                       const Reached& reached) const {
+    if (from.seed < 0) part.end = part.begin;
+    const Lender& lender = boundary_.lenders[from.seed < 0 ? 0 : from.seed];
+    const Vec3d c = graph_.spheres[part.place].centre(), normal = lender.plane_T.normal;
+    while (__any_sync(gpu::kWholeWarp, part.begin < part.end)) {
+      int number[kBatch];
+      Vec3d edge[kBatch];
+#pragma unroll
+      for (int b = 0; b < kBatch; ++b) {
+        number[b] = -1;
+        if (from.seed < 0) continue;
+        // Some may have been reached by others in this round.
+        if (ahead.round[b] >= search_.first_round && ahead.round[b] != reached.round) continue;
+        edge[b] = ahead.sphere[b].centre() - c;
+        if (!leads_inside(edge[b], normal)) continue;
+        const std::int32_t to = ahead.place[b];
+        if (with_edges_ && edges_.forbids(sphere_ids_[to], lender.point)) continue;
+        number[b] = atomicAdd(&search_.places[to].num_offers, 1);
+      }
+      list(ahead, number, reached);
+#pragma unroll
+      for (int b = 0; b < kBatch; ++b) {
+        if (number[b] < 0) continue;
+        search_.offers[ahead.row_begin[b] + number[b]] = {from.path_length + norm(edge[b]),
+                                                          from.seed};
+      }
+      part.begin += kBatch * width;
+      ahead = look_ahead(part, width);
+    }
+  }
+
+  /// Those that get their first offer are reached. All lanes of the warp call.
+  __device__ static int num_parts(std::int32_t row_begin, std::int32_t row_end) {
+    return (row_end - row_begin + PlaceGraphView::kPart - 1) / PlaceGraphView::kPart;
+  }
+  __device__ void list(const Ahead& ahead, const int (&number)[kBatch],
+                       const Reached& reached) const {
+    int num = 0;
+#pragma unroll
+    for (int b = 0; b < kBatch; ++b) {
+      if (number[b] == 0) num += num_parts(ahead.row_begin[b], ahead.row_end[b]);
+    }
+    if (!__any_sync(gpu::kWholeWarp, num > 0)) return;
+    int sum = num;  // of the lanes up to this one
+    for (int step = 1; step < gpu::kWarpSize; step *= 2) {
+      const int below = __shfl_up_sync(gpu::kWholeWarp, sum, static_cast<unsigned>(step));
+      if (gpu::lane_id() >= step) sum += below;
+    }
+    constexpr int kLast = gpu::kWarpSize - 1;
+    int before = gpu::lane_id() == kLast ? atomicAdd(reached.num, sum) : 0;
+    before = __shfl_sync(gpu::kWholeWarp, before, kLast);
+    RowPart* to = reached.parts + before + sum - num;
+#pragma unroll
+    for (int b = 0; b < kBatch; ++b) {
+      if (number[b] != 0) continue;
+      write_now(&search_.places[ahead.place[b]].round, reached.round);
+      const std::int32_t row_end = ahead.row_end[b];
+      for (std::int32_t begin = ahead.row_begin[b]; begin < row_end;) {
+        const std::int32_t next = begin + PlaceGraphView::kPart;
+        *to++ = {ahead.place[b], ahead.row_begin[b], begin, next < row_end ? next : row_end};
+        begin = next;
+      }
+    }
+  }
+
   PlaceGraphView graph_;
   GraphSearch search_;
-  const Lender* lenders_;
-  std::int32_t* reference_;  // of each place
+  BoundaryList boundary_;
+  const std::int32_t* place_of_;  // of each sphere
+  std::int32_t* reference_;       // of each place
   const std::int32_t* sphere_ids_;
-  std::int32_t num_places_;
   EdgesView edges_;
   bool with_edges_;
 };
 
+inline constexpr std::size_t kGraphSharedBytes = sizeof(GraphStage::Scratch);
+
 /// Finds all places that the boundary spheres reach, whose round is first_round; `with_edges` if
 /// edges matter. Called by all threads of a cooperative grid, after a barrier behind the boundary
-/// stage and that of the edges;
-/// what it writes is visible to all when it returns. Returns the number of rounds after the first.
+/// stage and that of the edges; what it writes is visible to all when it returns. Returns the number
+/// of rounds after the first. Shared memory: kGraphSharedBytes.
 __device__ inline int search_graph(const PointQuery& q, unsigned long long* barrier,
                                    bool with_edges) {
   if (*q.boundary.num == 0) return 0;

@@ -49,9 +49,9 @@ struct alignas(16) PlaceSphere {
   PALPATE_HOSTDEV Vec3d centre() const { return to_double(Vec3f{x, y, z}); }
 };
 
-/// Some neighbours of a place: neighbours[begin ... end).
+/// Some neighbours of a place: neighbours[begin ... end) of a row.
 struct alignas(16) RowPart {
-  std::int32_t place = 0, begin = 0, end = 0;
+  std::int32_t place = 0, row_begin = 0, begin = 0, end = 0;
 };
 
 /// The leaf graph by places, rows one after the other; edges go both ways. See PlaceGraph.
@@ -107,8 +107,10 @@ struct GraphSearch {
   PlaceState* places = nullptr;
   double* path_length = nullptr;  ///< of each place reached
   Offer* offers = nullptr;        ///< as many for each place as it has neighbours, at its row
-  /// Three, used in turn, all 0 between queries: has the round reached any place?
-  std::int32_t* any_reached = nullptr;
+  /// Two, used in turn: the rows of the places that a round reached, in parts, in any order.
+  RowPart* listed[2] = {};
+  std::int32_t* num_listed = nullptr;  ///< three, used in turn, all 0 between queries
+  std::int32_t* num_rounds = nullptr;  ///< so far, as told by a block that went on alone
   /// The boundary spheres themselves; at least 1, and greater than first_round + rounds of the
   /// query before.
   std::int32_t first_round = 1;

@@ -38,34 +38,54 @@ __device__ inline T read_now(const T* value) {
   return *static_cast<const volatile T*>(value);
 }
 
+/// Adds to a counter that blocks share, and returns what it was. Who sees the new value by this or
+/// by read_acquire sees all that was written before.
+__device__ inline unsigned long long add_release(unsigned long long* count,
+                                                 unsigned long long value) {
+#if defined(PALPATE_EMULATE_CUDA)
+  return atomicAdd(count, value);
+#else
+  unsigned long long before;
+  asm volatile("atom.add.acq_rel.gpu.u64 %0, [%1], %2;"
+               : "=l"(before)
+               : "l"(count), "l"(value)
+               : "memory");
+  return before;
+#endif
+}
+__device__ inline unsigned long long read_acquire(const unsigned long long* count) {
+#if defined(PALPATE_EMULATE_CUDA)
+  emulator::yield();
+  return read_now(count);
+#else
+  unsigned long long value;
+  asm volatile("ld.acquire.gpu.u64 %0, [%1];" : "=l"(value) : "l"(count) : "memory");
+  return value;
+#endif
+}
+
 /// Every thread of a cooperative grid arrives here before any goes on; what was written before is
-/// visible after. `count` starts at 0 and belongs to kernels with one number of blocks.
+/// visible after. `count` starts at 0.
 __device__ inline void grid_barrier(unsigned long long* count) {
   __syncthreads();
   if (threadIdx.x == 0) {
-    __threadfence();
-    const unsigned long long ticket = atomicAdd(count, 1ull), blocks = gridDim.x;
-    const unsigned long long all = (ticket / blocks + 1) * blocks;
-    while (read_now(count) < all) {
-#if defined(PALPATE_EMULATE_CUDA)
-      emulator::yield();
-#endif
-    }
-    __threadfence();
+    // All blocks together add this: the highest bit changes when the last one comes.
+    constexpr unsigned long long kTurn = 1ull << 63;
+    const unsigned long long mine = blockIdx.x == 0 ? kTurn - (gridDim.x - 1) : 1;
+    const unsigned long long before = add_release(count, mine);
+    unsigned long long now = before + mine;
+    while (((before ^ now) & kTurn) == 0) now = read_acquire(count);
   }
   __syncthreads();
 }
 
 /// True in all threads of the block that calls this last; it sees what the others wrote before.
-/// `count` starts at 0 and belongs to kernels with one number of blocks. `shared` is for this
-/// alone.
+/// `count` starts at 0 and is 0 again then. `shared` is for this alone.
 __device__ inline bool is_last_block(unsigned long long* count, int* shared) {
   __syncthreads();
   if (threadIdx.x == 0) {
-    __threadfence();
-    const unsigned long long ticket = atomicAdd(count, 1ull);
-    *shared = (ticket + 1) % gridDim.x == 0;
-    __threadfence();
+    *shared = add_release(count, 1) == gridDim.x - 1;
+    if (*shared != 0) *count = 0;
   }
   __syncthreads();
   return *shared != 0;

@@ -106,8 +106,15 @@ Result<Session> Session::create(const Tool& tool, const DepthStreamInfo& stream,
   }
   if (!chosen) return chosen.error();
   used.time.first_period = timeline->period();
-  return Session(used, std::move(pool), *std::move(timeline), tool,
-                 std::make_unique<BlendedQuery>(std::move(chosen->query)));
+  Session session(used, std::move(pool), *std::move(timeline), tool,
+                  std::make_unique<BlendedQuery>(std::move(chosen->query)));
+  if (used.backend == Backend::cuda) {
+    const Status status = session.world_.measure_pairs_by([&](const Tool& a, const Tool& b) {
+      return make_body_pair_query(Backend::cuda, a, b, used.contact_gpu);
+    });
+    if (!status) return status.error();
+  }
+  return session;
 }
 
 Result<Session> Session::create(const Tool& tool, const DepthStreamInfo& stream,

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "palpate/contact/blended_query.h"
 #if defined(PALPATE_EMULATE_CUDA)
 #include "src/gpu/emulator.h"
 #endif
@@ -178,6 +179,38 @@ TEST(ContactQueryCuda, EqualsTheCpu) {
     num_in_contact += want.volume > 0;
   });
   EXPECT_GT(num_in_contact, 20);
+}
+
+TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
+  PALPATE_GPU_OR_SKIP();
+  const Comparison comparison(4);
+  DepthField other = std::move(DepthField::create(160, 120)).value();
+  ThreadPool pool(1);
+  other.update(l_shape(0.0015, 6).view(), pool);
+  SurfaceMoment moment;
+  moment.from = {comparison.scene.view(), comparison.field.view()};
+  moment.to = {comparison.scene.view(), other.view()};
+  moment.progress = 0.3;
+  BlendedQuery cuda(make_cuda_query(comparison.tool)), cpu(make_cpu_query(comparison.tool));
+  cuda.set_moment(moment);
+  cpu.set_moment(moment);
+  for (const InsideMethod method : {InsideMethod::field, InsideMethod::simplified}) {
+    for (const Pose& X_WT : comparison.poses) {
+      const Penetration got = cuda.query(X_WT, {.method = method});
+      const Penetration want = cpu.query(X_WT, {.method = method});
+      EXPECT_NEAR(got.volume, want.volume, 1e-5 * want.volume);
+      EXPECT_LE(norm(got.measure_W.force - want.measure_W.force), 1e-5 * want.volume);
+      const Stiffness k = cuda.stiffness(), want_k = cpu.stiffness();
+      double largest = 0, error = 0;
+      for (int row = 0; row < 6; ++row) {
+        for (int column = 0; column < 6; ++column) {
+          largest = std::max(largest, std::abs(want_k.m[row][column]));
+          error = std::max(error, std::abs(k.m[row][column] - want_k.m[row][column]));
+        }
+      }
+      EXPECT_LE(error, 1e-5 * largest);
+    }
+  }
 }
 
 TEST(ContactQueryCuda, SameBitsOnEveryRun) {

@@ -82,7 +82,7 @@ class Searched {
     job_.clusters.place_of = memory_.copy_of(clusters_.place_of);
     job_.clusters.num_clusters = clusters_.num_clusters();
     job_.graph = place_graph_on_gpu(memory_, graph_, clusters_);
-    job_.search = graph_search_on_gpu(memory_, graph_, clusters_);
+    job_.search = graph_search_on_gpu(memory_, job_.graph, num_places, graph_.neighbours().size());
     job_.lender = memory_.take<std::int32_t>(num_places);
     job_.borrowed_volume = memory_.take<float>(num_places);
     barrier_ = memory_.take<unsigned long long>(1);
@@ -144,20 +144,24 @@ class Searched {
       q.edge_distance = memory.copy_of(scene.distance);
       q.edge_side = memory.copy_of(scene.side);
     }
-    gpu::launch(stream_, {.blocks = kBlocks, .threads = kQueryThreads, .cooperative = true},
+    gpu::launch(stream_,
+                {.blocks = kBlocks,
+                 .threads = kQueryThreads,
+                 .shared_bytes = kGraphSharedBytes,
+                 .cooperative = true},
                 graph_query, q, sums_, num_rounds_, barrier_);
     const auto num_places = static_cast<std::size_t>(q.clusters.num_places());
     std::vector<PlaceState> places(num_places);
     std::vector<double> path_length(num_places);
-    std::vector<std::int32_t> lender(num_places), flags(3);
+    std::vector<std::int32_t> lender(num_places), num_listed(3);
     std::vector<float> volume(num_places);
     stream_.copy(places.data(), q.search.places, num_places * sizeof(PlaceState));
     stream_.copy(path_length.data(), q.search.path_length, num_places * sizeof(double));
     stream_.copy(lender.data(), q.lender, num_places * sizeof(std::int32_t));
     stream_.copy(volume.data(), q.borrowed_volume, num_places * sizeof(float));
-    stream_.copy(flags.data(), q.search.any_reached, 3 * sizeof(std::int32_t));
+    stream_.copy(num_listed.data(), q.search.num_listed, 3 * sizeof(std::int32_t));
     EXPECT_TRUE(stream_.wait()) << stream_.status().error().message;
-    EXPECT_EQ(flags, std::vector<std::int32_t>(3)) << "for the next query";
+    EXPECT_EQ(num_listed, std::vector<std::int32_t>(3)) << "for the next query";
 
     const std::size_t n = spheres_.size();
     Found found{

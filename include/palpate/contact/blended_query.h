@@ -11,7 +11,8 @@ namespace palpate {
 /// Measures against both surfaces of a moment at the tool's pose, and weighs the two. The force so
 /// goes from the one to the other over the frame, whatever changed between them and by any method,
 /// and with `field` it is at every instant the exact gradient of one potential,
-/// (1 - progress) U_from + progress U_to. Takes twice the time of a query, except at progress 1.
+/// (1 - progress) U_from + progress U_to. Takes twice the time of a query, except at
+/// progress 1 and by `field` on a GPU.
 ///
 /// Counts, states and planes are those of the newer surface.
 class BlendedQuery final : public ContactQuery {
@@ -36,6 +37,7 @@ class BlendedQuery final : public ContactQuery {
   SurfaceMoment moment_;
   Pose X_WT_;  // of the last query, as what follows
   ContactOptions options_;
+  bool is_one_query_ = true;  // of the wrapped one
 };
 
 }  // namespace palpate

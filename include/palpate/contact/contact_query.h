@@ -137,6 +137,16 @@ class ContactQuery {
   /// same input gives the same bits, whatever was asked before and for any number of threads.
   virtual Penetration query(const Pose& X_WT, const ContactOptions& options) noexcept = 0;
 
+  /// By `field`, between two fields expressed in W: (1 - t) times the measure against `from` and t
+  /// times that against `to`, whose are counts, states and planes, in about the time of one query.
+  /// nullopt: this query has no such short cut; see BlendedQuery.
+  virtual std::optional<Penetration> query_between(const DepthFieldView& /*from*/,
+                                                   const DepthFieldView& /*to*/, double /*t*/,
+                                                   const Pose& /*X_WT*/,
+                                                   SphereVolumes /*volumes*/) noexcept {
+    return std::nullopt;
+  }
+
   /// Of the last query if it was by `field`, in closed form; else zero, for the other measures are
   /// not differentiable. O(spheres), several times the time of the query; no allocation.
   virtual Stiffness stiffness() const noexcept = 0;
