@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test bench packing-curves asan tsan cuda clean
+.PHONY: help setup lint format tidy build demo test quick-test bench packing-curves asan tsan cuda gpu-check clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -71,6 +71,9 @@ tsan: setup  ## all tests with the thread sanitizer
 cuda:  ## compile the library with the CUDA backend; needs nvcc, no GPU
 	@command -v nvcc >/dev/null || { echo "make cuda: nvcc is not in PATH; install the CUDA toolkit"; exit 1; }
 	$(call build_preset,cuda)
+
+gpu-check:  ## on a machine with a GPU: build, test, compute-sanitizer, benchmark
+	scripts/gpu_check.sh
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

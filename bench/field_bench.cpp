@@ -58,5 +58,29 @@ BENCHMARK(field_query)
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 
+void field_stiffness(benchmark::State& state) {
+  const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
+  const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
+  ThreadPool pool(1);
+  DepthField field = std::move(DepthField::create(640, 480)).value();
+  field.update(bumpy_wall().view(), pool);
+  const auto contact = std::move(make_contact_query(Backend::cpu, tool)).value();
+  contact->set_field(field.view());
+  std::size_t i = 0;
+  Latency latency(state);
+  for (auto _ : state) {
+    contact->query(poses[i++ % poses.size()], {.method = InsideMethod::field});
+    Stiffness stiffness;
+    latency.time([&] { stiffness = contact->stiffness(); });
+    benchmark::DoNotOptimize(stiffness);
+  }
+}
+
+BENCHMARK(field_stiffness)
+    ->ArgNames({"spheres", "depth"})
+    ->ArgsProduct({{1000, 5000, 17000, 100000}, {10, 50, 100}})
+    ->UseManualTime()
+    ->Unit(benchmark::kMicrosecond);
+
 }  // namespace
 }  // namespace palpate::bench

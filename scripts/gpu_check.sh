@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the core and its CUDA backend on a machine with a GPU, runs all tests on it, the four
 # checkers of compute-sanitizer and the benchmark, and prints a short table. Needs nvcc, CMake, make,
-# a C++ compiler, Eigen and GoogleTest; nothing is downloaded.
+# a C++ compiler and GoogleTest; nothing is downloaded.
 #
 # usage: scripts/gpu_check.sh [--no-sanitizer] [--quick] [BUILD_DIR [RESULTS_DIR]]
 #   RESULTS_DIR gets gpu-MACHINE-COMMIT.csv, in the columns of bench/results/

@@ -29,8 +29,8 @@ Penetration BlendedQuery::query(const Pose& X_WT, const ContactOptions& options)
   is_one_query_ = true;
   if (t >= 1) return query_one(moment_.to);
   if (options.method == InsideMethod::field) {
-    const auto both = query_->query_between(moment_.from.field, moment_.to.field, t, X_WT,
-                                            options.counted());
+    const auto both =
+        query_->query_between(moment_.from.field, moment_.to.field, t, X_WT, options.counted());
     if (both) return *both;
   }
   is_one_query_ = false;

@@ -21,9 +21,8 @@ class NearestBorrowing : private LenderPruning {
   /// `from` holds at least one lender.
   __device__ MeasureSums run(const LenderCentres& from) {
     const int num_clusters = q_.clusters.num_clusters, blocks = static_cast<int>(gridDim.x);
-    // Clusters lie so that aligned runs of a power of two of them are compact.
-    int tile_size = 1;
-    while (tile_size < kMostOfTile && tile_size * blocks < num_clusters) tile_size *= 2;
+    // Neighbouring clusters lie close together. Many are best taken in runs of a power of two.
+    const int tile_size = min_of(divided(num_clusters, blocks), kMostOfTile);
     int run_size = tile_size;
     while (run_size < kMostOfRun && run_size * blocks < num_clusters) run_size *= 2;
     for (int first = static_cast<int>(blockIdx.x) * run_size; first < num_clusters;
@@ -47,7 +46,6 @@ class NearestBorrowing : private LenderPruning {
 
  private:
   static constexpr int kMostOfTile = 32, kMostOfRun = 128;  // clusters
-  static constexpr int kMostShares = 4;                     // warps for a cluster
   static constexpr int kFew = 48;                           // lenders that a warp does not prune
 
   // A sphere of the tool.
@@ -70,53 +68,53 @@ class NearestBorrowing : private LenderPruning {
   // By the block: clusters [first, last).
   __device__ void measure_tile(const LenderCentres& from, int first, int last) {
     const int warp = gpu::warp_id(), warps = gpu::warps_per_block(), num = last - first;
-    const int shares = num >= warps ? 1 : min_of(warps / num, kMostShares);
+    const int shares = num >= warps ? 1 : warps / num;
     const int share = warp % shares;
     int cluster = first + warp / shares;
     Ball ball;
     if (cluster < last) ball = ball_of_lane(cluster);  // meanwhile
-    const Pruned pruned = prune(from, first, last, shared_.of_tile, BorrowShared::kOfTile);
+    const Pruned pruned = from.num <= kFew * shares
+                              ? Pruned{from, true}
+                              : prune(from, first, last, shared_.of_tile, BorrowShared::kOfTile);
     if (!pruned.is_reached) {
       leave_outside(first, last);
       return;
     }
-    while (shares == 1 && cluster < last) {
-      measure_cluster(pruned.lenders, cluster, ball);
+    // A warp, or several, for each cluster; if several, there is one for each.
+    for (;;) {
+      NearestLender found;
+      bool is_reached = false;
+      const std::uint32_t touched = context_.touched_word(ball.id);
+      if (cluster < last) {
+        is_reached = find_nearest(pruned.lenders, cluster, ball.centre, share, shares, found);
+      }
+      if (shares > 1) {
+        shared_.found[warp][gpu::lane_id()] = found;
+        __syncthreads();
+        if (share != 0 || cluster >= last) return;
+        for (int w = 1; w < shares; ++w) found.join(shared_.found[warp + w][gpu::lane_id()]);
+      }
+      if (cluster >= last) return;
+      settle(pruned.lenders, ball, touched, is_reached, found);
       cluster += warps;
-      if (cluster < last) ball = ball_of_lane(cluster);
+      if (shares > 1 || cluster >= last) return;
+      ball = ball_of_lane(cluster);
     }
-    if (shares == 1) return;
-    // A warp, or several, for each cluster.
-    NearestLender found;
-    bool is_reached = false;
-    const std::uint32_t touched = context_.touched_word(ball.id);
-    if (cluster < last) {
-      is_reached = find_nearest(pruned.lenders, cluster, ball.centre, share, shares, found);
-    }
-    shared_.found[warp][gpu::lane_id()] = found;
-    __syncthreads();
-    if (cluster >= last || share != 0) return;
-    for (int w = 1; w < shares; ++w) found.join(shared_.found[warp + w][gpu::lane_id()]);
-    settle(pruned.lenders, ball, touched, is_reached, found);
-  }
-  // By one warp.
-  __device__ void measure_cluster(const LenderCentres& from, int cluster, const Ball& ball) {
-    NearestLender found;
-    const std::uint32_t touched = context_.touched_word(ball.id);
-    const bool is_reached = find_nearest(from, cluster, ball.centre, 0, 1, found);
-    settle(from, ball, touched, is_reached, found);
   }
 
   // By a warp, each lane for a centre of the cluster: the nearest of this share of the lenders.
   // Returns false, the same for all shares, if no plane that may be needed reaches the cluster.
   __device__ bool find_nearest(const LenderCentres& from, int cluster, const Vec3f& centre,
                                int share, int num_shares, NearestLender& found) {
-    if (from.list != nullptr && from.num <= kFew * num_shares) {
+    const int lane = gpu::lane_id();
+    LenderCentre* const list = shared_.of_warp[gpu::warp_id()];
+    if (from.num <= kFew * num_shares) {
       const int most = divided(from.num, num_shares), begin = share * most;
-      compare(from.list + begin, min_of(most, from.num - begin), centre, found);
+      const int num = min_of(most, from.num - begin);
+      for (int i = lane; i < num; i += gpu::kWarpSize) list[i] = from.at(q_.boundary, begin + i);
+      compare(list, num, centre, found);
       return true;
     }
-    const int lane = gpu::lane_id();
     const Cluster box = q_.clusters.clusters[cluster];
     const float limit = one_lane::reach_with_slack(box);
     one_lane::NearestToMiddle best{0, 0, 0, 1e30f};
@@ -139,7 +137,6 @@ class NearestBorrowing : private LenderPruning {
     }
     if (!is_reached) return false;
 
-    LenderCentre* const list = shared_.of_warp[gpu::warp_id()];
     int num = 0;
     for (int chunk = share; chunk < num_chunks; chunk += num_shares) {
       const int i = chunk * gpu::kWarpSize + lane;

@@ -16,32 +16,26 @@ namespace palpate {
 
 inline constexpr std::size_t kBorrowSharedBytes = sizeof(BorrowShared);
 
-/// V_s n_s of the boundary spheres, each cut by its own plane (Alg. 3.1) and, by `cut`, by its
-/// edge. A sphere that a point has just entered is still measured as if it were untouched: V = (1 -
-/// presence) V_state + presence V_cap.
-__device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, InsideMethod method,
-                                                       bool with_edges) {
+/// The cap of a boundary sphere, cut by its own plane (Alg. 3.1) and, by `cut`, by its edge.
+__device__ inline Borrowed own_cap(const BorrowContext& context, std::int32_t i) {
+  const Lender& lender = context.q.boundary.lenders[i];
+  if (lender.sphere_id < 0) return {};
+  BorrowRule rule = context.rule();
+  if (context.q.edges != Edges::cut) rule.edges = nullptr;
+  return context.lenders.borrow_from(lender, lender.sphere_id, rule);
+}
+
+/// measure_boundary_spheres where they fade in. A sphere that a point has just entered is still
+/// measured as if it were untouched: V = (1 - presence) V_state + presence V_cap. Rarely used, so
+/// its code is kept out of the others' way.
+__device__ __noinline__ inline MeasureSums measure_fading_spheres(const PointQuery& q,
+                                                                  InsideMethod method,
+                                                                  bool with_edges) {
   const BorrowContext context(q, method, with_edges);
   MeasureSums sums;
-  BorrowRule own_rule = context.rule();
-  if (q.edges != Edges::cut) own_rule.edges = nullptr;
-  const auto own = [&](std::int32_t i) {
-    const Lender& lender = q.boundary.lenders[i];
-    if (lender.sphere_id < 0) return Borrowed{};
-    return context.lenders.borrow_from(lender, lender.sphere_id, own_rule);
-  };
-  const std::int32_t num = context.lenders.num;
-  if (!context.fades_in()) {
-    const int first = spread_warp() * gpu::kWarpSize + gpu::lane_id();
-    for (std::int32_t i = first; i < num; i += gpu::grid_threads()) {
-      const std::int32_t id = q.boundary.sphere_id[i];
-      context.add(sums, q.scan.spheres[id].centre, context.scaled(id, own(i)));
-    }
-    return sums;
-  }
-  for (std::int32_t i = spread_warp(); i < num; i += num_grid_warps()) {
+  for (std::int32_t i = spread_warp(); i < context.lenders.num; i += num_grid_warps()) {
     const std::int32_t id = q.boundary.sphere_id[i];
-    const Borrowed cap = own(i), state = context.borrow_by_warp(id);
+    const Borrowed cap = own_cap(context, i), state = context.borrow_by_warp(id);
     const Lender& lender = q.boundary.lenders[i];
     const double presence = lender.sphere_id >= 0 ? lender.presence : 0;
     const Borrowed measured{presence * cap.volume + (1 - presence) * state.volume,
@@ -52,9 +46,26 @@ __device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, Insi
   return sums;
 }
 
-/// Untouched spheres for which all lenders are looked at in double; a warp for each.
-__device__ inline MeasureSums measure_one_by_one(const BorrowContext& context) {
-  const PointQuery& q = context.q;
+/// V_s n_s of the boundary spheres.
+__device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, InsideMethod method,
+                                                       bool with_edges) {
+  if (q.plane_rule.fades_in) return measure_fading_spheres(q, method, with_edges);
+  const BorrowContext context(q, method, with_edges);
+  MeasureSums sums;
+  const int first = spread_warp() * gpu::kWarpSize + gpu::lane_id();
+  for (std::int32_t i = first; i < context.lenders.num; i += gpu::grid_threads()) {
+    const std::int32_t id = q.boundary.sphere_id[i];
+    context.add(sums, q.scan.spheres[id].centre, context.scaled(id, own_cap(context, i)));
+  }
+  return sums;
+}
+
+/// Untouched spheres for which all lenders are looked at in double; a warp for each. Rarely used,
+/// so its code is kept out of the others' way.
+__device__ __noinline__ inline MeasureSums measure_one_by_one(const PointQuery& q,
+                                                              InsideMethod method,
+                                                              bool with_edges) {
+  const BorrowContext context(q, method, with_edges);
   MeasureSums sums;
   const std::int32_t num_places = q.clusters.num_places();
   const int warps = num_grid_warps();
@@ -88,16 +99,17 @@ __device__ inline MeasureSums borrow_planes(const PointQuery& q, InsideMethod me
     context.leave_outside(0, q.clusters.num_places(), gpu::grid_thread(), gpu::grid_threads());
   } else if (is_weighted) {
     sums = AverageBorrowing(context).run();
-  } else if (q.priority == Priority::count) {
-    // One lender for all.
-    const auto index =
-        static_cast<std::int32_t>(0xffffffffu - (*q.boundary.heaviest & 0xffffffffu));
-    sums = NearestBorrowing(context).run({nullptr, index, 1});
   } else {
-    sums = NearestBorrowing(context).run({nullptr, 0, context.lenders.num});
+    LenderCentres from{nullptr, 0, context.lenders.num};
+    if (q.priority == Priority::count) {
+      // One lender for all.
+      from.first = static_cast<std::int32_t>(0xffffffffu - (*q.boundary.heaviest & 0xffffffffu));
+      from.num = 1;
+    }
+    sums = NearestBorrowing(context).run(from);
   }
   if (context.overlays() || (is_weighted && context.has_edges)) {
-    sums.add(measure_one_by_one(context));
+    sums.add(measure_one_by_one(q, method, with_edges));
   }
   return sums;
 }

@@ -17,44 +17,52 @@ namespace palpate {
 /// Run by all threads of blocks of kQueryThreads.
 class BoundaryStage {
  public:
+  /// Touched spheres before a block's share, and in it.
+  struct alignas(8) Count {
+    std::int32_t before_share, in_share;
+  };
   /// Shared memory of a block.
   struct Scratch {
-    std::int32_t sums_of_warps[kQueryThreads / gpu::kWarpSize];
-    std::uint32_t words[kQueryThreads];      ///< that a block looks at at the same time
-    std::int32_t places[kQueryThreads];      ///< of the first sphere of each, among theirs
-    std::int32_t sphere_ids[kQueryThreads];  ///< taken at the same time
+    Count counts[kQueryThreads / gpu::kWarpSize];  ///< of each warp
+    std::uint32_t words[kQueryThreads];            ///< that a block looks at at the same time
+    std::int32_t places[kQueryThreads];            ///< of the first sphere of each, among theirs
+    std::int32_t sphere_ids[kQueryThreads];        ///< taken at the same time
   };
 
-  __device__ explicit BoundaryStage(const PointQuery& q)
+  __device__ BoundaryStage(const PointQuery& q, bool with_edges)
       : q_(q),
         shared_(gpu::shared_memory<Scratch>()),
         thread_(static_cast<int>(threadIdx.x)),
-        num_parts_(q.scan.edges != nullptr ? 1 + EdgeSums::kDirections : 1) {}
+        num_parts_(with_edges && q.scan.edges != nullptr ? 1 + EdgeSums::kDirections : 1) {}
 
   __device__ void run() {
-    const std::int64_t num_words = (q_.num_spheres + 31) / 32;
-    const auto begin = static_cast<int>(num_words * blockIdx.x / gridDim.x);
-    const auto end = static_cast<int>(num_words * (blockIdx.x + 1) / gridDim.x);
+    const int num_words = (q_.num_spheres + 31) / 32, blocks = static_cast<int>(gridDim.x);
+    const int share = (num_words + blocks - 1) / blocks;
+    const int begin = min_of(static_cast<int>(blockIdx.x) * share, num_words);
+    const int end = min_of(begin + share, num_words);
     std::int32_t before = 0;
-#pragma unroll 8
+#pragma unroll 4
     for (int w = thread_; w < begin; w += kQueryThreads) before += __popc(q_.touched[w]);
-    std::int32_t first = sum_before(before).of_all;
-    for (int pass = begin; pass < end; pass += kQueryThreads) {
-      const int w = pass + thread_, num = end - pass < kQueryThreads ? end - pass : kQueryThreads;
+    std::int32_t first = 0;
+    int pass = begin;
+    do {
+      const int w = pass + thread_, num = min_of(end - pass, kQueryThreads);
       const std::uint32_t word = w < end ? q_.touched[w] : 0;
-      const Sum place = sum_before(__popc(word));
+      const Places places = count(before, __popc(word));
+      before = 0;
+      first += places.before_share;
       shared_.words[thread_] = word;
-      shared_.places[thread_] = place.of_those_before;
+      shared_.places[thread_] = places.of_thread;
       __syncthreads();
-      for (std::int32_t from = 0; from < place.of_all; from += kQueryThreads) {
-        const std::int32_t rest = place.of_all - from;
+      for (std::int32_t from = 0; from < places.num; from += kQueryThreads) {
         list_spheres(pass, num, from);
         __syncthreads();
-        take_spheres(first + from, rest < kQueryThreads ? rest : kQueryThreads);
+        take_spheres(first + from, min_of(places.num - from, kQueryThreads));
         __syncthreads();
       }
-      first += place.of_all;
-    }
+      first += places.num;
+      pass += kQueryThreads;
+    } while (pass < end);
     if (blockIdx.x == gridDim.x - 1 && thread_ == 0) {
       *q_.boundary.num = first;
       *q_.num_edge_candidates = 0;  // for the next query: nobody reads it any more
@@ -63,26 +71,35 @@ class BoundaryStage {
   }
 
  private:
-  struct Sum {
-    std::int32_t of_those_before, of_all;
+  struct Places {
+    std::int32_t before_share, of_thread, num;
   };
 
-  // Over the threads of the block.
-  __device__ Sum sum_before(std::int32_t value) {
-    std::int32_t sum = value;  // of the lanes up to this one
+  __device__ static int min_of(int a, int b) { return a < b ? a : b; }
+
+  // Sums over the threads of the block: of what each has counted before the share, and of what the
+  // threads up to this one have in it. What the last call left has been read: a barrier follows it.
+  __device__ Places count(std::int32_t before_share, std::int32_t in_share) {
+    std::int32_t up_to_here = in_share;
     for (int step = 1; step < gpu::kWarpSize; step *= 2) {
-      const std::int32_t below = __shfl_up_sync(gpu::kWholeWarp, sum, static_cast<unsigned>(step));
-      if (gpu::lane_id() >= step) sum += below;
+      const std::int32_t below =
+          __shfl_up_sync(gpu::kWholeWarp, up_to_here, static_cast<unsigned>(step));
+      if (gpu::lane_id() >= step) up_to_here += below;
     }
-    __syncthreads();  // the last sum has been read
-    if (gpu::lane_id() == gpu::kWarpSize - 1) shared_.sums_of_warps[gpu::warp_id()] = sum;
+    before_share = gpu::warp_sum(before_share);
+    if (gpu::lane_id() == gpu::kWarpSize - 1) {
+      shared_.counts[gpu::warp_id()] = {before_share, up_to_here};
+    }
     __syncthreads();
-    Sum result{sum - value, 0};
+    Places places{0, up_to_here - in_share, 0};
+#pragma unroll
     for (int warp = 0; warp < kQueryThreads / gpu::kWarpSize; ++warp) {
-      if (warp < gpu::warp_id()) result.of_those_before += shared_.sums_of_warps[warp];
-      result.of_all += shared_.sums_of_warps[warp];
+      const Count its = shared_.counts[warp];
+      places.before_share += its.before_share;
+      places.of_thread += warp < gpu::warp_id() ? its.in_share : 0;
+      places.num += its.in_share;
     }
-    return result;
+    return places;
   }
 
   // The spheres of this pass with places from `from` on. A warp looks at a word at a time.
@@ -99,25 +116,25 @@ class BoundaryStage {
 
   // All planes first, then the pieces of each side.
   __device__ void take_spheres(std::int32_t first, int num) {
-    for (int item = thread_; item < num * num_parts_; item += kQueryThreads) {
-      const int part = item / num, i = item % num;
-      const std::int32_t id = shared_.sphere_ids[i];
-      if (part == 0) {
-        take_plane(first + i, id);
-      } else {
-        take_piece(first + i, id, part - 1);
-      }
+    if (thread_ < num) take_plane(first + thread_, shared_.sphere_ids[thread_]);
+    for (int item = num + thread_; item < num * num_parts_; item += kQueryThreads) {
+      const int part = item / num, i = item - part * num;
+      take_piece(first + i, shared_.sphere_ids[i], part - 1);
     }
   }
 
   __device__ void take_plane(std::int32_t i, std::int32_t id) {
-    const BoundarySphere sphere =
-        boundary_sphere(id, q_.sums[id], q_.plane_rule, q_.scan.R_TW, q_.scan.translation_W);
+    // All that has to come from memory, at once.
+    const PointSums sums = q_.sums[id];
+    const Vec3f its_centre = q_.scan.spheres[id].centre;
+    const std::int32_t place = q_.clusters.place_of[id];
     q_.sums[id] = PointSums{};
+    const BoundarySphere sphere =
+        boundary_sphere(id, sums, q_.plane_rule, q_.scan.R_TW, q_.scan.translation_W);
     const BoundaryList& list = q_.boundary;
     const Lender& lender = sphere.lender;
     const bool lends = sphere.has_plane();
-    const Vec3f centre = lends ? q_.scan.spheres[id].centre : Vec3f{1e12f, 1e12f, 1e12f};
+    const Vec3f centre = lends ? its_centre : Vec3f{1e12f, 1e12f, 1e12f};
     const Vec3f normal = to_float(lender.plane_T.normal);
     const float weight = static_cast<float>(lender.weight);
     list.sphere_id[i] = id;
@@ -131,7 +148,6 @@ class BoundaryStage {
     list.offset[i] = static_cast<float>(lender.plane_T.offset);
     list.weight[i] = weight;
     list.presence[i] = lends ? static_cast<float>(lender.presence) : 0.0f;
-    const std::int32_t place = q_.clusters.place_of[id];
     q_.lender[place] = lends ? i : -1;
     q_.borrowed_volume[place] = 0;
     if (q_.method == InsideMethod::graph) {
@@ -191,8 +207,11 @@ class BoundaryStage {
 };
 
 /// After scan_points (and scan_edges) and a barrier: fills q.boundary and, with edges, q.pieces and
-/// q.seen_pieces. Leaves sums and edge sums zero. Shared memory: kBoundarySharedBytes.
-__device__ inline void find_boundary(const PointQuery& q) { BoundaryStage(q).run(); }
+/// q.seen_pieces. Leaves sums and edge sums zero. Shared memory: kBoundarySharedBytes. A kernel for
+/// clouds without edges says so by a constant.
+__device__ inline void find_boundary(const PointQuery& q, bool with_edges) {
+  BoundaryStage(q, with_edges).run();
+}
 
 inline constexpr std::size_t kBoundarySharedBytes = sizeof(BoundaryStage::Scratch);
 

@@ -51,13 +51,13 @@ __global__ void __launch_bounds__(kQueryThreads, 1)
     point_query(const __grid_constant__ PointQuery q, const __grid_constant__ MeasureOutput out,
                 unsigned long long* barrier) {
   if (gpu::grid_thread() == 0) reset_counters(q);
-  scan_points(q);
+  scan_points(q, kWithEdges);
   gpu::grid_barrier(barrier);
   if (kWithEdges) {
     scan_edges(q);
     gpu::grid_barrier(barrier);
   }
-  find_boundary(q);
+  find_boundary(q, kWithEdges);
   gpu::grid_barrier(barrier);
   if (kWithEdges) {
     find_edges(q);
@@ -318,6 +318,7 @@ void ContactQueryCuda::ask(const Pose& X_WT) {
   q.scan.weights = continuity == Continuity::none    ? PointWeights::none
                    : continuity == Continuity::entry ? PointWeights::beside
                                                      : PointWeights::in_sums;
+  q.to_grid = grid_transform(q.scan);
   q.scan.edges = q.edges != Edges::none ? q.edge_sums : nullptr;
   if (q.edges != Edges::none) take_edge_candidates(cloud.size());
   if (q.search.first_round > (1 << 30)) {

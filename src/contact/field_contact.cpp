@@ -7,13 +7,18 @@
 namespace palpate {
 namespace {
 
-MeasureGroup kernel_for(Isa isa) {
+struct Kernels {
+  MeasureGroup measure_group;
+  StiffnessOfGroup stiffness_of_group;
+};
+
+Kernels kernels_for(Isa isa) {
 #if defined(__x86_64__)
-  if (isa == Isa::avx512) return isa_avx512::measure_group;
-  if (isa == Isa::avx2) return isa_avx2::measure_group;
+  if (isa == Isa::avx512) return {isa_avx512::measure_group, isa_avx512::stiffness_of_group};
+  if (isa == Isa::avx2) return {isa_avx2::measure_group, isa_avx2::stiffness_of_group};
 #endif
   (void)isa;
-  return isa_baseline::measure_group;
+  return {isa_baseline::measure_group, isa_baseline::stiffness_of_group};
 }
 
 }  // namespace
@@ -21,29 +26,34 @@ MeasureGroup kernel_for(Isa isa) {
 FieldContact::FieldContact(const Tool& tool, ThreadPool& pool, Isa isa)
     : tool_(&tool),
       pool_(&pool),
-      measure_group_(kernel_for(isa)),
+      measure_group_(kernels_for(isa).measure_group),
+      stiffness_of_group_(kernels_for(isa).stiffness_of_group),
       own_(tool, SphereVolumes::own),
       represented_(tool, SphereVolumes::represented) {
-  group_sums_.resize(static_cast<std::size_t>(
-      std::max(own_.clusters.num_groups(), represented_.clusters.num_groups())));
+  const auto num_groups = static_cast<std::size_t>(
+      std::max(own_.clusters.num_groups(), represented_.clusters.num_groups()));
+  group_sums_.resize(num_groups);
+  group_stiffness_.resize(num_groups);
+}
+
+MeasureJob FieldContact::job() const {
+  const FieldElements& asked = elements();
+  return {&asked.clusters,
+          asked.radius.data(),
+          asked.factor.data(),
+          asked.counted.data(),
+          asked.largest_radius.data(),
+          field_,
+          frame_of(field_.intrinsics, X_WT_, tool_->sphere_mass().centre_of_mass)};
 }
 
 Penetration FieldContact::measure(const Pose& X_WT, SphereVolumes volumes) noexcept {
   X_WT_ = X_WT;
   volumes_ = volumes;
-  const FieldElements& asked = elements();
-  MeasureJob job;
-  job.clusters = &asked.clusters;
-  job.radius = asked.radius.data();
-  job.factor = asked.factor.data();
-  job.counted = asked.counted.data();
-  job.largest_radius = asked.largest_radius.data();
-  job.field = field_;
-  job.frame = frame_of(field_.intrinsics, X_WT, tool_->sphere_mass().centre_of_mass);
-
-  const int num_groups = asked.clusters.num_groups();
+  const MeasureJob asked = job();
+  const int num_groups = asked.clusters->num_groups();
   pool_->parallel_for(num_groups, [&](int group) {
-    group_sums_[static_cast<std::size_t>(group)] = measure_group_(job, group);
+    group_sums_[static_cast<std::size_t>(group)] = measure_group_(asked, group);
   });
   FieldSums sums;
   for (int group = 0; group < num_groups; ++group) {
@@ -60,17 +70,16 @@ Penetration FieldContact::measure(const Pose& X_WT, SphereVolumes volumes) noexc
 }
 
 Stiffness FieldContact::stiffness() const noexcept {
-  Stiffness sum;
-  if (field_.num_levels == 0) return sum;
-  const FieldElements& asked = elements();
-  const SphereClusters& at = asked.clusters;
-  const Mat3d R_WT = rotation_matrix(X_WT_.rotation);
-  const Vec3d p_WC = X_WT_ * tool_->sphere_mass().centre_of_mass;
-  for (std::size_t i = 0; i < asked.factor.size(); ++i) {
-    const Vec3d lever = R_WT * to_double(Vec3f{at.x[i], at.y[i], at.z[i]});
-    add_stiffness(field_, p_WC, lever, asked.radius[i], asked.factor[i], sum);
+  const MeasureJob asked = job();
+  const int num_groups = asked.clusters->num_groups();
+  pool_->parallel_for(num_groups, [&](int group) {
+    group_stiffness_[static_cast<std::size_t>(group)] = stiffness_of_group_(asked, group);
+  });
+  StiffnessSums sums;
+  for (int group = 0; group < num_groups; ++group) {
+    sums.add(group_stiffness_[static_cast<std::size_t>(group)]);
   }
-  return sum;
+  return sums.stiffness();
 }
 
 void FieldContact::describe(std::span<SphereState> states,

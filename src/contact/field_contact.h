@@ -6,6 +6,7 @@
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/depth_field.h"
 #include "src/contact/field_bound.h"
+#include "src/contact/field_element.h"
 #include "src/contact/field_elements.h"
 
 namespace palpate {
@@ -38,10 +39,12 @@ struct MeasureJob {
 
 /// Elements of one group of clusters, in a fixed order.
 using MeasureGroup = FieldSums (*)(const MeasureJob&, int group);
+using StiffnessOfGroup = StiffnessSums (*)(const MeasureJob&, int group);
 
-#define PALPATE_DECLARE_FIELD(variant)                   \
-  namespace variant {                                    \
-  FieldSums measure_group(const MeasureJob&, int group); \
+#define PALPATE_DECLARE_FIELD(variant)                            \
+  namespace variant {                                             \
+  FieldSums measure_group(const MeasureJob&, int group);          \
+  StiffnessSums stiffness_of_group(const MeasureJob&, int group); \
   }
 PALPATE_DECLARE_FIELD(isa_baseline)
 PALPATE_DECLARE_FIELD(isa_avx2)
@@ -62,13 +65,14 @@ class FieldContact {
   /// quaternion unit. O(elements). The same bits for any number of threads.
   Penetration measure(const Pose& X_WT, SphereVolumes volumes) noexcept;
 
-  /// At the last pose, as ContactQuery. O(elements), in double.
+  /// At the last pose, as ContactQuery. O(elements).
   Stiffness stiffness() const noexcept;
 
   /// Per sphere of the tool at the last pose, as ContactQuery.
   void describe(std::span<SphereState> states, std::span<Plane<float>> planes) const noexcept;
 
  private:
+  MeasureJob job() const;
   const FieldElements& elements() const {
     return volumes_ == SphereVolumes::own ? own_ : represented_;
   }
@@ -76,9 +80,11 @@ class FieldContact {
   const Tool* tool_;
   ThreadPool* pool_;
   MeasureGroup measure_group_;
+  StiffnessOfGroup stiffness_of_group_;
   FieldElements own_, represented_;
   DepthFieldView field_;
   std::vector<FieldSums> group_sums_;
+  mutable std::vector<StiffnessSums> group_stiffness_;
   Pose X_WT_;
   SphereVolumes volumes_ = SphereVolumes::own;
 };

@@ -13,7 +13,7 @@ namespace palpate {
 namespace {
 
 constexpr int kThreads = 256;
-constexpr int kStiffnessThreads = 128, kStiffnessTerms = 36;
+constexpr int kStiffnessThreads = 128, kStiffnessTerms = StiffnessSums::kNum;
 static_assert(SphereClusters::kSize == gpu::kWarpSize);
 
 // A field as the kernel looks at it: what all its levels share, and what differs.
@@ -222,7 +222,7 @@ __global__ void __launch_bounds__(kStiffnessThreads)
                     const Vec3d p_WC, const ElementsView elements, double* partials,
                     unsigned long long* count, double* sums) {
   auto& shared = gpu::shared_memory<StiffnessScratch>();
-  Stiffness sum;
+  StiffnessSums sum;
   const int num_places = elements.num_clusters * SphereClusters::kSize;
   for (int place = gpu::grid_thread(); place < num_places; place += gpu::grid_threads()) {
     const ElementBall ball = elements.balls[place];
@@ -230,11 +230,11 @@ __global__ void __launch_bounds__(kStiffnessThreads)
     const Vec3d lever = R_WT * to_double(Vec3f{ball.x, ball.y, ball.z});
     for (int k = 0; k < question.num_fields; ++k) {
       if (question.fields[k].num_levels == 0) continue;
-      add_stiffness(question.fields[k], p_WC, lever, ball.radius, question.weights[k] * factor,
-                    sum);
+      sum.add(
+          stiffness_of(question.fields[k], p_WC, lever, ball.radius, question.weights[k] * factor));
     }
   }
-  double* const terms = &sum.m[0][0];
+  double* const terms = sum.numbers;
   gpu::block_sum(terms, kStiffnessTerms, shared.terms);
   if (threadIdx.x == 0) {
     for (int i = 0; i < kStiffnessTerms; ++i) partials[blockIdx.x * kStiffnessTerms + i] = terms[i];
@@ -372,8 +372,7 @@ Penetration FieldContactCuda::ask() noexcept {
 }
 
 Stiffness FieldContactCuda::stiffness() noexcept {
-  Stiffness sum;
-  if (!status() || last_.num_fields == 0) return sum;
+  if (!status() || last_.num_fields == 0) return {};
   gpu::launch(stream_,
               {.blocks = stiffness_blocks_,
                .threads = kStiffnessThreads,
@@ -381,9 +380,10 @@ Stiffness FieldContactCuda::stiffness() noexcept {
               add_stiffnesses, last_, rotation_matrix(last_.X_WT.rotation),
               last_.X_WT * centre_of_mass_, felt_tool().elements, stiffness_partials_,
               stiffness_count_, stiffness_sums_);
-  if (!stream_.wait()) return sum;
-  std::copy_n(stiffness_sums_, kStiffnessTerms, &sum.m[0][0]);
-  return sum;
+  if (!stream_.wait()) return {};
+  StiffnessSums sum;
+  std::copy_n(stiffness_sums_, kStiffnessTerms, sum.numbers);
+  return sum.stiffness();
 }
 
 void FieldContactCuda::describe(std::span<SphereState> states,

@@ -27,30 +27,79 @@ PALPATE_FORMULA CutBall<Real> cut_ball(Real radius, Real factor, Real phi) {
       factor * (static_cast<float>(kPi / 12) * h * h * h * (4.0f * radius - h)) + whole * deeper};
 }
 
-/// Adds what an element at lever l from C (in W) contributes to the stiffness. F = sum f V(phi) n
-/// with n = grad phi, so dF = sum f (-A n n^T + V H) dc: A is the area of the cut disc, H holds the
-/// second derivatives of phi. A motion of the tool by `shift` and a small `turn` about C moves the
-/// element by dc = shift + turn x l, and its torque l x F changes with both factors.
-PALPATE_HOSTDEV inline void add_stiffness(const DepthFieldView& field, const Vec3d& p_WC,
-                                          const Vec3d& l, double r, double factor, Stiffness& sum) {
-  if (factor == 0 || sample_field(field, p_WC + l, r).phi >= r) return;
-  const CurvedFieldSample s = sample_field_curvature(field, p_WC + l, r);
-  const double volume = factor * cap_volume(r, s.phi);
-  const double area = s.phi > -r ? factor * kPi * (r * r - s.phi * s.phi) : 0;
-  const Vec3d& n = s.gradient;
-  const Vec3d force = volume * n;
-  for (int column = 0; column < 6; ++column) {
-    Vec3d axis;
-    axis[column % 3] = 1;
-    const Vec3d moved = column < 3 ? axis : cross(axis, l);
-    const Vec3d more_force = volume * (s.hessian * moved) - area * dot(n, moved) * n;
-    Vec3d more_torque = cross(l, more_force);
-    if (column >= 3) more_torque += cross(moved, force);
-    for (int row = 0; row < 3; ++row) {
-      sum.m[row][column] -= more_force[row];
-      sum.m[row + 3][column] -= more_torque[row];
-    }
+/// What all elements together say about the stiffness, as sums over them. F = sum f V(phi) n with n
+/// = grad phi, so dF = sum S dc with S = f (V H - A n n^T): A is the area of the cut disc, H holds
+/// the second derivatives of phi. A motion of the tool by `shift` and a small `turn` about C moves
+/// the element at lever l by dc = shift + turn x l, and its torque l x F changes with both factors.
+struct StiffnessSums {
+  // S: 6 numbers (xx, xy, xz, yy, yz, zz); L S with L w = l x w: 9, row by row; L S L: 6; l F^T: 9.
+  static constexpr int kS = 0, kLS = 6, kLSL = 15, kLF = 21, kNum = 30;
+  double numbers[kNum] = {};
+
+  PALPATE_HOSTDEV void add(const StiffnessSums& other) {
+    for (int k = 0; k < kNum; ++k) numbers[k] += other.numbers[k];
   }
+
+  PALPATE_HOSTDEV Stiffness stiffness() const {
+    constexpr int kPlace[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+    Stiffness k;
+    const double *S = numbers + kS, *LS = numbers + kLS, *LSL = numbers + kLSL, *LF = numbers + kLF;
+    const double trace = LF[0] + LF[4] + LF[8];
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        k.m[row][column] = -S[kPlace[row][column]];
+        k.m[row + 3][column] = -LS[3 * row + column];
+        // dF by the turn is -S L = (L S)^T.
+        k.m[row][column + 3] = -LS[3 * column + row];
+        // (turn x l) x F = (l F^T - (l.F) 1) turn
+        const double of_force = LF[3 * row + column] - (row == column ? trace : 0);
+        k.m[row + 3][column + 3] = LSL[kPlace[row][column]] - of_force;
+      }
+    }
+    return k;
+  }
+};
+
+/// An element's terms; volume and disc include its factor.
+template <class Real>
+PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real disc,
+                                     const Gradient3<Real>& n, const Symmetric<Real>& h,
+                                     Real (&terms)[StiffnessSums::kNum]) {
+  const Real nx = disc * n.x, ny = disc * n.y, nz = disc * n.z;
+  const Real xx = volume * h.xx - nx * n.x, xy = volume * h.xy - nx * n.y,
+             xz = volume * h.xz - nx * n.z, yy = volume * h.yy - ny * n.y,
+             yz = volume * h.yz - ny * n.z, zz = volume * h.zz - nz * n.z;
+  const Real S[StiffnessSums::kLS] = {xx, xy, xz, yy, yz, zz};
+  // L S: the columns of S, crossed with l.
+  const Real LS[9] = {l.y * xz - l.z * xy, l.y * yz - l.z * yy, l.y * zz - l.z * yz,
+                      l.z * xx - l.x * xz, l.z * xy - l.x * yz, l.z * xz - l.x * zz,
+                      l.x * xy - l.y * xx, l.x * yy - l.y * xy, l.x * yz - l.y * xz};
+  // (L S) L: the rows of L S, crossed with l.
+  const Real LSL[6] = {LS[1] * l.z - LS[2] * l.y, LS[2] * l.x - LS[0] * l.z,
+                       LS[0] * l.y - LS[1] * l.x, LS[5] * l.x - LS[3] * l.z,
+                       LS[3] * l.y - LS[4] * l.x, LS[6] * l.y - LS[7] * l.x};
+  const Real fx = volume * n.x, fy = volume * n.y, fz = volume * n.z;
+  const Real LF[9] = {l.x * fx, l.x * fy, l.x * fz, l.y * fx, l.y * fy,
+                      l.y * fz, l.z * fx, l.z * fy, l.z * fz};
+  for (int k = 0; k < 6; ++k) terms[StiffnessSums::kS + k] = S[k];
+  for (int k = 0; k < 9; ++k) terms[StiffnessSums::kLS + k] = LS[k];
+  for (int k = 0; k < 6; ++k) terms[StiffnessSums::kLSL + k] = LSL[k];
+  for (int k = 0; k < 9; ++k) terms[StiffnessSums::kLF + k] = LF[k];
+}
+
+/// The terms of one element at lever l from C (in W), in double.
+PALPATE_HOSTDEV inline StiffnessSums stiffness_of(const DepthFieldView& field, const Vec3d& p_WC,
+                                                  const Vec3d& l, double r, double factor) {
+  StiffnessSums sums;
+  if (factor == 0 || sample_field(field, p_WC + l, r).phi >= r) return sums;
+  const CurvedFieldSample s = sample_field_curvature(field, p_WC + l, r);
+  const double disc = s.phi > -r ? factor * kPi * (r * r - s.phi * s.phi) : 0;
+  const Mat3d& h = s.hessian;
+  stiffness_terms<double>({l.x, l.y, l.z}, factor * cap_volume(r, s.phi), disc,
+                          {s.gradient.x, s.gradient.y, s.gradient.z},
+                          {h.m[0][0], h.m[0][1], h.m[0][2], h.m[1][1], h.m[1][2], h.m[2][2]},
+                          sums.numbers);
+  return sums;
 }
 
 /// State of a sphere and the plane that it is cut by, in T.

@@ -1,68 +1,10 @@
 // Elements against the depth field, compiled once per instruction set: the steps of
 // palpate/field/field_sample.h for as many elements at once as a vector has lanes.
-#include "palpate/field/field_sample.h"
-#include "src/contact/field_contact.h"
 #include "src/contact/field_element.h"
-#include "src/core/simd.h"
+#include "src/contact/field_lanes.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
-
-constexpr int kSize = SphereClusters::kSize;
-
-// What a query knows of the field.
-struct Field {
-  explicit Field(const DepthFieldView& view)
-      : fx(static_cast<float>(view.intrinsics.fx)),
-        fy(static_cast<float>(view.intrinsics.fy)),
-        cx(static_cast<float>(view.intrinsics.cx)),
-        cy(static_cast<float>(view.intrinsics.cy)),
-        width(static_cast<float>(view.levels[0].width)),
-        height(static_cast<float>(view.levels[0].height)),
-        thickness(view.thickness),
-        stride(view.levels[0].stride),
-        last_level(view.num_levels - 1),
-        planes(view.levels[0].planes),
-        is_step(view.levels[0].is_step) {
-    for (int k = 0; k < view.num_levels; ++k) {
-      start.entries[k] = static_cast<std::int32_t>(view.levels[k].is_step - is_step);
-      step_limit.entries[k] = view.levels[k].step_limit;
-    }
-  }
-
-  float fx, fy, cx, cy, width, height, thickness;
-  std::int32_t stride, last_level;
-  const float* planes;  // of level 0; the other levels follow
-  const std::uint8_t* is_step;
-  LaneTable<std::int32_t> start;  // pixel (0, 0) of each level
-  LaneTable<float> step_limit;
-};
-
-// Where on one level elements are seen.
-struct Spot {
-  VecI pixel;
-  VecF s, t;  // from the middle of the pixel
-};
-
-// 2^-level
-[[gnu::always_inline]] inline VecF scale_of(VecI level) {
-  return reinterpret_cast<VecF>((127 - level) << 23);
-}
-
-[[gnu::always_inline]] inline Spot spot_at(const Field& field, VecF u, VecF v, VecI level) {
-  const VecF scale = scale_of(level);
-  const auto place = [&](VecF pixels, float size, VecF& offset) {
-    VecF p = (pixels + 0.5f) * scale - 0.5f;
-    p = min(max(p, splat(DepthFieldLevel::kFirst)), size * scale + 2.0f);
-    const VecI pixel = to_int(p + 4.5f) - 4;  // rounded down: p > -4
-    offset = p - to_float(pixel);
-    return pixel;
-  };
-  Spot spot;
-  const VecI column = place(u, field.width, spot.s), row = place(v, field.height, spot.t);
-  spot.pixel = look_up(field.start, level) + row * field.stride + column;
-  return spot;
-}
 
 // phi and its derivatives, each element on a level of its own.
 [[gnu::always_inline]] inline ImageGradient<VecF> sample(const Field& field, const Spot& at,
@@ -114,65 +56,6 @@ struct Spot {
 struct Totals {
   RowSums volume, potential, fx, fy, fz, tx, ty, tz, boundary, inside;
 };
-
-// The elements of a cluster between the steps of measuring them. Each step is a short loop: then
-// the processor has several vectors in flight, where one long loop would wait for each vector's
-// chain.
-struct Elements {
-  alignas(64) float lx[kSize], ly[kSize], lz[kSize];  // from C, in W
-  alignas(64) float from_u[kSize], from_v[kSize], depth[kSize], inverse_depth[kSize];
-  alignas(64) std::int32_t level[kSize], pixel[kSize];
-  alignas(64) float s[kSize], t[kSize];
-  alignas(64) float blend[kSize], blend_by_z[kSize];  // with the next wider level
-  alignas(64) float phi[kSize], by_u[kSize], by_v[kSize], by_z[kSize];
-};
-
-// Step 1: where the elements are seen, and on which level: footprint = m 2^e with m in [1, 2) lies
-// between levels e and e + 1.
-[[gnu::always_inline]] inline void aim(const MeasureJob& job, const Field& field, std::size_t begin,
-                                       Elements& to) {
-  const SphereClusters& c = *job.clusters;
-  const VecI last = splat(field.last_level);
-  for (int i = 0; i < kSize; i += kLanes) {
-    const std::size_t place = begin + static_cast<std::size_t>(i);
-    const VecF x_T = load(&c.x[place]), y_T = load(&c.y[place]), z_T = load(&c.z[place]);
-    const auto rotated = [&](const float(&row)[3]) {
-      return row[0] * x_T + row[1] * y_T + row[2] * z_T;
-    };
-    const VecF lx = rotated(job.frame.R_WT[0]), ly = rotated(job.frame.R_WT[1]),
-               lz = rotated(job.frame.R_WT[2]);
-    const VecF depth = max(lz + job.frame.p_WC[2], splat(kLeastDepth)),
-               inverse_depth = 1.0f / depth;
-    const VecF from_u = field.fx * (lx + job.frame.p_WC[0]) * inverse_depth;
-    const VecF from_v = field.fy * (ly + job.frame.p_WC[1]) * inverse_depth;
-
-    const VecF radius = load(job.radius + place);
-    const VecF footprint = max(kFootprint * radius * field.fx * inverse_depth, splat(1.0f));
-    const VecI bits = reinterpret_cast<VecI>(footprint);
-    const VecI exponent = (bits >> 23) - 127;
-    const VecF m = reinterpret_cast<VecF>((bits & 0x7fffff) | 0x3f800000);
-    const Sloped<VecF> step = smooth_step((m - 1.0f) * (1.0f / (kBlendEnd - 1)));
-    const VecI is_next = (step.value >= splat(1.0f)) & (exponent < last);
-    const VecI is_single = is_next | (exponent >= last);
-    const VecI level = exponent < last ? exponent - is_next : last;
-    const VecF step_by_z = step.slope * m * inverse_depth * (-1.0f / (kBlendEnd - 1));
-    const Spot spot = spot_at(field, from_u + field.cx, from_v + field.cy, level);
-
-    store(to.lx + i, lx);
-    store(to.ly + i, ly);
-    store(to.lz + i, lz);
-    store(to.from_u + i, from_u);
-    store(to.from_v + i, from_v);
-    store(to.depth + i, depth);
-    store(to.inverse_depth + i, inverse_depth);
-    store(to.level + i, level);
-    store(to.pixel + i, spot.pixel);
-    store(to.s + i, spot.s);
-    store(to.t + i, spot.t);
-    store(to.blend + i, select(is_single, VecF{}, step.value));
-    store(to.blend_by_z + i, select(is_single, VecF{}, step_by_z));
-  }
-}
 
 // Step 2: phi and its derivatives.
 [[gnu::always_inline]] inline void ask(const MeasureJob& job, const Field& field, std::size_t begin,
@@ -231,22 +114,6 @@ struct Elements {
     totals.inside.add(part, select(is_inside, counted, VecF{}));
     totals.boundary.add(part, select((phi < radius) & ~is_inside, counted, VecF{}));
   }
-}
-
-// True if the tiles that spheres in a ball can ask about are all well behind it: every plane is at
-// least the largest radius away from every sphere.
-bool is_in_front(const MeasureJob& job, const Cluster& ball, float largest_radius) {
-  const DepthFieldView& field = job.field;
-  const BallWindow window =
-      window_of(job.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
-  for (int v = window.top; v <= window.bottom; ++v) {
-    for (int u = window.left; u <= window.right; ++u) {
-      const DepthTile& tile = field.tiles[v * field.tiles_wide + u];
-      if (!is_behind(tile, window.farthest, largest_radius)) return false;
-    }
-  }
-  return true;
 }
 
 }  // namespace

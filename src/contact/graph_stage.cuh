@@ -62,14 +62,22 @@ class GraphStage {
   }
 
  private:
-  static constexpr int kFew = 128;  // parts of rows
-  static constexpr int kBatch = 4;  // neighbours that a lane asks about at the same time
-  static constexpr int kLeastLanes = 4;
+  static constexpr int kFew = 128;       // parts of rows
+  static constexpr int kBatch = 4;       // neighbours that a lane asks about at the same time
+  static constexpr int kLeastLanes = 3;  // for each part, as the exponent of 2
 
   /// Those who share a round, and where they count the parts that they list.
   struct Team {
     int warp, num_warps;
     std::int32_t* num_listed;
+  };
+  /// How many lanes have a part together: 2^log2.
+  struct Lanes {
+    int log2;
+    __device__ int num() const { return 1 << log2; }
+    __device__ int at_once() const { return gpu::kWarpSize >> log2; }
+    __device__ int number_of_group() const { return gpu::lane_id() >> log2; }
+    __device__ int number_of_this() const { return gpu::lane_id() & (num() - 1); }
   };
   /// Where what a round reaches is listed.
   struct Reached {
@@ -110,18 +118,15 @@ class GraphStage {
   __device__ void settle_boundary(const Team& team) const {
     const std::int32_t num = *boundary_.num, all = num + graph_.num_more_parts;
     const Reached reached = reached_from(team, 0, search_.first_round);
-    const int width = lanes_for_each(all, team), at_once = gpu::kWarpSize / width;
-    for (std::int32_t first = team.warp * at_once; first < all;
-         first += team.num_warps * at_once) {
-      const std::int32_t i = first + gpu::lane_id() / width;
+    const Lanes lanes = lanes_for_each(all, team);
+    for (std::int32_t first = team.warp * lanes.at_once(); first < all;
+         first += team.num_warps * lanes.at_once()) {
+      const std::int32_t i = first + lanes.number_of_group();
       RowPart part;
       if (i < num) {
         part.place = place_of_[boundary_.sphere_id[i]];
         part.begin = part.row_begin = graph_.row_starts[part.place];
-        part.end = graph_.row_starts[part.place + 1];
-        if (part.end > part.begin + PlaceGraphView::kPart) {
-          part.end = part.begin + PlaceGraphView::kPart;
-        }
+        part.end = end_of_part(part.begin, graph_.row_starts[part.place + 1]);
       } else if (i < all) {
         part = graph_.more_parts[i - num];
         if (gpu::read_now(&search_.places[part.place].round) != search_.first_round) {
@@ -130,7 +135,7 @@ class GraphStage {
       }
       if (!__any_sync(gpu::kWholeWarp, part.begin < part.end)) continue;
       const std::int32_t seed = part.begin < part.end ? reference_[part.place] : -1;
-      walk(part, width, {0, seed}, look_ahead(part, width), reached);
+      walk(part, lanes, {0, seed}, look_ahead(part, lanes), reached);
     }
   }
 
@@ -138,49 +143,62 @@ class GraphStage {
                                 std::int32_t round) const {
     const RowPart* const parts = search_.listed[turn % 2];
     const Reached reached = reached_from(team, turn, round);
-    const int width = lanes_for_each(num, team), at_once = gpu::kWarpSize / width;
-    for (std::int32_t first = team.warp * at_once; first < num;
-         first += team.num_warps * at_once) {
-      const std::int32_t i = first + gpu::lane_id() / width;
-      settle(i < num ? parts[i] : RowPart{}, width, reached);
+    const Lanes lanes = lanes_for_each(num, team);
+    for (std::int32_t first = team.warp * lanes.at_once(); first < num;
+         first += team.num_warps * lanes.at_once()) {
+      const std::int32_t i = first + lanes.number_of_group();
+      settle(i < num ? parts[i] : RowPart{}, lanes, reached);
     }
   }
 
   __device__ Reached reached_from(const Team& team, int turn, std::int32_t round) const {
     return {round + 1, search_.listed[(turn + 1) % 2], team.num_listed + (turn + 1) % 3};
   }
-  __device__ static int lanes_for_each(std::int32_t num, const Team& team) {
-    int width = gpu::kWarpSize;
-    while (width > kLeastLanes && num > team.num_warps * (gpu::kWarpSize / width)) width /= 2;
-    return width;
+  __device__ static Lanes lanes_for_each(std::int32_t num, const Team& team) {
+    Lanes lanes{5};
+    while (lanes.log2 > kLeastLanes && num > team.num_warps * lanes.at_once()) --lanes.log2;
+    return lanes;
+  }
+  __device__ static std::int32_t end_of_part(std::int32_t begin, std::int32_t row_end) {
+    const std::int32_t end = begin + PlaceGraphView::kPart;
+    return end < row_end ? end : row_end;
   }
 
-  /// One part by `width` lanes; an empty one by those that have none. All lanes of the warp call.
-  __device__ void settle(const RowPart& part, int width, const Reached& reached) const {
+  /// One part; an empty one by those that have none. All lanes of the warp call.
+  __device__ void settle(const RowPart& part, const Lanes& lanes, const Reached& reached) const {
     const bool has_part = part.begin < part.end;
-    const int sub = gpu::lane_id() % width;
     // All that does not need the reference is asked for before it is known.
     const Offer* const offers = search_.offers + part.row_begin;
     const int num = has_part ? gpu::read_now(&search_.places[part.place].num_offers) : 0;
-    const Offer first = has_part && sub < part.end - part.row_begin ? offers[sub] : Offer{};
-    const Ahead ahead = look_ahead(part, width);
-    const Offer best =
-        best_offer(sub < num ? first : Offer{1e300, INT32_MAX}, offers, num, sub, width);
-    if (has_part && part.begin == part.row_begin && sub == 0) {
+    Offer first[GraphSearch::kFirstOffers];
+#pragma unroll
+    for (int i = 0; i < GraphSearch::kFirstOffers; ++i) first[i] = offers[i];
+    const Ahead ahead = look_ahead(part, lanes);
+    Offer best{1e300, INT32_MAX};
+#pragma unroll
+    for (int i = 0; i < GraphSearch::kFirstOffers; ++i) {
+      if (i < num && first[i].beats(best)) best = first[i];
+    }
+    if (__any_sync(gpu::kWholeWarp, num > GraphSearch::kFirstOffers)) {
+      best = best_of_many(best, offers, num, lanes);
+    }
+    if (!has_part) best = Offer{};
+    if (has_part && part.begin == part.row_begin && lanes.number_of_this() == 0) {
       reference_[part.place] = best.seed;
       search_.path_length[part.place] = best.path_length;
     }
-    walk(part, width, has_part ? best : Offer{}, ahead, reached);
+    walk(part, lanes, best, ahead, reached);
   }
 
-  /// The best of some offers, in all lanes of each `width`. All lanes of the warp call.
-  __device__ static Offer best_offer(Offer best, const Offer* offers, int num, int sub, int width) {
+  /// The best of some offers, after the first. All lanes of the warp call.
+  __device__ static Offer best_of_many(Offer best, const Offer* offers, int num,
+                                       const Lanes& lanes) {
 #pragma unroll 4
-    for (int i = sub + width; i < num; i += width) {
+    for (int i = GraphSearch::kFirstOffers + lanes.number_of_this(); i < num; i += lanes.num()) {
       const Offer offer = offers[i];
       if (offer.beats(best)) best = offer;
     }
-    for (int step = width / 2; step > 0; step /= 2) {
+    for (int step = lanes.num() / 2; step > 0; step /= 2) {
       const Offer other{__shfl_xor_sync(gpu::kWholeWarp, best.path_length, step),
                         __shfl_xor_sync(gpu::kWholeWarp, best.seed, step)};
       if (other.beats(best)) best = other;
@@ -188,19 +206,19 @@ class GraphStage {
     return best;
   }
 
-  /// Neighbours of the part, from `begin` on, as many as its lanes look at together. Behind its end:
-  /// one that is never open.
-  __device__ Ahead look_ahead(const RowPart& part, int width) const {
+  /// Neighbours of the part, from `begin` on, as many as its lanes look at together. Behind its
+  /// end: one that is never open.
+  __device__ Ahead look_ahead(const RowPart& part, const Lanes& lanes) const {
     Ahead ahead;
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
-      const std::int32_t e = part.begin + gpu::lane_id() % width + b * width;
+      const std::int32_t e = part.begin + lanes.number_of_this() + b * lanes.num();
       ahead.place[b] = e < part.end ? graph_.neighbours[e] : -1;
-      ahead.round[b] = INT32_MAX;
     }
 #pragma unroll
     for (int b = 0; b < kBatch; ++b) {
       const std::int32_t place = ahead.place[b];
+      ahead.round[b] = INT32_MAX;
       if (place < 0) continue;
       ahead.round[b] = gpu::read_now(&search_.places[place].round);
       ahead.row_begin[b] = graph_.row_starts[place];
@@ -210,71 +228,66 @@ class GraphStage {
     return ahead;
   }
 
-  /// Offers the reference of a place, if it has one, to those neighbours to which it leads. `ahead`:
-  /// the first of them. All lanes of the warp call.
-  __device__ void walk(RowPart part, int width, const Offer& from, Ahead ahead,
+  /// Offers the reference of a place, if it has one, to those neighbours to which it leads.
+  /// `ahead`: the first of them. All lanes of the warp call.
+  __device__ void walk(RowPart part, const Lanes& lanes, const Offer& from, Ahead ahead,
                        const Reached& reached) const {
-    if (from.seed < 0) part.end = part.begin;
-    const Lender& lender = boundary_.lenders[from.seed < 0 ? 0 : from.seed];
+    const bool has_seed = from.seed >= 0;
+    const Lender& lender = boundary_.lenders[has_seed ? from.seed : 0];
     const Vec3d c = graph_.spheres[part.place].centre(), normal = lender.plane_T.normal;
-    while (__any_sync(gpu::kWholeWarp, part.begin < part.end)) {
-      int number[kBatch];
-      Vec3d edge[kBatch];
+    for (;;) {
+      bool walks[kBatch];
+      int slot[kBatch], num_slots = 0;
+      double length[kBatch];
 #pragma unroll
       for (int b = 0; b < kBatch; ++b) {
-        number[b] = -1;
-        if (from.seed < 0) continue;
         // Some may have been reached by others in this round.
-        if (ahead.round[b] >= search_.first_round && ahead.round[b] != reached.round) continue;
-        edge[b] = ahead.sphere[b].centre() - c;
-        if (!leads_inside(edge[b], normal)) continue;
-        const std::int32_t to = ahead.place[b];
-        if (with_edges_ && edges_.forbids(sphere_ids_[to], lender.point)) continue;
-        number[b] = atomicAdd(&search_.places[to].num_offers, 1);
+        walks[b] = has_seed &&
+                   (ahead.round[b] < search_.first_round || ahead.round[b] == reached.round) &&
+                   leads_inside(ahead.sphere[b].centre() - c, normal) &&
+                   !(with_edges_ && edges_.forbids(sphere_ids_[ahead.place[b]], lender.point));
+        const unsigned all = __ballot_sync(gpu::kWholeWarp, walks[b]);
+        slot[b] = num_slots + __popc(all & ((1u << gpu::lane_id()) - 1));
+        num_slots += __popc(all);
       }
-      list(ahead, number, reached);
+      if (num_slots > 0) {
+        // Not all will be the first to reach the place, but to wait for that would take longer.
+        int number[kBatch], base = 0;
 #pragma unroll
-      for (int b = 0; b < kBatch; ++b) {
-        if (number[b] < 0) continue;
-        search_.offers[ahead.row_begin[b] + number[b]] = {from.path_length + norm(edge[b]),
-                                                          from.seed};
+        for (int b = 0; b < kBatch; ++b) {
+          number[b] = walks[b] ? atomicAdd(&search_.places[ahead.place[b]].num_offers, 1) : 0;
+        }
+        if (gpu::lane_id() == 0) base = atomicAdd(reached.num, num_slots);
+#pragma unroll
+        for (int b = 0; b < kBatch; ++b) {
+          if (walks[b]) length[b] = from.path_length + norm(ahead.sphere[b].centre() - c);
+        }
+        base = __shfl_sync(gpu::kWholeWarp, base, 0);
+#pragma unroll
+        for (int b = 0; b < kBatch; ++b) {
+          if (!walks[b]) continue;
+          const std::int32_t row_begin = ahead.row_begin[b];
+          search_.offers[row_begin + number[b]] = {length[b], from.seed};
+          RowPart row{ahead.place[b], row_begin, row_begin, row_begin};
+          if (number[b] == 0) reach(row, ahead.row_end[b], reached);
+          reached.parts[base + slot[b]] = row;
+        }
       }
-      part.begin += kBatch * width;
-      ahead = look_ahead(part, width);
+      part.begin += kBatch * lanes.num();
+      if (!__any_sync(gpu::kWholeWarp, has_seed && part.begin < part.end)) return;
+      ahead = look_ahead(part, lanes);
     }
   }
 
-  /// Those that get their first offer are reached. All lanes of the warp call.
-  __device__ static int num_parts(std::int32_t row_begin, std::int32_t row_end) {
-    return (row_end - row_begin + PlaceGraphView::kPart - 1) / PlaceGraphView::kPart;
-  }
-  __device__ void list(const Ahead& ahead, const int (&number)[kBatch],
-                       const Reached& reached) const {
-    int num = 0;
-#pragma unroll
-    for (int b = 0; b < kBatch; ++b) {
-      if (number[b] == 0) num += num_parts(ahead.row_begin[b], ahead.row_end[b]);
-    }
-    if (!__any_sync(gpu::kWholeWarp, num > 0)) return;
-    int sum = num;  // of the lanes up to this one
-    for (int step = 1; step < gpu::kWarpSize; step *= 2) {
-      const int below = __shfl_up_sync(gpu::kWholeWarp, sum, static_cast<unsigned>(step));
-      if (gpu::lane_id() >= step) sum += below;
-    }
-    constexpr int kLast = gpu::kWarpSize - 1;
-    int before = gpu::lane_id() == kLast ? atomicAdd(reached.num, sum) : 0;
-    before = __shfl_sync(gpu::kWholeWarp, before, kLast);
-    RowPart* to = reached.parts + before + sum - num;
-#pragma unroll
-    for (int b = 0; b < kBatch; ++b) {
-      if (number[b] != 0) continue;
-      write_now(&search_.places[ahead.place[b]].round, reached.round);
-      const std::int32_t row_end = ahead.row_end[b];
-      for (std::int32_t begin = ahead.row_begin[b]; begin < row_end;) {
-        const std::int32_t next = begin + PlaceGraphView::kPart;
-        *to++ = {ahead.place[b], ahead.row_begin[b], begin, next < row_end ? next : row_end};
-        begin = next;
-      }
+  /// Gives the place's row its first part, and lists the others.
+  __device__ void reach(RowPart& row, std::int32_t row_end, const Reached& reached) const {
+    write_now(&search_.places[row.place].round, reached.round);
+    row.end = end_of_part(row.begin, row_end);
+    if (row.end == row_end) return;
+    constexpr int kPart = PlaceGraphView::kPart;
+    RowPart* to = reached.parts + atomicAdd(reached.num, (row_end - row.end + kPart - 1) / kPart);
+    for (std::int32_t begin = row.end; begin < row_end; begin += kPart) {
+      *to++ = {row.place, row.row_begin, begin, end_of_part(begin, row_end)};
     }
   }
 
@@ -292,8 +305,8 @@ inline constexpr std::size_t kGraphSharedBytes = sizeof(GraphStage::Scratch);
 
 /// Finds all places that the boundary spheres reach, whose round is first_round; `with_edges` if
 /// edges matter. Called by all threads of a cooperative grid, after a barrier behind the boundary
-/// stage and that of the edges; what it writes is visible to all when it returns. Returns the number
-/// of rounds after the first. Shared memory: kGraphSharedBytes.
+/// stage and that of the edges; what it writes is visible to all when it returns. Returns the
+/// number of rounds after the first. Shared memory: kGraphSharedBytes.
 __device__ inline int search_graph(const PointQuery& q, unsigned long long* barrier,
                                    bool with_edges) {
   if (*q.boundary.num == 0) return 0;

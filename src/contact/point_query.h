@@ -22,7 +22,7 @@
 #include "src/contact/graph_rule.h"
 #include "src/contact/image_window.h"
 #include "src/contact/lender.h"
-#include "src/contact/point_scan.h"
+#include "src/contact/point_lookup.h"
 #include "src/contact/sphere_clusters.h"
 
 namespace palpate {
@@ -57,7 +57,7 @@ struct alignas(16) RowPart {
 /// The leaf graph by places, rows one after the other; edges go both ways. See PlaceGraph.
 struct PlaceGraphView {
   /// Large spheres have thousands of neighbours: rows are worked at in parts of so many.
-  static constexpr int kPart = 64;
+  static constexpr int kPart = 32;
 
   const PlaceSphere* spheres = nullptr;  ///< of each place
   const std::int32_t* row_starts =
@@ -104,10 +104,14 @@ struct alignas(8) PlaceState {
 };
 
 struct GraphSearch {
+  /// That many are read whether they are there or not: so many more lie behind all.
+  static constexpr int kFirstOffers = 4;
+
   PlaceState* places = nullptr;
   double* path_length = nullptr;  ///< of each place reached
   Offer* offers = nullptr;        ///< as many for each place as it has neighbours, at its row
-  /// Two, used in turn: the rows of the places that a round reached, in parts, in any order.
+  /// Two, used in turn: the rows of the places that a round reached, in parts, in any order, and an
+  /// empty part for each further offer. Room for as many as there are edges, and all parts.
   RowPart* listed[2] = {};
   std::int32_t* num_listed = nullptr;  ///< three, used in turn, all 0 between queries
   std::int32_t* num_rounds = nullptr;  ///< so far, as told by a block that went on alone
@@ -119,8 +123,9 @@ struct GraphSearch {
 struct PointQuery {
   // What is asked. `scan` holds cloud, grid, spheres, R_TW and translation; scan.edges is null if
   // edges do not matter.
-  PointScan scan;
   ImageWindow window;
+  GridTransform to_grid;  ///< grid_transform(scan)
+  PointScan scan;
   Mat3d R_WT;
   Vec3d origin;  ///< centre of mass: torques are about it
   InsideMethod method = InsideMethod::simplified;

@@ -47,19 +47,20 @@ class WindowTiles {
   __device__ explicit WindowTiles(const PointQuery& q)
       : window_(q.window),
         cloud_width_(q.scan.cloud.width),
-        height_(q.scan.cloud.height > 1 ? 4 : 1),
-        width_(gpu::kWarpSize / height_) {
-    first_column_ = window_.column_begin / width_ * width_;
-    per_row_ = (window_.column_end - first_column_ + width_ - 1) / width_;
-    rows_ = (window_.row_end - window_.row_begin + height_ - 1) / height_;
+        log_width_(q.scan.cloud.height > 1 ? 3 : 5) {
+    const int width = 1 << log_width_, height = gpu::kWarpSize >> log_width_;
+    first_column_ = window_.column_begin & -width;
+    per_row_ = (window_.column_end - first_column_ + width - 1) >> log_width_;
+    rows_ = (window_.row_end - window_.row_begin + height - 1) >> (5 - log_width_);
   }
   __device__ int num() const { return per_row_ > 0 && rows_ > 0 ? per_row_ * rows_ : 0; }
 
   /// The point of this lane, or -1 if it lies outside the window.
   __device__ std::int32_t point(int tile) const {
-    const int lane = gpu::lane_id();
-    const int row = window_.row_begin + tile / per_row_ * height_ + lane / width_;
-    const int column = first_column_ + tile % per_row_ * width_ + lane % width_;
+    const int lane = gpu::lane_id(), tile_row = tile / per_row_;
+    const int row = window_.row_begin + (tile_row << (5 - log_width_)) + (lane >> log_width_);
+    const int column = first_column_ + ((tile - tile_row * per_row_) << log_width_) +
+                       (lane & ((1 << log_width_) - 1));
     const bool inside =
         row < window_.row_end && column >= window_.column_begin && column < window_.column_end;
     return inside ? row * cloud_width_ + column : -1;
@@ -67,16 +68,16 @@ class WindowTiles {
 
  private:
   ImageWindow window_;
-  int cloud_width_, height_, width_;
+  int cloud_width_, log_width_;
   int first_column_, per_row_, rows_;
 };
 
 class ScanStage {
  public:
   __device__ explicit ScanStage(const PointQuery& q)
-      : q_(q), scan_(q.scan), to_grid_(grid_transform(q.scan)), edges_{&q.scan.cloud} {}
+      : q_(q), scan_(q.scan), edges_{&q.scan.cloud} {}
 
-  __device__ void run() const {
+  __device__ void run(bool with_edges) const {
     const WindowTiles tiles(q_);
     const int num_tiles = tiles.num();
     // Neighbouring tiles go to different blocks: those on the tool cost much more than the others.
@@ -88,7 +89,7 @@ class ScanStage {
       const Point point = next;
       tile += warps;
       if (tile < num_tiles) next = load(tiles.point(tile));
-      look_at(point);
+      look_at(point, with_edges);
     }
   }
 
@@ -148,9 +149,9 @@ class ScanStage {
   }
 
   // All lanes of the warp call.
-  __device__ void look_at(const Point& point) const {
+  __device__ void look_at(const Point& point, bool with_edges) const {
     const SphereGridView& grid = scan_.grid;
-    const GridPoint<float> g = to_grid_units(to_grid_, point.x, point.y, point.z);
+    const GridPoint<float> g = to_grid_units(q_.to_grid, point.x, point.y, point.z);
     std::int32_t tag = 0;
     if (point.index >= 0 &&
         is_in_grid(g, {static_cast<float>(grid.num_x), static_cast<float>(grid.num_y),
@@ -169,7 +170,7 @@ class ScanStage {
       if (id >= 0) value = value_of(point, normal, id);
     }
     add(id, value);
-    if (scan_.edges != nullptr) list_edge(point.index, id);
+    if (with_edges && scan_.edges != nullptr) list_edge(point.index, id);
   }
 
   __device__ FixedPoint value_of(const Point& point, const Vec3d& normal, std::int32_t id) const {
@@ -267,18 +268,17 @@ class ScanStage {
 
   const PointQuery& q_;
   const PointScan& scan_;
-  GridTransform to_grid_;
   EdgePoints edges_;
 };
 
 /// Adds up the points of the window in q.sums and q.touched, lists points that may be edge points,
-/// and clears q.touched_before.
-__device__ inline void scan_points(const PointQuery& q) {
+/// and clears q.touched_before. A kernel for clouds without edges says so by a constant.
+__device__ inline void scan_points(const PointQuery& q, bool with_edges) {
+  ScanStage(q).run(with_edges);
   const int num_words = (q.num_spheres + 31) / 32;
   for (int w = gpu::grid_thread(); w < num_words; w += gpu::grid_threads()) {
     q.touched_before[w] = 0;
   }
-  ScanStage(q).run();
 }
 
 /// Only if q.scan.edges is not null, after scan_points and a barrier: fills q.edge_sums.

@@ -15,18 +15,19 @@ struct SlotSettings {
   SurfaceOptions surface;
   std::optional<DepthFieldOptions> field;
   TimeOptions time;
+  int num_spare = 0;
 
   /// With the newest frame alone there is nothing to blend.
-  int num_slots() const { return time.mode == TimeMode::latest ? 1 : 2; }
+  int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }
 };
 
-/// One or two frames with all that is made from them.
+/// The last frames with all that is made from them. They are taken in turn.
 class FrameSlots {
  public:
   virtual ~FrameSlots() = default;
 
   /// Fills a slot from the next frame. With `motion` the surface is predicted: each pixel goes from
-  /// the frame in the other slot to this one and beyond, to `motion` times the way.
+  /// the frame in the slot before to this one and beyond, to `motion` times the way.
   virtual SurfaceStats take(int slot, const DepthFrame& frame, std::optional<double> motion,
                             ThreadPool& pool) = 0;
   virtual const Surfaces& surfaces(int slot) const = 0;

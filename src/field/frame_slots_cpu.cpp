@@ -29,7 +29,10 @@ class FrameSlotsCpu final : public FrameSlots {
                                    ? slot.estimator.update(averager_->update(frame, pool), pool)
                                    : slot.estimator.update(frame, pool);
     slot.surfaces.cloud = slot.estimator.cloud();
-    if (motion) predict(slots_[static_cast<std::size_t>(1 - number)], slot, *motion, pool);
+    if (motion) {
+      const std::size_t num = slots_.size();
+      predict(slots_[(static_cast<std::size_t>(number) + num - 1) % num], slot, *motion, pool);
+    }
     if (slot.field) {
       slot.field->update(slot.surfaces.cloud, pool);
       slot.surfaces.field = slot.field->view();

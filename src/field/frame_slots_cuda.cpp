@@ -38,9 +38,11 @@ class FrameSlotsCuda final : public FrameSlots {
         slots_(std::move(slots)),
         surfaces_(slots_.size()),
         stream_(gpu, gpu::Priority::low) {
+    const Slot* last = &slots_.back();
     for (Slot& slot : slots_) {
       slot.as_seen = record(slot, nullptr);
-      if (slot.predicted) slot.as_predicted = record(slot, &slots_[&slot == &slots_[0] ? 1 : 0]);
+      if (slot.predicted) slot.as_predicted = record(slot, last);
+      last = &slot;
     }
     stream_.wait();
   }

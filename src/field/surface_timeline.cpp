@@ -70,8 +70,8 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
                                                 const SurfaceOptions& surface,
                                                 const std::optional<DepthFieldOptions>& field,
                                                 const TimeOptions& options,
-                                                const SensingPlace& place) {
-  const SlotSettings settings{stream, surface, field, options};
+                                                const SensingPlace& place, int num_spare) {
+  const SlotSettings settings{stream, surface, field, options, num_spare};
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
   return make_timeline(*std::move(slots), settings);
@@ -100,7 +100,8 @@ SurfaceMoment SurfaceTimeline::at(double time) const {
   const Impl& d = *impl_;
   const Surfaces& to = d.slots->surfaces(d.newest);
   if (d.num_frames < 2 || d.mode == TimeMode::latest) return {to, to, 1};
-  return {d.slots->surfaces(1 - d.newest), to, frame_progress(time, d.time, d.period)};
+  const int last = (d.newest + d.num_slots - 1) % d.num_slots;
+  return {d.slots->surfaces(last), to, frame_progress(time, d.time, d.period)};
 }
 
 PointCloud SurfaceTimeline::newest_cloud() const { return impl_->slots->seen_cloud(impl_->newest); }

@@ -10,9 +10,11 @@ namespace palpate::gpu {
 constexpr int kWarpSize = 32;
 constexpr unsigned kWholeWarp = 0xffffffffu;
 
-__device__ inline int lane_id() { return static_cast<int>(threadIdx.x) % kWarpSize; }
-__device__ inline int warp_id() { return static_cast<int>(threadIdx.x) / kWarpSize; }
-__device__ inline int warps_per_block() { return static_cast<int>(blockDim.x) / kWarpSize; }
+__device__ inline int lane_id() { return static_cast<int>(threadIdx.x % unsigned{kWarpSize}); }
+__device__ inline int warp_id() { return static_cast<int>(threadIdx.x / unsigned{kWarpSize}); }
+__device__ inline int warps_per_block() {
+  return static_cast<int>(blockDim.x / unsigned{kWarpSize});
+}
 /// Number of this thread in the grid, and how many there are: for (i = grid_thread(); i < num;
 /// i += grid_threads()).
 __device__ inline int grid_thread() {

@@ -29,14 +29,14 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 __global__ void __launch_bounds__(kQueryThreads, 1)
     sum_points(const __grid_constant__ PointQuery q, unsigned long long* barrier) {
   if (gpu::grid_thread() == 0) reset_counters(q);
-  scan_points(q);
+  scan_points(q, true);
   gpu::grid_barrier(barrier);
   if (q.scan.edges != nullptr) scan_edges(q);
 }
 
 __global__ void __launch_bounds__(kQueryThreads, 1)
     take_boundary(const __grid_constant__ PointQuery q, unsigned long long* barrier) {
-  find_boundary(q);
+  find_boundary(q, true);
   gpu::grid_barrier(barrier);
   if (q.edges != Edges::none) find_edges(q);
 }
@@ -226,6 +226,7 @@ class OnGpu {
     q.scan.spheres = spheres_;
     q.scan.edges = with_edges ? q.edge_sums : nullptr;
     q.window = scene_->window(question);
+    q.to_grid = grid_transform(q.scan);
     q.R_WT = rotation_matrix(question.X_WT.rotation);
     q.edges = question.edges;
     q.plane_rule = question.plane_rule();

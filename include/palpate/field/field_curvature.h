@@ -14,53 +14,117 @@ struct CurvedFieldSample {
 };
 
 /// First and second derivatives in (u, v, z).
+template <class Real>
 struct ImageCurvature {
-  ImageGradient<double> first{};
-  double uu = 0, uv = 0, vv = 0, uz = 0, vz = 0, zz = 0;
+  ImageGradient<Real> first{};
+  Real uu{}, uv{}, vv{}, uz{}, vz{}, zz{};
 };
 
+/// What a saturated distance and its slope by z become, and the second derivative by z.
+template <class Real>
+struct BentPlane {
+  Real distance, by_z, by_zz;
+};
+
+/// Of three by three pixels, row by row.
+template <class Real>
+PALPATE_FORMULA ImageCurvature<Real> curvature_of(const BentPlane<Real> (&planes)[3][3], Real s,
+                                                  Real t, Real scale) {
+  Curved<Real> phi[3], by_z[3], by_zz[3];
+  for (int q = 0; q < 3; ++q) {
+    const BentPlane<Real>(&row)[3] = planes[q];
+    phi[q] = spline(row[0].distance, row[1].distance, row[2].distance, s);
+    by_z[q] = spline(row[0].by_z, row[1].by_z, row[2].by_z, s);
+    by_zz[q] = spline(row[0].by_zz, row[1].by_zz, row[2].by_zz, s);
+  }
+  const Curved<Real> value = spline(phi[0].value, phi[1].value, phi[2].value, t);
+  const Curved<Real> by_u = spline(phi[0].slope, phi[1].slope, phi[2].slope, t);
+  const Curved<Real> z_value = spline(by_z[0].value, by_z[1].value, by_z[2].value, t);
+  const Real squared = scale * scale;
+  return {{value.value, by_u.value * scale, value.slope * scale, z_value.value},
+          spline(phi[0].bend, phi[1].bend, phi[2].bend, t).value * squared,
+          by_u.slope * squared,
+          value.bend * squared,
+          spline(by_z[0].slope, by_z[1].slope, by_z[2].slope, t).value * scale,
+          z_value.slope * scale,
+          spline(by_zz[0].value, by_zz[1].value, by_zz[2].value, t).value};
+}
+
+/// `blend` of the next wider level, with its derivatives by z.
+template <class Real>
+PALPATE_FORMULA ImageCurvature<Real> blended(const ImageCurvature<Real>& c,
+                                             const ImageCurvature<Real>& next, Real blend,
+                                             Real by_z, Real by_zz) {
+  const ImageGradient<Real> change{next.first.phi - c.first.phi, next.first.by_u - c.first.by_u,
+                                   next.first.by_v - c.first.by_v, next.first.by_z - c.first.by_z};
+  return {
+      {c.first.phi + blend * change.phi, c.first.by_u + blend * change.by_u,
+       c.first.by_v + blend * change.by_v, c.first.by_z + blend * change.by_z + by_z * change.phi},
+      c.uu + blend * (next.uu - c.uu),
+      c.uv + blend * (next.uv - c.uv),
+      c.vv + blend * (next.vv - c.vv),
+      c.uz + blend * (next.uz - c.uz) + by_z * change.by_u,
+      c.vz + blend * (next.vz - c.vz) + by_z * change.by_v,
+      c.zz + blend * (next.zz - c.zz) + 2.0f * by_z * change.by_z + by_zz * change.phi};
+}
+
+/// The six different numbers of a symmetric matrix.
+template <class Real>
+struct Symmetric {
+  Real xx{}, xy{}, xz{}, yy{}, yz{}, zz{};
+};
+
+/// Second derivatives in space of a function of (u, v, z); see to_space.
+template <class Real>
+PALPATE_FORMULA Symmetric<Real> hessian_in_space(const ImageCurvature<Real>& c, Real from_centre_u,
+                                                 Real from_centre_v, Real inverse_z, float fx,
+                                                 float fy) {
+  // Derivatives of u and v.
+  const Real u_x = fx * inverse_z, v_y = fy * inverse_z;
+  const Real u_z = -from_centre_u * inverse_z, v_z = -from_centre_v * inverse_z;
+  return {c.uu * u_x * u_x,
+          c.uv * u_x * v_y,
+          u_x * (c.uu * u_z + c.uv * v_z + c.uz) - c.first.by_u * u_x * inverse_z,
+          c.vv * v_y * v_y,
+          v_y * (c.uv * u_z + c.vv * v_z + c.vz) - c.first.by_v * v_y * inverse_z,
+          c.uu * u_z * u_z + 2.0f * c.uv * u_z * v_z + c.vv * v_z * v_z +
+              2.0f * (c.uz * u_z + c.vz * v_z) + c.zz -
+              2.0f * (c.first.by_u * u_z + c.first.by_v * v_z) * inverse_z};
+}
+
+/// A plane at depth z, saturated if the pixel says so, with its derivatives.
+template <class Real>
+PALPATE_FORMULA BentPlane<Real> straight_plane(Real offset, Real slope, Real z) {
+  return {offset - z * slope, -slope, Real{}};
+}
+template <class Real>
+PALPATE_FORMULA BentPlane<Real> bend_plane(const BentPlane<Real>& plane, Real limit,
+                                           Real thickness) {
+  const Real d = plane.distance, squared = plane.by_z * plane.by_z;
+  Real bend = d > limit ? -squared / (limit + limit) : Real{};
+  bend = d < 3.0f * limit ? bend : Real{};
+  const Real deep = d > -2.0f * thickness ? squared / thickness : Real{};
+  bend = d < -thickness ? deep : bend;
+  const Sloped<Real> bent = saturate(d, limit, thickness);
+  return {bent.value, plane.by_z * bent.slope, bend};
+}
+
 /// As sample_level, with second derivatives.
-PALPATE_HOSTDEV inline ImageCurvature sample_level_curvature(const DepthFieldLevel& level,
-                                                             const PixelSpot<double>& spot,
-                                                             double z, double radius,
-                                                             double thickness) {
+PALPATE_HOSTDEV inline ImageCurvature<double> sample_level_curvature(const DepthFieldLevel& level,
+                                                                     const PixelSpot<double>& spot,
+                                                                     double z, double radius,
+                                                                     double thickness) {
   const bool is_bent = must_saturate(level, spot.pixel, z, thickness);
   const double limit = radius + static_cast<double>(level.step_limit);
-  // Of each row: phi, its derivative by z, its second derivative by z.
-  Curved<double> phi[3], by_z[3], by_zz[3];
+  BentPlane<double> planes[3][3];
   for (int q = 0; q < 3; ++q) {
     const float* pair = level.planes + 2 * (spot.pixel + (q - 1) * level.stride - 1);
-    double distance[3], first[3], second[3];
     for (int p = 0; p < 3; ++p) {
-      const double slope = pair[2 * p + 1];
-      distance[p] = static_cast<double>(pair[2 * p]) - z * slope;
-      first[p] = -slope;
-      second[p] = 0;
-      if (!is_bent) continue;
-      const double d = distance[p];
-      if (d > limit && d < 3 * limit) second[p] = -slope * slope / (2 * limit);
-      if (d < -thickness && d > -2 * thickness) second[p] = slope * slope / thickness;
-      const Sloped<double> plane = saturate(d, limit, thickness);
-      distance[p] = plane.value;
-      first[p] *= plane.slope;
+      planes[q][p] = straight_plane<double>(pair[2 * p], pair[2 * p + 1], z);
+      if (is_bent) planes[q][p] = bend_plane(planes[q][p], limit, thickness);
     }
-    phi[q] = spline(distance[0], distance[1], distance[2], spot.s);
-    by_z[q] = spline(first[0], first[1], first[2], spot.s);
-    by_zz[q] = spline(second[0], second[1], second[2], spot.s);
   }
-  const double t = spot.t, s = level.scale;
-  const Curved<double> value = spline(phi[0].value, phi[1].value, phi[2].value, t);
-  const Curved<double> by_u = spline(phi[0].slope, phi[1].slope, phi[2].slope, t);
-  const Curved<double> z_value = spline(by_z[0].value, by_z[1].value, by_z[2].value, t);
-  ImageCurvature sum;
-  sum.first = {value.value, by_u.value * s, value.slope * s, z_value.value};
-  sum.uu = spline(phi[0].bend, phi[1].bend, phi[2].bend, t).value * s * s;
-  sum.uv = by_u.slope * s * s;
-  sum.vv = value.bend * s * s;
-  sum.uz = spline(by_z[0].slope, by_z[1].slope, by_z[2].slope, t).value * s;
-  sum.vz = z_value.slope * s;
-  sum.zz = spline(by_zz[0].value, by_zz[1].value, by_zz[2].value, t).value;
-  return sum;
+  return curvature_of(planes, spot.s, spot.t, static_cast<double>(level.scale));
 }
 
 /// As sample_field, with second derivatives.
@@ -72,38 +136,21 @@ PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthField
   const LevelChoice<double> choice = choose_level(field, radius, z);
   const DepthFieldLevel& level = field.levels[choice.level];
   const double thickness = field.thickness;
-  ImageCurvature c =
+  ImageCurvature<double> c =
       sample_level_curvature(level, spot_at(level, at.u, at.v), z, radius, thickness);
   if (choice.blend.value > 0) {
     const DepthFieldLevel& wider = field.levels[choice.level + 1];
-    const ImageCurvature next =
+    const ImageCurvature<double> next =
         sample_level_curvature(wider, spot_at(wider, at.u, at.v), z, radius, thickness);
-    const double b = choice.blend.value, by_z = choice.blend.slope;
-    const auto mix = [b](double from, double to) { return from + b * (to - from); };
-    const ImageGradient<double> change{next.first.phi - c.first.phi, next.first.by_u - c.first.by_u,
-                                       next.first.by_v - c.first.by_v,
-                                       next.first.by_z - c.first.by_z};
-    c.uu = mix(c.uu, next.uu);
-    c.uv = mix(c.uv, next.uv);
-    c.vv = mix(c.vv, next.vv);
-    c.uz = mix(c.uz, next.uz) + by_z * change.by_u;
-    c.vz = mix(c.vz, next.vz) + by_z * change.by_v;
-    c.zz = mix(c.zz, next.zz) + 2 * by_z * change.by_z + choice.blend_by_zz * change.phi;
-    c.first = {c.first.phi + b * change.phi, c.first.by_u + b * change.by_u,
-               c.first.by_v + b * change.by_v, c.first.by_z + b * change.by_z + by_z * change.phi};
+    c = blended(c, next, choice.blend.value, choice.blend.slope, choice.blend_by_zz);
   }
-  const double fx = field.intrinsics.fx, fy = field.intrinsics.fy;
-  const Gradient3<double> n = to_space(c.first, at.from_centre_u, at.from_centre_v, 1 / z,
-                                       static_cast<float>(fx), static_cast<float>(fy));
-  // Derivatives of u and v.
-  const double u_x = fx / z, v_y = fy / z, u_z = -at.from_centre_u / z, v_z = -at.from_centre_v / z;
-  const double xx = c.uu * u_x * u_x, xy = c.uv * u_x * v_y, yy = c.vv * v_y * v_y;
-  const double xz = u_x * (c.uu * u_z + c.uv * v_z + c.uz) - c.first.by_u * u_x / z;
-  const double yz = v_y * (c.uv * u_z + c.vv * v_z + c.vz) - c.first.by_v * v_y / z;
-  const double zz = c.uu * u_z * u_z + 2 * c.uv * u_z * v_z + c.vv * v_z * v_z +
-                    2 * (c.uz * u_z + c.vz * v_z) + c.zz -
-                    2 * (c.first.by_u * u_z + c.first.by_v * v_z) / z;
-  return {c.first.phi, {n.x, n.y, n.z}, {{{xx, xy, xz}, {xy, yy, yz}, {xz, yz, zz}}}};
+  const float fx = static_cast<float>(field.intrinsics.fx);
+  const float fy = static_cast<float>(field.intrinsics.fy);
+  const Gradient3<double> n = to_space(c.first, at.from_centre_u, at.from_centre_v, 1 / z, fx, fy);
+  const Symmetric<double> h =
+      hessian_in_space(c, at.from_centre_u, at.from_centre_v, 1 / z, fx, fy);
+  return {
+      c.first.phi, {n.x, n.y, n.z}, {{{h.xx, h.xy, h.xz}, {h.xy, h.yy, h.yz}, {h.xz, h.yz, h.zz}}}};
 }
 
 }  // namespace palpate

@@ -57,11 +57,13 @@ class SurfaceTimeline {
  public:
   /// With `field` each frame gets a depth field. Errors: see SurfaceEstimator, DepthField and
   /// DepthAverager; max_jump or first_period negative; the place is not in this build or on this
-  /// machine, or has too little memory.
+  /// machine, or has too little memory. With `num_spare` more surfaces in memory the views of `at`
+  /// outlive so many pushes more: a thread can look at them while another one pushes.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,
-                                        const TimeOptions& options, const SensingPlace& place = {});
+                                        const TimeOptions& options, const SensingPlace& place = {},
+                                        int num_spare = 0);
   SurfaceTimeline(SurfaceTimeline&&) noexcept;
   SurfaceTimeline& operator=(SurfaceTimeline&&) noexcept;
   ~SurfaceTimeline();
@@ -70,7 +72,7 @@ class SurfaceTimeline {
   /// the same bits for any number of threads and at every place. Waits for the GPU.
   SurfaceStats push(const DepthFrame& frame, double time, ThreadPool& pool);
   /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
-  /// waited for. The views stay valid until the next push. O(1).
+  /// waited for. The views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceMoment at(double time) const;
 
   /// A copy in host memory of the newest frame's points as they were seen, not predicted; before

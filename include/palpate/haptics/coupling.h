@@ -1,0 +1,74 @@
+// Between the hand's device and the simulated tool: what the tool does, and what the hand feels.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "palpate/haptics/device.h"
+#include "palpate/haptics/local_contact.h"
+#include "palpate/mesh/mass_properties.h"
+
+namespace palpate {
+
+enum class CouplingKind {
+  virtual_coupling,  ///< a spring-damper between hand and a tool with mass: stable, the default
+  direct,            ///< the tool is at the hand, which feels the contact itself (penalty)
+  proxy,             ///< the tool has no mass and stays where contact and spring balance
+};
+
+/// How contact between queries is known.
+enum class ContactHold {
+  local_model,    ///< wrench and stiffness of the last query
+  interpolation,  ///< from the last wrench to the newest one, as the thesis does
+};
+
+struct CouplingOptions {
+  CouplingKind kind = CouplingKind::virtual_coupling;
+  ContactHold hold = ContactHold::local_model;
+  /// 0: as much as the device allows and the passivity bound K < 2 b / T leaves.
+  double stiffness = 0;          ///< N/m
+  double angular_stiffness = 0;  ///< N m/rad
+  double damping_ratio = 1;      ///< of the coupling, 1: critical
+  double tool_mass = 0.1;        ///< kg; the inertia goes with it
+  double force_at_eighth = 0;    ///< N at an eighth of the tool's volume; 0: the device's largest
+  double motion_scale = 1;       ///< metres of tool per metre of hand
+  Pose X_WB;                     ///< where the device's base is in the scene
+  Pose X_HT;                     ///< where the tool is in the hand
+};
+
+/// The options that result for a device, a tool and a tick, with the zeros filled in, and one
+/// sentence for each that was lowered or is not passive (K >= 2 b / T), saying by how much and what
+/// to do. Errors: numbers out of range or not finite.
+struct CheckedCoupling {
+  CouplingOptions options;
+  std::vector<std::string> warnings;
+};
+Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const DeviceLimits& limits,
+                                       double tick_seconds);
+
+/// After one tick.
+struct CouplingStep {
+  Wrench F_H_B;        ///< what the hand feels, before the safety filter: at the handle, in B
+  Pose X_WT;           ///< of the simulated tool
+  Pose X_WT_hand;      ///< where the hand holds it: apart from X_WT in contact
+  Wrench contact_W;    ///< contact wrench on the tool, about its centre of mass
+  double stretch = 0;  ///< m, between the two
+  double energy = 0;   ///< J, in the spring
+};
+
+/// One state per loop. No allocation, no throw.
+class Coupling {
+ public:
+  virtual ~Coupling() = default;
+  /// The tool goes to the hand, at rest.
+  virtual void reset(const DeviceState& state) noexcept = 0;
+  virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
+                            double dt) noexcept = 0;
+};
+
+/// `options` are checked ones.
+std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,
+                                        const MassProperties& tool);
+
+}  // namespace palpate

@@ -1,0 +1,64 @@
+// A haptic device: where the hand is, and what it is to feel. Who calls whom differs (some drivers
+// are asked, some call back from a thread of their own, some answer one message with one), so the
+// device keeps the clock and asks for the wrench of each tick.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "palpate/core/result.h"
+#include "palpate/math/pose.h"
+
+namespace palpate {
+
+/// What a device can do without harm. SI units.
+struct DeviceLimits {
+  double max_force = 0;              ///< N
+  double max_torque = 0;             ///< N m; 0: the device renders no torque
+  double max_stiffness = 0;          ///< N/m
+  double max_angular_stiffness = 0;  ///< N m/rad
+  double max_damping = 0;            ///< N s/m
+  double workspace_radius = 0;       ///< m
+  double damping = 0;                ///< N s/m, of the mechanism itself: what makes it passive
+  double angular_damping = 0;        ///< N m s/rad
+};
+
+struct DeviceInfo {
+  std::string kind;  ///< as on the command line: sim, replay, spacenav, haply, ...
+  std::string name;  ///< for people: model and serial number or address
+  DeviceLimits limits;
+  double rate = 1000;  ///< ticks per second, nominal
+  bool senses_orientation = true;
+  int num_buttons = 0;
+};
+
+/// What is known of the hand at one tick. Base frame B of the device; handle frame H.
+struct DeviceState {
+  double time = 0;  ///< s, monotonic clock of this computer
+  Pose X_BH;
+  Twist V_BH;                 ///< of the handle's origin, in B
+  std::uint32_t buttons = 0;  ///< bit per button
+  bool is_valid = false;      ///< false: the device said nothing usable this time; the rest is old
+};
+
+/// The wrench that the hand is to feel from this state on: force and torque at the handle's origin,
+/// in B. Called from the device's own thread; it does not throw, allocate, lock or wait.
+using DeviceTick = std::function<Wrench(const DeviceState& state)>;
+
+class HapticDevice {
+ public:
+  virtual ~HapticDevice() = default;  ///< stops
+
+  virtual const DeviceInfo& info() const = 0;
+  /// Begins to tick. Errors: the device does not answer, what it said.
+  virtual Status start(DeviceTick tick) = 0;
+  /// No tick runs or comes any more, and the motors are off. Never waits for more than a second.
+  virtual void stop() noexcept = 0;
+  /// An error once the device is lost or has refused to go on: it has stopped ticking, and the
+  /// motors are off as far as it can be known.
+  virtual Status status() const = 0;
+};
+
+}  // namespace palpate

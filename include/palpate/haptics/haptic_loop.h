@@ -1,0 +1,105 @@
+// A hand, a tool and a live camera: five threads joined by triple buffers (thesis Fig. 4.1).
+//
+//   sensor --> surface --> contact <==> haptic (the device's own thread) --> publishing
+//
+// The haptic thread works on the last LocalContact and never waits for a query; queries look at the
+// newest surfaces and never wait for a frame.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/core/latency_histogram.h"
+#include "palpate/field/surface_timeline.h"
+#include "palpate/haptics/coupling.h"
+#include "palpate/haptics/safety.h"
+
+namespace palpate {
+
+struct HapticSettings {
+  ContactOptions contact;
+  SurfaceOptions surface;
+  DepthFieldOptions field;
+  TimeOptions time;
+  Backend backend = Backend::cpu;
+  int sensing_gpu = 0, contact_gpu = 0;
+  int num_threads = 0;         ///< for surfaces
+  double contact_rate = 1000;  ///< queries per second, at most
+  CouplingOptions coupling;    ///< checked by the loop
+  SafetyOptions safety;
+  bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
+};
+
+/// One tick of the haptic thread, as it is published.
+struct HapticRecord {
+  double time = 0;  ///< s since the loop began
+  DeviceState device;
+  CouplingStep step;
+  Wrench F_H_B;            ///< what went to the device
+  double volume = 0;       ///< m3, of the contact it rests on
+  double contact_age = 0;  ///< s
+  double sensor_age = 0;   ///< s, from the depth frame to this force
+  std::uint64_t contact_number = 0, frame_number = 0;
+  SafetyStatus safety;
+  std::int64_t compute_nanoseconds = 0;
+};
+
+/// One contact query, with all that it takes to repeat it.
+struct ContactRecord {
+  double time = 0;
+  Pose X_WT;
+  Penetration penetration;
+  std::uint64_t number = 0, frame_number = 0;
+  double progress = 1;  ///< between the last two frames
+};
+
+/// What is recorded or shown while the loop runs. Called from the publishing thread alone; may take
+/// its time: what does not fit into the queues meanwhile is counted as lost, and the loop goes on.
+struct HapticObserver {
+  std::function<void(std::uint64_t number, double time, const DepthFrame&)> on_frame;
+  std::function<void(const ContactRecord&)> on_contact;
+  std::function<void(std::span<const HapticRecord>)> on_ticks;
+};
+
+/// Stages, each with what it took and how late it was.
+struct LoopTimes {
+  LatencyHistogram haptic_compute, haptic_period, contact_compute, surface_compute;
+  LatencyHistogram contact_age, sensor_to_force;
+};
+
+struct LoopReport {
+  std::uint64_t num_ticks = 0, num_contacts = 0, num_frames = 0;
+  std::uint64_t num_missed = 0;  ///< ticks whose own computing took longer than a tick
+  std::uint64_t num_lost_records = 0;
+  std::vector<std::string> notes;  ///< e.g. that the scheduler refused real time, and what to do
+  Fault fault = Fault::none;
+  double seconds = 0;
+};
+
+class HapticLoop {
+ public:
+  /// `tool`, `source` and `device` must outlive it. Errors: settings out of range, the backend.
+  static Result<std::unique_ptr<HapticLoop>> create(const Tool& tool, DepthSource& source,
+                                                    HapticDevice& device,
+                                                    const HapticSettings& settings,
+                                                    HapticObserver observer = {});
+  virtual ~HapticLoop() = default;  ///< stops
+
+  /// Begins; returns when the device ticks. Errors: the device, the first frame.
+  virtual Status start() = 0;
+  /// Fades the force out, then ends all threads.
+  virtual void stop() noexcept = 0;
+  virtual bool is_running() const noexcept = 0;
+  /// The newest tick; any thread but the haptic one, one reader.
+  virtual bool latest(HapticRecord& record) noexcept = 0;
+  virtual const LoopTimes& times() const noexcept = 0;
+  virtual LoopReport report() const = 0;
+  /// An error once a source or device has failed; the loop has then faded out.
+  virtual Status status() const = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,91 @@
+// The only way to a motor. Whatever comes in, what goes out is finite, within the device's limits,
+// does not jump, and fades to zero when anything is wrong.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "palpate/haptics/device.h"
+
+namespace palpate {
+
+/// Why the filter has shut the force off. Latched: it stays until `rearm`.
+enum class Fault : std::uint8_t {
+  none,
+  not_finite,     ///< a wrench or a state that is no number
+  stale_contact,  ///< no fresh contact within the limit
+  stale_sensor,   ///< no fresh depth frame within the limit
+  device,         ///< the device gave no usable state within the limit
+  loop,           ///< ticks came too late
+  backend,        ///< the contact query failed (StepStatus::backend_failed)
+  energy,         ///< the passivity controller ran out of damping
+  stopped,        ///< asked for
+};
+std::string_view describe(Fault fault);  ///< one sentence: what happened and what to do
+
+struct SafetyOptions {
+  double force_share = 1;       ///< of the device's limits, 0..1: no more goes out
+  double max_slew = 500;        ///< N/s
+  double max_torque_slew = 10;  ///< N m/s
+  double ramp_seconds = 0.5;    ///< from no force to all of it after engaging
+  /// Engages only when the wanted force has been below this for `engage_ticks`; a hand that begins
+  /// inside something is let in by the ramp after `engage_timeout` instead.
+  double engage_force = 0.2;  ///< N
+  int engage_ticks = 10;
+  double engage_timeout = 2;         ///< s
+  double fade_seconds = 0.05;        ///< from any force to zero after a fault
+  double max_contact_age = 0.02;     ///< s
+  double max_sensor_age = 0.5;       ///< s
+  double max_device_silence = 0.01;  ///< s without a valid state
+  double max_tick = 0.02;            ///< s between ticks
+  bool dead_man = false;             ///< force only while button 0 is held
+  bool passivity_control = true;
+  double energy_tank = 0.01;  ///< J that may be given before the controller damps
+};
+
+/// What the filter knows at a tick, beside the wanted wrench.
+struct SafetyInput {
+  double time = 0;  ///< s, monotonic
+  DeviceState state;
+  double contact_age = 0;  ///< s
+  double sensor_age = 0;   ///< s
+  bool backend_failed = false;
+};
+
+struct SafetyStatus {
+  Fault fault = Fault::none;
+  bool is_engaged = false;
+  double gain = 0;     ///< ramp or fade, 0..1
+  double energy = 0;   ///< J, passivity observer: what the hand has been given net, <= tank
+  double damping = 0;  ///< N s/m, of the passivity controller at this tick
+  std::uint64_t num_limited = 0;  ///< ticks at which a limit bent the wrench
+};
+
+/// One per device. No allocation, no throw; O(1).
+class SafetyFilter {
+ public:
+  /// Errors: options out of range or not finite, limits that are not positive and finite.
+  static Result<SafetyFilter> create(const DeviceLimits& limits, const SafetyOptions& options);
+
+  /// Force and torque keep their direction when they are limited, each by itself.
+  Wrench filter(const Wrench& wanted, const SafetyInput& input) noexcept;
+  const SafetyStatus& status() const { return status_; }
+  /// After a fault has been seen to: begins again as at the start, without force.
+  void rearm() noexcept;
+  void stop() noexcept;  ///< Fault::stopped
+
+ private:
+  SafetyFilter(const DeviceLimits& limits, const SafetyOptions& options)
+      : limits_(limits), options_(options) {}
+
+  DeviceLimits limits_;
+  SafetyOptions options_;
+  SafetyStatus status_;
+  Wrench last_;
+  double last_time_ = 0, last_valid_time_ = 0, start_time_ = 0;
+  double fade_from_ = 0;
+  int num_quiet_ticks_ = 0;
+  bool has_ticked_ = false;
+};
+
+}  // namespace palpate

@@ -1,0 +1,31 @@
+// The kinds of devices that open_device and find_devices know, one pair of functions each.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "palpate/devices/open_device.h"
+
+namespace palpate {
+
+/// Opens by what follows the kind's name and a colon; empty: the first one there is.
+using OpenDevice = Result<std::unique_ptr<HapticDevice>> (*)(std::string_view address);
+/// Says what can be used; takes 0.3 s at most and never moves a device.
+using FindDevice = FoundDevice (*)();
+
+Result<std::unique_ptr<HapticDevice>> open_simulated_device(std::string_view address);
+Result<std::unique_ptr<HapticDevice>> open_replay_device(std::string_view address);
+Result<std::unique_ptr<HapticDevice>> open_spacenav_device(std::string_view address);
+Result<std::unique_ptr<HapticDevice>> open_haply_device(std::string_view address);
+Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_view address);
+Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address);
+Result<std::unique_ptr<HapticDevice>> open_vrpn_device(std::string_view address);
+
+FoundDevice find_spacenav_device();
+FoundDevice find_haply_device();
+FoundDevice find_force_dimension_device();
+FoundDevice find_open_haptics_device();
+FoundDevice find_vrpn_device();
+
+}  // namespace palpate

@@ -1,0 +1,1 @@
+#include "palpate/devices/open_device.h"

@@ -1,0 +1,1 @@
+// see open_device.h

@@ -1,0 +1,62 @@
+#include "src/devices/shared_library.h"
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <system_error>
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Why `candidate` did not load, in few words: most candidates are simply not there.
+std::string complaint(const std::string& candidate, const char* loader_said) {
+  const bool is_path = candidate.find('/') != std::string::npos;
+  std::error_code ignored;
+  if (is_path && !fs::exists(candidate, ignored)) return candidate;
+  if (!is_path) return candidate + " (by the loader)";
+  return candidate + " (" + (loader_said == nullptr ? "not loadable" : loader_said) + ")";
+}
+
+}  // namespace
+
+Result<SharedLibrary> SharedLibrary::open(std::span<const std::string> candidates) {
+  std::vector<std::string> complaints;
+  for (const std::string& candidate : candidates) {
+    if (void* handle = dlopen(candidate.c_str(), RTLD_NOW | RTLD_LOCAL); handle != nullptr)
+      return SharedLibrary(candidate, handle);
+    complaints.push_back(complaint(candidate, dlerror()));
+  }
+  return Error{Errc::not_found, "tried " + listed(complaints)};
+}
+
+void* SharedLibrary::symbol(const char* name) const { return dlsym(handle_, name); }
+
+std::vector<std::string> library_files(const std::string& folder, std::string_view stem) {
+  std::vector<std::string> files;
+  std::error_code error;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    if (entry->path().filename().native().starts_with(stem)) files.push_back(entry->path());
+  }
+  std::sort(files.begin(), files.end(), std::greater<>());
+  if (files.empty()) files.push_back(folder + "/" + std::string(stem));
+  return files;
+}
+
+std::string environment(const char* variable) {
+  const char* value = std::getenv(variable);
+  return value == nullptr ? "" : value;
+}
+
+std::string listed(std::span<const std::string> names) {
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list;
+}
+
+}  // namespace palpate

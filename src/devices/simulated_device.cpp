@@ -1,0 +1,224 @@
+#include "palpate/devices/simulated_device.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "palpate/core/triple_buffer.h"
+#include "src/devices/device_kinds.h"
+#include "src/devices/rotation.h"
+#include "src/devices/simulated_hand.h"
+#include "src/devices/tick_thread.h"
+
+namespace palpate {
+namespace {
+
+struct Range {
+  const char* name;
+  double value, low, high;
+};
+
+Status check(const SimulatedDeviceOptions& options) {
+  const auto& [model, hand, target, rate, quantum, velocity_filter, in_real_time] = options;
+  const auto& limits = model.limits;
+  for (const Range& range : {
+           Range{"ticks per second", rate, 100, 8000},
+           Range{"position resolution", quantum, 0, 0.01},
+           Range{"time of the velocity filter", velocity_filter, 0, 1},
+           Range{"moving mass", model.moving_mass, 1e-3, 100},
+           Range{"largest force", limits.max_force, 0, 1e4},
+           Range{"largest torque", limits.max_torque, 0, 1e3},
+           Range{"workspace radius", limits.workspace_radius, 1e-3, 100},
+           Range{"damping of the mechanism", limits.damping, 0, 1e4},
+           Range{"angular damping of the mechanism", limits.angular_damping, 0, 1e3},
+           Range{"mass of the hand", hand.mass, 0, 100},
+           Range{"damping of the hand", hand.damping, 0, 1e4},
+           Range{"stiffness of the hand", hand.stiffness, 0, 1e6},
+           Range{"angular inertia of the hand", hand.angular_inertia, 1e-6, 1},
+           Range{"angular damping of the hand", hand.angular_damping, 0, 1e3},
+           Range{"angular stiffness of the hand", hand.angular_stiffness, 0, 1e4},
+       })
+    if (!(range.value >= range.low && range.value <= range.high))
+      return Error{Errc::invalid_argument, "simulated device: " + std::string(range.name) + " " +
+                                               std::to_string(range.value) + " is not in " +
+                                               std::to_string(range.low) + " .. " +
+                                               std::to_string(range.high)};
+  return Done{};
+}
+
+/// At most so long, in the same direction.
+Vec3d limited(const Vec3d& v, double most) {
+  const double length = norm(v);
+  return length > most ? v * (most / length) : v;
+}
+
+bool is_finite(const Vec3d& v) { return std::isfinite(v.x + v.y + v.z); }
+
+/// What the encoders of the device make of a true pose, and its driver of their positions.
+class Sensor {
+ public:
+  Sensor(double quantum, double velocity_filter, double tick_seconds)
+      : quantum_(quantum),
+        tick_seconds_(tick_seconds),
+        share_(velocity_filter > 0 ? 1 - std::exp(-tick_seconds / velocity_filter) : 1) {}
+
+  /// At rest at a pose.
+  void reset(const Pose& X_BH) {
+    state_ = {};
+    state_.X_BH = rounded(X_BH);
+    state_.is_valid = true;
+  }
+  /// The next state, so many ticks after the last one.
+  const DeviceState& look(const Pose& X_BH, double time, int num_ticks) {
+    const Pose X_BNow = rounded(X_BH);
+    const Twist V_B = twist_between(state_.X_BH, X_BNow, tick_seconds_ * num_ticks);
+    state_.V_BH.linear += share_ * (V_B.linear - state_.V_BH.linear);
+    state_.V_BH.angular += share_ * (V_B.angular - state_.V_BH.angular);
+    state_.X_BH = X_BNow;
+    state_.time = time;
+    return state_;
+  }
+
+ private:
+  Pose rounded(Pose X_BH) const {
+    if (quantum_ > 0)
+      for (int i = 0; i < 3; ++i)
+        X_BH.translation[i] = quantum_ * std::round(X_BH.translation[i] / quantum_);
+    return X_BH;
+  }
+
+  double quantum_, tick_seconds_, share_;
+  DeviceState state_;
+};
+
+class SimulatedDeviceOfMemory final : public SimulatedDevice {
+ public:
+  explicit SimulatedDeviceOfMemory(const SimulatedDeviceOptions& options)
+      : options_(options),
+        hand_(options.model, options.hand, options.target, 1 / options.rate),
+        sensor_(options.quantum, options.velocity_filter, 1 / options.rate) {
+    info_.kind = "sim";
+    info_.name = "simulated " + std::string(options.model.name);
+    info_.limits = options.model.limits;
+    info_.rate = options.rate;
+    publish(0);
+  }
+
+  const DeviceInfo& info() const override { return info_; }
+
+  Status start(DeviceTick tick) override {
+    stop();
+    tick_ = std::move(tick);
+    hand_.reset();
+    sensor_.reset(hand_.X_BH());
+    F_H_B_ = {};
+    num_ticks_ = 0;
+    has_refused_ = false;
+    is_running_ = true;
+    if (!options_.in_real_time) return Done{};
+    // The hand moves on under the last wrench while ticks are overslept, but not for more than
+    // 0.1 s: nobody's motors are left on for longer.
+    return thread_.start(
+        options_.rate,
+        [this, most = static_cast<int>(options_.rate / 10)](double time, int periods) {
+          return round(time, std::min(periods, most));
+        },
+        [] {});
+  }
+
+  void stop() noexcept override {
+    is_running_ = false;
+    thread_.stop();
+  }
+
+  Status status() const override {
+    if (has_refused_)
+      return Error{Errc::bad_input,
+                   "the simulated device was told a wrench that is no number and has shut down; "
+                   "check what computes it"};
+    return Done{};
+  }
+
+  void run(int num_ticks) override {
+    if (options_.in_real_time) return;
+    for (int i = 0; i < num_ticks && is_running_; ++i)
+      if (!round(static_cast<double>(num_ticks_) / options_.rate, 1)) is_running_ = false;
+  }
+
+  DeviceState true_state() const override { return truth().state; }
+  double energy_given() const override { return truth().energy_given; }
+
+ private:
+  struct Truth {
+    DeviceState state;
+    double energy_given = 0;
+  };
+
+  /// The hand moves on since the last round, then its new wrench is asked for.
+  bool round(double time, int periods) noexcept {
+    if (num_ticks_ > 0)
+      for (int i = 0; i < periods; ++i) hand_.advance(F_H_B_);
+    num_ticks_ += num_ticks_ > 0 ? periods : 1;
+    publish(time);
+    const Wrench wanted = tick_(sensor_.look(hand_.X_BH(), time, periods));
+    if (!is_finite(wanted.force) || !is_finite(wanted.torque)) {
+      has_refused_ = true;
+      return false;
+    }
+    // Motors give what they can.
+    F_H_B_ = {limited(wanted.force, info_.limits.max_force),
+              limited(wanted.torque, info_.limits.max_torque)};
+    return true;
+  }
+
+  void publish(double time) noexcept {
+    auto& [state, energy] = truth_.draft();
+    state = {.time = time, .X_BH = hand_.X_BH(), .V_BH = hand_.V_BH(), .is_valid = true};
+    energy = hand_.energy_given();
+    truth_.publish();
+  }
+
+  const Truth& truth() const {
+    truth_.refresh();
+    return truth_.value();
+  }
+
+  SimulatedDeviceOptions options_;
+  DeviceInfo info_;
+  SimulatedHand hand_;
+  Sensor sensor_;
+  DeviceTick tick_;
+  Wrench F_H_B_;
+  std::int64_t num_ticks_ = 0;
+  std::atomic<bool> has_refused_ = false, is_running_ = false;
+  mutable TripleBuffer<Truth> truth_;
+  TickThread thread_;  // last: stops before anything else goes
+};
+
+}  // namespace
+
+Result<std::unique_ptr<SimulatedDevice>> SimulatedDevice::create(
+    const SimulatedDeviceOptions& options) {
+  if (const Status checked = check(options); !checked) return checked.error();
+  return std::unique_ptr<SimulatedDevice>(std::make_unique<SimulatedDeviceOfMemory>(options));
+}
+
+Result<std::unique_ptr<HapticDevice>> open_simulated_device(std::string_view address) {
+  const auto model = address.empty() ? device_models().front() : find_device_model(address);
+  if (!model) {
+    std::string known;
+    for (const DeviceModel& each : device_models()) known += " " + std::string(each.key);
+    return Error{Errc::not_found, "no model of a device is called '" + std::string(address) +
+                                      "'; known are:" + known};
+  }
+  SimulatedDeviceOptions options;
+  options.model = *model;
+  options.target = exploring_hand(model->limits.workspace_radius);
+  auto device = SimulatedDevice::create(options);
+  if (!device) return device.error();
+  return std::unique_ptr<HapticDevice>(std::move(*device));
+}
+
+}  // namespace palpate

@@ -1,0 +1,1 @@
+#include "palpate/haptics/coupling.h"

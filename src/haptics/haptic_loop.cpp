@@ -1,0 +1,1 @@
+#include "palpate/haptics/haptic_loop.h"

@@ -1,0 +1,1 @@
+#include "palpate/haptics/local_contact.h"

@@ -1,0 +1,56 @@
+// Depth frames as they come in life, whatever they come from.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "palpate/cloud/depth_source.h"
+
+namespace palpate {
+
+/// Checks the frames of a source and says when each of them is to be felt: as far apart as their
+/// time stamps. A source that is slower than its time stamps shifts all that follows, so that the
+/// age of a frame is not counted twice.
+class PacedSource {
+ public:
+  explicit PacedSource(DepthSource& source) : source_(source) {}
+
+  const DepthStreamInfo& info() const { return source_.info(); }
+
+  /// As DepthSource::next. Errors also: a frame of another size, one that is not later.
+  Result<bool> read(DepthFrame& frame) {
+    auto got = source_.next(frame);
+    if (!got || !*got) return got;
+    const DepthStreamInfo& stream = info();
+    if (frame.width != stream.width || frame.height != stream.height ||
+        frame.pixels.size() !=
+            static_cast<std::size_t>(stream.width) * static_cast<std::size_t>(stream.height)) {
+      return bad("has another size than the stream; all frames must have one size");
+    }
+    if (!std::isfinite(frame.timestamp) || (num_read_ > 0 && !(frame.timestamp > last_stamp_))) {
+      return bad("is not later than the one before; sort the frames by their time stamps");
+    }
+    return got;
+  }
+
+  /// When the frame that has just been read is captured, s on the clock of `now`: not before `now`.
+  double capture_time(const DepthFrame& frame, double now) {
+    if (num_read_ == 0) offset_ = now - frame.timestamp;
+    offset_ = std::max(offset_, now - frame.timestamp);
+    last_stamp_ = frame.timestamp;
+    ++num_read_;
+    return frame.timestamp + offset_;
+  }
+
+ private:
+  Error bad(const char* what) const {
+    return {Errc::bad_input, info().name + ": frame " + std::to_string(num_read_) + " " + what};
+  }
+
+  DepthSource& source_;
+  double offset_ = 0, last_stamp_ = 0;
+  int num_read_ = 0;
+};
+
+}  // namespace palpate

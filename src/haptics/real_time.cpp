@@ -1,0 +1,59 @@
+#include "src/haptics/real_time.h"
+
+#include <pthread.h>
+#include <sched.h>
+#if defined(__linux__)
+#include <sys/mman.h>
+#endif
+
+#include <cerrno>
+#include <chrono>
+#include <system_error>
+
+namespace palpate {
+namespace {
+
+std::string text_of(int error_number) {
+  return std::error_code(error_number, std::generic_category()).message();
+}
+
+}  // namespace
+
+double monotonic_now() noexcept {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+int ask_for_real_time(int priority) noexcept {
+  int policy = SCHED_OTHER;
+  sched_param parameters{};
+  if (const int error = pthread_getschedparam(pthread_self(), &policy, &parameters)) return error;
+  if (policy == SCHED_FIFO || policy == SCHED_RR) return 0;
+  parameters.sched_priority = priority;
+  return pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+}
+
+#if defined(__linux__)
+int lock_memory() noexcept {
+  // Not what is mapped later: beyond the limit of locked memory it could not be mapped at all.
+  return mlockall(MCL_CURRENT) == 0 ? 0 : errno;
+}
+void unlock_memory() noexcept { munlockall(); }
+#else
+int lock_memory() noexcept { return ENOTSUP; }
+void unlock_memory() noexcept {}
+#endif
+
+std::string scheduler_refused(const char* which_thread, int error_number) {
+  return std::string("the scheduler refused real time (SCHED_FIFO) to the ") + which_thread +
+         " thread: " + text_of(error_number) +
+         "; forces may come late on a busy machine; allow it with a line '@users - rtprio 90' in "
+         "/etc/security/limits.conf";
+}
+
+std::string memory_lock_refused(int error_number) {
+  return "memory could not be locked: " + text_of(error_number) +
+         "; forces may come late when memory is short; allow it with a line '@users - memlock "
+         "unlimited' in /etc/security/limits.conf";
+}
+
+}  // namespace palpate

@@ -1,0 +1,138 @@
+#include "src/haptics/surface_stage.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "src/haptics/real_time.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kFirstFrameTimeout = 10;       // s
+constexpr std::size_t kNumFramesToPublish = 8;  // a quarter of a second
+
+DepthFrame blank_frame(const DepthStreamInfo& stream) {
+  DepthFrame frame;
+  frame.width = stream.width;
+  frame.height = stream.height;
+  frame.pixels.resize(static_cast<std::size_t>(stream.width) *
+                      static_cast<std::size_t>(stream.height));
+  return frame;
+}
+
+}  // namespace
+
+SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline, int num_threads,
+                           bool keeps_frames, LatencyHistogram& surface_compute)
+    : source_(source),
+      timeline_(std::move(timeline)),
+      pool_(num_threads),
+      surface_compute_(surface_compute),
+      frames_(TimedFrame{blank_frame(source.info())}),
+      seen_(keeps_frames ? kNumFramesToPublish : 0, SeenFrame{blank_frame(source.info())}) {}
+
+Status SurfaceStage::start() {
+  sensor_thread_ = std::thread([this] { read_frames(); });
+  surface_thread_ = std::thread([this] { make_surfaces(); });
+  const double begin = monotonic_now();
+  while (num_frames() == 0) {
+    if (const Status now = status(); !now) return now;
+    if (has_source_ended() && num_read_.load() == 0) {
+      return Error{Errc::bad_input,
+                   source_.info().name + " holds no frame; give a source that does"};
+    }
+    if (monotonic_now() - begin > kFirstFrameTimeout) {
+      return Error{Errc::unavailable, source_.info().name + " has sent no frame within " +
+                                          std::to_string(static_cast<int>(kFirstFrameTimeout)) +
+                                          " s; check the sensor and its cable"};
+    }
+    if (stop_.sleep_for(0.001)) break;
+  }
+  return Done{};
+}
+
+void SurfaceStage::stop() noexcept {
+  stop_.stop();
+  bell_.ring();
+  if (sensor_thread_.joinable()) sensor_thread_.join();
+  if (surface_thread_.joinable()) surface_thread_.join();
+}
+
+void SurfaceStage::fail(const Error& error, std::atomic<bool>& flag) {
+  {
+    const std::lock_guard lock(error_mutex_);
+    if (status_) status_ = error;
+  }
+  flag.store(true, std::memory_order_release);
+}
+
+Status SurfaceStage::status() const {
+  const std::lock_guard lock(error_mutex_);
+  return status_;
+}
+
+std::uint64_t SurfaceStage::num_skipped() const noexcept {
+  // The newest frame may be in work.
+  const std::uint64_t read = num_read_.load(), made = num_frames();
+  return read > made + 1 ? read - made - 1 : 0;
+}
+
+void SurfaceStage::read_frames() {
+  while (!stop_.is_stopping()) {
+    TimedFrame& draft = frames_.draft();
+    const auto got = source_.read(draft.frame);
+    if (!got) return fail(got.error(), source_failed_);
+    if (!*got) break;
+    draft.capture_time = source_.capture_time(draft.frame, monotonic_now());
+    if (stop_.sleep_for(draft.capture_time - monotonic_now())) return;
+    num_read_.fetch_add(1, std::memory_order_release);
+    frames_.publish();
+    bell_.ring();
+  }
+  // The last frame has its share of time.
+  stop_.sleep_for(num_read_.load() > 0 ? 1 / source_.info().rate : 0);
+  source_ended_.store(true, std::memory_order_release);
+}
+
+/// The newest frame, once its surface has a place; null at the end.
+const SurfaceStage::TimedFrame* SurfaceStage::next_frame() {
+  for (;;) {
+    const std::uint32_t heard = bell_.count();
+    if (stop_.is_stopping()) return nullptr;
+    const bool has_place = num_made_.load(std::memory_order_relaxed) <=
+                           num_taken_.load(std::memory_order_acquire) + kNumSpare - 1;
+    if (has_place && frames_.refresh()) return &frames_.value();
+    bell_.wait(heard);
+  }
+}
+
+void SurfaceStage::make_surfaces() {
+  for (std::uint64_t number = 0;; ++number) {
+    const TimedFrame* const newest = next_frame();
+    if (newest == nullptr) return;
+    const double begin = monotonic_now();
+    timeline_.push(newest->frame, newest->capture_time, pool_);
+    const double end = monotonic_now();
+    surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
+    if (!timeline_.status()) return fail(timeline_.status().error(), backend_failed_);
+    surfaces_.publish({timeline_.at(newest->capture_time), end, newest->capture_time,
+                       timeline_.period(), number});
+    if (SeenFrame* seen = seen_.draft()) {
+      seen->frame = newest->frame;
+      seen->time = newest->capture_time;
+      seen->number = number;
+      seen_.push();
+    }
+    num_made_.store(number + 1, std::memory_order_release);
+  }
+}
+
+bool SurfaceStage::take() noexcept {
+  if (!surfaces_.refresh()) return false;
+  num_taken_.store(surfaces_.value().frame_number + 1, std::memory_order_release);
+  bell_.ring();
+  return true;
+}
+
+}  // namespace palpate

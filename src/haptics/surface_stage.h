@@ -1,0 +1,97 @@
+// The first two threads of the loop: frames are read as time passes, and made into surfaces.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "palpate/core/latency_histogram.h"
+#include "palpate/core/triple_buffer.h"
+#include "palpate/field/surface_timeline.h"
+#include "src/haptics/bell.h"
+#include "src/haptics/paced_source.h"
+#include "src/haptics/record_queue.h"
+
+namespace palpate {
+
+/// What the contact thread looks at until it takes the next ones.
+struct LiveSurfaces {
+  SurfaceMoment moment;                     ///< progress 1: there is nothing to blend
+  double ready_time = 0, capture_time = 0;  ///< s, monotonic
+  double period = 1;                        ///< s, expected until the next ones
+  std::uint64_t frame_number = 0;           ///< of `moment.to`, from 0; `from` is the one before
+};
+
+/// A frame that has become a surface, for observers.
+struct SeenFrame {
+  DepthFrame frame;
+  double time = 0;  ///< s, monotonic: captured
+  std::uint64_t number = 0;
+};
+
+/// The timeline keeps one surface more than are looked at: the next frame is made into that one
+/// while the contact thread looks at the last two. Before the frame after that, which goes into the
+/// older of these two, the surface thread waits until the contact thread has taken the new
+/// surfaces. The contact thread never waits.
+class SurfaceStage {
+ public:
+  /// A timeline for this has kNumSpare spare surfaces.
+  static constexpr int kNumSpare = 1;
+
+  SurfaceStage(DepthSource& source, SurfaceTimeline timeline, int num_threads, bool keeps_frames,
+               LatencyHistogram& surface_compute);
+  ~SurfaceStage() { stop(); }
+
+  /// Begins, and returns when the first surface is there. Errors: the first frame, or none comes.
+  Status start();
+  void stop() noexcept;
+
+  /// Contact thread: takes the newest surfaces if there are new ones; looks no more at the older.
+  bool take() noexcept;
+  const LiveSurfaces& taken() const noexcept { return surfaces_.value(); }
+
+  /// How the stage has ended, if it has; any thread.
+  bool has_source_ended() const noexcept { return source_ended_.load(std::memory_order_acquire); }
+  bool has_source_failed() const noexcept { return source_failed_.load(std::memory_order_acquire); }
+  bool has_backend_failed() const noexcept {
+    return backend_failed_.load(std::memory_order_acquire);
+  }
+  Status status() const;
+
+  std::uint64_t num_frames() const noexcept { return num_made_.load(std::memory_order_acquire); }
+  /// Frames that came while the one before was still being worked on, and were left out.
+  std::uint64_t num_skipped() const noexcept;
+  /// Publishing thread; empty unless frames are kept.
+  RecordQueue<SeenFrame>& seen() noexcept { return seen_; }
+
+ private:
+  struct TimedFrame {
+    DepthFrame frame;
+    double capture_time = 0;
+  };
+
+  void read_frames();
+  void make_surfaces();
+  const TimedFrame* next_frame();
+  void fail(const Error& error, std::atomic<bool>& flag);
+
+  PacedSource source_;
+  SurfaceTimeline timeline_;
+  ThreadPool pool_;
+  LatencyHistogram& surface_compute_;
+
+  TripleBuffer<TimedFrame> frames_;      // sensor thread to surface thread
+  TripleBuffer<LiveSurfaces> surfaces_;  // surface thread to contact thread
+  RecordQueue<SeenFrame> seen_;          // surface thread to publishing thread
+  Bell bell_;                            // for the surface thread
+  StopSignal stop_;
+  std::atomic<std::uint64_t> num_read_ = 0, num_made_ = 0, num_taken_ = 0;
+  std::atomic<bool> source_ended_ = false, source_failed_ = false, backend_failed_ = false;
+  mutable std::mutex error_mutex_;
+  Status status_ = Done{};
+  std::thread sensor_thread_, surface_thread_;
+};
+
+}  // namespace palpate

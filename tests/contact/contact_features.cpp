@@ -1,0 +1,399 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "palpate/contact/blended_query.h"
+#include "palpate/contact/body_world.h"
+#include "palpate/core/stamp.h"
+#include "palpate/field/pinhole_cloud.h"
+#include "src/contact/body_contact_cuda.h"
+#include "src/contact/contact_query_cuda.h"
+#include "src/field/frame_slots.h"
+#include "tests/cloud/depth_scenes.h"
+#include "tests/contact/backend_features.h"
+#include "tests/field/device_views.h"
+#include "tests/test_util/contact_checks.h"
+#include "tests/test_util/contact_scenes.h"
+
+namespace palpate::test {
+namespace {
+
+constexpr double kHalfSide = 0.06, kWallDepth = 0.6;
+constexpr double kReach = 2 * kHalfSide;  // levers, and what potentials are measured by
+/// What sums in another order, over single-precision numbers, may make of a measure.
+constexpr double kMeasure = 1e-5;
+/// The stiffness of the CPU is computed in single precision.
+constexpr double kStiffness = 1e-4;
+/// Sums in double precision.
+constexpr double kExact = 1e-10;
+
+std::unique_ptr<ContactQuery> cpu_query(const Tool& tool, ThreadPool* pool = nullptr) {
+  return std::move(make_contact_query(Backend::cpu, tool, {.pool = pool})).value();
+}
+std::unique_ptr<ContactQuery> cuda_query(const Tool& tool) {
+  auto query = make_contact_query_cuda(tool, {});
+  EXPECT_TRUE(query) << query.error().message;
+  return std::move(query).value();
+}
+
+Tool test_tool() { return random_tool(150, kHalfSide, 6); }
+
+/// A bumpy wall with a step all around.
+CloudWithEdges wall(std::uint64_t seed) {
+  return stepped_wall(80, 60, 70, kWallDepth, 0.12, 0.0015, seed, [](int u, int v) {
+    return u > 20 && v > 12 && (u < 42 || v > 30) && u + v < 100;
+  });
+}
+
+DepthField field_of(const PointCloudView& cloud) {
+  DepthField field = std::move(DepthField::create(cloud.width, cloud.height)).value();
+  ThreadPool pool(1);
+  field.update(cloud, pool);
+  return field;
+}
+
+std::vector<Pose> poses(int num) {
+  Random random(8);
+  std::vector<Pose> all;
+  for (int i = 0; i < num; ++i) {
+    const Quaternion q = random.rotation(3);
+    const double x = random.uniform(-0.06, 0.06), y = random.uniform(-0.06, 0.06);
+    all.push_back({{x, y, kWallDepth + random.uniform(-0.7, 0.7) * kHalfSide}, q});
+  }
+  return all;
+}
+
+void expect_near(const Penetration& got, const Penetration& want, double allowed) {
+  EXPECT_EQ(got.num_boundary_spheres, want.num_boundary_spheres);
+  EXPECT_EQ(got.num_inside_spheres, want.num_inside_spheres);
+  EXPECT_EQ(got.num_points, want.num_points);
+  EXPECT_EQ(got.status, want.status);
+  const double scale = allowed * want.volume;
+  EXPECT_NEAR(got.volume, want.volume, scale);
+  EXPECT_NEAR(got.potential, want.potential, scale * kReach);
+  EXPECT_LE(norm(got.measure_W.force - want.measure_W.force), scale);
+  EXPECT_LE(norm(got.measure_W.torque - want.measure_W.torque), scale * kReach);
+}
+
+void expect_near(const Stiffness& got, const Stiffness& want, double allowed) {
+  double largest = 0, error = 0;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) {
+      // Turns by lengths, so that all entries are of one kind.
+      const double unit = std::pow(kReach, row / 3 + column / 3);
+      largest = std::max(largest, std::abs(want.m[row][column]) / unit);
+      error = std::max(error, std::abs(got.m[row][column] - want.m[row][column]) / unit);
+    }
+  }
+  EXPECT_GT(largest, 0);
+  EXPECT_LE(error, allowed * largest);
+}
+
+/// One tool at one wall, by both.
+struct Pair {
+  Tool tool = test_tool();
+  CloudWithEdges scene = wall(5);
+  DepthField field = field_of(scene.view());
+  std::unique_ptr<ContactQuery> cpu = cpu_query(tool), cuda = cuda_query(tool);
+
+  Pair() { show(scene.view(), field.view()); }
+
+  void show(const PointCloudView& cloud, const DepthFieldView& depth_field) const {
+    for (ContactQuery* query : {cpu.get(), cuda.get()}) {
+      query->set_cloud(cloud);
+      query->set_field(depth_field);
+    }
+  }
+
+  /// At a few poses; `visit` looks at what else there is.
+  template <class Visit>
+  void compare(const std::vector<ContactOptions>& all, double allowed, const Visit& visit) const {
+    double volume = 0;
+    for (const ContactOptions& options : all) {
+      for (const Pose& X_WT : poses(3)) {
+        const Penetration want = cpu->query(X_WT, options);
+        expect_near(cuda->query(X_WT, options), want, allowed);
+        volume += want.volume;
+        visit();
+      }
+    }
+    EXPECT_GT(volume, 0);
+  }
+  void compare(const std::vector<ContactOptions>& all, double allowed) const {
+    compare(all, allowed, [] {});
+  }
+};
+
+Feature by(std::string name, std::vector<ContactOptions> options) {
+  return {std::move(name), kMeasure,
+          [options = std::move(options)](double allowed) { Pair().compare(options, allowed); }};
+}
+
+const std::vector<InsideMethod> kPointMethods{InsideMethod::weighted, InsideMethod::simplified,
+                                              InsideMethod::graph};
+const std::vector<InsideMethod> kAllMethods{InsideMethod::field, InsideMethod::weighted,
+                                            InsideMethod::simplified, InsideMethod::graph};
+
+std::vector<ContactOptions> by_each(const std::vector<InsideMethod>& methods,
+                                    ContactOptions options = {}) {
+  std::vector<ContactOptions> all;
+  for (const InsideMethod method : methods) {
+    options.method = method;
+    all.push_back(options);
+  }
+  return all;
+}
+
+FeatureGroup methods() {
+  using enum InsideMethod;
+  return {
+      "Methods",
+      {
+          by("`field`", {{.method = field}}),
+          by("`weighted`, priority distance", {{.method = weighted}}),
+          by("`weighted`, priority count", {{.method = weighted, .priority = Priority::count}}),
+          by("`simplified`, priority distance", {{.method = simplified}}),
+          by("`simplified`, priority count", {{.method = simplified, .priority = Priority::count}}),
+          by("`graph`, whole spheres inside", {{.method = graph}}),
+          by("`graph`, capped spheres inside", {{.method = graph, .inside = InsideVolume::cap}}),
+      }};
+}
+
+FeatureGroup options() {
+  FeatureGroup group{"Options of a query", {}};
+  for (const auto& [name, volumes] : {std::pair{"own", SphereVolumes::own},
+                                      std::pair{"represented", SphereVolumes::represented}}) {
+    group.features.push_back(by(std::string("volumes: ") + name + ", each method",
+                                by_each(kAllMethods, {.volumes = volumes})));
+  }
+  for (const auto& [name, edges] :
+       {std::pair{"centre", Edges::centre}, std::pair{"strict", Edges::strict},
+        std::pair{"cut", Edges::cut}}) {
+    group.features.push_back(by(std::string("edges: ") + name + ", each point method",
+                                by_each(kPointMethods, {.edges = edges})));
+  }
+  for (const auto& [name, continuity] :
+       {std::pair{"kernel", Continuity::kernel}, std::pair{"entry", Continuity::entry},
+        std::pair{"both", Continuity::both}}) {
+    group.features.push_back(by(std::string("continuity: ") + name + ", each point method",
+                                by_each(kPointMethods, {.continuity = continuity})));
+  }
+  group.features.push_back(
+      by("edges and continuity together",
+         by_each(kPointMethods, {.edges = Edges::cut, .continuity = Continuity::both})));
+  return group;
+}
+
+void compare_states(double) {
+  const Pair pair;
+  pair.compare(by_each(kAllMethods), kMeasure, [&] {
+    const auto got = pair.cuda->states(), want = pair.cpu->states();
+    EXPECT_TRUE(std::equal(got.begin(), got.end(), want.begin(), want.end()));
+  });
+}
+
+void compare_planes(double allowed) {
+  const Pair pair;
+  pair.compare(by_each(kAllMethods), kMeasure, [&] {
+    const auto got = pair.cuda->planes(), want = pair.cpu->planes();
+    ASSERT_EQ(got.size(), want.size());
+    for (std::size_t i = 0; i < want.size(); ++i) {
+      EXPECT_LE(static_cast<double>(norm(got[i].normal - want[i].normal)), allowed);
+      EXPECT_NEAR(got[i].offset, want[i].offset, allowed * kWallDepth);
+    }
+  });
+}
+
+void compare_stiffness(double allowed) {
+  const Pair pair;
+  pair.compare({{.method = InsideMethod::field}}, kMeasure,
+               [&] { expect_near(pair.cuda->stiffness(), pair.cpu->stiffness(), allowed); });
+}
+
+void compare_faults(double allowed) {
+  const Pair pair;
+  const Pose nowhere{{NAN, 0, 0}, {}};
+  for (const ContactOptions& options : by_each(kAllMethods)) {
+    EXPECT_EQ(pair.cuda->query(nowhere, options).status,
+              static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+    expect_near(pair.cuda->query(nowhere, options), pair.cpu->query(nowhere, options), allowed);
+  }
+  PointCloud rough = pair.scene.cloud;  // half of the normals look the other way
+  for (std::size_t i = 0; i < rough.size(); i += 2) rough.set(i, rough.point(i), -rough.normal(i));
+  pair.show(rough.view(), {});
+  const Pose X_WT = poses(1)[0];
+  for (const ContactOptions& options : by_each(kPointMethods)) {
+    const Penetration want = pair.cpu->query(X_WT, options);
+    EXPECT_EQ(want.status, static_cast<std::uint32_t>(StepStatus::ambiguous_normals));
+    expect_near(pair.cuda->query(X_WT, options), want, allowed);
+  }
+}
+
+FeatureGroup results() {
+  return {"Results beside the wrench",
+          {
+              {"stiffness of `field`", kStiffness, compare_stiffness},
+              {"states of spheres", 0, compare_states},
+              {"planes of spheres", kMeasure, compare_planes},
+              {"status: bad poses, ambiguous normals", kMeasure, compare_faults},
+          }};
+}
+
+PointCloud scattered_points() {
+  Random random(3);
+  PointCloud cloud(1501, 1);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    cloud.set(i, to_float(random.in_box(0.08) + Vec3d{0, 0, kWallDepth}),
+              to_float(Vec3d{0, 0, -1} + 0.5 * random.direction()));
+  }
+  return cloud;
+}
+
+void compare_unorganised(double allowed) {
+  const Pair pair;
+  const PointCloud cloud = scattered_points();
+  pair.show(cloud.view(), {});
+  pair.compare(by_each(kPointMethods), allowed);
+}
+
+void compare_unorganised_by_field(double allowed) {
+  const Pair pair;
+  const PointCloud image = std::move(make_pinhole_cloud(scattered_points().view())).value();
+  const DepthField field = field_of(image.view());
+  pair.show(image.view(), field.view());
+  pair.compare(by_each({InsideMethod::field}), allowed);
+}
+
+void compare_host_memory(double allowed) {
+  const Pair pair;
+  const CloudWithEdges scene = wall(9);
+  PointCloudView cloud = scene.view();
+  cloud.stamp = next_stamp();
+  const DepthField field = field_of(cloud);
+  pair.show(cloud, field.view());
+  ASSERT_EQ(cloud.gpu, kHostMemory);
+  pair.compare(by_each(kAllMethods), allowed);
+}
+
+SlotSettings stream_settings() {
+  SlotSettings settings;
+  settings.stream = {80, 60, empty_scene(80, 60, 90).intrinsics, 0.0005, 30, std::nullopt, ""};
+  settings.field = DepthFieldOptions{};
+  return settings;
+}
+
+/// Frames of a wall that comes nearer; both ways from image to wrench have nothing in common.
+void compare_from_depth_image(double allowed) {
+  const Tool tool = test_tool();
+  const SlotSettings settings = stream_settings();
+  auto on_cpu = make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings).value();
+  auto on_cuda =
+      make_timeline(std::move(make_frame_slots_cuda(settings, 0)).value(), settings).value();
+  BlendedQuery cpu(cpu_query(tool)), cuda(cuda_query(tool));
+  ThreadPool pool(1);
+  for (int number = 0; number < 2; ++number) {
+    const DepthFrame frame =
+        as_frame(cluttered_scene(80, 60, 90, kWallDepth - 0.005 * number, 7), 0.0005);
+    on_cpu.push(frame, number / 30.0, pool);
+    on_cuda.push(frame, number / 30.0, pool);
+  }
+  const double now = 1.3 / 30;
+  ASSERT_EQ(on_cuda.at(now).to.cloud.gpu, 0);
+  cpu.set_moment(on_cpu.at(now));
+  cuda.set_moment(on_cuda.at(now));
+  double volume = 0;
+  for (const ContactOptions& options : by_each(kAllMethods)) {
+    for (const Pose& X_WT : poses(2)) {
+      const Penetration want = cpu.query(X_WT, options);
+      expect_near(cuda.query(X_WT, options), want, allowed);
+      volume += want.volume;
+      if (options.method == InsideMethod::field && want.volume > 0) {
+        expect_near(cuda.stiffness(), cpu.stiffness(), kStiffness);
+      }
+    }
+  }
+  EXPECT_GT(volume, 0);
+}
+
+FeatureGroup surroundings() {
+  return {"What is felt",
+          {
+              {"from depth image to wrench, between two frames", kMeasure, compare_from_depth_image,
+               "yes: two queries", "yes: `field` in one launch"},
+              {"clouds and fields in host memory", kMeasure, compare_host_memory, "yes",
+               "yes: copied once per frame"},
+              {"unorganised clouds, each point method", kMeasure, compare_unorganised},
+              {"unorganised clouds by `field`", kMeasure, compare_unorganised_by_field, "yes",
+               "yes: their image is made on the host"},
+          }};
+}
+
+void compare_bodies(double allowed) {
+  const Tool left = test_tool(), right = random_tool(90, 0.04, 2), block = random_tool(60, 0.05, 3);
+  BodyWorld cpu, cuda;
+  for (BodyWorld* world : {&cpu, &cuda}) {
+    world->add_tool(left, nullptr);
+    world->add_tool(right, nullptr);
+    world->add_object(block, {{0.03, 0.02, 0.7}, axis_angle({1, 0, 0}, 0.4)});
+  }
+  const Status status = cuda.measure_pairs_by(
+      [](const Tool& a, const Tool& b) { return make_body_contact_cuda(a, b, 0); });
+  ASSERT_TRUE(status) << status.error().message;
+  Random random(4);
+  for (int i = 0; i < 5; ++i) {
+    const Pose X_WL{{0, 0, 0.65}, random.rotation(3)}, X_WR{{0.05, 0, 0.65}, random.rotation(3)};
+    for (BodyWorld* world : {&cpu, &cuda}) {
+      world->set_pose(0, X_WL);
+      world->set_pose(1, X_WR);
+      world->measure({});
+    }
+    for (const int body : {0, 1, 2}) {
+      EXPECT_GT(cpu.measured(body).num_pairs, 0);
+      EXPECT_EQ(cuda.measured(body).num_pairs, cpu.measured(body).num_pairs);
+      expect_near(cuda.measured(body).total(), cpu.measured(body).total(), allowed);
+    }
+  }
+}
+
+FeatureGroup bodies() {
+  return {"Several bodies",
+          {{"tools and objects against each other", kExact, compare_bodies, "yes",
+            "yes: all pairs at the same time"}}};
+}
+
+/// Whatever was asked before, with any number of threads and in any order of them.
+void expect_same_bits_again(double) {
+  const Pair pair;
+  ThreadPool pool(3);
+  const auto threaded = cpu_query(pair.tool, &pool);
+  threaded->set_cloud(pair.scene.view());
+  threaded->set_field(pair.field.view());
+  const Pose X_WT = poses(1)[0], elsewhere = poses(2)[1];
+  for (const ContactOptions& options : by_each(kAllMethods, {.edges = Edges::cut})) {
+    const Penetration on_cpu = pair.cpu->query(X_WT, options);
+    EXPECT_TRUE(same_bits(threaded->query(X_WT, options), on_cpu));
+    const Penetration on_cuda = pair.cuda->query(X_WT, options);
+    in_all_orders([&] {
+      pair.cuda->query(elsewhere, {.method = InsideMethod::graph});
+      EXPECT_TRUE(same_bits(pair.cuda->query(X_WT, options), on_cuda));
+    });
+  }
+}
+
+FeatureGroup repetition() {
+  return {"Repetition",
+          {{"each backend's own bits, on every run", 0, expect_same_bits_again,
+            "yes: for any number of threads", "yes: for any order of threads"}}};
+}
+
+}  // namespace
+
+std::vector<FeatureGroup> contact_features() {
+  return {methods(), options(), results(), surroundings(), bodies(), repetition()};
+}
+
+}  // namespace palpate::test
