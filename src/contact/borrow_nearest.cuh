@@ -80,7 +80,7 @@ class NearestBorrowing : private LenderPruning {
       leave_outside(first, last);
       return;
     }
-    // A warp, or several, for each cluster; if several, there is one for each.
+    // A warp for each cluster, one after the other; or several, and then there is but one for each.
     for (;;) {
       NearestLender found;
       bool is_reached = false;

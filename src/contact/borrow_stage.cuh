@@ -52,7 +52,9 @@ __device__ inline MeasureSums measure_boundary_spheres(const PointQuery& q, Insi
   if (q.plane_rule.fades_in) return measure_fading_spheres(q, method, with_edges);
   const BorrowContext context(q, method, with_edges);
   MeasureSums sums;
-  const int first = spread_warp() * gpu::kWarpSize + gpu::lane_id();
+  // By the last blocks first: those that have the fewest untouched spheres, if any.
+  const int blocks = static_cast<int>(gridDim.x), block = blocks - 1 - static_cast<int>(blockIdx.x);
+  const int first = (gpu::warp_id() * blocks + block) * gpu::kWarpSize + gpu::lane_id();
   for (std::int32_t i = first; i < context.lenders.num; i += gpu::grid_threads()) {
     const std::int32_t id = q.boundary.sphere_id[i];
     context.add(sums, q.scan.spheres[id].centre, context.scaled(id, own_cap(context, i)));

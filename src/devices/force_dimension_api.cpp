@@ -8,8 +8,6 @@ namespace palpate {
 namespace {
 
 constexpr int kOldestMajor = 3, kOldestMinor = 7;
-constexpr const char* kInstall =
-    "install the Force Dimension SDK 3.7 or newer and set FDSDK to its folder";
 
 #if defined(__aarch64__)
 constexpr const char* kSdkFolder = "/lib/release/lin-aarch64-gcc";
@@ -42,8 +40,7 @@ std::vector<std::string> candidates() {
 Result<ForceDimensionApi> load_force_dimension() {
   Result<SharedLibrary> found = SharedLibrary::open(candidates());
   if (!found) {
-    return Error{Errc::not_found,
-                 "no Force Dimension SDK: " + found.error().message + "; " + kInstall};
+    return Error{Errc::not_found, "no Force Dimension SDK: " + found.error().message};
   }
   SharedLibrary& library = *found;
   ForceDimensionApi api{};
@@ -79,12 +76,12 @@ Result<ForceDimensionApi> load_force_dimension() {
                   std::to_string(release) + "." + std::to_string(revision);
     if (major < kOldestMajor || (major == kOldestMajor && minor < kOldestMinor)) {
       return Error{Errc::unavailable, "the Force Dimension SDK in " + api.path + " is release " +
-                                          api.version + ", which is too old; " + kInstall};
+                                          api.version + ", which is too old"};
     }
   }
   if (!library.missing().empty()) {
     return Error{Errc::unavailable, api.path + " lacks " + listed(library.missing()) +
-                                        ": it is not a whole Force Dimension SDK; " + kInstall};
+                                        ": it is not a whole Force Dimension SDK"};
   }
   return api;
 }

@@ -20,6 +20,8 @@ namespace palpate {
 namespace {
 
 constexpr std::string_view kKind = "forcedimension";
+constexpr const char* kInstall =
+    "install the Force Dimension SDK 3.7 or newer and set FDSDK to its folder";
 constexpr const char* kConnect =
     "connect it, switch it on and allow its use (a udev rule for USB vendor 1451, for a Falcon "
     "0403:cb48)";
@@ -63,13 +65,15 @@ const char* describe_force_off(int cause) {
   }
 }
 
+std::string text(const char* said) { return said == nullptr ? "" : said; }
+
 class ForceDimensionDevice final : public AskedDevice {
  public:
   /// Takes the open device `id`.
   ForceDimensionDevice(ForceDimensionApi api, char id) : api_(std::move(api)), id_(id) {
     has_wrist_ = api_.dhdHasWrist(id_);
     info_.kind = kKind;
-    info_.name = std::string("Force Dimension ") + api_.dhdGetSystemName(id_) + ", number " +
+    info_.name = "Force Dimension " + text(api_.dhdGetSystemName(id_)) + ", number " +
                  std::to_string(id_);
     info_.limits = model_of(api_.dhdGetSystemType(id_)).limits;
     if (!api_.dhdHasActiveWrist(id_)) {
@@ -104,6 +108,7 @@ class ForceDimensionDevice final : public AskedDevice {
   }
 
   bool read(DeviceState& state) noexcept override {
+    is_answering_ = true;
     double matrix[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     Vec3d p, v, w;
     const bool has_answered =
@@ -128,7 +133,6 @@ class ForceDimensionDevice final : public AskedDevice {
     const bool is_sure = is_force_on_ && num_silent_ == 0;
     if (send(is_sure ? motor_wrench(F_H_B, info_.limits) : Wrench{})) {
       if (is_answering_) num_silent_ = 0;
-      is_answering_ = true;
       return true;
     }
     return is_still_there();
@@ -186,7 +190,7 @@ class ForceDimensionDevice final : public AskedDevice {
   std::array<char, 160> said_{};
   int num_silent_ = 0, num_force_offs_ = 0, force_off_cause_ = 0;
   unsigned num_ticks_ = 0;
-  bool is_answering_ = true;  // in this tick so far
+  bool is_answering_ = true;  // at this tick so far
   bool is_force_on_ = false, has_lost_force_ = false;
 };
 
@@ -213,8 +217,8 @@ std::string number_of_devices(int count) {
 Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_view address) {
   const Result<int> wanted = device_number(address);
   if (!wanted) return wanted.error();
-  Result<ForceDimensionApi> api = load_force_dimension();
-  if (!api) return api.error();
+  const Result<ForceDimensionApi> api = load_force_dimension();
+  if (!api) return Error{api.error().code, api.error().message + "; " + kInstall};
   const int count = std::clamp(api->dhdGetDeviceCount(), 0, kMaxDeviceNumber + 1);
   if (count == 0 || *wanted >= count) {
     return Error{Errc::not_found, "no Force Dimension device " +
@@ -229,9 +233,8 @@ Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_vi
     for (int i = 0; i < count && id < 0; ++i) id = api->drdOpenID(static_cast<char>(i));
   }
   if (id < 0) {
-    const char* said = api->dhdErrorGetLastStr();
-    return Error{Errc::io_failure, std::string("the Force Dimension device cannot be opened: ") +
-                                       (said == nullptr ? "" : said) +
+    return Error{Errc::io_failure, "the Force Dimension device cannot be opened: " +
+                                       text(api->dhdErrorGetLastStr()) +
                                        "; end other programs that use it, or " + kConnect};
   }
   auto device = std::make_unique<ForceDimensionDevice>(*api, static_cast<char>(id));
@@ -250,10 +253,8 @@ FoundDevice find_force_dimension_device() {
   FoundDevice found{std::string(kKind), std::string(kKind), false, "", ""};
   const Result<ForceDimensionApi> api = load_force_dimension();
   if (!api) {
-    const std::string& message = api.error().message;
-    const std::size_t last = message.rfind("; ");
-    found.what = message.substr(0, last);
-    found.hint = message.substr(last + 2) + ", and " + kConnect;
+    found.what = api.error().message;
+    found.hint = std::string(kInstall) + "; then " + kConnect;
     return found;
   }
   const int count = std::max(api->dhdGetDeviceCount(), 0);

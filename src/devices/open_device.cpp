@@ -1,1 +1,71 @@
 #include "palpate/devices/open_device.h"
+
+#include <algorithm>
+#include <future>
+#include <system_error>
+
+#include "palpate/devices/device_models.h"
+#include "src/devices/device_kinds.h"
+
+namespace palpate {
+namespace {
+
+struct Kind {
+  std::string_view name, usage;
+  OpenDevice open;
+  FindDevice find;
+};
+
+FoundDevice find_simulated_device() {
+  return {"sim", "sim", true,
+          "simulated hand on a " + std::string(device_models().front().name) +
+              "; sim:MODEL for another device",
+          ""};
+}
+
+FoundDevice find_replay_device() {
+  return {"replay:FILE", "replay", true,
+          "a recorded path, lines 't tx ty tz qx qy qz qw'; without forces", ""};
+}
+
+constexpr Kind kKinds[] = {
+    {"sim", "sim[:MODEL]", open_simulated_device, find_simulated_device},
+    {"replay", "replay:FILE", open_replay_device, find_replay_device},
+    {"spacenav", "spacenav[:SOCKET]", open_spacenav_device, find_spacenav_device},
+    {"haply", "haply[:URL]", open_haply_device, find_haply_device},
+    {"forcedimension", "forcedimension[:ID]", open_force_dimension_device,
+     find_force_dimension_device},
+    {"openhaptics", "openhaptics[:NAME]", open_open_haptics_device, find_open_haptics_device},
+    {"vrpn", "vrpn:NAME@HOST[:PORT]", open_vrpn_device, find_vrpn_device},
+};
+
+}  // namespace
+
+std::vector<FoundDevice> find_devices() {
+  // All at once: most of the time goes into waiting for answers.
+  std::vector<std::future<FoundDevice>> answers;
+  for (const Kind& kind : kKinds) {
+    try {
+      answers.push_back(std::async(std::launch::async, kind.find));
+    } catch (const std::system_error&) {  // no thread to be had
+      answers.push_back(std::async(std::launch::deferred, kind.find));
+    }
+  }
+  std::vector<FoundDevice> found;
+  for (auto& answer : answers) found.push_back(answer.get());
+  return found;
+}
+
+Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri) {
+  const std::size_t colon = std::min(uri.find(':'), uri.size());
+  const std::string_view name = uri.substr(0, colon);
+  const auto kind = std::ranges::find(kKinds, name, &Kind::name);
+  if (kind != std::end(kKinds)) return kind->open(uri.substr(std::min(colon + 1, uri.size())));
+  std::string known;
+  for (const Kind& each : kKinds) known += (known.empty() ? "" : ", ") + std::string(each.usage);
+  return Error{Errc::invalid_argument, "no kind of device is called '" +
+                                           std::string(name.substr(0, 40)) + "'; give one of " +
+                                           known};
+}
+
+}  // namespace palpate

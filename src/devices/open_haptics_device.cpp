@@ -1,1 +1,249 @@
-// see open_device.h
+// 3D Systems (Geomagic, SensAble) devices: OpenHaptics calls back from a thread of its own.
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+
+#include "palpate/devices/device_models.h"
+#include "src/devices/device_kinds.h"
+#include "src/devices/open_haptics_api.h"
+#include "src/devices/open_haptics_servo.h"
+#include "src/devices/tick_thread.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::string_view kKind = "openhaptics";
+constexpr const char* kInstall =
+    "install OpenHaptics and the Touch driver of 3D Systems, and set OH_SDK_BASE to its folder if "
+    "libHD.so is not where the loader looks";
+constexpr const char* kConnect =
+    "connect it, give it its name with Touch_Setup, allow its use (a udev rule for its ttyACM or "
+    "hidraw file) and try it with Touch_Diagnostic";
+constexpr double kMetresPerMillimetre = 1e-3, kNewtonsPerMillinewton = 1e-3;
+constexpr double kMaxSilence = 1;  // s
+constexpr auto kPatience = std::chrono::milliseconds(500);
+
+/// There is one scheduler for all devices of a program.
+std::atomic<int> g_num_running{0};
+
+std::string text(const char* said) { return said == nullptr ? "" : said; }
+
+std::string what_it_said(const OpenHapticsApi& api, const HdErrorInfo& error) {
+  return text(api.hdGetErrorString(error.code)) + " (" + std::to_string(error.code) + ", internal " +
+         std::to_string(error.internal_code) + ")";
+}
+
+/// One positive number, or `otherwise` when the driver does not know.
+double asked(const OpenHapticsApi& api, HdEnum what, double unit, double otherwise) {
+  double value = 0;
+  api.hdGetDoublev(what, &value);
+  const bool is_known = api.take_errors().code == 0 && std::isfinite(value) && value > 0;
+  return is_known ? value * unit : otherwise;
+}
+
+int asked_integer(const OpenHapticsApi& api, HdEnum what) {
+  int value = 0;
+  api.hdGetIntegerv(what, &value);
+  return api.take_errors().code == 0 ? value : 0;
+}
+
+/// What the driver tells of the current device, and of the weakest one what it does not tell.
+DeviceLimits asked_limits(const OpenHapticsApi& api) {
+  DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
+  limits.max_force = asked(api, kHdMaxForce, 1, limits.max_force);
+  limits.max_stiffness = asked(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
+  limits.max_damping = asked(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
+  if (asked_integer(api, kHdOutputDof) >= 6) {
+    limits.max_torque = asked(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
+    limits.max_angular_stiffness = asked(api, kHdMaxTorqueStiffness, kNewtonsPerMillinewton, 0);
+  }
+  double box[6] = {};  // least x, y, z; largest
+  api.hdGetDoublev(kHdUsableWorkspace, box);
+  const double diameter = std::min({box[3] - box[0], box[4] - box[1], box[5] - box[2]});
+  if (api.take_errors().code == 0 && diameter > 0)
+    limits.workspace_radius = diameter / 2 * kMetresPerMillimetre;
+  return limits;
+}
+
+/// Errors: it needs a hand.
+Status calibrate(const OpenHapticsApi& api, const std::string& name) {
+  HdEnum answer = api.hdCheckCalibration();
+  const int styles = asked_integer(api, kHdCalibrationStyle);
+  if (answer == kHdCalibrationNeedsUpdate) {
+    if (styles & kHdCalibrateInInkwell) api.hdUpdateCalibration(kHdCalibrateInInkwell);
+    else if (styles & kHdCalibrateByMoving) api.hdUpdateCalibration(kHdCalibrateByMoving);
+    answer = api.hdCheckCalibration();
+  }
+  api.take_errors();
+  if (answer == kHdCalibrationOk) return Done{};
+  return Error{Errc::unavailable,
+               name + " is not calibrated: " +
+                   (styles & kHdCalibrateInInkwell
+                        ? "put its stylus into the inkwell, wait a moment and try again"
+                        : "calibrate it with Touch_Setup or Touch_Diagnostic and try again")};
+}
+
+/// Waits until `is_so`, but not for ever.
+template <class Condition>
+bool wait_for(Condition is_so) {
+  const auto end = std::chrono::steady_clock::now() + kPatience;
+  while (!is_so()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return true;
+}
+
+class OpenHapticsDevice final : public HapticDevice {
+ public:
+  /// Takes the device, which is the current one.
+  OpenHapticsDevice(const OpenHapticsApi& api, HdHandle device, std::string_view name)
+      : api_(api), device_(device) {
+    info_.kind = kKind;
+    info_.name = text(api_.hdGetString(kHdModelType)) + " " +
+                 text(api_.hdGetString(kHdSerialNumber)) + ", " +
+                 (name.empty() ? "the default device" : "'" + std::string(name) + "'");
+    info_.limits = asked_limits(api_);
+    info_.senses_orientation = asked_integer(api_, kHdInputDof) >= 6;
+    info_.num_buttons = 2;
+    api_.take_errors();
+  }
+
+  ~OpenHapticsDevice() override {
+    stop();
+    if (!is_stuck_) api_.hdDisableDevice(device_);
+  }
+
+  const DeviceInfo& info() const override { return info_; }
+
+  Status start(DeviceTick tick) override {
+    stop();
+    if (is_stuck_) return stuck();
+    api_.hdMakeCurrentDevice(device_);
+    api_.take_errors();
+    for (const HdEnum capability :
+         {kHdMaxForceClamping, kHdSoftwareForceLimit, kHdForceRamping, kHdForceOutput})
+      api_.hdEnable(capability);
+    servo_ = std::make_unique<OpenHapticsServo>(api_, device_, info_, std::move(tick));
+    scheduled_ =
+        api_.hdScheduleAsynchronous(&OpenHapticsServo::call_back, servo_.get(), kHdMaxPriority);
+    HdErrorInfo error = api_.take_errors();
+    if (error.code == 0) {
+      if (g_num_running++ == 0) api_.hdStartScheduler();
+      is_running_ = true;
+      error = api_.take_errors();
+    } else {
+      api_.hdUnschedule(scheduled_);
+      servo_.reset();
+    }
+    if (error.code != 0) {
+      stop();
+      return Error{Errc::io_failure, info_.name + " does not start: " + what_it_said(api_, error) +
+                                         "; " + kConnect};
+    }
+    if (!wait_for([this] { return servo_->last_time() > 0; })) {
+      stop();
+      return stuck();
+    }
+    return Done{};
+  }
+
+  void stop() noexcept override {
+    if (!is_running_) return;
+    is_running_ = false;
+    servo_->ask_to_end();
+    is_stuck_ = !wait_for([this] { return servo_->has_ended(); });
+    if (is_stuck_) {
+      // The driver hangs somewhere and would make us hang, too. Should it come back one day, it must
+      // still find the servo.
+      static_cast<void>(servo_.release());
+    } else if (g_num_running == 1) {
+      api_.hdStopScheduler();
+    }
+    --g_num_running;
+    if (!is_stuck_) {
+      api_.hdMakeCurrentDevice(device_);
+      api_.hdDisable(kHdForceOutput);
+    }
+  }
+
+  Status status() const override {
+    if (is_stuck_) return stuck();
+    if (servo_ == nullptr) return Done{};
+    if (const HdEnum code = servo_->failure(); code != 0) {
+      return Error{Errc::io_failure,
+                   info_.name + (is_force_error(code)
+                                     ? " gives no more force: " + what_it_said(api_, {code, 0, 0}) +
+                                           "; let its motors cool down and start again"
+                                     : " has stopped: " + what_it_said(api_, {code, 0, 0}) +
+                                           "; check its cable and power and start again")};
+    }
+    if (is_running_ && monotonic_seconds() - servo_->last_time() > kMaxSilence) return stuck();
+    return Done{};
+  }
+
+ private:
+  Error stuck() const {
+    return Error{Errc::io_failure, info_.name +
+                                       ": the driver does not call back; end this program, switch "
+                                       "the device off and on, and start again"};
+  }
+
+  const OpenHapticsApi api_;
+  const HdHandle device_;
+  DeviceInfo info_;
+  std::unique_ptr<OpenHapticsServo> servo_;
+  HdScheduled scheduled_ = 0;
+  bool is_running_ = false, is_stuck_ = false;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address) {
+  const Result<OpenHapticsApi> api = load_open_haptics();
+  if (!api) return Error{api.error().code, api.error().message + "; " + kInstall};
+  const std::string name(address);
+  api->take_errors();
+  const HdHandle handle = api->hdInitDevice(name.empty() ? nullptr : name.c_str());
+  const HdErrorInfo error = api->take_errors();
+  if (error.code != 0 || handle == kHdNoDevice) {
+    const std::string which = name.empty() ? "the default device" : "the device '" + name + "'";
+    if (error.code == kHdAlreadyInitiated) {
+      return Error{Errc::io_failure,
+                   "OpenHaptics says that " + which +
+                       " is in use already: end the other program; if one crashed, unplug the "
+                       "device and plug it in again"};
+    }
+    return Error{Errc::not_found, "OpenHaptics does not find " + which + ": " +
+                                      what_it_said(*api, error) + "; " + kConnect};
+  }
+  api->hdMakeCurrentDevice(handle);
+  auto device = std::make_unique<OpenHapticsDevice>(*api, handle, address);
+  if (const Status calibrated = calibrate(*api, device->info().name); !calibrated)
+    return calibrated.error();
+  return std::unique_ptr<HapticDevice>(std::move(device));
+}
+
+/// A device of OpenHaptics is claimed by asking for it, so it is not asked for here.
+FoundDevice find_open_haptics_device() {
+  FoundDevice found{std::string(kKind), std::string(kKind), false, "", ""};
+  const Result<OpenHapticsApi> api = load_open_haptics();
+  found.is_usable = api.has_value();
+  if (found.is_usable) {
+    found.what = "OpenHaptics in " + api->path + "; whether its default device is connected shows "
+                 "when it is opened";
+  } else {
+    found.what = api.error().message;
+    found.hint = kInstall;
+  }
+  return found;
+}
+
+}  // namespace palpate

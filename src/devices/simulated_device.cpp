@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <string>
 #include <utility>
 
@@ -93,9 +94,9 @@ class Sensor {
   DeviceState state_;
 };
 
-class SimulatedDeviceOfMemory final : public SimulatedDevice {
+class DeviceInMemory final : public SimulatedDevice {
  public:
-  explicit SimulatedDeviceOfMemory(const SimulatedDeviceOptions& options)
+  explicit DeviceInMemory(const SimulatedDeviceOptions& options)
       : options_(options),
         hand_(options.model, options.hand, options.target, 1 / options.rate),
         sensor_(options.quantum, options.velocity_filter, 1 / options.rate) {
@@ -160,7 +161,7 @@ class SimulatedDeviceOfMemory final : public SimulatedDevice {
   bool round(double time, int periods) noexcept {
     if (num_ticks_ > 0)
       for (int i = 0; i < periods; ++i) hand_.advance(F_H_B_);
-    num_ticks_ += num_ticks_ > 0 ? periods : 1;
+    num_ticks_ += periods;
     publish(time);
     const Wrench wanted = tick_(sensor_.look(hand_.X_BH(), time, periods));
     if (!is_finite(wanted.force) || !is_finite(wanted.torque)) {
@@ -202,7 +203,7 @@ class SimulatedDeviceOfMemory final : public SimulatedDevice {
 Result<std::unique_ptr<SimulatedDevice>> SimulatedDevice::create(
     const SimulatedDeviceOptions& options) {
   if (const Status checked = check(options); !checked) return checked.error();
-  return std::unique_ptr<SimulatedDevice>(std::make_unique<SimulatedDeviceOfMemory>(options));
+  return std::unique_ptr<SimulatedDevice>(std::make_unique<DeviceInMemory>(options));
 }
 
 Result<std::unique_ptr<HapticDevice>> open_simulated_device(std::string_view address) {

@@ -1,5 +1,6 @@
 #include "src/devices/simulated_hand.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>

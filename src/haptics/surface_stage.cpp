@@ -29,6 +29,7 @@ SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline, int nu
       timeline_(std::move(timeline)),
       pool_(num_threads),
       surface_compute_(surface_compute),
+      keeps_frames_(keeps_frames),
       frames_(TimedFrame{blank_frame(source.info())}),
       seen_(keeps_frames ? kNumFramesToPublish : 0, SeenFrame{blank_frame(source.info())}) {}
 
@@ -118,7 +119,7 @@ void SurfaceStage::make_surfaces() {
     if (!timeline_.status()) return fail(timeline_.status().error(), backend_failed_);
     surfaces_.publish({timeline_.at(newest->capture_time), end, newest->capture_time,
                        timeline_.period(), number});
-    if (SeenFrame* seen = seen_.draft()) {
+    if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
       seen->frame = newest->frame;
       seen->time = newest->capture_time;
       seen->number = number;

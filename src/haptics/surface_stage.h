@@ -65,6 +65,7 @@ class SurfaceStage {
   std::uint64_t num_skipped() const noexcept;
   /// Publishing thread; empty unless frames are kept.
   RecordQueue<SeenFrame>& seen() noexcept { return seen_; }
+  std::uint64_t num_lost() const noexcept { return seen_.num_lost(); }
 
  private:
   struct TimedFrame {
@@ -81,6 +82,7 @@ class SurfaceStage {
   SurfaceTimeline timeline_;
   ThreadPool pool_;
   LatencyHistogram& surface_compute_;
+  const bool keeps_frames_;
 
   TripleBuffer<TimedFrame> frames_;      // sensor thread to surface thread
   TripleBuffer<LiveSurfaces> surfaces_;  // surface thread to contact thread

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/contact/backend_features.h"
+#include "tests/backends/backend_features.h"
 #include "tests/test_util/gpu.h"
 
 namespace palpate {

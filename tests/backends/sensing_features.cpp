@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "src/field/frame_slots.h"
+#include "tests/backends/backend_features.h"
 #include "tests/cloud/depth_scenes.h"
-#include "tests/contact/backend_features.h"
 #include "tests/field/device_views.h"
 
 namespace palpate::test {

@@ -1,0 +1,89 @@
+// Recordings as MCAP files (https://mcap.dev), the open container that robotics tools read:
+// messages with time stamps on named channels, whose schemas travel with them.
+//
+// A file that was cut off (power, kill -9) is readable up to its last whole chunk.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// What a channel carries. Messages are JSON, described by a JSON schema.
+struct McapChannel {
+  std::string topic;        ///< e.g. "/ticks"
+  std::string schema_name;  ///< e.g. "palpate.Tick"
+  std::string schema;       ///< JSON schema
+};
+
+struct McapOptions {
+  std::size_t chunk_bytes = 1 << 20;  ///< a chunk is written when it is so large ...
+  double chunk_seconds = 0.5;         ///< ... or its first message so old
+};
+
+/// Appends. Not for the haptic thread: writing may wait for the disk.
+class McapWriter {
+ public:
+  /// Errors: the file cannot be made.
+  static Result<McapWriter> create(const std::filesystem::path& path,
+                                   const McapOptions& options = {});
+  McapWriter(McapWriter&&) noexcept;
+  McapWriter& operator=(McapWriter&&) noexcept;
+  ~McapWriter();  ///< finishes as well as it can
+
+  /// Returns the number that messages of this channel are written with.
+  std::uint16_t add_channel(const McapChannel& channel);
+  /// `time` in nanoseconds; messages come roughly in order of time. Error: the disk is full or
+  /// broken; what was written before stays readable, and every later call gives the same error.
+  Status write(std::uint16_t channel, std::uint64_t time, std::string_view message);
+  /// Writes what is still in memory and makes sure that it is on the disk.
+  Status flush();
+  /// Flush, summary and index. Nothing can be written any more.
+  Status finish();
+  std::uint64_t bytes_written() const;
+
+ private:
+  struct Impl;
+  explicit McapWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+struct McapMessage {
+  std::uint16_t channel = 0;
+  std::uint64_t time = 0;  ///< ns
+  std::string_view data;   ///< valid until the next call
+};
+
+/// Reads in the order of the file, one chunk in memory at a time. Any compression but none is
+/// refused.
+class McapReader {
+ public:
+  /// Errors: no such file, not an MCAP file.
+  static Result<McapReader> open(const std::filesystem::path& path);
+  McapReader(McapReader&&) noexcept;
+  McapReader& operator=(McapReader&&) noexcept;
+  ~McapReader();
+
+  /// The next message, or nullopt at the end, also at that of a file that was cut off
+  /// (`was_cut_off`). Errors: a damaged chunk (checksum), with its place in the file.
+  Result<std::optional<McapMessage>> next();
+  /// Of the channels met so far.
+  const std::map<std::uint16_t, McapChannel>& channels() const;
+  bool was_cut_off() const;
+
+ private:
+  struct Impl;
+  explicit McapReader(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate

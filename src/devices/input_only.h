@@ -1,0 +1,12 @@
+// Devices that move a tool and push nobody.
+#pragma once
+
+#include "palpate/devices/device_models.h"
+
+namespace palpate {
+
+/// The limits that forces are computed for, although nobody feels them: those of a sigma.7, which
+/// renders all six directions.
+inline DeviceLimits input_only_limits() { return find_device_model("sigma.7")->limits; }
+
+}  // namespace palpate

@@ -1,0 +1,91 @@
+#include "src/devices/open_haptics_servo.h"
+
+#include <cmath>
+#include <utility>
+
+#include "src/devices/motor_wrench.h"
+#include "src/devices/tick_thread.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMetresPerMillimetre = 1e-3, kMillinewtonMetres = 1e3;  // per N m
+constexpr int kRestTicks = 100;
+constexpr int kMaxWearyTicks = 5000;  // in a row: then it is hopeless
+
+Vec3d vector(const double* v) { return {v[0], v[1], v[2]}; }
+
+}  // namespace
+
+OpenHapticsServo::OpenHapticsServo(const OpenHapticsApi& api, HdHandle device,
+                                   const DeviceInfo& info, DeviceTick tick)
+    : api_(api),
+      device_(device),
+      limits_(info.limits),
+      senses_orientation_(info.senses_orientation),
+      tick_(std::move(tick)) {}
+
+unsigned OpenHapticsServo::call_back(void* servo) noexcept {
+  return static_cast<OpenHapticsServo*>(servo)->frame();
+}
+
+unsigned OpenHapticsServo::frame() noexcept {
+  if (has_ended()) return kHdCallbackDone;
+  num_weary_ = rest_ > 0 ? num_weary_ + 1 : 0;
+  if (rest_ > 0) --rest_;
+
+  api_.hdBeginFrame(device_);
+  read();
+  const bool is_last = failure() != 0 || wants_end_.load(std::memory_order_acquire);
+  const Wrench F_H_B = is_last ? Wrench{} : tick_(state_);
+  write(rest_ == 0 && state_.is_valid ? F_H_B : Wrench{});
+  api_.hdEndFrame(device_);
+  judge(api_.take_errors().code);
+
+  last_time_.store(state_.time, std::memory_order_release);
+  if (is_last) has_ended_.store(true, std::memory_order_release);
+  return is_last ? kHdCallbackDone : kHdCallbackContinue;
+}
+
+/// The transform is column by column, its translation in millimetres.
+void OpenHapticsServo::read() noexcept {
+  double m[16] = {}, v[3] = {}, w[3] = {};
+  int buttons = 0;
+  state_.time = monotonic_seconds();
+  api_.hdGetDoublev(kHdTransform, m);
+  api_.hdGetDoublev(kHdVelocity, v);
+  if (senses_orientation_) api_.hdGetDoublev(kHdAngularVelocity, w);
+  api_.hdGetIntegerv(kHdButtons, &buttons);
+  const HdEnum error = api_.take_errors().code;
+  judge(error);
+
+  Pose X_BH{vector(m + 12) * kMetresPerMillimetre, {}};
+  if (senses_orientation_)
+    X_BH.rotation = quaternion_of({{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}}});
+  const Twist V_BH{vector(v) * kMetresPerMillimetre, vector(w)};
+  state_.is_valid = (error == 0 || is_force_error(error)) && is_finite(X_BH) &&
+                    std::isfinite(norm(V_BH.linear) + norm(V_BH.angular));
+  if (!state_.is_valid) return;
+  state_.X_BH = X_BH;
+  state_.V_BH = V_BH;
+  state_.buttons = static_cast<std::uint32_t>(buttons);
+}
+
+void OpenHapticsServo::write(const Wrench& F_H_B) noexcept {
+  const Wrench F = motor_wrench(F_H_B, limits_);
+  const double force[3] = {F.force.x, F.force.y, F.force.z};
+  api_.hdSetDoublev(kHdForce, force);
+  if (limits_.max_torque <= 0) return;
+  const Vec3d t = F.torque * kMillinewtonMetres;
+  const double torque[3] = {t.x, t.y, t.z};
+  api_.hdSetDoublev(kHdTorque, torque);
+}
+
+void OpenHapticsServo::judge(HdEnum code) noexcept {
+  if (code == 0) return;
+  if (is_force_error(code)) rest_ = kRestTicks;
+  const bool is_serious = !is_force_error(code) || num_weary_ > kMaxWearyTicks;
+  if (is_serious && failure() == 0) failure_.store(code, std::memory_order_release);
+}
+
+}  // namespace palpate

@@ -1,0 +1,51 @@
+// What runs in the thread of the OpenHaptics driver: one tick per call back.
+#pragma once
+
+#include <atomic>
+
+#include "palpate/haptics/device.h"
+#include "src/devices/open_haptics_api.h"
+
+namespace palpate {
+
+/// One run of one device, from start to stop. The driver's thread calls `call_back`; everything
+/// else may be called from any thread.
+class OpenHapticsServo {
+ public:
+  OpenHapticsServo(const OpenHapticsApi& api, HdHandle device, const DeviceInfo& info,
+                   DeviceTick tick);
+
+  /// To be scheduled, with the servo as its data. No allocation, no wait. After an error one more
+  /// call takes the force away; only one frame is allowed per call. The last call sends no force and
+  /// says that it is done.
+  static unsigned call_back(void* servo) noexcept;
+
+  /// The next call is the last one.
+  void ask_to_end() noexcept { wants_end_.store(true, std::memory_order_release); }
+  bool has_ended() const noexcept { return has_ended_.load(std::memory_order_acquire); }
+  /// Of the newest call; 0 before the first one.
+  double last_time() const noexcept { return last_time_.load(std::memory_order_acquire); }
+  /// The error that ended it; 0: none.
+  HdEnum failure() const noexcept { return failure_.load(std::memory_order_acquire); }
+
+ private:
+  unsigned frame() noexcept;
+  void read() noexcept;
+  void write(const Wrench& F_H_B) noexcept;
+  /// A force error means a rest, many of them in a row or any other error the end.
+  void judge(HdEnum code) noexcept;
+
+  const OpenHapticsApi api_;
+  const HdHandle device_;
+  const DeviceLimits limits_;
+  const bool senses_orientation_;
+  DeviceTick tick_;
+  DeviceState state_;
+  int rest_ = 0;       // ticks without force to come
+  int num_weary_ = 0;  // ticks without force so far
+  std::atomic<bool> wants_end_ = false, has_ended_ = false;
+  std::atomic<double> last_time_ = 0;
+  std::atomic<HdEnum> failure_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,50 @@
+// A TCP connection whose every wait has an end.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// HOST, HOST:PORT, [IPV6] or [IPV6]:PORT.
+struct NetAddress {
+  std::string host;
+  int port = 0;
+};
+/// Empty if the text is no such thing; `default_port` where it names none.
+std::optional<NetAddress> parse_net_address(std::string_view text, int default_port);
+std::string describe(const NetAddress& address);  ///< HOST:PORT
+
+/// Moves, does not copy. Small messages leave at once (TCP_NODELAY). No call of a connected socket
+/// allocates, throws or raises a signal.
+class TcpSocket {
+ public:
+  TcpSocket() = default;
+  ~TcpSocket() { close(); }
+  TcpSocket(TcpSocket&& other) noexcept;
+  TcpSocket& operator=(TcpSocket&& other) noexcept;
+
+  /// Tries every address of the host, for `timeout` seconds in all (looking up a name that is not
+  /// local may take the resolver's own time). Errors: what the system said, about HOST:PORT.
+  static Result<TcpSocket> connect(const NetAddress& address, double timeout);
+
+  enum class Got { bytes, nothing, closed };
+  /// Waits at most `timeout` seconds for bytes; `count` is how many came.
+  Got read(std::span<char> buffer, std::size_t& count, double timeout) noexcept;
+  /// All of them within `timeout` seconds, or false: then the connection is of no use any more.
+  bool write(std::string_view bytes, double timeout) noexcept;
+  void close() noexcept;
+  bool is_open() const noexcept { return descriptor_ >= 0; }
+
+ private:
+  explicit TcpSocket(int descriptor) : descriptor_(descriptor) {}
+
+  int descriptor_ = -1;
+};
+
+}  // namespace palpate

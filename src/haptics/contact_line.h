@@ -1,0 +1,14 @@
+// The two halves of LocalContact::at, which the couplings need one by one.
+#pragma once
+
+#include "palpate/haptics/local_contact.h"
+
+namespace palpate {
+
+/// F - K (shift, turn), wherever it leads: beyond the end of the contact it pulls.
+Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now);
+
+/// The part of a wrench on that line that the tool may feel.
+Wrench limit_contact(const LocalContact& contact, const Wrench& line);
+
+}  // namespace palpate

@@ -1,0 +1,29 @@
+// Rotations as vectors: axis times angle, the short way round.
+#pragma once
+
+#include "palpate/math/pose.h"
+
+namespace palpate {
+
+/// Of a unit quaternion; at most pi long.
+inline Vec3d rotation_vector(const Quaternion& q) {
+  const double sign = q.w < 0 ? -1 : 1;
+  const Vec3d v = Vec3d{q.x, q.y, q.z} * sign;
+  const double sine = norm(v);
+  // 2 atan2(s, c) / s, which is 2 / c for a small s.
+  const double factor = sine > 1e-9 ? 2 * std::atan2(sine, sign * q.w) / sine : 2;
+  return v * factor;
+}
+
+/// What turns `from` into `to`, in the frame that both are in: to = exp(result) from.
+inline Vec3d turn_between(const Quaternion& from, const Quaternion& to) {
+  return rotation_vector(to * conjugate(from));
+}
+
+/// exp(turn) q.
+inline Quaternion turned(const Quaternion& q, const Vec3d& turn) {
+  const double angle = norm(turn);
+  return angle > 0 ? normalized(axis_angle(turn, angle) * q) : q;
+}
+
+}  // namespace palpate

@@ -1,0 +1,35 @@
+// Contact stiffness takes several times as long as the contact itself, and changes slowly.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate {
+
+/// Chooses at which queries the stiffness is computed too: at each one if the two together fit into
+/// the period of queries, else at each n-th, so that it takes at most as much time as is left.
+class StiffnessSchedule {
+ public:
+  explicit StiffnessSchedule(double period) : budget_(kShare * period) {}
+
+  /// At each query, first.
+  bool is_due() { return --num_to_skip_ < 0; }
+  /// After it: what it took, s.
+  void took(double query) { query_ += kSmoothing * (query - query_); }
+  void took(double query, double stiffness) {
+    took(query);
+    stiffness_ = stiffness_ < 0 ? stiffness : stiffness_ + kSmoothing * (stiffness - stiffness_);
+    const double left = std::max(budget_ - query_, budget_ / kMostSkipped);
+    num_to_skip_ = static_cast<int>(std::clamp(std::ceil(stiffness_ / left), 1.0, kMostSkipped)) - 1;
+  }
+  double stiffness_seconds() const { return std::max(stiffness_, 0.0); }
+
+ private:
+  static constexpr double kShare = 0.8, kSmoothing = 0.125, kMostSkipped = 32;
+
+  double budget_;
+  double query_ = 0, stiffness_ = -1;  // s, running means
+  int num_to_skip_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,167 @@
+#include <zlib.h>
+
+#include <fstream>
+#include <utility>
+
+#include "palpate/io/mcap_file.h"
+#include "src/io/mcap_format.h"
+
+namespace palpate {
+
+using mcap::Cursor;
+using mcap::Op;
+
+struct McapReader::Impl {
+  std::filesystem::path path;
+  std::ifstream file;
+  std::uint64_t file_size = 0, position = 0;
+  std::string chunk;
+  Cursor in_chunk{{}};
+  std::map<std::uint16_t, McapChannel> channels;
+  std::map<std::uint16_t, std::pair<std::string, std::string>> schemas;
+  bool is_cut_off = false, is_over = false;
+
+  Error damaged(const std::string& what) const {
+    return {Errc::bad_input, path.string() + " is damaged at byte " + std::to_string(position) +
+                                 ": " + what + "; what comes before it can be read"};
+  }
+  Result<bool> next_chunk();
+  std::optional<McapMessage> take(Op op, std::string_view contents);
+};
+
+// Notes schemas and channels; returns a message if it is one.
+std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view contents) {
+  Cursor at(contents);
+  if (op == Op::schema) {
+    const auto id = at.number<std::uint16_t>();
+    const std::string name(at.text());
+    at.text();  // encoding
+    if (at.is_good()) schemas[id] = {name, std::string(at.text())};
+  } else if (op == Op::channel) {
+    const auto id = at.number<std::uint16_t>();
+    const auto& schema = schemas[at.number<std::uint16_t>()];
+    channels[id] = {std::string(at.text()), schema.first, schema.second};
+  } else if (op == Op::message) {
+    McapMessage message;
+    message.channel = at.number<std::uint16_t>();
+    at.number<std::uint32_t>();  // sequence
+    message.time = at.number<std::uint64_t>();
+    at.number<std::uint64_t>();  // publish time
+    if (!at.is_good()) return std::nullopt;
+    message.data = contents.substr(2 + 4 + 8 + 8);
+    return message;
+  }
+  return std::nullopt;
+}
+
+// False at the end of the data.
+Result<bool> McapReader::Impl::next_chunk() {
+  for (;;) {
+    char head[9];
+    if (position + sizeof head > file_size) {
+      is_cut_off = true;
+      return false;
+    }
+    file.seekg(static_cast<std::streamoff>(position));
+    file.read(head, sizeof head);
+    Cursor at(std::string_view(head, sizeof head));
+    const auto op = static_cast<Op>(at.number<std::uint8_t>());
+    const auto length = at.number<std::uint64_t>();
+    if (!file || length > file_size - position - sizeof head) {
+      is_cut_off = true;
+      return false;
+    }
+    if (op == Op::data_end || op == Op::footer) return false;
+    if (op != Op::chunk && op != Op::schema && op != Op::channel && op != Op::message) {
+      position += sizeof head + length;
+      continue;
+    }
+    std::string contents(static_cast<std::size_t>(length), '\0');
+    file.read(contents.data(), static_cast<std::streamsize>(length));
+    if (!file) return damaged("it cannot be read");
+    if (op != Op::chunk) {
+      // Outside of chunks, as other writers may put them: as if it were a chunk of one record.
+      mcap::Bytes record;
+      record.record(op, contents);
+      chunk = record.str();
+    } else {
+      Cursor fields(contents);
+      fields.number<std::uint64_t>();
+      fields.number<std::uint64_t>();
+      const auto size = fields.number<std::uint64_t>();
+      const auto crc = fields.number<std::uint32_t>();
+      const std::string_view compression = fields.text();
+      if (!compression.empty()) {
+        return damaged("its chunks are compressed by " + std::string(compression) +
+                       "; write it anew without compression (mcap compress --compression none)");
+      }
+      const std::string_view records = fields.raw(fields.number<std::uint64_t>());
+      if (!fields.is_good() || records.size() != size) return damaged("a chunk is too short");
+      const auto got =
+          crc32_z(0, reinterpret_cast<const Bytef*>(records.data()), records.size());
+      if (crc != 0 && crc != got) return damaged("the checksum of a chunk is wrong");
+      chunk = std::string(records);
+    }
+    in_chunk = Cursor(chunk);
+    position += sizeof head + length;
+    return true;
+  }
+}
+
+McapReader::McapReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+McapReader::McapReader(McapReader&&) noexcept = default;
+McapReader& McapReader::operator=(McapReader&&) noexcept = default;
+McapReader::~McapReader() = default;
+
+Result<McapReader> McapReader::open(const std::filesystem::path& path) {
+  auto impl = std::make_unique<Impl>();
+  impl->path = path;
+  impl->file.open(path, std::ios::binary);
+  std::string magic(mcap::kMagic.size(), '\0');
+  if (!impl->file) {
+    return Error{Errc::not_found,
+                 "cannot read " + path.string() + "; check the name and its permissions"};
+  }
+  impl->file.seekg(0, std::ios::end);
+  impl->file_size = static_cast<std::uint64_t>(impl->file.tellg());
+  impl->file.seekg(0);
+  impl->file.read(magic.data(), static_cast<std::streamsize>(magic.size()));
+  if (!impl->file || magic != mcap::kMagic) {
+    return Error{Errc::bad_input, path.string() + " is not an MCAP file"};
+  }
+  impl->position = mcap::kMagic.size();
+  return McapReader(std::move(impl));
+}
+
+Result<std::optional<McapMessage>> McapReader::next() {
+  Impl& d = *impl_;
+  while (!d.is_over) {
+    if (d.in_chunk.at_end()) {
+      const auto more = d.next_chunk();
+      if (!more) {
+        d.is_over = true;
+        return more.error();
+      }
+      if (!*more) {
+        d.is_over = true;
+        break;
+      }
+      continue;
+    }
+    const auto op = static_cast<Op>(d.in_chunk.number<std::uint8_t>());
+    const std::string_view contents = d.in_chunk.raw(d.in_chunk.number<std::uint64_t>());
+    if (!d.in_chunk.is_good()) {
+      d.is_over = true;
+      return d.damaged("a record is longer than its chunk");
+    }
+    if (const auto message = d.take(op, contents)) return message;
+  }
+  return std::optional<McapMessage>();
+}
+
+const std::map<std::uint16_t, McapChannel>& McapReader::channels() const {
+  return impl_->channels;
+}
+bool McapReader::was_cut_off() const { return impl_->is_cut_off; }
+
+}  // namespace palpate

@@ -1,0 +1,230 @@
+#include <fcntl.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <utility>
+
+#include "palpate/io/mcap_file.h"
+#include "src/io/mcap_format.h"
+
+namespace palpate {
+
+using mcap::Bytes;
+using mcap::Op;
+
+namespace {
+
+std::uint32_t checksum(std::string_view bytes) {
+  return static_cast<std::uint32_t>(
+      crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
+/// Where a chunk lies in the file.
+struct ChunkPlace {
+  std::uint64_t start_time, end_time, offset, length, num_bytes;
+  std::uint64_t index_length;
+  std::map<std::uint16_t, std::uint64_t> index_offsets;
+};
+
+}  // namespace
+
+struct McapWriter::Impl {
+  std::filesystem::path path;
+  McapOptions options;
+  int file = -1;
+  std::uint64_t size = 0;
+  Status status = Done{};
+  bool is_finished = false;
+
+  Bytes chunk;
+  std::uint64_t chunk_start = 0, chunk_end = 0;
+  std::chrono::steady_clock::time_point chunk_began;
+  std::map<std::uint16_t, Bytes> chunk_index;  // of the messages of each channel
+
+  Bytes channels;  // schemas and channels, for the summary
+  std::uint16_t num_channels = 0;
+  std::map<std::uint16_t, std::uint64_t> num_messages;
+  std::map<std::uint16_t, std::uint32_t> sequence;
+  std::vector<ChunkPlace> chunks;
+  std::uint64_t first_time = ~std::uint64_t{0}, last_time = 0;
+
+  ~Impl() {
+    if (file >= 0) ::close(file);
+  }
+  Status put(std::string_view bytes);
+  Status end_chunk();
+};
+
+Status McapWriter::Impl::put(std::string_view bytes) {
+  while (status && !bytes.empty()) {
+    const ssize_t written = ::write(file, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) {
+      status = Error{Errc::io_failure, "cannot write " + path.string() + ": " +
+                                           std::strerror(errno) +
+                                           "; what was recorded before is kept; free some space"};
+      break;
+    }
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+    size += static_cast<std::uint64_t>(written);
+  }
+  return status;
+}
+
+Status McapWriter::Impl::end_chunk() {
+  if (!status || chunk.empty()) return status;
+  Bytes contents;
+  contents.number(chunk_start)
+      .number(chunk_end)
+      .number(static_cast<std::uint64_t>(chunk.size()))
+      .number(checksum(chunk.str()))
+      .text("")
+      .number(static_cast<std::uint64_t>(chunk.size()))
+      .raw(chunk.str());
+  Bytes record;
+  record.record(Op::chunk, contents.str());
+  ChunkPlace place{chunk_start, chunk_end, size, record.size(), chunk.size(), 0, {}};
+  Bytes index;
+  for (const auto& [channel, entries] : chunk_index) {
+    place.index_offsets[channel] = size + record.size() + index.size();
+    Bytes one;
+    one.number(channel).text(entries.str());
+    index.record(Op::message_index, one.str());
+  }
+  place.index_length = index.size();
+  record.raw(index.str());
+  if (const Status written = put(record.str()); !written) return written;
+  chunks.push_back(std::move(place));
+  chunk.clear();
+  chunk_index.clear();
+  return status;
+}
+
+McapWriter::McapWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+McapWriter::McapWriter(McapWriter&&) noexcept = default;
+McapWriter& McapWriter::operator=(McapWriter&&) noexcept = default;
+McapWriter::~McapWriter() {
+  if (impl_ != nullptr) (void)finish();
+}
+
+Result<McapWriter> McapWriter::create(const std::filesystem::path& path,
+                                      const McapOptions& options) {
+  auto impl = std::make_unique<Impl>();
+  impl->path = path;
+  impl->options = options;
+  impl->file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (impl->file < 0) {
+    return Error{Errc::io_failure, "cannot make " + path.string() + ": " + std::strerror(errno) +
+                                       "; check the folder and its permissions"};
+  }
+  Bytes header, start;
+  header.text("").text("palpate");
+  start.raw(mcap::kMagic).record(Op::header, header.str());
+  if (const Status status = impl->put(start.str()); !status) return status.error();
+  return McapWriter(std::move(impl));
+}
+
+std::uint16_t McapWriter::add_channel(const McapChannel& channel) {
+  Impl& d = *impl_;
+  const std::uint16_t number = ++d.num_channels;
+  Bytes schema, described, both;
+  schema.number(number).text(channel.schema_name).text("jsonschema").text(channel.schema);
+  described.number(number).number(number).text(channel.topic).text("json").text("");
+  both.record(Op::schema, schema.str()).record(Op::channel, described.str());
+  // In the chunk, for readers that go from the start; and in the summary.
+  if (d.chunk.empty()) d.chunk_began = std::chrono::steady_clock::now();
+  d.chunk.raw(both.str());
+  d.channels.raw(both.str());
+  d.num_messages[number] = 0;
+  return number;
+}
+
+Status McapWriter::write(std::uint16_t channel, std::uint64_t time, std::string_view message) {
+  Impl& d = *impl_;
+  if (!d.status) return d.status;
+  const auto now = std::chrono::steady_clock::now();
+  if (d.chunk.empty()) d.chunk_began = now;
+  if (d.chunk_index.empty()) d.chunk_start = d.chunk_end = time;
+  d.chunk_start = std::min(d.chunk_start, time);
+  d.chunk_end = std::max(d.chunk_end, time);
+  d.first_time = std::min(d.first_time, time);
+  d.last_time = std::max(d.last_time, time);
+  d.chunk_index[channel].number(time).number(static_cast<std::uint64_t>(d.chunk.size()));
+  Bytes contents;
+  contents.number(channel).number(d.sequence[channel]++).number(time).number(time).raw(message);
+  d.chunk.record(Op::message, contents.str());
+  ++d.num_messages[channel];
+  const std::chrono::duration<double> age = now - d.chunk_began;
+  if (d.chunk.size() < d.options.chunk_bytes && age.count() < d.options.chunk_seconds) {
+    return d.status;
+  }
+  return flush();
+}
+
+Status McapWriter::flush() {
+  Impl& d = *impl_;
+  if (const Status status = d.end_chunk(); !status) return status;
+  if (::fdatasync(d.file) != 0 && errno != EINVAL && errno != EROFS) {
+    d.status = Error{Errc::io_failure, "cannot bring " + d.path.string() +
+                                           " to the disk: " + std::strerror(errno)};
+  }
+  return d.status;
+}
+
+Status McapWriter::finish() {
+  Impl& d = *impl_;
+  if (d.is_finished) return d.status;
+  d.is_finished = true;
+  if (const Status status = d.end_chunk(); !status) return status;
+  Bytes end;
+  end.record(Op::data_end, Bytes().number(std::uint32_t{0}).str());
+  const std::uint64_t summary_start = d.size + end.size();
+  end.raw(d.channels.str());
+  std::uint64_t num_messages = 0;
+  Bytes counts;
+  for (const auto& [channel, num] : d.num_messages) {
+    num_messages += num;
+    counts.number(channel).number(num);
+  }
+  Bytes statistics;
+  statistics.number(num_messages)
+      .number(d.num_channels)
+      .number(static_cast<std::uint32_t>(d.num_channels))
+      .number(std::uint32_t{0})
+      .number(std::uint32_t{0})
+      .number(static_cast<std::uint32_t>(d.chunks.size()))
+      .number(num_messages > 0 ? d.first_time : 0)
+      .number(d.last_time)
+      .text(counts.str());
+  end.record(Op::statistics, statistics.str());
+  for (const ChunkPlace& chunk : d.chunks) {
+    Bytes offsets, index;
+    for (const auto& [channel, offset] : chunk.index_offsets) {
+      offsets.number(channel).number(offset);
+    }
+    index.number(chunk.start_time)
+        .number(chunk.end_time)
+        .number(chunk.offset)
+        .number(chunk.length)
+        .text(offsets.str())
+        .number(chunk.index_length)
+        .text("")
+        .number(chunk.num_bytes)
+        .number(chunk.num_bytes);
+    end.record(Op::chunk_index, index.str());
+  }
+  Bytes footer;
+  footer.number(summary_start).number(std::uint64_t{0}).number(std::uint32_t{0});
+  end.record(Op::footer, footer.str()).raw(mcap::kMagic);
+  if (const Status status = d.put(end.str()); !status) return status;
+  ::fdatasync(d.file);
+  return d.status;
+}
+
+std::uint64_t McapWriter::bytes_written() const { return impl_->size; }
+
+}  // namespace palpate

@@ -1,0 +1,194 @@
+// MCAP files: what is written is read, also from files that were cut off or damaged, and by the
+// format's own Python library where that is installed.
+#include "palpate/io/mcap_file.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Sent {
+  std::uint16_t channel;
+  std::uint64_t time;
+  std::string data;
+};
+
+class McapFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    path_ = fs::temp_directory_path() / (std::string("palpate_") + test->name() + ".mcap");
+  }
+  void TearDown() override { fs::remove(path_); }
+
+  // Two channels, many small messages and some large ones, small chunks.
+  std::vector<Sent> write_some(bool finish = true) {
+    auto writer = std::move(McapWriter::create(path_, {.chunk_bytes = 2000})).value();
+    const auto a = writer.add_channel({"/a", "palpate.A", R"({"type":"object"})"});
+    const auto b = writer.add_channel({"/b", "palpate.B", R"({"type":"object"})"});
+    std::vector<Sent> sent;
+    for (std::uint64_t i = 0; i < 300; ++i) {
+      const bool is_large = i % 50 == 7;
+      sent.push_back({i % 3 == 0 ? b : a, 1000 * i,
+                      "{\"i\":" + std::to_string(i) + ",\"pad\":\"" +
+                          std::string(is_large ? 5000 : i % 40, 'x') + "\"}"});
+      EXPECT_TRUE(writer.write(sent.back().channel, sent.back().time, sent.back().data));
+    }
+    if (finish) {
+      EXPECT_TRUE(writer.finish());
+    } else {
+      EXPECT_TRUE(writer.flush());
+      std::ifstream file(path_, std::ios::binary);
+      unfinished_.assign(std::istreambuf_iterator<char>(file), {});
+    }
+    return sent;
+  }
+
+  std::string bytes() const {
+    std::ifstream file(path_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  void replace(const std::string& with) const {
+    std::ofstream(path_, std::ios::binary | std::ios::trunc) << with;
+  }
+
+  fs::path path_;
+  std::string unfinished_;
+};
+
+// Messages until the end or an error.
+struct Got {
+  std::vector<Sent> messages;
+  bool failed = false, was_cut_off = false;
+  std::string error;
+};
+Got read_all(const fs::path& path) {
+  Got got;
+  auto reader = McapReader::open(path);
+  if (!reader) return {{}, true, false, reader.error().message};
+  for (;;) {
+    const auto message = reader->next();
+    if (!message) {
+      got.failed = true;
+      got.error = message.error().message;
+      break;
+    }
+    if (!*message) break;
+    got.messages.push_back({(*message)->channel, (*message)->time, std::string((*message)->data)});
+  }
+  got.was_cut_off = reader->was_cut_off();
+  return got;
+}
+
+void expect_begins_with(const std::vector<Sent>& sent, const std::vector<Sent>& got) {
+  ASSERT_LE(got.size(), sent.size());
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    EXPECT_EQ(got[i].channel, sent[i].channel);
+    EXPECT_EQ(got[i].time, sent[i].time);
+    EXPECT_EQ(got[i].data, sent[i].data);
+  }
+}
+
+TEST_F(McapFile, ReadsWhatWasWritten) {
+  const std::vector<Sent> sent = write_some();
+  const Got got = read_all(path_);
+  EXPECT_FALSE(got.failed) << got.error;
+  EXPECT_FALSE(got.was_cut_off);
+  EXPECT_EQ(got.messages.size(), sent.size());
+  expect_begins_with(sent, got.messages);
+  auto reader = std::move(McapReader::open(path_)).value();
+  (void)reader.next();
+  EXPECT_EQ(reader.channels().at(1).topic, "/a");
+  EXPECT_EQ(reader.channels().at(2).schema_name, "palpate.B");
+}
+
+TEST_F(McapFile, AFileThatWasNeverFinishedLosesNothingThatWasFlushed) {
+  const std::vector<Sent> sent = write_some(false);
+  replace(unfinished_);
+  const Got got = read_all(path_);
+  EXPECT_FALSE(got.failed) << got.error;
+  EXPECT_TRUE(got.was_cut_off);
+  EXPECT_EQ(got.messages.size(), sent.size());
+}
+
+TEST_F(McapFile, AFileThatWasCutOffAnywhereIsReadUpToItsLastWholeChunk) {
+  const std::vector<Sent> sent = write_some();
+  const std::string whole = bytes();
+  std::size_t most = 0;
+  for (std::size_t size = 0; size < whole.size(); size += 97) {
+    replace(whole.substr(0, size));
+    const Got got = read_all(path_);
+    EXPECT_EQ(got.failed, size < 8) << got.error;
+    expect_begins_with(sent, got.messages);
+    EXPECT_GE(got.messages.size(), most);
+    most = std::max(most, got.messages.size());
+  }
+  EXPECT_EQ(most, sent.size());
+}
+
+TEST_F(McapFile, DamageIsFoundAndSaid) {
+  const std::vector<Sent> sent = write_some();
+  const std::string whole = bytes();
+  int num_found = 0;
+  for (std::size_t at = 40; at < whole.size(); at += 211) {
+    std::string damaged = whole;
+    damaged[at] = static_cast<char>(damaged[at] ^ 0x55);
+    replace(damaged);
+    const Got got = read_all(path_);  // does not crash, hang or invent messages
+    if (got.failed) {
+      ++num_found;
+      EXPECT_NE(got.error.find("damaged at byte"), std::string::npos) << got.error;
+    }
+    if (!got.failed && !got.was_cut_off) continue;
+    expect_begins_with(sent, got.messages);
+  }
+  EXPECT_GT(num_found, 20);
+}
+
+TEST_F(McapFile, SaysWhatCannotBeOpened) {
+  EXPECT_FALSE(McapReader::open("/nowhere/x.mcap"));
+  replace("no such thing");
+  const auto reader = McapReader::open(path_);
+  ASSERT_FALSE(reader);
+  EXPECT_NE(reader.error().message.find("is not an MCAP file"), std::string::npos);
+  EXPECT_FALSE(McapWriter::create("/nowhere/x.mcap"));
+}
+
+TEST_F(McapFile, AFullDiskIsAnErrorAndWhatWasWrittenStays) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "SKIPPED: this system has no /dev/full";
+  const auto writer = McapWriter::create("/dev/full");
+  ASSERT_FALSE(writer);
+  EXPECT_EQ(writer.error().code, Errc::io_failure);
+}
+
+TEST_F(McapFile, TheFormatsOwnLibraryReadsIt) {
+  if (std::system("python3 -c 'import mcap' 2>/dev/null") != 0) {
+    GTEST_SKIP() << "SKIPPED: the Python package mcap is not installed";
+  }
+  write_some();
+  const std::string script =
+      "python3 -c \"\n"
+      "from mcap.reader import make_reader\n"
+      "import json,sys\n"
+      "with open('" + path_.string() + "','rb') as f:\n"
+      "  r=make_reader(f, validate_crcs=True)\n"
+      "  s=r.get_summary()\n"
+      "  assert s.statistics.message_count==300, s.statistics\n"
+      "  m=[(c.topic,m.log_time,json.loads(m.data)) for _,c,m in r.iter_messages()]\n"
+      "  assert len(m)==300 and m[5][1]==5000 and m[5][2]['i']==5, m[5]\n"
+      "  assert {t for t,_,_ in m}=={'/a','/b'}\n"
+      "\"";
+  EXPECT_EQ(std::system(script.c_str()), 0);
+}
+
+}  // namespace
+}  // namespace palpate
