@@ -160,7 +160,7 @@ class HaplyDevice final : public AskedDevice {
   std::uint32_t buttons_ = 0;
 
   Vec3d sent_;
-  bool has_been_heard_ = false, has_echo_ = false, has_changed_words_ = false;
+  bool has_been_heard_ = false, has_echo_ = false, has_changed_words_ = false, is_deaf_ = false;
   int num_unheard_ = 0;
   double share_ = 1;
   Error trouble_;
@@ -183,7 +183,7 @@ Status HaplyDevice::begin() {
   request_.force_key = found_.version.value_or(kSaysVector) < kSaysVector ? HaplyForceKey::values
                                                                           : HaplyForceKey::vector;
   request_.introduces_us = true;
-  is_waiting_ = has_been_heard_ = has_echo_ = has_changed_words_ = false;
+  is_waiting_ = has_been_heard_ = has_echo_ = has_changed_words_ = is_deaf_ = false;
   is_calibrated_ = is_grip_connected_ = true;
   orientation_ = {};
   buttons_ = 0;
@@ -278,23 +278,23 @@ bool HaplyDevice::take_grip(const HaplyMessage& message, DeviceState& state) noe
 bool HaplyDevice::hears_our_force(const HaplyEntry& arm) noexcept {
   share_ = std::min(1.0, share_ + kShareStep);
   has_echo_ = has_echo_ || arm.has_force;
+  if (is_deaf_) return false;
   if (has_been_heard_ || norm(sent_) < kHeardForce) return true;
-  if (norm(arm.force) > 0.1 * norm(sent_)) {
-    has_been_heard_ = true;
-    return true;
+  has_been_heard_ = norm(arm.force) > 0.1 * norm(sent_);
+  if (has_been_heard_ || ++num_unheard_ <= kPatience) return true;
+  if (has_changed_words_ && has_echo_) {
+    is_deaf_ = true;
+    return false;
   }
-  if (++num_unheard_ <= kPatience) return true;
-  if (!has_changed_words_) {
-    // Until now the hand has felt nothing: the force must not come at once.
-    request_.force_key = request_.force_key == HaplyForceKey::vector ? HaplyForceKey::values
-                                                                     : HaplyForceKey::vector;
-    has_changed_words_ = true;
-    num_unheard_ = 0;
-    share_ = 0;
-    return true;
-  }
-  // A service that never says what it has received cannot be judged by it.
-  return !has_echo_;
+  // The other words; or back to the first ones for good, with a service that never says what it
+  // has received. Until now the hand may have felt nothing: the force must not come at once.
+  request_.force_key = request_.force_key == HaplyForceKey::vector ? HaplyForceKey::values
+                                                                   : HaplyForceKey::vector;
+  has_been_heard_ = has_changed_words_;
+  has_changed_words_ = true;
+  num_unheard_ = 0;
+  share_ = 0;
+  return true;
 }
 
 /// Looks at what the service has to tell beside the states.
@@ -383,7 +383,7 @@ Result<std::unique_ptr<HapticDevice>> open_haply_device(std::string_view address
 
 FoundDevice find_haply_device_at(const HaplyAddress& address) {
   FoundDevice device{"haply:" + url_of(address.service), "haply", false, "", ""};
-  const Result<Inventory> found = inspect(address.service, 0.1);
+  const Result<Inventory> found = inspect(address.service, 0.09);
   if (found) {
     device.is_usable = true;
     device.what = describe(*found, address.service);

@@ -1,9 +1,11 @@
 // 3D Systems (Geomagic, SensAble) devices: OpenHaptics calls back from a thread of its own.
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -36,8 +38,10 @@ std::atomic<int> g_num_running{0};
 std::string text(const char* said) { return said == nullptr ? "" : said; }
 
 std::string what_it_said(const OpenHapticsApi& api, const HdErrorInfo& error) {
-  return text(api.hdGetErrorString(error.code)) + " (" + std::to_string(error.code) + ", internal " +
-         std::to_string(error.internal_code) + ")";
+  std::array<char, 40> codes{};
+  std::snprintf(codes.data(), codes.size(), " (0x%04X, internal %d)", error.code,
+                error.internal_code);
+  return text(api.hdGetErrorString(error.code)) + codes.data();
 }
 
 /// One positive number, or `otherwise` when the driver does not know.
@@ -118,7 +122,13 @@ class OpenHapticsDevice final : public HapticDevice {
 
   ~OpenHapticsDevice() override {
     stop();
-    if (!is_stuck_) api_.hdDisableDevice(device_);
+    if (is_stuck_) {
+      // The driver hangs somewhere and would make us hang, too. Should it come back one day, it must
+      // still find the servo.
+      static_cast<void>(servo_.release());
+    } else {
+      api_.hdDisableDevice(device_);
+    }
   }
 
   const DeviceInfo& info() const override { return info_; }
@@ -132,46 +142,32 @@ class OpenHapticsDevice final : public HapticDevice {
          {kHdMaxForceClamping, kHdSoftwareForceLimit, kHdForceRamping, kHdForceOutput})
       api_.hdEnable(capability);
     servo_ = std::make_unique<OpenHapticsServo>(api_, device_, info_, std::move(tick));
-    scheduled_ =
+    const HdScheduled scheduled =
         api_.hdScheduleAsynchronous(&OpenHapticsServo::call_back, servo_.get(), kHdMaxPriority);
-    HdErrorInfo error = api_.take_errors();
-    if (error.code == 0) {
-      if (g_num_running++ == 0) api_.hdStartScheduler();
-      is_running_ = true;
-      error = api_.take_errors();
-    } else {
-      api_.hdUnschedule(scheduled_);
+    if (g_num_running++ == 0) api_.hdStartScheduler();
+    if (const HdErrorInfo error = api_.take_errors(); error.code != 0) {
+      if (--g_num_running == 0) api_.hdStopScheduler();
+      api_.hdUnschedule(scheduled);
+      motors_off();
       servo_.reset();
-    }
-    if (error.code != 0) {
-      stop();
       return Error{Errc::io_failure, info_.name + " does not start: " + what_it_said(api_, error) +
                                          "; " + kConnect};
     }
-    if (!wait_for([this] { return servo_->last_time() > 0; })) {
-      stop();
-      return stuck();
-    }
-    return Done{};
+    is_running_ = true;
+    if (wait_for([this] { return servo_->last_time() > 0; })) return Done{};
+    stop();
+    return stuck();
   }
 
   void stop() noexcept override {
     if (!is_running_) return;
-    is_running_ = false;
     servo_->ask_to_end();
     is_stuck_ = !wait_for([this] { return servo_->has_ended(); });
-    if (is_stuck_) {
-      // The driver hangs somewhere and would make us hang, too. Should it come back one day, it must
-      // still find the servo.
-      static_cast<void>(servo_.release());
-    } else if (g_num_running == 1) {
-      api_.hdStopScheduler();
-    }
-    --g_num_running;
-    if (!is_stuck_) {
-      api_.hdMakeCurrentDevice(device_);
-      api_.hdDisable(kHdForceOutput);
-    }
+    is_running_ = false;
+    const bool is_last = --g_num_running == 0;
+    if (is_stuck_) return;
+    if (is_last) api_.hdStopScheduler();
+    motors_off();
   }
 
   Status status() const override {
@@ -190,6 +186,12 @@ class OpenHapticsDevice final : public HapticDevice {
   }
 
  private:
+  void motors_off() noexcept {
+    api_.hdMakeCurrentDevice(device_);
+    api_.hdDisable(kHdForceOutput);
+    api_.take_errors();
+  }
+
   Error stuck() const {
     return Error{Errc::io_failure, info_.name +
                                        ": the driver does not call back; end this program, switch "
@@ -200,8 +202,7 @@ class OpenHapticsDevice final : public HapticDevice {
   const HdHandle device_;
   DeviceInfo info_;
   std::unique_ptr<OpenHapticsServo> servo_;
-  HdScheduled scheduled_ = 0;
-  bool is_running_ = false, is_stuck_ = false;
+  std::atomic<bool> is_running_ = false, is_stuck_ = false;
 };
 
 }  // namespace

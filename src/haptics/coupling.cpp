@@ -1,1 +1,34 @@
 #include "palpate/haptics/coupling.h"
+
+#include <algorithm>
+
+#include "src/haptics/couplings.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kSmallestRadius = 1e-4;  // m: a tool without extent still turns
+
+}  // namespace
+
+double radius_of_gyration(const MassProperties& tool) {
+  const Mat3d& i = tool.inertia;
+  const double squared = (i.m[0][0] + i.m[1][1] + i.m[2][2]) / (3 * tool.volume);
+  return std::isfinite(squared) ? std::sqrt(std::max(squared, kSmallestRadius * kSmallestRadius))
+                                : kSmallestRadius;
+}
+
+std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,
+                                        const MassProperties& tool) {
+  switch (options.kind) {
+    case CouplingKind::direct:
+      return make_direct_coupling(options, tool);
+    case CouplingKind::proxy:
+      return make_proxy_coupling(options, limits, tool);
+    case CouplingKind::virtual_coupling:
+      break;
+  }
+  return make_virtual_coupling(options, limits, tool);
+}
+
+}  // namespace palpate

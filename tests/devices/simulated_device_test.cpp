@@ -88,14 +88,13 @@ TEST(SimulatedDevice, FollowsASteadyTargetWithTheLagOfItsMechanism) {
   options.model.limits.damping = 0.5;
   options.model.limits.angular_damping = 1e-3;
   options.hand = {};
-  options.target = [](double t) {
-    return Pose{{0.1 * t, 0, 0}, axis_angle({1, 0, 0}, 0.3 * t)};
-  };
+  options.target = [](double t) { return Pose{{0.1 * t, 0, 0}, axis_angle({1, 0, 0}, 0.3 * t)}; };
   const auto device = make(options);
   start(*device, [](const DeviceState&) { return Wrench{}; });
   device->run(3000);
   const DeviceState state = device->true_state();
-  EXPECT_NEAR(state.X_BH.translation.x, 0.1 * state.time - 0.5 * 0.1 / options.hand.stiffness, 1e-9);
+  EXPECT_NEAR(state.X_BH.translation.x, 0.1 * state.time - 0.5 * 0.1 / options.hand.stiffness,
+              1e-9);
   EXPECT_NEAR(angle_x(state.X_BH.rotation),
               0.3 * state.time - 1e-3 * 0.3 / options.hand.angular_stiffness, 1e-9);
   EXPECT_NEAR(state.V_BH.linear.x, 0.1, 1e-9);
@@ -128,10 +127,9 @@ TEST(SimulatedDevice, SampledSpringIsStableBelowTwiceTheDampingPerTick) {
   struct Case {
     double mass, damping, rate, limit;
   };
-  for (const auto& [mass, damping, rate, limit] : {Case{0.045, 0.2, 1000, 400.3},
-                                                   Case{0.045, 1, 1000, 2007},
-                                                   Case{0.2, 5, 1000, 10042},
-                                                   Case{0.2, 5, 4000, 40042}}) {
+  for (const auto& [mass, damping, rate, limit] :
+       {Case{0.045, 0.2, 1000, 400.3}, Case{0.045, 1, 1000, 2007}, Case{0.2, 5, 1000, 10042},
+        Case{0.2, 5, 4000, 40042}}) {
     SCOPED_TRACE(limit);
     EXPECT_LT(growth(mass, damping, rate, 0.95 * limit), 0.5);
     EXPECT_GT(growth(mass, damping, rate, 1.05 * limit), 2);
@@ -144,10 +142,10 @@ double stored_energy(const SimulatedDeviceOptions& options, const DeviceState& s
   const Vec3d& p = state.X_BH.translation;
   const Quaternion& q = state.X_BH.rotation;
   const double turn = 2 * std::atan2(norm(Vec3d{q.x, q.y, q.z}), std::abs(q.w));
-  return 0.5 * (mass * dot(state.V_BH.linear, state.V_BH.linear) +
-                options.hand.stiffness * dot(p, p) +
-                options.hand.angular_inertia * dot(state.V_BH.angular, state.V_BH.angular) +
-                options.hand.angular_stiffness * turn * turn);
+  return 0.5 *
+         (mass * dot(state.V_BH.linear, state.V_BH.linear) + options.hand.stiffness * dot(p, p) +
+          options.hand.angular_inertia * dot(state.V_BH.angular, state.V_BH.angular) +
+          options.hand.angular_stiffness * turn * turn);
 }
 
 Wrench changing_wrench(const DeviceState& state) {
@@ -208,8 +206,7 @@ TEST(SimulatedDevice, SensesInStepsOfItsEncodersAndFiltersVelocity) {
   int num_ticks = 0;
   start(*device, [&](const DeviceState& state) {
     const Vec3d p = state.X_BH.translation;
-    for (int i = 0; i < 3; ++i)
-      EXPECT_NEAR(std::remainder(p[i], 1e-4), 0, 1e-15);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(std::remainder(p[i], 1e-4), 0, 1e-15);
     EXPECT_LE(norm(p - device->true_state().X_BH.translation), 0.5e-4 * std::sqrt(3) + 1e-12);
     if (num_ticks++ > 0) filtered += (1 - std::exp(-0.2)) * ((p - last) * 1000 - filtered);
     last = p;

@@ -9,7 +9,8 @@ namespace palpate {
 namespace {
 
 TEST(ImpedanceStep, ManySmallStepsMakeALargeOne) {
-  for (const auto& [damping, stiffness] : {std::pair{0.0, 0.0}, {2.0, 0.0}, {0.0, 50.0}, {1e3, 5e3}}) {
+  for (const auto& [damping, stiffness] :
+       {std::pair{0.0, 0.0}, {2.0, 0.0}, {0.0, 50.0}, {1e3, 5e3}}) {
     const ImpedanceStep large(0.1, damping, stiffness, 0.08), small(0.1, damping, stiffness, 0.005);
     const Vec3d push{1, -2, 3};
     Vec3d p{0.1, 0.2, -0.3}, v{-1, 0.5, 0.2}, p_small = p, v_small = v;

@@ -1,0 +1,51 @@
+// A hand on a device, live: the loop, all that it did in one MCAP file, and its repetition.
+//
+//   session.mcap   settings, tool, depth frames, contact queries, ticks: whole up to the last second
+//                  even if the program is killed
+//   summary.json   settings, counts, percentiles of every stage, faults
+//   wrench.csv     one line per tick
+//   report.html    the same for people
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "palpate/haptics/haptic_loop.h"
+#include "palpate/session/record_run.h"
+
+namespace palpate {
+
+struct HapticOutcome {
+  LoopReport loop;
+  std::string summary_json;
+  std::vector<std::string> warnings;  ///< of the coupling and the loop, for people
+  std::string failure;                ///< why it ended early; else empty
+};
+
+/// Runs until `duration` (s), the end of the source, a fault, or keep_going() is false (asked ten
+/// times a second). What was recorded is kept in any case; a disk that is full or slow ends or
+/// thins the recording, says so, and never disturbs the loop. Errors: settings, source, device,
+/// folder: nothing has run then.
+Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source,
+                                        HapticDevice& device, const HapticSettings& settings,
+                                        double duration, const std::filesystem::path& folder,
+                                        const std::function<bool()>& keep_going = {});
+
+/// Is this the folder of a haptic run?
+bool is_haptic_run(const std::filesystem::path& folder);
+
+/// Repeats every contact query and every tick from session.mcap alone, as fast as it can, and
+/// compares them bit by bit with what was recorded. A recording that was cut off is repeated as far
+/// as it goes.
+Result<ReplayOutcome> replay_haptic_run(const std::filesystem::path& folder,
+                                        const ReplayOptions& options = {});
+
+/// Settings as a TOML file says them: [coupling], [safety], [contact], [loop], ... Errors: file and
+/// line of what cannot be read, a key that is not known (with the nearest one), a value out of
+/// range.
+Result<HapticSettings> load_haptic_settings(const std::filesystem::path& path,
+                                            const HapticSettings& defaults = {});
+
+}  // namespace palpate

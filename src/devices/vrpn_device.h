@@ -1,0 +1,14 @@
+// A device behind a VRPN server: NAME@HOST[:PORT].
+#pragma once
+
+#include "palpate/devices/open_device.h"
+#include "src/devices/tcp_socket.h"
+
+namespace palpate {
+
+constexpr int kVrpnPort = 3883;
+
+/// find_vrpn_device at a stated place.
+FoundDevice find_vrpn_device_at(const NetAddress& address);
+
+}  // namespace palpate

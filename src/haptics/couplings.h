@@ -1,0 +1,27 @@
+// The three kinds behind make_coupling.
+#pragma once
+
+#include "src/haptics/held_contact.h"
+#include "src/haptics/spring.h"
+
+namespace palpate {
+
+/// Longest time that one step covers, s: a tick that comes later than this is taken as this late.
+constexpr double kMaxStep = 0.02;
+
+/// Between 0 and kMaxStep, whatever the clock says.
+inline double step_length(double dt) { return dt > 0 ? (dt < kMaxStep ? dt : kMaxStep) : 0; }
+
+std::unique_ptr<Coupling> make_virtual_coupling(const CouplingOptions& options,
+                                                const DeviceLimits& limits,
+                                                const MassProperties& tool);
+std::unique_ptr<Coupling> make_direct_coupling(const CouplingOptions& options,
+                                               const MassProperties& tool);
+std::unique_ptr<Coupling> make_proxy_coupling(const CouplingOptions& options,
+                                              const DeviceLimits& limits,
+                                              const MassProperties& tool);
+
+/// Of the tool, m: what a radian of it counts as.
+double radius_of_gyration(const MassProperties& tool);
+
+}  // namespace palpate

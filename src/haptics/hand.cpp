@@ -1,0 +1,27 @@
+#include "src/haptics/hand.h"
+
+namespace palpate {
+
+const HeldTool& Hand::follow(const DeviceState& state) noexcept {
+  held_.velocity = {};
+  if (!state.is_valid || !is_finite(state.X_BH)) return held_;
+  const double scale = options_.motion_scale;
+  const Pose X_BH{scale * state.X_BH.translation, normalized(state.X_BH.rotation)};
+  const Pose X_WH = options_.X_WB * X_BH;
+  held_.X_WT = X_WH * options_.X_HT;
+  held_.p_WC = held_.X_WT * c_T_;
+  held_.p_WH = X_WH.translation;
+  const Vec3d linear_W = rotate(options_.X_WB.rotation, scale * state.V_BH.linear);
+  const Vec3d angular_W = rotate(options_.X_WB.rotation, state.V_BH.angular);
+  const Vec6 velocity{linear_W + cross(angular_W, held_.p_WC - held_.p_WH), angular_W};
+  if (is_finite(velocity)) held_.velocity = velocity;
+  return held_;
+}
+
+Wrench Hand::at_handle(const Wrench& F_C_W) const noexcept {
+  const Quaternion q_BW = conjugate(options_.X_WB.rotation);
+  const Vec3d torque_W = F_C_W.torque + cross(held_.p_WC - held_.p_WH, F_C_W.force);
+  return {rotate(q_BW, F_C_W.force), rotate(q_BW, torque_W / options_.motion_scale)};
+}
+
+}  // namespace palpate

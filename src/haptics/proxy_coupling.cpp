@@ -1,0 +1,93 @@
+// A tool without mass: at every tick it is where the spring and the contact balance. What keeps it
+// out of the surface is the contact's stiffness against the spring's, and the hand feels the spring.
+#include "src/haptics/couplings.h"
+#include "src/haptics/rotation_vector.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kMaxIterations = 8;        // the spring may saturate on the way: two or three do
+constexpr double kSmallestStep = 1e-9;   // m
+
+class ProxyCoupling final : public Coupling {
+ public:
+  ProxyCoupling(const CouplingOptions& options, const DeviceLimits& limits,
+                const MassProperties& tool)
+      : scale_(options.motion_scale),
+        spring_(make_spring(options, limits)),
+        hand_(options, tool.centre_of_mass),
+        contact_(ContactHold::local_model, radius_of_gyration(tool)),
+        c_T_(tool.centre_of_mass),
+        radius_(radius_of_gyration(tool)) {}
+
+  void reset(const DeviceState& state) noexcept override {
+    contact_.reset();
+    X_WT_ = hand_.follow(state).X_WT;
+  }
+
+  CouplingStep step(const DeviceState& state, const LocalContact& contact,
+                    double dt) noexcept override {
+    const HeldTool& held = hand_.follow(state);
+    contact_.update(contact, step_length(dt));
+    balance(held);
+
+    CouplingStep step;
+    step.X_WT = X_WT_;
+    step.X_WT_hand = held.X_WT;
+    step.contact_W = contact_.felt(X_WT_);
+    const Vec6 stretch = stretch_between(X_WT_, X_WT_ * c_T_, held);
+    step.F_H_B = hand_.at_handle(to_wrench(-1 * (spring_.rates(stretch) * stretch)));
+    step.stretch = norm(stretch.linear);
+    step.energy = spring_.energy(stretch) / scale_;
+    return step;
+  }
+
+ private:
+  /// Newton's method on spring + contact = 0, from where the tool was.
+  void balance(const HeldTool& held) {
+    for (int i = 0; i < kMaxIterations; ++i) {
+      Vec6 move;
+      if (!find_move(held, move)) {
+        X_WT_ = held.X_WT;
+        return;
+      }
+      const Vec3d p_WC = X_WT_ * c_T_ + move.linear;
+      X_WT_.rotation = turned(X_WT_.rotation, move.angular);
+      X_WT_.translation = p_WC - rotate(X_WT_.rotation, c_T_);
+      if (norm(move.linear) + radius_ * norm(move.angular) < kSmallestStep) return;
+    }
+  }
+
+  /// False: nothing holds the tool, it is at the hand.
+  bool find_move(const HeldTool& held, Vec6& move) const {
+    if (!contact_.is_there()) return false;
+    const Vec6 stretch = stretch_between(X_WT_, X_WT_ * c_T_, held);
+    const Spring::Rates rates = spring_.rates(stretch);
+    const Vec6 wrench = to_vec6(contact_.wrench(X_WT_));
+    Mat6 a = contact_.stiffness();
+    for (int i = 0; i < 3; ++i) {
+      a.m[i][i] += rates.linear;
+      a.m[i + 3][i + 3] += rates.angular;
+    }
+    return solve(a, rates * stretch + wrench, move) &&
+           contact_.pushes(to_wrench(wrench - contact_.stiffness() * move));
+  }
+
+  double scale_;
+  Spring spring_;
+  Hand hand_;
+  HeldContact contact_;
+  Vec3d c_T_;
+  double radius_;
+  Pose X_WT_;
+};
+
+}  // namespace
+
+std::unique_ptr<Coupling> make_proxy_coupling(const CouplingOptions& options,
+                                              const DeviceLimits& limits,
+                                              const MassProperties& tool) {
+  return std::make_unique<ProxyCoupling>(options, limits, tool);
+}
+
+}  // namespace palpate

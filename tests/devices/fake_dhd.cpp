@@ -1,0 +1,139 @@
+// A shared library that looks like Force Dimension's libdrd: the same names and the same C
+// interface, written down here a second time from its documentation.
+#include "tests/devices/fake_dhd.h"
+
+#include <cmath>
+
+namespace palpate::test {
+
+void FakeDhd::reset() {
+  version_major = 3;
+  version_minor = 17;
+  num_devices = num_available = 1;
+  first_free = 0;
+  system_type = 104;
+  is_initialized = has_wrist = has_active_wrist = takes_force = true;
+  read_result = write_result = status_result = enable_result = force_off_cause = 0;
+  for (int i = 0; i < 3; ++i) {
+    position[i] = velocity[i] = angular_velocity[i] = 0;
+    for (int j = 0; j < 3; ++j) rotation[3 * i + j] = i == j;
+  }
+  buttons = 0;
+  for (auto& part : wrench) part = 0;
+  largest_force = max_force = max_torque = 0;
+  gravity = num_writes = num_forces_while_off = num_forbidden = 0;
+  is_force_enabled = false;
+  last_opened = -1;
+}
+
+}  // namespace palpate::test
+
+namespace {
+
+palpate::test::FakeDhd g_fake;
+
+int fill(const std::array<std::atomic<double>, 3>& from, double* x, double* y, double* z) {
+  *x = from[0];
+  *y = from[1];
+  *z = from[2];
+  return g_fake.read_result;
+}
+
+int forbidden() {
+  ++g_fake.num_forbidden;
+  return 0;
+}
+
+}  // namespace
+
+using uchar = unsigned char;
+using uint = unsigned int;
+
+extern "C" {
+
+palpate::test::FakeDhd* fake_dhd() { return &g_fake; }
+
+void dhdGetSDKVersion(int* major, int* minor, int* release, int* revision) {
+  *major = g_fake.version_major;
+  *minor = g_fake.version_minor;
+  *release = 1;
+  *revision = 99;
+}
+const char* dhdErrorGetLastStr() { return "communication error"; }
+int dhdGetDeviceCount() { return g_fake.num_devices; }
+int dhdGetAvailableCount() { return g_fake.num_available; }
+int drdOpenID(char ID) {
+  if (ID < g_fake.first_free || ID >= g_fake.num_devices) return -1;
+  ++g_fake.num_open;
+  g_fake.last_opened = ID;
+  return ID;
+}
+int drdClose(char) {
+  --g_fake.num_open;
+  return 0;
+}
+int dhdGetSystemType(char) { return g_fake.system_type; }
+const char* dhdGetSystemName(char) { return "sigma.7"; }
+bool dhdHasWrist(char) { return g_fake.has_wrist; }
+bool dhdHasActiveWrist(char) { return g_fake.has_active_wrist; }
+int dhdGetPositionAndOrientationFrame(double* px, double* py, double* pz, double matrix[3][3],
+                                      char) {
+  for (int i = 0; i < 9; ++i) matrix[i / 3][i % 3] = g_fake.rotation[i];
+  return fill(g_fake.position, px, py, pz);
+}
+int dhdGetLinearVelocity(double* vx, double* vy, double* vz, char) {
+  return fill(g_fake.velocity, vx, vy, vz);
+}
+int dhdGetAngularVelocityRad(double* wx, double* wy, double* wz, char) {
+  if (!g_fake.has_wrist) return -1;
+  return fill(g_fake.angular_velocity, wx, wy, wz);
+}
+uint dhdGetButtonMask(char) { return g_fake.buttons; }
+int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double tx, double ty,
+                                        double tz, double f, char) {
+  const double parts[7] = {fx, fy, fz, tx, ty, tz, f};
+  for (int i = 0; i < 7; ++i) g_fake.wrench[i] = parts[i];
+  const double force = std::hypot(fx, fy, fz);
+  if (!(force <= g_fake.largest_force)) g_fake.largest_force = force;
+  if (force != 0 && !g_fake.is_force_enabled) ++g_fake.num_forces_while_off;
+  ++g_fake.num_writes;
+  return g_fake.write_result;
+}
+int dhdEnableForce(uchar val, char) {
+  g_fake.is_force_enabled = val != 0;
+  return g_fake.enable_result;
+}
+int dhdSetGravityCompensation(int val, char) {
+  g_fake.gravity = val;
+  return 0;
+}
+int dhdGetStatus(int status[17], char) {
+  for (int i = 0; i < 17; ++i) status[i] = 0;
+  status[0] = status[1] = status[2] = status[3] = 1;
+  status[5] = g_fake.is_force_enabled && g_fake.takes_force;
+  status[14] = g_fake.force_off_cause;
+  return g_fake.status_result;
+}
+
+#if !defined(FAKE_DHD_IS_INCOMPLETE)
+bool drdIsInitialized(char) { return g_fake.is_initialized; }
+int dhdSetMaxForce(double limit, char) {
+  g_fake.max_force = limit;
+  return 0;
+}
+int dhdSetMaxTorque(double limit, char) {
+  g_fake.max_torque = limit;
+  return 0;
+}
+#endif
+
+// What must never be called.
+int drdAutoInit(char) { return forbidden(); }
+int drdStart(char) { return forbidden(); }
+int drdMoveToPos(double, double, double, bool, char) { return forbidden(); }
+int dhdReset(char) { return forbidden(); }
+int dhdEnableExpertMode() { return forbidden(); }
+int dhdSetVelocityThreshold(uint, char) { return forbidden(); }
+int dhdSetWatchdog(uchar, char) { return forbidden(); }
+
+}  // extern "C"

@@ -1,0 +1,258 @@
+// The haptic loop in real time: for a second at most, and without a word about how fast it is.
+#include "palpate/haptics/haptic_loop.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "palpate/mesh/shapes.h"
+#include "palpate/packing/packer.h"
+#include "tests/haptics/loop_fakes.h"
+#include "tests/test_util/allocation_counter.h"
+
+namespace palpate {
+namespace {
+
+using test::ScriptedDevice;
+using test::WallSource;
+
+const Tool& box_tool() {
+  static const Tool tool = [] {
+    PackOptions options;
+    options.max_spheres = 60;
+    TriangleMesh mesh = make_box({0.05, 0.05, 0.05});
+    SpherePacking packing = pack_spheres(mesh, options).value();
+    return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "box").value();
+  }();
+  return tool;
+}
+
+/// Limits that no busy machine reaches, and the hand's base 5 cm in front of the wall.
+HapticSettings patient_settings() {
+  HapticSettings settings;
+  settings.num_threads = 1;
+  settings.wants_real_time = false;
+  settings.coupling.X_WB.translation = {0, 0, 0.45};
+  settings.safety.max_contact_age = settings.safety.max_sensor_age = 30;
+  settings.safety.max_device_silence = settings.safety.max_tick = 30;
+  settings.safety.ramp_seconds = 0.05;
+  settings.safety.engage_timeout = 0.05;
+  return settings;
+}
+
+/// The box goes from 5 mm before the wall to 15 mm into it.
+Vec3d pressing_hand(double time) {
+  return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 * time)};
+}
+
+/// Until `condition` or for `seconds`.
+template <class Condition>
+bool wait_for(Condition condition, double seconds = 20) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return true;
+}
+
+/// Everything that an observer is told.
+struct Seen {
+  std::vector<std::pair<double, DepthFrame>> frames;
+  std::vector<ContactRecord> contacts;
+  std::vector<HapticRecord> ticks;
+
+  HapticObserver observer() {
+    return {[this](std::uint64_t number, double time, const DepthFrame& frame) {
+              EXPECT_EQ(number, frames.size());
+              frames.emplace_back(time, frame);
+            },
+            [this](const ContactRecord& contact) { contacts.push_back(contact); },
+            [this](std::span<const HapticRecord> records) {
+              ticks.insert(ticks.end(), records.begin(), records.end());
+            }};
+  }
+};
+
+TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
+  WallSource source({.depth = [](int k) { return 0.5 + 0.002 * std::sin(k); }});
+  ScriptedDevice device({.hand = pressing_hand});
+  const HapticSettings settings = patient_settings();
+  Seen seen;
+  {
+    auto loop = HapticLoop::create(box_tool(), source, device, settings, seen.observer());
+    ASSERT_TRUE(loop) << loop.error().message;
+    ASSERT_TRUE((*loop)->start());
+    EXPECT_TRUE((*loop)->is_running());
+    HapticRecord newest;
+    EXPECT_TRUE(wait_for([&] {
+      (*loop)->latest(newest);
+      return newest.F_H_B.force.z < -0.5 && (*loop)->report().num_frames > 8;
+    })) << newest.F_H_B.force.z;
+    EXPECT_GT(newest.volume, 0);
+    (*loop)->stop();
+    EXPECT_FALSE((*loop)->is_running());
+    EXPECT_TRUE((*loop)->status());
+    const LoopReport report = (*loop)->report();
+    EXPECT_EQ(report.fault, Fault::stopped);
+    EXPECT_EQ(report.num_lost_records, 0u);
+    EXPECT_EQ(report.num_ticks, seen.ticks.size());
+    EXPECT_EQ(report.num_contacts, seen.contacts.size());
+    EXPECT_EQ(report.num_frames, seen.frames.size());
+    EXPECT_GT(report.seconds, 0);
+    EXPECT_EQ((*loop)->times().haptic_compute.summary().num, report.num_ticks);
+    EXPECT_EQ((*loop)->times().contact_compute.summary().num, report.num_contacts);
+  }
+  for (std::size_t k = 1; k < seen.ticks.size(); ++k) {
+    const HapticRecord &last = seen.ticks[k - 1], &now = seen.ticks[k];
+    ASSERT_GT(now.time, last.time);
+    ASSERT_GE(now.contact_number, last.contact_number);
+    ASSERT_GE(now.contact_age, 0);
+    ASSERT_GT(now.sensor_age, 0);
+  }
+  // Faded out, not switched off.
+  EXPECT_EQ(norm(seen.ticks.back().F_H_B.force), 0);
+  std::size_t num_fading = 0;
+  for (const HapticRecord& tick : seen.ticks) {
+    num_fading += tick.safety.fault == Fault::stopped && norm(tick.F_H_B.force) > 0 ? 1 : 0;
+  }
+  EXPECT_GT(num_fading, 0u);
+
+  // Each contact can be repeated to the bit.
+  ThreadPool pool(1);
+  SurfaceTimeline timeline =
+      SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
+          .value();
+  BlendedQuery query(make_contact_query(Backend::cpu, box_tool()).value());
+  std::size_t num_pushed = 0;
+  ASSERT_FALSE(seen.contacts.empty());
+  for (const ContactRecord& contact : seen.contacts) {
+    for (; num_pushed <= contact.frame_number; ++num_pushed) {
+      const auto& [time, frame] = seen.frames[num_pushed];
+      timeline.push(frame, num_pushed == 0 ? 0 : time + 1, pool);
+    }
+    SurfaceMoment moment = timeline.at(1e9);
+    moment.progress = contact.progress;
+    query.set_moment(moment);
+    const Penetration again = query.query(contact.X_WT, settings.contact);
+    ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
+    ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
+    ASSERT_EQ(again.measure_W.torque.x, contact.penetration.measure_W.torque.x);
+  }
+}
+
+TEST(HapticLoop, NothingIsAllocatedWhileItRuns) {
+  for (const TimeMode mode : {TimeMode::interpolate, TimeMode::latest}) {
+    WallSource source({});
+    ScriptedDevice device({.hand = pressing_hand});
+    HapticSettings settings = patient_settings();
+    settings.time.mode = mode;
+    auto loop = HapticLoop::create(box_tool(), source, device, settings);
+    ASSERT_TRUE(loop);
+    ASSERT_TRUE((*loop)->start());
+    const test::AllocationCounter counter;
+    EXPECT_TRUE(wait_for([&] {
+      return device.num_ticks() > 300 && (*loop)->times().surface_compute.summary().num > 6;
+    }));
+    EXPECT_EQ(counter.count(), 0u);
+  }
+}
+
+TEST(HapticLoop, EndsWithItsSource) {
+  WallSource source({.num_frames = 4});
+  ScriptedDevice device({.hand = pressing_hand});
+  auto loop = HapticLoop::create(box_tool(), source, device, patient_settings());
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
+  EXPECT_EQ(device.last_force(), 0);
+  EXPECT_TRUE((*loop)->status());
+  EXPECT_EQ((*loop)->report().fault, Fault::stopped);
+  // A source of one frame.
+  WallSource single({.num_frames = 1});
+  ScriptedDevice other({});
+  auto short_loop = HapticLoop::create(box_tool(), single, other, patient_settings());
+  ASSERT_TRUE((*short_loop)->start());
+  EXPECT_TRUE(wait_for([&] { return !(*short_loop)->is_running(); }));
+}
+
+TEST(HapticLoop, FadesOutWhenTheSourceFails) {
+  WallSource source({.fails_at = 12});
+  ScriptedDevice device({.hand = pressing_hand});
+  auto loop = HapticLoop::create(box_tool(), source, device, patient_settings());
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
+  EXPECT_EQ(device.last_force(), 0);
+  EXPECT_GT(device.num_ticks(), 0);
+  EXPECT_EQ((*loop)->report().fault, Fault::stale_sensor);
+  ASSERT_FALSE((*loop)->status());
+  EXPECT_EQ((*loop)->status().error().message, "the wall fell over");
+}
+
+TEST(HapticLoop, EndsWhenTheDeviceIsLost) {
+  WallSource source({});
+  ScriptedDevice device({.hand = pressing_hand, .lost_after = 0.2});
+  auto loop = HapticLoop::create(box_tool(), source, device, patient_settings());
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
+  ASSERT_FALSE((*loop)->status());
+  EXPECT_EQ((*loop)->status().error().message, "somebody pulled the plug");
+  (*loop)->stop();
+}
+
+TEST(HapticLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
+  WallSource source({});
+  ScriptedDevice device({});
+  HapticSettings settings = patient_settings();
+  settings.wants_real_time = true;
+  auto loop = HapticLoop::create(box_tool(), source, device, settings);
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return device.num_ticks() > 20; }));
+  for (const std::string& note : (*loop)->report().notes) {
+    EXPECT_NE(note.find(';'), std::string::npos) << note;  // what, and what to do
+  }
+}
+
+TEST(HapticLoop, SaysWhatIsWrongAtTheStart) {
+  WallSource source({});
+  ScriptedDevice device({});
+  const auto message = [&](auto change) {
+    HapticSettings settings = patient_settings();
+    change(settings);
+    auto loop = HapticLoop::create(box_tool(), source, device, settings);
+    return loop ? std::string() : loop.error().message;
+  };
+  EXPECT_NE(message([](auto& s) { s.contact_rate = NAN; }).find("contact rate"), std::string::npos);
+  EXPECT_NE(message([](auto& s) { s.num_threads = -1; }).find("threads"), std::string::npos);
+  EXPECT_NE(message([](auto& s) { s.safety.force_share = 2; }), "");
+  EXPECT_NE(message([](auto& s) { s.coupling.damping_ratio = NAN; }), "");
+  EXPECT_NE(message([](auto& s) { s.time.max_jump = -1; }), "");
+
+  WallSource empty({.num_frames = 0});
+  auto loop = HapticLoop::create(box_tool(), empty, device, patient_settings());
+  ASSERT_TRUE(loop);
+  const Status no_frame = (*loop)->start();
+  ASSERT_FALSE(no_frame);
+  EXPECT_NE(no_frame.error().message.find("no frame"), std::string::npos);
+  EXPECT_FALSE((*loop)->is_running());
+
+  ScriptedDevice refusing({.refuses = Error{Errc::unavailable, "not today"}});
+  auto refused = HapticLoop::create(box_tool(), source, refusing, patient_settings());
+  ASSERT_TRUE(refused);
+  const Status no_device = (*refused)->start();
+  ASSERT_FALSE(no_device);
+  EXPECT_EQ(no_device.error().message, "not today");
+  EXPECT_FALSE((*refused)->is_running());
+  const Status again = (*refused)->start();
+  ASSERT_FALSE(again);
+  EXPECT_NE(again.error().message.find("once"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace palpate
