@@ -87,6 +87,7 @@ int main(int argc, char** argv) {
   palpate::apps::add_touch(program, action);
   palpate::apps::add_replay(program, action);
   palpate::apps::add_scenes(program, action);
+  palpate::apps::add_devices(program, action);
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {

@@ -183,6 +183,9 @@ Status run(const Options& options) {
   BodyWorld world;
   const int body = world.add_tool(*tool, std::move(chosen->query));
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
+  if (const Status status = measure_pairs_at(chosen->backend, options.settings, world); !status) {
+    return status.error();
+  }
   world.set_cloud(cloud->view());
   std::vector<Measurement> measurements;
   for (const Pose& X_WT : poses) {

@@ -8,6 +8,7 @@
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
+#include "palpate/session/haptic_run.h"
 #include "palpate/session/record_run.h"
 #include "palpate/session/run_folder.h"
 
@@ -32,14 +33,26 @@ Status run(const Options& options) {
   replay.num_threads = options.num_threads;
   catch_interrupts();
   replay.keep_going = [](const TickRecord&) { return !interrupted(); };
-  const auto outcome = replay_run(options.run, replay);
+  const bool is_haptic = is_haptic_run(options.run);
+  const auto outcome =
+      is_haptic ? replay_haptic_run(options.run, replay) : replay_run(options.run, replay);
   if (!outcome) return outcome.error();
   if (!outcome->difference.empty()) {
-    return Error{Errc::bad_input, "the replay differs from " + options.run + "/wrench.csv in " +
+    return Error{Errc::bad_input, "the replay differs from " + options.run +
+                                      (is_haptic ? "/session.mcap in " : "/wrench.csv in ") +
                                       outcome->difference};
   }
-  if (options.json) {
+  if (!outcome->note.empty()) std::cerr << "palpate: note: " << outcome->note << '\n';
+  if (options.json && is_haptic) {
+    print_json({{"identical", true},
+                {"ticks", outcome->num_ticks},
+                {"contacts", outcome->num_contacts},
+                {"note", outcome->note}});
+  } else if (options.json) {
     print_json({{"identical", true}, {"ticks", outcome->num_ticks}});
+  } else if (is_haptic) {
+    std::cout << "identical: " << outcome->num_ticks << " ticks, " << outcome->num_contacts
+              << " contact queries\n";
   } else {
     std::cout << "identical: " << outcome->num_ticks << " ticks\n";
   }
@@ -55,7 +68,7 @@ void add_replay(CLI::App& program, Action& action) {
   app.add_option("run", options->run, "folder that palpate touch wrote")
       ->required()
       ->type_name("RUN");
-  app.add_option("-o,--output", options->output, "keep the repetition as a run of its own")
+  app.add_option("-o,--output", options->output, "keep the repetition as a run of its own (not of live runs)")
       ->type_name("RUN2");
   app.add_option("--threads", options->num_threads, "threads; default: as recorded")
       ->check(CLI::Range(0, 256));

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 
+#include "apps/live_touch.h"
 #include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/terminal.h"
@@ -28,7 +29,10 @@ struct Options {
   RunSettings settings;
   std::vector<ObjectOption> objects;
   std::optional<double> duration;
-  int num_spheres = 0;  ///< 0: all
+  std::string device;                     ///< empty: the tool follows a path
+  HapticSettings haptic;                  ///< live: beside `settings`
+  Status haptic_settings_read = Done{};   ///< of --settings
+  int num_spheres = 0;                    ///< 0: all
   bool json = false;
 };
 
@@ -76,6 +80,9 @@ Result<Input> open_input(const Options& options, const Tool& tool) {
   camera.seed = options.seed;
   camera.unit = options.noise ? 0.001 : 0.0001;
   camera.duration = options.duration;
+  // A hand takes its time.
+  constexpr double kLongest = 86400;
+  if (!options.device.empty() && !options.duration) camera.duration = kLongest;
   auto source = scenes::open_simulated_camera(*std::move(scene), camera);
   if (!source) return source.error();
   input.source = *std::move(source);
@@ -96,7 +103,26 @@ Status check_inputs(const Options& options) {
   return Done{};
 }
 
+/// The sections of a settings file that a path knows too go where the command line's options go.
+Status read_haptic_settings(const std::string& path, Options& options) {
+  const auto read = load_haptic_settings(path, options.haptic);
+  if (!read) return read.error();
+  options.haptic = *read;
+  RunSettings& run = options.settings;
+  run.contact = read->contact;
+  run.surface = read->surface;
+  run.field = read->field;
+  run.time = read->time;
+  run.backend = read->backend;
+  run.sensing_gpu = read->sensing_gpu;
+  run.contact_gpu = read->contact_gpu;
+  run.num_threads = read->num_threads;
+  run.rate = read->contact_rate;
+  return Done{};
+}
+
 Status run(const Options& options) {
+  if (!options.haptic_settings_read) return options.haptic_settings_read;
   if (const Status status = check_inputs(options); !status) return status;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
@@ -106,6 +132,11 @@ Status run(const Options& options) {
   auto input = open_input(options, *tool);
   if (!input) return input.error();
   const std::vector<TimedPose>& path = input->path;
+  if (!options.device.empty()) {
+    return touch_live({options.device, options.haptic, options.settings, options.duration,
+                       options.output, options.json},
+                      *tool, *input->source, path);
+  }
   if (path.empty()) {
     return Error{Errc::bad_input,
                  "scene " + options.scene + " has no path of its own: give --path"};
@@ -182,6 +213,26 @@ Status run(const Options& options) {
   return Done{};
 }
 
+/// What goes with a device and what with a path.
+void check_device(const CLI::App& app, const Options& options) {
+  if (options.device.empty()) {
+    for (const char* option : {"--settings", "--coupling", "--dead-man"}) {
+      if (app.count(option) > 0) {
+        usage_error(std::string("touch: ") + option + " goes with --device");
+      }
+    }
+    return;
+  }
+  if (!options.path.empty()) {
+    usage_error(
+        "touch: --path does not go with --device, where the hand moves the tool; to play a path "
+        "give --device replay:FILE");
+  }
+  if (!options.objects.empty()) {
+    usage_error("touch: --object does not go with --device: live, only depth images are felt");
+  }
+}
+
 void check(const Options& options) {
   if (options.depth_sequence.empty() == options.scene.empty()) {
     usage_error("touch: give one of --depth-sequence and --scene");
@@ -202,6 +253,39 @@ void check(const Options& options) {
   if (!known) {
     usage_error("touch: there is no scene '" + options.scene + "'; choose one of " + names);
   }
+}
+
+/// Live: a device instead of a path.
+void add_device_options(CLI::App& app, const std::shared_ptr<Options>& options) {
+  const std::string group = "Live, with a haptic device";
+  app.add_option("--device", options->device,
+                 "run live with the tool in the hand: sim[:MODEL], replay:FILE, spacenav, "
+                 "haply[:URL], forcedimension, openhaptics, vrpn:NAME@HOST; palpate devices tells "
+                 "what is there")
+      ->type_name("DEVICE")
+      ->group(group);
+  // Read when it is met, so that all other options win over the file.
+  app.add_option_function<std::string>(
+         "--settings",
+         [options](const std::string& path) {
+           options->haptic_settings_read = read_haptic_settings(path, *options);
+         },
+         "settings of surfaces, contact, loop, coupling and safety; other options win over it")
+      ->trigger_on_parse()
+      ->type_name("FILE.toml")
+      ->group(group);
+  add_named(app, "--coupling", options->haptic.coupling.kind, kCouplingNames,
+            "what joins hand and tool")
+      ->group(group);
+  app.add_flag_callback(
+         "--dead-man", [options] { options->haptic.safety.dead_man = true; },
+         "force only while button 0 of the device is held")
+      ->group(group);
+  app.add_flag_callback(
+         "--print-settings",
+         [] { throw CLI::CallForVersion(haptic_settings_toml(), 0); },  // prints and ends well
+         "print a settings file with the defaults, each explained, and do nothing else")
+      ->group(group);
 }
 
 }  // namespace
@@ -245,11 +329,15 @@ void add_touch(CLI::App& program, Action& action) {
   add_sensing_gpu_option(app, options->settings.sensing_gpu);
   add_surface_options(app, options->settings.surface);
   add_time_options(app, options->settings.time);
+  add_device_options(app, options);
   app.add_flag("--json", options->json, "print the summary as JSON");
   app.footer(
       "Example: palpate touch drill.palp --depth-sequence frames/ --intrinsics "
-      "525,525,319.5,239.5 -o run1");
-  app.callback([options, &action] {
+      "525,525,319.5,239.5 -o run1\n"
+      "Example: palpate touch drill.palp --scene sphere --device sim --duration 4 -o live1\n"
+      "Example: palpate touch --print-settings > haptics.toml");
+  app.callback([options, &app, &action] {
+    check_device(app, *options);
     check(*options);
     action = [options] { return run(*options); };
   });

@@ -23,5 +23,6 @@ void add_query(CLI::App& program, Action& action);
 void add_touch(CLI::App& program, Action& action);
 void add_replay(CLI::App& program, Action& action);
 void add_scenes(CLI::App& program, Action& action);
+void add_devices(CLI::App& program, Action& action);
 
 }  // namespace palpate::apps

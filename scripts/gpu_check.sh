@@ -42,15 +42,20 @@ grep -E "tests passed|Failed|\*\*\*" "$build.ctest.log" || true
 
 if [ "$sanitizer" -eq 1 ]; then
   echo "== compute-sanitizer"
-  for checker in memcheck racecheck initcheck synccheck; do
-    for test in "$build"/bin/test_*_cuda "$build"/bin/test_gpu_team; do
-      name=$(basename "$test")
-      # The failing allocation of this test is meant to fail.
-      PALPATE_SHORT_TESTS=1 compute-sanitizer --tool "$checker" --error-exitcode 9 "$test" \
-        --gtest_filter='-Memory.*' >"$build.$checker.$name.log" 2>&1 || status=1
-      printf '%-10s %-28s %s\n' "$checker" "$name" "$(grep 'ERROR SUMMARY\|RACECHECK SUMMARY' "$build.$checker.$name.log" | sed 's/=* //' || echo failed)"
-    done
+  check() {  # CHECKER TEST: one line
+    local log="$build.$1.$(basename "$2").log"
+    # The failing allocation of one test is meant to fail.
+    PALPATE_SHORT_TESTS=1 PALPATE_GPU_PATIENCE=200 compute-sanitizer --tool "$1" --error-exitcode 9 "$2" \
+      --gtest_filter='-Memory.*' >"$log" 2>&1 || touch "$build.failed"
+    printf '%-10s %-28s %s\n' "$1" "$(basename "$2")" \
+      "$(grep 'ERROR SUMMARY\|RACECHECK SUMMARY' "$log" | sed 's/=* //' || echo failed)"
+  }
+  rm -f "$build.failed"
+  for test in "$build"/bin/test_*_cuda "$build"/bin/test_gpu_team; do
+    for checker in memcheck racecheck initcheck synccheck; do check "$checker" "$test" & done
+    wait
   done
+  [ ! -e "$build.failed" ] || status=1
   [ "$status" -eq 0 ] || { echo "gpu_check: compute-sanitizer found errors, see $build.*.log" >&2; exit 1; }
 fi
 

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "palpate/cloud/point_cloud.h"
+#include "src/contact/copy_slots.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate {
@@ -24,15 +25,11 @@ class DeviceClouds {
     std::optional<gpu::Memory> memory;
     float* data = nullptr;
     std::size_t capacity = 0;  ///< points of each array
-    PointCloudView source;
-    std::uint64_t last_use = 0;
   };
 
-  bool shows(const Copy& copy, const PointCloudView& cloud) const;
-
   int gpu_;
-  Copy copies_[2];
-  std::uint64_t num_uses_ = 0;
+  Copy copies_[CopySlots::kNum];
+  CopySlots slots_;
 };
 
 }  // namespace palpate

@@ -7,23 +7,16 @@ constexpr std::size_t kNumChannels = 9;
 
 }  // namespace
 
-bool DeviceClouds::shows(const Copy& copy, const PointCloudView& cloud) const {
-  return cloud.stamp != 0 && copy.source.stamp == cloud.stamp && copy.source.x == cloud.x &&
-         copy.source.gpu == cloud.gpu;
-}
-
 PointCloudView DeviceClouds::on_gpu(const PointCloudView& cloud, gpu::Stream& stream) {
   if (cloud.gpu == gpu_ || cloud.size() == 0) return cloud;
-  const bool is_first = shows(copies_[0], cloud);
-  const bool is_known = is_first || shows(copies_[1], cloud);
-  const bool takes_first = is_known ? is_first : copies_[0].last_use <= copies_[1].last_use;
-  Copy& copy = copies_[takes_first ? 0 : 1];
-  copy.last_use = ++num_uses_;
+  const CopySource source{cloud.stamp, cloud.x, cloud.gpu};
+  const auto [slot, is_known] = slots_.choose(source);
+  Copy& copy = copies_[slot];
 
   constexpr std::size_t kPadding = PointCloudView::kPadding;
   const std::size_t num = (cloud.size() + kPadding - 1) / kPadding * kPadding;
   if (num > copy.capacity) {
-    copy.source = {};
+    stream.wait();  // nobody may still look at what is given up
     copy.memory.emplace(gpu_);
     copy.data = copy.memory->take<float>(kNumChannels * num);
     copy.capacity = copy.data != nullptr ? num : 0;
@@ -45,7 +38,7 @@ PointCloudView DeviceClouds::on_gpu(const PointCloudView& cloud, gpu::Stream& st
     array = here;
   }
   view.gpu = gpu_;
-  copy.source = cloud;
+  slots_.note(slot, source);
   return view;
 }
 

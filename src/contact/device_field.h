@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "palpate/field/depth_field.h"
+#include "src/contact/copy_slots.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate {
@@ -26,16 +27,13 @@ class DeviceFields {
     std::uint8_t* is_step = nullptr;
     DepthTile* tiles = nullptr;
     std::size_t num_pixels = 0, num_tiles = 0;  ///< that there is room for
-    DepthFieldView source;
-    std::uint64_t last_use = 0;
   };
 
-  bool shows(const Copy& copy, const DepthFieldView& field) const;
   bool grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles, gpu::Stream& stream);
 
   int gpu_;
-  Copy copies_[2];
-  std::uint64_t num_uses_ = 0;
+  Copy copies_[CopySlots::kNum];
+  CopySlots slots_;
 };
 
 }  // namespace palpate

@@ -4,11 +4,6 @@
 
 namespace palpate {
 
-bool DeviceFields::shows(const Copy& copy, const DepthFieldView& field) const {
-  return field.stamp != 0 && copy.source.stamp == field.stamp && copy.source.gpu == field.gpu &&
-         copy.source.levels[0].planes == field.levels[0].planes;
-}
-
 bool DeviceFields::grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles,
                         gpu::Stream& stream) {
   if (num_pixels <= copy.num_pixels && num_tiles <= copy.num_tiles) return true;
@@ -31,21 +26,19 @@ bool DeviceFields::grow(Copy& copy, std::size_t num_pixels, std::size_t num_tile
 
 DepthFieldView DeviceFields::on_gpu(const DepthFieldView& field, gpu::Stream& stream) noexcept {
   if (field.gpu == gpu_ || field.num_levels == 0) return field;
-  const bool is_first = shows(copies_[0], field);
-  const bool is_known = is_first || shows(copies_[1], field);
-  const bool takes_first = is_known ? is_first : copies_[0].last_use <= copies_[1].last_use;
-  Copy& copy = copies_[takes_first ? 0 : 1];
+  const DepthFieldLevel& finest = field.levels[0];
+  const CopySource source{field.stamp, finest.planes, field.gpu};
+  const auto [slot, is_known] = slots_.choose(source);
+  Copy& copy = copies_[slot];
 
   // All levels lie in one memory, one after the other, with kBorder pixels around each.
   constexpr std::ptrdiff_t kBorder = DepthFieldLevel::kBorder;
-  const DepthFieldLevel& finest = field.levels[0];
   const DepthFieldLevel& widest = field.levels[field.num_levels - 1];
   const std::ptrdiff_t stride = finest.stride, before = kBorder * stride + kBorder;
   const std::ptrdiff_t after = (widest.height + kBorder) * stride - kBorder;
   const std::ptrdiff_t num_pixels = before + (widest.is_step - finest.is_step) + after;
   const std::ptrdiff_t num_tiles = std::ptrdiff_t{field.tiles_wide} * field.tiles_high;
   if (!is_known) {
-    copy.source = {};
     if (!grow(copy, static_cast<std::size_t>(num_pixels), static_cast<std::size_t>(num_tiles),
               stream)) {
       return {};
@@ -54,9 +47,8 @@ DepthFieldView DeviceFields::on_gpu(const DepthFieldView& field, gpu::Stream& st
                 2 * static_cast<std::size_t>(num_pixels) * sizeof(float));
     stream.copy(copy.is_step, finest.is_step - before, static_cast<std::size_t>(num_pixels));
     stream.copy(copy.tiles, field.tiles, static_cast<std::size_t>(num_tiles) * sizeof(DepthTile));
-    copy.source = field;
+    slots_.note(slot, source);
   }
-  copy.last_use = ++num_uses_;
   DepthFieldView view = field;
   for (int k = 0; k < view.num_levels; ++k) {
     DepthFieldLevel& level = view.levels[k];

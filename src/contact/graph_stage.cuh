@@ -62,8 +62,8 @@ class GraphStage {
   }
 
  private:
-  static constexpr int kFew = 128;       // parts of rows
-  static constexpr int kBatch = 4;       // neighbours that a lane asks about at the same time
+  static constexpr int kFew = 64;        // parts of rows
+  static constexpr int kBatch = 2;       // neighbours that a lane asks about at the same time
   static constexpr int kLeastLanes = 3;  // for each part, as the exponent of 2
 
   /// Those who share a round, and where they count the parts that they list.
@@ -95,7 +95,7 @@ class GraphStage {
     *static_cast<volatile std::int32_t*>(to) = value;
   }
 
-  /// Rounds by this block, from the list of this turn to that of the next.
+  /// Rounds by this block, from the list of this turn to that of the next: few places are left.
   __device__ void go_on_alone(int turn, std::int32_t num, int rounds) const {
     std::int32_t* const num_listed = gpu::shared_memory<Scratch>().num_listed;
     const Team block{gpu::warp_id(), gpu::warps_per_block(), num_listed};

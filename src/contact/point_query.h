@@ -57,7 +57,7 @@ struct alignas(16) RowPart {
 /// The leaf graph by places, rows one after the other; edges go both ways. See PlaceGraph.
 struct PlaceGraphView {
   /// Large spheres have thousands of neighbours: rows are worked at in parts of so many.
-  static constexpr int kPart = 32;
+  static constexpr int kPart = 16;
 
   const PlaceSphere* spheres = nullptr;  ///< of each place
   const std::int32_t* row_starts =

@@ -2,6 +2,7 @@
 // memory that the host watches, without a copy and without waiting for the stream.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <type_traits>
 
@@ -62,7 +63,8 @@ class AnswerBox {
   /// What the kernel of the next query is told. One query at a time.
   MeasureOutput next() noexcept;
 
-  /// Waits until this query has answered, but not longer than 50 ms: then, and if the device
+  /// Waits until this query has answered, but not longer than 50 ms (times the environment variable
+  /// PALPATE_GPU_PATIENCE): then, and if the device
   /// reports an error, false, and the stream has failed.
   bool await(gpu::Stream& stream) noexcept;
   const QueryAnswer& answer() const { return answer_; }
@@ -75,6 +77,7 @@ class AnswerBox {
 
   gpu::Memory memory_;
   int num_blocks_;
+  std::chrono::milliseconds longest_;
   MeasureOutput output_;
   QueryAnswer answer_;
 };

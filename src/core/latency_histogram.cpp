@@ -55,8 +55,7 @@ LatencyHistogram::Summary LatencyHistogram::summary() const noexcept {
   summary.p99 = percentile(0.99);
   summary.p999 = percentile(0.999);
   summary.max = max / 1000;
-  summary.mean =
-      static_cast<double>(sum_.load(kRelaxed)) / static_cast<double>(summary.num) / 1000;
+  summary.mean = static_cast<double>(sum_.load(kRelaxed)) / static_cast<double>(summary.num) / 1000;
   return summary;
 }
 

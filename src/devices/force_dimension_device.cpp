@@ -73,8 +73,8 @@ class ForceDimensionDevice final : public AskedDevice {
   ForceDimensionDevice(ForceDimensionApi api, char id) : api_(std::move(api)), id_(id) {
     has_wrist_ = api_.dhdHasWrist(id_);
     info_.kind = kKind;
-    info_.name = "Force Dimension " + text(api_.dhdGetSystemName(id_)) + ", number " +
-                 std::to_string(id_);
+    info_.name =
+        "Force Dimension " + text(api_.dhdGetSystemName(id_)) + ", number " + std::to_string(id_);
     info_.limits = model_of(api_.dhdGetSystemType(id_)).limits;
     if (!api_.dhdHasActiveWrist(id_)) {
       info_.limits.max_torque = info_.limits.max_angular_stiffness = 0;
@@ -170,12 +170,14 @@ class ForceDimensionDevice final : public AskedDevice {
   /// or it would come with a jump; when it stays off, so do we.
   bool watch_force() noexcept {
     std::array<int, kDhdStatusCapacity> status{};
-    if (api_.dhdGetStatus(status.data(), id_) < 0) return is_still_there();
-    is_force_on_ = status[kDhdStatusForce] != 0;
+    const bool has_answered = api_.dhdGetStatus(status.data(), id_) >= 0;
+    if (!has_answered) remember_what_was_said();
+    is_force_on_ = has_answered && status[kDhdStatusForce] != 0;
     num_force_offs_ = is_force_on_ ? 0 : num_force_offs_ + 1;
+    if (num_force_offs_ <= kMaxForceOffs) return true;
+    has_lost_force_ = has_answered;
     force_off_cause_ = status[kDhdStatusForceOffCause];
-    has_lost_force_ = num_force_offs_ > kMaxForceOffs;
-    return !has_lost_force_;
+    return false;
   }
 
   void remember_what_was_said() noexcept {
@@ -233,9 +235,9 @@ Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_vi
     for (int i = 0; i < count && id < 0; ++i) id = api->drdOpenID(static_cast<char>(i));
   }
   if (id < 0) {
-    return Error{Errc::io_failure, "the Force Dimension device cannot be opened: " +
-                                       text(api->dhdErrorGetLastStr()) +
-                                       "; end other programs that use it, or " + kConnect};
+    return Error{Errc::io_failure,
+                 "the Force Dimension device cannot be opened: " + text(api->dhdErrorGetLastStr()) +
+                     "; end other programs that use it, or " + kConnect};
   }
   auto device = std::make_unique<ForceDimensionDevice>(*api, static_cast<char>(id));
   if (!api->drdIsInitialized(static_cast<char>(id))) {

@@ -16,14 +16,16 @@
 #include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/haply_messages.h"
+#include "src/devices/motor_wrench.h"
 #include "src/devices/web_socket.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kMaxSilence = 0.1;      // s without a usable state: lost
-constexpr double kAnswerTimeout = 1.0;   // s for anything before the first tick
-constexpr HaplyVersion kOldest{3, 1};    // speaks the format of haply_messages.h
+constexpr double kMaxSilence = 0.1;     // s without a usable state: lost
+constexpr int kMaxMessages = 64;        // of one tick: more must wait for the next
+constexpr double kAnswerTimeout = 1.0;  // s for anything before the first tick
+constexpr HaplyVersion kOldest{3, 1};   // speaks the format of haply_messages.h
 constexpr HaplyVersion kSaysVector{3, 5};
 
 // A force that the service has understood comes back in its states. One that never does, for this
@@ -56,8 +58,9 @@ Result<Connected> connect(const NetAddress& address, double timeout) {
   std::string_view text;
   if (connected.socket.receive(text, timeout) != WebSocket::Got::message ||
       !read_haply_message(text, connected.inventory)) {
-    return Error{Errc::bad_input,
-                 url_of(address) + " does not say which devices it has, as an Inverse Service would"};
+    return Error{
+        Errc::bad_input,
+        url_of(address) + " does not say which devices it has, as an Inverse Service would"};
   }
   return connected;
 }
@@ -74,10 +77,10 @@ Result<Inventory> inspect(const NetAddress& address, double timeout) {
   if (const Result<std::string> body = http_get(address, "/version", timeout)) {
     found.version = read_haply_version(*body);
     if (found.version && *found.version < kOldest) {
-      return Error{Errc::unavailable,
-                   "the Inverse Service at " + url_of(address) + " is version " +
-                       std::to_string(found.version->major) + '.' +
-                       std::to_string(found.version->minor) + "; update it to 3.1 or newer"};
+      return Error{Errc::unavailable, "the Inverse Service at " + url_of(address) + " is version " +
+                                          std::to_string(found.version->major) + '.' +
+                                          std::to_string(found.version->minor) +
+                                          "; update it to 3.1 or newer"};
     }
   }
   const Result<Connected> connected = connect(address, timeout);
@@ -89,8 +92,8 @@ Result<Inventory> inspect(const NetAddress& address, double timeout) {
                                       " has no Inverse3; connect one and switch it on"};
   }
   found.device_id = arm->id;
-  for (HaplyKind kind : {HaplyKind::verse_grip, HaplyKind::wireless_verse_grip,
-                         HaplyKind::custom_verse_grip}) {
+  for (HaplyKind kind :
+       {HaplyKind::verse_grip, HaplyKind::wireless_verse_grip, HaplyKind::custom_verse_grip}) {
     const HaplyEntry* grip = inventory.find(kind);
     if (grip == nullptr || !grip->is_connected.value_or(true)) continue;
     found.grip_kind = kind;
@@ -152,11 +155,11 @@ class HaplyDevice final : public AskedDevice {
   HaplyMessage message_;
   std::string text_;
 
-  bool is_waiting_ = false;     // for the answer to our last message
-  double last_usable_ = 0;      // s, when a usable state came last
+  bool is_waiting_ = false;  // for the answer to our last message
+  double last_usable_ = 0;   // s, when a usable state came last
   bool is_calibrated_ = true, is_grip_connected_ = true;
-  std::string_view unusable_;   // what was wrong with the last state
-  Quaternion orientation_;      // states that leave the grip out leave it as it was
+  std::string_view unusable_;  // what was wrong with the last state
+  Quaternion orientation_;     // states that leave the grip out leave it as it was
   std::uint32_t buttons_ = 0;
 
   Vec3d sent_;
@@ -172,7 +175,8 @@ Status HaplyDevice::begin() {
   if (!connected) return connected.error();
   if (connected->inventory.find(HaplyKind::inverse3, found_.device_id) == nullptr) {
     return Error{Errc::not_found, "Inverse3 " + found_.device_id + " is no longer at " +
-                                      url_of(address_.service) + "; switch it on and open it again"};
+                                      url_of(address_.service) +
+                                      "; switch it on and open it again"};
   }
   socket_ = std::move(connected->socket);
   // Without the event socket the loop still notices that states end or forces are not taken.
@@ -223,7 +227,7 @@ bool HaplyDevice::send(std::optional<Vec3d> force, double timeout) noexcept {
 bool HaplyDevice::read(DeviceState& state) noexcept {
   state.is_valid = false;
   std::string_view text;
-  for (;;) {
+  for (int i = 0; i < kMaxMessages; ++i) {
     const WebSocket::Got got = socket_->receive(text, 0);
     if (got == WebSocket::Got::closed) return give_up("the service has closed the connection");
     if (got == WebSocket::Got::nothing) break;
@@ -247,8 +251,9 @@ bool HaplyDevice::take(std::string_view text, DeviceState& state) noexcept {
   if (arm == nullptr) return no("the Inverse3 is no longer connected to the service");
   is_calibrated_ = arm->is_calibrated.value_or(is_calibrated_);
   if (!is_calibrated_)
-    return no("the Inverse3 is not calibrated; put it into its calibration pose until its light "
-              "says so");
+    return no(
+        "the Inverse3 is not calibrated; put it into its calibration pose until its light "
+        "says so");
   if (!take_grip(message_, state)) return no("the grip is not connected; wake it up or charge it");
   // A hand is never exactly at the origin: without a position there is no state.
   if (!arm->has_state || !arm->has_position || !is_finite(arm->position) ||
@@ -257,8 +262,9 @@ bool HaplyDevice::take(std::string_view text, DeviceState& state) noexcept {
   state.X_BH.translation = arm->position;
   state.V_BH = {arm->velocity, {}};  // the service measures no angular velocity
   if (hears_our_force(*arm)) return true;
-  return no("it does not take the forces sent; release the emergency brake, plug in the power "
-            "supply, and update the service");
+  return no(
+      "it does not take the forces sent; release the emergency brake, plug in the power "
+      "supply, and update the service");
 }
 
 bool HaplyDevice::take_grip(const HaplyMessage& message, DeviceState& state) noexcept {
@@ -288,8 +294,8 @@ bool HaplyDevice::hears_our_force(const HaplyEntry& arm) noexcept {
   }
   // The other words; or back to the first ones for good, with a service that never says what it
   // has received. Until now the hand may have felt nothing: the force must not come at once.
-  request_.force_key = request_.force_key == HaplyForceKey::vector ? HaplyForceKey::values
-                                                                   : HaplyForceKey::vector;
+  request_.force_key =
+      request_.force_key == HaplyForceKey::vector ? HaplyForceKey::values : HaplyForceKey::vector;
   has_been_heard_ = has_changed_words_;
   has_changed_words_ = true;
   num_unheard_ = 0;
@@ -301,7 +307,7 @@ bool HaplyDevice::hears_our_force(const HaplyEntry& arm) noexcept {
 bool HaplyDevice::is_well() noexcept {
   if (!events_) return true;
   std::string_view text;
-  for (;;) {
+  for (int i = 0; i < kMaxMessages; ++i) {
     const WebSocket::Got got = events_->receive(text, 0);
     if (got == WebSocket::Got::closed) events_.reset();
     if (got != WebSocket::Got::message) return true;
@@ -319,23 +325,25 @@ bool HaplyDevice::is_well() noexcept {
       return give_up("its calibration has failed; calibrate it and begin again");
     }
   }
+  return true;
 }
 
 bool HaplyDevice::write(const Wrench& F_H_B) noexcept {
   // No answer yet: the service drops the last force by itself, and gets the newest one next time.
   if (is_waiting_) return true;
-  Vec3d force = is_finite(F_H_B.force) ? F_H_B.force * share_ : Vec3d{};
-  const double size = norm(force);
-  if (size > info_.limits.max_force) force *= info_.limits.max_force / size;
-  sent_ = force;
-  return send(force, 0) || give_up("the service takes no more messages");
+  sent_ = motor_wrench(F_H_B, info_.limits).force * share_;
+  return send(sent_, 0) || give_up("the service takes no more messages");
 }
 
 void HaplyDevice::end() noexcept {
   if (socket_) {
+    // Waits for the answers: closing a socket with unread bytes would throw our message away.
+    const int num_answers = is_waiting_ ? 2 : 1;
     send(Vec3d{}, 0.1);
     std::string_view text;
-    socket_->receive(text, 0.05);  // closing at once could outrun the message
+    for (int i = 0; i < num_answers; ++i) {
+      if (socket_->receive(text, 0.05) != WebSocket::Got::message) break;
+    }
     socket_->close();
   }
   if (events_) events_->close();

@@ -15,7 +15,8 @@ namespace palpate {
 enum class HaplyKind { inverse3, verse_grip, wireless_verse_grip, custom_verse_grip };
 std::string_view name_of(HaplyKind kind);  ///< as in the messages
 
-/// What a message says about one device. Fields that a message leaves out have the identity's value.
+/// What a message says about one device. Fields that a message leaves out have the identity's
+/// value.
 struct HaplyEntry {
   HaplyKind kind = HaplyKind::inverse3;
   std::string_view id;  ///< points into the message
@@ -24,7 +25,7 @@ struct HaplyEntry {
   // inverse3
   Vec3d position, velocity;  ///< of the cursor, m and m/s
   bool has_position = false;
-  Vec3d force;               ///< current_cursor_force: the last one received, N
+  Vec3d force;  ///< current_cursor_force: the last one received, N
   bool has_force = false;
   std::optional<bool> is_calibrated;
 
@@ -60,8 +61,8 @@ struct HaplyRequest {
   std::optional<Vec3d> force;  ///< N; none: only asks for the state
   HaplyForceKey force_key = HaplyForceKey::vector;
   HaplyKind grip_kind = HaplyKind::verse_grip;
-  std::string_view grip_id;      ///< empty: no grip
-  bool introduces_us = false;    ///< the first message of a connection says who we are
+  std::string_view grip_id;    ///< empty: no grip
+  bool introduces_us = false;  ///< the first message of a connection says who we are
 };
 /// Replaces `text`; does not allocate if it has room.
 void write_haply_request(const HaplyRequest& request, std::string& text);

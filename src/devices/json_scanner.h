@@ -12,7 +12,8 @@ class JsonScanner {
  public:
   explicit JsonScanner(std::string_view text) : next_(text.data()), end_(next_ + text.size()) {}
 
-  /// Steps into the object or array that comes next; false: there is none, the value is passed over.
+  /// Steps into the object or array that comes next; false: there is none, the value is passed
+  /// over.
   bool enter_object() noexcept { return enter('{'); }
   bool enter_array() noexcept { return enter('['); }
   /// The next member or element, of which the value must be read or passed over next; false: there

@@ -8,9 +8,9 @@
 
 namespace palpate {
 
-using HdHandle = unsigned int;          // HHD
-using HdEnum = unsigned int;            // HDenum, HDerror
-using HdScheduled = unsigned long;      // HDSchedulerHandle
+using HdHandle = unsigned int;                         // HHD
+using HdEnum = unsigned int;                           // HDenum, HDerror
+using HdScheduled = unsigned long;                     // HDSchedulerHandle
 using HdCallback = unsigned int (*)(void* user_data);  // HDSchedulerCallback
 
 struct HdErrorInfo {
@@ -67,8 +67,8 @@ constexpr HdEnum kHdCalibrateByMoving = 2, kHdCalibrateInInkwell = 4;
 // Errors.
 constexpr HdEnum kHdWarmMotors = 0x200, kHdLastForceError = 0x204, kHdAlreadyInitiated = 0x301;
 
-/// Warm motors, too much force, too fast, and the like: the driver itself takes the force away for a
-/// moment and brings it back slowly (HD_FORCE_RAMPING). All other errors are the end.
+/// Warm motors, too much force, too fast, and the like: the driver itself takes the force away for
+/// a moment and brings it back slowly (HD_FORCE_RAMPING). All other errors are the end.
 constexpr bool is_force_error(HdEnum code) {
   return code >= kHdWarmMotors && code <= kHdLastForceError;
 }

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -62,7 +63,8 @@ int asked_integer(const OpenHapticsApi& api, HdEnum what) {
 DeviceLimits asked_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
   limits.max_force = asked(api, kHdMaxForce, 1, limits.max_force);
-  limits.max_stiffness = asked(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
+  limits.max_stiffness =
+      asked(api, kHdMaxStiffness, 1 / kMetresPerMillimetre, limits.max_stiffness);
   limits.max_damping = asked(api, kHdMaxDamping, 1 / kMetresPerMillimetre, limits.max_damping);
   if (asked_integer(api, kHdOutputDof) >= 6) {
     limits.max_torque = asked(api, kHdMaxTorque, kNewtonsPerMillinewton, 0);
@@ -81,8 +83,10 @@ Status calibrate(const OpenHapticsApi& api, const std::string& name) {
   HdEnum answer = api.hdCheckCalibration();
   const int styles = asked_integer(api, kHdCalibrationStyle);
   if (answer == kHdCalibrationNeedsUpdate) {
-    if (styles & kHdCalibrateInInkwell) api.hdUpdateCalibration(kHdCalibrateInInkwell);
-    else if (styles & kHdCalibrateByMoving) api.hdUpdateCalibration(kHdCalibrateByMoving);
+    if (styles & kHdCalibrateInInkwell)
+      api.hdUpdateCalibration(kHdCalibrateInInkwell);
+    else if (styles & kHdCalibrateByMoving)
+      api.hdUpdateCalibration(kHdCalibrateByMoving);
     answer = api.hdCheckCalibration();
   }
   api.take_errors();
@@ -123,8 +127,8 @@ class OpenHapticsDevice final : public HapticDevice {
   ~OpenHapticsDevice() override {
     stop();
     if (is_stuck_) {
-      // The driver hangs somewhere and would make us hang, too. Should it come back one day, it must
-      // still find the servo.
+      // The driver hangs somewhere and would make us hang, too. Should it come back one day, it
+      // must still find the servo.
       static_cast<void>(servo_.release());
     } else {
       api_.hdDisableDevice(device_);
@@ -148,10 +152,10 @@ class OpenHapticsDevice final : public HapticDevice {
     if (const HdErrorInfo error = api_.take_errors(); error.code != 0) {
       if (--g_num_running == 0) api_.hdStopScheduler();
       api_.hdUnschedule(scheduled);
-      motors_off();
+      motors_off(api_, device_);
       servo_.reset();
-      return Error{Errc::io_failure, info_.name + " does not start: " + what_it_said(api_, error) +
-                                         "; " + kConnect};
+      return Error{Errc::io_failure,
+                   info_.name + " does not start: " + what_it_said(api_, error) + "; " + kConnect};
     }
     is_running_ = true;
     if (wait_for([this] { return servo_->last_time() > 0; })) return Done{};
@@ -165,9 +169,16 @@ class OpenHapticsDevice final : public HapticDevice {
     is_stuck_ = !wait_for([this] { return servo_->has_ended(); });
     is_running_ = false;
     const bool is_last = --g_num_running == 0;
-    if (is_stuck_) return;
+    if (is_stuck_) {
+      // Another thread tries, as it may hang, too.
+      try {
+        std::thread(motors_off, api_, device_).detach();
+      } catch (const std::system_error&) {
+      }
+      return;
+    }
     if (is_last) api_.hdStopScheduler();
-    motors_off();
+    motors_off(api_, device_);
   }
 
   Status status() const override {
@@ -186,10 +197,10 @@ class OpenHapticsDevice final : public HapticDevice {
   }
 
  private:
-  void motors_off() noexcept {
-    api_.hdMakeCurrentDevice(device_);
-    api_.hdDisable(kHdForceOutput);
-    api_.take_errors();
+  static void motors_off(const OpenHapticsApi& api, HdHandle device) noexcept {
+    api.hdMakeCurrentDevice(device);
+    api.hdDisable(kHdForceOutput);
+    api.take_errors();
   }
 
   Error stuck() const {
@@ -238,7 +249,8 @@ FoundDevice find_open_haptics_device() {
   const Result<OpenHapticsApi> api = load_open_haptics();
   found.is_usable = api.has_value();
   if (found.is_usable) {
-    found.what = "OpenHaptics in " + api->path + "; whether its default device is connected shows "
+    found.what = "OpenHaptics in " + api->path +
+                 "; whether its default device is connected shows "
                  "when it is opened";
   } else {
     found.what = api.error().message;

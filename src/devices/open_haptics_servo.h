@@ -16,8 +16,8 @@ class OpenHapticsServo {
                    DeviceTick tick);
 
   /// To be scheduled, with the servo as its data. No allocation, no wait. After an error one more
-  /// call takes the force away; only one frame is allowed per call. The last call sends no force and
-  /// says that it is done.
+  /// call takes the force away; only one frame is allowed per call. The last call sends no force
+  /// and says that it is done.
   static unsigned call_back(void* servo) noexcept;
 
   /// The next call is the last one.

@@ -43,7 +43,8 @@ std::array<std::uint8_t, 20> sha1(std::string_view text) {
   padded.push_back('\x80');
   while (padded.size() % 64 != 56) padded.push_back('\0');
   const std::uint64_t num_bits = 8 * std::uint64_t(text.size());
-  for (int shift = 56; shift >= 0; shift -= 8) padded.push_back(static_cast<char>(num_bits >> shift));
+  for (int shift = 56; shift >= 0; shift -= 8)
+    padded.push_back(static_cast<char>(num_bits >> shift));
 
   State state = {0x67452301, 0xEFCDAB89, 0x98BADCFE, 0x10325476, 0xC3D2E1F0};
   for (std::size_t i = 0; i < padded.size(); i += 64)

@@ -46,6 +46,7 @@ Status TickThread::start(double rate, Round round, std::function<void()> finish)
   wants_stop_.store(false);
   const auto period = std::llround(static_cast<double>(kNanosecondsPerSecond) / rate);
   auto run = [this, period, round = std::move(round), finish = std::move(finish)] {
+    running_.store(std::this_thread::get_id());
     ask_for_real_time();
     std::int64_t due = now(), last = due - period;
     while (!wants_stop_.load(std::memory_order_acquire)) {
@@ -57,6 +58,7 @@ Status TickThread::start(double rate, Round round, std::function<void()> finish)
       sleep_until(due);
     }
     finish();
+    running_.store({});
   };
   try {
     thread_ = std::thread(std::move(run));
@@ -69,7 +71,8 @@ Status TickThread::start(double rate, Round round, std::function<void()> finish)
 
 void TickThread::stop() noexcept {
   wants_stop_.store(true, std::memory_order_release);
-  if (thread_.joinable() && thread_.get_id() != std::this_thread::get_id()) thread_.join();
+  if (running_.load() == std::this_thread::get_id()) return;
+  if (thread_.joinable()) thread_.join();
 }
 
 }  // namespace palpate

@@ -35,6 +35,7 @@ class TickThread {
 
  private:
   std::thread thread_;
+  std::atomic<std::thread::id> running_;  // of thread_ while it runs: what rounds may read
   std::atomic<bool> wants_stop_ = false;
 };
 

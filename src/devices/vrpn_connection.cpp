@@ -16,6 +16,12 @@ constexpr std::int32_t kOurSender = 0, kForceFieldType = 0, kPingType = 1;
 // Servers number names from zero and give some dozens; a number beyond this is nonsense.
 constexpr std::int32_t kMaxNames = 2000;
 
+// The sender of what concerns the connection itself.
+constexpr std::string_view kControl = "VRPN Control";
+
+// Messages of other devices that one call looks through: it must come to an end in any flood.
+constexpr int kMaxForeign = 4096;
+
 constexpr std::array<std::pair<std::string_view, VrpnKind>, 5> kKinds = {{
     {"vrpn_Tracker Pos_Quat", VrpnKind::pose},
     {"vrpn_Tracker Velocity", VrpnKind::velocity},
@@ -40,7 +46,8 @@ Result<VrpnConnection> VrpnConnection::connect(const NetAddress& address, std::s
                  describe(address) + " does not answer as a VRPN server of version 7 would"};
   }
   connection.append(kVrpnSenderDescription, kOurSender, vrpn_name(device));
-  connection.append(kVrpnTypeDescription, kForceFieldType, vrpn_name("vrpn_ForceDevice Force_Field"));
+  connection.append(kVrpnTypeDescription, kForceFieldType,
+                    vrpn_name("vrpn_ForceDevice Force_Field"));
   connection.append(kVrpnTypeDescription, kPingType, vrpn_name("vrpn_Base ping_message"));
   connection.append(kPingType, kOurSender, "");  // makes it report its buttons
   if (!connection.flush(timeout))
@@ -65,11 +72,14 @@ VrpnReader::Got VrpnConnection::next(VrpnMessage& message, double timeout) noexc
 
 VrpnConnection::Got VrpnConnection::receive(VrpnMessage& message, VrpnKind& kind, double timeout) {
   const double deadline = timeout > 0 ? monotonic_seconds() + timeout : 0;
-  while (!is_closed_) {
+  for (int i = 0; i < kMaxForeign && !is_closed_; ++i) {
     const double left = timeout > 0 ? deadline - monotonic_seconds() : 0;
     const VrpnReader::Got got = next(message, left);
     if (got == VrpnReader::Got::nothing) return Got::nothing;
-    if (got != VrpnReader::Got::message || message.type == kVrpnDisconnect) break;
+    if (got != VrpnReader::Got::message || message.type == kVrpnDisconnect) {
+      is_closed_ = true;
+      break;
+    }
     if (message.type < 0) {
       learn(message);
     } else if (message.sender == device_id_ && message.type < std::ssize(kinds_)) {
@@ -77,8 +87,7 @@ VrpnConnection::Got VrpnConnection::receive(VrpnMessage& message, VrpnKind& kind
       if (kind != VrpnKind::other) return Got::message;
     }
   }
-  is_closed_ = true;
-  return Got::closed;
+  return is_closed_ ? Got::closed : Got::nothing;
 }
 
 void VrpnConnection::learn(const VrpnMessage& message) {
@@ -87,7 +96,7 @@ void VrpnConnection::learn(const VrpnMessage& message) {
   if (number < 0 || number >= kMaxNames || !read_vrpn_name(message.payload, name)) return;
   if (message.type == kVrpnSenderDescription) {
     if (name == device_) device_id_ = number;
-    if (senders_.size() < kMaxNames) senders_.emplace_back(name);
+    if (name != kControl && senders_.size() < kMaxNames) senders_.emplace_back(name);
   } else if (message.type == kVrpnTypeDescription) {
     const auto known = std::find_if(kKinds.begin(), kKinds.end(),
                                     [name](const auto& each) { return each.first == name; });
@@ -100,9 +109,9 @@ void VrpnConnection::learn(const VrpnMessage& message) {
 void VrpnConnection::append(std::int32_t type, std::int32_t sender,
                             std::string_view payload) noexcept {
   using std::chrono::microseconds;
-  const auto now = std::chrono::duration_cast<microseconds>(
-                       std::chrono::system_clock::now().time_since_epoch())
-                       .count();
+  const auto now =
+      std::chrono::duration_cast<microseconds>(std::chrono::system_clock::now().time_since_epoch())
+          .count();
   append_vrpn_message({static_cast<std::int32_t>(now / 1'000'000),
                        static_cast<std::int32_t>(now % 1'000'000), sender, type, payload},
                       num_sent_++, out_);

@@ -1,9 +1,9 @@
-// VRPN has no message for "this force, now". A client sends a field of forces, F(x) = F0 + J (x - x0)
-// within a radius of x0, and the server renders it until the next one comes. A tick gives a force and
-// not how it changes nearby, so J is zero: the force stays as it is between two fields, which adds
-// no stiffness that nobody asked for. The radius bounds where a force is felt if we end without a
-// word. A Falcon's server grows it anew from a tenth with every field and lets x0 lag behind the hand
-// by ten ticks, so much smaller it may not be.
+// VRPN has no message for "this force, now". A client sends a field of forces, F(x) = F0 + J (x -
+// x0) within a radius of x0, and the server renders it until the next one comes. A tick gives a
+// force and not how it changes nearby, so J is zero: the force stays as it is between two fields,
+// which adds no stiffness that nobody asked for. The radius bounds where a force is felt if we end
+// without a word. A Falcon's server grows it anew from a tenth with every field and lets x0 lag
+// behind the hand by ten ticks, so much smaller it may not be.
 
 #include "src/devices/vrpn_device.h"
 
@@ -21,20 +21,23 @@
 #include "palpate/devices/device_models.h"
 #include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
+#include "src/devices/motor_wrench.h"
+#include "src/devices/rotation.h"
 #include "src/devices/vrpn_connection.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kRadius = 0.05;          // m
-constexpr double kMaxAge = 0.005;         // s: a pose is taken for present until then
-constexpr double kMaxSilence = 0.1;       // s without a pose: lost
-constexpr double kAnswerTimeout = 1.0;    // s for anything before the first tick
-constexpr double kVelocityFilter = 0.005; // s, of velocities from positions
+constexpr double kRadius = 0.05;           // m
+constexpr double kMaxAge = 0.005;          // s: a pose is taken for present until then
+constexpr double kMaxSilence = 0.1;        // s without a pose: lost
+constexpr double kAnswerTimeout = 1.0;     // s for anything before the first tick
+constexpr double kVelocityFilter = 0.005;  // s, of velocities from positions
+constexpr int kMaxMessages = 256;          // of one tick: more must wait for the next
 
 // Servers smooth the field, a Falcon's by default with a time constant of 9.5 ms. A spring through
-// such a lag tau is stable while K < b / tau + b^2 / m (Routh); b = 3 N s/m and m = 0.3 kg, which is
-// a light hand, leave 340 N/m.
+// such a lag tau is stable while K < b / tau + b^2 / m (Routh); b = 3 N s/m and m = 0.3 kg, which
+// is a light hand, leave 340 N/m.
 constexpr double kMaxStiffness = 300;  // N/m
 
 struct VrpnAddress {
@@ -72,8 +75,8 @@ std::string join(const std::vector<std::string>& names) {
 DeviceLimits guess_limits(std::string_view name) {
   std::string lower(name);
   for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  const auto model = find_device_model(lower.find("falcon") != std::string::npos ? "falcon"
-                                                                                 : "touch");
+  const auto model =
+      find_device_model(lower.find("falcon") != std::string::npos ? "falcon" : "touch");
   DeviceLimits limits = model.value_or(device_models().front()).limits;
   limits.max_torque = limits.max_angular_stiffness = 0;  // a field has no torque
   limits.max_stiffness = std::min(limits.max_stiffness, kMaxStiffness);
@@ -100,13 +103,14 @@ Result<VrpnConnection> connect(const VrpnAddress& address) {
     if (got != VrpnConnection::Got::message) break;
   }
   if (connection->knows_device()) {
-    return Error{Errc::unavailable, describe(address) + " says nothing of where it is; calibrate "
-                                                        "the device and look at the server's log"};
+    return Error{Errc::unavailable, describe(address) +
+                                        " says nothing of where it is; calibrate "
+                                        "the device and look at the server's log"};
   }
   const std::string names = join(connection->senders());
-  return Error{Errc::not_found,
-               "the VRPN server at " + describe(address.server) + " has no device " +
-                   address.name + (names.empty() ? "; see its vrpn.cfg" : ", but: " + names)};
+  return Error{Errc::not_found, "the VRPN server at " + describe(address.server) +
+                                    " has no device " + address.name +
+                                    (names.empty() ? "; see its vrpn.cfg" : ", but: " + names)};
 }
 
 class VrpnDevice final : public AskedDevice {
@@ -164,7 +168,7 @@ Status VrpnDevice::begin() {
 bool VrpnDevice::read(DeviceState& state) noexcept {
   VrpnMessage message;
   VrpnKind kind = VrpnKind::other;
-  for (;;) {
+  for (int i = 0; i < kMaxMessages; ++i) {
     const auto got = connection_->receive(message, kind, 0);
     if (got == VrpnConnection::Got::closed)
       return give_up("the server has ended the connection or sent what is not VRPN");
@@ -247,18 +251,14 @@ void VrpnDevice::take_velocity(const VrpnVelocity& velocity) noexcept {
   // Some servers send a zero quaternion instead of none.
   const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
   if (!(std::abs(square - 1) < 0.01) || !(velocity.interval > 1e-4)) return;
-  const Vec3d axis = Vec3d{q.x, q.y, q.z} * (q.w < 0 ? -1.0 : 1.0);
-  const double half_angle = std::atan2(norm(axis), std::abs(q.w));
-  V_BH_.angular = normalized(axis) * (2 * half_angle / velocity.interval);
+  V_BH_.angular = rotation_vector(q) / velocity.interval;
 }
 
 bool VrpnDevice::write(const Wrench& F_H_B) noexcept {
   VrpnForceField field;
   field.origin = X_BH_.translation;
   field.radius = kRadius;
-  const double size = norm(F_H_B.force);
-  if (std::isfinite(size)) field.force = F_H_B.force;
-  if (size > info_.limits.max_force) field.force *= info_.limits.max_force / size;
+  field.force = motor_wrench(F_H_B, info_.limits).force;
   return connection_->send(field) || give_up("the server takes no more messages");
 }
 
@@ -288,11 +288,12 @@ Result<std::unique_ptr<HapticDevice>> open_vrpn_device(std::string_view address)
 
 FoundDevice find_vrpn_device_at(const NetAddress& address) {
   FoundDevice device{"vrpn:NAME@" + describe(address), "vrpn", false, "", ""};
-  Result<VrpnConnection> connection = VrpnConnection::connect(address, "", 0.1);
+  Result<VrpnConnection> connection = VrpnConnection::connect(address, "palpate", 0.1);
   if (!connection) {
     device.what = connection.error().message;
-    device.hint = "start vrpn_server with the device in its vrpn.cfg, here or elsewhere, and name "
-                  "it: vrpn:NAME@HOST[:PORT]";
+    device.hint =
+        "start vrpn_server with the device in its vrpn.cfg, here or elsewhere, and name "
+        "it: vrpn:NAME@HOST[:PORT]";
     return device;
   }
   VrpnMessage message;

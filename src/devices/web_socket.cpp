@@ -94,7 +94,8 @@ Result<std::string> http_get(const NetAddress& address, std::string_view path, d
   std::size_t length = kMaxResponse;
   const std::string_view length_text = header_value(response->head(), "Content-Length");
   if (!length_text.empty() && length_text.size() < 7 &&
-      std::all_of(length_text.begin(), length_text.end(), [](unsigned char c) { return std::isdigit(c); }))
+      std::all_of(length_text.begin(), length_text.end(),
+                  [](unsigned char c) { return std::isdigit(c); }))
     length = std::min<std::size_t>(length, std::stoul(std::string(length_text)));
   std::string body = response->text.substr(response->body);
   std::array<char, 4096> buffer;

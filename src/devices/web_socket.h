@@ -1,6 +1,6 @@
-// The client's end of a WebSocket (RFC 6455) without extensions, and the one HTTP request beside it.
-// Written out because libraries for it allocate, start threads or wait without end: here a message
-// of a haptic tick is one system call.
+// The client's end of a WebSocket (RFC 6455) without extensions, and the one HTTP request beside
+// it. Written out because libraries for it allocate, start threads or wait without end: here a
+// message of a haptic tick is one system call.
 #pragma once
 
 #include <cstdint>

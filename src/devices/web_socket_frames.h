@@ -41,7 +41,8 @@ class WebSocketReader {
   Got next(std::string_view& payload) noexcept;
 
  private:
-  Got take_frame(std::uint8_t first_byte, std::string_view payload, std::string_view& message) noexcept;
+  Got take_frame(std::uint8_t first_byte, std::string_view payload,
+                 std::string_view& message) noexcept;
 
   std::vector<char> bytes_, message_;
   std::size_t begin_ = 0, end_ = 0;  // of what is unread in bytes_

@@ -85,7 +85,10 @@ void* Memory::take_bytes(std::size_t num_bytes, bool pinned) {
 
 void Memory::upload(void* to, const void* from, std::size_t num_bytes) {
   if (num_bytes == 0) return;
-  const cudaError_t code = cudaMemcpy(to, from, num_bytes, cudaMemcpyHostToDevice);
+  // The call may return while the last bytes are still on their way, and streams that do not wait
+  // for the default one would overtake them.
+  cudaError_t code = cudaMemcpy(to, from, num_bytes, cudaMemcpyHostToDevice);
+  if (code == cudaSuccess) code = cudaStreamSynchronize(nullptr);
   if (code != cudaSuccess) status_ = failure(code, "to take a copy", gpu_);
 }
 

@@ -10,6 +10,9 @@ namespace {
 /// against turning to stiffness against moving where the device says nothing.
 constexpr double kTypicalRadius = 0.05;
 
+/// Where the device renders no force, the tool still stops at surfaces, N.
+constexpr double kForceWithoutDevice = 5;
+
 std::string number(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3g", value);
@@ -86,8 +89,9 @@ void settle(const Axis& axis, const std::string& what, const std::string& unit, 
     return;
   }
   if (axis.max_stiffness > 0 && stiffness > axis.max_stiffness) {
-    warnings.push_back("the " + what + " is lowered from " + number(stiffness) + " to the device's " +
-                       number(axis.max_stiffness) + " " + unit + ": ask for no more than that");
+    warnings.push_back("the " + what + " is lowered from " + number(stiffness) +
+                       " to the device's " + number(axis.max_stiffness) + " " + unit +
+                       ": ask for no more than that");
     stiffness = axis.max_stiffness;
   }
   const double limit = axis.passive_limit(stiffness);
@@ -104,9 +108,9 @@ void settle(const Axis& axis, const std::string& what, const std::string& unit, 
 Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const DeviceLimits& limits,
                                        double tick_seconds) {
   if (const Status status = check_ranges(options, tick_seconds); !status) return status.error();
-  for (double limit : {limits.max_force, limits.max_torque, limits.max_stiffness,
-                       limits.max_angular_stiffness, limits.max_damping, limits.damping,
-                       limits.angular_damping}) {
+  for (double limit :
+       {limits.max_force, limits.max_torque, limits.max_stiffness, limits.max_angular_stiffness,
+        limits.max_damping, limits.damping, limits.angular_damping}) {
     if (limit >= 0 && std::isfinite(limit)) continue;
     return Error{Errc::invalid_argument, "a limit of the device is " + number(limit) +
                                              "; its driver has to tell finite numbers, 0 or more"};
@@ -116,7 +120,9 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   CouplingOptions& o = checked.options;
   o.X_WB.rotation = normalized(o.X_WB.rotation);
   o.X_HT.rotation = normalized(o.X_HT.rotation);
-  if (o.force_at_eighth == 0) o.force_at_eighth = limits.max_force;
+  if (o.force_at_eighth == 0) {
+    o.force_at_eighth = limits.max_force > 0 ? limits.max_force : kForceWithoutDevice;
+  }
 
   const Axis line{o.tool_mass,        limits.damping,  limits.max_stiffness,
                   limits.max_damping, o.damping_ratio, tick_seconds};

@@ -84,10 +84,12 @@ void ContactStage::measure(const ToolMoment& tool) {
   }
   const double measured = monotonic_now();
   double end = measured;
+  has_new_stiffness_ = false;
   if (penetration.volume == 0 || settings_.contact.method != InsideMethod::field) {
     stiffness_ = {};
   } else if (schedule_.is_due()) {
     stiffness_ = query_.stiffness();
+    has_new_stiffness_ = true;
     end = monotonic_now();
     schedule_.took(measured - begin, end - measured);
   } else {
@@ -101,12 +103,14 @@ void ContactStage::measure(const ToolMoment& tool) {
 void ContactStage::publish(const ToolMoment& tool, const Penetration& penetration) {
   const LiveSurfaces& surfaces = surfaces_.taken();
   const std::uint64_t number = num_contacts() + 1;
-  contacts_.publish({local_contact(penetration, stiffness_, tool.X_WT, settings_.centre_of_mass_T,
-                                   settings_.scale, tool.time, tool.time - surfaces.capture_time),
-                     number, surfaces.frame_number, surfaces.capture_time});
+  const LocalContact contact =
+      local_contact(penetration, stiffness_, tool.X_WT, settings_.centre_of_mass_T, settings_.scale,
+                    tool.time, tool.time - surfaces.capture_time);
+  contacts_.publish({contact, number, surfaces.frame_number, surfaces.capture_time});
   if (settings_.keeps_records) {
     records_.push({tool.time - settings_.start_time, tool.X_WT, penetration, number,
-                   surfaces.frame_number, progress_});
+                   surfaces.frame_number, progress_, surfaces.capture_time, contact,
+                   has_new_stiffness_});
   }
   num_contacts_.store(number, std::memory_order_release);
 }

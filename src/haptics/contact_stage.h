@@ -80,6 +80,7 @@ class ContactStage {
   BlendClock blend_;
   StiffnessSchedule schedule_;
   Stiffness stiffness_;
+  bool has_new_stiffness_ = false;
   double next_due_ = 0, progress_ = 1;
 
   TripleBuffer<ToolMoment> tools_;      // haptic thread to contact thread

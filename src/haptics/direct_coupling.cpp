@@ -1,4 +1,5 @@
-// The tool is at the hand, which feels the contact itself: a penalty method, as stiff as the contact.
+// The tool is at the hand, which feels the contact itself: a penalty method, as stiff as the
+// contact.
 #include "src/haptics/couplings.h"
 
 namespace palpate {

@@ -1,20 +1,27 @@
 #include "src/haptics/hand.h"
 
 namespace palpate {
+namespace {
+
+/// No device reaches as far (m) or moves as fast (m/s, rad/s): more than that is a glitch.
+constexpr double kFarthest = 1e3, kFastest = 1e3;
+
+}  // namespace
 
 const HeldTool& Hand::follow(const DeviceState& state) noexcept {
   held_.velocity = {};
   if (!state.is_valid || !is_finite(state.X_BH)) return held_;
+  if (!(norm(state.X_BH.translation) < kFarthest)) return held_;
   const double scale = options_.motion_scale;
   const Pose X_BH{scale * state.X_BH.translation, normalized(state.X_BH.rotation)};
   const Pose X_WH = options_.X_WB * X_BH;
   held_.X_WT = X_WH * options_.X_HT;
   held_.p_WC = held_.X_WT * c_T_;
   held_.p_WH = X_WH.translation;
+  if (!(norm(state.V_BH.linear) < kFastest && norm(state.V_BH.angular) < kFastest)) return held_;
   const Vec3d linear_W = rotate(options_.X_WB.rotation, scale * state.V_BH.linear);
   const Vec3d angular_W = rotate(options_.X_WB.rotation, state.V_BH.angular);
-  const Vec6 velocity{linear_W + cross(angular_W, held_.p_WC - held_.p_WH), angular_W};
-  if (is_finite(velocity)) held_.velocity = velocity;
+  held_.velocity = {linear_W + cross(angular_W, held_.p_WC - held_.p_WH), angular_W};
   return held_;
 }
 

@@ -23,7 +23,6 @@ constexpr std::size_t kBatch = 256;           // records given to the observer a
 constexpr double kPublishingPeriod = 0.005;   // s
 constexpr double kFirstTickTimeout = 2;       // s
 constexpr double kFadeTimeout = 0.5;          // s, beyond the fade itself
-constexpr double kLost = 1e6;                 // s: an age that no limit allows
 
 std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
 
@@ -82,7 +81,7 @@ class HapticLoopImpl final : public HapticLoop {
  private:
   Status start_all();
   Wrench tick(const DeviceState& state) noexcept;
-  CouplingStep step(const DeviceState& state, const KnownContact& known) noexcept;
+  double step_seconds(const DeviceState& state) noexcept;
   void keep_time(double begin, const HapticRecord& record) noexcept;
   void publish_all();
   void drain_queues();
@@ -98,7 +97,7 @@ class HapticLoopImpl final : public HapticLoop {
   // Of the haptic thread.
   std::unique_ptr<Coupling> coupling_;
   SafetyFilter safety_;
-  bool has_tool_ = false;
+  bool has_tool_ = false, is_stopping_ = false;
   double last_state_time_ = 0, last_begin_ = 0, first_tick_ = 0;
 
   // From the haptic thread to others.
@@ -193,8 +192,10 @@ Wrench HapticLoopImpl::tick(const DeviceState& state) noexcept {
   }
   const KnownContact& known = contacts_.newest();
   HapticRecord& record = newest_.draft();
+  record.number = num_ticks_.load(std::memory_order_relaxed);
   record.device = state;
-  record.step = step(state, known);
+  record.dt = step_seconds(state);
+  record.step = record.dt > 0 ? coupling_->step(state, known.contact, record.dt) : CouplingStep{};
   if (has_tool_) contacts_.move_tool({state.time, record.step.X_WT});
 
   const bool has_contact = known.number > 0;
@@ -207,10 +208,14 @@ Wrench HapticLoopImpl::tick(const DeviceState& state) noexcept {
 
   if (wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended()) {
     if (safety_.status().fault == Fault::none) safety_.stop();
+    is_stopping_ = true;
   }
   SafetyInput input{state.time, state, record.contact_age, record.sensor_age, false};
-  if (surfaces_.has_source_failed()) input.sensor_age = kLost;
-  input.backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
+  record.is_stopping = is_stopping_;
+  record.has_sensor_failed = surfaces_.has_source_failed();
+  record.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
+  if (record.has_sensor_failed) input.sensor_age = kLostSensorAge;
+  input.backend_failed = record.has_backend_failed;
   record.F_H_B = safety_.filter(record.step.F_H_B, input);
   record.safety = safety_.status();
 
@@ -219,10 +224,10 @@ Wrench HapticLoopImpl::tick(const DeviceState& state) noexcept {
   return felt;
 }
 
-/// The hand moves the tool, from the first usable state on.
-CouplingStep HapticLoopImpl::step(const DeviceState& state, const KnownContact& known) noexcept {
+/// The hand moves the tool, from the first usable state on; until then 0.
+double HapticLoopImpl::step_seconds(const DeviceState& state) noexcept {
   if (!has_tool_) {
-    if (!state.is_valid) return {};
+    if (!state.is_valid) return 0;
     coupling_->reset(state);
     has_tool_ = true;
     last_state_time_ = state.time - tick_seconds_;
@@ -231,7 +236,7 @@ CouplingStep HapticLoopImpl::step(const DeviceState& state, const KnownContact& 
   const double dt =
       std::clamp(state.time - last_state_time_, tick_seconds_ / 10, 10 * tick_seconds_);
   last_state_time_ = state.time;
-  return coupling_->step(state, known.contact, dt);
+  return dt;
 }
 
 /// Statistics, and the record on its way to the others.
@@ -275,7 +280,7 @@ void HapticLoopImpl::publish_all() {
 
 void HapticLoopImpl::drain_queues() {
   while (const SeenFrame* seen = surfaces_.seen().front()) {
-    observer_.on_frame(seen->number, std::max(0.0, seen->time - start_time_), seen->frame);
+    observer_.on_frame(seen->number, seen->time, seen->frame);
     surfaces_.seen().pop();
   }
   while (const ContactRecord* contact = contacts_.records().front()) {

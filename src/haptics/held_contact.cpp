@@ -11,6 +11,9 @@ namespace {
 /// V^(2/3), and the force grows with the depth as the volume does, by that area.
 constexpr double kAreaOfCap = 6;
 
+/// More than that is no contact, N and N m.
+constexpr double kLargestWrench = 1e6;
+
 /// Longest time over which wrenches are interpolated, s.
 constexpr double kMaxInterval = 0.1;
 
@@ -53,14 +56,14 @@ void HeldContact::update(const LocalContact& contact, double dt) noexcept {
   contact_ = contact;
   if (is_zero(contact_.stiffness)) assume_stiffness(contact_);
   stiffness_ = positive_part(contact_.stiffness, length_);
-  is_there_ = contact_.is_valid && is_finite(contact_.F_C_W) && is_finite(contact_.X_WT) &&
+  is_there_ = contact_.is_valid && norm(contact_.F_C_W.force) < kLargestWrench &&
+              norm(contact_.F_C_W.torque) < kLargestWrench && is_finite(contact_.X_WT) &&
               is_finite(contact_.p_WC);
 }
 
 Wrench HeldContact::between() const noexcept {
   if (!is_there_) return {};
-  return elapsed_ < interval_ ? blend(from_, contact_.F_C_W, elapsed_ / interval_)
-                              : contact_.F_C_W;
+  return elapsed_ < interval_ ? blend(from_, contact_.F_C_W, elapsed_ / interval_) : contact_.F_C_W;
 }
 
 Wrench HeldContact::wrench(const Pose& X_WT) const noexcept {

@@ -60,12 +60,10 @@ Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now) {
 // it falls to zero, so do sideways force and torque: the wrench ends without a jump.
 Wrench limit_contact(const LocalContact& contact, const Wrench& line) {
   const double force = norm(contact.F_C_W.force);
-  const double remaining =
-      force > 0 ? dot(line.force, contact.F_C_W.force / force) / force : 1;
+  const double remaining = force > 0 ? dot(line.force, contact.F_C_W.force / force) / force : 1;
   if (!(remaining > 0) || !is_finite(line)) return {};
   const double growth = kMaxGrowth * std::min(remaining, 1.0);
-  const double torque =
-      std::max(norm(contact.F_C_W.torque), force * lever(contact.stiffness));
+  const double torque = std::max(norm(contact.F_C_W.torque), force * lever(contact.stiffness));
   return {shortened(line.force, growth * force), shortened(line.torque, growth * torque)};
 }
 
@@ -101,7 +99,8 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
     }
   }
   contact.is_valid = finite && (penetration.status & nothing_measured) == 0;
-  if (contact.is_valid) contact.max_stiffness = std::max(0.0, largest_eigenvalue(contact.stiffness));
+  if (contact.is_valid)
+    contact.max_stiffness = std::max(0.0, largest_eigenvalue(contact.stiffness));
   return contact;
 }
 

@@ -106,8 +106,7 @@ Mat6 positive_part(const Stiffness& stiffness, double length) {
     if (!(eigenvalue > 0)) continue;
     for (int i = 0; i < 6; ++i) {
       for (int j = 0; j < 6; ++j) {
-        result.m[i][j] +=
-            eigenvalue * vectors.m[i][k] * unit(i) * vectors.m[j][k] * unit(j);
+        result.m[i][j] += eigenvalue * vectors.m[i][k] * unit(i) * vectors.m[j][k] * unit(j);
       }
     }
   }

@@ -37,7 +37,8 @@ Vec6 operator*(const Mat6& a, const Vec6& v);
 /// a + s b.
 Mat6 sum(const Mat6& a, double s, const Mat6& b);
 
-/// x of a x = b for a symmetric positive definite `a` (Cholesky). False if it is not: x is as it was.
+/// x of a x = b for a symmetric positive definite `a` (Cholesky). False if it is not: x is as it
+/// was.
 bool solve(const Mat6& a, const Vec6& b, Vec6& x);
 
 /// The symmetric part of a stiffness without its negative eigenvalues, which would drive a motion

@@ -1,13 +1,17 @@
 // A tool without mass: at every tick it is where the spring and the contact balance. What keeps it
-// out of the surface is the contact's stiffness against the spring's, and the hand feels the spring.
+// out of the surface is the contact's stiffness against the spring's, and the hand feels the
+// spring.
 #include "src/haptics/couplings.h"
 #include "src/haptics/rotation_vector.h"
 
 namespace palpate {
 namespace {
 
-constexpr int kMaxIterations = 8;        // the spring may saturate on the way: two or three do
-constexpr double kSmallestStep = 1e-9;   // m
+constexpr int kMaxIterations = 8;       // the spring may saturate on the way: two or three do
+constexpr double kSmallestStep = 1e-9;  // m
+
+/// A move as no contact asks for, m.
+constexpr double kLost = 1e6;
 
 class ProxyCoupling final : public Coupling {
  public:
@@ -47,7 +51,7 @@ class ProxyCoupling final : public Coupling {
   void balance(const HeldTool& held) {
     for (int i = 0; i < kMaxIterations; ++i) {
       Vec6 move;
-      if (!find_move(held, move)) {
+      if (!find_move(held, move) || !(norm(move.linear) < kLost)) {
         X_WT_ = held.X_WT;
         return;
       }

@@ -1,1 +1,202 @@
 #include "palpate/haptics/safety.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/haptics/matrix6.h"
+#include "src/haptics/rotation_vector.h"
+
+namespace palpate {
+namespace {
+
+/// A late tick does not earn a leap: ramp and slew count no more than this of it, s.
+constexpr double kLongestCountedTick = 0.005;
+/// Of a fade at a tick of which the clock says nothing: it ends even if the clock stands still.
+constexpr double kFadePerLostTick = 1e-3;
+/// Faster than any hand, m/s and rad/s: more than that is a glitch of the device.
+constexpr double kFastestHand = 10, kFastestTurn = 100;
+/// Keeps what was scaled to a limit from being rounded above it.
+constexpr double kJustBelow = 1 - 1e-12;
+
+double largest(const Vec3d& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
+
+/// v with its direction, no longer than `limit`; for any finite v, as large as it may be.
+Vec3d limited(const Vec3d& v, double limit) {
+  const double scale = largest(v);
+  if (!(scale > 0) || !(limit > 0)) return {};
+  const Vec3d unit = v / scale;
+  const double length = norm(unit);
+  return length > limit / scale ? unit * (limit * kJustBelow / length) : v;
+}
+
+/// `to`, or as near to it as one comes from `from` by `step`.
+Vec3d approached(const Vec3d& from, const Vec3d& to, double step) {
+  const Vec3d way = to - from, allowed = limited(way, step);
+  return allowed == way ? to : from + allowed;
+}
+
+bool is_fresh(double age, double limit) { return std::abs(age) <= limit; }  // false for NaN
+
+Wrench operator*(double s, const Wrench& w) { return {s * w.force, s * w.torque}; }
+
+}  // namespace
+
+Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noexcept {
+  if (!has_ticked_ && std::isfinite(input.time)) {
+    last_time_ = last_valid_time_ = start_time_ = input.time;
+    has_ticked_ = true;
+  }
+  const double dt = input.time - last_time_;
+  if (std::isfinite(input.time)) last_time_ = input.time;
+  if (input.state.is_valid) last_valid_time_ = last_time_;
+  observe(input.state, dt);
+  status_.damping = 0;
+
+  latch(find_fault(wanted, input, dt));
+  if (status_.fault != Fault::none) return last_ = fade(dt);
+
+  engage(wanted, input, dt);
+  const Wrench within = limit(wanted);
+  const Wrench target = limit(damp(status_.gain * within, dt));
+  const Wrench out = slew(target, dt);
+  const bool was_limited = !(within.force == wanted.force) || !(out.force == target.force) ||
+                           (limits_.max_torque > 0 && !(within.torque == wanted.torque)) ||
+                           !(out.torque == target.torque);
+  if (was_limited) ++status_.num_limited;
+  return last_ = out;
+}
+
+void SafetyFilter::rearm() noexcept { *this = SafetyFilter(limits_, options_); }
+
+void SafetyFilter::stop() noexcept { latch(Fault::stopped); }
+
+Fault SafetyFilter::find_fault(const Wrench& wanted, const SafetyInput& input,
+                               double dt) const noexcept {
+  const DeviceState& state = input.state;
+  if (!std::isfinite(input.time) || !is_finite(wanted)) return Fault::not_finite;
+  if (state.is_valid &&
+      !(is_finite(state.X_BH) && is_finite(state.V_BH.linear) && is_finite(state.V_BH.angular))) {
+    return Fault::not_finite;
+  }
+  if (input.backend_failed) return Fault::backend;
+  if (dt < 0 || (status_.is_engaged && dt > options_.max_tick)) return Fault::loop;
+
+  const bool is_patient = !status_.is_engaged;
+  const double silence = last_time_ - last_valid_time_;
+  if (silence > (is_patient ? std::max(options_.max_device_silence, options_.engage_timeout)
+                            : options_.max_device_silence)) {
+    return Fault::device;
+  }
+  if (!is_patient || last_time_ - start_time_ > options_.engage_timeout) {
+    if (!is_fresh(input.contact_age, options_.max_contact_age)) return Fault::stale_contact;
+    if (!is_fresh(input.sensor_age, options_.max_sensor_age)) return Fault::stale_sensor;
+  }
+  if (options_.passivity_control && status_.energy > 2 * options_.energy_tank) return Fault::energy;
+  return Fault::none;
+}
+
+void SafetyFilter::latch(Fault fault) noexcept {
+  if (fault == Fault::none || status_.fault != Fault::none) return;
+  status_.fault = fault;
+  status_.is_engaged = false;
+  fade_from_ = last_;
+  fade_gain_ = status_.gain;
+  faded_ = -1;
+}
+
+/// Linear from what went out at the fault to zero; the tick that finds the fault still gives that.
+Wrench SafetyFilter::fade(double dt) noexcept {
+  if (faded_ < 0) {
+    faded_ = options_.fade_seconds > 0 ? 0 : 1;
+  } else {
+    faded_ += dt > 0 ? dt / options_.fade_seconds : kFadePerLostTick;
+  }
+  const double rest = faded_ < 1 - 1e-9 ? 1 - faded_ : 0;
+  status_.gain = rest * fade_gain_;
+  return rest > 0 ? rest * fade_from_ : Wrench{};
+}
+
+/// The force stood still between the ticks, so what it has given the hand is force times way, plus
+/// where the hand gave way and minus where it won. No velocity estimate comes into it.
+void SafetyFilter::observe(const DeviceState& state, double dt) noexcept {
+  motion_ = {};
+  if (!state.is_valid || !is_finite(state.X_BH)) return;
+  if (has_pose_ && dt > 0) {
+    const Vec3d way = limited(state.X_BH.translation - last_X_BH_.translation, kFastestHand * dt);
+    const Vec3d turn =
+        limited(turn_between(normalized(last_X_BH_.rotation), normalized(state.X_BH.rotation)),
+                kFastestTurn * dt);
+    status_.energy += dot(last_.force, way) + dot(last_.torque, turn);
+    motion_ = {way / dt, turn / dt};
+  }
+  last_X_BH_ = state.X_BH;
+  has_pose_ = true;
+}
+
+void SafetyFilter::engage(const Wrench& wanted, const SafetyInput& input, double dt) noexcept {
+  if (options_.dead_man && (input.state.buttons & 1u) == 0) {
+    status_.is_engaged = false;
+    status_.gain = 0;
+    num_quiet_ticks_ = 0;
+    start_time_ = last_time_;
+    return;
+  }
+  if (!status_.is_engaged) {
+    const bool is_ready = has_pose_ && input.state.is_valid && dt <= options_.max_tick &&
+                          is_fresh(input.contact_age, options_.max_contact_age) &&
+                          is_fresh(input.sensor_age, options_.max_sensor_age);
+    const bool is_quiet = is_ready && norm(wanted.force) < options_.engage_force;
+    num_quiet_ticks_ = is_quiet ? num_quiet_ticks_ + 1 : 0;
+    status_.is_engaged = is_ready && (num_quiet_ticks_ >= options_.engage_ticks ||
+                                      last_time_ - start_time_ >= options_.engage_timeout);
+    status_.gain = status_.is_engaged && !(options_.ramp_seconds > 0) ? 1 : 0;
+  } else if (options_.ramp_seconds > 0) {
+    const double rise = std::min(dt, kLongestCountedTick) / options_.ramp_seconds;
+    status_.gain = std::min(status_.gain + rise, 1.0);
+  }
+}
+
+Wrench SafetyFilter::limit(const Wrench& wrench) const noexcept {
+  return {limited(wrench.force, options_.force_share * limits_.max_force),
+          limited(wrench.torque, options_.force_share * limits_.max_torque)};
+}
+
+/// Passivity controller (Hannaford and Ryu 2002). While a force goes down from f to zero at the
+/// slew limit S, a hand that goes along at v is given v (f T + f^2 / (2 S)). If the tank does not
+/// hold that, the force along the motion is lowered to the f for which it does; once the tank is
+/// overdrawn, damping takes energy back, as much as the device can bear.
+Wrench SafetyFilter::damp(const Wrench& wrench, double dt) noexcept {
+  if (!options_.passivity_control || !(dt > 0)) return wrench;
+  const double speed = norm(motion_.linear);
+  const double turning_power = dot(wrench.torque, motion_.angular);
+  const double along = speed > 0 ? dot(wrench.force, motion_.linear) / speed : 0;
+  const double rest = options_.energy_tank - status_.energy;
+
+  const double stopping = std::max(along, 0.0);
+  const double given = speed * stopping * (dt + stopping / (2 * options_.max_slew));
+  const double turned = std::max(turning_power, 0.0) * dt;
+  if (given + turned <= rest) return wrench;
+
+  Wrench damped = wrench;
+  if (turning_power > 0) {
+    const double squared = dot(motion_.angular, motion_.angular);
+    damped.torque = damped.torque - motion_.angular * (turning_power / squared);
+  }
+  if (!(speed > 0)) return damped;
+  const double s = options_.max_slew;
+  const double allowed =
+      rest > 0 ? std::min(s * (std::sqrt(dt * dt + 2 * rest / (s * speed)) - dt), stopping)
+               : -std::min(limits_.max_damping * speed, -rest / (speed * dt));
+  if (along <= allowed) return damped;
+  status_.damping = (along - allowed) / speed;
+  damped.force = damped.force - motion_.linear * status_.damping;
+  return damped;
+}
+
+Wrench SafetyFilter::slew(const Wrench& wrench, double dt) const noexcept {
+  const double counted = std::min(dt, kLongestCountedTick);
+  return {approached(last_.force, wrench.force, options_.max_slew * counted),
+          approached(last_.torque, wrench.torque, options_.max_torque_slew * counted)};
+}
+
+}  // namespace palpate

@@ -20,6 +20,9 @@ namespace {
 /// Of the stiffest direction of the contact: enough that the tool does not ring on it.
 constexpr double kContactDampingRatio = 0.7;
 
+/// As far from the hand as no force brings it, m: what has come in was no contact.
+constexpr double kLost = 1e6;
+
 class VirtualCoupling final : public Coupling {
  public:
   VirtualCoupling(const CouplingOptions& options, const DeviceLimits& limits,
@@ -39,7 +42,8 @@ class VirtualCoupling final : public Coupling {
       // Thin rods and dots turn about their axis too.
       inertia_T_.m[i][i] = std::max(inertia_T_.m[i][i], 1e-3 * mean);
     }
-    // 2 zeta sqrt(m k), kept as a time: damping = time * stiffness, also where the spring saturates.
+    // 2 zeta sqrt(m k), kept as a time: damping = time * stiffness, also where the spring
+    // saturates.
     time_ = 2 * options.damping_ratio * std::sqrt(mass_ / spring_.stiffness);
     angular_time_ = 2 * options.damping_ratio * std::sqrt(mean / spring_.angular_stiffness);
   }
@@ -114,7 +118,7 @@ class VirtualCoupling final : public Coupling {
     p_WC_ += dt * velocity.linear;
     X_WT_.rotation = turned(X_WT_.rotation, dt * velocity.angular);
     X_WT_.translation = p_WC_ - rotate(X_WT_.rotation, c_T_);
-    if (!is_finite(X_WT_)) rest_at(held);
+    if (!is_finite(X_WT_) || !(norm(held.p_WC - p_WC_) < kLost)) rest_at(held);
   }
 
   /// False: the tool leaves the contact within the step and moves as if there were none.

@@ -9,6 +9,7 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/depth_files.h"
@@ -94,7 +95,7 @@ class Writer {
   Writer& operator=(const Writer&) = delete;
 
   const char* message() const { return message_.text; }
-  const std::string& content() const { return content_; }
+  std::string& content() { return content_; }
 
   bool write(int width, int height, png_bytepp rows) {
     constexpr int kFastCompression = 3;
@@ -146,17 +147,22 @@ std::optional<std::string> check_header(const Reader& reader) {
 }  // namespace
 
 Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit) {
-  if (!(unit > 0) || !std::isfinite(unit))
-    return Error{Errc::invalid_argument, "the depth unit must be positive metres per count"};
   const auto content = read_file(path, kMaxFileBytes);
   if (!content) return content.error();
+  return decode_depth_png(*content, path.string(), unit);
+}
+
+Result<DepthFrame> decode_depth_png(std::string_view content, const std::string& name,
+                                    double unit) {
+  if (!(unit > 0) || !std::isfinite(unit))
+    return Error{Errc::invalid_argument, "the depth unit must be positive metres per count"};
   const auto bad = [&](const std::string& what) {
-    return Error{Errc::bad_input, path.string() + " " + what};
+    return Error{Errc::bad_input, name + " " + what};
   };
   const auto not_a_png = [&](const Reader& reader) {
     return bad(std::string("is not a good PNG: ") + reader.message() + "; copy or record it again");
   };
-  Reader reader(*content);
+  Reader reader(content);
   if (!reader.read_header()) return not_a_png(reader);
   if (const auto trouble = check_header(reader)) return bad(*trouble);
   DepthFrame frame;
@@ -170,10 +176,16 @@ Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit
 }
 
 Status save_depth_png(const DepthFrame& frame, const std::filesystem::path& path) {
+  const auto content = encode_depth_png(frame, path.string());
+  if (!content) return content.error();
+  return write_file_atomically(path, *content);
+}
+
+Result<std::string> encode_depth_png(const DepthFrame& frame, const std::string& name) {
   if (frame.width < 1 || frame.height < 1 || frame.width > kMaxImageWidth ||
       frame.height > kMaxImageHeight ||
       frame.pixels.size() != static_cast<std::size_t>(frame.width) * frame.height)
-    return Error{Errc::invalid_argument, "cannot write " + path.string() +
+    return Error{Errc::invalid_argument, "cannot write " + name +
                                              ": the frame has no pixels, too many, or not width "
                                              "times height of them"};
   Writer writer;
@@ -181,8 +193,8 @@ Status save_depth_png(const DepthFrame& frame, const std::filesystem::path& path
   auto& pixels = const_cast<std::vector<std::uint16_t>&>(frame.pixels);
   std::vector<png_bytep> rows = rows_of(pixels, frame.width, frame.height);
   if (!writer.write(frame.width, frame.height, rows.data()))
-    return Error{Errc::io_failure, "cannot write " + path.string() + ": " + writer.message()};
-  return write_file_atomically(path, writer.content());
+    return Error{Errc::io_failure, "cannot write " + name + ": " + writer.message()};
+  return std::move(writer.content());
 }
 
 }  // namespace palpate

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "src/session/base64.h"
 #include "src/session/svg_plot.h"
 
 namespace palpate {

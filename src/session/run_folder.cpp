@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "palpate/io/atomic_file.h"
+#include "palpate/session/haptic_run.h"
 
 namespace palpate {
 namespace fs = std::filesystem;
@@ -34,7 +35,8 @@ bool is_our_file(Place place, const std::string& name) {
     return std::find(names.begin(), names.end(), name) != names.end();
   };
   switch (place) {
-    case Place::run: return one_of({"wrench.csv", "timing.csv", "summary.json", "report.html"});
+    case Place::run: return one_of({"wrench.csv", "wrench.csv.part", "timing.csv", "summary.json", "report.html",
+                     kHapticRecording, kHapticTool});
     case Place::recording:
       return one_of({kRecordingManifest, "tool.palp", "path.txt", "depth.txt"}) ||
              is_numbered(name, "object-", ".palp");
@@ -81,7 +83,9 @@ Status check_replaceable(const fs::path& folder) {
   }
   if (fs::is_empty(folder, error) && !error) return Done{};
   const fs::path foreign = find_foreign(folder, Place::run, error);
-  if (!error && foreign.empty() && has_our_manifest(folder)) return Done{};
+  if (!error && foreign.empty() && (has_our_manifest(folder) || is_haptic_run(folder))) {
+    return Done{};
+  }
   const std::string what =
       foreign.empty() ? "" : " (" + foreign.lexically_relative(folder).string() + ")";
   return Error{Errc::io_failure, "cannot write a run to " + folder.string() +

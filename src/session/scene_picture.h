@@ -46,6 +46,5 @@ std::string draw_scene_png(const View& view, const PointCloudView& cloud,
 
 /// PNG file bytes; empty if there is no memory for them.
 std::string encode_png(const std::vector<std::uint8_t>& rgba, int width, int height);
-std::string base64(const std::string& bytes);
 
 }  // namespace palpate

@@ -79,6 +79,13 @@ Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool
   return cpu;
 }
 
+Status measure_pairs_at(Backend backend, const RunSettings& settings, BodyWorld& world) {
+  if (backend == Backend::cpu) return Done{};
+  return world.measure_pairs_by([&](const Tool& a, const Tool& b) {
+    return make_body_pair_query(backend, a, b, settings.contact_gpu);
+  });
+}
+
 Session::Session(const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
                  SurfaceTimeline timeline, const Tool& tool, std::unique_ptr<BlendedQuery> query)
     : settings_(settings),
@@ -108,12 +115,8 @@ Result<Session> Session::create(const Tool& tool, const DepthStreamInfo& stream,
   used.time.first_period = timeline->period();
   Session session(used, std::move(pool), *std::move(timeline), tool,
                   std::make_unique<BlendedQuery>(std::move(chosen->query)));
-  if (used.backend == Backend::cuda) {
-    const Status status = session.world_.measure_pairs_by([&](const Tool& a, const Tool& b) {
-      return make_body_pair_query(Backend::cuda, a, b, used.contact_gpu);
-    });
-    if (!status) return status.error();
-  }
+  const Status status = measure_pairs_at(*used.backend, used, session.world_);
+  if (!status) return status.error();
   return session;
 }
 

@@ -487,6 +487,13 @@ TEST_P(BorrowStage, NoLenderOneLenderAllLendersAndTies) {
            .fades_in = fades_in,
            .blocks = 1});
     check({.name = "all", .lender_share = 1, .method = method, .fades_in = fades_in, .blocks = 2});
+    // Five clusters for a block: three warps for each, and one has nothing to do.
+    check({.name = "uneven",
+           .num_spheres = 300,
+           .lender_share = 0.3,
+           .method = method,
+           .fades_in = fades_in,
+           .blocks = 2});
     check({.name = "ties",
            .num_spheres = 2197,
            .lender_share = 0.3,

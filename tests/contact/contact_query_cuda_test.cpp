@@ -3,6 +3,7 @@
 #include "src/contact/contact_query_cuda.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <utility>
 #include <vector>
 
@@ -31,6 +32,8 @@ constexpr bool kIsEmulated = true;
 #else
 constexpr bool kIsEmulated = false;
 #endif
+// By the emulator or a checker of compute-sanitizer everything takes long: some poses must do.
+const bool kIsShort = kIsEmulated || std::getenv("PALPATE_SHORT_TESTS") != nullptr;
 
 std::unique_ptr<ContactQuery> make_cuda_query(const Tool& tool) {
   auto query = make_contact_query_cuda(tool, {});
@@ -56,7 +59,7 @@ TEST(ContactQueryCuda, EqualsBruteForceOnRandomPoses) {
     const Tool tool = test::random_tool(c.num_spheres, c.half_side, 11);
     const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, c.noise, 5);
     const auto query = make_cuda_query(tool);
-    for (int i = 0; i < c.num_poses / (kIsEmulated ? 20 : 1); ++i) {
+    for (int i = 0; i < c.num_poses / (kIsShort ? 20 : 1); ++i) {
       const Pose X_WT = random_pose(random, 0.6, c.half_side);
       test::expect_equals_truth(tool, cloud.view(), X_WT, *query);
       if (HasFailure()) FAIL() << "spheres " << c.num_spheres << ", pose " << i;
@@ -74,7 +77,7 @@ TEST(ContactQueryCuda, EqualsBruteForceOnUnorganisedClouds) {
     cloud.set(i, to_float(p + Vec3d{3, -2, -5}), to_float(random.direction()));
   }
   const auto query = make_cuda_query(tool);
-  for (int i = 0; i < (kIsEmulated ? 3 : 20); ++i) {
+  for (int i = 0; i < (kIsShort ? 3 : 20); ++i) {
     const Pose X_WT{Vec3d{3, -2, -5} + random.in_box(0.05), random.rotation(3)};
     test::expect_equals_truth(tool, cloud.view(), X_WT, *query);
   }
@@ -87,7 +90,7 @@ TEST(ContactQueryCuda, EqualsBruteForceAtEdges) {
     const Tool tool = test::random_tool(c.num_spheres, c.half_side, 11);
     const test::CloudWithEdges scene = l_shape(c.noise, 5);
     const auto query = make_cuda_query(tool);
-    for (int i = 0; i < c.num_poses / (kIsEmulated ? 40 : 1); ++i) {
+    for (int i = 0; i < c.num_poses / (kIsShort ? 40 : 1); ++i) {
       const Pose X_WT = random_pose(random, 0.62, c.half_side);
       test::expect_equals_truth(tool, scene.view(), X_WT, *query, all_options_with_edges());
       if (HasFailure()) FAIL() << "spheres " << c.num_spheres << ", pose " << i;
@@ -101,7 +104,7 @@ TEST(ContactQueryCuda, EqualsBruteForceWithContinuity) {
   const Tool tool = test::random_tool(150, 0.05, 12);
   const test::CloudWithEdges scene = l_shape(0.0015, 6);
   const auto query = make_cuda_query(tool);
-  for (int i = 0; i < (kIsEmulated ? 2 : 60); ++i) {
+  for (int i = 0; i < (kIsShort ? 2 : 60); ++i) {
     const Pose X_WT = random_pose(random, 0.62, 0.05);
     test::expect_equals_truth(tool, scene.view(), X_WT, *query, all_continuities());
     if (HasFailure()) FAIL() << "pose " << i;
@@ -138,7 +141,7 @@ struct Comparison {
   void for_each(const Visit& visit) const {
     for (std::size_t p = 0; p < poses.size(); ++p) {
       for (std::size_t o = 0; o < options.size(); ++o) {
-        if (kIsEmulated && o > 1 && (o + p) % poses.size() != 0) continue;
+        if (kIsShort && o > 1 && (o + p) % poses.size() != 0) continue;
         visit(poses[p], options[o]);
       }
     }
@@ -147,7 +150,7 @@ struct Comparison {
 
 TEST(ContactQueryCuda, EqualsTheCpu) {
   PALPATE_GPU_OR_SKIP();
-  const Comparison comparison(kIsEmulated ? 6 : 10);
+  const Comparison comparison(kIsShort ? 6 : 10);
   const auto cuda = make_cuda_query(comparison.tool), cpu = make_cpu_query(comparison.tool);
   comparison.show_to(*cuda);
   comparison.show_to(*cpu);
@@ -215,7 +218,7 @@ TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
 
 TEST(ContactQueryCuda, SameBitsOnEveryRun) {
   PALPATE_GPU_OR_SKIP();
-  const Comparison comparison(kIsEmulated ? 3 : 20);
+  const Comparison comparison(kIsShort ? 3 : 20);
   std::vector<Penetration> first;
   for (const std::uint32_t order : {0u, 1u, 2u}) {
 #if defined(PALPATE_EMULATE_CUDA)

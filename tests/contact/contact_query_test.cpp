@@ -268,7 +268,8 @@ TEST(ContactQuery, PointOnTheRimCountsAsInside) {
   }
 }
 
-TEST(ContactQuery, CudaIsRefusedByName) {
+TEST(ContactQuery, CudaIsRefusedByNameWhereThereIsNone) {
+  if (find_gpus()) GTEST_SKIP() << "SKIPPED: there is a GPU";
   const Tool tool = test::random_tool(5, 0.05, 6);
   const auto query = make_contact_query(Backend::cuda, tool);
   ASSERT_FALSE(query.has_value());

@@ -4,30 +4,6 @@
 
 #include <cmath>
 
-namespace palpate::test {
-
-void FakeDhd::reset() {
-  version_major = 3;
-  version_minor = 17;
-  num_devices = num_available = 1;
-  first_free = 0;
-  system_type = 104;
-  is_initialized = has_wrist = has_active_wrist = takes_force = true;
-  read_result = write_result = status_result = enable_result = force_off_cause = 0;
-  for (int i = 0; i < 3; ++i) {
-    position[i] = velocity[i] = angular_velocity[i] = 0;
-    for (int j = 0; j < 3; ++j) rotation[3 * i + j] = i == j;
-  }
-  buttons = 0;
-  for (auto& part : wrench) part = 0;
-  largest_force = max_force = max_torque = 0;
-  gravity = num_writes = num_forces_while_off = num_forbidden = 0;
-  is_force_enabled = false;
-  last_opened = -1;
-}
-
-}  // namespace palpate::test
-
 namespace {
 
 palpate::test::FakeDhd g_fake;
@@ -44,6 +20,27 @@ int forbidden() {
   return 0;
 }
 
+void reset() {
+  g_fake.version_major = 3;
+  g_fake.version_minor = 17;
+  g_fake.num_devices = g_fake.num_available = 1;
+  g_fake.first_free = 0;
+  g_fake.system_type = 104;
+  g_fake.is_initialized = g_fake.has_wrist = g_fake.has_active_wrist = g_fake.takes_force = true;
+  g_fake.read_result = g_fake.write_result = g_fake.status_result = g_fake.enable_result =
+      g_fake.force_off_cause = 0;
+  for (int i = 0; i < 3; ++i) {
+    g_fake.position[i] = g_fake.velocity[i] = g_fake.angular_velocity[i] = 0;
+    for (int j = 0; j < 3; ++j) g_fake.rotation[3 * i + j] = i == j;
+  }
+  g_fake.buttons = 0;
+  for (auto& part : g_fake.wrench) part = 0;
+  g_fake.largest_force = g_fake.max_force = g_fake.max_torque = 0;
+  g_fake.gravity = g_fake.num_writes = g_fake.num_forces_while_off = g_fake.num_forbidden = 0;
+  g_fake.is_force_enabled = false;
+  g_fake.last_opened = -1;
+}
+
 }  // namespace
 
 using uchar = unsigned char;
@@ -51,7 +48,10 @@ using uint = unsigned int;
 
 extern "C" {
 
-palpate::test::FakeDhd* fake_dhd() { return &g_fake; }
+palpate::test::FakeDhd* fake_dhd() {
+  g_fake.reset = reset;
+  return &g_fake;
+}
 
 void dhdGetSDKVersion(int* major, int* minor, int* release, int* revision) {
   *major = g_fake.version_major;

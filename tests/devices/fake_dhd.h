@@ -29,7 +29,7 @@ struct FakeDhd {
   std::atomic<int> num_open{0}, last_opened{-1};
   std::atomic<int> num_forbidden{0};  ///< calls that move it or change factory settings
 
-  void reset();
+  void (*reset)() = nullptr;  ///< the script and what happened as at the start
 };
 
 }  // namespace palpate::test

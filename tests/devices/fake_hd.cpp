@@ -34,11 +34,18 @@ std::mutex g_mutex;  // of the errors and the call back
 std::vector<HDErrorInfo> g_errors;
 HDSchedulerCallback g_callback = nullptr;
 void* g_user_data = nullptr;
-std::thread g_scheduler;
+struct Scheduler {
+  std::thread thread;
+  void stop() {
+    g_fake.is_scheduler_on = false;
+    if (thread.joinable()) thread.join();
+  }
+  ~Scheduler() { stop(); }
+} g_scheduler;
 
-bool g_is_in_frame = false;       // of the scheduler's thread
-int g_num_frames_this_call = 0;   // likewise
-double g_force[3], g_torque[3];   // likewise
+bool g_is_in_frame = false;      // of the scheduler's thread
+int g_num_frames_this_call = 0;  // likewise
+double g_force[3], g_torque[3];  // likewise
 
 void raise(HDerror code) {
   if (code == 0) return;
@@ -70,35 +77,35 @@ void schedule() {
   }
 }
 
-}  // namespace
-
-namespace palpate::test {
-
-void FakeHd::reset() {
-  init_error = start_error = frame_error = read_error = 0;
-  calibration = calibration_after_update = 0x5000;
-  calibration_style = 4;
-  input_dof = output_dof = 6;
-  knows_limits = true;
-  is_hanging = false;
-  period_microseconds = 1000;
-  for (int i = 0; i < 16; ++i) transform[i] = i % 5 == 0;
-  for (int i = 0; i < 3; ++i) velocity[i] = angular_velocity[i] = force[i] = torque[i] = 0;
-  buttons = 0;
-  largest_force = 0;
-  num_frames = num_calls = num_outside = num_illegal = 0;
-  for (auto& capability : capabilities) capability = false;
-  updated_style = 0;
-  opened_name.clear();
+void reset() {
+  g_fake.init_error = g_fake.start_error = g_fake.frame_error = g_fake.read_error = 0;
+  g_fake.calibration = g_fake.calibration_after_update = 0x5000;
+  g_fake.calibration_style = 4;
+  g_fake.input_dof = g_fake.output_dof = 6;
+  g_fake.knows_limits = true;
+  g_fake.is_hanging = false;
+  g_fake.period_microseconds = 1000;
+  for (int i = 0; i < 16; ++i) g_fake.transform[i] = i % 5 == 0;
+  for (int i = 0; i < 3; ++i)
+    g_fake.velocity[i] = g_fake.angular_velocity[i] = g_fake.force[i] = g_fake.torque[i] = 0;
+  g_fake.buttons = 0;
+  g_fake.largest_force = 0;
+  g_fake.num_frames = g_fake.num_calls = g_fake.num_outside = g_fake.num_illegal = 0;
+  for (auto& capability : g_fake.capabilities) capability = false;
+  g_fake.updated_style = 0;
+  g_fake.opened_name.clear();
   const std::lock_guard lock(g_mutex);
   g_errors.clear();
 }
 
-}  // namespace palpate::test
+}  // namespace
 
 extern "C" {
 
-palpate::test::FakeHd* fake_hd() { return &g_fake; }
+palpate::test::FakeHd* fake_hd() {
+  g_fake.reset = reset;
+  return &g_fake;
+}
 
 HHD hdInitDevice(const char* name) {
   g_fake.opened_name = name == nullptr ? "(default)" : name;
@@ -144,11 +151,11 @@ void hdGetDoublev(HDenum what, double* values) {
   }
   if (!g_fake.knows_limits) return raise(0x100);
   switch (what) {
-    case 0x2602: values[0] = 0.8; return;     // N/mm
-    case 0x2603: values[0] = 8.5; return;     // N
-    case 0x2609: values[0] = 0.005; return;   // N s/mm
-    case 0x2620: values[0] = 300; return;     // mN m/rad
-    case 0x2622: values[0] = 188; return;     // mN m
+    case 0x2602: values[0] = 0.8; return;    // N/mm
+    case 0x2603: values[0] = 8.5; return;    // N
+    case 0x2609: values[0] = 0.005; return;  // N s/mm
+    case 0x2620: values[0] = 300; return;    // mN m/rad
+    case 0x2622: values[0] = 188; return;    // mN m
     case 0x2551:
       for (int i = 0; i < 3; ++i) {
         values[i] = -80 + 10 * i;
@@ -196,13 +203,12 @@ HDSchedulerHandle hdScheduleAsynchronous(HDSchedulerCallback callback, void* use
 }
 void hdStartScheduler() {
   raise(g_fake.start_error);
-  if (g_fake.start_error != 0 || g_fake.is_scheduler_on.exchange(true)) return;
-  g_scheduler = std::thread(schedule);
+  if (g_fake.start_error != 0 || g_fake.is_scheduler_on) return;
+  g_scheduler.stop();
+  g_fake.is_scheduler_on = true;
+  g_scheduler.thread = std::thread(schedule);
 }
-void hdStopScheduler() {
-  g_fake.is_scheduler_on = false;
-  if (g_scheduler.joinable()) g_scheduler.join();
-}
+void hdStopScheduler() { g_scheduler.stop(); }
 
 #if !defined(FAKE_HD_IS_INCOMPLETE)
 void hdUnschedule(HDSchedulerHandle handle) {

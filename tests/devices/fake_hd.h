@@ -9,16 +9,16 @@ namespace palpate::test {
 
 struct FakeHd {
   // The script. Times in mm, mN m and s, as the real one has them.
-  std::atomic<unsigned> init_error{0};     ///< of hdInitDevice
-  std::atomic<unsigned> start_error{0};    ///< of hdStartScheduler
-  std::atomic<unsigned> frame_error{0};    ///< of every hdEndFrame from now on
-  std::atomic<unsigned> read_error{0};     ///< of every hdGetDoublev in a frame
+  std::atomic<unsigned> init_error{0};   ///< of hdInitDevice
+  std::atomic<unsigned> start_error{0};  ///< of hdStartScheduler
+  std::atomic<unsigned> frame_error{0};  ///< of every hdEndFrame from now on
+  std::atomic<unsigned> read_error{0};   ///< of every hdGetDoublev in a frame
   std::atomic<unsigned> calibration{0x5000};
   std::atomic<unsigned> calibration_after_update{0x5000};
   std::atomic<int> calibration_style{4};
   std::atomic<int> input_dof{6}, output_dof{6};
   std::atomic<bool> knows_limits{true};
-  std::atomic<bool> is_hanging{false};     ///< the scheduler does not call any more
+  std::atomic<bool> is_hanging{false};  ///< the scheduler does not call any more
   std::atomic<int> period_microseconds{1000};
   std::array<std::atomic<double>, 16> transform{};  ///< column by column
   std::array<std::atomic<double>, 3> velocity{}, angular_velocity{};
@@ -36,7 +36,8 @@ struct FakeHd {
   std::atomic<unsigned> updated_style{0};
 
   std::string opened_name;  ///< of the last hdInitDevice; "(default)" for null
-  void reset();
+
+  void (*reset)() = nullptr;  ///< the script and what happened as at the start
 };
 
 }  // namespace palpate::test

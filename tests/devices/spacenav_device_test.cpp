@@ -130,9 +130,9 @@ class SpacenavDevice : public ::testing::Test {
   }
 
   FakeSpacenavd daemon_;
-  std::unique_ptr<HapticDevice> device_;
   std::mutex mutex_;
   std::vector<DeviceState> states_;
+  std::unique_ptr<HapticDevice> device_;  // ticks until it goes
 };
 
 TEST_F(SpacenavDevice, RestsAtTheOriginUntilItIsPushed) {

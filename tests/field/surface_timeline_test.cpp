@@ -43,8 +43,9 @@ TimeOptions options_of(TimeMode mode) {
   return options;
 }
 
-SurfaceTimeline make_timeline(const TimeOptions& options) {
-  return std::move(SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, options))
+SurfaceTimeline make_timeline(const TimeOptions& options, int num_spare = 0) {
+  return std::move(SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, options, {},
+                                           num_spare))
       .value();
 }
 
@@ -58,7 +59,8 @@ void expect_wall(const Surfaces& surfaces, double depth) {
 
 class Wall {
  public:
-  explicit Wall(const TimeOptions& options) : timeline(make_timeline(options)) {}
+  explicit Wall(const TimeOptions& options, int num_spare = 0)
+      : timeline(make_timeline(options, num_spare)) {}
 
   void show(double time) { timeline.push(wall_frame(wall_depth(time)), time, pool); }
 
@@ -182,6 +184,27 @@ TEST(SurfaceTimeline, SameBitsForAnyNumberOfThreadsAndNoAllocation) {
     const float* z = timeline.at(1).to.cloud.z;
     if (first.empty()) first.assign(z, z + kWidth * kHeight);
     EXPECT_EQ(std::memcmp(first.data(), z, first.size() * sizeof(float)), 0);
+  }
+}
+
+// What a thread looks at while another one pushes; and nothing else differs.
+TEST(SurfaceTimeline, SpareSurfacesKeepTheViewsOverAPush) {
+  for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate, TimeMode::predict}) {
+    Wall wall(options_of(mode), 1), bare(options_of(mode));
+    wall.show(0);
+    bare.show(0);
+    for (int k = 1; k < 8; ++k) {
+      const SurfaceMoment before = wall.timeline.at(k * kPeriod);
+      const float from = before.from.cloud.z[500], to = before.to.cloud.z[500];
+      wall.show(k * kPeriod);
+      bare.show(k * kPeriod);
+      EXPECT_EQ(before.from.cloud.z[500], from);
+      EXPECT_EQ(before.to.cloud.z[500], to);
+      const SurfaceMoment after = wall.timeline.at(k * kPeriod), same = bare.timeline.at(k * kPeriod);
+      EXPECT_EQ(after.from.cloud.z[500], same.from.cloud.z[500]);
+      EXPECT_EQ(after.to.cloud.z[500], same.to.cloud.z[500]);
+      EXPECT_EQ(after.progress, same.progress);
+    }
   }
 }
 

@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "palpate/contact/blended_query.h"
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
 #include "tests/haptics/loop_fakes.h"

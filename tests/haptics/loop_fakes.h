@@ -62,7 +62,7 @@ class ScriptedDevice final : public HapticDevice {
   struct Options {
     std::function<Vec3d(double time)> hand = [](double) { return Vec3d{}; };
     double lost_after = 1e9;  // s since start
-    std::optional<Error> refuses;
+    std::optional<Error> refuses = std::nullopt;
   };
   explicit ScriptedDevice(Options options) : options_(std::move(options)) {
     info_.kind = "scripted";

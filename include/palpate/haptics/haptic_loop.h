@@ -46,7 +46,15 @@ struct HapticRecord {
   std::uint64_t contact_number = 0, frame_number = 0;
   SafetyStatus safety;
   std::int64_t compute_nanoseconds = 0;
+
+  // What else it takes to repeat the tick.
+  std::uint64_t number = 0;  ///< from 0
+  double dt = 0;             ///< s, of the coupling's step; 0: no hand has been seen yet
+  bool is_stopping = false;  ///< the safety filter has been told to stop
+  bool has_sensor_failed = false, has_backend_failed = false;
 };
+/// What the safety filter hears of a sensor that has failed, s: an age that no limit allows.
+inline constexpr double kLostSensorAge = 1e6;
 
 /// One contact query, with all that it takes to repeat it.
 struct ContactRecord {
@@ -55,12 +63,17 @@ struct ContactRecord {
   Penetration penetration;
   std::uint64_t number = 0, frame_number = 0;
   double progress = 1;  ///< between the last two frames
+
+  double capture_time = 0;         ///< s, monotonic: of the newer frame
+  LocalContact contact;            ///< what the haptic thread is told
+  bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
 };
 
 /// What is recorded or shown while the loop runs. Called from the publishing thread alone; may take
 /// its time: what does not fit into the queues meanwhile is counted as lost, and the loop goes on.
 struct HapticObserver {
-  std::function<void(std::uint64_t number, double time, const DepthFrame&)> on_frame;
+  /// `capture_time` on the monotonic clock, exactly as the surfaces were told.
+  std::function<void(std::uint64_t number, double capture_time, const DepthFrame&)> on_frame;
   std::function<void(const ContactRecord&)> on_contact;
   std::function<void(std::span<const HapticRecord>)> on_ticks;
 };

@@ -61,10 +61,15 @@ struct SafetyStatus {
   std::uint64_t num_limited = 0;  ///< ticks at which a limit bent the wrench
 };
 
-/// One per device. No allocation, no throw; O(1).
+/// One per device, one thread at a time. No allocation, no throw; O(1).
+///
+/// Before it has engaged no force goes out, and what would be a fault then (nothing measured yet, a
+/// device that has not spoken) only delays it, for `engage_timeout`. It jumps to zero but in
+/// `rearm`; while the force fades, the fade and not the slew limit says how fast.
 class SafetyFilter {
  public:
-  /// Errors: options out of range or not finite, limits that are not positive and finite.
+  /// Errors: options out of range or not finite, limits that are negative or not finite. A limit of
+  /// 0 is a device that renders none.
   static Result<SafetyFilter> create(const DeviceLimits& limits, const SafetyOptions& options);
 
   /// Force and torque keep their direction when they are limited, each by itself.
@@ -78,14 +83,26 @@ class SafetyFilter {
   SafetyFilter(const DeviceLimits& limits, const SafetyOptions& options)
       : limits_(limits), options_(options) {}
 
+  Fault find_fault(const Wrench& wanted, const SafetyInput& input, double dt) const noexcept;
+  void latch(Fault fault) noexcept;
+  Wrench fade(double dt) noexcept;
+  void observe(const DeviceState& state, double dt) noexcept;
+  void engage(const Wrench& wanted, const SafetyInput& input, double dt) noexcept;
+  Wrench limit(const Wrench& wrench) const noexcept;
+  Wrench damp(const Wrench& wrench, double dt) noexcept;
+  Wrench slew(const Wrench& wrench, double dt) const noexcept;
+
   DeviceLimits limits_;
   SafetyOptions options_;
   SafetyStatus status_;
-  Wrench last_;
+  Wrench last_;  // what went out at the last tick
   double last_time_ = 0, last_valid_time_ = 0, start_time_ = 0;
-  double fade_from_ = 0;
+  Wrench fade_from_;  // at the fault, with the gain then
+  double fade_gain_ = 0, faded_ = 0;
+  Pose last_X_BH_;  // of the last valid state
+  Twist motion_;    // of the handle since the tick before, per second
   int num_quiet_ticks_ = 0;
-  bool has_ticked_ = false;
+  bool has_ticked_ = false, has_pose_ = false;
 };
 
 }  // namespace palpate

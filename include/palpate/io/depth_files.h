@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <memory>
+#include <string>
+#include <string_view>
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/cloud/point_cloud.h"
@@ -13,6 +15,10 @@ namespace palpate {
 Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit = 0.001);
 /// Never leaves half a file.
 Status save_depth_png(const DepthFrame& frame, const std::filesystem::path& path);
+/// The same in memory; `name` is what errors call the image.
+Result<DepthFrame> decode_depth_png(std::string_view content, const std::string& name,
+                                    double unit = 0.001);
+Result<std::string> encode_depth_png(const DepthFrame& frame, const std::string& name);
 
 struct DepthFolderOptions {
   Intrinsics intrinsics;

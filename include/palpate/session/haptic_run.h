@@ -47,5 +47,7 @@ Result<ReplayOutcome> replay_haptic_run(const std::filesystem::path& folder,
 /// range.
 Result<HapticSettings> load_haptic_settings(const std::filesystem::path& path,
                                             const HapticSettings& defaults = {});
+/// Such a file, with a comment on every key: what it means, its unit and its range.
+std::string haptic_settings_toml(const HapticSettings& settings = {});
 
 }  // namespace palpate

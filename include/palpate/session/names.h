@@ -9,6 +9,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/surface_timeline.h"
+#include "palpate/haptics/coupling.h"
 
 namespace palpate {
 
@@ -72,6 +73,19 @@ inline constexpr std::array<Named<std::optional<Backend>>, 3> kBackendNames{{
     {"cpu", Backend::cpu},
     {"cuda", Backend::cuda},
     {"auto", std::nullopt},
+}};
+inline constexpr std::array<Named<Backend>, 2> kUsedBackendNames{{
+    {"cpu", Backend::cpu},
+    {"cuda", Backend::cuda},
+}};
+inline constexpr std::array<Named<CouplingKind>, 3> kCouplingNames{{
+    {"virtual", CouplingKind::virtual_coupling},
+    {"direct", CouplingKind::direct},
+    {"proxy", CouplingKind::proxy},
+}};
+inline constexpr std::array<Named<ContactHold>, 2> kContactHoldNames{{
+    {"local_model", ContactHold::local_model},
+    {"interpolation", ContactHold::interpolation},
 }};
 
 template <class Table, class Value>

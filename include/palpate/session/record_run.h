@@ -35,6 +35,8 @@ struct ReplayOutcome {
   /// First line of wrench.csv that differs, as "line N: recorded '...', repeated '...'"; empty if
   /// the files are the same byte for byte.
   std::string difference;
+  std::size_t num_contacts = 0;  ///< haptic runs: queries that were repeated
+  std::string note = {};         ///< haptic runs: what could not be repeated, and why; else empty
 };
 
 struct ReplayOptions {

@@ -12,6 +12,9 @@ namespace palpate {
 inline constexpr const char* kRecordingFolder = "recording";
 inline constexpr const char* kRecordingManifest = "recording.json";
 inline constexpr const char* kRecordingFormat = "palpate recording";
+/// The same of a haptic run, whose recording is one file.
+inline constexpr const char* kHapticRecording = "session.mcap";
+inline constexpr const char* kHapticTool = "tool.palp";
 
 /// Whether `path` is `folder` or lies in it, so that replacing the folder would remove it.
 bool lies_inside(const std::filesystem::path& path, const std::filesystem::path& folder);
@@ -28,8 +31,10 @@ class RunFolder {
 
   /// Where to write until `commit`.
   const std::filesystem::path& partial() const { return partial_; }
-  /// Gives the folder its name.
+  /// Gives the folder its name. Files that are open stay so, and more may be added.
   Status commit();
+  /// The name.
+  const std::filesystem::path& target() const { return target_; }
 
  private:
   RunFolder(std::filesystem::path target, std::filesystem::path partial);

@@ -76,6 +76,9 @@ Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool
 /// What StepStatus::backend_failed means.
 Error lost_backend();
 
+/// Pairs of the bodies in `world` are measured where queries are. Error: too little memory there.
+Status measure_pairs_at(Backend backend, const RunSettings& settings, BodyWorld& world);
+
 /// The loop body: surfaces from frames, wrenches from poses. `tool` must outlive it.
 class Session {
  public:

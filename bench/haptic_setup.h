@@ -1,0 +1,65 @@
+// What a simulated hand touches, and with what.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/mesh/shapes.h"
+#include "palpate/packing/packer.h"
+#include "palpate/tool/tool.h"
+#include "scenes/scene.h"
+
+namespace palpate::bench {
+
+/// The tool that goes with a scene.
+inline Result<Tool> tool_for(const scenes::Scene& scene, int num_spheres) {
+  auto mesh = make_shape(scene.tool_shape, scene.tool_size);
+  if (!mesh) return mesh.error();
+  PackOptions options;
+  options.max_spheres = num_spheres;
+  auto packing = pack_spheres(*mesh, options);
+  if (!packing) return packing.error();
+  return Tool::build(*std::move(mesh), *std::move(packing), GapRule::relative, scene.tool_shape);
+}
+
+/// All frames of a scene.
+inline Result<std::vector<DepthFrame>> frames_of(const scenes::Scene& scene,
+                                                 const scenes::SimulatedCameraOptions& camera,
+                                                 DepthStreamInfo& info) {
+  auto source = scenes::open_simulated_camera(scene, camera);
+  if (!source) return source.error();
+  info = (*source)->info();
+  std::vector<DepthFrame> frames;
+  for (DepthFrame frame;;) {
+    const auto got = (*source)->next(frame);
+    if (!got) return got.error();
+    if (!*got) return frames;
+    frames.push_back(frame);
+  }
+}
+
+/// A camera that costs nothing while others are measured: frames to and fro, for ever.
+class LoopedSource final : public DepthSource {
+ public:
+  LoopedSource(DepthStreamInfo info, std::vector<DepthFrame> frames)
+      : info_(std::move(info)), frames_(std::move(frames)) {
+    info_.num_frames.reset();
+  }
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override {
+    const std::size_t num = frames_.size(), turn = number_ % (2 * num);
+    frame = frames_[turn < num ? turn : 2 * num - 1 - turn];
+    frame.timestamp = static_cast<double>(number_++) / info_.rate;
+    return true;
+  }
+
+ private:
+  DepthStreamInfo info_;
+  std::vector<DepthFrame> frames_;
+  std::size_t number_ = 0;
+};
+
+}  // namespace palpate::bench

@@ -1,0 +1,416 @@
+// How stiff a wall may be, and what contact with what a camera sees does to a simulated hand. On a
+// simulated clock: the same numbers on every machine.
+//   z_width [CSV]
+// 1. The stiffest stable wall over its damping (Z-width, Colgate & Brown 1994), for every model.
+// 2. A hand that presses and slides on a wall, a ridge, a corner and a moving wall, by each coupling.
+// 3. What the force does when a depth frame of the moving wall arrives (thesis Fig. 3.15).
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "bench/haptic_setup.h"
+#include "palpate/contact/blended_query.h"
+#include "palpate/devices/simulated_device.h"
+#include "palpate/haptics/coupling.h"
+#include "palpate/haptics/safety.h"
+#include "scenes/environment.h"
+
+namespace palpate::bench {
+namespace {
+
+constexpr double kTick = 1e-3;  // s
+
+// ---------------------------------------------------------------------------------- 1. Z-width
+
+/// True if device and wall come to rest: a wall on both sides of where the handle is, F = -K x -
+/// B v, that begins 10 um off its rest. On both sides the answer is that of linear theory.
+bool is_stable(const DeviceModel& model, const HandModel& hand, double stiffness, double damping) {
+  constexpr double kOff = 1e-5;
+  constexpr int kTicks = 1500;
+  SimulatedDeviceOptions options;
+  options.model = model;
+  options.model.limits.max_force = 1e4;  // motors at their limit would hide how it grows
+  options.hand = hand;
+  options.in_real_time = false;
+  auto device = SimulatedDevice::create(options).value();
+  double early = 0, late = 0;
+  int number = 0;
+  const Status started = device->start([&](const DeviceState& state) -> Wrench {
+    const double x = state.X_BH.translation.z - kOff, v = state.V_BH.linear.z;
+    const double speed = norm(device->true_state().V_BH.linear);
+    if (number >= kTicks / 4 && number < kTicks / 2) early = std::max(early, speed);
+    if (number >= 3 * kTicks / 4) late = std::max(late, speed);
+    ++number;
+    return {{0, 0, std::clamp(-stiffness * x - damping * v, -1e3, 1e3)}, {}};
+  });
+  if (!started) return false;
+  device->run(kTicks);
+  return late < 0.9 * early || late < 1e-9;
+}
+
+double largest_stiffness(const DeviceModel& model, const HandModel& hand, double damping) {
+  double low = 1, high = 1e6;
+  if (!is_stable(model, hand, low, damping)) return 0;
+  while (high / low > 1.01) {
+    const double middle = std::sqrt(low * high);
+    (is_stable(model, hand, middle, damping) ? low : high) = middle;
+  }
+  return low;
+}
+
+void z_widths(std::FILE* csv) {
+  constexpr double kDampings[] = {0, 0.5, 1, 2, 5, 10, 20, 50};
+  constexpr HandModel kReleased{0, 0, 0, 2e-4, 0.01, 0};
+  std::printf(
+      "1. Largest stable stiffness of a wall, N/m, over its damping, N s/m (1 kHz, velocity filter "
+      "5 ms).\n   2 b / T: passivity bound without damping of the wall. Above: nobody holds the "
+      "handle; below: a hand does.\n\n%-16s %8s", "model", "2 b / T");
+  for (const double damping : kDampings) std::printf(" %8g", damping);
+  std::printf("\n");
+  std::fprintf(csv, "part,model,held,damping_Ns_m,max_stiffness_N_m,passive_N_m\n");
+  for (const DeviceModel& model : device_models()) {
+    const double passive = 2 * model.limits.damping / kTick;
+    for (const bool is_held : {false, true}) {
+      if (is_held) {
+        std::printf("%-25s", "");
+      } else {
+        std::printf("%-16s %8.0f", std::string(model.key).c_str(), passive);
+      }
+      for (const double damping : kDampings) {
+        const double stiffness =
+            largest_stiffness(model, is_held ? HandModel{} : kReleased, damping);
+        std::printf(" %8.0f", stiffness);
+        std::fprintf(csv, "z-width,%s,%d,%g,%.0f,%.0f\n", std::string(model.key).c_str(), is_held,
+                     damping, stiffness, passive);
+      }
+      std::printf("\n");
+    }
+  }
+}
+
+// ------------------------------------------------------------------------------ closed loops
+
+/// Something to touch: frames from time 0 on, and where the tool is just before it touches.
+struct Place {
+  std::string name;
+  DepthStreamInfo stream;
+  std::vector<DepthFrame> frames;
+  Pose X_WB;
+  bool moves = false;
+};
+
+Place place_of(std::string name, scenes::Scene scene, const Vec3d& p_WB) {
+  scene.width = 320;
+  scene.height = 240;
+  scene.intrinsics = {287.9, 287.9, 159.5, 119.5};
+  scenes::SimulatedCameraOptions camera;
+  camera.noise.enabled = false;
+  camera.unit = 1e-4;
+  Place place;
+  place.name = std::move(name);
+  place.moves = std::any_of(scene.bodies.begin(), scene.bodies.end(),
+                            [](const scenes::Body& body) { return body.motion != nullptr; });
+  if (!place.moves) camera.duration = 0.01;  // one frame
+  place.frames = frames_of(scene, camera, place.stream).value();
+  place.X_WB.translation = p_WB;
+  return place;
+}
+
+Place place_of(const char* name, const scenes::Environment& environment, const Vec3d& p_WB) {
+  scenes::Scene scene;
+  scene.name = name;
+  scene.environment = environment;
+  return place_of(name, std::move(scene), p_WB);
+}
+
+constexpr double kBox = 0.1;  // m
+
+std::vector<Place> places() {
+  const double gap = 0.005;
+  std::vector<Place> all;
+  all.push_back(place_of("wall", scenes::Environment::wall(1), {0, 0, 1 - kBox / 2 - gap}));
+  all.push_back(place_of("ridge", scenes::Environment::wedge(1, kPi / 2), {0, 0, 1 - kBox / 2 - gap}));
+  all.push_back(place_of("corner", scenes::Environment::wedge(1, 1.5 * kPi), {0, 0, 1 - kBox - gap}));
+  // It comes 6 cm nearer and goes back.
+  all.push_back(place_of("moving wall", scenes::make_scene("moving-wall").value(),
+                         {0, 0, 0.95 - kBox / 2 - gap}));
+  return all;
+}
+
+/// In 1 s the hand goes 15 mm forward, in the second it slides 3 cm aside; then it holds still.
+Pose pressing_hand(double t) {
+  const auto eased = [](double x) { return x <= 0 ? 0 : x >= 1 ? 1 : x * x * (3 - 2 * x); };
+  return {{0.03 * eased(t - 1), 0, 0.015 * eased(t)}, {}};
+}
+
+/// Contact on a simulated clock: frames arrive when they are captured, and a contact is known one
+/// tick after its pose.
+class Contact {
+ public:
+  Contact(const Tool& tool, const Place& place, TimeMode mode, double force_at_eighth)
+      : tool_(tool),
+        place_(place),
+        timeline_(make_timeline(place, mode)),
+        query_(make_contact_query(Backend::cpu, tool).value()),
+        scale_(thesis_force_scale(force_at_eighth, tool.mesh_mass().volume)) {}
+
+  /// True if a frame has arrived.
+  bool look(double time) {
+    bool is_arrival = false;
+    for (; next_ < place_.frames.size() && place_.frames[next_].timestamp <= time; ++next_) {
+      timeline_.push(place_.frames[next_], place_.frames[next_].timestamp, pool_);
+      is_arrival = next_ > 0;
+    }
+    return is_arrival;
+  }
+  LocalContact measure(const Pose& X_WT, double time) {
+    query_.set_moment(timeline_.at(time));
+    const Penetration penetration = query_.query(X_WT, {});
+    return local_contact(penetration, penetration.volume > 0 ? query_.stiffness() : Stiffness{},
+                         X_WT, tool_.sphere_mass().centre_of_mass, scale_, time, 0);
+  }
+
+ private:
+  static SurfaceTimeline make_timeline(const Place& place, TimeMode mode) {
+    TimeOptions time;
+    time.mode = mode;
+    return SurfaceTimeline::create(place.stream, {}, DepthFieldOptions{}, time).value();
+  }
+
+  const Tool& tool_;
+  const Place& place_;
+  ThreadPool pool_{1};
+  SurfaceTimeline timeline_;
+  BlendedQuery query_;
+  ForceScale scale_;
+  std::size_t next_ = 0;
+};
+
+/// Force on the hand at each tick, and what is worth knowing of the run.
+struct Run {
+  std::vector<double> times;
+  std::vector<Vec3d> force;
+  std::vector<bool> is_arrival;
+  double largest_force = 0, observed_energy = -1e9, given_energy = -1e9, rattle = 0, stretch = 0;
+  double stiffness = 0;  ///< of the coupling
+  Fault fault = Fault::none;
+};
+
+Run feel(const Tool& tool, const Place& place, const DeviceModel& model, CouplingKind kind,
+         TimeMode mode, double seconds) {
+  SimulatedDeviceOptions options;
+  options.model = model;
+  options.target = pressing_hand;
+  options.in_real_time = false;
+  auto device = SimulatedDevice::create(options).value();
+  CouplingOptions wanted;
+  wanted.kind = kind;
+  wanted.X_WB = place.X_WB;
+  const CouplingOptions checked = check_coupling(wanted, model.limits, kTick).value().options;
+  auto coupling = make_coupling(checked, model.limits, tool.sphere_mass());
+  SafetyFilter safety = SafetyFilter::create(model.limits, {}).value();
+  Contact contact(tool, place, mode, checked.force_at_eighth);
+
+  Run run;
+  run.stiffness = checked.stiffness;
+  LocalContact known;
+  bool has_begun = false;
+  double last_contact = 0;
+  const Status started = device->start([&](const DeviceState& state) {
+    if (!std::exchange(has_begun, true)) {
+      coupling->reset(state);
+      last_contact = state.time;
+    }
+    const bool is_arrival = contact.look(state.time);
+    const CouplingStep step = coupling->step(state, known, kTick);
+    const Wrench felt = safety.filter(
+        step.F_H_B, {state.time, state, state.time - last_contact, 0.01, false});
+    known = contact.measure(step.X_WT, state.time);
+    last_contact = state.time;
+
+    run.times.push_back(state.time);
+    run.force.push_back(felt.force);
+    run.is_arrival.push_back(is_arrival);
+    run.largest_force = std::max(run.largest_force, norm(felt.force));
+    run.observed_energy = std::max(run.observed_energy, safety.status().energy);
+    run.given_energy = std::max(run.given_energy, device->energy_given());
+    run.stretch = std::max(run.stretch, step.stretch);
+    return felt;
+  });
+  if (!started) return run;
+  device->run(static_cast<int>(seconds / kTick) - 500);
+  double sum = 0;
+  for (int i = 0; i < 500; ++i) {
+    device->run(1);
+    const Vec3d v = device->true_state().V_BH.linear;
+    sum += dot(v, v);
+  }
+  run.rattle = std::sqrt(sum / 500);
+  run.fault = safety.status().fault;
+  return run;
+}
+
+struct NamedCoupling {
+  const char* name;
+  CouplingKind kind;
+};
+constexpr NamedCoupling kCouplings[] = {{"direct (penalty)", CouplingKind::direct},
+                                        {"virtual coupling", CouplingKind::virtual_coupling},
+                                        {"proxy", CouplingKind::proxy}};
+constexpr const char* kModels[] = {"touch", "omega.6", "lambda.7"};
+
+void closed_loops(const Tool& tool, const std::vector<Place>& all, std::FILE* csv) {
+  std::printf(
+      "\n2. A hand presses 10 mm in, slides 3 cm and holds still; %zu spheres, contact known one "
+      "tick late.\n   Energy: the most that the hand was given net, by the safety filter's observer "
+      "(bound: its tank of %.3g J)\n   and truly. Rattle: rms speed of the handle at the end.\n\n"
+      "%-10s %-12s %-17s %8s %8s %9s %9s %9s %8s  %s\n",
+      tool.spheres().size(), SafetyOptions{}.energy_tank, "model", "scene", "coupling", "K N/m",
+      "force N", "obs. mJ", "true mJ", "rattle", "apart", "fault");
+  std::fprintf(csv,
+               "part,model,scene,coupling,stiffness_N_m,largest_force_N,observed_J,true_J,"
+               "rattle_mm_s,apart_mm,fault\n");
+  for (const char* model : kModels) {
+    for (const Place& place : all) {
+      for (const auto& [name, kind] : kCouplings) {
+        const Run run = feel(tool, place, *find_device_model(model), kind, TimeMode::interpolate, 4);
+        const bool is_sound = run.fault == Fault::none;
+        std::printf("%-10s %-12s %-17s %8.0f %8.2f %9.3f %9.3f %9.3f %8.2f  %s\n", model,
+                    place.name.c_str(), name, run.stiffness, run.largest_force,
+                    run.observed_energy * 1e3, run.given_energy * 1e3, run.rattle * 1e3,
+                    run.stretch * 1e3, is_sound ? "-" : std::string(describe(run.fault)).c_str());
+        std::fprintf(csv, "closed-loop,%s,%s,%s,%.0f,%.3f,%.6f,%.6f,%.4f,%.3f,%d\n", model,
+                     place.name.c_str(), name, run.stiffness, run.largest_force,
+                     run.observed_energy, run.given_energy, run.rattle * 1e3, run.stretch * 1e3,
+                     static_cast<int>(run.fault));
+      }
+    }
+  }
+}
+
+// ------------------------------------------------------------------- 3. when a frame arrives
+
+double median(std::vector<double> values, double share = 0.5) {
+  if (values.empty()) return NAN;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+}
+
+/// Changes of the force from tick to tick in contact: where a frame arrives, and elsewhere.
+struct Steps {
+  double arrival, arrival_most, between;
+};
+Steps steps_of(const Run& run) {
+  std::vector<double> arrival, between;
+  for (std::size_t k = 500; k < run.force.size(); ++k) {
+    if (norm(run.force[k]) < 0.1 * run.largest_force) continue;
+    (run.is_arrival[k] ? arrival : between).push_back(norm(run.force[k] - run.force[k - 1]));
+  }
+  return {median(arrival), median(arrival, 1), median(between)};
+}
+
+/// The tool held fast: the force of contact itself.
+Run held_fast(const Tool& tool, const Place& place, const Pose& X_WT, double force_at_eighth,
+              TimeMode mode) {
+  Contact contact(tool, place, mode, force_at_eighth);
+  Run run;
+  for (double time = 0; time <= place.frames.back().timestamp; time += kTick) {
+    run.times.push_back(time);
+    run.is_arrival.push_back(contact.look(time));
+    run.force.push_back(contact.measure(X_WT, time).F_C_W.force);
+    run.largest_force = std::max(run.largest_force, norm(run.force.back()));
+  }
+  return run;
+}
+
+/// By how much later than the frames say the force comes: where the straight lines between the
+/// forces of the frames themselves, shifted, fit best. s.
+double lag_of(const Run& run, const Run& latest) {
+  std::vector<std::pair<double, double>> truth;
+  for (std::size_t k = 0; k < latest.force.size(); ++k) {
+    if (k == 0 || latest.is_arrival[k]) truth.emplace_back(latest.times[k], latest.force[k].z);
+  }
+  const auto truth_at = [&truth](double time) {
+    auto next = std::upper_bound(truth.begin(), truth.end(), std::pair{time, 1e9});
+    if (next == truth.begin()) return next->second;
+    if (next == truth.end()) return truth.back().second;
+    const auto last = std::prev(next);
+    return std::lerp(last->second, next->second,
+                     (time - last->first) / (next->first - last->first));
+  };
+  double best = 0, least = 1e300;
+  for (double lag = -0.02; lag <= 0.08; lag += 0.0005) {
+    double sum = 0;
+    for (std::size_t k = 300; k < run.force.size(); ++k) {
+      const double off = run.force[k].z - truth_at(run.times[k] - lag);
+      sum += off * off;
+    }
+    if (sum < least) std::tie(least, best) = std::pair{sum, lag};
+  }
+  return best;
+}
+
+void arrivals(const Tool& tool, const Place& place, std::FILE* csv) {
+  std::printf(
+      "\n3. Moving wall at %g Hz: change of the force within the tick of a frame's arrival, and "
+      "within other ticks, N.\n\n%-26s %-12s %10s %10s %10s %8s\n",
+      place.stream.rate, "", "between", "arrival", "largest", "other", "lag ms");
+  std::fprintf(csv, "part,what,mode,arrival_N,arrival_most_N,between_N,lag_ms\n");
+  const DeviceModel model = *find_device_model("touch");
+  Pose X_WT = place.X_WB;
+  X_WT.translation.z += 0.01;
+  double first[2] = {};
+  const std::pair<const char*, TimeMode> modes[] = {{"latest", TimeMode::latest},
+                                                    {"interpolate", TimeMode::interpolate},
+                                                    {"predict", TimeMode::predict}};
+  const Run latest = held_fast(tool, place, X_WT, model.limits.max_force, TimeMode::latest);
+  for (const bool is_held_fast : {true, false}) {
+    for (const auto& [name, mode] : modes) {
+      const Run run =
+          is_held_fast
+              ? held_fast(tool, place, X_WT, model.limits.max_force, mode)
+              : feel(tool, place, model, CouplingKind::virtual_coupling, mode, 4);
+      const Steps steps = steps_of(run);
+      const double lag = is_held_fast ? lag_of(run, latest) * 1e3 : NAN;
+      const char* what = is_held_fast ? "contact, tool held fast" : "hand, virtual coupling";
+      std::printf("%-26s %-12s %10.5f %10.5f %10.5f %8.1f\n", what, name, steps.arrival,
+                  steps.arrival_most, steps.between, lag);
+      std::fprintf(csv, "arrival,%s,%s,%.6f,%.6f,%.6f,%.1f\n", what, name, steps.arrival,
+                   steps.arrival_most, steps.between, lag);
+      if (mode == TimeMode::latest) first[is_held_fast] = steps.arrival;
+      if (mode == TimeMode::interpolate) {
+        std::printf("%-26s %-12s %9.1fx smaller\n", "", "", first[is_held_fast] / steps.arrival);
+      }
+    }
+  }
+}
+
+int run_all(const char* path) {
+  std::FILE* csv = std::fopen(path, "w");
+  if (csv == nullptr) {
+    std::fprintf(stderr, "z_width: cannot write %s\n", path);
+    return 1;
+  }
+  z_widths(csv);
+  scenes::Scene scene;
+  scene.tool_shape = "box";
+  scene.tool_size = kBox;
+  const Tool tool = tool_for(scene, 1000).value();
+  const std::vector<Place> all = places();
+  closed_loops(tool, all, csv);
+  arrivals(tool, all.back(), csv);
+  return std::fclose(csv) == 0 ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  return palpate::bench::run_all(argc > 1 ? argv[1] : "z-width.csv");
+}

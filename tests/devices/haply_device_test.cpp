@@ -1,0 +1,324 @@
+// The client of Haply's service against an emulated one, over sockets.
+
+#include "src/devices/haply_device.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "src/devices/device_kinds.h"
+#include "tests/devices/haply_service.h"
+#include "tests/devices/tick_log.h"
+
+namespace palpate {
+namespace {
+
+using test::eventually;
+using test::HaplyService;
+using test::HaplyServiceOptions;
+using test::TickLog;
+
+HaplyAddress address_of(const HaplyService& service) {
+  return {{"127.0.0.1", service.port()}, service.event_port()};
+}
+
+/// A service, its device and who feels it.
+struct Bench {
+  explicit Bench(const HaplyServiceOptions& options = {}) : service(options) {
+    service.set_target({0.01, -0.12, 0.15});
+    auto opened = open_haply_device_at(address_of(service));
+    EXPECT_TRUE(opened) << opened.error().message;
+    if (opened) device = std::move(*opened);
+  }
+  void start() {
+    const Status started = device->start(log.tick());
+    ASSERT_TRUE(started) << started.error().message;
+  }
+  void wait_until_lost(const std::string& words) {
+    ASSERT_TRUE(eventually([&] { return !device->status(); }));
+    EXPECT_NE(device->status().error().message.find(words), std::string::npos)
+        << device->status().error().message;
+    const std::size_t num_ticks = log.size();
+    device->stop();
+    EXPECT_EQ(log.size(), num_ticks);
+  }
+
+  HaplyService service;
+  TickLog log;
+  std::unique_ptr<HapticDevice> device;
+};
+
+TEST(HaplyDevice, SaysWhatItIs) {
+  Bench bench;
+  const DeviceInfo& info = bench.device->info();
+  EXPECT_EQ(info.kind, "haply");
+  EXPECT_NE(info.name.find("Inverse3 049D with verse_grip 61548"), std::string::npos) << info.name;
+  EXPECT_NE(info.name.find("3.5"), std::string::npos) << info.name;
+  EXPECT_GT(info.limits.max_force, 0);
+  EXPECT_EQ(info.limits.max_torque, 0);
+  EXPECT_TRUE(info.senses_orientation);
+  EXPECT_EQ(info.num_buttons, 1);
+  EXPECT_TRUE(bench.service.messages().empty()) << "opening asks for nothing";
+}
+
+TEST(HaplyDevice, ProbesBeforeTheFirstTickThenSendsEveryForce) {
+  Bench bench;
+  bench.log.set_force({0.25, -0.5, 1});
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 50; }));
+  bench.device->stop();
+  const auto messages = bench.service.messages();
+  EXPECT_NE(messages[0].find("profile"), std::string::npos) << messages[0];
+  EXPECT_NE(messages[0].find("probe_position"), std::string::npos) << messages[0];
+  EXPECT_EQ(messages[0].find("set_cursor_force"), std::string::npos);
+  EXPECT_EQ(messages[1].find("session"), std::string::npos) << messages[1];
+  EXPECT_NE(messages[2].find("vector"), std::string::npos) << messages[2];
+  EXPECT_NE(messages[2].find("probe_orientation"), std::string::npos) << messages[2];
+  const auto forces = bench.service.forces();
+  ASSERT_FALSE(forces.empty());
+  EXPECT_EQ(forces.front(), (Vec3d{0.25, -0.5, 1}));
+  EXPECT_EQ(forces.back(), Vec3d{}) << "the last message of all takes the force away";
+  EXPECT_TRUE(bench.device->status());
+}
+
+TEST(HaplyDevice, TheHandFeelsTheForce) {
+  Bench bench;
+  const Vec3d rest = bench.service.hand_position();
+  bench.log.set_force({0, 0, 1});
+  bench.start();
+  // At rest the force is held by the hand's spring of 100 N/m: one centimetre.
+  EXPECT_TRUE(eventually([&] {
+    const DeviceState state = bench.log.last();
+    return state.is_valid && std::abs(state.X_BH.translation.z - rest.z - 0.01) < 0.002 &&
+           std::abs(state.V_BH.linear.z) < 0.01;
+  }));
+  bool has_moved = false;
+  for (const DeviceState& state : bench.log.states()) has_moved |= state.V_BH.linear.z > 0.01;
+  EXPECT_TRUE(has_moved) << "velocities come with the states";
+}
+
+TEST(HaplyDevice, EveryGrip) {
+  for (const std::string grip : {"verse_grip", "wireless_verse_grip", "custom_verse_grip", ""}) {
+    HaplyServiceOptions options;
+    options.grip = grip;
+    Bench bench(options);
+    const Quaternion turned = axis_angle({1, 2, 3}, 0.7);
+    bench.service.set_orientation(turned);
+    bench.service.buttons = 0b1101;
+    bench.start();
+    ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
+    const DeviceState state = bench.log.last();
+    EXPECT_EQ(bench.device->info().senses_orientation, !grip.empty());
+    const Quaternion expected = grip.empty() ? Quaternion{} : turned;
+    EXPECT_NEAR(state.X_BH.rotation.x, expected.x, 1e-12) << grip;
+    EXPECT_NEAR(state.X_BH.rotation.w, expected.w, 1e-12) << grip;
+    EXPECT_EQ(state.buttons, grip.empty() ? 0u : (grip == "verse_grip" ? 1u : 0b1101u)) << grip;
+  }
+}
+
+TEST(HaplyDevice, OlderServicesGetOlderWords) {
+  HaplyServiceOptions options;
+  options.version = "3.4.1";
+  options.accepts_vector = false;
+  Bench bench(options);
+  bench.log.set_force({0, 1, 0});
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
+  EXPECT_EQ(bench.service.forces().front(), (Vec3d{0, 1, 0}));
+}
+
+TEST(HaplyDevice, ChangesItsWordsWhenNotHeardAndBeginsSoftly) {
+  HaplyServiceOptions options;
+  options.version = "";  // cannot be asked for
+  options.accepts_vector = false;
+  Bench bench(options);
+  bench.log.set_force({0, 1, 0});
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.service.last_force().y > 0.999; }));
+  double largest_step = 0;
+  const auto forces = bench.service.forces();
+  for (std::size_t i = 1; i < forces.size(); ++i)
+    largest_step = std::max(largest_step, forces[i].y - forces[i - 1].y);
+  EXPECT_LT(largest_step, 0.01);
+  EXPECT_TRUE(bench.device->status());
+}
+
+TEST(HaplyDevice, ADeafServiceEndsTheRun) {
+  HaplyServiceOptions options;
+  options.accepts_vector = options.accepts_values = false;
+  Bench bench(options);
+  bench.log.set_force({0, 1, 0});
+  bench.start();
+  bench.wait_until_lost("does not take the forces");
+}
+
+TEST(HaplyDevice, AServiceWithoutEchoesIsTrusted) {
+  HaplyServiceOptions options;
+  options.echoes_forces = false;
+  Bench bench(options);
+  bench.log.set_force({0, 1, 0});
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 500; }));
+  EXPECT_TRUE(bench.device->status());
+  EXPECT_NE(bench.service.messages().back().find("vector"), std::string::npos);
+}
+
+TEST(HaplyDevice, MissingFieldsAreTheIdentityOrAsTheyWere) {
+  Bench bench;
+  bench.service.set_target({0, 0, 0.15});
+  bench.service.set_orientation({0, 0, 1, 0});
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
+  bench.service.faults.leaves_fields_out = true;
+  const std::size_t before = bench.log.size();
+  ASSERT_TRUE(eventually([&] { return bench.log.size() > before + 20; }));
+  const DeviceState state = bench.log.last();
+  EXPECT_TRUE(bench.device->status());
+  EXPECT_NEAR(norm(state.X_BH.translation - Vec3d{0, 0, 0.15}), 0, 1e-3);
+  EXPECT_EQ(state.V_BH.linear, Vec3d{});
+  EXPECT_EQ(state.X_BH.rotation, (Quaternion{0, 0, 1, 0})) << "the grip was not mentioned";
+}
+
+TEST(HaplyDevice, LateAnswersAreTicksWithoutAState) {
+  Bench bench;
+  bench.log.set_force({0, 0, 1});
+  bench.start();
+  bench.service.faults.reply_delay = 20;
+  ASSERT_TRUE(eventually([&] { return bench.log.size() > 300; }));
+  bench.service.faults.reply_delay = 0;
+  const std::size_t num_valid = bench.log.num_valid();
+  EXPECT_GT(num_valid, 0u);
+  EXPECT_LT(num_valid, bench.log.size());
+  EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > num_valid + 100; })) << "it recovers";
+  EXPECT_TRUE(bench.device->status());
+}
+
+TEST(HaplyDevice, PiecesAndPingsAreNothingSpecial) {
+  Bench bench;
+  bench.service.faults.fragments_messages = true;
+  bench.service.faults.pings = true;
+  bench.start();
+  EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > 100; }));
+  EXPECT_TRUE(bench.device->status());
+}
+
+TEST(HaplyDevice, EveryFaultEndsInASentence) {
+  struct Fault {
+    std::atomic<bool> HaplyService::Faults::*which;
+    bool value;
+    const char* words;
+  };
+  for (const Fault& fault :
+       {Fault{&HaplyService::Faults::is_silent, true, "has not answered"},
+        Fault{&HaplyService::Faults::says_garbage, true, "cannot be read"},
+        Fault{&HaplyService::Faults::has_vanished, true, "no longer connected"},
+        Fault{&HaplyService::Faults::is_calibrated, false, "not calibrated"},
+        Fault{&HaplyService::Faults::is_grip_connected, false, "grip is not connected"},
+        Fault{&HaplyService::Faults::closes_in_message, true, "closed the connection"}}) {
+    HaplyServiceOptions options;
+    options.grip = "wireless_verse_grip";
+    Bench bench(options);
+    bench.log.set_force({0, 0, 1});
+    bench.start();
+    ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
+    bench.service.faults.*fault.which = fault.value;
+    bench.wait_until_lost(fault.words);
+  }
+}
+
+TEST(HaplyDevice, FaultsBeforeTheFirstTickAreErrorsOfStart) {
+  Bench bench;
+  bench.service.faults.is_calibrated = false;
+  const Status status = bench.device->start(bench.log.tick());
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message.find("not calibrated"), std::string::npos)
+      << status.error().message;
+  EXPECT_EQ(bench.log.size(), 0u);
+  bench.service.faults.is_calibrated = true;
+  bench.start();
+  EXPECT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
+}
+
+TEST(HaplyDevice, EventsOfThisDeviceCount) {
+  Bench bench;
+  bench.start();
+  bench.service.push_event("no json at all");
+  bench.service.push_event(R"({"name":"device-battery-low","data":{"device_id":"049D"}})");
+  bench.service.push_event(
+      R"({"name":"device-safety-triggered","data":{"device_id":"other","safety_type":"ebrake_triggered"}})");
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 100; }));
+  EXPECT_TRUE(bench.device->status());
+  bench.service.push_event(
+      R"({"name":"device-safety-triggered","category":"device","level":"warning","data":)"
+      R"({"device_family":"inverse","device_id":"049D","safety_type":"ebrake_triggered"}})");
+  bench.wait_until_lost("emergency brake");
+  EXPECT_EQ(bench.service.last_force(), Vec3d{});
+}
+
+TEST(HaplyDevice, StopsAndStartsAgain) {
+  HaplyServiceOptions options;
+  options.has_events = false;
+  Bench bench(options);
+  for (int i = 0; i < 3; ++i) {
+    bench.log.set_force({0, 0, 1});
+    bench.start();
+    const std::size_t before = bench.log.num_valid();
+    ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > before + 20; }));
+    bench.device->stop();
+    EXPECT_EQ(bench.service.last_force(), Vec3d{});
+  }
+  bench.start();
+  bench.service.faults.is_silent = true;
+  bench.device.reset();  // must come to an end
+}
+
+TEST(HaplyDevice, ForcesBeyondTheLimitsAreCut) {
+  Bench bench;
+  bench.log.set_force({0, 0, 1e6});
+  bench.start();
+  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
+  bench.log.set_force({0, 0, std::nan("")});
+  const std::size_t before = bench.log.size();
+  ASSERT_TRUE(eventually([&] { return bench.log.size() > before + 20; }));
+  for (const Vec3d& force : bench.service.forces())
+    EXPECT_LE(norm(force), bench.device->info().limits.max_force * 1.000001);
+  EXPECT_EQ(bench.service.last_force(), Vec3d{});
+}
+
+TEST(HaplyDevice, ErrorsNameWhatWasTriedAndWhatToDo) {
+  const auto nobody = open_haply_device("ws://127.0.0.1:1");
+  ASSERT_FALSE(nobody);
+  EXPECT_NE(nobody.error().message.find("127.0.0.1:1"), std::string::npos);
+  EXPECT_NE(nobody.error().message.find("start Haply's Inverse Service"), std::string::npos);
+  EXPECT_EQ(open_haply_device("ws://host:port").error().code, Errc::invalid_argument);
+
+  HaplyServiceOptions old;
+  old.version = R"({"version":"2.1.1"})";
+  const HaplyService old_service(old);
+  const auto too_old = open_haply_device_at(address_of(old_service));
+  ASSERT_FALSE(too_old);
+  EXPECT_NE(too_old.error().message.find("update it"), std::string::npos);
+
+  HaplyServiceOptions empty;
+  empty.has_arm = false;
+  const HaplyService empty_service(empty);
+  const auto no_arm = open_haply_device_at(address_of(empty_service));
+  ASSERT_FALSE(no_arm);
+  EXPECT_NE(no_arm.error().message.find("no Inverse3"), std::string::npos);
+  EXPECT_FALSE(find_haply_device_at(address_of(empty_service)).is_usable);
+}
+
+TEST(HaplyDevice, IsFound) {
+  const HaplyService service;
+  const FoundDevice there = find_haply_device_at(address_of(service));
+  EXPECT_TRUE(there.is_usable) << there.what;
+  EXPECT_EQ(there.uri, "haply:ws://127.0.0.1:" + std::to_string(service.port()));
+  EXPECT_NE(there.what.find("Inverse3 049D"), std::string::npos);
+  const FoundDevice nowhere = find_haply_device_at({{"127.0.0.1", 1}, 1});
+  EXPECT_FALSE(nowhere.is_usable);
+  EXPECT_NE(nowhere.what.find("127.0.0.1:1"), std::string::npos);
+  EXPECT_FALSE(nowhere.hint.empty());
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,59 @@
+// The other side of a device in tests: feels what it is told to and remembers the states.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "palpate/haptics/device.h"
+
+namespace palpate::test {
+
+/// May be set and read while the device ticks.
+class TickLog {
+ public:
+  DeviceTick tick() {
+    return [this](const DeviceState& state) {
+      const std::lock_guard lock(mutex_);
+      states_.push_back(state);
+      return state.is_valid ? wrench_ : Wrench{};
+    };
+  }
+  void set_force(const Vec3d& force) {
+    const std::lock_guard lock(mutex_);
+    wrench_.force = force;
+  }
+  std::vector<DeviceState> states() const {
+    const std::lock_guard lock(mutex_);
+    return states_;
+  }
+  std::size_t size() const { return states().size(); }
+  DeviceState last() const {
+    const std::lock_guard lock(mutex_);
+    return states_.empty() ? DeviceState{} : states_.back();
+  }
+  std::size_t num_valid() const {
+    std::size_t count = 0;
+    for (const DeviceState& state : states()) count += state.is_valid;
+    return count;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<DeviceState> states_;
+  Wrench wrench_;
+};
+
+/// Waits until it is so; false if that takes longer than any machine needs.
+inline bool eventually(const std::function<bool()>& is_so) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (!is_so()) {
+    if (std::chrono::steady_clock::now() > deadline) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return true;
+}
+
+}  // namespace palpate::test

@@ -1,0 +1,460 @@
+#include "palpate/haptics/safety.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "src/haptics/matrix6.h"
+#include "src/haptics/rotation_vector.h"
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/random.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kTick = 1e-3;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+const DeviceLimits kLimits{.max_force = 10, .max_torque = 0.2, .max_damping = 20};
+const Wrench kNothing{};
+
+SafetyFilter make_filter(const SafetyOptions& options = {}, const DeviceLimits& limits = kLimits) {
+  auto filter = SafetyFilter::create(limits, options);
+  EXPECT_TRUE(filter.has_value()) << filter.error().message;
+  return *filter;
+}
+
+/// A filter and a clock.
+struct Rig {
+  explicit Rig(const SafetyOptions& options = {}, const DeviceLimits& limits = kLimits)
+      : filter(make_filter(options, limits)) {
+    input.time = 100;
+    input.state.is_valid = true;
+  }
+  Wrench tick(const Wrench& wanted, double dt = kTick) {
+    input.time += dt;
+    return filter.filter(wanted, input);
+  }
+  /// Engages and goes up to this wrench.
+  Wrench hold(const Wrench& wanted) {
+    for (int i = 0; i < 20; ++i) tick(kNothing);
+    Wrench out;
+    for (int i = 0; i < 1000; ++i) out = tick(wanted);
+    return out;
+  }
+  Fault fault() const { return filter.status().fault; }
+
+  SafetyFilter filter;
+  SafetyInput input;
+};
+
+const Wrench kPush{{3, -2, 1}, {0.05, 0, -0.1}};
+
+double distance(const Wrench& a, const Wrench& b) {
+  return norm(a.force - b.force) + norm(a.torque - b.torque);
+}
+
+TEST(SafetyFilter, LetsThroughWhatIsHarmless) {
+  Rig rig;
+  EXPECT_EQ(distance(rig.hold(kPush), kPush), 0);
+  EXPECT_TRUE(rig.filter.status().is_engaged);
+  EXPECT_EQ(rig.filter.status().gain, 1);
+  EXPECT_EQ(rig.fault(), Fault::none);
+}
+
+TEST(SafetyFilter, RefusesOptionsOutOfRange) {
+  const auto is_refused = [](auto change) {
+    SafetyOptions options;
+    DeviceLimits limits = kLimits;
+    change(options, limits);
+    return !SafetyFilter::create(limits, options).has_value();
+  };
+  EXPECT_TRUE(is_refused([](auto&, auto& l) { l.max_force = -1; }));
+  EXPECT_TRUE(is_refused([](auto&, auto& l) { l.max_force = kInf; }));
+  EXPECT_TRUE(is_refused([](auto&, auto& l) { l.max_torque = kNan; }));
+  EXPECT_TRUE(is_refused([](auto& o, auto&) { o.force_share = 1.1; }));
+  EXPECT_TRUE(is_refused([](auto& o, auto&) { o.max_slew = 0; }));
+  EXPECT_TRUE(is_refused([](auto& o, auto&) { o.fade_seconds = kNan; }));
+  EXPECT_TRUE(is_refused([](auto& o, auto&) { o.max_contact_age = -1; }));
+  EXPECT_TRUE(is_refused([](auto& o, auto&) { o.energy_tank = 0; }));
+  EXPECT_FALSE(is_refused([](auto&, auto&) {}));
+}
+
+TEST(SafetyFilter, LimitsForceAndTorqueEachAlongItsDirection) {
+  SafetyOptions options;
+  options.force_share = 0.5;
+  Rig rig(options);
+  const Wrench out = rig.hold({{30, 0, 40}, {0, -3, 0}});
+  EXPECT_LT(norm(out.force - Vec3d{3, 0, 4}), 1e-9);
+  EXPECT_LT(norm(out.torque - Vec3d{0, -0.1, 0}), 1e-9);
+  EXPECT_GT(rig.filter.status().num_limited, 900u);
+
+  Rig no_torque({}, {.max_force = 10});
+  EXPECT_EQ(norm(no_torque.hold(kPush).torque), 0);
+}
+
+TEST(SafetyFilter, DoesNotJump) {
+  SafetyOptions options;
+  options.ramp_seconds = 0;
+  Rig rig(options);
+  for (int i = 0; i < 20; ++i) rig.tick(kNothing);
+  for (int i = 1; i <= 20; ++i) {
+    const Wrench out = rig.tick({{8, 0, 0}, {0, 0, 0.1}});
+    EXPECT_NEAR(out.force.x, std::min(8.0, 0.5 * i), 1e-9);
+    EXPECT_NEAR(out.torque.z, std::min(0.1, 0.01 * i), 1e-9);
+  }
+}
+
+TEST(SafetyFilter, EngagesAfterQuietTicksAndRampsUp) {
+  Rig rig;
+  rig.tick(kNothing);
+  for (int i = 0; i < 50; ++i) {
+    EXPECT_EQ(norm(rig.tick(kPush).force), 0);
+    EXPECT_FALSE(rig.filter.status().is_engaged);
+  }
+  for (int i = 0; i < 9; ++i) rig.tick(kNothing);
+  EXPECT_FALSE(rig.filter.status().is_engaged);
+  rig.tick(kNothing);
+  EXPECT_TRUE(rig.filter.status().is_engaged);
+  for (int i = 1; i <= 600; ++i) {
+    const Wrench out = rig.tick(kPush);
+    const double gain = std::min(1.0, i * kTick / 0.5);
+    EXPECT_NEAR(rig.filter.status().gain, gain, 1e-9);
+    EXPECT_NEAR(norm(out.force), gain * norm(kPush.force), 1e-6);
+  }
+}
+
+TEST(SafetyFilter, LetsAHandThatBeginsInsideInAfterATime) {
+  Rig rig;
+  rig.tick(kPush);
+  for (int i = 0; i < 1998; ++i) rig.tick(kPush);
+  EXPECT_FALSE(rig.filter.status().is_engaged);
+  for (int i = 0; i < 3; ++i) rig.tick(kPush);
+  EXPECT_TRUE(rig.filter.status().is_engaged);
+  EXPECT_LT(norm(rig.tick(kPush).force), 0.05);
+}
+
+TEST(SafetyFilter, DeadMan) {
+  SafetyOptions options;
+  options.dead_man = true;
+  Rig rig(options);
+  EXPECT_EQ(norm(rig.hold(kPush).force), 0);
+  rig.input.state.buttons = 1;
+  EXPECT_EQ(distance(rig.hold(kPush), kPush), 0);
+  rig.input.state.buttons = 2;
+  double last = norm(kPush.force);
+  for (int i = 0; i < 10; ++i) {
+    const double force = norm(rig.tick(kPush).force);
+    EXPECT_LE(last - force, 500 * kTick + 1e-9);
+    last = force;
+  }
+  EXPECT_EQ(last, 0);
+  EXPECT_EQ(rig.fault(), Fault::none);
+  // Pressed again inside: it waits and ramps as at the start.
+  rig.input.state.buttons = 1;
+  EXPECT_EQ(norm(rig.tick(kPush).force), 0);
+}
+
+/// Brings a filter to a force, breaks something, and watches the fade.
+template <class Break>
+void expect_fade(Fault fault, Break break_it, int patience) {
+  Rig rig;
+  rig.hold(kPush);
+  Wrench wanted = kPush;
+  break_it(rig.input, wanted);
+  int num = 0;
+  Wrench out = kPush;
+  while (rig.fault() == Fault::none && num <= patience) {
+    out = rig.tick(wanted);
+    ++num;
+  }
+  ASSERT_EQ(rig.fault(), fault);
+  EXPECT_LE(norm(out.force), norm(kPush.force));
+  // Whole again: the fault stays.
+  const double now = rig.input.time;
+  rig.input = {};
+  rig.input.time = now;
+  rig.input.state.is_valid = true;
+  const Wrench from = out;
+  for (int i = 1; i <= 60; ++i) {
+    const Wrench faded = rig.tick({{9, 9, 9}, {1, 1, 1}});
+    const double rest = std::max(0.0, 1 - i * kTick / 0.05);
+    EXPECT_LT(distance(faded, {from.force * rest, from.torque * rest}), 1e-9) << i;
+    if (i >= 50) {
+      EXPECT_EQ(norm(faded.force) + norm(faded.torque), 0);
+    }
+  }
+  EXPECT_EQ(rig.fault(), fault);
+  rig.filter.rearm();
+  EXPECT_EQ(rig.fault(), Fault::none);
+  EXPECT_EQ(norm(rig.tick(kPush).force), 0);
+  EXPECT_EQ(distance(rig.hold(kPush), kPush), 0);
+}
+
+TEST(SafetyFilter, FadesOnEveryFault) {
+  expect_fade(
+      Fault::not_finite, [](auto&, auto& w) { w.force.y = kNan; }, 1);
+  expect_fade(
+      Fault::not_finite, [](auto&, auto& w) { w.torque.x = kInf; }, 1);
+  expect_fade(
+      Fault::not_finite, [](auto& in, auto&) { in.state.X_BH.rotation.w = kNan; }, 1);
+  expect_fade(
+      Fault::not_finite, [](auto& in, auto&) { in.state.V_BH.angular.y = kInf; }, 1);
+  expect_fade(
+      Fault::stale_contact, [](auto& in, auto&) { in.contact_age = 0.021; }, 1);
+  expect_fade(
+      Fault::stale_contact, [](auto& in, auto&) { in.contact_age = kNan; }, 1);
+  expect_fade(
+      Fault::stale_sensor, [](auto& in, auto&) { in.sensor_age = 0.51; }, 1);
+  expect_fade(
+      Fault::device, [](auto& in, auto&) { in.state.is_valid = false; }, 12);
+  expect_fade(
+      Fault::backend, [](auto& in, auto&) { in.backend_failed = true; }, 1);
+  expect_fade(
+      Fault::loop, [](auto& in, auto&) { in.time += 0.02; }, 1);
+  expect_fade(
+      Fault::loop, [](auto& in, auto&) { in.time -= 0.01; }, 1);
+}
+
+TEST(SafetyFilter, StopFadesToo) {
+  Rig rig;
+  rig.hold(kPush);
+  rig.filter.stop();
+  EXPECT_EQ(rig.fault(), Fault::stopped);
+  for (int i = 0; i < 52; ++i) rig.tick(kPush);
+  EXPECT_EQ(norm(rig.tick(kPush).force), 0);
+  rig.filter.stop();
+  EXPECT_EQ(rig.fault(), Fault::stopped);
+}
+
+TEST(SafetyFilter, TheFadeEndsEvenIfTheClockStandsStill) {
+  for (double time : {0.0, kNan, 100.5}) {
+    Rig rig;
+    rig.hold(kPush);
+    rig.filter.stop();
+    rig.input.time = time;
+    Wrench out;
+    for (int i = 0; i < 1002; ++i) out = rig.filter.filter(kPush, rig.input);
+    EXPECT_EQ(norm(out.force), 0) << time;
+  }
+}
+
+TEST(SafetyFilter, WaitsForContactAndDeviceBeforeItEngages) {
+  Rig rig;
+  rig.input.contact_age = kInf;
+  rig.input.state.is_valid = false;
+  for (int i = 0; i < 500; ++i) EXPECT_EQ(norm(rig.tick(kPush).force), 0);
+  EXPECT_EQ(rig.fault(), Fault::none);
+  rig.input.contact_age = 0;
+  rig.input.state.is_valid = true;
+  EXPECT_EQ(distance(rig.hold(kPush), kPush), 0);
+
+  Rig never;
+  never.input.contact_age = kInf;
+  for (int i = 0; i < 2100; ++i) never.tick(kPush);
+  EXPECT_EQ(never.fault(), Fault::stale_contact);
+}
+
+TEST(SafetyFilter, EveryFaultIsDescribed) {
+  for (int i = 0; i <= static_cast<int>(Fault::stopped); ++i) {
+    EXPECT_GT(describe(static_cast<Fault>(i)).size(), 7u);
+  }
+}
+
+// The observer against the exact work of a force that is constant over each tick.
+TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
+  SafetyOptions options;
+  options.passivity_control = false;
+  options.ramp_seconds = 0;
+  options.max_slew = 1e6;
+  options.max_torque_slew = 1e6;
+  Rig rig(options);
+  for (int i = 0; i < 20; ++i) rig.tick(kNothing);
+  test::Random random(1);
+  Wrench out;
+  double work = 0, angle = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const Vec3d way = random.in_box(1e-3);
+    const double turn = random.uniform(-0.01, 0.01);
+    angle += turn;
+    rig.input.state.X_BH.translation += way;
+    rig.input.state.X_BH.rotation = axis_angle({0, 0, 1}, angle);
+    work += dot(out.force, way) + out.torque.z * turn;
+    out = rig.tick({random.in_box(4), {0, 0, random.uniform(-0.2, 0.2)}});
+    ASSERT_NEAR(rig.filter.status().energy, work, 1e-9);
+  }
+}
+
+TEST(SafetyFilter, AForceThatPushesTheHandAlongStopsAtTheTank) {
+  for (double speed : {0.02, 0.1, 0.5}) {
+    Rig rig;
+    for (int i = 0; i < 20; ++i) rig.tick(kNothing);
+    double largest = 0;
+    for (int i = 0; i < 3000; ++i) {
+      rig.input.state.X_BH.translation.x += speed * kTick;  // the hand gives way
+      rig.tick({{5, 3, 0}, {}});
+      largest = std::max(largest, rig.filter.status().energy);
+    }
+    EXPECT_EQ(rig.fault(), Fault::none) << speed;
+    EXPECT_LT(largest, 0.0102) << speed;
+    EXPECT_GT(largest, 0.008);
+    rig.input.state.X_BH.translation.x += speed * kTick;
+    const Wrench out = rig.tick({{5, 3, 0}, {}});
+    EXPECT_LT(std::abs(out.force.x), 0.2);
+    EXPECT_NEAR(out.force.y, 3, 1e-6);  // across the motion nothing is lost
+  }
+}
+
+TEST(SafetyFilter, GivesBackWhatTheHandHasStored) {
+  Rig rig;
+  for (int i = 0; i < 600; ++i) rig.tick(kNothing);
+  // Into a spring wall of 500 N/m and out again, slowly: nothing is taken away.
+  for (int i = 0; i <= 400; ++i) {
+    const double depth = 0.01 * std::sin(kPi * i / 400);
+    rig.input.state.X_BH.translation.z = -depth;
+    const Wrench out = rig.tick({{0, 0, 500 * depth}, {}});
+    ASSERT_NEAR(out.force.z, 500 * depth, 1e-9) << i;
+  }
+  EXPECT_LT(rig.filter.status().energy, 1e-3);
+}
+
+// A wall stiffer than device and rate bear, a hand that leans on it. Without the controller it
+// shakes; with it the energy given stays at the tank, or the force is shut off.
+TEST(SafetyFilter, TamesAWallThatWouldShake) {
+  for (bool is_controlled : {false, true}) {
+    SafetyOptions options;
+    options.passivity_control = is_controlled;
+    Rig rig(options);
+    for (int i = 0; i < 600; ++i) rig.tick(kNothing);
+    const double m = 0.1, b = 0.3, k = 3000, push = -2;
+    double z = 0.002, v = 0, largest = -1e9, swing = 0;
+    for (int i = 0; i < 5000; ++i) {
+      rig.input.state.X_BH.translation.z = z;
+      rig.input.state.V_BH.linear.z = v;
+      const Wrench out = rig.tick({{0, 0, k * std::max(0.0, -z)}, {}});
+      for (int sub = 0; sub < 10; ++sub) {
+        v += (out.force.z + push - b * v) / m * kTick / 10;
+        z += v * kTick / 10;
+      }
+      largest = std::max(largest, rig.filter.status().energy);
+      if (i > 4000) swing = std::max(swing, std::abs(v));
+      if (rig.fault() != Fault::none) break;
+    }
+    if (is_controlled) {
+      EXPECT_LE(largest, 0.03);
+      EXPECT_TRUE(rig.fault() == Fault::energy || swing < 0.5) << swing;
+    } else {
+      EXPECT_GT(largest, 0.1);
+    }
+  }
+}
+
+// A million hostile ticks. Always: numbers, within the limits, no jump; a fault only ever lets the
+// force fall, to exactly zero in time, and stays.
+TEST(SafetyFilter, HoldsWhateverComesIn) {
+  test::Random random(7);
+  const double bad[] = {kNan, kInf, -kInf, 1e308, -1e308, 5e-324, 0, -0.0, 1e9, -1e9};
+  const auto strange = [&](double usual, double share) {
+    return random.uniform() < share ? bad[random.bits() % 10] : usual;
+  };
+  std::uint64_t num_ticks = 0, num_faults = 0, num_engaged = 0, num_forces = 0;
+  for (int run = 0; run < 500; ++run) {
+    SafetyOptions options;
+    options.force_share = random.uniform();
+    options.max_slew = std::exp(random.uniform(1, 9));
+    options.max_torque_slew = std::exp(random.uniform(-2, 5));
+    options.ramp_seconds = run % 3 ? random.uniform(0, 0.1) : 0;
+    options.fade_seconds = run % 7 ? random.uniform(0, 0.1) : 0;
+    options.dead_man = run % 5 == 0;
+    options.passivity_control = run % 4 != 0;
+    options.engage_ticks = 1 + run % 10;
+    options.engage_timeout = 0.02;
+    // From quite tame to hostile.
+    const double share = std::pow(10, random.uniform(-5, -1.5));
+    SafetyFilter filter = make_filter(options);
+    const double max_force = options.force_share * kLimits.max_force * (1 + 1e-12);
+    const double max_torque = options.force_share * kLimits.max_torque * (1 + 1e-12);
+
+    double time = random.uniform(0, 1e6), last_time = time, fault_time = 0;
+    int num_still = 0;
+    bool is_fading = false, is_new = true;
+    Wrench last;
+    SafetyInput input;
+    const test::AllocationCounter counter;
+    for (int i = 0; i < 2000; ++i, ++num_ticks) {
+      const double dt =
+          random.uniform() < 0.01 ? random.uniform(-0.01, 0.05) : random.uniform(1e-4, 2e-3);
+      time += share > 1e-4 ? dt : kTick;
+      input.time = strange(time, share / 5);
+      input.state.is_valid = random.uniform() > share;
+      input.state.buttons = random.uniform() > share;
+      input.state.X_BH.translation += random.in_box(1e-3);
+      const Vec3d kept = input.state.X_BH.translation;
+      input.state.X_BH.translation.x = strange(kept.x, share / 5);
+      input.state.X_BH.rotation = random.rotation(3);
+      input.state.V_BH.linear.y = strange(0.1, share / 5);
+      input.contact_age = strange(random.uniform(0, 0.019), share / 5);
+      input.sensor_age = strange(random.uniform(0, 0.4), share / 5);
+      input.backend_failed = random.uniform() < share / 10;
+      const double size = std::exp(random.uniform(-3, 4));
+      Wrench wanted{size * random.direction(), 0.1 * size * random.direction()};
+      wanted.force.x = strange(wanted.force.x, share / 5);
+      wanted.torque.z = strange(wanted.torque.z, share / 5);
+      const Fault before = filter.status().fault;
+      const double last_gain = filter.status().gain;
+
+      const Wrench out = filter.filter(i % 50 < 12 ? Wrench{} : wanted, input);
+      const SafetyStatus& status = filter.status();
+      ASSERT_TRUE(is_finite(out));
+      ASSERT_LE(norm(out.force), max_force);
+      ASSERT_LE(norm(out.torque), max_torque);
+      const double step = is_new ? 0 : input.time - last_time;
+      is_new = false;
+      if (status.fault == Fault::none) {
+        ASSERT_LE(norm(out.force - last.force), options.max_slew * step + 1e-12);
+        ASSERT_LE(norm(out.torque - last.torque), options.max_torque_slew * step + 1e-12);
+        num_engaged += status.is_engaged;
+        num_forces += norm(out.force) > 0.01;
+      } else {
+        ASSERT_LE(norm(out.force), norm(last.force) * (1 + 1e-12));
+        ASSERT_LE(norm(out.torque), norm(last.torque) * (1 + 1e-12));
+        ASSERT_LE(status.gain, last_gain);
+        if (!is_fading) {
+          is_fading = true;
+          fault_time = 0;
+          num_still = 0;
+        } else {
+          ASSERT_EQ(status.fault, before);
+          if (step > 0) {
+            fault_time += step;
+          } else {
+            ++num_still;
+          }
+        }
+        if (fault_time >= options.fade_seconds * (1 + 1e-6) || num_still > 1000) {
+          ASSERT_EQ(norm(out.force) + norm(out.torque), 0);
+        }
+      }
+      if (std::isfinite(input.time)) last_time = input.time;
+      last = out;
+      input.state.X_BH.translation = kept;
+      if (status.fault != Fault::none && random.uniform() < 0.02) {
+        filter.rearm();
+        is_fading = false;
+        is_new = true;
+        ++num_faults;
+        last = {};
+      }
+      if (random.uniform() < 1e-4) filter.stop();
+    }
+    ASSERT_EQ(counter.count(), 0u);
+  }
+  EXPECT_EQ(num_ticks, 1'000'000u);
+  EXPECT_GT(num_faults, 1000u);
+  EXPECT_GT(num_engaged, 100'000u);
+  EXPECT_GT(num_forces, 50'000u);
+}
+
+}  // namespace
+}  // namespace palpate
