@@ -42,8 +42,7 @@ Result<std::unique_ptr<HapticDevice>> open(const std::string& uri,
                                            const std::vector<TimedPose>& path,
                                            const CouplingOptions& coupling) {
   const std::string model_name = is_simulated(uri) && uri.size() > 4 ? uri.substr(4) : "";
-  const auto model =
-      model_name.empty() ? device_models().front() : find_device_model(model_name);
+  const auto model = model_name.empty() ? device_models().front() : find_device_model(model_name);
   if (!is_simulated(uri) || path.empty() || !model) return open_device(uri);
   SimulatedDeviceOptions options;
   options.model = *model;
@@ -116,7 +115,8 @@ Status touch_live(const LiveOptions& options, const Tool& tool, DepthSource& sou
   }
   const LoopReport& loop = outcome->loop;
   char text[160];
-  std::snprintf(text, sizeof text, "%llu ticks, %llu queries, %llu frames in %.2f s; %llu ticks "
+  std::snprintf(text, sizeof text,
+                "%llu ticks, %llu queries, %llu frames in %.2f s; %llu ticks "
                 "took too long\n",
                 static_cast<unsigned long long>(loop.num_ticks),
                 static_cast<unsigned long long>(loop.num_contacts),

@@ -29,10 +29,10 @@ struct Options {
   RunSettings settings;
   std::vector<ObjectOption> objects;
   std::optional<double> duration;
-  std::string device;                     ///< empty: the tool follows a path
-  HapticSettings haptic;                  ///< live: beside `settings`
-  Status haptic_settings_read = Done{};   ///< of --settings
-  int num_spheres = 0;                    ///< 0: all
+  std::string device;                    ///< empty: the tool follows a path
+  HapticSettings haptic;                 ///< live: beside `settings`
+  Status haptic_settings_read = Done{};  ///< of --settings
+  int num_spheres = 0;                   ///< 0: all
   bool json = false;
 };
 
@@ -334,7 +334,8 @@ void add_touch(CLI::App& program, Action& action) {
   app.footer(
       "Example: palpate touch drill.palp --depth-sequence frames/ --intrinsics "
       "525,525,319.5,239.5 -o run1\n"
-      "Example: palpate touch drill.palp --scene sphere --device sim --duration 4 -o live1\n"
+      "Example: palpate touch drill.palp --scene sphere-out-480 --device sim --duration 4 -o "
+      "live1\n"
       "Example: palpate touch --print-settings > haptics.toml");
   app.callback([options, &app, &action] {
     check_device(app, *options);

@@ -202,15 +202,15 @@ void measure_sensing(int width, int height) {
     if (!stream.status()) stop(stream.status().error());
     report(name, times);
   };
-  measure_recorded("sensing: surface and field, device time/" + size, [&] {
+  measure_recorded("sensing: surface and field; device time/" + size, [&] {
     sensing.surface.enqueue_depth(stream, depth);
     sensing.field.enqueue(sensing.surface.cloud(), stream);
   });
-  measure_recorded("sensing: surface, device time/" + size,
+  measure_recorded("sensing: surface; device time/" + size,
                    [&] { sensing.surface.enqueue_depth(stream, depth); });
-  measure_recorded("sensing: field, device time/" + size,
+  measure_recorded("sensing: field; device time/" + size,
                    [&] { sensing.field.enqueue(sensing.surface.cloud(), stream); });
-  measure_recorded("sensing: copy, surface and field, device time/" + size, [&] {
+  measure_recorded("sensing: copy and surface and field; device time/" + size, [&] {
     sensing.surface.enqueue(stream);
     sensing.field.enqueue(sensing.surface.cloud(), stream);
   });
@@ -238,10 +238,10 @@ void measure_sharing(int width, int height) {
   };
   const Way ways[] = {
       {"no camera", false, gpu::Priority::low, 1},
-      {"whole frames, equal priority", true, gpu::Priority::high, 1},
-      {"whole frames, low priority", true, gpu::Priority::low, 1},
-      {"16 parts spread over the frame time, equal priority", true, gpu::Priority::high, 16},
-      {"16 parts spread over the frame time, low priority", true, gpu::Priority::low, 16}};
+      {"whole frames; equal priority", true, gpu::Priority::high, 1},
+      {"whole frames; low priority", true, gpu::Priority::low, 1},
+      {"16 parts spread over the frame time; equal priority", true, gpu::Priority::high, 16},
+      {"16 parts spread over the frame time; low priority", true, gpu::Priority::low, 16}};
   const Tool& tool = cube_tool(17000);
   ThreadPool pool(0);
   DepthField field = value_or_stop(DepthField::create(640, 480));
@@ -309,8 +309,8 @@ void measure_two_gpus() {
   for (const int sensing_gpu : {0, 1}) {
     for (const auto& [method_name, method] : {std::pair{"field", InsideMethod::field},
                                               std::pair{"simplified", InsideMethod::simplified}}) {
-      const std::string name = "two GPUs: " + std::string(method_name) + ", sensing on GPU " +
-                               std::to_string(sensing_gpu) + ", contact on GPU 0";
+      const std::string name = "two GPUs: " + std::string(method_name) + "; sensing on GPU " +
+                               std::to_string(sensing_gpu) + "; contact on GPU 0";
       if (!is_wanted(name)) continue;
       auto timeline = value_or_stop(SurfaceTimeline::create(
           info, {}, DepthFieldOptions{}, {.mode = TimeMode::latest}, {Backend::cuda, sensing_gpu}));

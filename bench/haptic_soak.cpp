@@ -39,8 +39,8 @@ double resident_mebibytes() {
   return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
 }
 
-/// The pose of the scene's tool path in the middle of its time, where it touches, and the hand's way
-/// around it: the path itself, to and fro with the frames, within the device's workspace.
+/// The pose of the scene's tool path in the middle of its time, where it touches, and the hand's
+/// way around it: the path itself, to and fro with the frames, within the device's workspace.
 struct Hand {
   Pose X_WB;
   HandTarget target;
@@ -135,8 +135,8 @@ Status soak(const Options& options, const std::string& command) {
   settings.backend = **backend;
   settings.num_threads = options.threads;
   settings.coupling.X_WB = hand.X_WB;
-  settings.safety.max_contact_age = settings.safety.max_tick =
-      settings.safety.max_device_silence = options.patience;
+  settings.safety.max_contact_age = settings.safety.max_tick = settings.safety.max_device_silence =
+      options.patience;
   auto loop = HapticLoop::create(*tool, source, **device, settings);
   if (!loop) return loop.error();
   if (const Status started = (*loop)->start(); !started) return started;
@@ -178,7 +178,9 @@ Status soak(const Options& options, const std::string& command) {
   table.add("frames", static_cast<double>(report.num_frames), "");
   table.add("missed ticks", static_cast<double>(report.num_missed), "");
   table.add("share in contact",
-            100 * static_cast<double>(in_contact) / static_cast<double>(std::max<std::uint64_t>(looked, 1)), "%");
+            100 * static_cast<double>(in_contact) /
+                static_cast<double>(std::max<std::uint64_t>(looked, 1)),
+            "%");
   table.add("largest force", most_force, "N");
   table.add("most energy given", most_energy, "J");
   table.add("allocations after start", static_cast<double>(num_allocations), "");

@@ -2,13 +2,15 @@
 // simulated clock: the same numbers on every machine.
 //   z_width [CSV]
 // 1. The stiffest stable wall over its damping (Z-width, Colgate & Brown 1994), for every model.
-// 2. A hand that presses and slides on a wall, a ridge, a corner and a moving wall, by each coupling.
+// 2. A hand that presses and slides on a wall, a ridge, a corner and a moving wall, by each
+// coupling.
 // 3. What the force does when a depth frame of the moving wall arrives (thesis Fig. 3.15).
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -70,7 +72,8 @@ void z_widths(std::FILE* csv) {
   std::printf(
       "1. Largest stable stiffness of a wall, N/m, over its damping, N s/m (1 kHz, velocity filter "
       "5 ms).\n   2 b / T: passivity bound without damping of the wall. Above: nobody holds the "
-      "handle; below: a hand does.\n\n%-16s %8s", "model", "2 b / T");
+      "handle; below: a hand does.\n\n%-16s %8s",
+      "model", "2 b / T");
   for (const double damping : kDampings) std::printf(" %8g", damping);
   std::printf("\n");
   std::fprintf(csv, "part,model,held,damping_Ns_m,max_stiffness_N_m,passive_N_m\n");
@@ -135,8 +138,10 @@ std::vector<Place> places() {
   const double gap = 0.005;
   std::vector<Place> all;
   all.push_back(place_of("wall", scenes::Environment::wall(1), {0, 0, 1 - kBox / 2 - gap}));
-  all.push_back(place_of("ridge", scenes::Environment::wedge(1, kPi / 2), {0, 0, 1 - kBox / 2 - gap}));
-  all.push_back(place_of("corner", scenes::Environment::wedge(1, 1.5 * kPi), {0, 0, 1 - kBox - gap}));
+  all.push_back(
+      place_of("ridge", scenes::Environment::wedge(1, kPi / 2), {0, 0, 1 - kBox / 2 - gap}));
+  all.push_back(
+      place_of("corner", scenes::Environment::wedge(1, 1.5 * kPi), {0, 0, 1 - kBox - gap}));
   // It comes 6 cm nearer and goes back.
   all.push_back(place_of("moving wall", scenes::make_scene("moving-wall").value(),
                          {0, 0, 0.95 - kBox / 2 - gap}));
@@ -220,23 +225,23 @@ Run feel(const Tool& tool, const Place& place, const DeviceModel& model, Couplin
   Run run;
   run.stiffness = checked.stiffness;
   LocalContact known;
-  bool has_begun = false;
+  bool has_begun = false, has_arrived = false;
   double last_contact = 0;
   const Status started = device->start([&](const DeviceState& state) {
     if (!std::exchange(has_begun, true)) {
       coupling->reset(state);
       last_contact = state.time;
     }
-    const bool is_arrival = contact.look(state.time);
+    // What arrives now is felt at the next tick.
+    run.is_arrival.push_back(std::exchange(has_arrived, contact.look(state.time)));
     const CouplingStep step = coupling->step(state, known, kTick);
-    const Wrench felt = safety.filter(
-        step.F_H_B, {state.time, state, state.time - last_contact, 0.01, false});
+    const Wrench felt =
+        safety.filter(step.F_H_B, {state.time, state, state.time - last_contact, 0.01, false});
     known = contact.measure(step.X_WT, state.time);
     last_contact = state.time;
 
     run.times.push_back(state.time);
     run.force.push_back(felt.force);
-    run.is_arrival.push_back(is_arrival);
     run.largest_force = std::max(run.largest_force, norm(felt.force));
     run.observed_energy = std::max(run.observed_energy, safety.status().energy);
     run.given_energy = std::max(run.given_energy, device->energy_given());
@@ -268,8 +273,10 @@ constexpr const char* kModels[] = {"touch", "omega.6", "lambda.7"};
 void closed_loops(const Tool& tool, const std::vector<Place>& all, std::FILE* csv) {
   std::printf(
       "\n2. A hand presses 10 mm in, slides 3 cm and holds still; %zu spheres, contact known one "
-      "tick late.\n   Energy: the most that the hand was given net, by the safety filter's observer "
-      "(bound: its tank of %.3g J)\n   and truly. Rattle: rms speed of the handle at the end.\n\n"
+      "tick late.\n   Energy: the most that the hand was given net, by the safety filter's "
+      "observer "
+      "(bound: its tank of %.3g J)\n   and truly.\n   Rattle: rms speed of the handle at the end, "
+      "mm/s. Apart: hand and tool at most, mm.\n\n"
       "%-10s %-12s %-17s %8s %8s %9s %9s %9s %8s  %s\n",
       tool.spheres().size(), SafetyOptions{}.energy_tank, "model", "scene", "coupling", "K N/m",
       "force N", "obs. mJ", "true mJ", "rattle", "apart", "fault");
@@ -279,7 +286,8 @@ void closed_loops(const Tool& tool, const std::vector<Place>& all, std::FILE* cs
   for (const char* model : kModels) {
     for (const Place& place : all) {
       for (const auto& [name, kind] : kCouplings) {
-        const Run run = feel(tool, place, *find_device_model(model), kind, TimeMode::interpolate, 4);
+        const Run run =
+            feel(tool, place, *find_device_model(model), kind, TimeMode::interpolate, 4);
         const bool is_sound = run.fault == Fault::none;
         std::printf("%-10s %-12s %-17s %8.0f %8.2f %9.3f %9.3f %9.3f %8.2f  %s\n", model,
                     place.name.c_str(), name, run.stiffness, run.largest_force,
@@ -358,35 +366,34 @@ double lag_of(const Run& run, const Run& latest) {
 
 void arrivals(const Tool& tool, const Place& place, std::FILE* csv) {
   std::printf(
-      "\n3. Moving wall at %g Hz: change of the force within the tick of a frame's arrival, and "
-      "within other ticks, N.\n\n%-26s %-12s %10s %10s %10s %8s\n",
-      place.stream.rate, "", "between", "arrival", "largest", "other", "lag ms");
+      "\n3. Moving wall at %g Hz: change of the force within the tick of a frame's arrival (median "
+      "and "
+      "most), and within\n   other ticks, N.\n\n%-26s %-12s %10s %10s %10s %8s\n",
+      place.stream.rate, "", "between", "arrival", "most", "other", "lag ms");
   std::fprintf(csv, "part,what,mode,arrival_N,arrival_most_N,between_N,lag_ms\n");
   const DeviceModel model = *find_device_model("touch");
   Pose X_WT = place.X_WB;
   X_WT.translation.z += 0.01;
-  double first[2] = {};
   const std::pair<const char*, TimeMode> modes[] = {{"latest", TimeMode::latest},
                                                     {"interpolate", TimeMode::interpolate},
                                                     {"predict", TimeMode::predict}};
   const Run latest = held_fast(tool, place, X_WT, model.limits.max_force, TimeMode::latest);
-  for (const bool is_held_fast : {true, false}) {
+  const std::pair<const char*, std::optional<CouplingKind>> ways[] = {
+      {"contact, tool held fast", std::nullopt},
+      {"hand, direct", CouplingKind::direct},
+      {"hand, virtual coupling", CouplingKind::virtual_coupling}};
+  for (const auto& [what, kind] : ways) {
+    double first = 0;
     for (const auto& [name, mode] : modes) {
-      const Run run =
-          is_held_fast
-              ? held_fast(tool, place, X_WT, model.limits.max_force, mode)
-              : feel(tool, place, model, CouplingKind::virtual_coupling, mode, 4);
+      const Run run = kind ? feel(tool, place, model, *kind, mode, 4)
+                           : held_fast(tool, place, X_WT, model.limits.max_force, mode);
       const Steps steps = steps_of(run);
-      const double lag = is_held_fast ? lag_of(run, latest) * 1e3 : NAN;
-      const char* what = is_held_fast ? "contact, tool held fast" : "hand, virtual coupling";
-      std::printf("%-26s %-12s %10.5f %10.5f %10.5f %8.1f\n", what, name, steps.arrival,
-                  steps.arrival_most, steps.between, lag);
+      const double lag = kind ? NAN : lag_of(run, latest) * 1e3;
+      if (mode == TimeMode::latest) first = steps.arrival;
+      std::printf("%-26s %-12s %10.5f %10.5f %10.5f %8.1f   %5.1fx smaller\n", what, name,
+                  steps.arrival, steps.arrival_most, steps.between, lag, first / steps.arrival);
       std::fprintf(csv, "arrival,%s,%s,%.6f,%.6f,%.6f,%.1f\n", what, name, steps.arrival,
                    steps.arrival_most, steps.between, lag);
-      if (mode == TimeMode::latest) first[is_held_fast] = steps.arrival;
-      if (mode == TimeMode::interpolate) {
-        std::printf("%-26s %-12s %9.1fx smaller\n", "", "", first[is_held_fast] / steps.arrival);
-      }
     }
   }
 }

@@ -1,5 +1,5 @@
-// Two copies of what lies elsewhere are kept, the surfaces of a moment between two frames: which one
-// shows a view, and which one is to be made anew.
+// Two copies of what lies elsewhere are kept, the surfaces of a moment between two frames: which
+// one shows a view, and which one is to be made anew.
 #pragma once
 
 #include <cstdint>

@@ -80,7 +80,7 @@ bool AnswerBox::await(gpu::Stream& stream) noexcept {
           {Errc::unavailable, "GPU " + std::to_string(stream.gpu()) +
                                   (is_done ? " finished a query without an answer"
                                            : " has not answered a query in " +
-                                         std::to_string(longest_.count()) + " ms") +
+                                                 std::to_string(longest_.count()) + " ms") +
                                   "; check it with nvidia-smi, or use the CPU (--backend cpu)"});
       return false;
     }

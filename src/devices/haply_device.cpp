@@ -155,8 +155,8 @@ class HaplyDevice final : public AskedDevice {
   HaplyMessage message_;
   std::string text_;
 
-  bool is_waiting_ = false;  // for the answer to our last message
-  double last_usable_ = 0;   // s, when a usable state came last
+  bool is_waiting_ = false;                   // for the answer to our last message
+  double last_answer_ = 0, last_usable_ = 0;  // s, when any and when a usable state came last
   bool is_calibrated_ = true, is_grip_connected_ = true;
   std::string_view unusable_;  // what was wrong with the last state
   Quaternion orientation_;     // states that leave the grip out leave it as it was
@@ -213,7 +213,7 @@ Status HaplyDevice::begin() {
     end();
     return Error{Errc::unavailable, message};
   }
-  last_usable_ = monotonic_seconds();
+  last_answer_ = last_usable_ = monotonic_seconds();
   return Done{};
 }
 
@@ -232,12 +232,14 @@ bool HaplyDevice::read(DeviceState& state) noexcept {
     if (got == WebSocket::Got::closed) return give_up("the service has closed the connection");
     if (got == WebSocket::Got::nothing) break;
     is_waiting_ = false;
+    last_answer_ = state.time;
     state.is_valid = take(text, state);
     if (state.is_valid) last_usable_ = state.time;
   }
   if (!is_well()) return false;
   if (state.time - last_usable_ <= kMaxSilence) return true;
-  return give_up(is_waiting_ ? "it has not answered for 0.1 s" : unusable_);
+  return give_up(state.time - last_answer_ > kMaxSilence ? "it has not answered for 0.1 s"
+                                                         : unusable_);
 }
 
 /// True if the message holds a state that can be used.
@@ -337,16 +339,9 @@ bool HaplyDevice::write(const Wrench& F_H_B) noexcept {
 
 void HaplyDevice::end() noexcept {
   if (socket_) {
-    // Waits for the answers: closing a socket with unread bytes would throw our message away.
-    const int num_answers = is_waiting_ ? 2 : 1;
     send(Vec3d{}, 0.1);
-    std::string_view text;
-    for (int i = 0; i < num_answers; ++i) {
-      if (socket_->receive(text, 0.05) != WebSocket::Got::message) break;
-    }
     socket_->close();
   }
-  if (events_) events_->close();
   socket_.reset();
   events_.reset();
 }

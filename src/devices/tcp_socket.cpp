@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -137,6 +138,18 @@ bool TcpSocket::write(std::string_view bytes, double timeout) noexcept {
     }
   }
   return true;
+}
+
+void TcpSocket::finish(double timeout) noexcept {
+  if (!is_open()) return;
+  ::shutdown(descriptor_, SHUT_WR);
+  const double deadline = monotonic_seconds() + timeout;
+  std::array<char, 4096> ignored;
+  std::size_t count = 0;
+  double left = timeout;
+  while (left > 0 && read(ignored, count, left) == Got::bytes)
+    left = deadline - monotonic_seconds();
+  close();
 }
 
 void TcpSocket::close() noexcept {

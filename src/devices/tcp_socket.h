@@ -38,6 +38,10 @@ class TcpSocket {
   Got read(std::span<char> buffer, std::size_t& count, double timeout) noexcept;
   /// All of them within `timeout` seconds, or false: then the connection is of no use any more.
   bool write(std::string_view bytes, double timeout) noexcept;
+  /// Closes once the other side has closed too, or after `timeout` seconds. To close with bytes
+  /// unread would make the system throw away what the other side has not read yet, such as a last
+  /// zero force.
+  void finish(double timeout) noexcept;
   void close() noexcept;
   bool is_open() const noexcept { return descriptor_ >= 0; }
 

@@ -132,7 +132,7 @@ bool VrpnConnection::send(const VrpnForceField& field) noexcept {
 void VrpnConnection::close() noexcept {
   append(kVrpnDisconnect, kOurSender, "");
   flush(0.05);
-  socket_.close();
+  socket_.finish(0.1);
 }
 
 }  // namespace palpate

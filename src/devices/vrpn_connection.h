@@ -28,7 +28,7 @@ class VrpnConnection {
   Got receive(VrpnMessage& message, VrpnKind& kind, double timeout);
   /// False: the connection is of no use any more.
   bool send(const VrpnForceField& field) noexcept;
-  /// Says goodbye without waiting for an answer.
+  /// Says goodbye and gives the server 0.1 s to take it.
   void close() noexcept;
 
   bool knows_device() const { return device_id_ >= 0; }

@@ -172,7 +172,7 @@ bool WebSocket::send(WebSocketOpcode opcode, std::string_view payload, double ti
 
 void WebSocket::close() noexcept {
   send(WebSocketOpcode::close, "", 0.05);
-  socket_.close();
+  socket_.finish(0.1);
 }
 
 }  // namespace palpate

@@ -27,7 +27,7 @@ class WebSocket {
   Got receive(std::string_view& message, double timeout) noexcept;
   /// False: the connection is of no use any more. Allocates only while messages grow.
   bool send(std::string_view text, double timeout) noexcept;
-  /// Says goodbye without waiting for an answer.
+  /// Says goodbye and gives the other side 0.1 s to take it.
   void close() noexcept;
 
  private:

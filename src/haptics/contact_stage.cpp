@@ -8,8 +8,8 @@
 namespace palpate {
 namespace {
 
-constexpr int kPriority = 70;                   // below the haptic thread
-constexpr std::size_t kNumRecords = 4096;       // some seconds
+constexpr int kPriority = 70;              // below the haptic thread
+constexpr std::size_t kNumRecords = 4096;  // some seconds
 constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
 
 }  // namespace

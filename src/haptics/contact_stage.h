@@ -34,13 +34,13 @@ class ContactStage {
  public:
   struct Settings {
     ContactOptions contact;
-    double rate = 1000;       ///< queries per second, at most
+    double rate = 1000;  ///< queries per second, at most
     double tick_seconds = 1e-3;
     Vec3d centre_of_mass_T;
     ForceScale scale;
     bool wants_real_time = true;
     bool keeps_records = false;
-    double start_time = 0;    ///< s, monotonic, of records
+    double start_time = 0;  ///< s, monotonic, of records
   };
   ContactStage(std::unique_ptr<ContactQuery> query, SurfaceStage& surfaces,
                const Settings& settings, LatencyHistogram& contact_compute);
@@ -54,8 +54,12 @@ class ContactStage {
   /// Haptic thread: the newest contact.
   const KnownContact& newest() noexcept;
 
-  bool has_backend_failed() const noexcept { return backend_failed_.load(std::memory_order_acquire); }
-  std::uint64_t num_contacts() const noexcept { return num_contacts_.load(std::memory_order_acquire); }
+  bool has_backend_failed() const noexcept {
+    return backend_failed_.load(std::memory_order_acquire);
+  }
+  std::uint64_t num_contacts() const noexcept {
+    return num_contacts_.load(std::memory_order_acquire);
+  }
   /// Contacts that came with an older stiffness.
   std::uint64_t num_spared_stiffnesses() const noexcept { return num_spared_.load(); }
   /// Of asking for real time; 0: granted or not wanted.
@@ -83,9 +87,9 @@ class ContactStage {
   bool has_new_stiffness_ = false;
   double next_due_ = 0, progress_ = 1;
 
-  TripleBuffer<ToolMoment> tools_;      // haptic thread to contact thread
+  TripleBuffer<ToolMoment> tools_;       // haptic thread to contact thread
   TripleBuffer<KnownContact> contacts_;  // and back
-  RecordQueue<ContactRecord> records_;  // to the publishing thread
+  RecordQueue<ContactRecord> records_;   // to the publishing thread
   Bell bell_;
   std::atomic<bool> is_stopping_ = false, backend_failed_ = false;
   std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0;

@@ -18,11 +18,11 @@ namespace palpate {
 namespace {
 
 constexpr int kHapticPriority = 80;
-constexpr std::size_t kNumRecords = 4096;     // four seconds at 1 kHz
-constexpr std::size_t kBatch = 256;           // records given to the observer at a time
-constexpr double kPublishingPeriod = 0.005;   // s
-constexpr double kFirstTickTimeout = 2;       // s
-constexpr double kFadeTimeout = 0.5;          // s, beyond the fade itself
+constexpr std::size_t kNumRecords = 4096;    // four seconds at 1 kHz
+constexpr std::size_t kBatch = 256;          // records given to the observer at a time
+constexpr double kPublishingPeriod = 0.005;  // s
+constexpr double kFirstTickTimeout = 2;      // s
+constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
 
 std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
 
@@ -154,8 +154,8 @@ Status HapticLoopImpl::start_all() {
   while (num_ticks_.load(std::memory_order_acquire) == 0) {
     if (const Status device = device_.status(); !device) return device;
     if (monotonic_now() - begin > kFirstTickTimeout) {
-      return Error{Errc::unavailable, device_.info().name +
-                                          " does not tick; switch it off and on and try again"};
+      return Error{Errc::unavailable,
+                   device_.info().name + " does not tick; switch it off and on and try again"};
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
@@ -289,8 +289,8 @@ void HapticLoopImpl::drain_queues() {
   }
   while (records_.front() != nullptr) {
     batch_.clear();
-    for (const HapticRecord* record = records_.front();
-         record != nullptr && batch_.size() < kBatch; record = records_.front()) {
+    for (const HapticRecord* record = records_.front(); record != nullptr && batch_.size() < kBatch;
+         record = records_.front()) {
       batch_.push_back(*record);
       records_.pop();
     }

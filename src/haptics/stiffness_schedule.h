@@ -20,7 +20,8 @@ class StiffnessSchedule {
     took(query);
     stiffness_ = stiffness_ < 0 ? stiffness : stiffness_ + kSmoothing * (stiffness - stiffness_);
     const double left = std::max(budget_ - query_, budget_ / kMostSkipped);
-    num_to_skip_ = static_cast<int>(std::clamp(std::ceil(stiffness_ / left), 1.0, kMostSkipped)) - 1;
+    num_to_skip_ =
+        static_cast<int>(std::clamp(std::ceil(stiffness_ / left), 1.0, kMostSkipped)) - 1;
   }
   double stiffness_seconds() const { return std::max(stiffness_, 0.0); }
 

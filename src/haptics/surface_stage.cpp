@@ -9,7 +9,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kFirstFrameTimeout = 10;       // s
+constexpr double kFirstFrameTimeout = 10;        // s
 constexpr std::size_t kNumFramesToPublish = 16;  // half a second
 
 DepthFrame blank_frame(const DepthStreamInfo& stream) {

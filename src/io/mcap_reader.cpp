@@ -97,8 +97,7 @@ Result<bool> McapReader::Impl::next_chunk() {
       }
       const std::string_view records = fields.raw(fields.number<std::uint64_t>());
       if (!fields.is_good() || records.size() != size) return damaged("a chunk is too short");
-      const auto got =
-          crc32_z(0, reinterpret_cast<const Bytef*>(records.data()), records.size());
+      const auto got = crc32_z(0, reinterpret_cast<const Bytef*>(records.data()), records.size());
       if (crc != 0 && crc != got) return damaged("the checksum of a chunk is wrong");
       chunk = std::string(records);
     }
@@ -159,9 +158,7 @@ Result<std::optional<McapMessage>> McapReader::next() {
   return std::optional<McapMessage>();
 }
 
-const std::map<std::uint16_t, McapChannel>& McapReader::channels() const {
-  return impl_->channels;
-}
+const std::map<std::uint16_t, McapChannel>& McapReader::channels() const { return impl_->channels; }
 bool McapReader::was_cut_off() const { return impl_->is_cut_off; }
 
 }  // namespace palpate

@@ -64,9 +64,9 @@ Status McapWriter::Impl::put(std::string_view bytes) {
     const ssize_t written = ::write(file, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
     if (written <= 0) {
-      status = Error{Errc::io_failure, "cannot write " + path.string() + ": " +
-                                           std::strerror(errno) +
-                                           "; what was recorded before is kept; free some space"};
+      status =
+          Error{Errc::io_failure, "cannot write " + path.string() + ": " + std::strerror(errno) +
+                                      "; what was recorded before is kept; free some space"};
       break;
     }
     bytes.remove_prefix(static_cast<std::size_t>(written));
@@ -169,8 +169,8 @@ Status McapWriter::flush() {
   Impl& d = *impl_;
   if (const Status status = d.end_chunk(); !status) return status;
   if (::fdatasync(d.file) != 0 && errno != EINVAL && errno != EROFS) {
-    d.status = Error{Errc::io_failure, "cannot bring " + d.path.string() +
-                                           " to the disk: " + std::strerror(errno)};
+    d.status = Error{Errc::io_failure,
+                     "cannot bring " + d.path.string() + " to the disk: " + std::strerror(errno)};
   }
   return d.status;
 }

@@ -146,7 +146,17 @@ std::optional<std::string> check_header(const Reader& reader) {
 
 }  // namespace
 
+namespace {
+
+Status check_unit(double unit) {
+  if (unit > 0 && std::isfinite(unit)) return Done{};
+  return Error{Errc::invalid_argument, "the depth unit must be positive metres per count"};
+}
+
+}  // namespace
+
 Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit) {
+  if (const Status status = check_unit(unit); !status) return status.error();
   const auto content = read_file(path, kMaxFileBytes);
   if (!content) return content.error();
   return decode_depth_png(*content, path.string(), unit);
@@ -154,8 +164,7 @@ Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit
 
 Result<DepthFrame> decode_depth_png(std::string_view content, const std::string& name,
                                     double unit) {
-  if (!(unit > 0) || !std::isfinite(unit))
-    return Error{Errc::invalid_argument, "the depth unit must be positive metres per count"};
+  if (const Status status = check_unit(unit); !status) return status.error();
   const auto bad = [&](const std::string& what) {
     return Error{Errc::bad_input, name + " " + what};
   };

@@ -32,10 +32,12 @@ constexpr std::array<Named<Fault>, 9> kFaultNames{{
 template <class T>
 concept Number = std::is_arithmetic_v<T> && !std::same_as<T, bool>;
 
-// JSON has no words for what is not a number: these are strings.
-const char* name_if_not_finite(double value) {
+// JSON has no words for what is not a number: these are strings. Its readers take -0 for a whole
+// number, which has no sign.
+const char* special_name(double value) {
   if (std::isnan(value)) return "\"NaN\"";
   if (std::isinf(value)) return value > 0 ? "\"Infinity\"" : "\"-Infinity\"";
+  if (value == 0 && std::signbit(value)) return "-0.0";
   return nullptr;
 }
 
@@ -59,7 +61,7 @@ class Writer {
   void put(bool value) { text_ += value ? "true" : "false"; }
   void put(Number auto value) {
     if constexpr (std::floating_point<decltype(value)>) {
-      if (const char* name = name_if_not_finite(value)) {
+      if (const char* name = special_name(value)) {
         text_ += name;
         return;
       }
@@ -81,10 +83,8 @@ class Writer {
     text_ += ']';
   }
   template <class T>
-    requires std::is_class_v<T>
-  void put(const T& value) {
-    visit_fields(value, Writer(text_));
-  }
+  requires std::is_class_v<T>
+  void put(const T& value) { visit_fields(value, Writer(text_)); }
 
   std::string& text_;
   bool is_first_ = true;
@@ -101,7 +101,7 @@ class Reader {
 
  private:
   template <class T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   static void get(const Json& json, T& value) {
     if constexpr (std::floating_point<T>) {
       if (json.is_string()) {
@@ -120,10 +120,8 @@ class Reader {
     for (std::size_t i = 0; i < 36; ++i) get(json.at(i), stiffness.m[i / 6][i % 6]);
   }
   template <class T>
-    requires std::is_class_v<T>
-  static void get(const Json& json, T& value) {
-    visit_fields(value, Reader(json));
-  }
+  requires std::is_class_v<T>
+  static void get(const Json& json, T& value) { visit_fields(value, Reader(json)); }
 
   const Json& json_;
 };
@@ -147,7 +145,7 @@ class Schema {
     return {{"type", "array"}, {"items", {{"type", "number"}}}};
   }
   template <class T>
-    requires std::is_class_v<T>
+  requires std::is_class_v<T>
   static Json type(const T& value) {
     Schema schema;
     visit_fields(value, schema);
@@ -264,8 +262,12 @@ std::string tick_message(const HapticRecord& tick) { return text_of(tick); }
 
 std::string note_message(std::string_view text, std::uint64_t time) {
   constexpr int kInformation = 2;
-  const Json json{{"timestamp", time_json(time)}, {"level", kInformation}, {"message", text},
-                  {"name", "palpate"},            {"file", ""},            {"line", 0}};
+  const Json json{{"timestamp", time_json(time)},
+                  {"level", kInformation},
+                  {"message", text},
+                  {"name", "palpate"},
+                  {"file", ""},
+                  {"line", 0}};
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -33,7 +33,7 @@ class HapticRecorder {
 
   McapWriter writer_;
   std::uint16_t settings_, depth_, contact_, tick_, note_;
-  double wall_offset_ = 0;      // s from the monotonic clock to the time since 1970
+  double wall_offset_ = 0;       // s from the monotonic clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
   std::string trouble_;
 };

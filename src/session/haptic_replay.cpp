@@ -22,7 +22,8 @@ std::string difference(const std::string& what, const std::string& recorded,
   using Json = nlohmann::json;
   const Json a = Json::parse(recorded), b = Json::parse(repeated);
   const Json patch = Json::diff(a, b);
-  const std::string path = patch.empty() ? "" : patch[0].at("path").get<std::string>();
+  if (patch.empty()) return what + ": the sign of a zero differs";
+  const auto path = patch[0].at("path").get<std::string>();
   const Json::json_pointer at(path);
   return what + ", " + path + ": recorded " + a.at(at).dump() + ", repeated " + b.at(at).dump();
 }
@@ -35,8 +36,8 @@ class ContactRepetition {
     const HapticSettings& s = setup.settings;
     std::optional<DepthFieldOptions> field;
     if (s.contact.method == InsideMethod::field) field = s.field;
-    auto timeline = SurfaceTimeline::create(setup.stream, s.surface, field, s.time,
-                                            {s.backend, s.sensing_gpu});
+    auto timeline =
+        SurfaceTimeline::create(setup.stream, s.surface, field, s.time, {s.backend, s.sensing_gpu});
     if (!timeline) return timeline.error();
     ContactCapacities capacities;
     capacities.gpu = s.contact_gpu;
@@ -124,10 +125,10 @@ class TickRepetition {
       tick.step = coupling_->step(recorded.device, contact, recorded.dt);
     }
     if (recorded.is_stopping && safety_.status().fault == Fault::none) safety_.stop();
-    tick.F_H_B = safety_.filter(
-        tick.step.F_H_B, {recorded.device.time, recorded.device, recorded.contact_age,
-                          recorded.has_sensor_failed ? kLostSensorAge : recorded.sensor_age,
-                          recorded.has_backend_failed});
+    tick.F_H_B = safety_.filter(tick.step.F_H_B,
+                                {recorded.device.time, recorded.device, recorded.contact_age,
+                                 recorded.has_sensor_failed ? kLostSensorAge : recorded.sensor_age,
+                                 recorded.has_backend_failed});
     tick.safety = safety_.status();
     return tick;
   }
@@ -219,10 +220,10 @@ class Repetition {
       if (is_measured && known_.begin()->first != recorded.contact_number) {
         return end_ticks("contacts");
       }
-      outcome_.difference = difference(
-          "tick " + std::to_string(recorded.number), message,
-          tick_message(ticks_.repeat(recorded, is_measured ? known_.begin()->second
-                                                           : LocalContact{})));
+      outcome_.difference =
+          difference("tick " + std::to_string(recorded.number), message,
+                     tick_message(ticks_.repeat(
+                         recorded, is_measured ? known_.begin()->second : LocalContact{})));
       ++outcome_.num_ticks;
       waiting_ticks_.pop_front();
     }
@@ -260,10 +261,9 @@ Result<Repetition> make_repetition(const Tool& tool, const HapticSetup& setup, i
   if (!safety) return safety.error();
   auto contacts = ContactRepetition::create(tool, setup, coupling->options, num_threads);
   if (!contacts) return contacts.error();
-  return Repetition(
-      *std::move(contacts),
-      TickRepetition(make_coupling(coupling->options, limits, tool.sphere_mass()),
-                     *std::move(safety)));
+  return Repetition(*std::move(contacts),
+                    TickRepetition(make_coupling(coupling->options, limits, tool.sphere_mass()),
+                                   *std::move(safety)));
 }
 
 /// The settings, which are the first message of every recording.

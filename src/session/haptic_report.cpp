@@ -44,14 +44,14 @@ std::string headline(const Tool& tool, const HapticLog& log, const LoopTimes& ti
               "largest force felt; wanted " + short_number(log.peaks.wanted_force, 3) + "\u00a0N") +
          card(with_unit(log.peaks.volume, kVolumeUnits),
               "deepest penetration, " + short_number(100 * share, 3) + "\u00a0% of the tool") +
-         card(microseconds(compute.p99), "99 % of ticks computed within; largest " +
-                                             microseconds(compute.max)) +
+         card(microseconds(compute.p99),
+              "99 % of ticks computed within; largest " + microseconds(compute.max)) +
          card(std::to_string(log.loop.num_missed),
               "of " + std::to_string(log.loop.num_ticks) + " ticks longer than " +
                   with_unit(1 / log.setup.device.rate, kTimeUnits)) +
          card(microseconds(contact.p50), "median of a query; 99 %: " + microseconds(contact.p99)) +
-         card(microseconds(lag.p50), "median from depth frame to force; 99 %: " +
-                                         microseconds(lag.p99)) +
+         card(microseconds(lag.p50),
+              "median from depth frame to force; 99 %: " + microseconds(lag.p99)) +
          "</div>\n";
 }
 
@@ -87,20 +87,19 @@ std::string felt_plots(const Tool& tool, const HapticLog& log, const LinePlot& b
   const DeviceLimits& limits = log.setup.device.limits;
   const double share = log.setup.settings.safety.force_share;
   std::string html = "<h2>What the hand felt</h2>\n";
-  html += vector_figure(log, base, "force in N", "F", &Wrench::force,
-                        log.peaks.force > 0.3 * limits.max_force * share ? limits.max_force * share
-                                                                         : 0,
-                        "Force at the handle after the safety filter, in the axes of the device's "
-                        "base. At each stroke on the top edge a depth frame was captured.");
+  html +=
+      vector_figure(log, base, "force in N", "F", &Wrench::force,
+                    log.peaks.force > 0.3 * limits.max_force * share ? limits.max_force * share : 0,
+                    "Force at the handle after the safety filter, in the axes of the device's "
+                    "base. At each stroke on the top edge a depth frame was captured.");
   if (limits.max_torque > 0) {
-    html += vector_figure(log, base, "torque in N m", "M", &Wrench::torque, 0,
-                          "Torque at the handle.");
+    html +=
+        vector_figure(log, base, "torque in N m", "M", &Wrench::torque, 0, "Torque at the handle.");
   }
   LinePlot volume = base;
   const Unit unit = unit_for(log.peaks.volume, kVolumeUnits);
   volume.y_label = std::string("volume in ") + unit.name;
-  volume.right_factor =
-      100 / (full_volume(tool, log.setup.settings.contact) * unit.factor);
+  volume.right_factor = 100 / (full_volume(tool, log.setup.settings.contact) * unit.factor);
   volume.right_label = "% of the tool";
   volume.lines.push_back({"penetration volume", "series1", series(log, [&](const auto& tick) {
                             return tick.volume * unit.factor;
@@ -114,16 +113,15 @@ std::string felt_plots(const Tool& tool, const HapticLog& log, const LinePlot& b
   stretch.lines.push_back({"stretch", "series1", series(log, [&](const auto& tick) {
                              return tick.step.stretch * length.factor;
                            })});
-  html += figure(draw(stretch),
-                 "How far the tool stays behind where the hand holds it: the surface keeps it out.");
+  html +=
+      figure(draw(stretch),
+             "How far the tool stays behind where the hand holds it: the surface keeps it out.");
   LinePlot energy = base;
   energy.y_label = "energy in mJ";
-  energy.lines.push_back({"given to the hand", "series1", series(log, [](const auto& tick) {
-                            return 1e3 * tick.safety.energy;
-                          })});
-  energy.lines.push_back({"in the coupling", "series2", series(log, [](const auto& tick) {
-                            return 1e3 * tick.step.energy;
-                          })});
+  energy.lines.push_back({"given to the hand", "series1",
+                          series(log, [](const auto& tick) { return 1e3 * tick.safety.energy; })});
+  energy.lines.push_back({"in the coupling", "series2",
+                          series(log, [](const auto& tick) { return 1e3 * tick.step.energy; })});
   html += figure(draw(energy),
                  "What the passivity observer counts: above zero the device has given the hand "
                  "more than it took.");
@@ -147,8 +145,8 @@ std::string safety_plots(const HapticLog& log, const LinePlot& base) {
   ages.y_label = "age in ms";
   ages.lines.push_back({"depth frame", "series1",
                         series(log, [](const auto& tick) { return 1e3 * tick.sensor_age; })});
-  ages.lines.push_back({"contact", "series2",
-                        series(log, [](const auto& tick) { return 1e3 * tick.contact_age; })});
+  ages.lines.push_back(
+      {"contact", "series2", series(log, [](const auto& tick) { return 1e3 * tick.contact_age; })});
   return html + figure(draw(ages), "How old what a force rests on was, at each tick.");
 }
 
@@ -198,8 +196,8 @@ std::string tail_plot(const LoopTimes& times) {
 }
 
 std::string stage_table(const LoopTimes& times) {
-  std::string html = "<div class='tables'><table>" +
-                     row("stage", "median / 99 % / 99.9 % / largest");
+  std::string html =
+      "<div class='tables'><table>" + row("stage", "median / 99 % / 99.9 % / largest");
   for (const Stage& stage : stages(times)) {
     const auto s = stage.times.summary();
     html += row(stage.words, microseconds(s.p50) + " / " + microseconds(s.p99) + " / " +
@@ -268,7 +266,7 @@ std::string haptic_summary_json(const Tool& tool, const HapticLog& log, const Lo
             {"limited_ticks", log.peaks.num_limited}};
   for (const Stage& stage : stages(times)) {
     const auto s = stage.times.summary();
-    json["microseconds"][stage.key] = {{"p50", s.p50},   {"p99", s.p99},   {"p999", s.p999},
+    json["microseconds"][stage.key] = {{"p50", s.p50}, {"p99", s.p99},   {"p999", s.p999},
                                        {"max", s.max}, {"mean", s.mean}, {"num", s.num}};
   }
   json["warnings"] = log.warnings;
@@ -279,9 +277,9 @@ std::string haptic_summary_json(const Tool& tool, const HapticLog& log, const Lo
 }
 
 std::string haptic_page(const Tool& tool, const HapticLog& log, const LoopTimes& times) {
-  std::string html = open_page(
-      tool.source() + " in the hand", "Felt live on " + log.setup.device.name + " for " +
-                                          short_number(log.loop.seconds, 3) + " s.");
+  std::string html =
+      open_page(tool.source() + " in the hand", "Felt live on " + log.setup.device.name + " for " +
+                                                    short_number(log.loop.seconds, 3) + " s.");
   if (!log.failure.empty()) html += warning("The run ended early: " + log.failure);
   html += headline(tool, log, times);
   LinePlot base;
@@ -295,8 +293,9 @@ std::string haptic_page(const Tool& tool, const HapticLog& log, const LoopTimes&
   if (!log.warnings.empty()) html += "<h2>Notes</h2>\n";
   for (const std::string& text : log.warnings) html += warning(text);
   html += settings_tables(tool, log);
-  return html + close_page("All of it is in session.mcap, which Foxglove and other viewers open; "
-                           "palpate replay repeats it.");
+  return html + close_page(
+                    "All of it is in session.mcap, which Foxglove and other viewers open; "
+                    "palpate replay repeats it.");
 }
 
 }  // namespace palpate

@@ -73,7 +73,9 @@ class Keeper {
   void move_to(HapticLog& log) {
     log.series = std::move(series_);
     log.peaks = peaks_;
-    for (const double time : captures_) log.frame_times.push_back(time - start_);
+    for (const double time : captures_) {
+      if (time >= start_) log.frame_times.push_back(time - start_);
+    }
   }
 
  private:
@@ -128,7 +130,8 @@ void write_results(const Tool& tool, const HapticLoop& loop, const fs::path& fol
   const auto warn = [&](std::string text) { log.warnings.push_back(std::move(text)); };
   if (const std::string& trouble = keeper.recorder().trouble(); !trouble.empty()) warn(trouble);
   std::error_code error;
-  if (keeper.csv().finish()) fs::rename(folder / kUnfinishedCsv, folder / kCsv, error);
+  if (keeper.csv().finish())
+    fs::rename(folder / kUnfinishedCsv, folder / kCsv, error);
   else
     warn((folder / kUnfinishedCsv).string() + " is cut off: check the free space");
   if (error) warn("cannot rename " + (folder / kUnfinishedCsv).string() + ": " + error.message());

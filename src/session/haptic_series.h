@@ -22,12 +22,12 @@ class HapticSeries {
 
 /// Largest values of a run, of all ticks.
 struct HapticPeaks {
-  double force = 0, torque = 0;  ///< N and N m, felt
-  double wanted_force = 0;       ///< N, before the safety filter
-  double stretch = 0;            ///< m
-  double volume = 0;             ///< m3
-  double energy = 0;             ///< J, given to the hand
-  double spring_energy = 0;      ///< J
+  double force = 0, torque = 0;                    ///< N and N m, felt
+  double wanted_force = 0;                         ///< N, before the safety filter
+  double stretch = 0;                              ///< m
+  double volume = 0;                               ///< m3
+  double energy = 0;                               ///< J, given to the hand
+  double spring_energy = 0;                        ///< J
   std::uint64_t num_engaged = 0, num_limited = 0;  ///< ticks
 
   void add(const HapticRecord& tick);

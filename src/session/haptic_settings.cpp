@@ -37,8 +37,7 @@ struct Reader {
     at(name).get_to(value);
   }
   template <class Value, std::size_t n>
-  void operator()(const SettingName& name, Value& value,
-                  const std::array<Named<Value>, n>& table) {
+  void operator()(const SettingName& name, Value& value, const std::array<Named<Value>, n>& table) {
     const auto word = at(name).template get<std::string>();
     if (const auto found = value_of(table, word)) {
       value = *found;
@@ -65,8 +64,8 @@ Result<HapticSettings> haptic_settings_from_json(const Json& json) {
   Reader reader{json, {}};
   visit_settings(settings, reader);
   if (reader.unknown.empty()) return settings;
-  return Error{Errc::bad_input, "the settings hold " + reader.unknown +
-                                    ", which this version does not know"};
+  return Error{Errc::bad_input,
+               "the settings hold " + reader.unknown + ", which this version does not know"};
 }
 
 }  // namespace palpate

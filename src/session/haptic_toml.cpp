@@ -120,10 +120,10 @@ class Reader {
       for (const auto& [key, value] : *table) {
         const std::vector<std::string>& keys = known->second;
         if (std::find(keys.begin(), keys.end(), key.str()) != keys.end()) continue;
-        return complain(key.source().begin.line,
-                        "[" + std::string(section.str()) + "] has no key '" +
-                            std::string(key.str()) + "'; the nearest one is '" +
-                            nearest(key.str(), keys) + "'");
+        return complain(key.source().begin.line, "[" + std::string(section.str()) +
+                                                     "] has no key '" + std::string(key.str()) +
+                                                     "'; the nearest one is '" +
+                                                     nearest(key.str(), keys) + "'");
       }
     }
   }
@@ -208,10 +208,9 @@ Result<HapticSettings> load_haptic_settings(const std::filesystem::path& path,
   if (!text) return text.error();
   const toml::parse_result document = toml::parse(*text);
   if (!document) {
-    return Error{Errc::bad_input, path.string() + " line " +
-                                      std::to_string(document.error().source().begin.line) +
-                                      " is not TOML: " +
-                                      std::string(document.error().description())};
+    return Error{Errc::bad_input,
+                 path.string() + " line " + std::to_string(document.error().source().begin.line) +
+                     " is not TOML: " + std::string(document.error().description())};
   }
   HapticSettings settings = defaults;
   Reader reader(document.table(), path.string());

@@ -35,7 +35,8 @@ bool is_our_file(Place place, const std::string& name) {
     return std::find(names.begin(), names.end(), name) != names.end();
   };
   switch (place) {
-    case Place::run: return one_of({"wrench.csv", "wrench.csv.part", "timing.csv", "summary.json", "report.html",
+    case Place::run:
+      return one_of({"wrench.csv", "wrench.csv.part", "timing.csv", "summary.json", "report.html",
                      kHapticRecording, kHapticTool});
     case Place::recording:
       return one_of({kRecordingManifest, "tool.palp", "path.txt", "depth.txt"}) ||

@@ -118,7 +118,7 @@ class CommandLine(unittest.TestCase):
         self.assertRegex(self.succeed("--version"), r"^palpate \d+\.\d+\.\d+\n$")
         program = self.succeed("--help")
         for verb in ("shape", "pack", "info", "export", "query", "touch", "replay",
-                     "scenes"):
+                     "scenes", "devices"):
             self.assertIn(verb, program)
             self.assertIn(f"Example: palpate {verb}", self.succeed(verb, "--help"))
 
@@ -146,6 +146,9 @@ class CommandLine(unittest.TestCase):
             self.sequence("-o", self.path("x"), "--rate", 0),
             self.sequence("-o", self.path("x"), "--no-noise"),
             ("replay",),
+            self.sequence("-o", self.path("x"), "--dead-man"),
+            self.sequence("-o", self.path("x"), "--settings", "x.toml"),
+            self.sequence("-o", self.path("x"), "--device", "sim", "--coupling", "rigid"),
         ):
             self.expect_failure(2, *arguments)
         self.expect_failure(2, *self.sequence("-o", self.path("x"), "--method", "magic"),
@@ -587,6 +590,58 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(read(os.path.join(run, "wrench.csv")), lines)
         self.expect_failure(1, *touch, 121, mentions="120 spheres")
         self.expect_failure(2, *touch, 0, mentions="--spheres: must be ")
+
+    def test_touch_live_and_replay(self):
+        # Ages that no busy machine reaches.
+        settings, run = self.path("patient.toml"), self.path("live")
+        with open(settings, "w") as file:
+            file.write("[loop]\nreal_time = false\n[safety]\nmax_contact_age = 60\n"
+                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n")
+        live = (*self.sequence("-o", run), "--depth-rate", 2, "--device", "sim", "--settings",
+                settings)
+        summary = json.loads(self.succeed(*live, "--duration", 1.5, "--coupling", "proxy", "--json"))
+        self.assertGreater(summary["ticks"], 100)
+        self.assertEqual(summary["failure"], "")
+        self.assertEqual(summary["settings"]["coupling"]["kind"], "proxy")
+        self.assertEqual(summary["settings"]["safety"]["max_tick"], 60)
+        for name in ("session.mcap", "tool.palp", "wrench.csv", "summary.json", "report.html"):
+            self.assertTrue(os.path.exists(os.path.join(run, name)), name)
+        self.assertIn("What the hand felt", read(os.path.join(run, "report.html")))
+        self.assertRegex(self.succeed("replay", run), r"^identical: \d+ ticks, \d+ contact queries\n$")
+        self.assertTrue(json.loads(self.succeed("replay", run, "--json"))["identical"])
+        self.expect_failure(1, "replay", run, "-o", self.path("live-again"), mentions="not kept")
+
+    def test_touch_live_says_what_is_wrong(self):
+        run = self.path("never")
+        live = self.sequence("-o", run, "--device", "sim")
+        self.expect_failure(2, *live, "--path", "poses.txt", mentions="the hand moves the tool")
+        self.expect_failure(2, *live, "--object", f"{self.tool}@0 0 0 0 0 0 1",
+                            mentions="--object does not go with --device")
+        self.expect_failure(1, *self.sequence("-o", run, "--device", "lightsabre"),
+                            mentions="'lightsabre'; give one of sim")
+        self.expect_failure(1, *self.sequence("-o", run, "--device", "sim:wand"), mentions="'wand'")
+        bad = self.path("bad.toml")
+        for text, words in (("[safety]\nmax_slow = 1\n", "line 2"), ("[safety\n", "not TOML"),
+                            ("[coupling]\nkind = 'stiff'\n", "virtual, direct, proxy")):
+            with open(bad, "w") as file:
+                file.write(text)
+            self.expect_failure(1, *live, "--settings", bad, mentions=words)
+        self.expect_failure(1, *live, "--settings", self.path("absent.toml"), mentions="absent.toml")
+        self.assertFalse(os.path.exists(run))
+
+    def test_settings_are_printed_and_read_back(self):
+        text = self.succeed("touch", "--print-settings")
+        for section in ("contact", "surface", "field", "time", "loop", "coupling", "safety"):
+            self.assertIn(f"[{section}]", text)
+        self.assertIn("# N/s (", text)
+
+    def test_devices(self):
+        self.assertIn("sim", self.succeed("devices"))
+        devices = json.loads(self.succeed("devices", "--json"))["devices"]
+        kinds = {device["kind"]: device for device in devices}
+        self.assertTrue(kinds["sim"]["usable"])
+        for device in devices:
+            self.assertTrue(device["usable"] or device["hint"], device)
 
     def test_replay_keeps_the_contact_options(self):
         run = self.path("run_options")

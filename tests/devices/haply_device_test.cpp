@@ -276,13 +276,11 @@ TEST(HaplyDevice, ForcesBeyondTheLimitsAreCut) {
   Bench bench;
   bench.log.set_force({0, 0, 1e6});
   bench.start();
-  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 5; }));
+  ASSERT_TRUE(eventually([&] { return norm(bench.service.last_force()) > 1; }));
   bench.log.set_force({0, 0, std::nan("")});
-  const std::size_t before = bench.log.size();
-  ASSERT_TRUE(eventually([&] { return bench.log.size() > before + 20; }));
   for (const Vec3d& force : bench.service.forces())
     EXPECT_LE(norm(force), bench.device->info().limits.max_force * 1.000001);
-  EXPECT_EQ(bench.service.last_force(), Vec3d{});
+  EXPECT_TRUE(eventually([&] { return bench.service.last_force() == Vec3d{}; }));
 }
 
 TEST(HaplyDevice, ErrorsNameWhatWasTriedAndWhatToDo) {

@@ -168,13 +168,11 @@ TEST(VrpnDevice, ForcesBeyondTheLimitsAreCut) {
   Bench bench;
   bench.log.set_force({0, 0, 1e6});
   bench.start();
-  ASSERT_TRUE(eventually([&] { return bench.log.num_valid() > 20; }));
+  ASSERT_TRUE(eventually([&] { return bench.server.fields().size() > 20; }));
   bench.log.set_force({0, 0, std::nan("")});
-  const std::size_t before = bench.log.size();
-  ASSERT_TRUE(eventually([&] { return bench.log.size() > before + 20; }));
   for (const auto& field : bench.server.fields())
     EXPECT_LE(field[5], bench.device->info().limits.max_force * 1.000001);
-  EXPECT_EQ(bench.server.fields().back()[5], 0);
+  EXPECT_TRUE(eventually([&] { return bench.server.fields().back()[5] == 0; }));
 }
 
 TEST(VrpnDevice, ErrorsNameWhatWasTriedAndWhatToDo) {

@@ -106,6 +106,7 @@ void VrpnServer::serve(int socket) {
     const std::lock_guard lock(mutex_);
     last_sequence_ = -1;
     field_type_ = -100;
+    reported_buttons_ = 0;
   }
   send_all(socket, cookie_of(options_.cookie));
   send(socket, 0, -1, named("VRPN Control"));
@@ -128,13 +129,13 @@ void VrpnServer::serve(int socket) {
     ssize_t count = 0;
     while ((count = ::recv(socket, buffer.data(), buffer.size(), MSG_DONTWAIT)) > 0)
       received.append(buffer.data(), static_cast<std::size_t>(count));
-    if (count == 0) return;
     if (!has_cookie && received.size() >= 24) {
       if (!received.starts_with("vrpn: ver. 07.")) return;
       received.erase(0, 24);
       has_cookie = true;
     }
     if (has_cookie) take(received);
+    if (count == 0) return;  // the other side has closed
     if (!is_silent && !report(socket, number)) return;
   }
 }

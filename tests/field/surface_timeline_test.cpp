@@ -200,7 +200,8 @@ TEST(SurfaceTimeline, SpareSurfacesKeepTheViewsOverAPush) {
       bare.show(k * kPeriod);
       EXPECT_EQ(before.from.cloud.z[500], from);
       EXPECT_EQ(before.to.cloud.z[500], to);
-      const SurfaceMoment after = wall.timeline.at(k * kPeriod), same = bare.timeline.at(k * kPeriod);
+      const SurfaceMoment after = wall.timeline.at(k * kPeriod),
+                          same = bare.timeline.at(k * kPeriod);
       EXPECT_EQ(after.from.cloud.z[500], same.from.cloud.z[500]);
       EXPECT_EQ(after.to.cloud.z[500], same.to.cloud.z[500]);
       EXPECT_EQ(after.progress, same.progress);

@@ -398,6 +398,21 @@ TEST(VirtualCoupling, NoStepAddsEnergyOnOneWall) {
   }
 }
 
+// A contact that was measured before and that the tool has left does not hold it back.
+TEST(VirtualCoupling, LeavesAContactAsIfThereWereNone) {
+  const LocalContact old = floor_scene(1e5).contact(hand_for({0, 0, -1e-4}).X_BH, 1);
+  const auto held = make_coupling(checked({}), kLimits, box_tool());
+  const auto free = make_coupling(checked({}), kLimits, box_tool());
+  held->reset(hand_for({0, 0, 1e-3}));
+  free->reset(hand_for({0, 0, 1e-3}));
+  for (int i = 0; i < 100; ++i) {
+    const DeviceState state = hand_for({0, 0, 1e-3 + 1e-5 * i});
+    const Pose with = held->step(state, old, kTick).X_WT,
+               without = free->step(state, {}, kTick).X_WT;
+    ASSERT_EQ(with.translation.z, without.translation.z) << i;
+  }
+}
+
 // Many hard points with levers, seen anew at every tick or only at some. What a step cannot know is
 // a point that it meets for the first time; in the end all comes to rest.
 TEST(VirtualCoupling, ComesToRestAmongManyHardContacts) {

@@ -45,9 +45,7 @@ HapticSettings patient_settings() {
 }
 
 /// The box goes from 5 mm before the wall to 15 mm into it.
-Vec3d pressing_hand(double time) {
-  return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 * time)};
-}
+Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 * time)}; }
 
 /// Until `condition` or for `seconds`.
 template <class Condition>

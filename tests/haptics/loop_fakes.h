@@ -44,8 +44,9 @@ class WallSource final : public DepthSource {
     frame.height = info_.height;
     frame.unit = kUnit;
     frame.timestamp = 100 + number_ / info_.rate;
-    frame.pixels.assign(static_cast<std::size_t>(info_.width) * static_cast<std::size_t>(info_.height),
-                        static_cast<std::uint16_t>(std::lround(options_.depth(number_) / kUnit)));
+    frame.pixels.assign(
+        static_cast<std::size_t>(info_.width) * static_cast<std::size_t>(info_.height),
+        static_cast<std::uint16_t>(std::lround(options_.depth(number_) / kUnit)));
     ++number_;
     return true;
   }
@@ -56,7 +57,8 @@ class WallSource final : public DepthSource {
   int number_ = 0;
 };
 
-/// Ticks a thousand times a second, with a hand that goes where the test wants it whatever it feels.
+/// Ticks a thousand times a second, with a hand that goes where the test wants it whatever it
+/// feels.
 class ScriptedDevice final : public HapticDevice {
  public:
   struct Options {

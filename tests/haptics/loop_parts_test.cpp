@@ -252,7 +252,8 @@ TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   EXPECT_TRUE(contacts.has_backend_failed());
-  EXPECT_EQ(contacts.newest().number, 10u);
+  EXPECT_GT(contacts.newest().number, 0u);
+  EXPECT_EQ(contacts.newest().number, contacts.num_contacts());
   EXPECT_NEAR(contacts.newest().contact.F_C_W.force.z, -1, 1e-12);
   contacts.stop();
 }

@@ -179,7 +179,9 @@ TEST_F(McapFile, TheFormatsOwnLibraryReadsIt) {
       "python3 -c \"\n"
       "from mcap.reader import make_reader\n"
       "import json,sys\n"
-      "with open('" + path_.string() + "','rb') as f:\n"
+      "with open('" +
+      path_.string() +
+      "','rb') as f:\n"
       "  r=make_reader(f, validate_crcs=True)\n"
       "  s=r.get_summary()\n"
       "  assert s.statistics.message_count==300, s.statistics\n"

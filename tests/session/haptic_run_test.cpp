@@ -275,8 +275,8 @@ TEST(HapticRun, IsRecordedAndRepeatedBitForBit) {
     EXPECT_EQ(outcome->failure, "");
     EXPECT_GT(outcome->loop.num_ticks, 100u);
     EXPECT_TRUE(is_haptic_run(run));
-    for (const char* file : {"session.mcap", "tool.palp", "summary.json", "wrench.csv",
-                             "report.html"}) {
+    for (const char* file :
+         {"session.mcap", "tool.palp", "summary.json", "wrench.csv", "report.html"}) {
       EXPECT_TRUE(std::filesystem::is_regular_file(run / file)) << file;
     }
     const auto replay = replay_haptic_run(run);
@@ -363,8 +363,7 @@ TEST(HapticRun, ReplayFindsWhatWasChanged) {
 
 TEST(HapticRun, EndsWithTheSource) {
   const TemporaryFolder folder;
-  const auto outcome =
-      run_for(60, folder.path() / "run", patient_settings(), 6);
+  const auto outcome = run_for(60, folder.path() / "run", patient_settings(), 6);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->failure, "");
   EXPECT_EQ(outcome->loop.fault, Fault::stopped);

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "src/session/base64.h"
 #include "src/session/scene_picture.h"
 #include "src/session/statistics.h"
 #include "src/session/svg_plot.h"

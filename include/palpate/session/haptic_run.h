@@ -1,6 +1,7 @@
 // A hand on a device, live: the loop, all that it did in one MCAP file, and its repetition.
 //
-//   session.mcap   settings, tool, depth frames, contact queries, ticks: whole up to the last second
+//   session.mcap   settings, tool, depth frames, contact queries, ticks: whole up to the last
+//   second
 //                  even if the program is killed
 //   summary.json   settings, counts, percentiles of every stage, faults
 //   wrench.csv     one line per tick
@@ -28,9 +29,9 @@ struct HapticOutcome {
 /// times a second). What was recorded is kept in any case; a disk that is full or slow ends or
 /// thins the recording, says so, and never disturbs the loop. Errors: settings, source, device,
 /// folder: nothing has run then.
-Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source,
-                                        HapticDevice& device, const HapticSettings& settings,
-                                        double duration, const std::filesystem::path& folder,
+Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source, HapticDevice& device,
+                                        const HapticSettings& settings, double duration,
+                                        const std::filesystem::path& folder,
                                         const std::function<bool()>& keep_going = {});
 
 /// Is this the folder of a haptic run?
