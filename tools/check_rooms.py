@@ -36,6 +36,7 @@ READ_EVERYTHING = ("tests", "bench")
 
 # Private headers that more than one room may include.
 SHARED_PRIVATE = {
+    "src/core/range.h": ("cloud", "haptics", "devices"),
     "src/core/simd.h": ("cloud", "contact"),
     "src/core/one_lane.h": ("cloud", "contact"),
     "src/core/lanes.h": ("cloud", "contact"),

@@ -1,29 +1,12 @@
 #include "src/cloud/surface_options.h"
 
 #include <algorithm>
-#include <cmath>
+#include <string>
 
 #include "src/cloud/surface_kernels.h"
+#include "src/core/range.h"
 
 namespace palpate {
-namespace {
-
-struct Range {
-  const char* name;
-  double value, low, high;
-};
-
-std::string text(double value) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%g", value);
-  return buffer;
-}
-
-// NaN is in no range.
-bool contains(const Range& range) { return range.value >= range.low && range.value <= range.high; }
-
-}  // namespace
-
 Status check_surface_settings(int width, int height, const Intrinsics& k,
                               const SurfaceOptions& options) {
   const DepthFilterOptions& filter = options.filter;
@@ -49,12 +32,11 @@ Status check_surface_settings(int width, int height, const Intrinsics& k,
        static_cast<double>(window * window)},
       {"depth_change.min_step", options.depth_change.min_step, 0, 1e3},
   };
-  for (const Range& range : ranges) {
-    if (contains(range)) continue;
-    return Error{Errc::invalid_argument, std::string("surface estimation: ") + range.name + " is " +
-                                             text(range.value) + ", but must be from " +
-                                             text(range.low) + " to " + text(range.high) +
-                                             "; correct this setting"};
+  if (const Range* const range = first_outside(ranges)) {
+    return Error{Errc::invalid_argument,
+                 std::string("surface estimation: ") + range->name + " is " +
+                     number_text(range->value) + ", but must be from " + number_text(range->low) +
+                     " to " + number_text(range->high) + "; correct this setting"};
   }
   return Done{};
 }

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "src/devices/rotation.h"
+#include "src/devices/twist_between.h"
 
 namespace palpate {
 namespace {

@@ -7,8 +7,8 @@
 #include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/input_only.h"
-#include "src/devices/rotation.h"
 #include "src/devices/spacenav_connection.h"
+#include "src/devices/twist_between.h"
 
 namespace palpate {
 namespace {

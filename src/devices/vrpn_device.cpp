@@ -22,7 +22,7 @@
 #include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/motor_wrench.h"
-#include "src/devices/rotation.h"
+#include "src/devices/twist_between.h"
 #include "src/devices/vrpn_connection.h"
 
 namespace palpate {

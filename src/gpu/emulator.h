@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <utility>
 
 #define __global__
 #define __device__
@@ -133,44 +134,30 @@ inline int __float_as_int(float f) {
 
 // One operating system thread runs all fibers: plain operations are atomic.
 template <class T>
+T atomicExch(T* to, T value) {
+  return std::exchange(*to, value);
+}
+template <class T>
 T atomicAdd(T* to, T value) {
-  const T old = *to;
-  *to = static_cast<T>(old + value);
-  return old;
+  return atomicExch(to, static_cast<T>(*to + value));
 }
 template <class T>
 T atomicOr(T* to, T value) {
-  const T old = *to;
-  *to = old | value;
-  return old;
+  return atomicExch(to, *to | value);
 }
 template <class T>
 T atomicAnd(T* to, T value) {
-  const T old = *to;
-  *to = old & value;
-  return old;
+  return atomicExch(to, *to & value);
 }
 template <class T>
 T atomicMin(T* to, T value) {
-  const T old = *to;
-  if (value < old) *to = value;
-  return old;
+  return atomicExch(to, std::min(*to, value));
 }
 template <class T>
 T atomicMax(T* to, T value) {
-  const T old = *to;
-  if (old < value) *to = value;
-  return old;
-}
-template <class T>
-T atomicExch(T* to, T value) {
-  const T old = *to;
-  *to = value;
-  return old;
+  return atomicExch(to, std::max(*to, value));
 }
 template <class T>
 T atomicCAS(T* to, T expected, T value) {
-  const T old = *to;
-  if (old == expected) *to = value;
-  return old;
+  return atomicExch(to, *to == expected ? value : *to);
 }

@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "palpate/haptics/coupling.h"
+#include "src/core/range.h"
 
 namespace palpate {
 namespace {
@@ -13,16 +14,7 @@ constexpr double kTypicalRadius = 0.05;
 /// Where the device renders no force, the tool still stops at surfaces, N.
 constexpr double kForceWithoutDevice = 5;
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
-struct Range {
-  const char* name;
-  double value, low, high;
-};
+std::string number(double value) { return number_text(value, 3); }
 
 bool is_pose(const Pose& X) {
   const Quaternion& q = X.rotation;
@@ -39,11 +31,10 @@ Status check_ranges(const CouplingOptions& o, double tick_seconds) {
       {"motion scale", o.motion_scale, 1e-4, 1e4},
       {"tick (s)", tick_seconds, 1e-6, 1},
   };
-  for (const Range& r : ranges) {
-    if (r.value >= r.low && r.value <= r.high) continue;
-    return Error{Errc::invalid_argument, std::string("the ") + r.name + " is " + number(r.value) +
-                                             "; give a number from " + number(r.low) + " to " +
-                                             number(r.high)};
+  if (const Range* const r = first_outside(ranges)) {
+    return Error{Errc::invalid_argument, std::string("the ") + r->name + " is " + number(r->value) +
+                                             "; give a number from " + number(r->low) + " to " +
+                                             number(r->high)};
   }
   if (!is_pose(o.X_WB) || !is_pose(o.X_HT)) {
     return Error{Errc::invalid_argument,

@@ -4,7 +4,7 @@
 
 #include "src/haptics/contact_line.h"
 #include "src/haptics/matrix6.h"
-#include "src/haptics/rotation_vector.h"
+#include "src/haptics/turned.h"
 
 namespace palpate {
 namespace {

@@ -2,7 +2,7 @@
 // out of the surface is the contact's stiffness against the spring's, and the hand feels the
 // spring.
 #include "src/haptics/couplings.h"
-#include "src/haptics/rotation_vector.h"
+#include "src/haptics/turned.h"
 
 namespace palpate {
 namespace {

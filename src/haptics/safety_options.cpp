@@ -1,25 +1,9 @@
-#include <cmath>
-#include <cstdio>
 #include <string>
 
 #include "palpate/haptics/safety.h"
+#include "src/core/range.h"
 
 namespace palpate {
-namespace {
-
-struct Range {
-  const char* name;
-  double value, low, high;
-};
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
-
-}  // namespace
-
 std::string_view describe(Fault fault) {
   switch (fault) {
     case Fault::none: return "no fault";
@@ -70,11 +54,10 @@ Result<SafetyFilter> SafetyFilter::create(const DeviceLimits& limits,
       {"tick limit (s)", options.max_tick, kTiny, kLong},
       {"energy tank (J)", options.energy_tank, kTiny, 1e3},
   };
-  for (const Range& r : ranges) {
-    if (r.value >= r.low && r.value <= r.high) continue;  // NaN is in no range
-    return Error{Errc::invalid_argument, std::string("safety: ") + r.name + " is " +
-                                             number(r.value) + "; give a number from " +
-                                             number(r.low) + " to " + number(r.high)};
+  if (const Range* const r = first_outside(ranges)) {
+    return Error{Errc::invalid_argument, std::string("safety: ") + r->name + " is " +
+                                             number_text(r->value) + "; give a number from " +
+                                             number_text(r->low) + " to " + number_text(r->high)};
   }
   return SafetyFilter(limits, options);
 }

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "src/haptics/rotation_vector.h"
+#include "src/haptics/turned.h"
 
 namespace palpate {
 namespace {

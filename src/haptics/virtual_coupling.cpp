@@ -12,7 +12,7 @@
 #include <algorithm>
 
 #include "src/haptics/couplings.h"
-#include "src/haptics/rotation_vector.h"
+#include "src/haptics/turned.h"
 
 namespace palpate {
 namespace {

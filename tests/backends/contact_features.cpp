@@ -18,6 +18,7 @@
 #include "tests/field/device_views.h"
 #include "tests/test_util/contact_checks.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/gpu.h"
 
 namespace palpate::test {
 namespace {

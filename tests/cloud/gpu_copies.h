@@ -8,9 +8,6 @@
 
 #include "palpate/cloud/point_cloud.h"
 #include "src/gpu/runtime.h"
-#if defined(PALPATE_EMULATE_CUDA)
-#include "src/gpu/emulator.h"
-#endif
 
 namespace palpate::test {
 
@@ -52,19 +49,6 @@ inline void expect_same_cloud(gpu::Stream& stream, const PointCloudView& got,
   expect_same_bits(copy_to_host(stream, got.edge_x, got.size()), expected.edge_x, "edge_x");
   expect_same_bits(copy_to_host(stream, got.edge_y, got.size()), expected.edge_y, "edge_y");
   expect_same_bits(copy_to_host(stream, got.edge_z, got.size()), expected.edge_z, "edge_z");
-}
-
-/// Runs `body` in several orders of threads where the emulator can choose one.
-template <class Body>
-void in_all_orders(const Body& body) {
-#if defined(PALPATE_EMULATE_CUDA)
-  for (const std::uint32_t seed : {1u, 2u}) {
-    emulator::set_order(seed);
-    body();
-  }
-  emulator::set_order(0);
-#endif
-  body();
 }
 
 }  // namespace palpate::test

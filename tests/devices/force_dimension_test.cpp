@@ -57,7 +57,7 @@ class ForceDimension : public testing::Test {
 TEST_F(ForceDimension, WithoutAnSdkEveryPathIsNamed) {
   setenv("FDSDK", "/nonexistent/sdk", 1);
   const auto device = open_force_dimension_device("");
-  if (device.has_value()) GTEST_SKIP() << "there is an SDK on this machine";
+  if (device.has_value()) GTEST_SKIP() << "SKIPPED: there is an SDK on this machine";
   EXPECT_EQ(device.error().code, Errc::not_found);
   for (const char* part :
        {"/nonexistent/sdk/lib/release/" FAKE_SDK_MACHINE "/libdrd.so",
@@ -72,7 +72,7 @@ TEST_F(ForceDimension, WithoutAnSdkEveryPathIsNamed) {
 TEST_F(ForceDimension, AFileThatIsNoLibraryIsToldWithWhatTheLoaderSaid) {
   setenv("FDSDK", FAKE_SDK_FOLDER "/broken", 1);
   const auto device = open_force_dimension_device("");
-  if (device.has_value()) GTEST_SKIP() << "there is an SDK on this machine";
+  if (device.has_value()) GTEST_SKIP() << "SKIPPED: there is an SDK on this machine";
   EXPECT_TRUE(
       contains(device.error().message, "broken/lib/release/" FAKE_SDK_MACHINE "/libdrd.so ("))
       << device.error().message;

@@ -34,14 +34,7 @@ struct Bench {
     const Status started = device->start(log.tick());
     ASSERT_TRUE(started) << started.error().message;
   }
-  void wait_until_lost(const std::string& words) {
-    ASSERT_TRUE(eventually([&] { return !device->status(); }));
-    EXPECT_NE(device->status().error().message.find(words), std::string::npos)
-        << device->status().error().message;
-    const std::size_t num_ticks = log.size();
-    device->stop();
-    EXPECT_EQ(log.size(), num_ticks);
-  }
+  void wait_until_lost(const std::string& words) { test::wait_until_lost(*device, log, words); }
 
   HaplyService service;
   TickLog log;

@@ -68,7 +68,7 @@ class OpenHaptics : public testing::Test {
 TEST_F(OpenHaptics, WithoutTheLibraryEveryPathIsNamed) {
   setenv("OH_SDK_BASE", "/nonexistent/sdk", 1);
   const auto device = open_open_haptics_device("");
-  if (device.has_value()) GTEST_SKIP() << "there is OpenHaptics on this machine";
+  if (device.has_value()) GTEST_SKIP() << "SKIPPED: there is OpenHaptics on this machine";
   EXPECT_EQ(device.error().code, Errc::not_found);
   for (const char* part : {"/nonexistent/sdk/lib/libHD.so", "/usr/lib/libHD.so", "OH_SDK_BASE"})
     EXPECT_TRUE(contains(device.error().message, part)) << device.error().message;

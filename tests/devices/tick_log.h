@@ -4,8 +4,11 @@
 #include <chrono>
 #include <functional>
 #include <mutex>
+#include <string>
 #include <thread>
 #include <vector>
+
+#include <gtest/gtest.h>
 
 #include "palpate/haptics/device.h"
 
@@ -54,6 +57,16 @@ inline bool eventually(const std::function<bool()>& is_so) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   return true;
+}
+
+/// Waits until a device is lost for a reason with these words; then it ticks no more.
+inline void wait_until_lost(HapticDevice& device, const TickLog& log, const std::string& words) {
+  ASSERT_TRUE(eventually([&] { return !device.status(); }));
+  EXPECT_NE(device.status().error().message.find(words), std::string::npos)
+      << device.status().error().message;
+  const std::size_t num_ticks = log.size();
+  device.stop();
+  EXPECT_EQ(log.size(), num_ticks);
 }
 
 }  // namespace palpate::test

@@ -10,26 +10,8 @@
 
 #include "palpate/field/depth_field.h"
 #include "src/gpu/runtime.h"
-#if defined(PALPATE_EMULATE_CUDA)
-#include "src/gpu/emulator.h"
-#endif
 
 namespace palpate::test {
-
-/// Runs `body` in several orders of threads where the emulator can choose one, else twice.
-template <class Body>
-void in_all_orders(const Body& body) {
-#if defined(PALPATE_EMULATE_CUDA)
-  for (const std::uint32_t seed : {1u, 2u}) {
-    emulator::set_order(seed);
-    body();
-  }
-  emulator::set_order(0);
-#else
-  body();
-#endif
-  body();
-}
 
 /// All that a view shows, in host memory.
 struct ShownField {

@@ -12,20 +12,9 @@
 namespace palpate {
 namespace {
 
-constexpr int kBlocks = 2, kThreads = 128, kNum = kBlocks * kThreads;
+using test::in_all_orders;
 
-// Runs `body` in several orders of threads where the emulator can choose one.
-template <class Body>
-void in_all_orders(const Body& body) {
-#if defined(PALPATE_EMULATE_CUDA)
-  for (const std::uint32_t seed : {1u, 2u, 3u}) {
-    emulator::set_order(seed);
-    body();
-  }
-  emulator::set_order(0);
-#endif
-  body();
-}
+constexpr int kBlocks = 2, kThreads = 128, kNum = kBlocks * kThreads;
 
 __global__ void __launch_bounds__(kThreads)
     pass_on(int* values, unsigned long long* barrier, int rounds) {

@@ -7,7 +7,7 @@
 
 #include "palpate/math/sphere.h"
 #include "src/haptics/matrix6.h"
-#include "src/haptics/rotation_vector.h"
+#include "src/haptics/turned.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 

@@ -1,9 +1,14 @@
 // For tests of the CUDA backend: they run on GPU 0, or by the emulator in a build without CUDA.
 #pragma once
 
+#include <cstdint>
+
 #include <gtest/gtest.h>
 
 #include "src/gpu/runtime.h"
+#if defined(PALPATE_EMULATE_CUDA)
+#include "src/gpu/emulator.h"
+#endif
 
 /// First line of a test that needs a GPU.
 #define PALPATE_GPU_OR_SKIP()                                             \
@@ -11,3 +16,22 @@
     GTEST_SKIP() << "SKIPPED: no usable GPU: " << status.error().message; \
   }                                                                       \
   static_assert(true)
+
+namespace palpate::test {
+
+/// Runs `body` in several orders of threads where the emulator can choose one, else twice.
+template <class Body>
+void in_all_orders(const Body& body) {
+#if defined(PALPATE_EMULATE_CUDA)
+  for (const std::uint32_t seed : {1u, 2u, 3u}) {
+    emulator::set_order(seed);
+    body();
+  }
+  emulator::set_order(0);
+#else
+  body();
+#endif
+  body();
+}
+
+}  // namespace palpate::test

@@ -15,15 +15,15 @@ inline Vec3d rotation_vector(const Quaternion& q) {
   return v * factor;
 }
 
+/// The other way: exp(turn).
+inline Quaternion rotation_by(const Vec3d& turn) {
+  const double angle = norm(turn);
+  return angle > 0 ? axis_angle(turn, angle) : Quaternion{};
+}
+
 /// What turns `from` into `to`, in the frame that both are in: to = exp(result) from.
 inline Vec3d turn_between(const Quaternion& from, const Quaternion& to) {
   return rotation_vector(to * conjugate(from));
-}
-
-/// exp(turn) q.
-inline Quaternion turned(const Quaternion& q, const Vec3d& turn) {
-  const double angle = norm(turn);
-  return angle > 0 ? normalized(axis_angle(turn, angle) * q) : q;
 }
 
 }  // namespace palpate
