@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test bench packing-curves asan tsan cuda gpu-check clean
+.PHONY: help setup lint format tidy build demo test quick-test bench packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -25,7 +25,8 @@ demo: setup  ## set up, build, and run the main job; results in demo/
 	cmake --build --preset release -j $(JOBS) --target palpate
 	scripts/demo.sh
 
-test: setup  ## set up, lint, build, and run all tests
+test:  ## set up, lint, build, and run all tests
+	scripts/setup.sh --test
 	$(MAKE) lint
 	$(call build_preset,release)
 	tools/check_kernel_objects.sh build/release
@@ -47,6 +48,31 @@ packing-curves:  ## the packing comparison page, into build/packing-curves
 	cmake --build --preset bench -j $(JOBS) --target packing_curves
 	build/bench/bin/packing_curves build/packing-curves \
 	  --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"
+
+# Real depth frames, and measurements of other machines and libraries that the report shows beside its own.
+DATA ?= $(or $(PALPATE_DATA),$(wildcard ../shared/data))
+GPU ?= $(lastword $(sort $(wildcard bench/results/gpu-*.csv)))
+PEER_TIMES ?= $(shell ls build/peers/peers.csv 2>/dev/null || ls bench/results/peers-*.csv 2>/dev/null | tail -1)
+define evaluate
+cmake --preset release
+cmake --build --preset release -j $(JOBS) --target palpate
+build/release/bin/palpate eval $(FIGURE) -o build/$(1) $(if $(DATA),--data $(DATA)) $(if $(GPU),--gpu $(GPU)) \
+  $(if $(PEER_TIMES),--peers $(PEER_TIMES)) --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"
+endef
+
+# Other libraries, measured once per build of the benchmark. What cannot be installed here is no error.
+peer-times: setup
+	@scripts/setup.sh --peers && cmake --preset peers && \
+	cmake --build --preset peers -j $(JOBS) --target bench_peers && \
+	{ [ build/peers/peers.csv -nt build/peers/bin/bench_peers ] || build/peers/bin/bench_peers --csv build/peers/peers.csv \
+	  --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"; } || \
+	echo "make: other libraries cannot be measured here; going on without"
+
+eval: setup $(if $(filter file,$(origin PEER_TIMES)),peer-times)  ## make all figures of the thesis again: make eval [FIGURE=5.1] [DATA=DIR]; at most 45 minutes
+	$(call evaluate,eval) --write-docs docs/evaluation.md
+
+eval-quick: setup  ## the same with fewer steps, in two minutes; leaves docs/evaluation.md alone
+	$(call evaluate,eval-quick) --quick
 
 lint:  ## all checks that need no build
 	tools/lint.sh
@@ -74,6 +100,11 @@ cuda:  ## compile the library with the CUDA backend; needs nvcc, no GPU
 
 gpu-check:  ## on a machine with a GPU: build, test, compute-sanitizer, benchmark
 	scripts/gpu_check.sh
+
+view-soak: setup  ## ten minutes of the viewer in a browser: does its memory stand still?
+	cmake --preset release
+	cmake --build --preset release -j $(JOBS) --target page_server
+	PALPATE_SOAK_SECONDS=600 node tests/viewer/page/soak_test.mjs
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

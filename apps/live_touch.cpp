@@ -8,9 +8,11 @@
 #include <utility>
 
 #include "apps/options.h"
+#include "apps/page.h"
 #include "apps/terminal.h"
 #include "palpate/devices/open_device.h"
 #include "palpate/devices/simulated_device.h"
+#include "palpate/viewer/views.h"
 
 namespace palpate::apps {
 namespace {
@@ -89,6 +91,13 @@ Status touch_live(const LiveOptions& options, const Tool& tool, DepthSource& sou
     std::cerr << "palpate: note: " << (*device)->info().name
               << " senses no orientation: the tool does not turn\n";
   }
+  const auto view = LiveView::create(tool, source.info(), source.info().name);
+  std::optional<OpenPage> page;
+  if (options.page) {
+    auto served = OpenPage::serve(*view, *options.page, std::cerr);
+    if (!served) return served.error();
+    page = *std::move(served);
+  }
   catch_interrupts();
   Progress bar("touching");
   const auto start = std::chrono::steady_clock::now();
@@ -99,10 +108,12 @@ Status touch_live(const LiveOptions& options, const Tool& tool, DepthSource& sou
       std::snprintf(words, sizeof words, "%.1f s; Ctrl-C ends the run", elapsed.count());
       bar.update(std::isfinite(duration) ? elapsed.count() / duration : 0, words);
     }
-    return !interrupted();
+    return !interrupted() && !view->wants_end();
   };
   const auto outcome =
-      record_haptic_run(tool, source, **device, *settings, duration, options.output, keep_going);
+      record_haptic_run(tool, source, **device, *settings, duration, options.output, keep_going,
+                        page ? &view->onlooker() : nullptr);
+  if (page) page->say_goodbye();
   if (!outcome) return outcome.error();
 
   for (const std::string& text : outcome->warnings) std::cerr << "palpate: note: " << text << '\n';

@@ -10,6 +10,7 @@
 #include "palpate/io/trajectory_file.h"
 #include "palpate/session/haptic_run.h"
 #include "palpate/session/session.h"
+#include "palpate/viewer/view_server.h"
 
 namespace palpate::apps {
 
@@ -20,6 +21,7 @@ struct LiveOptions {
   std::optional<double> duration;
   std::string output;
   bool json = false;
+  std::optional<ViewServerOptions> page;  ///< shown meanwhile
 };
 
 /// Feels `source` with the tool in the hand. `path` is where to touch: unless the settings say

@@ -86,8 +86,10 @@ int main(int argc, char** argv) {
   palpate::apps::add_query(program, action);
   palpate::apps::add_touch(program, action);
   palpate::apps::add_replay(program, action);
+  palpate::apps::add_view(program, action);
   palpate::apps::add_scenes(program, action);
   palpate::apps::add_devices(program, action);
+  palpate::apps::add_eval(program, action);
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {

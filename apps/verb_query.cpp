@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "apps/caps.h"
 #include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/tool_info.h"
@@ -26,6 +27,7 @@ struct Options {
   CameraOptions camera;
   RunSettings settings;
   std::vector<ObjectOption> objects;
+  CapsOptions caps;
   int num_spheres = 0;  ///< of the tool file; 0: all
   bool json = false;
   std::vector<Pose> X_WT;  ///< from --pose or, later, --poses
@@ -118,6 +120,7 @@ void print_results_json(const Options& options, Backend backend, std::size_t num
                                          {"torque", to_json(objects.measure_W.torque)},
                                          {"pairs", shares.num_pairs}};
   }
+  if (!options.caps.file.empty()) json["caps"] = options.caps.file;
   print_json(json);
 }
 
@@ -169,6 +172,10 @@ Status run(const Options& options) {
   }
   const auto objects = load_objects(options.objects);
   if (!objects) return objects.error();
+  for (const std::string& input : {options.tool, options.cloud, options.depth}) {
+    if (options.caps.file.empty() || input.empty()) continue;
+    if (const Status status = check_output_file(options.caps.file, input); !status) return status;
+  }
   ThreadPool pool(options.settings.num_threads);
   auto chosen = choose_contact_query(options.settings, *tool, pool);
   if (!chosen) return chosen.error();
@@ -181,6 +188,7 @@ Status run(const Options& options) {
   }
 
   BodyWorld world;
+  const ContactQuery& query = *chosen->query;
   const int body = world.add_tool(*tool, std::move(chosen->query));
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
   if (const Status status = measure_pairs_at(chosen->backend, options.settings, world); !status) {
@@ -198,11 +206,22 @@ Status run(const Options& options) {
     constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
     if ((measured.total().status & kFailed) != 0) return lost_backend();
   }
+  std::size_t num_caps_triangles = 0;
+  if (!options.caps.file.empty()) {
+    const auto written =
+        write_caps(options.caps, *tool, options.settings.contact, query, poses.back());
+    if (!written) return written.error();
+    num_caps_triangles = *written;
+  }
   const double tool_volume = full_volume(*tool, options.settings.contact);
   if (options.json) {
     print_results_json(options, chosen->backend, cloud->num_usable, tool_volume, measurements);
   } else {
     print_results_table(options, tool_volume, measurements);
+    if (!options.caps.file.empty()) {
+      std::cout << "written       " << options.caps.file << ", " << num_caps_triangles
+                << " triangles\n";
+    }
   }
   return Done{};
 }
@@ -226,6 +245,10 @@ void check(Options& options) {
     if (!pose) usage_error("--pose: " + pose.error().message);
     options.X_WT = {*pose};
   }
+  if (!options.caps.file.empty()) {
+    if (options.pose.empty()) usage_error("query: --caps shows one --pose, not --poses");
+    check_caps_options(options.caps);
+  }
 }
 
 }  // namespace
@@ -247,6 +270,7 @@ void add_query(CLI::App& program, Action& action) {
   add_object_option(app, options->objects);
   add_contact_options(app, options->settings);
   add_surface_options(app, options->settings.surface);
+  add_caps_options(app, options->caps);
   app.add_flag("--json", options->json, "print the results as JSON");
   app.footer(
       "Example: palpate query drill.palp --depth frame.png --intrinsics 525,525,319.5,239.5 "

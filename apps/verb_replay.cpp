@@ -68,8 +68,7 @@ void add_replay(CLI::App& program, Action& action) {
   app.add_option("run", options->run, "folder that palpate touch wrote")
       ->required()
       ->type_name("RUN");
-  app.add_option("-o,--output", options->output,
-                 "keep the repetition as a run of its own (not of live runs)")
+  app.add_option("-o,--output", options->output, "keep the repetition as a run of its own")
       ->type_name("RUN2");
   app.add_option("--threads", options->num_threads, "threads; default: as recorded")
       ->check(CLI::Range(0, 256));

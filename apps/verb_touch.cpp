@@ -8,6 +8,7 @@
 #include "apps/live_touch.h"
 #include "apps/objects.h"
 #include "apps/options.h"
+#include "apps/page.h"
 #include "apps/terminal.h"
 #include "apps/verbs.h"
 #include "palpate/io/depth_files.h"
@@ -15,6 +16,7 @@
 #include "palpate/session/probing_path.h"
 #include "palpate/session/record_run.h"
 #include "palpate/session/run_folder.h"
+#include "palpate/viewer/views.h"
 #include "scenes/scene.h"
 
 namespace palpate::apps {
@@ -34,6 +36,8 @@ struct Options {
   Status haptic_settings_read = Done{};  ///< of --settings
   int num_spheres = 0;                   ///< 0: all
   bool json = false;
+  bool has_page = false;
+  ViewServerOptions page;
 };
 
 /// Frames to feel, and the path that goes with them if none is given.
@@ -133,9 +137,10 @@ Status run(const Options& options) {
   if (!input) return input.error();
   const std::vector<TimedPose>& path = input->path;
   if (!options.device.empty()) {
-    return touch_live({options.device, options.haptic, options.settings, options.duration,
-                       options.output, options.json},
-                      *tool, *input->source, path);
+    return touch_live(
+        {options.device, options.haptic, options.settings, options.duration, options.output,
+         options.json, options.has_page ? std::optional(options.page) : std::nullopt},
+        *tool, *input->source, path);
   }
   if (path.empty()) {
     return Error{Errc::bad_input,
@@ -162,6 +167,15 @@ Status run(const Options& options) {
     expected = std::min(expected, *info.num_frames / info.rate);
   }
 
+  const auto view = PathView::create(*tool, info, info.name);
+  std::optional<OpenPage> page;
+  RunCallbacks onlooker;
+  if (options.has_page) {
+    auto served = OpenPage::serve(*view, options.page, std::cerr);
+    if (!served) return served.error();
+    page = *std::move(served);
+    onlooker = view->callbacks([] { return !interrupted(); });
+  }
   catch_interrupts();
   Progress bar("touching");
   const auto keep_going = [&](const TickRecord& tick) {
@@ -177,7 +191,9 @@ Status run(const Options& options) {
     return pose_at(path, path_start + time);
   };
   const auto outcome =
-      record_run(*tool, *input->source, X_WT, settings, options.output, keep_going);
+      record_run(*tool, *input->source, X_WT, settings, options.output, keep_going, onlooker);
+  view->end();
+  if (page) page->say_goodbye();
   if (!outcome) return outcome.error();
 
   if (!outcome->warning.empty()) std::cerr << "palpate: " << outcome->warning << "\n";
@@ -211,6 +227,21 @@ Status run(const Options& options) {
     return Error{Errc::unavailable, log.failure + "; the run so far is in " + options.output};
   }
   return Done{};
+}
+
+/// Of the page that is shown meanwhile.
+void add_view_options(CLI::App& app, Options& options) {
+  app.add_flag("--view", options.has_page,
+               "show the run in a browser meanwhile; without --device at the pace of the clock");
+  add_page_options(app, "--view-", options.page);
+}
+
+void check_view(const CLI::App& app, const Options& options) {
+  for (const char* option : {"--view-port", "--view-address", "--view-token"}) {
+    if (app.count(option) > 0 && !options.has_page) {
+      usage_error(std::string("touch: ") + option + " goes with --view");
+    }
+  }
 }
 
 /// What goes with a device and what with a path.
@@ -330,6 +361,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_surface_options(app, options->settings.surface);
   add_time_options(app, options->settings.time);
   add_device_options(app, options);
+  add_view_options(app, *options);
   app.add_flag("--json", options->json, "print the summary as JSON");
   app.footer(
       "Example: palpate touch drill.palp --depth-sequence frames/ --intrinsics "
@@ -339,6 +371,7 @@ void add_touch(CLI::App& program, Action& action) {
       "Example: palpate touch --print-settings > haptics.toml");
   app.callback([options, &app, &action] {
     check_device(app, *options);
+    check_view(app, *options);
     check(*options);
     action = [options] { return run(*options); };
   });

@@ -22,7 +22,9 @@ void add_export(CLI::App& program, Action& action);
 void add_query(CLI::App& program, Action& action);
 void add_touch(CLI::App& program, Action& action);
 void add_replay(CLI::App& program, Action& action);
+void add_view(CLI::App& program, Action& action);
 void add_scenes(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
+void add_eval(CLI::App& program, Action& action);
 
 }  // namespace palpate::apps

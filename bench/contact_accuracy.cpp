@@ -11,14 +11,14 @@
 #include <set>
 #include <tuple>
 
-#include "tests/test_util/contact_accuracy.h"
+#include "eval/accuracy.h"
 
 namespace palpate::bench {
 namespace {
 
-using test::ContactCase;
-using test::DepthNoise;
-using test::Measure;
+using eval::ContactCase;
+using eval::DepthNoise;
+using eval::Measure;
 
 /// A contact query with these options, or the exact field sampled at each sphere.
 struct Method {
@@ -59,8 +59,8 @@ struct Row {
   std::string name, noise, volumes, method;
   int num_spheres = 0;
   double packing = 0;  ///< rms volume error of the packing alone, at the wall
-  test::VolumeError volume;
-  test::WrenchError wrench;
+  eval::VolumeError volume;
+  eval::WrenchError wrench;
   double loop = 0;
 };
 
@@ -199,21 +199,21 @@ bool chosen(const std::vector<std::string>& names, const std::string& name) {
 
 /// The exact values of a case for one tool; all methods share them.
 struct Ways {
-  std::vector<test::ExactStep> whole, fine;
+  std::vector<eval::ExactStep> whole, fine;
 
   Ways(const ContactCase& c, const Tool& tool, const Settings& settings)
-      : whole(test::exact_steps(c, tool, 0, 1, 100)) {
+      : whole(eval::exact_steps(c, tool, 0, 1, 100)) {
     const double half_way = norm(c.end.translation - c.start.translation) / 2;
-    fine = test::exact_steps(c, tool, 0, 0.5,
+    fine = eval::exact_steps(c, tool, 0, 0.5,
                              static_cast<int>(std::lround(half_way / settings.fine_step())));
   }
 };
 
 /// What cutting the spheres exactly at the wall leaves: nothing but the packing.
 double packing_error(const ContactCase& c, const Tool& tool, SphereVolumes volumes) {
-  const ContactCase wall = test::at_the_wall(c);
-  return test::volume_error(tool, test::exact_steps(wall, tool, 0, 1, 100),
-                            test::oracle_measure(tool, wall.environment, volumes))
+  const ContactCase wall = eval::at_the_wall(c);
+  return eval::volume_error(tool, eval::exact_steps(wall, tool, 0, 1, 100),
+                            eval::oracle_measure(tool, wall.environment, volumes))
       .rms;
 }
 
@@ -226,7 +226,7 @@ class Evaluation {
     const Ways ways(c, tool, settings_);
     for (const auto& noise : kNoises) {
       if (!chosen(settings_.noises, noise.name)) continue;
-      const test::SeenScene seen = test::see(c, noise.value);
+      const eval::SeenScene seen = eval::see(c, noise.value);
       for (const auto& volumes : kVolumes) {
         if (!chosen(settings_.volumes, volumes.name)) continue;
         for (const Method& method : kMethods) {
@@ -242,9 +242,9 @@ class Evaluation {
                         .method = method.name,
                         .num_spheres = static_cast<int>(tool.spheres().size()),
                         .packing = packing_error(c, tool, volumes.value),
-                        .volume = test::volume_error(tool, ways.whole, measure),
-                        .wrench = test::wrench_error(tool, ways.fine, measure),
-                        .loop = test::loop_work(c, tool, measure, settings_.loop_steps())};
+                        .volume = eval::volume_error(tool, ways.whole, measure),
+                        .wrench = eval::wrench_error(tool, ways.fine, measure),
+                        .loop = eval::loop_work(c, tool, measure, settings_.loop_steps())};
           print(row);
           rows_.push_back(row);
         }
@@ -256,11 +256,11 @@ class Evaluation {
 
  private:
   Measure measure_of(const Method& method, const ContactCase& c, const Tool& tool,
-                     const test::SeenScene& seen, SphereVolumes volumes) {
-    if (!method.query) return test::oracle_measure(tool, c.environment, volumes);
+                     const eval::SeenScene& seen, SphereVolumes volumes) {
+    if (!method.query) return eval::oracle_measure(tool, c.environment, volumes);
     ContactOptions options = *method.query;
     options.volumes = volumes;
-    return test::query_measure(tool, seen, options, &pool_);
+    return eval::query_measure(tool, seen, options, &pool_);
   }
 
   const Settings& settings_;
@@ -277,8 +277,8 @@ std::vector<std::string> names_in(const Table& table) {
 }
 
 int run(int argc, char** argv) {
-  std::vector<ContactCase> cases = test::thesis_cases();
-  for (ContactCase& c : test::tilted_cases()) cases.push_back(std::move(c));
+  std::vector<ContactCase> cases = eval::thesis_cases();
+  for (ContactCase& c : eval::tilted_cases()) cases.push_back(std::move(c));
 
   Settings settings;
   CLI::App app("How accurate the contact methods are, against the exact wrench.");
@@ -308,7 +308,7 @@ int run(int argc, char** argv) {
   for (const ContactCase& c : cases) {
     if (!chosen(settings.cases, c.name)) continue;
     if (!tools.contains(c.tool_shape)) {
-      tools.emplace(c.tool_shape, test::packed_tool(c, settings.spheres.back()));
+      tools.emplace(c.tool_shape, eval::packed_tool(c, settings.spheres.back()));
     }
     const Tool& largest = tools.at(c.tool_shape);
     for (int num_spheres : settings.spheres) {

@@ -1,11 +1,9 @@
 // Contact queries: time of one call, by method, number of spheres and depth.
 #include "palpate/contact/contact_query.h"
 
+#include "bench/boundary_stage.h"
 #include "bench/contact_setup.h"
 #include "bench/latency.h"
-#include "src/contact/image_window.h"
-#include "src/contact/point_scan.h"
-#include "src/contact/sphere_grid.h"
 
 namespace palpate::bench {
 namespace {
@@ -21,25 +19,10 @@ ContactOptions options_of(int method) {
   }
 }
 
-// The boundary stage alone: which points are in which sphere, with their sums per sphere.
 void boundary(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
-  const SphereGrid grid(tool.spheres());
-  std::vector<PointSums> sums(tool.spheres().size());
-  std::vector<std::uint8_t> touched((sums.size() + 7) / 8 * 8);
-  const double half = kToolSize / 2;
-  PointScan scan;
-  scan.cloud = bumpy_wall().view();
-  scan.grid = grid.view();
-  scan.spheres = tool.spheres().data();
-  const ScanPoints scan_points = best_isa() == Isa::baseline ? isa_baseline::scan_points
-#if defined(__x86_64__)
-                                 : best_isa() == Isa::avx2 ? isa_avx2::scan_points
-                                                           : isa_avx512::scan_points;
-#else
-                                                             : nullptr;
-#endif
+  BoundaryStage stage(tool, bumpy_wall());
   std::size_t i = 0;
   double num_boundary = 0;
   {
@@ -47,19 +30,7 @@ void boundary(benchmark::State& state) {
     for (auto _ : state) {
       const Pose& X_WT = poses[i % poses.size()];
       int num_touched = 0;
-      latency.time([&] {
-        const ImageWindow window =
-            image_window(scan.cloud, {{-half, -half, -half}, {half, half, half}}, X_WT);
-        scan.R_TW = rotation_matrix(conjugate(X_WT.rotation));
-        scan.translation_W = X_WT.translation;
-        scan_points(scan, window.row_begin, window.row_end, window.column_begin, window.column_end,
-                    sums.data(), touched.data());
-        // Ready for the next pose.
-        take_touched(touched, [&](std::size_t id) {
-          sums[id] = PointSums{};
-          ++num_touched;
-        });
-      });
+      latency.time([&] { stage.run(X_WT, [&](std::size_t, const PointSums&) { ++num_touched; }); });
       if (i < poses.size()) num_boundary += num_touched;
       ++i;
     }

@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -17,6 +18,9 @@
 #include "palpate/devices/simulated_device.h"
 #include "palpate/haptics/haptic_loop.h"
 #include "palpate/session/names.h"
+#include "src/core/monotonic_clock.h"
+#include "src/devices/tick_thread.h"
+#include "src/haptics/real_time.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate::bench {
@@ -100,6 +104,48 @@ class Table {
   std::string rows_;
 };
 
+/// What the machine alone does to a tick: one that always computes the same few microseconds, in
+/// real time, while an ordinary thread is busy as the one that makes surfaces is.
+struct Floor {
+  LatencyHistogram wall, cpu, period;
+};
+Status measure_floor(double seconds, double rate, Floor& floor) {
+  std::atomic<bool> is_done = false;
+  std::atomic<double> sink = 0;
+  const auto work = [&sink](int rounds) {
+    double x = 0.5;
+    for (int i = 0; i < rounds; ++i) x = 3.7 * x * (1 - x);  // chaotic: nothing to leave out
+    sink.store(x, std::memory_order_relaxed);
+  };
+  std::thread busy([&] {
+    while (!is_done.load()) work(10000);
+  });
+  TickThread ticks;
+  double last = 0;
+  const Status started = ticks.start(
+      rate,
+      [&](double, int) {
+        const double begin = monotonic_now(), cpu_begin = thread_cpu_now();
+        work(1500);
+        const double computed = thread_cpu_now() - cpu_begin, took = monotonic_now() - begin;
+        floor.cpu.record(static_cast<std::int64_t>(1e9 * computed));
+        floor.wall.record(static_cast<std::int64_t>(1e9 * took));
+        if (last > 0) {
+          floor.period.record(static_cast<std::int64_t>(1e9 * (begin - last)));
+        } else {
+          ask_for_real_time(80);
+        }
+        last = begin;
+        return true;
+      },
+      [] {});
+  if (started) std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+  ticks.stop();
+  is_done.store(true);
+  busy.join();
+  return started;
+}
+
 Status soak(const Options& options, const std::string& command) {
   const auto method = value_of(kMethodNames, options.method);
   const auto backend = value_of(kBackendNames, options.backend);
@@ -137,6 +183,12 @@ Status soak(const Options& options, const std::string& command) {
   settings.coupling.X_WB = hand.X_WB;
   settings.safety.max_contact_age = settings.safety.max_tick = settings.safety.max_device_silence =
       options.patience;
+  Floor floor;
+  if (const Status measured = measure_floor(std::clamp(options.seconds / 10, 1.0, 30.0),
+                                            options.ticks_per_second, floor);
+      !measured) {
+    return measured;
+  }
   auto loop = HapticLoop::create(*tool, source, **device, settings);
   if (!loop) return loop.error();
   if (const Status started = (*loop)->start(); !started) return started;
@@ -166,7 +218,11 @@ Status soak(const Options& options, const std::string& command) {
   const LoopTimes& times = (*loop)->times();
   Table table;
   std::printf("%-22s %10s %10s %10s %10s %10s\n", "", "number", "p50", "p99", "p99.9", "max");
+  table.add("bare tick", floor.wall, 1, "us");
+  table.add("bare tick CPU time", floor.cpu, 1, "us");
+  table.add("bare tick period", floor.period, 1, "us");
   table.add("haptic compute", times.haptic_compute, 1, "us");
+  table.add("haptic CPU time", times.haptic_cpu, 1, "us");
   table.add("haptic period", times.haptic_period, 1, "us");
   table.add("contact compute", times.contact_compute, 1, "us");
   table.add("contact age", times.contact_age, 1e-3, "ms");

@@ -4,13 +4,13 @@
 // The bunny, the spiral and the drill are read from $PALPATE_DATA/meshes_good.
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "bench/packing_comparison.h"
 #include "bench/packing_peers.h"
+#include "bench/run_facts.h"
 #include "palpate/io/mesh_file.h"
 #include "palpate/mesh/mass_properties.h"
 #include "palpate/mesh/mesh_check.h"
@@ -142,21 +142,6 @@ MeshComparison compare(const std::string& name, const TriangleMesh& solid,
   return result;
 }
 
-std::string machine() {
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);) {
-    if (line.rfind("model name", 0) == 0) return line.substr(line.find(':') + 2);
-  }
-  return "unknown";
-}
-
-std::string today() {
-  const std::time_t now = std::time(nullptr);
-  char text[11];
-  std::strftime(text, sizeof text, "%F", std::gmtime(&now));
-  return text;
-}
-
 Settings parse(int argc, char** argv) {
   const char* usage =
       "usage: packing_curves OUT_DIR [--budget SECONDS] [--large SHARE] [--cells N] [--commit ID]";
@@ -195,14 +180,12 @@ void write(const std::filesystem::path& path, const std::string& text) {
 int run(const Settings& settings) {
   std::error_code error;
   std::filesystem::create_directories(settings.out, error);
-  double load = 0;
-  getloadavg(&load, 1);
   char numbers[200];
   std::snprintf(
       numbers, sizeof numbers,
       "one thread; at most %g s for each peer and mesh; prototypes from %g of the largest; "
       "fixed grid of %d cells; load before %.1f",
-      settings.budget, settings.large, settings.cells, load);
+      settings.budget, settings.large, settings.cells, machine_load());
   PackingComparison comparison;
   comparison.prototype_share = settings.large;
   comparison.grid_cells = settings.cells;

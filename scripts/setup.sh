@@ -2,7 +2,8 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--peers] [--list]
+# usage: scripts/setup.sh [--test] [--peers] [--list]
+#   --test    also what only the tests need
 #   --peers   also what the benchmark against other libraries needs
 #   --list    only print the names of all packages
 set -euo pipefail
@@ -12,10 +13,11 @@ groups=" build "
 list_only=no
 for argument in "$@"; do
   case "$argument" in
+    --test) groups="$groups test " ;;
     --peers) groups="$groups peers " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--peers] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--test] [--peers] [--list]" >&2
       exit 2
       ;;
   esac
@@ -26,12 +28,23 @@ is_installed() {
   state=$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null) && [ "$state" = installed ]
 }
 
+system=$(. /etc/os-release 2>/dev/null && echo "${ID:-}" || true)
+
 wanted=()
 missing=()
 reasons=()
 while read -r group package reason; do
   case "$group" in '' | '#'*) continue ;; esac
   case "$groups" in *" $group "*) ;; *) continue ;; esac
+  is_needed=yes
+  while [[ $reason =~ ^(unless|on):([^ ]+)\ +(.*)$ ]]; do
+    case "${BASH_REMATCH[1]}" in
+      unless) if command -v "${BASH_REMATCH[2]}" >/dev/null; then is_needed=no; fi ;;
+      on) if [ "${BASH_REMATCH[2]}" != "$system" ]; then is_needed=no; fi ;;
+    esac
+    reason=${BASH_REMATCH[3]}
+  done
+  [ "$is_needed" = yes ] || continue
   wanted+=("$package")
   if [ "$list_only" = no ] && command -v dpkg-query >/dev/null && ! is_installed "$package"; then
     missing+=("$package")

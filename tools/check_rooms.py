@@ -29,17 +29,28 @@ BELOW = {
     "haptics": ("contact",),
     "devices": ("haptics", "io"),
     "session": ("io", "haptics", "devices"),
+    "viewer": ("session",),
     "scenes": ("mesh", "cloud"),
-    "apps": ("session", "scenes"),
+    "eval": ("session", "scenes"),
+    "apps": ("session", "viewer", "eval", "scenes"),
 }
 READ_EVERYTHING = ("tests", "bench")
 
 # Private headers that more than one room may include.
 SHARED_PRIVATE = {
     "src/core/range.h": ("cloud", "haptics", "devices"),
+    "src/core/monotonic_clock.h": ("haptics", "devices", "viewer"),
+    "src/session/haptic_settings.h": ("viewer",),
+    "src/session/haptic_messages.h": ("viewer",),
+    "src/session/html_page.h": ("eval",),
+    "src/session/svg_parts.h": ("eval",),
     "src/core/simd.h": ("cloud", "contact"),
     "src/core/one_lane.h": ("cloud", "contact"),
     "src/core/lanes.h": ("cloud", "contact"),
+    # The evaluation times the stages of a query one by one.
+    "src/contact/image_window.h": ("eval",),
+    "src/contact/point_scan.h": ("eval",),
+    "src/contact/sphere_grid.h": ("eval",),
     "src/gpu/runtime.h": ("cloud", "field", "contact"),
     "src/gpu/device_code.cuh": ("cloud", "field", "contact"),
     "src/gpu/team.cuh": ("cloud", "field", "contact"),
@@ -57,13 +68,13 @@ LIBRARIES = (
     (r"(lib)?lzf\.h", ("io",)),
     (r"xxhash\.h", ("io", "session")),
     (r"zlib\.h", ("io", "session")),
-    (r"nlohmann/", ("io", "devices", "session", "apps")),
-    (r"boost/(beast|asio)", ("devices",)),
+    (r"nlohmann/", ("io", "devices", "session", "viewer", "eval", "apps")),
+    (r"boost/(beast|asio)", ("devices", "viewer")),
     (r"toml\+\+/", ("session",)),
     (r"CLI/", ("apps",)),
     (r"embree\d*/", ("scenes",)),
     (r"boost/context/", ("gpu",)),
-    (r"(gtest|gmock|benchmark|pcl|opencv\d*|Eigen)/", ()),
+    (r"(gtest|gmock|benchmark|pcl|opencv\d*|Eigen)/|nanoflann\.hpp", ()),
 )
 CUDA = re.compile(r"(cuda|cub/|thrust/|cooperative_groups|nv)")
 IS_CUDA_FILE = re.compile(r"(\.cuh?|_cuda\.(h|cpp))$")
@@ -89,7 +100,7 @@ def room_of(name):
         return parts[1]
     if parts[0] == "src" and len(parts) > 2:
         return parts[1]
-    if parts[0] in ("scenes", "apps") + READ_EVERYTHING:
+    if parts[0] in ("scenes", "eval", "apps") + READ_EVERYTHING:
         return parts[0]
     return None
 

@@ -3,6 +3,7 @@
 // and sends it; nothing waits, and an answer that is late just has not come yet.
 
 #include "src/devices/haply_device.h"
+#include "src/core/monotonic_clock.h"
 
 #include <algorithm>
 #include <cmath>
@@ -197,12 +198,12 @@ Status HaplyDevice::begin() {
   unusable_ = "it does not answer";
 
   // Asks without a force until there is a state to begin with.
-  const double deadline = monotonic_seconds() + kAnswerTimeout;
+  const double deadline = monotonic_now() + kAnswerTimeout;
   DeviceState state;
   std::string_view text;
-  while (!state.is_valid && monotonic_seconds() < deadline) {
+  while (!state.is_valid && monotonic_now() < deadline) {
     if (!send(std::nullopt, kAnswerTimeout) ||
-        socket_->receive(text, deadline - monotonic_seconds()) != WebSocket::Got::message)
+        socket_->receive(text, deadline - monotonic_now()) != WebSocket::Got::message)
       break;
     request_.introduces_us = false;
     is_waiting_ = false;
@@ -213,7 +214,7 @@ Status HaplyDevice::begin() {
     end();
     return Error{Errc::unavailable, message};
   }
-  last_answer_ = last_usable_ = monotonic_seconds();
+  last_answer_ = last_usable_ = monotonic_now();
   return Done{};
 }
 

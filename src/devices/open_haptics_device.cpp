@@ -14,10 +14,10 @@
 #include <utility>
 
 #include "palpate/devices/device_models.h"
+#include "src/core/monotonic_clock.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/open_haptics_api.h"
 #include "src/devices/open_haptics_servo.h"
-#include "src/devices/tick_thread.h"
 
 namespace palpate {
 namespace {
@@ -192,7 +192,7 @@ class OpenHapticsDevice final : public HapticDevice {
                                      : " has stopped: " + what_it_said(api_, {code, 0, 0}) +
                                            "; check its cable and power and start again")};
     }
-    if (is_running_ && monotonic_seconds() - servo_->last_time() > kMaxSilence) return stuck();
+    if (is_running_ && monotonic_now() - servo_->last_time() > kMaxSilence) return stuck();
     return Done{};
   }
 

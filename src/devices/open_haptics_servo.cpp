@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "src/core/monotonic_clock.h"
 #include "src/devices/motor_wrench.h"
-#include "src/devices/tick_thread.h"
 
 namespace palpate {
 namespace {
@@ -51,7 +51,7 @@ unsigned OpenHapticsServo::frame() noexcept {
 void OpenHapticsServo::read() noexcept {
   double m[16] = {}, v[3] = {}, w[3] = {};
   int buttons = 0;
-  state_.time = monotonic_seconds();
+  state_.time = monotonic_now();
   api_.hdGetDoublev(kHdTransform, m);
   api_.hdGetDoublev(kHdVelocity, v);
   if (senses_orientation_) api_.hdGetDoublev(kHdAngularVelocity, w);

@@ -17,7 +17,7 @@
 #include <system_error>
 #include <utility>
 
-#include "src/devices/tick_thread.h"
+#include "src/core/monotonic_clock.h"
 
 namespace palpate {
 namespace {
@@ -25,7 +25,7 @@ namespace {
 /// True if the socket is ready for `events`, or broken, before `deadline` (s, monotonic).
 bool wait_for(int descriptor, short events, double deadline) noexcept {
   for (;;) {
-    const double left = std::clamp(deadline - monotonic_seconds(), 0.0, 60.0);
+    const double left = std::clamp(deadline - monotonic_now(), 0.0, 60.0);
     pollfd asked{descriptor, events, 0};
     const int answer = ::poll(&asked, 1, static_cast<int>(std::ceil(left * 1e3)));
     if (answer >= 0) return answer > 0;
@@ -83,7 +83,7 @@ TcpSocket& TcpSocket::operator=(TcpSocket&& other) noexcept {
 }
 
 Result<TcpSocket> TcpSocket::connect(const NetAddress& address, double timeout) {
-  const double deadline = monotonic_seconds() + timeout;
+  const double deadline = monotonic_now() + timeout;
   addrinfo wanted{};
   wanted.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
@@ -110,7 +110,7 @@ TcpSocket::Got TcpSocket::read(std::span<char> buffer, std::size_t& count,
                                double timeout) noexcept {
   count = 0;
   if (!is_open()) return Got::closed;
-  const double deadline = timeout > 0 ? monotonic_seconds() + timeout : 0;
+  const double deadline = timeout > 0 ? monotonic_now() + timeout : 0;
   for (;;) {
     const ssize_t got = ::recv(descriptor_, buffer.data(), buffer.size(), 0);
     if (got > 0) {
@@ -126,7 +126,7 @@ TcpSocket::Got TcpSocket::read(std::span<char> buffer, std::size_t& count,
 
 bool TcpSocket::write(std::string_view bytes, double timeout) noexcept {
   if (!is_open()) return false;
-  const double deadline = timeout > 0 ? monotonic_seconds() + timeout : 0;
+  const double deadline = timeout > 0 ? monotonic_now() + timeout : 0;
   while (!bytes.empty()) {
     const ssize_t sent = ::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
     if (sent >= 0) {
@@ -143,12 +143,11 @@ bool TcpSocket::write(std::string_view bytes, double timeout) noexcept {
 void TcpSocket::finish(double timeout) noexcept {
   if (!is_open()) return;
   ::shutdown(descriptor_, SHUT_WR);
-  const double deadline = monotonic_seconds() + timeout;
+  const double deadline = monotonic_now() + timeout;
   std::array<char, 4096> ignored;
   std::size_t count = 0;
   double left = timeout;
-  while (left > 0 && read(ignored, count, left) == Got::bytes)
-    left = deadline - monotonic_seconds();
+  while (left > 0 && read(ignored, count, left) == Got::bytes) left = deadline - monotonic_now();
   close();
 }
 

@@ -1,16 +1,13 @@
 #include "src/devices/tick_thread.h"
 
-#include <pthread.h>
-#include <sched.h>
-#include <time.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <system_error>
 #include <utility>
+
+#include "src/core/monotonic_clock.h"
 
 namespace palpate {
 namespace {
@@ -21,24 +18,7 @@ std::int64_t now() noexcept {
   return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-void sleep_until(std::int64_t moment) noexcept {
-  const timespec when{static_cast<time_t>(moment / kNanosecondsPerSecond),
-                      static_cast<long>(moment % kNanosecondsPerSecond)};
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &when, nullptr) == EINTR) {
-  }
-}
-
-/// Above all ordinary threads, below the kernel's own. Where it is not allowed, the loop goes on
-/// as well as it can.
-void ask_for_real_time() noexcept {
-  sched_param parameters{};
-  parameters.sched_priority = 80;
-  pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
-}
-
 }  // namespace
-
-double monotonic_seconds() noexcept { return 1e-9 * static_cast<double>(now()); }
 
 Status TickThread::start(double rate, Round round, std::function<void()> finish) {
   if (thread_.joinable())
@@ -47,7 +27,6 @@ Status TickThread::start(double rate, Round round, std::function<void()> finish)
   const auto period = std::llround(static_cast<double>(kNanosecondsPerSecond) / rate);
   auto run = [this, period, round = std::move(round), finish = std::move(finish)] {
     running_.store(std::this_thread::get_id());
-    ask_for_real_time();
     std::int64_t due = now(), last = due - period;
     while (!wants_stop_.load(std::memory_order_acquire)) {
       const auto periods = static_cast<int>((due - last) / period);
@@ -55,7 +34,7 @@ Status TickThread::start(double rate, Round round, std::function<void()> finish)
       last = due;
       // The next beat that lies ahead.
       due += period * std::max<std::int64_t>(1, (now() - due) / period + 1);
-      sleep_until(due);
+      sleep_until(1e-9 * static_cast<double>(due));
     }
     finish();
     running_.store({});

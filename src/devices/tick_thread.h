@@ -9,12 +9,9 @@
 
 namespace palpate {
 
-/// The monotonic clock of this computer, s: DeviceState::time.
-double monotonic_seconds() noexcept;
-
-/// Runs rounds at absolute times of the monotonic clock, so that lateness does not add up; with the
-/// scheduler's real-time class (SCHED_FIFO) where that is allowed. Beats that were overslept are
-/// left out, never made up for in a burst. Nothing is allocated between start and the end.
+/// Runs rounds at absolute times of the monotonic clock, so that lateness does not add up. Beats
+/// that were overslept are left out, never made up for in a burst. Nothing is allocated between
+/// start and the end.
 class TickThread {
  public:
   /// `time`: s, monotonic; `periods`: beats since the last round, 1 when in time. False: was the

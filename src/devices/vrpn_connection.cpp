@@ -5,7 +5,7 @@
 #include <chrono>
 #include <utility>
 
-#include "src/devices/tick_thread.h"
+#include "src/core/monotonic_clock.h"
 
 namespace palpate {
 namespace {
@@ -34,14 +34,14 @@ constexpr std::array<std::pair<std::string_view, VrpnKind>, 5> kKinds = {{
 
 Result<VrpnConnection> VrpnConnection::connect(const NetAddress& address, std::string_view device,
                                                double timeout) {
-  const double deadline = monotonic_seconds() + timeout;
+  const double deadline = monotonic_now() + timeout;
   Result<TcpSocket> socket = TcpSocket::connect(address, timeout);
   if (!socket) return socket.error();
   VrpnConnection connection(std::move(*socket), device);
   connection.out_ = vrpn_cookie();
   VrpnMessage message;
   if (!connection.flush(timeout) ||
-      connection.next(message, deadline - monotonic_seconds()) != VrpnReader::Got::cookie) {
+      connection.next(message, deadline - monotonic_now()) != VrpnReader::Got::cookie) {
     return Error{Errc::bad_input,
                  describe(address) + " does not answer as a VRPN server of version 7 would"};
   }
@@ -56,12 +56,12 @@ Result<VrpnConnection> VrpnConnection::connect(const NetAddress& address, std::s
 }
 
 VrpnReader::Got VrpnConnection::next(VrpnMessage& message, double timeout) noexcept {
-  const double deadline = timeout > 0 ? monotonic_seconds() + timeout : 0;
+  const double deadline = timeout > 0 ? monotonic_now() + timeout : 0;
   for (;;) {
     const VrpnReader::Got got = reader_.next(message);
     if (got != VrpnReader::Got::nothing) return got;
     std::size_t count = 0;
-    const double left = timeout > 0 ? deadline - monotonic_seconds() : 0;
+    const double left = timeout > 0 ? deadline - monotonic_now() : 0;
     switch (socket_.read(reader_.space(), count, left)) {
       case TcpSocket::Got::bytes: reader_.added(count); break;
       case TcpSocket::Got::nothing: return VrpnReader::Got::nothing;
@@ -71,9 +71,9 @@ VrpnReader::Got VrpnConnection::next(VrpnMessage& message, double timeout) noexc
 }
 
 VrpnConnection::Got VrpnConnection::receive(VrpnMessage& message, VrpnKind& kind, double timeout) {
-  const double deadline = timeout > 0 ? monotonic_seconds() + timeout : 0;
+  const double deadline = timeout > 0 ? monotonic_now() + timeout : 0;
   for (int i = 0; i < kMaxForeign && !is_closed_; ++i) {
-    const double left = timeout > 0 ? deadline - monotonic_seconds() : 0;
+    const double left = timeout > 0 ? deadline - monotonic_now() : 0;
     const VrpnReader::Got got = next(message, left);
     if (got == VrpnReader::Got::nothing) return Got::nothing;
     if (got != VrpnReader::Got::message || message.type == kVrpnDisconnect) {

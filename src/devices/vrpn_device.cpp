@@ -6,6 +6,7 @@
 // behind the hand by ten ticks, so much smaller it may not be.
 
 #include "src/devices/vrpn_device.h"
+#include "src/core/monotonic_clock.h"
 
 #include <algorithm>
 #include <array>
@@ -92,11 +93,11 @@ Result<VrpnConnection> connect(const VrpnAddress& address) {
                  connection.error().message +
                      "; start vrpn_server there, or name another place: vrpn:NAME@HOST[:PORT]"};
   }
-  const double deadline = monotonic_seconds() + kAnswerTimeout;
+  const double deadline = monotonic_now() + kAnswerTimeout;
   VrpnMessage message;
   VrpnKind kind = VrpnKind::other;
   for (;;) {
-    const double left = deadline - monotonic_seconds();
+    const double left = deadline - monotonic_now();
     const auto got =
         left > 0 ? connection->receive(message, kind, left) : VrpnConnection::Got::nothing;
     if (got == VrpnConnection::Got::message && kind == VrpnKind::pose) return connection;
@@ -161,7 +162,7 @@ Status VrpnDevice::begin() {
   has_pose_ = false;
   difference_ = reported_ = {};
   sum_difference_ = sum_reported_ = 0;
-  last_pose_ = monotonic_seconds();
+  last_pose_ = monotonic_now();
   return Done{};
 }
 

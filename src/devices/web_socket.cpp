@@ -7,8 +7,8 @@
 #include <span>
 #include <utility>
 
+#include "src/core/monotonic_clock.h"
 #include "src/devices/sha1.h"
-#include "src/devices/tick_thread.h"
 
 namespace palpate {
 namespace {
@@ -56,11 +56,11 @@ struct Response {
 Result<Response> ask(TcpSocket& socket, const NetAddress& address, const std::string& request,
                      double deadline) {
   Response response;
-  if (socket.write(request, deadline - monotonic_seconds())) {
+  if (socket.write(request, deadline - monotonic_now())) {
     std::array<char, 4096> buffer;
     std::size_t count = 0;
     while (response.text.size() < kMaxResponse &&
-           socket.read(buffer, count, std::max(1e-3, deadline - monotonic_seconds())) ==
+           socket.read(buffer, count, std::max(1e-3, deadline - monotonic_now())) ==
                TcpSocket::Got::bytes) {
       response.text.append(buffer.data(), count);
       response.body = response.text.find(kBlankLine);
@@ -80,7 +80,7 @@ std::string request_head(std::string_view path, const NetAddress& address) {
 }  // namespace
 
 Result<std::string> http_get(const NetAddress& address, std::string_view path, double timeout) {
-  const double deadline = monotonic_seconds() + timeout;
+  const double deadline = monotonic_now() + timeout;
   Result<TcpSocket> socket = TcpSocket::connect(address, timeout);
   if (!socket) return socket.error();
   Result<Response> response =
@@ -101,14 +101,14 @@ Result<std::string> http_get(const NetAddress& address, std::string_view path, d
   std::array<char, 4096> buffer;
   std::size_t count = 0;
   while (body.size() < length &&
-         socket->read(buffer, count, deadline - monotonic_seconds()) == TcpSocket::Got::bytes)
+         socket->read(buffer, count, deadline - monotonic_now()) == TcpSocket::Got::bytes)
     body.append(buffer.data(), count);
   body.resize(std::min(body.size(), length));
   return body;
 }
 
 Result<WebSocket> WebSocket::connect(const NetAddress& address, double timeout) {
-  const double deadline = monotonic_seconds() + timeout;
+  const double deadline = monotonic_now() + timeout;
   Result<TcpSocket> socket = TcpSocket::connect(address, timeout);
   if (!socket) return socket.error();
 
@@ -138,7 +138,7 @@ Result<WebSocket> WebSocket::connect(const NetAddress& address, double timeout) 
 }
 
 WebSocket::Got WebSocket::receive(std::string_view& message, double timeout) noexcept {
-  const double deadline = timeout > 0 ? monotonic_seconds() + timeout : 0;
+  const double deadline = timeout > 0 ? monotonic_now() + timeout : 0;
   for (;;) {
     switch (reader_.next(message)) {
       case WebSocketReader::Got::message: return Got::message;
@@ -150,7 +150,7 @@ WebSocket::Got WebSocket::receive(std::string_view& message, double timeout) noe
       case WebSocketReader::Got::nothing: break;
     }
     std::size_t count = 0;
-    const double left = timeout > 0 ? deadline - monotonic_seconds() : 0;
+    const double left = timeout > 0 ? deadline - monotonic_now() : 0;
     switch (socket_.read(reader_.space(), count, left)) {
       case TcpSocket::Got::bytes: reader_.added(count); break;
       case TcpSocket::Got::nothing: return Got::nothing;

@@ -8,7 +8,6 @@
 
 #include "palpate/contact/blended_query.h"
 #include "palpate/haptics/haptic_loop.h"
-#include "src/haptics/bell.h"
 #include "src/haptics/blend_clock.h"
 #include "src/haptics/record_queue.h"
 #include "src/haptics/stiffness_schedule.h"
@@ -30,6 +29,16 @@ struct KnownContact {
   double capture_time = 0;  ///< s, of that frame
 };
 
+/// Other settings of queries, and another query or none; once settled, the one before.
+struct ContactChange {
+  std::uint32_t revision = 0;
+  std::uint32_t surface_revision = 0;  ///< is taken with the first surfaces of this revision
+  ContactOptions contact;
+  double rate = 1000;
+  ForceScale scale;
+  std::unique_ptr<BlendedQuery> query;
+};
+
 class ContactStage {
  public:
   struct Settings {
@@ -37,22 +46,33 @@ class ContactStage {
     double rate = 1000;  ///< queries per second, at most
     double tick_seconds = 1e-3;
     Vec3d centre_of_mass_T;
+    std::size_t num_spheres = 0;  ///< of pictures
     ForceScale scale;
     bool wants_real_time = true;
     bool keeps_records = false;
     double start_time = 0;  ///< s, monotonic, of records
   };
-  ContactStage(std::unique_ptr<ContactQuery> query, SurfaceStage& surfaces,
+  ContactStage(std::unique_ptr<BlendedQuery> query, SurfaceStage& surfaces,
                const Settings& settings, LatencyHistogram& contact_compute);
   ~ContactStage() { stop(); }
 
   void start(double start_time);
   void stop() noexcept;
 
-  /// Haptic thread: the tool has moved. Wakes the contact thread, never waits.
+  /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
+  /// to wake it would take the haptic thread longer than all that it computes.
   void move_tool(const ToolMoment& tool) noexcept;
   /// Haptic thread: the newest contact.
   const KnownContact& newest() noexcept;
+
+  /// Must be offered before the surfaces that it waits for.
+  Handover<ContactChange>& changes() noexcept { return changes_; }
+
+  void ask_for_picture() noexcept { wants_picture_.store(true); }
+  /// The newest one, if it is new; one reader.
+  const ContactPicture* new_picture() noexcept {
+    return pictures_.refresh() ? &pictures_.value() : nullptr;
+  }
 
   bool has_backend_failed() const noexcept {
     return backend_failed_.load(std::memory_order_acquire);
@@ -70,12 +90,15 @@ class ContactStage {
 
  private:
   void work();
+  double next_look(double now) const;
   bool is_due(double time);
   void measure(const ToolMoment& tool);
   SurfaceMoment moment_at(double time);
+  void take_change();
   void publish(const ToolMoment& tool, const Penetration& penetration);
+  void make_picture(const ToolMoment& tool);
 
-  BlendedQuery query_;
+  std::unique_ptr<BlendedQuery> query_;
   SurfaceStage& surfaces_;
   Settings settings_;
   LatencyHistogram& contact_compute_;
@@ -86,11 +109,14 @@ class ContactStage {
   Stiffness stiffness_;
   bool has_new_stiffness_ = false;
   double next_due_ = 0, progress_ = 1;
+  std::uint32_t revision_ = 0;
 
   TripleBuffer<ToolMoment> tools_;       // haptic thread to contact thread
   TripleBuffer<KnownContact> contacts_;  // and back
   RecordQueue<ContactRecord> records_;   // to the publishing thread
-  Bell bell_;
+  TripleBuffer<ContactPicture> pictures_;
+  Handover<ContactChange> changes_;
+  std::atomic<bool> wants_picture_ = false;
   std::atomic<bool> is_stopping_ = false, backend_failed_ = false;
   std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0;
   std::atomic<int> real_time_error_ = 0;

@@ -1,5 +1,6 @@
 // The tool is at the hand, which feels the contact itself: a penalty method, as stiff as the
 // contact.
+#include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
 
 namespace palpate {
@@ -8,20 +9,34 @@ namespace {
 class DirectCoupling final : public Coupling {
  public:
   DirectCoupling(const CouplingOptions& options, const MassProperties& tool)
-      : hand_(options, tool.centre_of_mass), contact_(options.hold, radius_of_gyration(tool)) {}
+      : hand_(options, tool.centre_of_mass),
+        contact_(options.hold, radius_of_gyration(tool)),
+        approach_(tool.centre_of_mass) {}
 
   void reset(const DeviceState& state) noexcept override {
-    hand_.follow(state);
+    X_WT_ = hand_.follow(state).X_WT;
     contact_.reset();
+  }
+  void take_over(const CouplingState& state) noexcept override {
+    hand_.take_over(state);
+    contact_.reset();
+    X_WT_ = state.X_WT;
+    approach_.begin(X_WT_);
+  }
+  CouplingState state() const noexcept override {
+    const HeldTool& held = hand_.held();
+    return {hand_.X_BH(), held.X_WT, X_WT_, {held.velocity.linear, held.velocity.angular}};
   }
 
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);
     contact_.update(contact, step_length(dt));
+    X_WT_ = approach_.at(held.X_WT, step_length(dt));
     CouplingStep step;
-    step.X_WT = step.X_WT_hand = held.X_WT;
-    step.contact_W = contact_.felt(held.X_WT);
+    step.X_WT = X_WT_;
+    step.X_WT_hand = held.X_WT;
+    step.contact_W = contact_.felt(X_WT_);
     step.F_H_B = hand_.at_handle(step.contact_W);
     return step;
   }
@@ -29,6 +44,8 @@ class DirectCoupling final : public Coupling {
  private:
   Hand hand_;
   HeldContact contact_;
+  Approach approach_;
+  Pose X_WT_;
 };
 
 }  // namespace

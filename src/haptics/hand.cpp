@@ -8,13 +8,24 @@ constexpr double kFarthest = 1e3, kFastest = 1e3;
 
 }  // namespace
 
+void Hand::take_over(const CouplingState& state) noexcept {
+  DeviceState last;
+  last.X_BH = state.X_BH;
+  last.is_valid = true;
+  follow(last);
+  shift_W_ = state.X_WT_hand.translation - held_.X_WT.translation;
+  follow(last);
+}
+
 const HeldTool& Hand::follow(const DeviceState& state) noexcept {
   held_.velocity = {};
   if (!state.is_valid || !is_finite(state.X_BH)) return held_;
   if (!(norm(state.X_BH.translation) < kFarthest)) return held_;
+  X_BH_ = state.X_BH;
   const double scale = options_.motion_scale;
   const Pose X_BH{scale * state.X_BH.translation, normalized(state.X_BH.rotation)};
-  const Pose X_WH = options_.X_WB * X_BH;
+  Pose X_WH = options_.X_WB * X_BH;
+  X_WH.translation += shift_W_;
   held_.X_WT = X_WH * options_.X_HT;
   held_.p_WC = held_.X_WT * c_T_;
   held_.p_WH = X_WH.translation;

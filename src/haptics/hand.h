@@ -22,15 +22,23 @@ class Hand {
   Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T)
       : options_(options), c_T_(centre_of_mass_T) {}
 
+  /// Goes on with the tool in the hand where it was.
+  void take_over(const CouplingState& state) noexcept;
   /// A state that is not valid or not finite leaves the hand where it was, at rest.
   const HeldTool& follow(const DeviceState& state) noexcept;
   /// What a wrench on the held tool, about its centre of mass, is at the handle in B.
   Wrench at_handle(const Wrench& F_C_W) const noexcept;
 
+  const HeldTool& held() const noexcept { return held_; }
+  /// The last usable one.
+  const Pose& X_BH() const noexcept { return X_BH_; }
+
  private:
   CouplingOptions options_;
   Vec3d c_T_;
   HeldTool held_;
+  Pose X_BH_;
+  Vec3d shift_W_;  // of all poses: where the tool was when the motion scale was changed
 };
 
 }  // namespace palpate

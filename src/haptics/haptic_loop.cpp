@@ -1,71 +1,62 @@
 #include "palpate/haptics/haptic_loop.h"
 
-#include <algorithm>
 #include <atomic>
-#include <cmath>
+#include <deque>
+#include <mutex>
 #include <system_error>
 #include <thread>
 #include <utility>
 
-#include "palpate/core/triple_buffer.h"
+#include "src/core/monotonic_clock.h"
 #include "src/haptics/bell.h"
 #include "src/haptics/contact_stage.h"
+#include "src/haptics/haptic_stage.h"
+#include "src/haptics/loop_parts.h"
 #include "src/haptics/real_time.h"
-#include "src/haptics/record_queue.h"
+#include "src/haptics/setting_changes.h"
 #include "src/haptics/surface_stage.h"
 
 namespace palpate {
 namespace {
 
-constexpr int kHapticPriority = 80;
-constexpr std::size_t kNumRecords = 4096;    // four seconds at 1 kHz
 constexpr std::size_t kBatch = 256;          // records given to the observer at a time
 constexpr double kPublishingPeriod = 0.005;  // s
 constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
+constexpr double kChangeTimeout = 10;        // s: longer than any usual sensor is silent
 
-std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
-
-Status check(const HapticSettings& settings) {
-  if (!(settings.contact_rate >= 1 && settings.contact_rate <= 100000)) {
-    return Error{Errc::invalid_argument,
-                 "the contact rate must be from 1 to 100000 queries per second; 1000 is usual"};
-  }
-  if (settings.num_threads < 0 || settings.num_threads > 256) {
-    return Error{Errc::invalid_argument,
-                 "the number of threads must be from 0 (one per core) to 256"};
-  }
-  return Done{};
-}
+/// Other settings on their way through the stages.
+struct Change {
+  HapticSettings settings;
+  std::uint32_t revision = 0;
+  SurfaceChange surfaces;
+  ContactChange contacts;
+  HapticChange haptic;
+};
 
 class HapticLoopImpl final : public HapticLoop {
  public:
-  struct Parts {
-    std::unique_ptr<Coupling> coupling;
-    SafetyFilter safety;
-    SurfaceTimeline timeline;
-    std::unique_ptr<ContactQuery> query;
-    ForceScale scale;
-    std::vector<std::string> notes;
-  };
-
   HapticLoopImpl(const Tool& tool, DepthSource& source, HapticDevice& device,
-                 const HapticSettings& settings, HapticObserver observer, Parts parts)
-      : device_(device),
-        settings_(settings),
+                 const HapticSettings& settings, HapticObserver observer, LoopParts parts,
+                 SafetyFilter safety)
+      : tool_(tool),
+        device_(device),
+        stream_(source.info()),
+        first_settings_(settings),
         observer_(std::move(observer)),
+        settings_(settings),
         notes_(std::move(parts.notes)),
-        tick_seconds_(1 / device.info().rate),
-        coupling_(std::move(parts.coupling)),
-        safety_(std::move(parts.safety)),
-        records_(observer_.on_ticks ? kNumRecords : 0),
-        surfaces_(source, std::move(parts.timeline), settings.num_threads,
+        surfaces_(source, *std::move(parts.timeline), settings.num_threads,
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
         contacts_(std::move(parts.query), surfaces_,
-                  {settings.contact, settings.contact_rate, tick_seconds_,
-                   tool.sphere_mass().centre_of_mass, parts.scale, settings.wants_real_time,
-                   static_cast<bool>(observer_.on_contact), 0},
-                  times_.contact_compute) {
+                  {settings.contact, settings.contact_rate, 1 / device.info().rate,
+                   tool.sphere_mass().centre_of_mass, tool.spheres().size(), parts.scale,
+                   settings.wants_real_time, static_cast<bool>(observer_.on_contact), 0},
+                  times_.contact_compute),
+        haptic_(std::move(parts.coupling), std::move(safety), surfaces_, contacts_,
+                {1 / device.info().rate, settings.wants_real_time,
+                 static_cast<bool>(observer_.on_ticks)},
+                times_) {
     batch_.reserve(kBatch);
   }
   ~HapticLoopImpl() override { stop(); }
@@ -73,49 +64,60 @@ class HapticLoopImpl final : public HapticLoop {
   Status start() override;
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
-  bool latest(HapticRecord& record) noexcept override;
+  bool latest(HapticRecord& record) noexcept override { return haptic_.latest(record); }
   const LoopTimes& times() const noexcept override { return times_; }
   LoopReport report() const override;
   Status status() const override;
 
+  Status change(const HapticSettings& settings) override;
+  HapticSettings settings() const override {
+    const std::lock_guard lock(mutex_);
+    return settings_;
+  }
+  void hold_frames(bool is_held) noexcept override { surfaces_.hold(is_held); }
+  void step_frame() noexcept override { surfaces_.step(); }
+  void ask_for_contact_picture() noexcept override { contacts_.ask_for_picture(); }
+  void ask_for_surface_picture() noexcept override { surfaces_.ask_for_picture(); }
+  const ContactPicture* new_contact_picture() noexcept override { return contacts_.new_picture(); }
+  const SurfacePicture* new_surface_picture() noexcept override { return surfaces_.new_picture(); }
+
  private:
   Status start_all();
-  Wrench tick(const DeviceState& state) noexcept;
-  double step_seconds(const DeviceState& state) noexcept;
-  void keep_time(double begin, const HapticRecord& record) noexcept;
+  void offer_change();
+  Status finish_change();
   void publish_all();
   void drain_queues();
+  void tell_settings(std::uint32_t revision);
   void fade_out() noexcept;
 
+  const Tool& tool_;
   HapticDevice& device_;
-  const HapticSettings settings_;
+  const DepthStreamInfo stream_;
+  const HapticSettings first_settings_;
   const HapticObserver observer_;
-  std::vector<std::string> notes_;
-  const double tick_seconds_;
   LoopTimes times_;
 
-  // Of the haptic thread.
-  std::unique_ptr<Coupling> coupling_;
-  SafetyFilter safety_;
-  bool has_tool_ = false, is_stopping_ = false;
-  double last_state_time_ = 0, last_begin_ = 0, first_tick_ = 0;
+  // Of who changes settings.
+  std::mutex changing_;
+  std::unique_ptr<Change> change_;  // what the stages have not all taken yet
+  // Between that thread and the publishing one.
+  mutable std::mutex mutex_;
+  HapticSettings settings_;            // as all stages have them
+  std::deque<HapticSettings> untold_;  // those after `told_revision_`
+  std::vector<std::string> notes_;
+  // Of the publishing thread.
+  std::uint32_t told_revision_ = 0;
+  std::vector<HapticRecord> batch_;
 
-  // From the haptic thread to others.
-  TripleBuffer<HapticRecord> newest_;
-  RecordQueue<HapticRecord> records_;
-  std::atomic<std::uint64_t> num_ticks_ = 0, num_missed_ = 0;
-  std::atomic<Fault> fault_ = Fault::none;
-  std::atomic<bool> has_faded_ = false;
-  std::atomic<int> real_time_error_ = 0;
-
-  std::atomic<bool> wants_stop_ = false, is_running_ = false;
+  std::atomic<bool> is_running_ = false;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
+  std::uint32_t revision_ = 0;
   bool was_started_ = false, has_locked_memory_ = false;
   StopSignal stop_publishing_;
-  std::vector<HapticRecord> batch_;
 
   SurfaceStage surfaces_;
   ContactStage contacts_;
+  HapticStage haptic_;
   std::thread publishing_thread_;
 };
 
@@ -134,24 +136,26 @@ Status HapticLoopImpl::start_all() {
   try {
     if (const Status seen = surfaces_.start(); !seen) return seen;
     start_time_ = monotonic_now();
+    haptic_.set_start_time(start_time_);
     contacts_.start(start_time_);
     publishing_thread_ = std::thread([this] { publish_all(); });
   } catch (const std::system_error& error) {
     return Error{Errc::unavailable, std::string("the system gives no thread for the loop: ") +
                                         error.what() + "; end other programs and try again"};
   }
-  if (settings_.wants_real_time) {
+  if (first_settings_.wants_real_time) {
     const int refused = lock_memory();
     has_locked_memory_ = refused == 0;
     if (refused != 0) notes_.push_back(memory_lock_refused(refused));
   }
   const double begin = monotonic_now();
   is_running_.store(true, std::memory_order_release);
-  if (const Status ticks = device_.start([this](const DeviceState& state) { return tick(state); });
+  if (const Status ticks =
+          device_.start([this](const DeviceState& state) { return haptic_.tick(state); });
       !ticks) {
     return ticks;
   }
-  while (num_ticks_.load(std::memory_order_acquire) == 0) {
+  while (haptic_.num_ticks() == 0) {
     if (const Status device = device_.status(); !device) return device;
     if (monotonic_now() - begin > kFirstTickTimeout) {
       return Error{Errc::unavailable,
@@ -163,17 +167,16 @@ Status HapticLoopImpl::start_all() {
 }
 
 void HapticLoopImpl::fade_out() noexcept {
-  wants_stop_.store(true, std::memory_order_release);
-  const double limit = monotonic_now() + settings_.safety.fade_seconds + kFadeTimeout;
+  haptic_.ask_to_stop();
+  const double limit = monotonic_now() + first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost does not tick, and its motors are off.
-  while (!has_faded_.load(std::memory_order_acquire) && monotonic_now() < limit &&
-         device_.status()) {
+  while (!haptic_.has_faded() && monotonic_now() < limit && device_.status()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
 }
 
 void HapticLoopImpl::stop() noexcept {
-  if (num_ticks_.load(std::memory_order_acquire) > 0 && publishing_thread_.joinable()) fade_out();
+  if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) fade_out();
   if (was_started_) device_.stop();
   if (is_running_.exchange(false)) end_time_ = monotonic_now();
   // The contact thread first: the surface thread waits for it at most until it is told to stop.
@@ -184,87 +187,69 @@ void HapticLoopImpl::stop() noexcept {
   if (std::exchange(has_locked_memory_, false)) unlock_memory();
 }
 
-Wrench HapticLoopImpl::tick(const DeviceState& state) noexcept {
+Status HapticLoopImpl::change(const HapticSettings& settings) {
+  const std::lock_guard lock(changing_);
+  if (change_) {
+    if (const Status last = finish_change(); !last) return last;
+  }
+  if (!is_running() || contacts_.num_contacts() == 0) {
+    return Error{Errc::unavailable,
+                 "settings change while a tool is in the hand and the loop runs; it has ended or "
+                 "not begun to feel"};
+  }
+  if (const Status status = check_change(settings_, settings); !status) return status;
+  auto parts = make_loop_parts(tool_, stream_, device_.info(), settings, &settings_);
+  if (!parts) return parts.error();
+
+  change_ = std::make_unique<Change>();
+  const std::uint32_t revision = change_->revision = ++revision_;
+  change_->settings = settings;
+  change_->surfaces = {revision, std::move(parts->timeline)};
+  change_->contacts = {revision,         change_->surfaces.timeline ? revision : 0,
+                       settings.contact, settings.contact_rate,
+                       parts->scale,     std::move(parts->query)};
+  change_->haptic = {revision, std::move(parts->coupling)};
+  {
+    const std::lock_guard lock_others(mutex_);
+    untold_.push_back(settings);
+    notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
+  }
+  offer_change();
+  return finish_change();
+}
+
+void HapticLoopImpl::offer_change() {
+  const bool has_surfaces = change_->surfaces.timeline.has_value();
+  contacts_.changes().offer(change_->contacts);
+  if (has_surfaces) {
+    surfaces_.changes().offer(change_->surfaces);
+  } else {
+    surfaces_.set_revision(change_->revision);
+  }
+  haptic_.changes().offer(change_->haptic);
+}
+
+/// Waits until all stages have taken it, and destroys what it has replaced.
+Status HapticLoopImpl::finish_change() {
   const double begin = monotonic_now();
-  if (num_ticks_.load(std::memory_order_relaxed) == 0) {
-    first_tick_ = state.time;
-    if (settings_.wants_real_time) real_time_error_.store(ask_for_real_time(kHapticPriority));
+  while (!(haptic_.changes().is_settled() && contacts_.changes().is_settled() &&
+           surfaces_.changes().is_settled())) {
+    if (!is_running()) {
+      return Error{Errc::unavailable, "the loop has ended before it took the change"};
+    }
+    if (monotonic_now() - begin > kChangeTimeout) {
+      return Error{Errc::unavailable,
+                   "the loop has not taken the last change yet: no depth frame or tick comes; "
+                   "check the sensor and the device"};
+    }
+    std::this_thread::sleep_for(std::chrono::microseconds(500));
   }
-  const KnownContact& known = contacts_.newest();
-  HapticRecord& record = newest_.draft();
-  record.number = num_ticks_.load(std::memory_order_relaxed);
-  record.device = state;
-  record.dt = step_seconds(state);
-  record.step = record.dt > 0 ? coupling_->step(state, known.contact, record.dt) : CouplingStep{};
-  if (has_tool_) contacts_.move_tool({state.time, record.step.X_WT});
-
-  const bool has_contact = known.number > 0;
-  record.time = state.time - start_time_.load(std::memory_order_relaxed);
-  record.volume = known.contact.volume;
-  record.contact_age = state.time - (has_contact ? known.contact.time : first_tick_);
-  record.sensor_age = state.time - (has_contact ? known.capture_time : first_tick_);
-  record.contact_number = known.number;
-  record.frame_number = known.frame_number;
-
-  if (wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended()) {
-    if (safety_.status().fault == Fault::none) safety_.stop();
-    is_stopping_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    settings_ = change_->settings;
   }
-  SafetyInput input{state.time, state, record.contact_age, record.sensor_age, false};
-  record.is_stopping = is_stopping_;
-  record.has_sensor_failed = surfaces_.has_source_failed();
-  record.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
-  if (record.has_sensor_failed) input.sensor_age = kLostSensorAge;
-  input.backend_failed = record.has_backend_failed;
-  record.F_H_B = safety_.filter(record.step.F_H_B, input);
-  record.safety = safety_.status();
-
-  const Wrench felt = record.F_H_B;
-  keep_time(begin, record);
-  return felt;
-}
-
-/// The hand moves the tool, from the first usable state on; until then 0.
-double HapticLoopImpl::step_seconds(const DeviceState& state) noexcept {
-  if (!has_tool_) {
-    if (!state.is_valid) return 0;
-    coupling_->reset(state);
-    has_tool_ = true;
-    last_state_time_ = state.time - tick_seconds_;
-  }
-  // A late tick is a longer step, but not one without bounds.
-  const double dt =
-      std::clamp(state.time - last_state_time_, tick_seconds_ / 10, 10 * tick_seconds_);
-  last_state_time_ = state.time;
-  return dt;
-}
-
-/// Statistics, and the record on its way to the others.
-void HapticLoopImpl::keep_time(double begin, const HapticRecord& record) noexcept {
-  if (record.safety.fault != Fault::none) {
-    fault_.store(record.safety.fault, std::memory_order_relaxed);
-    if (record.safety.gain <= 0) has_faded_.store(true, std::memory_order_release);
-  }
-  const std::uint64_t number = num_ticks_.load(std::memory_order_relaxed);
-  if (number > 0) times_.haptic_period.record(nanoseconds(begin - last_begin_));
-  last_begin_ = begin;
-  if (record.contact_number > 0) {
-    times_.contact_age.record(nanoseconds(record.contact_age));
-    times_.sensor_to_force.record(nanoseconds(record.sensor_age));
-  }
-  const double took = monotonic_now() - begin;
-  newest_.draft().compute_nanoseconds = nanoseconds(took);
-  times_.haptic_compute.record(nanoseconds(took));
-  if (took > tick_seconds_) num_missed_.fetch_add(1, std::memory_order_relaxed);
-  if (observer_.on_ticks) records_.push(newest_.draft());
-  newest_.publish();
-  num_ticks_.store(number + 1, std::memory_order_release);
-}
-
-bool HapticLoopImpl::latest(HapticRecord& record) noexcept {
-  if (!newest_.refresh()) return false;
-  record = newest_.value();
-  return true;
+  change_.reset();
+  return Done{};
 }
 
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
@@ -273,43 +258,64 @@ void HapticLoopImpl::publish_all() {
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
     drain_queues();
-    const bool has_ended = has_faded_.load(std::memory_order_acquire) || !device_.status();
+    const bool has_ended = haptic_.has_faded() || !device_.status();
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();
   }
 }
 
 void HapticLoopImpl::drain_queues() {
   while (const SeenFrame* seen = surfaces_.seen().front()) {
-    observer_.on_frame(seen->number, seen->time, seen->frame);
+    tell_settings(seen->revision);
+    observer_.on_frame(seen->number, seen->time, seen->frame, seen->revision);
     surfaces_.seen().pop();
   }
   while (const ContactRecord* contact = contacts_.records().front()) {
+    tell_settings(contact->revision);
     observer_.on_contact(*contact);
     contacts_.records().pop();
   }
-  while (records_.front() != nullptr) {
+  RecordQueue<HapticRecord>& ticks = haptic_.records();
+  while (ticks.front() != nullptr) {
     batch_.clear();
-    for (const HapticRecord* record = records_.front(); record != nullptr && batch_.size() < kBatch;
-         record = records_.front()) {
-      batch_.push_back(*record);
-      records_.pop();
+    for (const HapticRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
+         tick = ticks.front()) {
+      batch_.push_back(*tick);
+      ticks.pop();
     }
+    tell_settings(batch_.back().revision);
     observer_.on_ticks(batch_);
+  }
+}
+
+/// Up to this revision, each once.
+void HapticLoopImpl::tell_settings(std::uint32_t revision) {
+  while (told_revision_ < revision) {
+    HapticSettings settings;
+    {
+      const std::lock_guard lock(mutex_);
+      settings = untold_.front();
+      untold_.pop_front();
+    }
+    ++told_revision_;
+    if (observer_.on_settings) observer_.on_settings(told_revision_, settings);
   }
 }
 
 LoopReport HapticLoopImpl::report() const {
   LoopReport report;
-  report.num_ticks = num_ticks_;
+  report.num_ticks = haptic_.num_ticks();
   report.num_contacts = contacts_.num_contacts();
   report.num_frames = surfaces_.num_frames();
-  report.num_missed = num_missed_;
-  report.num_lost_records = records_.num_lost() + surfaces_.num_lost() + contacts_.num_lost();
-  report.notes = notes_;
-  report.fault = fault_;
+  report.num_missed = haptic_.num_missed();
+  report.num_lost_records = haptic_.num_lost() + surfaces_.num_lost() + contacts_.num_lost();
+  {
+    const std::lock_guard lock(mutex_);
+    report.notes = notes_;
+  }
+  report.fault = haptic_.fault();
   report.seconds = (is_running() ? monotonic_now() : end_time_.load()) - start_time_;
   const auto note = [&](std::string text) { report.notes.push_back(std::move(text)); };
-  if (const int refused = real_time_error_) note(scheduler_refused("haptic", refused));
+  if (const int refused = haptic_.real_time_error()) note(scheduler_refused("haptic", refused));
   if (const int refused = contacts_.real_time_error()) note(scheduler_refused("contact", refused));
   if (const auto skipped = surfaces_.num_skipped()) {
     note(std::to_string(skipped) +
@@ -332,7 +338,7 @@ Status HapticLoopImpl::status() const {
                  "the GPU did not answer a contact query in time or is lost; check it with "
                  "nvidia-smi, or use the CPU (--backend cpu)"};
   }
-  switch (const Fault fault = fault_) {
+  switch (const Fault fault = haptic_.fault()) {
     case Fault::none:
     case Fault::stopped: return Done{};
     default: return Error{Errc::unavailable, std::string(describe(fault))};
@@ -345,35 +351,12 @@ Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSo
                                                        HapticDevice& device,
                                                        const HapticSettings& settings,
                                                        HapticObserver observer) {
-  if (const Status status = check(settings); !status) return status.error();
-  const DeviceInfo& info = device.info();
-  if (!(info.rate > 0 && std::isfinite(info.rate))) {
-    return Error{Errc::invalid_argument, info.name + " tells no rate of ticks; it cannot be used"};
-  }
-  auto coupling = check_coupling(settings.coupling, info.limits, 1 / info.rate);
-  if (!coupling) return coupling.error();
-  auto safety = SafetyFilter::create(info.limits, settings.safety);
+  auto parts = make_loop_parts(tool, source.info(), device.info(), settings);
+  if (!parts) return parts.error();
+  auto safety = SafetyFilter::create(device.info().limits, settings.safety);
   if (!safety) return safety.error();
-  std::optional<DepthFieldOptions> field;
-  if (settings.contact.method == InsideMethod::field) field = settings.field;
-  auto timeline =
-      SurfaceTimeline::create(source.info(), settings.surface, field, settings.time,
-                              {settings.backend, settings.sensing_gpu}, SurfaceStage::kNumSpare);
-  if (!timeline) return timeline.error();
-  ContactCapacities capacities;
-  capacities.gpu = settings.contact_gpu;
-  auto query = make_contact_query(settings.backend, tool, capacities);
-  if (!query) return query.error();
-
-  HapticLoopImpl::Parts parts{
-      make_coupling(coupling->options, info.limits, tool.sphere_mass()),
-      *std::move(safety),
-      *std::move(timeline),
-      *std::move(query),
-      thesis_force_scale(coupling->options.force_at_eighth, full_volume(tool, settings.contact)),
-      std::move(coupling->warnings)};
   return std::unique_ptr<HapticLoop>(std::make_unique<HapticLoopImpl>(
-      tool, source, device, settings, std::move(observer), std::move(parts)));
+      tool, source, device, settings, std::move(observer), *std::move(parts), *std::move(safety)));
 }
 
 }  // namespace palpate

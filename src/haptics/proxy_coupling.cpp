@@ -1,6 +1,7 @@
 // A tool without mass: at every tick it is where the spring and the contact balance. What keeps it
 // out of the surface is the contact's stiffness against the spring's, and the hand feels the
 // spring.
+#include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
 #include "src/haptics/turned.h"
 
@@ -21,25 +22,39 @@ class ProxyCoupling final : public Coupling {
         spring_(make_spring(options, limits)),
         hand_(options, tool.centre_of_mass),
         contact_(ContactHold::local_model, radius_of_gyration(tool)),
+        approach_(tool.centre_of_mass),
         c_T_(tool.centre_of_mass),
         radius_(radius_of_gyration(tool)) {}
 
   void reset(const DeviceState& state) noexcept override {
     contact_.reset();
-    X_WT_ = hand_.follow(state).X_WT;
+    X_WT_ = X_WT_shown_ = hand_.follow(state).X_WT;
+    velocity_ = {};
+  }
+  void take_over(const CouplingState& state) noexcept override {
+    contact_.reset();
+    hand_.take_over(state);
+    X_WT_ = X_WT_shown_ = state.X_WT;
+    velocity_ = {state.V_WT.linear, state.V_WT.angular};
+    approach_.begin(X_WT_);
+  }
+  CouplingState state() const noexcept override {
+    return {hand_.X_BH(), hand_.held().X_WT, X_WT_shown_, {velocity_.linear, velocity_.angular}};
   }
 
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);
-    contact_.update(contact, step_length(dt));
+    const double h = step_length(dt);
+    contact_.update(contact, h);
     balance(held);
+    show(approach_.at(X_WT_, h), h);
 
     CouplingStep step;
-    step.X_WT = X_WT_;
+    step.X_WT = X_WT_shown_;
     step.X_WT_hand = held.X_WT;
-    step.contact_W = contact_.felt(X_WT_);
-    const Vec6 stretch = stretch_between(X_WT_, X_WT_ * c_T_, held);
+    step.contact_W = contact_.felt(X_WT_shown_);
+    const Vec6 stretch = stretch_between(X_WT_shown_, X_WT_shown_ * c_T_, held);
     step.F_H_B = hand_.at_handle(to_wrench(-1 * (spring_.rates(stretch) * stretch)));
     step.stretch = norm(stretch.linear);
     step.energy = spring_.energy(stretch) / scale_;
@@ -47,6 +62,14 @@ class ProxyCoupling final : public Coupling {
   }
 
  private:
+  void show(const Pose& X_WT, double dt) {
+    if (dt > 0) {
+      velocity_ = (1 / dt) * Vec6{X_WT * c_T_ - X_WT_shown_ * c_T_,
+                                  turn_between(X_WT_shown_.rotation, X_WT.rotation)};
+    }
+    X_WT_shown_ = X_WT;
+  }
+
   /// Newton's method on spring + contact = 0, from where the tool was.
   void balance(const HeldTool& held) {
     for (int i = 0; i < kMaxIterations; ++i) {
@@ -81,9 +104,12 @@ class ProxyCoupling final : public Coupling {
   Spring spring_;
   Hand hand_;
   HeldContact contact_;
+  Approach approach_;
   Vec3d c_T_;
   double radius_;
-  Pose X_WT_;
+  Pose X_WT_;        // where it belongs
+  Pose X_WT_shown_;  // where it is: there, unless it has just taken over
+  Vec6 velocity_;
 };
 
 }  // namespace

@@ -7,7 +7,6 @@
 #endif
 
 #include <cerrno>
-#include <chrono>
 #include <system_error>
 
 namespace palpate {
@@ -18,10 +17,6 @@ std::string text_of(int error_number) {
 }
 
 }  // namespace
-
-double monotonic_now() noexcept {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 int ask_for_real_time(int priority) noexcept {
   int policy = SCHED_OTHER;

@@ -5,9 +5,6 @@
 
 namespace palpate {
 
-/// The monotonic clock of this computer, s: DeviceState::time.
-double monotonic_now() noexcept;
-
 /// SCHED_FIFO for the calling thread, unless a driver has given it a real-time class already. 0 or
 /// the error number. No allocation.
 int ask_for_real_time(int priority) noexcept;

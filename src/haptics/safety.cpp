@@ -13,6 +13,9 @@ namespace {
 constexpr double kLongestCountedTick = 0.005;
 /// Of a fade at a tick of which the clock says nothing: it ends even if the clock stands still.
 constexpr double kFadePerLostTick = 1e-3;
+/// Share of the tank at which the controller begins. The rest is for a hand that moves faster than
+/// it did a moment ago, before the force has come down.
+constexpr double kControlledShare = 0.5;
 /// Faster than any hand, m/s and rad/s: more than that is a glitch of the device.
 constexpr double kFastestHand = 10, kFastestTurn = 100;
 /// Keeps what was scaled to a limit from being rounded above it.
@@ -91,7 +94,7 @@ Fault SafetyFilter::find_fault(const Wrench& wanted, const SafetyInput& input,
     if (!is_fresh(input.contact_age, options_.max_contact_age)) return Fault::stale_contact;
     if (!is_fresh(input.sensor_age, options_.max_sensor_age)) return Fault::stale_sensor;
   }
-  if (options_.passivity_control && status_.energy > 2 * options_.energy_tank) return Fault::energy;
+  if (options_.passivity_control && status_.energy > options_.energy_tank) return Fault::energy;
   return Fault::none;
 }
 
@@ -162,15 +165,15 @@ Wrench SafetyFilter::limit(const Wrench& wrench) const noexcept {
 }
 
 /// Passivity controller (Hannaford and Ryu 2002). While a force goes down from f to zero at the
-/// slew limit S, a hand that goes along at v is given v (f T + f^2 / (2 S)). If the tank does not
-/// hold that, the force along the motion is lowered to the f for which it does; once the tank is
-/// overdrawn, damping takes energy back, as much as the device can bear.
+/// slew limit S, a hand that goes along at v is given v (f T + f^2 / (2 S)). If the tank's share
+/// does not hold that, the force along the motion is lowered to the f for which it does; once the
+/// share is overdrawn, damping takes energy back, as much as the device can bear.
 Wrench SafetyFilter::damp(const Wrench& wrench, double dt) noexcept {
   if (!options_.passivity_control || !(dt > 0)) return wrench;
   const double speed = norm(motion_.linear);
   const double turning_power = dot(wrench.torque, motion_.angular);
   const double along = speed > 0 ? dot(wrench.force, motion_.linear) / speed : 0;
-  const double rest = options_.energy_tank - status_.energy;
+  const double rest = kControlledShare * options_.energy_tank - status_.energy;
 
   const double stopping = std::max(along, 0.0);
   const double given = speed * stopping * (dt + stopping / (2 * options_.max_slew));

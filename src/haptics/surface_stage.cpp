@@ -4,13 +4,14 @@
 #include <string>
 #include <utility>
 
-#include "src/haptics/real_time.h"
+#include "src/core/monotonic_clock.h"
 
 namespace palpate {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;        // s
 constexpr std::size_t kNumFramesToPublish = 16;  // half a second
+constexpr double kUsualPeriod = 1.0 / 30;        // s, where the stream says none
 
 DepthFrame blank_frame(const DepthStreamInfo& stream) {
   DepthFrame frame;
@@ -30,6 +31,7 @@ SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline, int nu
       pool_(num_threads),
       surface_compute_(surface_compute),
       keeps_frames_(keeps_frames),
+      period_(source.info().rate > 0 ? 1 / source.info().rate : kUsualPeriod),
       frames_(TimedFrame{blank_frame(source.info())}),
       seen_(keeps_frames ? kNumFramesToPublish : 0, SeenFrame{blank_frame(source.info())}) {}
 
@@ -80,20 +82,36 @@ std::uint64_t SurfaceStage::num_skipped() const noexcept {
 }
 
 void SurfaceStage::read_frames() {
+  TimedFrame newest{blank_frame(source_.info())};
   while (!stop_.is_stopping()) {
-    TimedFrame& draft = frames_.draft();
-    const auto got = source_.read(draft.frame);
-    if (!got) return fail(got.error(), source_failed_);
-    if (!*got) break;
-    draft.capture_time = source_.capture_time(draft.frame, monotonic_now());
-    if (stop_.sleep_for(draft.capture_time - monotonic_now())) return;
+    if (may_read()) {
+      const auto got = source_.read(newest.frame);
+      if (!got) return fail(got.error(), source_failed_);
+      if (!*got) break;
+      newest.capture_time = source_.capture_time(newest.frame, monotonic_now());
+    } else {
+      newest.capture_time = std::max(newest.capture_time + period_, monotonic_now());
+    }
+    if (stop_.sleep_for(newest.capture_time - monotonic_now())) return;
+    frames_.draft() = newest;
     num_read_.fetch_add(1, std::memory_order_release);
     frames_.publish();
     bell_.ring();
   }
   // The last frame has its share of time.
-  stop_.sleep_for(num_read_.load() > 0 ? 1 / source_.info().rate : 0);
+  stop_.sleep_for(num_read_.load() > 0 ? period_ : 0);
   source_ended_.store(true, std::memory_order_release);
+}
+
+/// Whether the next frame is to come, not the last one again.
+bool SurfaceStage::may_read() {
+  if (!is_held_.load()) {
+    num_stepped_ = num_steps_.load();
+    return true;
+  }
+  if (num_stepped_ == num_steps_.load()) return num_read_.load() == 0;
+  ++num_stepped_;
+  return true;
 }
 
 /// The newest frame, once its surface has a place; null at the end.
@@ -113,20 +131,53 @@ void SurfaceStage::make_surfaces() {
     const TimedFrame* const newest = next_frame();
     if (newest == nullptr) return;
     const double begin = monotonic_now();
+    const std::uint32_t revision = take_change();
     timeline_.push(newest->frame, newest->capture_time, pool_);
     const double end = monotonic_now();
     surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
     if (!timeline_.status()) return fail(timeline_.status().error(), backend_failed_);
     surfaces_.publish({timeline_.at(newest->capture_time), end, newest->capture_time,
-                       timeline_.period(), number});
+                       timeline_.period(), number, revision});
     if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
       seen->frame = newest->frame;
       seen->time = newest->capture_time;
       seen->number = number;
+      seen->revision = revision;
       seen_.push();
     }
     num_made_.store(number + 1, std::memory_order_release);
+    if (wants_picture_.exchange(false)) make_picture(number);
   }
+}
+
+/// The revision that the next surface is made with.
+std::uint32_t SurfaceStage::take_change() {
+  if (SurfaceChange* const change = changes_.look()) {
+    std::swap(timeline_, *change->timeline);
+    revision_.store(change->revision);
+    changes_.settle();
+  }
+  return revision_.load();
+}
+
+void SurfaceStage::make_picture(std::uint64_t number) {
+  const PointCloud cloud = timeline_.newest_cloud();
+  const PointCloudView& seen = timeline_.at(0).to.cloud;
+  SurfacePicture& picture = pictures_.draft();
+  picture.frame_number = number;
+  picture.width = cloud.width();
+  picture.height = cloud.height();
+  picture.points.resize(cloud.size());
+  picture.normals.resize(cloud.size());
+  // A GPU keeps them to itself.
+  const bool has_edges = seen.edge_x != nullptr && seen.gpu == kHostMemory;
+  picture.edges.resize(has_edges ? cloud.size() : 0);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    picture.points[i] = cloud.point(i);
+    picture.normals[i] = cloud.normal(i);
+    if (has_edges) picture.edges[i] = {seen.edge_x[i], seen.edge_y[i], seen.edge_z[i]};
+  }
+  pictures_.publish();
 }
 
 bool SurfaceStage::take() noexcept {

@@ -5,12 +5,13 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 
-#include "palpate/core/latency_histogram.h"
 #include "palpate/core/triple_buffer.h"
-#include "palpate/field/surface_timeline.h"
+#include "palpate/haptics/haptic_loop.h"
 #include "src/haptics/bell.h"
+#include "src/haptics/handover.h"
 #include "src/haptics/paced_source.h"
 #include "src/haptics/record_queue.h"
 
@@ -22,6 +23,7 @@ struct LiveSurfaces {
   double ready_time = 0, capture_time = 0;  ///< s, monotonic
   double period = 1;                        ///< s, expected until the next ones
   std::uint64_t frame_number = 0;           ///< of `moment.to`, from 0; `from` is the one before
+  std::uint32_t revision = 0;               ///< of the settings it was made with
 };
 
 /// A frame that has become a surface, for observers.
@@ -29,6 +31,13 @@ struct SeenFrame {
   DepthFrame frame;
   double time = 0;  ///< s, monotonic: captured
   std::uint64_t number = 0;
+  std::uint32_t revision = 0;
+};
+
+/// Another timeline; once settled, the one before.
+struct SurfaceChange {
+  std::uint32_t revision = 0;
+  std::optional<SurfaceTimeline> timeline;
 };
 
 /// The timeline keeps one surface more than are looked at: the next frame is made into that one
@@ -52,6 +61,23 @@ class SurfaceStage {
   bool take() noexcept;
   const LiveSurfaces& taken() const noexcept { return surfaces_.value(); }
 
+  /// The next frame goes into another timeline. The surfaces of the one before are looked at until
+  /// the contact thread takes newer ones.
+  Handover<SurfaceChange>& changes() noexcept { return changes_; }
+  /// Of settings that do not concern surfaces.
+  void set_revision(std::uint32_t revision) noexcept { revision_.store(revision); }
+
+  /// While frames are held, the last one comes again and again, as from a camera; `step` lets one
+  /// more through. Any thread.
+  void hold(bool is_held) noexcept { is_held_.store(is_held); }
+  void step() noexcept { num_steps_.fetch_add(1); }
+
+  void ask_for_picture() noexcept { wants_picture_.store(true); }
+  /// The newest one, if it is new; one reader.
+  const SurfacePicture* new_picture() noexcept {
+    return pictures_.refresh() ? &pictures_.value() : nullptr;
+  }
+
   /// How the stage has ended, if it has; any thread.
   bool has_source_ended() const noexcept { return source_ended_.load(std::memory_order_acquire); }
   bool has_source_failed() const noexcept { return source_failed_.load(std::memory_order_acquire); }
@@ -74,8 +100,11 @@ class SurfaceStage {
   };
 
   void read_frames();
+  bool may_read();
   void make_surfaces();
+  std::uint32_t take_change();
   const TimedFrame* next_frame();
+  void make_picture(std::uint64_t number);
   void fail(const Error& error, std::atomic<bool>& flag);
 
   PacedSource source_;
@@ -83,13 +112,19 @@ class SurfaceStage {
   ThreadPool pool_;
   LatencyHistogram& surface_compute_;
   const bool keeps_frames_;
+  const double period_;  // s, of frames, as the stream says
 
   TripleBuffer<TimedFrame> frames_;      // sensor thread to surface thread
   TripleBuffer<LiveSurfaces> surfaces_;  // surface thread to contact thread
   RecordQueue<SeenFrame> seen_;          // surface thread to publishing thread
-  Bell bell_;                            // for the surface thread
+  TripleBuffer<SurfacePicture> pictures_;
+  Handover<SurfaceChange> changes_;
+  Bell bell_;  // for the surface thread
   StopSignal stop_;
   std::atomic<std::uint64_t> num_read_ = 0, num_made_ = 0, num_taken_ = 0;
+  std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;
+  std::uint32_t num_stepped_ = 0;  // of the sensor thread
+  std::atomic<bool> is_held_ = false, wants_picture_ = false;
   std::atomic<bool> source_ended_ = false, source_failed_ = false, backend_failed_ = false;
   mutable std::mutex error_mutex_;
   Status status_ = Done{};

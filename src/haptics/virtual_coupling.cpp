@@ -52,6 +52,16 @@ class VirtualCoupling final : public Coupling {
     contact_.reset();
     rest_at(hand_.follow(state));
   }
+  void take_over(const CouplingState& state) noexcept override {
+    contact_.reset();
+    hand_.take_over(state);
+    X_WT_ = state.X_WT;
+    p_WC_ = X_WT_ * c_T_;
+    velocity_ = {state.V_WT.linear, state.V_WT.angular};
+  }
+  CouplingState state() const noexcept override {
+    return {hand_.X_BH(), hand_.held().X_WT, X_WT_, {velocity_.linear, velocity_.angular}};
+  }
 
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {

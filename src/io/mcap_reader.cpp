@@ -14,7 +14,7 @@ using mcap::Op;
 struct McapReader::Impl {
   std::filesystem::path path;
   std::ifstream file;
-  std::uint64_t file_size = 0, position = 0;
+  std::uint64_t file_size = 0, position = 0, chunk_place = 0;
   std::string chunk;
   Cursor in_chunk{{}};
   std::map<std::uint16_t, McapChannel> channels;
@@ -102,6 +102,7 @@ Result<bool> McapReader::Impl::next_chunk() {
       chunk = std::string(records);
     }
     in_chunk = Cursor(chunk);
+    chunk_place = position;
     position += sizeof head + length;
     return true;
   }
@@ -160,5 +161,14 @@ Result<std::optional<McapMessage>> McapReader::next() {
 
 const std::map<std::uint16_t, McapChannel>& McapReader::channels() const { return impl_->channels; }
 bool McapReader::was_cut_off() const { return impl_->is_cut_off; }
+
+std::uint64_t McapReader::chunk_place() const { return impl_->chunk_place; }
+
+void McapReader::seek(std::uint64_t chunk_place) {
+  impl_->file.clear();
+  impl_->position = chunk_place;
+  impl_->in_chunk = Cursor({});
+  impl_->is_over = impl_->is_cut_off = false;
+}
 
 }  // namespace palpate

@@ -7,54 +7,10 @@
 
 #include "palpate/core/assert.h"
 #include "palpate/math/sphere.h"
+#include "src/mesh/rings.h"
 
 namespace palpate {
 namespace {
-
-using Index = std::uint32_t;
-
-Index add_vertex(TriangleMesh& mesh, const Vec3d& p) {
-  mesh.vertices.push_back(p);
-  return static_cast<Index>(mesh.vertices.size() - 1);
-}
-
-/// A circle of vertices is named by its first index.
-struct Ring {
-  Index first;
-  Index count;
-
-  Index operator[](Index i) const { return first + i % count; }
-};
-
-/// Circle around `centre` from e1 towards e2 (both of length one).
-Ring add_ring(TriangleMesh& mesh, const Vec3d& centre, const Vec3d& e1, const Vec3d& e2,
-              double radius, int segments) {
-  const Ring ring{static_cast<Index>(mesh.vertices.size()), static_cast<Index>(segments)};
-  for (int i = 0; i < segments; ++i) {
-    const double angle = 2 * kPi * i / segments;
-    add_vertex(mesh, centre + (e1 * std::cos(angle) + e2 * std::sin(angle)) * radius);
-  }
-  return ring;
-}
-
-/// The tube wall from `a` to `b`, which lies on the side of e1 x e2.
-void connect(TriangleMesh& mesh, const Ring& a, const Ring& b) {
-  for (Index i = 0; i < a.count; ++i) {
-    mesh.triangles.push_back({a[i], a[i + 1], b[i + 1]});
-    mesh.triangles.push_back({a[i], b[i + 1], b[i]});
-  }
-}
-
-/// Faces from the ring to an apex on the side of e1 x e2.
-void close_above(TriangleMesh& mesh, const Ring& ring, const Vec3d& apex) {
-  const Index top = add_vertex(mesh, apex);
-  for (Index i = 0; i < ring.count; ++i) mesh.triangles.push_back({ring[i], ring[i + 1], top});
-}
-
-void close_below(TriangleMesh& mesh, const Ring& ring, const Vec3d& apex) {
-  const Index bottom = add_vertex(mesh, apex);
-  for (Index i = 0; i < ring.count; ++i) mesh.triangles.push_back({ring[i + 1], ring[i], bottom});
-}
 
 constexpr Vec3d kX{1, 0, 0}, kY{0, 1, 0};
 
@@ -133,6 +89,7 @@ TriangleMesh make_icosphere(double radius, int subdivisions) {
        {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}}};
   for (Vec3d& p : mesh.vertices) p = normalized(p);
 
+  using Index = std::uint32_t;
   for (int level = 0; level < subdivisions; ++level) {
     std::map<std::pair<Index, Index>, Index> middles;
     const auto middle = [&](Index a, Index b) {

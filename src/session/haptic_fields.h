@@ -1,5 +1,6 @@
 // What the messages of a haptic recording hold: each structure once, for writing, reading and
-// describing it. `visit(name, member)` is called for every member.
+// describing it. `visit(name, member)` is called for every member, `visit.optional(name, member)`
+// for those that are left out when they are 0.
 #pragma once
 
 #include <concepts>
@@ -93,6 +94,7 @@ void visit_fields(T& tick, auto&& visit) {
   visit("has_sensor_failed", tick.has_sensor_failed);
   visit("has_backend_failed", tick.has_backend_failed);
   visit("compute_nanoseconds", tick.compute_nanoseconds);
+  visit.optional("revision", tick.revision);
 }
 
 template <Of<Penetration> T>
@@ -131,6 +133,7 @@ void visit_fields(T& record, auto&& visit) {
   visit("tool", record.X_WT);
   visit("penetration", record.penetration);
   visit("contact", record.contact);
+  visit.optional("revision", record.revision);
 }
 
 template <Of<DeviceLimits> T>

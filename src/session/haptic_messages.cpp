@@ -56,6 +56,9 @@ class Writer {
     text_ += "\":";
     put(value);
   }
+  void optional(const char* name, std::uint32_t value) {
+    if (value != 0) (*this)(name, value);
+  }
 
  private:
   void put(bool value) { text_ += value ? "true" : "false"; }
@@ -98,6 +101,9 @@ class Reader {
   void operator()(const char* name, T& value) const {
     get(json_.at(name), value);
   }
+  void optional(const char* name, std::uint32_t& value) const {
+    if (json_.contains(name)) get(json_.at(name), value);
+  }
 
  private:
   template <class T>
@@ -133,6 +139,7 @@ class Schema {
   void operator()(const char* name, const T& value) {
     properties_[name] = type(value);
   }
+  void optional(const char* name, std::uint32_t value) { (*this)(name, value); }
   Json object() const { return {{"type", "object"}, {"properties", properties_}}; }
 
  private:
@@ -203,6 +210,8 @@ const char* const kTimeSchema =
 
 }  // namespace
 
+std::string fault_name(Fault fault) { return name_of(kFaultNames, fault); }
+
 McapChannel settings_channel() {
   return {kSettingsTopic, "palpate.HapticSettings", R"({"type":"object"})"};
 }
@@ -214,7 +223,8 @@ McapChannel depth_channel() {
               R"(,"frame_id":{"type":"string"},)"
               R"("data":{"type":"string","contentEncoding":"base64"},"format":{"type":"string"},)"
               R"("number":{"type":"integer"},"capture_time":{"type":"number"},)"
-              R"("source_time":{"type":"number"},"unit":{"type":"number"}}})"};
+              R"("source_time":{"type":"number"},"unit":{"type":"number"},)"
+              R"("revision":{"type":"integer"}}})"};
 }
 
 McapChannel contact_channel() {
@@ -231,28 +241,31 @@ McapChannel note_channel() {
 }
 
 std::string settings_message(const HapticSetup& setup) {
-  const Json json{{"format", kHapticFormat},
-                  {"version", kHapticVersion},
-                  {"program", PALPATE_VERSION},
-                  {"settings", to_json(setup.settings)},
-                  {"stream", to_json(setup.stream)},
-                  {"device", Json::parse(text_of(setup.device))},
-                  {"tool", {{"file", kHapticTool}, {"xxh3", setup.tool_checksum}}}};
+  Json json{{"format", kHapticFormat},
+            {"version", kHapticVersion},
+            {"program", PALPATE_VERSION},
+            {"settings", to_json(setup.settings)},
+            {"stream", to_json(setup.stream)},
+            {"device", Json::parse(text_of(setup.device))},
+            {"tool", {{"file", kHapticTool}, {"xxh3", setup.tool_checksum}}}};
+  if (setup.revision != 0) json["revision"] = setup.revision;
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 Result<std::string> depth_message(std::uint64_t number, double capture_time,
-                                  const DepthFrame& frame, std::uint64_t time) {
+                                  const DepthFrame& frame, std::uint64_t time,
+                                  std::uint32_t revision) {
   const auto png = encode_depth_png(frame, "depth frame " + std::to_string(number));
   if (!png) return png.error();
-  const Json json{{"timestamp", time_json(time)},
-                  {"frame_id", "camera"},
-                  {"format", "png"},
-                  {"number", number},
-                  {"capture_time", capture_time},
-                  {"source_time", frame.timestamp},
-                  {"unit", frame.unit},
-                  {"data", base64(*png)}};
+  Json json{{"timestamp", time_json(time)},
+            {"frame_id", "camera"},
+            {"format", "png"},
+            {"number", number},
+            {"capture_time", capture_time},
+            {"source_time", frame.timestamp},
+            {"unit", frame.unit},
+            {"data", base64(*png)}};
+  if (revision != 0) json["revision"] = revision;
   return json.dump();
 }
 
@@ -289,6 +302,7 @@ Result<HapticSetup> read_settings(std::string_view message) {
     setup.stream = stream_from_json(json.at("stream"));
     visit_fields(setup.device, Reader(json.at("device")));
     json.at("tool").at("xxh3").get_to(setup.tool_checksum);
+    setup.revision = json.value("revision", 0u);
     return setup;
   });
 }
@@ -298,6 +312,7 @@ Result<HapticFrame> read_depth(std::string_view message) {
     HapticFrame seen;
     json.at("number").get_to(seen.number);
     json.at("capture_time").get_to(seen.capture_time);
+    seen.revision = json.value("revision", 0u);
     const auto png = from_base64(json.at("data").get_ref<const std::string&>());
     if (!png) return Error{Errc::bad_input, "a depth frame is not base64; record the run again"};
     auto frame = decode_depth_png(*png, "depth frame " + std::to_string(seen.number),

@@ -16,7 +16,8 @@ struct HapticSetup {
   HapticSettings settings;
   DepthStreamInfo stream;
   DeviceInfo device;
-  std::string tool_checksum;  ///< of the file kHapticTool beside the recording
+  std::string tool_checksum;   ///< of the file kHapticTool beside the recording
+  std::uint32_t revision = 0;  ///< of the settings: counts what was changed while the loop ran
 };
 
 /// A depth frame, and when the surfaces were told it was captured.
@@ -24,6 +25,7 @@ struct HapticFrame {
   std::uint64_t number = 0;
   double capture_time = 0;  ///< s, monotonic
   DepthFrame frame;
+  std::uint32_t revision = 0;  ///< of the settings that its surface was made with
 };
 
 inline constexpr const char* kHapticFormat = "palpate haptic run";
@@ -36,6 +38,9 @@ inline constexpr const char* kContactTopic = "/contact";
 inline constexpr const char* kTickTopic = "/tick";
 inline constexpr const char* kNoteTopic = "/note";
 
+/// As messages and summaries call it.
+std::string fault_name(Fault fault);
+
 McapChannel settings_channel();
 McapChannel depth_channel();
 McapChannel contact_channel();
@@ -45,7 +50,8 @@ McapChannel note_channel();
 std::string settings_message(const HapticSetup& setup);
 /// `time` since 1970 in ns, for viewers. Error: the frame is no image.
 Result<std::string> depth_message(std::uint64_t number, double capture_time,
-                                  const DepthFrame& frame, std::uint64_t time);
+                                  const DepthFrame& frame, std::uint64_t time,
+                                  std::uint32_t revision = 0);
 std::string contact_message(const ContactRecord& contact);
 std::string tick_message(const HapticRecord& tick);
 std::string note_message(std::string_view text, std::uint64_t time);

@@ -14,7 +14,8 @@ double seconds() {
 
 }  // namespace
 
-HapticRecorder::HapticRecorder(McapWriter writer) : writer_(std::move(writer)) {
+HapticRecorder::HapticRecorder(McapWriter writer, const HapticSetup& setup)
+    : writer_(std::move(writer)), setup_(setup) {
   settings_ = writer_.add_channel(settings_channel());
   depth_ = writer_.add_channel(depth_channel());
   contact_ = writer_.add_channel(contact_channel());
@@ -29,7 +30,7 @@ Result<HapticRecorder> HapticRecorder::create(const std::filesystem::path& path,
                                               const HapticSetup& setup) {
   auto writer = McapWriter::create(path);
   if (!writer) return writer.error();
-  HapticRecorder recorder(*std::move(writer));
+  HapticRecorder recorder(*std::move(writer), setup);
   // On the disk before the run: without them nothing else can be understood.
   Status status =
       recorder.writer_.write(recorder.settings_, recorder.last_time_, settings_message(setup));
@@ -55,10 +56,17 @@ void HapticRecorder::write(std::uint16_t channel, std::uint64_t time, std::strin
   }
 }
 
-void HapticRecorder::add_frame(std::uint64_t number, double capture_time, const DepthFrame& frame) {
+void HapticRecorder::add_settings(std::uint32_t revision, const HapticSettings& settings) {
+  setup_.revision = revision;
+  setup_.settings = settings;
+  write(settings_, last_time_, settings_message(setup_));
+}
+
+void HapticRecorder::add_frame(std::uint64_t number, double capture_time, const DepthFrame& frame,
+                               std::uint32_t revision) {
   if (!trouble_.empty()) return;
   const std::uint64_t time = wall_time(capture_time);
-  const auto message = depth_message(number, capture_time, frame, time);
+  const auto message = depth_message(number, capture_time, frame, time, revision);
   if (!message) return end_with(message.error());
   write(depth_, time, *message);
 }
@@ -73,6 +81,11 @@ void HapticRecorder::add_tick(const HapticRecord& tick) {
 
 void HapticRecorder::add_note(std::string_view text) {
   write(note_, last_time_, note_message(text, last_time_));
+}
+
+void HapticRecorder::add_note(std::string_view text, double time) {
+  const std::uint64_t wall = wall_time(time);
+  write(note_, wall, note_message(text, wall));
 }
 
 void HapticRecorder::finish() {

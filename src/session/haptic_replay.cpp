@@ -1,15 +1,16 @@
 // A haptic run once more, from its recording alone.
 #include <deque>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "palpate/contact/blended_query.h"
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/tool_file.h"
 #include "palpate/session/checksum.h"
 #include "palpate/session/haptic_run.h"
-#include "src/session/haptic_messages.h"
+#include "src/session/haptic_repetition.h"
+#include "src/session/haptic_results.h"
 
 namespace palpate {
 namespace fs = std::filesystem;
@@ -28,141 +29,121 @@ std::string difference(const std::string& what, const std::string& recorded,
   return what + ", " + path + ": recorded " + a.at(at).dump() + ", repeated " + b.at(at).dump();
 }
 
-/// The contact side: frames to surfaces, poses to contacts.
-class ContactRepetition {
+/// A repetition that is kept as a run of its own. Times of computing are those of the recording.
+class RepeatedRun {
  public:
-  static Result<ContactRepetition> create(const Tool& tool, const HapticSetup& setup,
-                                          const CouplingOptions& coupling, int num_threads) {
-    const HapticSettings& s = setup.settings;
-    std::optional<DepthFieldOptions> field;
-    if (s.contact.method == InsideMethod::field) field = s.field;
-    auto timeline =
-        SurfaceTimeline::create(setup.stream, s.surface, field, s.time, {s.backend, s.sensing_gpu});
-    if (!timeline) return timeline.error();
-    ContactCapacities capacities;
-    capacities.gpu = s.contact_gpu;
-    auto query = make_contact_query(s.backend, tool, capacities);
-    if (!query) return query.error();
-    return ContactRepetition(
-        s.contact, *std::move(timeline), *std::move(query), num_threads,
-        tool.sphere_mass().centre_of_mass,
-        thesis_force_scale(coupling.force_at_eighth, full_volume(tool, s.contact)));
-  }
-
-  void add(HapticFrame frame) { frames_.push_back(std::move(frame)); }
-
-  /// Whether all frames up to this one are there.
-  bool has_frames_until(std::uint64_t number) const {
-    return number < num_pushed_ + frames_.size();
-  }
-  /// The first frame that is there while one before it is not.
-  bool has_gap() const {
-    return !frames_.empty() && frames_.back().number + 1 != num_pushed_ + frames_.size();
-  }
-
-  /// What a query at the same moment and pose gives. Its frames must be there.
-  ContactRecord repeat(const ContactRecord& recorded) {
-    while (num_pushed_ <= recorded.frame_number) {
-      const HapticFrame& next = frames_.front();
-      timeline_.push(next.frame, next.capture_time, *pool_);
-      moment_ = timeline_.at(next.capture_time);
-      capture_time_ = next.capture_time;
-      frames_.pop_front();
-      ++num_pushed_;
+  /// Errors: the folder is in the way or cannot be made, the recording cannot be copied.
+  static Result<std::unique_ptr<RepeatedRun>> create(const fs::path& output, const fs::path& run) {
+    auto folder = RunFolder::create(output);
+    if (!folder) return folder.error();
+    for (const char* file : {kHapticRecording, kHapticTool}) {
+      std::error_code error;
+      fs::copy_file(run / file, folder->partial() / file, error);
+      if (error) {
+        return Error{Errc::io_failure,
+                     "cannot copy " + (run / file).string() + ": " + error.message()};
+      }
     }
-    ContactRecord repeated = recorded;
-    repeated.capture_time = capture_time_;
-    moment_.progress = recorded.progress;
-    query_->set_moment(moment_);
-    repeated.penetration = query_->query(recorded.X_WT, options_);
-    // A stiffness that was kept from an earlier contact is taken as it was.
-    Stiffness stiffness = recorded.contact.stiffness;
-    if (recorded.has_new_stiffness) stiffness = query_->stiffness();
-    repeated.contact =
-        local_contact(repeated.penetration, stiffness, recorded.X_WT, centre_of_mass_T_, scale_,
-                      recorded.contact.time, recorded.contact.time - capture_time_);
-    if (!recorded.has_new_stiffness) {
-      repeated.contact.stiffness = recorded.contact.stiffness;
-      repeated.contact.max_stiffness = recorded.contact.max_stiffness;
+    return std::unique_ptr<RepeatedRun>(new RepeatedRun(*std::move(folder)));
+  }
+
+  void add(const HapticSetup& setup) {
+    if (setup.revision == 0) {
+      log_.setup = setup;
+    } else {
+      results_.add_settings(setup.settings);
     }
-    return repeated;
+  }
+  void add(const HapticFrame& frame) {
+    results_.add_frame(frame.capture_time);
+    ++log_.loop.num_frames;
+  }
+  void add(const HapticRecord& tick) {
+    results_.add_tick(tick);
+    LoopReport& loop = log_.loop;
+    if (loop.num_ticks++ > 0) times_.haptic_period.record(nanoseconds(tick.time - loop.seconds));
+    loop.seconds = tick.time;
+    if (tick.safety.fault != Fault::none) loop.fault = tick.safety.fault;
+    times_.haptic_compute.record(tick.compute_nanoseconds);
+    loop.num_missed += static_cast<double>(tick.compute_nanoseconds) > 1e9 / log_.setup.device.rate;
+    if (tick.contact_number == 0) return;
+    times_.contact_age.record(nanoseconds(tick.contact_age));
+    times_.sensor_to_force.record(nanoseconds(tick.sensor_age));
+  }
+  Status finish(const Tool& tool, const ReplayOutcome& outcome) {
+    const HapticSetup& setup = log_.setup;
+    const auto coupling =
+        check_coupling(setup.settings.coupling, setup.device.limits, 1 / setup.device.rate);
+    if (!coupling) return coupling.error();
+    log_.coupling = coupling->options;
+    log_.loop.num_contacts = outcome.num_contacts;
+    if (!outcome.note.empty()) log_.warnings.push_back(outcome.note);
+    results_.write(folder_.partial(), tool, times_, log_);
+    return folder_.commit();
   }
 
  private:
-  ContactRepetition(const ContactOptions& options, SurfaceTimeline timeline,
-                    std::unique_ptr<ContactQuery> query, int num_threads,
-                    const Vec3d& centre_of_mass_T, const ForceScale& scale)
-      : options_(options),
-        timeline_(std::move(timeline)),
-        query_(std::make_unique<BlendedQuery>(std::move(query))),
-        pool_(std::make_unique<ThreadPool>(num_threads)),
-        centre_of_mass_T_(centre_of_mass_T),
-        scale_(scale) {}
-
-  ContactOptions options_;
-  SurfaceTimeline timeline_;
-  std::unique_ptr<BlendedQuery> query_;
-  std::unique_ptr<ThreadPool> pool_;
-  Vec3d centre_of_mass_T_;
-  ForceScale scale_;
-  std::deque<HapticFrame> frames_;  // not yet pushed
-  std::uint64_t num_pushed_ = 0;
-  SurfaceMoment moment_;
-  double capture_time_ = 0;
-};
-
-/// The hand's side: device states and contacts to wrenches.
-class TickRepetition {
- public:
-  TickRepetition(std::unique_ptr<Coupling> coupling, SafetyFilter safety)
-      : coupling_(std::move(coupling)), safety_(std::move(safety)) {}
-
-  HapticRecord repeat(const HapticRecord& recorded, const LocalContact& contact) {
-    HapticRecord tick = recorded;
-    tick.step = {};
-    if (recorded.dt > 0) {
-      if (!std::exchange(has_tool_, true)) coupling_->reset(recorded.device);
-      tick.step = coupling_->step(recorded.device, contact, recorded.dt);
-    }
-    if (recorded.is_stopping && safety_.status().fault == Fault::none) safety_.stop();
-    tick.F_H_B = safety_.filter(tick.step.F_H_B,
-                                {recorded.device.time, recorded.device, recorded.contact_age,
-                                 recorded.has_sensor_failed ? kLostSensorAge : recorded.sensor_age,
-                                 recorded.has_backend_failed});
-    tick.safety = safety_.status();
-    return tick;
+  explicit RepeatedRun(RunFolder folder)
+      : folder_(std::move(folder)), results_(folder_.partial()) {}
+  static std::int64_t nanoseconds(double seconds) {
+    return static_cast<std::int64_t>(1e9 * seconds);
   }
 
- private:
-  std::unique_ptr<Coupling> coupling_;
-  SafetyFilter safety_;
-  bool has_tool_ = false;
+  RunFolder folder_;
+  HapticResults results_;
+  LoopTimes times_;
+  HapticLog log_;
 };
 
 /// Both sides, fed with messages in the order of the file. What belongs together may come out of
 /// order by a few milliseconds, so each side waits for what it needs.
 class Repetition {
  public:
-  Repetition(ContactRepetition contacts, TickRepetition ticks)
-      : contacts_(std::move(contacts)), ticks_(std::move(ticks)) {}
+  /// `kept` may be null.
+  Repetition(const Tool& tool, SafetyFilter safety, int num_threads, RepeatedRun* kept)
+      : tool_(tool),
+        kept_(kept),
+        contacts_(tool.sphere_mass().centre_of_mass, num_threads),
+        ticks_(std::move(safety)) {}
+
+  /// The settings of the run, then those that followed while it went on.
+  Status take(const HapticSetup& setup) {
+    if (setup.revision != num_settings_) return missing_settings();
+    auto parts = make_revision(tool_, setup, num_settings_ > 0 ? &settings_ : nullptr);
+    if (!parts) return parts.error();
+    contacts_.add(setup.revision, *parts);
+    ticks_.add(setup.revision, *parts);
+    settings_ = setup.settings;
+    ++num_settings_;
+    if (kept_ != nullptr) kept_->add(setup);
+    return Done{};
+  }
 
   const ReplayOutcome& outcome() const { return outcome_; }
   bool has_differed() const { return !outcome_.difference.empty(); }
 
   Status take(std::string_view topic, std::string_view message) {
-    if (topic == kDepthTopic) {
+    if (topic == kSettingsTopic) {
+      const auto setup = read_settings(message);
+      if (!setup) return setup.error();
+      if (const Status status = take(*setup); !status) return status;
+    } else if (topic == kDepthTopic) {
       auto frame = read_depth(message);
       if (!frame) return frame.error();
+      if (frame->revision >= num_settings_) return missing_settings();
+      if (kept_ != nullptr) kept_->add(*frame);
       if (can_repeat_contacts_) contacts_.add(*std::move(frame));
       if (contacts_.has_gap()) end_contacts("a depth frame");
     } else if (topic == kContactTopic) {
       auto contact = read_contact(message);
       if (!contact) return contact.error();
+      if (contact->revision >= num_settings_) return missing_settings();
       known_[contact->number] = contact->contact;
       if (can_repeat_contacts_) waiting_contacts_.push_back({*contact, std::string(message)});
     } else if (topic == kTickTopic && can_repeat_ticks_) {
       auto tick = read_tick(message);
       if (!tick) return tick.error();
+      if (tick->revision >= num_settings_) return missing_settings();
       if (tick->number != num_seen_++) return end_ticks("ticks"), Done{};
       waiting_ticks_.push_back({*tick, std::string(message)});
     }
@@ -184,6 +165,10 @@ class Repetition {
     std::string message;
   };
 
+  Error missing_settings() const {
+    return {Errc::bad_input, "settings of revision " + std::to_string(num_settings_) +
+                                 " are missing; record the run again"};
+  }
   void add_note(const std::string& note) {
     outcome_.note += (outcome_.note.empty() ? "" : "; ") + note;
   }
@@ -220,17 +205,22 @@ class Repetition {
       if (is_measured && known_.begin()->first != recorded.contact_number) {
         return end_ticks("contacts");
       }
+      const HapticRecord repeated =
+          ticks_.repeat(recorded, is_measured ? known_.begin()->second : LocalContact{});
+      if (kept_ != nullptr) kept_->add(repeated);
       outcome_.difference =
-          difference("tick " + std::to_string(recorded.number), message,
-                     tick_message(ticks_.repeat(
-                         recorded, is_measured ? known_.begin()->second : LocalContact{})));
+          difference("tick " + std::to_string(recorded.number), message, tick_message(repeated));
       ++outcome_.num_ticks;
       waiting_ticks_.pop_front();
     }
   }
 
+  const Tool& tool_;
+  RepeatedRun* kept_;
   ContactRepetition contacts_;
   TickRepetition ticks_;
+  HapticSettings settings_;  // the newest
+  std::uint32_t num_settings_ = 0;
   std::map<std::uint64_t, LocalContact> known_;  // by number
   std::deque<Waiting<ContactRecord>> waiting_contacts_;
   std::deque<Waiting<HapticRecord>> waiting_ticks_;
@@ -250,20 +240,16 @@ Result<Tool> load_recorded_tool(const fs::path& path, const std::string& expecte
   return load_tool(path);
 }
 
-Result<Repetition> make_repetition(const Tool& tool, const HapticSetup& setup, int num_threads) {
-  const DeviceLimits& limits = setup.device.limits;
+Result<Repetition> make_repetition(const Tool& tool, const HapticSetup& setup, int num_threads,
+                                   RepeatedRun* kept) {
   if (!(setup.device.rate > 0)) {
     return Error{Errc::bad_input, "the recording tells no rate of ticks; record the run again"};
   }
-  const auto coupling = check_coupling(setup.settings.coupling, limits, 1 / setup.device.rate);
-  if (!coupling) return coupling.error();
-  auto safety = SafetyFilter::create(limits, setup.settings.safety);
+  auto safety = SafetyFilter::create(setup.device.limits, setup.settings.safety);
   if (!safety) return safety.error();
-  auto contacts = ContactRepetition::create(tool, setup, coupling->options, num_threads);
-  if (!contacts) return contacts.error();
-  return Repetition(*std::move(contacts),
-                    TickRepetition(make_coupling(coupling->options, limits, tool.sphere_mass()),
-                                   *std::move(safety)));
+  Repetition repetition(tool, *std::move(safety), num_threads, kept);
+  if (const Status status = repetition.take(setup); !status) return status.error();
+  return repetition;
 }
 
 /// The settings, which are the first message of every recording.
@@ -285,10 +271,6 @@ bool is_haptic_run(const fs::path& folder) {
 }
 
 Result<ReplayOutcome> replay_haptic_run(const fs::path& folder, const ReplayOptions& options) {
-  if (options.output) {
-    return Error{Errc::invalid_argument,
-                 "a haptic run is repeated and compared, but not kept once more; copy its folder"};
-  }
   const fs::path path = folder / kHapticRecording;
   auto reader = McapReader::open(path);
   if (!reader) return reader.error();
@@ -296,8 +278,14 @@ Result<ReplayOutcome> replay_haptic_run(const fs::path& folder, const ReplayOpti
   if (!setup) return setup.error();
   const auto tool = load_recorded_tool(folder / kHapticTool, setup->tool_checksum);
   if (!tool) return tool.error();
-  auto repetition =
-      make_repetition(*tool, *setup, options.num_threads.value_or(setup->settings.num_threads));
+  std::unique_ptr<RepeatedRun> kept;
+  if (options.output) {
+    auto run = RepeatedRun::create(*options.output, folder);
+    if (!run) return run.error();
+    kept = *std::move(run);
+  }
+  auto repetition = make_repetition(
+      *tool, *setup, options.num_threads.value_or(setup->settings.num_threads), kept.get());
   if (!repetition) return repetition.error();
 
   while (!repetition->has_differed()) {
@@ -313,6 +301,11 @@ Result<ReplayOutcome> replay_haptic_run(const fs::path& folder, const ReplayOpti
     }
   }
   if (!repetition->has_differed()) repetition->end(reader->was_cut_off());
+  if (kept) {
+    if (const Status status = kept->finish(*tool, repetition->outcome()); !status) {
+      return status.error();
+    }
+  }
   return repetition->outcome();
 }
 

@@ -26,6 +26,8 @@ struct Stage {
 
 std::vector<Stage> stages(const LoopTimes& times) {
   return {{"haptic_compute", "haptic tick: computing", times.haptic_compute},
+          {"haptic_cpu", "haptic tick: computing, without what others ran on its core meanwhile",
+           times.haptic_cpu},
           {"haptic_period", "haptic tick: from one to the next", times.haptic_period},
           {"contact_compute", "contact query: computing", times.contact_compute},
           {"surface_compute", "surface of a depth frame: computing", times.surface_compute},
@@ -237,6 +239,40 @@ std::string settings_tables(const Tool& tool, const HapticLog& log) {
          row("duration", short_number(log.loop.seconds) + " s") + "</table></div>\n";
 }
 
+/// What each later revision of the settings changed, as {"section": {"key": value}}.
+Json changes_json(const HapticLog& log) {
+  Json changes = Json::array();
+  Json before = to_json(log.setup.settings);
+  for (const HapticSettings& settings : log.changes) {
+    const Json after = to_json(settings);
+    Json changed = Json::object();
+    for (const auto& [section, keys] : after.items()) {
+      for (const auto& [key, value] : keys.items()) {
+        if (value != before[section][key]) changed[section][key] = value;
+      }
+    }
+    changes.push_back(std::move(changed));
+    before = after;
+  }
+  return changes;
+}
+
+std::string changes_table(const HapticLog& log) {
+  if (log.changes.empty()) return {};
+  std::string html = "<h2>Changed while it ran</h2><table>";
+  int number = 0;
+  for (const Json& change : changes_json(log)) {
+    std::string what;
+    for (const auto& [section, keys] : change.items()) {
+      for (const auto& [key, value] : keys.items()) {
+        what += (what.empty() ? "" : ", ") + section + "." + key + " = " + value.dump();
+      }
+    }
+    html += row(std::to_string(++number), what);
+  }
+  return html + "</table>\n";
+}
+
 std::string warning(const std::string& text) {
   return "<p class='warn'>" + escape_html(text) + "</p>\n";
 }
@@ -253,7 +289,8 @@ std::string haptic_summary_json(const Tool& tool, const HapticLog& log, const Lo
             {"frames", log.loop.num_frames},
             {"missed", log.loop.num_missed},
             {"lost_records", log.loop.num_lost_records},
-            {"fault", std::string(describe(log.loop.fault))},
+            {"fault", fault_name(log.loop.fault)},
+            {"fault_meaning", std::string(describe(log.loop.fault))},
             {"failure", log.failure},
             {"peaks",
              {{"force_N", log.peaks.force},
@@ -273,6 +310,7 @@ std::string haptic_summary_json(const Tool& tool, const HapticLog& log, const Lo
   HapticSettings used = log.setup.settings;
   used.coupling = log.coupling;
   json["settings"] = to_json(used);
+  json["changes"] = changes_json(log);
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -292,7 +330,7 @@ std::string haptic_page(const Tool& tool, const HapticLog& log, const LoopTimes&
   }
   if (!log.warnings.empty()) html += "<h2>Notes</h2>\n";
   for (const std::string& text : log.warnings) html += warning(text);
-  html += settings_tables(tool, log);
+  html += settings_tables(tool, log) + changes_table(log);
   return html + close_page(
                     "All of it is in session.mcap, which Foxglove and other viewers open; "
                     "palpate replay repeats it.");

@@ -13,7 +13,8 @@ namespace palpate {
 /// All that is known once a haptic run has ended.
 struct HapticLog {
   HapticSetup setup;
-  CouplingOptions coupling;  ///< checked
+  CouplingOptions coupling;             ///< checked
+  std::vector<HapticSettings> changes;  ///< while it ran, in order
   LoopReport loop;
   HapticSeries series;
   HapticPeaks peaks;

@@ -147,7 +147,7 @@ void visit_settings(Settings& s, Visit&& visit) {
   safety("max_tick", "s between ticks", f.max_tick, Range{kPositive, kLong});
   safety("dead_man", "force only while button 0 is held", f.dead_man);
   safety("passivity_control", "damps when the hand is given energy", f.passivity_control);
-  safety("energy_tank", "J that may be given before it damps", f.energy_tank,
+  safety("energy_tank", "J that may be given; it damps from half of it on", f.energy_tank,
          Range{kPositive, 1e3});
 }
 

@@ -19,11 +19,13 @@ std::string with_unit(double value, std::span<const Unit> units, int digits) {
   return short_number(value * unit.factor, digits) + "\u00a0" + unit.name;
 }
 
-std::string open_page(const std::string& title, const std::string& subtitle) {
+std::string open_page(const std::string& title, const std::string& subtitle,
+                      const std::string& style) {
   return "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
          "<meta name='viewport' content='width=device-width,initial-scale=1'><title>Palpate: " +
-         escape_html(title) + "</title><style>" + kReportStyle + "</style></head><body><main>\n" +
-         "<h1>" + escape_html(title) + "</h1><p class='sub'>" + escape_html(subtitle) + "</p>\n";
+         escape_html(title) + "</title><style>" + kReportStyle + style +
+         "</style></head><body><main>\n" + "<h1>" + escape_html(title) + "</h1><p class='sub'>" +
+         escape_html(subtitle) + "</p>\n";
 }
 
 std::string close_page(const std::string& footer) {

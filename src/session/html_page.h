@@ -21,8 +21,10 @@ Unit unit_for(double largest, std::span<const Unit> units);
 /// The value in a unit that suits it.
 std::string with_unit(double value, std::span<const Unit> units, int digits = 3);
 
-/// From the doctype to the title, with one line below it. Both are text, not HTML.
-std::string open_page(const std::string& title, const std::string& subtitle);
+/// From the doctype to the title, with one line below it. Both are text, not HTML. `style` is CSS
+/// of this page alone.
+std::string open_page(const std::string& title, const std::string& subtitle,
+                      const std::string& style = "");
 std::string close_page(const std::string& footer);
 
 /// A number in large type and what it is.

@@ -36,15 +36,20 @@ std::string first_difference(std::string_view recorded, std::string_view repeate
 
 Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, const PoseFunction& X_WT,
                               const RunSettings& settings, const fs::path& name,
-                              const std::function<bool(const TickRecord&)>& keep_going) {
+                              const std::function<bool(const TickRecord&)>& keep_going,
+                              const RunCallbacks& onlooker) {
   auto folder = RunFolder::create(name);
   if (!folder) return folder.error();
   auto recorder = Recorder::create(folder->partial() / kRecordingFolder, tool, settings.objects);
   if (!recorder) return recorder.error();
   RunCallbacks callbacks;
-  callbacks.on_tick = keep_going;
+  callbacks.on_session = onlooker.on_session;
+  callbacks.on_tick = [&](const TickRecord& tick) {
+    return (!keep_going || keep_going(tick)) && (!onlooker.on_tick || onlooker.on_tick(tick));
+  };
   callbacks.on_frame = [&](std::size_t index, double time, const DepthFrame& frame) {
-    return recorder->add_frame(index, time, frame);
+    const Status status = recorder->add_frame(index, time, frame);
+    return status && onlooker.on_frame ? onlooker.on_frame(index, time, frame) : status;
   };
   auto log = run_session(tool, source, X_WT, settings, callbacks);
   if (!log) return log.error();

@@ -99,6 +99,7 @@ Result<RunLog> run_loop(Session& session, DepthSource& source, const PoseFunctio
   }
   FrameQueue frames(source);
   if (const Status status = frames.start(); !status) return status.error();
+  if (callbacks.on_session) callbacks.on_session(session);
 
   double deepest = -1;
   int deepest_frame = -1;

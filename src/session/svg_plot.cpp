@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
 #include <cstdio>
 #include <limits>
-#include <utility>
+
+#include "src/session/svg_parts.h"
 
 namespace palpate {
 namespace {
@@ -13,29 +13,7 @@ namespace {
 // The picture, in its own units; the page scales it.
 constexpr double kWidth = 900, kHeight = 250;
 constexpr double kLeft = 66, kRight = 66, kTop = 26, kBottom = 40;
-constexpr double kFewDecades = 2.5;
 constexpr double kPlotWidth = kWidth - kLeft - kRight, kPlotHeight = kHeight - kTop - kBottom;
-
-__attribute__((format(printf, 2, 3))) void append(std::string& svg, const char* format, ...) {
-  char buffer[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(buffer, sizeof buffer, format, arguments);
-  va_end(arguments);
-  svg += buffer;
-}
-
-void append_text(std::string& svg, double x, double y, const char* anchor, const std::string& text,
-                 const char* css_class = "label") {
-  append(svg, "<text class='%s' x='%.1f' y='%.1f' text-anchor='%s'>", css_class, x, y, anchor);
-  svg += escape_html(text) + "</text>";
-}
-
-void append_line(std::string& svg, const char* css_class, double x1, double y1, double x2,
-                 double y2) {
-  append(svg, "<line class='%s' x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f'/>", css_class, x1, y1, x2,
-         y2);
-}
 
 void append_side_label(std::string& svg, double x, const std::string& text) {
   append(svg,
@@ -43,46 +21,6 @@ void append_side_label(std::string& svg, double x, const std::string& text) {
          x, kTop + kPlotHeight / 2);
   svg += escape_html(text) + "</text>";
 }
-
-/// Maps [low, high] to [from, to], linearly or by logarithm.
-struct Axis {
-  double low, high, from, to;
-  bool log = false;
-
-  double operator()(double value) const {
-    const double share =
-        log ? std::log(value / low) / std::log(high / low) : (value - low) / (high - low);
-    return from + share * (to - from);
-  }
-
-  /// Values with sensible numbers: steps of 1, 2 or 5 times a power of ten; on a logarithmic axis
-  /// the powers of ten, with 2 and 5 between them if they are few.
-  std::vector<double> ticks(int about) const {
-    std::vector<double> values;
-    if (log) {
-      const int first = static_cast<int>(std::floor(std::log10(low) - 1e-9));
-      const int last = static_cast<int>(std::ceil(std::log10(high) + 1e-9));
-      const int step = std::max(1, (last - first) / about);
-      for (int e = first; e <= last; e += step) {
-        for (const int lead : {1, 2, 5}) {
-          const double value = lead * std::pow(10.0, e);
-          if (lead > 1 && std::log10(high / low) > kFewDecades) break;
-          if (value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9)) values.push_back(value);
-        }
-      }
-      return values;
-    }
-    const double rough = (high - low) / about;
-    const double power = std::pow(10.0, std::floor(std::log10(rough)));
-    const double lead = rough / power;
-    const double step = power * (lead < 1.5 ? 1 : lead < 3.5 ? 2 : lead < 7.5 ? 5 : 10);
-    const double first = std::ceil(low / step - 1e-9);
-    for (double k = first; k * step <= high + 1e-9 * step; ++k) {
-      values.push_back(std::abs(k) < 0.5 ? 0.0 : k * step);
-    }
-    return values;
-  }
-};
 
 /// Range of all finite values, widened to whole ticks; 0 is part of a linear range.
 Axis value_axis(const LinePlot& plot) {
@@ -107,40 +45,6 @@ Axis value_axis(const LinePlot& plot) {
   axis.high += margin;
   if (axis.low < 0) axis.low -= margin;
   return axis;
-}
-
-/// The line as an SVG path. Where several values fall on one column of pixels, their smallest and
-/// largest stand for them, in the order in which they come.
-void append_curve(std::string& svg, const std::vector<double>& x, const PlotLine& line,
-                  const Axis& x_axis, const Axis& y_axis) {
-  svg += "<path class='curve " + line.css_class + "' d='";
-  bool pen_down = false;
-  const auto point = [&](std::size_t i) {
-    append(svg, "%c%.1f %.1f", pen_down ? 'L' : 'M', x_axis(x[i]), y_axis(line.y[i]));
-    pen_down = true;
-  };
-  const auto usable = [&](double y) { return std::isfinite(y) && (!y_axis.log || y > 0); };
-  const bool decimate = x.size() > 2 * static_cast<std::size_t>(kPlotWidth);
-  std::size_t i = 0;
-  while (i < x.size()) {
-    if (!usable(line.y[i])) {
-      pen_down = false;
-      ++i;
-      continue;
-    }
-    std::size_t low = i, high = i, end = i + 1;
-    if (decimate) {
-      const double column = std::floor(x_axis(x[i]));
-      for (; end < x.size() && usable(line.y[end]) && std::floor(x_axis(x[end])) == column; ++end) {
-        if (line.y[end] < line.y[low]) low = end;
-        if (line.y[end] > line.y[high]) high = end;
-      }
-    }
-    point(std::min(low, high));
-    if (low != high) point(std::max(low, high));
-    i = end;
-  }
-  svg += "'/>";
 }
 
 std::string open_svg(const std::string& title) {
@@ -212,29 +116,6 @@ std::vector<double> count_in_bins(const std::vector<double>& values,
 
 }  // namespace
 
-std::string short_number(double value, int digits) {
-  char buffer[40];
-  // Large whole numbers in full: 12000, not 1.2e+04.
-  const bool large = std::abs(value) >= std::pow(10.0, digits) && std::abs(value) < 1e7;
-  std::snprintf(buffer, sizeof buffer, large ? "%.*f" : "%.*g", large ? 0 : digits, value);
-  return buffer;
-}
-
-std::string escape_html(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '&': escaped += "&amp;"; break;
-      case '<': escaped += "&lt;"; break;
-      case '>': escaped += "&gt;"; break;
-      case '\'': escaped += "&#39;"; break;
-      case '"': escaped += "&quot;"; break;
-      default: escaped += c;
-    }
-  }
-  return escaped;
-}
-
 std::string draw(const LinePlot& plot) {
   std::string svg = open_svg(plot.y_label + " over " + plot.x_label);
   const double x_high = plot.x.size() > 1 ? plot.x.back() : plot.x.empty() ? 1 : plot.x[0] + 1;
@@ -277,7 +158,9 @@ std::string draw(const LinePlot& plot) {
     append_line(svg, "marked", x_axis(plot.marked_x), kTop, x_axis(plot.marked_x),
                 kTop + kPlotHeight);
   }
-  for (const PlotLine& line : plot.lines) append_curve(svg, plot.x, line, x_axis, y_axis);
+  for (const PlotLine& line : plot.lines) {
+    append_curve(svg, line.css_class, plot.x, line.y, x_axis, y_axis);
+  }
   if (plot.limit > 0) {
     append_line(svg, "limit", kLeft, y_axis(plot.limit), kLeft + kPlotWidth, y_axis(plot.limit));
     append_text(svg, kLeft + kPlotWidth - 4, y_axis(plot.limit) - 4, "end", plot.limit_label,

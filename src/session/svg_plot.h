@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "src/session/svg_parts.h"
+
 namespace palpate {
 
 struct PlotLine {
@@ -48,10 +50,5 @@ struct Histogram {
   std::vector<Marker> markers;
 };
 std::string draw(const Histogram& histogram);
-
-/// A number for people: at most `digits` significant digits, no trailing zeros.
-std::string short_number(double value, int digits = 4);
-/// Text with &, <, > and quotes escaped.
-std::string escape_html(const std::string& text);
 
 }  // namespace palpate

@@ -8,9 +8,9 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/test_util/contact_accuracy.h"
+#include "eval/accuracy.h"
 
-namespace palpate::test {
+namespace palpate::eval {
 
 /// For messages of GoogleTest.
 void PrintTo(const ContactCase& c, std::ostream* stream) { *stream << c.name; }
@@ -158,4 +158,4 @@ TEST_P(EveryCase, TheTruthHasNoError) {
 INSTANTIATE_TEST_SUITE_P(Scenes, EveryCase, testing::ValuesIn(all_cases()), name_of);
 
 }  // namespace
-}  // namespace palpate::test
+}  // namespace palpate::eval

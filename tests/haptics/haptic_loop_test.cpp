@@ -4,59 +4,23 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <mutex>
-#include <thread>
 #include <vector>
 
 #include "palpate/contact/blended_query.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
-#include "tests/haptics/loop_fakes.h"
+#include "tests/haptics/haptic_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
 namespace {
 
+using test::box_tool;
+using test::patient_settings;
 using test::ScriptedDevice;
+using test::wait_for;
 using test::WallSource;
-
-const Tool& box_tool() {
-  static const Tool tool = [] {
-    PackOptions options;
-    options.max_spheres = 60;
-    TriangleMesh mesh = make_box({0.05, 0.05, 0.05});
-    SpherePacking packing = pack_spheres(mesh, options).value();
-    return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "box").value();
-  }();
-  return tool;
-}
-
-/// Limits that no busy machine reaches, and the hand's base 5 cm in front of the wall.
-HapticSettings patient_settings() {
-  HapticSettings settings;
-  settings.num_threads = 1;
-  settings.wants_real_time = false;
-  settings.coupling.X_WB.translation = {0, 0, 0.45};
-  settings.safety.max_contact_age = settings.safety.max_sensor_age = 30;
-  settings.safety.max_device_silence = settings.safety.max_tick = 30;
-  settings.safety.ramp_seconds = 0.05;
-  settings.safety.engage_timeout = 0.05;
-  return settings;
-}
 
 /// The box goes from 5 mm before the wall to 15 mm into it.
 Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 * time)}; }
-
-/// Until `condition` or for `seconds`.
-template <class Condition>
-bool wait_for(Condition condition, double seconds = 20) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
-}
 
 /// Everything that an observer is told.
 struct Seen {
@@ -65,14 +29,15 @@ struct Seen {
   std::vector<HapticRecord> ticks;
 
   HapticObserver observer() {
-    return {[this](std::uint64_t number, double time, const DepthFrame& frame) {
+    return {[this](std::uint64_t number, double time, const DepthFrame& frame, std::uint32_t) {
               EXPECT_EQ(number, frames.size());
               frames.emplace_back(time, frame);
             },
             [this](const ContactRecord& contact) { contacts.push_back(contact); },
             [this](std::span<const HapticRecord> records) {
               ticks.insert(ticks.end(), records.begin(), records.end());
-            }};
+            },
+            {}};
   }
 };
 

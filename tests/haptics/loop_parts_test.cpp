@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "palpate/mesh/shapes.h"
+#include "src/core/monotonic_clock.h"
 #include "src/haptics/blend_clock.h"
 #include "src/haptics/contact_stage.h"
 #include "src/haptics/paced_source.h"
-#include "src/haptics/real_time.h"
 #include "src/haptics/record_queue.h"
 #include "src/haptics/stiffness_schedule.h"
 #include "src/haptics/surface_stage.h"
@@ -244,7 +244,8 @@ TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
   ContactStage::Settings settings;
   settings.scale.newtons_per_cubic_metre = 1e6;
   settings.wants_real_time = false;
-  ContactStage contacts(std::make_unique<SpoiltQuery>(10), surfaces, settings, contact_times);
+  ContactStage contacts(std::make_unique<BlendedQuery>(std::make_unique<SpoiltQuery>(10)), surfaces,
+                        settings, contact_times);
   contacts.start(monotonic_now());
   const double begin = monotonic_now();
   while (!contacts.has_backend_failed() && monotonic_now() - begin < 10) {

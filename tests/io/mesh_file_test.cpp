@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -395,6 +396,76 @@ TriangleMesh hand_sized(TriangleMesh mesh) {
   const double scale = 0.15 / std::max({sides.x, sides.y, sides.z});
   for (Vec3d& p : mesh.vertices) p *= scale;
   return mesh;
+}
+
+/// Two parts and one without faces.
+std::vector<ColouredMesh> coloured() {
+  std::vector<ColouredMesh> parts{
+      {"ring", {150, 50, 200}, sample()}, {"none", {1, 2, 3}, {}}, {"ball", {40, 90, 230}, {}}};
+  parts[2].mesh = make_icosphere(0.02, 2);
+  for (Vec3d& p : parts[2].mesh.vertices) p += Vec3d{0.3, -0.2, 0.7};
+  return parts;
+}
+
+TEST_F(MeshFile, ColouredMeshesAreReadBackAsOne) {
+  const std::vector<ColouredMesh> parts = coloured();
+  TriangleMesh expected = parts[0].mesh;
+  for (const Vec3d& p : parts[2].mesh.vertices) expected.vertices.push_back(p);
+  const auto first = static_cast<std::uint32_t>(parts[0].mesh.vertices.size());
+  for (const auto& [a, b, c] : parts[2].mesh.triangles) {
+    expected.triangles.push_back({first + a, first + b, first + c});
+  }
+  for (const char* name : {"picture.ply", "picture.glb"}) {
+    SCOPED_TRACE(name);
+    const Status saved = save_coloured_meshes(parts, folder_ / name);
+    ASSERT_TRUE(saved) << saved.error().message;
+    const auto mesh = load_mesh(folder_ / name);
+    ASSERT_TRUE(mesh) << mesh.error().message;
+    EXPECT_EQ(mesh->triangles, expected.triangles);
+    ASSERT_EQ(mesh->vertices.size(), expected.vertices.size());
+    const double rounding = name[8] == 'p' ? 0 : 1e-7;
+    for (std::size_t v = 0; v < expected.vertices.size(); ++v) {
+      EXPECT_LE(norm(mesh->vertices[v] - expected.vertices[v]), rounding);
+    }
+    const auto solid = check_solid(*mesh);
+    ASSERT_TRUE(solid) << solid.error().message;
+    EXPECT_TRUE(solid->warnings.empty());
+  }
+}
+
+TEST_F(MeshFile, ColouredMeshesKeepTheirColours) {
+  const std::vector<ColouredMesh> parts = coloured();
+  ASSERT_TRUE(save_coloured_meshes(parts, folder_ / "picture.ply"));
+  const std::string ply = text(folder_ / "picture.ply");
+  const std::string end = "end_header\n";
+  const std::size_t begin = ply.find(end) + end.size(), vertex_bytes = 3 * 8 + 3;
+  const std::size_t num_first = parts[0].mesh.vertices.size();
+  EXPECT_EQ(ply.substr(begin + 24, 3), "\x96\x32\xc8");
+  EXPECT_EQ(ply.substr(begin + (num_first - 1) * vertex_bytes + 24, 3), "\x96\x32\xc8");
+  EXPECT_EQ(ply.substr(begin + num_first * vertex_bytes + 24, 3), "\x28\x5a\xe6");
+
+  ASSERT_TRUE(save_coloured_meshes(parts, folder_ / "picture.glb"));
+  const std::string glb = text(folder_ / "picture.glb");
+  for (const char* words : {"\"ring\"", "\"ball\"", "\"baseColorFactor\":[0.30498"}) {
+    EXPECT_NE(glb.find(words), std::string::npos) << words;
+  }
+  EXPECT_EQ(glb.find("\"none\""), std::string::npos);
+}
+
+TEST_F(MeshFile, ColouredMeshesThatCannotBeWrittenLeaveNothing) {
+  std::vector<ColouredMesh> parts = coloured();
+  for (const char* name : {"picture.stl", "picture", "no/such/folder.ply", "no/such/folder.glb"}) {
+    EXPECT_FALSE(save_coloured_meshes(parts, folder_ / name)) << name;
+  }
+  EXPECT_FALSE(save_coloured_meshes({}, folder_ / "picture.ply"));
+  EXPECT_FALSE(save_coloured_meshes({&parts[1], 1}, folder_ / "picture.glb"));
+  parts[2].mesh.triangles[5][1] = 100000;
+  for (const char* name : {"picture.ply", "picture.glb"}) {
+    const Status saved = save_coloured_meshes(parts, folder_ / name);
+    ASSERT_FALSE(saved);
+    EXPECT_NE(saved.error().message.find("uses vertex 100000"), std::string::npos);
+  }
+  EXPECT_TRUE(fs::is_empty(folder_));
 }
 
 TEST(RealMeshes, GoodOnesAreSolids) {

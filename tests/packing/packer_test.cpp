@@ -259,9 +259,10 @@ TEST(Packer, ReportsProgress) {
   for (std::size_t i = 1; i < reports.size(); ++i) {
     EXPECT_GE(reports[i].num_spheres, reports[i - 1].num_spheres);
     EXPECT_GE(reports[i].fill, reports[i - 1].fill);
-    EXPECT_GT(reports[i].last_radius, 0);
+    // A busy machine also reports before the first sphere.
+    EXPECT_EQ(reports[i].last_radius > 0, reports[i].num_spheres > 0);
   }
-  EXPECT_LE(reports.back().fill, fill(packing));
+  EXPECT_LE(reports.back().fill, fill(packing) * (1 + 1e-12));
 }
 
 TEST(Packer, RefusesNonsense) {

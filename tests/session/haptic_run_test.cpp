@@ -386,7 +386,7 @@ TEST(HapticRun, LeavesNothingWhenItCannotBegin) {
   EXPECT_FALSE(run_for(1, folder.path()));
 }
 
-double monotonic_seconds() {
+double monotonic_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
@@ -398,13 +398,13 @@ TEST(HapticRun, KilledLosesNoMoreThanTheLastSecond) {
     (void)run_for(60, run);
     _exit(0);
   }
-  const double deadline = monotonic_seconds() + 20;
-  while (!std::filesystem::exists(run / kHapticRecording) && monotonic_seconds() < deadline) {
+  const double deadline = monotonic_now() + 20;
+  while (!std::filesystem::exists(run / kHapticRecording) && monotonic_now() < deadline) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   std::this_thread::sleep_for(std::chrono::seconds(2));
   kill(child, SIGKILL);
-  const double killed = monotonic_seconds();
+  const double killed = monotonic_now();
   waitpid(child, nullptr, 0);
 
   bool was_cut_off = false;

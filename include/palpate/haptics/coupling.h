@@ -57,12 +57,24 @@ struct CouplingStep {
   double energy = 0;   ///< J, in the spring
 };
 
+/// How a coupling stands after a tick.
+struct CouplingState {
+  Pose X_BH;       ///< the last usable one of the handle
+  Pose X_WT_hand;  ///< where the hand holds the tool
+  Pose X_WT;       ///< where the simulated tool is
+  Twist V_WT;      ///< of its centre of mass, in W
+};
+
 /// One state per loop. No allocation, no throw.
 class Coupling {
  public:
   virtual ~Coupling() = default;
   /// The tool goes to the hand, at rest.
   virtual void reset(const DeviceState& state) noexcept = 0;
+  /// Instead: the tool goes on from where another coupling had it, of whatever kind, and the hand
+  /// holds it where it did, also if motions are scaled differently.
+  virtual void take_over(const CouplingState& state) noexcept = 0;
+  virtual CouplingState state() const noexcept = 0;
   virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
                             double dt) noexcept = 0;
 };

@@ -34,9 +34,15 @@ struct HapticSettings {
   bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
 };
 
+/// What a running loop keeps when its settings are changed, with all that it has seen and felt so
+/// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
+bool keeps_surfaces(const HapticSettings& before, const HapticSettings& after);
+bool keeps_coupling(const HapticSettings& before, const HapticSettings& after);
+
 /// One tick of the haptic thread, as it is published.
 struct HapticRecord {
-  double time = 0;  ///< s since the loop began
+  std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
+  double time = 0;             ///< s since the loop began
   DeviceState device;
   CouplingStep step;
   Wrench F_H_B;            ///< what went to the device
@@ -58,6 +64,7 @@ inline constexpr double kLostSensorAge = 1e6;
 
 /// One contact query, with all that it takes to repeat it.
 struct ContactRecord {
+  std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
   double time = 0;
   Pose X_WT;
   Penetration penetration;
@@ -69,18 +76,40 @@ struct ContactRecord {
   bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
 };
 
+/// How every sphere of the tool was at one contact.
+struct ContactPicture {
+  std::uint64_t contact_number = 0, frame_number = 0;
+  Pose X_WT;
+  std::vector<SphereState> states;   ///< of every sphere
+  std::vector<Plane<float>> planes;  ///< ContactQuery::planes
+};
+
+/// The newest surface, as it was estimated: per pixel a point with normal and depth-change vector.
+struct SurfacePicture {
+  std::uint64_t frame_number = 0;
+  int width = 0, height = 0;
+  std::vector<Vec3f> points, normals;  ///< NaN where there is none
+  std::vector<Vec3f> edges;            ///< depth-change vectors; empty if they are not looked for
+};
+
 /// What is recorded or shown while the loop runs. Called from the publishing thread alone; may take
 /// its time: what does not fit into the queues meanwhile is counted as lost, and the loop goes on.
 struct HapticObserver {
   /// `capture_time` on the monotonic clock, exactly as the surfaces were told.
-  std::function<void(std::uint64_t number, double capture_time, const DepthFrame&)> on_frame;
+  std::function<void(std::uint64_t number, double capture_time, const DepthFrame&,
+                     std::uint32_t revision)>
+      on_frame;
   std::function<void(const ContactRecord&)> on_contact;
   std::function<void(std::span<const HapticRecord>)> on_ticks;
+  /// Before the first frame, contact or tick of a new revision; not for revision 0.
+  std::function<void(std::uint32_t revision, const HapticSettings&)> on_settings;
 };
 
 /// Stages, each with what it took and how late it was.
 struct LoopTimes {
   LatencyHistogram haptic_compute, haptic_period, contact_compute, surface_compute;
+  /// haptic_compute without the time in which the scheduler ran others on that core.
+  LatencyHistogram haptic_cpu;
   LatencyHistogram contact_age, sensor_to_force;
 };
 
@@ -113,6 +142,28 @@ class HapticLoop {
   virtual LoopReport report() const = 0;
   /// An error once a source or device has failed; the loop has then faded out.
   virtual Status status() const = 0;
+
+  // For people who look on. From one thread that may wait, never the haptic one.
+
+  /// Goes on with other settings: contact, surface, field, time, coupling, backend and contact rate
+  /// as wanted; the rest (safety, threads, which GPUs, X_WB, X_HT) stays as it was at the start.
+  /// The tool stays where it is; forces that jump go through the safety filter's slew limit.
+  /// Returns when every stage has taken them, within two frames. Errors: as of create(), or a
+  /// setting that cannot change: then nothing has changed; the loop has ended.
+  virtual Status change(const HapticSettings& settings) = 0;
+  /// As they are now: those of create() or of the last change.
+  virtual HapticSettings settings() const = 0;
+  /// While frames are held, the last one is seen again and again: the scene stands still, the hand
+  /// goes on. `step_frame` lets one more through.
+  virtual void hold_frames(bool is_held) noexcept = 0;
+  virtual void step_frame() noexcept = 0;
+  /// Asks for a picture of the next contact or surface, which is made once the thread has told the
+  /// others what it measured. Wait-free.
+  virtual void ask_for_contact_picture() noexcept = 0;
+  virtual void ask_for_surface_picture() noexcept = 0;
+  /// The newest picture if there is a new one, else null; valid until the next call. One reader.
+  virtual const ContactPicture* new_contact_picture() noexcept = 0;
+  virtual const SurfacePicture* new_surface_picture() noexcept = 0;
 };
 
 }  // namespace palpate

@@ -40,7 +40,9 @@ struct SafetyOptions {
   double max_tick = 0.02;            ///< s between ticks
   bool dead_man = false;             ///< force only while button 0 is held
   bool passivity_control = true;
-  double energy_tank = 0.01;  ///< J that may be given before the controller damps
+  /// J that may be given to the hand, net. From half of it on the controller damps; beyond it the
+  /// force is shut off.
+  double energy_tank = 0.01;
 };
 
 /// What the filter knows at a tick, beside the wanted wrench.
@@ -55,9 +57,10 @@ struct SafetyInput {
 struct SafetyStatus {
   Fault fault = Fault::none;
   bool is_engaged = false;
-  double gain = 0;     ///< ramp or fade, 0..1
-  double energy = 0;   ///< J, passivity observer: what the hand has been given net, <= tank
-  double damping = 0;  ///< N s/m, of the passivity controller at this tick
+  double gain = 0;  ///< ramp or fade, 0..1
+  /// J, passivity observer: what the hand has been given net. Beyond the tank: Fault::energy.
+  double energy = 0;
+  double damping = 0;             ///< N s/m, of the passivity controller at this tick
   std::uint64_t num_limited = 0;  ///< ticks at which a limit bent the wrench
 };
 

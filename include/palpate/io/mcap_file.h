@@ -80,6 +80,11 @@ class McapReader {
   const std::map<std::uint16_t, McapChannel>& channels() const;
   bool was_cut_off() const;
 
+  /// Where the chunk of the last message begins in the file; 0 before the first one.
+  std::uint64_t chunk_place() const;
+  /// The next message is the first one of the chunk there, as `chunk_place` has told for this file.
+  void seek(std::uint64_t chunk_place);
+
  private:
   struct Impl;
   explicit McapReader(std::unique_ptr<Impl> impl);

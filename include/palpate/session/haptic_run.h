@@ -1,8 +1,7 @@
 // A hand on a device, live: the loop, all that it did in one MCAP file, and its repetition.
 //
-//   session.mcap   settings, tool, depth frames, contact queries, ticks: whole up to the last
-//   second
-//                  even if the program is killed
+//   session.mcap   settings, tool, depth frames, contact queries, ticks and notes: whole up to the
+//                  last second even if the program is killed
 //   summary.json   settings, counts, percentiles of every stage, faults
 //   wrench.csv     one line per tick
 //   report.html    the same for people
@@ -10,6 +9,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -25,6 +25,33 @@ struct HapticOutcome {
   std::string failure;                ///< why it ended early; else empty
 };
 
+/// What people have to say about a run while it goes on. Any thread adds, one takes.
+class HapticMarks {
+ public:
+  struct Mark {
+    double time = 0;  ///< s, monotonic
+    std::string text;
+  };
+
+  /// A note in the recording, at this moment.
+  void add(std::string text);
+  /// All that were added since the last call.
+  std::vector<Mark> take();
+
+ private:
+  std::mutex mutex_;
+  std::vector<Mark> marks_;
+};
+
+/// Who looks on while a run is recorded.
+struct HapticOnlooker {
+  HapticObserver observer;  ///< hears what the recorder hears, after it
+  /// The loop once it has started, and null before it is stopped: then it must not be used any
+  /// more. From the thread of record_haptic_run.
+  std::function<void(HapticLoop*)> on_loop;
+  HapticMarks marks;
+};
+
 /// Runs until `duration` (s), the end of the source, a fault, or keep_going() is false (asked ten
 /// times a second). What was recorded is kept in any case; a disk that is full or slow ends or
 /// thins the recording, says so, and never disturbs the loop. Errors: settings, source, device,
@@ -32,7 +59,8 @@ struct HapticOutcome {
 Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source, HapticDevice& device,
                                         const HapticSettings& settings, double duration,
                                         const std::filesystem::path& folder,
-                                        const std::function<bool()>& keep_going = {});
+                                        const std::function<bool()>& keep_going = {},
+                                        HapticOnlooker* onlooker = nullptr);
 
 /// Is this the folder of a haptic run?
 bool is_haptic_run(const std::filesystem::path& folder);

@@ -24,10 +24,11 @@ struct RunOutcome {
 };
 
 /// Runs and writes `folder`, whole or not at all. `keep_going` as RunCallbacks::on_tick: a run that
-/// it stops is kept, marked as interrupted.
+/// it stops is kept, marked as interrupted. `onlooker` hears all that the recorder hears, after it.
 Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, const PoseFunction& X_WT,
                               const RunSettings& settings, const std::filesystem::path& folder,
-                              const std::function<bool(const TickRecord&)>& keep_going = {});
+                              const std::function<bool(const TickRecord&)>& keep_going = {},
+                              const RunCallbacks& onlooker = {});
 
 /// How a repetition compares with the run.
 struct ReplayOutcome {

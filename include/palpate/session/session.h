@@ -105,8 +105,9 @@ class Session {
   const RunSettings& settings() const { return settings_; }
   /// Why the CUDA backend is not used although the fastest one was asked for; else empty.
   const std::string& why_not_cuda() const { return why_not_cuda_; }
-  /// SurfaceTimeline::newest_cloud.
+  /// SurfaceTimeline::newest_cloud and at.
   PointCloud newest_cloud() const { return timeline_.newest_cloud(); }
+  SurfaceMoment moment_at(double time) const { return timeline_.at(time); }
   const ContactQuery& query() const { return *query_; }
 
  private:
@@ -146,10 +147,13 @@ inline constexpr std::size_t kMaxTicks = 5'000'000;
 using PoseFunction = std::function<Pose(std::size_t tick, double time)>;
 
 struct RunCallbacks {
+  /// The session before its first frame; it stays until the run is over. For looking on from the
+  /// other callbacks. May be empty.
+  std::function<void(const Session& session)> on_session = {};
   /// A frame has just become current. An error ends the run. May be empty.
-  std::function<Status(std::size_t index, double time, const DepthFrame& frame)> on_frame;
+  std::function<Status(std::size_t index, double time, const DepthFrame& frame)> on_frame = {};
   /// After every tick; return false to stop. May be empty.
-  std::function<bool(const TickRecord& tick)> on_tick;
+  std::function<bool(const TickRecord& tick)> on_tick = {};
 };
 
 /// Runs on a simulated clock: tick k is at time k / rate, and a frame becomes current at the first

@@ -1,5 +1,5 @@
-// How far a way of measuring contact is from the exact wrench. Shared by the accuracy tests and by
-// bench/contact_accuracy.cpp.
+// How far a way of measuring contact is from the exact wrench. Shared by the figures, the accuracy
+// tests and bench/contact_accuracy.cpp.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@
 #include "palpate/tool/tool.h"
 #include "scenes/truth.h"
 
-namespace palpate::test {
+namespace palpate::eval {
 
 /// A tool goes straight along z into a solid, from first contact (0 %) until its rear has passed
 /// z = 1 m (100 %).
@@ -102,4 +102,4 @@ WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
 double loop_work(const ContactCase& contact_case, const Tool& tool, const Measure& measure,
                  int num_steps);
 
-}  // namespace palpate::test
+}  // namespace palpate::eval

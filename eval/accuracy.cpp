@@ -1,14 +1,14 @@
-#include "tests/test_util/contact_accuracy.h"
+#include "eval/accuracy.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "eval/random.h"
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
 #include "scenes/scene.h"
-#include "tests/test_util/random.h"
 
-namespace palpate::test {
+namespace palpate::eval {
 namespace {
 
 constexpr double kDepth = 1;  // m, where every synthetic environment meets the optical axis
@@ -273,4 +273,4 @@ double loop_work(const ContactCase& contact_case, const Tool& tool, const Measur
   return total > 0 ? std::abs(net) / total : 0;
 }
 
-}  // namespace palpate::test
+}  // namespace palpate::eval

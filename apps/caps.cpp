@@ -1,0 +1,104 @@
+#include "apps/caps.h"
+
+#include <vector>
+
+#include "apps/options.h"
+#include "palpate/io/mesh_file.h"
+#include "palpate/mesh/cap_mesh.h"
+
+namespace palpate::apps {
+namespace {
+
+/// Spheres and what cuts them.
+struct Parts {
+  std::vector<Sphere> spheres;
+  std::vector<Plane<double>> planes;
+
+  void add(const Sphere& sphere, const Plane<double>& plane) {
+    spheres.push_back(sphere);
+    planes.push_back(plane);
+  }
+};
+
+/// What the measure takes of each sphere, as far as one plane can say it.
+struct InsideParts {
+  Parts cut, whole;
+};
+
+InsideParts inside_parts(std::span<const Sphere> spheres, const ContactOptions& contact,
+                         const ContactQuery& query) {
+  // The graph counts spheres that it reaches whole, whatever plane they have borrowed.
+  const bool reached_are_whole =
+      contact.method == InsideMethod::graph && contact.inside == InsideVolume::full;
+  const auto states = query.states();
+  const auto planes = query.planes();
+  InsideParts parts;
+  for (std::size_t id = 0; id < spheres.size(); ++id) {
+    const Plane<double> plane{to_double(planes[id].normal), planes[id].offset};
+    const bool has_plane = !(plane.normal == Vec3d{});
+    if (states[id] == SphereState::outside) continue;
+    if (states[id] == SphereState::inside && (reached_are_whole || !has_plane)) {
+      parts.whole.add(spheres[id], {});
+    } else if (has_plane) {
+      const double radius = spheres[id].radius;
+      const double distance = dot(plane.normal, to_double(spheres[id].centre)) - plane.offset;
+      if (distance >= radius) continue;
+      (distance > -radius ? parts.cut : parts.whole).add(spheres[id], plane);
+    }
+  }
+  return parts;
+}
+
+}  // namespace
+
+void add_caps_options(CLI::App& app, CapsOptions& options) {
+  const std::string group = "Picture of what is inside";
+  app.add_option("--caps", options.file,
+                 "write the inside part of every sphere in the camera frame, cut ones purple and "
+                 "whole ones blue (.ply or .glb); for one --pose, without objects")
+      ->type_name("FILE.ply")
+      ->group(group);
+  add_number(app, "--caps-segments", options.segments, {3, 1000, "a whole number from 3 to 1000"},
+             "triangles round each sphere of --caps")
+      ->group(group);
+}
+
+void check_caps_options(const CapsOptions& options) {
+  const auto extension = std::filesystem::path(options.file).extension();
+  if (extension != ".ply" && extension != ".glb") {
+    usage_error("--caps: '" + options.file + "' must end in .ply or .glb");
+  }
+}
+
+Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,
+                               const ContactOptions& contact, const ContactQuery& query,
+                               const Pose& X_WT) {
+  const InsideParts parts = inside_parts(tool.spheres(), contact, query);
+  const std::size_t num_parts = parts.cut.spheres.size() + parts.whole.spheres.size();
+  if (num_parts == 0) {
+    return Error{Errc::invalid_argument, "cannot write " + options.file +
+                                             ": no part of the tool is inside; give a pose in "
+                                             "contact"};
+  }
+  constexpr std::size_t kMostTriangles = 10'000'000;
+  if (num_parts > kMostTriangles / max_cap_triangles(options.segments)) {
+    return Error{Errc::invalid_argument,
+                 "cannot write " + options.file + ": " + std::to_string(num_parts) +
+                     " spheres of up to " + std::to_string(max_cap_triangles(options.segments)) +
+                     " triangles are more than ten million; lower --caps-segments"};
+  }
+  const auto picture = [&](const char* name, std::array<std::uint8_t, 3> rgb, const Parts& of) {
+    ColouredMesh result{name, rgb, inside_mesh(of.spheres, of.planes, options.segments)};
+    const Pose X{X_WT.translation, normalized(X_WT.rotation)};
+    for (Vec3d& p : result.mesh.vertices) p = X * p;
+    return result;
+  };
+  const std::array pictures{picture("cut", {150, 50, 200}, parts.cut),
+                            picture("whole", {40, 90, 230}, parts.whole)};
+  if (const Status status = save_coloured_meshes(pictures, options.file); !status) {
+    return status.error();
+  }
+  return pictures[0].mesh.triangles.size() + pictures[1].mesh.triangles.size();
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,86 @@
+#include "apps/page.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <thread>
+
+#include "apps/options.h"
+
+namespace palpate::apps {
+namespace {
+
+std::string environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+/// "8787" of "http://127.0.0.1:8787/?token=...".
+std::string port_of(const std::string& url) {
+  const std::size_t host = url.find("://") + 3;
+  const std::size_t end = url.find('/', host), colon = url.rfind(':', end);
+  return colon == std::string::npos || colon < host ? "80" : url.substr(colon + 1, end - colon - 1);
+}
+
+/// What to type on the computer that sits in front of the person, if that is another one.
+std::string tunnel(const std::string& url) {
+  // "client port server port"
+  const std::string connection = environment("SSH_CONNECTION");
+  const std::size_t client = connection.find(' ');
+  if (client == std::string::npos) return {};
+  const std::size_t begin = connection.find(' ', client + 1) + 1;
+  const std::string here = connection.substr(begin, connection.find(' ', begin) - begin);
+  const std::string user = environment("USER"), port = port_of(url);
+  return "ssh -L " + port + ":127.0.0.1:" + port + " " + (user.empty() ? "" : user + "@") + here;
+}
+
+bool is_token(const std::string& text) {
+  const auto is_fine = [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '-' ||
+           c == '_';
+  };
+  return text.size() >= 16 && text.size() <= 128 && std::all_of(text.begin(), text.end(), is_fine);
+}
+
+}  // namespace
+
+void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options) {
+  app.add_option(prefix + "port", options.port, "of the page; 0: any free one")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  app.add_option(prefix + "address", options.address,
+                 "where the page is served; all but this computer itself needs a token")
+      ->type_name("ADDRESS")
+      ->capture_default_str();
+  app.add_option_function<std::string>(
+         prefix + "token",
+         [&options, flag = prefix + "token"](const std::string& text) {
+           if (!is_token(text)) {
+             usage_error(flag + ": must be 16 to 128 letters, digits, - and _");
+           }
+           options.token = text;
+         },
+         "who does not know it gets nothing; default: made where one is needed")
+      ->type_name("TOKEN");
+}
+
+Result<OpenPage> OpenPage::serve(ViewSource& source, const ViewServerOptions& options,
+                                 std::ostream& out) {
+  auto server = ViewServer::start(source, options);
+  if (!server) return server.error();
+  const std::string url = (*server)->url();
+  out << "open " << url << " in a browser; Ctrl-C ends\n";
+  const bool is_here_only = options.address.starts_with("127.") || options.address == "localhost";
+  if (const std::string command = tunnel(url); is_here_only && !command.empty()) {
+    out << "on the computer with the browser, first: " << command << "\n";
+  }
+  out << std::flush;
+  return OpenPage(*std::move(server));
+}
+
+void OpenPage::say_goodbye() const {
+  constexpr std::chrono::milliseconds kTwoStates{600};
+  if (server_->num_pages() > 0) std::this_thread::sleep_for(kTwoStates);
+}
+
+}  // namespace palpate::apps

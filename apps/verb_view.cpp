@@ -1,0 +1,79 @@
+// palpate view: a run or a tool in a browser.
+
+#include <spawn.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <iostream>
+#include <memory>
+#include <thread>
+
+#include "apps/page.h"
+#include "apps/terminal.h"
+#include "apps/verbs.h"
+#include "palpate/io/tool_file.h"
+#include "palpate/viewer/views.h"
+
+extern char** environ;
+
+namespace palpate::apps {
+namespace {
+
+struct Options {
+  std::string what;
+  ViewServerOptions server;
+  bool opens_browser = false;
+};
+
+/// The person's own browser, where there is a screen.
+void open_browser(const std::string& url) {
+  const bool has_screen =
+      std::getenv("DISPLAY") != nullptr || std::getenv("WAYLAND_DISPLAY") != nullptr;
+  std::string program = "xdg-open", address = url;
+  char* const arguments[] = {program.data(), address.data(), nullptr};
+  pid_t process = 0;
+  if (!has_screen ||
+      posix_spawnp(&process, program.c_str(), nullptr, nullptr, arguments, environ) != 0) {
+    std::cerr << "palpate: note: there is no screen or no xdg-open here: open the page by hand\n";
+  }
+}
+
+Status show(ViewSource& source, const Options& options) {
+  const auto page = OpenPage::serve(source, options.server, std::cout);
+  if (!page) return page.error();
+  if (options.opens_browser) open_browser(page->server().url());
+  catch_interrupts();
+  while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  return Done{};
+}
+
+Status run(const Options& options) {
+  const std::filesystem::path path = options.what;
+  std::error_code ignored;
+  if (std::filesystem::is_regular_file(path, ignored)) {
+    const auto tool = load_tool(path);
+    if (!tool) return tool.error();
+    return show(*view_tool(*tool, path.filename().string()), options);
+  }
+  const auto source = view_run(path);
+  if (!source) return source.error();
+  return show(**source, options);
+}
+
+}  // namespace
+
+void add_view(CLI::App& program, Action& action) {
+  const auto options = std::make_shared<Options>();
+  CLI::App& app = *program.add_subcommand("view", "Show a run or a tool in a browser.");
+  app.add_option("what", options->what, "folder that palpate touch wrote, or a tool file")
+      ->required()
+      ->type_name("RUN|TOOL.palp");
+  add_page_options(app, "--", options->server);
+  app.add_flag("--open", options->opens_browser, "open the browser of this computer, too");
+  app.footer(
+      "Example: palpate view run1\n"
+      "Example: palpate view drill.palp --port 0 --open");
+  app.callback([options, &action] { action = [options] { return run(*options); }; });
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,57 @@
+// Our boundary stage alone: which points are in which sphere, with their sums per sphere.
+#pragma once
+
+#include <vector>
+
+#include "palpate/cloud/point_cloud.h"
+#include "palpate/core/isa.h"
+#include "palpate/tool/tool.h"
+#include "src/contact/image_window.h"
+#include "src/contact/point_scan.h"
+#include "src/contact/sphere_grid.h"
+
+namespace palpate::bench {
+
+class BoundaryStage {
+ public:
+  /// Both must outlive it.
+  BoundaryStage(const Tool& tool, const PointCloud& cloud)
+      : grid_(tool.spheres()),
+        box_T_(bounds_of(tool.spheres())),
+        sums_(tool.spheres().size()),
+        touched_((tool.spheres().size() + 7) / 8 * 8) {
+    scan_.cloud = cloud.view();
+    scan_.grid = grid_.view();
+    scan_.spheres = tool.spheres().data();
+#if defined(__x86_64__)
+    if (best_isa() == Isa::avx2) scan_points_ = isa_avx2::scan_points;
+    if (best_isa() == Isa::avx512) scan_points_ = isa_avx512::scan_points;
+#endif
+  }
+  BoundaryStage(const BoundaryStage&) = delete;  // the scan points into the grid
+  BoundaryStage& operator=(const BoundaryStage&) = delete;
+
+  /// Calls visit(sphere_id, sums), ascending, for every sphere that holds a point.
+  template <class Visit>
+  void run(const Pose& X_WT, Visit&& visit) {
+    const ImageWindow window = image_window(scan_.cloud, box_T_, X_WT);
+    scan_.R_TW = rotation_matrix(conjugate(X_WT.rotation));
+    scan_.translation_W = X_WT.translation;
+    scan_points_(scan_, window.row_begin, window.row_end, window.column_begin, window.column_end,
+                 sums_.data(), touched_.data());
+    take_touched(touched_, [&](std::size_t id) {
+      visit(id, sums_[id]);
+      sums_[id] = PointSums{};  // ready for the next pose
+    });
+  }
+
+ private:
+  SphereGrid grid_;
+  Bounds box_T_;
+  PointScan scan_;
+  std::vector<PointSums> sums_;
+  std::vector<std::uint8_t> touched_;
+  ScanPoints scan_points_ = isa_baseline::scan_points;
+};
+
+}  // namespace palpate::bench

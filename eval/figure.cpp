@@ -1,0 +1,14 @@
+#include "eval/figure.h"
+
+namespace palpate::eval {
+
+std::vector<FigureSpec> all_figures() {
+  std::vector<FigureSpec> all;
+  for (const auto group : {speed_figures, recorded_figures, synthetic_figures, time_figures,
+                           robustness_figures, response_figures, peer_figures, drawings}) {
+    for (const FigureSpec& figure : group()) all.push_back(figure);
+  }
+  return all;
+}
+
+}  // namespace palpate::eval

@@ -1,0 +1,48 @@
+#include "eval/interaction.h"
+
+#include <utility>
+
+namespace palpate::eval {
+namespace {
+
+constexpr const char* kRecording = "frames/pcl_milk_clorox_table.png";
+constexpr double kToolSize = 0.12;  // m
+
+}  // namespace
+
+Result<Interaction> simulated_interaction(Context& context) {
+  const auto scene = scenes::make_scene("mannequin");
+  if (!scene) return scene.error();
+  scenes::SimulatedCameraOptions camera;
+  camera.duration = 0.01;
+  DepthStreamInfo stream;
+  const auto frames = context.simulated(*scene, camera, stream);
+  if (!frames) return frames.error();
+  auto frame = SeenFrame::create(stream, frames->front());
+  if (!frame) return frame.error();
+  return Interaction{"simulated mannequin, torus", *std::move(frame), "torus", kToolSize};
+}
+
+Result<Interaction> recorded_interaction(Context& context) {
+  DepthStreamInfo stream;
+  const auto frames = context.recorded(kRecording, stream);
+  if (!frames) return frames.error();
+  if (!*frames) return simulated_interaction(context);
+  auto frame = SeenFrame::create(stream, (*frames)->front());
+  if (!frame) return frame.error();
+  const std::string bunny = (context.settings().data / "meshes_good/bunny_3k.off").string();
+  return Interaction{"recorded table, bunny", *std::move(frame), bunny, kToolSize};
+}
+
+Result<std::unique_ptr<ContactQuery>> query_on(const SeenFrame& frame, const Tool& tool) {
+  auto query = make_contact_query(Backend::cpu, tool);
+  if (query) frame.show(**query);
+  return query;
+}
+
+Times time_queries(ContactQuery& query, const ContactOptions& options,
+                   const std::vector<Pose>& path) {
+  return time_calls(path.size(), [&](std::size_t i) { query.query(path[i], options); });
+}
+
+}  // namespace palpate::eval

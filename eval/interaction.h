@@ -1,0 +1,34 @@
+// The thesis' realistic set-up: a hand-held tool on something that a depth camera recorded.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "eval/context.h"
+#include "eval/hand_paths.h"
+#include "eval/seen_frame.h"
+
+namespace palpate::eval {
+
+/// One frame to interact with, and the tool that goes with it.
+struct Interaction {
+  std::string name;  ///< for captions: what is touched, with what
+  SeenFrame frame;
+  std::string shape;  ///< for Context::tool
+  double size = 0;    ///< m
+};
+
+/// A table that a Kinect recorded, touched with the bunny, if the data are there; else what
+/// simulated_interaction gives.
+Result<Interaction> recorded_interaction(Context& context);
+/// A simulated mannequin with Kinect noise, touched with a torus. Needs no data.
+Result<Interaction> simulated_interaction(Context& context);
+
+/// A query of a method on a tool that looks at a frame.
+Result<std::unique_ptr<ContactQuery>> query_on(const SeenFrame& frame, const Tool& tool);
+
+/// Times of single queries along a path.
+Times time_queries(ContactQuery& query, const ContactOptions& options,
+                   const std::vector<Pose>& path);
+
+}  // namespace palpate::eval

@@ -1,0 +1,34 @@
+// A frozen depth frame that every contact method can look at.
+#pragma once
+
+#include <utility>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/cloud/surface_estimator.h"
+#include "palpate/contact/contact_query.h"
+#include "palpate/field/depth_field.h"
+
+namespace palpate::eval {
+
+class SeenFrame {
+ public:
+  /// Errors: an image that no SurfaceEstimator takes.
+  static Result<SeenFrame> create(const DepthStreamInfo& stream, const DepthFrame& frame,
+                                  const SurfaceOptions& options = {});
+
+  PointCloudView cloud() const { return surface_.cloud(); }
+  DepthFieldView field() const { return field_.view(); }
+  /// Lets a query look at it.
+  void show(ContactQuery& query) const {
+    query.set_cloud(cloud());
+    query.set_field(field());
+  }
+
+ private:
+  SeenFrame(SurfaceEstimator surface, DepthField field)
+      : surface_(std::move(surface)), field_(std::move(field)) {}
+  SurfaceEstimator surface_;
+  DepthField field_;
+};
+
+}  // namespace palpate::eval

@@ -1,0 +1,72 @@
+#include "eval/speed.h"
+
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace palpate::eval {
+
+std::vector<double> SpeedSweep::medians(std::size_t method) const {
+  std::vector<double> medians;
+  for (const Times& t : times[method]) medians.push_back(1e6 * t.median);
+  return medians;
+}
+
+std::size_t SpeedSweep::method(const std::string& name) const {
+  for (std::size_t i = 0; i < methods.size(); ++i) {
+    if (methods[i].name == name) return i;
+  }
+  return 0;
+}
+
+Plot speed_plot(const SpeedSweep& sweep, const std::string& title, const std::string& x_label) {
+  Plot plot;
+  plot.title = title;
+  plot.x_label = x_label;
+  plot.y_label = "time of one query, µs (median)";
+  for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
+    plot.curves.push_back(
+        {sweep.methods[m].name, sweep.methods[m].name, sweep.x, sweep.medians(m)});
+  }
+  return plot;
+}
+
+void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::string& prefix) {
+  for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
+    for (std::size_t i = 0; i < sweep.x.size(); ++i) {
+      const Times& t = sweep.times[m][i];
+      const std::string key = words("%s.%s.%g.", prefix.c_str(), sweep.methods[m].name, sweep.x[i]);
+      result.numbers.push_back({key + "median", 1e6 * t.median, "µs"});
+      result.numbers.push_back({key + "p99", 1e6 * t.p99, "µs"});
+      result.numbers.push_back({key + "max", 1e6 * t.max, "µs"});
+    }
+  }
+}
+
+double crossing(const std::vector<double>& x, const std::vector<double>& a,
+                const std::vector<double>& b) {
+  for (std::size_t i = 0; i + 1 < x.size(); ++i) {
+    const double before = a[i] - b[i], after = a[i + 1] - b[i + 1];
+    if (before <= 0 && after > 0) return x[i] + (x[i + 1] - x[i]) * before / (before - after);
+  }
+  return std::nan("");
+}
+
+double reaches(const std::vector<double>& x, const std::vector<double>& y, double limit) {
+  if (y.empty() || y[0] > limit) return 0;
+  for (std::size_t i = 0; i + 1 < x.size(); ++i) {
+    if (y[i + 1] > limit) return x[i] + (x[i + 1] - x[i]) * (limit - y[i]) / (y[i + 1] - y[i]);
+  }
+  return x.back();
+}
+
+std::string words(const char* format, ...) {
+  va_list arguments;
+  va_start(arguments, format);
+  char text[1024];
+  std::vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  return text;
+}
+
+}  // namespace palpate::eval

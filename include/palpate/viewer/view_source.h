@@ -1,0 +1,95 @@
+// What a browser page shows: a live run, a recording, or a tool alone (thesis section 4.4).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/contact/contact_query.h"
+#include "palpate/core/result.h"
+#include "palpate/math/pose.h"
+#include "palpate/tool/tool.h"
+
+namespace palpate {
+
+/// What stays the same while it is looked at.
+struct ViewContent {
+  std::string kind;   ///< "live", "recording" or "tool"
+  std::string title;  ///< for people, e.g. the file or device
+  const Tool* tool = nullptr;
+  std::optional<DepthStreamInfo> stream;  ///< none: there is no scene
+};
+
+/// The depth image that is felt now, raw.
+struct ViewFrame {
+  std::uint64_t number = 0;
+  double time = 0;  ///< s since the run began
+  DepthFrame frame;
+};
+
+/// The tool, and how each of its spheres is.
+struct ViewContact {
+  double time = 0;  ///< s since the run began
+  std::uint64_t frame_number = 0;
+  Pose X_WT;
+  std::vector<SphereState> states;
+  std::vector<Plane<float>> planes;  ///< in the tool frame; normal 0: none
+};
+
+/// Points of a surface with their normals and depth-change vectors.
+struct ViewSurface {
+  std::uint64_t frame_number = 0;
+  int width = 0, height = 0;
+  std::vector<Vec3f> points, normals, edges;  ///< SurfacePicture
+};
+
+/// One tick.
+struct ViewSample {
+  double time = 0;             ///< s since the run began
+  Wrench F_H_B;                ///< to the hand, in the device's base
+  Wrench contact_W;            ///< on the tool, about its centre of mass
+  double volume = 0;           ///< m3
+  double compute_seconds = 0;  ///< of the tick, or of the query where there is no device
+  double contact_age = 0, sensor_age = 0;  ///< s
+  double stretch = 0;                      ///< m, between hand and tool
+  double gain = 0, energy = 0;             ///< of the safety filter; J given to the hand
+  Pose X_WT, X_WT_hand;                    ///< simulated tool; where the hand holds it
+};
+
+/// All that is new since the last poll; newest wins, but samples are all there.
+struct ViewUpdate {
+  std::shared_ptr<const ViewFrame> frame;
+  std::shared_ptr<const ViewContact> contact;
+  std::shared_ptr<const ViewSurface> surface;
+  std::vector<ViewSample> samples;
+};
+
+/// What some page wants to see, beside the tool: what nobody wants is not made.
+struct ViewWishes {
+  bool frames = false, contacts = false, surfaces = false, samples = false;
+};
+
+/// Where the server gets from what it shows. All calls come from its one thread.
+class ViewSource {
+ public:
+  virtual ~ViewSource() = default;
+
+  virtual const ViewContent& content() const = 0;
+  /// Some sixty times a second; must not wait. Parts that are not wished for stay empty.
+  virtual void poll(const ViewWishes& wishes, ViewUpdate& update) = 0;
+  /// What does not fit into numbers, as a JSON object: see docs/viewer-protocol.md, `state`. A few
+  /// times a second.
+  virtual std::string state() = 0;
+  /// The settings that a person may turn, as a JSON array: see there, `controls`.
+  virtual std::string controls() = 0;
+  /// A command with its JSON object, e.g. {"command": "set", "key": "contact.method", "value":
+  /// "graph"}; may take a few milliseconds. The answer is a JSON object, {} if there is nothing to
+  /// say. Errors: no such command, what is wrong with it.
+  virtual Result<std::string> command(std::string_view json) = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,16 @@
+// The clock that everything live is timed by, and sleeping by it.
+#pragma once
+
+namespace palpate {
+
+/// The monotonic clock of this computer, s: DeviceState::time.
+double monotonic_now() noexcept;
+
+/// What the calling thread has computed so far, s: without the time that it waited or that others
+/// ran on its core. 0 where the system does not tell.
+double thread_cpu_now() noexcept;
+
+/// Until monotonic_now() is `time`. No allocation.
+void sleep_until(double time) noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,11 @@
+// Which settings of a running loop can change.
+#pragma once
+
+#include "palpate/haptics/haptic_loop.h"
+
+namespace palpate {
+
+/// Error: a setting that differs and cannot change, by its name in a settings file.
+Status check_change(const HapticSettings& before, const HapticSettings& after);
+
+}  // namespace palpate

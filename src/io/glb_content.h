@@ -1,0 +1,16 @@
+// Meshes as the bytes of a GLB file.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "palpate/core/result.h"
+#include "palpate/io/mesh_file.h"
+
+namespace palpate {
+
+/// A node and a material for each part; `parts` are not empty, nor is any of them, and faces use
+/// vertices that exist. The error is the rest of a sentence.
+Result<std::string> glb_content(std::span<const ColouredMesh* const> parts);
+
+}  // namespace palpate

@@ -1,0 +1,27 @@
+// Who may ask: nobody from another web page, and with a token nobody who does not know it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "src/viewer/http_answer.h"
+
+namespace palpate {
+
+/// 16 to 128 letters, digits, - and _.
+bool is_good_token(std::string_view token);
+/// 128 random bits.
+std::string make_token();
+
+/// The refusal of a request that another web page may have caused, of its own or by a name that it
+/// has pointed at this computer (DNS rebinding). Without a token, the server is addressed as
+/// localhost or by a loopback address, at any port, as it may be forwarded; with one, by any name,
+/// as no other page knows the token. An Origin must be what is addressed.
+std::optional<HttpAnswer> refuse_stranger(const HttpQuestion& question, std::string_view token);
+
+/// The refusal of a request without the token, if there is one. It is compared in constant time.
+std::optional<HttpAnswer> refuse_without_token(const HttpQuestion& question,
+                                               std::string_view token);
+
+}  // namespace palpate

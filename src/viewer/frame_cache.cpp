@@ -1,0 +1,34 @@
+#include "src/viewer/frame_cache.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kMostBytes = std::size_t(64) << 20, kFewest = 3;
+
+}  // namespace
+
+FrameCache::FrameCache(RecordedRun& run) : run_(run) {
+  const auto num_pixels =
+      static_cast<std::size_t>(run.stream().width) * static_cast<std::size_t>(run.stream().height);
+  most_ = std::max(kFewest,
+                   kMostBytes / (sizeof(std::uint16_t) * std::max<std::size_t>(num_pixels, 1)));
+}
+
+Result<std::shared_ptr<const RecordedFrame>> FrameCache::get(std::size_t index) {
+  const auto known = std::find_if(frames_.begin(), frames_.end(),
+                                  [&](const auto& entry) { return entry.first == index; });
+  if (known != frames_.end()) {
+    frames_.splice(frames_.begin(), frames_, known);
+    return frames_.front().second;
+  }
+  auto frame = run_.read_frame(index);
+  if (!frame) return frame.error();
+  frames_.emplace_front(index, std::make_shared<const RecordedFrame>(*std::move(frame)));
+  if (frames_.size() > most_) frames_.pop_back();
+  return frames_.front().second;
+}
+
+}  // namespace palpate

@@ -1,0 +1,24 @@
+// Depth frames of a recording that were looked at lately.
+#pragma once
+
+#include <list>
+#include <memory>
+
+#include "src/viewer/recorded_run.h"
+
+namespace palpate {
+
+class FrameCache {
+ public:
+  explicit FrameCache(RecordedRun& run);
+
+  /// Error: the frame cannot be read.
+  Result<std::shared_ptr<const RecordedFrame>> get(std::size_t index);
+
+ private:
+  RecordedRun& run_;
+  std::size_t most_;
+  std::list<std::pair<std::size_t, std::shared_ptr<const RecordedFrame>>> frames_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,274 @@
+#include <algorithm>
+#include <atomic>
+#include <deque>
+#include <mutex>
+#include <utility>
+
+#include "palpate/viewer/views.h"
+#include "src/core/monotonic_clock.h"
+#include "src/viewer/command.h"
+#include "src/viewer/controls.h"
+#include "src/viewer/recycler.h"
+#include "src/viewer/samples.h"
+#include "src/viewer/stages.h"
+
+namespace palpate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kPicturePeriod = 1.0 / 60;  // s
+constexpr std::size_t kNumContacts = 4096;   // whose times are known
+constexpr std::size_t kLongestMark = 1000;
+constexpr double kMostSteps = 1000;
+
+/// What the publishing thread has told, until the server comes for it.
+class News {
+ public:
+  void add_frame(std::uint64_t number, double capture_time, const DepthFrame& frame) {
+    auto copy = std::make_shared<ViewFrame>(ViewFrame{number, capture_time, frame});
+    const std::lock_guard lock(mutex_);
+    frame_ = std::move(copy);
+  }
+
+  void add_contact(const ContactRecord& contact) {
+    const std::lock_guard lock(mutex_);
+    contact_times_.emplace_back(contact.number, contact.time);
+    if (contact_times_.size() > kNumContacts) contact_times_.pop_front();
+  }
+
+  void add_ticks(std::span<const HapticRecord> ticks) {
+    const std::lock_guard lock(mutex_);
+    for (const HapticRecord& tick : ticks) samples_.add(sample_of(tick));
+    if (!ticks.empty()) last_ = ticks.back();
+    has_ticked_ = has_ticked_ || !ticks.empty();
+  }
+
+  /// The newest frame if there is a new one. Its time is that of the run, which the first tick
+  /// tells.
+  std::shared_ptr<const ViewFrame> take_frame() {
+    const std::lock_guard lock(mutex_);
+    if (frame_ == nullptr || !has_ticked_) return nullptr;
+    frame_->time -= last_.device.time - last_.time;
+    return std::exchange(frame_, nullptr);
+  }
+  void take_samples(std::vector<ViewSample>& samples) {
+    const std::lock_guard lock(mutex_);
+    samples_.take(samples);
+  }
+  /// When the contact of that number was, s since the run began: now, if it has not been told yet.
+  double contact_time(std::uint64_t number) const {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::lower_bound(
+        contact_times_.begin(), contact_times_.end(), number,
+        [](const auto& contact, std::uint64_t wanted) { return contact.first < wanted; });
+    return found == contact_times_.end() ? last_.time : found->second;
+  }
+  HapticRecord last() const {
+    const std::lock_guard lock(mutex_);
+    return last_;
+  }
+
+ private:
+  mutable std::mutex mutex_;          // each part under it is a copy
+  std::shared_ptr<ViewFrame> frame_;  // its time is that of the capture, monotonic
+  SampleQueue samples_;
+  std::deque<std::pair<std::uint64_t, double>> contact_times_;  // number and time, s of the run
+  HapticRecord last_;
+  bool has_ticked_ = false;
+};
+
+class LiveViewImpl final : public LiveView {
+ public:
+  LiveViewImpl(const Tool& tool, const DepthStreamInfo& stream, std::string title)
+      : content_{"live", std::move(title), &tool, stream},
+        stale_age_(0.1 + 4 / std::max(stream.rate, 1.0)) {
+    HapticObserver& observer = onlooker_.observer;
+    observer.on_frame = [this](std::uint64_t number, double capture_time, const DepthFrame& frame,
+                               std::uint32_t) { news_.add_frame(number, capture_time, frame); };
+    observer.on_contact = [this](const ContactRecord& contact) { news_.add_contact(contact); };
+    observer.on_ticks = [this](std::span<const HapticRecord> ticks) { news_.add_ticks(ticks); };
+    onlooker_.on_loop = [this](HapticLoop* loop) { show(loop); };
+  }
+
+  HapticOnlooker& onlooker() override { return onlooker_; }
+  bool wants_end() const noexcept override { return wants_end_; }
+  const ViewContent& content() const override { return content_; }
+  void poll(const ViewWishes& wishes, ViewUpdate& update) override;
+  std::string state() override;
+  std::string controls() override;
+  Result<std::string> command(std::string_view json) override;
+
+ private:
+  void show(HapticLoop* loop);
+  void look_at_loop();
+  void take_pictures(const ViewWishes& wishes, ViewUpdate& update);
+  Json note(const HapticRecord& last) const;
+  Result<std::string> set(const ViewCommand& command);
+
+  const ViewContent content_;
+  const double stale_age_;  // s
+  HapticOnlooker onlooker_;
+  News news_;
+  std::atomic<bool> wants_end_ = false;
+
+  std::mutex mutex_;            // of what follows: the server's thread and that of the run
+  HapticLoop* loop_ = nullptr;  // not before it has begun, nor after its end
+  bool has_begun_ = false, are_frames_held_ = false;
+  std::uint32_t revision_ = 0;
+  HapticSettings settings_;
+  LoopReport report_;
+  Json stages_ = Json::array();
+  Json fault_;
+  double next_picture_ = 0;  // s, monotonic
+  Recycler<ViewContact> contacts_;
+  Recycler<ViewSurface> surfaces_;
+};
+
+/// Before it goes away, what there was is looked at once more.
+void LiveViewImpl::show(HapticLoop* loop) {
+  const std::lock_guard lock(mutex_);
+  look_at_loop();
+  loop_ = loop;
+  has_begun_ = has_begun_ || loop != nullptr;
+  look_at_loop();
+}
+
+/// What can be told without the loop, too.
+void LiveViewImpl::look_at_loop() {
+  if (loop_ == nullptr) return;
+  settings_ = loop_->settings();
+  report_ = loop_->report();
+  stages_ = stages_json(loop_->times());
+  const Status status = loop_->status();
+  fault_ = status ? Json() : Json(status.error().message);
+}
+
+void LiveViewImpl::poll(const ViewWishes& wishes, ViewUpdate& update) {
+  if (wishes.frames) update.frame = news_.take_frame();
+  if (wishes.samples) news_.take_samples(update.samples);
+  const std::lock_guard lock(mutex_);
+  if (loop_ != nullptr) take_pictures(wishes, update);
+}
+
+void LiveViewImpl::take_pictures(const ViewWishes& wishes, ViewUpdate& update) {
+  if (const double now = monotonic_now(); now >= next_picture_) {
+    next_picture_ = now + kPicturePeriod;
+    if (wishes.contacts) loop_->ask_for_contact_picture();
+    if (wishes.surfaces) loop_->ask_for_surface_picture();
+  }
+  if (const ContactPicture* seen = wishes.contacts ? loop_->new_contact_picture() : nullptr) {
+    const auto contact = contacts_.take();
+    contact->time = news_.contact_time(seen->contact_number);
+    contact->frame_number = seen->frame_number;
+    contact->X_WT = seen->X_WT;
+    contact->states = seen->states;
+    contact->planes = seen->planes;
+    update.contact = contact;
+  }
+  if (const SurfacePicture* seen = wishes.surfaces ? loop_->new_surface_picture() : nullptr) {
+    const auto surface = surfaces_.take();
+    surface->frame_number = seen->frame_number;
+    surface->width = seen->width;
+    surface->height = seen->height;
+    surface->points = seen->points;
+    surface->normals = seen->normals;
+    surface->edges = seen->edges;
+    update.surface = surface;
+  }
+}
+
+/// What a person should know now, the most important first.
+Json LiveViewImpl::note(const HapticRecord& last) const {
+  if (!has_begun_) return "the run has not begun yet";
+  if (loop_ == nullptr) {
+    return "the run has ended; palpate view with the folder of the run shows it again";
+  }
+  if (last.safety.fault != Fault::none) {
+    return last.safety.gain > 0 ? "the force fades out" : "the force has faded out";
+  }
+  if (last.sensor_age > stale_age_ && last.contact_number > 0) {
+    const auto hundredths = static_cast<long long>(100 * std::min(last.sensor_age, 1e6));
+    return "the depth images are stale: the last one was taken " +
+           Json(static_cast<double>(hundredths) / 100).dump() + " s ago";
+  }
+  if (are_frames_held_) return "depth images are held: the scene stands still, the hand goes on";
+  return {};
+}
+
+std::string LiveViewImpl::state() {
+  const HapticRecord last = news_.last();
+  const std::lock_guard lock(mutex_);
+  look_at_loop();
+  return Json{{"time", last.time},
+              {"running", loop_ != nullptr && loop_->is_running()},
+              {"fault", fault_},
+              {"note", note(last)},
+              {"paused", are_frames_held_},
+              {"revision", revision_},
+              {"settings", control_values(settings_, kLiveControls)},
+              {"frame_number", last.frame_number},
+              {"ticks", report_.num_ticks},
+              {"missed", report_.num_missed},
+              {"lost", report_.num_lost_records},
+              {"frames", report_.num_frames},
+              {"contacts", report_.num_contacts},
+              {"sensor_age", last.sensor_age},
+              {"stages", stages_}}
+      .dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string LiveViewImpl::controls() {
+  const std::lock_guard lock(mutex_);
+  look_at_loop();
+  return list_controls(settings_, kLiveControls).dump();
+}
+
+Result<std::string> LiveViewImpl::command(std::string_view json) {
+  const auto command = ViewCommand::parse(json);
+  if (!command) return command.error();
+  const std::string& name = command->name();
+  constexpr const char* kKnown = "show, get, set, pause, resume, step, mark and end";
+  const bool is_known = name == "set" || name == "pause" || name == "resume" || name == "step" ||
+                        name == "mark" || name == "end";
+  if (!is_known) return command->unknown(kKnown);
+  const std::lock_guard lock(mutex_);
+  if (loop_ == nullptr) {
+    return Error{Errc::unavailable, has_begun_ ? "the run has ended" : "the run has not begun yet"};
+  }
+  if (name == "set") return set(*command);
+  if (name == "mark") {
+    auto text = command->text("text", kLongestMark);
+    if (!text) return text.error();
+    onlooker_.marks.add(*std::move(text));
+  } else if (name == "end") {
+    wants_end_ = true;
+  } else {
+    const auto num_steps = command->number("frames", 1, kMostSteps, 1);
+    if (name == "step" && !num_steps) return num_steps.error();
+    are_frames_held_ = name != "resume";
+    loop_->hold_frames(are_frames_held_);
+    for (int i = 0; name == "step" && i < static_cast<int>(*num_steps); ++i) loop_->step_frame();
+  }
+  return std::string("{}");
+}
+
+Result<std::string> LiveViewImpl::set(const ViewCommand& command) {
+  const auto key = command.text("key", 100);
+  if (!key) return key.error();
+  HapticSettings changed = loop_->settings();
+  const auto value = set_control(changed, kLiveControls, *key, command["value"]);
+  if (!value) return value.error();
+  if (const Status status = loop_->change(changed); !status) return status.error();
+  ++revision_;
+  return Json{{"value", *value}}.dump();
+}
+
+}  // namespace
+
+std::unique_ptr<LiveView> LiveView::create(const Tool& tool, const DepthStreamInfo& stream,
+                                           std::string title) {
+  return std::make_unique<LiveViewImpl>(tool, stream, std::move(title));
+}
+
+}  // namespace palpate

@@ -1,0 +1,218 @@
+#include "src/viewer/mcap_index.h"
+
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+constexpr std::chrono::milliseconds kPatience{1000};  // for what is short to be known as a whole
+
+Error no_run(const std::filesystem::path& path, const std::string& why) {
+  return {Errc::bad_input, path.string() + " cannot be shown: " + why + "; record the run again"};
+}
+
+}  // namespace
+
+Result<IndexedFrame> read_frame_header(std::string_view message) {
+  // The pixels come last, and a hundred times longer.
+  const std::size_t end = message.find(R"(,"data":")");
+  const std::string head =
+      std::string(message.substr(0, end)) + (end == std::string_view::npos ? "" : "}");
+  const auto json = nlohmann::json::parse(head, nullptr, false);
+  if (json.is_object() && json.contains("number") && json["number"].is_number_unsigned() &&
+      json.contains("capture_time") && json["capture_time"].is_number()) {
+    return IndexedFrame{0, json["number"].get<std::uint64_t>(), json["capture_time"].get<double>()};
+  }
+  return Error{Errc::bad_input, "a message is not a depth frame of a haptic run"};
+}
+
+McapIndex::McapIndex(McapReader reader, HapticSetup setup, std::uint64_t file_size)
+    : reader_(std::move(reader)),
+      setup_(std::move(setup)),
+      file_size_(file_size),
+      periods_(setup_.stream, setup_.settings.time) {
+  settings_[0] = setup_.settings;
+}
+
+McapIndex::~McapIndex() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& path) {
+  auto reader = McapReader::open(path);
+  if (!reader) return reader.error();
+  const auto first = reader->next();
+  if (!first) return first.error();
+  if (!*first || reader->channels().at((*first)->channel).topic != kSettingsTopic) {
+    return no_run(path, "it does not begin with the settings of a haptic run");
+  }
+  auto setup = read_settings((*first)->data);
+  if (!setup) return no_run(path, setup.error().message);
+  std::error_code ignored;
+  const std::uint64_t size = std::filesystem::file_size(path, ignored);
+  std::unique_ptr<McapIndex> index(new McapIndex(*std::move(reader), *std::move(setup), size));
+  // Until there is something to see; then in the background.
+  while (index->frames_.empty() || index->chunks_.empty()) {
+    const auto got = index->read_next();
+    if (!got) return no_run(path, got.error().message);
+    if (!*got) return no_run(path, "it ends before the tool meets a depth image");
+  }
+  index->thread_ = std::thread([i = index.get()] { i->read_all(); });
+  std::unique_lock lock(index->mutex_);
+  index->has_grown_.wait_for(lock, kPatience, [&] { return index->is_complete_; });
+  lock.unlock();
+  return index;
+}
+
+void McapIndex::read_all() {
+  for (;;) {
+    const auto got = read_next();
+    const std::lock_guard lock(mutex_);
+    if (is_stopping_) return;
+    if (got && *got) continue;
+    if (!got) {
+      trouble_ = "the recording is damaged and shown as far as it goes: " + got.error().message;
+    } else if (reader_.was_cut_off()) {
+      trouble_ = "the recording was cut off; it is shown as far as it goes";
+    }
+    is_complete_ = true;
+    has_grown_.notify_all();
+    return;
+  }
+}
+
+Result<bool> McapIndex::read_next() {
+  const auto message = reader_.next();
+  if (!message) return message.error();
+  if (!*message) return false;
+  const Status status = take(reader_.channels().at((*message)->channel).topic, **message);
+  if (!status) return status.error();
+  return true;
+}
+
+Status McapIndex::take(const std::string& topic, const McapMessage& message) {
+  if (topic == kDepthTopic) {
+    auto frame = read_frame_header(message.data);
+    if (!frame) return frame.error();
+    frame->place = reader_.chunk_place();
+    const std::lock_guard lock(mutex_);
+    if (!frames_.empty() && frame->number <= frames_.back().number) return Done{};
+    frames_.push_back(*frame);
+    periods_.add(frame->capture_time);
+  } else if (topic == kContactTopic) {
+    if (!has_start_) {
+      const auto contact = read_contact(message.data);
+      if (!contact) return contact.error();
+      start_ = contact->contact.time - contact->time;
+      wall_start_ = message.time - static_cast<std::uint64_t>(1e9 * contact->time);
+      has_start_ = true;
+    }
+    take_moment(message.time);
+  } else if (topic == kTickTopic && has_start_) {
+    take_moment(message.time);
+  } else if (topic == kSettingsTopic) {
+    auto setup = read_settings(message.data);
+    if (!setup) return setup.error();
+    const std::lock_guard lock(mutex_);
+    settings_[setup->revision] = setup->settings;
+  } else if (topic == kNoteTopic) {
+    const auto json = nlohmann::json::parse(message.data, nullptr, false);
+    if (json.is_object() && json.contains("message") && json["message"].is_string()) {
+      const std::lock_guard lock(mutex_);
+      marks_.emplace_back(message.time, json["message"].get<std::string>());
+    }
+  }
+  return Done{};
+}
+
+/// Something was measured then: notes it for the chunk that it is in.
+void McapIndex::take_moment(std::uint64_t wall_time) {
+  const double time =
+      1e-9 * static_cast<double>(static_cast<std::int64_t>(wall_time - wall_start_));
+  const std::uint64_t place = reader_.chunk_place();
+  const std::lock_guard lock(mutex_);
+  if (chunks_.empty() || chunks_.back().place != place) chunks_.push_back({place, time, time});
+  chunks_.back().first = std::min(chunks_.back().first, time);
+  chunks_.back().last = std::max(chunks_.back().last, time);
+  duration_ = std::max(duration_, time);
+}
+
+double McapIndex::duration() const {
+  const std::lock_guard lock(mutex_);
+  return duration_;
+}
+
+HapticSettings McapIndex::settings(std::uint32_t revision) const {
+  const std::lock_guard lock(mutex_);
+  return std::prev(settings_.upper_bound(revision))->second;
+}
+
+std::vector<RecordedMark> McapIndex::marks() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<RecordedMark> marks;
+  for (const auto& [wall_time, text] : marks_) {
+    const auto time =
+        1e-9 * static_cast<double>(static_cast<std::int64_t>(wall_time - wall_start_));
+    marks.push_back({std::clamp(time, 0.0, duration_), text});
+  }
+  return marks;
+}
+
+std::string McapIndex::note() const {
+  const std::lock_guard lock(mutex_);
+  if (is_complete_) return trouble_;
+  const double share = static_cast<double>(chunks_.back().place) /
+                       static_cast<double>(std::max<std::uint64_t>(file_size_, 1));
+  return "the recording is still being read: " + std::to_string(static_cast<int>(100 * share)) +
+         " %";
+}
+
+std::size_t McapIndex::num_frames() const {
+  const std::lock_guard lock(mutex_);
+  return frames_.size();
+}
+
+IndexedFrame McapIndex::frame(std::size_t index) const {
+  const std::lock_guard lock(mutex_);
+  return frames_[index];
+}
+
+double McapIndex::period_after(std::size_t index) const {
+  const std::lock_guard lock(mutex_);
+  return periods_.after(index);
+}
+
+std::size_t McapIndex::index_of(std::uint64_t number) const {
+  const std::lock_guard lock(mutex_);
+  const auto next =
+      std::upper_bound(frames_.begin(), frames_.end(), number,
+                       [](std::uint64_t n, const IndexedFrame& frame) { return n < frame.number; });
+  return next == frames_.begin() ? 0 : static_cast<std::size_t>(next - frames_.begin()) - 1;
+}
+
+std::size_t McapIndex::num_chunks() const {
+  const std::lock_guard lock(mutex_);
+  return chunks_.size();
+}
+
+std::size_t McapIndex::chunk_at(double time) const {
+  const std::lock_guard lock(mutex_);
+  const auto next =
+      std::upper_bound(chunks_.begin(), chunks_.end(), time,
+                       [](double t, const IndexedChunk& chunk) { return t < chunk.first; });
+  return next == chunks_.begin() ? 0 : static_cast<std::size_t>(next - chunks_.begin()) - 1;
+}
+
+IndexedChunk McapIndex::chunk(std::size_t index) const {
+  const std::lock_guard lock(mutex_);
+  return chunks_[index];
+}
+
+}  // namespace palpate

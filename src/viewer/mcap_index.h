@@ -1,0 +1,90 @@
+// Where things are in the recording of a live run, without keeping them.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "palpate/io/mcap_file.h"
+#include "src/session/haptic_messages.h"
+#include "src/viewer/frame_periods.h"
+#include "src/viewer/recorded_run.h"
+
+namespace palpate {
+
+/// A chunk of the file with the ticks and queries in it.
+struct IndexedChunk {
+  std::uint64_t place = 0;
+  double first = 0, last = 0;  ///< s since the run began
+};
+
+struct IndexedFrame {
+  std::uint64_t place = 0;  ///< of its chunk
+  std::uint64_t number = 0;
+  double capture_time = 0;  ///< s, monotonic
+};
+
+/// Is made by a thread of its own that reads the file once; what has been read can be looked up
+/// meanwhile, from one thread.
+class McapIndex {
+ public:
+  /// Returns when it is known how the run begins, or all is known. Errors: no such file, not a
+  /// recording of a run, nothing happens in it.
+  static Result<std::unique_ptr<McapIndex>> open(const std::filesystem::path& path);
+  ~McapIndex();
+
+  const HapticSetup& setup() const { return setup_; }
+  /// Of the run's beginning, s, monotonic.
+  double start() const { return start_; }
+
+  double duration() const;
+  HapticSettings settings(std::uint32_t revision) const;
+  std::vector<RecordedMark> marks() const;
+  /// What is wrong with the file, or how far it has been read; else empty.
+  std::string note() const;
+  std::size_t num_frames() const;
+  IndexedFrame frame(std::size_t index) const;
+  double period_after(std::size_t index) const;
+  /// The newest frame up to this number, as index.
+  std::size_t index_of(std::uint64_t number) const;
+  /// How many chunks there are by now, and the last one that begins up to `time`; else 0.
+  std::size_t num_chunks() const;
+  std::size_t chunk_at(double time) const;
+  IndexedChunk chunk(std::size_t index) const;
+
+ private:
+  McapIndex(McapReader reader, HapticSetup setup, std::uint64_t file_size);
+  void read_all();
+  Result<bool> read_next();
+  Status take(const std::string& topic, const McapMessage& message);
+  void take_moment(std::uint64_t wall_time);
+
+  McapReader reader_;
+  const HapticSetup setup_;
+  const std::uint64_t file_size_;
+  bool has_start_ = false;
+  double start_ = 0;
+  std::uint64_t wall_start_ = 0;  // ns since 1970, of the run's beginning
+
+  mutable std::mutex mutex_;  // of what follows
+  std::condition_variable has_grown_;
+  bool is_complete_ = false, is_stopping_ = false;
+  std::vector<IndexedChunk> chunks_;
+  std::vector<IndexedFrame> frames_;
+  FramePeriods periods_;
+  std::map<std::uint32_t, HapticSettings> settings_;
+  std::vector<std::pair<std::uint64_t, std::string>> marks_;  // wall time
+  double duration_ = 0;
+  std::string trouble_;
+  std::thread thread_;
+};
+
+/// The frame's place in the stream, without its pixels.
+Result<IndexedFrame> read_frame_header(std::string_view message);
+
+}  // namespace palpate

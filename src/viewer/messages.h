@@ -1,0 +1,63 @@
+// What goes over the wire, as docs/viewer-protocol.md has it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/viewer/view_source.h"
+
+namespace palpate {
+
+inline constexpr int kViewProtocol = 1;
+
+/// Made once and shared by all pages that it goes to. Null: none.
+struct ViewMessage {
+  std::shared_ptr<const std::string> bytes;
+  bool is_text = false;
+
+  explicit operator bool() const { return bytes != nullptr; }
+};
+ViewMessage text_message(std::string text);
+ViewMessage binary_message(std::string bytes);
+
+// Binary messages. `number` is the header's, and so is `time` where the argument has none.
+std::string encode_spheres(std::span<const Sphere> spheres);
+std::string encode_graph(const LeafGraph& graph);
+std::string encode_mesh(const TriangleMesh& mesh);
+std::string encode_tree(const InnerSphereTree& tree);
+std::string encode_frame(const ViewFrame& frame);
+std::string encode_contact(const ViewContact& contact, std::span<const Sphere> spheres,
+                           std::uint64_t number);
+std::string encode_normals(const ViewSurface& surface, std::uint64_t number, double time);
+std::string encode_edges(const ViewSurface& surface, std::uint64_t number, double time);
+std::string encode_samples(std::span<const ViewSample> samples, std::uint64_t number);
+
+// Text messages. What a source says in JSON is taken as nothing where it is not JSON.
+std::string hello_text(ViewSource& source, double radius);
+std::string state_text(ViewSource& source, int num_pages);
+std::string picture_text(std::uint64_t number);
+/// `id` is the command's; null if it had none. `extra`: what was asked for, a JSON object.
+std::string answer_text(const nlohmann::json& id, std::string_view extra);
+std::string error_text(const nlohmann::json& id, std::string_view error);
+
+/// Of a ball around the centre of mass that holds spheres and mesh. O(n).
+double tool_radius(const Tool& tool);
+
+/// Names of the columns of encode_samples.
+std::vector<std::string> sample_columns();
+
+/// What a page or script asks for.
+struct ViewRequest {
+  nlohmann::json json;  ///< all of it, an object
+  nlohmann::json id;    ///< a number, or null
+  std::string command;  ///< empty: an acknowledgement
+  std::string error;    ///< what is wrong with it; empty: nothing so far
+};
+ViewRequest parse_request(std::string_view text);
+
+}  // namespace palpate

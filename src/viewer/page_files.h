@@ -1,0 +1,18 @@
+// The files of the page, as the build of web/ left them in the program.
+#pragma once
+
+#include <span>
+#include <string_view>
+
+namespace palpate {
+
+struct PageFile {
+  std::string_view path;  ///< as requests name it; that of the page itself is "/"
+  std::string_view type;  ///< Content-Type
+  std::span<const unsigned char> gzip;
+};
+
+/// None in a build without the page.
+std::span<const PageFile> page_files();
+
+}  // namespace palpate

@@ -1,0 +1,121 @@
+#include "src/viewer/page_outbox.h"
+
+#include <string>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+constexpr double kPatience = 1;  // s, for an acknowledgement
+
+}  // namespace
+
+PageOutbox::PageOutbox(ViewHub& hub) : hub_(hub) {
+  answers_.push_back(text_message(hub_.hello()));
+  hub_.add(this);
+}
+
+void PageOutbox::receive(std::string_view text) {
+  const ViewRequest request = parse_request(text);
+  if (request.error.empty() && request.command.empty()) return acknowledge(request);
+  if (request.error.empty() && request.command == "show") return show(request);
+  if (request.error.empty() && request.command == "get") return get(request);
+  answers_.push_back(text_message(hub_.obey(request, text).text));
+}
+
+void PageOutbox::receive_binary() {
+  answers_.push_back(text_message(error_text(nullptr, "messages to the server are JSON text")));
+}
+
+void PageOutbox::acknowledge(const ViewRequest& request) {
+  // Of another picture, or before all of it was sent: not drawn.
+  if (picture_.empty() && request.json["ack"].get<std::uint64_t>() == picture_number_)
+    awaits_ack_ = false;
+}
+
+void PageOutbox::show(const ViewRequest& request) {
+  ViewWishes wishes = wishes_;
+  for (const auto& [name, wish] :
+       {std::pair("frames", &wishes.frames), std::pair("contacts", &wishes.contacts),
+        std::pair("surfaces", &wishes.surfaces), std::pair("samples", &wishes.samples)}) {
+    const auto member = request.json.find(name);
+    if (member == request.json.end()) continue;
+    if (!member->is_boolean()) {
+      answers_.push_back(text_message(
+          error_text(request.id, '"' + std::string(name) + "\" must be true or false")));
+      return;
+    }
+    *wish = member->get<bool>();
+  }
+  if (wishes.samples && !wishes_.samples) next_sample_ = hub_.num_samples();
+  wishes_ = wishes;
+  poll_of_wishes_ = hub_.num_polls();
+  answers_.push_back(text_message(answer_text(request.id, "{}")));
+}
+
+void PageOutbox::get(const ViewRequest& request) {
+  const auto what = request.json.find("what");
+  ViewMessage message;
+  if (what != request.json.end() && what->is_string())
+    message = hub_.stored(what->get_ref<const std::string&>());
+  if (!message) {
+    answers_.push_back(
+        text_message(error_text(request.id, "\"what\" must be spheres, graph, mesh or tree")));
+    return;
+  }
+  answers_.push_back(std::move(message));
+  answers_.push_back(text_message(answer_text(request.id, "{}")));
+}
+
+ViewWishes PageOutbox::wishes(double now) const {
+  if (!awaits_ack_ || now < picture_time_ + kPatience) return wishes_;
+  return {.samples = wishes_.samples};
+}
+
+bool PageOutbox::wants(PicturePart part) const {
+  switch (part) {
+    case PicturePart::frame: return wishes_.frames;
+    case PicturePart::contact: return wishes_.contacts;
+    case PicturePart::normals:
+    case PicturePart::edges: return wishes_.surfaces;
+  }
+  return false;
+}
+
+void PageOutbox::begin_picture(double now) {
+  // What is newest may be from before the page asked for it.
+  if (awaits_ack_ || hub_.num_polls() == poll_of_wishes_) return;
+  for (std::size_t i = 0; i < kNumPictureParts; ++i) {
+    const auto part = static_cast<PicturePart>(i);
+    if (!wants(part) || hub_.number(part) == sent_parts_[i]) continue;
+    sent_parts_[i] = hub_.number(part);
+    picture_.push_back(hub_.message(part));
+  }
+  if (wishes_.samples && hub_.num_samples() > next_sample_) {
+    picture_.push_back(hub_.samples_from(next_sample_));
+    next_sample_ = hub_.num_samples();
+  }
+  if (picture_.empty()) return;
+  picture_.push_back(text_message(picture_text(++picture_number_)));
+  picture_time_ = now;
+  awaits_ack_ = true;
+}
+
+ViewMessage PageOutbox::next(double now) {
+  if (!answers_.empty()) {
+    ViewMessage message = std::move(answers_.front());
+    answers_.pop_front();
+    return message;
+  }
+  if (hub_.state_number() > sent_state_ && hub_.state()) {
+    sent_state_ = hub_.state_number();
+    return hub_.state();
+  }
+  if (picture_.empty()) begin_picture(now);
+  if (picture_.empty()) return {};
+  ViewMessage message = std::move(picture_.front());
+  picture_.pop_front();
+  return message;
+}
+
+}  // namespace palpate

@@ -1,0 +1,59 @@
+// What one page is to be sent, and in which order.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <string_view>
+
+#include "src/viewer/view_hub.h"
+
+namespace palpate {
+
+/// Holds no more than the picture that is being sent and a few answers, whatever the page does: the
+/// next picture is put together when the page has acknowledged the last one, of what is newest
+/// then.
+class PageOutbox {
+ public:
+  /// Begins with hello and state.
+  explicit PageOutbox(ViewHub& hub);
+  ~PageOutbox() { hub_.remove(this); }
+  PageOutbox(const PageOutbox&) = delete;
+  PageOutbox& operator=(const PageOutbox&) = delete;
+
+  /// A text message of the page's; one of another kind is answered with an error.
+  void receive(std::string_view text);
+  void receive_binary();
+  /// The page must be read from no further until it has taken some answers.
+  bool is_full() const { return answers_.size() >= kMaxAnswers; }
+
+  /// What goes to the page next; null: nothing now.
+  ViewMessage next(double now);
+  /// A page that has not drawn for a second, e.g. in a hidden tab, wishes for samples alone: nobody
+  /// need make pictures for it.
+  ViewWishes wishes(double now) const;
+
+ private:
+  static constexpr std::size_t kMaxAnswers = 16;
+
+  void acknowledge(const ViewRequest& request);
+  void show(const ViewRequest& request);
+  void get(const ViewRequest& request);
+  bool wants(PicturePart part) const;
+  void begin_picture(double now);
+
+  ViewHub& hub_;
+  ViewWishes wishes_;
+  std::uint64_t poll_of_wishes_ = 0;  // pictures come of later polls than this
+  std::deque<ViewMessage> answers_;   // and what was got
+  std::uint64_t sent_state_ = 0;
+
+  std::deque<ViewMessage> picture_;  // what is left of it
+  std::uint64_t picture_number_ = 0;
+  double picture_time_ = 0;
+  bool awaits_ack_ = false;
+  std::array<std::uint64_t, kNumPictureParts> sent_parts_ = {};
+  std::uint64_t next_sample_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,67 @@
+// A recording that can be looked at anywhere, whatever kind it is.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/haptics/haptic_loop.h"
+#include "palpate/viewer/view_source.h"
+
+namespace palpate {
+
+/// A query that was made.
+struct RecordedQuery {
+  double time = 0;   ///< s since the run began
+  double clock = 0;  ///< the same moment on the clock by which frames were taken
+  Pose X_WT;
+  std::size_t frame = 0;           ///< index of the newest frame that it was made with
+  std::optional<double> progress;  ///< between the last two frames; none: as the clock says
+  std::uint32_t revision = 0;      ///< of the settings
+};
+
+struct RecordedFrame {
+  ViewFrame shown;
+  double clock = 0;  ///< s, as the surfaces were told
+};
+
+struct RecordedMark {
+  double time = 0;
+  std::string text;
+};
+
+/// For one thread. Frames are counted from 0 as they are in the recording.
+class RecordedRun {
+ public:
+  virtual ~RecordedRun() = default;
+
+  virtual const Tool& tool() const = 0;
+  virtual const DepthStreamInfo& stream() const = 0;
+  /// Those of a query.
+  virtual HapticSettings settings(std::uint32_t revision) = 0;
+  /// s; how much of the recording is known by now.
+  virtual double duration() = 0;
+  virtual std::size_t num_frames() = 0;
+  /// As the run numbered it: some may have been lost.
+  virtual std::uint64_t frame_number(std::size_t index) = 0;
+  virtual Result<RecordedFrame> read_frame(std::size_t index) = 0;
+  /// What SurfaceTimeline::period was after this frame, s.
+  virtual double period_after(std::size_t index) = 0;
+  /// When it was felt first, s since the run began.
+  virtual double felt_from(std::size_t index) = 0;
+  /// The last query that is not later, else the first one. Error: it cannot be read any more.
+  virtual Result<RecordedQuery> query_at(double time) = 0;
+  /// Ticks later than `after` until `until`, in order.
+  virtual Result<std::vector<ViewSample>> samples(double after, double until) = 0;
+  virtual std::vector<RecordedMark> marks() = 0;
+  /// What a person should know of the recording; else empty.
+  virtual std::string note() = 0;
+};
+
+/// The run on a simulated clock, or the live one, in this folder.
+Result<std::unique_ptr<RecordedRun>> open_path_run(const std::filesystem::path& folder);
+Result<std::unique_ptr<RecordedRun>> open_live_run(const std::filesystem::path& folder);
+
+}  // namespace palpate

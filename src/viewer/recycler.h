@@ -1,0 +1,26 @@
+// Large things again and again without asking the system for memory each time.
+#pragma once
+
+#include <array>
+#include <memory>
+
+namespace palpate {
+
+/// One thread: of this and of all who hold what it gave.
+template <class T>
+class Recycler {
+ public:
+  /// One that nobody holds any more, with its old contents.
+  std::shared_ptr<T> take() {
+    for (std::shared_ptr<T>& kept : kept_) {
+      if (kept == nullptr) kept = std::make_shared<T>();
+      if (kept.use_count() == 1) return kept;
+    }
+    return std::make_shared<T>();
+  }
+
+ private:
+  std::array<std::shared_ptr<T>, 3> kept_;
+};
+
+}  // namespace palpate

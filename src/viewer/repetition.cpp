@@ -1,0 +1,109 @@
+#include "src/viewer/repetition.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "src/viewer/controls.h"
+#include "src/viewer/shown.h"
+
+namespace palpate {
+namespace {
+
+/// All that decides how surfaces are made.
+std::string surface_words(const HapticSettings& settings) {
+  constexpr std::string_view kSections[] = {"surface", "field", "time"};
+  return control_values(settings, kSections).dump() +
+         (settings.contact.method == InsideMethod::field ? " with a field" : "");
+}
+
+}  // namespace
+
+int num_lead_frames(const TimeOptions& time) {
+  const int blended = time.mode == TimeMode::latest        ? 0
+                      : time.mode == TimeMode::interpolate ? 1
+                                                           : 2;
+  const DepthAverageOptions& average = time.average;
+  double averaged = 0;
+  if (average.kind == DepthAverage::moving) {
+    averaged = average.frames * (1 + average.keep_frames);
+  } else if (average.kind == DepthAverage::exponential) {
+    constexpr double kForgotten = 1e-6;  // share of what was measured
+    averaged = average.weight < 1 ? std::log(kForgotten) / std::log1p(-average.weight) : 0;
+    averaged = std::ceil(averaged) + average.keep_frames;
+  }
+  return blended + static_cast<int>(std::min<double>(averaged, kMostLead));
+}
+
+Repetition::Repetition(RecordedRun& run) : run_(run), frames_(run), pool_(0) {}
+
+/// On the backend of the run if it is there.
+Status Repetition::make_query(const HapticSettings& settings) {
+  ContactCapacities capacities;
+  capacities.gpu = settings.contact_gpu;
+  backend_ = settings.backend;
+  auto query = make_contact_query(backend_, run_.tool(), capacities);
+  if (!query && backend_ != Backend::cpu) {
+    backend_ = Backend::cpu;
+    note_ = "the run was computed on a GPU; it is shown as the CPU computes it";
+    query = make_contact_query(backend_, run_.tool());
+  }
+  if (!query) return query.error();
+  query_ = std::make_unique<BlendedQuery>(*std::move(query));
+  return Done{};
+}
+
+Status Repetition::prepare(std::size_t first, const HapticSettings& settings) {
+  timeline_.reset();
+  if (query_ == nullptr) {
+    if (const Status status = make_query(settings); !status) return status;
+  }
+  TimeOptions time = settings.time;
+  if (first > 0 && run_.period_after(first) > 0) time.first_period = run_.period_after(first);
+  std::optional<DepthFieldOptions> field;
+  if (settings.contact.method == InsideMethod::field) field = settings.field;
+  auto timeline = SurfaceTimeline::create(run_.stream(), settings.surface, field, time,
+                                          {backend_, settings.sensing_gpu});
+  if (!timeline) return timeline.error();
+  timeline_ = *std::move(timeline);
+  first_ = next_ = first;
+  return Done{};
+}
+
+Result<bool> Repetition::go_to(const RecordedQuery& query, const HapticSettings& settings,
+                               const std::function<bool()>& keep_going) {
+  const int lead = num_lead_frames(settings.time);
+  const auto num_lead = std::min(query.frame, static_cast<std::size_t>(lead));
+  const std::string words = surface_words(settings);
+  const std::size_t wanted_first = query.frame - num_lead;
+  const bool is_near = query.frame + 1 >= next_ && query.frame <= next_ + num_lead;
+  if (!timeline_ || words != made_with_ || !is_near || first_ > wanted_first) {
+    made_with_ = words;
+    const Status status = prepare(wanted_first, settings);
+    if (!status) return status.error();
+  }
+  double clock = 0;
+  for (; next_ <= query.frame; ++next_) {
+    if (!keep_going()) return false;
+    const auto frame = frames_.get(next_);
+    if (!frame) return frame.error();
+    clock = (*frame)->clock;
+    timeline_->push((*frame)->shown.frame, clock, pool_);
+  }
+  if (!timeline_->status()) return timeline_->status().error();
+  asked_ = query;
+  contact_ = settings.contact;
+  moment_ = timeline_->at(std::max(query.clock, clock));
+  const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
+  if (query.progress && is_as_recorded) moment_.progress = *query.progress;
+  query_->set_moment(moment_);
+  return true;
+}
+
+Penetration Repetition::measure() { return query_->query(asked_.X_WT, contact_); }
+
+ViewSurface Repetition::surface(std::uint64_t frame_number) const {
+  return surface_shown(timeline_->newest_cloud(), moment_.to.cloud, frame_number);
+}
+
+}  // namespace palpate

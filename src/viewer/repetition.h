@@ -1,0 +1,58 @@
+// Any query of a recording once more, with the settings of the run or with others.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "palpate/contact/blended_query.h"
+#include "src/viewer/frame_cache.h"
+
+namespace palpate {
+
+/// How many frames before it decide what the surface of a frame is like: those that it is blended
+/// with or predicted from, and those in its average. What is further back is not seen in an average
+/// with 8 bits, or too long ago to be made up for (kMostLead).
+int num_lead_frames(const TimeOptions& time);
+inline constexpr int kMostLead = 128;
+
+class Repetition {
+ public:
+  /// `run` must outlive it.
+  explicit Repetition(RecordedRun& run);
+
+  /// The surfaces as they were for this query: on from where they are if that is near, else anew
+  /// from some frames before. False if keep_going() has become false. Errors: a frame, the
+  /// settings.
+  Result<bool> go_to(const RecordedQuery& query, const HapticSettings& settings,
+                     const std::function<bool()>& keep_going);
+  /// After go_to.
+  Penetration measure();
+  const ContactQuery& query() const { return *query_; }
+  ViewSurface surface(std::uint64_t frame_number) const;
+
+  FrameCache& frames() { return frames_; }
+  /// Where it is computed, if not where it was; else empty.
+  const std::string& note() const { return note_; }
+
+ private:
+  Status prepare(std::size_t first, const HapticSettings& settings);
+  Status make_query(const HapticSettings& settings);
+
+  RecordedRun& run_;
+  FrameCache frames_;
+  ThreadPool pool_;
+  std::unique_ptr<BlendedQuery> query_;
+  Backend backend_ = Backend::cpu;  // of the query
+  std::string note_;
+
+  std::optional<SurfaceTimeline> timeline_;
+  std::string made_with_;             // the settings of the timeline
+  std::size_t first_ = 0, next_ = 0;  // frames: pushed from, up to
+  RecordedQuery asked_;
+  ContactOptions contact_;
+  SurfaceMoment moment_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,281 @@
+#include "src/viewer/run_player.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "src/viewer/shown.h"
+
+namespace palpate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::chrono::microseconds kPeriod{16667};
+
+/// With what a person has changed.
+HapticSettings changed_by(HapticSettings settings, const Json& changes) {
+  for (const auto& [key, value] : changes.items()) {
+    (void)set_control(settings, kRecordedControls, key, value);
+  }
+  return settings;
+}
+
+/// Would surfaces be made with these? Asked of a tiny stream, which costs nothing.
+Status check_settings(const DepthStreamInfo& stream, const HapticSettings& settings) {
+  DepthStreamInfo tiny = stream;
+  tiny.width = tiny.height = 8;
+  const auto timeline =
+      SurfaceTimeline::create(tiny, settings.surface, settings.field, settings.time);
+  if (!timeline) return timeline.error();
+  return Done{};
+}
+
+/// The keys of what differs.
+std::string differences(const HapticSettings& a, const HapticSettings& b) {
+  const Json values = control_values(a, kRecordedControls),
+             others = control_values(b, kRecordedControls);
+  std::string keys;
+  for (const auto& [key, value] : values.items()) {
+    if (value != others[key]) keys += (keys.empty() ? "" : ", ") + key;
+  }
+  return keys;
+}
+
+void add_note(std::string& note, const std::string& more) {
+  if (!more.empty()) note += (note.empty() ? "" : "; ") + more;
+}
+
+}  // namespace
+
+RunPlayer::RunPlayer(std::unique_ptr<RecordedRun> run) : run_(std::move(run)), repetition_(*run_) {
+  clock_.pause();
+  clock_.set(0);
+  shown_.settings = run_->settings(0);
+  shown_.duration = run_->duration();
+  thread_ = std::thread([this] { work(); });
+}
+
+RunPlayer::~RunPlayer() {
+  is_stopping_ = true;
+  has_changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+// What others ask for.
+
+void RunPlayer::poll(const ViewWishes& wishes, ViewUpdate& update) {
+  const std::lock_guard lock(mutex_);
+  const bool is_looking = wishes.frames || wishes.contacts || wishes.surfaces || wishes.samples;
+  if (is_looking && !std::exchange(was_looked_at_, true)) clock_.resume();
+  wanted_ = wishes;
+  if (wishes.frames) update.frame = std::exchange(news_.frame, nullptr);
+  if (wishes.contacts) update.contact = std::exchange(news_.contact, nullptr);
+  if (wishes.surfaces) update.surface = std::exchange(news_.surface, nullptr);
+  if (wishes.samples) samples_.take(update.samples);
+}
+
+RunShown RunPlayer::shown() const {
+  const std::lock_guard lock(mutex_);
+  RunShown shown = shown_;
+  shown.time = std::min(clock_.now(), shown.duration);
+  shown.is_paused = clock_.is_paused();
+  shown.speed = clock_.speed();
+  return shown;
+}
+
+/// Under the lock: the player is to look at its orders.
+void RunPlayer::change() {
+  was_looked_at_ = true;  // what a person does counts, from now on
+  ++num_orders_;
+  has_changed_.notify_all();
+}
+
+void RunPlayer::pause() {
+  const std::lock_guard lock(mutex_);
+  clock_.pause();
+  clock_.set(std::min(clock_.now(), shown_.duration));
+  change();
+}
+
+void RunPlayer::resume() {
+  const std::lock_guard lock(mutex_);
+  if (clock_.now() >= shown_.duration) {
+    clock_.set(0);
+    ++num_seeks_;
+  }
+  clock_.resume();
+  change();
+}
+
+void RunPlayer::seek(double time) {
+  const std::lock_guard lock(mutex_);
+  clock_.set(std::clamp(time, 0.0, shown_.duration));
+  num_steps_ = 0;
+  ++num_seeks_;
+  change();
+}
+
+void RunPlayer::step(int num_frames) {
+  const std::lock_guard lock(mutex_);
+  clock_.pause();
+  num_steps_ += num_frames;
+  change();
+}
+
+void RunPlayer::set_speed(double factor) {
+  const std::lock_guard lock(mutex_);
+  clock_.set_speed(factor);
+}
+
+Result<Json> RunPlayer::set(std::string_view key, const Json& value) {
+  const std::lock_guard lock(mutex_);
+  HapticSettings settings = shown_.settings;
+  auto taken = set_control(settings, kRecordedControls, key, value);
+  if (!taken) return taken;
+  if (const Status status = check_settings(run_->stream(), settings); !status) {
+    return status.error();
+  }
+  changed_[std::string(key)] = *taken;
+  shown_.settings = settings;
+  ++shown_.revision;
+  change();
+  return taken;
+}
+
+// The player.
+
+void RunPlayer::work() {
+  while (!is_stopping_) {
+    const auto start = std::chrono::steady_clock::now();
+    show(advance());
+    std::unique_lock lock(mutex_);
+    const std::uint32_t num_seen = num_orders_;
+    has_changed_.wait_until(lock, start + kPeriod,
+                            [&] { return is_stopping_ || num_orders_ != num_seen; });
+  }
+}
+
+/// Takes new orders. What is to be shown now, s.
+double RunPlayer::advance() {
+  int num_steps = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    num_steps = std::exchange(num_steps_, 0);
+    wishes_ = wanted_;
+    taken_seeks_ = num_seeks_;
+  }
+  const double duration = run_->duration();
+  double stepped_to = 0;
+  if (num_steps != 0) {
+    const auto last = static_cast<std::ptrdiff_t>(run_->num_frames()) - 1;
+    const auto target =
+        std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(frame_) + num_steps, 0, last);
+    stepped_to = run_->felt_from(static_cast<std::size_t>(target));
+  }
+  const std::lock_guard lock(mutex_);
+  shown_.duration = duration;
+  if (num_steps != 0) {
+    clock_.set(stepped_to);
+    taken_seeks_ = ++num_seeks_;
+  }
+  if (!clock_.is_paused() && clock_.now() >= duration) {
+    clock_.pause();
+    clock_.set(duration);
+  }
+  return std::min(clock_.now(), duration);
+}
+
+void RunPlayer::show(double time) {
+  const auto query = run_->query_at(time);
+  if (!query) return tell(query.error().message);
+  frame_ = query->frame;
+  use_settings_of(*query);
+  std::string trouble;
+  if (wishes_.samples) show_samples(time, trouble);
+  show_frame(trouble);
+  if (wishes_.contacts || wishes_.surfaces) show_contact(*query, trouble);
+  tell(trouble);
+}
+
+/// As the run had them, with what was changed here; also for those who ask.
+void RunPlayer::use_settings_of(const RecordedQuery& query) {
+  const std::lock_guard lock(mutex_);
+  const SettingsInUse wanted{query.revision, shown_.revision};
+  if (used_ == wanted) return;
+  used_ = wanted;
+  const HapticSettings recorded = run_->settings(query.revision);
+  settings_ = shown_.settings = changed_by(recorded, changed_);
+  ++num_settings_;
+  what_if_.clear();
+  if (const std::string keys = differences(recorded, settings_); !keys.empty()) {
+    what_if_ = "contacts are computed with other settings than in the run (" + keys +
+               "); the curves are those of the run";
+  }
+}
+
+void RunPlayer::show_frame(std::string& trouble) {
+  if (!wishes_.frames || last_.frame == frame_) return;
+  const auto frame = repetition_.frames().get(frame_);
+  if (!frame) return add_note(trouble, frame.error().message);
+  last_.frame = frame_;
+  const std::lock_guard lock(mutex_);
+  // A part of what the cache holds, which it keeps.
+  news_.frame = std::shared_ptr<const ViewFrame>(*frame, &(*frame)->shown);
+}
+
+void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
+  const Last::Picture contact{query.time, num_settings_};
+  const Last::Picture surface{static_cast<double>(query.frame), num_settings_};
+  const bool needs_contact = wishes_.contacts && last_.contact != contact;
+  const bool needs_surface = wishes_.surfaces && last_.surface != surface;
+  if (!needs_contact && !needs_surface) return;
+  const std::uint32_t order = num_orders_;
+  const auto is_there =
+      repetition_.go_to(query, settings_, [&] { return !is_stopping_ && num_orders_ == order; });
+  if (!is_there) add_note(trouble, is_there.error().message);
+  if (!is_there || !*is_there) return;
+  const std::uint64_t number = run_->frame_number(query.frame);
+  ViewUpdate made;
+  if (needs_contact) {
+    repetition_.measure();
+    made.contact = std::make_shared<const ViewContact>(
+        contact_shown(repetition_.query(), query.X_WT, query.time, number));
+    last_.contact = contact;
+  }
+  if (needs_surface) {
+    made.surface = std::make_shared<const ViewSurface>(repetition_.surface(number));
+    last_.surface = surface;
+  }
+  const std::lock_guard lock(mutex_);
+  if (made.contact) news_.contact = std::move(made.contact);
+  if (made.surface) news_.surface = std::move(made.surface);
+}
+
+/// Those since the last time; after a leap those of the seconds before.
+void RunPlayer::show_samples(double time, std::string& trouble) {
+  const bool leaps = seen_seeks_ != taken_seeks_ || time < last_.sample_time;
+  seen_seeks_ = taken_seeks_;
+  const double after = std::max(leaps ? -1.0 : last_.sample_time, time - SampleQueue::kSeconds);
+  const auto samples = run_->samples(after, time);
+  if (!samples) return add_note(trouble, samples.error().message);
+  last_.sample_time = time;
+  const std::lock_guard lock(mutex_);
+  if (leaps) samples_.clear();
+  for (const ViewSample& sample : *samples) samples_.add(sample);
+}
+
+void RunPlayer::tell(std::string note) {
+  add_note(note, run_->note());
+  add_note(note, repetition_.note());
+  add_note(note, what_if_);
+  auto marks = run_->marks();
+  const std::uint64_t number = run_->frame_number(frame_);
+  const std::lock_guard lock(mutex_);
+  shown_.note = std::move(note);
+  shown_.marks = std::move(marks);
+  shown_.frame_number = number;
+}
+
+}  // namespace palpate

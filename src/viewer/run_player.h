@@ -1,0 +1,105 @@
+// Plays a recording, in a thread of its own.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+#include "src/viewer/controls.h"
+#include "src/viewer/repetition.h"
+#include "src/viewer/samples.h"
+#include "src/viewer/view_clock.h"
+
+namespace palpate {
+
+/// What there is to tell of it.
+struct RunShown {
+  double time = 0, duration = 0, speed = 1;
+  bool is_paused = false;
+  std::uint64_t frame_number = 0;
+  std::uint32_t revision = 0;  ///< how often a setting was changed here
+  HapticSettings settings;     ///< by which contacts are computed
+  std::vector<RecordedMark> marks;
+  std::string note;  ///< else empty
+};
+
+class RunPlayer {
+ public:
+  /// Stands at the beginning until somebody looks.
+  explicit RunPlayer(std::unique_ptr<RecordedRun> run);
+  ~RunPlayer();
+
+  const Tool& tool() const { return run_->tool(); }
+  const DepthStreamInfo& stream() const { return run_->stream(); }
+
+  // For one other thread; none of these waits for a picture.
+  void poll(const ViewWishes& wishes, ViewUpdate& update);
+  RunShown shown() const;
+  void pause();
+  void resume();  ///< at the end: from the beginning
+  void seek(double time);
+  void step(int num_frames);  ///< negative: back
+  void set_speed(double factor);
+  /// The value as it is then. Errors: as set_control; settings that do not go together.
+  Result<nlohmann::ordered_json> set(std::string_view key, const nlohmann::ordered_json& value);
+
+ private:
+  /// What was shown last, to know what is new.
+  struct Last {
+    struct Picture {
+      double when = -1;
+      std::uint64_t num_settings = 0;
+      bool operator==(const Picture&) const = default;
+    };
+    std::optional<std::size_t> frame;
+    Picture contact, surface;
+    double sample_time = -1;
+  };
+  /// Of the run and of what was changed here: which of them are in use.
+  struct SettingsInUse {
+    std::uint32_t recorded = 0, changed = 0;
+    bool operator==(const SettingsInUse&) const = default;
+  };
+
+  void work();
+  double advance();
+  void show(double time);
+  void use_settings_of(const RecordedQuery& query);
+  void show_frame(std::string& trouble);
+  void show_contact(const RecordedQuery& query, std::string& trouble);
+  void show_samples(double time, std::string& trouble);
+  void tell(std::string note);
+  void change();
+
+  std::unique_ptr<RecordedRun> run_;
+
+  // Of the player's thread.
+  Repetition repetition_;
+  Last last_;
+  std::size_t frame_ = 0;  // shown now
+  ViewWishes wishes_;
+  std::uint32_t taken_seeks_ = 0, seen_seeks_ = 0;
+  std::optional<SettingsInUse> used_;
+  HapticSettings settings_;
+  std::uint64_t num_settings_ = 0;  // counts when they change
+  std::string what_if_;
+
+  mutable std::mutex mutex_;  // of what follows
+  std::condition_variable has_changed_;
+  ViewClock clock_;
+  bool was_looked_at_ = false;
+  int num_steps_ = 0;
+  std::uint32_t num_seeks_ = 0;
+  ViewWishes wanted_;
+  nlohmann::ordered_json changed_ = nlohmann::ordered_json::object();  // {key: value}
+  RunShown shown_;
+  ViewUpdate news_;
+  SampleQueue samples_;
+
+  std::atomic<std::uint32_t> num_orders_ = 0;  // whatever makes a long way to a frame useless
+  std::atomic<bool> is_stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,116 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "palpate/session/run_folder.h"
+#include "palpate/viewer/views.h"
+#include "src/viewer/command.h"
+#include "src/viewer/run_player.h"
+
+namespace palpate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kMostSteps = 100000, kLongest = 1e9;
+
+class RunView final : public ViewSource {
+ public:
+  RunView(std::unique_ptr<RecordedRun> run, std::string title)
+      : player_(std::move(run)),
+        content_{"recording", std::move(title), &player_.tool(), player_.stream()} {}
+
+  const ViewContent& content() const override { return content_; }
+  void poll(const ViewWishes& wishes, ViewUpdate& update) override { player_.poll(wishes, update); }
+  std::string state() override;
+  std::string controls() override {
+    return list_controls(player_.shown().settings, kRecordedControls).dump();
+  }
+  Result<std::string> command(std::string_view json) override;
+
+ private:
+  Result<std::string> set(const ViewCommand& command);
+
+  RunPlayer player_;
+  const ViewContent content_;
+};
+
+std::string RunView::state() {
+  const RunShown shown = player_.shown();
+  Json note, marks = Json::array();
+  if (!shown.note.empty()) {
+    note = shown.note;
+  } else if (shown.is_paused && shown.time >= shown.duration) {
+    note = "the recording ends here; it plays again from its beginning";
+  }
+  for (const RecordedMark& mark : shown.marks) {
+    marks.push_back({{"time", mark.time}, {"text", mark.text}});
+  }
+  const Json state{{"time", shown.time},
+                   {"running", !shown.is_paused},
+                   {"fault", nullptr},
+                   {"note", note},
+                   {"paused", shown.is_paused},
+                   {"revision", shown.revision},
+                   {"settings", control_values(shown.settings, kRecordedControls)},
+                   {"frame_number", shown.frame_number},
+                   {"duration", shown.duration},
+                   {"speed", shown.speed},
+                   {"marks", std::move(marks)}};
+  return state.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Result<std::string> RunView::set(const ViewCommand& command) {
+  const auto key = command.text("key", 100);
+  if (!key) return key.error();
+  const auto value = player_.set(*key, command["value"]);
+  if (!value) return value.error();
+  return Json{{"value", *value}}.dump();
+}
+
+Result<std::string> RunView::command(std::string_view json) {
+  const auto command = ViewCommand::parse(json);
+  if (!command) return command.error();
+  const std::string& name = command->name();
+  if (name == "set") return set(*command);
+  if (name == "pause") {
+    player_.pause();
+  } else if (name == "resume") {
+    player_.resume();
+  } else if (name == "step") {
+    const auto num = command->number("frames", -kMostSteps, kMostSteps, 1);
+    if (!num) return num.error();
+    player_.step(static_cast<int>(std::lround(*num)));
+  } else if (name == "seek") {
+    const auto time = command->number("time", 0, kLongest);
+    if (!time) return time.error();
+    player_.seek(*time);
+  } else if (name == "speed") {
+    const auto factor = command->number("factor", ViewClock::kSlowest, ViewClock::kFastest);
+    if (!factor) return factor.error();
+    player_.set_speed(*factor);
+  } else {
+    return command->unknown("show, get, set, pause, resume, step, seek and speed");
+  }
+  return std::string("{}");
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder) {
+  const auto has = [&](const char* name) {
+    std::error_code ignored;
+    return std::filesystem::exists(folder / name, ignored);
+  };
+  if (!has(kHapticRecording) && !has(kRecordingFolder)) {
+    return Error{Errc::not_found, "no recording in " + folder.string() +
+                                      ": give the folder of a run that palpate touch wrote"};
+  }
+  auto run = has(kHapticRecording) ? open_live_run(folder) : open_path_run(folder);
+  if (!run) return run.error();
+  const auto name = std::filesystem::absolute(folder).lexically_normal();
+  const auto title = name.has_filename() ? name.filename() : name.parent_path().filename();
+  return std::unique_ptr<ViewSource>(std::make_unique<RunView>(*std::move(run), title.string()));
+}
+
+}  // namespace palpate

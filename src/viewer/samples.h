@@ -1,0 +1,29 @@
+// Samples of a loop, on their way to a page that may not come for them.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "palpate/haptics/haptic_loop.h"
+#include "palpate/viewer/view_source.h"
+
+namespace palpate {
+
+ViewSample sample_of(const HapticRecord& tick);
+
+/// The last seconds; older ones that nobody has fetched are dropped.
+class SampleQueue {
+ public:
+  static constexpr double kSeconds = 4;
+
+  void add(const ViewSample& sample);
+  void clear() { samples_.clear(); }
+  /// Moves all to the end of `samples`.
+  void take(std::vector<ViewSample>& samples);
+
+ private:
+  static constexpr std::size_t kMost = 40000;  // at any rate
+  std::deque<ViewSample> samples_;
+};
+
+}  // namespace palpate

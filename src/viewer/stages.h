@@ -1,0 +1,14 @@
+// How long the stages of a loop take, for drawing.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "palpate/haptics/haptic_loop.h"
+
+namespace palpate {
+
+/// `stages` of the protocol.
+nlohmann::ordered_json stages_json(const LoopTimes& times);
+nlohmann::ordered_json stage_json(const char* name, const LatencyHistogram& times);
+
+}  // namespace palpate

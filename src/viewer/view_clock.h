@@ -1,0 +1,44 @@
+// The time that is shown: it goes with the wall clock, faster, slower, or stands.
+#pragma once
+
+#include <algorithm>
+
+#include "src/core/monotonic_clock.h"
+
+namespace palpate {
+
+/// One thread at a time.
+class ViewClock {
+ public:
+  static constexpr double kSlowest = 0.01, kFastest = 10;
+
+  double now() const {
+    return is_paused_ ? position_ : position_ + speed_ * (monotonic_now() - since_);
+  }
+  bool is_paused() const { return is_paused_; }
+  double speed() const { return speed_; }
+
+  void set(double time) {
+    position_ = time;
+    since_ = monotonic_now();
+  }
+  void set_speed(double speed) {
+    set(now());
+    speed_ = std::clamp(speed, kSlowest, kFastest);
+  }
+  void pause() {
+    set(now());
+    is_paused_ = true;
+  }
+  void resume() {
+    set(now());
+    is_paused_ = false;
+  }
+
+ private:
+  double position_ = 0, since_ = monotonic_now();
+  double speed_ = 1;
+  bool is_paused_ = false;
+};
+
+}  // namespace palpate

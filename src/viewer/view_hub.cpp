@@ -1,0 +1,140 @@
+#include "src/viewer/view_hub.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "src/viewer/page_outbox.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kStatePeriod = 0.25;  // s
+constexpr double kFreshState = 0.02;   // s
+constexpr double kSamplesKept = 2;     // s
+constexpr std::size_t kMaxSamples = 8192;
+
+ViewWishes either(const ViewWishes& a, const ViewWishes& b) {
+  return {a.frames || b.frames, a.contacts || b.contacts, a.surfaces || b.surfaces,
+          a.samples || b.samples};
+}
+
+}  // namespace
+
+void ViewHub::poll(double now) {
+  ViewWishes wishes;
+  for (const PageOutbox* page : pages_) wishes = either(wishes, page->wishes(now));
+  ViewUpdate update;
+  source_.poll(wishes, update);
+  ++num_polls_;
+  take_parts(update);
+  take_samples(update.samples, now);
+  if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) ask_state(now);
+}
+
+bool ViewHub::is_wanted(double now) const {
+  return std::any_of(pages_.begin(), pages_.end(), [now](const PageOutbox* page) {
+    const ViewWishes wishes = page->wishes(now);
+    return wishes.frames || wishes.contacts || wishes.surfaces || wishes.samples;
+  });
+}
+
+void ViewHub::set(PicturePart part, std::function<std::string(std::uint64_t)> encode) {
+  Newest& slot = parts_[static_cast<std::size_t>(part)];
+  slot = {slot.number + 1, std::move(encode), {}};
+}
+
+void ViewHub::take_parts(ViewUpdate& update) {
+  if (update.frame) {
+    newest_time_ = update.frame->time;
+    set(PicturePart::frame,
+        [frame = std::move(update.frame)](std::uint64_t) { return encode_frame(*frame); });
+  }
+  if (update.contact) {
+    newest_time_ = update.contact->time;
+    set(PicturePart::contact, [this, contact = std::move(update.contact)](std::uint64_t number) {
+      return encode_contact(*contact, source_.content().tool->spheres(), number);
+    });
+  }
+  if (update.surface) {
+    const auto surface = std::move(update.surface);
+    set(PicturePart::normals, [surface, time = newest_time_](std::uint64_t number) {
+      return encode_normals(*surface, number, time);
+    });
+    set(PicturePart::edges, [surface, time = newest_time_](std::uint64_t number) {
+      return encode_edges(*surface, number, time);
+    });
+  }
+}
+
+void ViewHub::take_samples(const std::vector<ViewSample>& samples, double now) {
+  for (const ViewSample& sample : samples) samples_.push_back({now, sample});
+  while (!samples_.empty() &&
+         (samples_.front().arrival < now - kSamplesKept || samples_.size() > kMaxSamples)) {
+    samples_.pop_front();
+    ++first_sample_;
+  }
+}
+
+const ViewMessage& ViewHub::message(PicturePart part) {
+  Newest& slot = parts_[static_cast<std::size_t>(part)];
+  if (slot.encode) {
+    slot.message = binary_message(slot.encode(slot.number));
+    slot.encode = nullptr;
+  }
+  return slot.message;
+}
+
+ViewMessage ViewHub::samples_from(std::uint64_t number) const {
+  number = std::max(number, first_sample_);
+  std::vector<ViewSample> samples;
+  for (std::uint64_t i = number; i < num_samples(); ++i)
+    samples.push_back(samples_[i - first_sample_].sample);
+  return binary_message(encode_samples(samples, number));
+}
+
+void ViewHub::ask_state(double now) {
+  state_ = text_message(state_text(source_, num_pages()));
+  state_time_ = now;
+  is_state_old_ = false;
+  ++state_number_;
+}
+
+const ViewMessage& ViewHub::fresh_state(double now) {
+  if (is_state_old_ || now >= state_time_ + kFreshState) ask_state(now);
+  return state_;
+}
+
+ViewMessage ViewHub::stored(std::string_view what) {
+  const Tool& tool = *source_.content().tool;
+  const auto keep = [this](std::size_t slot, auto encode) {
+    if (!stored_[slot]) stored_[slot] = binary_message(encode());
+    return stored_[slot];
+  };
+  if (what == "spheres") return keep(0, [&] { return encode_spheres(tool.spheres()); });
+  if (what == "graph") return keep(1, [&] { return encode_graph(tool.graph()); });
+  if (what == "mesh") return keep(2, [&] { return encode_mesh(tool.mesh()); });
+  if (what == "tree") return keep(3, [&] { return encode_tree(tool.tree()); });
+  return {};
+}
+
+ViewHub::Answer ViewHub::obey(const ViewRequest& request, std::string_view text) {
+  if (!request.error.empty()) return {false, error_text(request.id, request.error)};
+  const Result<std::string> said = source_.command(text);
+  is_state_old_ = true;
+  if (!said) return {false, error_text(request.id, said.error().message)};
+  return {true, answer_text(request.id, *said)};
+}
+
+void ViewHub::add(PageOutbox* page) {
+  pages_.push_back(page);
+  num_pages_ = static_cast<int>(pages_.size());
+  is_state_old_ = true;
+}
+
+void ViewHub::remove(PageOutbox* page) {
+  std::erase(pages_, page);
+  num_pages_ = static_cast<int>(pages_.size());
+  is_state_old_ = true;
+}
+
+}  // namespace palpate

@@ -1,0 +1,100 @@
+// What all pages share: whom they look at, and the newest of everything, encoded once.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "src/viewer/messages.h"
+
+namespace palpate {
+
+class PageOutbox;
+
+/// What a picture is made of, beside samples.
+enum class PicturePart { frame, contact, normals, edges };
+inline constexpr int kNumPictureParts = 4;
+
+/// Only the newest of each part is kept, so that what a slow page misses is never stored for it.
+/// One thread, but for num_pages(). Times are monotonic_now().
+class ViewHub {
+ public:
+  explicit ViewHub(ViewSource& source)
+      : source_(source), tool_radius_(tool_radius(*source.content().tool)) {}
+
+  /// Asks the source for what the pages want, and for its state when it is time.
+  void poll(double now);
+  std::uint64_t num_polls() const { return num_polls_; }
+  /// Some page wants to be sent something.
+  bool is_wanted(double now) const;
+
+  /// Counts the parts of this kind that there have been; 0: none.
+  std::uint64_t number(PicturePart part) const { return newest(part).number; }
+  /// The newest; encoded when the first page takes it.
+  const ViewMessage& message(PicturePart part);
+  /// Samples that there have been.
+  std::uint64_t num_samples() const { return first_sample_ + samples_.size(); }
+  /// Those from `number` on, as far as they are kept.
+  ViewMessage samples_from(std::uint64_t number) const;
+
+  std::uint64_t state_number() const { return state_number_; }
+  const ViewMessage& state() const { return state_; }
+  /// One that is new enough for whoever asks again and again.
+  const ViewMessage& fresh_state(double now);
+  /// With the controls as they are now.
+  std::string hello() { return hello_text(source_, tool_radius_); }
+  /// What can be got: spheres, graph, mesh, tree. Null: there is no such thing.
+  ViewMessage stored(std::string_view what);
+
+  /// Obeys a command of the source's; the answer for whom it came from.
+  struct Answer {
+    bool is_ok = false;
+    std::string text;
+  };
+  Answer obey(const ViewRequest& request, std::string_view text);
+
+  void add(PageOutbox* page);
+  void remove(PageOutbox* page);
+  int num_pages() const noexcept { return num_pages_; }
+
+ private:
+  struct Newest {
+    std::uint64_t number = 0;
+    std::function<std::string(std::uint64_t number)> encode;
+    ViewMessage message;
+  };
+  const Newest& newest(PicturePart part) const { return parts_[static_cast<std::size_t>(part)]; }
+  void set(PicturePart part, std::function<std::string(std::uint64_t)> encode);
+  void take_parts(ViewUpdate& update);
+  void take_samples(const std::vector<ViewSample>& samples, double now);
+  void ask_state(double now);
+
+  struct ArrivedSample {
+    double arrival;
+    ViewSample sample;
+  };
+
+  ViewSource& source_;
+  const double tool_radius_;
+  std::vector<PageOutbox*> pages_;
+  std::atomic<int> num_pages_ = 0;
+  std::uint64_t num_polls_ = 0;
+
+  std::array<Newest, kNumPictureParts> parts_;
+  double newest_time_ = 0;  // s since the run began, of the newest part
+  std::deque<ArrivedSample> samples_;
+  std::uint64_t first_sample_ = 0;  // its number
+
+  ViewMessage state_;
+  std::uint64_t state_number_ = 0;
+  double state_time_ = 0;
+  bool is_state_old_ = true;  // a command may have changed it
+  std::array<ViewMessage, 4> stored_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,149 @@
+"""Makes all figures in their quick form with the real program, and looks at what comes out.
+
+Usage: eval_quick_test.py PATH_OF_PALPATE DATA_FOLDER"""
+
+import json
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PALPATE, DATA = sys.argv[1], sys.argv[2]
+HERE = os.path.dirname(os.path.abspath(__file__))
+VERDICTS = {"agrees", "better", "differs", "contradicts", "not measured"}
+
+
+def palpate_eval(*arguments):
+    return subprocess.run([PALPATE, "eval", *arguments], capture_output=True, text=True,
+                          timeout=900)
+
+
+def wanted_rows():
+    with open(os.path.join(HERE, "rows.txt")) as file:
+        return [line.strip() for line in file if line.strip() and not line.startswith("#")]
+
+
+class QuickEvaluation(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="palpate-eval-")
+        cls.report = os.path.join(cls.folder, "report")
+        cls.docs = os.path.join(cls.folder, "evaluation.md")
+        arguments = ["--quick", "-o", cls.report, "--json", "--write-docs", cls.docs,
+                     "--commit", "0123abc"]
+        if os.path.isdir(DATA):
+            arguments += ["--data", DATA]
+        cls.run = palpate_eval(*arguments)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    def figures(self):
+        return json.loads(self.run.stdout)["figures"]
+
+    def data_of(self, figure):
+        stem = re.sub(r"[^A-Za-z0-9.-]", "_", figure["id"])
+        with open(os.path.join(self.report, "data", stem + ".json")) as file:
+            return json.load(file)
+
+    def test_no_figure_fails(self):
+        self.assertEqual(self.run.returncode, 0, self.run.stderr)
+
+    def test_every_row_has_a_verdict(self):
+        listed = json.loads(palpate_eval("--list", "--json").stdout)
+        covered = set()
+        made = {figure["id"]: figure for figure in self.figures()}
+        for figure in listed:
+            claims = made.get(figure["id"], {"claims": []})["claims"]
+            if claims and all(claim["verdict"] in VERDICTS for claim in claims):
+                covered |= set(figure["thesis_figures"]) | {figure["id"]}
+        self.assertEqual([row for row in wanted_rows() if row not in covered], [])
+
+    def test_claims_are_sentences(self):
+        for figure in self.figures():
+            for claim in figure["claims"]:
+                for text in (claim["thesis"], claim["ours"]):
+                    self.assertGreater(len(text), 10, figure["id"])
+                    self.assertNotRegex(text, r"\bnan\b|\binf\b", figure["id"])
+
+    def test_numbers_are_finite_and_unique(self):
+        for figure in self.figures():
+            numbers = self.data_of(figure)["numbers"]
+            keys = [number["key"] for number in numbers]
+            self.assertEqual(len(keys), len(set(keys)), figure["id"])
+            for number in numbers:
+                self.assertTrue(number["value"] is not None and math.isfinite(number["value"]),
+                                (figure["id"], number))
+
+    def test_plots_are_whole(self):
+        for figure in self.figures():
+            data = self.data_of(figure)
+            for plot in data["plots"]:
+                where = (figure["id"], plot["title"])
+                self.assertTrue(plot["caption"] and plot["x_label"] and plot["y_label"], where)
+                self.assertTrue(plot["curves"], where)
+                for curve in plot["curves"]:
+                    self.assertEqual(len(curve["x"]), len(curve["y"]), where)
+            for table in data["tables"]:
+                for row in table["rows"]:
+                    self.assertEqual(len(row), len(table["columns"]), (figure["id"], row))
+
+    def test_the_page_stands_alone(self):
+        path = os.path.join(self.report, "index.html")
+        self.assertLess(os.path.getsize(path), 15e6)
+        with open(path) as file:
+            page = file.read()
+        self.assertNotRegex(page, r"(src|href)=['\"]?(https?:|//)|<script|@import")
+        self.assertIn("commit 0123abc", page)
+        with open(self.docs) as file:
+            docs = file.read()
+        for figure in self.figures():
+            self.assertIn(f"| {figure['id']} |", docs.replace("\\", ""))
+
+    def test_a_second_run_makes_nothing(self):
+        arguments = ["--quick", "-o", self.report, "--json"]
+        if os.path.isdir(DATA):
+            arguments += ["--data", DATA]
+        again = json.loads(palpate_eval(*arguments).stdout)
+        self.assertEqual(again["made"], 0)
+        self.assertEqual(again["kept"], len(self.figures()))
+
+
+class Errors(unittest.TestCase):
+
+    def check(self, arguments, status, *words):
+        run = palpate_eval(*arguments)
+        self.assertEqual(run.returncode, status, run.stderr)
+        self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
+        for word in words:
+            self.assertIn(word, run.stderr)
+
+    def test_wrong_usage(self):
+        self.check(["5.99", "-o", "x"], 2, "'5.99'", "near are ", "5.9")
+        self.check(["spede", "-o", "x"], 2, "'spede'", "speed")
+        self.check([], 2, "-o REPORT")
+        self.check(["-o", "x", "--gpu", "no-such.csv"], 2, "no-such.csv")
+        self.check(["-o", "x", "--data", "no-such-folder"], 2, "no-such-folder")
+        self.assertFalse(os.path.exists("x"))
+
+    def test_a_folder_of_other_things(self):
+        with tempfile.TemporaryDirectory() as folder:
+            with open(os.path.join(folder, "thesis.txt"), "w") as file:
+                file.write("mine")
+            self.check(["3.1", "-o", folder], 1, "thesis.txt")
+            self.assertEqual(os.listdir(folder), ["thesis.txt"])
+
+    def test_list(self):
+        run = palpate_eval("--list", "drawings")
+        self.assertEqual(run.returncode, 0)
+        self.assertIn("4.5-4.7", run.stdout)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])

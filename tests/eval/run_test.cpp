@@ -1,0 +1,326 @@
+// Running and reporting figures, with figures made up for it.
+#include <unistd.h>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "eval/choose.h"
+#include "eval/report.h"
+#include "eval/run_evaluation.h"
+#include "tests/test_util/data.h"
+
+namespace palpate::eval {
+namespace {
+
+namespace fs = std::filesystem;
+
+int g_num_made = 0;
+
+FigureResult some_result() {
+  FigureResult result;
+  result.claims = {{"1.7 times faster & <simpler>", "1.5 times | slower", Verdict::contradicts},
+                   {"smooth", "smooth", Verdict::agrees}};
+  result.plots = {{"Force",
+                   "depth, mm",
+                   "force, N",
+                   {{"field", "field", {0, 1, 2}, {0.1, std::nan(""), 1.0 / 3}}},
+                   true,
+                   false,
+                   "It rises."}};
+  result.tables = {
+      {"Times", {"spheres", "time, µs"}, {{"1000", "1.5"}, {"a \"quote\", comma", "2"}}}};
+  result.numbers = {{"ratio", 1.0 / 3, ""}, {"none", std::nan(""), "ms"}};
+  result.notes = {"made <up>"};
+  return result;
+}
+
+Result<FigureResult> make_good(Context& context) {
+  context.progress(0.5);
+  ++g_num_made;
+  return some_result();
+}
+Result<FigureResult> make_failing(Context&) { return Error{Errc::bad_input, "there is no <tool>"}; }
+Result<FigureResult> make_throwing(Context&) { throw std::runtime_error("out of spheres"); }
+Result<FigureResult> make_silent(Context&) { return FigureResult(); }
+
+const FigureSpec kGood{"5.1-5.3", "Times & sizes", "Speed", make_good};
+const FigureSpec kNoise{"noise", "Noise", "Robustness", make_good};
+const FigureSpec kFailing{"5.9", "Failing", "Quality", make_failing};
+const FigureSpec kThrowing{"5.10", "Throwing", "Quality", make_throwing};
+const FigureSpec kSilent{"5.11", "Silent", "Quality", make_silent};
+
+std::string text_of(const fs::path& path) {
+  std::ostringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
+class Run : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("palpate-eval-" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    g_num_made = 0;
+    options_.output = folder_;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  Evaluation run(const std::vector<FigureSpec>& figures) {
+    auto evaluation = run_evaluation(figures, figures, options_, watcher_);
+    EXPECT_TRUE(evaluation) << evaluation.error().message;
+    return *evaluation;
+  }
+
+  fs::path folder_;
+  EvaluationOptions options_;
+  Watcher watcher_;
+};
+
+TEST_F(Run, StoredFiguresReadBackTheSame) {
+  StoredFigure figure{"5.1", key_of({}), "abc", "2026-11-21 23:00", 1.25, "", some_result()};
+  ASSERT_TRUE(save_figure(figure, folder_));
+  const auto read = load_figure("5.1", folder_);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->key, figure.key);
+  EXPECT_EQ(read->commit, "abc");
+  EXPECT_EQ(read->seconds, 1.25);
+  const FigureResult& a = figure.result;
+  const FigureResult& b = read->result;
+  ASSERT_EQ(b.claims.size(), 2u);
+  EXPECT_EQ(b.claims[0].thesis, a.claims[0].thesis);
+  EXPECT_EQ(b.claims[0].verdict, Verdict::contradicts);
+  ASSERT_EQ(b.plots.size(), 1u);
+  EXPECT_EQ(b.plots[0].curves[0].x, a.plots[0].curves[0].x);
+  EXPECT_EQ(b.plots[0].curves[0].y[2], 1.0 / 3);
+  EXPECT_TRUE(std::isnan(b.plots[0].curves[0].y[1]));
+  EXPECT_TRUE(b.plots[0].log_x);
+  EXPECT_EQ(b.plots[0].caption, "It rises.");
+  EXPECT_EQ(b.tables[0].rows, a.tables[0].rows);
+  EXPECT_EQ(b.numbers[0].value, 1.0 / 3);
+  EXPECT_TRUE(std::isnan(b.numbers[1].value));
+  EXPECT_EQ(b.notes, a.notes);
+}
+
+TEST_F(Run, CsvFilesForOtherPrograms) {
+  StoredFigure figure{"a/b", {}, "", "", 0, "", some_result()};
+  ASSERT_TRUE(save_figure(figure, folder_));
+  EXPECT_EQ(text_of(folder_ / "a_b-plot1.csv"),
+            "curve,\"depth, mm\",\"force, N\"\n\"field\",0.0,0.1\n\"field\",1.0,\n"
+            "\"field\",2.0,0.3333333333333333\n");
+  EXPECT_EQ(text_of(folder_ / "a_b-table1.csv"),
+            "\"spheres\",\"time, µs\"\n\"1000\",\"1.5\"\n\"a \"\"quote\"\", comma\",\"2\"\n");
+  EXPECT_TRUE(fs::exists(folder_ / "a_b-numbers.csv"));
+  figure.result.plots.clear();
+  ASSERT_TRUE(save_figure(figure, folder_));
+  EXPECT_FALSE(fs::exists(folder_ / "a_b-plot1.csv"));
+}
+
+TEST_F(Run, AFileCutOffAnywhereIsNoFigure) {
+  ASSERT_TRUE(save_figure({"5.1", {}, "", "", 0, "", some_result()}, folder_));
+  const std::string whole = text_of(folder_ / "5.1.json");
+  for (std::size_t size = 0; size + 2 < whole.size(); size += 7) {
+    std::ofstream(folder_ / "5.1.json", std::ios::binary) << whole.substr(0, size);
+    const auto read = load_figure("5.1", folder_);
+    ASSERT_FALSE(read) << size;
+    EXPECT_EQ(read.error().code, Errc::bad_input);
+  }
+  for (const char* other : {"null", "[]", "{\"format\":\"palpate figure 1\",\"id\":\"5.1\"}"}) {
+    std::ofstream(folder_ / "5.1.json") << other;
+    EXPECT_FALSE(load_figure("5.1", folder_)) << other;
+  }
+}
+
+TEST_F(Run, KeepsWhatWouldComeOutTheSame) {
+  EXPECT_EQ(run({kGood, kNoise}).num_made, 2);
+  Evaluation again = run({kGood, kNoise});
+  EXPECT_EQ(again.num_made, 0);
+  EXPECT_EQ(again.num_kept, 2);
+  EXPECT_EQ(g_num_made, 2);
+
+  options_.fresh = true;
+  EXPECT_EQ(run({kGood}).num_made, 1);
+  options_.fresh = false;
+
+  // The full form serves the quick one, but not the other way round.
+  options_.settings.quick = true;
+  EXPECT_EQ(run({kGood}).num_kept, 1);
+  options_.fresh = true;
+  EXPECT_EQ(run({kGood}).num_made, 1);
+  options_.fresh = false;
+  options_.settings.quick = false;
+  EXPECT_EQ(run({kGood}).num_made, 1);
+
+  // Other data: made again. A broken file: made again, with a warning.
+  options_.settings.data = folder_;
+  EXPECT_EQ(run({kGood}).num_made, 1);
+  std::ofstream(folder_ / kDataFolder / "5.1-5.3.json") << "{";
+  const Evaluation mended = run({kGood});
+  EXPECT_EQ(mended.num_made, 1);
+  EXPECT_EQ(mended.warnings.size(), 1u);
+}
+
+TEST_F(Run, AFigureThatFailsDoesNotStopTheOthers) {
+  const Evaluation evaluation = run({kFailing, kThrowing, kSilent, kGood});
+  EXPECT_EQ(evaluation.num_failed, 3);
+  EXPECT_EQ(evaluation.num_made, 1);
+  const std::string page = text_of(folder_ / kReportPage);
+  EXPECT_NE(page.find("Failed: there is no &lt;tool&gt;"), std::string::npos);
+  EXPECT_NE(page.find("Failed: out of spheres"), std::string::npos);
+  // Failures are tried again, what is done is not.
+  const Evaluation again = run({kFailing, kGood});
+  EXPECT_EQ(again.num_failed, 1);
+  EXPECT_EQ(again.num_kept, 1);
+}
+
+TEST_F(Run, AnInterruptKeepsWhatIsDone) {
+  watcher_.keep_going = [] { return g_num_made < 1; };
+  const Evaluation stopped = run({kGood, kNoise});
+  EXPECT_TRUE(stopped.interrupted);
+  EXPECT_EQ(stopped.num_made, 1);
+  EXPECT_TRUE(fs::exists(folder_ / kReportPage));
+  watcher_.keep_going = {};
+  const Evaluation resumed = run({kGood, kNoise});
+  EXPECT_FALSE(resumed.interrupted);
+  EXPECT_EQ(resumed.num_kept, 1);
+  EXPECT_EQ(resumed.num_made, 1);
+}
+
+TEST_F(Run, LeavesOtherFoldersAlone) {
+  fs::create_directories(folder_);
+  std::ofstream(folder_ / "thesis.doc") << "mine";
+  const std::vector<FigureSpec> figures{kGood};
+  const auto refused = run_evaluation(figures, figures, options_, watcher_);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("thesis.doc"), std::string::npos);
+  EXPECT_FALSE(fs::exists(folder_ / kDataFolder));
+  options_.output = folder_ / "thesis.doc";
+  EXPECT_FALSE(run_evaluation(figures, figures, options_, watcher_));
+}
+
+TEST_F(Run, TheReportHasEveryClaim) {
+  options_.command = "palpate eval -o <here>";
+  const Evaluation evaluation = run({kGood, kNoise, kFailing});
+  const std::string page = text_of(folder_ / kReportPage);
+  const auto count = [&](const std::string& words) {
+    int num = 0;
+    for (std::size_t at = page.find(words); at != std::string::npos; at = page.find(words, at + 1))
+      ++num;
+    return num;
+  };
+  // Contradictions stand first, in the table of all claims and at their figure.
+  EXPECT_EQ(count("1.7 times faster &amp; &lt;simpler&gt;"), 6);
+  EXPECT_LT(page.find("What contradicts"), page.find("All claims</h2>"));
+  EXPECT_EQ(count("Times &amp; sizes"), 1);
+  EXPECT_EQ(count("<svg "), 2);
+  EXPECT_NE(page.find("palpate eval -o &lt;here&gt;"), std::string::npos);
+  EXPECT_NE(page.find("made &lt;up&gt;"), std::string::npos);
+  for (const char* refused : {"<up>", "<simpler>", "<here>", "<script", "http:", "https:"}) {
+    EXPECT_EQ(count(refused), 0) << refused;
+  }
+
+  const std::string docs = summary_markdown(evaluation);
+  EXPECT_NE(docs.find("| 1.5 times \\| slower |"), std::string::npos);
+  EXPECT_NE(docs.find("\\<simpler>"), std::string::npos);
+  EXPECT_NE(docs.find("failed: there is no"), std::string::npos);
+}
+
+TEST(Choose, NumbersOfAnId) {
+  using Numbers = std::vector<std::string>;
+  EXPECT_EQ(figure_numbers("5.1"), Numbers{"5.1"});
+  EXPECT_EQ(figure_numbers("5.17-5.19"), (Numbers{"5.17", "5.18", "5.19"}));
+  EXPECT_EQ(figure_numbers("3.7/3.8"), (Numbers{"3.7", "3.8"}));
+  EXPECT_EQ(figure_numbers("3.4-6, 3.11"), (Numbers{"3.4", "3.5", "3.6", "3.11"}));
+  EXPECT_EQ(figure_numbers("3.10a"), Numbers{"3.10"});
+  for (const char* none : {"noise", "", "5", "5.", "5.1-noise", "-", "5.1-6.2"}) {
+    EXPECT_EQ(figure_numbers(none), Numbers()) << none;
+  }
+}
+
+TEST(Choose, ByIdNumberOrSection) {
+  const std::vector<FigureSpec> all{kGood, kNoise, kFailing, kThrowing};
+  const auto ids = [&](std::vector<std::string> words) {
+    std::string text;
+    const auto chosen = choose_figures(all, words);
+    if (!chosen) return "error: " + chosen.error().message;
+    for (const FigureSpec& figure : *chosen) text += std::string(figure.id) + " ";
+    return text;
+  };
+  EXPECT_EQ(ids({}), "5.1-5.3 noise 5.9 5.10 ");
+  EXPECT_EQ(ids({"5.2"}), "5.1-5.3 ");
+  EXPECT_EQ(ids({"quality", "Noise", "noise"}), "noise 5.9 5.10 ");
+  const std::string error = ids({"noize"});
+  EXPECT_NE(error.find("'noize'; near are noise"), std::string::npos) << error;
+}
+
+TEST(Figures, IdsAreUniqueAndSoAreTheirFiles) {
+  std::vector<std::string> stems;
+  for (const FigureSpec& figure : all_figures()) stems.push_back(file_stem(figure.id));
+  std::sort(stems.begin(), stems.end());
+  EXPECT_EQ(std::adjacent_find(stems.begin(), stems.end()), stems.end());
+}
+
+TEST(Figures, DrawingsAreMade) {
+  Settings settings;
+  settings.quick = true;
+  Context context(settings);
+  for (const FigureSpec& figure : drawings()) {
+    const auto result = figure.make(context);
+    ASSERT_TRUE(result) << figure.id << ": " << result.error().message;
+    EXPECT_FALSE(result->claims.empty()) << figure.id;
+  }
+}
+
+TEST(ContextTools, AreThePrefixesOfOnePacking) {
+  Context context({});
+  const auto large = context.tool("octahedron", 0.1, 200),
+             small = context.tool("octahedron", 0.1, 50);
+  ASSERT_TRUE(large && small);
+  ASSERT_EQ((*small)->spheres().size(), 50u);
+  for (std::size_t i = 0; i < 50; ++i) {
+    EXPECT_EQ((*small)->spheres()[i].radius, (*large)->spheres()[i].radius);
+  }
+  EXPECT_EQ(*context.tool("octahedron", 0.1, 50), *small);
+  EXPECT_FALSE(context.tool("no such shape", 0.1, 50));
+  EXPECT_FALSE(context.tool("octahedron", 0.1, 0));
+}
+
+TEST(ContextFrames, AreThereOrNot) {
+  Settings settings;
+  Context without(settings);
+  DepthStreamInfo info;
+  const auto none = without.recorded("frames/pcl_person.png", info);
+  ASSERT_TRUE(none);
+  EXPECT_FALSE(none->has_value());
+  EXPECT_FALSE(without.recorded("frames/unheard_of.png", info));
+
+  PALPATE_DATA_OR_SKIP(data, "");
+  settings.data = data;
+  Context with(settings);
+  for (const std::string& name : recording_names()) {
+    const auto frames = with.recorded(name, info);
+    ASSERT_TRUE(frames) << frames.error().message;
+    ASSERT_TRUE(frames->has_value()) << name;
+    EXPECT_EQ(static_cast<int>((*frames)->size()), info.num_frames);
+    EXPECT_EQ((*frames)->front().width, info.width);
+  }
+}
+
+TEST(TimeCalls, CountsAndOrders) {
+  std::size_t calls = 0;
+  const Times times = time_calls(50, [&](std::size_t i) { calls += i < 50 ? 1 : 1000; });
+  EXPECT_GE(calls, 50u);
+  EXPECT_LT(calls, 1000u);
+  EXPECT_EQ(times.num, 50u);
+  EXPECT_LE(times.median, times.p99);
+  EXPECT_LE(times.p99, times.max);
+  EXPECT_EQ(time_calls(0, [](std::size_t) {}).num, 0u);
+}
+
+}  // namespace
+}  // namespace palpate::eval

@@ -1,0 +1,49 @@
+// What tests of the whole loop have in common.
+#pragma once
+
+#include <thread>
+
+#include "palpate/haptics/haptic_loop.h"
+#include "palpate/mesh/shapes.h"
+#include "palpate/packing/packer.h"
+#include "src/core/monotonic_clock.h"
+#include "tests/haptics/loop_fakes.h"
+
+namespace palpate::test {
+
+inline const Tool& box_tool() {
+  static const Tool tool = [] {
+    PackOptions options;
+    options.max_spheres = 60;
+    TriangleMesh mesh = make_box({0.05, 0.05, 0.05});
+    SpherePacking packing = pack_spheres(mesh, options).value();
+    return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "box").value();
+  }();
+  return tool;
+}
+
+/// Limits that no busy machine reaches, and the hand's base 5 cm in front of the wall.
+inline HapticSettings patient_settings() {
+  HapticSettings settings;
+  settings.num_threads = 1;
+  settings.wants_real_time = false;
+  settings.coupling.X_WB.translation = {0, 0, 0.45};
+  settings.safety.max_contact_age = settings.safety.max_sensor_age = 30;
+  settings.safety.max_device_silence = settings.safety.max_tick = 30;
+  settings.safety.ramp_seconds = 0.05;
+  settings.safety.engage_timeout = 0.05;
+  return settings;
+}
+
+/// Until `condition` or for twenty seconds.
+template <class Condition>
+bool wait_for(Condition condition) {
+  const double end = monotonic_now() + 20;
+  while (!condition()) {
+    if (monotonic_now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return true;
+}
+
+}  // namespace palpate::test

@@ -1,0 +1,130 @@
+// Everything else that the scene can show: that it shows, where it belongs, in its colour.
+import assert from 'node:assert/strict';
+
+import { colour, isJust, isLit, isPale } from './colours.mjs';
+import { drawn, look, openPage, options, pageTest, project, Served, until } from './harness.mjs';
+import { oneSphere, threeSpheres, uncut } from './worlds.mjs';
+
+const ground = colour('ground');
+const nothing = {
+  cloud: false, toolLook: 'hidden', outside: false, graph: false, treeLevel: -1, normals: false,
+  edges: false, edgePlanes: false, arrows: false, ghost: false, trace: false, view: 'camera',
+};
+
+/// The scene with only these things.
+async function only(page, wanted) {
+  await options(page, { ...nothing, ...wanted });
+  await drawn(page, 3);
+  return look(page);
+}
+
+/// How many pixels of a picture are as `wanted` says: of all, or around a point (x, y, half a side).
+function count(picture, wanted, [x, y, half] = [picture.width / 2, picture.height / 2, 1e4]) {
+  let number = 0;
+  for (let v = Math.max(0, Math.floor(y - half)); v < Math.min(picture.height, y + half); ++v) {
+    for (let u = Math.max(0, Math.floor(x - half)); u < Math.min(picture.width, x + half); ++u) {
+      if (wanted(picture.at(u, v))) ++number;
+    }
+  }
+  return number;
+}
+const isDrawn = (c) => !isJust(c, ground);
+
+pageTest('nothing is shown when nothing is wanted', async () => {
+  const served = await Served.start(oneSphere);
+  await served.apply({ contact: { position: [0, 0, 0.4], states: [1], planes: [uncut] }, depth: [[0, 0.5]] });
+  const page = await openPage(served.url, { bare: true });
+  assert.equal(count(await only(page, {}), isDrawn), 0);
+});
+
+pageTest('the mesh of the tool', async () => {
+  const served = await Served.start(threeSpheres);
+  await served.apply({ contact: { position: [0, 0, 0.5], states: [0, 0, 0], planes: [uncut, uncut, uncut] } });
+  const page = await openPage(served.url, { bare: true });
+  await only(page, { toolLook: 'mesh' });
+  // The box is 0.15 m wide; it is fetched when it is first wanted.
+  const [middle, corner, beside] = await project(page, [[0, 0, 0.425], [0.07, 0.07, 0.425], [0.08, 0, 0.425]]);
+  const picture = await until('the mesh', async () => {
+    const now = await look(page);
+    return isDrawn(now.at(...middle)) && now;
+  });
+  const seen = picture.at(...middle);
+  assert.ok(isLit(seen, colour('metal')) || isPale(seen, colour('metal')), `${seen}`);
+  assert.ok(isDrawn(picture.at(...corner)));
+  assert.ok(isJust(picture.at(...beside), ground));
+});
+
+pageTest('arrows point where forces point', async () => {
+  const served = await Served.start(oneSphere);
+  await served.apply({ contact: { position: [0, 0, 0.4], states: [1], planes: [uncut] } });
+  const page = await openPage(served.url, { bare: true });
+  for (const sign of [1, -1]) {
+    await served.apply({ sample: { force: [0, 0, 2], contact_force: [2 * sign, 0, 0], contact_torque: [0, 0, 0.05],
+      hand: [0, -0.08, 0.4] } });
+    const picture = await only(page, { arrows: true });
+    const places = await project(page, [[0.02 * sign, 0, 0.4], [-0.02 * sign, 0, 0.4], [0, -0.07, 0.4], [0, -0.1, 0.4]]);
+    const [along, against, hand, behind] = places.map((place) => [...place, 6]);
+    assert.ok(count(picture, (c) => isLit(c, colour('force')), along) > 10, 'the force on the tool');
+    assert.equal(count(picture, isDrawn, against), 0, 'not against it');
+    // The coupling pulls the hand to the tool.
+    assert.ok(count(picture, (c) => isLit(c, colour('hand')), hand) > 5, 'the force on the hand');
+    assert.equal(count(picture, isDrawn, behind), 0, 'not away from the tool');
+    assert.ok(count(picture, (c) => isLit(c, colour('torque'))) > 30, 'the torque');
+  }
+  await served.apply({ sample: {} });
+  assert.equal(count(await only(page, { arrows: true }), isDrawn), 0, 'no force, no arrow');
+});
+
+pageTest('edges, normals, ghost, path, graph and tree', async () => {
+  const served = await Served.start(threeSpheres);
+  await served.apply({
+    contact: { position: [0, 0, 0.45], states: [0, 1, 2], planes: [uncut, uncut, uncut] },
+    depth: [[0, 0.5], [80, 0.9]], sample: { hand: [0.05, 0.03, 0.45] },
+  });
+  const page = await openPage(served.url, { bare: true });
+  const u = (79 - 79.5) / 140 * 0.5; // where the near wall ends
+
+  const edges = await only(page, { edges: true });
+  const [at, off] = await project(page, [[u + 0.002, 0, 0.5], [-0.1, 0, 0.5]]);
+  assert.ok(count(edges, isDrawn, [...at, 20]) > 20, 'depth-change vectors');
+  assert.equal(count(edges, isDrawn, [...off, 20]), 0, 'none on the wall');
+
+  // They contain the viewing rays: the camera would see them from the side.
+  const planes = await only(page, { edgePlanes: true, view: 'free' });
+  const [shadow, lit] = await project(page, [[u * 1.04, 0, 0.52], [-0.1, 0, 0.55]]);
+  assert.ok(count(planes, isDrawn, [...shadow, 15]) > 20, 'edge planes go along the ray');
+  assert.equal(count(planes, isDrawn, [...lit, 15]), 0);
+
+  const normals = await only(page, { normals: true, view: 'bird' });
+  const [before, behind] = await project(page, [[-0.1, 0, 0.495], [-0.1, 0, 0.52]]);
+  assert.ok(count(normals, isDrawn, [...before, 8]) > 3, 'normals point to the camera');
+  assert.equal(count(normals, isDrawn, [...behind, 4]), 0);
+
+  const ghost = await only(page, { ghost: true });
+  const [hand] = await project(page, [[0.05, 0.03, 0.45]]);
+  assert.ok(count(ghost, isDrawn, [...hand, 60]) > 50, 'the ghost is where the hand is');
+
+  assert.ok(count(await only(page, { graph: true }), isDrawn) > 20, 'the graph');
+  const tree = await only(page, { treeLevel: 0 });
+  assert.ok(count(tree, isDrawn) > 200, 'the root of the tree');
+
+  await served.apply({ moving: true });
+  await options(page, { ...nothing, trace: true });
+  await drawn(page, 20);
+  assert.ok(count(await look(page), isDrawn) > 50, 'the path');
+});
+
+pageTest('dark and light, every colouring and view', async () => {
+  const served = await Served.start(oneSphere);
+  await served.apply({ contact: { position: [0, 0, 0.4], states: [1], planes: [uncut] }, depth: [[0, 0.5], [80, 0.7]] });
+  const page = await openPage(served.url, { bare: true });
+  const light = await only(page, { dark: false });
+  assert.ok(Math.min(...light.at(5, 5)) > 200, 'light');
+  await options(page, { dark: true });
+  for (const cloudColour of ['shaded', 'depth', 'normals']) {
+    assert.ok(count(await only(page, { cloud: true, cloudColour, pointSize: 4 }), isDrawn) > 10000, cloudColour);
+  }
+  for (const view of ['free', 'camera', 'bird', 'tool']) {
+    assert.ok(count(await only(page, { toolLook: 'spheres', outside: true, view }), isDrawn) > 100, view);
+  }
+});

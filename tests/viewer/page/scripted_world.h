@@ -1,0 +1,67 @@
+// What the browser tests look at: a world in which a test says what is where, and hears what the
+// page commands.
+#pragma once
+
+#include <functional>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/viewer/view_source.h"
+
+namespace palpate {
+
+/// Begins still and empty; `apply` changes it while pages look. Same input, same pictures.
+class ScriptedWorld : public ViewSource {
+ public:
+  using Json = nlohmann::json;
+
+  /// `script`: {"kind", "title", "spheres": [[x, y, z, r], ...], "shape": {"name", "size"},
+  /// "stream": {"width", "height", "focal"} or null, "controls": [...]}. `heard` gets every command
+  /// of a page. Error: the tool cannot be built.
+  static Result<std::unique_ptr<ScriptedWorld>> create(const Json& script,
+                                                       std::function<void(std::string_view)> heard);
+
+  /// Any of: "contact" {"position", "quaternion", "states", "planes": [[x, y, z, d] per sphere]},
+  /// "depth" [[first column, metres], ...] (0 m: no measurement), "sample" {"force", "torque",
+  /// "contact_force", "contact_torque", "volume", "hand": position}, "state" {members that replace
+  /// those of `state`}, "frozen" (nothing new is seen), "moving" (tool and wall go to and fro).
+  void apply(const Json& change);
+
+  const ViewContent& content() const override { return content_; }
+  void poll(const ViewWishes& wishes, ViewUpdate& update) override;
+  std::string state() override;
+  std::string controls() override;
+  Result<std::string> command(std::string_view json) override;
+
+ private:
+  ScriptedWorld(const Json& script, Tool tool, std::function<void(std::string_view)> heard);
+
+  Pose tool_pose(double time) const;
+  std::shared_ptr<const ViewFrame> make_frame() const;
+  std::shared_ptr<const ViewContact> make_contact() const;
+  std::shared_ptr<const ViewSurface> make_surface() const;
+  ViewSample make_sample(double time) const;
+  /// Metres at each column, of the frame that is shown now.
+  std::vector<double> depths() const;
+  Result<std::string> set(const Json& command);
+  Json current_state() const;
+
+  const Tool tool_;
+  const std::function<void(std::string_view)> heard_;
+  ViewContent content_;
+
+  std::mutex mutex_;  // guards all below: tests change what the server reads
+  Json controls_, state_ = Json::object();
+  Json depth_ = Json::array(), sample_ = Json::object();
+  std::optional<ViewContact> contact_;
+  bool is_frozen_ = false, is_moving_ = false, is_paused_ = false;
+  std::uint64_t num_polls_ = 0, num_ticks_ = 0, frame_number_ = 0, num_contacts_ = 0;
+  int revision_ = 0;
+  double time_ = 0, speed_ = 1;
+  Json marks_ = Json::array();
+};
+
+}  // namespace palpate

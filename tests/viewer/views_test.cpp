@@ -1,0 +1,770 @@
+// What the page's sources tell: against queries that are made anew, and against the recordings.
+#include "palpate/viewer/views.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <thread>
+
+#include "palpate/devices/simulated_device.h"
+#include "palpate/io/atomic_file.h"
+#include "palpate/io/mcap_file.h"
+#include "palpate/session/record_run.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/haptic_messages.h"
+#include "src/viewer/controls.h"
+#include "src/viewer/repetition.h"
+#include "src/viewer/stages.h"
+#include "tests/session/synthetic_stream.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using test::pressing_pose;
+using test::small_tool;
+using test::SyntheticStream;
+using test::TemporaryFolder;
+
+constexpr ViewWishes kAll{true, true, true, true};
+
+/// Until `condition` or for so long that it will not come.
+bool wait_for(const std::function<bool()>& condition) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return true;
+}
+
+/// A server that keeps what it gets.
+struct Watcher {
+  explicit Watcher(ViewSource& watched) : source(watched) {}
+
+  void poll() {
+    ViewUpdate update;
+    source.poll(wishes, update);
+    if (update.frame) frame = update.frame;
+    if (update.contact) contact = update.contact;
+    if (update.surface) surface = update.surface;
+    samples.insert(samples.end(), update.samples.begin(), update.samples.end());
+  }
+  bool until(const std::function<bool()>& condition) {
+    return wait_for([&] {
+      poll();
+      return condition();
+    });
+  }
+  Json state() const { return Json::parse(source.state()); }
+  Result<std::string> command(const Json& json) const { return source.command(json.dump()); }
+  void obey(const Json& json) const {
+    const auto answer = command(json);
+    EXPECT_TRUE(answer) << json << ": " << answer.error().message;
+  }
+
+  ViewSource& source;
+  ViewWishes wishes = kAll;
+  std::shared_ptr<const ViewFrame> frame;
+  std::shared_ptr<const ViewContact> contact;
+  std::shared_ptr<const ViewSurface> surface;
+  std::vector<ViewSample> samples;
+};
+
+bool same_planes(const std::vector<Plane<float>>& a, std::span<const Plane<float>> b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& p, const auto& q) {
+    return p.normal == q.normal && p.offset == q.offset;
+  });
+}
+
+void expect_same(const ViewContact& shown, const ContactQuery& query) {
+  EXPECT_TRUE(std::equal(shown.states.begin(), shown.states.end(), query.states().begin(),
+                         query.states().end()));
+  EXPECT_TRUE(same_planes(shown.planes, query.planes()));
+}
+
+// A tool
+
+TEST(ToolView, ShowsTheToolAndNothingElse) {
+  const Tool tool = small_tool();
+  const auto view = view_tool(tool, "small");
+  EXPECT_EQ(view->content().kind, "tool");
+  EXPECT_EQ(view->content().title, "small");
+  EXPECT_EQ(view->content().tool, &tool);
+  EXPECT_FALSE(view->content().stream);
+  EXPECT_EQ(view->controls(), "[]");
+  Watcher watcher(*view);
+  watcher.poll();
+  EXPECT_FALSE(watcher.frame || watcher.contact || watcher.surface);
+  EXPECT_EQ(watcher.state()["frame_number"], 0);
+  for (const char* command : {"pause", "seek", "set", "end"}) {
+    EXPECT_FALSE(watcher.command({{"command", command}})) << command;
+  }
+  for (const char* text : {"", "no JSON", "[]", "7", R"({"command": 3})"}) {
+    EXPECT_FALSE(view->command(text)) << text;
+  }
+}
+
+// Controls
+
+TEST(Controls, AreTheSettingsThatCanChange) {
+  const HapticSettings settings;
+  const Json list = list_controls(settings, kLiveControls);
+  std::set<std::string> keys;
+  for (const Json& control : list) keys.insert(control["key"]);
+  EXPECT_TRUE(keys.contains("contact.method"));
+  EXPECT_TRUE(keys.contains("coupling.stiffness"));
+  for (const char* key :
+       {"coupling.base_in_scene", "coupling.tool_in_hand", "safety.max_slew", "loop.threads"}) {
+    EXPECT_FALSE(keys.contains(key)) << key;
+  }
+  for (const Json& control : list_controls(settings, kRecordedControls)) {
+    EXPECT_FALSE(control["key"].get<std::string>().starts_with("coupling.")) << control;
+  }
+  const Json& method = list[0];
+  EXPECT_EQ(method["kind"], "choice");
+  EXPECT_EQ(method["value"], "field");
+  EXPECT_EQ(method["choices"], Json({"weighted", "simplified", "graph", "field"}));
+}
+
+TEST(Controls, EachCanBeSetToWhatItSaysItCanBe) {
+  HapticSettings settings;
+  for (const auto& control : list_controls(settings, kLiveControls)) {
+    nlohmann::ordered_json value = true;
+    if (control["kind"] == "choice") value = control["choices"].back();
+    if (control["kind"] == "number") value = control["high"];
+    const auto key = control["key"].get<std::string>();
+    const auto taken = set_control(settings, kLiveControls, key, value);
+    ASSERT_TRUE(taken) << control << taken.error().message;
+    EXPECT_EQ(*taken, value) << control;
+    EXPECT_EQ(control_values(settings, kLiveControls)[key], value) << control;
+  }
+  EXPECT_EQ(settings.coupling.stiffness, 1e6);
+}
+
+TEST(Controls, RefusesWhatItCannotBe) {
+  HapticSettings settings;
+  const auto set = [&](const char* key, const nlohmann::ordered_json& value) {
+    return set_control(settings, kLiveControls, key, value);
+  };
+  EXPECT_NE(set("contact.method", "magic").error().message.find("weighted"), std::string::npos);
+  EXPECT_FALSE(set("contact.method", 3));
+  EXPECT_FALSE(set("contact.method", nullptr));
+  EXPECT_FALSE(set("surface.filter", 1));
+  EXPECT_FALSE(set("surface.min_depth", -1));
+  EXPECT_FALSE(set("surface.min_depth", "1"));
+  EXPECT_FALSE(set("safety.max_slew", 5));
+  EXPECT_FALSE(set("contact", 5));
+  EXPECT_FALSE(set("", 5));
+  EXPECT_EQ(control_values(settings, kLiveControls), control_values({}, kLiveControls));
+  EXPECT_EQ(*set("surface.normal_radius", 2.7), 3);
+  EXPECT_EQ(settings.surface.normals.radius, 3);
+}
+
+TEST(Stages, KeepAllOfAHistogramInFewBars) {
+  LatencyHistogram times;
+  std::int64_t duration = 40;
+  for (int i = 0; i < 3000; ++i) times.record(duration += duration / 200 + 1);
+  const Json stage = stage_json("x", times);
+  EXPECT_EQ(stage["num"], 3000);
+  std::uint64_t num = 0;
+  double last = -1;
+  for (const Json& bar : stage["histogram"]) {
+    EXPECT_GT(bar[0].get<double>(), last);
+    last = bar[0];
+    EXPECT_GT(bar[1], 0);
+    num += bar[1].get<std::uint64_t>();
+  }
+  EXPECT_EQ(num, 3000u);
+  EXPECT_LE(stage["histogram"].size(), 60u);
+  EXPECT_EQ(stage_json("x", LatencyHistogram())["histogram"], Json::array());
+}
+
+// A run on a simulated clock
+
+constexpr double kRate = 200;
+
+RunSettings path_settings(TimeMode mode = TimeMode::interpolate) {
+  RunSettings settings;
+  settings.rate = kRate;
+  settings.time.mode = mode;
+  settings.num_threads = 1;
+  return settings;
+}
+
+Pose path_pose(std::size_t, double time) { return pressing_pose(time); }
+
+void record_path(const fs::path& folder, const RunSettings& settings, int num_frames = 12) {
+  SyntheticStream stream(num_frames);
+  const auto outcome = record_run(small_tool(), stream, path_pose, settings, folder);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+}
+
+/// The session after the tick of that number, as the run itself had it.
+template <class Look>
+void play_to(std::size_t tick_number, const RunSettings& settings, int num_frames, Look look) {
+  SyntheticStream stream(num_frames);
+  const Session* session = nullptr;
+  const Tool tool = small_tool();
+  RunCallbacks callbacks;
+  callbacks.on_session = [&](const Session& begun) { session = &begun; };
+  std::size_t number = 0;
+  callbacks.on_tick = [&](const TickRecord& tick) {
+    if (number++ < tick_number) return true;
+    look(tick, *session);
+    return false;
+  };
+  ASSERT_TRUE(run_session(tool, stream, path_pose, settings, callbacks));
+}
+
+void expect_exact_seeks(const RunSettings& settings, int num_frames) {
+  const TemporaryFolder folder;
+  record_path(folder.path() / "run", settings, num_frames);
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view) << view.error().message;
+  Watcher watcher(**view);
+  watcher.obey({{"command", "pause"}});
+  for (const int tick_number : {61, 7, 40, 0, 41, 62}) {
+    const double time = tick_number / kRate;
+    watcher.contact = nullptr;
+    watcher.obey({{"command", "seek"}, {"time", time + 1e-4}});
+    ASSERT_TRUE(watcher.until([&] {
+      return watcher.contact != nullptr && watcher.contact->time == time;
+    })) << time;
+    ASSERT_TRUE(watcher.until([&] {
+      return watcher.frame->number == watcher.contact->frame_number &&
+             watcher.surface->frame_number == watcher.contact->frame_number;
+    }));
+    play_to(static_cast<std::size_t>(tick_number), settings, num_frames,
+            [&](const TickRecord& tick, const Session& session) {
+              expect_same(*watcher.contact, session.query());
+              EXPECT_EQ(watcher.contact->X_WT, tick.X_WT);
+              EXPECT_EQ(watcher.frame->number, static_cast<std::uint64_t>(tick.frame));
+              const PointCloud seen = session.newest_cloud();
+              for (std::size_t i = 0; i < seen.size(); i += 7) {
+                const Vec3f shown = watcher.surface->points[i];
+                EXPECT_TRUE(shown == seen.point(i) ||
+                            (std::isnan(shown.x) && std::isnan(seen.point(i).x)));
+              }
+            });
+  }
+}
+
+TEST(RunView, ASeekShowsWhatTheRunFelt) { expect_exact_seeks(path_settings(), 12); }
+
+TEST(RunView, ASeekShowsWhatTheRunFeltWithTheNewestFrame) {
+  expect_exact_seeks(path_settings(TimeMode::latest), 12);
+}
+
+TEST(RunView, ASeekShowsWhatTheRunFeltWhenItPredicts) {
+  RunSettings settings = path_settings(TimeMode::predict);
+  settings.contact.method = InsideMethod::graph;
+  expect_exact_seeks(settings, 12);
+}
+
+TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
+  RunSettings settings = path_settings();
+  settings.contact.method = InsideMethod::simplified;
+  settings.contact.edges = Edges::strict;
+  settings.surface.depth_change.enabled = true;
+  settings.time.average.kind = DepthAverage::moving;
+  settings.time.average.frames = 2;
+  settings.time.average.keep_frames = 1;
+  expect_exact_seeks(settings, 12);
+}
+
+/// Blends between frames: what the states do not show.
+TEST(Repetition, GivesTheSameBitsFromAnywhere) {
+  const TemporaryFolder folder;
+  const RunSettings settings = path_settings(TimeMode::predict);
+  record_path(folder.path() / "run", settings);
+  auto run = open_path_run(folder.path() / "run");
+  ASSERT_TRUE(run);
+  const auto always = [] { return true; };
+  for (const int tick_number : {70, 20, 55}) {
+    Repetition repetition(**run);
+    const auto query = (*run)->query_at(tick_number / kRate);
+    ASSERT_TRUE(query);
+    ASSERT_TRUE(*repetition.go_to(*query, (*run)->settings(0), always));
+    const Penetration repeated = repetition.measure();
+    play_to(static_cast<std::size_t>(tick_number), settings, 12,
+            [&](const TickRecord& tick, const Session&) {
+              EXPECT_GT(tick.penetration.volume, 0);
+              EXPECT_EQ(repeated.volume, tick.penetration.volume);
+              EXPECT_EQ(repeated.measure_W.force, tick.penetration.measure_W.force);
+              EXPECT_EQ(repeated.measure_W.torque, tick.penetration.measure_W.torque);
+            });
+  }
+}
+
+TEST(Repetition, LooksBackAsFarAsTheTimeOptionsDo) {
+  TimeOptions time;
+  EXPECT_EQ(num_lead_frames(time), 1);
+  time.mode = TimeMode::latest;
+  EXPECT_EQ(num_lead_frames(time), 0);
+  time.average = {DepthAverage::moving, 8, 0.25, 0.03, 0};
+  EXPECT_EQ(num_lead_frames(time), 8);
+  time.average.kind = DepthAverage::exponential;
+  EXPECT_EQ(num_lead_frames(time), 49);  // 0.75^48.02 is a millionth
+  time.average.weight = 1e-9;
+  EXPECT_EQ(num_lead_frames(time), kMostLead);
+  time.average.weight = 1;
+  EXPECT_EQ(num_lead_frames(time), 0);
+}
+
+TEST(RunView, BeginsWhenSomebodyLooksAndStopsAtTheEnd) {
+  const TemporaryFolder folder;
+  record_path(folder.path() / "run", path_settings());
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view);
+  Watcher watcher(**view);
+  EXPECT_EQ((*view)->content().kind, "recording");
+  EXPECT_EQ((*view)->content().title, "run");
+  EXPECT_EQ((*view)->content().stream->width, 96);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(watcher.state()["time"], 0);
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["time"] > 0.05; }));
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["paused"] == true; }));
+  const Json end = watcher.state();
+  EXPECT_NEAR(end["duration"].get<double>(), 0.4, 1.01 / kRate);
+  EXPECT_EQ(end["time"], end["duration"]);
+  EXPECT_TRUE(end["note"].is_string());
+  EXPECT_EQ(end["fault"], nullptr);
+  const auto num_ticks =
+      static_cast<std::size_t>(std::lround(kRate * end["duration"].get<double>()));
+  ASSERT_TRUE(watcher.until([&] { return watcher.samples.size() == num_ticks; }));
+  for (std::size_t i = 0; i < watcher.samples.size(); ++i) {
+    EXPECT_EQ(watcher.samples[i].time, static_cast<double>(i) / kRate);
+  }
+  watcher.obey({{"command", "speed"}, {"factor", 0.02}});
+  watcher.obey({{"command", "resume"}});
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["time"] < 0.1; }));
+  EXPECT_EQ(watcher.state()["speed"], 0.02);
+  EXPECT_EQ(watcher.state()["paused"], false);
+}
+
+TEST(RunView, StepsFrameByFrameInBothDirections) {
+  const TemporaryFolder folder;
+  record_path(folder.path() / "run", path_settings());
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view);
+  Watcher watcher(**view);
+  watcher.obey({{"command", "pause"}});
+  watcher.obey({{"command", "seek"}, {"time", 0.21}});
+  const auto is_at = [&](int number) {
+    return watcher.until([&] {
+      return watcher.frame != nullptr && watcher.contact != nullptr &&
+             watcher.frame->number == static_cast<std::uint64_t>(number) &&
+             watcher.contact->frame_number == static_cast<std::uint64_t>(number);
+    });
+  };
+  ASSERT_TRUE(is_at(6));
+  for (const auto& [step, number] :
+       {std::pair(1, 7), {1, 8}, {-1, 7}, {-4, 3}, {-100, 0}, {99, 11}}) {
+    watcher.obey({{"command", "step"}, {"frames", step}});
+    EXPECT_TRUE(is_at(number)) << step << " to " << number;
+    EXPECT_EQ(watcher.state()["paused"], true);
+    EXPECT_EQ(watcher.state()["frame_number"], number);
+  }
+  watcher.samples.clear();
+  watcher.obey({{"command", "seek"}, {"time", 0.1501}});
+  ASSERT_TRUE(watcher.until([&] { return watcher.samples.size() == 31; }))
+      << watcher.samples.size();
+  EXPECT_EQ(watcher.samples.back().time, 0.15);
+  EXPECT_GT(watcher.samples.back().volume, 0);
+  EXPECT_GT(watcher.samples.back().contact_W.force.z, -1e9);
+  EXPECT_EQ(watcher.samples.back().X_WT, path_pose(0, 0.15));
+}
+
+TEST(RunView, ShowsWhatWouldHaveBeen) {
+  const TemporaryFolder folder;
+  record_path(folder.path() / "run", path_settings());
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view);
+  Watcher watcher(**view);
+  watcher.obey({{"command", "pause"}});
+  watcher.obey({{"command", "seek"}, {"time", 0.2}});
+  ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.contact->time == 0.2; }));
+  EXPECT_EQ(watcher.state()["note"], nullptr);
+  const auto recorded = watcher.contact;
+  const auto answer =
+      watcher.command({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}});
+  ASSERT_TRUE(answer) << answer.error().message;
+  EXPECT_EQ(Json::parse(*answer)["value"], "graph");
+  EXPECT_EQ(watcher.state()["settings"]["contact.method"], "graph");
+  EXPECT_EQ(watcher.state()["revision"], 1);
+  watcher.contact = nullptr;
+  ASSERT_TRUE(watcher.until([&] { return watcher.contact != nullptr; }));
+  RunSettings other = path_settings();
+  other.contact.method = InsideMethod::graph;
+  play_to(40, other, 12, [&](const TickRecord&, const Session& session) {
+    expect_same(*watcher.contact, session.query());
+  });
+  EXPECT_NE(watcher.contact->states, recorded->states);
+  EXPECT_NE(watcher.state()["note"].get<std::string>().find("contact.method"), std::string::npos);
+
+  // Refused, and nothing has changed.
+  for (const Json& command : std::initializer_list<Json>{
+           {{"command", "set"}, {"key", "contact.method"}, {"value", "magic"}},
+           {{"command", "set"}, {"key", "coupling.stiffness"}, {"value", 5}},
+           {{"command", "set"}, {"key", "surface.min_depth"}, {"value", 900}},
+           {{"command", "set"}},
+           {{"command", "seek"}},
+           {{"command", "seek"}, {"time", -1}},
+           {{"command", "speed"}, {"factor", 0}},
+           {{"command", "step"}, {"frames", "one"}},
+           {{"command", "mark"}, {"text", "x"}},
+           {{"command", "end"}}}) {
+    EXPECT_FALSE(watcher.command(command)) << command;
+  }
+  EXPECT_EQ(watcher.state()["revision"], 1);
+
+  // And back.
+  watcher.obey({{"command", "set"}, {"key", "contact.method"}, {"value", "field"}});
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["note"] == nullptr; }));
+  watcher.obey({{"command", "seek"}, {"time", 0.1}});
+  ASSERT_TRUE(watcher.until([&] { return watcher.contact->time == 0.1; }));
+  watcher.obey({{"command", "seek"}, {"time", 0.2}});
+  ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.contact->time == 0.2; }));
+  EXPECT_EQ(watcher.contact->states, recorded->states);
+}
+
+TEST(RunView, AWrongFolderIsOneClearError) {
+  const TemporaryFolder folder;
+  EXPECT_FALSE(view_run(folder.path()));
+  const auto absent = view_run(folder.path() / "absent");
+  ASSERT_FALSE(absent);
+  EXPECT_EQ(absent.error().code, Errc::not_found);
+  EXPECT_NE(absent.error().message.find("palpate touch"), std::string::npos);
+  fs::create_directories(folder.path() / "empty" / kRecordingFolder);
+  EXPECT_FALSE(view_run(folder.path() / "empty"));
+  ASSERT_TRUE(write_file_atomically(folder.path() / kHapticRecording, "no MCAP"));
+  EXPECT_FALSE(view_run(folder.path()));
+  record_path(folder.path() / "run", path_settings());
+  ASSERT_TRUE(
+      write_file_atomically(folder.path() / "run" / kRecordingFolder / "path.txt", "0 1\n"));
+  EXPECT_FALSE(view_run(folder.path() / "run"));
+}
+
+// A run on a simulated clock, while it goes on
+
+TEST(PathView, KeepsPaceWithTheClockAndCanBeHeld) {
+  const Tool tool = small_tool();
+  SyntheticStream stream(12);
+  const auto view = PathView::create(tool, stream.info(), "path");
+  Watcher watcher(*view);
+  EXPECT_EQ(view->controls(), "[]");
+  watcher.obey({{"command", "pause"}});
+  std::atomic<bool> is_over = false;
+  std::optional<Result<RunLog>> log;
+  const auto start = std::chrono::steady_clock::now();
+  std::thread run([&] {
+    log = run_session(tool, stream, path_pose, path_settings(), view->callbacks({}));
+    view->end();
+    is_over = true;
+  });
+  ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.frame && watcher.surface; }));
+  EXPECT_EQ(watcher.state()["time"], 0);
+  EXPECT_EQ(watcher.state()["paused"], true);
+  watcher.obey({{"command", "step"}, {"frames", 2}});
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["frame_number"] == 2; }));
+  ASSERT_TRUE(watcher.until(
+      [&] { return watcher.contact->frame_number == 2 && watcher.surface->frame_number == 2; }));
+  const double held = watcher.state()["time"];
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_EQ(watcher.state()["time"], held);
+  play_to(static_cast<std::size_t>(std::lround(watcher.contact->time * kRate)), path_settings(), 12,
+          [&](const TickRecord&, const Session& session) {
+            expect_same(*watcher.contact, session.query());
+          });
+  EXPECT_FALSE(watcher.command({{"command", "speed"}, {"factor", 11}}));
+  EXPECT_FALSE(
+      watcher.command({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}}));
+  watcher.obey({{"command", "resume"}});
+  ASSERT_TRUE(watcher.until([&] { return is_over.load(); }));
+  run.join();
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  EXPECT_GE(took.count(), 0.4 + 0.05 - 0.01);
+  ASSERT_TRUE(*log);
+  watcher.poll();
+  EXPECT_EQ(watcher.samples.size(), (*log)->ticks.size());
+  EXPECT_EQ(watcher.state()["running"], false);
+  EXPECT_NE(watcher.state()["note"].get<std::string>().find("ended"), std::string::npos);
+}
+
+TEST(PathView, AHeldRunCanBeInterrupted) {
+  const Tool tool = small_tool();
+  SyntheticStream stream(12);
+  const auto view = PathView::create(tool, stream.info(), "path");
+  EXPECT_TRUE(view->command(R"({"command": "pause"})"));
+  std::atomic<bool> goes_on = true;
+  std::optional<Result<RunLog>> log;
+  std::thread run([&] {
+    log = run_session(tool, stream, path_pose, path_settings(),
+                      view->callbacks([&] { return goes_on.load(); }));
+  });
+  goes_on = false;
+  run.join();
+  ASSERT_TRUE(*log);
+  EXPECT_TRUE((*log)->interrupted);
+}
+
+// A live run
+
+/// Every message of the recording in this folder.
+template <class Take>
+void read_messages(const fs::path& folder, Take take) {
+  auto reader = McapReader::open(folder / kHapticRecording);
+  ASSERT_TRUE(reader);
+  for (;;) {
+    const auto message = reader->next();
+    if (!message || !*message) return;
+    take(reader->channels().at((*message)->channel).topic, std::string((*message)->data));
+  }
+}
+
+/// Limits that a busy machine does not reach.
+HapticSettings patient_settings() {
+  HapticSettings settings;
+  settings.wants_real_time = false;
+  settings.num_threads = 1;
+  settings.coupling.X_WB.translation = {0, 0, 0.42};
+  SafetyOptions& safety = settings.safety;
+  safety.max_contact_age = safety.max_sensor_age = 60;
+  safety.max_tick = safety.max_device_silence = 60;
+  return settings;
+}
+
+/// A hand that presses into the wall and turns a little.
+std::unique_ptr<SimulatedDevice> pressing_device() {
+  SimulatedDeviceOptions options;
+  options.model = device_models().front();
+  options.target = [](double time) {
+    return Pose{{0.005, 0.003 * std::sin(9 * time), 0.04 - 0.06 * std::cos(6 * time)},
+                axis_angle({1, 2, 3}, 0.2 * std::sin(5 * time))};
+  };
+  return *SimulatedDevice::create(options);
+}
+
+/// A live run in a thread, with a view that can end it.
+class LiveRunTest : public testing::Test {
+ protected:
+  LiveRunTest()
+      : tool_(small_tool()),
+        stream_(1000),
+        view_(LiveView::create(tool_, stream_.info(), "hand")),
+        watcher_(*view_) {}
+
+  void start(double duration = 60) {
+    run_ = std::thread([this, duration] {
+      const auto device = pressing_device();
+      outcome_ = record_haptic_run(
+          tool_, stream_, *device, patient_settings(), duration, folder(),
+          [this] { return !view_->wants_end(); }, &view_->onlooker());
+    });
+  }
+  void join() {
+    if (run_.joinable()) run_.join();
+  }
+  ~LiveRunTest() override { join(); }
+  fs::path folder() const { return where_.path() / "live"; }
+
+  TemporaryFolder where_;
+  Tool tool_;
+  SyntheticStream stream_;
+  std::unique_ptr<LiveView> view_;
+  Watcher watcher_;
+  std::optional<Result<HapticOutcome>> outcome_;
+  std::thread run_;
+};
+
+TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
+  EXPECT_EQ(watcher_.state()["running"], false);
+  EXPECT_FALSE(watcher_.command({{"command", "pause"}}));
+  start();
+  // A contact somewhere within the run.
+  ASSERT_TRUE(watcher_.until([&] {
+    return watcher_.contact && watcher_.frame && watcher_.surface && watcher_.contact->time > 0.4 &&
+           std::count(watcher_.contact->states.begin(), watcher_.contact->states.end(),
+                      SphereState::outside) < 190;
+  }));
+  const auto seen = watcher_.contact;
+  const Json state = watcher_.state();
+  EXPECT_EQ(state["running"], true);
+  EXPECT_EQ(state["fault"], nullptr);
+  EXPECT_EQ(state["paused"], false);
+  EXPECT_GT(state["ticks"], 0);
+  EXPECT_GT(state["frames"], 0);
+  EXPECT_EQ(state["settings"]["contact.method"], "field");
+  EXPECT_EQ(state["stages"].size(), 7u);
+  EXPECT_EQ(watcher_.frame->frame.width, 96);
+  EXPECT_EQ(watcher_.surface->points.size(), 96u * 72u);
+  watcher_.obey({{"command", "mark"}, {"text", "here"}});
+  watcher_.obey({{"command", "end"}});
+  join();
+  ASSERT_TRUE(*outcome_) << outcome_->error().message;
+  const Json end = watcher_.state();
+  EXPECT_EQ(end["running"], false);
+  EXPECT_GE(end["ticks"], state["ticks"]);
+  EXPECT_NE(end["note"].get<std::string>().find("ended"), std::string::npos);
+  EXPECT_FALSE(watcher_.command({{"command", "pause"}}));
+  watcher_.poll();
+
+  auto view = view_run(folder());
+  ASSERT_TRUE(view) << view.error().message;
+  double time = -1;
+  read_messages(folder(), [&](const std::string& topic, const std::string& message) {
+    if (topic != kContactTopic) return;
+    const ContactRecord contact = *read_contact(message);
+    if (contact.X_WT == seen->X_WT) time = contact.time;
+  });
+  // The last ticks that were published may have been a little older.
+  EXPECT_NEAR(time, seen->time, 0.5);
+  Watcher again(**view);
+  again.obey({{"command", "pause"}});
+  again.obey({{"command", "seek"}, {"time", time}});
+  ASSERT_TRUE(again.until([&] { return again.contact && again.contact->time == time; }));
+  EXPECT_EQ(again.contact->X_WT, seen->X_WT);
+  EXPECT_EQ(again.contact->frame_number, seen->frame_number);
+  EXPECT_EQ(again.contact->states, seen->states);
+  EXPECT_TRUE(same_planes(again.contact->planes, seen->planes));
+  const Json marks = again.state()["marks"];
+  EXPECT_TRUE(std::any_of(marks.begin(), marks.end(), [](const Json& mark) {
+    return mark["text"] == "here";
+  })) << marks;
+  // The samples are those that were seen, too.
+  const auto sample = std::find_if(watcher_.samples.begin(), watcher_.samples.end(),
+                                   [](const ViewSample& s) { return s.time > 0.2; });
+  ASSERT_NE(sample, watcher_.samples.end());
+  const auto same = std::find_if(again.samples.begin(), again.samples.end(),
+                                 [&](const ViewSample& s) { return s.time == sample->time; });
+  ASSERT_NE(same, again.samples.end());
+  EXPECT_EQ(same->F_H_B.force, sample->F_H_B.force);
+  EXPECT_EQ(same->X_WT, sample->X_WT);
+}
+
+TEST_F(LiveRunTest, IsTurnedAndHeld) {
+  start();
+  ASSERT_TRUE(watcher_.until([&] { return watcher_.contact && watcher_.frame; }));
+  for (const char* method : {"graph", "field", "weighted"}) {
+    watcher_.obey({{"command", "set"}, {"key", "contact.method"}, {"value", method}});
+    EXPECT_EQ(watcher_.state()["settings"]["contact.method"], method);
+  }
+  watcher_.obey({{"command", "set"}, {"key", "coupling.damping_ratio"}, {"value", 0.7}});
+  EXPECT_EQ(watcher_.state()["revision"], 4);
+  EXPECT_FALSE(watcher_.command({{"command", "set"}, {"key", "contact.method"}, {"value", 1}}));
+  EXPECT_FALSE(
+      watcher_.command({{"command", "set"}, {"key", "surface.min_depth"}, {"value", 900}}));
+  EXPECT_FALSE(watcher_.command({{"command", "set"}, {"key", "loop.threads"}, {"value", 1}}));
+  EXPECT_FALSE(watcher_.command({{"command", "seek"}, {"time", 1}}));
+  EXPECT_FALSE(watcher_.command({{"command", "mark"}}));
+  EXPECT_EQ(watcher_.state()["revision"], 4);
+  watcher_.obey({{"command", "pause"}});
+  EXPECT_EQ(watcher_.state()["paused"], true);
+  EXPECT_NE(watcher_.state()["note"].get<std::string>().find("held"), std::string::npos);
+  watcher_.obey({{"command", "step"}, {"frames", 2}});
+  EXPECT_EQ(watcher_.state()["paused"], true);
+  watcher_.obey({{"command", "resume"}});
+  EXPECT_EQ(watcher_.state()["paused"], false);
+  watcher_.obey({{"command", "end"}});
+  join();
+  ASSERT_TRUE(*outcome_) << outcome_->error().message;
+  auto run = open_live_run(folder());
+  ASSERT_TRUE(run) << run.error().message;
+  const auto last = (*run)->query_at(1e9);
+  ASSERT_TRUE(last);
+  EXPECT_EQ(last->revision, 4u);
+  EXPECT_EQ((*run)->settings(last->revision).contact.method, InsideMethod::weighted);
+  EXPECT_EQ((*run)->settings(last->revision).coupling.damping_ratio, 0.7);
+}
+
+TEST_F(LiveRunTest, EveryQueryIsFoundAndRepeated) {
+  start(1.2);
+  join();
+  ASSERT_TRUE(*outcome_) << outcome_->error().message;
+  std::vector<ContactRecord> contacts;
+  std::size_t num_ticks = 0;
+  read_messages(folder(), [&](const std::string& topic, const std::string& message) {
+    if (topic == kContactTopic) contacts.push_back(*read_contact(message));
+    num_ticks += topic == kTickTopic;
+  });
+  auto run = open_live_run(folder());
+  ASSERT_TRUE(run) << run.error().message;
+  Repetition repetition(**run);
+  const auto always = [] { return true; };
+  const std::size_t n = contacts.size();
+  ASSERT_GT(n, 10u);
+  for (const std::size_t i : {n - 1, n / 2, n / 2 + 1, std::size_t(0), n / 3, n - 2, n / 4}) {
+    const ContactRecord& recorded = contacts[i];
+    const auto query = (*run)->query_at(recorded.time);
+    ASSERT_TRUE(query);
+    EXPECT_EQ(query->time, recorded.time);
+    EXPECT_EQ(query->X_WT, recorded.X_WT);
+    ASSERT_TRUE(*repetition.go_to(*query, (*run)->settings(query->revision), always));
+    const Penetration repeated = repetition.measure();
+    EXPECT_EQ(repeated.volume, recorded.penetration.volume) << i;
+    EXPECT_EQ(repeated.measure_W.torque, recorded.penetration.measure_W.torque) << i;
+  }
+  const auto samples = (*run)->samples(-1, 1e9);
+  ASSERT_TRUE(samples);
+  EXPECT_EQ(samples->size(), num_ticks);
+  for (std::size_t i = 1; i < samples->size(); ++i) {
+    ASSERT_GT((*samples)[i].time, (*samples)[i - 1].time);
+  }
+  for (std::size_t i = 0; i < (*run)->num_frames(); ++i) {
+    const auto query = (*run)->query_at((*run)->felt_from(i));
+    ASSERT_TRUE(query);
+    // The last ones may have come too late to be felt.
+    if ((*run)->frame_number(i) <= contacts.back().frame_number) {
+      EXPECT_GE(query->frame, i);
+    }
+    const auto frame = (*run)->read_frame(i);
+    ASSERT_TRUE(frame) << frame.error().message;
+    EXPECT_EQ(frame->shown.number, (*run)->frame_number(i));
+  }
+}
+
+TEST_F(LiveRunTest, WhatWasCutOffIsShownAsFarAsItGoes) {
+  start(2);
+  join();
+  ASSERT_TRUE(*outcome_) << outcome_->error().message;
+  const fs::path file = folder() / kHapticRecording;
+  const auto size = fs::file_size(file);
+  fs::resize_file(file, size * 6 / 10);
+  auto cut = view_run(folder());
+  ASSERT_TRUE(cut) << cut.error().message;
+  Watcher watcher(**cut);
+  EXPECT_TRUE(watcher.until([&] { return watcher.contact && watcher.frame; }));
+  Json state = watcher.state();
+  EXPECT_NE(state["note"].get<std::string>().find("cut off"), std::string::npos) << state["note"];
+  EXPECT_GT(state["duration"], 0.4);
+  EXPECT_LT(state["duration"], 1.9);
+  watcher.obey({{"command", "seek"}, {"time", 100}});
+  EXPECT_TRUE(watcher.until([&] { return watcher.state()["paused"] == true; }));
+
+  // A bit has flipped.
+  auto bytes = *read_file(file);
+  bytes[bytes.size() - 1000] = static_cast<char>(bytes[bytes.size() - 1000] ^ 4);
+  ASSERT_TRUE(write_file_atomically(file, bytes));
+  auto damaged = view_run(folder());
+  ASSERT_TRUE(damaged) << damaged.error().message;
+  Watcher other(**damaged);
+  EXPECT_TRUE(other.until([&] { return other.contact && other.frame; }));
+
+  // Nothing is left to be seen.
+  fs::resize_file(file, 2000);
+  EXPECT_FALSE(view_run(folder()));
+  fs::resize_file(file, 0);
+  EXPECT_FALSE(view_run(folder()));
+}
+
+}  // namespace
+}  // namespace palpate

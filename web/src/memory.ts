@@ -1,0 +1,19 @@
+// Small choices that outlive the page, where the browser allows that.
+
+const PREFIX = 'palpate.';
+
+export function recall(name: string): string | null {
+  try {
+    return localStorage.getItem(PREFIX + name);
+  } catch {
+    return null;
+  }
+}
+
+export function remember(name: string, value: string): void {
+  try {
+    localStorage.setItem(PREFIX + name, value);
+  } catch {
+    // Private windows refuse it; the choice then lasts as long as the page.
+  }
+}

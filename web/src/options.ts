@@ -1,0 +1,23 @@
+import type { SceneOptions } from './types';
+
+/// What a first look shows: the cloud, and the tool by the state of its spheres.
+export function defaultOptions(): SceneOptions {
+  return {
+    cloud: true,
+    cloudColour: 'shaded',
+    pointSize: 2,
+    stride: 1,
+    toolLook: 'caps',
+    outside: true,
+    graph: false,
+    treeLevel: -1,
+    normals: false,
+    edges: false,
+    edgePlanes: false,
+    arrows: true,
+    ghost: true,
+    trace: false,
+    view: 'free',
+    dark: true,
+  };
+}

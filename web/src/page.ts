@@ -1,0 +1,308 @@
+// The page: what comes from the program goes to the scene and the panels, what people do goes back.
+
+import { Connection } from './connection';
+import type { Answer, Command, Link, Listener } from './connection';
+import { element } from './dom';
+import { Drawing } from './drawing';
+import { decode } from './messages';
+import { withoutScene } from './no_scene';
+import { Banner, notice } from './panels/banner';
+import { CameraImage } from './panels/camera_image';
+import { Controls } from './panels/controls';
+import { Dock } from './panels/dock';
+import { Help } from './panels/help';
+import { hint } from './panels/hint';
+import { Legend } from './panels/legend';
+import { Plots } from './panels/plots';
+import { Readouts } from './panels/readouts';
+import { Timeline } from './panels/timeline';
+import { TopBar } from './panels/top_bar';
+import { PictureRate } from './picture_rate';
+import { createScene } from './scene/scene_view';
+import { Theme } from './theme';
+import type { CameraView, Contact, Frame, Hello, Sample, SceneView, State, ToolLook } from './types';
+import type { Wishes } from './wishes';
+import { applyAddress } from './address';
+import { wishedPictures, wishedShapes } from './wishes';
+import { listenToKeys } from './keyboard';
+
+const PANEL_PERIOD = 100; // ms
+const TROUBLE_TIME = 8000; // ms
+const LOOKS: ToolLook[] = ['spheres', 'caps', 'mesh', 'hidden'];
+
+export class Page implements Listener {
+  readonly counters = { pictures: 0, frames: 0, contacts: 0, samples: 0, reconnects: 0, drawn: 0 };
+  hello: Hello | null = null;
+  state: State | null = null;
+  readonly scene: SceneView;
+
+  private readonly root = element('div', 'page');
+  private readonly stage = element('main', 'stage');
+  private readonly canvas = element('canvas', 'scene');
+  private readonly bar = new TopBar();
+  private readonly banner = new Banner();
+  private readonly readouts = new Readouts();
+  private readonly legend = new Legend();
+  private readonly image = new CameraImage();
+  private readonly plots = new Plots();
+  private readonly help = new Help();
+  private readonly timeline = new Timeline((command) => this.command(command));
+  private readonly controls: Controls;
+  private readonly dock: Dock;
+  private readonly theme: Theme;
+  private readonly drawing: Drawing;
+  private readonly rate = new PictureRate();
+  private readonly connection: Connection;
+
+  private frame: Frame | null = null;
+  private contact: Contact | null = null;
+  private sample: Sample | null = null;
+  private asked = new Set<string>(); // shapes, of this connection
+  private wishes = '';
+  private trouble: string | null = null;
+  private troubleEnd = 0;
+
+  constructor(address: URLSearchParams) {
+    this.scene = this.makeScene();
+    const { options } = this.scene;
+    const opened = applyAddress(address, options);
+
+    this.theme = new Theme((isDark) => this.onTheme(isDark), address.get('theme'));
+    this.dock = new Dock(this.root, () => this.theme.toggle(), () => this.help.toggle());
+    this.controls = new Controls(options, {
+      send: (command) => this.command(command),
+      onOptions: () => this.onOptions(),
+      savePicture: () => void this.savePicture(),
+      resetView: () => this.resetView(),
+    });
+    this.layOut();
+    this.drawing = new Drawing(
+      this.canvas, () => this.scene.render(), (picture) => this.connection.acknowledge(picture));
+    this.dock.begin(opened);
+    this.listen();
+    this.connection = new Connection(this, address.get('token'));
+    setInterval(() => this.updatePanels(), PANEL_PERIOD);
+  }
+
+  /// Errors of commands are shown, and in the answer.
+  async command(command: Command): Promise<Answer> {
+    const answer = await this.connection.send(command);
+    if (!answer.ok && command.command !== 'get') this.tell(answer.error ?? 'That could not be done.');
+    return answer;
+  }
+
+  // What the program says.
+
+  onLink(link: Link): void {
+    this.bar.setLink(link);
+    this.counters.reconnects = this.connection.reconnects;
+    if (link !== 'open') this.drawing.forget();
+    this.updatePanels();
+  }
+
+  onHello(hello: Hello): void {
+    this.hello = hello;
+    this.state = this.frame = this.contact = this.sample = null;
+    this.asked.clear();
+    this.wishes = '';
+    this.rate.begin();
+    this.plots.clear();
+    this.scene.setHello(hello);
+    for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls]) panel.setHello(hello);
+    this.root.dataset.kind = hello.kind;
+    this.dock.hide(hello.kind === 'tool' ? ['plots', 'image'] : hello.stream ? [] : ['image']);
+    this.onOptions();
+  }
+
+  onState(state: State): void {
+    this.state = state;
+    this.timeline.update(state);
+    this.controls.update(state);
+    this.plots.latencies.update(state.stages);
+  }
+
+  onBinary(buffer: ArrayBuffer): void {
+    let message;
+    try {
+      message = decode(buffer, this.hello?.columns ?? []);
+    } catch (error) {
+      this.tell(`A message from Palpate could not be read: ${(error as Error).message}`);
+      return;
+    }
+    switch (message?.kind) {
+      case 'frame':
+        ++this.counters.frames;
+        this.frame = message.frame;
+        this.scene.setFrame(message.frame);
+        break;
+      case 'contact':
+        ++this.counters.contacts;
+        this.contact = message.contact;
+        this.scene.setContact(message.contact);
+        break;
+      case 'samples':
+        this.addSamples(message.samples);
+        break;
+      case 'normals': return this.scene.setNormals(message.normals);
+      case 'edges': return this.scene.setEdges(message.edges);
+      case 'spheres':
+        this.image.setSpheres(message.spheres);
+        this.scene.setSpheres(message.spheres);
+        return this.drawing.ask();
+      case 'graph':
+        this.scene.setGraph(message.graph);
+        return this.drawing.ask();
+      case 'mesh':
+        this.scene.setMesh(message.mesh);
+        return this.drawing.ask();
+      case 'tree':
+        this.scene.setTree(message.tree);
+        return this.drawing.ask();
+    }
+  }
+
+  onPicture(number: number): void {
+    ++this.counters.pictures;
+    this.rate.count();
+    this.drawing.askFor(number);
+  }
+
+  private addSamples(samples: Sample[]): void {
+    if (samples.length === 0) return;
+    this.counters.samples += samples.length;
+    this.sample = samples[samples.length - 1];
+    this.scene.addSamples(samples);
+    this.plots.add(samples);
+  }
+
+  // What people do.
+
+  private listen(): void {
+    new ResizeObserver(() => this.onResize()).observe(this.stage);
+    this.root.addEventListener('panels', () => this.onOptions());
+    document.addEventListener('visibilitychange', () => this.rate.begin());
+    const { options } = this.scene;
+    const toggle = (name: 'cloud' | 'normals' | 'edges' | 'graph') => () => {
+      options[name] = !options[name];
+      this.onOptions();
+    };
+    const look = (toolLook: ToolLook) => () => {
+      options.toolLook = toolLook;
+      this.onOptions();
+    };
+    listenToKeys({
+      ' ': () => this.timeline.toggle(),
+      '.': () => this.timeline.step(1),
+      ',': () => this.timeline.step(-1),
+      'v': () => this.nextView(),
+      'r': () => this.resetView(),
+      '1': look(LOOKS[0]), '2': look(LOOKS[1]), '3': look(LOOKS[2]), '4': look(LOOKS[3]),
+      'c': toggle('cloud'), 'n': toggle('normals'), 'e': toggle('edges'), 'g': toggle('graph'),
+      'p': () => this.dock.toggle('plots'),
+      'i': () => this.dock.toggle('image'),
+      'k': () => this.dock.toggle('controls'),
+      'm': () => this.timeline.mark(),
+      's': () => void this.savePicture(),
+      'd': () => this.theme.toggle(),
+      'h': () => this.help.toggle(),
+      '?': () => this.help.toggle(),
+    });
+  }
+
+  /// What is shown has changed: the program is asked for what that needs.
+  private onOptions(): void {
+    this.controls.refresh();
+    this.drawing.ask();
+    if (!this.hello || this.connection.link !== 'open') return;
+    this.legend.update(this.hello, this.scene.options);
+    const wishes: Wishes = wishedPictures(this.hello, this.scene.options, this.dock.isOpen('image'));
+    if (JSON.stringify(wishes) !== this.wishes) {
+      this.wishes = JSON.stringify(wishes);
+      void this.command({ command: 'show', ...wishes });
+    }
+    for (const what of wishedShapes(this.scene.options)) {
+      if (this.asked.has(what)) continue;
+      this.asked.add(what);
+      void this.command({ command: 'get', what });
+    }
+  }
+
+  private nextView(): void {
+    const views: CameraView[] = this.hello?.stream ? ['free', 'camera', 'bird', 'tool'] : ['free', 'tool'];
+    const { options } = this.scene;
+    options.view = views[(views.indexOf(options.view) + 1) % views.length];
+    this.onOptions();
+    this.drawing.glide();
+  }
+
+  private resetView(): void {
+    this.scene.resetView();
+    this.controls.refresh();
+    this.drawing.glide();
+  }
+
+  private async savePicture(): Promise<void> {
+    try {
+      const url = URL.createObjectURL(await this.scene.picture());
+      const link = element('a');
+      link.href = url;
+      link.download = `palpate-${(this.state?.time ?? 0).toFixed(2)}s.png`;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(url), 10000);
+    } catch (error) {
+      this.tell((error as Error).message);
+    }
+  }
+
+  // What is seen.
+
+  private makeScene(): SceneView {
+    try {
+      return createScene(this.canvas);
+    } catch (error) {
+      const reason = (error as Error).message;
+      this.tell(`This browser shows no 3-D picture (${reason}); plots and controls work without it.`, Infinity);
+      return withoutScene();
+    }
+  }
+
+  private layOut(): void {
+    const overlay = element('div', 'overlay', this.readouts.root, this.legend.root);
+    this.stage.append(this.canvas);
+    this.root.append(
+      this.bar.root, this.dock.root, this.banner.root, this.stage, overlay, hint(this.canvas), this.image.root,
+      this.controls.root, this.timeline.root, this.plots.root, this.help.root);
+    document.body.replaceChildren(this.root);
+  }
+
+  private onResize(): void {
+    const { clientWidth, clientHeight } = this.stage;
+    if (clientWidth === 0 || clientHeight === 0) return;
+    this.scene.resize(clientWidth, clientHeight, Math.min(devicePixelRatio, 2));
+    this.drawing.ask();
+  }
+
+  private onTheme(isDark: boolean): void {
+    this.scene.options.dark = isDark;
+    this.plots.restyle();
+    this.drawing?.ask(); // the first time there is none yet
+  }
+
+  private tell(words: string, milliseconds = TROUBLE_TIME): void {
+    this.trouble = words;
+    this.troubleEnd = performance.now() + milliseconds;
+  }
+
+  private updatePanels(): void {
+    if (performance.now() > this.troubleEnd) this.trouble = null;
+    const { hello, state, trouble } = this;
+    const pictureAge = document.hidden || this.drawing.isBehind ? 0 : this.rate.age;
+    this.banner.show(notice({ link: this.connection.link, hello, state, pictureAge, trouble }));
+    this.counters.drawn = this.drawing.count;
+    if (!hello || document.hidden) return;
+    this.bar.update(hello, state, this.rate.perSecond);
+    this.readouts.update(this.sample, state);
+    if (this.dock.isOpen('plots')) this.plots.draw();
+    if (this.dock.isOpen('image')) this.image.draw(this.frame, this.contact);
+  }
+}

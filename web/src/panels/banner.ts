@@ -1,0 +1,80 @@
+import { element, write } from '../dom';
+import type { Link } from '../connection';
+import { PROTOCOL } from '../messages';
+import type { Hello, State } from '../types';
+
+export interface Notice {
+  level: 'error' | 'warning' | 'note';
+  words: string;
+}
+
+/// What there is to judge by.
+export interface Situation {
+  link: Link;
+  hello: Hello | null;
+  state: State | null;
+  /// Since the last picture, s; of a page that has drawn all it has got.
+  pictureAge: number;
+  /// What has just gone wrong with a command, or with the page itself.
+  trouble: string | null;
+}
+
+const OLD_SENSOR = 0.5, OLD_PICTURE = 1; // s
+
+/// The one thing that a person should know now.
+export function notice({ link, hello, state, pictureAge, trouble }: Situation): Notice | null {
+  if (link === 'refused') {
+    const words = 'This address is not let in: its token is missing or wrong. ' +
+      'Open the whole address that palpate has printed.';
+    return { level: 'error', words };
+  }
+  if (link === 'lost') {
+    const words = hello
+      ? 'Palpate does not answer: it may have ended. This is the last that was seen; trying again …'
+      : 'Palpate does not answer at this address. Trying again …';
+    return { level: 'error', words };
+  }
+  if (!hello) return null;
+  if (hello.protocol !== PROTOCOL) {
+    const words = `The program speaks protocol ${hello.protocol}, this page ${PROTOCOL}: reload the page.`;
+    return { level: 'error', words };
+  }
+  if (state?.fault) return { level: 'error', words: state.fault };
+  if (trouble) return { level: 'warning', words: trouble };
+  if (hello.kind === 'live' && state) {
+    if (!state.running) return { level: 'note', words: 'The run has ended. This is its last moment.' };
+    if (!state.paused && state.sensor_age !== undefined && state.sensor_age > OLD_SENSOR) {
+      const words = `The camera has sent nothing for ${age(state.sensor_age)}: the scene that you see is old.`;
+      return { level: 'warning', words };
+    }
+    if (pictureAge > OLD_PICTURE) {
+      return { level: 'warning', words: `Nothing new from Palpate for ${age(pictureAge)}: what you see is old.` };
+    }
+  }
+  return state?.note ? { level: 'note', words: state.note } : null;
+}
+
+/// Tens of a second while it is short; a word that changes once a second is read out once.
+function age(seconds: number): string {
+  if (!(seconds < 3600)) return 'a long time';
+  return seconds < 2 ? `${seconds.toFixed(1)} s` : `${Math.floor(seconds)} s`;
+}
+
+export class Banner {
+  readonly root = element('div', 'banner');
+  private readonly words = element('span');
+
+  constructor() {
+    this.root.setAttribute('role', 'status');
+    this.root.setAttribute('aria-live', 'polite');
+    this.root.hidden = true;
+    this.root.append(this.words);
+  }
+
+  show(found: Notice | null): void {
+    this.root.hidden = found === null;
+    if (!found) return;
+    this.root.dataset.level = found.level;
+    write(this.words, found.words);
+  }
+}

@@ -1,0 +1,103 @@
+import { element } from '../dom';
+import { STATE_COLOURS } from '../scene/colours';
+import { DepthRange } from '../scene/depth_range';
+import type { Contact, Frame, Hello, Spheres } from '../types';
+
+const WIDEST = 320; // pixels drawn across; the panel is no wider
+const MOST_SPHERES = 1200;
+const COLOURS = [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside];
+
+/// The depth image as the camera sees it, near light and far dark, with the tool over it.
+export class CameraImage {
+  readonly root = element('section', 'card image');
+  private readonly canvas = element('canvas');
+  private readonly context = this.canvas.getContext('2d', { alpha: false })!;
+  private readonly range = new DepthRange();
+  private readonly shades = new Uint32Array(65536);
+  private shadesOf = ''; // the range that they were made for
+  private pixels: ImageData | null = null;
+  private stream: Hello['stream'] = null;
+  private spheres: Spheres | null = null;
+  private drawn = [-1, -1];
+
+  constructor() {
+    this.canvas.setAttribute('role', 'img');
+    this.canvas.setAttribute('aria-label', 'depth image with the tool');
+    this.root.append(element('h2', '', 'Camera'), this.canvas);
+  }
+
+  setHello(hello: Hello): void {
+    this.stream = hello.stream;
+  }
+
+  setSpheres(spheres: Spheres): void {
+    this.spheres = spheres;
+  }
+
+  draw(frame: Frame | null, contact: Contact | null): void {
+    if (!frame || !this.stream) return;
+    if (frame.number === this.drawn[0] && contact?.time === this.drawn[1]) return;
+    this.drawn = [frame.number, contact?.time ?? -1];
+    const step = Math.ceil(frame.width / WIDEST);
+    this.drawDepth(frame, step);
+    if (contact) this.drawTool(contact, step);
+  }
+
+  private drawDepth(frame: Frame, step: number): void {
+    const width = Math.floor(frame.width / step), height = Math.floor(frame.height / step);
+    if (!this.pixels || this.pixels.width !== width || this.pixels.height !== height) {
+      this.canvas.width = width;
+      this.canvas.height = height;
+      this.pixels = this.context.createImageData(width, height);
+    }
+    this.range.update(frame);
+    this.updateShades();
+    const target = new Uint32Array(this.pixels.data.buffer);
+    for (let v = 0, i = 0; v < height; ++v) {
+      for (let u = 0, from = v * step * frame.width; u < width; ++u, from += step) {
+        target[i++] = this.shades[frame.depth[from]];
+      }
+    }
+    this.context.putImageData(this.pixels, 0, 0);
+  }
+
+  /// A grey for each raw depth, made again when the range has moved by some percent.
+  private updateShades(): void {
+    const { near, far } = this.range;
+    const grain = Math.max(1, 0.02 * (far - near));
+    const key = `${Math.round(near / grain)} ${Math.round(far / grain)}`;
+    if (key === this.shadesOf) return;
+    this.shadesOf = key;
+    for (let raw = 1; raw < 65535; ++raw) {
+      const share = Math.min(1, Math.max(0, (raw - near) / Math.max(1, far - near)));
+      const grey = Math.round(235 - 190 * share);
+      this.shades[raw] = 0xff000000 | (grey << 16) | (grey << 8) | grey;
+    }
+    this.shades[0] = this.shades[65535] = 0xff241c16; // no measurement
+  }
+
+  private drawTool(contact: Contact, step: number): void {
+    const { spheres, stream, context } = this;
+    if (!spheres || !stream || spheres.count !== contact.states.length) return;
+    const [px, py, pz] = contact.X_WT.position;
+    const [qx, qy, qz, qw] = contact.X_WT.quaternion;
+    const every = Math.ceil(spheres.count / MOST_SPHERES);
+    context.globalAlpha = 0.75;
+    for (let i = 0; i < spheres.count; i += every) {
+      const x = spheres.data[4 * i], y = spheres.data[4 * i + 1], z = spheres.data[4 * i + 2];
+      // p_W = p + q p_T q*
+      const tx = 2 * (qy * z - qz * y), ty = 2 * (qz * x - qx * z), tz = 2 * (qx * y - qy * x);
+      const wx = px + x + qw * tx + qy * tz - qz * ty;
+      const wy = py + y + qw * ty + qz * tx - qx * tz;
+      const wz = pz + z + qw * tz + qx * ty - qy * tx;
+      if (wz <= 0.01) continue;
+      const radius = Math.max(0.8, (stream.fx * spheres.data[4 * i + 3]) / wz / step);
+      context.fillStyle = COLOURS[contact.states[i] & 3] ?? COLOURS[0];
+      context.beginPath();
+      const u = stream.cx + (stream.fx * wx) / wz, v = stream.cy + (stream.fy * wy) / wz;
+      context.arc(u / step, v / step, radius, 0, 2 * Math.PI);
+      context.fill();
+    }
+    context.globalAlpha = 1;
+  }
+}

@@ -1,0 +1,151 @@
+import GUI from 'lil-gui';
+import type { Controller, NumberController } from 'lil-gui';
+import '../../node_modules/lil-gui/dist/lil-gui.css';
+import type { Answer, Command } from '../connection';
+import { element } from '../dom';
+import type { Control, Hello, SceneOptions, State, Value } from '../types';
+
+export interface Actions {
+  send(command: Command): Promise<Answer>;
+  /// A choice of what to show has changed.
+  onOptions(): void;
+  savePicture(): void;
+  resetView(): void;
+}
+
+const WIDEST_SLIDER = 64; // a number from a wider range is typed
+
+/// All that can be turned: what is shown, and the settings of the run.
+export class Controls {
+  readonly root = element('section', 'controls');
+  private gui: GUI | null = null;
+  private readonly values: Record<string, Value> = {};
+  private readonly turned = new Map<string, Controller>();
+  private revision = -1;
+
+  constructor(private readonly options: SceneOptions, private readonly actions: Actions) {
+    this.root.setAttribute('aria-label', 'controls');
+  }
+
+  /// Made anew for every program that the page meets.
+  setHello(hello: Hello): void {
+    this.gui?.destroy();
+    this.turned.clear();
+    this.revision = -1;
+    this.gui = new GUI({ container: this.root, title: 'Controls', injectStyles: false, touchStyles: 0 });
+    this.addShow(this.gui.addFolder('Show'), hello);
+    const folders = new Map<string, GUI>();
+    for (const control of hello.controls) {
+      const [section, ...rest] = control.key.split('.');
+      const folder = folders.get(section) ?? this.gui.addFolder(capital(section)).close();
+      folders.set(section, folder);
+      this.addControl(folder, control, rest.join(' ').replaceAll('_', ' '));
+    }
+    if (hello.kind === 'live') this.addButtons('Run', this.runButtons());
+    this.addButtons('Picture', {
+      'look at the whole': () => this.actions.resetView(),
+      'save a picture': () => this.actions.savePicture(),
+    });
+  }
+
+  /// What the program says its settings are; another page may have turned them.
+  update(state: State): void {
+    if (state.revision === this.revision) return;
+    const isShown = Object.entries(state.settings).map(([key, value]) => this.accept(key, value));
+    if (isShown.every(Boolean)) this.revision = state.revision;
+  }
+
+  /// The keys have changed what is shown.
+  refresh(): void {
+    for (const controller of this.gui?.controllersRecursive() ?? []) {
+      if (controller.object === this.options) controller.updateDisplay();
+    }
+  }
+
+  private addShow(folder: GUI, hello: Hello): void {
+    const { options } = this;
+    const add = (name: keyof SceneOptions, words: string, ...how: unknown[]) =>
+      (folder.add as (...all: unknown[]) => Controller)(options, name, ...how)
+        .name(words)
+        .onChange(() => this.actions.onOptions());
+    const hasScene = hello.stream !== null;
+    add('toolLook', 'tool', { spheres: 'spheres', 'caps, cut exactly': 'caps', mesh: 'mesh', hidden: 'hidden' });
+    if (hasScene) add('outside', 'spheres outside');
+    add('view', 'view', hasScene ? { free: 'free', camera: 'camera', 'from above': 'bird', tool: 'tool' } : { free: 'free', tool: 'tool' });
+    if (hasScene) {
+      add('cloud', 'cloud');
+      add('cloudColour', 'cloud colour', { shaded: 'shaded', depth: 'depth', normals: 'normals' });
+      add('pointSize', 'point size', 1, 8, 0.5);
+      add('stride', 'every n-th pixel', 1, 8, 1);
+      add('arrows', 'force and torque');
+      add('ghost', 'ghost of the hand');
+      add('trace', 'path of the tool');
+      add('normals', 'normals');
+      add('edges', 'depth changes');
+      add('edgePlanes', 'edge planes');
+    }
+    add('graph', 'sphere graph');
+    add('treeLevel', 'tree level', -1, 12, 1);
+  }
+
+  private addControl(folder: GUI, control: Control, name: string): void {
+    const { key } = control;
+    this.values[key] = control.value;
+    const controller = this.makeController(folder, control).name(name);
+    controller.domElement.title = `${control.words}\n(${key})`;
+    controller.onFinishChange((value: Value) => void this.set(control, value));
+    this.turned.set(key, controller);
+  }
+
+  private makeController(folder: GUI, { key, kind, choices, low, high, whole, value }: Control): Controller {
+    if (kind === 'choice') return folder.add(this.values, key, choices ?? []);
+    if (kind === 'switch') return folder.add(this.values, key);
+    if (low !== undefined && high !== undefined && high - low <= WIDEST_SLIDER) {
+      return folder.add(this.values, key, low, high, whole ? 1 : undefined);
+    }
+    const controller = folder.add(this.values, key, low) as NumberController;
+    return controller.step(whole ? 1 : fineStep(Number(value)), whole === true); // only whole numbers are rounded
+  }
+
+  private async set({ key }: Control, value: Value): Promise<void> {
+    const answer = await this.actions.send({ command: 'set', key, value });
+    if (!answer.ok) this.revision = -1; // the next state shows what it still is
+  }
+
+  /// False while somebody is just turning that one.
+  private accept(key: string, value: Value): boolean {
+    const controller = this.turned.get(key);
+    if (!controller || this.values[key] === value) return true;
+    if (controller.domElement.contains(document.activeElement)) return false;
+    this.values[key] = value;
+    controller.updateDisplay();
+    return true;
+  }
+
+  private runButtons(): Record<string, () => void> {
+    const { send } = this.actions;
+    return {
+      'mark with a note …': () => {
+        const text = prompt('What should be remembered of this moment?');
+        if (text) void send({ command: 'mark', text });
+      },
+      'end the run …': () => {
+        if (confirm('End the run? The force fades out and the recording is closed.')) void send({ command: 'end' });
+      },
+    };
+  }
+
+  private addButtons(title: string, buttons: Record<string, () => void>): void {
+    const folder = this.gui!.addFolder(title);
+    for (const name of Object.keys(buttons)) folder.add(buttons, name);
+  }
+}
+
+function capital(word: string): string {
+  return word.charAt(0).toUpperCase() + word.slice(1);
+}
+
+/// For arrow keys: about a twentieth of the number.
+function fineStep(value: number): number {
+  return value === 0 ? 0.1 : 10 ** Math.floor(Math.log10(Math.abs(value)) - 1);
+}

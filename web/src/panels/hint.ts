@@ -1,0 +1,19 @@
+import { button, element, icon } from '../dom';
+import { recall, remember } from '../memory';
+
+/// For the first visit, until it is closed or somebody has turned the scene.
+export function hint(canvas: HTMLCanvasElement): HTMLElement {
+  const isTouch = matchMedia('(pointer: coarse)').matches;
+  const words = isTouch
+    ? 'Drag to look around, pinch to come nearer.'
+    : 'Drag to look around, scroll to come nearer, press ? for all keys.';
+  const close = () => {
+    root.hidden = true;
+    remember('hint', 'seen');
+  };
+  const cross = button('round', 'close this hint', close, icon('close'));
+  const root = element('aside', 'hint', element('span', '', words), cross);
+  root.hidden = recall('hint') === 'seen';
+  canvas.addEventListener('pointerup', close, { once: true });
+  return root;
+}

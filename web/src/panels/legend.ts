@@ -1,0 +1,53 @@
+import { element } from '../dom';
+import { ARROW_COLOURS, EDGE_COLOURS, OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
+import type { Hello, SceneOptions } from '../types';
+
+type Entry = [colour: string, word: string, meaning: string];
+
+/// What the colours mean, of the things that are shown.
+export class Legend {
+  readonly root = element('section', 'card legend');
+  private shown = '';
+
+  constructor() {
+    this.root.setAttribute('aria-label', 'what the colours mean');
+  }
+
+  update(hello: Hello, options: SceneOptions): void {
+    const list = entries(hello, options);
+    const key = JSON.stringify(list);
+    if (key === this.shown) return;
+    this.shown = key;
+    this.root.hidden = list.length === 0;
+    this.root.replaceChildren(
+      ...list.map(([colour, word, meaning]) => {
+        const dot = element('i');
+        dot.style.background = colour;
+        return element('p', '', dot, element('b', '', word), element('span', '', meaning));
+      }),
+    );
+  }
+}
+
+function entries(hello: Hello, options: SceneOptions): Entry[] {
+  const list: Entry[] = [];
+  const hasStates = options.toolLook === 'spheres' || options.toolLook === 'caps';
+  if (hello.kind !== 'tool') {
+    if (hasStates) {
+      list.push([STATE_COLOURS.inside, 'blue', 'inside the scene']);
+      list.push([STATE_COLOURS.boundary, 'purple', 'cut by its boundary']);
+      if (options.outside) list.push([STATE_COLOURS.outside, 'red', 'outside']);
+    }
+    if (options.arrows) {
+      list.push([ARROW_COLOURS.force, 'arrow', 'force on the tool']);
+      list.push([ARROW_COLOURS.torque, 'arc', 'torque on the tool']);
+      list.push([ARROW_COLOURS.hand, 'arrow', 'force on the hand']);
+    }
+    if (options.ghost) list.push([OTHER_COLOURS.ghost, 'ghost', 'where the hand is']);
+    if (options.trace) list.push([OTHER_COLOURS.trace, 'line', 'path of the tool']);
+    if (options.normals) list.push([OTHER_COLOURS.normal, 'lines', 'normals of the surface']);
+    if (options.edges) list.push([EDGE_COLOURS.start, 'green to purple', 'where the depth jumps']);
+  }
+  if (options.treeLevel >= 0) list.push([OTHER_COLOURS.tree, 'shells', `level ${options.treeLevel} of the tree`]);
+  return list;
+}

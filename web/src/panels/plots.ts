@@ -1,0 +1,174 @@
+import uPlot from 'uplot';
+import 'uplot/dist/uPlot.min.css';
+import { element } from '../dom';
+import { Envelope } from '../envelope';
+import { norm } from '../format';
+import type { Sample } from '../types';
+import { Latencies } from './latencies';
+
+interface Curve {
+  name: string;
+  colour: string; // a custom property of the style sheet
+  width?: number;
+}
+
+interface Plot {
+  title: string;
+  curves: Curve[];
+  values(sample: Sample): number[];
+  floor: number; // the axis spans at least this much
+}
+
+const XYZ: Curve[] = [
+  { name: 'x', colour: '--x' },
+  { name: 'y', colour: '--y' },
+  { name: 'z', colour: '--z' },
+];
+const SIZE: Curve = { name: 'size', colour: '--text', width: 1.75 };
+
+const PLOTS: Plot[] = [
+  {
+    title: 'Force, N',
+    curves: [...XYZ, SIZE],
+    values: ({ force_x: x, force_y: y, force_z: z }) => [x, y, z, norm(x, y, z)],
+    floor: 0.5,
+  },
+  {
+    title: 'Torque, N mm',
+    curves: [...XYZ, SIZE],
+    values: (s) => {
+      const [x, y, z] = [1000 * s.torque_x, 1000 * s.torque_y, 1000 * s.torque_z];
+      return [x, y, z, norm(x, y, z)];
+    },
+    floor: 5,
+  },
+  { title: 'Volume inside, cm³', curves: [{ name: '', colour: '--accent' }], values: (s) => [1e6 * s.volume], floor: 0.1 },
+  { title: 'Compute, µs', curves: [{ name: '', colour: '--accent' }], values: (s) => [s.compute], floor: 10 },
+];
+
+/// The last ten seconds, and how the times of the stages are distributed.
+export class Plots {
+  readonly root = element('section', 'plots');
+  readonly latencies = new Latencies();
+  private readonly parts = PLOTS.map((plot) => new LivePlot(plot));
+
+  constructor() {
+    this.root.setAttribute('aria-label', 'plots');
+    this.root.append(...this.parts.map(({ root }) => root), this.latencies.root);
+  }
+
+  add(samples: Sample[]): void {
+    for (const part of this.parts) part.add(samples);
+  }
+
+  clear(): void {
+    for (const part of this.parts) part.clear();
+  }
+
+  draw(): void {
+    for (const part of this.parts) part.draw();
+  }
+
+  /// Colours come from the style sheet when a plot is made.
+  restyle(): void {
+    for (const part of this.parts) part.restyle();
+    this.latencies.restyle();
+  }
+}
+
+class LivePlot {
+  readonly root = element('figure');
+  private readonly area = element('div', 'area');
+  private readonly envelope: Envelope;
+  private chart: uPlot | null = null;
+  private isNew = false;
+
+  constructor(private readonly plot: Plot) {
+    this.envelope = new Envelope(plot.curves.length);
+    const names = plot.curves.filter(({ name }) => name).map(({ name, colour }) => {
+      const word = element('i', '', name);
+      word.style.color = `var(${colour})`;
+      return word;
+    });
+    this.root.append(element('figcaption', '', plot.title, ...names), this.area);
+    new ResizeObserver(() => this.resize()).observe(this.area);
+  }
+
+  add(samples: Sample[]): void {
+    for (const sample of samples) this.envelope.add(sample.time, this.plot.values(sample));
+    this.isNew ||= samples.length > 0;
+  }
+
+  clear(): void {
+    this.envelope.clear();
+    this.isNew = true;
+  }
+
+  draw(): void {
+    if (!this.isNew || !this.chart || this.area.clientHeight === 0) return;
+    this.isNew = false;
+    this.chart.setData(this.envelope.data() as uPlot.AlignedData);
+  }
+
+  restyle(): void {
+    this.chart?.destroy();
+    this.chart = null;
+    this.resize();
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.area;
+    if (width < 40 || height < 30) return;
+    if (this.chart) this.chart.setSize({ width, height });
+    else this.chart = new uPlot(this.look(width, height), this.envelope.data() as uPlot.AlignedData, this.area);
+    this.isNew = true;
+  }
+
+  private look(width: number, height: number): uPlot.Options {
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name: string) => style.getPropertyValue(name).trim();
+    const axis: uPlot.Axis = {
+      stroke: colour('--quiet'),
+      grid: { stroke: colour('--line'), width: 1 },
+      ticks: { show: false },
+      font: '10px system-ui, sans-serif',
+    };
+    const { envelope, plot } = this;
+    return {
+      width, height,
+      padding: [6, 6, 0, 0],
+      legend: { show: false },
+      cursor: { show: false },
+      scales: {
+        x: { time: false, range: () => [envelope.lastTime - envelope.seconds, envelope.lastTime] },
+        y: { range: (_, low, high) => span(low, high, plot.floor) },
+      },
+      axes: [
+        { ...axis, size: 18, space: 60, gap: 2, values: (_, ticks) => ticks.map((t) => (t < 0 ? '' : `${t} s`)) },
+        { ...axis, size: 34, space: 26, gap: 3 },
+      ],
+      series: [{}, ...plot.curves.map((curve) => ({
+        stroke: colour(curve.colour), width: curve.width ?? 1.25, points: { show: false }, gaps,
+      }))],
+    };
+  }
+}
+
+const LONGEST_LINE = 0.5; // s: over what was not seen for longer, no line is drawn
+
+/// From and to, in pixels.
+function gaps(chart: uPlot, _: number, first: number, last: number): [number, number][] {
+  const times = chart.data[0], found: [number, number][] = [];
+  const place = (time: number) => Math.round(chart.valToPos(time, 'x', true));
+  for (let i = first + 1; i <= last; ++i) {
+    if (times[i] - times[i - 1] > LONGEST_LINE) found.push([place(times[i - 1]), place(times[i])]);
+  }
+  return found;
+}
+
+/// An axis that holds zero, some room above, and is not all noise.
+function span(low: number | null, high: number | null, floor: number): [number, number] {
+  const below = Math.min(0, low ?? 0), above = Math.max(0, high ?? 0);
+  const size = Math.max(floor, 1.08 * (above - below));
+  return below === 0 ? [0, size] : [below - 0.04 * size, Math.max(above + 0.04 * size, below + size)];
+}

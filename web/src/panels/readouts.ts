@@ -1,0 +1,65 @@
+import { element, write } from '../dom';
+import { digits, norm } from '../format';
+import type { Hello, Sample, State } from '../types';
+
+/// The numbers that matter, large.
+export class Readouts {
+  readonly root = element('section', 'card readouts');
+  private readonly force = value();
+  private readonly torque = value();
+  private readonly volume = value();
+  private readonly share = value();
+  private readonly age = value();
+  private readonly compute = value();
+  private toolVolume = 0;
+
+  constructor() {
+    this.root.setAttribute('aria-label', 'measurements');
+  }
+
+  setHello(hello: Hello): void {
+    this.root.replaceChildren();
+    if (hello.kind === 'tool') this.showTool(hello.tool);
+    else this.showRun(hello);
+  }
+
+  update(sample: Sample | null, state: State | null): void {
+    if (sample) {
+      write(this.force, digits(norm(sample.force_x, sample.force_y, sample.force_z)));
+      write(this.torque, digits(1000 * norm(sample.torque_x, sample.torque_y, sample.torque_z), 1));
+      write(this.volume, digits(1e6 * sample.volume));
+      write(this.share, digits((100 * sample.volume) / this.toolVolume, 1));
+      write(this.age, digits(1000 * sample.contact_age, 1));
+    }
+    const haptic = state?.stages?.find((stage) => stage.num > 0);
+    if (haptic) write(this.compute, digits(haptic.p99, 1));
+  }
+
+  private showRun(hello: Hello): void {
+    this.toolVolume = hello.tool.volume;
+    this.root.append(
+      row('Force', this.force, 'N', 'main'),
+      row('Torque', this.torque, 'N mm'),
+      row('Volume', this.volume, 'cm³'),
+      row('of the tool', this.share, '%'),
+      row('Contact age', this.age, 'ms', 'extra'),
+    );
+    if (hello.kind === 'live') this.root.append(row('Compute, p99', this.compute, 'µs', 'extra'));
+  }
+
+  private showTool(tool: Hello['tool']): void {
+    this.root.append(
+      row('Spheres', value(tool.spheres.toLocaleString('en')), '', 'main'),
+      row('Volume', value(digits(1e6 * tool.volume)), 'cm³'),
+      row('Radius', value(digits(1000 * tool.radius, 1)), 'mm'),
+    );
+  }
+}
+
+function value(text = '–'): HTMLElement {
+  return element('b', 'number', text);
+}
+
+function row(name: string, number: HTMLElement, unit: string, kind = ''): HTMLElement {
+  return element('p', kind, element('span', '', name), number, element('i', '', unit));
+}

@@ -1,0 +1,63 @@
+// Force and torque on the tool, and the force that the coupling gives the hand.
+//
+// Contact force and torque are known in W and start at the tool's centre of mass: the force as a
+// straight arrow, the torque as an arrow bent about its axis by the right hand. The force that the
+// device shows is known in the device's base, whose place in W the page does not know; but the
+// coupling is a spring, so on the hand it points from where the hand holds the tool to where the
+// tool is. That is how it is drawn, with the length of the device's force.
+
+import { Group } from 'three';
+import type { Pose, Sample } from '../types';
+import { Arrow } from './arrow';
+import { ARROW_COLOURS } from './colours';
+import { sampledVector, transformed } from './poses';
+import { SteadyScale } from './steady_scale';
+
+const LEAST_STRETCH = 1e-4; // m: shorter has no direction
+
+export class Arrows {
+  readonly object = new Group();
+  private readonly force = new Arrow(ARROW_COLOURS.force);
+  private readonly torque = new Arrow(ARROW_COLOURS.torque);
+  private readonly hand = new Arrow(ARROW_COLOURS.hand);
+  private readonly newtons = new SteadyScale(0.05);
+  private readonly newtonMetres = new SteadyScale(0.0005);
+  private radius = 0.1; // of the tool
+  private centre: [number, number, number] = [0, 0, 0]; // of mass, in T
+
+  constructor() {
+    this.object.add(this.force.object, this.torque.object, this.hand.object);
+  }
+
+  setTool(radius: number, centre: [number, number, number]): void {
+    this.radius = radius;
+    this.centre = centre;
+    for (const arrow of [this.force, this.torque, this.hand]) arrow.object.visible = false;
+  }
+
+  setSample(sample: Sample, X_WT: Pose, X_WT_hand: Pose | null): void {
+    const { radius } = this;
+    const centre = transformed(X_WT, this.centre);
+    const contactForce = sampledVector(sample, 'contact_force');
+    const contactTorque = sampledVector(sample, 'contact_torque');
+    const handForce = sampledVector(sample, 'force').length();
+    // An arrow of the scale's full length is twice as long as the tool's radius.
+    const perNewton = (2 * radius) / this.newtons.update(sample.time, Math.max(contactForce.length(), handForce));
+    this.force.straight(centre, contactForce.multiplyScalar(perNewton), 0.042 * radius);
+
+    const full = this.newtonMetres.update(sample.time, contactTorque.length());
+    this.torque.bent(centre, contactTorque, 1.15 * radius, (1.75 * Math.PI * contactTorque.length()) / full,
+      0.028 * radius);
+
+    this.hand.object.visible = false;
+    if (!X_WT_hand) return;
+    const held = transformed(X_WT_hand, this.centre);
+    const stretch = centre.sub(held);
+    if (stretch.length() < LEAST_STRETCH) return;
+    this.hand.straight(held, stretch.setLength(handForce * perNewton), 0.034 * radius);
+  }
+
+  dispose(): void {
+    for (const arrow of [this.force, this.torque, this.hand]) arrow.dispose();
+  }
+}

@@ -1,0 +1,141 @@
+// The point cloud: the depth image drawn as points without any list of points. Vertex number i is
+// the i-th pixel of a coarser or finer raster over the image. One draw call, and a small one for
+// the window: where the tool is, only one point of four is drawn, so that one sees what of it is
+// inside of the scene. Where that is, the tool has left in the stencil (window.ts).
+
+import {
+  BufferGeometry, Group, Points, type RawShaderMaterial, type ShaderMaterialParameters, Vector2, type Vector3, Vector4,
+} from 'three';
+import type { Frame, SceneOptions } from '../types';
+import { rgb, THEMES } from './colours';
+import { DEPTH_IMAGE, type DepthImage } from './depth_image';
+import { DepthRange } from './depth_range';
+import { shaderMaterial, type Uniforms, VIRIDIS } from './glsl';
+import { OUT_OF_WINDOW, WITHIN_WINDOW } from './window';
+
+const COLOURINGS = { shaded: 0, depth: 1, normals: 2 };
+
+const VERTEX = `${DEPTH_IMAGE}${VIRIDIS}
+uniform int stride, columns, colouring;
+uniform float point_size;   // smallest, in pixels of the canvas
+uniform float spread;       // share of the gap to the next point that a point covers
+uniform float canvas_height;
+uniform vec2 depth_range;   // m
+uniform vec3 surface_colour;
+uniform vec4 tool_ball;     // holds the tool, in W; radius 0: whether a point is before it does not matter
+out vec3 point_colour;
+
+// Whether the ray from the eye through a point of the view frame meets the tool's ball.
+bool meets_tool(vec3 p) {
+  vec3 to_centre = (viewMatrix * vec4(tool_ball.xyz, 1.0)).xyz - p;
+  vec3 ray = is_orthographic() ? vec3(0.0, 0.0, -1.0) : normalize(p);
+  float along = dot(to_centre, ray);
+  return dot(to_centre, to_centre) - along * along < tool_ball.w * tool_ball.w;
+}
+
+void main() {
+  ivec2 pixel = stride * ivec2(gl_VertexID % columns, gl_VertexID / columns);
+  float z = depth_at(pixel);
+  if (z == 0.0) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
+  vec3 p = point_at(pixel, z);
+  vec4 p_view = viewMatrix * vec4(p, 1.0);
+  if (tool_ball.w > 0.0 && !meets_tool(p_view.xyz)) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
+  gl_Position = projectionMatrix * p_view;
+  // How far apart the points are, in pixels of the canvas.
+  float gap = float(stride) * z / intrinsics.x * projectionMatrix[1][1] * 0.5 * canvas_height / gl_Position.w;
+  gl_PointSize = clamp(spread * gap, point_size, 64.0);
+
+  vec3 n = normal_at(pixel, z);
+  if (colouring == 1) {
+    point_colour = viridis(1.0 - clamp((z - depth_range.x) / (depth_range.y - depth_range.x), 0.0, 1.0));
+    point_colour *= 0.7 + 0.3 * abs(n.z);
+  } else if (colouring == 2) {
+    point_colour = n == vec3(0.0) ? vec3(0.3) : 0.5 - 0.5 * vec3(-n.x, n.y, n.z);
+  } else {
+    // The light stands above and to the left of the depth camera, and stays there.
+    float light = max(0.0, dot(n, vec3(-0.41, -0.50, -0.763)));
+    point_colour = surface_colour * (n == vec3(0.0) ? 0.4 : 0.38 - 0.12 * n.y + 0.55 * light);
+  }
+}
+`;
+
+const FRAGMENT = `
+in vec3 point_colour;
+void main() { colour = vec4(point_colour, 1.0); }
+`;
+
+export class Cloud {
+  readonly object = new Group();
+  private readonly uniforms: Uniforms;
+  private readonly parts: Part[];
+  private readonly range = new DepthRange();
+
+  constructor(private readonly image: DepthImage) {
+    this.uniforms = {
+      ...image.uniforms,
+      colouring: { value: 0 }, point_size: { value: 2 }, canvas_height: { value: 1 },
+      depth_range: { value: new Vector2() }, surface_colour: { value: rgb(THEMES.dark.surface) },
+    };
+    this.parts = [new Part(this.uniforms, OUT_OF_WINDOW), new Part(this.uniforms, WITHIN_WINDOW)];
+    this.object.add(...this.parts.map((part) => part.object));
+  }
+
+  setFrame(frame: Frame): void {
+    this.range.update(frame);
+  }
+
+  /// A ball that holds the tool, in W: elsewhere there is no window.
+  setTool(centre: Vector3, radius: number): void {
+    (this.parts[1].object.material.uniforms.tool_ball.value as Vector4).set(...centre.toArray(), radius);
+  }
+
+  /// `coarser`: of the governor, on top of the options. `height`: of the canvas, in its own pixels.
+  update(options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
+    const { image, uniforms } = this;
+    this.object.visible = options.cloud && image.number >= 0;
+    uniforms.colouring.value = COLOURINGS[options.cloudColour];
+    uniforms.point_size.value = options.pointSize * pixelRatio;
+    uniforms.canvas_height.value = height;
+    uniforms.surface_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'].surface);
+    const unit = image.uniforms.unit.value as number;
+    (uniforms.depth_range.value as Vector2).set(this.range.near * unit, this.range.far * unit + 1e-3);
+    const stride = Math.max(1, Math.round(options.stride)) * coarser;
+    // Points of two pixels and more close the surface from however near it is seen.
+    const spread = 0.65 * options.pointSize;
+    this.parts[0].update(image, stride, spread);
+    this.parts[1].object.visible = options.toolLook !== 'hidden';
+    this.parts[1].update(image, 2 * stride, spread / 2);
+  }
+
+  dispose(): void {
+    for (const part of this.parts) part.dispose();
+  }
+}
+
+/// Either side of the window.
+class Part {
+  readonly object: Points<BufferGeometry, RawShaderMaterial>;
+
+  constructor(uniforms: Uniforms, window: ShaderMaterialParameters) {
+    this.object = new Points(new BufferGeometry(), shaderMaterial({
+      ...uniforms, stride: { value: 1 }, columns: { value: 1 }, spread: { value: 1 },
+      tool_ball: { value: new Vector4(0, 0, 0, 0) },
+    }, VERTEX, FRAGMENT, window));
+    this.object.frustumCulled = false;
+    this.object.renderOrder = -1; // after the tool
+  }
+
+  update(image: DepthImage, stride: number, spread: number): void {
+    const columns = Math.ceil(image.width / stride), rows = Math.ceil(image.height / stride);
+    this.object.geometry.setDrawRange(0, columns * rows);
+    const u = this.object.material.uniforms;
+    u.stride.value = stride;
+    u.columns.value = columns;
+    u.spread.value = spread;
+  }
+
+  dispose(): void {
+    this.object.geometry.dispose();
+    this.object.material.dispose();
+  }
+}

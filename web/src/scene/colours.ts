@@ -1,0 +1,47 @@
+// The colours of the scene, also for legends and tests. The states of the spheres are coloured as
+// in the thesis (Fig. 4.4): blue inside, purple boundary, red outside. The three differ in
+// lightness too, so that they can be told apart by who sees red and purple poorly, and all are
+// legible on dark and on light ground.
+
+import { Vector3 } from 'three';
+
+export const STATE_COLOURS = {
+  inside: '#1f66e8',
+  boundary: '#b45cf2',
+  outside: '#e5472f',
+  unknown: '#b9c0c9', // a tool that nothing was measured of
+} as const;
+
+export const ARROW_COLOURS = {
+  force: '#ffb000',
+  torque: '#12b886',
+  hand: '#ff7a45',
+} as const;
+
+/// Start and end of a depth-change vector, as in Fig. 3.13.
+export const EDGE_COLOURS = { start: '#2fb344', end: '#a33bd6' } as const;
+
+export const OTHER_COLOURS = {
+  normal: '#22b8e6',
+  tree: '#e0a83c',
+  ghost: '#e8a13a',
+  trace: '#f06595',
+} as const;
+
+export interface Theme {
+  ground: string;
+  surface: string; // of the cloud
+  metal: string; // of the tool's mesh
+  line: string; // grid and outline of the depth camera
+}
+
+export const THEMES: { dark: Theme; light: Theme } = {
+  dark: { ground: '#14171c', surface: '#cfc9bf', metal: '#a9b2bd', line: '#5b6572' },
+  light: { ground: '#f4f5f7', surface: '#b5afa6', metal: '#8d97a3', line: '#9aa3ae' },
+};
+
+/// Red, green and blue from 0 to 1, as they are shown.
+export function rgb(hex: string): Vector3 {
+  const n = parseInt(hex.slice(1), 16);
+  return new Vector3((n >> 16) & 255, (n >> 8) & 255, n & 255).divideScalar(255);
+}

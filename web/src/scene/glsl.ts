@@ -1,0 +1,57 @@
+// What several shaders share. All shaders write colours as they are shown (sRGB).
+
+import { DoubleSide, GLSL3, RawShaderMaterial, type IUniform, type ShaderMaterialParameters } from 'three';
+
+const PRECISION = `
+precision highp float;
+precision highp int;
+precision highp usampler2D;
+precision highp isampler2D;
+`;
+
+/// Matrices that three.js sets, and whether the view is orthographic.
+const VERTEX = `
+uniform mat4 modelViewMatrix, projectionMatrix, modelMatrix, viewMatrix;
+bool is_orthographic() { return projectionMatrix[3][3] == 1.0; }
+`;
+
+const FRAGMENT = `
+out vec4 colour;
+`;
+
+/// Light that comes from over the left shoulder of whoever looks; n is a unit vector of the view
+/// frame (x right, y up, z to the eye).
+export const SHADE = `
+vec3 shade(vec3 albedo, vec3 n) {
+  float key = max(0.0, dot(n, vec3(-0.35, 0.55, 0.758)));
+  return albedo * (0.38 + 0.16 * n.y + 0.55 * key);
+}
+`;
+
+/// Matt Zucker's polynomial for viridis: even steps of depth look even, and to everybody.
+export const VIRIDIS = `
+vec3 viridis(float t) {
+  const vec3 c0 = vec3(0.27773, 0.00541, 0.33410), c1 = vec3(0.10509, 1.40461, 1.38459);
+  const vec3 c2 = vec3(-0.33086, 0.21485, 0.09510), c3 = vec3(-4.63423, -5.79910, -19.33244);
+  const vec3 c4 = vec3(6.22827, 14.17993, 56.69055), c5 = vec3(4.77638, -13.74515, -65.35303);
+  const vec3 c6 = vec3(-5.43546, 4.64585, 26.31244);
+  return c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * (c5 + t * c6)))));
+}
+`;
+
+export type Uniforms = Record<string, IUniform>;
+
+/// A material of two shaders. Whatever is drawn with it has its own idea of where it is, so its
+/// object must not be culled by a bounding sphere.
+export function shaderMaterial(
+  uniforms: Uniforms, vertexShader: string, fragmentShader: string, more: ShaderMaterialParameters = {},
+): RawShaderMaterial {
+  return new RawShaderMaterial({
+    glslVersion: GLSL3,
+    uniforms,
+    vertexShader: PRECISION + VERTEX + vertexShader,
+    fragmentShader: PRECISION + FRAGMENT + fragmentShader,
+    side: DoubleSide,
+    ...more,
+  });
+}

@@ -1,0 +1,42 @@
+// Small sums over poses.
+
+import { type Object3D, Quaternion, Vector3 } from 'three';
+import type { Pose, Sample } from '../types';
+
+export function setPose(object: Object3D, pose: Pose): void {
+  object.position.fromArray(pose.position);
+  object.quaternion.fromArray(pose.quaternion);
+}
+
+/// Of the columns PREFIX_x ... PREFIX_qw; null if they are no pose.
+export function sampledPose(sample: Sample, prefix: 'tool' | 'hand'): Pose | null {
+  const of = (name: string) => sample[`${prefix}_${name}`];
+  const p = [of('x'), of('y'), of('z')], q = [of('qx'), of('qy'), of('qz'), of('qw')];
+  const length = Math.hypot(...q);
+  if (!p.every(Number.isFinite) || !(length > 0.5)) return null;
+  return {
+    position: p as Pose['position'],
+    quaternion: q.map((c) => c / length) as Pose['quaternion'],
+  };
+}
+
+export function sampledVector(sample: Sample, prefix: string): Vector3 {
+  const of = (name: string) => sample[`${prefix}_${name}`];
+  const v = new Vector3(of('x'), of('y'), of('z'));
+  return Number.isFinite(v.lengthSq()) ? v : new Vector3();
+}
+
+/// A point of T in W.
+export function transformed(X_WT: Pose, p_T: readonly [number, number, number]): Vector3 {
+  return new Vector3(...p_T).applyQuaternion(new Quaternion(...X_WT.quaternion))
+    .add(new Vector3(...X_WT.position));
+}
+
+export function distance(a: Pose, b: Pose): number {
+  return Math.hypot(...a.position.map((x, i) => x - b.position[i]));
+}
+
+/// Radians.
+export function rotationBetween(a: Pose, b: Pose): number {
+  return new Quaternion(...a.quaternion).angleTo(new Quaternion(...b.quaternion));
+}

@@ -1,0 +1,245 @@
+// The 3-D part of the page: takes decoded messages, draws them (thesis section 4.4). What moves is
+// written into buffers that exist; nothing is allocated for a picture.
+
+import { Color, Group, Scene, Vector3 } from 'three';
+import { defaultOptions } from '../options';
+import type {
+  Contact, Edges, Frame, Graph, Hello, Mesh, Normals, Pose, Sample, SceneView, Spheres, Tree,
+} from '../types';
+import { Arrows } from './arrows';
+import { Cameras } from './cameras';
+import { Cloud } from './cloud';
+import { THEMES } from './colours';
+import { DepthImage } from './depth_image';
+import { EdgeMarks } from './edges';
+import { framing } from './framing';
+import { Ghost } from './ghost';
+import { Governor } from './governor';
+import { LeafGraph } from './graph';
+import { Landmarks } from './landmarks';
+import { NormalNeedles } from './normals';
+import { sampledPose, setPose, transformed } from './poses';
+import { createRenderer } from './renderer';
+import { ToolSpheres } from './spheres';
+import { ToolMesh } from './tool_mesh';
+import { Trace } from './trace';
+import { TreeNodes } from './tree';
+
+const NO_POSE: Pose = { position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
+/// s: samples so much newer than the last contact say where the tool is.
+const CONTACT_IS_OLD = 0.5;
+
+class View implements SceneView {
+  readonly options = defaultOptions();
+  private readonly renderer;
+  private readonly cameras;
+  private readonly governor;
+  private readonly scene = new Scene();
+  private readonly tool = new Group(); // everything in T
+  private readonly ground = new Color();
+
+  private readonly image = new DepthImage();
+  private readonly cloud = new Cloud(this.image);
+  private readonly normals = new NormalNeedles(this.image);
+  private readonly edges = new EdgeMarks();
+  private readonly spheres = new ToolSpheres();
+  private readonly graph = new LeafGraph();
+  private readonly tree = new TreeNodes();
+  private readonly mesh = new ToolMesh();
+  private readonly ghost = new Ghost(this.mesh);
+  private readonly arrows = new Arrows();
+  private readonly trace = new Trace();
+  private readonly landmarks = new Landmarks();
+
+  private hello: Hello | null = null;
+  private X_WT: Pose | null = null;
+  private contact: Contact | null = null;
+  private framed: 'nothing' | 'scene' | 'tool' = 'nothing';
+  private sawNothing = false; // when it was framed
+  private size: [number, number] = [1, 1]; // CSS pixels
+  private pixelRatio = 1;
+  private drawnRatio = 0;
+
+  constructor(private readonly canvas: HTMLCanvasElement) {
+    this.renderer = createRenderer(canvas);
+    this.cameras = new Cameras(canvas);
+    this.governor = new Governor(this.renderer.getContext() as WebGL2RenderingContext);
+    this.tool.add(this.spheres.object, this.mesh.object, this.graph.object, this.tree.object);
+    this.scene.add(this.cloud.object, this.normals.object, this.edges.needles, this.edges.panes, this.tool,
+      this.ghost.object, this.arrows.object, this.trace.object, this.landmarks.object);
+    this.resize(canvas.clientWidth, canvas.clientHeight, 1);
+    canvas.addEventListener('webglcontextrestored', () => requestAnimationFrame(() => this.render()));
+  }
+
+  setHello(hello: Hello): void {
+    this.hello = hello;
+    this.X_WT = this.contact = null;
+    setPose(this.tool, NO_POSE);
+    this.trace.clear();
+    this.ghost.setPoses(NO_POSE, NO_POSE);
+    this.arrows.setTool(hello.tool.radius, hello.tool.centre_of_mass);
+    this.image.setStream(hello.stream);
+    this.edges.setStream(hello.stream);
+    this.landmarks.setHello(hello);
+    this.cameras.setHello(hello);
+    this.framed = 'nothing';
+    this.sawNothing = false;
+    if (!hello.stream) this.setToolPose(NO_POSE);
+  }
+
+  setSpheres(spheres: Spheres): void {
+    this.spheres.setSpheres(spheres);
+    this.graph.setSpheres(spheres, this.spheres.stateArray);
+    this.ghost.setTool(spheres, this.hello?.tool.radius ?? 0.1);
+    if (this.contact) this.setContact(this.contact);
+  }
+
+  setGraph(graph: Graph): void {
+    this.graph.setGraph(graph);
+  }
+
+  setMesh(mesh: Mesh): void {
+    this.mesh.setMesh(mesh);
+  }
+
+  setTree(tree: Tree): void {
+    this.tree.setTree(tree);
+  }
+
+  setFrame(frame: Frame): void {
+    this.image.setFrame(frame);
+    this.cloud.setFrame(frame);
+    this.frameOnce();
+  }
+
+  setContact(contact: Contact): void {
+    this.contact = contact;
+    this.setToolPose(contact.X_WT);
+    // A tool alone touches nothing: its spheres are not outside, there is nothing to be outside of.
+    if (this.hello?.stream && this.spheres.setContact(contact)) this.graph.statesChanged();
+  }
+
+  setNormals(normals: Normals): void {
+    this.image.setNormals(normals);
+  }
+
+  setEdges(edges: Edges): void {
+    this.edges.setEdges(edges);
+  }
+
+  addSamples(samples: Sample[]): void {
+    const centre = this.hello?.tool.centre_of_mass ?? [0, 0, 0];
+    for (const sample of samples) {
+      const X_WT = this.trace.isDue(sample.time) && sampledPose(sample, 'tool');
+      if (X_WT) this.trace.add(sample.time, transformed(X_WT, centre));
+    }
+    const last = samples.at(-1);
+    const X_WT = (last && sampledPose(last, 'tool')) ?? this.X_WT;
+    if (!last || !X_WT) return;
+    if (last.time - (this.contact?.time ?? -Infinity) > CONTACT_IS_OLD) this.setToolPose(X_WT);
+    const X_WT_hand = sampledPose(last, 'hand');
+    this.arrows.setSample(last, X_WT, X_WT_hand);
+    this.ghost.setPoses(X_WT, X_WT_hand ?? X_WT);
+  }
+
+  resize(width: number, height: number, pixelRatio: number): void {
+    this.size = [Math.max(1, width), Math.max(1, height)];
+    this.pixelRatio = pixelRatio;
+    this.drawnRatio = 0;
+    this.cameras.resize(...this.size);
+  }
+
+  render(): void {
+    this.governor.begin();
+    this.update();
+    this.renderer.render(this.scene, this.cameras.camera);
+    this.governor.end();
+  }
+
+  picture(): Promise<Blob> {
+    this.render();
+    // In the same task as the drawing, before the browser takes the picture away.
+    return new Promise((resolve, reject) => {
+      this.canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error('The picture could not be made.'))));
+    });
+  }
+
+  resetView(): void {
+    const found = this.framing();
+    this.cameras.frame(found);
+    this.framed = this.X_WT ? 'tool' : 'scene';
+    this.sawNothing = this.hello?.stream != null && found.farthest === 0;
+  }
+
+  project(x: number, y: number, z: number): [number, number] {
+    this.cameras.update(this.options.view);
+    const p = this.cameras.project(new Vector3(x, y, z));
+    return [(0.5 + 0.5 * p.x) * this.size[0], (0.5 - 0.5 * p.y) * this.size[1]];
+  }
+
+  dispose(): void {
+    for (const part of [this.image, this.cloud, this.normals, this.edges, this.spheres, this.graph, this.tree,
+      this.mesh, this.ghost, this.arrows, this.trace, this.landmarks, this.cameras, this.renderer]) {
+      part.dispose();
+    }
+  }
+
+  private update(): void {
+    const { options, renderer } = this;
+    const ratio = this.pixelRatio * this.governor.finer;
+    if (ratio !== this.drawnRatio) {
+      this.drawnRatio = ratio;
+      renderer.setPixelRatio(ratio);
+      renderer.setSize(...this.size, false);
+    }
+    renderer.setClearColor(this.ground.set(THEMES[options.dark ? 'dark' : 'light'].ground));
+    const { width, height } = this.canvas;
+    this.cloud.update(options, this.governor.coarser, height, ratio);
+    this.normals.update(options.normals);
+    this.edges.update(options);
+    this.spheres.update(options);
+    this.mesh.update(options);
+    this.graph.update(options);
+    this.tree.update(options);
+    this.ghost.update(options.ghost);
+    this.arrows.object.visible = options.arrows;
+    this.trace.update(options.trace, width, height, ratio);
+    this.landmarks.update(options);
+    this.cameras.update(options.view);
+  }
+
+  private setToolPose(X_WT: Pose): void {
+    this.X_WT = X_WT;
+    setPose(this.tool, X_WT);
+    const centre = this.toolCentre();
+    if (!this.hello || !centre) return;
+    this.cameras.setToolCentre(centre);
+    this.cloud.setTool(centre, this.hello.tool.radius);
+    this.frameOnce();
+  }
+
+  /// In W; null until it is known.
+  private toolCentre(): Vector3 | null {
+    return this.X_WT && this.hello ? transformed(this.X_WT, this.hello.tool.centre_of_mass) : null;
+  }
+
+  /// Looks at the scene when it is there, then at the tool in it, unless somebody looks elsewhere.
+  private frameOnce(): void {
+    if (!this.hello || this.cameras.moved) return;
+    const hasScene = this.image.number >= 0 || !this.hello.stream;
+    const step = this.X_WT && hasScene ? 'tool' : hasScene ? 'scene' : 'nothing';
+    // A camera may begin with empty images: then once more when there is something to be seen.
+    const appears = this.sawNothing && this.framing().farthest > 0;
+    const isNew = step !== this.framed && this.framed !== 'tool';
+    if (step !== 'nothing' && (isNew || appears)) this.resetView();
+  }
+
+  private framing() {
+    return framing(this.image, this.toolCentre(), this.hello?.tool.radius ?? 0.1);
+  }
+}
+
+/// Throws where the browser has no WebGL 2.
+export function createScene(canvas: HTMLCanvasElement): SceneView {
+  return new View(canvas);
+}

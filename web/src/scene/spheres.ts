@@ -1,0 +1,138 @@
+// The tool as its spheres: whole, or only what is inside the scene, cut exactly by the collision
+// planes (thesis section 4.4). A cut sphere is what the ball and the half-space n . x <= d have in
+// common; a ray meets it where it has entered both and left neither, so no mesh of a cap
+// (Alg. 4.1) is ever made.
+
+import { DynamicDrawUsage, InstancedBufferAttribute, type InstancedBufferGeometry, Mesh } from 'three';
+import type { Contact, SceneOptions, Spheres } from '../types';
+import { rgb, STATE_COLOURS } from './colours';
+import { SHADE, shaderMaterial } from './glsl';
+import { BALL_FRAGMENT, BALL_VERTEX, ballGeometry } from './sphere_shader';
+import { OPENS_WINDOW } from './window';
+
+const UNKNOWN = 3; // state of a sphere that nothing is known of
+
+const VERTEX = `${BALL_VERTEX}
+in float state;
+in vec4 plane;  // n and d in T
+uniform bool caps, outside;
+uniform vec3 state_colours[4];
+flat out vec3 ball_colour;
+flat out vec4 cut;   // n in the view frame, d from the centre of the sphere
+flat out int style;  // 0: whole, 1: cut, 2: only a veil
+
+void main() {
+  int number = int(state);
+  bool has_plane = number >= 4;
+  number -= has_plane ? 4 : 0;
+  ball_colour = state_colours[number];
+  cut = vec4(mat3(modelViewMatrix) * plane.xyz, plane.w - dot(plane.xyz, sphere.xyz));
+  style = !caps ? 0 : has_plane ? 1 : number == 0 ? 2 : 0;
+  if (number == 0 && !outside && style != 1) hide_ball(); else place_ball();
+}
+`;
+
+const FRAGMENT = `${BALL_FRAGMENT}${SHADE}
+uniform bool outside;
+uniform vec3 state_colours[4];
+flat in vec3 ball_colour;
+flat in vec4 cut;
+flat in int style;
+
+void main() {
+  meet_ball();
+  if (half_chord2 < 0.0) discard;
+  // Where the ray is in the solid, and whether it comes or goes through the flat side.
+  float enter = -half_chord, leave = half_chord;
+  bool enters_flat = false, leaves_flat = false;
+  if (style == 1) {
+    float along = dot(cut.xyz, ray), room = cut.w - dot(cut.xyz, nearest);
+    float t = room / along;
+    if (along < 0.0 && t > enter) { enter = t; enters_flat = true; }
+    if (along > 0.0 && t < leave) { leave = t; leaves_flat = true; }
+    if (along == 0.0 && room < 0.0) leave = enter - 1.0;
+  }
+  vec3 albedo = ball_colour;
+  if (style == 2 || leave < enter) {
+    // What is outside is a veil of every fourth pixel: depths stay right, without sorting.
+    if (!outside || ((int(gl_FragCoord.x) | int(gl_FragCoord.y)) & 1) == 1) discard;
+    albedo = state_colours[0];
+    enter = -half_chord;
+    leave = half_chord;
+    enters_flat = leaves_flat = false;
+  }
+  bool from_within = !in_front(closest + enter);
+  float t = from_within ? leave : enter;
+  if (!in_front(closest + t)) discard;
+  bool on_flat = from_within ? leaves_flat : enters_flat;
+  vec3 n = on_flat ? cut.xyz : (nearest + t * ray) / ball.w;
+  if (from_within) n = -n;
+  if (on_flat) albedo = mix(albedo, vec3(1.0), 0.28);
+  colour = vec4(shade(albedo, n), 1.0);
+  gl_FragDepth = depth_of(closest + t);
+}
+`;
+
+export class ToolSpheres {
+  readonly object: Mesh<InstancedBufferGeometry>;
+  private readonly material;
+  private states = new Uint8Array(0);
+  private planes = new Float32Array(0);
+
+  constructor() {
+    this.material = shaderMaterial({
+      caps: { value: true }, outside: { value: true },
+      state_colours: {
+        value: [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside, STATE_COLOURS.unknown].map(rgb),
+      },
+    }, VERTEX, FRAGMENT, OPENS_WINDOW);
+    this.object = new Mesh(ballGeometry(new Float32Array(0)), this.material);
+    this.object.frustumCulled = false;
+    this.object.renderOrder = -2; // before the cloud
+  }
+
+  get count(): number {
+    return this.states.length;
+  }
+
+  /// Of each sphere; what is seen when it changes: `states` of the last contact.
+  get stateArray(): Uint8Array {
+    return this.states;
+  }
+
+  setSpheres(spheres: Spheres): void {
+    this.states = new Uint8Array(spheres.count).fill(UNKNOWN);
+    this.planes = new Float32Array(4 * spheres.count);
+    const geometry = ballGeometry(spheres.data);
+    geometry.setAttribute('state', new InstancedBufferAttribute(this.states, 1).setUsage(DynamicDrawUsage));
+    geometry.setAttribute('plane', new InstancedBufferAttribute(this.planes, 4).setUsage(DynamicDrawUsage));
+    this.object.geometry.dispose();
+    this.object.geometry = geometry;
+  }
+
+  /// False: the contact is not of these spheres.
+  setContact(contact: Contact): boolean {
+    const { states, planes } = contact;
+    if (states.length !== this.count) return false;
+    this.states.set(states);
+    let from = 0;
+    for (let i = 0; i < states.length; ++i) {
+      if (states[i] < 4) continue;
+      for (let k = 0; k < 4; ++k) this.planes[4 * i + k] = planes[from++];
+    }
+    this.object.geometry.attributes.state.needsUpdate = true;
+    this.object.geometry.attributes.plane.needsUpdate = true;
+    return true;
+  }
+
+  update(options: SceneOptions): void {
+    this.object.visible = this.count > 0 && (options.toolLook === 'spheres' || options.toolLook === 'caps');
+    this.material.uniforms.caps.value = options.toolLook === 'caps';
+    this.material.uniforms.outside.value = options.outside;
+  }
+
+  dispose(): void {
+    this.object.geometry.dispose();
+    this.material.dispose();
+  }
+}

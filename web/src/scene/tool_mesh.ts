@@ -1,0 +1,101 @@
+// The tool as its mesh, semi-metal; and the same mesh as a ghost.
+
+import { BufferAttribute, BufferGeometry, Mesh as DrawnMesh } from 'three';
+import type { Mesh, SceneOptions } from '../types';
+import { OTHER_COLOURS, rgb, THEMES } from './colours';
+import { shaderMaterial } from './glsl';
+import { OPENS_WINDOW } from './window';
+
+const VERTEX = `
+in vec3 position, normal;
+out vec3 point, smooth_normal; // view frame
+
+void main() {
+  vec4 p = modelViewMatrix * vec4(position, 1.0);
+  point = p.xyz;
+  smooth_normal = mat3(modelViewMatrix) * normal;
+  gl_Position = projectionMatrix * p;
+}
+`;
+
+/// Where the normals of the corners are far from the triangle's there is an edge of the part, and
+/// the triangle is drawn flat.
+const NORMAL = `
+in vec3 point, smooth_normal;
+vec3 surface_normal() {
+  vec3 face = normalize(cross(dFdx(point), dFdy(point)));
+  vec3 n = normalize(smooth_normal);
+  n = dot(n, face) < 0.7 ? face : n;
+  return gl_FrontFacing ? n : -n;
+}
+`;
+
+const METAL = `${NORMAL}
+uniform vec3 metal_colour;
+
+void main() {
+  vec3 n = surface_normal();
+  vec3 light = vec3(-0.35, 0.55, 0.758);
+  float key = max(0.0, dot(n, light));
+  // A dark horizon under a bright sky makes it look like metal; then the light itself.
+  float sky = smoothstep(-0.6, 0.9, reflect(vec3(0.0, 0.0, -1.0), n).y);
+  float glint = pow(max(0.0, dot(n, normalize(light + vec3(0.0, 0.0, 1.0)))), 40.0);
+  colour = vec4(metal_colour * (0.3 + 0.4 * key + 0.45 * sky) + 0.35 * glint, 1.0);
+}
+`;
+
+const GHOST = `${NORMAL}
+uniform vec3 ghost_colour;
+uniform float opacity;
+
+void main() {
+  float rim = 1.0 - abs(surface_normal().z);
+  colour = vec4(ghost_colour, opacity * (0.12 + 0.75 * rim * rim));
+}
+`;
+
+export class ToolMesh {
+  readonly object: DrawnMesh;
+  /// Shares the geometry.
+  readonly ghost: DrawnMesh;
+  private readonly geometry = new BufferGeometry();
+  private readonly metal = shaderMaterial({ metal_colour: { value: rgb(THEMES.dark.metal) } }, VERTEX, METAL,
+    OPENS_WINDOW);
+  private readonly glass = shaderMaterial({
+    ghost_colour: { value: rgb(OTHER_COLOURS.ghost) }, opacity: { value: 1 },
+  }, VERTEX, GHOST, { transparent: true, depthWrite: false });
+
+  constructor() {
+    this.object = new DrawnMesh(this.geometry, this.metal);
+    this.ghost = new DrawnMesh(this.geometry, this.glass);
+    this.object.frustumCulled = this.ghost.frustumCulled = false;
+    this.object.renderOrder = -2; // before the cloud
+  }
+
+  get loaded(): boolean {
+    return this.geometry.index !== null;
+  }
+
+  set ghostOpacity(value: number) {
+    this.glass.uniforms.opacity.value = value;
+  }
+
+  setMesh(mesh: Mesh): void {
+    this.geometry.dispose();
+    this.geometry.deleteAttribute('normal');
+    this.geometry.setAttribute('position', new BufferAttribute(mesh.positions, 3));
+    this.geometry.setIndex(new BufferAttribute(mesh.triangles, 1));
+    this.geometry.computeVertexNormals();
+  }
+
+  update(options: SceneOptions): void {
+    this.object.visible = options.toolLook === 'mesh' && this.loaded;
+    this.metal.uniforms.metal_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'].metal);
+  }
+
+  dispose(): void {
+    this.geometry.dispose();
+    this.metal.dispose();
+    this.glass.dispose();
+  }
+}

@@ -1,0 +1,29 @@
+import { recall, remember } from './memory';
+
+/// Dark or light: as the address says, as was chosen here before, or as the system is set.
+export class Theme {
+  private readonly system = matchMedia('(prefers-color-scheme: light)');
+  private isDark: boolean;
+
+  constructor(private readonly onChange: (isDark: boolean) => void, asked: string | null) {
+    const chosen = asked ?? recall('theme');
+    this.isDark = chosen ? chosen !== 'light' : !this.system.matches;
+    this.apply();
+    this.system.addEventListener('change', () => {
+      if (recall('theme') !== null) return;
+      this.isDark = !this.system.matches;
+      this.apply();
+    });
+  }
+
+  toggle(): void {
+    this.isDark = !this.isDark;
+    remember('theme', this.isDark ? 'dark' : 'light');
+    this.apply();
+  }
+
+  private apply(): void {
+    document.documentElement.dataset.theme = this.isDark ? 'dark' : 'light';
+    this.onChange(this.isDark);
+  }
+}

@@ -1,0 +1,120 @@
+// What the server's messages decode to (docs/viewer-protocol.md), and what the parts of the page
+// say to each other.
+
+export interface Pose {
+  position: [number, number, number];
+  quaternion: [number, number, number, number]; // x y z w
+}
+
+export interface Hello {
+  protocol: number;
+  version: string;
+  kind: 'live' | 'recording' | 'tool';
+  title: string;
+  tool: { spheres: number; centre_of_mass: [number, number, number]; radius: number; volume: number };
+  stream: {
+    width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number; rate: number;
+  } | null;
+  columns: string[];
+  controls: Control[];
+}
+
+export type Value = string | number | boolean;
+
+export interface Control {
+  key: string; // section.key of a settings file
+  words: string;
+  kind: 'choice' | 'number' | 'switch';
+  choices?: string[];
+  low?: number;
+  high?: number;
+  whole?: boolean; // whole numbers only
+  value: Value;
+}
+
+export interface Stage {
+  name: string;
+  num: number;
+  p50: number; p99: number; p999: number; max: number; // microseconds
+  histogram: [number, number][]; // lower end in microseconds, count
+}
+
+export interface State {
+  time: number;
+  running: boolean;
+  fault: string | null;
+  note: string | null;
+  paused: boolean;
+  revision: number;
+  settings: Record<string, Value>;
+  frame_number: number;
+  pages: number;
+  ticks?: number; missed?: number; lost?: number; frames?: number; contacts?: number;
+  sensor_age?: number;
+  stages?: Stage[];
+  duration?: number; speed?: number;
+  marks?: { time: number; text: string }[];
+}
+
+/// n x (x y z r), tool frame.
+export interface Spheres { count: number; data: Float32Array }
+export interface Graph { count: number; pairs: Uint32Array }
+export interface Mesh { positions: Float32Array; triangles: Uint32Array }
+export interface Tree { count: number; data: Float32Array; levels: Uint8Array }
+export interface Frame { number: number; time: number; width: number; height: number; depth: Uint16Array }
+export interface Contact {
+  number: number; time: number; X_WT: Pose;
+  states: Uint8Array; // 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
+  planes: Float32Array; // nx ny nz d for each sphere with 4, in order, tool frame
+}
+export interface Normals { number: number; width: number; height: number; data: Int8Array }
+export interface Edges { number: number; count: number; data: Float32Array } // x y z dx dy dz, W
+
+/// One tick; columns by name.
+export type Sample = Record<string, number>;
+
+export type ToolLook = 'spheres' | 'caps' | 'mesh' | 'hidden';
+export type CameraView = 'free' | 'camera' | 'bird' | 'tool';
+
+/// What the scene draws. The page's panels change it, the scene reads it at each drawing.
+export interface SceneOptions {
+  cloud: boolean;
+  cloudColour: 'shaded' | 'depth' | 'normals';
+  pointSize: number; // pixels
+  stride: number; // every n-th pixel in both directions
+  toolLook: ToolLook; // caps: inside parts cut exactly by their planes
+  outside: boolean; // spheres outside too
+  graph: boolean;
+  treeLevel: number; // -1: none
+  normals: boolean; // as lines
+  edges: boolean; // depth-change vectors
+  edgePlanes: boolean;
+  arrows: boolean; // force and torque at tool and hand
+  ghost: boolean; // where the hand holds the tool
+  trace: boolean; // path of the tool
+  view: CameraView;
+  dark: boolean;
+}
+
+/// The 3-D part, as the page sees it (scene/scene_view.ts).
+export interface SceneView {
+  readonly options: SceneOptions;
+  setHello(hello: Hello): void;
+  setSpheres(spheres: Spheres): void;
+  setGraph(graph: Graph): void;
+  setMesh(mesh: Mesh): void;
+  setTree(tree: Tree): void;
+  setFrame(frame: Frame): void;
+  setContact(contact: Contact): void;
+  setNormals(normals: Normals): void;
+  setEdges(edges: Edges): void;
+  addSamples(samples: Sample[]): void;
+  resize(width: number, height: number, pixelRatio: number): void;
+  render(): void;
+  picture(): Promise<Blob>; // PNG
+  /// To look at the whole, the tool or from the sensor.
+  resetView(): void;
+  /// Where a point of W is on the canvas, CSS pixels; for tests.
+  project(x: number, y: number, z: number): [number, number];
+  dispose(): void;
+}

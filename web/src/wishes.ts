@@ -1,0 +1,25 @@
+// What the page needs from the program for what it shows: what nobody looks at is not sent.
+
+import type { Hello, SceneOptions } from './types';
+
+export interface Wishes {
+  frames: boolean;
+  contacts: boolean;
+  surfaces: boolean;
+  samples: boolean;
+}
+
+export function wishedPictures(hello: Hello, options: SceneOptions, hasImage: boolean): Wishes {
+  if (hello.kind === 'tool') return { frames: false, contacts: false, surfaces: false, samples: false };
+  const hasSurface = options.normals || options.edges || options.edgePlanes || options.cloudColour === 'normals';
+  return { frames: options.cloud || hasImage || hasSurface, contacts: true, surfaces: hasSurface, samples: true };
+}
+
+/// Parts of the tool, each sent once.
+export function wishedShapes(options: SceneOptions): string[] {
+  const shapes = ['spheres'];
+  if (options.graph) shapes.push('graph');
+  if (options.toolLook === 'mesh' || options.ghost) shapes.push('mesh');
+  if (options.treeLevel >= 0) shapes.push('tree');
+  return shapes;
+}

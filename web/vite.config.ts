@@ -1,0 +1,33 @@
+import { defineConfig } from 'vite';
+import type { Plugin } from 'vite';
+
+/// lil-gui brings a font for four signs that every font has; a strict page loads no fonts.
+const withoutFonts: Plugin = {
+  name: 'without-fonts',
+  enforce: 'pre',
+  transform: (code, id) => (id.endsWith('lil-gui.css') ? code.replace(/@font-face\s*{[^}]*}/g, '') : undefined),
+};
+
+/// `npx vite` serves the page as it is being written, with all else from a running `palpate view`.
+const program = 'http://127.0.0.1:8787';
+
+// One script and one style sheet, named without hashes: they are built into the program.
+export default defineConfig({
+  base: './',
+  plugins: [withoutFonts],
+  server: { proxy: { '/api': program, '/ws': { target: program, ws: true } } },
+  build: {
+    target: 'es2022',
+    modulePreload: false,
+    cssCodeSplit: false,
+    assetsInlineLimit: 0,
+    chunkSizeWarningLimit: 1500, // kB
+    rollupOptions: {
+      output: {
+        inlineDynamicImports: true,
+        entryFileNames: 'page.js',
+        assetFileNames: (asset) => (asset.names[0]?.endsWith('.css') ? 'page.css' : '[name][extname]'),
+      },
+    },
+  },
+});
