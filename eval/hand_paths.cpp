@@ -10,6 +10,7 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kCellPixels = 16;
+constexpr double kSwing = 0.1;       // of the tool's radius
 constexpr double kLeastShare = 0.9;  // of a place's pixels that have a point
 
 double radius_of(const Tool& tool) {
@@ -60,13 +61,13 @@ Patch patch_at(const PointCloudView& cloud, int u0, int v0, double radius) {
   return patch;
 }
 
-/// Moves around a place; `depth` m behind it on average.
-Pose swing(const Place& place, const Vec3d& centre_T, double depth, double phase) {
+/// Moves around a place; `depth` m behind it on average, `swing` m more or less.
+Pose pose_at(const Place& place, const Vec3d& centre_T, double depth, double swing, double phase) {
   const double a = 2 * kPi * phase;
   const Vec3d side = normalized(cross(place.into_W, Vec3d{0, 1, 0.3}));
   const Vec3d up = cross(place.into_W, side);
   const Vec3d p = place.p_W + 0.012 * std::sin(2 * a) * side + 0.02 * std::sin(3 * a) * up +
-                  (depth + 0.003 * std::sin(7 * a)) * place.into_W;
+                  (depth + swing * std::sin(7 * a)) * place.into_W;
   const Vec3d turn = 0.08 * std::sin(a) * side + 0.06 * std::sin(2 * a + 1) * up +
                      0.1 * std::sin(3 * a + 2) * place.into_W;
   const Quaternion R_WT = rotation_by(turn);
@@ -110,11 +111,12 @@ Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean
   const double whole = full_volume(*feeler, ContactOptions{});
 
   constexpr int kProbes = 60;
+  const double way = kSwing * radius;
   HandPath path;
   const auto feel = [&](double depth) {
     path.mean_depth = path.most_depth = 0;
     for (int i = 0; i < kProbes; ++i) {
-      const Pose X_WT = swing(*place, centre_T, depth, static_cast<double>(i) / kProbes);
+      const Pose X_WT = pose_at(*place, centre_T, depth, way, static_cast<double>(i) / kProbes);
       const double share = (*query)->query(X_WT, {}).volume / whole;
       path.mean_depth += share / kProbes;
       path.most_depth = std::max(path.most_depth, share);
@@ -128,8 +130,8 @@ Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean
   }
   feel((low + high) / 2);
   for (std::size_t i = 0; i < num_poses; ++i) {
-    path.X_WT.push_back(swing(*place, centre_T, (low + high) / 2,
-                              static_cast<double>(i) / static_cast<double>(num_poses)));
+    path.X_WT.push_back(pose_at(*place, centre_T, (low + high) / 2, way,
+                                static_cast<double>(i) / static_cast<double>(num_poses)));
   }
   return path;
 }

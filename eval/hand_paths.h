@@ -21,9 +21,9 @@ struct Place {
 };
 Result<Place> calm_place(const PointCloudView& cloud, double radius);
 
-/// A figure of eight across a calm place, swinging in and out by a fifth of its depth and turning
-/// by a few degrees, as deep that on average `mean_depth` of the tool is inside. The same for the
-/// same input. Errors: nothing in the frame can be touched.
+/// A figure of eight across a calm place, swinging in and out by a tenth of the tool's radius and
+/// turning by a few degrees, as deep that on average `mean_depth` of the tool is inside. The same
+/// for the same input. Errors: nothing in the frame can be touched.
 Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean_depth,
                            std::size_t num_poses);
 

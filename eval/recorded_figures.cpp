@@ -233,7 +233,7 @@ Result<FigureResult> figure_3_6(Context& context) {
        words("Most wrong spheres at a pose: weighted %d, simplified %d, graph %d, field %d.",
              wrong[0].most, wrong[1].most, wrong[2].most, wrong[4].most),
        wrong[2].most < std::min(wrong[0].most, wrong[1].most) ? Verdict::agrees
-                                                              : Verdict::differs});
+                                                              : Verdict::contradicts});
   result.notes.push_back(
       "A sphere is wrong if its centre lies in no body although the method counts it "
       "as inside; what the camera cannot see behind a body counts as outside here.");

@@ -139,11 +139,12 @@ Result<FigureResult> study(Context& context, const std::string& x_label,
   const auto best_other = [](const std::vector<double>& e) {
     return *std::min_element(e.begin(), e.begin() + 4);
   };
-  const bool is_best =
-      worst.volume[4] <= best_other(worst.volume) && worst.jump[4] <= best_other(worst.jump);
+  const bool is_best = worst.volume[4] <= best_other(worst.volume) &&
+                       worst.jump[4] <= best_other(worst.jump) &&
+                       worst.direction[4] <= best_other(worst.direction);
   result.claims.push_back(
       {"(Not in the thesis.)",
-       words("At %s %g: volume %.2f %% rms by the field, at best %.2f by the others; steps %.2f "
+       words("%s = %g: volume %.2f %% rms by the field, at best %.2f by the others; steps %.2f "
              "times "
              "the exact ones against %.1f; direction %.2f° against %.2f°.",
              x_label.c_str(), x.back(), worst.volume[4], best_other(worst.volume), worst.jump[4],

@@ -88,7 +88,8 @@ Ways measure(const ContactCase& c, const Tool& tool, DepthNoise noise, int num_s
       const Vec3d exact = step.exact.measure_C_W.force / whole;
       way.along.push_back(-100 * f.z);
       way.sideways.push_back(100 * std::hypot(f.x, f.y));
-      way.error.push_back(norm(f - exact));
+      // Where all points have left the tool nothing is felt: told apart, as lost contact.
+      way.error.push_back(norm(f) > 0 ? norm(f - exact) : 0);
     }
     way.volume = volume_error(tool, steps, measured);
     way.wrench = wrench_error(tool, steps, measured);
@@ -122,11 +123,14 @@ Claim judge(const Scene& scene, const Ways& clean) {
   if (scene.finding == Finding::near_line) {
     claim.ours = words(
         "Volume rms: weighted %.2f %%, simplified %.2f %%, field %.2f %%; largest error "
-        "of the force: %.1f, %.1f and %.1f %% of the whole.",
+        "of the force: %.1f, %.1f and %.1f %% of the whole; contact lost in %.1f, %.1f and %.1f %% "
+        "of "
+        "the steps.",
         100 * weighted.volume.rms, 100 * simplified.volume.rms, 100 * field.volume.rms,
         100 * *std::max_element(weighted.error.begin(), weighted.error.end()),
         100 * *std::max_element(simplified.error.begin(), simplified.error.end()),
-        100 * *std::max_element(field.error.begin(), field.error.end()));
+        100 * *std::max_element(field.error.begin(), field.error.end()), 100 * weighted.volume.lost,
+        100 * simplified.volume.lost, 100 * field.volume.lost);
     claim.verdict = field.volume.rms <= std::min(weighted.volume.rms, simplified.volume.rms)
                         ? Verdict::better
                     : weighted.volume.rms < kNearLine ? Verdict::agrees

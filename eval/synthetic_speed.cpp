@@ -82,15 +82,18 @@ Result<FigureResult> figure_3_10(Context& context) {
     const double until = crossing(sweep->x, graph, simplified);
     const double of_times = *std::max_element(graph.begin(), graph.end()) /
                             *std::max_element(simplified.begin(), simplified.end());
+    constexpr double kShallow = 5;  // %: hardly in contact
     const std::string ours =
-        std::isfinite(until) ? words("The graph is faster up to %.0f %% depth.", until)
-        : graph.back() < simplified.back()
+        std::isfinite(until) && until < kShallow
             ? words(
-                  "The graph is faster at every depth; at most it takes %.2f of the other's time.",
-                  of_times)
-            : words(
-                  "The graph is slower at every depth; at most it takes %.2f of the other's time.",
-                  of_times);
+                  "The graph is slower from %.0f %% depth on; at most it takes %.2f times as long.",
+                  kShallow, of_times)
+        : std::isfinite(until) ? words("The graph is faster up to %.0f %% depth.", until)
+        : graph.back() < simplified.back()
+            ? words("The graph is faster at every depth; at most it takes %.2f times as long.",
+                    of_times)
+            : words("The graph is slower at every depth; at most it takes %.2f times as long.",
+                    of_times);
     plot.caption = ours;
     const bool is_near = std::isfinite(until) && std::abs(until - c.graph_until) <= 15;
     const bool is_past = (std::isfinite(until) && until > c.graph_until) ||

@@ -714,7 +714,8 @@ class CommandLine(unittest.TestCase):
         settings = self.path("patient_watched.toml")
         with open(settings, "w") as file:
             file.write("[loop]\nreal_time = false\n[safety]\nmax_contact_age = 60\n"
-                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n")
+                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n"
+                       "energy_tank = 100\n")
         with self.page("touch", self.tool, "--scene", "wall", "--device", "sim", "--duration", 60,
                        "--settings", settings, "-o", run, "--view", "--view-port", 0) as (
                 program, address):
@@ -752,7 +753,8 @@ class CommandLine(unittest.TestCase):
         settings, run = self.path("patient.toml"), self.path("live")
         with open(settings, "w") as file:
             file.write("[loop]\nreal_time = false\n[safety]\nmax_contact_age = 60\n"
-                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n")
+                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n"
+                       "energy_tank = 100\n")
         live = (*self.sequence("-o", run), "--depth-rate", 2, "--device", "sim", "--settings",
                 settings)
         summary = json.loads(self.succeed(*live, "--duration", 1.5, "--coupling", "proxy", "--json"))

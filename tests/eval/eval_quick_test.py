@@ -38,14 +38,14 @@ class QuickEvaluation(unittest.TestCase):
                      "--commit", "0123abc"]
         if os.path.isdir(DATA):
             arguments += ["--data", DATA]
-        cls.run = palpate_eval(*arguments)
+        cls.result = palpate_eval(*arguments)
 
     @classmethod
     def tearDownClass(cls):
         shutil.rmtree(cls.folder)
 
     def figures(self):
-        return json.loads(self.run.stdout)["figures"]
+        return json.loads(self.result.stdout)["figures"]
 
     def data_of(self, figure):
         stem = re.sub(r"[^A-Za-z0-9.-]", "_", figure["id"])
@@ -53,7 +53,7 @@ class QuickEvaluation(unittest.TestCase):
             return json.load(file)
 
     def test_no_figure_fails(self):
-        self.assertEqual(self.run.returncode, 0, self.run.stderr)
+        self.assertEqual(self.result.returncode, 0, self.result.stderr)
 
     def test_every_row_has_a_verdict(self):
         listed = json.loads(palpate_eval("--list", "--json").stdout)

@@ -29,6 +29,7 @@ inline HapticSettings patient_settings() {
   settings.wants_real_time = false;
   settings.coupling.X_WB.translation = {0, 0, 0.45};
   settings.safety.max_contact_age = settings.safety.max_sensor_age = 30;
+  settings.safety.energy_tank = 100;  // late ticks give the hand energy
   settings.safety.max_device_silence = settings.safety.max_tick = 30;
   settings.safety.ramp_seconds = 0.05;
   settings.safety.engage_timeout = 0.05;

@@ -539,6 +539,7 @@ HapticSettings patient_settings() {
   settings.coupling.X_WB.translation = {0, 0, 0.42};
   SafetyOptions& safety = settings.safety;
   safety.max_contact_age = safety.max_sensor_age = 60;
+  safety.energy_tank = 100;  // late ticks give the hand energy
   safety.max_tick = safety.max_device_silence = 60;
   return settings;
 }

@@ -33,7 +33,8 @@ pageTest('a live run is seen, turned and ended from the page', async (t) => {
   await finished(['pack', mesh, '-o', tool, '--spheres', '1000']);
   // A machine that is busy with tests is late; that is not what is tested here.
   const settings = join(folder, 'patient.toml');
-  const limits = ['max_contact_age', 'max_sensor_age', 'max_device_silence', 'max_tick'];
+  const limits = ['max_contact_age', 'max_sensor_age', 'max_device_silence', 'max_tick',
+    'energy_tank'];
   writeFileSync(settings, `[safety]\n${limits.map((name) => `${name} = 60\n`).join('')}`);
   const run = await viewed(['touch', tool, '--scene', 'hand', '--device', 'sim', '--duration', '120',
     '--settings', settings, '--view', '--view-port', '0', '-o', recording]);
