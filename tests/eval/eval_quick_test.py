@@ -107,7 +107,7 @@ class QuickEvaluation(unittest.TestCase):
             self.assertIn(f"| {figure['id']} |", docs.replace("\\", ""))
 
     def test_a_second_run_makes_nothing(self):
-        arguments = ["--quick", "-o", self.report, "--json"]
+        arguments = ["--quick", "-o", self.report, "--json", "--commit", "0123abc"]
         if os.path.isdir(DATA):
             arguments += ["--data", DATA]
         again = json.loads(palpate_eval(*arguments).stdout)
