@@ -230,7 +230,8 @@ Result<FigureResult> figure_3_6(Context& context) {
   }
   result.claims.push_back(
       {"Brute force marks an unconnected part of a spiral inside; the graph does not.",
-       words("Most wrong spheres at a pose: weighted %d, simplified %d, graph %d, field %d.",
+       words("On our mannequin, most wrong spheres at a pose: weighted %d, simplified %d, graph "
+             "%d, field %d.",
              wrong[0].most, wrong[1].most, wrong[2].most, wrong[4].most),
        wrong[2].most < std::min(wrong[0].most, wrong[1].most) ? Verdict::agrees
                                                               : Verdict::contradicts});
