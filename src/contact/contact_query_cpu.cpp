@@ -114,6 +114,7 @@ class ContactQueryCpu final : public ContactQuery {
 
  private:
   void forget_last_query();
+  void describe_field() const noexcept;
   void find_boundary_points(const Pose& X_WT);
   Penetration find_boundary_planes(const Pose& X_WT);
   MeasureSums measure_boundary_spheres();
@@ -177,6 +178,7 @@ class ContactQueryCpu final : public ContactQuery {
   ContactOptions options_;                          // of the last query
   mutable std::vector<SphereState> states_;
   mutable std::vector<Plane<float>> planes_;
+  mutable bool is_field_described_ = false;  // both of them, by the last query
 };
 
 void ContactQueryCpu::forget_last_query() {
@@ -189,6 +191,13 @@ void ContactQueryCpu::forget_last_query() {
   edges_.clear();
   lenders_.clear();
   reached_ = {};
+  is_field_described_ = false;
+}
+
+/// States and planes come together: whoever asks for both pays once.
+void ContactQueryCpu::describe_field() const noexcept {
+  if (!is_field_described_) field_.describe(states_, planes_);
+  is_field_described_ = true;
 }
 
 // Stage 1: which points are in which spheres.
@@ -392,7 +401,7 @@ MeasureSums ContactQueryCpu::measure_along_graph() {
 
 std::span<const SphereState> ContactQueryCpu::states() const noexcept {
   if (options_.method == InsideMethod::field) {
-    field_.describe(states_, planes_);
+    describe_field();
     return states_;
   }
   std::fill(states_.begin(), states_.end(), SphereState::outside);
@@ -417,7 +426,7 @@ std::span<const SphereState> ContactQueryCpu::states() const noexcept {
 
 std::span<const Plane<float>> ContactQueryCpu::planes() const noexcept {
   if (options_.method == InsideMethod::field) {
-    field_.describe(states_, planes_);
+    describe_field();
     return planes_;
   }
   std::fill(planes_.begin(), planes_.end(), Plane<float>{});

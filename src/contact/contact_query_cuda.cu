@@ -186,6 +186,7 @@ class ContactQueryCuda final : public ContactQuery {
 
   ContactOptions options_;  // of the last query
   bool is_measured_ = false;
+  mutable bool is_described_ = false;  // by the two that follow
   mutable std::vector<SphereState> states_;
   mutable std::vector<Plane<float>> planes_;
 };
@@ -265,7 +266,7 @@ void ContactQueryCuda::take_edge_candidates(std::size_t num_points) {
 
 Penetration ContactQueryCuda::query(const Pose& X_WT, const ContactOptions& options) noexcept {
   options_ = options;
-  is_measured_ = false;
+  is_measured_ = is_described_ = false;
   if (!is_finite(X_WT)) return not_finite();
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   if (options.method == InsideMethod::field) {
@@ -290,7 +291,7 @@ std::optional<Penetration> ContactQueryCuda::query_between(const DepthFieldView&
                                                            const Pose& X_WT,
                                                            SphereVolumes volumes) noexcept {
   options_ = {.method = InsideMethod::field, .volumes = volumes};
-  is_measured_ = false;
+  is_measured_ = is_described_ = false;
   if (!is_finite(X_WT)) return not_finite();
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   return taken(field_.measure(X, volumes, from, to, t));
@@ -342,8 +343,9 @@ std::vector<T> ContactQueryCuda::fetch(const T* from, std::size_t num) const {
   return values;
 }
 
-// States and planes of the last query, as the CPU tells them.
+// States and planes of the last query, as the CPU tells them; once for whoever asks for both.
 void ContactQueryCuda::describe() const noexcept {
+  if (std::exchange(is_described_, true)) return;
   std::fill(states_.begin(), states_.end(), SphereState::outside);
   std::fill(planes_.begin(), planes_.end(), Plane<float>{});
   if (!is_measured_) return;
