@@ -10,16 +10,12 @@
 
 #include "src/core/monotonic_clock.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
 
-/// Up to five seconds.
-bool wait_for(const std::function<bool()>& is_so) {
-  for (int i = 0; i < 1000 && !is_so(); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  return is_so();
-}
+using test::wait_for;
 
 /// What a driver is told, and when it gives up.
 struct Diary {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "palpate/contact/blended_query.h"
+#include "src/core/monotonic_clock.h"
 #include "src/haptics/haptic_stage.h"
 #include "src/haptics/loop_parts.h"
 #include "tests/haptics/haptic_loop_fixtures.h"

@@ -1,13 +1,11 @@
 // What tests of the whole loop have in common.
 #pragma once
 
-#include <thread>
-
 #include "palpate/haptics/haptic_loop.h"
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
-#include "src/core/monotonic_clock.h"
 #include "tests/haptics/loop_fakes.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate::test {
 
@@ -34,17 +32,6 @@ inline HapticSettings patient_settings() {
   settings.safety.ramp_seconds = 0.05;
   settings.safety.engage_timeout = 0.05;
   return settings;
-}
-
-/// Until `condition` or for twenty seconds.
-template <class Condition>
-bool wait_for(Condition condition) {
-  const double end = monotonic_now() + 20;
-  while (!condition()) {
-    if (monotonic_now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  return true;
 }
 
 }  // namespace palpate::test

@@ -1,8 +1,6 @@
 // Mesh files: every format, every real mesh by name, and files that are damaged.
 #include "palpate/io/mesh_file.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -17,20 +15,15 @@
 #include "palpate/mesh/mesh_check.h"
 #include "palpate/mesh/shapes.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// A folder that vanishes with the test.
 class MeshFile : public ::testing::Test {
  protected:
-  MeshFile() : folder_(fs::temp_directory_path() / ("palpate-mesh-" + std::to_string(getpid()))) {
-    fs::create_directories(folder_);
-  }
-  ~MeshFile() override { fs::remove_all(folder_); }
-
   fs::path write(const std::string& name, const std::string& content) const {
     std::ofstream(folder_ / name, std::ios::binary) << content;
     return folder_ / name;
@@ -62,7 +55,7 @@ class MeshFile : public ::testing::Test {
     }
   }
 
-  fs::path folder_;
+  test::TemporaryFolder folder_;
 };
 
 std::string text(const fs::path& path) { return *read_file(path); }
@@ -465,7 +458,7 @@ TEST_F(MeshFile, ColouredMeshesThatCannotBeWrittenLeaveNothing) {
     ASSERT_FALSE(saved);
     EXPECT_NE(saved.error().message.find("uses vertex 100000"), std::string::npos);
   }
-  EXPECT_TRUE(fs::is_empty(folder_));
+  EXPECT_TRUE(fs::is_empty(folder_.path()));
 }
 
 TEST(RealMeshes, GoodOnesAreSolids) {

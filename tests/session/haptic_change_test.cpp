@@ -7,44 +7,24 @@
 #include <set>
 #include <thread>
 
-#include "palpate/devices/simulated_device.h"
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/mcap_file.h"
 #include "palpate/session/haptic_run.h"
 #include "src/session/haptic_messages.h"
 #include "src/session/haptic_settings.h"
+#include "tests/session/live_hand.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
 namespace {
 
+using test::patient_settings;
+using test::pressing_device;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
 
-/// Limits that a busy machine does not reach.
-HapticSettings patient_settings() {
-  HapticSettings settings;
-  settings.wants_real_time = false;
-  settings.num_threads = 1;
-  settings.coupling.X_WB.translation = {0, 0, 0.42};
-  SafetyOptions& safety = settings.safety;
-  safety.max_contact_age = safety.max_sensor_age = 60;
-  safety.energy_tank = 100;  // late ticks give the hand energy
-  safety.max_tick = safety.max_device_silence = 60;
-  return settings;
-}
-
-/// A hand in the wall that moves and turns a little.
-std::unique_ptr<SimulatedDevice> pressing_device() {
-  SimulatedDeviceOptions options;
-  options.model = device_models().front();
-  options.target = [](double time) {
-    return Pose{{0.005, 0.003 * std::sin(9 * time), 0.07 + 0.02 * std::sin(7 * time)},
-                axis_angle({1, 2, 3}, 0.2 * std::sin(5 * time))};
-  };
-  return *SimulatedDevice::create(options);
-}
+double depth_in_the_wall(double time) { return 0.07 + 0.02 * std::sin(7 * time); }
 
 using Edit = void (*)(HapticSettings&);
 constexpr Edit kEdits[] = {
@@ -65,7 +45,7 @@ Result<HapticOutcome> run_with_changes(const std::filesystem::path& folder,
                                        HapticOnlooker& onlooker) {
   const Tool tool = small_tool();
   SyntheticStream stream(1000);
-  const auto device = pressing_device();
+  const auto device = pressing_device(depth_in_the_wall);
   std::atomic<bool> is_done = false;
   std::thread person;
   onlooker.on_loop = [&](HapticLoop* loop) {

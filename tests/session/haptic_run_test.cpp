@@ -13,47 +13,23 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "palpate/devices/simulated_device.h"
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/mcap_file.h"
 #include "src/session/base64.h"
 #include "src/session/haptic_messages.h"
 #include "src/session/haptic_series.h"
 #include "src/session/haptic_settings.h"
+#include "tests/session/live_hand.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
 namespace {
 
+using test::patient_settings;
+using test::pressing_device;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
-
-constexpr double kPi = 3.14159265358979323846;
-
-/// Limits that a busy machine does not reach.
-HapticSettings patient_settings() {
-  HapticSettings settings;
-  settings.wants_real_time = false;
-  settings.num_threads = 1;
-  settings.coupling.X_WB.translation = {0, 0, 0.42};
-  SafetyOptions& safety = settings.safety;
-  safety.max_contact_age = safety.max_sensor_age = 60;
-  safety.energy_tank = 100;  // late ticks give the hand energy
-  safety.max_tick = safety.max_device_silence = 60;
-  return settings;
-}
-
-/// A hand that presses into the wall and turns a little.
-std::unique_ptr<SimulatedDevice> pressing_device() {
-  SimulatedDeviceOptions options;
-  options.model = device_models().front();
-  options.target = [](double time) {
-    return Pose{{0.005, 0.003 * std::sin(9 * time), 0.04 - 0.06 * std::cos(2 * kPi * time)},
-                axis_angle({1, 2, 3}, 0.2 * std::sin(5 * time))};
-  };
-  return *SimulatedDevice::create(options);
-}
 
 Result<HapticOutcome> run_for(double duration, const std::filesystem::path& folder,
                               const HapticSettings& settings = patient_settings(),

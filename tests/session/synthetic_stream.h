@@ -2,12 +2,12 @@
 #pragma once
 
 #include <cmath>
-#include <filesystem>
 #include <string>
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/session/session.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/temporary_folder.h"
 
 namespace palpate::test {
 
@@ -59,22 +59,5 @@ inline Pose pressing_pose(double time) {
 }
 
 inline Tool small_tool() { return random_tool(200, 0.03, 7); }
-
-/// A folder of its own for each test, removed at its end.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
-    path_ = mkdtemp(name.data());
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 }  // namespace palpate::test

@@ -13,7 +13,6 @@
 #include <set>
 #include <thread>
 
-#include "palpate/devices/simulated_device.h"
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/mcap_file.h"
 #include "palpate/session/record_run.h"
@@ -22,29 +21,24 @@
 #include "src/viewer/controls.h"
 #include "src/viewer/repetition.h"
 #include "src/viewer/stages.h"
+#include "tests/session/live_hand.h"
 #include "tests/session/synthetic_stream.h"
+#include "tests/test_util/wait_for.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
+using test::patient_settings;
+using test::pressing_device;
 using test::pressing_pose;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
+using test::wait_for;
 
 constexpr ViewWishes kAll{true, true, true, true};
-
-/// Until `condition` or for so long that it will not come.
-bool wait_for(const std::function<bool()>& condition) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
-}
 
 /// A server that keeps what it gets.
 struct Watcher {
@@ -529,30 +523,6 @@ void read_messages(const fs::path& folder, Take take) {
     if (!message || !*message) return;
     take(reader->channels().at((*message)->channel).topic, std::string((*message)->data));
   }
-}
-
-/// Limits that a busy machine does not reach.
-HapticSettings patient_settings() {
-  HapticSettings settings;
-  settings.wants_real_time = false;
-  settings.num_threads = 1;
-  settings.coupling.X_WB.translation = {0, 0, 0.42};
-  SafetyOptions& safety = settings.safety;
-  safety.max_contact_age = safety.max_sensor_age = 60;
-  safety.energy_tank = 100;  // late ticks give the hand energy
-  safety.max_tick = safety.max_device_silence = 60;
-  return settings;
-}
-
-/// A hand that presses into the wall and turns a little.
-std::unique_ptr<SimulatedDevice> pressing_device() {
-  SimulatedDeviceOptions options;
-  options.model = device_models().front();
-  options.target = [](double time) {
-    return Pose{{0.005, 0.003 * std::sin(9 * time), 0.04 - 0.06 * std::cos(6 * time)},
-                axis_angle({1, 2, 3}, 0.2 * std::sin(5 * time))};
-  };
-  return *SimulatedDevice::create(options);
 }
 
 /// A live run in a thread, with a view that can end it.
