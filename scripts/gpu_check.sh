@@ -19,6 +19,7 @@ while [[ ${1:-} == --* ]]; do
   shift
 done
 build=${1:-build/gpu}
+mkdir -p "$(dirname "$build")"
 results=${2:-$build}
 
 for tool in nvcc cmake nvidia-smi; do
