@@ -69,9 +69,9 @@ peer-times: setup
 	echo "make: other libraries cannot be measured here; going on without"
 
 eval: setup $(if $(filter file,$(origin PEER_TIMES)),peer-times)  ## make all figures of the thesis again: make eval [FIGURE=5.1] [DATA=DIR]; at most 45 minutes
-	$(call evaluate,eval) --write-docs docs/evaluation.md
+	$(call evaluate,eval) --write-docs docs README.md
 
-eval-quick: setup  ## the same with fewer steps, in two minutes; leaves docs/evaluation.md alone
+eval-quick: setup  ## the same with fewer steps, in two minutes; leaves docs/ alone
 	$(call evaluate,eval-quick) --quick
 
 lint:  ## all checks that need no build

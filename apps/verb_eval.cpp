@@ -11,9 +11,9 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "eval/choose.h"
+#include "eval/doc_tables.h"
 #include "eval/report.h"
 #include "eval/run_evaluation.h"
-#include "palpate/io/atomic_file.h"
 
 namespace palpate::apps {
 namespace {
@@ -22,7 +22,7 @@ struct Options {
   std::vector<std::string> words;
   std::vector<eval::FigureSpec> figures;  ///< those that `words` name
   eval::EvaluationOptions evaluation;
-  std::string write_docs;
+  std::vector<std::filesystem::path> write_docs;
   bool list = false, json = false;
 };
 
@@ -133,8 +133,7 @@ Status run(const Options& options) {
     std::cerr << "palpate: " << warning << "\n";
   print_summary(options, *evaluation);
   if (!options.write_docs.empty() && !evaluation->interrupted) {
-    const Status written =
-        write_file_atomically(options.write_docs, eval::summary_markdown(*evaluation));
+    const Status written = eval::write_docs(*evaluation, options.write_docs);
     if (!written) return written;
   }
   return outcome(options, *evaluation);
@@ -184,9 +183,12 @@ void add_eval(CLI::App& program, Action& action) {
       ->check(CLI::Range(0, 1024));
   app.add_option("--commit", options->evaluation.commit, "of the source, told in the report")
       ->type_name("NAME");
-  app.add_option("--write-docs", options->write_docs,
-                 "also write claims and verdicts as Markdown (docs/evaluation.md)")
-      ->type_name("FILE.md");
+  app.add_option(
+         "--write-docs", options->write_docs,
+         "also put the tables into these texts that quote them; of a folder into all its texts, "
+         "with claims and verdicts in its evaluation.md")
+      ->check(CLI::ExistingPath)
+      ->type_name("PATH...");
   app.add_flag("--json", options->json, "print the summary, or the list, as JSON");
   app.footer(
       "Example: palpate eval -o report\n"

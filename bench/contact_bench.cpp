@@ -1,9 +1,9 @@
 // Contact queries: time of one call, by method, number of spheres and depth.
 #include "palpate/contact/contact_query.h"
 
-#include "bench/boundary_stage.h"
 #include "bench/contact_setup.h"
 #include "bench/latency.h"
+#include "eval/boundary_stage.h"
 
 namespace palpate::bench {
 namespace {
@@ -22,7 +22,7 @@ ContactOptions options_of(int method) {
 void boundary(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
-  BoundaryStage stage(tool, bumpy_wall());
+  eval::BoundaryStage stage(tool, bumpy_wall().view());
   std::size_t i = 0;
   double num_boundary = 0;
   {

@@ -8,11 +8,11 @@
 
 #include <CLI/CLI.hpp>
 
-#include "bench/boundary_stage.h"
 #include "bench/contact_setup.h"
 #include "bench/peers.h"
 #include "bench/run_facts.h"
 #include "bench/wall_frame.h"
+#include "eval/boundary_stage.h"
 #include "palpate/io/atomic_file.h"
 #include "src/cloud/surface_stages.h"
 
@@ -117,7 +117,7 @@ struct AskedPeer {
 };
 
 /// Ours in the words of the peers.
-void ask_ours(BoundaryStage& stage, const Pose& X_WT, std::vector<SphereAnswer>& answers) {
+void ask_ours(eval::BoundaryStage& stage, const Pose& X_WT, std::vector<SphereAnswer>& answers) {
   std::fill(answers.begin(), answers.end(), SphereAnswer{});
   stage.run(X_WT, [&](std::size_t k, const PointSums& sums) {
     const double num = static_cast<double>(sums.num_points());
@@ -180,7 +180,7 @@ void time_boundary(const std::vector<AskedPeer>& peers, int spheres, int depth,
   const Tool& tool = cube_tool(spheres);
   const std::vector<Pose> poses = random_poses(depth / 100.0, settings.poses);
   const auto pose = [&](int i) { return poses[static_cast<std::size_t>(i)]; };
-  BoundaryStage stage(tool, cloud);
+  eval::BoundaryStage stage(tool, cloud.view());
   std::vector<SphereAnswer> answers(tool.spheres().size());
 
   struct Asked {

@@ -16,20 +16,16 @@ constexpr double kDepth = 1;  // m, where every synthetic environment meets the 
 /// The way along z past the point (x, y), found by bisection of the first contact.
 void set_way(ContactCase& c, const Quaternion& rotation, double x, double y) {
   const TriangleMesh mesh = make_shape(c.tool_shape, c.tool_size).value();
-  double front = 0, rear = 0;
-  for (const Vec3d& p : mesh.vertices) {
-    front = std::max(front, rotate(rotation, p).z);
-    rear = std::min(rear, rotate(rotation, p).z);
-  }
+  const Reach reach = reach_along_z(mesh, rotation);
   const auto at = [&](double z) { return Pose{{x, y, z}, rotation}; };
   const double whole = mass_properties(mesh).volume;
-  double before = kDepth - front - c.tool_size, after = kDepth - rear;
+  double before = kDepth - reach.front - c.tool_size, after = kDepth + reach.rear;
   for (int i = 0; i < 60; ++i) {
     const double z = (before + after) / 2;
     (scenes::exact_volume(mesh, at(z), c.environment) > 1e-9 * whole ? after : before) = z;
   }
   c.start = at(before);
-  c.end = at(kDepth - rear);
+  c.end = at(kDepth + reach.rear);
 }
 
 Vec3d centre_of_mass(const Tool& tool, const Pose& X_WT) {
@@ -109,12 +105,28 @@ std::vector<ContactCase> tilted_cases() {
   return cases;
 }
 
+std::vector<ContactCase> accuracy_cases() {
+  std::vector<ContactCase> cases = thesis_cases();
+  for (ContactCase& c : tilted_cases()) cases.push_back(std::move(c));
+  return cases;
+}
+
 ContactCase at_the_wall(const ContactCase& original) {
   ContactCase c = original;
   c.scene = "wall";
   c.environment = scenes::environment_of(c.scene).value();
   set_way(c, original.start.rotation, original.start.translation.x, original.start.translation.y);
   return c;
+}
+
+Reach reach_along_z(const TriangleMesh& mesh, const Quaternion& rotation) {
+  Reach reach;
+  for (const Vec3d& p : mesh.vertices) {
+    const double z = rotate(rotation, p).z;
+    reach.front = std::max(reach.front, z);
+    reach.rear = std::max(reach.rear, -z);
+  }
+  return reach;
 }
 
 Tool packed_tool(const ContactCase& contact_case, int num_spheres) {
@@ -127,7 +139,10 @@ Tool packed_tool(const ContactCase& contact_case, int num_spheres) {
 }
 
 SeenScene see(const ContactCase& contact_case, DepthNoise noise) {
-  const scenes::Scene scene = scenes::make_scene(contact_case.scene).value();
+  return see(scenes::make_scene(contact_case.scene).value(), noise);
+}
+
+SeenScene see(const scenes::Scene& scene, DepthNoise noise) {
   SeenScene seen{SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics).value(),
                  DepthField::create(scene.width, scene.height).value()};
   ThreadPool pool(1);
@@ -205,6 +220,11 @@ std::vector<ExactStep> exact_steps(const ContactCase& contact_case, const Tool& 
                                                contact_case.environment)});
   }
   return steps;
+}
+
+int num_steps_over(const ContactCase& contact_case, double share, double length) {
+  const double travel = norm(contact_case.end.translation - contact_case.start.translation);
+  return static_cast<int>(std::lround(share * travel / length));
 }
 
 VolumeError volume_error(const Tool& tool, const std::vector<ExactStep>& steps,

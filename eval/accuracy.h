@@ -1,5 +1,5 @@
-// How far a way of measuring contact is from the exact wrench. Shared by the figures, the accuracy
-// tests and bench/contact_accuracy.cpp.
+// How far a way of measuring contact is from the exact wrench. Shared by the figures and the
+// accuracy tests.
 #pragma once
 
 #include <functional>
@@ -11,6 +11,7 @@
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/depth_field.h"
 #include "palpate/tool/tool.h"
+#include "scenes/scene.h"
 #include "scenes/truth.h"
 
 namespace palpate::eval {
@@ -30,8 +31,16 @@ struct ContactCase {
 std::vector<ContactCase> thesis_cases();
 /// One per kind of environment and tool, turned by 20 degrees and off the axis of symmetry.
 std::vector<ContactCase> tilted_cases();
+/// Both: what errors are told over.
+std::vector<ContactCase> accuracy_cases();
 /// The same tool, turned the same way, against the wall.
 ContactCase at_the_wall(const ContactCase& original);
+
+/// How far a mesh that is turned about its origin reaches along +z and -z, m.
+struct Reach {
+  double front = 0, rear = 0;
+};
+Reach reach_along_z(const TriangleMesh& mesh, const Quaternion& rotation);
 
 /// The tool of a case, packed.
 Tool packed_tool(const ContactCase& contact_case, int num_spheres);
@@ -43,12 +52,13 @@ enum class DepthNoise {
   kinect,    ///< the default NoiseModel, in whole millimetres
 };
 
-/// One image of a case's scene, ready for queries.
+/// The first image of a scene, ready for queries.
 struct SeenScene {
   SurfaceEstimator surface;
   DepthField field;
 };
-SeenScene see(const ContactCase& contact_case, DepthNoise noise);
+SeenScene see(const scenes::Scene& scene, DepthNoise noise);
+SeenScene see(const ContactCase& contact_case, DepthNoise noise);  ///< its scene
 
 /// A way of measuring. Forces and volumes are compared after division by `whole`.
 struct Measure {
@@ -75,6 +85,8 @@ struct ExactStep {
 /// Equal steps from one depth (share of travel) to another, both included.
 std::vector<ExactStep> exact_steps(const ContactCase& contact_case, const Tool& tool, double from,
                                    double to, int num_steps);
+/// How many steps of `length` metres, rounded, this share of the case's travel takes.
+int num_steps_over(const ContactCase& contact_case, double share, double length);
 
 /// Of the measured share of the tool. Steps that have lost contact (nothing measured although more
 /// than 1 % of the tool is inside) are counted and not averaged.
@@ -93,6 +105,7 @@ struct WrenchError {
   double torque_rms = 0, torque_worst = 0;        ///< of exact force times radius of the tool
   /// Largest difference of the forces of two successive steps, in volumes of the tool.
   double jump = 0, exact_jump = 0;
+  double jump_ratio() const { return jump / exact_jump; }
 };
 WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
                          const Measure& measure);

@@ -10,7 +10,6 @@ namespace palpate::eval {
 namespace {
 
 constexpr int kCellPixels = 16;
-constexpr double kSwing = 0.1;       // of the tool's radius
 constexpr double kLeastShare = 0.9;  // of a place's pixels that have a point
 
 double radius_of(const Tool& tool) {
@@ -97,7 +96,7 @@ Result<Place> calm_place(const PointCloudView& cloud, double radius) {
 }
 
 Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean_depth,
-                           std::size_t num_poses) {
+                           std::size_t num_poses, double swing) {
   const double radius = radius_of(tool);
   const auto place = calm_place(frame.cloud(), radius);
   if (!place) return place.error();
@@ -111,7 +110,7 @@ Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean
   const double whole = full_volume(*feeler, ContactOptions{});
 
   constexpr int kProbes = 60;
-  const double way = kSwing * radius;
+  const double way = swing * radius;
   HandPath path;
   const auto feel = [&](double depth) {
     path.mean_depth = path.most_depth = 0;

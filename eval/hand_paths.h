@@ -21,10 +21,10 @@ struct Place {
 };
 Result<Place> calm_place(const PointCloudView& cloud, double radius);
 
-/// A figure of eight across a calm place, swinging in and out by a tenth of the tool's radius and
+/// A figure of eight across a calm place, swinging in and out by a share of the tool's radius and
 /// turning by a few degrees, as deep that on average `mean_depth` of the tool is inside. The same
 /// for the same input. Errors: nothing in the frame can be touched.
 Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean_depth,
-                           std::size_t num_poses);
+                           std::size_t num_poses, double swing = 0.1);
 
 }  // namespace palpate::eval

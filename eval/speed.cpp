@@ -31,6 +31,23 @@ Plot speed_plot(const SpeedSweep& sweep, const std::string& title, const std::st
   return plot;
 }
 
+std::string time_words(double microseconds) {
+  return words(microseconds < 10 ? "%.1f" : "%.0f", microseconds);
+}
+
+Table time_table(const SpeedSweep& sweep, const std::string& title) {
+  Table table{title, {"spheres"}, {}};
+  for (const Method& method : sweep.methods) table.columns.emplace_back(method.name);
+  for (std::size_t i = 0; i < sweep.x.size(); ++i) {
+    std::vector<std::string> row{words("%.0f", sweep.x[i])};
+    for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
+      row.push_back(time_words(1e6 * sweep.times[m][i].median));
+    }
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
 void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::string& prefix) {
   for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
     for (std::size_t i = 0; i < sweep.x.size(); ++i) {

@@ -22,6 +22,10 @@ struct SpeedSweep {
 
 /// Medians as curves in microseconds, with the line of 1 kHz.
 Plot speed_plot(const SpeedSweep& sweep, const std::string& title, const std::string& x_label);
+/// The same medians as a table, a row for each x (a number of spheres).
+Table time_table(const SpeedSweep& sweep, const std::string& title);
+/// A time (µs) for people: two digits and more.
+std::string time_words(double microseconds);
 /// Median, p99 and largest of every method at every x, as numbers `prefix.method.x.median_us`.
 void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::string& prefix);
 
@@ -34,6 +38,8 @@ double reaches(const std::vector<double>& x, const std::vector<double>& y, doubl
 
 std::vector<FigureSpec> subtask_figures();  // 5.5
 std::vector<FigureSpec> synthetic_speed();  // 3.10, 5.6, more spheres and pixels than the thesis
+std::vector<FigureSpec> option_speed();     // what edges and continuity cost: options
+std::vector<FigureSpec> sensing_speed();    // what a depth frame costs: sensing
 std::vector<FigureSpec> gpu_figures();      // 4.2, 4.3, queries on a GPU
 
 /// printf for sentences.

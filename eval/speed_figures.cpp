@@ -10,6 +10,8 @@ namespace {
 
 constexpr double kTick = 1000;  // microseconds at 1 kHz
 constexpr double kDent = 0.95;  // less than noise: of the time for fewer spheres
+/// In and out by so much of the tool's radius: a hand that explores.
+constexpr double kDeepSwing = 0.8;
 
 /// Every method over the number of spheres, at one average depth.
 Result<SpeedSweep> sweep_sizes(Context& context, const Interaction& scene, double depth,
@@ -286,7 +288,8 @@ Result<FigureResult> figure_5_4(Context& context) {
   const double whole = full_volume(**tool, ContactOptions{});
   FigureResult result;
   for (const double depth : {0.28, 0.40}) {
-    const auto path = hand_path(scene->frame, **tool, depth, context.choose<std::size_t>(400, 60));
+    const auto path =
+        hand_path(scene->frame, **tool, depth, context.choose<std::size_t>(400, 60), kDeepSwing);
     if (!path) return path.error();
     Plot plot;
     plot.title = words("%s, 5,000 spheres, %.0f %% deep", scene->name.c_str(), 100 * depth);
@@ -350,7 +353,8 @@ std::vector<FigureSpec> speed_figures() {
       {"5.3", "Deep contact, 28 to 46 %", "Speed", figure_5_3},
       {"5.4", "Time along a path", "Speed", figure_5_4},
   };
-  for (const auto more : {subtask_figures, synthetic_speed, gpu_figures}) {
+  for (const auto more :
+       {subtask_figures, synthetic_speed, option_speed, sensing_speed, gpu_figures}) {
     for (const FigureSpec& figure : more()) figures.push_back(figure);
   }
   return figures;

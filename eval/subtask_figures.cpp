@@ -1,53 +1,12 @@
 // 5.5: which part of a query takes how long.
 #include <algorithm>
-#include <cstdint>
 #include <vector>
 
+#include "eval/boundary_stage.h"
 #include "eval/speed.h"
-#include "palpate/core/isa.h"
-#include "src/contact/image_window.h"
-#include "src/contact/point_scan.h"
-#include "src/contact/sphere_grid.h"
 
 namespace palpate::eval {
 namespace {
-
-/// The first part of a query by points alone: which points are in which sphere (thesis section
-/// 3.2.1), done over and over.
-class CollisionDetection {
- public:
-  CollisionDetection(const Tool& tool, const PointCloudView& cloud)
-      : grid_(tool.spheres()),
-        box_(bounds_of(tool.spheres())),
-        sums_(tool.spheres().size()),
-        touched_((sums_.size() + 7) / 8 * 8) {
-    scan_.cloud = cloud;
-    scan_.grid = grid_.view();
-    scan_.spheres = tool.spheres().data();
-    scan_points_ = isa_baseline::scan_points;
-#if defined(__x86_64__)
-    if (best_isa() == Isa::avx2) scan_points_ = isa_avx2::scan_points;
-    if (best_isa() == Isa::avx512) scan_points_ = isa_avx512::scan_points;
-#endif
-  }
-
-  void run(const Pose& X_WT) {
-    const ImageWindow window = image_window(scan_.cloud, box_, X_WT);
-    scan_.R_TW = rotation_matrix(conjugate(X_WT.rotation));
-    scan_.translation_W = X_WT.translation;
-    scan_points_(scan_, window.row_begin, window.row_end, window.column_begin, window.column_end,
-                 sums_.data(), touched_.data());
-    take_touched(touched_, [&](std::size_t id) { sums_[id] = PointSums{}; });
-  }
-
- private:
-  SphereGrid grid_;
-  Bounds box_;
-  PointScan scan_;
-  std::vector<PointSums> sums_;
-  std::vector<std::uint8_t> touched_;
-  decltype(&isa_baseline::scan_points) scan_points_;
-};
 
 Result<FigureResult> figure_5_5(Context& context) {
   const auto scene = recorded_interaction(context);
@@ -75,9 +34,9 @@ Result<FigureResult> figure_5_5(Context& context) {
       if (!path) return path.error();
       auto query = query_on(scene->frame, **tool);
       if (!query) return query.error();
-      CollisionDetection stage(**tool, scene->frame.cloud());
+      BoundaryStage stage(**tool, scene->frame.cloud());
       const double alone = 1e6 * time_calls(path->X_WT.size(), [&](std::size_t i) {
-                                   stage.run(path->X_WT[i]);
+                                   stage.run(path->X_WT[i], [](std::size_t, const PointSums&) {});
                                  }).median;
       const auto rest = [&](const Method& method) {
         return std::max(0.0,

@@ -1,19 +1,10 @@
 #include <string>
 
+#include "eval/markdown.h"
 #include "eval/report.h"
 
 namespace palpate::eval {
 namespace {
-
-/// One cell of a table: no line breaks, no column marks, no markup by accident.
-std::string cell(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    if (c == '|' || c == '<' || c == '*' || c == '_' || c == '`') escaped += '\\';
-    escaped += c == '\n' ? ' ' : c;
-  }
-  return escaped;
-}
 
 std::string counts(const Evaluation& evaluation) {
   std::string text;
@@ -30,8 +21,8 @@ std::string findings(const Evaluation& evaluation, Verdict verdict) {
     if (!figure.stored) continue;
     for (const Claim& claim : figure.stored->result.claims) {
       if (claim.verdict != verdict) continue;
-      text += "* **" + cell(figure.spec.id) + "** " + cell(claim.ours) + " *(" +
-              cell(claim.thesis) + ")*\n";
+      text += "* **" + markdown_cell(figure.spec.id) + "** " + markdown_cell(claim.ours) + " *(" +
+              markdown_cell(claim.thesis) + ")*\n";
     }
   }
   return text;
@@ -49,15 +40,15 @@ std::string summary_markdown(const Evaluation& evaluation) {
       "eval FIGURE -o REPORT` makes one figure, `--quick` all of them in two\nminutes. Sentences, "
       "numbers and verdicts below are computed from the measurements, not written by hand.\n\n"
       "**From:** " +
-      cell(machine_words(evaluation.key)) + "; " + cell(form_words(evaluation)) + "; real frames " +
-      evaluation.key.data + ".\n\n**Verdicts:** " + counts(evaluation) +
+      markdown_cell(machine_words(evaluation.key)) + "; " + markdown_cell(form_words(evaluation)) +
+      "; real frames " + evaluation.key.data + ".\n\n**Verdicts:** " + counts(evaluation) +
       ".\n\nTimes are of single calls on one thread: compare them within one report. All else is "
       "the same on every machine.\n";
   std::string missing;
   int num_earlier = 0;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) {
-      missing += (missing.empty() ? "" : ", ") + cell(figure.spec.id);
+      missing += (missing.empty() ? "" : ", ") + markdown_cell(figure.spec.id);
     } else if (!figure.is_current) {
       ++num_earlier;
     }
@@ -79,14 +70,14 @@ std::string summary_markdown(const Evaluation& evaluation) {
       text += "\n## " + section +
               "\n\n| figure | the thesis says | we measure | verdict |\n|---|---|---|---|\n";
     }
-    const std::string id = "| " + cell(figure.spec.id) + " | ";
+    const std::string id = "| " + markdown_cell(figure.spec.id) + " | ";
     if (!figure.stored->failure.empty()) {
-      text +=
-          id + cell(figure.spec.title) + " | failed: " + cell(figure.stored->failure) + " | |\n";
+      text += id + markdown_cell(figure.spec.title) +
+              " | failed: " + markdown_cell(figure.stored->failure) + " | |\n";
       continue;
     }
     for (const Claim& claim : figure.stored->result.claims) {
-      text += id + cell(claim.thesis) + " | " + cell(claim.ours) + " | " +
+      text += id + markdown_cell(claim.thesis) + " | " + markdown_cell(claim.ours) + " | " +
               std::string(name_of(kVerdictNames, claim.verdict)) + " |\n";
     }
   }

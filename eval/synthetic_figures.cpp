@@ -209,8 +209,7 @@ void add_smoothness(FigureResult& result, Context& context, const ContactCase& c
       "loop, % of all work",
       {"method", "steps, no noise", "steps, noise", "loop, no noise", "loop, noise"},
       {}};
-  const double travel = norm(c.end.translation - c.start.translation);
-  const int num_steps = context.choose(static_cast<int>(0.3 * travel / 1e-4), 100);
+  const int num_steps = context.choose(num_steps_over(c, 0.3, 1e-4), 100);
   const int loop_steps = context.choose(kLoopSteps, 300);
   const SeenScene scenes[] = {see(c, DepthNoise::none), see(c, DepthNoise::gaussian)};
   const auto steps = exact_steps(c, tool, 0.3, 0.6, num_steps);
@@ -220,9 +219,8 @@ void add_smoothness(FigureResult& result, Context& context, const ContactCase& c
     double jumps[2], loops[2];
     for (int noisy = 0; noisy < 2; ++noisy) {
       const Measure measured = query_measure(tool, scenes[noisy], method.options);
-      const WrenchError error = wrench_error(tool, steps, measured);
-      jumps[noisy] = error.jump / error.exact_jump;
-      loops[noisy] = 100 * std::abs(loop_work(c, tool, measured, loop_steps));
+      jumps[noisy] = wrench_error(tool, steps, measured).jump_ratio();
+      loops[noisy] = 100 * loop_work(c, tool, measured, loop_steps);
       const std::string key = words("%s.%s.", noisy ? "noisy" : "clean", method.name);
       result.numbers.push_back({key + "jump_ratio", jumps[noisy], "1"});
       result.numbers.push_back({key + "loop_work", loops[noisy], "%"});

@@ -17,11 +17,7 @@ constexpr double kWallDepth = 1.0;  // m
 Result<SeenFrame> wall(Context& context, int width, int height) {
   auto scene = scenes::make_scene("wall");
   if (!scene) return scene.error();
-  const double scale = width / static_cast<double>(scene->width);
-  scene->intrinsics = {scene->intrinsics.fx * scale, scene->intrinsics.fy * scale,
-                       (width - 1) / 2.0, (height - 1) / 2.0};
-  scene->width = width;
-  scene->height = height;
+  scenes::set_image_size(*scene, width, height);
   scenes::SimulatedCameraOptions camera;
   camera.noise.enabled = false;
   camera.unit = 1e-4;
@@ -177,11 +173,14 @@ Result<FigureResult> more_spheres(Context& context) {
   if (!frame) return frame.error();
   SpeedSweep sweep;
   for (const Method& method : all_methods()) {
-    if (method.options.method != InsideMethod::weighted) sweep.methods.push_back(method);
+    // Weighted takes too long for so many, and capped the graph takes as long as not.
+    const bool is_capped = method.options.inside == InsideVolume::cap;
+    if (method.options.method == InsideMethod::weighted || is_capped) continue;
+    sweep.methods.push_back(method);
   }
   sweep.times.resize(sweep.methods.size());
-  for (const int size :
-       context.quick() ? std::vector{17000} : std::vector{17000, 100000, 1000000}) {
+  for (const int size : context.quick() ? std::vector{1000, 17000}
+                                        : std::vector{1000, 5000, 17000, 100000, 1000000}) {
     const auto tool = context.tool("box", kToolSize, size);
     if (!tool) return tool.error();
     auto query = query_on(*frame, **tool);
@@ -207,6 +206,7 @@ Result<FigureResult> more_spheres(Context& context) {
                            Verdict::better});
   add_numbers(result, sweep, "time");
   result.plots = {plot};
+  result.tables = {time_table(sweep, "Median time of a query, 10 % deep, on one CPU core, µs")};
   return result;
 }
 

@@ -72,6 +72,10 @@ std::vector<std::string> scene_names();
 /// Error: unknown name (the message lists the known ones).
 Result<Scene> make_scene(std::string_view name);
 
+/// Another camera in the same place: as wide a view in `width` columns, its optical axis in the
+/// middle of the image.
+void set_image_size(Scene& scene, int width, int height);
+
 /// Exact depth along z in metres of every pixel at time t, NaN where nothing is hit. Embree finds
 /// the triangle, its depth is computed in double; the environment is cast in double.
 std::vector<float> render_depth(const Scene& scene, double t);

@@ -259,4 +259,12 @@ Result<Scene> make_scene(std::string_view name) {
                "there is no scene '" + std::string(name) + "'; known are " + known};
 }
 
+void set_image_size(Scene& scene, int width, int height) {
+  const double scale = static_cast<double>(width) / scene.width;
+  scene.width = width;
+  scene.height = height;
+  scene.intrinsics = {scene.intrinsics.fx * scale, scene.intrinsics.fy * scale, (width - 1) / 2.0,
+                      (height - 1) / 2.0};
+}
+
 }  // namespace palpate::scenes

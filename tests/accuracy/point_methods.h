@@ -1,23 +1,28 @@
 // The methods of the thesis, as parameters of a test.
 #pragma once
 
+#include <algorithm>
+#include <string>
+
 #include <gtest/gtest.h>
 
-#include "palpate/contact/contact_query.h"
+#include "eval/context.h"
 
 namespace palpate::test {
 
-struct PointMethod {
-  const char* name;
-  InsideMethod method;
-  InsideVolume inside;
-};
+inline std::vector<eval::Method> point_methods() {
+  std::vector<eval::Method> methods = eval::all_methods();
+  std::erase_if(methods, [](const eval::Method& method) {
+    return method.options.method == InsideMethod::field;
+  });
+  return methods;
+}
 
-inline auto point_methods() {
-  return testing::Values(PointMethod{"weighted", InsideMethod::weighted, InsideVolume::full},
-                         PointMethod{"simplified", InsideMethod::simplified, InsideVolume::full},
-                         PointMethod{"graph", InsideMethod::graph, InsideVolume::full},
-                         PointMethod{"graph_cap", InsideMethod::graph, InsideVolume::cap});
+/// For INSTANTIATE_TEST_SUITE_P.
+inline std::string name_of(const testing::TestParamInfo<eval::Method>& method) {
+  std::string name = method.param.name;
+  std::ranges::replace(name, '-', '_');
+  return name;
 }
 
 }  // namespace palpate::test

@@ -1,6 +1,6 @@
 // The synthetic scenes, from ray-cast depth to volume and wrench, against the exact ones of the
 // polyhedral tool in the exact solid: the twelve noise-free experiments of thesis Figs. 5.17-5.29
-// and some with a tilted tool. bench/contact_accuracy.cpp measures the same in more detail.
+// and some with a tilted tool. The study `accuracy` measures the same in more detail.
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -50,12 +50,6 @@ void print(const char* method, const ContactCase& c, const Errors& e) {
       c.name.c_str(), method, 100 * e.volume.rms, 100 * e.volume.worst_lost,
       degrees(e.wrench.direction_rms), degrees(e.wrench.direction_worst), 100 * e.wrench.torque_rms,
       100 * e.wrench.torque_worst);
-}
-
-std::vector<ContactCase> all_cases() {
-  std::vector<ContactCase> cases = thesis_cases();
-  for (ContactCase& c : tilted_cases()) cases.push_back(std::move(c));
-  return cases;
 }
 
 std::string name_of(const testing::TestParamInfo<ContactCase>& info) {
@@ -129,7 +123,7 @@ TEST_P(EveryCase, FieldIsNearTheTruth) {
 // spheres that become denser and not wider for what they stand for, the largest step of the force
 // is 1.36 times the exact one.
 TEST(FieldForce, GrowsWithoutJerks) {
-  for (const ContactCase& c : all_cases()) {
+  for (const ContactCase& c : accuracy_cases()) {
     if (c.environment.kind != scenes::Environment::Kind::half_space) continue;
     const SeenScene seen = see(c, DepthNoise::none);
     const ContactOptions options{.method = InsideMethod::field,
@@ -155,7 +149,7 @@ TEST_P(EveryCase, TheTruthHasNoError) {
   EXPECT_LT(loop_work(c, tool_of(c), exact, 1000), 1e-6);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, EveryCase, testing::ValuesIn(all_cases()), name_of);
+INSTANTIATE_TEST_SUITE_P(Scenes, EveryCase, testing::ValuesIn(accuracy_cases()), name_of);
 
 }  // namespace
 }  // namespace palpate::eval

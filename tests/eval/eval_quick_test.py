@@ -14,6 +14,8 @@ import unittest
 
 PALPATE, DATA = sys.argv[1], sys.argv[2]
 HERE = os.path.dirname(os.path.abspath(__file__))
+SOURCE = os.path.join(HERE, "..", "..")
+TEXTS = ["docs", "README.md"]
 VERDICTS = {"agrees", "better", "differs", "contradicts", "not measured"}
 
 
@@ -33,9 +35,11 @@ class QuickEvaluation(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.mkdtemp(prefix="palpate-eval-")
         cls.report = os.path.join(cls.folder, "report")
-        cls.docs = os.path.join(cls.folder, "evaluation.md")
-        arguments = ["--quick", "-o", cls.report, "--json", "--write-docs", cls.docs,
-                     "--commit", "0123abc"]
+        cls.texts = os.path.join(cls.folder, "texts")
+        shutil.copytree(os.path.join(SOURCE, "docs"), os.path.join(cls.texts, "docs"))
+        shutil.copy(os.path.join(SOURCE, "README.md"), cls.texts)
+        arguments = ["--quick", "-o", cls.report, "--json", "--commit", "0123abc",
+                     "--write-docs", *(os.path.join(cls.texts, name) for name in TEXTS)]
         if os.path.isdir(DATA):
             arguments += ["--data", DATA]
         cls.result = palpate_eval(*arguments)
@@ -101,10 +105,33 @@ class QuickEvaluation(unittest.TestCase):
             page = file.read()
         self.assertNotRegex(page, r"(src|href)=['\"]?(https?:|//)|<script|@import")
         self.assertIn("commit 0123abc", page)
-        with open(self.docs) as file:
+        with open(os.path.join(self.texts, "docs", "evaluation.md")) as file:
             docs = file.read()
         for figure in self.figures():
             self.assertIn(f"| {figure['id']} |", docs.replace("\\", ""))
+
+    def test_guides_quote_tables_that_there_are(self):
+        """Each quoted table, in the form that it has in the guide: only the numbers change."""
+        num_quoted = 0
+        for folder, _, names in os.walk(self.texts):
+            for name in (name for name in names if name.endswith(".md")):
+                relative = os.path.relpath(os.path.join(folder, name), self.texts)
+                ours, theirs = (self.quoted(os.path.join(root, relative))
+                                for root in (SOURCE, self.texts))
+                self.assertEqual(ours.keys(), theirs.keys(), relative)
+                for quote in theirs:
+                    self.assertEqual(ours[quote][:2], theirs[quote][:2], (relative, quote))
+                    self.assertGreater(len(theirs[quote]), 2, (relative, quote))
+                num_quoted += len(theirs)
+        self.assertGreater(num_quoted, 5)
+
+    @staticmethod
+    def quoted(path):
+        """Lines of the table after each mark of a text."""
+        with open(path) as file:
+            blocks = re.findall(r"<!-- eval ([^\n]*) -->\n(.*?)<!-- /eval -->", file.read(), re.DOTALL)
+        return {mark: [line for line in text.splitlines() if line.startswith("|")]
+                for mark, text in blocks}
 
     def test_a_second_run_makes_nothing(self):
         arguments = ["--quick", "-o", self.report, "--json", "--commit", "0123abc"]
@@ -130,6 +157,7 @@ class Errors(unittest.TestCase):
         self.check([], 2, "-o REPORT")
         self.check(["-o", "x", "--gpu", "no-such.csv"], 2, "no-such.csv")
         self.check(["-o", "x", "--data", "no-such-folder"], 2, "no-such-folder")
+        self.check(["-o", "x", "--write-docs", "no-such-folder"], 2, "no-such-folder")
         self.assertFalse(os.path.exists("x"))
 
     def test_a_folder_of_other_things(self):

@@ -1,6 +1,4 @@
 // The figures on other libraries, from files written by hand.
-#include <unistd.h>
-
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -10,6 +8,7 @@
 #include "eval/context.h"
 #include "eval/csv.h"
 #include "eval/figure.h"
+#include "tests/test_util/temporary_folder.h"
 
 namespace palpate::eval {
 namespace {
@@ -20,8 +19,6 @@ constexpr const char* kHead =
 
 class Peers : public testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove(path_); }
-
   FigureResult make(const std::string& id) const {
     Settings settings;
     settings.peers = path_;
@@ -41,8 +38,8 @@ class Peers : public testing::Test {
     return make(id);
   }
 
-  std::filesystem::path path_ =
-      std::filesystem::temp_directory_path() / ("palpate-peers-" + std::to_string(getpid()));
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_ / "peers.csv";
 };
 
 double number(const FigureResult& result, const std::string& key) {
@@ -165,11 +162,10 @@ TEST(Csv, FieldsByName) {
   }
   EXPECT_EQ(named_values("boundary/spheres:1000", '/', ':'),
             (std::map<std::string, std::string>{{"boundary", ""}, {"spheres", "1000"}}));
-  const auto path =
-      std::filesystem::temp_directory_path() / ("palpate-csv-" + std::to_string(getpid()));
+  const test::TemporaryFolder folder;
+  const auto path = folder / "facts.csv";
   std::ofstream(path) << "# a: b: c\r\nx,y\r\n1,\"2,3\"\r\n4\r\n";
   const CsvFile file = read_csv(path);
-  std::filesystem::remove(path);
   EXPECT_EQ(file.fact("a"), "b: c");
   EXPECT_EQ(file.fact("x"), "");
   ASSERT_EQ(file.rows.size(), 1u);

@@ -1,5 +1,4 @@
 // Running and reporting figures, with figures made up for it.
-#include <unistd.h>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -14,6 +13,7 @@
 #include "eval/report.h"
 #include "eval/run_evaluation.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/temporary_folder.h"
 
 namespace palpate::eval {
 namespace {
@@ -64,12 +64,9 @@ std::string text_of(const fs::path& path) {
 class Run : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("palpate-eval-" + std::to_string(getpid()));
-    fs::remove_all(folder_);
     g_num_made = 0;
     options_.output = folder_;
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   Evaluation run(const std::vector<FigureSpec>& figures) {
     auto evaluation = run_evaluation(figures, figures, options_, watcher_);
@@ -77,7 +74,8 @@ class Run : public testing::Test {
     return *evaluation;
   }
 
-  fs::path folder_;
+  const test::TemporaryFolder temporary_;
+  const fs::path folder_ = temporary_ / "report";
   EvaluationOptions options_;
   Watcher watcher_;
 };

@@ -1,4 +1,5 @@
-// Our boundary stage alone: which points are in which sphere, with their sums per sphere.
+// The first part of a query by points alone: which points are in which sphere, with their sums per
+// sphere (thesis section 3.2.1). For measurements.
 #pragma once
 
 #include <vector>
@@ -10,17 +11,17 @@
 #include "src/contact/point_scan.h"
 #include "src/contact/sphere_grid.h"
 
-namespace palpate::bench {
+namespace palpate::eval {
 
 class BoundaryStage {
  public:
   /// Both must outlive it.
-  BoundaryStage(const Tool& tool, const PointCloud& cloud)
+  BoundaryStage(const Tool& tool, const PointCloudView& cloud)
       : grid_(tool.spheres()),
         box_T_(bounds_of(tool.spheres())),
         sums_(tool.spheres().size()),
         touched_((tool.spheres().size() + 7) / 8 * 8) {
-    scan_.cloud = cloud.view();
+    scan_.cloud = cloud;
     scan_.grid = grid_.view();
     scan_.spheres = tool.spheres().data();
 #if defined(__x86_64__)
@@ -54,4 +55,4 @@ class BoundaryStage {
   ScanPoints scan_points_ = isa_baseline::scan_points;
 };
 
-}  // namespace palpate::bench
+}  // namespace palpate::eval

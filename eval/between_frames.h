@@ -1,0 +1,48 @@
+// What a moving tool feels while depth frames arrive, tick by tick at 1 kHz. Shared by 3.15 and the
+// study of frames.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "eval/context.h"
+#include "palpate/cloud/depth_source.h"
+#include "palpate/field/surface_timeline.h"
+
+namespace palpate::eval {
+
+inline constexpr double kTick = 1e-3;  // s
+
+/// A tool that is moved before a stream of frames.
+struct Touch {
+  DepthStreamInfo stream;
+  std::vector<DepthFrame> frames;
+  std::shared_ptr<const Tool> tool;
+  std::function<Pose(double time)> X_WT;  ///< `time` s after the first frame; any thread
+};
+
+/// What is mixed between two frames.
+enum class Mixing {
+  measures,  ///< those against both surfaces (BlendedQuery)
+  points,    ///< as eq. 3.18 of the thesis says: then there is one surface to measure against
+};
+
+/// At each tick from the first frame to the last.
+struct Felt {
+  std::vector<Vec3d> force;      ///< shares of the whole tool's
+  std::vector<bool> is_arrival;  ///< a frame has just arrived; not the first one
+};
+
+/// A way of going from frame to frame, to be tried.
+struct Trial {
+  const Touch* touch = nullptr;
+  TimeOptions time;
+  Mixing mixing = Mixing::measures;
+};
+
+/// [trial][method], in their orders. On several threads.
+Result<std::vector<std::vector<Felt>>> feel(Context& context, const std::vector<Trial>& trials,
+                                            const std::vector<Method>& methods);
+
+}  // namespace palpate::eval

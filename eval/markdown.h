@@ -1,0 +1,16 @@
+// Text of the report as Markdown.
+#pragma once
+
+#include <string>
+
+#include "eval/figure.h"
+
+namespace palpate::eval {
+
+/// One cell of a table: no line breaks, no column marks, no markup by accident.
+std::string markdown_cell(const std::string& text);
+
+/// The table without its title, each line with a line break.
+std::string markdown_table(const Table& table);
+
+}  // namespace palpate::eval

@@ -1,0 +1,12 @@
+// The studies of options of the contact query that have files of their own.
+#pragma once
+
+#include "eval/context.h"
+#include "eval/figure.h"
+
+namespace palpate::eval {
+
+Result<FigureResult> figure_bodies(Context& context);  ///< two packings that overlap
+Result<FigureResult> figure_fill(Context& context);    ///< how full a packing is
+
+}  // namespace palpate::eval
