@@ -197,6 +197,42 @@ inline VecI look_up(const LaneTable<std::int32_t>& table, VecI index) {
 #endif
 }
 
+/// Pairs of numbers, of kLanes places that follow each other, as two columns.
+struct Pairs {
+  VecF first, second;
+};
+/// `left` and `right` hold pairs: all their first numbers, and all their second ones.
+inline Pairs split_pairs(VecF left, VecF right) {
+#if PALPATE_LANES == 16
+  return {__builtin_shufflevector(left, right, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26,
+                                  28, 30),
+          __builtin_shufflevector(left, right, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27,
+                                  29, 31)};
+#elif PALPATE_LANES == 8
+  return {__builtin_shufflevector(left, right, 0, 2, 4, 6, 8, 10, 12, 14),
+          __builtin_shufflevector(left, right, 1, 3, 5, 7, 9, 11, 13, 15)};
+#else
+  return {__builtin_shufflevector(left, right, 0, 2, 4, 6),
+          __builtin_shufflevector(left, right, 1, 3, 5, 7)};
+#endif
+}
+inline Pairs load_pairs(const float* from) { return split_pairs(load(from), load(from + kLanes)); }
+inline void store_pairs(float* to, const Pairs& pairs) {
+#if PALPATE_LANES == 16
+  store(to, __builtin_shufflevector(pairs.first, pairs.second, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5,
+                                    21, 6, 22, 7, 23));
+  store(to + kLanes, __builtin_shufflevector(pairs.first, pairs.second, 8, 24, 9, 25, 10, 26, 11,
+                                             27, 12, 28, 13, 29, 14, 30, 15, 31));
+#elif PALPATE_LANES == 8
+  store(to, __builtin_shufflevector(pairs.first, pairs.second, 0, 8, 1, 9, 2, 10, 3, 11));
+  store(to + kLanes,
+        __builtin_shufflevector(pairs.first, pairs.second, 4, 12, 5, 13, 6, 14, 7, 15));
+#else
+  store(to, __builtin_shufflevector(pairs.first, pairs.second, 0, 4, 1, 5));
+  store(to + kLanes, __builtin_shufflevector(pairs.first, pairs.second, 2, 6, 3, 7));
+#endif
+}
+
 /// Numbers k = 0 ... 5 from table[2 * index[i]] on, for each lane, as columns[k]; eight may be
 /// read. Narrow vectors load whole rows and transpose them, which is faster there than gathering.
 inline void gather_three_pairs(const float* table, VecI index, VecF (&columns)[6]) {
@@ -206,10 +242,9 @@ inline void gather_three_pairs(const float* table, VecI index, VecF (&columns)[6
   for (int k = 0; k < 6; k += 2) {
     const VecF low = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[0], table + k, 8));
     const VecF high = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[1], table + k, 8));
-    columns[k] = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24,
-                                         26, 28, 30);
-    columns[k + 1] = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23,
-                                             25, 27, 29, 31);
+    const Pairs pairs = split_pairs(low, high);
+    columns[k] = pairs.first;
+    columns[k + 1] = pairs.second;
   }
 #elif PALPATE_LANES == 8
   const auto row = [&](int lane) { return table + 2 * std::ptrdiff_t{index[lane]}; };

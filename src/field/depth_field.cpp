@@ -4,37 +4,12 @@
 #include <vector>
 
 #include "palpate/core/stamp.h"
-#include "src/field/field_pyramid.h"
+#include "src/field/field_kernels.h"
 
 namespace palpate {
 namespace {
 
 constexpr int kBorder = DepthFieldLevel::kBorder;
-
-/// One level.
-class Image {
- public:
-  /// Of arrays for all levels.
-  Image(const PyramidLayout& layout, int level, TangentPlane* planes, std::uint8_t* is_step)
-      : width_(layout.levels[level].width),
-        height_(layout.levels[level].height),
-        stride_(layout.stride),
-        planes_(planes + layout.origin(level)),
-        is_step_(is_step + layout.origin(level)) {}
-
-  int width() const { return width_; }
-  int height() const { return height_; }
-  const TangentPlane& at(int u, int v) const { return planes_[index(u, v)]; }
-  TangentPlane& at(int u, int v) { return planes_[index(u, v)]; }
-  std::uint8_t& is_step(int u, int v) { return is_step_[index(u, v)]; }
-
- private:
-  std::ptrdiff_t index(int u, int v) const { return static_cast<std::ptrdiff_t>(v) * stride_ + u; }
-
-  int width_, height_, stride_;
-  TangentPlane* planes_;
-  std::uint8_t* is_step_;
-};
 
 /// Calls `row(v)` for all rows of an image, in parallel.
 template <class Row>
@@ -53,126 +28,75 @@ struct DepthField::Impl {
   PyramidLayout layout;
   std::vector<TangentPlane> planes;  // of all levels
   std::vector<std::uint8_t> steps;   // likewise
-  std::vector<Image> images;
+  FieldImage images[DepthFieldView::kMaxLevels];
+  FieldKernels kernels;
   std::vector<char> row_has_hole;  // of level 0
   std::vector<DepthTile> tiles;
   DepthFieldView view;
 
+  const FieldImage& image(int level) const { return images[level]; }
   void take_planes(const PointCloudView& cloud, ThreadPool& pool);
   void widen(int level, Choice choice, ThreadPool& pool);
   void fill_holes(ThreadPool& pool);
-  void fill_level(int level, ThreadPool& pool);
-  void extend_border(Image& image) const;
+  void extend_border(int level) const;
   void find_steps(int level, ThreadPool& pool);
   void find_tiles(ThreadPool& pool);
 };
 
-/// Level 0: the tangent plane of every point.
 void DepthField::Impl::take_planes(const PointCloudView& cloud, ThreadPool& pool) {
-  Image& image = images[0];
-  for_rows(pool, image.height(), [&](int v) {
-    char has_hole = 0;
-    for (int u = 0; u < image.width(); ++u) {
-      const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(cloud.width) +
-                            static_cast<std::size_t>(u);
-      if (!(cloud.z[i] > 0)) {
-        image.at(u, v) = {};
-        has_hole = 1;
-        continue;
-      }
-      image.at(u, v) =
-          tangent_plane(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i], cloud.ny[i], cloud.nz[i]);
-    }
-    row_has_hole[static_cast<std::size_t>(v)] = has_hole;
+  for_rows(pool, image(0).height, [&](int v) {
+    row_has_hole[static_cast<std::size_t>(v)] = kernels.take_planes(cloud, image(0), v);
   });
 }
 
-/// Makes a level from the one before: one pixel of two by two.
 void DepthField::Impl::widen(int level, Choice choice, ThreadPool& pool) {
-  const Image& fine = images[static_cast<std::size_t>(level - 1)];
-  Image& coarse = images[static_cast<std::size_t>(level)];
-  for_rows(pool, coarse.height(), [&](int v) {
-    const int v0 = 2 * v, v1 = std::min(2 * v + 1, fine.height() - 1);
-    for (int u = 0; u < coarse.width(); ++u) {
-      const int u0 = 2 * u, u1 = std::min(2 * u + 1, fine.width() - 1);
-      const TangentPlane four[4] = {fine.at(u0, v0), fine.at(u1, v0), fine.at(u0, v1),
-                                    fine.at(u1, v1)};
-      coarse.at(u, v) = widened(four, level, choice);
-    }
-  });
-}
-
-/// Gives the pixels without surface what the next wider level knows there.
-void DepthField::Impl::fill_level(int level, ThreadPool& pool) {
-  Image& fine = images[static_cast<std::size_t>(level)];
-  const Image& coarse = images[static_cast<std::size_t>(level + 1)];
-  for_rows(pool, fine.height(), [&](int v) {
-    if (level == 0 && !row_has_hole[static_cast<std::size_t>(v)]) return;
-    const int v0 = v / 2, v1 = second_nearest(v, coarse.height());
-    for (int u = 0; u < fine.width(); ++u) {
-      if (fine.at(u, v).is_surface()) continue;
-      const int u0 = u / 2, u1 = second_nearest(u, coarse.width());
-      const TangentPlane four[4] = {coarse.at(u0, v0), coarse.at(u1, v0), coarse.at(u0, v1),
-                                    coarse.at(u1, v1)};
-      fine.at(u, v) = interpolated(four, level + 1);
-    }
-  });
+  const FieldImage &fine = image(level - 1), &coarse = image(level);
+  for_rows(pool, coarse.height, [&](int v) { kernels.widen(fine, level, choice, coarse, v); });
 }
 
 /// Closes holes from the outside in: the widest level that has to be asked is made first.
 void DepthField::Impl::fill_holes(ThreadPool& pool) {
   if (std::find(row_has_hole.begin(), row_has_hole.end(), 1) == row_has_hole.end()) return;
-  const int levels = layout.num_filled(options);
-  for (int level = 1; level <= levels; ++level) widen(level, Choice::nearest, pool);
-  for (int level = levels - 1; level >= 0; --level) fill_level(level, pool);
+  const int num_filled = layout.num_filled(options);
+  for (int level = 1; level <= num_filled; ++level) widen(level, Choice::nearest, pool);
+  for (int level = num_filled - 1; level >= 0; --level) {
+    for_rows(pool, image(level).height, [&](int v) {
+      if (level == 0 && !row_has_hole[static_cast<std::size_t>(v)]) return;
+      kernels.fill(image(level + 1), level + 1, image(level), v);
+    });
+  }
 }
 
 /// Around the image: nothing, or the surface of the outermost pixels going on.
-void DepthField::Impl::extend_border(Image& image) const {
-  const int w = image.width(), h = image.height();
+void DepthField::Impl::extend_border(int level) const {
+  const int w = image(level).width, h = image(level).height;
   for (int v = -kBorder; v < h + kBorder; ++v) {
     const bool inner_row = v >= 0 && v < h;
+    TangentPlane* const row = image(level).row(v);
+    const TangentPlane* const inner = image(level).row(std::clamp(v, 0, h - 1));
     for (int u = -kBorder; u < w + kBorder; u += inner_row && u == -1 ? w + 1 : 1) {
-      image.at(u, v) = options.unknown == UnknownSpace::solid
-                           ? image.at(std::clamp(u, 0, w - 1), std::clamp(v, 0, h - 1))
-                           : TangentPlane{};
+      row[u] =
+          options.unknown == UnknownSpace::solid ? inner[std::clamp(u, 0, w - 1)] : TangentPlane{};
     }
   }
 }
 
-/// Where the nine planes around a pixel do not belong to one smooth surface.
 void DepthField::Impl::find_steps(int level, ThreadPool& pool) {
-  Image& image = images[static_cast<std::size_t>(level)];
-  const float limit = step_limit_of(level);
-  for_rows(pool, image.height() + 2 * kStepBorder, [&](int row) {
-    const int v = row - kStepBorder;
-    const TangentPlane* rows[3] = {&image.at(0, v - 1), &image.at(0, v), &image.at(0, v + 1)};
-    std::uint8_t* const is_step = &image.is_step(0, v);
-    for (int u = -kStepBorder; u < image.width() + kStepBorder; ++u) {
-      const TangentPlane* around[3] = {rows[0] + u - 1, rows[1] + u - 1, rows[2] + u - 1};
-      is_step[u] = has_step(around, limit);
-    }
+  for_rows(pool, image(level).height + 2 * kStepBorder, [&](int row) {
+    kernels.find_steps(step_limit_of(level), image(level), row - kStepBorder);
   });
 }
 
-/// What is nearest in each tile of level 0. Wider pixels are means of these.
+/// Wider pixels are means of those of level 0.
 void DepthField::Impl::find_tiles(ThreadPool& pool) {
-  constexpr int kSize = DepthFieldView::kTileSize;
-  const Image& image = images[0];
-  pool.parallel_for(view.tiles_high, [&](int row) {
-    const int end_v = std::min((row + 1) * kSize, image.height());
-    for (int column = 0; column < view.tiles_wide; ++column) {
-      const int end_u = std::min((column + 1) * kSize, image.width());
-      DepthTile tile = empty_tile();
-      for (int v = row * kSize; v < end_v; ++v) {
-        for (int u = column * kSize; u < end_u; ++u) tile = join(tile, tile_of(image.at(u, v)));
-      }
-      tiles[static_cast<std::size_t>(row * view.tiles_wide + column)] = tile;
-    }
+  pool.parallel_for(view.tiles_high, [&](int v) {
+    kernels.find_tiles(image(0), v,
+                       tiles.data() + static_cast<std::ptrdiff_t>(v) * view.tiles_wide);
   });
 }
 
-Result<DepthField> DepthField::create(int width, int height, const DepthFieldOptions& options) {
+Result<DepthField> DepthField::create(int width, int height, const DepthFieldOptions& options,
+                                      Isa isa) {
   const auto layout = pyramid_layout(width, height, options);
   if (!layout) return layout.error();
   auto impl = std::make_unique<Impl>();
@@ -181,8 +105,11 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   d.layout = *layout;
   d.planes.resize(layout->num_planes());
   d.steps.assign(layout->num_steps(), 1);
+  d.kernels = field_kernels(isa);
   for (int level = 0; level < layout->num_levels; ++level) {
-    d.images.emplace_back(*layout, level, d.planes.data(), d.steps.data());
+    const std::ptrdiff_t origin = layout->origin(level);
+    d.images[level] = {d.planes.data() + origin, d.steps.data() + origin,
+                       layout->levels[level].width, layout->levels[level].height, layout->stride};
   }
   d.row_has_hole.resize(static_cast<std::size_t>(height));
   d.tiles.resize(layout->num_tiles());
@@ -198,17 +125,16 @@ DepthField::~DepthField() = default;
 
 void DepthField::update(const PointCloudView& cloud, ThreadPool& pool) {
   Impl& d = *impl_;
-  PALPATE_ASSERT(cloud.pinhole && cloud.width == d.images[0].width() &&
-                 cloud.height == d.images[0].height());
+  PALPATE_ASSERT(cloud.pinhole && cloud.width == d.image(0).width &&
+                 cloud.height == d.image(0).height);
   d.take_planes(cloud, pool);
   d.fill_holes(pool);
   d.view.num_levels = d.layout.num_levels;
   d.view.intrinsics = cloud.intrinsics;
   d.find_tiles(pool);
   for (int level = 0; level < d.view.num_levels; ++level) {
-    Image& image = d.images[static_cast<std::size_t>(level)];
     if (level > 0) d.widen(level, Choice::majority, pool);
-    d.extend_border(image);
+    d.extend_border(level);
     d.find_steps(level, pool);
   }
   d.view.stamp = next_stamp();

@@ -116,14 +116,9 @@ __global__ void __launch_bounds__(kThreads)
   for_quad(job, place, [&](int k, int u, int v) {
     const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(cloud.width) +
                           static_cast<std::size_t>(u);
-    const float z = cloud.z[i];
-    const TangentPlane plane =
-        tangent_plane(cloud.x[i], cloud.y[i], z, cloud.nx[i], cloud.ny[i], cloud.nz[i]);
-    if (z > 0) {
-      quad[k] = plane;
-    } else {
-      has_hole = true;
-    }
+    quad[k] = tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i],
+                                          cloud.ny[i], cloud.nz[i]);
+    has_hole = has_hole || !quad[k].is_surface();
     *pixel(job, job.planes, 0, u, v) = quad[k];
   });
   if (has_hole) shared.has_hole = 1;
@@ -216,8 +211,8 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   if (job.num_filled > 0 && job.has_hole[blockIdx.x]) fill_quad(job, place, quad, shared.around);
 
   // A warp has two rows of 16 threads: the left half of each is in one tile.
-  DepthTile tile = empty_tile();
-  for_quad(job, place, [&](int k, int, int) { tile = join(tile, tile_of(quad[k])); });
+  DepthTile tile = empty_tile<DepthTile>();
+  for_quad(job, place, [&](int k, int, int) { tile = join(tile, tile_of<DepthTile>(quad[k])); });
   for (int step = 1; step < gpu::kWarpSize; step *= 2) {
     if (step == kTile / 2) continue;
     tile = join(tile, {__shfl_xor_sync(gpu::kWholeWarp, tile.nearest, step),
@@ -232,7 +227,7 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   __syncthreads();
   if (threadIdx.x < 4) {
     const int side = static_cast<int>(threadIdx.x) % 2, row = static_cast<int>(threadIdx.x) / 2;
-    DepthTile all = empty_tile();
+    DepthTile all = empty_tile<DepthTile>();
     for (int k = 0; k < kWarps / 2; ++k) all = join(all, shared.tiles[row * kWarps / 2 + k][side]);
     const int u = 2 * place.square_u + side, v = 2 * place.square_v + row;
     const int tiles_wide = (job.layout.levels[0].width + kTile - 1) / kTile;

@@ -1,6 +1,10 @@
 #include "palpate/field/depth_field.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -16,13 +20,14 @@ const Intrinsics kCamera{150, 152, 79.3, 61.1};
 
 /// A cloud whose pixel (u, v) has depth `depth(u, v)` and normal `normal(u, v)`; NaN leaves a hole.
 template <class Depth, class Normal>
-PointCloud make_cloud(const Depth& depth, const Normal& normal) {
-  PointCloud cloud(kWidth, kHeight, kCamera);
-  for (int v = 0; v < kHeight; ++v) {
-    for (int u = 0; u < kWidth; ++u) {
+PointCloud make_cloud(const Depth& depth, const Normal& normal, int width = kWidth,
+                      int height = kHeight) {
+  PointCloud cloud(width, height, kCamera);
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
       const double z = depth(u, v);
       const Vec3d p{(u - kCamera.cx) * z / kCamera.fx, (v - kCamera.cy) * z / kCamera.fy, z};
-      cloud.set(static_cast<std::size_t>(v * kWidth + u), to_float(p), to_float(normal(u, v)));
+      cloud.set(static_cast<std::size_t>(v * width + u), to_float(p), to_float(normal(u, v)));
     }
   }
   return cloud;
@@ -45,7 +50,7 @@ PointCloud plane_cloud() {
 }
 
 /// A bumpy wall with a step, noise, and holes of all sizes.
-PointCloud rough_cloud(std::uint64_t seed) {
+PointCloud rough_cloud(std::uint64_t seed, int width = kWidth, int height = kHeight) {
   test::Random random(seed);
   return make_cloud(
       [&](int u, int v) -> double {
@@ -55,14 +60,41 @@ PointCloud rough_cloud(std::uint64_t seed) {
       },
       [&](int, int) {
         return Vec3d{0, 0, -1} + 0.2 * random.direction();
-      });
+      },
+      width, height);
 }
 
-DepthField make_field(const PointCloud& cloud, const DepthFieldOptions& options = {}) {
+DepthField make_field(const PointCloud& cloud, const DepthFieldOptions& options = {},
+                      Isa isa = best_isa()) {
   ThreadPool pool(1);
-  DepthField field = std::move(DepthField::create(cloud.width(), cloud.height(), options)).value();
+  DepthField field =
+      std::move(DepthField::create(cloud.width(), cloud.height(), options, isa)).value();
   field.update(cloud.view(), pool);
   return field;
+}
+
+/// All numbers of a field, with the borders of its levels.
+std::vector<float> numbers_of(const DepthFieldView& view) {
+  std::vector<float> all;
+  constexpr int kBorder = DepthFieldLevel::kBorder;
+  for (int k = 0; k < view.num_levels; ++k) {
+    const DepthFieldLevel& level = view.levels[k];
+    for (int v = -kBorder; v < level.height + kBorder; ++v) {
+      for (int u = -kBorder; u < level.width + kBorder; ++u) {
+        const std::ptrdiff_t i = std::ptrdiff_t{v} * level.stride + u;
+        all.insert(all.end(), {level.planes[2 * i], level.planes[2 * i + 1],
+                               static_cast<float>(level.is_step[i])});
+      }
+    }
+  }
+  for (int i = 0; i < view.tiles_wide * view.tiles_high; ++i) {
+    all.insert(all.end(), {view.tiles[i].nearest, view.tiles[i].least_slope});
+  }
+  return all;
+}
+
+bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
 }
 
 Vec3d at_pixel(double u, double v, double z) {
@@ -230,26 +262,117 @@ TEST(DepthField, BesideASilhouetteOnlyTheNearSurfaceHasSpaceBehindIt) {
 
 TEST(DepthField, AnyNumberOfThreadsGivesTheSameBits) {
   const PointCloud cloud = rough_cloud(7);
-  std::vector<std::vector<float>> planes;
+  std::vector<float> first;
   for (const int threads : {1, 2, 5}) {
     ThreadPool pool(threads);
     DepthField field = std::move(DepthField::create(kWidth, kHeight)).value();
     field.update(plane_cloud().view(), pool);  // what was there before does not matter
     field.update(cloud.view(), pool);
-    auto& all = planes.emplace_back();
-    for (int k = 0; k < field.view().num_levels; ++k) {
-      const DepthFieldLevel& level = field.view().levels[k];
-      for (int v = -DepthFieldLevel::kBorder; v < level.height + DepthFieldLevel::kBorder; ++v) {
-        for (int u = -DepthFieldLevel::kBorder; u < level.width + DepthFieldLevel::kBorder; ++u) {
-          const int i = v * level.stride + u;
-          all.insert(all.end(), {level.planes[2 * i], level.planes[2 * i + 1]});
-        }
+    const std::vector<float> numbers = numbers_of(field.view());
+    if (first.empty()) first = numbers;
+    EXPECT_TRUE(same_bits(numbers, first)) << threads;
+  }
+}
+
+class DepthFieldIsa : public testing::TestWithParam<Isa> {};
+
+TEST_P(DepthFieldIsa, SameBitsAsBaseline) {
+  if (GetParam() > best_isa()) {
+    GTEST_SKIP() << "SKIPPED: this processor lacks " << isa_name(GetParam());
+  }
+  for (const int width : {8, 9, 31, 64, 161, 203}) {
+    const PointCloud cloud = rough_cloud(8, width, 45);
+    for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
+      for (const int fill_levels : {0, 4}) {
+        const DepthFieldOptions options{unknown, fill_levels, kSolidBehind};
+        const DepthField narrow = make_field(cloud, options, Isa::baseline);
+        const DepthField wide = make_field(cloud, options, GetParam());
+        EXPECT_TRUE(same_bits(numbers_of(narrow.view()), numbers_of(wide.view()))) << width;
       }
     }
   }
-  for (const auto& other : planes) {
-    ASSERT_EQ(other.size(), planes[0].size());
-    EXPECT_EQ(std::memcmp(other.data(), planes[0].data(), other.size() * sizeof(float)), 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, DepthFieldIsa, testing::Values(Isa::avx2, Isa::avx512),
+                         [](const auto& isa) { return std::string(isa_name(isa.param)); });
+
+/// One pixel of a level by the words of decision 11: the surface, or absence of one, that most of
+/// the four pixels before show, the nearest if undecided, and the mean of its planes.
+std::pair<float, float> merged(const DepthFieldLevel& fine, int level, int u, int v) {
+  float offset[4], slope[4], w[4];
+  for (int k = 0; k < 4; ++k) {
+    const int at_u = std::min(2 * u + k % 2, fine.width - 1);
+    const int at_v = std::min(2 * v + k / 2, fine.height - 1);
+    const float* plane = fine.planes + 2 * (std::ptrdiff_t{at_v} * fine.stride + at_u);
+    offset[k] = plane[0], slope[k] = plane[1], w[k] = plane[1] / plane[0];
+  }
+  const float tolerance = std::min(0.05f, 0.012f * static_cast<float>(1 << level));
+  const auto is_same = [&](float a, float b) {
+    if (a == 0 || b == 0) return a == b;
+    return std::max(a, b) - std::min(a, b) <= tolerance * std::min(a, b);
+  };
+  std::pair<int, float> best{-1, 0};  // votes, then w
+  for (const float a : w) {
+    const int votes =
+        static_cast<int>(std::count_if(w, w + 4, [&](float b) { return is_same(a, b); }));
+    best = std::max(best, {votes, a});
+  }
+  if (best.second == 0) return {10.0f, 0.0f};
+  float sum_offset = 0, sum_slope = 0, num = 0;
+  for (int k = 0; k < 4; ++k) {
+    if (!is_same(w[k], best.second)) continue;
+    sum_offset += offset[k], sum_slope += slope[k], num += 1;
+  }
+  return {sum_offset / num, sum_slope / num};
+}
+
+TEST(DepthField, LevelsStepsAndTilesAreWhatTheyAreSaidToBe) {
+  const DepthField field = make_field(rough_cloud(9), {UnknownSpace::free, 1, kSolidBehind});
+  const DepthFieldView& view = field.view();
+  int num_steps = 0, num_free = 0;
+  for (int k = 0; k < view.num_levels; ++k) {
+    const DepthFieldLevel& level = view.levels[k];
+    const auto plane_at = [&](int u, int v) {
+      return level.planes + 2 * (std::ptrdiff_t{v} * level.stride + u);
+    };
+    for (int v = 0; v < level.height; ++v) {
+      for (int u = 0; u < level.width; ++u) {
+        const float* plane = plane_at(u, v);
+        num_free += plane[1] == 0;
+        if (k > 0) {
+          const auto [offset, slope] = merged(view.levels[k - 1], k, u, v);
+          ASSERT_EQ(plane[0], offset) << k << ": " << u << ", " << v;
+          ASSERT_EQ(plane[1], slope) << k << ": " << u << ", " << v;
+        }
+        const float depth = plane[0] / std::max(plane[1], 1e-6f);
+        float miss = 0;
+        for (int i = 0; i < 9; ++i) {
+          const float* other = plane_at(u + i % 3 - 1, v + i / 3 - 1);
+          miss = std::max(miss, std::abs(other[0] - depth * other[1]));
+        }
+        const bool is_step = miss > level.step_limit;
+        ASSERT_EQ(level.is_step[std::ptrdiff_t{v} * level.stride + u], is_step) << u << ", " << v;
+        num_steps += is_step;
+      }
+    }
+  }
+  EXPECT_GT(num_steps, 500);
+  EXPECT_GT(num_free, 10);
+  constexpr int kSize = DepthFieldView::kTileSize;
+  const DepthFieldLevel& image = view.levels[0];
+  for (int tile = 0; tile < view.tiles_wide * view.tiles_high; ++tile) {
+    float nearest = 1e30f, least_slope = 1;
+    const int u0 = tile % view.tiles_wide * kSize, v0 = tile / view.tiles_wide * kSize;
+    for (int v = v0; v < std::min(v0 + kSize, image.height); ++v) {
+      for (int u = u0; u < std::min(u0 + kSize, image.width); ++u) {
+        const float* plane = image.planes + 2 * (std::ptrdiff_t{v} * image.stride + u);
+        if (plane[1] == 0) continue;
+        nearest = std::min(nearest, plane[0] / plane[1]);
+        least_slope = std::min(least_slope, plane[1]);
+      }
+    }
+    EXPECT_EQ(view.tiles[tile].nearest, nearest) << tile;
+    EXPECT_EQ(view.tiles[tile].least_slope, least_slope) << tile;
   }
 }
 

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "palpate/cloud/point_cloud.h"
+#include "palpate/core/isa.h"
 #include "palpate/core/result.h"
 #include "palpate/core/thread_pool.h"
 
@@ -76,14 +77,17 @@ struct DepthFieldView {
 /// Owns the images for one image size; `update` allocates nothing.
 class DepthField {
  public:
-  /// Errors: a size out of 8..4096, options out of range.
-  static Result<DepthField> create(int width, int height, const DepthFieldOptions& options = {});
+  /// Errors: a size out of 8..4096, options out of range. All instruction sets give the same bits;
+  /// one that the processor lacks is lowered.
+  static Result<DepthField> create(int width, int height, const DepthFieldOptions& options = {},
+                                   Isa isa = best_isa());
   DepthField(DepthField&&) noexcept;
   DepthField& operator=(DepthField&&) noexcept;
   ~DepthField();
 
   /// Rebuilds the field from an organised pinhole cloud of the size given at construction. The same
-  /// bits for any number of threads. O(pixels), about 9 ms for 640x480 on one core.
+  /// bits for any number of threads. O(pixels), about 2 ms for 640x480 on one core with AVX2 or
+  /// wider.
   void update(const PointCloudView& cloud, ThreadPool& pool);
 
   /// Valid until the next update; no levels before the first one.

@@ -1,0 +1,151 @@
+// The loops over the rows of a depth field, compiled once per instruction set.
+#include "src/core/simd.h"
+#include "src/field/field_kernels.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+/// The planes of kLanes pixels side by side.
+struct Planes {
+  VecF offset, slope;
+};
+struct Tiles {
+  VecF nearest, least_slope;
+};
+
+inline Mask is_hole(const Planes& planes) { return ~(planes.slope > 0.0f); }
+inline Planes load(const TangentPlane* from) {
+  const Pairs pairs = load_pairs(&from->offset);
+  return {pairs.first, pairs.second};
+}
+inline void store(TangentPlane* to, const Planes& planes) {
+  store_pairs(&to->offset, {planes.offset, planes.slope});
+}
+
+}  // namespace
+
+bool take_planes(const PointCloudView& cloud, const FieldImage& image, int v) {
+  TangentPlane* const out = image.row(v);
+  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(v) * cloud.width;
+  const float* const in[6] = {cloud.x + first,  cloud.y + first,  cloud.z + first,
+                              cloud.nx + first, cloud.ny + first, cloud.nz + first};
+  std::uint32_t holes = 0;
+  int u = 0;
+  for (; u + kLanes <= image.width; u += kLanes) {
+    const Planes planes = tangent_plane<Planes>(load(in[0] + u), load(in[1] + u), load(in[2] + u),
+                                                load(in[3] + u), load(in[4] + u), load(in[5] + u));
+    store(out + u, planes);
+    holes |= mask_bits(is_hole(planes));
+  }
+  for (; u < image.width; ++u) {
+    out[u] =
+        tangent_plane<TangentPlane>(in[0][u], in[1][u], in[2][u], in[3][u], in[4][u], in[5][u]);
+    holes |= !out[u].is_surface();
+  }
+  return holes != 0;
+}
+
+void widen(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse, int v) {
+  const TangentPlane* const rows[2] = {
+      fine.row(2 * v), fine.row(2 * v + 1 < fine.height ? 2 * v + 1 : fine.height - 1)};
+  TangentPlane* const out = coarse.row(v);
+  int u = 0;
+  for (; 2 * (u + kLanes) <= fine.width; u += kLanes) {
+    Planes four[4];
+    for (int k = 0; k < 2; ++k) {
+      const Planes left = load(rows[k] + 2 * u), right = load(rows[k] + 2 * u + kLanes);
+      const Pairs offsets = split_pairs(left.offset, right.offset);
+      const Pairs slopes = split_pairs(left.slope, right.slope);
+      four[2 * k] = {offsets.first, slopes.first};
+      four[2 * k + 1] = {offsets.second, slopes.second};
+    }
+    store(out + u, widened(four, level, choice));
+  }
+  for (; u < coarse.width; ++u) {
+    const int u0 = 2 * u, u1 = 2 * u + 1 < fine.width ? 2 * u + 1 : fine.width - 1;
+    const TangentPlane four[4] = {rows[0][u0], rows[0][u1], rows[1][u0], rows[1][u1]};
+    out[u] = widened(four, level, choice);
+  }
+}
+
+void fill(const FieldImage& coarse, int level, const FieldImage& fine, int v) {
+  const TangentPlane* const rows[2] = {coarse.row(v / 2),
+                                       coarse.row(second_nearest(v, coarse.height))};
+  TangentPlane* const out = fine.row(v);
+  int u = 0;
+  for (; u + kLanes <= fine.width; u += kLanes) {
+    const Planes known = load(out + u);
+    const Mask holes = is_hole(known);
+    if (mask_bits(holes) == 0) continue;
+    // second_nearest for all lanes.
+    const VecI column = lane_ids() + u, nearest = column >> 1;
+    VecI second = nearest + 2 * (column & 1) - 1;
+    second = second < 0 ? VecI{} : second;
+    second = second >= coarse.width ? VecI{} + (coarse.width - 1) : second;
+    Planes four[4];
+    for (int k = 0; k < 4; ++k) {
+      const float* const row = &rows[k / 2]->offset;
+      const VecI at = 2 * (k % 2 == 0 ? nearest : second);
+      four[k] = {gather(row, at), gather(row, at + 1)};
+    }
+    const Planes guess = interpolated(four, level);
+    store(out + u,
+          {select(holes, guess.offset, known.offset), select(holes, guess.slope, known.slope)});
+  }
+  for (; u < fine.width; ++u) {
+    if (out[u].is_surface()) continue;
+    const int u0 = u / 2, u1 = second_nearest(u, coarse.width);
+    const TangentPlane four[4] = {rows[0][u0], rows[0][u1], rows[1][u0], rows[1][u1]};
+    out[u] = interpolated(four, level);
+  }
+}
+
+void find_steps(float limit, const FieldImage& image, int v) {
+  const TangentPlane* const rows[3] = {image.row(v - 1), image.row(v), image.row(v + 1)};
+  std::uint8_t* const is_step = image.is_step + v * image.stride;
+  const int end = image.width + kStepBorder;
+  int u = -kStepBorder;
+  for (; u + kLanes <= end; u += kLanes) {
+    Planes around[3][3];
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        around[row][column] = load(rows[row] + u + column - 1);
+      }
+    }
+    const std::uint32_t steps = mask_bits(has_step(around, limit));
+    for (int i = 0; i < kLanes; ++i) is_step[u + i] = steps >> i & 1;
+  }
+  for (; u < end; ++u) {
+    const TangentPlane* around[3] = {rows[0] + u - 1, rows[1] + u - 1, rows[2] + u - 1};
+    is_step[u] = has_step(around, limit);
+  }
+}
+
+void find_tiles(const FieldImage& image, int v, DepthTile* tiles) {
+  constexpr int kSize = DepthFieldView::kTileSize;
+  static_assert(kSize % kLanes == 0);
+  const int end_v = (v + 1) * kSize < image.height ? (v + 1) * kSize : image.height;
+  for (int u = 0; u < image.width; u += kSize, ++tiles) {
+    Tiles lanes = empty_tile<Tiles>();
+    DepthTile tile = empty_tile<DepthTile>();
+    const bool is_whole = u + kSize <= image.width;
+    for (int row = v * kSize; row < end_v; ++row) {
+      const TangentPlane* const planes = image.row(row) + u;
+      if (is_whole) {
+        for (int k = 0; k < kSize; k += kLanes) {
+          lanes = join(lanes, tile_of<Tiles>(load(planes + k)));
+        }
+      } else {
+        for (int k = 0; k < image.width - u; ++k) {
+          tile = join(tile, tile_of<DepthTile>(planes[k]));
+        }
+      }
+    }
+    for (int i = 0; i < kLanes; ++i) {
+      tile = join(tile, DepthTile{lanes.nearest[i], lanes.least_slope[i]});
+    }
+    *tiles = tile;
+  }
+}
+
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

@@ -1,0 +1,152 @@
+// The arithmetic of a depth field's pixels: one text for CPU and GPU, whose loops differ, and for
+// single pixels and vectors of them. A plane is anything with `offset` and `slope`, of numbers
+// (TangentPlane) or of vectors of numbers.
+#pragma once
+
+#include "palpate/core/hostdev.h"
+#include "palpate/field/depth_field.h"
+
+namespace palpate {
+
+// Where there is no surface: so far in front that no sphere is near.
+inline constexpr float kFreeOffset = 10.0f;
+
+/// A pixel's tangent plane; no surface if the slope is 0.
+struct alignas(8) TangentPlane {
+  float offset = kFreeOffset, slope = 0;
+
+  PALPATE_HOSTDEV bool is_surface() const { return slope > 0; }
+};
+static_assert(sizeof(TangentPlane) == 2 * sizeof(float));  // read as pairs of numbers
+
+/// Of the points at depth z; none where z is not positive. Their planes pass the eye at the
+/// distance -(p . n).
+template <class Plane, class Real>
+PALPATE_FORMULA Plane tangent_plane(Real x, Real y, Real z, Real nx, Real ny, Real nz) {
+  // A surface seen so aslant that its plane passes the eye closer than this share of its depth
+  // counts as steep as that.
+  constexpr float kLeastOffset = 0.02f;
+  const Real d = -(x * nx + y * ny + z * nz), least = kLeastOffset * z;
+  const Real offset = d < least ? least : d;
+  return {z > Real{} ? offset : Real{} + kFreeOffset, z > Real{} ? offset / z : Real{}};
+}
+
+/// Pixels of level k belong to one surface if their depths differ by less than this share: a wider
+/// pixel reaches farther along a slanted surface.
+PALPATE_FORMULA float tolerance_of(int level) {
+  const float share = 0.012f * static_cast<float>(1 << level);
+  return share < 0.05f ? share : 0.05f;
+}
+
+/// There is a step where the plane of a neighbour misses the surface point of a pixel by more,
+/// metres.
+PALPATE_HOSTDEV inline float step_limit_of(int level) {
+  const float limit = 0.006f * static_cast<float>(1 << level);
+  return limit < 0.025f ? limit : 0.025f;
+}
+
+/// Which of a few pixels a wider one stands for.
+enum class Choice {
+  majority,  ///< the surface, or absence of one, that most of them show; the nearest if undecided
+  nearest,   ///< any surface, the nearest one
+  farthest,  ///< any surface, the farthest one: what goes on behind an edge
+};
+
+/// Do pixels of these inverse depths (0: no surface) show one surface?
+template <class Real>
+PALPATE_FORMULA auto is_same_surface(Real a, Real b, float tolerance) {
+  const Real apart = a < b ? b - a : a - b, least = a < b ? a : b;
+  return (apart <= tolerance * least) & ((a > Real{}) == (b > Real{}));
+}
+
+/// Mean of the planes of one surface among four pixels with positive weights.
+template <class Plane>
+PALPATE_FORMULA Plane merge(const Plane (&pixels)[4], const float (&weights)[4], float tolerance,
+                            Choice choice) {
+  using Real = decltype(Plane::offset);
+  const Real zero{}, one = zero + 1.0f;
+  Real w[4];
+  for (int i = 0; i < 4; ++i) w[i] = pixels[i].slope / pixels[i].offset;
+  Real best = -one, best_votes = zero;  // the chosen pixel's w
+  for (int i = 0; i < 4; ++i) {
+    Real votes = zero;
+    if (choice == Choice::majority) {
+      for (int j = 0; j < 4; ++j) {
+        votes += is_same_surface(w[i], w[j], tolerance) ? one : zero;
+      }
+    }
+    const auto is_nearer = choice == Choice::farthest ? w[i] < best : w[i] > best;
+    auto is_better = (best < zero) | (votes > best_votes) | ((votes == best_votes) & is_nearer);
+    if (choice != Choice::majority) is_better = is_better & (w[i] > zero);
+    best = is_better ? w[i] : best;
+    best_votes = is_better ? votes : best_votes;
+  }
+  Real offset = zero, slope = zero, total = zero;
+  for (int i = 0; i < 4; ++i) {
+    const auto is_of_it = is_same_surface(w[i], best, tolerance);
+    offset += is_of_it ? weights[i] * pixels[i].offset : zero;
+    slope += is_of_it ? weights[i] * pixels[i].slope : zero;
+    total += is_of_it ? zero + weights[i] : zero;
+  }
+  return {best > zero ? offset / total : zero + kFreeOffset, best > zero ? slope / total : zero};
+}
+
+/// One pixel of two by two; at an odd end the last one counts twice.
+template <class Plane>
+PALPATE_FORMULA Plane widened(const Plane (&pixels)[4], int level, Choice choice) {
+  constexpr float kEqual[4] = {1, 1, 1, 1};
+  return merge(pixels, kEqual, tolerance_of(level), choice);
+}
+
+/// What the next wider level, `level`, knows where a pixel has no surface; of its four pixels
+/// around the centre of that one, the nearest comes first and the farthest last.
+template <class Plane>
+PALPATE_FORMULA Plane interpolated(const Plane (&pixels)[4], int level) {
+  constexpr float kBilinear[4] = {9, 3, 3, 1};
+  return merge(pixels, kBilinear, tolerance_of(level), Choice::farthest);
+}
+/// The second nearest of `num` wider columns to column u (or rows); the nearest is u / 2.
+PALPATE_FORMULA int second_nearest(int u, int num) {
+  const int at = u / 2 + (u % 2 ? 1 : -1);
+  return at < 0 ? 0 : (at >= num ? num - 1 : at);
+}
+
+/// Do the nine planes around a pixel not belong to one smooth surface? Its own is rows[1][1].
+template <class Rows>
+PALPATE_FORMULA auto has_step(const Rows& rows, float limit) {
+  const auto centre = rows[1][1];
+  using Real = decltype(centre.offset);
+  const Real least = Real{} + 1e-6f;
+  const Real depth = centre.offset / (centre.slope < least ? least : centre.slope);
+  Real worst{};
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      const Real off = rows[row][column].offset - depth * rows[row][column].slope;
+      const Real miss = off < 0.0f ? -off : off;
+      worst = worst < miss ? miss : worst;
+    }
+  }
+  return worst > limit;
+}
+
+/// Of a tile without any surface.
+template <class Tile>
+PALPATE_FORMULA Tile empty_tile() {
+  using Real = decltype(Tile::nearest);
+  return {Real{} + 1e30f, Real{} + 1.0f};
+}
+template <class Tile>
+PALPATE_FORMULA Tile join(const Tile& a, const Tile& b) {
+  return {b.nearest < a.nearest ? b.nearest : a.nearest,
+          b.least_slope < a.least_slope ? b.least_slope : a.least_slope};
+}
+/// Of pixels of level 0.
+template <class Tile, class Plane>
+PALPATE_FORMULA Tile tile_of(const Plane& plane) {
+  const Tile empty = empty_tile<Tile>();
+  const auto is_surface = plane.slope > 0.0f;
+  return {is_surface ? plane.offset / plane.slope : empty.nearest,
+          is_surface ? plane.slope : empty.least_slope};
+}
+
+}  // namespace palpate
