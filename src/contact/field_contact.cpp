@@ -2,23 +2,30 @@
 
 #include <algorithm>
 
-#include "src/contact/field_element.h"
-
 namespace palpate {
+#define PALPATE_DECLARE_FIELD_CONTACT(isa)                                                        \
+  namespace isa {                                                                                 \
+  FieldSums measure_group(const MeasureJob&, int group);                                          \
+  StiffnessSums stiffness_of_group(const MeasureJob&, int group);                                 \
+  void describe_group(const MeasureJob&, int group, const SphereCuts& to);                        \
+  constexpr FieldContactKernels kFieldContact{measure_group, stiffness_of_group, describe_group}; \
+  }
+PALPATE_DECLARE_FIELD_CONTACT(isa_baseline)
+#if defined(__x86_64__)
+PALPATE_DECLARE_FIELD_CONTACT(isa_avx2)
+PALPATE_DECLARE_FIELD_CONTACT(isa_avx512)
+#endif
+#undef PALPATE_DECLARE_FIELD_CONTACT
+
 namespace {
 
-struct Kernels {
-  MeasureGroup measure_group;
-  StiffnessOfGroup stiffness_of_group;
-};
-
-Kernels kernels_for(Isa isa) {
+FieldContactKernels kernels_for(Isa isa) {
 #if defined(__x86_64__)
-  if (isa == Isa::avx512) return {isa_avx512::measure_group, isa_avx512::stiffness_of_group};
-  if (isa == Isa::avx2) return {isa_avx2::measure_group, isa_avx2::stiffness_of_group};
+  if (isa == Isa::avx512) return isa_avx512::kFieldContact;
+  if (isa == Isa::avx2) return isa_avx2::kFieldContact;
 #endif
   (void)isa;
-  return {isa_baseline::measure_group, isa_baseline::stiffness_of_group};
+  return isa_baseline::kFieldContact;
 }
 
 }  // namespace
@@ -26,8 +33,7 @@ Kernels kernels_for(Isa isa) {
 FieldContact::FieldContact(const Tool& tool, ThreadPool& pool, Isa isa)
     : tool_(&tool),
       pool_(&pool),
-      measure_group_(kernels_for(isa).measure_group),
-      stiffness_of_group_(kernels_for(isa).stiffness_of_group),
+      kernels_(kernels_for(isa)),
       own_(tool, SphereVolumes::own),
       represented_(tool, SphereVolumes::represented) {
   const auto num_groups = static_cast<std::size_t>(
@@ -53,7 +59,7 @@ Penetration FieldContact::measure(const Pose& X_WT, SphereVolumes volumes) noexc
   const MeasureJob asked = job();
   const int num_groups = asked.clusters->num_groups();
   pool_->parallel_for(num_groups, [&](int group) {
-    group_sums_[static_cast<std::size_t>(group)] = measure_group_(asked, group);
+    group_sums_[static_cast<std::size_t>(group)] = kernels_.measure_group(asked, group);
   });
   FieldSums sums;
   for (int group = 0; group < num_groups; ++group) {
@@ -73,7 +79,7 @@ Stiffness FieldContact::stiffness() const noexcept {
   const MeasureJob asked = job();
   const int num_groups = asked.clusters->num_groups();
   pool_->parallel_for(num_groups, [&](int group) {
-    group_stiffness_[static_cast<std::size_t>(group)] = stiffness_of_group_(asked, group);
+    group_stiffness_[static_cast<std::size_t>(group)] = kernels_.stiffness_of_group(asked, group);
   });
   StiffnessSums sums;
   for (int group = 0; group < num_groups; ++group) {
@@ -84,13 +90,13 @@ Stiffness FieldContact::stiffness() const noexcept {
 
 void FieldContact::describe(std::span<SphereState> states,
                             std::span<Plane<float>> planes) const noexcept {
-  for (std::size_t id = 0; id < states.size(); ++id) {
-    const SphereCut cut = field_.num_levels == 0
-                              ? SphereCut{}
-                              : cut_of(field_, X_WT_, felt_ball(*tool_, id, volumes_));
-    states[id] = cut.state;
-    planes[id] = cut.plane;
-  }
+  std::fill(states.begin(), states.end(), SphereState::outside);
+  std::fill(planes.begin(), planes.end(), Plane<float>{});
+  const MeasureJob asked = job();
+  const Vec3f p_TC = to_float(tool_->sphere_mass().centre_of_mass);
+  const SphereCuts cuts{states.data(), planes.data(), {p_TC.x, p_TC.y, p_TC.z}};
+  pool_->parallel_for(asked.clusters->num_groups(),
+                      [&](int group) { kernels_.describe_group(asked, group, cuts); });
 }
 
 }  // namespace palpate

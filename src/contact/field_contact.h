@@ -37,19 +37,20 @@ struct MeasureJob {
   FieldFrame frame;
 };
 
-/// Elements of one group of clusters, in a fixed order.
-using MeasureGroup = FieldSums (*)(const MeasureJob&, int group);
-using StiffnessOfGroup = StiffnessSums (*)(const MeasureJob&, int group);
+/// Where a description goes: a place for each sphere of the tool, by its number.
+struct SphereCuts {
+  SphereState* states = nullptr;
+  Plane<float>* planes = nullptr;  ///< in T
+  float p_TC[3] = {};              ///< the centre of mass
+};
 
-#define PALPATE_DECLARE_FIELD(variant)                            \
-  namespace variant {                                             \
-  FieldSums measure_group(const MeasureJob&, int group);          \
-  StiffnessSums stiffness_of_group(const MeasureJob&, int group); \
-  }
-PALPATE_DECLARE_FIELD(isa_baseline)
-PALPATE_DECLARE_FIELD(isa_avx2)
-PALPATE_DECLARE_FIELD(isa_avx512)
-#undef PALPATE_DECLARE_FIELD
+/// Each does the elements of one group of clusters, in a fixed order.
+struct FieldContactKernels {
+  FieldSums (*measure_group)(const MeasureJob&, int group);
+  StiffnessSums (*stiffness_of_group)(const MeasureJob&, int group);
+  /// Writes what is cut or inside; the rest is outside.
+  void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
+};
 
 /// Measures one tool against a depth field. All memory is allocated at construction.
 class FieldContact {
@@ -68,7 +69,7 @@ class FieldContact {
   /// At the last pose, as ContactQuery. O(elements).
   Stiffness stiffness() const noexcept;
 
-  /// Per sphere of the tool at the last pose, as ContactQuery.
+  /// Per sphere of the tool at the last pose, as ContactQuery. O(spheres).
   void describe(std::span<SphereState> states, std::span<Plane<float>> planes) const noexcept;
 
  private:
@@ -79,8 +80,7 @@ class FieldContact {
 
   const Tool* tool_;
   ThreadPool* pool_;
-  MeasureGroup measure_group_;
-  StiffnessOfGroup stiffness_of_group_;
+  FieldContactKernels kernels_;
   FieldElements own_, represented_;
   DepthFieldView field_;
   std::vector<FieldSums> group_sums_;

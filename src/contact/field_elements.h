@@ -22,7 +22,8 @@ Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 /// an icosahedron) by smaller ones that together have its volume and its second moments: the share
 /// of it behind any plane is off by 0.8 % of its volume at most, 0.4 % rms.
 ///
-/// Elements are in cluster order; centres are relative to the tool's centre of mass.
+/// Elements are in cluster order; centres are relative to the tool's centre of mass. The numbers
+/// (`sphere_id`) of those that are counted are those of their spheres.
 struct FieldElements {
   FieldElements(const Tool& tool, SphereVolumes volumes);
 

@@ -116,29 +116,51 @@ struct Totals {
   }
 }
 
+// Step 3 instead: the planes that whole spheres are cut by.
+void cut_spheres(const MeasureJob& job, const Field& field, std::size_t begin, const Elements& at,
+                 const SphereCuts& to) {
+  const SphereClusters& clusters = *job.clusters;
+  alignas(64) float phi[kSize], n_T[3][kSize], offset[kSize];
+  for (int i = 0; i < kSize; i += kLanes) {
+    const std::size_t place = begin + static_cast<std::size_t>(i);
+    const ImageGradient<VecF> g{load(at.phi + i), load(at.by_u + i), load(at.by_v + i),
+                                load(at.by_z + i)};
+    const Gradient3<VecF> n = to_space(g, load(at.from_u + i), load(at.from_v + i),
+                                       load(at.inverse_depth + i), field.fx, field.fy);
+    const VecF length = max(sqrt(n.x * n.x + n.y * n.y + n.z * n.z), splat(1e-20f));
+    const VecF c_C[3] = {load(&clusters.x[place]), load(&clusters.y[place]),
+                         load(&clusters.z[place])};
+    VecF along = -g.phi;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto& R_WT = job.frame.R_WT;
+      const VecF n_axis =
+          (R_WT[0][axis] * n.x + R_WT[1][axis] * n.y + R_WT[2][axis] * n.z) / length;
+      along += n_axis * (c_C[axis] + to.p_TC[axis]);
+      store(n_T[axis] + i, n_axis);
+    }
+    store(phi + i, g.phi);
+    store(offset + i, along);
+  }
+  for (int i = 0; i < kSize; ++i) {
+    const std::size_t place = begin + static_cast<std::size_t>(i);
+    const float radius = job.radius[place];
+    const bool is_before_camera = at.lz[i] + job.frame.p_WC[2] > kLeastDepth;
+    if (job.counted[place] == 0 || !is_before_camera || phi[i] >= radius) continue;
+    // An element that is counted has the number of its sphere.
+    const auto id = static_cast<std::size_t>(clusters.sphere_id[place]);
+    to.states[id] = phi[i] > -radius ? SphereState::boundary : SphereState::inside;
+    to.planes[id] = {{n_T[0][i], n_T[1][i], n_T[2][i]}, offset[i]};
+  }
+}
+
 }  // namespace
 
 FieldSums measure_group(const MeasureJob& job, int group) {
-  if (job.field.num_levels == 0) return {};
-  const SphereClusters& clusters = *job.clusters;
-  const int first = group * SphereClusters::kClustersPerGroup;
-  const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
-  const Field field(job.field);
-  const float largest_radius =
-      *std::max_element(job.largest_radius + first, job.largest_radius + last);
-  if (is_in_front(job, clusters.groups[static_cast<std::size_t>(group)], largest_radius)) return {};
   Totals totals;
-  Elements elements;
-  for (int cluster = first; cluster < last; ++cluster) {
-    const auto begin = static_cast<std::size_t>(cluster) * kSize;
-    if (is_in_front(job, clusters.clusters[static_cast<std::size_t>(cluster)],
-                    job.largest_radius[cluster])) {
-      continue;
-    }
-    aim(job, field, begin, elements);
+  for_near_clusters(job, group, [&](const Field& field, std::size_t begin, Elements& elements) {
     ask(job, field, begin, elements);
     sum_up(job, field, begin, elements, totals);
-  }
+  });
   FieldSums sums;
   sums.volume = totals.volume.total();
   sums.potential = totals.potential.total();
@@ -147,6 +169,13 @@ FieldSums measure_group(const MeasureJob& job, int group) {
   sums.num_boundary = totals.boundary.total();
   sums.num_inside = totals.inside.total();
   return sums;
+}
+
+void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
+  for_near_clusters(job, group, [&](const Field& field, std::size_t begin, Elements& elements) {
+    ask(job, field, begin, elements);
+    cut_spheres(job, field, begin, elements, to);
+  });
 }
 
 }  // namespace palpate::PALPATE_ISA_NAMESPACE

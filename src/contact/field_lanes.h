@@ -154,5 +154,27 @@ bool is_in_front(const MeasureJob& job, const Cluster& ball, float largest_radiu
   return true;
 }
 
+/// Calls f(field, first place, elements) for the clusters of a group that are not well in front of
+/// everything, each after step 1.
+template <class F>
+[[gnu::always_inline]] inline void for_near_clusters(const MeasureJob& job, int group, const F& f) {
+  if (job.field.num_levels == 0) return;
+  const SphereClusters& clusters = *job.clusters;
+  const int first = group * SphereClusters::kClustersPerGroup;
+  const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
+  const float largest_radius =
+      *std::max_element(job.largest_radius + first, job.largest_radius + last);
+  if (is_in_front(job, clusters.groups[static_cast<std::size_t>(group)], largest_radius)) return;
+  const Field field(job.field);
+  Elements elements;
+  for (int cluster = first; cluster < last; ++cluster) {
+    const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
+    if (is_in_front(job, ball, job.largest_radius[cluster])) continue;
+    const auto begin = static_cast<std::size_t>(cluster) * kSize;
+    aim(job, field, begin, elements);
+    f(field, begin, elements);
+  }
+}
+
 }  // namespace
 }  // namespace palpate::PALPATE_ISA_NAMESPACE

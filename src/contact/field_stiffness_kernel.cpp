@@ -82,23 +82,11 @@ void add_up(const MeasureJob& job, const Field& field, std::size_t begin, const 
 }  // namespace
 
 StiffnessSums stiffness_of_group(const MeasureJob& job, int group) {
-  StiffnessSums sums;
-  if (job.field.num_levels == 0) return sums;
-  const SphereClusters& clusters = *job.clusters;
-  const int first = group * SphereClusters::kClustersPerGroup;
-  const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
-  const Field field(job.field);
   Totals totals;
-  Elements elements;
-  for (int cluster = first; cluster < last; ++cluster) {
-    const auto begin = static_cast<std::size_t>(cluster) * kSize;
-    if (is_in_front(job, clusters.clusters[static_cast<std::size_t>(cluster)],
-                    job.largest_radius[cluster])) {
-      continue;
-    }
-    aim(job, field, begin, elements);
+  for_near_clusters(job, group, [&](const Field& field, std::size_t begin, Elements& elements) {
     add_up(job, field, begin, elements, totals);
-  }
+  });
+  StiffnessSums sums;
   for (int k = 0; k < StiffnessSums::kNum; ++k) sums.numbers[k] = totals.numbers[k].total();
   return sums;
 }
