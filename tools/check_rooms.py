@@ -44,7 +44,7 @@ SHARED_PRIVATE = {
     "src/session/haptic_messages.h": ("viewer",),
     "src/session/html_page.h": ("eval",),
     "src/session/svg_parts.h": ("eval",),
-    "src/core/simd.h": ("cloud", "contact"),
+    "src/core/simd.h": ("cloud", "contact", "field"),
     "src/core/one_lane.h": ("cloud", "contact"),
     "src/core/lanes.h": ("cloud", "contact"),
     # The evaluation times the stages of a query one by one.

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "palpate/core/stamp.h"
-#include "src/field/field_kernels.h"
+#include "src/field/field_rows.h"
 
 namespace palpate {
 namespace {
@@ -29,7 +29,7 @@ struct DepthField::Impl {
   std::vector<TangentPlane> planes;  // of all levels
   std::vector<std::uint8_t> steps;   // likewise
   FieldImage images[DepthFieldView::kMaxLevels];
-  FieldKernels kernels;
+  FieldRows rows;
   std::vector<char> row_has_hole;  // of level 0
   std::vector<DepthTile> tiles;
   DepthFieldView view;
@@ -45,13 +45,13 @@ struct DepthField::Impl {
 
 void DepthField::Impl::take_planes(const PointCloudView& cloud, ThreadPool& pool) {
   for_rows(pool, image(0).height, [&](int v) {
-    row_has_hole[static_cast<std::size_t>(v)] = kernels.take_planes(cloud, image(0), v);
+    row_has_hole[static_cast<std::size_t>(v)] = rows.take_planes(cloud, image(0), v);
   });
 }
 
 void DepthField::Impl::widen(int level, Choice choice, ThreadPool& pool) {
   const FieldImage &fine = image(level - 1), &coarse = image(level);
-  for_rows(pool, coarse.height, [&](int v) { kernels.widen(fine, level, choice, coarse, v); });
+  for_rows(pool, coarse.height, [&](int v) { rows.widen(fine, level, choice, coarse, v); });
 }
 
 /// Closes holes from the outside in: the widest level that has to be asked is made first.
@@ -62,7 +62,7 @@ void DepthField::Impl::fill_holes(ThreadPool& pool) {
   for (int level = num_filled - 1; level >= 0; --level) {
     for_rows(pool, image(level).height, [&](int v) {
       if (level == 0 && !row_has_hole[static_cast<std::size_t>(v)]) return;
-      kernels.fill(image(level + 1), level + 1, image(level), v);
+      rows.fill(image(level + 1), level + 1, image(level), v);
     });
   }
 }
@@ -83,15 +83,14 @@ void DepthField::Impl::extend_border(int level) const {
 
 void DepthField::Impl::find_steps(int level, ThreadPool& pool) {
   for_rows(pool, image(level).height + 2 * kStepBorder, [&](int row) {
-    kernels.find_steps(step_limit_of(level), image(level), row - kStepBorder);
+    rows.find_steps(step_limit_of(level), image(level), row - kStepBorder);
   });
 }
 
 /// Wider pixels are means of those of level 0.
 void DepthField::Impl::find_tiles(ThreadPool& pool) {
   pool.parallel_for(view.tiles_high, [&](int v) {
-    kernels.find_tiles(image(0), v,
-                       tiles.data() + static_cast<std::ptrdiff_t>(v) * view.tiles_wide);
+    rows.find_tiles(image(0), v, tiles.data() + static_cast<std::ptrdiff_t>(v) * view.tiles_wide);
   });
 }
 
@@ -105,7 +104,7 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   d.layout = *layout;
   d.planes.resize(layout->num_planes());
   d.steps.assign(layout->num_steps(), 1);
-  d.kernels = field_kernels(isa);
+  d.rows = field_rows(isa);
   for (int level = 0; level < layout->num_levels; ++level) {
     const std::ptrdiff_t origin = layout->origin(level);
     d.images[level] = {d.planes.data() + origin, d.steps.data() + origin,

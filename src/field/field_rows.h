@@ -22,7 +22,7 @@ struct FieldImage {
 };
 
 /// Each does row v of the image named last.
-struct FieldKernels {
+struct FieldRows {
   /// Level 0: the tangent plane of every point. True if there is none in a pixel.
   bool (*take_planes)(const PointCloudView& cloud, const FieldImage& image, int v);
   /// A level from the one before: one pixel of two by two.
@@ -35,6 +35,6 @@ struct FieldKernels {
   void (*find_tiles)(const FieldImage& image, int v, DepthTile* tiles);
 };
 /// An instruction set that the processor lacks is lowered.
-FieldKernels field_kernels(Isa isa);
+FieldRows field_rows(Isa isa);
 
 }  // namespace palpate

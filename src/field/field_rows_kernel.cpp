@@ -1,6 +1,6 @@
 // The loops over the rows of a depth field, compiled once per instruction set.
 #include "src/core/simd.h"
-#include "src/field/field_kernels.h"
+#include "src/field/field_rows.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {

@@ -1,0 +1,33 @@
+#include "src/field/field_rows.h"
+
+#include <algorithm>
+
+namespace palpate {
+
+#define PALPATE_DECLARE_FIELD_ROWS(isa)                                             \
+  namespace isa {                                                                   \
+  bool take_planes(const PointCloudView&, const FieldImage&, int);                  \
+  void widen(const FieldImage&, int, Choice, const FieldImage&, int);               \
+  void fill(const FieldImage&, int, const FieldImage&, int);                        \
+  void find_steps(float, const FieldImage&, int);                                   \
+  void find_tiles(const FieldImage&, int, DepthTile*);                              \
+  constexpr FieldRows kFieldRows{take_planes, widen, fill, find_steps, find_tiles}; \
+  }
+PALPATE_DECLARE_FIELD_ROWS(isa_baseline)
+#if defined(__x86_64__)
+PALPATE_DECLARE_FIELD_ROWS(isa_avx2)
+PALPATE_DECLARE_FIELD_ROWS(isa_avx512)
+#endif
+#undef PALPATE_DECLARE_FIELD_ROWS
+
+FieldRows field_rows(Isa isa) {
+#if defined(__x86_64__)
+  isa = std::min(isa, best_isa());
+  if (isa == Isa::avx512) return isa_avx512::kFieldRows;
+  if (isa == Isa::avx2) return isa_avx2::kFieldRows;
+#endif
+  (void)isa;
+  return isa_baseline::kFieldRows;
+}
+
+}  // namespace palpate
