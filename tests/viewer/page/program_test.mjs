@@ -5,7 +5,8 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after } from 'node:test';
 
-import { command, drawn, openPage, pageTest, runProgram, stat, state, until } from './harness.mjs';
+import { colour, isJust } from './colours.mjs';
+import { command, drawn, look, openPage, options, pageTest, runProgram, stat, state, until } from './harness.mjs';
 
 const folder = mkdtempSync(join(tmpdir(), 'palpate-page-'));
 after(() => rmSync(folder, { recursive: true, force: true }));
@@ -86,6 +87,51 @@ pageTest('the recording is played and searched', async () => {
   page.expectsErrors = true;
   await run.stop();
   assert.equal(run.code, 0, run.errors);
+});
+
+pageTest('a run along a path is seen', async () => {
+  const run = await viewed(['touch', tool, '--scene', 'moving-box', '--duration', '4', '--view', '--view-port', '0',
+    '-o', join(folder, 'path-run')]);
+  const page = await openPage(run.url);
+  await drawn(page, 3);
+  const before = await state(page);
+  assert.equal((await page.evaluate(() => window.palpate.hello)).kind, 'live');
+  await until('a later time and more frames', async () => {
+    const now = await state(page);
+    return now.time > before.time && now.frame_number > before.frame_number;
+  });
+  // The path is given: nothing can be turned.
+  assert.deepEqual(await page.evaluate(() => window.palpate.hello.controls), []);
+  page.expectsErrors = true;
+  assert.equal(await run.ended, 0, run.errors);
+});
+
+pageTest('a tool alone stands upright, y up', async () => {
+  const mesh = join(folder, 'pyramid.obj');
+  writeFileSync(mesh, ['v 0 0.05 0', 'v -0.05 -0.05 -0.05', 'v 0.05 -0.05 -0.05', 'v 0.05 -0.05 0.05', 'v -0.05 -0.05 0.05',
+    'f 1 3 2', 'f 1 4 3', 'f 1 5 4', 'f 1 2 5', 'f 2 3 4', 'f 2 4 5'].join('\n'));
+  const pyramid = join(folder, 'pyramid.palp');
+  await finished(['pack', mesh, '-o', pyramid, '--spheres', '500']);
+  const run = await viewed(['view', pyramid, '--port', '0']);
+  const page = await openPage(run.url, { bare: true });
+  await until('its spheres', async () => (await page.evaluate(() => window.palpate.hello))?.tool.spheres === 500);
+  await options(page, { toolLook: 'mesh' });
+  const ground = colour('ground');
+  // How wide it is in a row of the picture.
+  const wide = (picture, v) => {
+    let num = 0;
+    for (let u = 0; u < picture.width; ++u) num += isJust(picture.at(u, v), ground) ? 0 : 1;
+    return num;
+  };
+  await until('a point at the top', async () => {
+    const picture = await look(page);
+    const rows = [...Array(picture.height).keys()].filter((v) => wide(picture, v) > 0);
+    if (rows.length < 50) return false;
+    const [top, bottom] = [0.1, 0.7].map((share) => rows[Math.floor(share * rows.length)]);
+    return wide(picture, top) < 0.4 * wide(picture, bottom);
+  });
+  page.expectsErrors = true;
+  await run.stop();
 });
 
 pageTest('a tool alone is seen', async () => {

@@ -55,6 +55,35 @@ pageTest('a phone', async () => {
   assert.equal((await served.heard('set')).value, 500);
 });
 
+pageTest('panels do not cover each other', async () => {
+  const served = await Served.start(busy);
+  await served.apply(busyNow);
+  for (const [width, height] of [[800, 500], [1024, 600], [1280, 720], [1366, 768], [1920, 1080]]) {
+    const page = await openPage(served.url, { width, height });
+    await drawn(page);
+    for (const panel of ['Plots', 'Camera', 'Controls']) {
+      const button = page.locator('.dock button', { hasText: panel });
+      if (await button.getAttribute('aria-pressed') !== 'true') await button.click();
+    }
+    await drawn(page, 1);
+    const boxes = await page.evaluate(() => ['readouts', 'legend', 'plots', 'image', 'controls'].map((name) => {
+      const card = document.querySelector(`.${name}`);
+      const { left, top, right, bottom } = card.getBoundingClientRect();
+      return { name, left, top, right, bottom };
+    }).filter((box) => box.right > box.left && box.bottom > box.top));
+    assert.ok(boxes.length >= 4, `${width} x ${height}: ${boxes.map((box) => box.name)}`);
+    for (const a of boxes) {
+      for (const b of boxes) {
+        if (a.name >= b.name) continue;
+        const over = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+        const deep = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        assert.ok(over <= 1 || deep <= 1, `${width} x ${height}: ${a.name} covers ${b.name} by ${over} x ${deep}`);
+      }
+    }
+    await page.close();
+  }
+});
+
 pageTest('help comes by the question mark and goes by escape', async () => {
   const served = await Served.start(oneSphere);
   await served.apply(lively);

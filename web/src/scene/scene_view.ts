@@ -26,6 +26,8 @@ import { Trace } from './trace';
 import { TreeNodes } from './tree';
 
 const NO_POSE: Pose = { position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
+/// A tool alone stands as other programs show meshes, y up: in W that is half a turn about x.
+const UPRIGHT: Pose = { position: [0, 0, 0], quaternion: [1, 0, 0, 0] };
 /// s: samples so much newer than the last contact say where the tool is.
 const CONTACT_IS_OLD = 0.5;
 
@@ -84,7 +86,7 @@ class View implements SceneView {
     this.cameras.setHello(hello);
     this.framed = 'nothing';
     this.sawNothing = false;
-    if (!hello.stream) this.setToolPose(NO_POSE);
+    if (!hello.stream) this.setToolPose(UPRIGHT);
   }
 
   setSpheres(spheres: Spheres): void {
