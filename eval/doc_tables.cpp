@@ -56,8 +56,8 @@ Result<std::optional<std::string>> block_of(const Quote& quote, const Evaluation
                                       "'; it has " + (titles.empty() ? "none" : titles)};
   }
   return std::optional("\n" + markdown_table(*table) + "\n*Evaluation, " +
-                       markdown_cell(quote.figure) + ": `palpate eval " + quote.figure +
-                       " -o report`.*\n\n");
+                       markdown_cell(quote.figure) + ": `make eval FIGURE=" + quote.figure +
+                       "`.*\n\n");
 }
 
 Result<std::string> read_text(const fs::path& path) {

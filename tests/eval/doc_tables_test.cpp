@@ -45,7 +45,7 @@ TEST(DocTables, TakeThePlaceOfWhatStoodThere) {
   const std::string wanted =
       quoting("edges: Error, %",
               "\n| method | cut |\n|---|---|\n| graph\\|cap | 1.2 |\n| field |  |\n\n"
-              "*Evaluation, edges: `palpate eval edges -o report`.*\n\n");
+              "*Evaluation, edges: `make eval FIGURE=edges`.*\n\n");
   for (const char* before : {"", "| an | older |\n|---|---|\n", "\n\n"}) {
     EXPECT_EQ(with_tables(quoting("edges: Error, %", before), some_evaluation()).value(), wanted);
   }
