@@ -44,10 +44,7 @@ scenes::SimulatedCameraOptions camera_with(const Context& context, DepthNoise no
 Result<scenes::Scene> scene_for(const Context& context, const char* name) {
   auto scene = scenes::make_scene(name);
   if (!scene || !context.quick()) return scene;
-  scene->width /= kCoarser;
-  scene->height /= kCoarser;
-  Intrinsics& k = scene->intrinsics;
-  k = {k.fx / kCoarser, k.fy / kCoarser, (scene->width - 1) / 2.0, (scene->height - 1) / 2.0};
+  scenes::set_image_size(*scene, scene->width / kCoarser, scene->height / kCoarser);
   return scene;
 }
 

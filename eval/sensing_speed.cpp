@@ -16,7 +16,8 @@ struct Cost {
   double both = 0;                ///< on all cores
 };
 
-Result<Cost> cost_of(Context& context, int width, int height) {
+/// `done`: the share of the figure that was made before.
+Result<Cost> cost_of(Context& context, int width, int height, double done) {
   auto scene = scenes::make_scene("hand");
   if (!scene) return scene.error();
   scenes::set_image_size(*scene, width, height);
@@ -31,10 +32,9 @@ Result<Cost> cost_of(Context& context, int width, int height) {
   if (!field) return field.error();
   const DepthFrame& frame = frames->front();
   const auto median = [&](auto&& work) {
-    return 1e3 * time_calls(context.choose<std::size_t>(100, 10), [&](std::size_t) {
-                   context.progress(0.5);
-                   work();
-                 }).median;
+    context.progress(done);
+    return 1e3 *
+           time_calls(context.choose<std::size_t>(30, 10), [&](std::size_t) { work(); }).median;
   };
   ThreadPool one(1), all(0);
   Cost cost{width, height};
@@ -54,7 +54,7 @@ Result<FigureResult> figure_sensing(Context& context) {
               {}};
   std::vector<Cost> costs;
   for (const auto& [width, height] : {std::pair{640, 480}, {1280, 720}, {1920, 1080}}) {
-    const auto cost = cost_of(context, width, height);
+    const auto cost = cost_of(context, width, height, static_cast<double>(costs.size()) / 3);
     if (!cost) return cost.error();
     const std::string size = words("%dx%d", width, height);
     table.rows.push_back({words("%d × %d", width, height), words("%.1f", cost->surface),

@@ -247,6 +247,21 @@ __global__ void __launch_bounds__(kStiffnessThreads)
   sums[threadIdx.x] = total;
 }
 
+/// State of a sphere and the plane that it is cut by, in T.
+struct SphereCut {
+  SphereState state = SphereState::outside;
+  Plane<float> plane;
+};
+__device__ SphereCut cut_of(const DepthFieldView& field, const Pose& X_WT, const Sphere& sphere) {
+  const double radius = sphere.radius;
+  const Vec3d c_T = to_double(sphere.centre);
+  const FieldSample<double> at = sample_field(field, X_WT * c_T, radius);
+  if (at.phi >= radius) return {};
+  const Vec3d n_T = normalized(rotate(conjugate(X_WT.rotation), at.gradient));
+  return {at.phi > -radius ? SphereState::boundary : SphereState::inside,
+          {to_float(n_T), static_cast<float>(dot(n_T, c_T) - at.phi)}};
+}
+
 __global__ void describe_spheres(const __grid_constant__ DepthFieldView field, const Pose X_WT,
                                  const Sphere* spheres, int num, SphereState* states,
                                  Plane<float>* planes) {

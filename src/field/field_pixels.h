@@ -105,10 +105,12 @@ PALPATE_FORMULA Plane interpolated(const Plane (&pixels)[4], int level) {
   constexpr float kBilinear[4] = {9, 3, 3, 1};
   return merge(pixels, kBilinear, tolerance_of(level), Choice::farthest);
 }
-/// The second nearest of `num` wider columns to column u (or rows); the nearest is u / 2.
-PALPATE_FORMULA int second_nearest(int u, int num) {
-  const int at = u / 2 + (u % 2 ? 1 : -1);
-  return at < 0 ? 0 : (at >= num ? num - 1 : at);
+/// The second nearest of `num` wider columns to column u >= 0 (or rows); the nearest is u / 2.
+template <class Int>
+PALPATE_FORMULA Int second_nearest(Int u, int num) {
+  const Int beside = (u >> 1) + 2 * (u & 1) - 1;
+  const Int at = beside < 0 ? Int{} : beside;
+  return at >= num ? Int{} + (num - 1) : at;
 }
 
 /// Do the nine planes around a pixel not belong to one smooth surface? Its own is rows[1][1].

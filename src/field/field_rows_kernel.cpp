@@ -77,11 +77,8 @@ void fill(const FieldImage& coarse, int level, const FieldImage& fine, int v) {
     const Planes known = load(out + u);
     const Mask holes = is_hole(known);
     if (mask_bits(holes) == 0) continue;
-    // second_nearest for all lanes.
     const VecI column = lane_ids() + u, nearest = column >> 1;
-    VecI second = nearest + 2 * (column & 1) - 1;
-    second = second < 0 ? VecI{} : second;
-    second = second >= coarse.width ? VecI{} + (coarse.width - 1) : second;
+    const VecI second = second_nearest(column, coarse.width);
     Planes four[4];
     for (int k = 0; k < 4; ++k) {
       const float* const row = &rows[k / 2]->offset;
