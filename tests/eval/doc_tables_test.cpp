@@ -127,6 +127,10 @@ TEST_F(Docs, NothingIsWrittenIfOneTextIsWrong) {
   EXPECT_NE(status.error().message.find("b.md, line 2: "), std::string::npos);
   EXPECT_EQ(read("guide/a.md"), quoting("edges: Error, %", ""));
   EXPECT_FALSE(fs::exists(folder_ / "evaluation.md"));
+  // The good one comes first.
+  const std::vector<fs::path> in_order{folder_ / "guide/a.md", folder_ / "guide/b.md"};
+  EXPECT_FALSE(write_docs(some_evaluation(), in_order));
+  EXPECT_EQ(read("guide/a.md"), quoting("edges: Error, %", ""));
   const std::vector<fs::path> nowhere{folder_ / "nowhere"};
   EXPECT_FALSE(write_docs(some_evaluation(), nowhere));
 }
