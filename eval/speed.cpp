@@ -1,5 +1,6 @@
 #include "eval/speed.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
@@ -67,6 +68,19 @@ double crossing(const std::vector<double>& x, const std::vector<double>& a,
     if (before <= 0 && after > 0) return x[i] + (x[i + 1] - x[i]) * before / (before - after);
   }
   return std::nan("");
+}
+
+std::string where_below(const std::vector<double>& x, const std::vector<double>& a,
+                        const std::vector<double>& b) {
+  std::vector<double> below;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    if (a[i] < b[i]) below.push_back(x[i]);
+  }
+  if (below.empty()) return words("at no size up to %g", x.back());
+  if (below.size() == x.size()) return words("at every size from %g to %g", x.front(), x.back());
+  if (std::equal(below.begin(), below.end(), x.begin())) return words("up to %g", below.back());
+  if (std::equal(below.rbegin(), below.rend(), x.rbegin())) return words("from %g on", below[0]);
+  return words("at %zu of %zu sizes", below.size(), x.size());
 }
 
 double reaches(const std::vector<double>& x, const std::vector<double>& y, double limit) {

@@ -32,6 +32,10 @@ void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::strin
 /// Where curve a first comes to lie above curve b (linear in between); NaN: nowhere.
 double crossing(const std::vector<double>& x, const std::vector<double>& a,
                 const std::vector<double>& b);
+/// At which of the measured x (numbers of spheres) curve a lies below curve b, e.g. "at no size up
+/// to 17000", "up to 500", "from 8000 on", "at 3 of 7 sizes".
+std::string where_below(const std::vector<double>& x, const std::vector<double>& a,
+                        const std::vector<double>& b);
 /// The largest x up to which y stays below `limit` (linear in between); the last x if it always
 /// does.
 double reaches(const std::vector<double>& x, const std::vector<double>& y, double limit);

@@ -248,16 +248,13 @@ Result<FigureResult> figure_5_3(Context& context) {
   const SpeedSweep& deep = context.quick() ? sweeps.back() : sweeps[2];
   const auto graph = deep.medians(deep.method("graph"));
   const auto simplified = deep.medians(deep.method("simplified"));
-  const double from = crossing(deep.x, simplified, graph);
   const bool loses_small = graph.front() > simplified.front();
   result->claims.push_back(
       {"Deep contact: the graph is slower for few spheres; at 40 % it wins only from about 13,000 "
        "on.",
-       std::isfinite(from) ? words("The graph wins from %.0f spheres on.", from)
-       : loses_small
-           ? words("The graph is slower at every size up to %g (%.0f against %.0f µs there).",
-                   deep.x.back(), graph.back(), simplified.back())
-           : words("The graph is faster from %g spheres on already.", deep.x.front()),
+       words("The graph wins %s (with %g spheres it takes %.0f against %.0f µs).",
+             where_below(deep.x, graph, simplified).c_str(), deep.x.back(), graph.back(),
+             simplified.back()),
        loses_small ? Verdict::agrees : Verdict::differs});
   int dents = 0, steps = 0;
   for (const SpeedSweep& sweep : sweeps) {

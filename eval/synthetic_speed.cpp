@@ -149,7 +149,6 @@ Result<FigureResult> figure_5_6(Context& context) {
   const auto graph = sweep.medians(sweep.method("graph"));
   const auto simplified = sweep.medians(sweep.method("simplified"));
   const double limit = reaches(sweep.x, simplified, 1000);
-  const double from = crossing(sweep.x, simplified, graph);
   plot.caption = words("Simplified stays below 1 ms %s %.0f spheres.",
                        limit >= sweep.x.back() ? "beyond" : "up to", limit);
   result.claims.push_back({"Over all depths simplified takes about 1 ms up to 2,000 spheres.",
@@ -158,10 +157,7 @@ Result<FigureResult> figure_5_6(Context& context) {
                            limit >= 2000 ? Verdict::better : Verdict::differs});
   result.claims.push_back(
       {"Over all depths the graph wins only for very many spheres.",
-       std::isfinite(from) ? words("From %.0f spheres on.", from)
-       : graph.front() < simplified.front()
-           ? words("At every size measured, from %g on.", sweep.x.front())
-           : words("At no size up to %g.", sweep.x.back()),
+       "The graph beats simplified " + where_below(sweep.x, graph, simplified) + ".",
        graph.front() < simplified.front() ? Verdict::differs : Verdict::agrees});
   add_numbers(result, sweep, "time");
   result.plots = {plot};

@@ -12,6 +12,7 @@
 #include "eval/choose.h"
 #include "eval/report.h"
 #include "eval/run_evaluation.h"
+#include "eval/speed.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/temporary_folder.h"
 
@@ -226,6 +227,16 @@ TEST_F(Run, TheReportHasEveryClaim) {
   EXPECT_NE(docs.find("| 1.5 times \\| slower |"), std::string::npos);
   EXPECT_NE(docs.find("\\<simpler>"), std::string::npos);
   EXPECT_NE(docs.find("failed: there is no"), std::string::npos);
+}
+
+TEST(Speed, WhereOneCurveLiesBelowAnother) {
+  const std::vector<double> x{500, 1000, 2000}, level{2, 2, 2};
+  const auto words_of = [&](std::vector<double> curve) { return where_below(x, curve, level); };
+  EXPECT_EQ(words_of({3, 3, 2}), "at no size up to 2000");
+  EXPECT_EQ(words_of({1, 1, 1}), "at every size from 500 to 2000");
+  EXPECT_EQ(words_of({1, 3, 3}), "up to 500");
+  EXPECT_EQ(words_of({3, 1, 1}), "from 1000 on");
+  EXPECT_EQ(words_of({1, 3, 1}), "at 2 of 3 sizes");
 }
 
 TEST(Choose, NumbersOfAnId) {
