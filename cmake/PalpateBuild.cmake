@@ -99,7 +99,7 @@ function(palpate_kernel room source)
     set_source_files_properties(
       "${copy}" PROPERTIES
       OBJECT_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}"
-      COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;${flags_${variant}}"
+      COMPILE_OPTIONS "-O3;-Wno-psabi;-Wno-ignored-attributes;-Wno-maybe-uninitialized;-Wno-uninitialized;${flags_${variant}}"
       COMPILE_DEFINITIONS "PALPATE_ISA_NAMESPACE=isa_${variant};PALPATE_LANES=${lanes_${variant}}")
   endforeach()
 endfunction()

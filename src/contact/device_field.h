@@ -24,7 +24,8 @@ class DeviceFields {
   struct Copy {
     std::optional<gpu::Memory> memory;
     float* planes = nullptr;
-    std::uint8_t* is_step = nullptr;
+    Silhouette* silhouettes = nullptr;
+    std::uint8_t* near_silhouette = nullptr;
     DepthTile* tiles = nullptr;
     std::size_t num_pixels = 0, num_tiles = 0;  ///< that there is room for
   };

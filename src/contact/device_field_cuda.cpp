@@ -13,7 +13,8 @@ bool DeviceFields::grow(Copy& copy, std::size_t num_pixels, std::size_t num_tile
   copy = Copy{};
   copy.memory.emplace(gpu_);
   copy.planes = copy.memory->take<float>(2 * num_pixels);
-  copy.is_step = copy.memory->take<std::uint8_t>(num_pixels);
+  copy.silhouettes = copy.memory->take<Silhouette>(2 * num_pixels);
+  copy.near_silhouette = copy.memory->take<std::uint8_t>(num_pixels);
   copy.tiles = copy.memory->take<DepthTile>(num_tiles);
   if (const Status& status = copy.memory->status(); !status) {
     stream.fail(status.error());
@@ -36,7 +37,8 @@ DepthFieldView DeviceFields::on_gpu(const DepthFieldView& field, gpu::Stream& st
   const DepthFieldLevel& widest = field.levels[field.num_levels - 1];
   const std::ptrdiff_t stride = finest.stride, before = kBorder * stride + kBorder;
   const std::ptrdiff_t after = (widest.height + kBorder) * stride - kBorder;
-  const std::ptrdiff_t num_pixels = before + (widest.is_step - finest.is_step) + after;
+  const std::ptrdiff_t num_pixels =
+      before + (widest.near_silhouette - finest.near_silhouette) + after;
   const std::ptrdiff_t num_tiles = std::ptrdiff_t{field.tiles_wide} * field.tiles_high;
   if (!is_known) {
     if (!grow(copy, static_cast<std::size_t>(num_pixels), static_cast<std::size_t>(num_tiles),
@@ -45,7 +47,10 @@ DepthFieldView DeviceFields::on_gpu(const DepthFieldView& field, gpu::Stream& st
     }
     stream.copy(copy.planes, finest.planes - 2 * before,
                 2 * static_cast<std::size_t>(num_pixels) * sizeof(float));
-    stream.copy(copy.is_step, finest.is_step - before, static_cast<std::size_t>(num_pixels));
+    stream.copy(copy.silhouettes, finest.silhouettes - 2 * before,
+                2 * static_cast<std::size_t>(num_pixels) * sizeof(Silhouette));
+    stream.copy(copy.near_silhouette, finest.near_silhouette - before,
+                static_cast<std::size_t>(num_pixels));
     stream.copy(copy.tiles, field.tiles, static_cast<std::size_t>(num_tiles) * sizeof(DepthTile));
     slots_.note(slot, source);
   }
@@ -53,7 +58,9 @@ DepthFieldView DeviceFields::on_gpu(const DepthFieldView& field, gpu::Stream& st
   for (int k = 0; k < view.num_levels; ++k) {
     DepthFieldLevel& level = view.levels[k];
     level.planes = copy.planes + 2 * before + (level.planes - finest.planes);
-    level.is_step = copy.is_step + before + (level.is_step - finest.is_step);
+    level.silhouettes = copy.silhouettes + 2 * before + (level.silhouettes - finest.silhouettes);
+    level.near_silhouette =
+        copy.near_silhouette + before + (level.near_silhouette - finest.near_silhouette);
   }
   view.tiles = copy.tiles;
   view.gpu = gpu_;

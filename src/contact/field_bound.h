@@ -56,8 +56,8 @@ PALPATE_FORMULA void find_tiles(float x, float reach, float near_scale, float fa
   last = static_cast<int>(to > 0 ? (to < most ? to : most) : 0.0f);
 }
 
-/// The tiles of the ball's image, and of the three footprints around that a wide pixel and its
-/// neighbours take in.
+/// The tiles of the ball's image, and of the four and a half footprints around in which there may
+/// be a silhouette that is nearer than a radius.
 PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& ball,
                                      float largest_radius, int tiles_wide, int tiles_high) {
   float at[3];
@@ -71,8 +71,8 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
   window.farthest = at[2] + reach;
   if (!window.is_before_camera()) return window;
   const float near_scale = 1.0f / window.nearest, far_scale = 1.0f / window.farthest;
-  const float margin_u = 2.01f + 4 * kFootprint * largest_radius * frame.fx * near_scale;
-  const float margin_v = 2.01f + 4 * kFootprint * largest_radius * frame.fy * near_scale;
+  const float margin_u = 2.01f + 5 * kFootprint * largest_radius * frame.fx * near_scale;
+  const float margin_v = 2.01f + 5 * kFootprint * largest_radius * frame.fy * near_scale;
   find_tiles(at[0], reach, near_scale, far_scale, frame.fx, frame.cx, margin_u, tiles_wide,
              window.left, window.right);
   find_tiles(at[1], reach, near_scale, far_scale, frame.fy, frame.cy, margin_v, tiles_high,

@@ -19,9 +19,9 @@ static_assert(SphereClusters::kSize == gpu::kWarpSize);
 // A field as the kernel looks at it: what all its levels share, and what differs.
 struct FieldLook {
   const float* planes = nullptr;  // of level 0; the other levels follow
-  const std::uint8_t* is_step = nullptr;
+  const Silhouette* silhouettes = nullptr;
+  const std::uint8_t* near_silhouette = nullptr;
   std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
-  float step_limit[DepthFieldView::kMaxLevels] = {};
   std::int32_t stride = 0, last_level = -1;
   float width = 0, height = 0, thickness = 0;
   const DepthTile* tiles = nullptr;
@@ -36,10 +36,11 @@ FieldLook look_of(const DepthFieldView& view, const FieldFrame& frame, double we
   if (view.num_levels == 0) return look;
   const DepthFieldLevel& finest = view.levels[0];
   look.planes = finest.planes;
-  look.is_step = finest.is_step;
+  look.silhouettes = finest.silhouettes;
+  look.near_silhouette = finest.near_silhouette;
   for (int k = 0; k < view.num_levels; ++k) {
-    look.start[k] = static_cast<std::int32_t>(view.levels[k].is_step - finest.is_step);
-    look.step_limit[k] = view.levels[k].step_limit;
+    look.start[k] =
+        static_cast<std::int32_t>(view.levels[k].near_silhouette - finest.near_silhouette);
   }
   look.stride = finest.stride;
   look.last_level = view.num_levels - 1;
@@ -74,12 +75,12 @@ __device__ DepthFieldLevel level_of(const FieldLook& field, int number) {
   const int start = field.start[number];
   DepthFieldLevel level;
   level.planes = field.planes + 2 * std::ptrdiff_t{start};
-  level.is_step = field.is_step + start;
+  level.silhouettes = field.silhouettes + 2 * std::ptrdiff_t{start};
+  level.near_silhouette = field.near_silhouette + start;
   level.stride = field.stride;
   level.scale = scale_of(number);
-  level.last_u = field.width * level.scale + 2.0f;
-  level.last_v = field.height * level.scale + 2.0f;
-  level.step_limit = field.step_limit[number];
+  level.last_u = field.width * level.scale + 5.0f;
+  level.last_v = field.height * level.scale + 5.0f;
   return level;
 }
 
@@ -101,6 +102,26 @@ __device__ LevelChoice<float> choose(float footprint, int last_level, float inve
   return choice;
 }
 
+// What a sphere of this radius is told by the one or two levels of its size.
+__device__ ImageGradient<float> ask_field(const FieldLook& field, float u, float v, float depth,
+                                          float inverse_depth, float radius) {
+  const LevelChoice<float> choice =
+      choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
+  ImageGradient<float> g{};
+  Sloped<float> blend{1, 0};
+#pragma unroll 1
+  for (int number = choice.level;; ++number) {
+    const DepthFieldLevel level = level_of(field, number);
+    const PixelSpot<float> spot = spot_at(level, u, v);
+    Curved<float> values[3][3];
+    values_around(level, spot.pixel, depth, field.thickness, field.frame.fx, values);
+    g = mixed(g, gradient_of(values, spot.s, spot.t, level.scale), blend.value, blend.slope);
+    if (number > choice.level || !(choice.blend.value > 0)) break;
+    blend = choice.blend;
+  }
+  return g;
+}
+
 // What an element at `lever` from C is told by one field.
 __device__ void add_element(const FieldLook& field, float radius, float factor, bool is_counted,
                             const float (&lever)[3], const float (&p)[3], FieldShare& sum) {
@@ -110,29 +131,28 @@ __device__ void add_element(const FieldLook& field, float radius, float factor, 
   const float from_u = field.frame.fx * p[0] * inverse_depth,
               from_v = field.frame.fy * p[1] * inverse_depth;
   const float u = from_u + field.frame.cx, v = from_v + field.frame.cy;
-  const LevelChoice<float> choice =
-      choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
   ImageGradient<float> g{};
-  Sloped<float> blend{1, 0};
+  float asked = radius;
 #pragma unroll 1
-  for (int number = choice.level;; ++number) {
-    const DepthFieldLevel level = level_of(field, number);
-    const ImageGradient<float> next =
-        sample_level(level, spot_at(level, u, v), depth, radius, field.thickness);
-    const float change = next.phi - g.phi;
-    g.by_u += blend.value * (next.by_u - g.by_u);
-    g.by_v += blend.value * (next.by_v - g.by_v);
-    g.by_z += blend.value * (next.by_z - g.by_z) + change * blend.slope;
-    g.phi += blend.value * change;
-    if (number > choice.level || !(choice.blend.value > 0)) break;
-    blend = choice.blend;
+  for (int step = 0;; ++step) {
+    const ImageGradient<float> told = ask_field(field, u, v, depth, inverse_depth, asked);
+    if (step > 0) {
+      const float finer = asked * (1.0f / kDeepGrowth);
+      g = deepened(g, told, g.phi, told.phi, finer);
+    } else {
+      g = told;
+    }
+    if (step == kMostDeepSteps || !(g.phi < -deep_limit(asked))) break;
+    asked *= kDeepGrowth;
   }
   if (!(g.phi < radius)) return;
   const CutBall<float> cut = cut_ball(radius, factor, g.phi);
-  const Gradient3<float> n =
+  const Gradient3<float> gradient =
       to_space(g, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
+  const Gradient3<float> n = bounded(
+      gradient, sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z));
   const float force[3] = {cut.volume * n.x, cut.volume * n.y, cut.volume * n.z};
-  sum.volume += cut.volume * fade(g.phi, field.thickness);
+  sum.volume += cut.volume;
   sum.potential += cut.potential;
   for (int a = 0; a < 3; ++a) {
     const int b = (a + 1) % 3, c = (a + 2) % 3;

@@ -8,6 +8,40 @@
 
 namespace palpate {
 
+/// The longest gradient of the field that a force follows. By construction it is 1 long but for
+/// what noise, and silhouettes behind silhouettes, add in places. Where it is longer it is
+/// shortened, and the force there no longer is the derivative of the potential.
+inline constexpr float kLongestGradient = 1.2f;
+
+/// n of this length, but not longer than kLongestGradient.
+template <class Real>
+PALPATE_FORMULA Gradient3<Real> bounded(const Gradient3<Real>& n, Real length) {
+  const Real one = Real{} + 1.0f;
+  const Real scale = length > one * kLongestGradient ? kLongestGradient / length : one;
+  return {n.x * scale, n.y * scale, n.z * scale};
+}
+
+/// Its second derivatives where it was shortened, but for what no potential has: of the motion of n
+/// only what turns it.
+template <class Real>
+PALPATE_FORMULA Symmetric<Real> bounded(const Symmetric<Real>& h, const Gradient3<Real>& n,
+                                        Real length) {
+  const Real zero{}, one = zero + 1.0f;
+  const auto is_long = length > one * kLongestGradient;
+  const Real scale = is_long ? kLongestGradient / length : one;
+  const Real share = is_long ? one / length : zero;
+  const Gradient3<Real> e{n.x * share, n.y * share, n.z * share};
+  // H e, and of e H e half: H - e (H e)^T - (H e) e^T + (e H e) e e^T has neither.
+  const Gradient3<Real> he{h.xx * e.x + h.xy * e.y + h.xz * e.z,
+                           h.xy * e.x + h.yy * e.y + h.yz * e.z,
+                           h.xz * e.x + h.yz * e.y + h.zz * e.z};
+  const Real half = 0.5f * (e.x * he.x + e.y * he.y + e.z * he.z);
+  const Gradient3<Real> w{he.x - half * e.x, he.y - half * e.y, he.z - half * e.z};
+  return {scale * (h.xx - 2.0f * e.x * w.x),      scale * (h.xy - e.x * w.y - e.y * w.x),
+          scale * (h.xz - e.x * w.z - e.z * w.x), scale * (h.yy - 2.0f * e.y * w.y),
+          scale * (h.yz - e.y * w.z - e.z * w.y), scale * (h.zz - 2.0f * e.z * w.z)};
+}
+
 /// A ball that counts `factor` times, and the field at its centre.
 template <class Real>
 struct CutBall {
@@ -94,11 +128,12 @@ PALPATE_HOSTDEV inline StiffnessSums stiffness_of(const DepthFieldView& field, c
   if (factor == 0 || sample_field(field, p_WC + l, r).phi >= r) return sums;
   const CurvedFieldSample s = sample_field_curvature(field, p_WC + l, r);
   const double disc = s.phi > -r ? factor * kPi * (r * r - s.phi * s.phi) : 0;
-  const Mat3d& h = s.hessian;
-  stiffness_terms<double>({l.x, l.y, l.z}, factor * cap_volume(r, s.phi), disc,
-                          {s.gradient.x, s.gradient.y, s.gradient.z},
-                          {h.m[0][0], h.m[0][1], h.m[0][2], h.m[1][1], h.m[1][2], h.m[2][2]},
-                          sums.numbers);
+  const Mat3d& m = s.hessian;
+  const Gradient3<double> n{s.gradient.x, s.gradient.y, s.gradient.z};
+  const Symmetric<double> h{m.m[0][0], m.m[0][1], m.m[0][2], m.m[1][1], m.m[1][2], m.m[2][2]};
+  const double length = norm(s.gradient);
+  stiffness_terms<double>({l.x, l.y, l.z}, factor * cap_volume(r, s.phi), disc, bounded(n, length),
+                          bounded(h, n, length), sums.numbers);
   return sums;
 }
 

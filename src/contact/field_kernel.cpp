@@ -7,49 +7,48 @@ namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
 
 // phi and its derivatives, each element on a level of its own.
+[[gnu::noinline]] ImageGradient<VecF> sample_silhouettes(const Field& field, const Spot& at,
+                                                         VecI level, VecF depth) {
+  Curved<VecF> values[3][3];
+  values_around(field, at.pixel, level, depth, values);
+  return gradient_of(values, at.s, at.t, scale_of(level));
+}
+
+// The same where all values are those of planes, row by row.
 [[gnu::always_inline]] inline ImageGradient<VecF> sample(const Field& field, const Spot& at,
-                                                         VecI level, VecF depth, VecF radius) {
-  // Row by row, the middle one first: it tells whether the planes have to be saturated.
-  VecF plane[3], slope[3];
-  const auto take_row = [&](int q) {
-    VecF pairs[6];  // offset, slope, offset, slope, ...
-    gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), at.pixel, pairs);
-    for (int p = 0; p < 3; ++p) {
-      slope[p] = pairs[2 * p + 1];
-      plane[p] = pairs[2 * p] - depth * slope[p];
-    }
-  };
-  take_row(1);
-  const VecF step_limit = look_up(field.step_limit, level);
-  const VecI is_deep = plane[1] < 2.0f * step_limit - field.thickness;
-  const bool some_bend = any_byte(field.is_step, at.pixel) || mask_bits(is_deep) != 0;
-  VecI must_bend{};
-  if (some_bend) [[unlikely]] {
-    must_bend = (gather_bytes(field.is_step, at.pixel) != 0) | is_deep;
+                                                         VecI level, VecF depth) {
+  if (!are_plain(field, at.pixel)) [[unlikely]] {
+    return sample_silhouettes(field, at, level, depth);
   }
   VecF value[3], by_u[3], slopes[3];
-  const auto sum_row = [&](int q) {
-    if (some_bend) [[unlikely]] {
-      for (int p = 0; p < 3; ++p) {
-        const Sloped<VecF> bent = saturate(plane[p], radius + step_limit, splat(field.thickness));
-        plane[p] = select(must_bend, bent.value, plane[p]);
-        slope[p] = select(must_bend, slope[p] * bent.slope, slope[p]);
-      }
-    }
+  for (int q = 0; q < 3; ++q) {
+    VecF pairs[6];  // offset, slope, offset, slope, ...
+    gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), at.pixel, pairs);
+    VecF plane[3];
+    for (int p = 0; p < 3; ++p) plane[p] = pairs[2 * p] - depth * pairs[2 * p + 1];
     const Curved<VecF> sum = spline(plane[0], plane[1], plane[2], at.s);
     value[q] = sum.value;
     by_u[q] = sum.slope;
-    slopes[q] = spline(slope[0], slope[1], slope[2], at.s).value;
-  };
-  sum_row(1);
-  take_row(0);
-  sum_row(0);
-  take_row(2);
-  sum_row(2);
+    slopes[q] = spline(-pairs[1], -pairs[3], -pairs[5], at.s).value;
+  }
   const VecF scale = scale_of(level);
   const Curved<VecF> phi = spline(value[0], value[1], value[2], at.t);
   return {phi.value, spline(by_u[0], by_u[1], by_u[2], at.t).value * scale, phi.slope * scale,
-          -spline(slopes[0], slopes[1], slopes[2], at.t).value};
+          spline(slopes[0], slopes[1], slopes[2], at.t).value};
+}
+
+// What elements of these radii are told by the levels of their size.
+inline ImageGradient<VecF> ask_field(const Field& field, VecF u, VecF v, VecF depth,
+                                     VecF inverse_depth, VecF radius) {
+  const LevelBlend choice = choose_levels(field, radius, inverse_depth);
+  ImageGradient<VecF> g = sample(field, spot_at(field, u, v, choice.level), choice.level, depth);
+  const VecF blend = select(choice.is_single, VecF{}, choice.step.value);
+  if (mask_bits(blend > VecF{}) == 0) return g;
+  const VecF blend_by_z = select(choice.is_single, VecF{}, choice.step.slope * choice.x_by_z);
+  const VecI last = splat(field.last_level);
+  const VecI wider = choice.level < last ? choice.level + 1 : last;
+  const ImageGradient<VecF> next = sample(field, spot_at(field, u, v, wider), wider, depth);
+  return mixed(g, next, blend, blend_by_z);
 }
 
 // Sums of one group.
@@ -64,19 +63,23 @@ struct Totals {
   for (int i = 0; i < kSize; i += kLanes) {
     const VecF depth = load(at.depth + i), radius = load(job.radius + begin + i);
     const VecI level = load(at.level + i);
+    const VecF u = load(at.from_u + i) + field.cx, v = load(at.from_v + i) + field.cy;
     ImageGradient<VecF> g =
-        sample(field, {load(at.pixel + i), load(at.s + i), load(at.t + i)}, level, depth, radius);
+        sample(field, {load(at.pixel + i), load(at.s + i), load(at.t + i)}, level, depth);
     const VecF blend = load(at.blend + i);
     if (mask_bits(blend > VecF{}) != 0) {
       const VecI wider = level < last ? level + 1 : last;
-      const VecF u = load(at.from_u + i) + field.cx, v = load(at.from_v + i) + field.cy;
-      const ImageGradient<VecF> next =
-          sample(field, spot_at(field, u, v, wider), wider, depth, radius);
-      const VecF change = next.phi - g.phi;
-      g.by_u += blend * (next.by_u - g.by_u);
-      g.by_v += blend * (next.by_v - g.by_v);
-      g.by_z += blend * (next.by_z - g.by_z) + change * load(at.blend_by_z + i);
-      g.phi += blend * change;
+      g = mixed(g, sample(field, spot_at(field, u, v, wider), wider, depth), blend,
+                load(at.blend_by_z + i));
+    }
+    VecF asked = radius;
+    for (int step = 0; step < kMostDeepSteps; ++step) {
+      const VecI is_deep = g.phi < -deep_limit(asked);
+      if (mask_bits(is_deep) == 0) break;
+      const ImageGradient<VecF> wide =
+          ask_field(field, u, v, depth, load(at.inverse_depth + i), asked * kDeepGrowth);
+      g = chosen(is_deep, deepened(g, wide, g.phi, wide.phi, asked), g);
+      asked *= kDeepGrowth;
     }
     store(at.phi + i, g.phi);
     store(at.by_u + i, g.by_u);
@@ -97,11 +100,14 @@ struct Totals {
 
     const CutBall<VecF> cut = cut_ball(radius, factor, phi);
     const ImageGradient<VecF> g{phi, load(at.by_u + i), load(at.by_v + i), load(at.by_z + i)};
-    const Gradient3<VecF> n = to_space(g, load(at.from_u + i), load(at.from_v + i),
-                                       load(at.inverse_depth + i), field.fx, field.fy);
+    const Gradient3<VecF> gradient = to_space(g, load(at.from_u + i), load(at.from_v + i),
+                                              load(at.inverse_depth + i), field.fx, field.fy);
+    const Gradient3<VecF> n =
+        bounded(gradient,
+                sqrt(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z));
     const VecF x = cut.volume * n.x, y = cut.volume * n.y, z = cut.volume * n.z;
     const int part = i / kLanes % RowSums::kParts;
-    totals.volume.add(part, cut.volume * fade(phi, splat(field.thickness)));
+    totals.volume.add(part, cut.volume);
     totals.potential.add(part, cut.potential);
     totals.fx.add(part, x);
     totals.fy.add(part, y);

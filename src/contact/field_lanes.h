@@ -24,19 +24,20 @@ struct Field {
         stride(view.levels[0].stride),
         last_level(view.num_levels - 1),
         planes(view.levels[0].planes),
-        is_step(view.levels[0].is_step) {
+        silhouettes(view.levels[0].silhouettes),
+        near_silhouette(view.levels[0].near_silhouette) {
     for (int k = 0; k < view.num_levels; ++k) {
-      start.entries[k] = static_cast<std::int32_t>(view.levels[k].is_step - is_step);
-      step_limit.entries[k] = view.levels[k].step_limit;
+      start.entries[k] =
+          static_cast<std::int32_t>(view.levels[k].near_silhouette - near_silhouette);
     }
   }
 
   float fx, fy, cx, cy, width, height, thickness;
   std::int32_t stride, last_level;
   const float* planes;  // of level 0; the other levels follow
-  const std::uint8_t* is_step;
+  const Silhouette* silhouettes;
+  const std::uint8_t* near_silhouette;
   LaneTable<std::int32_t> start;  // pixel (0, 0) of each level
-  LaneTable<float> step_limit;
 };
 
 // Where on one level elements are seen.
@@ -54,8 +55,8 @@ struct Spot {
   const VecF scale = scale_of(level);
   const auto place = [&](VecF pixels, float size, VecF& offset) {
     VecF p = (pixels + 0.5f) * scale - 0.5f;
-    p = min(max(p, splat(DepthFieldLevel::kFirst)), size * scale + 2.0f);
-    const VecI pixel = to_int(p + 4.5f) - 4;  // rounded down: p > -4
+    p = min(max(p, splat(DepthFieldLevel::kFirst)), size * scale + 5.0f);
+    const VecI pixel = to_int(p + 8.5f) - 8;  // rounded down: p > -8
     offset = p - to_float(pixel);
     return pixel;
   };
@@ -87,6 +88,47 @@ struct LevelBlend {
   choice.is_single = is_next | (exponent >= last);
   choice.level = exponent < last ? exponent - is_next : last;
   return choice;
+}
+
+// The value of a pixel at `depth` as its silhouettes have it.
+[[gnu::always_inline]] inline Curved<VecF> silhouette_value(const Field& field, VecI pixel,
+                                                            const Curved<VecF>& own, VecF depth,
+                                                            VecF k_by) {
+  const float* const table = &field.silhouettes->side;
+  const VecI at = 8 * pixel + (own.value < VecF{} ? VecI{} : VecI{} + 4);
+  const VecF side = gather(table, at);
+  Curved<VecF> plane = plane_value(gather(table + 1, at), gather(table + 2, at), depth);
+  if (field.thickness < static_cast<float>(kSolidBehind)) {
+    plane = with_back(plane, splat(field.thickness));
+  }
+  return clamped_at_silhouette(own, plane, side, depth, k_by);
+}
+
+// Have the pixels around elements any value beside that of their own plane?
+[[gnu::always_inline]] inline bool are_plain(const Field& field, VecI pixel) {
+  return field.thickness >= static_cast<float>(kSolidBehind) &&
+         !any_byte(field.near_silhouette, pixel);
+}
+
+// The values of the nine pixels around, row by row, each element on a level of its own.
+[[gnu::always_inline]] inline void values_around(const Field& field, VecI pixel, VecI level,
+                                                 VecF depth, Curved<VecF> (&values)[3][3]) {
+  const VecI is_near = gather_bytes(field.near_silhouette, pixel) != 0;
+  const VecF k_by = kCorner / (scale_of(level) * field.fx);
+  for (int q = 0; q < 3; ++q) {
+    VecF pairs[6];  // offset, slope, offset, slope, ...
+    gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), pixel, pairs);
+    for (int p = 0; p < 3; ++p) {
+      Curved<VecF>& value = values[q][p];
+      value = plane_value(pairs[2 * p], pairs[2 * p + 1], depth);
+      if (field.thickness < static_cast<float>(kSolidBehind)) {
+        value = with_back(value, splat(field.thickness));
+      }
+      // Elsewhere what is written there may be old.
+      const VecI at = is_near ? pixel + (q - 1) * field.stride + (p - 1) : VecI{};
+      value = chosen(is_near, silhouette_value(field, at, value, depth, k_by), value);
+    }
+  }
 }
 
 // The elements of a cluster between the steps of measuring them. Each step is a short loop: then

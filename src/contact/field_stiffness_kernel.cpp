@@ -9,30 +9,47 @@ namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
 
 // phi with first and second derivatives, each element on a level of its own.
+[[gnu::noinline]] ImageCurvature<VecF> curvature_at_silhouettes(const Field& field, const Spot& at,
+                                                                VecI level, VecF depth) {
+  Curved<VecF> values[3][3];
+  values_around(field, at.pixel, level, depth, values);
+  return curvature_of(values, at.s, at.t, scale_of(level));
+}
+
 [[gnu::always_inline]] inline ImageCurvature<VecF> sample_curvature(const Field& field,
                                                                     const Spot& at, VecI level,
-                                                                    VecF depth, VecF radius) {
-  BentPlane<VecF> planes[3][3];
+                                                                    VecF depth) {
+  if (!are_plain(field, at.pixel)) [[unlikely]] {
+    return curvature_at_silhouettes(field, at, level, depth);
+  }
+  Curved<VecF> values[3][3];
   for (int q = 0; q < 3; ++q) {
     VecF pairs[6];  // offset, slope, offset, slope, ...
     gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), at.pixel, pairs);
-    for (int p = 0; p < 3; ++p) {
-      planes[q][p] = straight_plane(pairs[2 * p], pairs[2 * p + 1], depth);
-    }
+    for (int p = 0; p < 3; ++p) values[q][p] = plane_value(pairs[2 * p], pairs[2 * p + 1], depth);
   }
-  const VecF step_limit = look_up(field.step_limit, level), thickness = splat(field.thickness);
-  const VecI must_bend = (gather_bytes(field.is_step, at.pixel) != 0) |
-                         (planes[1][1].distance < 2.0f * step_limit - thickness);
-  if (mask_bits(must_bend) != 0) {
-    for (BentPlane<VecF>(&row)[3] : planes) {
-      for (BentPlane<VecF>& plane : row) {
-        const BentPlane<VecF> bent = bend_plane(plane, radius + step_limit, thickness);
-        plane = {select(must_bend, bent.distance, plane.distance),
-                 select(must_bend, bent.by_z, plane.by_z), select(must_bend, bent.by_zz, VecF{})};
-      }
-    }
-  }
-  return curvature_of(planes, at.s, at.t, scale_of(level));
+  return curvature_of(values, at.s, at.t, scale_of(level));
+}
+
+// What elements of these radii are told by the levels of their size.
+ImageCurvature<VecF> ask_curvature(const Field& field, VecF u, VecF v, VecF depth,
+                                   VecF inverse_depth, VecF radius) {
+  const LevelBlend choice = choose_levels(field, radius, inverse_depth);
+  const ImageCurvature<VecF> c =
+      sample_curvature(field, spot_at(field, u, v, choice.level), choice.level, depth);
+  const VecF blend = select(choice.is_single, VecF{}, choice.step.value);
+  if (mask_bits(blend > VecF{}) == 0) return c;
+  const VecI last = splat(field.last_level);
+  const VecI wider = choice.level < last ? choice.level + 1 : last;
+  const ImageCurvature<VecF> next =
+      sample_curvature(field, spot_at(field, u, v, wider), wider, depth);
+  const VecI is_between = (choice.x > VecF{}) & (choice.x < splat(1.0f));
+  const VecF bend = select(is_between, (6.0f - 12.0f * choice.x), VecF{});
+  const VecF by_zz =
+      choice.x_by_z * (bend * choice.x_by_z - 2.0f * choice.step.slope * inverse_depth);
+  return blended(c, next, blend,
+                 select(choice.is_single, VecF{}, choice.step.slope * choice.x_by_z),
+                 select(choice.is_single, VecF{}, by_zz));
 }
 
 // Sums of one group.
@@ -42,26 +59,21 @@ struct Totals {
 
 void add_up(const MeasureJob& job, const Field& field, std::size_t begin, const Elements& at,
             Totals& totals) {
-  const VecI last = splat(field.last_level);
   for (int i = 0; i < kSize; i += kLanes) {
     const std::size_t place = begin + static_cast<std::size_t>(i);
     const VecF radius = load(job.radius + place), factor = load(job.factor + place);
     const VecF depth = load(at.depth + i), inverse_depth = load(at.inverse_depth + i);
-    const VecI level = load(at.level + i);
     const VecF from_u = load(at.from_u + i), from_v = load(at.from_v + i);
-    ImageCurvature<VecF> c = sample_curvature(
-        field, {load(at.pixel + i), load(at.s + i), load(at.t + i)}, level, depth, radius);
-    const VecF blend = load(at.blend + i);
-    if (mask_bits(blend > VecF{}) != 0) {
-      const LevelBlend choice = choose_levels(field, radius, inverse_depth);
-      const VecI wider = level < last ? level + 1 : last;
-      const ImageCurvature<VecF> next = sample_curvature(
-          field, spot_at(field, from_u + field.cx, from_v + field.cy, wider), wider, depth, radius);
-      const VecI is_between = (choice.x > VecF{}) & (choice.x < splat(1.0f));
-      const VecF bend = select(is_between, (6.0f - 12.0f * choice.x), VecF{});
-      const VecF by_zz =
-          choice.x_by_z * (bend * choice.x_by_z - 2.0f * choice.step.slope * inverse_depth);
-      c = blended(c, next, blend, load(at.blend_by_z + i), select(choice.is_single, VecF{}, by_zz));
+    const VecF u = from_u + field.cx, v = from_v + field.cy;
+    ImageCurvature<VecF> c = ask_curvature(field, u, v, depth, inverse_depth, radius);
+    VecF asked = radius;
+    for (int step = 0; step < kMostDeepSteps; ++step) {
+      const VecI is_deep = c.first.phi < -deep_limit(asked);
+      if (mask_bits(is_deep) == 0) break;
+      const ImageCurvature<VecF> wide =
+          ask_curvature(field, u, v, depth, inverse_depth, asked * kDeepGrowth);
+      c = chosen(is_deep, deepened(c, wide, c.first.phi, wide.first.phi, asked), c);
+      asked *= kDeepGrowth;
     }
     const VecF lx = load(at.lx + i), ly = load(at.ly + i), lz = load(at.lz + i);
     const VecI in_front = lz + job.frame.p_WC[2] > splat(kLeastDepth);
@@ -72,9 +84,11 @@ void add_up(const MeasureJob& job, const Field& field, std::size_t begin, const 
     const Gradient3<VecF> n = to_space(c.first, from_u, from_v, inverse_depth, field.fx, field.fy);
     const Symmetric<VecF> h =
         hessian_in_space(c, from_u, from_v, inverse_depth, field.fx, field.fy);
+    const VecF length = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
     const int part = i / kLanes % RowSums::kParts;
     VecF terms[StiffnessSums::kNum];
-    stiffness_terms<VecF>({lx, ly, lz}, volume, disc, n, h, terms);
+    stiffness_terms<VecF>({lx, ly, lz}, volume, disc, bounded(n, length), bounded(h, n, length),
+                          terms);
     for (int k = 0; k < StiffnessSums::kNum; ++k) totals.numbers[k].add(part, terms[k]);
   }
 }

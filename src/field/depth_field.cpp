@@ -26,8 +26,12 @@ void for_rows(ThreadPool& pool, int height, const Row& row) {
 struct DepthField::Impl {
   DepthFieldOptions options;
   PyramidLayout layout;
-  std::vector<TangentPlane> planes;  // of all levels
-  std::vector<std::uint8_t> steps;   // likewise
+  std::vector<TangentPlane> planes;           // of all levels
+  std::vector<Silhouette> silhouettes;        // two a pixel, likewise
+  std::vector<std::uint8_t> near_silhouette;  // likewise
+  std::vector<float> found;                   // of `scratch`
+  std::vector<std::uint8_t> has_any, has_edge, any_found;
+  SilhouetteScratch scratch;
   FieldImage images[DepthFieldView::kMaxLevels];
   FieldRows rows;
   std::vector<char> row_has_hole;  // of level 0
@@ -39,7 +43,7 @@ struct DepthField::Impl {
   void widen(int level, Choice choice, ThreadPool& pool);
   void fill_holes(ThreadPool& pool);
   void extend_border(int level) const;
-  void find_steps(int level, ThreadPool& pool);
+  void find_silhouettes(const Intrinsics& k, int level, ThreadPool& pool);
   void find_tiles(ThreadPool& pool);
 };
 
@@ -81,10 +85,20 @@ void DepthField::Impl::extend_border(int level) const {
   }
 }
 
-void DepthField::Impl::find_steps(int level, ThreadPool& pool) {
-  for_rows(pool, image(level).height + 2 * kStepBorder, [&](int row) {
-    rows.find_steps(step_limit_of(level), image(level), row - kStepBorder);
-  });
+/// In all rows that queries look at, and as far beyond as that takes.
+void DepthField::Impl::find_silhouettes(const Intrinsics& k, int level, ThreadPool& pool) {
+  const FieldImage& of = image(level);
+  const auto for_rows_beyond = [&](int beyond, const auto& row) {
+    for_rows(pool, of.height + 2 * beyond + 1, [&](int v) { row(v - beyond); });
+  };
+  constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
+  for_rows_beyond(kSilhouetteBorder + kReach,
+                  [&](int v) { rows.find_edges(k, of, level, v, scratch); });
+  for_rows_beyond(kSilhouetteBorder + kReach,
+                  [&](int v) { rows.find_in_row(k, of, level, v, scratch); });
+  for_rows_beyond(kSilhouetteBorder,
+                  [&](int v) { rows.find_silhouettes(k, of, level, v, scratch); });
+  for_rows_beyond(kSilhouetteBorder - 1, [&](int v) { rows.mark_silhouettes(of, v, scratch); });
 }
 
 /// Wider pixels are means of those of level 0.
@@ -103,16 +117,33 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   d.options = options;
   d.layout = *layout;
   d.planes.resize(layout->num_planes());
-  d.steps.assign(layout->num_steps(), 1);
+  d.silhouettes.resize(2 * layout->num_pixels());
+  d.near_silhouette.resize(layout->num_bytes());
   d.rows = field_rows(isa);
+  constexpr int kSegment = SilhouetteScratch::kSegment;
+  d.scratch.num_segments = (layout->stride + kSegment - 1) / kSegment;
+  const auto num_segments = static_cast<std::size_t>(d.scratch.num_segments) *
+                            static_cast<std::size_t>(height + 2 * kBorder);
+  d.has_edge.resize(num_segments);
+  d.any_found.resize(num_segments);
+  d.has_any.resize(num_segments * kSegment);
+  d.found.resize(6 * num_segments * kSegment);
+  d.scratch.has_edge = d.has_edge.data();
+  d.scratch.any_found = d.any_found.data();
+  d.scratch.has_any = d.has_any.data();
+  for (std::size_t i = 0; i < 6; ++i) {
+    d.scratch.found[i] = d.found.data() + i * num_segments * kSegment;
+  }
   for (int level = 0; level < layout->num_levels; ++level) {
     const std::ptrdiff_t origin = layout->origin(level);
-    d.images[level] = {d.planes.data() + origin, d.steps.data() + origin,
-                       layout->levels[level].width, layout->levels[level].height, layout->stride};
+    d.images[level] = {d.planes.data() + origin,          d.silhouettes.data() + 2 * origin,
+                       d.near_silhouette.data() + origin, layout->levels[level].width,
+                       layout->levels[level].height,      layout->stride};
   }
   d.row_has_hole.resize(static_cast<std::size_t>(height));
   d.tiles.resize(layout->num_tiles());
-  d.view = layout->view(d.planes.data(), d.steps.data(), d.tiles.data(), options);
+  d.view = layout->view(d.planes.data(), d.silhouettes.data(), d.near_silhouette.data(),
+                        d.tiles.data(), options);
   d.view.num_levels = 0;
   return DepthField(std::move(impl));
 }
@@ -134,7 +165,7 @@ void DepthField::update(const PointCloudView& cloud, ThreadPool& pool) {
   for (int level = 0; level < d.view.num_levels; ++level) {
     if (level > 0) d.widen(level, Choice::majority, pool);
     d.extend_border(level);
-    d.find_steps(level, pool);
+    d.find_silhouettes(cloud.intrinsics, level, pool);
   }
   d.view.stamp = next_stamp();
 }

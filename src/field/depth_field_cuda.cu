@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "palpate/core/stamp.h"
+#include "src/field/silhouette_rules.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate {
@@ -236,49 +237,156 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   }
 }
 
-constexpr int kRun = 4;  // pixels of a thread, one below the other
-constexpr int kStepsWide = gpu::kWarpSize, kStepsHigh = kRun * kWarps;
+// A block looks for the silhouettes of a tile of pixels and of those just around it.
+constexpr int kRimWide = 32, kRimHigh = 16;
+constexpr int kReach = DepthFieldLevel::kSilhouetteReach, kHalo = kReach + 1;
 
-/// Third kernel: borders and steps.
-__global__ void __launch_bounds__(kThreads) find_steps(const __grid_constant__ FieldJob job) {
-  const int block = static_cast<int>(blockIdx.x);
+struct RimScratch {
+  static constexpr int kWide = kRimWide + 2 * kHalo, kHigh = kRimHigh + 2 * kHalo;
+
+  one_lane::RulePlane planes[kHigh][kWide];
+  /// The nearest silhouettes of each pixel's own row: as SilhouetteScratch::found.
+  float found[kHigh][kRimWide + 2][6];
+  std::uint8_t has_any[kRimHigh + 2][kRimWide + 2];
+  int has_edge;
+};
+
+/// What all levels are measured with.
+struct RimLevels {
+  one_lane::RuleLevel levels[kLevels];
+};
+
+__device__ one_lane::PixelSilhouettes load_found(const float (&found)[6]) {
+  one_lane::PixelSilhouettes both;
+  one_lane::NearestSilhouette* const of[2] = {&both.exit, &both.occluder};
+  for (int k = 0; k < 2; ++k) {
+    of[k]->du = found[3 * k];
+    if (of[k]->du != 0.0f) of[k]->squared = of[k]->du * of[k]->du;
+    of[k]->other = {found[3 * k + 1], found[3 * k + 2]};
+  }
+  return both;
+}
+
+/// Third kernel: borders and silhouettes.
+__global__ void __launch_bounds__(kThreads)
+    find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
+  auto& shared = gpu::shared_memory<RimScratch>();
+  const int block = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);
   int level = 0;
-  while (block >= job.first_step_block[level + 1]) ++level;
+  while (block >= job.first_rim_block[level + 1]) ++level;
   constexpr int kBorder = DepthFieldLevel::kBorder;
   const int width = job.layout.levels[level].width, height = job.layout.levels[level].height;
-  const int blocks_wide = (width + 2 * kBorder + kStepsWide - 1) / kStepsWide;
-  const int number = block - job.first_step_block[level];
-  const int u = number % blocks_wide * kStepsWide + gpu::lane_id() - kBorder;
-  const int first_v = number / blocks_wide * kStepsHigh + kRun * gpu::warp_id() - kBorder;
-  if (u >= width + kBorder) return;
+  const int blocks_wide = (width + 2 * kBorder + kRimWide - 1) / kRimWide;
+  const int number = block - job.first_rim_block[level];
+  const int first_u = number % blocks_wide * kRimWide - kBorder;
+  const int first_v = number / blocks_wide * kRimHigh - kBorder;
+  const one_lane::RuleLevel& rules = rims.levels[level];
 
   // Outside of the image: nothing, or the surface of the outermost pixels going on. The border in
   // memory is not read here.
-  const auto plane_at = [&](int at_u, int at_v) {
-    const int inner_u = at_u < 0 ? 0 : (at_u >= width ? width - 1 : at_u);
-    const int inner_v = at_v < 0 ? 0 : (at_v >= height ? height - 1 : at_v);
-    if (!job.goes_on && (inner_u != at_u || inner_v != at_v)) return TangentPlane{};
+  const auto plane_at = [&](int u, int v) {
+    const int inner_u = u < 0 ? 0 : (u >= width ? width - 1 : u);
+    const int inner_v = v < 0 ? 0 : (v >= height ? height - 1 : v);
+    if (!job.goes_on && (inner_u != u || inner_v != v)) return TangentPlane{};
     return *pixel(job, job.planes, level, inner_u, inner_v);
   };
-  TangentPlane rows[kRun + 2][3];
-  for (int row = 0; row < kRun + 2; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      rows[row][column] = plane_at(u + column - 1, first_v + row - 1);
+  if (thread == 0) shared.has_edge = 0;
+  for (int i = thread; i < RimScratch::kWide * RimScratch::kHigh; i += kThreads) {
+    const int x = i % RimScratch::kWide, y = i / RimScratch::kWide;
+    const int u = first_u + x - kHalo, v = first_v + y - kHalo;
+    const TangentPlane plane = plane_at(u, v);
+    shared.planes[y][x] = {plane.offset, plane.slope};
+    const bool is_mine = x >= kHalo && x < kHalo + kRimWide && y >= kHalo && y < kHalo + kRimHigh &&
+                         u < width + kBorder && v < height + kBorder;
+    if (is_mine && (u < 0 || u >= width || v < 0 || v >= height)) {
+      *pixel(job, job.planes, level, u, v) = plane;
     }
   }
-  const float limit = step_limit_of(level);
-  for (int k = 0; k < kRun; ++k) {
-    const int v = first_v + k;
-    if (v >= height + kBorder) continue;
-    if (u < 0 || u >= width || v < 0 || v >= height) {
-      *pixel(job, job.planes, level, u, v) = rows[k + 1][1];
+  __syncthreads();
+  const auto own_at = [&](int x, int y) -> const one_lane::RulePlane& {
+    return shared.planes[y + kHalo][x + kHalo];
+  };
+  const auto is_edge = [&](const one_lane::RulePlane& a, const one_lane::RulePlane& b, float size) {
+    const bool a_is_near = one_lane::is_nearer(a, b);
+    return one_lane::ends_between(a_is_near ? a : b, a_is_near ? b : a, size);
+  };
+  bool has_edge = false;
+  for (int i = thread; i < RimScratch::kWide * RimScratch::kHigh; i += kThreads) {
+    const int x = i % RimScratch::kWide, y = i / RimScratch::kWide;
+    const one_lane::RulePlane& own = shared.planes[y][x];
+    if (x + 1 < RimScratch::kWide) {
+      has_edge |= is_edge(own, shared.planes[y][x + 1], rules.width_u);
     }
-    if (u >= -kStepBorder && u < width + kStepBorder && v >= -kStepBorder &&
-        v < height + kStepBorder) {
-      const TangentPlane* const around[3] = {rows[k], rows[k + 1], rows[k + 2]};
-      job.is_step[job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride +
-                  u] = has_step(around, limit);
+    if (y + 1 < RimScratch::kHigh) {
+      has_edge |= is_edge(own, shared.planes[y + 1][x], rules.width_v);
     }
+  }
+  if (has_edge) shared.has_edge = 1;
+  __syncthreads();
+  const bool is_active = shared.has_edge != 0;
+  if (is_active) {
+    for (int i = thread; i < RimScratch::kHigh * (kRimWide + 2); i += kThreads) {
+      const int x = i % (kRimWide + 2) - 1, y = i / (kRimWide + 2) - kHalo;
+      const one_lane::RulePlane& own = own_at(x, y);
+      one_lane::PixelSilhouettes found;
+      for (int n = 1; n <= kReach; ++n) {
+        const float away = static_cast<float>(n) - 0.5f;
+        one_lane::take_edge(own, own_at(x + n - 1, y), own_at(x + n, y), away, 0.0f, rules.width_u,
+                            found);
+        one_lane::take_edge(own, own_at(x - n, y), own_at(x - n + 1, y), -away, 0.0f, rules.width_u,
+                            found);
+      }
+      float(&to)[6] = shared.found[y + kHalo][x + 1];
+      to[0] = found.exit.du, to[1] = found.exit.other.offset, to[2] = found.exit.other.slope;
+      to[3] = found.occluder.du, to[4] = found.occluder.other.offset;
+      to[5] = found.occluder.other.slope;
+    }
+    __syncthreads();
+    for (int i = thread; i < (kRimHigh + 2) * (kRimWide + 2); i += kThreads) {
+      const int x = i % (kRimWide + 2) - 1, y = i / (kRimWide + 2) - 1;
+      const int u = first_u + x, v = first_v + y;
+      const one_lane::RulePlane& own = own_at(x, y);
+      one_lane::PixelSilhouettes found = load_found(shared.found[y + kHalo][x + 1]);
+      for (int n = 1; n <= kReach; ++n) {
+        const float away = static_cast<float>(n);
+        one_lane::take_edge(own, own_at(x, y + n - 1), own_at(x, y + n), 0.0f, away - 0.5f,
+                            rules.width_v, found);
+        one_lane::take_edge(own, own_at(x, y - n), own_at(x, y - n + 1), 0.0f, 0.5f - away,
+                            rules.width_v, found);
+        for (const int row : {n, -n}) {
+          one_lane::take_found(own, load_found(shared.found[y + row + kHalo][x + 1]),
+                               static_cast<float>(row), rules.width_u, found);
+        }
+      }
+      const float at_x = rules.first_u + static_cast<float>(u) * rules.width_u;
+      const float at_y = rules.first_v + static_cast<float>(v) * rules.width_v;
+      const bool has_exit = one_lane::is_any(found.exit);
+      const bool has_occluder = one_lane::is_any(found.occluder);
+      const bool is_asked = u >= -kSilhouetteBorder && u <= width + kSilhouetteBorder &&
+                            v >= -kSilhouetteBorder && v <= height + kSilhouetteBorder;
+      shared.has_any[y + 1][x + 1] = is_asked && (has_exit || has_occluder);
+      if (!is_asked) continue;
+      // Those just around the tile are written by two blocks, the same by both.
+      Silhouette* const to =
+          job.silhouettes +
+          2 * (job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u);
+      to[0] = {has_exit ? -one_lane::side_of(found.exit, at_x, at_y, rules) : 0.0f,
+               found.exit.other.offset, found.exit.other.slope, 0};
+      to[1] = {has_occluder ? one_lane::side_of(found.occluder, at_x, at_y, rules) : 0.0f,
+               found.occluder.other.offset, found.occluder.other.slope, 0};
+    }
+    __syncthreads();
+  }
+  for (int i = thread; i < kRimWide * kRimHigh; i += kThreads) {
+    const int x = i % kRimWide, y = i / kRimWide, u = first_u + x, v = first_v + y;
+    if (u >= width + kBorder || v >= height + kBorder) continue;
+    bool any = false;
+    if (is_active && u > -kSilhouetteBorder && u < width + kSilhouetteBorder &&
+        v > -kSilhouetteBorder && v < height + kSilhouetteBorder) {
+      for (int k = 0; k < 9; ++k) any |= shared.has_any[y + k / 3][x + k % 3] != 0;
+    }
+    job.near_silhouette[job.layout.origin(level) +
+                        static_cast<std::ptrdiff_t>(v) * job.layout.stride + u] = any;
   }
 }
 
@@ -298,15 +406,15 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
   constexpr int kBorders = 2 * DepthFieldLevel::kBorder;
   for (int level = 0; level < layout->num_levels; ++level) {
     const auto& image = layout->levels[level];
-    job.first_step_block[level + 1] =
-        job.first_step_block[level] + blocks_over(image.width + kBorders, kStepsWide) *
-                                          blocks_over(image.height + kBorders, kStepsHigh);
+    job.first_rim_block[level + 1] =
+        job.first_rim_block[level] + blocks_over(image.width + kBorders, kRimWide) *
+                                         blocks_over(image.height + kBorders, kRimHigh);
   }
   gpu::Memory memory(gpu);
   job.planes = memory.take<TangentPlane>(layout->num_planes());
   job.nearest = memory.take<TangentPlane>(layout->num_planes());
-  // Beyond the places where steps are looked for, everything counts as one.
-  job.is_step = memory.copy_of(std::vector<std::uint8_t>(layout->num_steps(), 1));
+  job.silhouettes = memory.take<Silhouette>(2 * layout->num_pixels());
+  job.near_silhouette = memory.take<std::uint8_t>(layout->num_bytes());
   job.tiles = memory.take<DepthTile>(layout->num_tiles());
   job.has_hole = memory.take<int>(static_cast<std::size_t>(job.squares_wide) *
                                   static_cast<std::size_t>(job.squares_high));
@@ -324,10 +432,17 @@ void DepthFieldCuda::enqueue(const PointCloudView& cloud, gpu::Stream& stream) {
   gpu::launch(stream,
               {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(WidenScratch)},
               widen_planes, job_);
+  RimLevels rims{};
+  for (int level = 0; level < job_.layout.num_levels; ++level) {
+    rims.levels[level] = one_lane::rule_level(cloud.intrinsics, level);
+  }
   gpu::launch(stream,
-              {.blocks = job_.first_step_block[job_.layout.num_levels], .threads = kThreads},
-              find_steps, job_);
-  view_ = job_.layout.view(job_.planes, job_.is_step, job_.tiles, options_);
+              {.blocks = job_.first_rim_block[job_.layout.num_levels],
+               .threads = kThreads,
+               .shared_bytes = sizeof(RimScratch)},
+              find_silhouettes, job_, rims);
+  view_ =
+      job_.layout.view(job_.planes, job_.silhouettes, job_.near_silhouette, job_.tiles, options_);
   view_.intrinsics = cloud.intrinsics;
   view_.gpu = memory_.gpu();
   view_.stamp = next_stamp();

@@ -18,12 +18,13 @@ struct FieldJob {
   bool goes_on = false;  ///< beyond the image: the surface of its outermost pixels, not nothing
   TangentPlane* planes = nullptr;   ///< of all levels
   TangentPlane* nearest = nullptr;  ///< likewise, from level 1 on: Choice::nearest, for filling
-  std::uint8_t* is_step = nullptr;
+  Silhouette* silhouettes = nullptr;
+  std::uint8_t* near_silhouette = nullptr;
   DepthTile* tiles = nullptr;
   int* has_hole = nullptr;  ///< of each block's square of level 0
   int squares_wide = 0, squares_high = 0;
-  /// The first block that looks for steps in a level; the last entry is their number.
-  int first_step_block[DepthFieldView::kMaxLevels + 1] = {};
+  /// The first block that looks for silhouettes in a level; the last entry is their number.
+  int first_rim_block[DepthFieldView::kMaxLevels + 1] = {};
 };
 
 /// Owns the images on the GPU.

@@ -38,13 +38,6 @@ PALPATE_FORMULA float tolerance_of(int level) {
   return share < 0.05f ? share : 0.05f;
 }
 
-/// There is a step where the plane of a neighbour misses the surface point of a pixel by more,
-/// metres.
-PALPATE_HOSTDEV inline float step_limit_of(int level) {
-  const float limit = 0.006f * static_cast<float>(1 << level);
-  return limit < 0.025f ? limit : 0.025f;
-}
-
 /// Which of a few pixels a wider one stands for.
 enum class Choice {
   majority,  ///< the surface, or absence of one, that most of them show; the nearest if undecided
@@ -111,24 +104,6 @@ PALPATE_FORMULA Int second_nearest(Int u, int num) {
   const Int beside = (u >> 1) + 2 * (u & 1) - 1;
   const Int at = beside < 0 ? Int{} : beside;
   return at >= num ? Int{} + (num - 1) : at;
-}
-
-/// Do the nine planes around a pixel not belong to one smooth surface? Its own is rows[1][1].
-template <class Rows>
-PALPATE_FORMULA auto has_step(const Rows& rows, float limit) {
-  const auto centre = rows[1][1];
-  using Real = decltype(centre.offset);
-  const Real least = Real{} + 1e-6f;
-  const Real depth = centre.offset / (centre.slope < least ? least : centre.slope);
-  Real worst{};
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      const Real off = rows[row][column].offset - depth * rows[row][column].slope;
-      const Real miss = off < 0.0f ? -off : off;
-      worst = worst < miss ? miss : worst;
-    }
-  }
-  return worst > limit;
 }
 
 /// Of a tile without any surface.

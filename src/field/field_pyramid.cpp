@@ -35,22 +35,23 @@ Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOpti
   return layout;
 }
 
-DepthFieldView PyramidLayout::view(const TangentPlane* planes, const std::uint8_t* is_step,
-                                   const DepthTile* tiles, const DepthFieldOptions& options) const {
+DepthFieldView PyramidLayout::view(const TangentPlane* planes, const Silhouette* silhouettes,
+                                   const std::uint8_t* near_silhouette, const DepthTile* tiles,
+                                   const DepthFieldOptions& options) const {
   DepthFieldView view;
   view.num_levels = num_levels;
   for (int number = 0; number < num_levels; ++number) {
     const float scale = 1.0f / static_cast<float>(1 << number);
     DepthFieldLevel& level = view.levels[number];
     level.planes = &planes[origin(number)].offset;
-    level.is_step = &is_step[origin(number)];
+    level.silhouettes = &silhouettes[2 * origin(number)];
+    level.near_silhouette = &near_silhouette[origin(number)];
     level.width = levels[number].width;
     level.height = levels[number].height;
     level.stride = stride;
     level.scale = scale;
-    level.last_u = static_cast<float>(levels[0].width) * scale + 2;
-    level.last_v = static_cast<float>(levels[0].height) * scale + 2;
-    level.step_limit = step_limit_of(number);
+    level.last_u = static_cast<float>(levels[0].width) * scale + 5;
+    level.last_v = static_cast<float>(levels[0].height) * scale + 5;
   }
   view.tiles = tiles;
   view.tiles_wide = tiles_wide();

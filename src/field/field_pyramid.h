@@ -10,8 +10,10 @@
 
 namespace palpate {
 
-/// Farther out than this beyond the image no place is looked at for steps.
-inline constexpr int kStepBorder = DepthFieldLevel::kBorder - 2;
+/// So far beyond the image silhouettes are looked for.
+inline constexpr int kSilhouetteBorder = 5;
+static_assert(kSilhouetteBorder + DepthFieldLevel::kSilhouetteReach + 2 <=
+              DepthFieldLevel::kBorder);
 
 /// Where the levels of a field lie: all of one stride, one below the other, each with its border.
 struct PyramidLayout {
@@ -33,17 +35,18 @@ struct PyramidLayout {
                stride +
            DepthFieldLevel::kBorder;
   }
-  // Four pixels are read where three are needed, and bytes four at a time.
-  std::size_t num_planes() const { return num_pixels() + 1; }
-  std::size_t num_steps() const { return num_pixels() + 3; }
+  // Whole vectors are read where fewer pixels are needed, and bytes four at a time.
+  std::size_t num_planes() const { return num_pixels() + 32; }
+  std::size_t num_bytes() const { return num_pixels() + 3; }
   int tiles_wide() const { return tiles_over(levels[0].width); }
   int tiles_high() const { return tiles_over(levels[0].height); }
   std::size_t num_tiles() const {
     return static_cast<std::size_t>(tiles_wide()) * static_cast<std::size_t>(tiles_high());
   }
   /// How queries see the levels, wherever their arrays are.
-  DepthFieldView view(const TangentPlane* planes, const std::uint8_t* is_step,
-                      const DepthTile* tiles, const DepthFieldOptions& options) const;
+  DepthFieldView view(const TangentPlane* planes, const Silhouette* silhouettes,
+                      const std::uint8_t* near_silhouette, const DepthTile* tiles,
+                      const DepthFieldOptions& options) const;
   /// Over how many levels holes are filled.
   int num_filled(const DepthFieldOptions& options) const;
 

@@ -14,11 +14,42 @@ namespace palpate {
 /// One level.
 struct FieldImage {
   TangentPlane* planes = nullptr;  ///< pixel (0, 0)
-  std::uint8_t* is_step = nullptr;
+  Silhouette* silhouettes = nullptr;
+  std::uint8_t* near_silhouette = nullptr;
   int width = 0, height = 0;
   std::ptrdiff_t stride = 0;
 
   TangentPlane* row(int v) const { return planes + v * stride; }
+};
+
+/// What is known of a level's silhouettes while they are looked for; the memory serves all levels.
+/// Rows are cut into segments of kSegment pixels, the first of which begins at the border.
+struct SilhouetteScratch {
+  static constexpr int kSegment = 16, kBorder = DepthFieldLevel::kBorder;
+
+  /// Of each pixel the nearest silhouette of its own row as a way out, and the nearest one of what
+  /// stands in front of it: columns to there (0: none), offset and slope of the other surface.
+  float* found[6] = {};
+  std::uint8_t* has_any = nullptr;    ///< per pixel: some silhouette is near
+  std::uint8_t* has_edge = nullptr;   ///< per segment: some surface ends there
+  std::uint8_t* any_found = nullptr;  ///< per segment: has_any anywhere
+  int num_segments = 0;               ///< in a row
+
+  std::ptrdiff_t stride() const { return std::ptrdiff_t{num_segments} * kSegment; }
+  std::ptrdiff_t segment(int v, int number) const {
+    return std::ptrdiff_t{v + kBorder} * num_segments + number;
+  }
+  std::ptrdiff_t pixel(int v, int number) const { return segment(v, number) * kSegment; }
+  /// Did a surface end in a segment or beside it?
+  bool is_active(int v, int number) const { return is_around(has_edge, v, number); }
+  /// Is some silhouette near in a segment or beside it?
+  bool has_found(int v, int number) const { return is_around(any_found, v, number); }
+
+ private:
+  bool is_around(const std::uint8_t* segments, int v, int number) const {
+    const std::uint8_t* const at = segments + segment(v, number);
+    return at[0] != 0 || (number > 0 && at[-1] != 0) || (number + 1 < num_segments && at[1] != 0);
+  }
 };
 
 /// Each does row v of the image named last.
@@ -29,8 +60,17 @@ struct FieldRows {
   void (*widen)(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse, int v);
   /// Gives the pixels without surface what the next wider level, `level`, knows there.
   void (*fill)(const FieldImage& coarse, int level, const FieldImage& fine, int v);
-  /// Where the nine planes around a pixel do not belong to one smooth surface.
-  void (*find_steps)(float limit, const FieldImage& image, int v);
+  /// In which segments of a row surfaces end, towards the right or the next row.
+  void (*find_edges)(const Intrinsics& k, const FieldImage& image, int level, int v,
+                     const SilhouetteScratch& scratch);
+  /// SilhouetteScratch::found of a row.
+  void (*find_in_row)(const Intrinsics& k, const FieldImage& image, int level, int v,
+                      const SilhouetteScratch& scratch);
+  /// The silhouettes of a row, from what was found in the rows around it.
+  void (*find_silhouettes)(const Intrinsics& k, const FieldImage& image, int level, int v,
+                           const SilhouetteScratch& scratch);
+  /// FieldImage::near_silhouette of a row.
+  void (*mark_silhouettes)(const FieldImage& image, int v, const SilhouetteScratch& scratch);
   /// What is nearest in each tile of the row of tiles v, of level 0.
   void (*find_tiles)(const FieldImage& image, int v, DepthTile* tiles);
 };

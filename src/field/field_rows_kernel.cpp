@@ -97,27 +97,6 @@ void fill(const FieldImage& coarse, int level, const FieldImage& fine, int v) {
   }
 }
 
-void find_steps(float limit, const FieldImage& image, int v) {
-  const TangentPlane* const rows[3] = {image.row(v - 1), image.row(v), image.row(v + 1)};
-  std::uint8_t* const is_step = image.is_step + v * image.stride;
-  const int end = image.width + kStepBorder;
-  int u = -kStepBorder;
-  for (; u + kLanes <= end; u += kLanes) {
-    Planes around[3][3];
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        around[row][column] = load(rows[row] + u + column - 1);
-      }
-    }
-    const std::uint32_t steps = mask_bits(has_step(around, limit));
-    for (int i = 0; i < kLanes; ++i) is_step[u + i] = steps >> i & 1;
-  }
-  for (; u < end; ++u) {
-    const TangentPlane* around[3] = {rows[0] + u - 1, rows[1] + u - 1, rows[2] + u - 1};
-    is_step[u] = has_step(around, limit);
-  }
-}
-
 void find_tiles(const FieldImage& image, int v, DepthTile* tiles) {
   constexpr int kSize = DepthFieldView::kTileSize;
   static_assert(kSize % kLanes == 0);

@@ -334,7 +334,7 @@ TEST(FieldContactCuda, BlendsTwoFieldsAsTwoMeasuresWould) {
       want.measure_W.torque = (1 - t) * a.measure_W.torque + t * want.measure_W.torque;
       expect_near(got, want, tool, volumes);
       const double k = (1 - t) * of_a.m[2][2] + t * of_b.m[2][2];
-      EXPECT_NEAR(stiffness.m[2][2], k, 1e-5 * std::abs(k) + 1e-8);
+      EXPECT_NEAR(stiffness.m[2][2], k, 5e-4 * std::abs(k) + 1e-7);
     }
   }
   const Pose X_WT{{0, 0, 0.62}, {}};

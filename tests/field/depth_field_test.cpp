@@ -83,7 +83,14 @@ std::vector<float> numbers_of(const DepthFieldView& view) {
       for (int u = -kBorder; u < level.width + kBorder; ++u) {
         const std::ptrdiff_t i = std::ptrdiff_t{v} * level.stride + u;
         all.insert(all.end(), {level.planes[2 * i], level.planes[2 * i + 1],
-                               static_cast<float>(level.is_step[i])});
+                               static_cast<float>(level.near_silhouette[i])});
+        if (level.near_silhouette[i] == 0) continue;
+        for (int around = 0; around < 9; ++around) {  // elsewhere what is written there may be old
+          const std::ptrdiff_t at = i + (around / 3 - 1) * level.stride + around % 3 - 1;
+          for (const Silhouette& one : {level.silhouettes[2 * at], level.silhouettes[2 * at + 1]}) {
+            all.insert(all.end(), {one.side, one.offset, one.slope});
+          }
+        }
       }
     }
   }
@@ -111,8 +118,13 @@ TEST(DepthField, IsTheDistanceToAPlaneForSpheresOfAllSizes) {
     const Vec3d p =
         at_pixel(random.uniform(50, 110), random.uniform(45, 75), random.uniform(0.7, 0.9));
     const FieldSample<double> got = sample_field(field.view(), p, radius);
-    EXPECT_NEAR(got.phi, dot(plane.normal, p) - plane.offset, 2e-6);
-    EXPECT_NEAR(norm(got.gradient - plane.normal), 0, 2e-5);
+    const double distance = dot(plane.normal, p) - plane.offset;
+    if (distance < -0.03) continue;  // there the border of the image is near for the widest pixels
+    // Where wider pixels are asked too, the field is deeper by the rounding of the maximum.
+    const double bias = distance < -1.3 * radius ? -0.08 * distance : 0;
+    EXPECT_NEAR(got.phi, distance, 2e-6 + bias) << radius;
+    EXPECT_NEAR(norm(cross(got.gradient, plane.normal)), 0, 2e-5);
+    EXPECT_NEAR(dot(got.gradient, plane.normal), 1, 2e-5 + (bias > 0 ? 0.051 : 0));
   }
 }
 
@@ -193,7 +205,7 @@ TEST(DepthField, OneNoisyPixelHardlyMovesALargeSphere) {
   };
   const double small = deviation(0.002), large = deviation(0.03);
   EXPECT_GT(small, 0.001);
-  EXPECT_LT(large, 0.3 * small);
+  EXPECT_LT(large, 0.35 * small);
 }
 
 TEST(DepthField, SmallHolesAreClosedAndLargeOnesFree) {
@@ -242,22 +254,166 @@ TEST(DepthField, OutsideOfTheImageIsFreeUnlessUnknownSpaceIsSolid) {
       0);
 }
 
-TEST(DepthField, BesideASilhouetteOnlyTheNearSurfaceHasSpaceBehindIt) {
-  const PointCloud cloud = make_cloud([](int u, int) { return u < 80 ? 0.5 : 1.5; },
-                                      [](int, int) {
-                                        return Vec3d{0, 0, -1};
-                                      });
-  const DepthField field = make_field(cloud);
-  for (const double radius : {0.001, 0.004, 0.015}) {
-    // More than the width of a sphere away from the edge.
-    const double away = 3 + 3 * radius * kCamera.fx / 0.55;
-    EXPECT_NEAR(sample_field(field.view(), at_pixel(80 - away, 60, 0.55), radius).phi, -0.05, 1e-5);
-    EXPECT_GT(sample_field(field.view(), at_pixel(80 + away, 60, 0.55), radius).phi, radius);
-    // In front of both nothing is near, wherever one looks.
-    for (double u = 60; u < 100; u += 0.1) {
-      EXPECT_GE(sample_field(field.view(), at_pixel(u, 60, 0.45), radius).phi, radius) << u;
+/// Two frontal walls, the near one at the left of column 80.
+PointCloud step_cloud(double near, double far) {
+  return make_cloud([=](int u, int) { return u < 80 ? near : far; },
+                    [](int, int) {
+                      return Vec3d{0, 0, -1};
+                    });
+}
+
+// Behind the near wall the way out is to its front or sideways, out of its shadow, whichever is
+// shorter; beside the shadow only the far wall and the shadow's side are there.
+TEST(DepthField, IsTheDistanceToFreeSpaceAtAStep) {
+  const double near = 0.5, far = 1.5;
+  const DepthField field = make_field(step_cloud(near, far));
+  test::Random random(40);
+  // Its side wall holds the eye, and column 79.5.
+  const Vec3d out = normalized(Vec3d{1, 0, -(79.5 - kCamera.cx) / kCamera.fx});
+  int num_sideways = 0, num_forward = 0, num_astray = 0, num_steep = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const double radius = 0.001 * std::pow(12.0, random.uniform());
+    const double z = random.uniform(0.45, 0.9);
+    const Vec3d p = at_pixel(80 + random.uniform(-10, 8), random.uniform(50, 70), z);
+    const double side = dot(out, p), front = near - z;
+    const FieldSample<double> at = sample_field(field.view(), p, radius);
+    const double pixel = z / kCamera.fx, width = std::max(radius, pixel);
+    num_steep += at.phi < radius && norm(at.gradient) > 1.2;
+    if (front < 0 && side < 0) {
+      const double exact = std::max(side, front);
+      EXPECT_NEAR(at.phi, exact, 0.25 * -exact + 0.75 * width) << radius << " " << side;
+      // Where one way out is much shorter, that is where it points.
+      if (std::abs(side - front) < 0.5 * -exact + 3 * width || -exact < width) continue;
+      const Vec3d way = side > front ? out : Vec3d{0, 0, -1};
+      ++(side > front ? num_sideways : num_forward);
+      // Between two levels, whose walls are half a pixel apart, the field may be flat.
+      const bool points_out =
+          dot(way, at.gradient) > std::cos(15 * kPi / 180) * norm(at.gradient) + 1e-9;
+      num_astray += !points_out;
+    } else if (side > radius + pixel || front > radius) {
+      EXPECT_GE(at.phi, radius * (1 - 1e-6)) << side << " " << front;
     }
   }
+  EXPECT_GT(num_sideways, 300);
+  EXPECT_GT(num_forward, 20);
+  EXPECT_LT(num_astray, 0.03 * (num_sideways + num_forward));
+  EXPECT_LT(num_steep, 600);
+}
+
+// However deep behind the near wall, and whatever lies how far behind it. In places, where the
+// walls of two levels are half a wide pixel apart, it is steeper; there forces are bounded.
+TEST(DepthField, IsHardlySteeperDeepInAShadow) {
+  for (const double far : {0.52, 0.6, 1.5, 9.0}) {
+    const DepthField field = make_field(step_cloud(0.5, far));
+    test::Random random(41);
+    int num = 0, num_steep = 0, num_steepest = 0;
+    for (int i = 0; i < 20000; ++i) {
+      const double radius = 0.001 * std::pow(12.0, random.uniform());
+      const double z = 0.5 + 0.8 * random.uniform() * random.uniform();
+      const Vec3d p = at_pixel(80 + random.uniform(-40, 6), random.uniform(50, 70), z);
+      const FieldSample<double> at = sample_field(field.view(), p, radius);
+      if (at.phi >= radius) continue;
+      ++num;
+      num_steep += norm(at.gradient) > 1.1;
+      num_steepest += norm(at.gradient) > 1.2;
+    }
+    EXPECT_GT(num, 10000);
+    EXPECT_LT(num_steep, 0.1 * num) << far;
+    EXPECT_LT(num_steepest, 0.075 * num) << far;
+  }
+}
+
+/// The nearest silhouettes of a pixel by their definition: over all places between two pixels side
+/// by side, in double.
+struct TrueSilhouettes {
+  double exit = 1e9, occluder = 1e9;  ///< pixels
+};
+TrueSilhouettes true_silhouettes(const DepthFieldLevel& level, int u, int v) {
+  struct Pixel {
+    double offset, slope;
+    double depth() const { return slope > 0 ? offset / slope : 1e9; }
+    double at(double z) const { return offset - z * slope; }
+  };
+  const auto pixel = [&](int x, int y) {
+    const float* plane = level.planes + 2 * (std::ptrdiff_t{y} * level.stride + x);
+    return Pixel{plane[0], plane[1]};
+  };
+  // A plane looks as if its depth grew by the sine of its slant from pixel to pixel, in pixels.
+  const auto is_apart = [](const Pixel& near, const Pixel& far, double gap, double span,
+                           double reach) {
+    const double cosine = far.slope > 0 ? std::min(near.slope, far.slope) : near.slope;
+    return gap > span * (1 + reach * std::sqrt(std::max(0.0, 1 - cosine * cosine)));
+  };
+  const Pixel own = pixel(u, v);
+  TrueSilhouettes found;
+  for (int y = v - 3; y <= v + 3; ++y) {
+    for (int x = u - 3; x <= u + 3; ++x) {
+      for (const bool is_right : {true, false}) {
+        const Pixel a = pixel(x, y), b = is_right ? pixel(x + 1, y) : pixel(x, y + 1);
+        const Pixel near = a.depth() < b.depth() ? a : b, far = a.depth() < b.depth() ? b : a;
+        const double f = is_right ? kCamera.fx : kCamera.fy;
+        const double width = 1 / (static_cast<double>(level.scale) * f);
+        const double du = x - u + (is_right ? 0.5 : 0), dv = y - v + (is_right ? 0 : 0.5);
+        const double distance = std::hypot(du, dv);
+        if (near.slope <= 0 || std::max(std::abs(du), std::abs(dv)) > 3) continue;
+        const double z = near.depth();
+        if (!is_apart(near, far, far.at(z), width * z, 1)) continue;
+        if (own.slope > 0) {
+          const double behind = own.depth() * (1 + 3 * width / std::max(own.slope, 0.02));
+          if (far.at(behind) > (1.0 - 3) * width * own.depth()) {
+            found.exit = std::min(found.exit, distance);
+          }
+        }
+        if (own.depth() <= z) continue;
+        const double asked = std::min(own.depth(), z + 0.5);
+        const double reach = std::sqrt(2 * distance * distance + 0.5);
+        if (is_apart(near, own, own.at(asked) - near.at(asked), width * z, reach)) {
+          found.occluder = std::min(found.occluder, distance);
+        }
+      }
+    }
+  }
+  return found;
+}
+
+// What is found along rows first and columns then is the nearest silhouette or hardly farther.
+TEST(DepthField, SilhouettesAreTheNearestOnes) {
+  const DepthField field = make_field(rough_cloud(42));
+  int num_exits = 0, num_occluders = 0, num_missed = 0, num_farther = 0;
+  for (int k = 0; k < 3; ++k) {
+    const DepthFieldLevel& level = field.view().levels[k];
+    for (int v = 4; v < level.height - 4; ++v) {
+      for (int u = 4; u < level.width - 4; ++u) {
+        const std::ptrdiff_t i = std::ptrdiff_t{v} * level.stride + u;
+        const TrueSilhouettes want = true_silhouettes(level, u, v);
+        if (level.near_silhouette[i] == 0) {
+          num_missed += (want.exit < 1e8) + (want.occluder < 1e8);
+          EXPECT_GT(std::min(want.exit, want.occluder), 1.5) << u << " " << v;
+          continue;
+        }
+        const double width = 1 / (static_cast<double>(level.scale) * kCamera.fx);
+        const auto check = [&](float side, double distance, int& num) {
+          if (distance > 1e8) {
+            EXPECT_EQ(side, 0) << u << " " << v;
+            return;
+          }
+          ++num;
+          num_missed += side == 0;
+          // Sides are measured at a right angle to the wall through the eye: up to 1 / 1.25
+          // shorter.
+          const double found = std::abs(static_cast<double>(side)) / width;
+          EXPECT_GT(found, side == 0 ? -1 : 0.75 * distance) << u << " " << v;
+          num_farther += found > 1.05 * distance;
+        };
+        check(level.silhouettes[2 * i].side, want.exit, num_exits);
+        check(level.silhouettes[2 * i + 1].side, want.occluder, num_occluders);
+      }
+    }
+  }
+  EXPECT_GT(num_exits, 1000);
+  EXPECT_GT(num_occluders, 1000);
+  EXPECT_LT(num_missed, 0.35 * (num_exits + num_occluders));
+  EXPECT_LT(num_farther, 0.15 * (num_exits + num_occluders));
 }
 
 TEST(DepthField, AnyNumberOfThreadsGivesTheSameBits) {
@@ -326,10 +482,10 @@ std::pair<float, float> merged(const DepthFieldLevel& fine, int level, int u, in
   return {sum_offset / num, sum_slope / num};
 }
 
-TEST(DepthField, LevelsStepsAndTilesAreWhatTheyAreSaidToBe) {
+TEST(DepthField, LevelsAndTilesAreWhatTheyAreSaidToBe) {
   const DepthField field = make_field(rough_cloud(9), {UnknownSpace::free, 1, kSolidBehind});
   const DepthFieldView& view = field.view();
-  int num_steps = 0, num_free = 0;
+  int num_free = 0;
   for (int k = 0; k < view.num_levels; ++k) {
     const DepthFieldLevel& level = view.levels[k];
     const auto plane_at = [&](int u, int v) {
@@ -344,19 +500,9 @@ TEST(DepthField, LevelsStepsAndTilesAreWhatTheyAreSaidToBe) {
           ASSERT_EQ(plane[0], offset) << k << ": " << u << ", " << v;
           ASSERT_EQ(plane[1], slope) << k << ": " << u << ", " << v;
         }
-        const float depth = plane[0] / std::max(plane[1], 1e-6f);
-        float miss = 0;
-        for (int i = 0; i < 9; ++i) {
-          const float* other = plane_at(u + i % 3 - 1, v + i / 3 - 1);
-          miss = std::max(miss, std::abs(other[0] - depth * other[1]));
-        }
-        const bool is_step = miss > level.step_limit;
-        ASSERT_EQ(level.is_step[std::ptrdiff_t{v} * level.stride + u], is_step) << u << ", " << v;
-        num_steps += is_step;
       }
     }
   }
-  EXPECT_GT(num_steps, 500);
   EXPECT_GT(num_free, 10);
   constexpr int kSize = DepthFieldView::kTileSize;
   const DepthFieldLevel& image = view.levels[0];

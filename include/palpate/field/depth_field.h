@@ -1,6 +1,6 @@
-// One scalar field per depth frame, positive in front of the surface and negative behind it, that
-// does not depend on the tool: a sphere asks it at its centre, and its gradient is where the force
-// points. What makes contact continuous and conservative.
+// One scalar field per depth frame that does not depend on the tool: in front of the surface the
+// distance to it, behind it minus the distance to free space. A sphere asks it at its centre, and
+// its gradient is where the force points. What makes contact continuous and conservative.
 #pragma once
 
 #include <cstdint>
@@ -27,9 +27,20 @@ struct DepthFieldOptions {
   /// Holes up to about 2^fill_levels pixels across are closed by surface interpolated from around
   /// them; 0 closes none.
   int fill_levels = 4;
-  /// How far behind the first surface along the line of sight there is something to feel, metres:
-  /// from there to twice as far the push fades out, beyond it there is nothing. At least 1 mm.
+  /// How far behind the first surface along its normal a tool is pushed back out of the front,
+  /// metres: from there to twice as far it is pushed out of the back, beyond there is nothing. At
+  /// least 1 mm.
   double thickness = kSolidBehind;
+};
+
+/// How a pixel sees the nearest place where a surface ends in front of something farther away. For
+/// a pixel of the near surface `side` is negative and the plane that of the far one; for a pixel of
+/// the far surface it is positive and the plane that of the near one. At depth z, |side| z is the
+/// distance from the pixel's ray to the side wall of the near surface's shadow, in metres.
+struct alignas(16) Silhouette {
+  float side = 0;               ///< 0: there is none within kSilhouetteReach pixels
+  float offset = 0, slope = 0;  ///< the other surface, as DepthFieldLevel::planes
+  float unused = 0;
 };
 
 /// One resolution. Each pixel has the tangent plane of its surface point as it is met along the
@@ -38,18 +49,22 @@ struct DepthFieldOptions {
 /// v) is number v * stride + u, and kBorder more pixels follow on all sides; all levels have one
 /// stride.
 struct DepthFieldLevel {
-  static constexpr int kBorder = 5;
+  static constexpr int kBorder = 10;
+  /// So many pixels away silhouettes are known; from farther away wider pixels see them.
+  static constexpr int kSilhouetteReach = 3;
 
-  const float* planes = nullptr;          ///< offset, slope, offset, slope, ...
-  const std::uint8_t* is_step = nullptr;  ///< 1: the planes of the nine pixels around differ
+  const float* planes = nullptr;  ///< offset, slope, offset, slope, ...
+  /// Two a pixel: of the pixel as a near surface, and as a far one. Written only around pixels that
+  /// are near silhouettes.
+  const Silhouette* silhouettes = nullptr;
+  const std::uint8_t* near_silhouette = nullptr;  ///< 1: one of the nine pixels around has any
   int width = 0, height = 0;
   int stride = 0;
   float scale = 1;  ///< pixels of this level per pixel of the depth image: 2^-level
-  /// Greatest column and row that can be asked, the image's width and height here plus 2; the least
-  /// is kFirst. Beyond them everything is constant.
+  /// Greatest column and row that can be asked, the image's width and height here plus 5; the least
+  /// is kFirst. Beyond them everything is constant: no silhouette is that near.
   float last_u = 0, last_v = 0;
-  static constexpr float kFirst = -2;
-  float step_limit = 0;  ///< metres: by more than this they differ
+  static constexpr float kFirst = -5;
 };
 
 /// A bound for a square of kTileSize pixels: at depth z, each of their planes is at least
@@ -86,8 +101,7 @@ class DepthField {
   ~DepthField();
 
   /// Rebuilds the field from an organised pinhole cloud of the size given at construction. The same
-  /// bits for any number of threads. O(pixels), about 2 ms for 640x480 on one core with AVX2 or
-  /// wider.
+  /// bits for any number of threads. O(pixels).
   void update(const PointCloudView& cloud, ThreadPool& pool);
 
   /// Valid until the next update; no levels before the first one.

@@ -20,22 +20,16 @@ struct ImageCurvature {
   Real uu{}, uv{}, vv{}, uz{}, vz{}, zz{};
 };
 
-/// What a saturated distance and its slope by z become, and the second derivative by z.
-template <class Real>
-struct BentPlane {
-  Real distance, by_z, by_zz;
-};
-
 /// Of three by three pixels, row by row.
 template <class Real>
-PALPATE_FORMULA ImageCurvature<Real> curvature_of(const BentPlane<Real> (&planes)[3][3], Real s,
+PALPATE_FORMULA ImageCurvature<Real> curvature_of(const Curved<Real> (&values)[3][3], Real s,
                                                   Real t, Real scale) {
   Curved<Real> phi[3], by_z[3], by_zz[3];
   for (int q = 0; q < 3; ++q) {
-    const BentPlane<Real>(&row)[3] = planes[q];
-    phi[q] = spline(row[0].distance, row[1].distance, row[2].distance, s);
-    by_z[q] = spline(row[0].by_z, row[1].by_z, row[2].by_z, s);
-    by_zz[q] = spline(row[0].by_zz, row[1].by_zz, row[2].by_zz, s);
+    const Curved<Real>(&row)[3] = values[q];
+    phi[q] = spline(row[0].value, row[1].value, row[2].value, s);
+    by_z[q] = spline(row[0].slope, row[1].slope, row[2].slope, s);
+    by_zz[q] = spline(row[0].bend, row[1].bend, row[2].bend, s);
   }
   const Curved<Real> value = spline(phi[0].value, phi[1].value, phi[2].value, t);
   const Curved<Real> by_u = spline(phi[0].slope, phi[1].slope, phi[2].slope, t);
@@ -92,39 +86,65 @@ PALPATE_FORMULA Symmetric<Real> hessian_in_space(const ImageCurvature<Real>& c, 
               2.0f * (c.first.by_u * u_z + c.first.by_v * v_z) * inverse_z};
 }
 
-/// A plane at depth z, saturated if the pixel says so, with its derivatives.
+/// f(c) for a function f of one number, sums and differences: what `deepened` asks for.
 template <class Real>
-PALPATE_FORMULA BentPlane<Real> straight_plane(Real offset, Real slope, Real z) {
-  return {offset - z * slope, -slope, Real{}};
+PALPATE_FORMULA ImageCurvature<Real> composed(const Curved<Real>& f,
+                                              const ImageCurvature<Real>& c) {
+  const ImageGradient<Real>& g = c.first;
+  return {composed(f, g),
+          f.slope * c.uu + f.bend * g.by_u * g.by_u,
+          f.slope * c.uv + f.bend * g.by_u * g.by_v,
+          f.slope * c.vv + f.bend * g.by_v * g.by_v,
+          f.slope * c.uz + f.bend * g.by_u * g.by_z,
+          f.slope * c.vz + f.bend * g.by_v * g.by_z,
+          f.slope * c.zz + f.bend * g.by_z * g.by_z};
 }
 template <class Real>
-PALPATE_FORMULA BentPlane<Real> bend_plane(const BentPlane<Real>& plane, Real limit,
-                                           Real thickness) {
-  const Real d = plane.distance, squared = plane.by_z * plane.by_z;
-  Real bend = d > limit ? -squared / (limit + limit) : Real{};
-  bend = d < 3.0f * limit ? bend : Real{};
-  const Real deep = d > -2.0f * thickness ? squared / thickness : Real{};
-  bend = d < -thickness ? deep : bend;
-  const Sloped<Real> bent = saturate(d, limit, thickness);
-  return {bent.value, plane.by_z * bent.slope, bend};
+PALPATE_FORMULA ImageCurvature<Real> difference(const ImageCurvature<Real>& a,
+                                                const ImageCurvature<Real>& b) {
+  return {difference(a.first, b.first),
+          a.uu - b.uu,
+          a.uv - b.uv,
+          a.vv - b.vv,
+          a.uz - b.uz,
+          a.vz - b.vz,
+          a.zz - b.zz};
+}
+template <class Real>
+PALPATE_FORMULA ImageCurvature<Real> sum(const ImageCurvature<Real>& a,
+                                         const ImageCurvature<Real>& b) {
+  return {sum(a.first, b.first), a.uu + b.uu, a.uv + b.uv, a.vv + b.vv,
+          a.uz + b.uz,           a.vz + b.vz, a.zz + b.zz};
 }
 
-/// As sample_level, with second derivatives.
-PALPATE_HOSTDEV inline ImageCurvature<double> sample_level_curvature(const DepthFieldLevel& level,
-                                                                     const PixelSpot<double>& spot,
-                                                                     double z, double radius,
-                                                                     double thickness) {
-  const bool is_bent = must_saturate(level, spot.pixel, z, thickness);
-  const double limit = radius + static_cast<double>(level.step_limit);
-  BentPlane<double> planes[3][3];
-  for (int q = 0; q < 3; ++q) {
-    const float* pair = level.planes + 2 * (spot.pixel + (q - 1) * level.stride - 1);
-    for (int p = 0; p < 3; ++p) {
-      planes[q][p] = straight_plane<double>(pair[2 * p], pair[2 * p + 1], z);
-      if (is_bent) planes[q][p] = bend_plane(planes[q][p], limit, thickness);
-    }
-  }
-  return curvature_of(planes, spot.s, spot.t, static_cast<double>(level.scale));
+template <class Real>
+PALPATE_FORMULA ImageCurvature<Real> chosen(const auto& condition, const ImageCurvature<Real>& a,
+                                            const ImageCurvature<Real>& b) {
+  return {chosen(condition, a.first, b.first),
+          condition ? a.uu : b.uu,
+          condition ? a.uv : b.uv,
+          condition ? a.vv : b.vv,
+          condition ? a.uz : b.uz,
+          condition ? a.vz : b.vz,
+          condition ? a.zz : b.zz};
+}
+
+/// As ask_field, with second derivatives.
+PALPATE_HOSTDEV inline ImageCurvature<double> ask_field_curvature(const DepthFieldView& field,
+                                                                  const PixelPosition<double>& at,
+                                                                  double z, double radius) {
+  const LevelChoice<double> choice = choose_level(field, radius, z);
+  const auto sample = [&](const DepthFieldLevel& level) {
+    const PixelSpot<double> spot = spot_at(level, at.u, at.v);
+    Curved<double> values[3][3];
+    values_around(level, spot.pixel, z, static_cast<double>(field.thickness), field.intrinsics.fx,
+                  values);
+    return curvature_of(values, spot.s, spot.t, static_cast<double>(level.scale));
+  };
+  const ImageCurvature<double> c = sample(field.levels[choice.level]);
+  if (!(choice.blend.value > 0)) return c;
+  return blended(c, sample(field.levels[choice.level + 1]), choice.blend.value, choice.blend.slope,
+                 choice.blend_by_zz);
 }
 
 /// As sample_field, with second derivatives.
@@ -133,16 +153,12 @@ PALPATE_HOSTDEV inline CurvedFieldSample sample_field_curvature(const DepthField
   const double z = p_C.z;
   if (!(z > static_cast<double>(kLeastDepth))) return {2 * radius, {}, {}};
   const PixelPosition<double> at = project(field.intrinsics, p_C);
-  const LevelChoice<double> choice = choose_level(field, radius, z);
-  const DepthFieldLevel& level = field.levels[choice.level];
-  const double thickness = field.thickness;
-  ImageCurvature<double> c =
-      sample_level_curvature(level, spot_at(level, at.u, at.v), z, radius, thickness);
-  if (choice.blend.value > 0) {
-    const DepthFieldLevel& wider = field.levels[choice.level + 1];
-    const ImageCurvature<double> next =
-        sample_level_curvature(wider, spot_at(wider, at.u, at.v), z, radius, thickness);
-    c = blended(c, next, choice.blend.value, choice.blend.slope, choice.blend_by_zz);
+  ImageCurvature<double> c = ask_field_curvature(field, at, z, radius);
+  double asked = radius;
+  for (int i = 0; i < kMostDeepSteps && c.first.phi < -deep_limit(asked); ++i) {
+    const ImageCurvature<double> wide = ask_field_curvature(field, at, z, asked * kDeepGrowth);
+    c = deepened(c, wide, c.first.phi, wide.first.phi, asked);
+    asked *= kDeepGrowth;
   }
   const float fx = static_cast<float>(field.intrinsics.fx);
   const float fy = static_cast<float>(field.intrinsics.fy);

@@ -1,20 +1,30 @@
 // The value and gradient of a depth field at a point: one text for host and device, for single
 // numbers and for vectors of numbers.
 //
-// The field at p = (x, y, z) in the camera frame is a quadratic B-spline over the image, at the
-// pixel (u, v) where p is seen, of the distances of p's depth z to the tangent planes of the
-// pixels:
+// Each pixel has a value at depth z: near one smooth surface the distance from its ray at that
+// depth to its tangent plane. The field at p = (x, y, z) in the camera frame is a quadratic
+// B-spline over the image, at the pixel (u, v) where p is seen, of these values:
 //
-//   phi(p) = sum_ij B(u - i) B(v - j) (offset_ij - z slope_ij)
+//   phi(p) = sum_ij B(u - i) B(v - j) value_ij(z),   value_ij(z) = offset_ij - z slope_ij
 //
-// It is exact for a plane: 1 / depth is linear over the image, and so is the slope. Where one
-// surface ends and another goes on behind it, each term is saturated first: no pixel says more than
-// "well in front", and the field falls over the width of a sphere and not by the depth of the room.
-// phi is once continuously differentiable in p, so forces are continuous.
+// It is exact for a plane: 1 / depth is linear over the image, and so is the slope.
+//
+// Near a silhouette, where one surface ends in front of another, a pixel's value is the distance to
+// free space: out of the front of the near surface, or sideways out of its shadow, or, where the
+// far surface is less deep, out of that one. With the signed distance to the side wall of the
+// shadow,
+//
+//   value = clamp(side, near, far),
+//
+// rounded at both corners. Every weight in it is between 0 and 1, so its gradient is never longer
+// than those of its parts.
 //
 // A sphere of radius r covers r f / z pixels and asks a level whose pixels are about as wide as
 // itself (a B-spline then weighs the surface as a disc of radius r would); between two levels both
-// are blended, and the blend is part of the gradient.
+// are blended, and the blend is part of the gradient. What lies deep is asked about with wider
+// pixels, which see exits that are farther away and smooth out noise: the field there is the
+// maximum of what spheres of radius r, 4 r, 16 r, ... are told. phi is once continuously
+// differentiable in p, so forces are continuous.
 #pragma once
 
 #include <cmath>
@@ -55,30 +65,83 @@ inline constexpr float kBlendEnd = 1.25f;
 /// Nothing nearer to the camera than this is behind a surface, metres.
 inline constexpr float kLeastDepth = 0.02f;
 
-/// The distance itself from -thickness to `limit`. Beyond the limit a parabola up to 2 limits, flat
-/// from 3 limits on; behind the thickness one down to -1.5 thicknesses, flat from 2 thicknesses on.
+/// Corners are rounded over this share of a pixel to each side. Silhouettes are half a pixel away
+/// or more, aslant 0.35: so a pixel's value is smooth where its silhouette changes.
+inline constexpr float kCorner = 0.35f;
+/// In footprints: deeper than this wider pixels are asked too, and how far that is rounded.
+inline constexpr float kDeep = 2.0f, kDeepCorner = 0.1f;
+/// By so much deeper than it is what lies deep appears to the finer pixels, so that wider ones
+/// decide where both know the same way out.
+inline constexpr float kSteepening = 0.05f;
+/// The spheres that ask about what lies deep: growth of their radii, and how many at most.
+inline constexpr float kDeepGrowth = 4.0f;
+inline constexpr int kMostDeepSteps = 5;
+
+/// max(0, x) with a parabola from 0 to 2 k, flattened by k from there on; by some variable of which
+/// k is a linear function of slope `k_by`.
 template <class Real>
-PALPATE_FORMULA Sloped<Real> saturate(Real distance, Real limit, Real thickness) {
-  const Real two = limit + limit;
-  Real y = distance - limit;
-  y = y < Real{} ? Real{} : y;
-  y = y > two ? two : y;
-  Real x = -thickness - distance;
-  x = x < Real{} ? Real{} : x;
-  x = x > thickness ? thickness : x;
-  Real middle = distance < limit ? distance : limit;
-  middle = middle < -thickness ? -thickness : middle;
-  const Real bend_y = y / two, bend_x = x / thickness;
-  return {middle + y * (1.0f - 0.5f * bend_y) - x * (1.0f - 0.5f * bend_x), 1.0f - bend_y - bend_x};
+PALPATE_FORMULA Curved<Real> corner(const Curved<Real>& x, const Real& k, const Real& k_by) {
+  const Real zero{};
+  const Real y = x.value / k, y_by = (x.slope - y * k_by) / k;
+  const Curved<Real> bent{0.25f * k * y * y, 0.5f * y * x.slope - 0.25f * y * y * k_by,
+                          0.5f * (k * y_by * y_by + y * x.bend)};
+  const auto is_above = y > zero, is_beyond = y > zero + 2.0f;
+  return {is_beyond ? x.value - k : (is_above ? bent.value : zero),
+          is_beyond ? x.slope - k_by : (is_above ? bent.slope : zero),
+          is_beyond ? x.bend : (is_above ? bent.bend : zero)};
 }
 
-/// How much of the volume at a value of the field counts: 1 down to -thickness, 0 where the field
-/// is flat.
+/// Sums and differences.
 template <class Real>
-PALPATE_FORMULA Real fade(Real phi, Real thickness) {
-  Real share = 3.0f + 2.0f * phi / thickness;
-  share = share < Real{} ? Real{} : share;
-  return share > Real{} + 1.0f ? Real{} + 1.0f : share;
+PALPATE_FORMULA Curved<Real> plus(const Curved<Real>& a, const Curved<Real>& b) {
+  return {a.value + b.value, a.slope + b.slope, a.bend + b.bend};
+}
+template <class Real>
+PALPATE_FORMULA Curved<Real> minus(const Curved<Real>& a, const Curved<Real>& b) {
+  return {a.value - b.value, a.slope - b.slope, a.bend - b.bend};
+}
+template <class Real>
+PALPATE_FORMULA Curved<Real> chosen(const auto& condition, const Curved<Real>& a,
+                                    const Curved<Real>& b) {
+  return {condition ? a.value : b.value, condition ? a.slope : b.slope,
+          condition ? a.bend : b.bend};
+}
+
+/// The distance to a tangent plane at depth z, by z.
+template <class Real>
+PALPATE_FORMULA Curved<Real> plane_value(Real offset, Real slope, Real z) {
+  return {offset - z * slope, -slope, Real{}};
+}
+
+/// As deep as it is down to -thickness, from there on out of the back: |x + thickness| - thickness,
+/// rounded.
+template <class Real>
+PALPATE_FORMULA Curved<Real> with_back(const Curved<Real>& x, Real thickness) {
+  const Real k = 0.25f * thickness;
+  const Curved<Real> depth{-thickness - x.value, -x.slope, -x.bend};
+  const Curved<Real> behind = corner<Real>({depth.value + k, depth.slope, depth.bend}, k, Real{});
+  return {x.value + 2.0f * behind.value, x.slope + 2.0f * behind.slope,
+          x.bend + 2.0f * behind.bend};
+}
+
+/// A pixel's value next to a silhouette: `own` is that of its own surface, `other` of the other
+/// one, at depth z where corners are rounded over k = z k_by.
+template <class Real>
+PALPATE_FORMULA Curved<Real> clamped_at_silhouette(const Curved<Real>& own,
+                                                   const Curved<Real>& other, Real side, Real z,
+                                                   Real k_by) {
+  const Real zero{}, k = z * k_by;
+  const auto is_near = side < zero;
+  // The other one counts as far as it lies on the right side of the own one.
+  const Curved<Real> apart = minus(other, own);
+  const Curved<Real> gap = corner(
+      chosen(is_near, apart, Curved<Real>{-apart.value, -apart.slope, -apart.bend}), k, k_by);
+  const Curved<Real> near = chosen(is_near, own, minus(own, gap)), far = plus(near, gap);
+  const Curved<Real> wall{side * z + k, side + k_by, zero};
+  const Curved<Real> value =
+      minus(plus(near, corner(minus(wall, near), k, k_by)), corner(minus(wall, far), k, k_by));
+  const auto has_any = (is_near) | (side > zero);
+  return chosen(has_any, value, own);
 }
 
 /// 0 for x <= 0, 1 for x >= 1, a cubic between, and its derivative.
@@ -168,56 +231,149 @@ PALPATE_HOSTDEV inline PixelSpot<Real> spot_at(const DepthFieldLevel& level, Rea
   return {std::ptrdiff_t(j) * level.stride + i, at_u - Real(i), at_v - Real(j)};
 }
 
-/// Do the planes around a pixel have to be saturated one by one? At a step, and deep behind a
-/// surface. Elsewhere the nine planes agree to within the limit of a step, and none of them is out
-/// of the linear range while phi is below the radius.
-template <class Real>
-PALPATE_FORMULA bool must_saturate(const DepthFieldLevel& level, std::ptrdiff_t pixel, Real z,
-                                   Real thickness) {
-  const float* plane = level.planes + 2 * pixel;
-  return level.is_step[pixel] != 0 ||
-         Real(plane[0]) - z * Real(plane[1]) < 2 * Real(level.step_limit) - thickness;
-}
-
 /// Two neighbours among DepthFieldLevel::planes, which a GPU loads at once.
 struct alignas(2 * sizeof(float)) PlanePair {
   float offset, slope;
 };
 
-/// One level.
+/// A pixel's value at depth z by z, as its silhouettes have it.
 template <class Real>
-PALPATE_HOSTDEV inline ImageGradient<Real> sample_level(const DepthFieldLevel& level,
-                                                        const PixelSpot<Real>& spot, Real z,
-                                                        Real radius, Real thickness) {
-  Real distance[3][3], slope[3][3];
+PALPATE_HOSTDEV inline Curved<Real> silhouette_value(const DepthFieldLevel& level,
+                                                     std::ptrdiff_t pixel, const Curved<Real>& own,
+                                                     Real z, Real thickness, Real k_by) {
+  const Silhouette other = level.silhouettes[2 * pixel + (own.value < 0 ? 0 : 1)];
+  Curved<Real> plane = plane_value(Real(other.offset), Real(other.slope), z);
+  if (thickness < Real(kSolidBehind)) plane = with_back(plane, thickness);
+  return clamped_at_silhouette(own, plane, Real(other.side), z, k_by);
+}
+
+/// The values at depth z of the nine pixels around a spot, row by row.
+template <class Real>
+PALPATE_HOSTDEV inline void values_around(const DepthFieldLevel& level, std::ptrdiff_t pixel,
+                                          Real z, Real thickness, Real fx,
+                                          Curved<Real> (&values)[3][3]) {
   for (int q = 0; q < 3; ++q) {  // all is read before anything waits for it
-    const float* row = level.planes + 2 * (spot.pixel + (q - 1) * level.stride - 1);
+    const float* row = level.planes + 2 * (pixel + (q - 1) * level.stride - 1);
     for (int p = 0; p < 3; ++p) {
       const PlanePair pair = reinterpret_cast<const PlanePair*>(row)[p];
-      slope[q][p] = Real(pair.slope);
-      distance[q][p] = Real(pair.offset) - z * slope[q][p];
+      values[q][p] = plane_value(Real(pair.offset), Real(pair.slope), z);
     }
   }
-  if (must_saturate(level, spot.pixel, z, thickness)) {
-    const Real limit = radius + Real(level.step_limit);
-    for (int q = 0; q < 3; ++q) {
-      for (int p = 0; p < 3; ++p) {
-        const Sloped<Real> plane = saturate(distance[q][p], limit, thickness);
-        distance[q][p] = plane.value;
-        slope[q][p] *= plane.slope;
-      }
+  if (thickness < Real(kSolidBehind)) {
+    for (Curved<Real>(&row)[3] : values) {
+      for (Curved<Real>& value : row) value = with_back(value, thickness);
     }
   }
+  if (level.near_silhouette[pixel] == 0) return;
+  const Real k_by = Real(kCorner) / (Real(level.scale) * fx);
+  for (int q = 0; q < 3; ++q) {
+    for (int p = 0; p < 3; ++p) {
+      const std::ptrdiff_t at = pixel + (q - 1) * level.stride + p - 1;
+      values[q][p] = silhouette_value(level, at, values[q][p], z, thickness, k_by);
+    }
+  }
+}
+
+/// The B-spline of the values of nine pixels.
+template <class Real>
+PALPATE_FORMULA ImageGradient<Real> gradient_of(const Curved<Real> (&values)[3][3], Real s, Real t,
+                                                Real scale) {
   Curved<Real> rows[3], row_slopes[3];
   for (int q = 0; q < 3; ++q) {
-    rows[q] = spline(distance[q][0], distance[q][1], distance[q][2], spot.s);
-    row_slopes[q] = spline(slope[q][0], slope[q][1], slope[q][2], spot.s);
+    const Curved<Real>(&row)[3] = values[q];
+    rows[q] = spline(row[0].value, row[1].value, row[2].value, s);
+    row_slopes[q] = spline(row[0].slope, row[1].slope, row[2].slope, s);
   }
-  const Curved<Real> phi = spline(rows[0].value, rows[1].value, rows[2].value, spot.t);
-  const Real scale = Real(level.scale);
-  return {phi.value, spline(rows[0].slope, rows[1].slope, rows[2].slope, spot.t).value * scale,
+  const Curved<Real> phi = spline(rows[0].value, rows[1].value, rows[2].value, t);
+  return {phi.value, spline(rows[0].slope, rows[1].slope, rows[2].slope, t).value * scale,
           phi.slope * scale,
-          -spline(row_slopes[0].value, row_slopes[1].value, row_slopes[2].value, spot.t).value};
+          spline(row_slopes[0].value, row_slopes[1].value, row_slopes[2].value, t).value};
+}
+
+/// f(g) for a function f of one number.
+template <class Real>
+PALPATE_FORMULA ImageGradient<Real> composed(const Curved<Real>& f, const ImageGradient<Real>& g) {
+  return {f.value, f.slope * g.by_u, f.slope * g.by_v, f.slope * g.by_z};
+}
+template <class Real>
+PALPATE_FORMULA ImageGradient<Real> difference(const ImageGradient<Real>& a,
+                                               const ImageGradient<Real>& b) {
+  return {a.phi - b.phi, a.by_u - b.by_u, a.by_v - b.by_v, a.by_z - b.by_z};
+}
+template <class Real>
+PALPATE_FORMULA ImageGradient<Real> sum(const ImageGradient<Real>& a,
+                                        const ImageGradient<Real>& b) {
+  return {a.phi + b.phi, a.by_u + b.by_u, a.by_v + b.by_v, a.by_z + b.by_z};
+}
+
+template <class Real>
+PALPATE_FORMULA ImageGradient<Real> chosen(const auto& condition, const ImageGradient<Real>& a,
+                                           const ImageGradient<Real>& b) {
+  return {condition ? a.phi : b.phi, condition ? a.by_u : b.by_u, condition ? a.by_v : b.by_v,
+          condition ? a.by_z : b.by_z};
+}
+
+/// How deep a sphere has to be for a wider one to be asked too.
+template <class Real>
+PALPATE_FORMULA Real deep_limit(Real radius) {
+  return (kDeep - kDeepCorner) * kFootprint * radius;
+}
+
+/// What a sphere of this radius is told, and the next wider one: the maximum of both, where the
+/// wider one knows only of what is deeper than kDeep footprints. `Told` is an ImageGradient or an
+/// ImageCurvature.
+template <class Told, class Real>
+PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi, Real wide_phi,
+                              Real radius) {
+  const Real zero{}, footprint = kFootprint * radius;
+  const Real depth = kDeep * footprint, k = kDeepCorner * footprint;
+  const auto bend = [&](Real x, Real sign, Real width) {  // corner(sign x)
+    const Curved<Real> c = corner<Real>({x, zero + 1.0f, zero}, width, zero);
+    return Curved<Real>{c.value, sign * c.slope, c.bend};
+  };
+  // Finer pixels: fine - kSteepening corner(-fine - depth)
+  const Curved<Real> e = bend(-fine_phi - depth, zero - 1.0f, 0.5f * depth);
+  const Told steep = composed<Real>(
+      {fine_phi - kSteepening * e.value, 1.0f - kSteepening * e.slope, -kSteepening * e.bend},
+      fine);
+  const Real steep_phi = fine_phi - kSteepening * e.value;
+  // Wider ones: min(wide, -depth), rounded above -depth
+  const Curved<Real> c = bend(-wide_phi - depth + 2.0f * k, zero - 1.0f, k);
+  const Real capped_phi = k - depth - c.value;
+  const Told capped = composed<Real>({capped_phi, -c.slope, -c.bend}, wide);
+  // The maximum of both; where both are the same, no less and no more.
+  const Curved<Real> m = bend(capped_phi - steep_phi, zero + 1.0f, k);
+  return sum(steep, composed<Real>(m, difference(capped, steep)));
+}
+
+/// `blend` of the next wider level; it changes with z by `by_z`.
+template <class Real>
+PALPATE_FORMULA ImageGradient<Real> mixed(const ImageGradient<Real>& g,
+                                          const ImageGradient<Real>& next, Real blend, Real by_z) {
+  const Real change = next.phi - g.phi;
+  return {g.phi + blend * change, g.by_u + blend * (next.by_u - g.by_u),
+          g.by_v + blend * (next.by_v - g.by_v),
+          g.by_z + blend * (next.by_z - g.by_z) + change * by_z};
+}
+
+/// What a sphere of this radius is told by the one or two levels of its size.
+template <class Real>
+PALPATE_HOSTDEV inline ImageGradient<Real> ask_field(const DepthFieldView& field,
+                                                     const PixelPosition<Real>& at, Real z,
+                                                     Real radius) {
+  const LevelChoice<Real> choice = choose_level(field, radius, z);
+  const auto sample = [&](const DepthFieldLevel& level) {
+    const PixelSpot<Real> spot = spot_at(level, at.u, at.v);
+    Curved<Real> values[3][3];
+    values_around(level, spot.pixel, z, Real(field.thickness), Real(field.intrinsics.fx), values);
+    return gradient_of(values, spot.s, spot.t, Real(level.scale));
+  };
+  ImageGradient<Real> g = sample(field.levels[choice.level]);
+  if (choice.blend.value > 0) {
+    const ImageGradient<Real> next = sample(field.levels[choice.level + 1]);
+    g = mixed(g, next, choice.blend.value, choice.blend.slope);
+  }
+  return g;
 }
 
 /// phi for a sphere of this radius (m) at p_C, and its gradient. For single numbers; the vector
@@ -233,19 +389,12 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
   const Real z = p_C.z;
   if (!(z > Real(kLeastDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
-  const LevelChoice<Real> choice = choose_level(field, radius, z);
-  const DepthFieldLevel& level = field.levels[choice.level];
-  const Real thickness = Real(field.thickness);
-  ImageGradient<Real> g = sample_level(level, spot_at(level, at.u, at.v), z, radius, thickness);
-  if (choice.blend.value > 0) {
-    const DepthFieldLevel& wider = field.levels[choice.level + 1];
-    const ImageGradient<Real> next =
-        sample_level(wider, spot_at(wider, at.u, at.v), z, radius, thickness);
-    const Real b = choice.blend.value;
-    g.by_u += b * (next.by_u - g.by_u);
-    g.by_v += b * (next.by_v - g.by_v);
-    g.by_z += b * (next.by_z - g.by_z) + (next.phi - g.phi) * choice.blend.slope;
-    g.phi += b * (next.phi - g.phi);
+  ImageGradient<Real> g = ask_field(field, at, z, radius);
+  Real asked = radius;
+  for (int i = 0; i < kMostDeepSteps && g.phi < -deep_limit(asked); ++i) {
+    const ImageGradient<Real> wide = ask_field(field, at, z, asked * Real(kDeepGrowth));
+    g = deepened(g, wide, g.phi, wide.phi, asked);
+    asked *= Real(kDeepGrowth);
   }
   const Gradient3<Real> n =
       to_space(g, at.from_centre_u, at.from_centre_v, 1 / z,

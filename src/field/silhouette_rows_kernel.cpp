@@ -1,0 +1,184 @@
+// The loops that look for silhouettes in the rows of a depth field, compiled once per instruction
+// set.
+#include <algorithm>
+#include <cstring>
+
+#include "src/core/simd.h"
+#include "src/field/field_rows.h"
+#include "src/field/silhouette_rules.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+constexpr int kSegment = SilhouetteScratch::kSegment, kBorder = SilhouetteScratch::kBorder;
+static_assert(kSegment % kLanes == 0);
+
+inline RulePlane load_plane(const TangentPlane* from) {
+  const Pairs pairs = load_pairs(&from->offset);
+  return {pairs.first, pairs.second};
+}
+
+inline PixelSilhouettes load_found(const SilhouetteScratch& scratch, std::ptrdiff_t at) {
+  const auto nearest = [&](int first) {
+    NearestSilhouette n;
+    n.du = load(scratch.found[first] + at);
+    n.squared = select(n.du != splat(0.0f), n.du * n.du, n.squared);
+    n.other = {load(scratch.found[first + 1] + at), load(scratch.found[first + 2] + at)};
+    return n;
+  };
+  return {nearest(0), nearest(3)};
+}
+
+inline void store_found(const SilhouetteScratch& scratch, std::ptrdiff_t at,
+                        const PixelSilhouettes& found) {
+  int channel = 0;
+  for (const NearestSilhouette* n : {&found.exit, &found.occluder}) {
+    for (const VecF& values : {n->du, n->other.offset, n->other.slope}) {
+      store(scratch.found[channel++] + at, values);
+    }
+  }
+}
+
+/// Calls f(column, place in the scratch) for the vectors of a segment.
+template <class F>
+inline void for_vectors(const SilhouetteScratch& scratch, int v, int segment, const F& f) {
+  const std::ptrdiff_t at = scratch.pixel(v, segment);
+  for (int i = 0; i < kSegment; i += kLanes) f(segment * kSegment + i - kBorder, at + i);
+}
+
+int num_segments(const FieldImage& image) {
+  return (image.width + 2 * kBorder + kSegment - 1) / kSegment;
+}
+
+/// Writes both silhouettes of the pixels of a vector that queries look at.
+void store_silhouettes(const FieldImage& image, int v, int u, const PixelSilhouettes& found,
+                       VecF exit_side, VecF occluder_side) {
+  Silhouette* const to = image.silhouettes + 2 * (v * image.stride + u);
+  const int begin = std::max(0, -kSilhouetteBorder - u);
+  const int end = std::min(kLanes, image.width + kSilhouetteBorder + 1 - u);
+  for (int i = begin; i < end; ++i) {
+    to[2 * i] = {exit_side[i], found.exit.other.offset[i], found.exit.other.slope[i], 0};
+    to[2 * i + 1] = {occluder_side[i], found.occluder.other.offset[i],
+                     found.occluder.other.slope[i], 0};
+  }
+}
+
+}  // namespace
+
+void find_edges(const Intrinsics& k, const FieldImage& image, int level, int v,
+                const SilhouetteScratch& scratch) {
+  const RuleLevel rules = rule_level(k, level);
+  const TangentPlane* const rows[2] = {image.row(v), image.row(v + 1)};
+  for (int segment = 0; segment < num_segments(image); ++segment) {
+    std::uint32_t edges = 0;
+    for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t) {
+      const RulePlane own = load_plane(rows[0] + u);
+      const auto is_edge = [&](const RulePlane& other, float width) {
+        const Mask own_is_near = is_nearer(own, other);
+        return ends_between(chosen(own_is_near, own, other), chosen(own_is_near, other, own),
+                            width);
+      };
+      edges |= mask_bits(is_edge(load_plane(rows[0] + u + 1), rules.width_u) |
+                         is_edge(load_plane(rows[1] + u), rules.width_v));
+    });
+    scratch.has_edge[scratch.segment(v, segment)] = edges != 0;
+  }
+}
+
+void find_in_row(const Intrinsics& k, const FieldImage& image, int level, int v,
+                 const SilhouetteScratch& scratch) {
+  const RuleLevel rules = rule_level(k, level);
+  const TangentPlane* const row = image.row(v);
+  for (int segment = 0; segment < num_segments(image); ++segment) {
+    if (!scratch.is_active(v, segment)) continue;
+    for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t at) {
+      const RulePlane own = load_plane(row + u);
+      PixelSilhouettes found;
+      RulePlane left = own, right = own;
+      for (int n = 1; n <= kReach; ++n) {
+        const float away = static_cast<float>(n) - 0.5f;
+        const RulePlane next_right = load_plane(row + u + n), next_left = load_plane(row + u - n);
+        take_edge(own, right, next_right, splat(away), splat(0.0f), rules.width_u, found);
+        take_edge(own, next_left, left, splat(-away), splat(0.0f), rules.width_u, found);
+        right = next_right;
+        left = next_left;
+      }
+      store_found(scratch, at, found);
+    });
+  }
+}
+
+void find_silhouettes(const Intrinsics& k, const FieldImage& image, int level, int v,
+                      const SilhouetteScratch& scratch) {
+  const RuleLevel rules = rule_level(k, level);
+  const float y = rules.first_v + static_cast<float>(v) * rules.width_v;
+  for (int segment = 0; segment < num_segments(image); ++segment) {
+    // Whoever asks beside a silhouette reads up to two rows farther on.
+    constexpr int kRim = kSilhouetteBorder + kReach;
+    bool is_active = false;
+    for (int row = std::max(v - kReach - 2, -kRim);
+         row <= std::min(v + kReach + 2, image.height + kRim); ++row) {
+      is_active = is_active || scratch.is_active(row, segment);
+    }
+    if (!is_active) {
+      std::memset(scratch.has_any + scratch.pixel(v, segment), 0, kSegment);
+      scratch.any_found[scratch.segment(v, segment)] = 0;
+      continue;
+    }
+    std::uint32_t any_found = 0;
+    for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t at) {
+      const RulePlane own = load_plane(image.row(v) + u);
+      PixelSilhouettes found;
+      if (scratch.is_active(v, segment)) found = load_found(scratch, at);
+      RulePlane up = own, down = own;
+      for (int n = 1; n <= kReach; ++n) {
+        const float away = static_cast<float>(n);
+        const RulePlane next_down = load_plane(image.row(v + n) + u),
+                        next_up = load_plane(image.row(v - n) + u);
+        take_edge(own, down, next_down, splat(0.0f), splat(away - 0.5f), rules.width_v, found);
+        take_edge(own, next_up, up, splat(0.0f), splat(0.5f - away), rules.width_v, found);
+        down = next_down;
+        up = next_up;
+        for (const int row : {n, -n}) {
+          if (!scratch.is_active(v + row, segment)) continue;
+          take_found(own, load_found(scratch, at + row * scratch.stride()),
+                     splat(static_cast<float>(row)), rules.width_u, found);
+        }
+      }
+      const VecF x = rules.first_u + (to_float(lane_ids()) + static_cast<float>(u)) * rules.width_u;
+      const Mask has_exit = is_any(found.exit), has_occluder = is_any(found.occluder);
+      const VecF zero{};
+      store_silhouettes(image, v, u, found,
+                        select(has_exit, -side_of(found.exit, x, splat(y), rules), zero),
+                        select(has_occluder, side_of(found.occluder, x, splat(y), rules), zero));
+      const std::uint32_t any = mask_bits(has_exit | has_occluder);
+      for (int i = 0; i < kLanes; ++i) scratch.has_any[at + i] = any >> i & 1;
+      any_found |= any;
+    });
+    scratch.any_found[scratch.segment(v, segment)] = any_found != 0;
+  }
+}
+
+void mark_silhouettes(const FieldImage& image, int v, const SilhouetteScratch& scratch) {
+  std::uint8_t* const near = image.near_silhouette + v * image.stride;
+  const std::ptrdiff_t stride = scratch.stride();
+  for (int segment = 0; segment < num_segments(image); ++segment) {
+    const int first = segment * kSegment - kBorder;
+    const int begin = std::max(first, 1 - kSilhouetteBorder);
+    const int end = std::min(first + kSegment, image.width + kSilhouetteBorder);
+    const std::uint8_t* const has_any = scratch.has_any + scratch.pixel(v, segment) - first;
+    bool is_any_near = false;
+    for (int row = v - 1; row <= v + 1; ++row) is_any_near |= scratch.has_found(row, segment);
+    if (!is_any_near) {
+      if (begin < end) std::memset(near + begin, 0, static_cast<std::size_t>(end - begin));
+      continue;
+    }
+    for (int u = begin; u < end; ++u) {
+      const std::uint8_t *const low = has_any + u - stride, *const at = has_any + u,
+                                *const high = has_any + u + stride;
+      near[u] = low[-1] | low[0] | low[1] | at[-1] | at[0] | at[1] | high[-1] | high[0] | high[1];
+    }
+  }
+}
+
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

@@ -1,0 +1,148 @@
+// Which silhouettes a pixel of a depth field sees: the nearest places around it where a surface
+// ends in front of another one. Shared by the CPU's vector kernels and CUDA (core/lanes.h).
+#pragma once
+
+#include <cstdint>
+
+#include "src/core/lanes.h"
+#include "src/field/field_pyramid.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
+// A surface ends between two pixels if the farther one lies so many widths of a pixel deeper than
+// a smooth surface could at the slant of both.
+constexpr float kLeastStep = 1.0f;
+// A far surface beyond the near edge is not looked at deeper than this behind it, metres.
+constexpr float kFarEnough = 0.5f;
+// No surface is taken for steeper than this.
+constexpr float kLeastSlope = 0.02f;
+
+/// The planes of pixels of a level.
+struct RulePlane {
+  VecF offset, slope;
+};
+
+/// What one level has in common: widths are of a pixel at a depth of 1 m.
+struct RuleLevel {
+  float width_u, width_v;  ///< over the focal lengths
+  float first_u, first_v;  ///< direction x / z and y / z of pixel (0, 0)
+};
+
+inline RuleLevel rule_level(const Intrinsics& k, int level) {
+  const auto size = static_cast<float>(1 << level);
+  const auto fx = static_cast<float>(k.fx), fy = static_cast<float>(k.fy);
+  const float middle = 0.5f * size - 0.5f;  // of pixel (0, 0), in pixels of the image
+  return {size / fx, size / fy, (middle - static_cast<float>(k.cx)) / fx,
+          (middle - static_cast<float>(k.cy)) / fy};
+}
+
+PALPATE_FORMULA Mask is_nearer(const RulePlane& a, const RulePlane& b) {
+  return a.slope * b.offset >= b.slope * a.offset;
+}
+
+PALPATE_FORMULA RulePlane chosen(Mask mask, const RulePlane& a, const RulePlane& b) {
+  return {select(mask, a.offset, b.offset), select(mask, a.slope, b.slope)};
+}
+
+/// Is `far` by the squared share `reach` of a pixel's width farther than a smooth surface through
+/// `near` could be, at depth z? Both are real surfaces or `far` is none.
+PALPATE_FORMULA Mask is_apart(const RulePlane& near, const RulePlane& far, VecF gap, VecF span,
+                              VecF reach) {
+  const VecF miss = gap - kLeastStep * span;
+  const VecF cosine = select(far.slope > splat(0.0f), min(near.slope, far.slope), near.slope);
+  const VecF squared_sine = 1.0f - cosine * cosine;
+  return (miss > splat(0.0f)) & (miss * miss > span * span * squared_sine * reach);
+}
+
+/// Does a surface end between two pixels side by side, the near one of which comes first?
+PALPATE_FORMULA Mask ends_between(const RulePlane& near, const RulePlane& far, float width) {
+  const VecF depth = near.offset / max(near.slope, splat(1e-6f));
+  const VecF gap = far.offset - depth * far.slope;
+  return (near.slope > splat(0.0f)) & is_apart(near, far, gap, width * depth, splat(1.0f));
+}
+
+/// The nearest silhouette found so far.
+struct NearestSilhouette {
+  VecF du = splat(0.0f), dv = splat(0.0f);  ///< pixels
+  VecF squared = splat(1e9f);               ///< of the distance
+  RulePlane other = {splat(0.0f), splat(0.0f)};
+};
+
+PALPATE_FORMULA void take(NearestSilhouette& nearest, Mask fits, VecF du, VecF dv,
+                          const RulePlane& other) {
+  const VecF squared = du * du + dv * dv;
+  const Mask is_better = fits & (squared < nearest.squared);
+  nearest.du = select(is_better, du, nearest.du);
+  nearest.dv = select(is_better, dv, nearest.dv);
+  nearest.squared = select(is_better, squared, nearest.squared);
+  nearest.other = chosen(is_better, other, nearest.other);
+}
+
+/// What a pixel knows of the silhouettes around it: those that its own surface ends at, with the
+/// surface beyond, and those of what stands in front of it.
+struct PixelSilhouettes {
+  NearestSilhouette exit, occluder;
+};
+
+/// A silhouette at (du, dv) is a way out for what lies kReach pixels behind `own` if the far
+/// surface is less deep there.
+PALPATE_FORMULA void take_exit(const RulePlane& own, const RulePlane& far, Mask is_any, VecF du,
+                               VecF dv, float width, NearestSilhouette& exit) {
+  const VecF depth = own.offset / max(own.slope, splat(1e-6f));
+  const VecF behind = depth * (1.0f + kReach * width / max(own.slope, splat(kLeastSlope)));
+  const VecF out = far.offset - behind * far.slope;
+  const Mask fits =
+      is_any & (own.slope > splat(0.0f)) & (out > (kLeastStep - kReach) * width * depth);
+  take(exit, fits, du, dv, far);
+}
+
+/// A silhouette at (du, dv) stands in front of `own` if its near surface is of another piece.
+PALPATE_FORMULA void take_occluder(const RulePlane& own, const RulePlane& near, Mask is_any,
+                                   VecF du, VecF dv, float width, NearestSilhouette& occluder) {
+  const VecF near_depth = near.offset / max(near.slope, splat(1e-6f));
+  const VecF own_depth = own.offset / max(own.slope, splat(1e-6f));
+  const VecF depth = min(own_depth, near_depth + kFarEnough);
+  const VecF gap = own.offset - depth * own.slope - (near.offset - depth * near.slope);
+  const VecF reach = 2.0f * (du * du + dv * dv) + 0.5f;
+  const Mask fits =
+      is_any & (own_depth > near_depth) & is_apart(near, own, gap, width * near_depth, reach);
+  take(occluder, fits, du, dv, near);
+}
+
+/// The edge between two pixels side by side, if there is one.
+PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const RulePlane& b,
+                               VecF du, VecF dv, float width, PixelSilhouettes& found) {
+  const Mask a_is_near = is_nearer(a, b);
+  const RulePlane near = chosen(a_is_near, a, b), far = chosen(a_is_near, b, a);
+  const Mask is_any = ends_between(near, far, width);
+  take_exit(own, far, is_any, du, dv, width, found.exit);
+  take_occluder(own, near, is_any, du, dv, width, found.occluder);
+}
+
+/// What was found at another pixel of the same column.
+PALPATE_FORMULA void take_found(const RulePlane& own, const PixelSilhouettes& there, VecF dv,
+                                float width, PixelSilhouettes& found) {
+  take_exit(own, there.exit.other, there.exit.squared < splat(1e8f), there.exit.du, dv, width,
+            found.exit);
+  take_occluder(own, there.occluder.other, there.occluder.squared < splat(1e8f), there.occluder.du,
+                dv, width, found.occluder);
+}
+
+/// Silhouette::side without its sign, of a pixel seen in the direction (x, y) from (x / z, y / z):
+/// the distance to the plane through the eye and the edge, over the depth.
+PALPATE_FORMULA VecF side_of(const NearestSilhouette& nearest, VecF x, VecF y,
+                             const RuleLevel& level) {
+  const VecF dx = nearest.du * level.width_u, dy = nearest.dv * level.width_v;
+  const VecF squared = dx * dx + dy * dy;
+  const VecF along = dx * (x + dx) + dy * (y + dy);
+  return squared / max(sqrt(squared + along * along), splat(1e-12f));
+}
+
+PALPATE_FORMULA Mask is_any(const NearestSilhouette& nearest) {
+  return nearest.squared < splat(1e8f);
+}
+
+}  // namespace
+}  // namespace palpate::PALPATE_ISA_NAMESPACE
