@@ -46,7 +46,7 @@ SHARED_PRIVATE = {
     "src/session/svg_parts.h": ("eval",),
     "src/core/simd.h": ("cloud", "contact", "field"),
     "src/core/one_lane.h": ("cloud", "contact"),
-    "src/core/lanes.h": ("cloud", "contact"),
+    "src/core/lanes.h": ("cloud", "contact", "field"),
     # The evaluation times the stages of a query one by one.
     "src/contact/image_window.h": ("eval",),
     "src/contact/point_scan.h": ("eval",),

@@ -30,21 +30,9 @@
 #include <cmath>
 #include <cstring>
 
-#include "palpate/field/depth_field.h"
+#include "palpate/field/field_values.h"
 
 namespace palpate {
-
-/// A number and its derivative.
-template <class Real>
-struct Sloped {
-  Real value, slope;
-};
-
-/// A number with its first and second derivative.
-template <class Real>
-struct Curved {
-  Real value, slope, bend;
-};
 
 /// The quadratic B-spline over three neighbours, at t in [-1/2, 1/2] from the middle one.
 template <class Value, class Real>
@@ -65,9 +53,6 @@ inline constexpr float kBlendEnd = 1.25f;
 /// Nothing nearer to the camera than this is behind a surface, metres.
 inline constexpr float kLeastDepth = 0.02f;
 
-/// Corners are rounded over this share of a pixel to each side. Silhouettes are half a pixel away
-/// or more, aslant 0.35: so a pixel's value is smooth where its silhouette changes.
-inline constexpr float kCorner = 0.35f;
 /// In footprints: deeper than this wider pixels are asked too, and how far that is rounded.
 inline constexpr float kDeep = 2.0f, kDeepCorner = 0.1f;
 /// By so much deeper than it is what lies deep appears to the finer pixels, so that wider ones
@@ -76,73 +61,6 @@ inline constexpr float kSteepening = 0.05f;
 /// The spheres that ask about what lies deep: growth of their radii, and how many at most.
 inline constexpr float kDeepGrowth = 4.0f;
 inline constexpr int kMostDeepSteps = 5;
-
-/// max(0, x) with a parabola from 0 to 2 k, flattened by k from there on; by some variable of which
-/// k is a linear function of slope `k_by`.
-template <class Real>
-PALPATE_FORMULA Curved<Real> corner(const Curved<Real>& x, const Real& k, const Real& k_by) {
-  const Real zero{};
-  const Real y = x.value / k, y_by = (x.slope - y * k_by) / k;
-  const Curved<Real> bent{0.25f * k * y * y, 0.5f * y * x.slope - 0.25f * y * y * k_by,
-                          0.5f * (k * y_by * y_by + y * x.bend)};
-  const auto is_above = y > zero, is_beyond = y > zero + 2.0f;
-  return {is_beyond ? x.value - k : (is_above ? bent.value : zero),
-          is_beyond ? x.slope - k_by : (is_above ? bent.slope : zero),
-          is_beyond ? x.bend : (is_above ? bent.bend : zero)};
-}
-
-/// Sums and differences.
-template <class Real>
-PALPATE_FORMULA Curved<Real> plus(const Curved<Real>& a, const Curved<Real>& b) {
-  return {a.value + b.value, a.slope + b.slope, a.bend + b.bend};
-}
-template <class Real>
-PALPATE_FORMULA Curved<Real> minus(const Curved<Real>& a, const Curved<Real>& b) {
-  return {a.value - b.value, a.slope - b.slope, a.bend - b.bend};
-}
-template <class Real>
-PALPATE_FORMULA Curved<Real> chosen(const auto& condition, const Curved<Real>& a,
-                                    const Curved<Real>& b) {
-  return {condition ? a.value : b.value, condition ? a.slope : b.slope,
-          condition ? a.bend : b.bend};
-}
-
-/// The distance to a tangent plane at depth z, by z.
-template <class Real>
-PALPATE_FORMULA Curved<Real> plane_value(Real offset, Real slope, Real z) {
-  return {offset - z * slope, -slope, Real{}};
-}
-
-/// As deep as it is down to -thickness, from there on out of the back: |x + thickness| - thickness,
-/// rounded.
-template <class Real>
-PALPATE_FORMULA Curved<Real> with_back(const Curved<Real>& x, Real thickness) {
-  const Real k = 0.25f * thickness;
-  const Curved<Real> depth{-thickness - x.value, -x.slope, -x.bend};
-  const Curved<Real> behind = corner<Real>({depth.value + k, depth.slope, depth.bend}, k, Real{});
-  return {x.value + 2.0f * behind.value, x.slope + 2.0f * behind.slope,
-          x.bend + 2.0f * behind.bend};
-}
-
-/// A pixel's value next to a silhouette: `own` is that of its own surface, `other` of the other
-/// one, at depth z where corners are rounded over k = z k_by.
-template <class Real>
-PALPATE_FORMULA Curved<Real> clamped_at_silhouette(const Curved<Real>& own,
-                                                   const Curved<Real>& other, Real side, Real z,
-                                                   Real k_by) {
-  const Real zero{}, k = z * k_by;
-  const auto is_near = side < zero;
-  // The other one counts as far as it lies on the right side of the own one.
-  const Curved<Real> apart = minus(other, own);
-  const Curved<Real> gap = corner(
-      chosen(is_near, apart, Curved<Real>{-apart.value, -apart.slope, -apart.bend}), k, k_by);
-  const Curved<Real> near = chosen(is_near, own, minus(own, gap)), far = plus(near, gap);
-  const Curved<Real> wall{side * z + k, side + k_by, zero};
-  const Curved<Real> value =
-      minus(plus(near, corner(minus(wall, near), k, k_by)), corner(minus(wall, far), k, k_by));
-  const auto has_any = (is_near) | (side > zero);
-  return chosen(has_any, value, own);
-}
 
 /// 0 for x <= 0, 1 for x >= 1, a cubic between, and its derivative.
 template <class Real>
@@ -229,49 +147,6 @@ PALPATE_HOSTDEV inline PixelSpot<Real> spot_at(const DepthFieldLevel& level, Rea
   const int i = static_cast<int>(std::floor(at_u + Real(0.5)));
   const int j = static_cast<int>(std::floor(at_v + Real(0.5)));
   return {std::ptrdiff_t(j) * level.stride + i, at_u - Real(i), at_v - Real(j)};
-}
-
-/// Two neighbours among DepthFieldLevel::planes, which a GPU loads at once.
-struct alignas(2 * sizeof(float)) PlanePair {
-  float offset, slope;
-};
-
-/// A pixel's value at depth z by z, as its silhouettes have it.
-template <class Real>
-PALPATE_HOSTDEV inline Curved<Real> silhouette_value(const DepthFieldLevel& level,
-                                                     std::ptrdiff_t pixel, const Curved<Real>& own,
-                                                     Real z, Real thickness, Real k_by) {
-  const Silhouette other = level.silhouettes[2 * pixel + (own.value < 0 ? 0 : 1)];
-  Curved<Real> plane = plane_value(Real(other.offset), Real(other.slope), z);
-  if (thickness < Real(kSolidBehind)) plane = with_back(plane, thickness);
-  return clamped_at_silhouette(own, plane, Real(other.side), z, k_by);
-}
-
-/// The values at depth z of the nine pixels around a spot, row by row.
-template <class Real>
-PALPATE_HOSTDEV inline void values_around(const DepthFieldLevel& level, std::ptrdiff_t pixel,
-                                          Real z, Real thickness, Real fx,
-                                          Curved<Real> (&values)[3][3]) {
-  for (int q = 0; q < 3; ++q) {  // all is read before anything waits for it
-    const float* row = level.planes + 2 * (pixel + (q - 1) * level.stride - 1);
-    for (int p = 0; p < 3; ++p) {
-      const PlanePair pair = reinterpret_cast<const PlanePair*>(row)[p];
-      values[q][p] = plane_value(Real(pair.offset), Real(pair.slope), z);
-    }
-  }
-  if (thickness < Real(kSolidBehind)) {
-    for (Curved<Real>(&row)[3] : values) {
-      for (Curved<Real>& value : row) value = with_back(value, thickness);
-    }
-  }
-  if (level.near_silhouette[pixel] == 0) return;
-  const Real k_by = Real(kCorner) / (Real(level.scale) * fx);
-  for (int q = 0; q < 3; ++q) {
-    for (int p = 0; p < 3; ++p) {
-      const std::ptrdiff_t at = pixel + (q - 1) * level.stride + p - 1;
-      values[q][p] = silhouette_value(level, at, values[q][p], z, thickness, k_by);
-    }
-  }
 }
 
 /// The B-spline of the values of nine pixels.
