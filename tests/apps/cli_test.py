@@ -367,6 +367,28 @@ class CommandLine(unittest.TestCase):
         self.assertIn("stays empty", palpate("pack", mesh, "-o", tool, "--spheres", 1500,
                                              "--min-radius", 0.0008).stderr)
 
+    def test_the_tip_is_felt(self):
+        """A finger pushed into a wall, tip first, against the volume of its tip in closed form."""
+        mesh, tool, wall = (self.path(name) for name in ("tip.ply", "tip.palp", "wall.png"))
+        self.succeed("shape", "finger", "--size", 0.196, "-o", mesh)
+        self.succeed("pack", mesh, "-o", tool, "--spheres", 5000)
+        write_depth_png(wall, 320, 240, lambda u, v: 5000)  # 0.5 m away
+        depths, poses = [0.003, 0.006, 0.01, 0.013], self.path("tip.tum")
+        with open(poses, "w") as file:
+            for i, depth in enumerate(depths):
+                file.write(f"{i} 0 0 {0.5 - 0.098 + depth} 0 0 0 1\n")
+        felt = json.loads(self.succeed("query", tool, "--depth", wall, "--depth-unit", 0.0001,
+                                       "--intrinsics", "262,262,159.5,119.5", "--poses", poses,
+                                       "--json"))["results"]
+        for depth, result in zip(depths, felt):
+            # The last 14 mm of the finger are 0.25 x 8 mm at the tip and 0.8 x 10 mm at the arm.
+            def area(t):
+                return (0.25 + 0.55 * t) * (8 + 2 * t) * 1e-6
+            t = depth / 0.014
+            volume = depth / 6 * (area(0) + 4 * area(t / 2) + area(t))
+            self.assertLess(abs(result["volume"] - volume), 0.35 * volume, depth)
+            self.assertLess(result["force"][2], -0.9 * result["volume"], depth)
+
     def test_as_many_spheres_as_needed(self):
         mesh, tool = self.path("stylus.ply"), self.path("auto.palp")
         self.succeed("shape", "stylus", "--size", 0.1, "-o", mesh)
