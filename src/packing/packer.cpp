@@ -46,8 +46,8 @@ constexpr double kHeadStart = 0.75;
 // The surface is looked at from so many spheres on, whenever there are a twentieth more. Until the
 // next look the bound shrinks by about 2 %, so what is asked for is well within it.
 constexpr std::size_t kFirstLook = 700;
-constexpr std::size_t kLooksPerDoubling = 20;
-constexpr double kReachMargin = 0.8;  // of standoff_bound
+constexpr std::size_t kMorePerLook = 20;  // one part of so many
+constexpr double kReachMargin = 0.8;      // of standoff_bound
 // The standoffs of packings have much the same distribution: 80 % of the surface are within 0.70 to
 // 0.76 of what 95 % are within. Only where more than 5 % are thinner than the spheres this is less,
 // and then p95 falls within few spheres to its usual place once these 5 % are reached. So that it
@@ -268,7 +268,7 @@ class Packer {
   // Gives spheres to places of the surface that are left behind, the farthest first.
   void reach_ends() {
     if (done_ || packing_.spheres.size() < next_look_) return;
-    next_look_ = packing_.spheres.size() + packing_.spheres.size() / kLooksPerDoubling;
+    next_look_ = packing_.spheres.size() + packing_.spheres.size() / kMorePerLook;
     if (!watch_) watch_.emplace(solid_, spheres_, pool_);
     const auto [p80, p95] = watch_->quantiles();
     const double wanted = kReachMargin * standoff_bound(std::min(p95, kMostOfP80 * p80), extent_);

@@ -15,6 +15,11 @@ double distance(const Vec3d& p, const Sphere& sphere) {
   return norm(p - to_double(sphere.centre)) - static_cast<double>(sphere.radius);
 }
 
+// Half of the surface is within 0.39 to 0.48 of what 95 % are within, in all packings alike. Only
+// where more than 5 % of it belong to a part that is thinner than the spheres it is less: then this
+// many times p50 is about what 95 % of the rest are within.
+constexpr double kMostOfHalf = 3;
+
 /// Nearest sphere to p, by branch and bound: no sphere is nearer than the node that contains it.
 /// `guess` is any sphere; a near one saves work. One that is not farther than `floor` is near
 /// enough.
@@ -127,7 +132,8 @@ std::optional<std::string> empty_part(const Tool& tool, const Standoff& standoff
   const Bounds box = bounds(tool.mesh());
   const Vec3d size = box.high - box.low;
   const double longest = std::max({size.x, size.y, size.z});
-  if (standoff.max <= standoff_bound(standoff.p95, longest)) return std::nullopt;
+  const double usual = std::min(standoff.p95, kMostOfHalf * nearest_rank(standoff.samples, 0.5));
+  if (standoff.max <= standoff_bound(usual, longest)) return std::nullopt;
   const char* advice = "pack more spheres, or allow smaller ones (--min-radius, --camera-spacing)";
   if (tool.packing().stop == PackStop::exhausted) {
     advice = "no sphere fits there at single precision; make the tool thicker there";
@@ -139,9 +145,9 @@ std::optional<std::string> empty_part(const Tool& tool, const Standoff& standoff
   std::snprintf(
       text, sizeof text,
       "a part of the tool that is thinner than the spheres stays empty and feels nothing: "
-      "at %.4g %.4g %.4g mm the nearest sphere is %.4g mm off, and %.4g mm from 95 %% of "
-      "the surface; %s",
-      p.x, p.y, p.z, standoff.max * 1000, standoff.p95 * 1000, advice);
+      "at %.4g %.4g %.4g mm the nearest sphere is %.4g mm off, elsewhere at most about "
+      "%.4g mm; %s",
+      p.x, p.y, p.z, standoff.max * 1000, usual * 1000, advice);
   return text;
 }
 

@@ -184,7 +184,18 @@ TEST(Standoff, EmptyPartsAreTold) {
   const Tool many = packed_tool(make_shape("finger", 0.196).value(), 1000);
   EXPECT_FALSE(empty_part(many, standoff(many)));
   EXPECT_EQ(count(packing_page(many, packing_statistics(many)), "stays empty"), 0u);
-  // Nothing else may be empty: one ball in a cube leaves its corners, as far as the rest.
+  // The edge of a blade is so much of its surface that p95 alone does not tell.
+  const Tool blade = packed_tool(make_shape("blade", 0.196).value(), 1000);
+  const Standoff edge = standoff(blade);
+  EXPECT_LT(edge.max, 4 * edge.p95);
+  EXPECT_TRUE(empty_part(blade, edge));
+  for (const char* name : {"box", "tetrahedron", "sphere", "cylinder", "torus", "spiral"}) {
+    for (const int num : {100, 1000}) {
+      const Tool full = packed_tool(make_shape(name, 0.1).value(), num);
+      EXPECT_FALSE(empty_part(full, standoff(full))) << name << num;
+    }
+  }
+  // One ball in a cube leaves its corners, as far as the rest.
   const Tool ball = cube_with({{{0, 0, 0}, 0.01f}});
   EXPECT_FALSE(empty_part(ball, standoff(ball)));
 }

@@ -40,7 +40,7 @@ struct Standoff {
 Standoff standoff(const Tool& tool, int num_samples = kStandoffSamples);
 
 /// Tells people where a part of the tool has no sphere near it although the rest has: where `max`
-/// is beyond standoff_bound. Nothing if there is no such part.
+/// is beyond standoff_bound, of the rest if that part is large. Nothing if there is no such part.
 std::optional<std::string> empty_part(const Tool& tool, const Standoff& standoff);
 
 struct PackingStatistics {
