@@ -94,6 +94,9 @@ struct Outputs {
         stamp(folder / mesh.stem().concat(".pack.json")) {}
 };
 
+/// Counts changes of what the same mesh and options become.
+constexpr int kPackingVersion = 2;
+
 /// What the tool came from and what it is: equal text means that packing again would give the same
 /// files. Nothing if a file is not there.
 std::optional<std::string> stamp_text(const TriangleMesh& raw, const std::string& source,
@@ -102,10 +105,11 @@ std::optional<std::string> stamp_text(const TriangleMesh& raw, const std::string
   const PackOptions& pack = request.pack;
   const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(); };
   Json stamp{{"palpate", PALPATE_VERSION},
+             {"packing", kPackingVersion},
              {"source", source},
              {"mesh", checksum_of(raw.vertices) + checksum_of(raw.triangles)},
              {"options",
-              {{"spheres", pack.max_spheres},
+              {{"spheres", request.as_many_as_needed ? Json("auto") : Json(pack.max_spheres)},
                {"max_radius", number(pack.max_radius)},
                {"min_radius", pack.min_radius},
                {"max_fill", pack.max_fill},
@@ -144,6 +148,8 @@ class Log {
     Json entry{{"mesh", mesh.string()},           {"tool", outputs.tool.string()},
                {"spheres", num_spheres},          {"fill", fill},
                {"stopped", packed.notes.stopped}, {"seconds", packed.seconds}};
+    const Json info = tool_info(packed.tool, packed.standoff);
+    for (const char* key : {"standoff", "warnings"}) entry[key] = info[key];
     if (page) entry["report"] = outputs.page.string();
     packed_.push_back(entry);
     char text[96];

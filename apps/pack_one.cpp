@@ -8,6 +8,7 @@
 #include <iostream>
 
 #include "apps/terminal.h"
+#include "apps/tool_info.h"
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/mesh_file.h"
 #include "palpate/mesh/mesh_check.h"
@@ -37,6 +38,7 @@ const char* reason(PackStop stop) {
     case PackStop::radius: return "the next one would be smaller than the smallest radius allowed";
     case PackStop::time: return "the time was up";
     case PackStop::exhausted: return "no further one fits at single precision";
+    case PackStop::standoff: return "95 % of the surface are as near to a sphere as asked for";
   }
   return "";
 }
@@ -110,6 +112,10 @@ Result<SpherePacking> pack(const TriangleMesh& solid, const PackRequest& request
                            const std::string& title) {
   Progress bar(title);
   PackOptions options = request.pack;
+  if (request.as_many_as_needed) {
+    options.max_spheres = kMostNeeded;
+    options.standoff = kFeltShare * longest_side(solid);
+  }
   options.progress = [&](const PackProgress& progress) {
     if (bar.due()) {
       char words[96];
@@ -126,7 +132,8 @@ Result<SpherePacking> pack(const TriangleMesh& solid, const PackRequest& request
 std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& request) {
   const PackOptions& pack = request.pack;
   std::vector<std::pair<std::string, std::string>> rows{
-      {"--spheres", std::to_string(pack.max_spheres)}, {"--unit", name_of(kUnits, request.unit)}};
+      {"--spheres", request.as_many_as_needed ? "auto" : std::to_string(pack.max_spheres)},
+      {"--unit", name_of(kUnits, request.unit)}};
   if (request.scale != 1) rows.emplace_back("--scale", number_text(request.scale));
   if (std::isfinite(pack.max_radius)) {
     rows.emplace_back("--max-radius", length_text(pack.max_radius));
@@ -177,7 +184,9 @@ Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,
   if (!tool) return tool.error();
   if (interrupted()) return kInterrupted;
   end_step("volumes, graph and tree");
-  return PackedTool{*std::move(tool), std::move(notes), seconds};
+  Standoff gap = standoff(*tool);
+  warn_of_empty_part(path, *tool, gap);
+  return PackedTool{*std::move(tool), std::move(gap), std::move(notes), seconds};
 }
 
 Status write_page(const PackedTool& packed, const std::string& path) {

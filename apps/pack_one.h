@@ -23,12 +23,19 @@ inline constexpr std::array<Named<GapRule>, 2> kGapRules{
 struct PackRequest {
   double unit = 1, scale = 1;
   PackOptions pack;                    ///< its least radius is that of the camera, if that is more
+  bool as_many_as_needed = false;      ///< spheres, for a standoff of kFeltShare of the tool's size
   std::vector<double> camera_spacing;  ///< depth in metres and focal length in pixels, or empty
   GapRule gap_rule = GapRule::relative;
 };
 
+/// --spheres auto: a standoff of 95 % of the surface, as share of the tool's longest side, and the
+/// most spheres it may take. It takes kReachingSpheres at least.
+inline constexpr double kFeltShare = 0.005;
+inline constexpr int kMostNeeded = 50000;
+
 struct PackedTool {
   Tool tool;
+  Standoff standoff;
   PackingNotes notes;
   double seconds = 0;  ///< since the mesh was read
 };

@@ -7,8 +7,6 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "palpate/session/packing_report.h"
-
 namespace palpate::apps {
 namespace {
 
@@ -51,12 +49,13 @@ __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) 
 
 }  // namespace
 
-Json tool_info(const Tool& tool) {
+Json tool_info(const Tool& tool, const Standoff& standoff) {
   const MassProperties &spheres = tool.sphere_mass(), &mesh = tool.mesh_mass();
   const RadiusRange radius = radius_range(tool);
   const Bounds box = bounds(tool.mesh());
   const LeafGraph& graph = tool.graph();
-  const Standoff gap = standoff(tool);
+  Json warnings = Json::array();
+  if (const auto empty = empty_part(tool, standoff)) warnings.push_back(*empty);
   return {{"source", tool.source()},
           {"triangles", tool.mesh().triangles.size()},
           {"spheres", tool.spheres().size()},
@@ -70,22 +69,27 @@ Json tool_info(const Tool& tool) {
           {"mesh_inertia", to_json(mesh.inertia)},
           {"min_radius", radius.smallest},
           {"max_radius", radius.largest},
-          {"standoff", {{"mean", gap.mean}, {"p95", gap.p95}, {"max", gap.max}}},
+          {"standoff",
+           {{"mean", standoff.mean},
+            {"p95", standoff.p95},
+            {"max", standoff.max},
+            {"worst", to_json(standoff.worst)}}},
           {"bounds", {to_json(box.low), to_json(box.high)}},
           {"tree_nodes", tool.tree().nodes().size()},
           {"graph",
            {{"edges", graph.num_edges()},
             {"bridges", graph.num_bridges()},
-            {"components_before_bridging", graph.num_components_before_bridging()}}}};
+            {"components_before_bridging", graph.num_components_before_bridging()}}},
+          {"warnings", warnings}};
 }
 
-std::string describe(const Tool& tool) {
+std::string describe(const Tool& tool, const Standoff& standoff) {
   const RadiusRange radius = radius_range(tool);
   const Bounds box = bounds(tool.mesh());
   const Vec3d size = (box.high - box.low) * 1000;
   const Vec3d centre = tool.sphere_mass().centre_of_mass * 1000;
   const LeafGraph& graph = tool.graph();
-  const Standoff gap = standoff(tool);
+  const Vec3d worst = standoff.worst * 1000;
   return "source        " + tool.source() + "\n" +
          text("mesh          %zu triangles, %.4g x %.4g x %.4g mm, %.6g cm3\n",
               tool.mesh().triangles.size(), size.x, size.y, size.z, tool.mesh_mass().volume * 1e6) +
@@ -97,11 +101,19 @@ std::string describe(const Tool& tool) {
          text(
              "standoff      %.4g mm from the surface to the nearest sphere (95 %%: %.4g, most "
              "%.4g)\n",
-             gap.mean * 1000, gap.p95 * 1000, gap.max * 1000) +
+             standoff.mean * 1000, standoff.p95 * 1000, standoff.max * 1000) +
+         text("worst place   %.4g %.4g %.4g mm, %.4g mm from the nearest sphere\n", worst.x,
+              worst.y, worst.z, standoff.max * 1000) +
          text("centre        %.4g %.4g %.4g mm (of the spheres)\n", centre.x, centre.y, centre.z) +
          text("tree          %zu nodes\n", tool.tree().nodes().size()) +
          text("graph         %d edges, %d of them bridges between %d components\n",
               graph.num_edges(), graph.num_bridges(), graph.num_components_before_bridging());
+}
+
+void warn_of_empty_part(const std::string& path, const Tool& tool, const Standoff& standoff) {
+  if (const auto empty = empty_part(tool, standoff)) {
+    std::cerr << "palpate: warning: " << path << ": " << *empty << '\n';
+  }
 }
 
 void print_json(const Json& json) {

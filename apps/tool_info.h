@@ -4,14 +4,16 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "palpate/tool/tool.h"
+#include "palpate/session/packing_report.h"
 
 namespace palpate::apps {
 
-/// The keys of `palpate info --json`.
-nlohmann::ordered_json tool_info(const Tool& tool);
+/// The keys of `palpate info --json`; `standoff` is that of the tool.
+nlohmann::ordered_json tool_info(const Tool& tool, const Standoff& standoff);
 /// The same in a few lines for people.
-std::string describe(const Tool& tool);
+std::string describe(const Tool& tool, const Standoff& standoff);
+/// Tells people on stderr of a part of the tool that has no spheres; `path` is what was read.
+void warn_of_empty_part(const std::string& path, const Tool& tool, const Standoff& standoff);
 /// Prints one document to stdout.
 void print_json(const nlohmann::ordered_json& json);
 

@@ -29,10 +29,12 @@ Status run(const Options& options) {
     const std::string page = packing_page(*tool, packing_statistics(*tool));
     if (const Status status = write_file_atomically(options.page, page); !status) return status;
   }
+  const Standoff gap = standoff(*tool);
+  warn_of_empty_part(options.tool, *tool, gap);
   if (options.json) {
-    print_json(tool_info(*tool));
+    print_json(tool_info(*tool, gap));
   } else {
-    std::cout << describe(*tool);
+    std::cout << describe(*tool, gap);
   }
   return Done{};
 }

@@ -47,7 +47,7 @@ Status check_outputs(const Options& options) {
 }
 
 void print_for_people(const Options& options, const PackedTool& packed) {
-  std::cout << describe(packed.tool);
+  std::cout << describe(packed.tool, packed.standoff);
   const PackRequest& request = options.request;
   if (!request.camera_spacing.empty()) {
     const double depth = request.camera_spacing[0], focal_length = request.camera_spacing[1];
@@ -76,7 +76,7 @@ Status run_one(const Options& options) {
     if (const Status status = write_page(*packed, options.page); !status) return status;
   }
   if (options.json) {
-    nlohmann::ordered_json json = tool_info(packed->tool);
+    nlohmann::ordered_json json = tool_info(packed->tool, packed->standoff);
     json["output"] = options.output;
     json["seconds"] = packed->seconds;
     if (options.report) json["report"] = options.page;
@@ -118,8 +118,18 @@ void check(Options& options) {
 void add_limits(CLI::App& app, PackRequest& request) {
   PackOptions& pack = request.pack;
   // Two million spheres need 2.5 GB while they are packed.
-  add_number(app, "--spheres", pack.max_spheres, {1, 2e6, "a whole number from 1 to 2000000"},
-             "at most so many spheres");
+  const auto parse_spheres = [&request](const std::string& text) {
+    request.as_many_as_needed = text == "auto";
+    if (request.as_many_as_needed) return;
+    request.pack.max_spheres = parse_number_in<int>(
+        "--spheres", {1, 2e6, "a whole number from 1 to 2000000, or auto"}, text);
+  };
+  app.add_option_function<std::string>(
+         "--spheres", parse_spheres,
+         "at most so many spheres; auto: from 1000 to 50000, as many as it takes for 95 % of the "
+         "surface to be nearer to a sphere than 0.5 % of the tool's longest side")
+      ->type_name("NUMBER|auto")
+      ->default_str(std::to_string(pack.max_spheres));
   add_named(app, "--unit", request.unit, kUnits, "unit of the mesh file");
   add_number(app, "--scale", request.scale, {1e-9, 1e9, "a number from 1e-9 to 1e9"},
              "factor on top of the unit");

@@ -18,6 +18,10 @@ constexpr int kFirst = kNumbers[0];  // fewer follow no law yet
 constexpr int kDefault = 5000;       // as `palpate pack` makes them
 static_assert(std::ranges::find(kNumbers, kDefault) != std::end(kNumbers));
 
+/// Shapes with ends that are thinner than most of their spheres, and how many of these.
+constexpr const char* kThinShapes[] = {"finger", "comb", "needle", "blade"};
+constexpr int kThinNumbers[] = {1000, 5000, 20000};
+
 /// What our docs say.
 constexpr double kNearApollonian = 0.025;  // of the exponent
 constexpr double kTimes = 30;              // as many spheres, for half the empty space
@@ -181,6 +185,45 @@ void add_numbers(FigureResult& result, const std::vector<Packing>& packings) {
   }
 }
 
+/// How late thin ends are felt, and whether that is within what the packing promises.
+Status add_thin_ends(Context& context, FigureResult& result) {
+  Table table{"Standoff of tools of 10 cm that are thin at one end, mm", {"shape"}, {}};
+  const int most = context.choose(kThinNumbers[std::size(kThinNumbers) - 1], kDefault);
+  Range share_of_bound;
+  for (const int n : kThinNumbers) {
+    table.columns.push_back(words("%d: 95 %%", n));
+    table.columns.push_back(words("%d: largest", n));
+  }
+  for (const char* shape : kThinShapes) {
+    const auto tool = context.tool(shape, kSize, most);
+    if (!tool) return tool.error();
+    std::vector<std::string> cells{shape};
+    for (const int n : kThinNumbers) {
+      if (n > most) {  // as in the tables above: empty where there are not so many
+        cells.resize(cells.size() + 2);
+        continue;
+      }
+      const auto prefix = (*tool)->prefix(n, context.settings().num_threads);
+      if (!prefix) return prefix.error();
+      const Standoff gap = standoff(*prefix);
+      cells.push_back(words("%.3f", 1e3 * gap.p95));
+      cells.push_back(words("%.2f", 1e3 * gap.max));
+      result.numbers.push_back({words("%s.p95.%d", shape, n), 1e3 * gap.p95, "mm"});
+      result.numbers.push_back({words("%s.largest.%d", shape, n), 1e3 * gap.max, "mm"});
+      share_of_bound.add(gap.max / standoff_bound(gap.p95, kSize));
+    }
+    table.rows.push_back(std::move(cells));
+  }
+  result.tables.push_back(std::move(table));
+  result.claims.push_back(
+      {"Not of the thesis: our docs say that thin ends are felt: no standoff is more than 4 times "
+       "that of 95 % of the surface, or 1 % of the tool's length if that is more.",
+       words("The largest are %.2f to %.2f of that bound.", share_of_bound.low,
+             share_of_bound.high),
+       share_of_bound.high <= 1 ? Verdict::agrees : Verdict::contradicts});
+  return Done{};
+}
+
 }  // namespace
 
 Result<FigureResult> figure_fill(Context& context) {
@@ -206,6 +249,7 @@ Result<FigureResult> figure_fill(Context& context) {
           "Mean standoff of a tool of 10 cm, mm", packings,
           [](const Packing& p, std::size_t i) { return words("%.3f", 1e3 * p.standoff[i]); }),
       law_table(packings)};
+  if (const Status status = add_thin_ends(context, result); !status) return status.error();
   Plot empty =
       plot_of("Empty space", "empty share of the mesh, %", packings,
               [](const Packing& p, std::size_t i) { return 100 * (1 - p.fill[at(kNumbers[i])]); });

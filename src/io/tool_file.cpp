@@ -212,7 +212,7 @@ Result<Tool> parse_tool(std::string_view content) {
     return bad(Reader::damaged("a section has the wrong size"));
 
   const Facts& fact = facts->front();
-  if (fact.stop > static_cast<std::uint32_t>(PackStop::exhausted) ||
+  if (fact.stop > static_cast<std::uint32_t>(PackStop::standoff) ||
       fact.gap_rule > static_cast<std::uint32_t>(GapRule::relative) ||
       fact.num_bridges > stored_edges->size() / sizeof(StoredEdge) ||
       std::uint64_t(fact.num_bridges) + 1 != fact.num_components_before_bridging ||

@@ -1,7 +1,9 @@
 #include "palpate/mesh/shapes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <utility>
 
@@ -32,6 +34,19 @@ constexpr NamedShape kShapes[] = {
     {"stylus", [] { return make_stylus(0.04, 1, 0.2, 48); }},
     {"spiral", [] { return make_spiral(0.020, 0.004, 0.014, 4, 48, 16); }},
     {"torus", [] { return make_torus(0.35, 0.15, 96, 48); }},
+    // What is thin at one end. A gripper's finger: a mounting block, an arm, and a tip of sheet
+    // metal.
+    {"finger",
+     [] {
+       return make_bar({{0, 26, 18}, {36, 26, 18}, {54, 14, 16}, {182, 0.8, 10}, {196, 0.25, 8}});
+     }},
+    {"comb", [] { return make_comb(11, 9, 6, 0.2, 45, 14, 5); }},
+    {"needle", [] { return make_stylus(0.008, 1, 0.6, 24); }},
+    // Standing on its edge.
+    {"blade",
+     [] {
+       return make_bar({{0, 170, 0.1}, {30, 190, 4}, {36, 190, 4}});
+     }},
 };
 
 }  // namespace
@@ -130,6 +145,79 @@ TriangleMesh make_stylus(double radius, double length, double tip_length, int se
   connect(mesh, lower, upper);
   close_below(mesh, lower, -top);
   close_above(mesh, upper, top);
+  return mesh;
+}
+
+TriangleMesh make_bar(std::initializer_list<BarSection> sections) {
+  PALPATE_ASSERT(sections.size() >= 2);
+  const double middle = (sections.begin()->z + std::prev(sections.end())->z) / 2;
+  TriangleMesh mesh;
+  Ring previous{};
+  const BarSection* below = nullptr;
+  for (const BarSection& section : sections) {
+    PALPATE_ASSERT(section.x > 0 && section.y > 0 && (below == nullptr || section.z > below->z));
+    const Ring ring{static_cast<std::uint32_t>(mesh.vertices.size()), 4};
+    for (const auto& [x, y] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}}) {
+      add_vertex(mesh, {x * section.x, y * section.y, section.z - middle});
+    }
+    if (below != nullptr) connect(mesh, previous, ring);
+    previous = ring;
+    below = &section;
+  }
+  const Ring first{0, 4};
+  for (const auto& [a, b, c] : {std::array{0u, 2u, 1u}, {0u, 3u, 2u}}) {
+    mesh.triangles.push_back({first[a], first[b], first[c]});
+    mesh.triangles.push_back({previous[a], previous[c], previous[b]});
+  }
+  return mesh;
+}
+
+// Its outline is one row of points below the back, one above it, and the tips of the teeth; front
+// and rear are the same triangles turned round, and walls run along the outline.
+TriangleMesh make_comb(int num_teeth, double pitch, double tooth_width, double tip_width,
+                       double tooth_length, double back_height, double thickness) {
+  PALPATE_ASSERT(num_teeth >= 1 && pitch > tooth_width && tooth_width > tip_width && tip_width > 0);
+  PALPATE_ASSERT(tooth_length > 0 && back_height > 0 && thickness > 0);
+  using Index = std::uint32_t;
+  TriangleMesh mesh;
+  const auto num = static_cast<Index>(num_teeth);
+  const double middle = ((num_teeth - 1) * pitch + tooth_width) / 2;
+  const double bottom = -(tooth_length + back_height) / 2;
+  std::vector<Index> low, high, tips;  // two of each per tooth; the rear ones have the next index
+  const auto add = [&](std::vector<Index>& row, double x, double z) {
+    row.push_back(add_vertex(mesh, {x - middle, -thickness / 2, z}));
+    add_vertex(mesh, {x - middle, thickness / 2, z});
+  };
+  for (Index tooth = 0; tooth < num; ++tooth) {
+    const double left = tooth * pitch, inset = (tooth_width - tip_width) / 2;
+    for (const double x : {0.0, tooth_width}) {
+      add(low, left + x, bottom + tooth_length);
+      add(high, left + x, bottom + tooth_length + back_height);
+      add(tips, left + (x > 0 ? tooth_width - inset : inset), bottom);
+    }
+  }
+  // Four corners, counterclockwise seen from the front (-y).
+  const auto plate = [&](Index a, Index b, Index c, Index d) {
+    mesh.triangles.insert(mesh.triangles.end(),
+                          {{a, b, c}, {a, c, d}, {a + 1, c + 1, b + 1}, {a + 1, d + 1, c + 1}});
+  };
+  const auto wall = [&](Index a, Index b) {
+    mesh.triangles.insert(mesh.triangles.end(), {{b, a, a + 1}, {b, a + 1, b + 1}});
+  };
+  for (Index i = 0; i + 1 < 2 * num; ++i) {
+    plate(low[i], low[i + 1], high[i + 1], high[i]);
+    wall(high[i + 1], high[i]);
+    if (i % 2 == 1) {  // between two teeth
+      wall(low[i], low[i + 1]);
+      continue;
+    }
+    plate(tips[i], tips[i + 1], low[i + 1], low[i]);
+    wall(low[i], tips[i]);
+    wall(tips[i], tips[i + 1]);
+    wall(tips[i + 1], low[i + 1]);
+  }
+  wall(low[2 * num - 1], high[2 * num - 1]);
+  wall(high[0], low[0]);
   return mesh;
 }
 

@@ -129,7 +129,7 @@ bool Ascent::climb_within(const Obstacles& obstacles, Ball& ball) {
 
 // Only the obstacles that were ever in the way take part: whenever a step falls short of what the
 // linear program promised, the obstacle it met joins them.
-Ball Ascent::climb(const Vec3d& start, double reach) {
+Ball Ascent::climb(const Vec3d& start, double reach, const Tether* tether) {
   obstacles_.spheres.clear();
   obstacles_.triangles.clear();
   Ball ball{start, meet(start, reach)};
@@ -144,6 +144,7 @@ Ball Ascent::climb(const Vec3d& start, double reach) {
     const Vec3d centre = ball.centre + best.d;
     const double radius = meet(centre, ball.radius + 1.001 * norm(best.d));
     if (radius < ball.radius + kEnough * gain) continue;
+    if (tether != nullptr && norm(centre - tether->place) - radius > tether->length) break;
     ball = {centre, radius};
     if (gain <= kLastGain * radius) break;
   }

@@ -63,8 +63,14 @@ class Ascent {
  public:
   explicit Ascent(const FreeSpace& space) : space_(space) {}
 
-  /// From an inside point whose clearance is at most `reach`.
-  Ball climb(const Vec3d& start, double reach);
+  /// Keeps a ball near a place: its surface is not farther than `length` from there.
+  struct Tether {
+    Vec3d place;
+    double length = 0;
+  };
+
+  /// From an inside point whose clearance is at most `reach`; stops where the tether ends.
+  Ball climb(const Vec3d& start, double reach, const Tether* tether = nullptr);
 
   /// The same with obstacles known to be complete around the start; collects others only when the
   /// ball grows out of their reach.

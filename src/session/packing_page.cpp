@@ -17,6 +17,17 @@ std::string percent(double share, int digits = 3) {
 
 std::string length(double metres) { return with_unit(metres, kLengthUnits); }
 
+std::string vector_text(const Vec3d& v) {
+  return short_number(v.x * 1000) + ", " + short_number(v.y * 1000) + ", " +
+         short_number(v.z * 1000) + "\u00a0mm";
+}
+
+/// What people must know before they use the tool.
+std::string warning(const Tool& tool, const PackingStatistics& s) {
+  const auto empty = empty_part(tool, s.standoff);
+  return empty ? "<p><b>Warning:</b> " + escape_html(*empty) + "</p>\n" : "";
+}
+
 std::string headline(const Tool& tool, const PackingStatistics& s) {
   const auto graph = tool.graph();
   return "<div class='cards'>" +
@@ -25,7 +36,7 @@ std::string headline(const Tool& tool, const PackingStatistics& s) {
          card(percent(s.fill.back()), "of the mesh is filled") +
          card(length(s.standoff.mean),
               "from the surface to the nearest sphere on average; 95 %: " + length(s.standoff.p95) +
-                  ", at most " + length(s.standoff.max)) +
+                  ", at most " + length(s.standoff.max) + ", at " + vector_text(s.standoff.worst)) +
          card(std::to_string(graph.num_edges()),
               "edges between neighbours, " + short_number(s.mean_degree, 3) + " per sphere") +
          card(std::to_string(graph.num_components_before_bridging()),
@@ -168,7 +179,10 @@ std::string standoff_plot(const PackingStatistics& s) {
                 "Spheres fill the inside and never quite reach the surface: a tool that touches "
                 "with its surface feels nothing until the first sphere touches. Distances from " +
                     std::to_string(s.standoff.samples.size()) +
-                    " points spread evenly over the surface.");
+                    " points spread evenly over the surface. The largest, " +
+                    length(s.standoff.max) +
+                    ", is that of the worst of these points and all corners, at x, y, z = " +
+                    vector_text(s.standoff.worst) + " of the tool frame.");
 }
 
 std::string degree_plot(const PackingStatistics& s) {
@@ -186,11 +200,6 @@ std::string degree_plot(const PackingStatistics& s) {
   return "<h2>How the spheres are connected</h2>\n" +
          figure(draw(degrees),
                 "Neighbours in the leaf graph, counted. Large spheres have many small neighbours.");
-}
-
-std::string vector_text(const Vec3d& v) {
-  return short_number(v.x * 1000) + ", " + short_number(v.y * 1000) + ", " +
-         short_number(v.z * 1000) + "\u00a0mm";
 }
 
 /// The diagonal and the upper triangle, in g cm2 for a density of 1 g/cm3.
@@ -263,9 +272,9 @@ std::string packing_page(const Tool& tool, const PackingStatistics& statistics,
                                       short_number(size.y, 3) + " × " + short_number(size.z, 3) +
                                       "\u00a0mm, filled with " +
                                       std::to_string(tool.spheres().size()) + " spheres.") +
-         headline(tool, statistics) + pictures(tool) + fill_plots(statistics) +
-         radius_plot(statistics, tool) + standoff_plot(statistics) + degree_plot(statistics) +
-         mass_table(tool, statistics) + tables(tool, statistics, notes) +
+         headline(tool, statistics) + warning(tool, statistics) + pictures(tool) +
+         fill_plots(statistics) + radius_plot(statistics, tool) + standoff_plot(statistics) +
+         degree_plot(statistics) + mass_table(tool, statistics) + tables(tool, statistics, notes) +
          close_page(
              "The spheres and edges themselves: palpate export. The main numbers for "
              "programs: palpate info --json.");

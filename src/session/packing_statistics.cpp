@@ -1,24 +1,29 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
 
+#include "palpate/mesh/surface_points.h"
 #include "palpate/session/packing_report.h"
 #include "src/session/statistics.h"
 
 namespace palpate {
 namespace {
 
-/// The fractional part.
-double fraction(double x) { return x - std::floor(x); }
-
 double distance(const Vec3d& p, const Sphere& sphere) {
   return norm(p - to_double(sphere.centre)) - static_cast<double>(sphere.radius);
 }
 
+// Half of the surface is within 0.39 to 0.48 of what 95 % are within, in all packings alike. Only
+// where more than 5 % of it belong to a part that is thinner than the spheres it is less: then this
+// many times p50 is about what 95 % of the rest are within.
+constexpr double kMostOfHalf = 3;
+
 /// Nearest sphere to p, by branch and bound: no sphere is nearer than the node that contains it.
-/// `guess` is any sphere; a near one saves work.
-int nearest_sphere(const Tool& tool, const Vec3d& p, int guess) {
+/// `guess` is any sphere; a near one saves work. One that is not farther than `floor` is near
+/// enough.
+int nearest_sphere(const Tool& tool, const Vec3d& p, int guess, double floor) {
   const auto nodes = tool.tree().nodes();
   struct Waiting {
     double bound;
@@ -29,7 +34,7 @@ int nearest_sphere(const Tool& tool, const Vec3d& p, int guess) {
   int best = guess;
   double least = distance(p, tool.spheres()[static_cast<std::size_t>(guess)]);
   waiting[static_cast<std::size_t>(num_waiting++)] = {distance(p, nodes[0].bound), 0};
-  while (num_waiting > 0) {
+  while (num_waiting > 0 && least > floor) {
     const Waiting next = waiting[static_cast<std::size_t>(--num_waiting)];
     if (next.bound >= least) continue;
     const IstNode& node = nodes[static_cast<std::size_t>(next.node)];
@@ -97,45 +102,53 @@ std::optional<PowerLaw> fit_power_law(std::span<const double> void_fractions, in
   return law;
 }
 
-// Equal steps along the triangles laid end to end, and within each triangle the low-discrepancy
-// sequence of the plastic number g, g^3 = g + 1.
-std::vector<Vec3d> surface_points(const TriangleMesh& mesh, int num) {
-  const auto corners = [&mesh](std::size_t i) {
-    const auto& t = mesh.triangles[i];
-    return std::array{mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]};
-  };
-  std::vector<double> area_up_to;  // of triangles 0 ... i
-  double area = 0;
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    const auto [a, b, c] = corners(i);
-    area += norm(cross(b - a, c - a)) / 2;
-    area_up_to.push_back(area);
-  }
-  std::vector<Vec3d> points;
-  std::size_t i = 0;
-  for (int k = 0; k < num; ++k) {
-    while (i + 1 < area_up_to.size() && area_up_to[i] <= area * (k + 0.5) / num) ++i;
-    const auto [a, b, c] = corners(i);
-    constexpr double kPlastic = 1.32471795724474602596;
-    double u = fraction(0.5 + k / kPlastic), v = fraction(0.5 + k / (kPlastic * kPlastic));
-    if (u + v > 1) u = 1 - u, v = 1 - v;
-    points.push_back(a + (b - a) * u + (c - a) * v);
-  }
-  return points;
-}
-
 Standoff standoff(const Tool& tool, int num_samples) {
   Standoff result;
+  result.max = -INFINITY;
   int near = 0;  // points follow each other along the surface
+  const auto measure = [&](const Vec3d& p, double floor) {
+    near = nearest_sphere(tool, p, near, floor);
+    const double found = distance(p, tool.spheres()[static_cast<std::size_t>(near)]);
+    if (found > result.max) {
+      result.max = found;
+      result.worst = p;
+    }
+    return found;
+  };
   for (const Vec3d& p : surface_points(tool.mesh(), num_samples)) {
-    near = nearest_sphere(tool, p, near);
-    result.samples.push_back(distance(p, tool.spheres()[static_cast<std::size_t>(near)]));
+    result.samples.push_back(measure(p, -INFINITY));
+  }
+  // Ends are corners. Only one that is farther off than all before needs its exact distance.
+  for (const auto& triangle : tool.mesh().triangles) {
+    for (const std::uint32_t corner : triangle) measure(tool.mesh().vertices[corner], result.max);
   }
   std::sort(result.samples.begin(), result.samples.end());
   result.mean = std::accumulate(result.samples.begin(), result.samples.end(), 0.0) / num_samples;
   result.p95 = nearest_rank(result.samples, 0.95);
-  result.max = result.samples.back();
   return result;
+}
+
+std::optional<std::string> empty_part(const Tool& tool, const Standoff& standoff) {
+  const Bounds box = bounds(tool.mesh());
+  const Vec3d size = box.high - box.low;
+  const double longest = std::max({size.x, size.y, size.z});
+  const double usual = std::min(standoff.p95, kMostOfHalf * nearest_rank(standoff.samples, 0.5));
+  if (standoff.max <= standoff_bound(usual, longest)) return std::nullopt;
+  const char* advice = "pack more spheres, or allow smaller ones (--min-radius, --camera-spacing)";
+  if (tool.packing().stop == PackStop::exhausted) {
+    advice = "no sphere fits there at single precision; make the tool thicker there";
+  } else if (tool.spheres().size() < static_cast<std::size_t>(kReachingSpheres)) {
+    advice = "pack 1000 spheres or more: from there on thin ends get spheres of their own";
+  }
+  char text[400];
+  const Vec3d p = standoff.worst * 1000;
+  std::snprintf(
+      text, sizeof text,
+      "a part of the tool that is thinner than the spheres stays empty and feels nothing: "
+      "at %.4g %.4g %.4g mm the nearest sphere is %.4g mm off, elsewhere at most about "
+      "%.4g mm; %s",
+      p.x, p.y, p.z, standoff.max * 1000, usual * 1000, advice);
+  return text;
 }
 
 PackingStatistics packing_statistics(const Tool& tool) {

@@ -329,10 +329,89 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(read(tool, "rb"), read(plain, "rb"))  # the page changes nothing
         info = json.loads(self.succeed("info", tool, "--report", again, "--json"))
         self.expect_page(again, "box.ply", f"<b>{packed['graph']['edges']}</b>")
-        self.assertEqual(set(info["standoff"]), {"mean", "p95", "max"})
+        self.assertEqual(set(info["standoff"]), {"mean", "p95", "max", "worst"})
         self.assertLess(0, info["standoff"]["mean"])
         self.assertLess(info["standoff"]["mean"], info["standoff"]["p95"])
         self.assertLess(info["standoff"]["p95"], info["standoff"]["max"])
+
+    def test_thin_ends(self):
+        """The worst place is named, and an end that stays empty is warned of."""
+        mesh, tool, page = (self.path("finger" + ending) for ending in (".ply", ".palp", ".html"))
+        self.succeed("shape", "finger", "--size", 0.196, "-o", mesh)
+        far = palpate("pack", mesh, "-o", tool, "--spheres", 300, "--json", "--report", page)
+        self.assertEqual(far.returncode, 0)
+        info = json.loads(far.stdout)
+        worst = info["standoff"]["worst"]
+        self.assertAlmostEqual(worst[2], 0.098, delta=1e-9)  # a corner of the tip
+        self.assertGreater(info["standoff"]["max"], 4 * info["standoff"]["p95"])
+        self.assertEqual(len(info["warnings"]), 1)
+        warning = info["warnings"][0]
+        self.assertIn("stays empty", warning)
+        place = " ".join(f"{1000 * x:.4g}" for x in worst) + " mm"
+        self.assertIn(f"at {place} the nearest sphere is "
+                      f"{1000 * info['standoff']['max']:.4g} mm off", warning)
+        self.assertIn(f"palpate: warning: {mesh}: {warning}", far.stderr)
+        self.expect_page(page, warning)
+        told = palpate("info", tool)
+        self.assertIn(f"worst place   {place}, ", told.stdout)
+        self.assertIn(f"palpate: warning: {tool}: {warning}", told.stderr)
+        self.assertEqual(json.loads(self.succeed("info", tool, "--json"))["warnings"], [warning])
+
+        # From 1000 spheres on the end has some of its own, the first thousand of them included.
+        near = palpate("pack", mesh, "-o", tool, "--spheres", 1500, "--json", "--report", page)
+        info = json.loads(near.stdout)
+        self.assertEqual((info["warnings"], near.stderr), ([], ""))
+        self.assertLess(info["standoff"]["max"], 4 * info["standoff"]["p95"])
+        self.assertNotIn("stays empty", read(page))
+        # ... unless they would be too small for the camera.
+        self.assertIn("stays empty", palpate("pack", mesh, "-o", tool, "--spheres", 1500,
+                                             "--min-radius", 0.0008).stderr)
+
+    def test_the_tip_is_felt(self):
+        """A finger pushed into a wall, tip first, against the volume of its tip in closed form."""
+        mesh, tool, wall = (self.path(name) for name in ("tip.ply", "tip.palp", "wall.png"))
+        self.succeed("shape", "finger", "--size", 0.196, "-o", mesh)
+        self.succeed("pack", mesh, "-o", tool, "--spheres", 5000)
+        write_depth_png(wall, 320, 240, lambda u, v: 5000)  # 0.5 m away
+        depths, poses = [0.003, 0.006, 0.01, 0.013], self.path("tip.tum")
+        with open(poses, "w") as file:
+            for i, depth in enumerate(depths):
+                file.write(f"{i} 0 0 {0.5 - 0.098 + depth} 0 0 0 1\n")
+        felt = json.loads(self.succeed("query", tool, "--depth", wall, "--depth-unit", 0.0001,
+                                       "--intrinsics", "262,262,159.5,119.5", "--poses", poses,
+                                       "--json"))["results"]
+        for depth, result in zip(depths, felt):
+            # The last 14 mm of the finger are 0.25 x 8 mm at the tip and 0.8 x 10 mm at the arm.
+            def area(t):
+                return (0.25 + 0.55 * t) * (8 + 2 * t) * 1e-6
+            t = depth / 0.014
+            volume = depth / 6 * (area(0) + 4 * area(t / 2) + area(t))
+            self.assertLess(abs(result["volume"] - volume), 0.35 * volume, depth)
+            self.assertLess(result["force"][2], -0.9 * result["volume"], depth)
+
+    def test_as_many_spheres_as_needed(self):
+        mesh, tool = self.path("stylus.ply"), self.path("auto.palp")
+        self.succeed("shape", "stylus", "--size", 0.1, "-o", mesh)
+        info = json.loads(self.succeed("pack", mesh, "-o", tool, "--spheres", "auto", "--json"))
+        self.assertLess(1000, info["spheres"])
+        self.assertLess(info["spheres"], 5000)
+        self.assertLessEqual(info["standoff"]["p95"], 0.0005)
+        # The same spheres as that many of them.
+        again = self.path("again.palp")
+        self.succeed("pack", mesh, "-o", again, "--spheres", info["spheres"])
+        spheres = [self.path(name) for name in ("auto.csv", "again.csv")]
+        for packed, table in zip((tool, again), spheres):
+            self.succeed("export", packed, "--spheres", table)
+        self.assertEqual(read(spheres[0]), read(spheres[1]))
+        self.assertIn("stopped       95 % of the surface", self.succeed(
+            "pack", mesh, "-o", tool, "--spheres", "auto"))
+        for text in ("Auto", "automatic", "", "1e3"):
+            self.expect_failure(2, "pack", mesh, "-o", tool, "--spheres", text, mentions="or auto")
+        folder, tools = self.mesh_folder("as_needed")
+        packed = json.loads(self.succeed("pack", folder, "-o", tools, "--spheres", "auto", "--json",
+                                         "--max-seconds", 0.5))["packed"]
+        self.assertEqual([entry["warnings"] for entry in packed], [[], []])
+        self.assertGreater(packed[0]["standoff"]["max"], packed[0]["standoff"]["p95"])
 
     def test_bad_pages(self):
         tool, x = self.path("no_page.palp"), self.path("x.html")

@@ -176,7 +176,7 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
   expect_value_refused(at(2) + 12, -1.0f, "sphere 0");
   expect_value_refused(at(2) + 16, std::nanf(""), "sphere 1");
   expect_value_refused(at(3), nan, "volume");
-  expect_value_refused(at(3) + 8, std::uint32_t(5), "facts");
+  expect_value_refused(at(3) + 8, std::uint32_t(6), "facts");
   expect_value_refused(at(3) + 12, std::uint32_t(0x80000000u), "facts");
   expect_value_refused(at(3) + 16, std::uint32_t(0), "facts");
   expect_value_refused(at(3) + 20, std::uint32_t(2), "facts");

@@ -96,9 +96,50 @@ TEST(Shapes, TorusAndSpiralConvergeToPappus) {
   EXPECT_TRUE(solid->warnings.empty());
 }
 
+// Between two rectangles with parallel sides and flat walls: the prismatoid formula of Simpson.
+TEST(Shapes, BarIsAStackOfPrismatoids) {
+  expect_solid(make_bar({{0, 0.03, 0.02}, {0.05, 0.03, 0.02}}), 0.03 * 0.02 * 0.05);
+  const TriangleMesh mesh = make_bar({{0, 0.02, 0.03}, {0.1, 0.01, 0.05}, {0.15, 0.001, 0.002}});
+  const double lower = 0.1 / 6 * (0.02 * 0.03 + 4 * 0.015 * 0.04 + 0.01 * 0.05);
+  const double upper = 0.05 / 6 * (0.01 * 0.05 + 4 * 0.0055 * 0.026 + 0.001 * 0.002);
+  expect_solid(mesh, lower + upper);
+  EXPECT_DOUBLE_EQ(bounds(mesh).low.z, -0.075);
+}
+
+TEST(Shapes, CombIsABackWithTrapezia) {
+  const TriangleMesh mesh = make_comb(5, 0.01, 0.006, 0.001, 0.04, 0.012, 0.003);
+  expect_solid(mesh, 0.003 * (0.046 * 0.012 + 5 * 0.04 * (0.006 + 0.001) / 2));
+  const Bounds box = bounds(mesh);
+  EXPECT_NEAR(box.high.x, 0.023, 1e-15);
+  EXPECT_NEAR(box.low.z, -0.026, 1e-15);
+  expect_solid(make_comb(1, 0.01, 0.006, 0.001, 0.04, 0.012, 0.003),
+               0.003 * (0.006 * 0.012 + 0.04 * 0.0035));
+}
+
+// Thinner than a hundredth of their length at the end that touches, where they may be felt least.
+TEST(Shapes, FingerCombNeedleAndBladeAreThinAtOneEnd) {
+  for (const char* name : {"finger", "comb", "needle", "blade"}) {
+    SCOPED_TRACE(name);
+    const TriangleMesh mesh = make_shape(name, 0.196).value();
+    const Bounds box = bounds(mesh);
+    const double end = std::string_view(name) == "finger" ? box.high.z : box.low.z;
+    double least[2] = {1, 1}, most[2] = {-1, -1};
+    for (const Vec3d& p : mesh.vertices) {
+      if (std::abs(p.z - end) > 1e-9) continue;
+      // One tooth of the comb is enough.
+      if (std::string_view(name) == "comb" && p.x > box.low.x + 0.01) continue;
+      for (int axis = 0; axis < 2; ++axis) {
+        least[axis] = std::min(least[axis], p[axis]);
+        most[axis] = std::max(most[axis], p[axis]);
+      }
+    }
+    EXPECT_LT(std::min(most[0] - least[0], most[1] - least[1]), 0.00196 / 2);
+  }
+}
+
 TEST(Shapes, EveryNameGivesACentredSolidOfTheSize) {
   const auto names = shape_names();
-  EXPECT_EQ(names.size(), 8u);
+  EXPECT_EQ(names.size(), 12u);
   for (const std::string& name : names) {
     SCOPED_TRACE(name);
     const auto mesh = make_shape(name, 0.1);

@@ -49,6 +49,26 @@ TEST(Ascent, ConvergesToTheApolloniusBall) {
   }
 }
 
+// In a cone the clearance grows away from the tip.
+TEST(Ascent, StaysOnItsTether) {
+  const TriangleBvh mesh(make_stylus(0.1, 1, 0.9, 24));
+  const SphereLevels none;
+  const FreeSpace space{mesh, none, kInfinity};
+  Ascent ascent(space);
+  const Vec3d tip{0, 0, -0.5}, start{0, 0, -0.4};
+  EXPECT_GT(norm(ascent.climb(start, 1).centre - tip), 0.3);
+  for (const double length : {0.1, 0.11, 0.15}) {
+    const Ascent::Tether tether{tip, length};
+    const Ball ball = ascent.climb(start, 1, &tether);
+    const double away = norm(ball.centre - tip) - ball.radius;
+    EXPECT_LE(away, length);
+    EXPECT_GT(away, length - 2 * ball.radius);  // a step is shorter than the ball is wide
+    EXPECT_DOUBLE_EQ(ball.radius, space.clearance(ball.centre, 1));
+  }
+  const Ascent::Tether none_left{tip, 0.05};
+  EXPECT_EQ(ascent.climb(start, 1, &none_left).centre, start);
+}
+
 TEST(Ascent, NeverLosesClearanceAndStaysInside) {
   const TriangleBvh mesh(make_shape("spiral", 1).value());
   const SphereLevels none;

@@ -4,11 +4,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <filesystem>
 #include <numeric>
 
+#include "palpate/io/mesh_file.h"
 #include "palpate/mesh/mesh_check.h"
 #include "palpate/mesh/shapes.h"
+#include "palpate/mesh/surface_points.h"
 #include "palpate/session/checksum.h"
+#include "tests/test_util/data.h"
+#include "tests/test_util/standoff_truth.h"
 
 namespace palpate {
 namespace {
@@ -63,8 +69,8 @@ TEST(PackingStatistics, OneBallInACube) {
   }
   EXPECT_NEAR(s.standoff.mean, r * mean, r * 1e-3);
   EXPECT_GE(s.standoff.samples.front(), -1e-9);
-  EXPECT_LE(s.standoff.max, r * (std::sqrt(3.0) - 1) + 1e-9);
-  EXPECT_GT(s.standoff.max, r * 0.71);
+  EXPECT_NEAR(s.standoff.max, r * (std::sqrt(3.0) - 1), 1e-9);  // a corner
+  EXPECT_NEAR(norm(s.standoff.worst), r * std::sqrt(3.0), 1e-12);
 }
 
 TEST(PackingStatistics, EightEqualBalls) {
@@ -117,16 +123,81 @@ TEST(Standoff, IsTheNearestOfAllSpheres) {
     }
     return least;
   };
-  const auto points = surface_points(tool.mesh(), 3000);
+  std::vector<Vec3d> points = surface_points(tool.mesh(), 3000);
   std::vector<double> expected;
   for (const Vec3d& p : points) expected.push_back(brute_force(p));
   std::sort(expected.begin(), expected.end());
   const Standoff measured = standoff(tool, 3000);
   EXPECT_EQ(measured.samples, expected);
-  EXPECT_EQ(measured.max, expected.back());
+  // The worst place is a corner here: the tip.
+  points.insert(points.end(), tool.mesh().vertices.begin(), tool.mesh().vertices.end());
+  const auto worst = std::max_element(points.begin(), points.end(), [&](auto& a, auto& b) {
+    return brute_force(a) < brute_force(b);
+  });
+  EXPECT_EQ(measured.worst, *worst);
+  EXPECT_EQ(measured.worst.z, bounds(tool.mesh()).low.z);
+  EXPECT_EQ(measured.max, brute_force(*worst));
+  EXPECT_GT(measured.max, expected.back());
   EXPECT_EQ(measured.p95, expected[2849]);
   EXPECT_NEAR(measured.mean, std::accumulate(expected.begin(), expected.end(), 0.0) / 3000, 1e-15);
   EXPECT_EQ(standoff(tool, 3000).samples, measured.samples);
+}
+
+// Brute force over points of its own, with real tools.
+TEST(Standoff, OfRealToolsIsWithinItsBound) {
+  PALPATE_DATA_OR_SKIP(folder, "meshes_good");
+  int num_meshes = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    SCOPED_TRACE(entry.path().filename().string());
+    auto raw = load_mesh(entry.path(), 1);
+    ASSERT_TRUE(raw);
+    const double scale = 0.2 / test::longest_side(*raw);  // their units differ
+    for (Vec3d& p : raw->vertices) p *= scale;
+    const auto solid = check_solid(*raw);
+    ASSERT_TRUE(solid) << solid.error().message;
+    PackOptions options;
+    const auto spheres = pack_spheres(solid->mesh, options)->spheres;
+    ASSERT_EQ(spheres.size(), 5000u);
+    test::StandoffMeter meter(solid->mesh, 1000, 3);
+    for (std::size_t n = 1; n <= spheres.size(); ++n) {
+      meter.add(spheres[n - 1]);
+      if (n != 1000 && n != 2000 && n != 5000) continue;
+      const test::StandoffTruth truth = meter.measure();
+      EXPECT_LE(truth.max, standoff_bound(truth.p95, 0.2)) << n;
+    }
+    ++num_meshes;
+  }
+  EXPECT_GE(num_meshes, 10);
+}
+
+TEST(Standoff, EmptyPartsAreTold) {
+  // 300 spheres: too few to reach for the tip.
+  const Tool few = packed_tool(make_shape("finger", 0.196).value(), 300);
+  const Standoff far = standoff(few);
+  const auto told = empty_part(few, far);
+  ASSERT_TRUE(told);
+  char place[32];
+  std::snprintf(place, sizeof place, " %.4g mm the nearest", far.worst.z * 1000);
+  EXPECT_NE(told->find(place), std::string::npos) << *told;
+  EXPECT_NE(told->find("1000 spheres"), std::string::npos) << *told;
+  EXPECT_GE(count(packing_page(few, packing_statistics(few)), "stays empty"), 1u);
+  const Tool many = packed_tool(make_shape("finger", 0.196).value(), 1000);
+  EXPECT_FALSE(empty_part(many, standoff(many)));
+  EXPECT_EQ(count(packing_page(many, packing_statistics(many)), "stays empty"), 0u);
+  // The edge of a blade is so much of its surface that p95 alone does not tell.
+  const Tool blade = packed_tool(make_shape("blade", 0.196).value(), 1000);
+  const Standoff edge = standoff(blade);
+  EXPECT_LT(edge.max, 4 * edge.p95);
+  EXPECT_TRUE(empty_part(blade, edge));
+  for (const char* name : {"box", "tetrahedron", "sphere", "cylinder", "torus", "spiral"}) {
+    for (const int num : {100, 1000}) {
+      const Tool full = packed_tool(make_shape(name, 0.1).value(), num);
+      EXPECT_FALSE(empty_part(full, standoff(full))) << name << num;
+    }
+  }
+  // One ball in a cube leaves its corners, as far as the rest.
+  const Tool ball = cube_with({{{0, 0, 0}, 0.01f}});
+  EXPECT_FALSE(empty_part(ball, standoff(ball)));
 }
 
 TEST(Standoff, PointsLieOnTheSurfaceAndEvenly) {

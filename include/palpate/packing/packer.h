@@ -1,6 +1,7 @@
 // Fills a solid with non-overlapping spheres of many sizes (the job of Protosphere in the thesis).
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -22,6 +23,9 @@ struct PackProgress {
 /// Packing stops at the first limit reached.
 struct PackOptions {
   int max_spheres = 5000;
+  /// Metres: enough spheres if 95 % of the surface are not farther than this from the nearest one.
+  /// Looked at from kReachingSpheres on, whenever there are a twentieth more. 0: no such limit.
+  double standoff = 0;
   double max_radius = std::numeric_limits<double>::infinity();  ///< metres
   double min_radius = 0;                                        ///< metres
   double max_fill = 1;                                          ///< sphere volume / mesh volume
@@ -33,9 +37,19 @@ struct PackOptions {
 };
 
 /// Why packing ended.
-enum class PackStop { count, fill, radius, time, exhausted };
+enum class PackStop { count, fill, radius, time, exhausted, standoff };
 
-/// Spheres in insertion order: every prefix is the packing for that smaller number.
+/// The standoff of a point of the surface is its distance to the nearest sphere: how late it is
+/// felt. Greedy filling alone leaves ends empty that are thinner than its smallest spheres. So from
+/// kReachingSpheres spheres on no standoff is beyond standoff_bound of what 95 % of the surface do
+/// not exceed (at kStandoffSamples surface_points) and the longest side of the solid, unless a
+/// limit of PackOptions or single precision keeps spheres out of there.
+inline constexpr int kReachingSpheres = 1000;
+inline constexpr int kStandoffSamples = 20000;
+inline double standoff_bound(double p95, double size) { return std::max(4 * p95, 0.01 * size); }
+
+/// Spheres in insertion order: every prefix is the packing for that smaller number. They are about
+/// the largest first, but for those that reach for thin ends.
 struct SpherePacking {
   std::vector<Sphere> spheres;  ///< mesh frame, metres
   double mesh_volume = 0;       ///< m3

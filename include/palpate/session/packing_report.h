@@ -28,16 +28,20 @@ inline constexpr double kApollonianExponent = 0.2126;
 /// twice `first` values, or one of those fitted is not positive.
 std::optional<PowerLaw> fit_power_law(std::span<const double> void_fractions, int first = 100);
 
-/// Points spread evenly over the area of a mesh's surface; they depend on mesh and number only.
-std::vector<Vec3d> surface_points(const TriangleMesh& mesh, int num);
-
 /// How far the surface of the solid is from the nearest sphere: how late a contact is felt.
 struct Standoff {
   std::vector<double> samples;  ///< m, ascending
-  double mean = 0, p95 = 0, max = 0;
+  double mean = 0, p95 = 0;     ///< m, of the samples
+  double max = 0;               ///< m, of the samples and the corners of the mesh
+  Vec3d worst;                  ///< where the largest is: a point of the surface
 };
-/// At surface_points, exact in double for each of them. O(num_samples log num_spheres).
-Standoff standoff(const Tool& tool, int num_samples = 20000);
+/// At surface_points, exact in double for each of them, and at all corners, because thin ends are
+/// corners. O(num_samples log num_spheres).
+Standoff standoff(const Tool& tool, int num_samples = kStandoffSamples);
+
+/// Tells people where a part of the tool has no sphere near it although the rest has: where `max`
+/// is beyond standoff_bound, of the rest if that part is large. Nothing if there is no such part.
+std::optional<std::string> empty_part(const Tool& tool, const Standoff& standoff);
 
 struct PackingStatistics {
   std::vector<double> fill;  ///< [n - 1]: volume of the first n spheres / mesh volume

@@ -1,0 +1,13 @@
+// Points spread over the surface of a mesh.
+#pragma once
+
+#include <vector>
+
+#include "palpate/mesh/triangle_mesh.h"
+
+namespace palpate {
+
+/// Points spread evenly over the area of a mesh's surface; they depend on mesh and number only.
+std::vector<Vec3d> surface_points(const TriangleMesh& mesh, int num);
+
+}  // namespace palpate
