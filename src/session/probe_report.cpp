@@ -67,7 +67,7 @@ std::string probe_words(const ProbeChoice& probe) {
   std::snprintf(
       text, sizeof text,
       "It probes the pixel %.0f,%.0f, where the surface is at %.3f, %.3f, %.3f m when the "
-      "tool arrives after %.3g s: %s. It leads with the tool's point %.4g, %.4g, %.4g m: "
+      "tool arrives after %.3g s: %s. It leads with the tool's point %.4f, %.4f, %.4f m: "
       "%s.",
       probe.u, probe.v, probe.p_W.x, probe.p_W.y, probe.p_W.z, probe.time, probe.why_place.c_str(),
       probe.tip_T.x, probe.tip_T.y, probe.tip_T.z, probe.why_tip.c_str());

@@ -17,7 +17,7 @@ namespace {
 constexpr double kClearance = 0.02;    // m, at least, between the tool and everything at both ends
 constexpr double kPoseRate = 100;      // poses per second
 constexpr double kSpeedMargin = 0.98;  // of kProbeSpeed: straight lines between poses bend a little
-constexpr double kUnevenCost = 10;     // of a place, per unevenness
+constexpr double kUnevenCost = 20;     // of a place, per unevenness
 constexpr double kAsideCost = 2;       // per distance from the image centre in half widths
 constexpr double kLost = 0.03;         // m away from where it wants to be: the tool lifts
 constexpr double kJumpMargin = 0.1;    // s, before and after a jump
