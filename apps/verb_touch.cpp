@@ -265,15 +265,18 @@ Status run(const Options& options) {
   return Done{};
 }
 
-/// A pixel u,v, or a point x,y,z in metres.
-std::vector<double> parse_place(const std::string& flag, const std::string& text,
-                                const std::string& words) {
+/// Numbers with commas between them; none: it is not that.
+std::vector<double> parse_place(const std::string& text) {
   std::vector<double> numbers;
   std::string part;
   std::istringstream parts(text + ",");
-  const NumberRange range{-1e6, 1e6, words};
-  while (std::getline(parts, part, ','))
-    numbers.push_back(parse_number_in<double>(flag, range, part));
+  while (std::getline(parts, part, ',')) {
+    std::istringstream number(part);
+    if (!(number >> numbers.emplace_back()) || !std::isfinite(numbers.back()) ||
+        !(number >> std::ws).eof()) {
+      return {};
+    }
+  }
   return numbers;
 }
 
@@ -284,7 +287,7 @@ void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   app.add_option_function<std::string>(
          "--probe",
          [options, places](const std::string& text) {
-           const std::vector<double> place = parse_place("--probe", text, places);
+           const std::vector<double> place = parse_place(text);
            if (place.size() == 2) {
              options->aim.pixel = {place[0], place[1]};
            } else if (place.size() == 3) {
@@ -300,7 +303,7 @@ void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   app.add_option_function<std::string>(
          "--tip",
          [options, tips](const std::string& text) {
-           const std::vector<double> tip = parse_place("--tip", text, tips);
+           const std::vector<double> tip = parse_place(text);
            if (tip.size() != 3) usage_error("--tip: must be " + tips + ", not '" + text + "'");
            options->aim.tip_T = Vec3d{tip[0], tip[1], tip[2]};
          },

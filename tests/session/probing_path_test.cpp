@@ -32,6 +32,18 @@ double swinging_wall(double time, int, int) {
   return std::lround(time / 0.04) % 5 == 3 ? 0 : swinging_depth(time);
 }
 
+/// Share of the tool's volume behind a wall across the viewing direction: the sum of caps.
+double share_behind(const Tool& tool, const Pose& X_WT, double wall) {
+  double behind = 0;
+  for (std::size_t i = 0; i < tool.spheres().size(); ++i) {
+    const Sphere& s = tool.spheres()[i];
+    const double radius = s.radius, z = (X_WT * to_double(s.centre)).z;
+    behind += static_cast<double>(tool.represented_volumes()[i]) * cap_volume(radius, wall - z) /
+              sphere_volume(radius);
+  }
+  return behind / tool.mesh_mass().volume;
+}
+
 TEST(ProbingPath, StartsFreeReachesATenthAndLeaves) {
   const Tool tool = test::random_tool(150, 0.04, 3);
   FunctionStream stream(still_wall, every(0.04, 100)), again(still_wall, every(0.04, 100));
@@ -58,22 +70,40 @@ TEST(ProbingPath, FollowsAMovingScene) {
   const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
   EXPECT_EQ(path->choice.note, "");
-  // How much of the tool is behind the wall of the frame that is current then, missing or not.
+  // The wall of the frame that is current then, missing or not.
   for (const auto& [time, X_WT] : path->poses) {
     const double wall = swinging_depth(std::floor(time / 0.04 + 1e-9) * 0.04);
-    double behind = 0;
-    for (std::size_t i = 0; i < tool.spheres().size(); ++i) {
-      const Sphere& s = tool.spheres()[i];
-      const double radius = s.radius, z = (X_WT * to_double(s.centre)).z;
-      behind += static_cast<double>(tool.represented_volumes()[i]) * cap_volume(radius, wall - z) /
-                sphere_volume(radius);
-    }
-    behind /= tool.mesh_mass().volume;
+    const double behind = share_behind(tool, X_WT, wall);
     if (time > 0.36 * 4 && time < 0.74 * 4) {
       EXPECT_NEAR(behind, 0.1, 0.08) << time;
     }
     if (time < 0.05 * 4 || time > 0.96 * 4) {
       EXPECT_EQ(behind, 0) << time;
+    }
+  }
+}
+
+TEST(ProbingPath, LiftsWhereTheSceneJumps) {
+  // A wall, and while the tool is pressed in, for a second another one before or behind it.
+  for (const double other : {0.6, 0.9, 2.9}) {
+    SCOPED_TRACE(other);
+    const auto wall_at = [other](double time) { return time > 6 && time < 7 ? other : 0.7; };
+    const Tool tool = test::random_tool(150, 0.02, 3);
+    FunctionStream stream([&](double time, int, int) { return wall_at(time); }, every(0.04, 300));
+    const auto path = probing_path(copies_of(stream), tool, std::nullopt);
+    ASSERT_TRUE(path) << path.error().message;
+    EXPECT_NE(path->choice.note.find("lifted"), std::string::npos) << path->choice.note;
+    for (const auto& [time, X_WT] : path->poses) {
+      // Pressed in before and after, never deeper than it should be, and free at the jumps.
+      const double here = share_behind(tool, X_WT, wall_at(time));
+      EXPECT_LT(here, 0.13) << time;
+      if (std::abs(time - 4.6) < 0.1 || std::abs(time - 8.7) < 0.1) {
+        EXPECT_GT(here, 0.07) << time;
+      }
+      for (const double jump : {6.0, 7.0}) {
+        if (std::abs(time - jump) > 0.08) continue;
+        EXPECT_EQ(share_behind(tool, X_WT, std::min(other, 0.7)), 0) << time;
+      }
     }
   }
 }
