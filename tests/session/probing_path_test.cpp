@@ -108,6 +108,25 @@ TEST(ProbingPath, LiftsWhereTheSceneJumps) {
   }
 }
 
+TEST(ProbingPath, PressesThroughNothingOnItsWayToWhatIsFarBehind) {
+  // A hole opens for four seconds, hardly wider than the tool.
+  const Scene hole = [](double time, int u, int v) {
+    return std::abs(u - 120) < 16 && std::abs(v - 90) < 16 && time > 5 && time < 9 ? 2.9 : 0.7;
+  };
+  const Tool tool = test::random_tool(150, 0.04, 3);
+  FunctionStream stream(hole, every(0.04, 300)), again(hole, every(0.04, 300));
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt, {.pixel = {{119.5, 89.5}}});
+  ASSERT_TRUE(path) << path.error().message;
+  const auto log = run_session(
+      tool, again, [&](std::size_t, double time) { return pose_at(path->poses, time); },
+      RunSettings{});
+  ASSERT_TRUE(log) << log.error().message;
+  EXPECT_GT(log->ticks[4500].penetration.volume, 0.05 * tool.mesh_mass().volume);
+  for (std::size_t tick = 5400; tick < 8800; tick += 20) {
+    EXPECT_LT(log->ticks[tick].penetration.volume, 0.005 * tool.mesh_mass().volume) << tick;
+  }
+}
+
 TEST(ProbingPath, HoldsALongToolByItsAxisAndStaysClearOfSurroundings) {
   // A rod of 24 cm along x, thin at its low end, in a pit with walls that come nearer for a while.
   SpherePacking packing;
