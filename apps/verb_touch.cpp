@@ -6,6 +6,7 @@
 #include <memory>
 #include <sstream>
 
+#include "apps/held_frames.h"
 #include "apps/live_touch.h"
 #include "apps/objects.h"
 #include "apps/options.h"
@@ -98,6 +99,10 @@ Result<Input> open_input(const Options& options, const Tool& tool) {
     const Status status = add_probing_path(
         options, tool, [&] { return open_sequence(options); }, input);
     if (!status) return status.error();
+    if (!options.device.empty()) {
+      const double duration = input.path.back().time;
+      input.source = std::make_unique<HeldFrames>(std::move(input.source), duration);
+    }
     return input;
   }
   if (input.path.empty() && is_aimed(options.aim)) {

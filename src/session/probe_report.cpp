@@ -93,7 +93,7 @@ std::string probe_html(const ProbeChoice& probe, const DepthFrame& frame) {
       svg_text(8, 22, "start", "0, 0") +
       svg_text(view.width - 8, view.height - 10, "end",
                std::to_string(frame.width - 1) + ", " + std::to_string(frame.height - 1));
-  return html + "<div class='pictures'>" +
+  return html + "<div class='pictures' style='max-width:640px'>" +
          picture(view, depth_png(frame, view), overlay,
                  "The depth image at the deepest moment, near is bright, with the probed pixel. "
                  "The numbers in the corners are pixels u, v for --probe.") +

@@ -880,6 +880,16 @@ class CommandLine(unittest.TestCase):
             self.expect_failure(1, *self.sequence("-o", absent, option, value), mentions=words)
             self.assertFalse(os.path.exists(absent))
 
+    def test_touch_live_stays_at_the_last_frame(self):
+        run = self.path("run_live_probe")
+        summary = json.loads(self.succeed(*self.sequence("-o", run, "--json", "--device", "sim")))
+        self.assertEqual(set(summary["probe"]), {"pixel", "point", "time", "why_place", "tip",
+                                                 "why_tip", "note", "how_to_aim"})
+        self.assertGreater(summary["frames"], 60)  # four and the last one again, 3 s in all
+        self.assertGreater(summary["peaks"]["wanted_force_N"], 0)
+        self.assertIn("--probe u,v", read(os.path.join(run, "report.html")))
+        self.assertIn("identical", self.succeed("replay", run))
+
     def test_scenes(self):
         scenes = json.loads(self.succeed("scenes", "--json"))["scenes"]
         text = self.succeed("scenes")
