@@ -112,7 +112,7 @@ Status touch_live(const LiveOptions& options, const Tool& tool, DepthSource& sou
   };
   const auto outcome =
       record_haptic_run(tool, source, **device, *settings, duration, options.output, keep_going,
-                        page ? &view->onlooker() : nullptr);
+                        page ? &view->onlooker() : nullptr, options.probe);
   if (page) page->say_goodbye();
   if (!outcome) return outcome.error();
 

@@ -22,6 +22,7 @@ struct LiveOptions {
   std::string output;
   bool json = false;
   std::optional<ViewServerOptions> page;  ///< shown meanwhile
+  std::optional<ProbeChoice> probe;       ///< how the path was chosen, if nobody gave it
 };
 
 /// Feels `source` with the tool in the hand. `path` is where to touch: unless the settings say

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <sstream>
 
+#include "apps/held_frames.h"
 #include "apps/live_touch.h"
 #include "apps/objects.h"
 #include "apps/options.h"
@@ -31,6 +33,7 @@ struct Options {
   RunSettings settings;
   std::vector<ObjectOption> objects;
   std::optional<double> duration;
+  ProbeAim aim;                          ///< of a path that is not given
   std::string device;                    ///< empty: the tool follows a path
   HapticSettings haptic;                 ///< live: beside `settings`
   Status haptic_settings_read = Done{};  ///< of --settings
@@ -44,7 +47,10 @@ struct Options {
 struct Input {
   std::unique_ptr<DepthSource> source;
   std::vector<TimedPose> path;
+  std::optional<ProbeChoice> probe;  ///< if the path was made up
 };
+
+bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
 
 Result<std::unique_ptr<DepthSource>> open_sequence(const Options& options) {
   DepthFolderOptions folder;
@@ -52,6 +58,30 @@ Result<std::unique_ptr<DepthSource>> open_sequence(const Options& options) {
   folder.unit = options.camera.unit;
   folder.rate = options.depth_rate;
   return open_depth_folder(options.depth_sequence, folder);
+}
+
+/// `duration`: of the stream, nullopt for the scene's.
+Result<std::unique_ptr<DepthSource>> open_scene(const Options& options,
+                                                std::optional<double> duration) {
+  auto scene = scenes::make_scene(options.scene);
+  if (!scene) return scene.error();
+  scenes::SimulatedCameraOptions camera;
+  camera.noise.enabled = options.noise;
+  camera.seed = options.seed;
+  camera.unit = options.noise ? 0.001 : 0.0001;
+  camera.duration = duration;
+  return scenes::open_simulated_camera(*std::move(scene), camera);
+}
+
+/// Makes up the path.
+Status add_probing_path(const Options& options, const Tool& tool, const OpenDepthSource& open,
+                        Input& input) {
+  auto path = probing_path(open, tool, options.duration, options.aim);
+  if (!path) return path.error();
+  input.path = std::move(path->poses);
+  input.probe = std::move(path->choice);
+  if (!input.probe->note.empty()) std::cerr << "palpate: note: " << input.probe->note << "\n";
+  return Done{};
 }
 
 Result<Input> open_input(const Options& options, const Tool& tool) {
@@ -65,29 +95,32 @@ Result<Input> open_input(const Options& options, const Tool& tool) {
     auto source = open_sequence(options);
     if (!source) return source.error();
     input.source = *std::move(source);
-    if (input.path.empty()) {
-      auto path = probing_path([&] { return open_sequence(options); }, tool, options.duration);
-      if (!path) return path.error();
-      input.path = *std::move(path);
+    if (!input.path.empty()) return input;
+    const Status status = add_probing_path(
+        options, tool, [&] { return open_sequence(options); }, input);
+    if (!status) return status.error();
+    if (!options.device.empty()) {
+      const double duration = input.path.back().time;
+      input.source = std::make_unique<HeldFrames>(std::move(input.source), duration);
     }
     return input;
   }
-  auto scene = scenes::make_scene(options.scene);
-  if (!scene) return scene.error();
-  if (input.path.empty()) {
+  if (input.path.empty() && is_aimed(options.aim)) {
+    const auto open = [&] { return open_scene(options, options.duration); };
+    if (const Status status = add_probing_path(options, tool, open, input); !status)
+      return status.error();
+  } else if (input.path.empty()) {
+    const auto scene = scenes::make_scene(options.scene);
+    if (!scene) return scene.error();
     for (std::size_t i = 0; i < scene->path_times.size(); ++i) {
       input.path.push_back({scene->path_times[i], scene->path_poses[i]});
     }
   }
-  scenes::SimulatedCameraOptions camera;
-  camera.noise.enabled = options.noise;
-  camera.seed = options.seed;
-  camera.unit = options.noise ? 0.001 : 0.0001;
-  camera.duration = options.duration;
   // A hand takes its time.
   constexpr double kLongest = 86400;
-  if (!options.device.empty() && !options.duration) camera.duration = kLongest;
-  auto source = scenes::open_simulated_camera(*std::move(scene), camera);
+  const bool is_live = !options.device.empty();
+  auto source = open_scene(
+      options, is_live && !options.duration ? std::optional(kLongest) : options.duration);
   if (!source) return source.error();
   input.source = *std::move(source);
   return input;
@@ -139,7 +172,7 @@ Status run(const Options& options) {
   if (!options.device.empty()) {
     return touch_live(
         {options.device, options.haptic, options.settings, options.duration, options.output,
-         options.json, options.has_page ? std::optional(options.page) : std::nullopt},
+         options.json, options.has_page ? std::optional(options.page) : std::nullopt, input->probe},
         *tool, *input->source, path);
   }
   if (path.empty()) {
@@ -153,7 +186,9 @@ Status run(const Options& options) {
   // end of its own.
   RunSettings settings = options.settings;
   settings.objects = *std::move(objects);
-  settings.end_with_source = !options.duration;
+  // A probe of a few frames goes on at the last one.
+  settings.end_with_source = !options.duration && !input->probe;
+  settings.probe = input->probe;
   if (options.duration) {
     settings.duration = *options.duration;
   } else if (path_length > 0) {
@@ -217,6 +252,12 @@ Status run(const Options& options) {
       std::snprintf(text, sizeof text, "deepest in objects %.4g cm3\n", most * 1e6);
       std::cout << text;
     }
+    if (log.settings.probe) {
+      const ProbeChoice& probe = *log.settings.probe;
+      std::snprintf(text, sizeof text, "probed the pixel %.0f,%.0f at %.3f, %.3f, %.3f m; ",
+                    probe.u, probe.v, probe.p_W.x, probe.p_W.y, probe.p_W.z);
+      std::cout << text << kHowToAim << "\n";
+    }
     std::cout << "report: " << (std::filesystem::path(options.output) / "report.html").string()
               << "\n";
   }
@@ -227,6 +268,53 @@ Status run(const Options& options) {
     return Error{Errc::unavailable, log.failure + "; the run so far is in " + options.output};
   }
   return Done{};
+}
+
+/// Numbers with commas between them; none: it is not that.
+std::vector<double> parse_place(const std::string& text) {
+  std::vector<double> numbers;
+  std::string part;
+  std::istringstream parts(text + ",");
+  while (std::getline(parts, part, ',')) {
+    std::istringstream number(part);
+    if (!(number >> numbers.emplace_back()) || !std::isfinite(numbers.back()) ||
+        !(number >> std::ws).eof()) {
+      return {};
+    }
+  }
+  return numbers;
+}
+
+/// What a path that is not given touches.
+void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
+  const std::string group = "Without --path: what the tool probes";
+  const std::string places = "a pixel u,v of the depth image or a point x,y,z in metres";
+  app.add_option_function<std::string>(
+         "--probe",
+         [options, places](const std::string& text) {
+           const std::vector<double> place = parse_place(text);
+           if (place.size() == 2) {
+             options->aim.pixel = {place[0], place[1]};
+           } else if (place.size() == 3) {
+             options->aim.point_W = Vec3d{place[0], place[1], place[2]};
+           } else {
+             usage_error("--probe: must be " + places + ", not '" + text + "'");
+           }
+         },
+         places + "; default: the nearest place near the middle that is seen well")
+      ->type_name("u,v|x,y,z")
+      ->group(group);
+  const std::string tips = "a point x,y,z of the tool in metres, in the frame of its mesh";
+  app.add_option_function<std::string>(
+         "--tip",
+         [options, tips](const std::string& text) {
+           const std::vector<double> tip = parse_place(text);
+           if (tip.size() != 3) usage_error("--tip: must be " + tips + ", not '" + text + "'");
+           options->aim.tip_T = Vec3d{tip[0], tip[1], tip[2]};
+         },
+         tips + ": this end leads; default: the thinnest end")
+      ->type_name("x,y,z")
+      ->group(group);
 }
 
 /// Of the page that is shown meanwhile.
@@ -245,7 +333,12 @@ void check_view(const CLI::App& app, const Options& options) {
 }
 
 /// What goes with a device and what with a path.
-void check_device(const CLI::App& app, const Options& options) {
+void check_motion(const CLI::App& app, const Options& options) {
+  if (!options.path.empty() && is_aimed(options.aim)) {
+    usage_error(
+        "touch: --probe and --tip do not go with --path, which says where the tool moves: leave "
+        "one of them out");
+  }
   if (options.device.empty()) {
     for (const char* option : {"--settings", "--coupling", "--dead-man"}) {
       if (app.count(option) > 0) {
@@ -347,7 +440,7 @@ void add_touch(CLI::App& program, Action& action) {
   app.add_option(
          "--path", options->path,
          "poses of the tool: lines 't tx ty tz qx qy qz qw'; default: the scene's, or a probe "
-         "that follows what is in the middle of the image")
+         "at one place, see --probe")
       ->type_name("FILE");
   app.add_option("--duration", options->duration, "seconds; default: until path or frames end")
       ->check(CLI::Range(1e-3, 86400.0));
@@ -360,6 +453,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_sensing_gpu_option(app, options->settings.sensing_gpu);
   add_surface_options(app, options->settings.surface);
   add_time_options(app, options->settings.time);
+  add_aim_options(app, options);
   add_device_options(app, options);
   add_view_options(app, *options);
   app.add_flag("--json", options->json, "print the summary as JSON");
@@ -370,7 +464,7 @@ void add_touch(CLI::App& program, Action& action) {
       "live1\n"
       "Example: palpate touch --print-settings > haptics.toml");
   app.callback([options, &app, &action] {
-    check_device(app, *options);
+    check_motion(app, *options);
     check_view(app, *options);
     check(*options);
     action = [options] { return run(*options); };

@@ -130,7 +130,7 @@ Result<std::optional<Touch>> touch_recording(Context& context) {
   };
   auto path = probing_path(open, *touch.tool, std::nullopt);
   if (!path) return path.error();
-  touch.X_WT = along(*std::move(path));
+  touch.X_WT = along(std::move(path->poses));
   return std::optional(std::move(touch));
 }
 

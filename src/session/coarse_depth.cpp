@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "palpate/cloud/surface_estimator.h"
@@ -10,12 +11,26 @@
 namespace palpate {
 namespace {
 
-constexpr int kCellsAcross = 24;   // of the whole image's width
-constexpr double kMinValid = 0.3;  // of a cell's pixels
-const SurfaceOptions kRange;       // what a surface is made of
+constexpr int kCellsAcross = 24;       // of the whole image's width
+constexpr int kFinerCellsAcross = 72;  // around a pixel that people chose
+constexpr int kCellsAround = 5;        // in each direction, around such a pixel
+constexpr double kUsedShare = 0.75;    // of the image: a tool at its border leaves it
+constexpr double kMinValid = 0.3;      // of a cell's pixels
+constexpr double kMoment = 0.1;        // s
+constexpr double kMissingCost = 0.5;   // like a neighbour that is half as far away
+const SurfaceOptions kRange;           // what a surface is made of
 
-/// The largest odd number of cells within the middle half of the image, so that one is central.
-int odd_count(int num_pixels, int cell) { return std::max(1, (num_pixels / 2 / cell - 1) | 1); }
+/// The largest odd number of cells within the middle part of the image, so that one is central.
+int odd_count(int num_pixels, int cell) {
+  const int count = static_cast<int>(kUsedShare * num_pixels) / cell;
+  return std::max(1, count % 2 == 1 ? count : count - 1);
+}
+
+/// How much two depths differ, as far as it counts.
+double difference(double here, double there) {
+  if (std::isnan(there)) return kMissingCost;
+  return std::min(kMissingCost, std::abs(there - here) / here);
+}
 
 /// Linear over NaNs, constant at both ends.
 void fill_gaps(std::vector<double>& values) {
@@ -72,20 +87,40 @@ double DepthProfile::at(double time) const {
 }
 
 DepthProfile smooth_profile(std::vector<double> times, std::vector<double> depths) {
+  // Outliers go first: a gap beside one must not be filled from it.
+  std::vector<double> known;
+  std::copy_if(depths.begin(), depths.end(), std::back_inserter(known),
+               [](double depth) { return !std::isnan(depth); });
+  known = over_five(known, median);
+  auto next = known.begin();
+  for (double& depth : depths) {
+    if (!std::isnan(depth)) depth = *next++;
+  }
   fill_gaps(depths);
-  return {std::move(times), over_five(over_five(depths, median), smoothed)};
+  return {std::move(times), over_five(depths, smoothed)};
 }
 
-CoarseDepth::CoarseDepth(const DepthStreamInfo& info)
+CoarseDepth::CoarseDepth(const DepthStreamInfo& info,
+                         const std::optional<std::array<double, 2>>& around)
     : cell_(std::max(1, info.width / kCellsAcross)),
       columns_(odd_count(info.width, cell_)),
       rows_(odd_count(info.height, cell_)),
       width_(info.width),
       height_(info.height),
-      intrinsics_(info.intrinsics) {}
+      first_u_((width_ - columns_ * cell_) / 2),
+      first_v_((height_ - rows_ * cell_) / 2),
+      intrinsics_(info.intrinsics) {
+  if (!around) return;
+  cell_ = std::max(1, info.width / kFinerCellsAcross) | 1;
+  columns_ = rows_ = kCellsAround;
+  first_u_ = static_cast<int>(std::lround((*around)[0])) - columns_ * cell_ / 2;
+  first_v_ = static_cast<int>(std::lround((*around)[1])) - rows_ * cell_ / 2;
+}
 
-Result<CoarseDepth> CoarseDepth::scan(DepthSource& stream, double until) {
-  CoarseDepth coarse(stream.info());
+Result<CoarseDepth> CoarseDepth::scan(DepthSource& stream, double until,
+                                      const std::optional<std::array<double, 2>>& around,
+                                      double shortest) {
+  CoarseDepth coarse(stream.info(), around);
   DepthFrame frame;
   double start = 0, time = 0;
   while (true) {
@@ -105,19 +140,23 @@ Result<CoarseDepth> CoarseDepth::scan(DepthSource& stream, double until) {
   if (coarse.times_.empty()) {
     return Error{Errc::bad_input, "the depth stream holds no frame; give at least one"};
   }
-  coarse.duration_ = coarse.times_.back() + 1 / stream.info().rate;
+  coarse.duration_ = std::max(shortest, coarse.times_.back() + 1 / stream.info().rate);
   return coarse;
 }
 
-/// Cells lie around the image centre.
-int CoarseDepth::first_pixel(int cell, int num_cells, int num_pixels) const {
-  return (num_pixels - num_cells * cell_) / 2 + cell * cell_;
+std::array<double, 2> CoarseDepth::pixel(int column, int row) const {
+  return {first_u_ + column * cell_ + 0.5 * (cell_ - 1),
+          first_v_ + row * cell_ + 0.5 * (cell_ - 1)};
 }
 
 Vec3d CoarseDepth::ray(int column, int row) const {
-  const double u = first_pixel(column, columns_, width_) + 0.5 * (cell_ - 1);
-  const double v = first_pixel(row, rows_, height_) + 0.5 * (cell_ - 1);
+  const auto [u, v] = pixel(column, row);
   return {(u - intrinsics_.cx) / intrinsics_.fx, (v - intrinsics_.cy) / intrinsics_.fy, 1};
+}
+
+double CoarseDepth::off_centre(int column, int row) const {
+  const auto [u, v] = pixel(column, row);
+  return std::hypot(u - 0.5 * (width_ - 1), v - 0.5 * (height_ - 1)) / (0.5 * width_);
 }
 
 void CoarseDepth::add(const DepthFrame& frame) {
@@ -130,10 +169,12 @@ void CoarseDepth::add(const DepthFrame& frame) {
 
 /// Median of the measurements in a cell.
 double CoarseDepth::measure(const DepthFrame& frame, int column, int row) {
-  const int u0 = first_pixel(column, columns_, width_), v0 = first_pixel(row, rows_, height_);
+  const int u0 = first_u_ + column * cell_, v0 = first_v_ + row * cell_;
   cell_pixels_.clear();
+  int num_pixels = 0;
   for (int v = std::max(0, v0); v < std::min(height_, v0 + cell_); ++v) {
     for (int u = std::max(0, u0); u < std::min(width_, u0 + cell_); ++u) {
+      ++num_pixels;
       const std::uint16_t pixel =
           frame.pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) +
                        static_cast<std::size_t>(u)];
@@ -142,58 +183,82 @@ double CoarseDepth::measure(const DepthFrame& frame, int column, int row) {
       if (usable) cell_pixels_.push_back(pixel);
     }
   }
-  if (cell_pixels_.empty() || static_cast<double>(cell_pixels_.size()) < kMinValid * cell_ * cell_)
-    return NAN;
+  const double share = num_pixels > 0 ? static_cast<double>(cell_pixels_.size()) / num_pixels : 0;
+  shares_.push_back(static_cast<float>(share));
+  if (!(share >= kMinValid)) return NAN;
   const auto middle = cell_pixels_.begin() + static_cast<std::ptrdiff_t>(cell_pixels_.size() / 2);
   std::nth_element(cell_pixels_.begin(), middle, cell_pixels_.end());
   return *middle * frame.unit;
 }
 
-double CoarseDepth::depth(std::size_t frame, int column, int row) const {
+std::size_t CoarseDepth::index(std::size_t frame, int column, int row) const {
   const auto cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
-  return static_cast<double>(
-      depths_[frame * cells + static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-              static_cast<std::size_t>(column)]);
+  return frame * cells + static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+         static_cast<std::size_t>(column);
+}
+
+double CoarseDepth::depth(std::size_t frame, int column, int row) const {
+  return static_cast<double>(depths_[index(frame, column, row)]);
+}
+
+double CoarseDepth::period(std::size_t frame) const {
+  return (frame + 1 < times_.size() ? times_[frame + 1] : duration_) - times_[frame];
+}
+
+double CoarseDepth::missing(int column, int row) const {
+  double missing = 0;
+  for (std::size_t k = 0; k < times_.size(); ++k) {
+    if (std::isnan(depth(k, column, row))) missing += period(k);
+  }
+  return missing / duration_;
 }
 
 double CoarseDepth::unevenness(int column, int row) const {
-  constexpr double kMissingCost = 0.5, kCentreCost = 0.03;
-  double flaws = 0, before = NAN;
-  std::size_t num_missing = 0;
+  double squares = 0, before = NAN;
+  for (std::size_t k = 0; k < times_.size(); ++k) {
+    const double flaw = flaw_at(k, column, row, before);
+    squares += period(k) * flaw * flaw;
+    if (const double here = depth(k, column, row); !std::isnan(here)) before = here;
+  }
+  return missing(column, row) > 0.5 ? INFINITY : std::sqrt(squares / duration_);
+}
+
+/// 0: even, like `before`, and every pixel of it measured; 1 and more: not seen.
+double CoarseDepth::flaw_at(std::size_t frame, int column, int row, double before) const {
+  const double here = depth(frame, column, row);
+  if (std::isnan(here)) return 1;
+  double flaw = kMissingCost * (1 - static_cast<double>(shares_[index(frame, column, row)]));
+  if (!std::isnan(before)) flaw += difference(here, before);
+  double differences = 0;
+  int num_neighbours = 0;
+  for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
+    for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
+      if (r == row && c == column) continue;
+      differences += difference(here, depth(frame, c, r));
+      ++num_neighbours;
+    }
+  }
+  return num_neighbours > 0 ? flaw + differences / num_neighbours : flaw;
+}
+
+double CoarseDepth::mean_depth(int column, int row) const {
+  double sum = 0, time = 0;
   for (std::size_t k = 0; k < times_.size(); ++k) {
     const double here = depth(k, column, row);
-    if (std::isnan(here)) {
-      ++num_missing;
-      continue;
-    }
-    if (!std::isnan(before)) flaws += std::abs(here - before) / here;
-    before = here;
-    double difference = 0;
-    int num_neighbours = 0;
-    for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
-      for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
-        if (r == row && c == column) continue;
-        const double there = depth(k, c, r);
-        difference += std::isnan(there) ? kMissingCost : std::abs(there - here) / here;
-        ++num_neighbours;
-      }
-    }
-    if (num_neighbours > 0) flaws += difference / num_neighbours;
+    if (!std::isnan(here)) sum += period(k) * here, time += period(k);
   }
-  const auto num_frames = static_cast<double>(times_.size());
-  const double missing = static_cast<double>(num_missing) / num_frames;
-  if (missing > 0.5) return INFINITY;
-  const double off_centre = std::hypot(column - columns_ / 2, row - rows_ / 2);
-  return flaws / num_frames + kMissingCost * missing + kCentreCost * off_centre / kCellsAcross;
+  return sum / time;
 }
 
 DepthProfile CoarseDepth::profile(int column, int row) const {
   std::vector<double> times, depths;
   for (std::size_t k = 0; k < times_.size(); ++k) {
-    // A frame is felt until the next one comes: the middle of that time stands for it.
-    const double end = k + 1 < times_.size() ? times_[k + 1] : duration_;
-    times.push_back((times_[k] + end) / 2);
-    depths.push_back(depth(k, column, row));
+    // A frame is felt until the next one comes: the middles of that time stand for it.
+    const int num_moments = std::clamp(static_cast<int>(std::ceil(period(k) / kMoment)), 1, 100);
+    for (int i = 0; i < num_moments; ++i) {
+      times.push_back(times_[k] + period(k) * (i + 0.5) / num_moments);
+      depths.push_back(depth(k, column, row));
+    }
   }
   return smooth_profile(std::move(times), std::move(depths));
 }

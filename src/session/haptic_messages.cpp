@@ -249,6 +249,7 @@ std::string settings_message(const HapticSetup& setup) {
             {"device", Json::parse(text_of(setup.device))},
             {"tool", {{"file", kHapticTool}, {"xxh3", setup.tool_checksum}}}};
   if (setup.revision != 0) json["revision"] = setup.revision;
+  if (setup.probe) json["probe"] = to_json(*setup.probe);
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
@@ -303,6 +304,7 @@ Result<HapticSetup> read_settings(std::string_view message) {
     visit_fields(setup.device, Reader(json.at("device")));
     json.at("tool").at("xxh3").get_to(setup.tool_checksum);
     setup.revision = json.value("revision", 0u);
+    if (json.contains("probe")) setup.probe = probe_from_json(json.at("probe"));
     return setup;
   });
 }

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 
 #include "palpate/haptics/haptic_loop.h"
 #include "palpate/io/mcap_file.h"
+#include "palpate/session/probe_choice.h"
 #include "palpate/session/run_folder.h"
 
 namespace palpate {
@@ -18,6 +20,7 @@ struct HapticSetup {
   DeviceInfo device;
   std::string tool_checksum;   ///< of the file kHapticTool beside the recording
   std::uint32_t revision = 0;  ///< of the settings: counts what was changed while the loop ran
+  std::optional<ProbeChoice> probe = {};  ///< where the hand was led, if nobody gave a path
 };
 
 /// A depth frame, and when the surfaces were told it was captured.

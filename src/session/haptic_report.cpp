@@ -9,6 +9,8 @@
 #include "palpate/session/names.h"
 #include "src/session/haptic_settings.h"
 #include "src/session/html_page.h"
+#include "src/session/probe_report.h"
+#include "src/session/settings_json.h"
 #include "src/session/svg_plot.h"
 
 namespace palpate {
@@ -310,6 +312,7 @@ std::string haptic_summary_json(const Tool& tool, const HapticLog& log, const Lo
   HapticSettings used = log.setup.settings;
   used.coupling = log.coupling;
   json["settings"] = to_json(used);
+  if (log.setup.probe) json["probe"] = to_json(*log.setup.probe);
   json["changes"] = changes_json(log);
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
@@ -320,6 +323,7 @@ std::string haptic_page(const Tool& tool, const HapticLog& log, const LoopTimes&
                                                     short_number(log.loop.seconds, 3) + " s.");
   if (!log.failure.empty()) html += warning("The run ended early: " + log.failure);
   html += headline(tool, log, times);
+  if (log.setup.probe) html += probe_html(*log.setup.probe, {});
   LinePlot base;
   base.x_label = "time in s";
   base.x = series(log, [](const HapticRecord& tick) { return tick.time; });

@@ -117,7 +117,8 @@ Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source, H
                                         const HapticSettings& settings, double duration,
                                         const fs::path& name,
                                         const std::function<bool()>& keep_going,
-                                        HapticOnlooker* onlooker) {
+                                        HapticOnlooker* onlooker,
+                                        const std::optional<ProbeChoice>& probe) {
   if (!(duration > 0)) {
     return Error{Errc::invalid_argument, "the duration must be above 0 seconds"};
   }
@@ -127,7 +128,7 @@ Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source, H
   if (!tool_checksum) return tool_checksum.error();
 
   HapticLog log;
-  log.setup = {settings, source.info(), device.info(), *tool_checksum};
+  log.setup = {settings, source.info(), device.info(), *tool_checksum, 0, probe};
   const auto coupling =
       check_coupling(settings.coupling, device.info().limits, 1 / device.info().rate);
   if (!coupling) return coupling.error();

@@ -2,324 +2,229 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
-#include <memory>
 #include <utility>
 
-#include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
-#include "palpate/math/sphere.h"
 #include "src/session/coarse_depth.h"
+#include "src/session/lead_end.h"
+#include "src/session/probing_feeler.h"
+#include "src/session/probing_motion.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kFraction = 0.1;       // of the tool's volume behind the surface at full depth
-constexpr double kMostFraction = 0.22;  // never more, by what single frames show
-constexpr std::size_t kFeelingSpheres = 1000;
-constexpr double kClearance = 0.02;  // m, at least, between the tool and everything at both ends
-constexpr double kPoseRate = 100;    // poses per second
-constexpr double kLean = 0.45;       // rad, between the tool's axis and the viewing ray
-constexpr double kMaxTurn = 0.3;     // rad, about the viewing ray
-constexpr double kLong = 1.5;        // times its extent along z: then a tool is held by that axis
+constexpr double kClearance = 0.02;    // m, at least, between the tool and everything at both ends
+constexpr double kPoseRate = 100;      // poses per second
+constexpr double kSpeedMargin = 0.98;  // of kProbeSpeed: straight lines between poses bend a little
+constexpr double kUnevenCost = 20;     // of a place, per unevenness
+constexpr double kAsideCost = 2;       // per distance from the image centre in half widths
+constexpr double kLost = 0.03;         // m away from where it wants to be: the tool lifts
+constexpr double kJumpMargin = 0.1;    // s, before and after a jump
+constexpr double kOffPoint = 0.1;  // m along z, between a point that people gave and the surface
 
-/// Where the tool will touch, and where its slide ends: two neighbouring cells.
-struct Target {
-  int column = 0, row = 0, end_column = 0;
-};
+Error bad_aim(const char* format, auto... values) {
+  char text[400];
+  std::snprintf(text, sizeof text, format, values...);
+  return {Errc::invalid_argument, text};
+}
 
-/// The pair of neighbours on the calmest surface.
-Result<Target> find_target(const CoarseDepth& scene) {
-  Target best;
+/// The pixel that people aim at; nullopt: none.
+Result<std::optional<std::array<double, 2>>> aimed_pixel(const ProbeAim& aim,
+                                                         const DepthStreamInfo& info) {
+  if (!aim.pixel && !aim.point_W) return std::optional<std::array<double, 2>>();
+  std::array<double, 2> pixel{};
+  char what[120];
+  if (aim.pixel) {
+    pixel = *aim.pixel;
+    std::snprintf(what, sizeof what, "the pixel %g, %g to probe", pixel[0], pixel[1]);
+  } else {
+    const Vec3d& p = *aim.point_W;
+    std::snprintf(what, sizeof what, "the point %g, %g, %g to probe", p.x, p.y, p.z);
+    if (!(p.z > 0)) {
+      return bad_aim(
+          "%s is not in front of the camera, which looks along +z: give x, y, z in "
+          "metres in its axes (x right, y down, z forward)",
+          what);
+    }
+    const Intrinsics& k = info.intrinsics;
+    pixel = {k.cx + k.fx * p.x / p.z, k.cy + k.fy * p.y / p.z};
+  }
+  const bool inside = pixel[0] >= -0.5 && pixel[1] >= -0.5 && pixel[0] < info.width - 0.5 &&
+                      pixel[1] < info.height - 0.5;
+  if (!inside) {
+    return bad_aim(
+        "%s is outside the image, whose columns u are 0 to %d and rows v 0 to %d: "
+        "choose a place that the camera sees",
+        what, info.width - 1, info.height - 1);
+  }
+  return std::optional(pixel);
+}
+
+/// The neighbour to which the tool slides: the one that is seen best.
+void choose_slide(const CoarseDepth& scene, int step, ProbeTarget& target) {
+  target.end_column = target.column;
+  target.end_row = target.row;
+  double best = INFINITY;
+  for (const auto& [right, down] : {std::pair{1, 0}, {-1, 0}, {0, -1}, {0, 1}}) {
+    const int column = target.column + step * right, row = target.row + step * down;
+    if (column < 0 || row < 0 || column >= scene.columns() || row >= scene.rows()) continue;
+    const double unevenness = scene.unevenness(column, row);
+    if (unevenness >= best) continue;
+    best = unevenness;
+    target.end_column = column;
+    target.end_row = row;
+  }
+}
+
+/// The place that is seen well and near: to the camera, and to the image centre.
+Result<ProbeTarget> find_target(const CoarseDepth& scene) {
+  ProbeTarget best;
   double lowest = INFINITY;
   for (int row = 0; row < scene.rows(); ++row) {
     for (int column = 0; column < scene.columns(); ++column) {
-      const int end_column = std::min(column + 1, scene.columns() - 1);
-      const double cost = scene.unevenness(column, row) + scene.unevenness(end_column, row);
-      if (cost < lowest) lowest = cost, best = {column, row, end_column};
+      const double unevenness = scene.unevenness(column, row);
+      if (!std::isfinite(unevenness)) continue;
+      const double cost = scene.mean_depth(column, row) *
+                          (1 + kAsideCost * scene.off_centre(column, row)) *
+                          (1 + kUnevenCost * unevenness);
+      if (cost < lowest) lowest = cost, best = {column, row, column, row};
     }
   }
-  if (std::isfinite(lowest)) return best;
+  if (std::isfinite(lowest)) {
+    choose_slide(scene, 1, best);
+    return best;
+  }
   return Error{
       Errc::bad_input,
-      "the frames show no usable surface near their centre to touch: check the depth unit, "
-      "or give a tool path with --path"};
+      "the frames show no usable surface near their centre to touch: check the depth unit, aim "
+      "with --probe, or give a tool path with --path"};
 }
 
-/// Rotation that takes the tool's -z axis to the unit vector d. Turns about the horizontal axis
-/// that lies across both, so that the tool does not roll.
-Quaternion pointing_along(const Vec3d& d) {
-  const Quaternion half_turn = axis_angle({1, 0, 0}, kPi);  // -z to +z
-  const Vec3d axis = cross(Vec3d{0, 0, 1}, d);
-  if (norm(axis) < 1e-9) return half_turn;
-  return normalized(axis_angle(axis, std::acos(std::clamp(d.z, -1.0, 1.0))) * half_turn);
-}
-
-/// The thin end of the tool: -z, unless the tool is clearly longer along x or y. Then it is the end
-/// of that axis from which the centre of mass is farther.
-Vec3d tip_direction(const Tool& tool) {
-  Vec3d low{INFINITY, INFINITY, INFINITY}, high = -low;
-  for (const Sphere& s : tool.spheres()) {
-    const Vec3d c = to_double(s.centre);
-    const double r = static_cast<double>(s.radius);
-    low = {std::min(low.x, c.x - r), std::min(low.y, c.y - r), std::min(low.z, c.z - r)};
-    high = {std::max(high.x, c.x + r), std::max(high.y, c.y + r), std::max(high.z, c.z + r)};
+/// The place that people aim at, in the middle of the cells around it.
+Result<ProbeTarget> aimed_target(const CoarseDepth& scene, const ProbeAim& aim) {
+  ProbeTarget target{scene.columns() / 2, scene.rows() / 2, 0, 0};
+  const auto [u, v] = scene.pixel(target.column, target.row);
+  if (!std::isfinite(scene.unevenness(target.column, target.row))) {
+    return bad_aim(
+        "there is no depth at the pixel %g, %g to probe in %.0f %% of the time: choose "
+        "a place that the camera measures",
+        u, v, 100 * scene.missing(target.column, target.row));
   }
-  const Vec3d size = high - low;
-  const Vec3d to_centre = tool.sphere_mass().centre_of_mass - (low + high) / 2;
-  if (std::max(size.x, size.y) < kLong * size.z) return {0, 0, -1};
-  if (size.x >= size.y) return {to_centre.x > 0 ? -1.0 : 1.0, 0, 0};
-  return {0, to_centre.y > 0 ? -1.0 : 1.0, 0};
-}
-
-/// Points the tip along the ray and leans the other end to the upper right of the image.
-Quaternion held_like_a_pen(const Tool& tool, const Vec3d& ray) {
-  const Vec3d upper_right{0.7, -0.7, 0}, tip_T = tip_direction(tool), down{0, 0, -1};
-  const Quaternion upright = tip_T == down ? Quaternion{} : axis_angle(cross(tip_T, down), kPi / 2);
-  return normalized(axis_angle(cross(upper_right, ray), kLean) * pointing_along(ray) * upright);
-}
-
-/// The tool as a plane across the unit vector `along_T` meets it.
-struct Imprint {
-  double front = -INFINITY, back = INFINITY;  ///< m along `along_T`
-  double press = 0;  ///< m, how far the front must go beyond the plane for kFraction of the volume
-  Vec3d centre_T;    ///< of the part that is beyond the plane then, moved along `along_T` to 0
-};
-
-Imprint imprint(const Tool& tool, const Vec3d& along_T) {
-  Imprint result;
-  const auto along = [&](const Sphere& s) { return dot(to_double(s.centre), along_T); };
-  for (const Sphere& s : tool.spheres()) {
-    const double r = static_cast<double>(s.radius);
-    result.front = std::max(result.front, along(s) + r);
-    result.back = std::min(result.back, along(s) - r);
-  }
-  const auto beyond = [&](const Sphere& s, double depth) {
-    return cap_volume(static_cast<double>(s.radius), result.front - depth - along(s));
-  };
-  double low = 0, high = result.front - result.back;
-  for (int i = 0; i < 40; ++i) {
-    result.press = (low + high) / 2;
-    double volume = 0;
-    for (const Sphere& s : tool.spheres()) volume += beyond(s, result.press);
-    (volume < kFraction * tool.sphere_mass().volume ? low : high) = result.press;
-  }
-  double volume = 0;
-  for (const Sphere& s : tool.spheres()) {
-    const double part = beyond(s, result.press);
-    result.centre_T += part * to_double(s.centre);
-    volume += part;
-  }
-  if (volume > 0) result.centre_T = result.centre_T / volume;
-  result.centre_T -= along_T * dot(result.centre_T, along_T);
-  return result;
-}
-
-/// 0 before `start`, 1 after `end`, smooth in between.
-double ease(double t, double start, double end) {
-  const double x = std::clamp((t - start) / (end - start), 0.0, 1.0);
-  return x * x * (3 - 2 * x);
-}
-
-/// Everything about the path but how deep the tool is.
-class Motion {
- public:
-  Motion(const CoarseDepth& scene, const Target& target, const Tool& tool, double end)
-      : end_(end),
-        first_ray_(scene.ray(target.column, target.row)),
-        last_ray_(scene.ray(target.end_column, target.row)),
-        first_depth_(scene.profile(target.column, target.row)),
-        last_depth_(scene.profile(target.end_column, target.row)),
-        into_W_(normalized(first_ray_)),
-        held_(held_like_a_pen(tool, into_W_)),
-        tip_(imprint(tool, rotate(conjugate(held_), into_W_))) {
-    const double way = norm(last_ray_ - first_ray_) * first_depth_.at(end / 2);
-    slide_ = way > 0 ? std::min(1.0, 0.3 * length() / way) : 0;
-  }
-
-  double length() const { return tip_.front - tip_.back; }
-  /// How far the tip may go beyond a plane.
-  double press() const { return tip_.press; }
-  /// Distance of the surface from the camera on the ray that the tool follows at this time.
-  double surface(double time) const {
-    const double shift = slide_ * slid(time);
-    return norm(ray(time)) * ((1 - shift) * first_depth_.at(time) + shift * last_depth_.at(time));
-  }
-  /// The tip at `distance` from the camera.
-  Pose pose(double time, double distance) const {
-    const Quaternion rotation = normalized(axis_angle(into_W_, kMaxTurn * slid(time)) * held_);
-    const Vec3d origin = direction(time) * distance - into_W_ * tip_.front;
-    return {origin - rotate(rotation, tip_.centre_T), rotation};
-  }
-  Vec3d direction(double time) const { return normalized(ray(time)); }
-  /// 0: in free space; 1: pressed in.
-  double pressed(double time) const {
-    return ease(time / end_, 0.05, 0.35) - ease(time / end_, 0.75, 0.95);
-  }
-
- private:
-  double slid(double time) const { return ease(time / end_, 0.4, 0.7); }
-  Vec3d ray(double time) const {
-    const double shift = slide_ * slid(time);
-    return (1 - shift) * first_ray_ + shift * last_ray_;
-  }
-
-  double end_, slide_ = 0;
-  Vec3d first_ray_, last_ray_;
-  DepthProfile first_depth_, last_depth_;
-  Vec3d into_W_;
-  Quaternion held_;
-  Imprint tip_;
-};
-
-/// How deep the tool may be, as distances of its tip from the camera.
-struct Reach {
-  double free = INFINITY;  ///< nothing is touched up to here
-  double aim = INFINITY;   ///< kFraction of the tool is in, or its tip is kFraction deep
-  double most = INFINITY;  ///< kMostFraction is in: no farther
-};
-
-/// Feels its way into single frames with the query itself, which sees what any part of the tool
-/// meets.
-class Feeler {
- public:
-  static Result<Feeler> create(const DepthStreamInfo& info, const Tool& tool) {
-    auto coarse = tool.prefix(
-        static_cast<int>(std::min<std::size_t>(tool.spheres().size(), kFeelingSpheres)));
-    if (!coarse) return coarse.error();
-    auto surface = SurfaceEstimator::create(info.width, info.height, info.intrinsics);
-    if (!surface) return surface.error();
-    auto field = DepthField::create(info.width, info.height);
-    if (!field) return field.error();
-    Feeler feeler(tool, *std::move(coarse), *std::move(surface), *std::move(field));
-    auto query = make_contact_query(Backend::cpu, *feeler.coarse_);
-    if (!query) return query.error();
-    feeler.query_ = *std::move(query);
-    return feeler;
-  }
-
-  void take_frame(const DepthFrame& frame, ThreadPool& pool) {
-    surface_.update(frame, pool);
-    field_.update(surface_.cloud(), pool);
-    query_->set_field(field_.view());
-    nearest_ = INFINITY;
-    for (const float z : surface_.depth()) {
-      if (z > 0) nearest_ = std::min(nearest_, static_cast<double>(z));  // false for NaN
+  if (aim.point_W) {
+    const DepthProfile profile = scene.profile(target.column, target.row);
+    double nearest = INFINITY;
+    for (const double depth : profile.depths) {
+      if (std::abs(depth - aim.point_W->z) < std::abs(nearest - aim.point_W->z)) nearest = depth;
+    }
+    if (std::abs(nearest - aim.point_W->z) > kOffPoint) {
+      return bad_aim(
+          "the point %g, %g, %g to probe lies on no surface: on this viewing ray the "
+          "camera sees z = %.3g m; give a point there, or the pixel %.0f,%.0f",
+          aim.point_W->x, aim.point_W->y, aim.point_W->z, nearest, u, v);
     }
   }
+  choose_slide(scene, 2, target);
+  return target;
+}
 
-  /// Comes in along the path's ray at `time` until too much of the tool is in.
-  Reach reach(const Motion& motion, double time) {
-    const double surface = motion.surface(time), aim = surface + motion.press();
-    const double last = aim + motion.press();
-    Reach reach{surface, aim, last};
-    const Vec3d direction = motion.direction(time);
-    double front = -INFINITY;  // of the whole tool along z, tip at the camera
-    const Pose X_WT = motion.pose(time, 0);
-    for (const Sphere& s : full_->spheres()) {
-      front = std::max(front, (X_WT * to_double(s.centre)).z + static_cast<double>(s.radius));
-    }
-    const double first = (nearest_ - front) / direction.z;
-    if (!(first < last)) return reach;
-    reach.free = std::min(reach.free, first);
-    const double step = std::max(motion.length() / 40, (last - first) / 150);
-    for (double before = first; before < last; before += step) {
-      const double here = std::min(before + step, last), in = fraction(motion, time, here);
-      if (in == 0 && reach.free == before) reach.free = std::min(here, surface);
-      if (in >= kFraction && reach.aim == aim)
-        reach.aim = std::min(aim, cross(motion, time, before, here, kFraction));
-      if (in >= kMostFraction) {
-        reach.most = cross(motion, time, before, here, kMostFraction);
-        break;
-      }
-    }
-    return reach;
-  }
-
- private:
-  Feeler(const Tool& tool, Tool coarse, SurfaceEstimator surface, DepthField field)
-      : full_(&tool),
-        coarse_(std::make_unique<Tool>(std::move(coarse))),
-        surface_(std::move(surface)),
-        field_(std::move(field)) {}
-
-  double fraction(const Motion& motion, double time, double distance) {
-    constexpr ContactOptions kField{.method = InsideMethod::field};
-    return query_->query(motion.pose(time, distance), kField).volume /
-           full_volume(*coarse_, kField);
-  }
-  /// Where between two distances the fraction is reached: the nearer end of a small interval.
-  double cross(const Motion& motion, double time, double low, double high, double level) {
-    for (int i = 0; i < 6; ++i) {
-      const double middle = (low + high) / 2;
-      (fraction(motion, time, middle) < level ? low : high) = middle;
-    }
-    return low;
-  }
-
-  const Tool* full_;
-  std::unique_ptr<Tool> coarse_;
-  SurfaceEstimator surface_;
-  DepthField field_;
-  std::unique_ptr<ContactQuery> query_;
-  double nearest_ = INFINITY;
+/// Distances of the tip over time, and what became of the plan.
+struct Plan {
+  std::vector<double> times, distances;
+  double lifted = 0;     ///< s, because the surface was too fast
+  bool arrives = false;  ///< where it wants to be, at some time
 };
 
-/// The reach over time.
-struct Depths {
-  double free = INFINITY;  ///< over all frames
-  DepthProfile aim, most;
-};
-
-/// Feels every frame while it is current.
-Result<Depths> feel(DepthSource& stream, const Tool& tool, const Motion& motion, double end) {
-  auto feeler = Feeler::create(stream.info(), tool);
-  if (!feeler) return feeler.error();
-  ThreadPool pool;
-  Depths depths;
-  std::vector<double> middles, aims;
-  double most_before = INFINITY;
-  const auto feel_part = [&](double begin, double stop) {
-    const Reach a = feeler->reach(motion, begin), b = feeler->reach(motion, stop);
-    depths.free = std::min({depths.free, a.free, b.free});
-    middles.push_back((begin + stop) / 2);
-    aims.push_back((a.aim + b.aim) / 2);
-    // Straight lines between these points respect the limits of both neighbours.
-    const double most = std::min(a.most, b.most);
-    depths.most.times.push_back(begin);
-    depths.most.depths.push_back(std::min(most_before, most));
-    most_before = most;
-  };
-  const auto feel_frame = [&](double begin, double stop) {
-    const int parts = std::clamp(static_cast<int>(std::ceil((stop - begin) / 0.1)), 1, 100);
-    const double part = (stop - begin) / parts;
-    for (int i = 0; i < parts; ++i) feel_part(begin + i * part, begin + (i + 1) * part);
-  };
-  DepthFrame frame;
-  double start = 0, time = -1;  // of the current frame; none yet
-  while (true) {
-    const auto got = stream.next(frame);
-    if (!got) return got.error();
-    if (!*got) break;
-    if (time < 0) start = frame.timestamp;
-    const double next = frame.timestamp - start;
-    if (next >= end) break;
-    if (time >= 0) feel_frame(time, next);
-    feeler->take_frame(frame, pool);
-    time = next;
+/// Where the tool wants to be, but lifted where it cannot follow: around jumps of the surface, so
+/// that it does not stand in what comes, and as long as the surface is out of reach behind one,
+/// where it must not press through what else is there on its way.
+std::vector<double> lifted_at_jumps(const std::vector<double>& wanted,
+                                    const std::vector<double>& free,
+                                    const std::vector<double>& steps, double period) {
+  std::vector<double> lifted = wanted;
+  const auto margin = static_cast<std::size_t>(std::ceil(kJumpMargin / period));
+  const std::size_t last = wanted.size() - 1;
+  double reached = wanted[0];  // at this speed, if nothing ever came nearer again
+  for (std::size_t i = 0; i <= last; ++i) {
+    if (i > 0) reached = std::min(wanted[i], reached + steps[i]);
+    if (wanted[i] - reached > kLost) lifted[i] = std::min(lifted[i], free[i] - kClearance);
+    const std::size_t before = i > margin / 2 ? i - margin / 2 : 0;
+    const std::size_t after = std::min(last, i + margin / 2);
+    const double possible = kProbeSpeed * period * static_cast<double>(after - before);
+    if (std::abs(wanted[after] - wanted[before]) < kLost + possible) continue;
+    const std::size_t begin = i > margin ? i - margin : 0, end = std::min(last, i + margin);
+    const double nearest = *std::min_element(free.begin() + static_cast<std::ptrdiff_t>(begin),
+                                             free.begin() + static_cast<std::ptrdiff_t>(end) + 1);
+    for (std::size_t k = begin; k <= end; ++k)
+      lifted[k] = std::min(lifted[k], nearest - kClearance);
   }
-  if (time < 0) return Error{Errc::bad_input, "the depth stream gave frames only once"};
-  feel_frame(time, end);
-  depths.most.times.push_back(end);
-  depths.most.depths.push_back(most_before);
-  depths.aim = smooth_profile(std::move(middles), std::move(aims));
-  return depths;
+  return lifted;
+}
+
+Plan plan(const ProbingMotion& motion, const ProbeDepths& depths, double end) {
+  Plan plan;
+  const auto num_steps = static_cast<std::size_t>(std::max(1.0, std::ceil(end * kPoseRate)));
+  const double period = end / static_cast<double>(num_steps);
+  std::vector<double> wanted, free;
+  double farthest = 0, free_before = INFINITY, free_after = INFINITY;
+  for (std::size_t i = 0; i <= num_steps; ++i) {
+    const double time = end * static_cast<double>(i) / static_cast<double>(num_steps);
+    plan.times.push_back(time);
+    wanted.push_back(std::min(depths.aim.at(time), depths.most.at(time)));
+    free.push_back(depths.free.at(time));
+    farthest = std::max(farthest, wanted.back());
+    double& free_there = time < end / 2 ? free_before : free_after;
+    if (motion.pressed(time) < 0.5) free_there = std::min(free_there, free.back());
+  }
+  std::vector<double> steps{0};
+  for (std::size_t i = 1; i <= num_steps; ++i) {
+    const double sideways = motion.sideways_speed(plan.times[i - 1], plan.times[i], farthest);
+    steps.push_back(std::max(0.0, kSpeedMargin * kProbeSpeed - sideways) * period);
+  }
+  const std::vector<double> target = lifted_at_jumps(wanted, free, steps, period);
+  // Room to start from; beside the camera rather than behind it, if that is enough, and not more
+  // than the time allows.
+  const double way = 0.2 * end * kSpeedMargin * kProbeSpeed - motion.press();
+  const double room =
+      std::clamp(way, kClearance, std::max(kClearance, 0.5 * motion.length() + kClearance));
+  std::vector<double> distances;
+  for (std::size_t i = 0; i <= num_steps; ++i) {
+    const double free_there = plan.times[i] < end / 2 ? free_before : free_after;
+    const double outside = free_there - std::clamp(0.5 * free_there, kClearance, room);
+    distances.push_back(outside + (target[i] - outside) * motion.pressed(plan.times[i]));
+  }
+  plan.distances = within_speed(std::move(distances), steps);
+  const std::vector<double> possible = within_speed(target, steps);
+  for (std::size_t i = 0; i <= num_steps; ++i) {
+    if (motion.pressed(plan.times[i]) < 0.9) continue;
+    if (wanted[i] - plan.distances[i] < 0.005) plan.arrives = true;
+    if (wanted[i] - possible[i] > kLost) plan.lifted += period;
+  }
+  return plan;
+}
+
+std::string note_on(const Plan& plan, double end) {
+  char text[200] = "";
+  if (!plan.arrives) {
+    std::snprintf(text, sizeof text,
+                  "within %.3g s and at most %g m/s the tool does not press in as it should: give "
+                  "more time with --duration, or aim at a calmer place",
+                  end, kProbeSpeed);
+  } else if (plan.lifted > 0) {
+    std::snprintf(text, sizeof text,
+                  "the surface there moves faster than %g m/s now and then: meanwhile, for %.3g s "
+                  "in all, the tool is lifted and waits",
+                  kProbeSpeed, plan.lifted);
+  }
+  return text;
 }
 
 }  // namespace
 
-Result<std::vector<TimedPose>> probing_path(const OpenDepthSource& open, const Tool& tool,
-                                            std::optional<double> duration) {
+Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
+                                 std::optional<double> duration, const ProbeAim& aim) {
+  const auto lead = aim.tip_T ? end_at(tool, *aim.tip_T) : Result<LeadEnd>(thinnest_end(tool));
+  if (!lead) return lead.error();
   auto stream = open();
   if (!stream) return stream.error();
   if (!duration && !(*stream)->info().num_frames) {
@@ -330,29 +235,38 @@ Result<std::vector<TimedPose>> probing_path(const OpenDepthSource& open, const T
     return Error{Errc::invalid_argument,
                  "a probing path must be longer than 0 s and shorter than a day"};
   }
+  const auto pixel = aimed_pixel(aim, (*stream)->info());
+  if (!pixel) return pixel.error();
   const auto scene =
-      CoarseDepth::scan(**stream, duration.value_or(std::numeric_limits<double>::infinity()));
+      CoarseDepth::scan(**stream, duration.value_or(std::numeric_limits<double>::infinity()),
+                        *pixel, duration.value_or(kShortestProbe));
   if (!scene) return scene.error();
   const double end = duration.value_or(scene->duration());
-  const auto target = find_target(*scene);
+  const auto target = *pixel ? aimed_target(*scene, aim) : find_target(*scene);
   if (!target) return target.error();
-  const Motion motion(*scene, *target, tool, end);
+  const ProbingMotion motion(*scene, *target, tool, *lead, aim.tip_T.has_value(), end);
 
   stream = open();
   if (!stream) return stream.error();
-  const auto depths = feel(**stream, tool, motion, end);
+  const auto depths = feel_stream(**stream, tool, motion, end);
   if (!depths) return depths.error();
-  // Room to start from; beside the camera rather than behind it, if that is enough.
-  const double room = 0.5 * motion.length() + kClearance;
-  const double start = depths->free - std::clamp(0.5 * depths->free, kClearance, room);
+  const Plan moves = plan(motion, *depths, end);
 
-  std::vector<TimedPose> path;
-  const int num_steps = std::max(1, static_cast<int>(std::ceil(end * kPoseRate)));
-  for (int i = 0; i <= num_steps; ++i) {
-    const double time = end * i / num_steps;
-    const double deep = std::min(depths->aim.at(time), depths->most.at(time));
-    path.push_back({time, motion.pose(time, start + (deep - start) * motion.pressed(time))});
-  }
+  ProbingPath path;
+  for (std::size_t i = 0; i < moves.times.size(); ++i)
+    path.poses.push_back({moves.times[i], motion.pose(moves.times[i], moves.distances[i])});
+  const auto [u, v] = scene->pixel(target->column, target->row);
+  const double arrival = motion.arrival();
+  path.choice = {u,
+                 v,
+                 motion.direction(arrival) * motion.surface(arrival),
+                 arrival,
+                 lead->tip_T,
+                 *pixel ? "as you said"
+                        : "of the places that are seen well over time, the nearest to the camera "
+                          "and to the middle of the image",
+                 lead->why,
+                 note_on(moves, end)};
   return path;
 }
 

@@ -6,6 +6,7 @@
 
 #include "palpate/session/names.h"
 #include "src/session/html_page.h"
+#include "src/session/probe_report.h"
 #include "src/session/report_pictures.h"
 #include "src/session/run_files.h"
 #include "src/session/statistics.h"
@@ -221,7 +222,9 @@ Result<std::string> make_report(const Tool& tool, const RunLog& log) {
             short_number(static_cast<double>(log.ticks.size()) / log.settings.rate) +
             " s: " + escape_html(log.failure) + ". The force was faded out.</p>\n";
   }
-  html += headline(tool, log) + *pictures + plots(tool, log) + tables(tool, log);
+  html += headline(tool, log) + *pictures;
+  if (log.settings.probe) html += probe_html(*log.settings.probe, log.deepest_frame);
+  html += plots(tool, log) + tables(tool, log);
   html += close_page(
       "The numbers of this page are in wrench.csv, timing.csv and summary.json beside it; the "
       "folder recording repeats them bit for bit.");

@@ -169,6 +169,10 @@ std::string summary_json(const Tool& tool, const RunLog& log) {
         {"peak_volume", most.objects.volume},
         {"peak_volume_time", most.time}};
   }
+  if (log.settings.probe) {
+    json["probe"] = palpate::to_json(*log.settings.probe);
+    json["settings"].erase("probe");
+  }
   if (!log.failure.empty()) json["failure"] = log.failure;
   if (!log.why_not_cuda.empty()) json["why_not_cuda"] = log.why_not_cuda;
   const std::string warning = scarce_surface_warning(log);

@@ -157,6 +157,7 @@ Json to_json(const RunSettings& settings) {
               {"thickness", settings.field.thickness}}},
             {"time", time_to_json(settings.time)}};
   for (const SceneObject& object : settings.objects) json["objects"].push_back(to_json(object));
+  if (settings.probe) json["probe"] = to_json(*settings.probe);
   return json;
 }
 
@@ -172,6 +173,7 @@ Result<RunSettings> settings_from_json(const Json& json) {
     json["field"].at("thickness").get_to(settings.field.thickness);
   }
   if (json.contains("objects")) settings.objects = objects_from_json(json.at("objects"));
+  if (json.contains("probe")) settings.probe = probe_from_json(json.at("probe"));
   if (!read_name(json, "method", kMethodNames, settings.contact.method) ||
       !read_name(json, "priority", kPriorityNames, settings.contact.priority) ||
       !read_name(json, "inside", kInsideNames, settings.contact.inside) ||
@@ -189,6 +191,29 @@ Result<RunSettings> settings_from_json(const Json& json) {
                  "average, backend or plane fit that this version does not know"};
   }
   return settings;
+}
+
+Json to_json(const ProbeChoice& probe) {
+  const auto list = [](const Vec3d& v) { return Json{v.x, v.y, v.z}; };
+  return {{"pixel", {probe.u, probe.v}},  {"point", list(probe.p_W)}, {"time", probe.time},
+          {"why_place", probe.why_place}, {"tip", list(probe.tip_T)}, {"why_tip", probe.why_tip},
+          {"note", probe.note},           {"how_to_aim", kHowToAim}};
+}
+
+ProbeChoice probe_from_json(const Json& json) {
+  const auto vector = [](const Json& list) {
+    const auto v = list.get<std::array<double, 3>>();
+    return Vec3d{v[0], v[1], v[2]};
+  };
+  const auto pixel = json.at("pixel").get<std::array<double, 2>>();
+  return {pixel[0],
+          pixel[1],
+          vector(json.at("point")),
+          json.at("time"),
+          vector(json.at("tip")),
+          json.at("why_place"),
+          json.at("why_tip"),
+          json.at("note")};
 }
 
 Json to_json(const DepthStreamInfo& stream) {

@@ -12,6 +12,10 @@ nlohmann::ordered_json to_json(const RunSettings& settings);
 /// nlohmann::json::exception for missing or ill-typed members.
 Result<RunSettings> settings_from_json(const nlohmann::ordered_json& json);
 
+nlohmann::ordered_json to_json(const ProbeChoice& probe);
+/// Throws as above.
+ProbeChoice probe_from_json(const nlohmann::ordered_json& json);
+
 nlohmann::ordered_json to_json(const DepthStreamInfo& stream);
 DepthStreamInfo stream_from_json(const nlohmann::ordered_json& json);
 

@@ -148,6 +148,13 @@ class CommandLine(unittest.TestCase):
             ("touch", tool, "--depth-sequence", self.frames, "-o", self.path("x")),
             self.sequence("-o", self.path("x"), "--rate", 0),
             self.sequence("-o", self.path("x"), "--no-noise"),
+            self.sequence("-o", self.path("x"), "--probe", "80"),
+            self.sequence("-o", self.path("x"), "--probe", "80,60,0.5,1"),
+            self.sequence("-o", self.path("x"), "--probe", "80,left"),
+            self.sequence("-o", self.path("x"), "--probe", "80,inf"),
+            self.sequence("-o", self.path("x"), "--tip", "0,0.01"),
+            self.sequence("-o", self.path("x"), "--probe", "80,60", "--path", "y"),
+            self.sequence("-o", self.path("x"), "--tip", "0,0,0.04", "--path", "y"),
             ("replay",),
             self.sequence("-o", self.path("x"), "--dead-man"),
             self.sequence("-o", self.path("x"), "--settings", "x.toml"),
@@ -905,6 +912,63 @@ class CommandLine(unittest.TestCase):
         self.succeed(*self.sequence("-o", run, "--path", path, "--rate", 500, "--duration", 0.2))
         self.assertEqual(len(read(os.path.join(run, "wrench.csv")).splitlines()), 101)
 
+    def test_touch_without_a_path_says_what_it_probes(self):
+        run, again = self.path("run_probe"), self.path("run_probe2")
+        summary = json.loads(self.succeed(*self.sequence("-o", run, "--json")))
+        probe = summary["probe"]
+        self.assertEqual(set(probe), {"pixel", "point", "time", "why_place", "tip", "why_tip", "note",
+                                      "how_to_aim"})
+        for value, middle in zip(probe["pixel"], (79.5, 59.5)):
+            self.assertAlmostEqual(value, middle, delta=6)
+        self.assertAlmostEqual(probe["point"][2], 0.5, delta=0.01)
+        self.assertLess(math.dist(probe["tip"], (0, 0, -0.04)), 0.01)
+        self.assertEqual(summary["duration"], 3)  # the last of four frames stays
+        self.assertLess(abs(summary["peak"]["fraction"] - 0.1), 0.03)
+        report = read(os.path.join(run, "report.html"))
+        for words in ("Where it probes", "--probe u,v", "--tip x,y,z", probe["why_place"],
+                      probe["why_tip"]):
+            self.assertIn(words, report)
+        self.assertIn("--probe", self.succeed(*self.sequence("-o", run)))
+        self.assertEqual(self.succeed("replay", run), f"identical: {summary['ticks']} ticks\n")
+        self.succeed("replay", run, "-o", again)
+        self.assertEqual(json.loads(read(os.path.join(again, "summary.json")))["probe"], probe)
+
+        aimed = json.loads(self.succeed(*self.sequence("-o", run, "--json", "--probe", "40, 80",
+                                                       "--tip", "0.04,0,0")))["probe"]
+        self.assertEqual(aimed["pixel"], [40, 80])
+        self.assertEqual(aimed["tip"], [0.04, 0, 0])
+        x, y, z = aimed["point"]
+        fx, fy, cx, cy = (float(number) for number in INTRINSICS.split(","))
+        for value, expected in ((x, (40 - cx) / fx * z), (y, (80 - cy) / fy * z)):
+            self.assertAlmostEqual(value, expected, delta=1e-9)
+        point = json.loads(self.succeed(*self.sequence("-o", run, "--json", "--probe",
+                                                       f"{x},{y},{z}")))["probe"]
+        self.assertEqual(point["pixel"], [40, 80])
+        self.succeed("touch", self.tool, "--scene", "wall", "--duration", 0.5, "--probe", "300,200",
+                     "-o", run)
+        self.assertEqual(json.loads(read(os.path.join(run, "summary.json")))["probe"]["pixel"],
+                         [300, 200])
+
+        absent = self.path("run_probe_absent")
+        for option, value, words in (
+            ("--probe", "160,60", "outside the image, whose columns u are 0 to 159"),
+            ("--probe", "0,0,-0.5", "not in front of the camera"),
+            ("--probe", "0,0,0.3", "lies on no surface"),
+            ("--tip", "1,0,0", "away from the tool"),
+        ):
+            self.expect_failure(1, *self.sequence("-o", absent, option, value), mentions=words)
+            self.assertFalse(os.path.exists(absent))
+
+    def test_touch_live_stays_at_the_last_frame(self):
+        run = self.path("run_live_probe")
+        summary = json.loads(self.succeed(*self.sequence("-o", run, "--json", "--device", "sim")))
+        self.assertEqual(set(summary["probe"]), {"pixel", "point", "time", "why_place", "tip",
+                                                 "why_tip", "note", "how_to_aim"})
+        self.assertGreater(summary["frames"], 60)  # four and the last one again, 3 s in all
+        self.assertGreater(summary["peaks"]["wanted_force_N"], 0)
+        self.assertIn("--probe u,v", read(os.path.join(run, "report.html")))
+        self.assertIn("identical", self.succeed("replay", run))
+
     def test_scenes(self):
         scenes = json.loads(self.succeed("scenes", "--json"))["scenes"]
         text = self.succeed("scenes")
@@ -994,22 +1058,22 @@ class CommandLine(unittest.TestCase):
         frames, run = self.path("leaving"), self.path("run_leaving")
         os.mkdir(frames)
         with open(os.path.join(frames, "depth.txt"), "w") as file:
-            for k in range(12):  # away from the camera by 11 cm in 1.1 s
+            for k in range(12):  # away from the camera by 11 cm in 3.3 s
                 write_depth_png(os.path.join(frames, f"{k}.png"), 160, 120,
                                 lambda u, v, k=k: 4000 + 100 * k)
-                file.write(f"{50 + 0.1 * k} {k}.png\n")
+                file.write(f"{50 + 0.3 * k} {k}.png\n")
         summary = json.loads(self.succeed(
             "touch", self.tool, "--depth-sequence", frames, "--intrinsics", INTRINSICS,
             "--depth-unit", 0.0001, "-o", run, "--json"))
         self.assertEqual(summary["frames"], 12)
-        self.assertAlmostEqual(summary["ticks"], 1200, delta=1)  # 0.1 s is no binary fraction
+        self.assertAlmostEqual(summary["ticks"], 3600, delta=1)  # 0.3 s is no binary fraction
         rows = read(os.path.join(run, "wrench.csv")).splitlines()
         column = rows[0].split(",").index("volume")
         total = summary["peak"]["volume"] / summary["peak"]["fraction"]
         for k, row in enumerate(rows[1:]):
             fraction = float(row.split(",")[column]) / total
             self.assertLess(fraction, 0.3, k)
-            if 450 < k < 900:
+            if 1400 < k < 2600:
                 self.assertGreater(fraction, 0.01, k)
         with open(os.path.join(run, "report.html")) as file:
             self.assertNotIn(self.folder, file.read())

@@ -11,86 +11,57 @@
 #include "palpate/math/sphere.h"
 #include "palpate/session/session.h"
 #include "src/session/coarse_depth.h"
+#include "tests/session/function_stream.h"
+#include "tests/session/packed_tool.h"
 #include "tests/test_util/contact_scenes.h"
 
 namespace palpate {
 namespace {
 
-/// Depth as a function of time and pixel; 0: no measurement.
-using Scene = std::function<double(double time, int u, int v)>;
-
-class FunctionStream : public DepthSource {
- public:
-  FunctionStream(Scene scene, std::vector<double> times) : scene_(std::move(scene)), times_(times) {
-    info_.width = 240;
-    info_.height = 180;
-    info_.intrinsics = {220, 220, 119.5, 89.5};
-    info_.unit = 0.0005;
-    info_.rate = 25;
-    info_.num_frames = static_cast<int>(times.size());
-  }
-  const DepthStreamInfo& info() const override { return info_; }
-  Result<bool> next(DepthFrame& frame) override {
-    if (next_ == fail_at) return Error{Errc::bad_input, "frame 2 is broken"};
-    if (next_ == static_cast<int>(times_.size())) return false;
-    const double time = times_[static_cast<std::size_t>(next_++)];
-    frame = {info_.width, info_.height, info_.unit, {}, 1000 + time};
-    for (int v = 0; v < info_.height; ++v) {
-      for (int u = 0; u < info_.width; ++u) {
-        frame.pixels.push_back(
-            static_cast<std::uint16_t>(std::lround(scene_(time, u, v) / info_.unit)));
-      }
-    }
-    return true;
-  }
-
-  int fail_at = -1;
-
- private:
-  Scene scene_;
-  std::vector<double> times_;
-  DepthStreamInfo info_;
-  int next_ = 0;
-};
-
-/// Opens copies of a stream.
-template <class Stream>
-OpenDepthSource copies_of(const Stream& stream) {
-  return [stream]() -> Result<std::unique_ptr<DepthSource>> {
-    return std::unique_ptr<DepthSource>(std::make_unique<Stream>(stream));
-  };
-}
-
-std::vector<double> every(double period, int num) {
-  std::vector<double> times;
-  for (int k = 0; k < num; ++k) times.push_back(k * period);
-  return times;
-}
+using test::copies_of;
+using test::every;
+using test::FunctionStream;
+using Scene = test::DepthFunction;
 
 double still_wall(double, int, int) { return 0.7; }
 
-/// A wall that comes and goes by 30 cm in two seconds; every fifth frame shows nothing.
-double swinging_depth(double time) { return 0.75 - 0.15 * std::sin(kPi * time); }
+/// A wall that comes and goes by 3 cm in two seconds, as fast as the tool can follow while it
+/// slides and turns; every fifth frame shows nothing.
+double swinging_depth(double time) { return 0.75 - 0.015 * std::sin(kPi * time); }
 double swinging_wall(double time, int, int) {
   return std::lround(time / 0.04) % 5 == 3 ? 0 : swinging_depth(time);
 }
 
+/// Share of the tool's volume behind a wall across the viewing direction: the sum of caps.
+double share_behind(const Tool& tool, const Pose& X_WT, double wall) {
+  double behind = 0;
+  for (std::size_t i = 0; i < tool.spheres().size(); ++i) {
+    const Sphere& s = tool.spheres()[i];
+    const double radius = s.radius, z = (X_WT * to_double(s.centre)).z;
+    behind += static_cast<double>(tool.represented_volumes()[i]) * cap_volume(radius, wall - z) /
+              sphere_volume(radius);
+  }
+  return behind / tool.mesh_mass().volume;
+}
+
 TEST(ProbingPath, StartsFreeReachesATenthAndLeaves) {
   const Tool tool = test::random_tool(150, 0.04, 3);
-  FunctionStream stream(still_wall, every(0.04, 50)), again(still_wall, every(0.04, 50));
+  FunctionStream stream(still_wall, every(0.04, 100)), again(still_wall, every(0.04, 100));
   const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  EXPECT_EQ(path->front().time, 0);
-  EXPECT_NEAR(path->back().time, 2.0, 1e-12);
+  EXPECT_EQ(path->choice.note, "");
+  EXPECT_EQ(path->poses.front().time, 0);
+  EXPECT_NEAR(path->poses.back().time, 4.0, 1e-12);
   const auto log = run_session(
-      tool, again, [&](std::size_t, double time) { return pose_at(*path, time); }, RunSettings{});
+      tool, again, [&](std::size_t, double time) { return pose_at(path->poses, time); },
+      RunSettings{});
   ASSERT_TRUE(log) << log.error().message;
   const auto fraction = [&](std::size_t tick) {
     return log->ticks[tick].penetration.volume / full_volume(tool, ContactOptions{});
   };
   EXPECT_EQ(fraction(0), 0);
   EXPECT_EQ(fraction(log->ticks.size() - 1), 0);
-  for (std::size_t tick = 750; tick < 1450; tick += 50) EXPECT_NEAR(fraction(tick), 0.1, 0.02);
+  for (std::size_t tick = 1500; tick < 2900; tick += 50) EXPECT_NEAR(fraction(tick), 0.1, 0.02);
 }
 
 TEST(ProbingPath, FollowsAMovingScene) {
@@ -98,27 +69,61 @@ TEST(ProbingPath, FollowsAMovingScene) {
   FunctionStream stream(swinging_wall, every(0.04, 100));
   const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  for (std::size_t i = 1; i < path->size(); ++i) {
-    const double way = norm((*path)[i].X_WT.translation - (*path)[i - 1].X_WT.translation);
-    EXPECT_LT(way, 0.01);  // 1 m/s
-  }
-  // How much of the tool is behind the wall of the frame that is current then, missing or not.
-  for (const auto& [time, X_WT] : *path) {
+  EXPECT_EQ(path->choice.note, "");
+  // The wall of the frame that is current then, missing or not.
+  for (const auto& [time, X_WT] : path->poses) {
     const double wall = swinging_depth(std::floor(time / 0.04 + 1e-9) * 0.04);
-    double behind = 0;
-    for (std::size_t i = 0; i < tool.spheres().size(); ++i) {
-      const Sphere& s = tool.spheres()[i];
-      const double radius = s.radius, z = (X_WT * to_double(s.centre)).z;
-      behind += static_cast<double>(tool.represented_volumes()[i]) * cap_volume(radius, wall - z) /
-                sphere_volume(radius);
-    }
-    behind /= tool.mesh_mass().volume;
+    const double behind = share_behind(tool, X_WT, wall);
     if (time > 0.36 * 4 && time < 0.74 * 4) {
       EXPECT_NEAR(behind, 0.1, 0.08) << time;
     }
     if (time < 0.05 * 4 || time > 0.96 * 4) {
       EXPECT_EQ(behind, 0) << time;
     }
+  }
+}
+
+TEST(ProbingPath, LiftsWhereTheSceneJumps) {
+  // A wall, and while the tool is pressed in, for a second another one before or behind it.
+  for (const double other : {0.6, 0.9, 2.9}) {
+    SCOPED_TRACE(other);
+    const auto wall_at = [other](double time) { return time > 6 && time < 7 ? other : 0.7; };
+    const Tool tool = test::random_tool(150, 0.02, 3);
+    FunctionStream stream([&](double time, int, int) { return wall_at(time); }, every(0.04, 300));
+    const auto path = probing_path(copies_of(stream), tool, std::nullopt);
+    ASSERT_TRUE(path) << path.error().message;
+    EXPECT_NE(path->choice.note.find("lifted"), std::string::npos) << path->choice.note;
+    for (const auto& [time, X_WT] : path->poses) {
+      // Pressed in before and after, never deeper than it should be, and free at the jumps.
+      const double here = share_behind(tool, X_WT, wall_at(time));
+      EXPECT_LT(here, 0.13) << time;
+      if (std::abs(time - 4.6) < 0.1 || std::abs(time - 8.7) < 0.1) {
+        EXPECT_GT(here, 0.07) << time;
+      }
+      for (const double jump : {6.0, 7.0}) {
+        if (std::abs(time - jump) > 0.08) continue;
+        EXPECT_EQ(share_behind(tool, X_WT, std::min(other, 0.7)), 0) << time;
+      }
+    }
+  }
+}
+
+TEST(ProbingPath, PressesThroughNothingOnItsWayToWhatIsFarBehind) {
+  // A hole opens for four seconds, hardly wider than the tool.
+  const Scene hole = [](double time, int u, int v) {
+    return std::abs(u - 120) < 16 && std::abs(v - 90) < 16 && time > 5 && time < 9 ? 2.9 : 0.7;
+  };
+  const Tool tool = test::random_tool(150, 0.04, 3);
+  FunctionStream stream(hole, every(0.04, 300)), again(hole, every(0.04, 300));
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt, {.pixel = {{119.5, 89.5}}});
+  ASSERT_TRUE(path) << path.error().message;
+  const auto log = run_session(
+      tool, again, [&](std::size_t, double time) { return pose_at(path->poses, time); },
+      RunSettings{});
+  ASSERT_TRUE(log) << log.error().message;
+  EXPECT_GT(log->ticks[4500].penetration.volume, 0.05 * tool.mesh_mass().volume);
+  for (std::size_t tick = 5400; tick < 8800; tick += 20) {
+    EXPECT_LT(log->ticks[tick].penetration.volume, 0.005 * tool.mesh_mass().volume) << tick;
   }
 }
 
@@ -133,16 +138,17 @@ TEST(ProbingPath, HoldsALongToolByItsAxisAndStaysClearOfSurroundings) {
   ASSERT_TRUE(tool) << tool.error().message;
   const Scene pit = [](double time, int u, int v) {
     const bool in_pit = std::abs(u - 120) < 45 && std::abs(v - 90) < 45;
-    return in_pit ? 0.7 : time > 1.8 ? 0.35 : 0.55;
+    return in_pit ? 0.7 : time > 5 ? 0.35 : 0.55;
   };
-  FunctionStream stream(pit, every(0.04, 50)), again(pit, every(0.04, 50));
+  FunctionStream stream(pit, every(0.04, 150)), again(pit, every(0.04, 150));
   const auto path = probing_path(copies_of(stream), *tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  for (const TimedPose& pose : *path) {
+  for (const TimedPose& pose : path->poses) {
     EXPECT_GT(rotate(pose.X_WT.rotation, {-1, 0, 0}).z, 0.8);
   }
   const auto log = run_session(
-      *tool, again, [&](std::size_t, double time) { return pose_at(*path, time); }, RunSettings{});
+      *tool, again, [&](std::size_t, double time) { return pose_at(path->poses, time); },
+      RunSettings{});
   ASSERT_TRUE(log) << log.error().message;
   EXPECT_EQ(log->ticks.front().penetration.volume, 0);
   EXPECT_EQ(log->ticks.back().penetration.volume, 0);
@@ -161,7 +167,7 @@ TEST(ProbingPath, ChoosesACalmPlace) {
   FunctionStream stream(scene, every(0.04, 25));
   const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  const Vec3d p_W = pose_at(*path, 0.37) * Vec3d{};
+  const Vec3d p_W = pose_at(path->poses, 1.3) * Vec3d{};
   EXPECT_GT(p_W.z, 0.62);
   const double u = 119.5 + 220 * p_W.x / p_W.z, v = 89.5 + 220 * p_W.y / p_W.z;
   EXPECT_LT(u, 150);
@@ -173,10 +179,10 @@ TEST(ProbingPath, TakesTimeFromTheStampsOrTheCaller) {
   FunctionStream uneven(still_wall, {0, 0.1, 0.5, 3.0}), cut(still_wall, {0, 0.1, 0.5, 3.0});
   const auto path = probing_path(copies_of(uneven), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  EXPECT_NEAR(path->back().time, 3.0 + 1 / 25.0, 1e-12);
+  EXPECT_NEAR(path->poses.back().time, 3.0 + 1 / 25.0, 1e-12);
   const auto longer = probing_path(copies_of(cut), tool, 1.5);
   ASSERT_TRUE(longer) << longer.error().message;
-  EXPECT_NEAR(longer->back().time, 1.5, 1e-12);
+  EXPECT_NEAR(longer->poses.back().time, 1.5, 1e-12);
 }
 
 TEST(ProbingPath, OffCentreToolsStillMeetTheRay) {
@@ -188,22 +194,83 @@ TEST(ProbingPath, OffCentreToolsStillMeetTheRay) {
   FunctionStream stream(still_wall, every(0.04, 25));
   const auto path = probing_path(copies_of(stream), *tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  const Vec3d C_W = pose_at(*path, 0.37) * tool->sphere_mass().centre_of_mass;
+  const Vec3d C_W = pose_at(path->poses, 1.3) * tool->sphere_mass().centre_of_mass;
   EXPECT_LT(std::hypot(C_W.x, C_W.y), 0.05);
   EXPECT_NEAR(C_W.z, 0.7, 0.03);
 }
 
 TEST(ProbingPath, PointsTheTipOfAPenIntoTheScene) {
-  const Tool tool = test::random_tool(20, 0.04, 3);
+  const Tool tool = test::packed_tool(make_stylus(0.008, 0.12, 0.03, 24));
   FunctionStream stream(still_wall, every(0.04, 25));
   const auto path = probing_path(copies_of(stream), tool, std::nullopt);
   ASSERT_TRUE(path) << path.error().message;
-  for (const TimedPose& pose : *path) {
+  for (const TimedPose& pose : path->poses) {
     const Vec3d back_W = rotate(pose.X_WT.rotation, {0, 0, 1});
     EXPECT_LT(back_W.z, -0.8);
     EXPECT_GT(back_W.x, 0.1);
     EXPECT_LT(back_W.y, -0.1);
   }
+}
+
+/// A wall 1 m away and, held out before it, a palm as large as a hand, left of the middle.
+double palm_before_a_wall(double, int u, int v) {
+  return std::abs(u - 85) < 25 && std::abs(v - 90) < 25 ? 0.5 : 1;
+}
+
+TEST(ProbingPath, MeetsAHandThatIsHeldOut) {
+  const Tool tool = test::random_tool(50, 0.02, 3);
+  FunctionStream stream(palm_before_a_wall, every(0.04, 25));
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt);
+  ASSERT_TRUE(path) << path.error().message;
+  EXPECT_NEAR(path->choice.u, 85, 20);
+  EXPECT_NEAR(path->choice.v, 90, 20);
+  EXPECT_NEAR(path->choice.p_W.z, 0.5, 0.002);
+  EXPECT_EQ(path->choice.note, "");
+  EXPECT_NEAR((pose_at(path->poses, 1.2) * tool.sphere_mass().centre_of_mass).z, 0.49, 0.04);
+}
+
+TEST(ProbingPath, KeepsToTheMiddleWhenNothingStandsOut) {
+  const Tool tool = test::random_tool(50, 0.02, 3);
+  FunctionStream stream(still_wall, every(0.04, 25));
+  const auto path = probing_path(copies_of(stream), tool, std::nullopt);
+  ASSERT_TRUE(path) << path.error().message;
+  EXPECT_NEAR(path->choice.u, 119.5, 6);
+  EXPECT_NEAR(path->choice.v, 89.5, 6);
+}
+
+TEST(ProbingPath, AimsWherePeopleSay) {
+  const Tool tool = test::random_tool(50, 0.02, 3);
+  FunctionStream stream(palm_before_a_wall, every(0.04, 25));
+  const Vec3d p_W{0.4, -0.2, 1};  // pixel 207.5, 45.5
+  for (const ProbeAim& aim : {ProbeAim{.pixel = {{207.5, 45.5}}}, ProbeAim{.point_W = p_W}}) {
+    const auto path = probing_path(copies_of(stream), tool, std::nullopt, aim);
+    ASSERT_TRUE(path) << path.error().message;
+    EXPECT_NEAR(path->choice.u, 207.5, 1);
+    EXPECT_NEAR(path->choice.v, 45.5, 1);
+    EXPECT_LT(norm(path->choice.p_W - p_W), 0.01);
+    EXPECT_EQ(path->choice.why_place, "as you said");
+    // Pressed in before it slides: near the place, by less than the tool's own size.
+    EXPECT_LT(norm(pose_at(path->poses, 1.2) * tool.sphere_mass().centre_of_mass - p_W), 0.035);
+  }
+  FunctionStream holed(
+      [](double time, int u, int v) {
+        return std::hypot(u - 60, v - 60) < 15 ? 0 : still_wall(time, u, v);
+      },
+      every(0.04, 25));
+  const auto error = [&](const ProbeAim& aim) {
+    const auto path = probing_path(copies_of(holed), tool, std::nullopt, aim);
+    return path ? "" : path.error().message;
+  };
+  EXPECT_NE(error({.pixel = {{240, 10}}}).find("columns u are 0 to 239"), std::string::npos);
+  EXPECT_NE(error({.pixel = {{-1, 10}}}).find("outside the image"), std::string::npos);
+  EXPECT_NE(error({.pixel = {{10, NAN}}}).find("outside the image"), std::string::npos);
+  EXPECT_NE(error({.pixel = {{60, 60}}}).find("no depth at the pixel 60, 60"), std::string::npos);
+  EXPECT_NE(error({.point_W = Vec3d{0, 0, -1}}).find("in front of"), std::string::npos);
+  EXPECT_NE(error({.point_W = Vec3d{2, 0, 0.7}}).find("outside the image"), std::string::npos);
+  EXPECT_NE(error({.point_W = Vec3d{0, 0, 0.4}}).find("z = 0.7 m"), std::string::npos);
+  EXPECT_NE(error({.tip_T = Vec3d{0.3, 0, 0}}).find("away from the tool"), std::string::npos);
+  EXPECT_EQ(error({.pixel = {{0, 0}}}), "");
+  EXPECT_EQ(error({.pixel = {{239, 179}}}), "");
 }
 
 TEST(ProbingPath, NothingToTouchIsAnError) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "palpate/haptics/haptic_loop.h"
+#include "palpate/session/probe_choice.h"
 #include "palpate/session/record_run.h"
 
 namespace palpate {
@@ -54,13 +55,14 @@ struct HapticOnlooker {
 
 /// Runs until `duration` (s), the end of the source, a fault, or keep_going() is false (asked ten
 /// times a second). What was recorded is kept in any case; a disk that is full or slow ends or
-/// thins the recording, says so, and never disturbs the loop. Errors: settings, source, device,
-/// folder: nothing has run then.
+/// thins the recording, says so, and never disturbs the loop. `probe` is told in the report.
+/// Errors: settings, source, device, folder: nothing has run then.
 Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source, HapticDevice& device,
                                         const HapticSettings& settings, double duration,
                                         const std::filesystem::path& folder,
                                         const std::function<bool()>& keep_going = {},
-                                        HapticOnlooker* onlooker = nullptr);
+                                        HapticOnlooker* onlooker = nullptr,
+                                        const std::optional<ProbeChoice>& probe = {});
 
 /// Is this the folder of a haptic run?
 bool is_haptic_run(const std::filesystem::path& folder);

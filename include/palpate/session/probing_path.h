@@ -9,6 +9,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "palpate/core/result.h"
 #include "palpate/io/trajectory_file.h"
+#include "palpate/session/probe_choice.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {
@@ -16,20 +17,39 @@ namespace palpate {
 /// Opens the same stream once more, from its first frame.
 using OpenDepthSource = std::function<Result<std::unique_ptr<DepthSource>>()>;
 
-/// Touches what a depth stream shows near the image centre, wherever camera and scene move: along
-/// the viewing ray out of free space, in until about a tenth of the tool is behind the surface, a
-/// slide to the side with a slow turn, and out again. The tool is held like a pen: its -z axis (the
-/// tip of a stylus) points into the scene, its other end leans to the upper right. A tool that is
-/// clearly longer along x or y points the lighter end of that axis.
+struct ProbingPath {
+  std::vector<TimedPose> poses;
+  ProbeChoice choice;
+};
+
+/// No point of the tool, nor the origin of its frame, moves faster on a probing path, m/s.
+inline constexpr double kProbeSpeed = 0.15;
+/// Nor does the tool turn faster, rad/s.
+inline constexpr double kProbeTurnRate = 1;
+
+/// Touches one place of what a depth stream shows, as a person would: along the viewing ray out of
+/// free space, in until about a tenth of the tool is behind the surface, a slide to the side with a
+/// slow turn, and out again. The tool is held like a pen: its thinnest end, or `aim.tip_T`, points
+/// into the scene, the rest leans to the upper right.
 ///
-/// The path is tried in every frame: it starts and ends where the whole tool is clear of everything
-/// that any frame shows, and presses less where other parts of the tool would be in as well.
+/// Of the places that are seen well (measured, even and calm over time), the one that is nearest to
+/// camera and image centre is touched: the one with the least depth times 1 + its distance from the
+/// image centre in quarters of the image's width; badly seen places count as farther. `aim` may
+/// choose another one.
+///
+/// The path is tried in every frame: it starts and ends where the whole tool is clear of
+/// everything, and presses less where other parts of the tool would be in as well. Where the
+/// surface moves faster than kProbeSpeed allows, the tool lifts in time and waits until it could
+/// follow again.
 ///
 /// Reads the stream twice, up to `duration` seconds (nullopt: to its end, which is then the end of
-/// the path). Errors: no usable surface near the image centre; images that no
-/// SurfaceEstimator takes; duration not > 0, or none for an
+/// the path; if that comes too early to touch anything, the last frame stays for kShortestProbe in
+/// all). Errors: no usable surface near the image centre, or where `aim` says; an `aim` outside the
+/// image or off the tool; images that no SurfaceEstimator takes; duration not > 0, or none for an
 /// endless stream; what the stream reports.
-Result<std::vector<TimedPose>> probing_path(const OpenDepthSource& open, const Tool& tool,
-                                            std::optional<double> duration);
+Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
+                                 std::optional<double> duration, const ProbeAim& aim = {});
+/// s.
+inline constexpr double kShortestProbe = 3;
 
 }  // namespace palpate

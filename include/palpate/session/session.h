@@ -16,6 +16,7 @@
 #include "palpate/contact/contact_query.h"
 #include "palpate/core/result.h"
 #include "palpate/field/depth_field.h"
+#include "palpate/session/probe_choice.h"
 
 namespace palpate {
 
@@ -42,6 +43,8 @@ struct RunSettings {
   /// For surfaces and queries. 0: surfaces on one thread per core, queries on the caller's alone,
   /// which is fastest for all but the largest tools.
   int num_threads = 0;
+  /// How the path was chosen, if nobody gave one. Kept and reported; decides nothing.
+  std::optional<ProbeChoice> probe;
 };
 
 /// A frame that became current.

@@ -1,0 +1,49 @@
+// Depth frames that go on when their stream has ended: the last one again and again.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "palpate/cloud/depth_source.h"
+
+namespace palpate::apps {
+
+/// For a live run that lasts longer than the few frames there are.
+class HeldFrames : public DepthSource {
+ public:
+  /// At the stream's rate until `duration` seconds after its first frame.
+  HeldFrames(std::unique_ptr<DepthSource> stream, double duration)
+      : stream_(std::move(stream)), info_(stream_->info()), duration_(duration) {
+    const int num_needed = static_cast<int>(std::ceil(duration * info_.rate));
+    if (info_.num_frames) info_.num_frames = std::max(*info_.num_frames, num_needed);
+  }
+
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override {
+    if (!has_ended_) {
+      const auto got = stream_->next(frame);
+      if (!got) return got.error();
+      has_ended_ = !*got;
+      if (*got) {
+        if (last_.pixels.empty()) start_ = frame.timestamp;
+        last_ = frame;
+        return true;
+      }
+    }
+    last_.timestamp += 1 / info_.rate;
+    if (last_.pixels.empty() || last_.timestamp - start_ >= duration_) return false;
+    frame = last_;
+    return true;
+  }
+
+ private:
+  std::unique_ptr<DepthSource> stream_;
+  DepthStreamInfo info_;
+  double duration_, start_ = 0;
+  DepthFrame last_;
+  bool has_ended_ = false;
+};
+
+}  // namespace palpate::apps

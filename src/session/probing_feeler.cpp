@@ -1,0 +1,162 @@
+#include "src/session/probing_feeler.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "palpate/contact/contact_query.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kFraction = ProbingMotion::kFraction;  // of the tool, behind the surface
+constexpr double kMostFraction = 0.22;                  // never more, by what single frames show
+constexpr std::size_t kFeelingSpheres = 1000;
+
+/// How deep the tool may be, as distances of its tip from the camera.
+struct Reach {
+  double free = INFINITY;  ///< nothing is touched up to here
+  double aim = INFINITY;   ///< kFraction of the tool is in, or its tip is kFraction deep
+  double most = INFINITY;  ///< kMostFraction is in: no farther
+};
+
+/// Feels its way into single frames with the query itself, which sees what any part of the tool
+/// meets.
+class Feeler {
+ public:
+  static Result<Feeler> create(const DepthStreamInfo& info, const Tool& tool) {
+    auto coarse = tool.prefix(
+        static_cast<int>(std::min<std::size_t>(tool.spheres().size(), kFeelingSpheres)));
+    if (!coarse) return coarse.error();
+    auto surface = SurfaceEstimator::create(info.width, info.height, info.intrinsics);
+    if (!surface) return surface.error();
+    auto field = DepthField::create(info.width, info.height);
+    if (!field) return field.error();
+    Feeler feeler(tool, *std::move(coarse), *std::move(surface), *std::move(field));
+    auto query = make_contact_query(Backend::cpu, *feeler.coarse_);
+    if (!query) return query.error();
+    feeler.query_ = *std::move(query);
+    return feeler;
+  }
+
+  void take_frame(const DepthFrame& frame, ThreadPool& pool) {
+    surface_.update(frame, pool);
+    field_.update(surface_.cloud(), pool);
+    query_->set_field(field_.view());
+    nearest_ = INFINITY;
+    for (const float z : surface_.depth()) {
+      if (z > 0) nearest_ = std::min(nearest_, static_cast<double>(z));  // false for NaN
+    }
+  }
+
+  /// Comes in along the path's ray at `time` until too much of the tool is in.
+  Reach reach(const ProbingMotion& motion, double time) {
+    const double surface = motion.surface(time), aim = surface + motion.press();
+    const double last = aim + motion.press();
+    Reach reach{surface, aim, last};
+    const Vec3d direction = motion.direction(time);
+    double front = -INFINITY;  // of the whole tool along z, tip at the camera
+    const Pose X_WT = motion.pose(time, 0);
+    for (const Sphere& s : full_->spheres()) {
+      front = std::max(front, (X_WT * to_double(s.centre)).z + static_cast<double>(s.radius));
+    }
+    const double first = (nearest_ - front) / direction.z;
+    if (!(first < last)) return reach;
+    reach.free = std::min(reach.free, first);
+    const double step = std::max(motion.length() / 40, (last - first) / 150);
+    for (double before = first; before < last; before += step) {
+      const double here = std::min(before + step, last), in = fraction(motion, time, here);
+      if (in == 0 && reach.free == before) reach.free = std::min(here, surface);
+      if (in >= kFraction && reach.aim == aim)
+        reach.aim = std::min(aim, cross(motion, time, before, here, kFraction));
+      if (in >= kMostFraction) {
+        reach.most = cross(motion, time, before, here, kMostFraction);
+        break;
+      }
+    }
+    return reach;
+  }
+
+ private:
+  Feeler(const Tool& tool, Tool coarse, SurfaceEstimator surface, DepthField field)
+      : full_(&tool),
+        coarse_(std::make_unique<Tool>(std::move(coarse))),
+        surface_(std::move(surface)),
+        field_(std::move(field)) {}
+
+  double fraction(const ProbingMotion& motion, double time, double distance) {
+    constexpr ContactOptions kField{.method = InsideMethod::field};
+    return query_->query(motion.pose(time, distance), kField).volume /
+           full_volume(*coarse_, kField);
+  }
+  /// Where between two distances the fraction is reached: the nearer end of a small interval.
+  double cross(const ProbingMotion& motion, double time, double low, double high, double level) {
+    for (int i = 0; i < 6; ++i) {
+      const double middle = (low + high) / 2;
+      (fraction(motion, time, middle) < level ? low : high) = middle;
+    }
+    return low;
+  }
+
+  const Tool* full_;
+  std::unique_ptr<Tool> coarse_;
+  SurfaceEstimator surface_;
+  DepthField field_;
+  std::unique_ptr<ContactQuery> query_;
+  double nearest_ = INFINITY;
+};
+
+}  // namespace
+
+Result<ProbeDepths> feel_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
+                                double end) {
+  auto feeler = Feeler::create(stream.info(), tool);
+  if (!feeler) return feeler.error();
+  ThreadPool pool;
+  ProbeDepths depths;
+  std::vector<double> middles, aims;
+  double free_before = INFINITY, most_before = INFINITY;
+  const auto feel_part = [&](double begin, double stop) {
+    const Reach a = feeler->reach(motion, begin), b = feeler->reach(motion, stop);
+    middles.push_back((begin + stop) / 2);
+    aims.push_back((a.aim + b.aim) / 2);
+    // Straight lines between these points respect the limits of both neighbours.
+    const double free = std::min(a.free, b.free), most = std::min(a.most, b.most);
+    depths.free.times.push_back(begin);
+    depths.free.depths.push_back(std::min(free_before, free));
+    depths.most.times.push_back(begin);
+    depths.most.depths.push_back(std::min(most_before, most));
+    free_before = free;
+    most_before = most;
+  };
+  const auto feel_frame = [&](double begin, double stop) {
+    const int parts = std::clamp(static_cast<int>(std::ceil((stop - begin) / 0.1)), 1, 100);
+    const double part = (stop - begin) / parts;
+    for (int i = 0; i < parts; ++i) feel_part(begin + i * part, begin + (i + 1) * part);
+  };
+  DepthFrame frame;
+  double start = 0, time = -1;  // of the current frame; none yet
+  while (true) {
+    const auto got = stream.next(frame);
+    if (!got) return got.error();
+    if (!*got) break;
+    if (time < 0) start = frame.timestamp;
+    const double next = frame.timestamp - start;
+    if (next >= end) break;
+    if (time >= 0) feel_frame(time, next);
+    feeler->take_frame(frame, pool);
+    time = next;
+  }
+  if (time < 0) return Error{Errc::bad_input, "the depth stream gave frames only once"};
+  feel_frame(time, end);
+  depths.free.times.push_back(end);
+  depths.free.depths.push_back(free_before);
+  depths.most.times.push_back(end);
+  depths.most.depths.push_back(most_before);
+  depths.aim = smooth_profile(std::move(middles), std::move(aims));
+  return depths;
+}
+
+}  // namespace palpate

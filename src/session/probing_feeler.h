@@ -1,0 +1,21 @@
+// How deep a tool may go in each frame of a stream, found out with the query itself.
+#pragma once
+
+#include "palpate/cloud/depth_source.h"
+#include "src/session/probing_motion.h"
+
+namespace palpate {
+
+/// Distances of the tool's tip from the camera over time.
+struct ProbeDepths {
+  DepthProfile free;  ///< nothing is touched up to here
+  DepthProfile aim;   ///< a tenth of the tool is in, or its tip is as deep as if it were; smooth
+  DepthProfile most;  ///< so much of the tool is in that it may go no farther
+};
+
+/// Tries `motion` in every frame of `stream` while it is current, up to `end` seconds. Errors:
+/// images that no SurfaceEstimator takes; no frame; what the stream reports.
+Result<ProbeDepths> feel_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
+                                double end);
+
+}  // namespace palpate

@@ -1,0 +1,67 @@
+// How a tool is held and moved while it probes: everything but how deep it is.
+#pragma once
+
+#include <vector>
+
+#include "palpate/math/pose.h"
+#include "src/session/coarse_depth.h"
+#include "src/session/lead_end.h"
+
+namespace palpate {
+
+/// Where the tool will touch, and where its slide ends: cells of a CoarseDepth.
+struct ProbeTarget {
+  int column = 0, row = 0, end_column = 0, end_row = 0;
+};
+
+/// The tool as a plane across a direction meets it.
+struct Imprint {
+  double front = 0, back = 0;  ///< m along the direction
+  double press = 0;  ///< m, how far the front must go beyond the plane for a tenth of the volume
+  Vec3d centre_T;    ///< what is to stay on the viewing ray, moved along the direction to 0
+  double reach = 0;  ///< m, from there to the farthest point of mesh, spheres and frame origin
+};
+
+/// On the viewing ray of the target the tool comes in, slides to the next cell with a slow turn,
+/// and leaves. It is held like a pen: its end leads, the rest leans to the upper right.
+class ProbingMotion {
+ public:
+  static constexpr double kFraction = 0.1;  ///< of the tool, behind the surface when pressed in
+
+  /// `end`: s, of the path.
+  ProbingMotion(const CoarseDepth& scene, const ProbeTarget& target, const Tool& tool,
+                const LeadEnd& lead, bool tip_is_given, double end);
+
+  double length() const { return tip_.front - tip_.back; }
+  /// How far the tip may go beyond a plane.
+  double press() const { return tip_.press; }
+  /// Distance of the surface from the camera on the ray that the tool follows at this time.
+  double surface(double time) const;
+  /// The tip at `distance` from the camera.
+  Pose pose(double time, double distance) const;
+  Vec3d direction(double time) const { return normalized(ray(time)); }
+  /// 0: in free space; 1: pressed in.
+  double pressed(double time) const;
+  /// When it begins to slide.
+  double arrival() const;
+  /// How fast any point of the tool moves at most between two times if the distance stays the same,
+  /// which is at most `farthest`: m/s.
+  double sideways_speed(double begin, double end, double farthest) const;
+
+ private:
+  double slid(double time) const;
+  Vec3d ray(double time) const;
+
+  double end_, slide_ = 0, turn_ = 0;
+  Vec3d first_ray_, last_ray_;
+  DepthProfile first_depth_, last_depth_;
+  Vec3d into_W_;
+  Quaternion held_;
+  Imprint tip_;
+};
+
+/// The largest distances that are nowhere above `wanted` and change by at most `steps[i]` from i -
+/// 1 to i: where `wanted` jumps, they turn in time.
+std::vector<double> within_speed(std::vector<double> wanted, const std::vector<double>& steps);
+
+}  // namespace palpate

@@ -1,0 +1,26 @@
+// Small tools of generated shapes, filled as `palpate pack` fills them.
+#pragma once
+
+#include <utility>
+
+#include "palpate/math/pose.h"
+#include "palpate/mesh/shapes.h"
+#include "palpate/tool/tool.h"
+
+namespace palpate::test {
+
+inline Tool packed_tool(TriangleMesh mesh, int num_spheres = 300) {
+  PackOptions options;
+  options.max_spheres = num_spheres;
+  options.num_threads = 1;
+  auto packing = pack_spheres(mesh, options).value();
+  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "packed", 1).value();
+}
+
+/// Turned about the origin, then moved.
+inline TriangleMesh moved(TriangleMesh mesh, const Pose& X) {
+  for (Vec3d& p : mesh.vertices) p = X * p;
+  return mesh;
+}
+
+}  // namespace palpate::test
