@@ -102,7 +102,8 @@ TEST(BlendedQuery, FollowsAMovingWall) {
     }
     const Penetration got = query.query(X_WT, options_of(InsideMethod::field));
     EXPECT_NEAR(got.volume, expected, 0.005 * expected) << t;
-    EXPECT_NEAR(-got.measure_W.force.z, expected, 0.005 * expected) << t;
+    // Deep spheres are pushed by up to 5 % more (kSteepening).
+    EXPECT_NEAR(-got.measure_W.force.z, expected, 0.05 * expected) << t;
   }
 }
 

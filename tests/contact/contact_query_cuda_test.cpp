@@ -213,7 +213,7 @@ TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
           error = std::max(error, std::abs(k.m[row][column] - want_k.m[row][column]));
         }
       }
-      EXPECT_LE(error, 1e-3 * largest);  // second derivatives jump between pixels
+      EXPECT_LE(error, 5e-3 * largest);  // second derivatives jump between pixels and at corners
     }
   }
 }

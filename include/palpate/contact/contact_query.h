@@ -101,9 +101,11 @@ enum class StepStatus : std::uint32_t {
 struct Penetration {
   double volume = 0;  ///< m3: sum of V_s, kept apart from |force|
   /// force: sum V_s n_s (m3); torque: sum (c_s - C) x V_s n_s (m4) about the tool's centre of mass
-  /// C; both in W, before any stiffness.
+  /// C; both in W, before any stiffness. |force| <= volume for the point methods, 1.2 volume for
+  /// field.
   Wrench measure_W;
-  double potential = 0;          ///< field: U with measure_W = -dU/dpose, m4; else 0
+  /// field: U with measure_W = -dU/dpose where no gradient had to be shortened, m4; else 0
+  double potential = 0;
   int num_boundary_spheres = 0;  ///< spheres that contain at least one point
   int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
   int num_points = 0;            ///< points inside some sphere
