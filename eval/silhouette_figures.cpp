@@ -176,7 +176,7 @@ Curve level_line(const std::vector<double>& x, const std::vector<double>& z,
           if ((a < 0) == (b < 0)) continue;
           const double t = a / (a - b);
           curve.x.push_back(100 * (x[ai] + t * (x[bi] - x[ai])));
-          curve.y.push_back(100 * (z[ak] + t * (z[bk] - z[ak])));
+          curve.y.push_back(100 * (z[ak] + t * (z[bk] - z[ak]) - kNear));
           ++num;
         }
         if (num == 0) continue;
@@ -193,7 +193,7 @@ void add_way_out(Curve& curve, const DepthFieldView& field, Vec3d p, double radi
   constexpr double kStep = 0.004;  // m
   for (int i = 0; i < 400; ++i) {
     curve.x.push_back(100 * p.x);
-    curve.y.push_back(100 * p.z);
+    curve.y.push_back(100 * (p.z - kNear));
     const FieldSample<double> at = sample_field(field, p, radius);
     if (at.phi > 0 || norm(at.gradient) == 0) break;
     p += kStep * normalized(at.gradient);
@@ -229,7 +229,7 @@ FieldMap map_of(const DepthFieldView& field) {
   }
   Plot plot{"The field of a clean step, 1 m | 2 m, over one row of the image",
             "x, cm",
-            "depth, cm",
+            "behind the near surface, cm",
             {},
             false,
             false,
@@ -239,7 +239,7 @@ FieldMap map_of(const DepthFieldView& field) {
   plot.curves.push_back({"surface",
                          "exact",
                          {100 * kLeft, 0, 0, 100 * kRight},
-                         {100 * kNear, 100 * kNear, 100 * kFar, 100 * kFar}});
+                         {0, 0, 100 * (kFar - kNear), 100 * (kFar - kNear)}});
   constexpr const char* kStyles[] = {"other1", "other2", "other3"};
   constexpr double kLevels[] = {-0.05, -0.1, -0.2};
   for (std::size_t i = 0; i < std::size(kLevels); ++i) {
