@@ -82,6 +82,7 @@ std::vector<FigureSpec> synthetic_figures();   // 5.17-5.19, 5.21-5.29
 std::vector<FigureSpec> accuracy_figures();    // every method against the exact wrench: accuracy
 std::vector<FigureSpec> option_figures();      // continuity, bodies, fill
 std::vector<FigureSpec> edge_figures();        // 3.12-3.14, edges
+std::vector<FigureSpec> silhouette_figures();  // silhouettes
 std::vector<FigureSpec> time_figures();        // 3.15, 3.16
 std::vector<FigureSpec> frame_figures();       // frames
 std::vector<FigureSpec> robustness_figures();  // noise, missing, distance, resolution, packing
