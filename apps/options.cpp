@@ -61,7 +61,7 @@ void add_contact_options(CLI::App& app, RunSettings& settings) {
              "field: close holes up to about 2^this pixels wide");
   add_number(app, "--thickness", settings.field.thickness,
              {1e-3, kSolidBehind, "a number of metres from 0.001 to 1000000"},
-             "field: how far behind a surface there is something to feel, in metres");
+             "field: how far behind a surface a tool is pushed out of its front, in metres");
   add_named(app, "--backend", settings.backend, kBackendNames,
             "where surfaces and queries are computed; auto: on a GPU if there is one");
   add_number(app, "--contact-gpu", settings.contact_gpu, kGpus, "cuda: which GPU computes queries");

@@ -75,7 +75,7 @@ void visit_settings(Settings& s, Visit&& visit) {
   field("unknown", "what lies where nothing was measured", s.field.unknown, kUnknownNames);
   field("fill_levels", "close holes up to about 2^this pixels wide", s.field.fill_levels,
         Range{0, 5});
-  field("thickness", "m; how far behind a surface there is something to feel", s.field.thickness,
+  field("thickness", "m; how far behind a surface a tool is pushed out of its front", s.field.thickness,
         Range{1e-3, kSolidBehind});
 
   const auto time = [&](const char* key, const char* words, auto& value, const auto&... how) {
