@@ -398,7 +398,7 @@ TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
       EXPECT_NEAR(norm(n_W - wall.normal), 0, 1e-4);
       EXPECT_NEAR(
           dot(to_double(cut.normal), to_double(ball.centre)) - static_cast<double>(cut.offset),
-          distance, 1e-5 + (distance < -1.3 * r ? -0.08 * distance : 0));
+          distance, 1e-5 + (distance < -1.3 * r ? -0.35 * distance : 0));
     }
     EXPECT_EQ(num_inside, got.num_inside_spheres);
     EXPECT_EQ(num_boundary, got.num_boundary_spheres);

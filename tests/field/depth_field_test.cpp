@@ -121,7 +121,7 @@ TEST(DepthField, IsTheDistanceToAPlaneForSpheresOfAllSizes) {
     const double distance = dot(plane.normal, p) - plane.offset;
     if (distance < -0.03) continue;  // there the border of the image is near for the widest pixels
     // Where wider pixels are asked too, the field is deeper by the rounding of the maximum.
-    const double bias = distance < -1.3 * radius ? -0.08 * distance : 0;
+    const double bias = distance < -1.3 * radius ? -0.35 * distance : 0;
     EXPECT_NEAR(got.phi, distance, 2e-6 + bias) << radius;
     EXPECT_NEAR(norm(cross(got.gradient, plane.normal)), 0, 2e-5);
     EXPECT_NEAR(dot(got.gradient, plane.normal), 1, 2e-5 + (bias > 0 ? 0.051 : 0));
@@ -297,7 +297,7 @@ TEST(DepthField, IsTheDistanceToFreeSpaceAtAStep) {
   EXPECT_GT(num_sideways, 300);
   EXPECT_GT(num_forward, 20);
   EXPECT_LT(num_astray, 0.03 * (num_sideways + num_forward));
-  EXPECT_LT(num_steep, 600);
+  EXPECT_LT(num_steep, 1000);
 }
 
 // However deep behind the near wall, and whatever lies how far behind it. In places, where the
@@ -319,7 +319,7 @@ TEST(DepthField, IsHardlySteeperDeepInAShadow) {
     }
     EXPECT_GT(num, 10000);
     EXPECT_LT(num_steep, 0.1 * num) << far;
-    EXPECT_LT(num_steepest, 0.075 * num) << far;
+    EXPECT_LT(num_steepest, 0.09 * num) << far;
   }
 }
 

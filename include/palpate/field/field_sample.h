@@ -54,7 +54,7 @@ inline constexpr float kBlendEnd = 1.25f;
 inline constexpr float kLeastDepth = 0.02f;
 
 /// In footprints: deeper than this wider pixels are asked too, and how far that is rounded.
-inline constexpr float kDeep = 2.0f, kDeepCorner = 0.1f;
+inline constexpr float kDeep = 2.0f, kDeepCorner = 0.4f;
 /// By so much deeper than it is what lies deep appears to the finer pixels, so that wider ones
 /// decide where both know the same way out.
 inline constexpr float kSteepening = 0.05f;
