@@ -75,8 +75,8 @@ void visit_settings(Settings& s, Visit&& visit) {
   field("unknown", "what lies where nothing was measured", s.field.unknown, kUnknownNames);
   field("fill_levels", "close holes up to about 2^this pixels wide", s.field.fill_levels,
         Range{0, 5});
-  field("thickness", "m; how far behind a surface a tool is pushed out of its front", s.field.thickness,
-        Range{1e-3, kSolidBehind});
+  field("thickness", "m; how far behind a surface a tool is pushed out of its front",
+        s.field.thickness, Range{1e-3, kSolidBehind});
 
   const auto time = [&](const char* key, const char* words, auto& value, const auto&... how) {
     visit(SettingName{"time", key, words}, value, how...);
