@@ -174,11 +174,12 @@ TEST(ContactQueryCuda, EqualsTheCpu) {
     EXPECT_TRUE(std::equal(states.begin(), states.end(), want_states.begin()));
     const auto planes = cuda->planes(), want_planes = cpu->planes();
     // Of the field, the GPU finds them in double precision.
-    const float tolerance = options.method == InsideMethod::field ? 1e-4f : 1e-5f;
+    const bool is_field = options.method == InsideMethod::field;
+    const float tolerance = is_field ? 4e-4f : 1e-5f, far = is_field ? 4e-5f : 1e-5f;
     int num_wrong = 0;
     for (std::size_t i = 0; i < planes.size(); ++i) {
       num_wrong += norm(planes[i].normal - want_planes[i].normal) > tolerance ||
-                   std::abs(planes[i].offset - want_planes[i].offset) > 1e-5f;
+                   std::abs(planes[i].offset - want_planes[i].offset) > far;
     }
     EXPECT_EQ(num_wrong, 0);
     num_in_contact += want.volume > 0;
