@@ -7,9 +7,9 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/isa.h"
 #include "palpate/tool/tool.h"
-#include "src/contact/image_window.h"
-#include "src/contact/point_scan.h"
-#include "src/contact/sphere_grid.h"
+#include "src/contact/index/sphere_grid.h"
+#include "src/contact/points/scan/image_window.h"
+#include "src/contact/points/scan/point_scan.h"
 
 namespace palpate::eval {
 

@@ -48,9 +48,9 @@ SHARED_PRIVATE = {
     "src/core/one_lane.h": ("cloud", "contact"),
     "src/core/lanes.h": ("cloud", "contact", "field"),
     # The evaluation times the stages of a query one by one.
-    "src/contact/image_window.h": ("eval",),
-    "src/contact/point_scan.h": ("eval",),
-    "src/contact/sphere_grid.h": ("eval",),
+    "src/contact/points/scan/image_window.h": ("eval",),
+    "src/contact/points/scan/point_scan.h": ("eval",),
+    "src/contact/index/sphere_grid.h": ("eval",),
     "src/gpu/runtime.h": ("cloud", "field", "contact"),
     "src/gpu/device_code.cuh": ("cloud", "field", "contact"),
     "src/gpu/team.cuh": ("cloud", "field", "contact"),

@@ -1,7 +1,7 @@
 #include "palpate/contact/contact_query.h"
 
-#include "src/contact/contact_query_cpu.h"
-#include "src/contact/contact_query_cuda.h"
+#include "src/contact/cuda/contact_query_cuda.h"
+#include "src/contact/points/contact_query_cpu.h"
 
 namespace palpate {
 

@@ -1,0 +1,88 @@
+// What the tiles of a depth field say about all spheres in a ball at once: that they lie wholly in
+// front of the surface, mostly. One text for host and device.
+#pragma once
+
+#include "palpate/field/field_sample.h"
+#include "palpate/math/pose.h"
+#include "src/contact/index/sphere_clusters.h"
+
+namespace palpate {
+
+/// A field and the pose of the tool in its camera, in single precision.
+struct FieldFrame {
+  float fx = 0, fy = 0, cx = 0, cy = 0;
+  float R_WT[3][3] = {};
+  float p_WC[3] = {};  ///< of the centre of mass, which centres of elements are relative to
+};
+
+inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& centre_of_mass) {
+  FieldFrame frame{static_cast<float>(k.fx),
+                   static_cast<float>(k.fy),
+                   static_cast<float>(k.cx),
+                   static_cast<float>(k.cy),
+                   {},
+                   {}};
+  const Mat3d R_WT = rotation_matrix(X_WT.rotation);
+  const Vec3d p_WC = X_WT * centre_of_mass;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      frame.R_WT[row][column] = static_cast<float>(R_WT.m[row][column]);
+    }
+    frame.p_WC[row] = static_cast<float>(p_WC[row]);
+  }
+  return frame;
+}
+
+/// Where a ball is, and which tiles can show what its elements ask about.
+struct BallWindow {
+  float nearest = 0, farthest = 0;  ///< depths
+  int left = 0, right = 0, top = 0, bottom = 0;
+
+  /// Only then it has tiles.
+  PALPATE_FORMULA bool is_before_camera() const { return nearest > kLeastDepth; }
+};
+
+/// First and last of `num` tiles in a row that show what is between x - reach and x + reach, and
+/// `margin` more pixels. Scales: 1 / depth of what is nearest and farthest.
+PALPATE_FORMULA void find_tiles(float x, float reach, float near_scale, float far_scale,
+                                float focal, float middle, float margin, int num, int& first,
+                                int& last) {
+  const float low = focal * (x - reach) * (x < reach ? near_scale : far_scale) - margin;
+  const float high = focal * (x + reach) * (x > -reach ? near_scale : far_scale) + margin;
+  const float most = static_cast<float>(num - 1);
+  const float from = (low + middle) * (1.0f / DepthFieldView::kTileSize);
+  const float to = (high + middle) * (1.0f / DepthFieldView::kTileSize);
+  first = static_cast<int>(from > 0 ? (from < most ? from : most) : 0.0f);
+  last = static_cast<int>(to > 0 ? (to < most ? to : most) : 0.0f);
+}
+
+/// The tiles of the ball's image, and of the four and a half footprints around in which there may
+/// be a silhouette that is nearer than a radius.
+PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& ball,
+                                     float largest_radius, int tiles_wide, int tiles_high) {
+  float at[3];
+  for (int row = 0; row < 3; ++row) {
+    const float(&r)[3] = frame.R_WT[row];
+    at[row] = r[0] * ball.centre.x + r[1] * ball.centre.y + r[2] * ball.centre.z + frame.p_WC[row];
+  }
+  const float reach = ball.reach * 1.0001f;
+  BallWindow window;
+  window.nearest = at[2] - reach;
+  window.farthest = at[2] + reach;
+  if (!window.is_before_camera()) return window;
+  const float near_scale = 1.0f / window.nearest, far_scale = 1.0f / window.farthest;
+  const float margin_u = 2.01f + 5 * kFootprint * largest_radius * frame.fx * near_scale;
+  const float margin_v = 2.01f + 5 * kFootprint * largest_radius * frame.fy * near_scale;
+  find_tiles(at[0], reach, near_scale, far_scale, frame.fx, frame.cx, margin_u, tiles_wide,
+             window.left, window.right);
+  find_tiles(at[1], reach, near_scale, far_scale, frame.fy, frame.cy, margin_v, tiles_high,
+             window.top, window.bottom);
+  return window;
+}
+
+/// Do all planes of a tile stay farther away than `radius` at all depths to `farthest`?
+PALPATE_FORMULA bool is_behind(const DepthTile& tile, float farthest, float radius) {
+  return tile.least_slope * (tile.nearest - farthest) > radius;
+}
+
+}  // namespace palpate

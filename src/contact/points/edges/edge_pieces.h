@@ -1,0 +1,107 @@
+// Where the surface ends: planes along viewing rays that keep the tool's spheres from borrowing
+// beyond it (thesis section 3.5, eq. 3.17 corrected). One text for host and device.
+//
+// A boundary sphere has up to four pieces of edge, one for each side of the image. What matters to
+// a sphere is the piece nearest to it *in the image*, whoever found it: so an edge may bend and
+// turn corners. An edge says nothing about surfaces behind it: planes of lenders that lie beyond
+// the edge and farther away are not cut by it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "palpate/contact/contact_query.h"
+#include "palpate/math/two_plane_cut.h"
+#include "src/contact/points/scan/point_scan.h"
+
+namespace palpate {
+
+/// The points behind a lender's plane, as the edges need them.
+struct LenderPoint {
+  Vec3d p_T;         ///< mean
+  double range = 0;  ///< from the camera, m
+};
+
+/// A piece of an edge: the edge points of one boundary sphere that look to one side of the image.
+struct EdgePiece {
+  double u = 0, v = 0;      ///< of their mean, in the image of a camera with focal length 1
+  double range = 0;         ///< of their mean from the camera, m; 0: there is no such piece
+  Plane<double> plane_T;    ///< contains the viewing ray; the surface is behind it
+  bool has_beyond = false;  ///< some lender lies beyond it
+
+  PALPATE_HOSTDEV bool exists() const { return range > 0; }
+  PALPATE_HOSTDEV bool is_before(const LenderPoint& lender) const {
+    return dot(plane_T.normal, lender.p_T) > plane_T.offset &&
+           lender.range > range + EdgeSums::kSameSurface;
+  }
+};
+
+/// Piece of one side of one boundary sphere (eq. 3.17); R_TW and translation_W are those of X_WT.
+PALPATE_HOSTDEV inline EdgePiece edge_piece(const PointSums& sums, const Mat3d& R_TW,
+                                            const Vec3d& translation_W) {
+  if (sums.num_points() == 0) return {};
+  const Vec3d offset_W = sums.offset() / static_cast<double>(sums.num_points());
+  const Vec3d p_W = translation_W + offset_W, ray_W = normalized(p_W);
+  // The mean direction, orthogonal to the mean viewing ray.
+  const Vec3d change_W = sums.normal();
+  const Vec3d n_T = R_TW * normalized(change_W - dot(change_W, ray_W) * ray_W);
+  if (!(p_W.z > 0)) return {};
+  const Plane<double> plane_T{n_T, dot(n_T, R_TW * offset_W)};
+  return {p_W.x / p_W.z, p_W.y / p_W.z, norm(p_W), plane_T};
+}
+
+/// Where a sphere is to the edge that matters to it. Behind it, with all that counts, it is as
+/// without edges.
+enum class EdgeSide : std::uint8_t { behind, cut, beyond };
+
+/// `distance` of the centre in front of the edge plane; `rule` is not `none`.
+PALPATE_HOSTDEV inline EdgeSide edge_side(double distance, double radius, Edges rule) {
+  const double from = rule == Edges::centre ? 0 : -radius;
+  const double to = rule == Edges::cut ? radius : from;
+  return distance < from ? EdgeSide::behind : (distance < to ? EdgeSide::cut : EdgeSide::beyond);
+}
+
+/// Which piece of which edge cuts which sphere; not owning.
+struct EdgesView {
+  const Sphere* spheres = nullptr;
+  const EdgePiece* pieces = nullptr;
+  // Per sphere:
+  const std::int32_t* piece_of = nullptr;
+  const double* distance = nullptr;  ///< of its centre in front of its edge
+  const EdgeSide* side = nullptr;
+
+  /// False if the sphere lies behind its edge with all that counts: it is as without edges.
+  PALPATE_HOSTDEV bool concerns(std::int32_t id) const { return side[id] != EdgeSide::behind; }
+  /// True if a sphere may not use the plane of a lender at all.
+  PALPATE_HOSTDEV bool forbids(std::int32_t id, const LenderPoint& lender) const {
+    return side[id] == EdgeSide::beyond && !piece(id).is_before(lender);
+  }
+  /// True if a sphere may use no lender's plane.
+  PALPATE_HOSTDEV bool cuts_off(std::int32_t id) const {
+    return side[id] == EdgeSide::beyond && !piece(id).has_beyond;
+  }
+  /// Volume of the sphere behind the lender's plane and, as far as the rule says, its edge.
+  PALPATE_HOSTDEV double volume(std::int32_t id, const Plane<double>& plane_T,
+                                const LenderPoint& lender) const {
+    const double radius = static_cast<double>(spheres[id].radius);
+    const double d = dot(plane_T.normal, to_double(spheres[id].centre)) - plane_T.offset;
+    if (is_as_without(id, lender)) return cap_volume(radius, d);
+    if (side[id] == EdgeSide::beyond) return 0;
+    const Vec3d& edge_normal = piece(id).plane_T.normal;
+    return two_plane_cut(radius, d, distance[id], dot(plane_T.normal, edge_normal)).volume;
+  }
+  /// The same of a sphere that would be inside as a whole.
+  PALPATE_HOSTDEV double full_volume(std::int32_t id, const LenderPoint& lender) const {
+    const double radius = static_cast<double>(spheres[id].radius);
+    if (is_as_without(id, lender)) return sphere_volume(radius);
+    return side[id] == EdgeSide::beyond ? 0 : cap_volume(radius, distance[id]);
+  }
+
+ private:
+  PALPATE_HOSTDEV const EdgePiece& piece(std::int32_t id) const { return pieces[piece_of[id]]; }
+  PALPATE_HOSTDEV bool is_as_without(std::int32_t id, const LenderPoint& lender) const {
+    return side[id] == EdgeSide::behind || piece(id).is_before(lender);
+  }
+};
+
+}  // namespace palpate

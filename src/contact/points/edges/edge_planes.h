@@ -1,0 +1,51 @@
+// Which spheres the edges of the surface concern (thesis section 3.5).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "src/contact/index/sphere_clusters.h"
+#include "src/contact/points/edges/edge_pieces.h"
+
+namespace palpate {
+
+/// The edges of one query; see edge_pieces.h. All memory is allocated at construction.
+class EdgePlanes {
+ public:
+  /// Keeps the view of the spheres; `clusters` are theirs and must outlive it.
+  EdgePlanes(std::span<const Sphere> spheres, const SphereClusters& clusters);
+
+  void clear();
+  /// The pieces of one boundary sphere (eq. 3.17). R_TW and translation_W are those of X_WT.
+  void add_pieces(const EdgeSums& sums, const Mat3d& R_TW, const Vec3d& translation_W);
+  /// After all of them: finds the piece of every sphere. `rule` is not `none`.
+  void find_nearest(const Pose& X_WT, Edges rule);
+  /// After that, for every lender: lets the edges know which of them they cannot cut off.
+  void note(const LenderPoint& lender);
+
+  bool empty() const { return pieces_.empty(); }
+  /// After all of that.
+  EdgesView view() const {
+    return {spheres_.data(), pieces_.data(), piece_of_.data(), distance_.data(), side_.data()};
+  }
+
+ private:
+  // A sphere of a cluster, seen by the camera.
+  struct Seen {
+    std::int32_t id;
+    double u, v;
+  };
+
+  void find_nearest(std::span<const Seen> cluster);
+
+  std::span<const Sphere> spheres_;
+  const SphereClusters* clusters_;
+  std::vector<EdgePiece> pieces_;
+  std::vector<std::int32_t> near_;      // pieces that may be nearest to a sphere of a cluster
+  std::vector<std::int32_t> piece_of_;  // nearest piece of each sphere
+  std::vector<double> distance_;        // of each sphere's centre in front of it
+  std::vector<EdgeSide> side_;          // of each sphere
+};
+
+}  // namespace palpate

@@ -1,0 +1,40 @@
+// How the search along the leaf graph decides (thesis section 3.3.2; Algs. 3.5 and 3.6 corrected).
+// One text for host and device.
+#pragma once
+
+#include <cstdint>
+
+#include "src/contact/points/donors/lender.h"
+
+namespace palpate {
+
+/// An edge is walked only if it points away from the collision normal of its start's reference.
+PALPATE_HOSTDEV inline bool leads_inside(const Vec3d& edge, const Vec3d& normal) {
+  return dot(edge, normal) < 0;
+}
+
+/// A reference offered to a sphere: the seed, and how long the path from there is.
+struct alignas(16) Offer {
+  double path_length = 0;
+  std::int32_t seed = -1;
+
+  /// Among offers of one round: the shorter path, then the lower index.
+  PALPATE_HOSTDEV bool beats(const Offer& other) const {
+    return path_length < other.path_length ||
+           (path_length == other.path_length && seed < other.seed);
+  }
+};
+
+/// V_s of a sphere that the graph reached from this lender: whole (Alg. 3.7), or cut by its plane
+/// (footnote).
+PALPATE_HOSTDEV inline double reached_volume(const LendersView& lenders, const Lender& lender,
+                                             std::int32_t sphere_id, InsideVolume inside,
+                                             const EdgesView* edges) {
+  if (inside == InsideVolume::cap) {
+    return lenders.borrow_from(lender, sphere_id, {false, false, edges}).volume;
+  }
+  if (edges != nullptr) return edges->full_volume(sphere_id, lender.point);
+  return sphere_volume(static_cast<double>(lenders.spheres[sphere_id].radius));
+}
+
+}  // namespace palpate

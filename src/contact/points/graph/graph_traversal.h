@@ -1,0 +1,71 @@
+// Second stage of the graph method: which untouched spheres are inside, and whose plane is theirs
+// (thesis section 3.3.2; Algs. 3.5 and 3.6 corrected).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "palpate/math/sphere.h"
+#include "src/contact/index/place_graph.h"
+#include "src/contact/points/edges/edge_pieces.h"
+#include "src/contact/points/graph/graph_rule.h"
+
+namespace palpate {
+
+/// Breadth-first from all boundary spheres at once. An edge i -> j is walked only if it points away
+/// from the collision normal of i's *reference* boundary sphere, (c_j - c_i) . n_b < 0, at every
+/// step: that is what keeps the search inside. The reference of a sphere is the boundary sphere
+/// that reaches it over the fewest edges; among those of the same round, the one with the shortest
+/// path, then the lowest index. So the result does not depend on any order of execution.
+class GraphTraversal {
+ public:
+  /// `spatial_order` lists all spheres so that neighbours in space are neighbours in the list: the
+  /// search then stays within a few cache lines.
+  GraphTraversal(std::span<const Sphere> spheres, const LeafGraph& graph,
+                 std::span<const std::int32_t> spatial_order);
+
+  /// A boundary sphere, its unit normal in the tool frame and, for edges, its mean point; a zero
+  /// normal starts no search.
+  struct Seed {
+    std::int32_t sphere_id;
+    Vec3d normal;
+    LenderPoint point{};
+  };
+
+  /// A sphere that the search found, the seed whose plane is its reference (an index into the
+  /// seeds) and the length of the path from there.
+  struct Visit {
+    double path_length;
+    std::int32_t sphere_id;
+    std::int32_t seed;
+  };
+
+  /// Returns the spheres reached, seeds not among them, in the order of their rounds. `seeds` are
+  /// all boundary spheres, ascending. O(edges of the spheres reached). No allocation. The search
+  /// does not walk into a sphere that `edge_planes` (may be null) forbids to its reference.
+  std::span<const Visit> run(std::span<const Seed> seeds, const EdgesView* edge_planes = nullptr);
+
+ private:
+  // Inside, a sphere is known by its place in the spatial order.
+  using Place = std::int32_t;
+
+  // One byte a sphere: most edges lead to a settled one, and the bytes of all stay in the L1 cache.
+  enum State : std::uint8_t { kUnreached, kReachedThisRound, kSettled };
+
+  template <bool kWithEdgePlanes>
+  std::size_t walk_edges(const Visit& from, Place place, const Seed& seed,
+                         const EdgesView* edge_planes, std::size_t num_visits);
+
+  std::vector<Vec3f> centres_;            // of each place
+  std::vector<std::int32_t> sphere_ids_;  // of each place
+  PlaceGraph graph_;
+  std::vector<Place> ahead_;   // of one sphere: neighbours not settled and in its direction
+  std::vector<State> states_;  // of each place
+  std::vector<Offer> offers_;  // of each place: the best one it has had in this round
+  std::vector<Visit> visits_;  // seeds, then the spheres reached
+  std::vector<Place> places_;  // of each visit
+  std::size_t num_visits_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,57 @@
+// The plane of a boundary sphere (thesis eq. 3.3), from the sums over its points. One text for host
+// and device.
+#pragma once
+
+#include <cstdint>
+
+#include "src/contact/points/donors/lender.h"
+
+namespace palpate {
+
+/// How planes are made of sums.
+struct BoundaryPlaneRule {
+  bool weighted = false;    ///< the sums carry kernel weights (Continuity)
+  bool fades_in = false;    ///< a boundary sphere counts as one only as far as points are in it
+  bool with_range = false;  ///< LenderPoint::range is wanted
+};
+
+/// A sphere that contains points. Without a plane its normal is 0 and it lends nothing.
+struct BoundarySphere {
+  std::int32_t sphere_id = -1;
+  Lender lender;  ///< unit mean normal, plane through the mean point, tool frame
+  std::int32_t num_points = 0;
+  bool is_ambiguous = false;  ///< StepStatus::ambiguous_normals
+
+  PALPATE_HOSTDEV bool has_plane() const { return lender.sphere_id >= 0; }
+};
+
+/// Sum of kernel weights at which a boundary sphere counts by half as one (Continuity::entry).
+inline constexpr double kHalfPresence = 0.25;
+
+/// R_TW and X_WT belong together.
+PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, const PointSums& sums,
+                                                      const BoundaryPlaneRule& rule,
+                                                      const Mat3d& R_TW,
+                                                      const Vec3d& translation_W) {
+  BoundarySphere result;
+  result.sphere_id = sphere_id;
+  result.num_points = static_cast<std::int32_t>(sums.num_points());
+  const double weight = rule.weighted ? sums.weight() : static_cast<double>(sums.num_points());
+  // Points that only graze the sphere weigh nothing.
+  if (rule.weighted && !(weight > 1e-6)) return result;
+  const Vec3d offset_W = sums.offset() / weight, mean_normal_W = sums.normal() / weight;
+  const double length = norm(mean_normal_W);
+  result.is_ambiguous = length < 0.5;
+  // Normals that cancel out say nothing: such a sphere has no plane.
+  if (!(length > 1e-6)) return result;
+  const Vec3d p_T = R_TW * offset_W, n_T = R_TW * (mean_normal_W / length);
+  Lender& lender = result.lender;
+  lender.sphere_id = sphere_id;
+  lender.plane_T = {n_T, dot(n_T, p_T)};
+  lender.point = {p_T, rule.with_range ? norm(translation_W + offset_W) : 0};
+  lender.weight = weight;
+  if (rule.fades_in) lender.presence = sums.weight() / (sums.weight() + kHalfPresence);
+  return result;
+}
+
+}  // namespace palpate

@@ -1,0 +1,119 @@
+// First stage of a query: which points lie in which sphere, and their sums per sphere (thesis
+// section 3.2.1 and eq. 3.3).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include "palpate/cloud/point_cloud.h"
+#include "palpate/math/pose.h"
+#include "src/contact/index/sphere_grid.h"
+
+namespace palpate {
+
+/// Sums of the points inside one sphere, in fixed point: whole numbers add up to the same bits in
+/// any order, on any number of threads and on any backend. One cache line.
+struct alignas(64) PointSums {
+  /// Counts per metre (and per unit of a normal, and per point). Rounds at 5e-13 m; 8 million
+  /// points within 1 m fit.
+  static constexpr double kScale = 1099511627776.0;  // 2^40
+
+  std::int64_t offset_W[4] = {0, 0, 0,
+                              0};  ///< sum of p - t, world axes, t the tool's translation; points
+  std::int64_t normal_W[4] = {0, 0, 0, 0};  ///< sum of normals, world axes; of kernel weights
+
+  PALPATE_HOSTDEV std::int64_t num_points() const { return offset_W[3] >> 40; }
+  PALPATE_HOSTDEV double weight() const { return static_cast<double>(normal_W[3]) / kScale; }
+  PALPATE_HOSTDEV Vec3d offset() const { return sum_of(offset_W); }  ///< m
+  PALPATE_HOSTDEV Vec3d normal() const { return sum_of(normal_W); }
+
+  void add(const PointSums& other) {
+    for (int i = 0; i < 4; ++i) {
+      offset_W[i] += other.offset_W[i];
+      normal_W[i] += other.normal_W[i];
+    }
+  }
+
+ private:
+  PALPATE_HOSTDEV static Vec3d sum_of(const std::int64_t (&sum)[4]) {
+    return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
+                 static_cast<double>(sum[2])} /
+           kScale;
+  }
+};
+
+/// Kernel weights (1 - |p - c|^2 / r^2)^2 of the points of a sphere.
+enum class PointWeights {
+  none,
+  beside,   ///< only added up
+  in_sums,  ///< applied to offsets and normals as well
+};
+
+/// The same of a sphere's edge points, by the direction in which the surface ends: to the right and
+/// left in the image, down and up. Contours of depth images are ragged, so each point is replaced
+/// by the mean of the edge points around its pixel, and unit depth-change vectors of this mean take
+/// the place of normals.
+struct EdgeSums {
+  static constexpr int kDirections = 4;
+  /// Shorter depth-change vectors (m) are noise.
+  static constexpr double kMinChange = 0.005;
+  static constexpr int kRadius = 4;  ///< pixels; a square around the point
+  /// Depth cameras see nothing beside a near surface where their projector is in its shadow, so a
+  /// surface also ends at missing pixels in its row or column (at most so many) behind which
+  /// something lies farther away by more than kMinStep (m).
+  static constexpr int kMaxHole = 64;
+  static constexpr double kMinStep = 0.05;
+  /// Edge points whose depths differ by more (m) belong to different surfaces.
+  static constexpr double kSameSurface = 0.02;
+
+  PointSums towards[kDirections];
+};
+
+/// Everything a scan reads, and the sums that all scans share.
+struct PointScan {
+  PointCloudView cloud;
+  SphereGridView grid;
+  const Sphere* spheres = nullptr;
+  Mat3d R_TW;           ///< world to tool, double: decides close calls
+  Vec3d translation_W;  ///< of X_WT
+  PointWeights weights = PointWeights::none;
+  /// One per sphere; null if edges do not matter. Added to atomically: edge points are few.
+  EdgeSums* edges = nullptr;
+
+  // Image window: rows and columns that can hold a point of the tool.
+  int row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
+};
+
+/// Adds the points of rows [row_begin, row_end) of the window to `sums` (one per sphere) and sets
+/// the sphere's byte in `touched`. An unorganised cloud is one row: it is cut by columns instead.
+using ScanPoints = void (*)(const PointScan& scan, int row_begin, int row_end, int column_begin,
+                            int column_end, PointSums* sums, std::uint8_t* touched);
+
+namespace isa_baseline {
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
+}
+namespace isa_avx2 {
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
+}
+namespace isa_avx512 {
+void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
+}
+
+/// Calls visit(sphere_id), ascending, for every set byte of `touched`, and clears it. The length
+/// must be a multiple of eight.
+template <class Visit>
+void take_touched(std::span<std::uint8_t> touched, Visit&& visit) {
+  for (std::size_t begin = 0; begin < touched.size(); begin += 8) {
+    std::uint64_t eight;
+    std::memcpy(&eight, &touched[begin], sizeof eight);
+    if (eight == 0) continue;
+    for (std::size_t id = begin; id < begin + 8; ++id) {
+      if (touched[id] != 0) visit(id);
+    }
+    std::memset(&touched[begin], 0, sizeof eight);
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,117 @@
+// Sums of a query's threads on their way to the host: right, the same bits in any order of threads,
+// and no wait without end.
+#include "src/contact/cuda/query_answer.h"
+
+#include <cstring>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "src/contact/cuda/finish_measure.cuh"
+#include "tests/test_util/gpu.h"
+
+namespace palpate {
+namespace {
+
+// A share of every value, different in each thread.
+PALPATE_HOSTDEV MeasureTerms terms_of(int thread) {
+  const double share = 1.0 / (1.0 + thread);
+  MeasureTerms terms;
+  terms.volume = share;
+  terms.potential = -2 * share;
+  for (int axis = 0; axis < 3; ++axis) {
+    terms.force[axis] = (3 + axis) * share;
+    terms.torque[axis] = (6 + axis) * share * share;
+  }
+  terms.num_boundary = thread % 3;
+  terms.num_inside = thread % 5;
+  terms.num_points = thread;
+  terms.status = thread == 7 ? 6 : 0;
+  terms.num_rounds = thread == 3 ? 42 : 0;
+  return terms;
+}
+
+__global__ void tell(const MeasureOutput out) {
+  finish_measure(out, terms_of(gpu::grid_thread()), gpu::shared_memory<FinishScratch>());
+}
+
+__global__ void tell_nothing(int*) {}
+
+void ask(AnswerBox& box, gpu::Stream& stream, int threads) {
+  gpu::launch(
+      stream,
+      {.blocks = box.num_blocks(), .threads = threads, .shared_bytes = sizeof(FinishScratch)}, tell,
+      box.next());
+}
+
+TEST(QueryAnswer, IsTheSumOfAllThreads) {
+  PALPATE_GPU_OR_SKIP();
+  for (const int blocks : {1, 2, 3, 7, 40}) {
+    for (const int threads : {32, 96, 256}) {
+      AnswerBox box(0, blocks);
+      gpu::Stream stream(0, gpu::Priority::high);
+      MeasureTerms want;
+      for (int thread = 0; thread < blocks * threads; ++thread) {
+        const MeasureTerms mine = terms_of(thread);
+        want.volume += mine.volume;
+        want.potential += mine.potential;
+        for (int axis = 0; axis < 3; ++axis) {
+          want.force[axis] += mine.force[axis];
+          want.torque[axis] += mine.torque[axis];
+        }
+        want.num_boundary += mine.num_boundary;
+        want.num_inside += mine.num_inside;
+        want.num_points += mine.num_points;
+      }
+      for (int round = 0; round < 3; ++round) {
+        ask(box, stream, threads);
+        ASSERT_TRUE(box.await(stream)) << stream.status().error().message;
+        const Penetration got = box.answer().penetration();
+        EXPECT_NEAR(got.volume, want.volume, 1e-13 * want.volume);
+        EXPECT_NEAR(got.potential, want.potential, -1e-13 * want.potential);
+        for (int axis = 0; axis < 3; ++axis) {
+          EXPECT_NEAR(got.measure_W.force[axis], want.force[axis], 1e-13 * want.force[axis]);
+          EXPECT_NEAR(got.measure_W.torque[axis], want.torque[axis], 1e-13 * want.torque[axis]);
+        }
+        EXPECT_EQ(got.num_boundary_spheres, want.num_boundary);
+        EXPECT_EQ(got.num_inside_spheres, want.num_inside);
+        EXPECT_EQ(got.num_points, want.num_points);
+        EXPECT_EQ(got.status, 6u);
+        EXPECT_EQ(box.answer().num_rounds, 42);
+      }
+    }
+  }
+}
+
+#if defined(PALPATE_EMULATE_CUDA)
+TEST(QueryAnswer, IsTheSameInAnyOrderOfThreads) {
+  QueryAnswer first;
+  for (const std::uint32_t seed : {0u, 1u, 2u, 3u, 4u}) {
+    emulator::set_order(seed);
+    AnswerBox box(0, 9);
+    gpu::Stream stream(0, gpu::Priority::high);
+    ask(box, stream, 128);
+    ASSERT_TRUE(box.await(stream));
+    if (seed == 0) first = box.answer();
+    EXPECT_EQ(std::memcmp(&first, &box.answer(), sizeof first), 0);
+  }
+  emulator::set_order(0);
+}
+#endif
+
+TEST(QueryAnswer, ThatNeverComesIsAnError) {
+  PALPATE_GPU_OR_SKIP();
+  AnswerBox box(0, 2);
+  gpu::Stream stream(0, gpu::Priority::high);
+  ask(box, stream, 64);
+  ASSERT_TRUE(box.await(stream));
+  box.next();
+  gpu::launch(stream, {.blocks = 1, .threads = 32}, tell_nothing, nullptr);
+  EXPECT_FALSE(box.await(stream));
+  ASSERT_FALSE(stream.status());
+  EXPECT_EQ(stream.status().error().code, Errc::unavailable);
+  EXPECT_FALSE(box.await(stream)) << "and it stays one";
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,348 @@
+// The field method on the GPU against the CPU's: over poses, fields, and ways to count.
+#include "src/contact/field/field_contact_cuda.h"
+
+#include <cstring>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "palpate/core/stamp.h"
+#include "src/contact/field/field_contact.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/gpu.h"
+
+#if defined(PALPATE_EMULATE_CUDA)
+#include "src/gpu/emulator.h"
+#endif
+
+namespace palpate {
+namespace {
+
+using test::Random;
+
+constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
+constexpr int kWidth = 96, kHeight = 72;
+
+/// A field with the cloud it comes from.
+struct FrozenField {
+  PointCloud cloud;
+  DepthField field;
+
+  explicit FrozenField(PointCloud from, const DepthFieldOptions& options = {})
+      : cloud(std::move(from)),
+        field(std::move(DepthField::create(cloud.width(), cloud.height(), options)).value()) {
+    ThreadPool pool(1);
+    field.update(cloud.view(), pool);
+  }
+};
+
+PointCloud rough_wall(std::uint64_t seed, double depth = 0.6) {
+  return test::noisy_wall(kWidth, kHeight, 84, depth, 0.002, seed);
+}
+
+// A block in front of a wall: silhouettes on all sides.
+PointCloud block_before_wall(std::uint64_t seed) {
+  return test::stepped_wall(kWidth, kHeight, 84, 0.6, 0.12, 0.002, seed,
+                            [](int u, int v) { return u > 30 && u < 60 && v > 24 && v < 51; })
+      .cloud;
+}
+
+// A tilted wall with a large hole.
+PointCloud tilted_wall_with_hole() {
+  PointCloud cloud(kWidth, kHeight, Intrinsics{84, 84, 47.5, 35.5});
+  const Plane<double> wall{normalized(Vec3d{0.4, -0.3, -1}), -0.55};
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      if (std::abs(u - 50) < 12 && std::abs(v - 30) < 9) continue;
+      const Vec3d ray{(u - 47.5) / 84, (v - 35.5) / 84, 1};
+      const double z = wall.offset / dot(wall.normal, ray);
+      cloud.set(static_cast<std::size_t>(v * kWidth + u), to_float(z * ray), to_float(wall.normal));
+    }
+  }
+  return cloud;
+}
+
+Pose random_pose(Random& random) {
+  const double x = random.uniform(-0.15, 0.15), y = random.uniform(-0.1, 0.1);
+  return {{x, y, random.uniform(0.5, 0.75)}, random.rotation(3.0)};
+}
+
+bool same_bits(const Penetration& a, const Penetration& b) {
+  return a.volume == b.volume && a.potential == b.potential &&
+         std::memcmp(&a.measure_W, &b.measure_W, sizeof a.measure_W) == 0 &&
+         a.num_boundary_spheres == b.num_boundary_spheres &&
+         a.num_inside_spheres == b.num_inside_spheres && a.status == b.status;
+}
+
+void expect_near(const Penetration& got, const Penetration& want, const Tool& tool,
+                 SphereVolumes volumes, double tolerance = 1e-5) {
+  const double scale = full_volume(tool, volumes);
+  // By what the measure is made of: forces of a tool from two sides cancel.
+  const double part = tolerance * (want.volume + 1e-4 * scale), lever = 0.1;
+  EXPECT_EQ(got.status, 0u);
+  EXPECT_NEAR(got.volume, want.volume, part);
+  EXPECT_NEAR(got.potential, want.potential, tolerance * (want.potential + 1e-4 * scale));
+  EXPECT_LE(norm(got.measure_W.force - want.measure_W.force), part);
+  EXPECT_LE(norm(got.measure_W.torque - want.measure_W.torque), lever * part);
+  EXPECT_EQ(got.num_boundary_spheres, want.num_boundary_spheres);
+  EXPECT_EQ(got.num_inside_spheres, want.num_inside_spheres);
+}
+
+struct Scene {
+  const char* name;
+  PointCloud cloud;
+  DepthFieldOptions options;
+};
+
+std::vector<Scene> scenes() {
+  std::vector<Scene> all;
+  all.push_back({"rough wall", rough_wall(1), {}});
+  all.push_back({"block", block_before_wall(2), {}});
+  all.push_back({"tilted, hole", tilted_wall_with_hole(), {.fill_levels = 0}});
+  all.push_back({"tilted, filled", tilted_wall_with_hole(), {.unknown = UnknownSpace::solid}});
+  all.push_back({"thin block", block_before_wall(3), {.thickness = 0.03}});
+  all.push_back({"near", rough_wall(4, 0.12), {}});
+  return all;
+}
+
+// 1 and 33: padding, and spheres so large that they are felt in parts; 3000: several clusters a
+// warp.
+TEST(FieldContactCuda, EqualsTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  for (const int num_spheres : {1, 33, 700, 3000}) {
+    const Tool tool = test::random_tool(num_spheres, 0.06, 3);
+    ThreadPool pool(1);
+    FieldContact cpu(tool, pool, best_isa());
+    FieldContactCuda gpu(tool, 0);
+    ASSERT_TRUE(gpu.status()) << gpu.status().error().message;
+    Random random(5);
+    double most = 0;
+    for (const Scene& scene : scenes()) {
+      SCOPED_TRACE(scene.name);
+      const FrozenField frozen(scene.cloud, scene.options);
+      cpu.set_field(frozen.field.view());
+      gpu.set_field(frozen.field.view());
+      for (int i = 0; i < (num_spheres > 1000 ? 8 : 25); ++i) {
+        Pose X_WT = random_pose(random);
+        if (scene.name == std::string("near")) X_WT.translation.z -= 0.48;
+        for (const SphereVolumes volumes : kBoth) {
+          const Penetration want = cpu.measure(X_WT, volumes);
+          expect_near(gpu.measure(X_WT, volumes), want, tool, volumes);
+          most = std::max(most, want.volume / full_volume(tool, volumes));
+        }
+      }
+    }
+    EXPECT_GT(most, 0.5);
+  }
+}
+
+TEST(FieldContactCuda, OutOfViewBehindTheCameraAndFarAwayAsTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(1500, 0.06, 6);
+  ThreadPool pool(1);
+  FieldContact cpu(tool, pool, best_isa());
+  FieldContactCuda gpu(tool, 0);
+  for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
+    const FrozenField scene(rough_wall(7), {.unknown = unknown});
+    cpu.set_field(scene.field.view());
+    gpu.set_field(scene.field.view());
+    for (const Vec3d& p : {Vec3d{0, 0, -3},
+                           {0, 0, 0},
+                           {0, 0, 0.03},
+                           {0, 0, 0.3},
+                           {0, 0, 5},
+                           {0.5, 0, 0.6},
+                           {0, -0.6, 0.7},
+                           {3, 4, 1},
+                           {1e6, 0, 1}}) {
+      SCOPED_TRACE(testing::Message() << p.x << " " << p.y << " " << p.z);
+      const Penetration want = cpu.measure({p, {}}, SphereVolumes::own);
+      expect_near(gpu.measure({p, {}}, SphereVolumes::own), want, tool, SphereVolumes::own);
+    }
+    for (const Vec3d& p : {Vec3d{1e9, 0, 1}, {0, 1e30, 1e30}, {0, 0, 1e300}}) {
+      gpu.measure({p, {}}, SphereVolumes::own);  // any numbers, but nothing read out of bounds
+    }
+  }
+}
+
+TEST(FieldContactCuda, NoFieldGivesNothing) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(50, 0.05, 8);
+  const FrozenField scene(rough_wall(9));
+  FieldContactCuda gpu(tool, 0);
+  const Pose X_WT{{0, 0, 0.65}, {}};
+  std::vector<SphereState> states(50, SphereState::inside);
+  std::vector<Plane<float>> planes(50);
+  const auto expect_nothing = [&] {
+    EXPECT_TRUE(same_bits(gpu.measure(X_WT, SphereVolumes::own), {}));
+    EXPECT_EQ(gpu.stiffness().m[0][0], 0);
+    gpu.describe(states, planes);
+    EXPECT_EQ(states[0], SphereState::outside);
+  };
+  EXPECT_EQ(gpu.stiffness().m[0][0], 0) << "before the first query";
+  expect_nothing();
+  gpu.set_field(scene.field.view());
+  EXPECT_GT(gpu.measure(X_WT, SphereVolumes::own).volume, 0);
+  gpu.set_field({});
+  expect_nothing();
+}
+
+TEST(FieldContactCuda, StiffnessAndDescriptionEqualTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(300, 0.06, 10);
+  ThreadPool pool(1);
+  FieldContact cpu(tool, pool, best_isa());
+  FieldContactCuda gpu(tool, 0);
+  Random random(11);
+  for (const Scene& scene : scenes()) {
+    SCOPED_TRACE(scene.name);
+    const FrozenField frozen(scene.cloud, scene.options);
+    cpu.set_field(frozen.field.view());
+    gpu.set_field(frozen.field.view());
+    for (int i = 0; i < 6; ++i) {
+      const Pose X_WT = random_pose(random);
+      const SphereVolumes volumes = kBoth[i % 2];
+      cpu.measure(X_WT, volumes);
+      gpu.measure(X_WT, volumes);
+      const Stiffness want = cpu.stiffness(), got = gpu.stiffness();
+      double largest[2][2] = {};  // of the four parts of the matrix
+      for (int row = 0; row < 6; ++row) {
+        for (int column = 0; column < 6; ++column) {
+          double& most = largest[row / 3][column / 3];
+          most = std::max(most, std::abs(want.m[row][column]));
+        }
+      }
+      for (int row = 0; row < 6; ++row) {
+        for (int column = 0; column < 6; ++column) {
+          // Second derivatives jump between pixels: the CPU's single precision puts an element
+          // that is just there into the other one.
+          EXPECT_NEAR(got.m[row][column], want.m[row][column], 1e-3 * largest[row / 3][column / 3]);
+        }
+      }
+      std::vector<SphereState> states(300), want_states(300);
+      std::vector<Plane<float>> planes(300), want_planes(300);
+      cpu.describe(want_states, want_planes);
+      gpu.describe(states, planes);
+      EXPECT_EQ(states, want_states);
+      // The GPU finds them in double precision.
+      for (std::size_t k = 0; k < planes.size(); ++k) {
+        EXPECT_NEAR(norm(planes[k].normal - want_planes[k].normal), 0, 4e-4) << k;
+        EXPECT_NEAR(planes[k].offset, want_planes[k].offset, 1e-5) << k;
+      }
+    }
+  }
+}
+
+TEST(FieldContactCuda, GivesTheSameBitsWhereverTheFieldIsAndWhateverWasAskedBefore) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(900, 0.06, 12);
+  const FrozenField scene(block_before_wall(13));
+  DepthFieldView stamped = scene.field.view(), unstamped = stamped;
+  stamped.stamp = next_stamp();
+  unstamped.stamp = 0;
+  gpu::Stream stream(0, gpu::Priority::low);
+  DeviceFields fields(0);
+  const DepthFieldView on_gpu = fields.on_gpu(stamped, stream);
+  ASSERT_TRUE(stream.wait());
+  ASSERT_EQ(on_gpu.gpu, 0);
+  Random random(14);
+  FieldContactCuda one(tool, 0), other(tool, 0);
+  one.set_field(on_gpu);
+  for (int i = 0; i < 12; ++i) {
+    const Pose X_WT = random_pose(random);
+    other.set_field(i % 2 == 0 ? stamped : unstamped);
+    other.measure(random_pose(random), SphereVolumes::own);
+    EXPECT_TRUE(same_bits(one.measure(X_WT, SphereVolumes::represented),
+                          other.measure(X_WT, SphereVolumes::represented)));
+  }
+}
+
+#if defined(PALPATE_EMULATE_CUDA)
+TEST(FieldContactCuda, GivesTheSameBitsInAnyOrderOfThreads) {
+  const Tool tool = test::random_tool(1500, 0.06, 15);
+  const FrozenField scene(rough_wall(16));
+  FieldContactCuda gpu(tool, 0);
+  gpu.set_field(scene.field.view());
+  const Pose X_WT{{0.02, 0, 0.6}, axis_angle({1, 2, 3}, 0.7)};
+  const Penetration want = gpu.measure(X_WT, SphereVolumes::represented);
+  const Stiffness stiffness = gpu.stiffness();
+  EXPECT_GT(want.volume, 0);
+  for (const std::uint32_t seed : {1u, 2u, 3u}) {
+    emulator::set_order(seed);
+    EXPECT_TRUE(same_bits(gpu.measure(X_WT, SphereVolumes::represented), want));
+    const Stiffness again = gpu.stiffness();
+    EXPECT_EQ(std::memcmp(&again, &stiffness, sizeof again), 0);
+  }
+  emulator::set_order(0);
+}
+#endif
+
+// A field that changes where it lies is copied again when its stamp changes, and not before.
+TEST(FieldContactCuda, CopiesAFieldOncePerStamp) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(100, 0.05, 17);
+  ThreadPool pool(1);
+  FrozenField changing(rough_wall(18, 0.6)), fixed(rough_wall(19, 0.62));
+  const PointCloud later = rough_wall(20, 0.64);
+  FieldContactCuda gpu(tool, 0);
+  const Pose X_WT{{0, 0, 0.62}, {}};
+  const auto measure = [&](DepthFieldView view, std::uint64_t stamp) {
+    view.stamp = stamp;
+    gpu.set_field(view);
+    return gpu.measure(X_WT, SphereVolumes::own).volume;
+  };
+  const std::uint64_t a = next_stamp(), b = next_stamp(), c = next_stamp();
+  const double old = measure(changing.field.view(), a);
+  EXPECT_NE(measure(fixed.field.view(), b), old);
+  changing.field.update(later.view(), pool);
+  EXPECT_EQ(measure(changing.field.view(), a), old) << "two fields are kept";
+  const double now = measure(changing.field.view(), c);
+  EXPECT_LT(now, old);
+  // Without stamps nothing is known to be the same.
+  EXPECT_EQ(measure(changing.field.view(), 0), now);
+  changing.field.update(changing.cloud.view(), pool);
+  EXPECT_EQ(measure(changing.field.view(), 0), old);
+  // A larger field, then a small one again.
+  const FrozenField large(test::noisy_wall(160, 120, 140, 0.6, 0.002, 21));
+  EXPECT_GT(measure(large.field.view(), next_stamp()), 0);
+  EXPECT_EQ(measure(changing.field.view(), 0), old);
+}
+
+TEST(FieldContactCuda, BlendsTwoFieldsAsTwoMeasuresWould) {
+  PALPATE_GPU_OR_SKIP();
+  const Tool tool = test::random_tool(1500, 0.06, 22);
+  const FrozenField from(block_before_wall(23)), to(rough_wall(24, 0.63));
+  ThreadPool pool(1);
+  FieldContact cpu(tool, pool, best_isa());
+  FieldContactCuda gpu(tool, 0);
+  Random random(25);
+  for (int i = 0; i < 10; ++i) {
+    const Pose X_WT = random_pose(random);
+    for (const double t : {0.0, 0.3, 1.0}) {
+      const SphereVolumes volumes = kBoth[i % 2];
+      const Penetration got = gpu.measure(X_WT, volumes, from.field.view(), to.field.view(), t);
+      const Stiffness stiffness = gpu.stiffness();
+      cpu.set_field(from.field.view());
+      const Penetration a = cpu.measure(X_WT, volumes);
+      const Stiffness of_a = cpu.stiffness();
+      cpu.set_field(to.field.view());
+      Penetration want = cpu.measure(X_WT, volumes);
+      const Stiffness of_b = cpu.stiffness();
+      want.volume = (1 - t) * a.volume + t * want.volume;
+      want.potential = (1 - t) * a.potential + t * want.potential;
+      want.measure_W.force = (1 - t) * a.measure_W.force + t * want.measure_W.force;
+      want.measure_W.torque = (1 - t) * a.measure_W.torque + t * want.measure_W.torque;
+      expect_near(got, want, tool, volumes);
+      const double k = (1 - t) * of_a.m[2][2] + t * of_b.m[2][2];
+      EXPECT_NEAR(stiffness.m[2][2], k, 5e-4 * std::abs(k) + 1e-7);
+    }
+  }
+  const Pose X_WT{{0, 0, 0.62}, {}};
+  const Penetration whole = gpu.measure(X_WT, SphereVolumes::own, to.field.view(), {}, 0.0);
+  gpu.set_field(to.field.view());
+  EXPECT_NEAR(whole.volume, gpu.measure(X_WT, SphereVolumes::own).volume, 1e-6 * whole.volume);
+  EXPECT_EQ(whole.num_inside_spheres, 0);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,466 @@
+// The field method: against brute force in double, against closed forms, and against itself: the
+// wrench must be the derivative of the potential.
+#include "src/contact/field/field_contact.h"
+
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "palpate/contact/contact_query.h"
+#include "palpate/field/field_sample.h"
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_scenes.h"
+
+namespace palpate {
+namespace {
+
+using test::Random;
+
+std::vector<Isa> isas() {
+  std::vector<Isa> all;
+  for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
+    if (isa <= best_isa()) all.push_back(isa);
+  }
+  return all;
+}
+
+constexpr ContactOptions kOwn{.method = InsideMethod::field, .volumes = SphereVolumes::own};
+constexpr ContactOptions kRepresented{.method = InsideMethod::field,
+                                      .volumes = SphereVolumes::represented};
+
+/// A field with the cloud it comes from.
+struct FrozenField {
+  PointCloud cloud;
+  DepthField field;
+
+  explicit FrozenField(PointCloud from, const DepthFieldOptions& options = {})
+      : cloud(std::move(from)),
+        field(std::move(DepthField::create(cloud.width(), cloud.height(), options)).value()) {
+    ThreadPool pool(1);
+    field.update(cloud.view(), pool);
+  }
+};
+
+FrozenField rough_wall(std::uint64_t seed, double thickness = kSolidBehind) {
+  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.002, seed), {.thickness = thickness});
+}
+
+// So calm that no gradient is shortened.
+FrozenField calm_wall(std::uint64_t seed, double thickness = kSolidBehind) {
+  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.0002, seed), {.thickness = thickness});
+}
+
+// A block in front of a wall: silhouettes on all sides, in the middle of where the tools are.
+FrozenField block_before_wall(std::uint64_t seed) {
+  return FrozenField(test::stepped_wall(160, 120, 140, 0.6, 0.12, 0.002, seed, [](int u, int v) {
+                       return u > 50 && u < 100 && v > 40 && v < 85;
+                     }).cloud);
+}
+
+FrozenField plane(const Plane<double>& plane) {
+  PointCloud cloud(200, 200, Intrinsics{150, 150, 99.5, 99.5});
+  for (int v = 0; v < 200; ++v) {
+    for (int u = 0; u < 200; ++u) {
+      const Vec3d ray{(u - 99.5) / 150, (v - 99.5) / 150, 1};
+      const double z = plane.offset / dot(plane.normal, ray);
+      cloud.set(static_cast<std::size_t>(v * 200 + u), to_float(z * ray), to_float(plane.normal));
+    }
+  }
+  return FrozenField(std::move(cloud));
+}
+
+std::unique_ptr<ContactQuery> make_query(const Tool& tool, const FrozenField& scene,
+                                         Isa isa = best_isa(), ThreadPool* pool = nullptr) {
+  auto query = std::move(make_contact_query(Backend::cpu, tool, {isa, pool})).value();
+  query->set_field(scene.field.view());
+  return query;
+}
+
+Pose random_pose(Random& random) {
+  const double x = random.uniform(-0.15, 0.15), y = random.uniform(-0.1, 0.1);
+  return {{x, y, random.uniform(0.5, 0.75)}, random.rotation(3.0)};
+}
+
+// U = sum f G(phi) and its parts by their definition, element by element in double; `longest`: the
+// longest gradient that a force follows.
+Penetration brute_force(const Tool& tool, const FrozenField& scene, const Pose& X_WT,
+                        SphereVolumes volumes, double longest = 1.2) {
+  const FieldElements elements(tool, volumes);
+  Penetration sum;
+  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
+    if (elements.clusters.sphere_id[i] < 0) continue;
+    const Vec3d lever = rotate(
+        X_WT.rotation,
+        to_double(Vec3f{elements.clusters.x[i], elements.clusters.y[i], elements.clusters.z[i]}));
+    const Vec3d c = X_WT * tool.sphere_mass().centre_of_mass + lever;
+    const double r = elements.radius[i], factor = elements.factor[i];
+    const FieldSample<double> at = sample_field(scene.field.view(), c, r);
+    const double h = std::clamp(r - at.phi, 0.0, 2 * r);
+    sum.volume += factor * cap_volume(r, at.phi);
+    sum.potential += factor * (kPi / 12 * h * h * h * (4 * r - h) +
+                               sphere_volume(r) * std::max(-at.phi - r, 0.0));
+    const double too_long = std::max(norm(at.gradient) / longest, 1.0);
+    const Vec3d force = factor * cap_volume(r, at.phi) / too_long * at.gradient;
+    sum.measure_W.force += force;
+    sum.measure_W.torque += cross(lever, force);
+    sum.num_inside_spheres += elements.counted[i] > 0 && at.phi <= -r;
+    sum.num_boundary_spheres += elements.counted[i] > 0 && at.phi > -r && at.phi < r;
+  }
+  return sum;
+}
+
+void expect_equals_brute_force(const FrozenField& scene) {
+  Random random(2);
+  for (const int num_spheres : {1, 33, 700}) {
+    const Tool tool = test::random_tool(num_spheres, 0.06, 3);
+    for (const Isa isa : isas()) {
+      const auto query = make_query(tool, scene, isa);
+      for (int i = 0; i < 60; ++i) {
+        const Pose X_WT = random_pose(random);
+        for (const ContactOptions& options : {kOwn, kRepresented}) {
+          const Penetration got = query->query(X_WT, options);
+          const Penetration want = brute_force(tool, scene, X_WT, options.counted());
+          const double scale = full_volume(tool, options);
+          EXPECT_NEAR(got.volume, want.volume, 2e-5 * scale);
+          EXPECT_NEAR(got.potential, want.potential, 2e-6 * scale);
+          EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 1e-4 * scale);
+          EXPECT_NEAR(norm(got.measure_W.torque - want.measure_W.torque), 0, 1e-5 * scale);
+          EXPECT_NEAR(got.num_inside_spheres, want.num_inside_spheres, 1);
+          EXPECT_NEAR(got.num_boundary_spheres, want.num_boundary_spheres, 1);
+        }
+      }
+    }
+  }
+}
+
+TEST(FieldContact, EqualsBruteForce) { expect_equals_brute_force(rough_wall(1)); }
+
+TEST(FieldContact, EqualsBruteForceAtSilhouettes) {
+  expect_equals_brute_force(block_before_wall(1));
+}
+
+void expect_derivative_of_the_potential(const FrozenField& scene) {
+  const Tool tool = test::random_tool(200, 0.06, 5);
+  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  Random random(6);
+  for (int i = 0; i < 40; ++i) {
+    const Pose X_WT = random_pose(random);
+    const Penetration at = brute_force(tool, scene, X_WT, SphereVolumes::own, 1e9);
+    const auto potential = [&](const Vec3d& shift, const Vec3d& turn) {
+      // Turned about the centre of mass, which stays where it is.
+      Quaternion q{turn.x / 2, turn.y / 2, turn.z / 2, 1};
+      Pose moved{{}, normalized(q) * X_WT.rotation};
+      moved.translation = X_WT * C_T + shift - rotate(moved.rotation, C_T);
+      return brute_force(tool, scene, moved, SphereVolumes::own).potential;
+    };
+    for (int axis = 0; axis < 3; ++axis) {
+      constexpr double kStep = 1e-6;
+      Vec3d step;
+      step[axis] = kStep;
+      const double force = -(potential(step, {}) - potential(-step, {})) / (2 * kStep);
+      const double torque = -(potential({}, step) - potential({}, -step)) / (2 * kStep);
+      EXPECT_NEAR(at.measure_W.force[axis], force, 1e-4 * at.volume + 1e-12);
+      EXPECT_NEAR(at.measure_W.torque[axis], torque, 1e-5 * at.volume + 1e-13);
+    }
+  }
+}
+
+TEST(FieldContact, WrenchIsMinusTheDerivativeOfThePotential) {
+  expect_derivative_of_the_potential(rough_wall(4));
+}
+
+TEST(FieldContact, WrenchIsMinusTheDerivativeOfThePotentialAtSilhouettes) {
+  expect_derivative_of_the_potential(block_before_wall(4));
+}
+
+// Differences of the wrench in double, over steps that are small against a pixel.
+TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
+  const FrozenField scene = calm_wall(20);
+  const Tool tool = test::random_tool(150, 0.06, 21);
+  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const auto query = make_query(tool, scene);
+  Random random(22);
+  int num_compared = 0;
+  for (int i = 0; i < 40; ++i) {
+    const Pose X_WT = random_pose(random);
+    const double volume = query->query(X_WT, kOwn).volume;
+    const Stiffness got = query->stiffness();
+    // Where a gradient was shortened, only the symmetric part is told.
+    const auto force_along = [&](double longest) {
+      return brute_force(tool, scene, X_WT, SphereVolumes::own, longest).measure_W.force;
+    };
+    if (norm(force_along(1.2) - force_along(1e9)) > 0) continue;
+    ++num_compared;
+    for (int column = 0; column < 6; ++column) {
+      constexpr double kStep = 1e-7;
+      const auto wrench = [&](double step) {
+        Vec3d shift, turn;
+        (column < 3 ? shift : turn)[column % 3] = step;
+        Pose moved{{},
+                   normalized(Quaternion{turn.x / 2, turn.y / 2, turn.z / 2, 1}) * X_WT.rotation};
+        moved.translation = X_WT * C_T + shift - rotate(moved.rotation, C_T);
+        return brute_force(tool, scene, moved, SphereVolumes::own).measure_W;
+      };
+      const Wrench low = wrench(-kStep), high = wrench(kStep);
+      for (int axis = 0; axis < 3; ++axis) {
+        const double force = -(high.force[axis] - low.force[axis]) / (2 * kStep);
+        const double torque = -(high.torque[axis] - low.torque[axis]) / (2 * kStep);
+        // Second derivatives jump between pixels: a few elements may lie on such a line.
+        EXPECT_NEAR(got.m[axis][column], force, 0.02 * std::abs(force) + 0.4 * volume) << column;
+        EXPECT_NEAR(got.m[axis + 3][column], torque, 0.02 * std::abs(torque) + 0.02 * volume)
+            << column;
+      }
+    }
+  }
+  EXPECT_GT(num_compared, 10);
+}
+
+// Round a closed path of translation and rotation no net work is done.
+class ClosedLoops : public testing::TestWithParam<double> {};
+
+TEST_P(ClosedLoops, CostNoWork) {
+  const FrozenField scene = calm_wall(7, GetParam());
+  const Tool tool = test::random_tool(500, 0.05, 8);
+  const auto query = make_query(tool, scene);
+  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  constexpr int kSteps = 8000;
+  const auto pose = [](int k) {
+    const double a = 2 * kPi * k / kSteps;
+    const Quaternion q = axis_angle({1, 0.3, 0.2}, 0.4 * std::sin(a)) *
+                         axis_angle({0, 1, -0.5}, 0.3 * std::cos(2 * a));
+    return Pose{{0.05 * std::cos(a), 0.04 * std::sin(a), 0.59 + 0.03 * std::sin(a + 1)}, q};
+  };
+  double net = 0, total = 0;
+  Penetration last = query->query(pose(0), kRepresented);
+  for (int k = 1; k <= kSteps; ++k) {
+    const Penetration next = query->query(pose(k), kRepresented);
+    const Quaternion turn = pose(k).rotation * conjugate(pose(k - 1).rotation);
+    const Vec3d shift = pose(k) * C_T - pose(k - 1) * C_T;
+    const double work =
+        0.5 * dot(last.measure_W.force + next.measure_W.force, shift) +
+        dot(last.measure_W.torque + next.measure_W.torque, Vec3d{turn.x, turn.y, turn.z});
+    net += work;
+    total += std::abs(work);
+    last = next;
+  }
+  EXPECT_GT(last.volume, 0.1 * full_volume(tool, SphereVolumes::represented));
+  EXPECT_LT(std::abs(net) / total, 1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Thickness, ClosedLoops, testing::Values(kSolidBehind, 0.02));
+
+// The surface passes between two layers of spheres, has a hole in the middle of the tool, and is
+// left far behind: contact neither drops nor doubles.
+TEST(FieldContact, SweepsBetweenLayersThroughAHoleAndCleanThrough) {
+  SpherePacking layers;
+  for (const float z : {-0.012f, 0.012f}) {
+    for (int i = 0; i < 49; ++i) {
+      const auto at = [](int k) { return 0.01f * static_cast<float>(k - 3); };
+      layers.spheres.push_back({{at(i % 7), at(i / 7), z}, 0.0049f});
+    }
+  }
+  const Tool tool =
+      Tool::build(make_box({0.08, 0.08, 0.04}), std::move(layers), GapRule::relative, "layers")
+          .value();
+  PointCloud holed = plane({{0, 0, -1}, -0.5}).cloud;
+  for (int v = 95; v < 105; ++v) {
+    for (int u = 95; u < 105; ++u) {
+      holed.set(static_cast<std::size_t>(v * 200 + u), {NAN, NAN, NAN}, {0, 0, -1});
+    }
+  }
+  const FrozenField scene(std::move(holed));
+  const auto query = make_query(tool, scene);
+  const double full = full_volume(tool, kRepresented);
+  double last = 0;
+  for (double z = 0.47; z < 0.8; z += 0.0001) {
+    const Penetration got = query->query({{0, 0, z}, {}}, kRepresented);
+    EXPECT_GE(got.volume, last - 1e-6 * full) << z;
+    EXPECT_NEAR(-got.measure_W.force.z, got.volume, 5e-2 * got.volume + 1e-6 * full) << z;
+    last = got.volume;
+    // Between the layers half of the tool is in.
+    if (std::abs(z - 0.5) < 0.005) {
+      EXPECT_NEAR(got.volume / full, 0.5, 0.01) << z;
+    }
+  }
+  EXPECT_NEAR(last / full, 1, 1e-4);
+}
+
+// A tool that is pushed clean through a wall of some thickness comes out behind it.
+TEST(FieldContact, BehindTheThicknessThereIsNothing) {
+  const Tool tool = test::random_tool(300, 0.02, 23);
+  for (const double thickness : {kSolidBehind, 0.05}) {
+    const FrozenField scene(plane({{0, 0, -1}, -0.5}).cloud, {.thickness = thickness});
+    const auto query = make_query(tool, scene);
+    const Penetration inside = query->query({{0, 0, 0.525}, {}}, kOwn);
+    const Penetration behind = query->query({{0, 0, 0.65}, {}}, kOwn);
+    EXPECT_NEAR(inside.volume / full_volume(tool, kOwn), 1, 1e-4);
+    EXPECT_NEAR(inside.measure_W.force.z / inside.volume, -1, 0.05);
+    const double left = thickness == kSolidBehind ? 1 : 0;
+    EXPECT_NEAR(behind.volume / full_volume(tool, kOwn), left, 1e-4);
+    EXPECT_NEAR(-behind.measure_W.force.z / full_volume(tool, kOwn), left, 0.05);
+  }
+}
+
+TEST(FieldContact, MeasuresTheWholeToolWhenAllOfItIsInside) {
+  const Tool tool = test::random_tool(300, 0.05, 9);
+  const Plane<double> wall{{0, 0, -1}, -0.5};
+  const FrozenField scene = plane(wall);
+  const auto query = make_query(tool, scene);
+  const Pose deep{{0, 0, 0.65}, axis_angle({1, 2, 3}, 0.7)};
+  for (const ContactOptions& options : {kOwn, kRepresented}) {
+    const double volume = full_volume(tool, options);
+    const Penetration got = query->query(deep, options);
+    EXPECT_NEAR(got.volume / volume, 1, 1e-5);
+    EXPECT_NEAR(got.measure_W.force.z / volume, -1, 0.05);
+    EXPECT_EQ(got.num_inside_spheres, 300);
+  }
+}
+
+// A flat surface cuts every sphere by an exact cap; only spheres felt in parts are approximate.
+TEST(FieldContact, HalfSpaceAgreesWithCaps) {
+  const Tool tool = test::random_tool(400, 0.05, 10);
+  const Vec3d n = normalized(Vec3d{0.2, -0.3, -1});
+  const Plane<double> wall{n, dot(n, {0, 0, 0.6})};
+  const FrozenField scene = plane(wall);
+  const auto query = make_query(tool, scene);
+  const double all = full_volume(tool, SphereVolumes::own);
+  Random random(11);
+  for (int i = 0; i < 100; ++i) {
+    const Pose X_WT{
+        {random.uniform(-0.05, 0.05), random.uniform(-0.05, 0.05), random.uniform(0.52, 0.68)},
+        random.rotation(3.0)};
+    double volume = 0;
+    for (const Sphere& s : tool.spheres()) {
+      volume += cap_volume(static_cast<double>(s.radius),
+                           dot(n, X_WT * to_double(s.centre)) - wall.offset);
+    }
+    const Penetration got = query->query(X_WT, kOwn);
+    EXPECT_NEAR(got.volume, volume, 5e-3 * all);
+    // Deep spheres are pushed by up to 5 % more, in the same direction.
+    EXPECT_NEAR(norm(cross(got.measure_W.force, n)), 0, 2e-3 * all);
+    EXPECT_NEAR(dot(got.measure_W.force, n), got.volume, 0.05 * got.volume + 1e-4 * all);
+  }
+}
+
+TEST(FieldContact, AnyThreadsAndInstructionSetsGiveTheSameBits) {
+  const FrozenField scene = rough_wall(12);
+  const Tool tool = test::random_tool(900, 0.06, 13);
+  Random random(14);
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT = random_pose(random);
+    const Penetration want = make_query(tool, scene, Isa::baseline)->query(X_WT, kRepresented);
+    for (const Isa isa : isas()) {
+      for (const int threads : {1, 3}) {
+        ThreadPool pool(threads);
+        const auto query = make_query(tool, scene, isa, &pool);
+        query->query({{0, 0, 0.6}, {}}, kOwn);  // what was asked before does not matter
+        const Penetration got = query->query(X_WT, kRepresented);
+        EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(Wrench)), 0);
+        EXPECT_EQ(got.volume, want.volume);
+        EXPECT_EQ(got.potential, want.potential);
+      }
+    }
+  }
+}
+
+TEST(FieldContact, AllocatesNothing) {
+  const FrozenField scene = rough_wall(15);
+  const Tool tool = test::random_tool(100, 0.06, 16);
+  const auto query = make_query(tool, scene);
+  const test::AllocationCounter counter;
+  for (int i = 0; i < 10; ++i) query->query({{0, 0, 0.55 + 0.01 * i}, {}}, kRepresented);
+  EXPECT_EQ(counter.count(), 0);
+}
+
+TEST(FieldContact, StatesAndPlanesDescribeTheLastQuery) {
+  const Tool tool = test::random_tool(100, 0.05, 17);
+  const Plane<double> wall{{0, 0, -1}, -0.6};
+  const FrozenField scene = plane(wall);
+  const auto query = make_query(tool, scene);
+  const Pose X_WT{{0, 0, 0.6}, axis_angle({1, 1, 0}, 0.4)};
+  for (const ContactOptions& options : {kOwn, kRepresented}) {
+    const Penetration got = query->query(X_WT, options);
+    int num_inside = 0, num_boundary = 0;
+    for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
+      const Sphere ball = felt_ball(tool, id, options.counted());
+      const double distance = 0.6 - (X_WT * to_double(ball.centre)).z;
+      const double r = ball.radius;
+      const SphereState state = query->states()[id];
+      num_inside += state == SphereState::inside;
+      num_boundary += state == SphereState::boundary;
+      if (std::abs(std::abs(distance) - r) < 1e-6) continue;
+      EXPECT_EQ(state, distance >= r   ? SphereState::outside
+                       : distance > -r ? SphereState::boundary
+                                       : SphereState::inside);
+      if (state == SphereState::outside) continue;
+      const Plane<float>& cut = query->planes()[id];
+      const Vec3d n_W = rotate(X_WT.rotation, to_double(cut.normal));
+      EXPECT_NEAR(norm(n_W - wall.normal), 0, 1e-4);
+      EXPECT_NEAR(
+          dot(to_double(cut.normal), to_double(ball.centre)) - static_cast<double>(cut.offset),
+          distance, 1e-5 + (distance < -1.3 * r ? -0.35 * distance : 0));
+    }
+    EXPECT_EQ(num_inside, got.num_inside_spheres);
+    EXPECT_EQ(num_boundary, got.num_boundary_spheres);
+  }
+}
+
+// A ball is what its sphere stands for as long as it need not grow by more than half.
+TEST(FieldElements, AreAsLargeAsWhatTheyStandFor) {
+  const Tool tool = test::random_tool(400, 0.05, 24);
+  int num_grown = 0;
+  for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
+    const Sphere sphere = tool.spheres()[id], own = felt_ball(tool, id, SphereVolumes::own);
+    EXPECT_EQ(own.centre, sphere.centre);
+    EXPECT_EQ(own.radius, sphere.radius);
+    const Sphere ball = felt_ball(tool, id, SphereVolumes::represented);
+    const double volume = tool.represented_volumes()[id], r = ball.radius;
+    EXPECT_EQ(ball.centre, sphere.centre);
+    EXPECT_LE(r, 1.50001 * static_cast<double>(sphere.radius));
+    EXPECT_GE(ball.radius, sphere.radius);
+    if (r > 1.49999 * static_cast<double>(sphere.radius)) continue;
+    EXPECT_NEAR(sphere_volume(r), volume, 1e-5 * volume);
+    ++num_grown;
+  }
+  EXPECT_GT(num_grown, 0);
+  for (const SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
+    const FieldElements elements(tool, volumes);
+    double sum = 0, counted = 0;
+    Vec3d first;
+    for (std::size_t i = 0; i < elements.radius.size(); ++i) {
+      const double volume = static_cast<double>(elements.factor[i]) *
+                            sphere_volume(static_cast<double>(elements.radius[i]));
+      const SphereClusters& at = elements.clusters;
+      sum += volume;
+      first += volume * to_double(Vec3f{at.x[i], at.y[i], at.z[i]});
+      counted += static_cast<double>(elements.counted[i]);
+    }
+    const double all = full_volume(tool, volumes);
+    EXPECT_NEAR(sum, all, 1e-6 * all);
+    EXPECT_EQ(counted, 400);
+    // Torques are about the centre of mass of the spheres.
+    if (volumes == SphereVolumes::own) {
+      EXPECT_NEAR(norm(first), 0, 1e-8 * all);
+    }
+  }
+}
+
+TEST(FieldContact, BadPosesAndNoFieldGiveNothing) {
+  const Tool tool = test::random_tool(50, 0.05, 18);
+  const FrozenField scene = rough_wall(19);
+  const auto query = make_query(tool, scene);
+  const Penetration bad = query->query({{0, 0, NAN}, {}}, kOwn);
+  EXPECT_EQ(bad.volume, 0);
+  EXPECT_EQ(bad.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+  // Far away, behind the camera, and large numbers.
+  for (const Vec3d& p : {Vec3d{0, 0, -3}, {1e9, 0, 1}, {0, 0, 0}, {0, 1e30, 1e30}}) {
+    const Penetration far = query->query({p, {}}, kOwn);
+    EXPECT_EQ(far.volume, 0) << p.x << " " << p.z;
+    EXPECT_TRUE(std::isfinite(norm(far.measure_W.force)));
+  }
+  query->set_field({});
+  EXPECT_EQ(query->query({{0, 0, 0.6}, {}}, kOwn).volume, 0);
+}
+
+}  // namespace
+}  // namespace palpate
