@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test bench packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
+.PHONY: help setup lint format tidy build demo test quick-test golden bench packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -36,6 +36,11 @@ quick-test:  ## only rebuild and test: make quick-test [ROOM=contact]
 	cmake --preset release
 	cmake --build --preset release -j $(JOBS) $(if $(ROOM),--target tests/$(ROOM)/all)
 	scripts/test.sh release $(ROOM)
+
+golden:  ## write tests/contact/golden.txt anew: the bits of a few fixed measurements; says what moved
+	cmake --preset release
+	cmake --build --preset release -j $(JOBS) --target test_golden
+	build/release/bin/test_golden --renew
 
 bench:  ## run the benchmarks: make bench [PEERS=1]
 	scripts/setup.sh $(if $(PEERS),--peers)

@@ -1,0 +1,217 @@
+// Bits of a few fixed measurements, by all methods: a change of the arithmetic is seen here, wanted
+// or not. `make golden` writes golden.txt anew and says what moved.
+#include <array>
+#include <bit>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "palpate/cloud/surface_estimator.h"
+#include "palpate/contact/blended_query.h"
+#include "tests/test_util/contact_scenes.h"
+
+namespace palpate {
+namespace {
+
+bool is_renewed = false;
+const std::string kFile = PALPATE_SOURCE_DIR "/tests/contact/golden.txt";
+
+constexpr int kWidth = 160, kHeight = 120;
+const Intrinsics kCamera{140, 140, 79.5, 59.5};
+
+/// A near surface of the shape of an L before a wall, as a depth camera sees it.
+DepthFrame frame_of(int shift) {
+  DepthFrame frame{kWidth, kHeight, 0.001, {}, 0};
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      const bool is_near = u > 50 && v > 30 && (u < 80 || v > 65) && u + v < 190;
+      const int bump = (u * u / 37 + v * v / 53 + u * v / 71) % 12;
+      const bool is_hole = (u * 31 + v * 17) % 97 == 0;
+      const int depth = (is_near ? 560 : 680) + bump - shift;
+      frame.pixels.push_back(static_cast<std::uint16_t>(is_hole ? 0 : depth));
+    }
+  }
+  return frame;
+}
+
+class Seen {
+ public:
+  explicit Seen(int shift)
+      : estimator_(SurfaceEstimator::create(kWidth, kHeight, kCamera, with_edges()).value()),
+        field_(DepthField::create(kWidth, kHeight).value()) {
+    ThreadPool pool(1);
+    estimator_.update(frame_of(shift), pool);
+    field_.update(estimator_.cloud(), pool);
+  }
+  Surfaces surfaces() const { return {estimator_.cloud(), field_.view()}; }
+
+ private:
+  static SurfaceOptions with_edges() {
+    SurfaceOptions options;
+    options.depth_change.enabled = true;
+    return options;
+  }
+
+  SurfaceEstimator estimator_;
+  DepthField field_;
+};
+
+std::vector<Pose> poses() {
+  test::Random random(11);
+  std::vector<Pose> all;
+  for (int i = 0; i < 24; ++i) {
+    const double x = random.uniform(-0.06, 0.06), y = random.uniform(-0.05, 0.05);
+    all.push_back({{x, y, random.uniform(0.53, 0.6)}, random.rotation(3.0)});
+  }
+  return all;
+}
+
+/// Of a sequence of numbers, by their bits (FNV-1a).
+struct Hash {
+  std::uint64_t value = 0xcbf29ce484222325;
+
+  void add(double number) {
+    const auto bytes = std::bit_cast<std::array<unsigned char, sizeof number>>(number);
+    for (const unsigned char byte : bytes) value = (value ^ byte) * 0x100000001b3;
+  }
+  void add(const Vec3d& v) {
+    for (int axis = 0; axis < 3; ++axis) add(v[axis]);
+  }
+};
+
+/// All results of a run as one number, and two that tell how far they moved if it is another.
+struct Result {
+  std::string hash;
+  double volume = 0, force = 0;
+};
+
+struct Case {
+  std::string name;
+  ContactOptions options;
+  bool is_blended = false;
+};
+
+std::vector<Case> cases() {
+  using enum InsideMethod;
+  std::vector<Case> all{
+      {"weighted", {.method = weighted}},
+      {"weighted-count", {.method = weighted, .priority = Priority::count}},
+      {"weighted-represented", {.method = weighted, .volumes = SphereVolumes::represented}},
+      {"simplified", {.method = simplified}},
+      {"simplified-count", {.method = simplified, .priority = Priority::count}},
+      {"graph-full", {.method = graph}},
+      {"graph-cap", {.method = graph, .inside = InsideVolume::cap}},
+      {"field", {.method = field}},
+      {"field-own", {.method = field, .volumes = SphereVolumes::own}},
+      {"blended-weighted", {.method = weighted}, true},
+      {"blended-simplified", {.method = simplified}, true},
+      {"blended-graph", {.method = graph}, true},
+      {"blended-field", {.method = field}, true},
+  };
+  const std::pair<const char*, InsideMethod> methods[] = {
+      {"weighted", weighted}, {"simplified", simplified}, {"graph", graph}};
+  for (const auto& [name, method] : methods) {
+    for (const auto& [ending, edges] :
+         {std::pair{"centre", Edges::centre}, {"strict", Edges::strict}, {"cut", Edges::cut}}) {
+      all.push_back({name + std::string("-edges-") + ending, {.method = method, .edges = edges}});
+    }
+    for (const auto& [ending, continuity] : {std::pair{"kernel", Continuity::kernel},
+                                             {"entry", Continuity::entry},
+                                             {"both", Continuity::both}}) {
+      all.push_back({name + std::string("-") + ending,
+                     {.method = method, .edges = Edges::cut, .continuity = continuity}});
+    }
+  }
+  return all;
+}
+
+Result run(const Case& c) {
+  static const Tool tool = test::random_tool(300, 0.03, 5);
+  static const Seen from(0), to(6);
+  BlendedQuery query(make_contact_query(Backend::cpu, tool).value());
+  query.set_moment({from.surfaces(), to.surfaces(), c.is_blended ? 0.3 : 1.0});
+  Result result;
+  Hash hash;
+  for (const Pose& X_WT : poses()) {
+    const Penetration p = query.query(X_WT, c.options);
+    hash.add(p.volume);
+    hash.add(p.measure_W.force);
+    hash.add(p.measure_W.torque);
+    hash.add(p.potential);
+    for (const int count : {p.num_boundary_spheres, p.num_inside_spheres, p.num_points}) {
+      hash.add(count);
+    }
+    hash.add(p.status);
+    for (const SphereState state : query.states()) hash.add(static_cast<int>(state));
+    for (const Plane<float>& plane : query.planes()) {
+      hash.add(to_double(plane.normal));
+      hash.add(static_cast<double>(plane.offset));
+    }
+    const Stiffness stiffness = query.stiffness();
+    for (const auto& row : stiffness.m) {
+      for (const double k : row) hash.add(k);
+    }
+    result.volume += p.volume;
+    result.force += norm(p.measure_W.force);
+  }
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash.value));
+  result.hash = text;
+  return result;
+}
+
+std::map<std::string, Result> read_file() {
+  std::map<std::string, Result> all;
+  std::ifstream file(kFile);
+  for (std::string name, hash, volume, force; file >> name >> hash >> volume >> force;) {
+    all[name] = {hash, std::strtod(volume.c_str(), nullptr), std::strtod(force.c_str(), nullptr)};
+  }
+  return all;
+}
+
+void write_file(const std::vector<std::pair<std::string, Result>>& all) {
+  std::ofstream file(kFile);
+  for (const auto& [name, result] : all) {
+    char line[128];
+    std::snprintf(line, sizeof line, "%-26s %s %.9e %.9e\n", name.c_str(), result.hash.c_str(),
+                  result.volume, result.force);
+    file << line;
+  }
+}
+
+TEST(Golden, MeasurementsHaveTheBitsThatWereWrittenDown) {
+  const std::map<std::string, Result> before = read_file();
+  std::vector<std::pair<std::string, Result>> now;
+  for (const Case& c : cases()) {
+    now.push_back({c.name, run(c)});
+    const Result& got = now.back().second;
+    EXPECT_GT(got.volume, 0) << c.name;
+    const auto it = before.find(c.name);
+    if (it != before.end() && it->second.hash == got.hash) continue;
+    char text[160] = "is new";
+    if (it != before.end()) {
+      std::snprintf(text, sizeof text,
+                    "has other bits: volume changes by %.1e, force by %.1e of it",
+                    got.volume / it->second.volume - 1, got.force / it->second.force - 1);
+    }
+    if (is_renewed) {
+      std::printf("%s %s\n", c.name.c_str(), text);
+    } else {
+      ADD_FAILURE() << c.name << ' ' << text << "; if that is wanted: make golden";
+    }
+  }
+  if (is_renewed) write_file(now);
+}
+
+}  // namespace
+}  // namespace palpate
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  palpate::is_renewed = argc > 1 && std::strcmp(argv[1], "--renew") == 0;
+  return RUN_ALL_TESTS();
+}
