@@ -16,11 +16,11 @@
 
 #include "bench/haptic_setup.h"
 #include "palpate/devices/simulated_device.h"
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 #include "palpate/session/names.h"
 #include "src/core/monotonic_clock.h"
 #include "src/devices/tick_thread.h"
-#include "src/haptics/real_time.h"
+#include "src/run/loop/real_time.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate::bench {
@@ -207,7 +207,7 @@ Status soak(const Options& options, const std::string& command) {
     if (!(*loop)->latest(record)) continue;
     most_energy = std::max(most_energy, record.safety.energy);
     most_force = std::max(most_force, norm(record.F_H_B.force));
-    in_contact += record.volume > 0 ? 1 : 0;
+    in_contact += record.penetration.volume > 0 ? 1 : 0;
     ++looked;
   }
   const std::size_t num_allocations = allocations.count();

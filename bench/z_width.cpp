@@ -17,10 +17,8 @@
 #include <vector>
 
 #include "bench/haptic_setup.h"
-#include "palpate/contact/blended_query.h"
 #include "palpate/devices/simulated_device.h"
-#include "palpate/haptics/coupling.h"
-#include "palpate/haptics/safety.h"
+#include "palpate/run/pipeline.h"
 #include "scenes/environment.h"
 
 namespace palpate::bench {
@@ -154,48 +152,39 @@ Pose pressing_hand(double t) {
   return {{0.03 * eased(t - 1), 0, 0.015 * eased(t)}, {}};
 }
 
-/// Contact on a simulated clock: frames arrive when they are captured, and a contact is known one
+/// A run on a simulated clock: frames arrive when they are captured, and a contact is known one
 /// tick after its pose.
-class Contact {
+class Touch {
  public:
-  Contact(const Tool& tool, const Place& place, TimeMode mode, double force_at_eighth)
-      : tool_(tool),
-        place_(place),
-        timeline_(make_timeline(place, mode)),
-        query_(make_contact_query(Backend::cpu, tool).value()),
-        scale_(thesis_force_scale(force_at_eighth, tool.mesh_mass().volume)) {}
+  Touch(const Tool& tool, const Place& place, const DeviceInfo& device,
+        const HapticSettings& settings)
+      : place_(place), pipeline_(Pipeline::create(tool, place.stream, device, settings).value()) {}
 
   /// True if a frame has arrived.
   bool look(double time) {
     bool is_arrival = false;
     for (; next_ < place_.frames.size() && place_.frames[next_].timestamp <= time; ++next_) {
-      timeline_.push(place_.frames[next_], place_.frames[next_].timestamp, pool_);
+      pipeline_.push(place_.frames[next_], place_.frames[next_].timestamp);
       is_arrival = next_ > 0;
     }
     return is_arrival;
   }
-  LocalContact measure(const Pose& X_WT, double time) {
-    query_.set_moment(timeline_.at(time));
-    const Penetration penetration = query_.query(X_WT, {});
-    return local_contact(penetration, penetration.volume > 0 ? query_.stiffness() : Stiffness{},
-                         X_WT, tool_.sphere_mass().centre_of_mass, scale_, time, 0);
-  }
+  Pipeline& pipeline() { return pipeline_; }
 
  private:
-  static SurfaceTimeline make_timeline(const Place& place, TimeMode mode) {
-    TimeOptions time;
-    time.mode = mode;
-    return SurfaceTimeline::create(place.stream, {}, DepthFieldOptions{}, time).value();
-  }
-
-  const Tool& tool_;
   const Place& place_;
-  ThreadPool pool_{1};
-  SurfaceTimeline timeline_;
-  BlendedQuery query_;
-  ForceScale scale_;
+  Pipeline pipeline_;
   std::size_t next_ = 0;
 };
+
+HapticSettings settings_of(CouplingKind kind, TimeMode mode) {
+  HapticSettings settings;
+  settings.num_threads = 1;
+  settings.time.mode = mode;
+  settings.coupling.kind = kind;
+  settings.safety.max_sensor_age = 3600;  // some places are one frame
+  return settings;
+}
 
 /// Force on the hand at each tick, and what is worth knowing of the run.
 struct Run {
@@ -214,39 +203,25 @@ Run feel(const Tool& tool, const Place& place, const DeviceModel& model, Couplin
   options.target = pressing_hand;
   options.in_real_time = false;
   auto device = SimulatedDevice::create(options).value();
-  CouplingOptions wanted;
-  wanted.kind = kind;
-  wanted.X_WB = place.X_WB;
-  const CouplingOptions checked = check_coupling(wanted, model.limits, kTick).value().options;
-  auto coupling = make_coupling(checked, model.limits, tool.sphere_mass());
-  SafetyFilter safety = SafetyFilter::create(model.limits, {}).value();
-  Contact contact(tool, place, mode, checked.force_at_eighth);
+  HapticSettings settings = settings_of(kind, mode);
+  settings.coupling.X_WB = place.X_WB;
+  Touch touch(tool, place, device->info(), settings);
 
   Run run;
-  run.stiffness = checked.stiffness;
-  LocalContact known;
-  bool has_begun = false, has_arrived = false;
-  double last_contact = 0;
+  run.stiffness = touch.pipeline().coupling().stiffness;
+  bool has_arrived = false;
   const Status started = device->start([&](const DeviceState& state) {
-    if (!std::exchange(has_begun, true)) {
-      coupling->reset(state);
-      last_contact = state.time;
-    }
     // What arrives now is felt at the next tick.
-    run.is_arrival.push_back(std::exchange(has_arrived, contact.look(state.time)));
-    const CouplingStep step = coupling->step(state, known, kTick);
-    const Wrench felt =
-        safety.filter(step.F_H_B, {state.time, state, state.time - last_contact, 0.01, false});
-    known = contact.measure(step.X_WT, state.time);
-    last_contact = state.time;
-
+    run.is_arrival.push_back(std::exchange(has_arrived, touch.look(state.time)));
+    const HapticRecord& tick = touch.pipeline().tick(state);
     run.times.push_back(state.time);
-    run.force.push_back(felt.force);
-    run.largest_force = std::max(run.largest_force, norm(felt.force));
-    run.observed_energy = std::max(run.observed_energy, safety.status().energy);
+    run.force.push_back(tick.F_H_B.force);
+    run.largest_force = std::max(run.largest_force, norm(tick.F_H_B.force));
+    run.observed_energy = std::max(run.observed_energy, tick.safety.energy);
     run.given_energy = std::max(run.given_energy, device->energy_given());
-    run.stretch = std::max(run.stretch, step.stretch);
-    return felt;
+    run.stretch = std::max(run.stretch, tick.step.stretch);
+    run.fault = tick.safety.fault;
+    return tick.F_H_B;
   });
   if (!started) return run;
   device->run(static_cast<int>(seconds / kTick) - 500);
@@ -257,7 +232,6 @@ Run feel(const Tool& tool, const Place& place, const DeviceModel& model, Couplin
     sum += dot(v, v);
   }
   run.rattle = std::sqrt(sum / 500);
-  run.fault = safety.status().fault;
   return run;
 }
 
@@ -324,14 +298,16 @@ Steps steps_of(const Run& run) {
 }
 
 /// The tool held fast: the force of contact itself.
-Run held_fast(const Tool& tool, const Place& place, const Pose& X_WT, double force_at_eighth,
+Run held_fast(const Tool& tool, const Place& place, const Pose& X_WT, const DeviceModel& model,
               TimeMode mode) {
-  Contact contact(tool, place, mode, force_at_eighth);
+  DeviceInfo device;
+  device.limits = model.limits;
+  Touch touch(tool, place, device, settings_of(CouplingKind::none, mode));
   Run run;
   for (double time = 0; time <= place.frames.back().timestamp; time += kTick) {
     run.times.push_back(time);
-    run.is_arrival.push_back(contact.look(time));
-    run.force.push_back(contact.measure(X_WT, time).F_C_W.force);
+    run.is_arrival.push_back(touch.look(time));
+    run.force.push_back(touch.pipeline().measure(X_WT, time).contact.F_C_W.force);
     run.largest_force = std::max(run.largest_force, norm(run.force.back()));
   }
   return run;
@@ -377,7 +353,7 @@ void arrivals(const Tool& tool, const Place& place, std::FILE* csv) {
   const std::pair<const char*, TimeMode> modes[] = {{"latest", TimeMode::latest},
                                                     {"interpolate", TimeMode::interpolate},
                                                     {"predict", TimeMode::predict}};
-  const Run latest = held_fast(tool, place, X_WT, model.limits.max_force, TimeMode::latest);
+  const Run latest = held_fast(tool, place, X_WT, model, TimeMode::latest);
   const std::pair<const char*, std::optional<CouplingKind>> ways[] = {
       {"contact, tool held fast", std::nullopt},
       {"hand, direct", CouplingKind::direct},
@@ -386,7 +362,7 @@ void arrivals(const Tool& tool, const Place& place, std::FILE* csv) {
     double first = 0;
     for (const auto& [name, mode] : modes) {
       const Run run = kind ? feel(tool, place, model, *kind, mode, 4)
-                           : held_fast(tool, place, X_WT, model.limits.max_force, mode);
+                           : held_fast(tool, place, X_WT, model, mode);
       const Steps steps = steps_of(run);
       const double lag = kind ? NAN : lag_of(run, latest) * 1e3;
       if (mode == TimeMode::latest) first = steps.arrival;

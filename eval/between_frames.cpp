@@ -5,7 +5,7 @@
 
 #include "eval/parallel.h"
 #include "palpate/cloud/cloud_blend.h"
-#include "palpate/contact/blended_query.h"
+#include "palpate/run/pipeline.h"
 
 namespace palpate::eval {
 namespace {
@@ -38,13 +38,14 @@ class PointMixer {
 Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>& methods,
                                    Work& work) {
   const Touch& touch = *trial.touch;
-  auto timeline = SurfaceTimeline::create(touch.stream, {}, DepthFieldOptions{}, trial.time);
+  HapticSettings settings;  // with a field and points, for all methods
+  settings.time = trial.time;
+  auto timeline = make_surfaces(touch.stream, settings);
   if (!timeline) return timeline.error();
   auto mixer = PointMixer::create(touch.stream, trial.time.max_jump);
   if (!mixer) return mixer.error();
-  auto inner = make_contact_query(Backend::cpu, *touch.tool);
-  if (!inner) return inner.error();
-  BlendedQuery query(*std::move(inner));
+  auto part = make_contact_part(*touch.tool, settings, {});
+  if (!part) return part.error();
   ThreadPool pool(1);
   std::vector<Felt> felt(methods.size());
   const double begin = touch.frames.front().timestamp, end = touch.frames.back().timestamp;
@@ -57,12 +58,15 @@ Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>
       work.step();
       is_arrival = next > 0;
     }
-    const SurfaceMoment moment = timeline->at(now);
-    query.set_moment(trial.mixing == Mixing::points ? mixer->mix(moment, pool) : moment);
-    const Pose X_WT = touch.X_WT(k * kTick);
+    SurfaceMoment moment = timeline->at(now);
+    if (trial.mixing == Mixing::points) moment = mixer->mix(moment, pool);
+    ContactRecord contact;
+    contact.X_WT = touch.X_WT(k * kTick);
     for (std::size_t m = 0; m < methods.size(); ++m) {
       const ContactOptions& options = methods[m].options;
-      felt[m].force.push_back(query.query(X_WT, options).measure_W.force /
+      (*part)->use(options, {});
+      (*part)->measure(moment, contact);
+      felt[m].force.push_back(contact.penetration.measure_W.force /
                               full_volume(*touch.tool, options));
       felt[m].is_arrival.push_back(is_arrival);
     }

@@ -27,8 +27,9 @@ BELOW = {
     "contact": ("field", "tool"),
     "io": ("contact",),
     "haptics": ("contact",),
+    "run": ("haptics",),
     "devices": ("haptics", "io"),
-    "session": ("io", "haptics", "devices"),
+    "session": ("io", "run", "devices"),
     "viewer": ("session",),
     "scenes": ("mesh", "cloud"),
     "eval": ("session", "scenes"),
@@ -39,7 +40,7 @@ READ_EVERYTHING = ("tests", "bench")
 # Private headers that more than one room may include.
 SHARED_PRIVATE = {
     "src/core/range.h": ("cloud", "haptics", "devices"),
-    "src/core/monotonic_clock.h": ("haptics", "devices", "viewer"),
+    "src/core/monotonic_clock.h": ("run", "devices", "viewer"),
     "src/session/haptic_settings.h": ("viewer",),
     "src/session/haptic_messages.h": ("viewer",),
     "src/session/html_page.h": ("eval",),

@@ -23,6 +23,7 @@ std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const De
   switch (options.kind) {
     case CouplingKind::direct: return make_direct_coupling(options, tool);
     case CouplingKind::proxy: return make_proxy_coupling(options, limits, tool);
+    case CouplingKind::none: return make_no_coupling(options, tool);
     case CouplingKind::virtual_coupling: break;
   }
   return make_virtual_coupling(options, limits, tool);

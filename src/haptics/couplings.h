@@ -1,4 +1,4 @@
-// The three kinds behind make_coupling.
+// The kinds behind make_coupling.
 #pragma once
 
 #include "src/haptics/held_contact.h"
@@ -17,6 +17,8 @@ std::unique_ptr<Coupling> make_virtual_coupling(const CouplingOptions& options,
                                                 const MassProperties& tool);
 std::unique_ptr<Coupling> make_direct_coupling(const CouplingOptions& options,
                                                const MassProperties& tool);
+std::unique_ptr<Coupling> make_no_coupling(const CouplingOptions& options,
+                                           const MassProperties& tool);
 std::unique_ptr<Coupling> make_proxy_coupling(const CouplingOptions& options,
                                               const DeviceLimits& limits,
                                               const MassProperties& tool);

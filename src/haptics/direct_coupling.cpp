@@ -1,5 +1,5 @@
-// The tool is at the hand, which feels the contact itself: a penalty method, as stiff as the
-// contact.
+// The tool is at the hand: which feels the contact itself (a penalty method, as stiff as the
+// contact), or nothing.
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
 
@@ -48,7 +48,41 @@ class DirectCoupling final : public Coupling {
   Pose X_WT_;
 };
 
+/// The tool is moved, and what it meets is told.
+class NoCoupling final : public Coupling {
+ public:
+  NoCoupling(const CouplingOptions& options, const MassProperties& tool)
+      : hand_(options, tool.centre_of_mass) {}
+
+  void reset(const DeviceState& state) noexcept override { hand_.follow(state); }
+  void take_over(const CouplingState& state) noexcept override { hand_.take_over(state); }
+  CouplingState state() const noexcept override {
+    const HeldTool& held = hand_.held();
+    return {hand_.X_BH(), held.X_WT, held.X_WT, {held.velocity.linear, held.velocity.angular}};
+  }
+  CouplingStep step(const DeviceState& state, const LocalContact& contact,
+                    double) noexcept override {
+    CouplingStep step;
+    step.X_WT = step.X_WT_hand = hand_.follow(state).X_WT;
+    step.contact_W = contact.at(step.X_WT);
+    return step;
+  }
+  bool is_felt() const noexcept override { return false; }
+
+ private:
+  Hand hand_;
+};
+
 }  // namespace
+
+Pose prescribed_pose(const CouplingOptions& options, const DeviceState& state) noexcept {
+  return Hand(options, {}).follow(state).X_WT;
+}
+
+std::unique_ptr<Coupling> make_no_coupling(const CouplingOptions& options,
+                                           const MassProperties& tool) {
+  return std::make_unique<NoCoupling>(options, tool);
+}
 
 std::unique_ptr<Coupling> make_direct_coupling(const CouplingOptions& options,
                                                const MassProperties& tool) {

@@ -6,7 +6,7 @@
 #include <concepts>
 #include <type_traits>
 
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 
 namespace palpate {
 
@@ -76,27 +76,6 @@ void visit_fields(T& safety, auto&& visit) {
   visit("num_limited", safety.num_limited);
 }
 
-template <Of<HapticRecord> T>
-void visit_fields(T& tick, auto&& visit) {
-  visit("number", tick.number);
-  visit("time", tick.time);
-  visit("dt", tick.dt);
-  visit("device", tick.device);
-  visit("coupling", tick.step);
-  visit("felt", tick.F_H_B);
-  visit("safety", tick.safety);
-  visit("volume", tick.volume);
-  visit("contact_age", tick.contact_age);
-  visit("sensor_age", tick.sensor_age);
-  visit("contact_number", tick.contact_number);
-  visit("frame_number", tick.frame_number);
-  visit("is_stopping", tick.is_stopping);
-  visit("has_sensor_failed", tick.has_sensor_failed);
-  visit("has_backend_failed", tick.has_backend_failed);
-  visit("compute_nanoseconds", tick.compute_nanoseconds);
-  visit.optional("revision", tick.revision);
-}
-
 template <Of<Penetration> T>
 void visit_fields(T& penetration, auto&& visit) {
   visit("volume", penetration.volume);
@@ -106,6 +85,29 @@ void visit_fields(T& penetration, auto&& visit) {
   visit("num_inside_spheres", penetration.num_inside_spheres);
   visit("num_points", penetration.num_points);
   visit("status", penetration.status);
+}
+
+template <Of<HapticRecord> T>
+void visit_fields(T& tick, auto&& visit) {
+  visit("number", tick.number);
+  visit("time", tick.time);
+  visit("dt", tick.dt);
+  visit("device", tick.device);
+  visit("coupling", tick.step);
+  visit("felt", tick.F_H_B);
+  visit("safety", tick.safety);
+  visit("penetration", tick.penetration);
+  visit("objects", tick.objects);
+  visit("num_object_pairs", tick.num_object_pairs);
+  visit("contact_age", tick.contact_age);
+  visit("sensor_age", tick.sensor_age);
+  visit("contact_number", tick.contact_number);
+  visit("frame_number", tick.frame_number);
+  visit("is_stopping", tick.is_stopping);
+  visit("has_sensor_failed", tick.has_sensor_failed);
+  visit("has_backend_failed", tick.has_backend_failed);
+  visit("compute_nanoseconds", tick.compute_nanoseconds);
+  visit.optional("revision", tick.revision);
 }
 
 template <Of<LocalContact> T>
@@ -132,6 +134,8 @@ void visit_fields(T& record, auto&& visit) {
   visit("has_new_stiffness", record.has_new_stiffness);
   visit("tool", record.X_WT);
   visit("penetration", record.penetration);
+  visit("objects", record.objects);
+  visit("num_object_pairs", record.num_object_pairs);
   visit("contact", record.contact);
   visit.optional("revision", record.revision);
 }

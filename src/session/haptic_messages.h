@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/haptics/haptic_loop.h"
 #include "palpate/io/mcap_file.h"
+#include "palpate/run/haptic_loop.h"
 #include "palpate/session/probe_choice.h"
 #include "palpate/session/run_folder.h"
 

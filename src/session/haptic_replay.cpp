@@ -101,18 +101,17 @@ class Repetition {
  public:
   /// `kept` may be null.
   Repetition(const Tool& tool, SafetyFilter safety, int num_threads, RepeatedRun* kept)
-      : tool_(tool),
-        kept_(kept),
-        contacts_(tool.sphere_mass().centre_of_mass, num_threads),
-        ticks_(std::move(safety)) {}
+      : tool_(tool), kept_(kept), contacts_(num_threads), ticks_(std::move(safety)) {}
 
   /// The settings of the run, then those that followed while it went on.
   Status take(const HapticSetup& setup) {
     if (setup.revision != num_settings_) return missing_settings();
-    auto parts = make_revision(tool_, setup, num_settings_ > 0 ? &settings_ : nullptr);
+    RunPartsOptions options;
+    if (num_settings_ > 0) options.before = &settings_;
+    auto parts = make_run_parts(tool_, setup.stream, setup.device, setup.settings, options);
     if (!parts) return parts.error();
-    contacts_.add(setup.revision, *parts);
-    ticks_.add(setup.revision, *parts);
+    contacts_.add(setup, *parts);
+    ticks_.add(setup, *parts);
     settings_ = setup.settings;
     ++num_settings_;
     if (kept_ != nullptr) kept_->add(setup);
@@ -138,7 +137,7 @@ class Repetition {
       auto contact = read_contact(message);
       if (!contact) return contact.error();
       if (contact->revision >= num_settings_) return missing_settings();
-      known_[contact->number] = contact->contact;
+      known_[contact->number] = *contact;
       if (can_repeat_contacts_) waiting_contacts_.push_back({*contact, std::string(message)});
     } else if (topic == kTickTopic && can_repeat_ticks_) {
       auto tick = read_tick(message);
@@ -206,7 +205,7 @@ class Repetition {
         return end_ticks("contacts");
       }
       const HapticRecord repeated =
-          ticks_.repeat(recorded, is_measured ? known_.begin()->second : LocalContact{});
+          ticks_.repeat(recorded, is_measured ? known_.begin()->second : ContactRecord{});
       if (kept_ != nullptr) kept_->add(repeated);
       outcome_.difference =
           difference("tick " + std::to_string(recorded.number), message, tick_message(repeated));
@@ -221,7 +220,7 @@ class Repetition {
   TickRepetition ticks_;
   HapticSettings settings_;  // the newest
   std::uint32_t num_settings_ = 0;
-  std::map<std::uint64_t, LocalContact> known_;  // by number
+  std::map<std::uint64_t, ContactRecord> known_;  // by number
   std::deque<Waiting<ContactRecord>> waiting_contacts_;
   std::deque<Waiting<HapticRecord>> waiting_ticks_;
   std::uint64_t num_seen_ = 0;

@@ -106,7 +106,7 @@ std::string felt_plots(const Tool& tool, const HapticLog& log, const LinePlot& b
   volume.right_factor = 100 / (full_volume(tool, log.setup.settings.contact) * unit.factor);
   volume.right_label = "% of the tool";
   volume.lines.push_back({"penetration volume", "series1", series(log, [&](const auto& tick) {
-                            return tick.volume * unit.factor;
+                            return tick.penetration.volume * unit.factor;
                           })});
   html += figure(draw(volume), "How much of the tool lies behind the surface.");
 

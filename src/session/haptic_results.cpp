@@ -26,8 +26,9 @@ void HapticResults::add_tick(const HapticRecord& tick) {
   const auto& [p, q] = tick.step.X_WT;
   line_.clear();
   append_row(line_, ',', tick.time, force.x, force.y, force.z, torque.x, torque.y, torque.z,
-             tick.volume, p.x, p.y, p.z, q.x, q.y, q.z, q.w, tick.step.stretch, tick.contact_age,
-             tick.sensor_age, tick.safety.gain, static_cast<int>(tick.safety.fault));
+             tick.penetration.volume, p.x, p.y, p.z, q.x, q.y, q.z, q.w, tick.step.stretch,
+             tick.contact_age, tick.sensor_age, tick.safety.gain,
+             static_cast<int>(tick.safety.fault));
   csv_ << line_;
   series_.add(tick);
   peaks_.add(tick);

@@ -31,7 +31,7 @@ void HapticPeaks::add(const HapticRecord& tick) {
   torque = std::max(torque, norm(tick.F_H_B.torque));
   wanted_force = std::max(wanted_force, norm(tick.step.F_H_B.force));
   stretch = std::max(stretch, tick.step.stretch);
-  volume = std::max(volume, tick.volume);
+  volume = std::max(volume, tick.penetration.volume);
   energy = std::max(energy, tick.safety.energy);
   spring_energy = std::max(spring_energy, tick.step.energy);
   num_engaged += tick.safety.is_engaged ? 1 : 0;

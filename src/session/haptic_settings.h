@@ -6,7 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 #include "palpate/session/names.h"
 
 namespace palpate {

@@ -55,12 +55,6 @@ Result<SurfaceTimeline> timeline_for(const DepthStreamInfo& stream, const RunSet
 
 }  // namespace
 
-Error lost_backend() {
-  return {Errc::unavailable,
-          "the GPU did not answer a query in time or is lost; check it with nvidia-smi, or use the "
-          "CPU (--backend cpu)"};
-}
-
 Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool& tool,
                                          ThreadPool& pool) {
   ContactCapacities capacities;

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 
 namespace palpate {
 

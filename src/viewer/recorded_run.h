@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 #include "palpate/viewer/view_source.h"
 
 namespace palpate {

@@ -38,32 +38,28 @@ int num_lead_frames(const TimeOptions& time) {
 Repetition::Repetition(RecordedRun& run) : run_(run), frames_(run), pool_(0) {}
 
 /// On the backend of the run if it is there.
-Status Repetition::make_query(const HapticSettings& settings) {
-  ContactCapacities capacities;
-  capacities.gpu = settings.contact_gpu;
+Status Repetition::make_part(HapticSettings settings) {
   backend_ = settings.backend;
-  auto query = make_contact_query(backend_, run_.tool(), capacities);
-  if (!query && backend_ != Backend::cpu) {
-    backend_ = Backend::cpu;
+  auto part = make_contact_part(run_.tool(), settings, {});
+  if (!part && backend_ != Backend::cpu) {
+    settings.backend = backend_ = Backend::cpu;
     note_ = "the run was computed on a GPU; it is shown as the CPU computes it";
-    query = make_contact_query(backend_, run_.tool());
+    part = make_contact_part(run_.tool(), settings, {});
   }
-  if (!query) return query.error();
-  query_ = std::make_unique<BlendedQuery>(*std::move(query));
+  if (!part) return part.error();
+  part_ = *std::move(part);
   return Done{};
 }
 
 Status Repetition::prepare(std::size_t first, const HapticSettings& settings) {
   timeline_.reset();
-  if (query_ == nullptr) {
-    if (const Status status = make_query(settings); !status) return status;
+  if (part_ == nullptr) {
+    if (const Status status = make_part(settings); !status) return status;
   }
-  TimeOptions time = settings.time;
-  if (first > 0 && run_.period_after(first) > 0) time.first_period = run_.period_after(first);
-  std::optional<DepthFieldOptions> field;
-  if (settings.contact.method == InsideMethod::field) field = settings.field;
-  auto timeline = SurfaceTimeline::create(run_.stream(), settings.surface, field, time,
-                                          {backend_, settings.sensing_gpu});
+  HapticSettings used = settings;
+  used.backend = backend_;
+  if (first > 0 && run_.period_after(first) > 0) used.time.first_period = run_.period_after(first);
+  auto timeline = make_surfaces(run_.stream(), used);
   if (!timeline) return timeline.error();
   timeline_ = *std::move(timeline);
   first_ = next_ = first;
@@ -91,16 +87,18 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const HapticSettings&
     timeline_->push((*frame)->shown.frame, clock, pool_);
   }
   if (!timeline_->status()) return timeline_->status().error();
-  asked_ = query;
-  contact_ = settings.contact;
+  asked_.X_WT = query.X_WT;
+  part_->use(settings.contact, {});
   moment_ = timeline_->at(std::max(query.clock, clock));
   const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
   if (query.progress && is_as_recorded) moment_.progress = *query.progress;
-  query_->set_moment(moment_);
   return true;
 }
 
-Penetration Repetition::measure() { return query_->query(asked_.X_WT, contact_); }
+const Penetration& Repetition::measure() {
+  part_->measure(moment_, asked_);
+  return asked_.penetration;
+}
 
 ViewSurface Repetition::surface(std::uint64_t frame_number) const {
   return surface_shown(timeline_->newest_cloud(), moment_.to.cloud, frame_number);

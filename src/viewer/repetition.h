@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "palpate/contact/blended_query.h"
+#include "palpate/run/pipeline.h"
 #include "src/viewer/frame_cache.h"
 
 namespace palpate {
@@ -28,8 +28,8 @@ class Repetition {
   Result<bool> go_to(const RecordedQuery& query, const HapticSettings& settings,
                      const std::function<bool()>& keep_going);
   /// After go_to.
-  Penetration measure();
-  const ContactQuery& query() const { return *query_; }
+  const Penetration& measure();
+  const ContactQuery& query() const { return part_->query(); }
   ViewSurface surface(std::uint64_t frame_number) const;
 
   FrameCache& frames() { return frames_; }
@@ -38,20 +38,19 @@ class Repetition {
 
  private:
   Status prepare(std::size_t first, const HapticSettings& settings);
-  Status make_query(const HapticSettings& settings);
+  Status make_part(HapticSettings settings);
 
   RecordedRun& run_;
   FrameCache frames_;
   ThreadPool pool_;
-  std::unique_ptr<BlendedQuery> query_;
-  Backend backend_ = Backend::cpu;  // of the query
+  std::unique_ptr<ContactPart> part_;
+  Backend backend_ = Backend::cpu;  // of the part
   std::string note_;
 
   std::optional<SurfaceTimeline> timeline_;
   std::string made_with_;             // the settings of the timeline
   std::size_t first_ = 0, next_ = 0;  // frames: pushed from, up to
-  RecordedQuery asked_;
-  ContactOptions contact_;
+  ContactRecord asked_;
   SurfaceMoment moment_;
 };
 

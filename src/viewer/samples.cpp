@@ -7,7 +7,7 @@ ViewSample sample_of(const HapticRecord& tick) {
   sample.time = tick.time;
   sample.F_H_B = tick.F_H_B;
   sample.contact_W = tick.step.contact_W;
-  sample.volume = tick.volume;
+  sample.volume = tick.penetration.volume;
   sample.compute_seconds = 1e-9 * static_cast<double>(tick.compute_nanoseconds);
   sample.contact_age = tick.contact_age;
   sample.sensor_age = tick.sensor_age;

@@ -4,7 +4,7 @@
 #include <deque>
 #include <vector>
 
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 #include "palpate/viewer/view_source.h"
 
 namespace palpate {

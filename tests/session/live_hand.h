@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "palpate/devices/simulated_device.h"
-#include "palpate/haptics/haptic_loop.h"
 #include "palpate/math/sphere.h"
+#include "palpate/run/haptic_loop.h"
 
 namespace palpate::test {
 

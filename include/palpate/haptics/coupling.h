@@ -15,6 +15,7 @@ enum class CouplingKind {
   virtual_coupling,  ///< a spring-damper between hand and a tool with mass: stable, the default
   direct,            ///< the tool is at the hand, which feels the contact itself (penalty)
   proxy,             ///< the tool has no mass and stays where contact and spring balance
+  none,              ///< the tool is where the device has it, whatever it meets; nothing is felt
 };
 
 /// How contact between queries is known.
@@ -77,7 +78,12 @@ class Coupling {
   virtual CouplingState state() const noexcept = 0;
   virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
                             double dt) noexcept = 0;
+  /// Whether the device is given a wrench at all.
+  virtual bool is_felt() const noexcept { return true; }
 };
+
+/// Where a tool without coupling is; a state that is not usable leaves it at the base.
+Pose prescribed_pose(const CouplingOptions& options, const DeviceState& state) noexcept;
 
 /// `options` are checked ones.
 std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 #include "palpate/session/probe_choice.h"
 #include "palpate/session/record_run.h"
 

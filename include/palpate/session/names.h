@@ -78,10 +78,11 @@ inline constexpr std::array<Named<Backend>, 2> kUsedBackendNames{{
     {"cpu", Backend::cpu},
     {"cuda", Backend::cuda},
 }};
-inline constexpr std::array<Named<CouplingKind>, 3> kCouplingNames{{
+inline constexpr std::array<Named<CouplingKind>, 4> kCouplingNames{{
     {"virtual", CouplingKind::virtual_coupling},
     {"direct", CouplingKind::direct},
     {"proxy", CouplingKind::proxy},
+    {"none", CouplingKind::none},
 }};
 inline constexpr std::array<Named<ContactHold>, 2> kContactHoldNames{{
     {"local_model", ContactHold::local_model},

@@ -16,16 +16,10 @@
 #include "palpate/contact/contact_query.h"
 #include "palpate/core/result.h"
 #include "palpate/field/depth_field.h"
+#include "palpate/run/pipeline.h"
 #include "palpate/session/probe_choice.h"
 
 namespace palpate {
-
-/// A rigid object that the tool feels beside the cloud. It stays where it is; the depth frames need
-/// not show it.
-struct SceneObject {
-  std::shared_ptr<const Tool> shape;
-  Pose X_WB;
-};
 
 /// Everything that decides the numbers of a run, beside tool, frames and poses.
 struct RunSettings {
@@ -75,9 +69,6 @@ struct ChosenQuery {
 /// outlive it.
 Result<ChosenQuery> choose_contact_query(const RunSettings& settings, const Tool& tool,
                                          ThreadPool& pool);
-
-/// What StepStatus::backend_failed means.
-Error lost_backend();
 
 /// Pairs of the bodies in `world` are measured where queries are. Error: too little memory there.
 Status measure_pairs_at(Backend backend, const RunSettings& settings, BodyWorld& world);

@@ -1,10 +1,10 @@
 // What tests of the whole loop have in common.
 #pragma once
 
-#include "palpate/haptics/haptic_loop.h"
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
-#include "tests/haptics/loop_fakes.h"
+#include "palpate/run/haptic_loop.h"
+#include "tests/run/loop_fakes.h"
 #include "tests/test_util/wait_for.h"
 
 namespace palpate::test {

@@ -6,11 +6,12 @@
 #include <memory>
 
 #include "palpate/core/triple_buffer.h"
-#include "palpate/haptics/haptic_loop.h"
-#include "src/haptics/contact_stage.h"
-#include "src/haptics/handover.h"
-#include "src/haptics/record_queue.h"
-#include "src/haptics/surface_stage.h"
+#include "palpate/run/haptic_loop.h"
+#include "palpate/run/pipeline.h"
+#include "src/run/loop/contact_stage.h"
+#include "src/run/loop/handover.h"
+#include "src/run/loop/record_queue.h"
+#include "src/run/loop/surface_stage.h"
 
 namespace palpate {
 
@@ -28,11 +29,11 @@ class HapticStage {
     bool wants_real_time = true;
     bool keeps_records = false;
   };
-  HapticStage(std::unique_ptr<Coupling> coupling, SafetyFilter safety, SurfaceStage& surfaces,
-              ContactStage& contacts, const Settings& settings, LoopTimes& times);
+  HapticStage(HandPart hand, SurfaceStage& surfaces, ContactStage& contacts,
+              const Settings& settings, LoopTimes& times);
 
-  /// Before the first tick: when the loop began, s, monotonic.
-  void set_start_time(double time) noexcept { start_time_.store(time); }
+  /// Before the device starts: when the loop began, s, monotonic.
+  void set_start_time(double time) noexcept { hand_.set_start_time(time); }
 
   /// Haptic thread.
   Wrench tick(const DeviceState& state) noexcept;
@@ -59,8 +60,6 @@ class HapticStage {
     double time, cpu;
   };
 
-  double step_seconds(const DeviceState& state) noexcept;
-  void take_change() noexcept;
   void keep_time(const TickStart& start, const HapticRecord& record) noexcept;
 
   SurfaceStage& surfaces_;
@@ -69,11 +68,8 @@ class HapticStage {
   LoopTimes& times_;
 
   // Of the haptic thread.
-  std::unique_ptr<Coupling> coupling_;
-  SafetyFilter safety_;
-  std::uint32_t revision_ = 0;
-  bool has_tool_ = false, is_stopping_ = false;
-  double last_state_time_ = 0, last_begin_ = 0, first_tick_ = 0;
+  HandPart hand_;
+  double last_begin_ = 0;
 
   // Between the haptic thread and others.
   Handover<HapticChange> changes_;
@@ -83,7 +79,6 @@ class HapticStage {
   std::atomic<Fault> fault_ = Fault::none;
   std::atomic<bool> wants_stop_ = false, has_faded_ = false;
   std::atomic<int> real_time_error_ = 0;
-  std::atomic<double> start_time_ = 0;
 };
 
 }  // namespace palpate

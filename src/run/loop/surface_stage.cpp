@@ -1,4 +1,4 @@
-#include "src/haptics/surface_stage.h"
+#include "src/run/loop/surface_stage.h"
 
 #include <algorithm>
 #include <string>

@@ -1,5 +1,5 @@
 // The haptic loop in real time: for a second at most, and without a word about how fast it is.
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "palpate/contact/blended_query.h"
-#include "tests/haptics/haptic_loop_fixtures.h"
+#include "tests/run/haptic_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
@@ -56,7 +56,7 @@ TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
       (*loop)->latest(newest);
       return newest.F_H_B.force.z < -0.5 && (*loop)->report().num_frames > 8;
     })) << newest.F_H_B.force.z;
-    EXPECT_GT(newest.volume, 0);
+    EXPECT_GT(newest.penetration.volume, 0);
     (*loop)->stop();
     EXPECT_FALSE((*loop)->is_running());
     EXPECT_TRUE((*loop)->status());

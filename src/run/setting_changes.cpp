@@ -1,4 +1,4 @@
-#include "src/haptics/setting_changes.h"
+#include "src/run/setting_changes.h"
 
 #include <string>
 

@@ -1,7 +1,7 @@
 // Which settings of a running loop can change.
 #pragma once
 
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 
 namespace palpate {
 

@@ -14,67 +14,10 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/core/latency_histogram.h"
-#include "palpate/field/surface_timeline.h"
-#include "palpate/haptics/coupling.h"
-#include "palpate/haptics/safety.h"
+#include "palpate/run/records.h"
+#include "palpate/run/settings.h"
 
 namespace palpate {
-
-struct HapticSettings {
-  ContactOptions contact;
-  SurfaceOptions surface;
-  DepthFieldOptions field;
-  TimeOptions time;
-  Backend backend = Backend::cpu;
-  int sensing_gpu = 0, contact_gpu = 0;
-  int num_threads = 0;         ///< for surfaces
-  double contact_rate = 1000;  ///< queries per second, at most
-  CouplingOptions coupling;    ///< checked by the loop
-  SafetyOptions safety;
-  bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
-};
-
-/// What a running loop keeps when its settings are changed, with all that it has seen and felt so
-/// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
-bool keeps_surfaces(const HapticSettings& before, const HapticSettings& after);
-bool keeps_coupling(const HapticSettings& before, const HapticSettings& after);
-
-/// One tick of the haptic thread, as it is published.
-struct HapticRecord {
-  std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
-  double time = 0;             ///< s since the loop began
-  DeviceState device;
-  CouplingStep step;
-  Wrench F_H_B;            ///< what went to the device
-  double volume = 0;       ///< m3, of the contact it rests on
-  double contact_age = 0;  ///< s
-  double sensor_age = 0;   ///< s, from the depth frame to this force
-  std::uint64_t contact_number = 0, frame_number = 0;
-  SafetyStatus safety;
-  std::int64_t compute_nanoseconds = 0;
-
-  // What else it takes to repeat the tick.
-  std::uint64_t number = 0;  ///< from 0
-  double dt = 0;             ///< s, of the coupling's step; 0: no hand has been seen yet
-  bool is_stopping = false;  ///< the safety filter has been told to stop
-  bool has_sensor_failed = false, has_backend_failed = false;
-};
-/// What the safety filter hears of a sensor that has failed, s: an age that no limit allows.
-inline constexpr double kLostSensorAge = 1e6;
-
-/// One contact query, with all that it takes to repeat it.
-struct ContactRecord {
-  std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
-  double time = 0;
-  Pose X_WT;
-  Penetration penetration;
-  std::uint64_t number = 0, frame_number = 0;
-  double progress = 1;  ///< between the last two frames
-
-  double capture_time = 0;         ///< s, monotonic: of the newer frame
-  LocalContact contact;            ///< what the haptic thread is told
-  bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
-};
 
 /// How every sphere of the tool was at one contact.
 struct ContactPicture {

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "palpate/contact/blended_query.h"
+#include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
-#include "src/haptics/haptic_stage.h"
-#include "src/haptics/loop_parts.h"
-#include "tests/haptics/haptic_loop_fixtures.h"
+#include "src/run/loop/haptic_stage.h"
+#include "tests/run/haptic_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
@@ -255,20 +255,21 @@ TEST(HapticLoopChange, StagesTakeChangesWithoutAllocating) {
   other.coupling.kind = CouplingKind::proxy;
   ScriptedDevice device({});
   const auto parts_of = [&](const HapticSettings& some) {
-    return make_loop_parts(box_tool(), source.info(), device.info(), some).value();
+    return make_run_parts(box_tool(), source.info(), device.info(), some,
+                          {nullptr, SurfaceStage::kNumSpare, nullptr})
+        .value();
   };
   LoopTimes times;
-  LoopParts parts = parts_of(settings), next = parts_of(other);
+  RunParts parts = parts_of(settings), next = parts_of(other);
   SurfaceStage surfaces(source, *std::move(parts.timeline), 1, true, times.surface_compute);
-  ContactStage contacts(std::move(parts.query), surfaces,
-                        {settings.contact, 1000, 1e-3, box_tool().sphere_mass().centre_of_mass,
-                         box_tool().spheres().size(), parts.scale, false, true, 0},
+  ContactStage contacts(std::move(parts.contact), surfaces,
+                        {1000, 1e-3, box_tool().spheres().size(), false, true, 0},
                         times.contact_compute);
-  HapticStage haptic(std::move(parts.coupling),
-                     SafetyFilter::create(device.info().limits, settings.safety).value(), surfaces,
-                     contacts, {1e-3, false, true}, times);
+  HapticStage haptic({std::move(parts.coupling),
+                      SafetyFilter::create(device.info().limits, settings.safety).value(), 1e-3},
+                     surfaces, contacts, {1e-3, false, true}, times);
   SurfaceChange surface_change{1, std::move(next.timeline)};
-  ContactChange contact_change{1, 1, other.contact, 500, next.scale, std::move(next.query)};
+  ContactChange contact_change{1, 1, other.contact, 500, next.scale, std::move(next.contact)};
   HapticChange haptic_change{1, std::move(next.coupling)};
   ASSERT_TRUE(surfaces.start());
   contacts.start(monotonic_now());
@@ -301,7 +302,7 @@ TEST(HapticLoopChange, StagesTakeChangesWithoutAllocating) {
   EXPECT_EQ(record.revision, 1u);
   // What was replaced has come back.
   EXPECT_NE(haptic_change.coupling, nullptr);
-  EXPECT_NE(contact_change.query, nullptr);
+  EXPECT_NE(contact_change.part, nullptr);
   EXPECT_TRUE(surface_change.timeline.has_value());
   contacts.stop();
   surfaces.stop();

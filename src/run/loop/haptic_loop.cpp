@@ -1,4 +1,4 @@
-#include "palpate/haptics/haptic_loop.h"
+#include "palpate/run/haptic_loop.h"
 
 #include <atomic>
 #include <deque>
@@ -7,14 +7,14 @@
 #include <thread>
 #include <utility>
 
+#include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
-#include "src/haptics/bell.h"
-#include "src/haptics/contact_stage.h"
-#include "src/haptics/haptic_stage.h"
-#include "src/haptics/loop_parts.h"
-#include "src/haptics/real_time.h"
-#include "src/haptics/setting_changes.h"
-#include "src/haptics/surface_stage.h"
+#include "src/run/loop/bell.h"
+#include "src/run/loop/contact_stage.h"
+#include "src/run/loop/haptic_stage.h"
+#include "src/run/loop/real_time.h"
+#include "src/run/loop/surface_stage.h"
+#include "src/run/setting_changes.h"
 
 namespace palpate {
 namespace {
@@ -37,7 +37,7 @@ struct Change {
 class HapticLoopImpl final : public HapticLoop {
  public:
   HapticLoopImpl(const Tool& tool, DepthSource& source, HapticDevice& device,
-                 const HapticSettings& settings, HapticObserver observer, LoopParts parts,
+                 const HapticSettings& settings, HapticObserver observer, RunParts parts,
                  SafetyFilter safety)
       : tool_(tool),
         device_(device),
@@ -48,12 +48,12 @@ class HapticLoopImpl final : public HapticLoop {
         notes_(std::move(parts.notes)),
         surfaces_(source, *std::move(parts.timeline), settings.num_threads,
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
-        contacts_(std::move(parts.query), surfaces_,
-                  {settings.contact, settings.contact_rate, 1 / device.info().rate,
-                   tool.sphere_mass().centre_of_mass, tool.spheres().size(), parts.scale,
+        contacts_(std::move(parts.contact), surfaces_,
+                  {settings.contact_rate, 1 / device.info().rate, tool.spheres().size(),
                    settings.wants_real_time, static_cast<bool>(observer_.on_contact), 0},
                   times_.contact_compute),
-        haptic_(std::move(parts.coupling), std::move(safety), surfaces_, contacts_,
+        haptic_({std::move(parts.coupling), std::move(safety), 1 / device.info().rate}, surfaces_,
+                contacts_,
                 {1 / device.info().rate, settings.wants_real_time,
                  static_cast<bool>(observer_.on_ticks)},
                 times_) {
@@ -198,7 +198,8 @@ Status HapticLoopImpl::change(const HapticSettings& settings) {
                  "not begun to feel"};
   }
   if (const Status status = check_change(settings_, settings); !status) return status;
-  auto parts = make_loop_parts(tool_, stream_, device_.info(), settings, &settings_);
+  const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, nullptr};
+  auto parts = make_run_parts(tool_, stream_, device_.info(), settings, options);
   if (!parts) return parts.error();
 
   change_ = std::make_unique<Change>();
@@ -207,7 +208,7 @@ Status HapticLoopImpl::change(const HapticSettings& settings) {
   change_->surfaces = {revision, std::move(parts->timeline)};
   change_->contacts = {revision,         change_->surfaces.timeline ? revision : 0,
                        settings.contact, settings.contact_rate,
-                       parts->scale,     std::move(parts->query)};
+                       parts->scale,     std::move(parts->contact)};
   change_->haptic = {revision, std::move(parts->coupling)};
   {
     const std::lock_guard lock_others(mutex_);
@@ -334,9 +335,7 @@ Status HapticLoopImpl::status() const {
   if (const Status device = device_.status(); !device) return device;
   if (const Status surfaces = surfaces_.status(); !surfaces) return surfaces;
   if (contacts_.has_backend_failed()) {
-    return Error{Errc::unavailable,
-                 "the GPU did not answer a contact query in time or is lost; check it with "
-                 "nvidia-smi, or use the CPU (--backend cpu)"};
+    return lost_backend();
   }
   switch (const Fault fault = haptic_.fault()) {
     case Fault::none:
@@ -351,7 +350,8 @@ Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSo
                                                        HapticDevice& device,
                                                        const HapticSettings& settings,
                                                        HapticObserver observer) {
-  auto parts = make_loop_parts(tool, source.info(), device.info(), settings);
+  const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, nullptr};
+  auto parts = make_run_parts(tool, source.info(), device.info(), settings, options);
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.info().limits, settings.safety);
   if (!safety) return safety.error();

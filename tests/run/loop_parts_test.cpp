@@ -8,13 +8,13 @@
 
 #include "palpate/mesh/shapes.h"
 #include "src/core/monotonic_clock.h"
-#include "src/haptics/blend_clock.h"
-#include "src/haptics/contact_stage.h"
-#include "src/haptics/paced_source.h"
-#include "src/haptics/record_queue.h"
-#include "src/haptics/stiffness_schedule.h"
-#include "src/haptics/surface_stage.h"
-#include "tests/haptics/loop_fakes.h"
+#include "src/run/loop/blend_clock.h"
+#include "src/run/loop/contact_stage.h"
+#include "src/run/loop/paced_source.h"
+#include "src/run/loop/record_queue.h"
+#include "src/run/loop/stiffness_schedule.h"
+#include "src/run/loop/surface_stage.h"
+#include "tests/run/haptic_loop_fixtures.h"
 
 namespace palpate {
 namespace {
@@ -242,10 +242,11 @@ TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
                         surface_times);
   ASSERT_TRUE(surfaces.start());
   ContactStage::Settings settings;
-  settings.scale.newtons_per_cubic_metre = 1e6;
   settings.wants_real_time = false;
-  ContactStage contacts(std::make_unique<BlendedQuery>(std::make_unique<SpoiltQuery>(10)), surfaces,
-                        settings, contact_times);
+  ContactStage contacts(
+      std::make_unique<ContactPart>(test::box_tool(), std::make_unique<SpoiltQuery>(10),
+                                    ContactOptions{}, ForceScale{1e6}),
+      surfaces, settings, contact_times);
   contacts.start(monotonic_now());
   const double begin = monotonic_now();
   while (!contacts.has_backend_failed() && monotonic_now() - begin < 10) {

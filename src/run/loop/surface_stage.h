@@ -9,11 +9,11 @@
 #include <thread>
 
 #include "palpate/core/triple_buffer.h"
-#include "palpate/haptics/haptic_loop.h"
-#include "src/haptics/bell.h"
-#include "src/haptics/handover.h"
-#include "src/haptics/paced_source.h"
-#include "src/haptics/record_queue.h"
+#include "palpate/run/haptic_loop.h"
+#include "src/run/loop/bell.h"
+#include "src/run/loop/handover.h"
+#include "src/run/loop/paced_source.h"
+#include "src/run/loop/record_queue.h"
 
 namespace palpate {
 

@@ -6,12 +6,12 @@
 #include <memory>
 #include <thread>
 
-#include "palpate/contact/blended_query.h"
-#include "palpate/haptics/haptic_loop.h"
-#include "src/haptics/blend_clock.h"
-#include "src/haptics/record_queue.h"
-#include "src/haptics/stiffness_schedule.h"
-#include "src/haptics/surface_stage.h"
+#include "palpate/run/haptic_loop.h"
+#include "palpate/run/pipeline.h"
+#include "src/run/loop/blend_clock.h"
+#include "src/run/loop/record_queue.h"
+#include "src/run/loop/stiffness_schedule.h"
+#include "src/run/loop/surface_stage.h"
 
 namespace palpate {
 
@@ -21,39 +21,28 @@ struct ToolMoment {
   Pose X_WT;
 };
 
-/// What is known of its contact.
-struct KnownContact {
-  LocalContact contact;
-  std::uint64_t number = 0;  ///< from 1; 0: nothing has been measured yet
-  std::uint64_t frame_number = 0;
-  double capture_time = 0;  ///< s, of that frame
-};
-
-/// Other settings of queries, and another query or none; once settled, the one before.
+/// Other settings of queries, and another part or none; once settled, the one before.
 struct ContactChange {
   std::uint32_t revision = 0;
   std::uint32_t surface_revision = 0;  ///< is taken with the first surfaces of this revision
   ContactOptions contact;
   double rate = 1000;
   ForceScale scale;
-  std::unique_ptr<BlendedQuery> query;
+  std::unique_ptr<ContactPart> part;
 };
 
 class ContactStage {
  public:
   struct Settings {
-    ContactOptions contact;
     double rate = 1000;  ///< queries per second, at most
     double tick_seconds = 1e-3;
-    Vec3d centre_of_mass_T;
     std::size_t num_spheres = 0;  ///< of pictures
-    ForceScale scale;
     bool wants_real_time = true;
     bool keeps_records = false;
     double start_time = 0;  ///< s, monotonic, of records
   };
-  ContactStage(std::unique_ptr<BlendedQuery> query, SurfaceStage& surfaces,
-               const Settings& settings, LatencyHistogram& contact_compute);
+  ContactStage(std::unique_ptr<ContactPart> part, SurfaceStage& surfaces, const Settings& settings,
+               LatencyHistogram& contact_compute);
   ~ContactStage() { stop(); }
 
   void start(double start_time);
@@ -62,8 +51,8 @@ class ContactStage {
   /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
   /// to wake it would take the haptic thread longer than all that it computes.
   void move_tool(const ToolMoment& tool) noexcept;
-  /// Haptic thread: the newest contact.
-  const KnownContact& newest() noexcept;
+  /// Haptic thread: the newest contact; its number is 0 if nothing has been measured yet.
+  const ContactRecord& newest() noexcept;
 
   /// Must be offered before the surfaces that it waits for.
   Handover<ContactChange>& changes() noexcept { return changes_; }
@@ -95,10 +84,9 @@ class ContactStage {
   void measure(const ToolMoment& tool);
   SurfaceMoment moment_at(double time);
   void take_change();
-  void publish(const ToolMoment& tool, const Penetration& penetration);
   void make_picture(const ToolMoment& tool);
 
-  std::unique_ptr<BlendedQuery> query_;
+  std::unique_ptr<ContactPart> part_;
   SurfaceStage& surfaces_;
   Settings settings_;
   LatencyHistogram& contact_compute_;
@@ -106,14 +94,12 @@ class ContactStage {
   // Of the contact thread.
   BlendClock blend_;
   StiffnessSchedule schedule_;
-  Stiffness stiffness_;
-  bool has_new_stiffness_ = false;
-  double next_due_ = 0, progress_ = 1;
+  double next_due_ = 0;
   std::uint32_t revision_ = 0;
 
-  TripleBuffer<ToolMoment> tools_;       // haptic thread to contact thread
-  TripleBuffer<KnownContact> contacts_;  // and back
-  RecordQueue<ContactRecord> records_;   // to the publishing thread
+  TripleBuffer<ToolMoment> tools_;        // haptic thread to contact thread
+  TripleBuffer<ContactRecord> contacts_;  // and back
+  RecordQueue<ContactRecord> records_;    // to the publishing thread
   TripleBuffer<ContactPicture> pictures_;
   Handover<ContactChange> changes_;
   std::atomic<bool> wants_picture_ = false;

@@ -1,10 +1,10 @@
-#include "src/haptics/contact_stage.h"
+#include "src/run/loop/contact_stage.h"
 
 #include <algorithm>
 #include <utility>
 
 #include "src/core/monotonic_clock.h"
-#include "src/haptics/real_time.h"
+#include "src/run/loop/real_time.h"
 
 namespace palpate {
 namespace {
@@ -25,9 +25,9 @@ ContactPicture blank_picture(std::size_t num_spheres) {
 
 }  // namespace
 
-ContactStage::ContactStage(std::unique_ptr<BlendedQuery> query, SurfaceStage& surfaces,
+ContactStage::ContactStage(std::unique_ptr<ContactPart> part, SurfaceStage& surfaces,
                            const Settings& settings, LatencyHistogram& contact_compute)
-    : query_(std::move(query)),
+    : part_(std::move(part)),
       surfaces_(surfaces),
       settings_(settings),
       contact_compute_(contact_compute),
@@ -47,7 +47,7 @@ void ContactStage::stop() noexcept {
 
 void ContactStage::move_tool(const ToolMoment& tool) noexcept { tools_.publish(tool); }
 
-const KnownContact& ContactStage::newest() noexcept {
+const ContactRecord& ContactStage::newest() noexcept {
   contacts_.refresh();
   return contacts_.value();
 }
@@ -85,8 +85,7 @@ SurfaceMoment ContactStage::moment_at(double time) {
     blend_.begin(time, surfaces_.taken().ready_time, surfaces_.taken().period);
   }
   SurfaceMoment moment = surfaces_.taken().moment;
-  progress_ = moment.progress < 1 ? blend_.progress(time) : 1;
-  moment.progress = progress_;
+  if (moment.progress < 1) moment.progress = blend_.progress(time);
   return moment;
 }
 
@@ -95,10 +94,9 @@ void ContactStage::take_change() {
   ContactChange* const change = changes_.look();
   if (change == nullptr || surfaces_.taken().revision < change->surface_revision) return;
   revision_ = change->revision;
-  settings_.contact = change->contact;
   settings_.rate = change->rate;
-  settings_.scale = change->scale;
-  if (change->query) std::swap(query_, change->query);
+  if (change->part) std::swap(part_, change->part);
+  part_->use(change->contact, change->scale);
   schedule_ = StiffnessSchedule(1 / settings_.rate);
   next_due_ = 0;
   changes_.settle();
@@ -108,44 +106,37 @@ void ContactStage::measure(const ToolMoment& tool) {
   const double begin = monotonic_now();
   const SurfaceMoment moment = moment_at(begin);
   take_change();
-  query_->set_moment(moment);
-  const Penetration penetration = query_->query(tool.X_WT, settings_.contact);
-  if ((penetration.status & kFailed) != 0) {
+  const LiveSurfaces& surfaces = surfaces_.taken();
+  ContactRecord contact;
+  contact.revision = revision_;
+  contact.number = num_contacts() + 1;
+  contact.time = tool.time - settings_.start_time;
+  contact.X_WT = tool.X_WT;
+  contact.frame_number = surfaces.frame_number;
+  contact.capture_time = surfaces.capture_time;
+  contact.contact.time = tool.time;
+  part_->measure(moment, contact);
+  if ((contact.penetration.status & kFailed) != 0) {
     backend_failed_.store(true, std::memory_order_release);
     return;
   }
   const double measured = monotonic_now();
   double end = measured;
-  has_new_stiffness_ = false;
-  if (penetration.volume == 0 || settings_.contact.method != InsideMethod::field) {
-    stiffness_ = {};
-  } else if (schedule_.is_due()) {
-    stiffness_ = query_->stiffness();
-    has_new_stiffness_ = true;
-    end = monotonic_now();
-    schedule_.took(measured - begin, end - measured);
-  } else {
-    schedule_.took(measured - begin);
-    num_spared_.fetch_add(1, std::memory_order_relaxed);
+  if (part_->has_stiffness(contact)) {
+    if (schedule_.is_due()) {
+      part_->measure_stiffness(contact);
+      end = monotonic_now();
+      schedule_.took(measured - begin, end - measured);
+    } else {
+      schedule_.took(measured - begin);
+      num_spared_.fetch_add(1, std::memory_order_relaxed);
+    }
   }
-  publish(tool, penetration);
+  contacts_.publish(contact);
+  if (settings_.keeps_records) records_.push(contact);
+  num_contacts_.store(contact.number, std::memory_order_release);
   contact_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
   if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(tool);
-}
-
-void ContactStage::publish(const ToolMoment& tool, const Penetration& penetration) {
-  const LiveSurfaces& surfaces = surfaces_.taken();
-  const std::uint64_t number = num_contacts() + 1;
-  const LocalContact contact =
-      local_contact(penetration, stiffness_, tool.X_WT, settings_.centre_of_mass_T, settings_.scale,
-                    tool.time, tool.time - surfaces.capture_time);
-  contacts_.publish({contact, number, surfaces.frame_number, surfaces.capture_time});
-  if (settings_.keeps_records) {
-    records_.push({revision_, tool.time - settings_.start_time, tool.X_WT, penetration, number,
-                   surfaces.frame_number, progress_, surfaces.capture_time, contact,
-                   has_new_stiffness_});
-  }
-  num_contacts_.store(number, std::memory_order_release);
 }
 
 void ContactStage::make_picture(const ToolMoment& tool) {
@@ -153,8 +144,8 @@ void ContactStage::make_picture(const ToolMoment& tool) {
   picture.contact_number = num_contacts();
   picture.frame_number = surfaces_.taken().frame_number;
   picture.X_WT = tool.X_WT;
-  const auto states = query_->states();
-  const auto planes = query_->planes();
+  const auto states = part_->query().states();
+  const auto planes = part_->query().planes();
   picture.states.assign(states.begin(), states.end());
   picture.planes.assign(planes.begin(), planes.end());
   pictures_.publish();

@@ -1,0 +1,198 @@
+// What happens at a frame, at a pose and at a tick, whoever keeps the clock: every run, live or on
+// a simulated clock, repeated or tried with other settings, is wired here and nowhere else.
+//
+//   DepthFrame -> SurfaceTimeline -> ContactPart -> HandPart -> wrench
+//
+// A live loop gives each part a thread of its own; Pipeline joins them in one.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/contact/blended_query.h"
+#include "palpate/contact/body_world.h"
+#include "palpate/run/records.h"
+#include "palpate/run/settings.h"
+
+namespace palpate {
+
+/// From a pose to a contact: the tool against surfaces and objects.
+class ContactPart {
+ public:
+  /// `tool` must outlive it, and so must the shapes of `objects`.
+  ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ContactOptions& options,
+              const ForceScale& scale, const std::vector<SceneObject>& objects = {});
+  /// Where pairs of tool and objects are measured, too. Error: too little memory there.
+  Status measure_pairs_at(Backend backend, int gpu);
+
+  /// From the next measurement on.
+  void use(const ContactOptions& options, const ForceScale& scale) {
+    options_ = options;
+    scale_ = scale;
+  }
+
+  /// What the tool meets at record.X_WT: fills in penetration, objects and, with the stiffness that
+  /// was measured last, `contact`, whose time is the record's `contact.time`. No allocation.
+  void measure(const SurfaceMoment& moment, ContactRecord& record) noexcept;
+  /// Whether contact has a stiffness that can be measured; if not, that of `measure` is right.
+  bool has_stiffness(const ContactRecord& record) const noexcept;
+  /// Of what was measured last; goes into `contact`.
+  void measure_stiffness(ContactRecord& record) noexcept;
+
+  /// The tool's, of the last measurement.
+  const ContactQuery& query() const { return *query_; }
+
+ private:
+  void set_contact(ContactRecord& record) const noexcept;
+
+  BodyWorld world_;      // the tool, then the objects
+  BlendedQuery* query_;  // the tool's, owned by the world
+  Vec3d centre_of_mass_T_;
+  ContactOptions options_;
+  ForceScale scale_;
+  Stiffness stiffness_;  // measured last
+};
+
+/// What a tick cannot see by itself.
+struct TickFlags {
+  bool is_stopping = false;  ///< the force is to fade out
+  bool has_sensor_failed = false, has_backend_failed = false;
+};
+
+/// From a device's state and the last contact to a wrench.
+class HandPart {
+ public:
+  HandPart(std::unique_ptr<Coupling> coupling, SafetyFilter safety, double tick_seconds);
+
+  /// s, on the device's clock: what records count from.
+  void set_start_time(double time) { start_time_ = time; }
+  /// `known` has number 0 if nothing has been measured yet. Fills in all of `record` but the time
+  /// that it took. Never allocates, locks or waits.
+  void tick(const DeviceState& state, const ContactRecord& known, const TickFlags& flags,
+            HapticRecord& record) noexcept;
+  /// For the next tick. Another coupling takes the tool over where it is, and `coupling` is then
+  /// the one before; null: the one that there is stays.
+  void change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept;
+
+  bool has_tool() const { return has_tool_; }
+  std::uint64_t num_ticks() const { return num_ticks_; }
+
+ private:
+  double step_seconds(const DeviceState& state) noexcept;
+  void end_unfelt(HapticRecord& record) noexcept;
+
+  std::unique_ptr<Coupling> coupling_;
+  SafetyStatus unfelt_;  // where the device is given no wrench
+  SafetyFilter safety_;
+  const double tick_seconds_;
+  std::uint32_t revision_ = 0;
+  std::uint64_t num_ticks_ = 0;
+  bool has_tool_ = false, is_stopping_ = false;
+  double start_time_ = 0, last_state_time_ = 0, first_tick_ = 0;
+};
+
+/// What StepStatus::backend_failed means.
+Error lost_backend();
+
+/// By the backend, the GPU and the options of the settings.
+Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const HapticSettings& settings,
+                                      int num_spare = 0);
+/// The same, with `threads` for queries too, which may be null and must outlive it.
+Result<std::unique_ptr<ContactPart>> make_contact_part(const Tool& tool,
+                                                       const HapticSettings& settings,
+                                                       const ForceScale& scale,
+                                                       ThreadPool* threads = nullptr);
+
+/// The parts of a run, made from its settings.
+struct RunParts {
+  std::unique_ptr<Coupling> coupling;
+  std::optional<SurfaceTimeline> timeline;
+  std::unique_ptr<ContactPart> contact;
+  CouplingOptions checked_coupling;
+  ForceScale scale;
+  std::vector<std::string> notes;  ///< for people
+};
+struct RunPartsOptions {
+  /// What a running loop has: what it keeps of that is left out.
+  const HapticSettings* before = nullptr;
+  int num_spare_surfaces = 0;           ///< see SurfaceTimeline
+  ThreadPool* query_threads = nullptr;  ///< for queries too; must outlive them
+};
+/// Errors: settings out of range, the backend, a device that cannot be used.
+Result<RunParts> make_run_parts(const Tool& tool, const DepthStreamInfo& stream,
+                                const DeviceInfo& device, const HapticSettings& settings,
+                                const RunPartsOptions& options = {});
+
+/// All parts in one thread, without a clock: the same calls give the same bits.
+class Pipeline {
+ public:
+  /// `tool` must outlive it. Errors: see make_run_parts; safety options out of range.
+  static Result<Pipeline> create(const Tool& tool, const DepthStreamInfo& stream,
+                                 const DeviceInfo& device, const HapticSettings& settings);
+
+  /// A frame of the stream's size that became current at `time`, s, later than the one before.
+  SurfaceStats push(const DepthFrame& frame, double time);
+  /// The tool at a pose and time, which does not lie before the last frame's. No allocation.
+  const ContactRecord& measure(const Pose& X_WT, double time) noexcept;
+  /// One tick: what the hand feels of the last contact, then the contact where the tool is now; a
+  /// prescribed path (CouplingKind::none) is measured where it is first. No allocation.
+  const HapticRecord& tick(const DeviceState& state, bool is_stopping = false) noexcept;
+
+  /// From the next tick on. What needs other surfaces waits for the next frame. Errors: as of
+  /// create(), or a setting that cannot change; nothing has changed then.
+  Status change(const HapticSettings& settings);
+
+  const HapticSettings& settings() const { return settings_; }
+  std::uint32_t revision() const { return revision_; }
+  /// Of the surfaces and contacts that are measured now, which wait for frames.
+  std::uint32_t surface_revision() const { return surface_revision_; }
+  const std::vector<std::string>& notes() const { return notes_; }
+  /// With the zeros filled in.
+  const CouplingOptions& coupling() const { return checked_coupling_; }
+  /// An error once the backend has failed.
+  Status status() const;
+
+  const ContactRecord& contact() const { return contact_; }
+  const ContactQuery& query() const { return contacts_->query(); }
+  PointCloud newest_cloud() const { return timeline_->newest_cloud(); }
+  /// What was measured last.
+  const SurfaceMoment& moment() const { return moment_; }
+  double period() const { return timeline_->period(); }
+
+ private:
+  /// What waits for a frame.
+  struct Pending {
+    std::uint32_t revision = 0;
+    std::optional<SurfaceTimeline> timeline;
+    std::unique_ptr<ContactPart> contact;
+    ContactOptions options;
+    ForceScale scale;
+  };
+  Pipeline(const Tool& tool, const DepthStreamInfo& stream, const DeviceInfo& device,
+           const HapticSettings& settings, std::unique_ptr<ThreadPool> pool, RunParts parts,
+           SafetyFilter safety);
+  void use(Pending& pending);
+
+  const Tool* tool_;
+  DepthStreamInfo stream_;
+  DeviceInfo device_;
+  HapticSettings settings_;
+  CouplingOptions checked_coupling_;
+  std::vector<std::string> notes_;
+  std::unique_ptr<ThreadPool> pool_;
+  std::optional<SurfaceTimeline> timeline_;
+  std::unique_ptr<ContactPart> contacts_;
+  std::unique_ptr<HandPart> hand_;
+  std::optional<Pending> pending_;
+  std::uint32_t revision_ = 0, surface_revision_ = 0;
+  std::uint64_t num_frames_ = 0;
+  double capture_time_ = 0, start_time_ = 0;
+  bool has_begun_ = false, has_backend_failed_ = false;
+  SurfaceMoment moment_;
+  ContactRecord contact_;
+  HapticRecord record_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,52 @@
+// What happens in a run: contacts and ticks, as they are recorded and shown.
+#pragma once
+
+#include <cstdint>
+
+#include "palpate/haptics/coupling.h"
+#include "palpate/haptics/safety.h"
+
+namespace palpate {
+
+/// One tick of the haptic thread, as it is published.
+struct HapticRecord {
+  std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
+  double time = 0;             ///< s since the loop began
+  DeviceState device;
+  CouplingStep step;
+  Wrench F_H_B;             ///< what went to the device
+  Penetration penetration;  ///< of the contact it rests on: cloud and objects
+  Penetration objects;      ///< the objects' share of it
+  std::int64_t num_object_pairs = 0;
+  double contact_age = 0;  ///< s
+  double sensor_age = 0;   ///< s, from the depth frame to this force
+  std::uint64_t contact_number = 0, frame_number = 0;
+  SafetyStatus safety;
+  std::int64_t compute_nanoseconds = 0;
+
+  // What else it takes to repeat the tick.
+  std::uint64_t number = 0;  ///< from 0
+  double dt = 0;             ///< s, of the coupling's step; 0: no hand has been seen yet
+  bool is_stopping = false;  ///< the safety filter has been told to stop
+  bool has_sensor_failed = false, has_backend_failed = false;
+};
+/// What the safety filter hears of a sensor that has failed, s: an age that no limit allows.
+inline constexpr double kLostSensorAge = 1e6;
+
+/// One contact query, with all that it takes to repeat it.
+struct ContactRecord {
+  std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
+  double time = 0;
+  Pose X_WT;
+  Penetration penetration;            ///< cloud and objects, see BodyMeasure::total
+  Penetration objects;                ///< the objects' share of it
+  std::int64_t num_object_pairs = 0;  ///< spheres of tool and objects that overlap
+  std::uint64_t number = 0, frame_number = 0;
+  double progress = 1;  ///< between the last two frames
+
+  double capture_time = 0;         ///< s, monotonic: of the newer frame
+  LocalContact contact;            ///< what the haptic thread is told
+  bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
+};
+
+}  // namespace palpate

@@ -1,0 +1,41 @@
+// Everything that decides the numbers of a run, beside tool, frames and hand.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "palpate/contact/contact_query.h"
+#include "palpate/field/surface_timeline.h"
+#include "palpate/haptics/coupling.h"
+#include "palpate/haptics/safety.h"
+
+namespace palpate {
+
+/// A rigid object that the tool feels beside the cloud. It stays where it is; the depth frames need
+/// not show it.
+struct SceneObject {
+  std::shared_ptr<const Tool> shape;
+  Pose X_WB;
+};
+
+struct HapticSettings {
+  ContactOptions contact;
+  SurfaceOptions surface;
+  DepthFieldOptions field;
+  TimeOptions time;
+  Backend backend = Backend::cpu;
+  int sensing_gpu = 0, contact_gpu = 0;
+  int num_threads = 0;         ///< for surfaces
+  double contact_rate = 1000;  ///< queries per second, at most
+  CouplingOptions coupling;    ///< checked by the loop
+  SafetyOptions safety;
+  bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
+  std::vector<SceneObject> objects;
+};
+
+/// What a running loop keeps when its settings are changed, with all that it has seen and felt so
+/// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
+bool keeps_surfaces(const HapticSettings& before, const HapticSettings& after);
+bool keeps_coupling(const HapticSettings& before, const HapticSettings& after);
+
+}  // namespace palpate

@@ -1,0 +1,78 @@
+#include "src/run/loop/haptic_stage.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "src/core/monotonic_clock.h"
+#include "src/run/loop/real_time.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kPriority = 80;
+constexpr std::size_t kNumRecords = 4096;  // four seconds at 1 kHz
+
+std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
+
+}  // namespace
+
+HapticStage::HapticStage(HandPart hand, SurfaceStage& surfaces, ContactStage& contacts,
+                         const Settings& settings, LoopTimes& times)
+    : surfaces_(surfaces),
+      contacts_(contacts),
+      settings_(settings),
+      times_(times),
+      hand_(std::move(hand)),
+      records_(settings.keeps_records ? kNumRecords : 0) {}
+
+Wrench HapticStage::tick(const DeviceState& state) noexcept {
+  const TickStart start{monotonic_now(), thread_cpu_now()};
+  if (hand_.num_ticks() == 0 && settings_.wants_real_time) {
+    real_time_error_.store(ask_for_real_time(kPriority));
+  }
+  TickFlags flags;
+  flags.is_stopping = wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended();
+  flags.has_sensor_failed = surfaces_.has_source_failed();
+  flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
+  HapticRecord& record = newest_.draft();
+  hand_.tick(state, contacts_.newest(), flags, record);
+  if (hand_.has_tool()) contacts_.move_tool({state.time, record.step.X_WT});
+  const Wrench felt = record.F_H_B;
+  if (HapticChange* const change = changes_.look()) {
+    hand_.change(change->revision, change->coupling);
+    changes_.settle();
+  }
+  keep_time(start, record);
+  return felt;
+}
+
+/// Statistics, and the record on its way to the others.
+void HapticStage::keep_time(const TickStart& start, const HapticRecord& record) noexcept {
+  if (record.safety.fault != Fault::none) {
+    fault_.store(record.safety.fault, std::memory_order_relaxed);
+    if (record.safety.gain <= 0) has_faded_.store(true, std::memory_order_release);
+  }
+  const std::uint64_t number = num_ticks_.load(std::memory_order_relaxed);
+  if (number > 0) times_.haptic_period.record(nanoseconds(start.time - last_begin_));
+  last_begin_ = start.time;
+  if (record.contact_number > 0) {
+    times_.contact_age.record(nanoseconds(record.contact_age));
+    times_.sensor_to_force.record(nanoseconds(record.sensor_age));
+  }
+  const double computed = thread_cpu_now() - start.cpu, took = monotonic_now() - start.time;
+  newest_.draft().compute_nanoseconds = nanoseconds(took);
+  times_.haptic_compute.record(nanoseconds(took));
+  times_.haptic_cpu.record(nanoseconds(computed));
+  if (took > settings_.tick_seconds) num_missed_.fetch_add(1, std::memory_order_relaxed);
+  if (settings_.keeps_records) records_.push(newest_.draft());
+  newest_.publish();
+  num_ticks_.store(number + 1, std::memory_order_release);
+}
+
+bool HapticStage::latest(HapticRecord& record) noexcept {
+  if (!newest_.refresh()) return false;
+  record = newest_.value();
+  return true;
+}
+
+}  // namespace palpate

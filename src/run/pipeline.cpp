@@ -1,0 +1,246 @@
+#include "palpate/run/pipeline.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "src/run/setting_changes.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kToolBody = 0;
+constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
+
+}  // namespace
+
+// From a pose to a contact.
+
+ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
+                         const ContactOptions& options, const ForceScale& scale,
+                         const std::vector<SceneObject>& objects)
+    : centre_of_mass_T_(tool.sphere_mass().centre_of_mass), options_(options), scale_(scale) {
+  auto blended = std::make_unique<BlendedQuery>(std::move(query));
+  query_ = blended.get();
+  world_.add_tool(tool, std::move(blended));
+  for (const SceneObject& object : objects) world_.add_object(*object.shape, object.X_WB);
+}
+
+Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
+  if (backend == Backend::cpu) return Done{};
+  return world_.measure_pairs_by(
+      [&](const Tool& a, const Tool& b) { return make_body_pair_query(backend, a, b, gpu); });
+}
+
+void ContactPart::measure(const SurfaceMoment& moment, ContactRecord& record) noexcept {
+  query_->set_moment(moment);
+  world_.set_pose(kToolBody, record.X_WT);
+  world_.measure(options_);
+  const BodyMeasure& measured = world_.measured(kToolBody);
+  record.penetration = measured.total();
+  record.objects = measured.bodies;
+  record.num_object_pairs = measured.num_pairs;
+  record.progress = moment.progress;
+  record.has_new_stiffness = false;
+  if (!has_stiffness(record)) stiffness_ = {};
+  set_contact(record);
+}
+
+bool ContactPart::has_stiffness(const ContactRecord& record) const noexcept {
+  return record.penetration.volume > 0 && options_.method == InsideMethod::field;
+}
+
+void ContactPart::measure_stiffness(ContactRecord& record) noexcept {
+  stiffness_ = query_->stiffness();
+  record.has_new_stiffness = true;
+  set_contact(record);
+}
+
+void ContactPart::set_contact(ContactRecord& record) const noexcept {
+  const double time = record.contact.time;
+  record.contact = local_contact(record.penetration, stiffness_, record.X_WT, centre_of_mass_T_,
+                                 scale_, time, time - record.capture_time);
+}
+
+// From a state to a wrench.
+
+HandPart::HandPart(std::unique_ptr<Coupling> coupling, SafetyFilter safety, double tick_seconds)
+    : coupling_(std::move(coupling)), safety_(std::move(safety)), tick_seconds_(tick_seconds) {}
+
+void HandPart::tick(const DeviceState& state, const ContactRecord& known, const TickFlags& flags,
+                    HapticRecord& record) noexcept {
+  if (num_ticks_ == 0) first_tick_ = state.time;
+  const bool has_contact = known.number > 0;
+  record.revision = revision_;
+  record.number = num_ticks_++;
+  record.time = state.time - start_time_;
+  record.device = state;
+  record.dt = step_seconds(state);
+  record.step = record.dt > 0 ? coupling_->step(state, known.contact, record.dt) : CouplingStep{};
+  record.penetration = known.penetration;
+  record.objects = known.objects;
+  record.num_object_pairs = known.num_object_pairs;
+  record.contact_age = state.time - (has_contact ? known.contact.time : first_tick_);
+  record.sensor_age = state.time - (has_contact ? known.capture_time : first_tick_);
+  record.contact_number = known.number;
+  record.frame_number = known.frame_number;
+  record.is_stopping = is_stopping_ = is_stopping_ || flags.is_stopping;
+  record.has_sensor_failed = flags.has_sensor_failed;
+  record.has_backend_failed = flags.has_backend_failed;
+  if (!coupling_->is_felt()) return end_unfelt(record);
+  if (is_stopping_ && safety_.status().fault == Fault::none) safety_.stop();
+  record.F_H_B = safety_.filter(
+      record.step.F_H_B,
+      {state.time, state, record.contact_age,
+       flags.has_sensor_failed ? kLostSensorAge : record.sensor_age, flags.has_backend_failed});
+  record.safety = safety_.status();
+}
+
+/// Nobody can be hurt: what the tool meets is told as long as it is measured.
+void HandPart::end_unfelt(HapticRecord& record) noexcept {
+  Fault& fault = unfelt_.fault;
+  if (fault != Fault::none) {
+  } else if (record.has_backend_failed) {
+    fault = Fault::backend;
+  } else if (record.has_sensor_failed) {
+    fault = Fault::stale_sensor;
+  } else if (record.is_stopping) {
+    fault = Fault::stopped;
+  }
+  unfelt_.is_engaged = fault == Fault::none;
+  unfelt_.gain = unfelt_.is_engaged ? 1 : 0;
+  if (!unfelt_.is_engaged) record.step.contact_W = {};
+  record.F_H_B = {};
+  record.safety = unfelt_;
+}
+
+void HandPart::change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept {
+  revision_ = revision;
+  if (coupling == nullptr) return;
+  if (has_tool_) coupling->take_over(coupling_->state());
+  std::swap(coupling_, coupling);
+}
+
+/// The hand moves the tool, from the first usable state on; until then 0.
+double HandPart::step_seconds(const DeviceState& state) noexcept {
+  if (!has_tool_) {
+    if (!state.is_valid) return 0;
+    coupling_->reset(state);
+    has_tool_ = true;
+    last_state_time_ = state.time - tick_seconds_;
+  }
+  // A late tick is a longer step, but not one without bounds.
+  const double dt =
+      std::clamp(state.time - last_state_time_, tick_seconds_ / 10, 10 * tick_seconds_);
+  last_state_time_ = state.time;
+  return dt;
+}
+
+// All of it in one thread.
+
+Pipeline::Pipeline(const Tool& tool, const DepthStreamInfo& stream, const DeviceInfo& device,
+                   const HapticSettings& settings, std::unique_ptr<ThreadPool> pool, RunParts parts,
+                   SafetyFilter safety)
+    : tool_(&tool),
+      stream_(stream),
+      device_(device),
+      settings_(settings),
+      checked_coupling_(parts.checked_coupling),
+      notes_(std::move(parts.notes)),
+      pool_(std::move(pool)),
+      timeline_(std::move(parts.timeline)),
+      contacts_(std::move(parts.contact)),
+      hand_(std::make_unique<HandPart>(std::move(parts.coupling), std::move(safety),
+                                       1 / device.rate)) {}
+
+Result<Pipeline> Pipeline::create(const Tool& tool, const DepthStreamInfo& stream,
+                                  const DeviceInfo& device, const HapticSettings& settings) {
+  auto pool = std::make_unique<ThreadPool>(std::clamp(settings.num_threads, 0, 256));
+  RunPartsOptions options;
+  if (settings.num_threads > 1) options.query_threads = pool.get();
+  auto parts = make_run_parts(tool, stream, device, settings, options);
+  if (!parts) return parts.error();
+  auto safety = SafetyFilter::create(device.limits, settings.safety);
+  if (!safety) return safety.error();
+  return Pipeline(tool, stream, device, settings, std::move(pool), *std::move(parts),
+                  *std::move(safety));
+}
+
+SurfaceStats Pipeline::push(const DepthFrame& frame, double time) {
+  if (pending_) use(*pending_);
+  ++num_frames_;
+  capture_time_ = time;
+  return timeline_->push(frame, time, *pool_);
+}
+
+const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
+  moment_ = timeline_->at(time);
+  ContactRecord contact;
+  contact.revision = surface_revision_;
+  contact.number = contact_.number + 1;
+  contact.time = time - start_time_;
+  contact.X_WT = X_WT;
+  contact.frame_number = num_frames_ - 1;
+  contact.capture_time = capture_time_;
+  contact.contact.time = time;
+  contacts_->measure(moment_, contact);
+  if ((contact.penetration.status & kFailed) != 0 || !timeline_->status()) {
+    has_backend_failed_ = true;
+    return contact_;
+  }
+  if (settings_.coupling.kind != CouplingKind::none && contacts_->has_stiffness(contact)) {
+    contacts_->measure_stiffness(contact);
+  }
+  return contact_ = contact;
+}
+
+const HapticRecord& Pipeline::tick(const DeviceState& state, bool is_stopping) noexcept {
+  if (!std::exchange(has_begun_, true)) {
+    start_time_ = state.time;
+    hand_->set_start_time(start_time_);
+  }
+  const bool is_prescribed = settings_.coupling.kind == CouplingKind::none;
+  const bool can_measure = num_frames_ > 0 && !has_backend_failed_;
+  if (is_prescribed && can_measure && state.is_valid) {
+    measure(prescribed_pose(checked_coupling_, state), state.time);
+  }
+  hand_->tick(state, contact_, {is_stopping, false, has_backend_failed_}, record_);
+  if (!is_prescribed && can_measure && hand_->has_tool()) measure(record_.step.X_WT, state.time);
+  return record_;
+}
+
+Status Pipeline::change(const HapticSettings& settings) {
+  if (const Status status = check_change(settings_, settings); !status) return status;
+  RunPartsOptions options;
+  options.before = &settings_;
+  if (settings_.num_threads > 1) options.query_threads = pool_.get();
+  auto parts = make_run_parts(*tool_, stream_, device_, settings, options);
+  if (!parts) return parts.error();
+  ++revision_;
+  hand_->change(revision_, parts->coupling);
+  checked_coupling_ = parts->checked_coupling;
+  notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
+  settings_ = settings;
+  Pending news{revision_, std::move(parts->timeline), std::move(parts->contact), settings.contact,
+               parts->scale};
+  if (pending_ && !news.timeline) news.timeline = std::move(pending_->timeline);
+  if (pending_ && !news.contact) news.contact = std::move(pending_->contact);
+  pending_ = std::move(news);
+  if (!pending_->timeline) use(*pending_);
+  return Done{};
+}
+
+void Pipeline::use(Pending& pending) {
+  if (pending.timeline) timeline_ = std::move(pending.timeline);
+  if (pending.contact) contacts_ = std::move(pending.contact);
+  contacts_->use(pending.options, pending.scale);
+  surface_revision_ = pending.revision;
+  pending_.reset();
+}
+
+Status Pipeline::status() const {
+  if (!timeline_->status()) return timeline_->status();
+  if (!has_backend_failed_) return Done{};
+  return lost_backend();
+}
+
+}  // namespace palpate

@@ -1,0 +1,90 @@
+#include <cmath>
+#include <utility>
+
+#include "palpate/run/pipeline.h"
+
+namespace palpate {
+namespace {
+
+Status check(const HapticSettings& settings, const DeviceInfo& device) {
+  if (!(settings.contact_rate >= 1 && settings.contact_rate <= 100000)) {
+    return Error{Errc::invalid_argument,
+                 "the contact rate must be from 1 to 100000 queries per second; 1000 is usual"};
+  }
+  if (settings.num_threads < 0 || settings.num_threads > 256) {
+    return Error{Errc::invalid_argument,
+                 "the number of threads must be from 0 (one per core) to 256"};
+  }
+  if (!(device.rate > 0 && std::isfinite(device.rate))) {
+    return Error{Errc::invalid_argument,
+                 device.name + " tells no rate of ticks; it cannot be used"};
+  }
+  for (const SceneObject& object : settings.objects) {
+    if (object.shape == nullptr || !is_finite(object.X_WB)) {
+      return Error{Errc::invalid_argument, "every object needs a shape and a finite pose"};
+    }
+  }
+  return Done{};
+}
+
+}  // namespace
+
+Error lost_backend() {
+  return {Errc::unavailable,
+          "the GPU did not answer a contact query in time or is lost; check it with nvidia-smi, or "
+          "use the CPU (--backend cpu)"};
+}
+
+Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const HapticSettings& settings,
+                                      int num_spare) {
+  std::optional<DepthFieldOptions> field;
+  if (settings.contact.method == InsideMethod::field) field = settings.field;
+  return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
+                                 {settings.backend, settings.sensing_gpu}, num_spare);
+}
+
+Result<std::unique_ptr<ContactPart>> make_contact_part(const Tool& tool,
+                                                       const HapticSettings& settings,
+                                                       const ForceScale& scale,
+                                                       ThreadPool* threads) {
+  ContactCapacities capacities;
+  capacities.gpu = settings.contact_gpu;
+  capacities.pool = threads;
+  auto query = make_contact_query(settings.backend, tool, capacities);
+  if (!query) return query.error();
+  auto part = std::make_unique<ContactPart>(tool, *std::move(query), settings.contact, scale,
+                                            settings.objects);
+  const Status status = part->measure_pairs_at(settings.backend, settings.contact_gpu);
+  if (!status) return status.error();
+  return part;
+}
+
+Result<RunParts> make_run_parts(const Tool& tool, const DepthStreamInfo& stream,
+                                const DeviceInfo& device, const HapticSettings& settings,
+                                const RunPartsOptions& options) {
+  if (const Status status = check(settings, device); !status) return status.error();
+  auto coupling = check_coupling(settings.coupling, device.limits, 1 / device.rate);
+  if (!coupling) return coupling.error();
+  const HapticSettings* const before = options.before;
+  RunParts parts;
+  parts.checked_coupling = coupling->options;
+  parts.scale =
+      thesis_force_scale(coupling->options.force_at_eighth, full_volume(tool, settings.contact));
+  if (before == nullptr || !keeps_coupling(*before, settings)) {
+    parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
+    parts.notes = std::move(coupling->warnings);
+  }
+  if (before == nullptr || !keeps_surfaces(*before, settings)) {
+    auto timeline = make_surfaces(stream, settings, options.num_spare_surfaces);
+    if (!timeline) return timeline.error();
+    parts.timeline.emplace(*std::move(timeline));
+  }
+  if (before == nullptr || before->backend != settings.backend) {
+    auto contact = make_contact_part(tool, settings, parts.scale, options.query_threads);
+    if (!contact) return contact.error();
+    parts.contact = *std::move(contact);
+  }
+  return parts;
+}
+
+}  // namespace palpate

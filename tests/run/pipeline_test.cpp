@@ -1,0 +1,166 @@
+// All parts of a run in one thread, on the clock of the test.
+#include "palpate/run/pipeline.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/run/haptic_loop_fixtures.h"
+#include "tests/test_util/allocation_counter.h"
+
+namespace palpate {
+namespace {
+
+using test::box_tool;
+using test::patient_settings;
+using test::WallSource;
+
+DeviceInfo device_info() {
+  DeviceInfo info;
+  info.limits = test::ScriptedDevice({}).info().limits;
+  return info;
+}
+
+/// The tool 5 cm before the wall, then pressed 12 mm towards it, which is 10 mm in.
+DeviceState state_at(double time) {
+  DeviceState state;
+  state.time = time;
+  state.X_BH.translation.z = 0.037 * std::min(1.0, 2 * time);
+  state.is_valid = true;
+  return state;
+}
+
+/// So many ticks of a millisecond, frames at 30 Hz.
+std::vector<HapticRecord> run(Pipeline& pipeline, int num_ticks, int first = 0,
+                              std::vector<ContactRecord>* contacts = nullptr) {
+  WallSource source({});
+  DepthFrame frame;
+  std::vector<HapticRecord> ticks;
+  int num_frames = 0;
+  for (int k = 0; k < first + num_ticks; ++k) {
+    const double time = 1e-3 * k;
+    for (; num_frames / 30.0 <= time; ++num_frames) {
+      EXPECT_TRUE(source.next(frame).value());
+      if (k >= first) pipeline.push(frame, num_frames / 30.0);
+    }
+    if (k < first) continue;
+    ticks.push_back(pipeline.tick(state_at(time)));
+    if (contacts != nullptr) contacts->push_back(pipeline.contact());
+  }
+  return ticks;
+}
+
+Result<Pipeline> make(const HapticSettings& settings) {
+  const WallSource source({});
+  return Pipeline::create(box_tool(), source.info(), device_info(), settings);
+}
+
+// A tool without coupling is where the hand is, and its contact is that of a query there.
+TEST(Pipeline, WithoutCouplingMeasuresWhereTheToolIs) {
+  HapticSettings settings = patient_settings();
+  settings.coupling.kind = CouplingKind::none;
+  auto pipeline = make(settings);
+  ASSERT_TRUE(pipeline) << pipeline.error().message;
+  std::vector<ContactRecord> contacts;
+  const auto ticks = run(*pipeline, 800, 0, &contacts);
+  const double scale = 8 / (full_volume(box_tool(), settings.contact) / 8);
+  for (std::size_t k = 0; k < ticks.size(); ++k) {
+    const HapticRecord& tick = ticks[k];
+    EXPECT_NEAR(tick.step.X_WT.translation.z,
+                0.45 + state_at(1e-3 * static_cast<double>(k)).X_BH.translation.z, 1e-15);
+    EXPECT_EQ(contacts[k].X_WT, tick.step.X_WT);
+    EXPECT_EQ(tick.contact_age, 0);
+    EXPECT_EQ(tick.contact_number, k + 1);
+    EXPECT_DOUBLE_EQ(tick.step.contact_W.force.z, scale * tick.penetration.measure_W.force.z);
+    EXPECT_EQ(tick.F_H_B.force, Vec3d{});
+    EXPECT_EQ(tick.safety.gain, 1);
+  }
+  // A cube of 5 cm, 12 mm in: its spheres fill some of that.
+  EXPECT_GT(ticks.back().penetration.volume, 0.5 * 0.012 * 0.05 * 0.05);
+  EXPECT_LT(ticks.back().penetration.volume, 1.1 * 0.012 * 0.05 * 0.05);
+}
+
+// A hand feels the contact of the tick before, and the surface holds the tool back.
+TEST(Pipeline, AHandFeelsTheWallAndTheToolStaysBehind) {
+  auto pipeline = make(patient_settings());
+  ASSERT_TRUE(pipeline);
+  const auto ticks = run(*pipeline, 1500);
+  EXPECT_EQ(ticks.front().contact_number, 0u);
+  for (std::size_t k = 1; k < ticks.size(); ++k) {
+    ASSERT_EQ(ticks[k].contact_number, k);
+    ASSERT_NEAR(ticks[k].contact_age, 1e-3, 1e-12);
+  }
+  const HapticRecord& last = ticks.back();
+  EXPECT_EQ(last.safety.fault, Fault::none);
+  EXPECT_LT(last.F_H_B.force.z, -0.5);
+  EXPECT_GT(last.step.stretch, 1e-4);
+  EXPECT_LT(last.step.X_WT.translation.z, last.step.X_WT_hand.translation.z);
+}
+
+TEST(Pipeline, TheSameCallsGiveTheSameBits) {
+  auto once = make(patient_settings());
+  HapticSettings threaded = patient_settings();
+  threaded.num_threads = 2;
+  auto again = make(threaded);
+  ASSERT_TRUE(once && again);
+  const auto a = run(*once, 300), b = run(*again, 300);
+  for (std::size_t k = 0; k < a.size(); ++k) {
+    ASSERT_EQ(a[k].F_H_B.force, b[k].F_H_B.force) << k;
+    ASSERT_EQ(a[k].step.X_WT, b[k].step.X_WT) << k;
+  }
+}
+
+// The objects push as the surface does: here there is a second box behind the first tick's tool.
+TEST(Pipeline, ObjectsAreFeltByAHandToo) {
+  HapticSettings settings = patient_settings();
+  const auto shape = std::make_shared<const Tool>(box_tool());
+  settings.objects.push_back({shape, Pose{{0, 0.045, 0.45}, {}}});
+  auto pipeline = make(settings);
+  ASSERT_TRUE(pipeline);
+  const auto ticks = run(*pipeline, 200);
+  EXPECT_GT(ticks.back().objects.volume, 0);
+  EXPECT_GT(ticks.back().num_object_pairs, 0);
+  EXPECT_LT(ticks.back().F_H_B.force.y, -0.01);
+}
+
+// What does not change stays; other surfaces are felt from the next frame on.
+TEST(Pipeline, ChangesAreTakenBetweenTicks) {
+  auto pipeline = make(patient_settings());
+  ASSERT_TRUE(pipeline);
+  run(*pipeline, 700);
+  HapticSettings other = patient_settings();
+  other.contact.method = InsideMethod::graph;
+  other.coupling.kind = CouplingKind::direct;
+  ASSERT_TRUE(pipeline->change(other));
+  EXPECT_EQ(pipeline->revision(), 1u);
+  EXPECT_EQ(pipeline->surface_revision(), 0u);
+  const Pose X_WT = pipeline->contact().X_WT;
+  const HapticRecord& next = pipeline->tick(state_at(0.7));
+  EXPECT_EQ(next.revision, 1u);
+  EXPECT_LT(norm(next.step.X_WT.translation - X_WT.translation), 1e-3);
+  EXPECT_EQ(pipeline->contact().revision, 0u);
+  WallSource source({});
+  DepthFrame frame;
+  ASSERT_TRUE(source.next(frame).value());
+  pipeline->push(frame, 0.7005);
+  pipeline->tick(state_at(0.701));
+  EXPECT_EQ(pipeline->contact().revision, 1u);
+  EXPECT_GT(pipeline->contact().penetration.num_points, 0);
+
+  other.safety.max_slew = 1;
+  const Status refused = pipeline->change(other);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("safety.max_slew"), std::string::npos);
+}
+
+TEST(Pipeline, ATickAllocatesNothing) {
+  auto pipeline = make(patient_settings());
+  ASSERT_TRUE(pipeline);
+  run(*pipeline, 600);
+  const test::AllocationCounter counter;
+  for (int k = 600; k < 620; ++k) pipeline->tick(state_at(1e-3 * k));
+  EXPECT_EQ(counter.count(), 0u);
+}
+
+}  // namespace
+}  // namespace palpate
