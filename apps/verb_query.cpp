@@ -112,7 +112,7 @@ void print_results_json(const Options& options, Backend backend, std::size_t num
                                {"inside_spheres", penetration.num_inside_spheres},
                                {"points", penetration.num_points},
                                {"compute_us", seconds * 1e6},
-                               {"status", penetration.status}});
+                               {"status", penetration.status.bits}});
     if (options.objects.empty()) continue;
     const Penetration& objects = shares.bodies;
     json["results"].back()["objects"] = {{"volume", objects.volume},
@@ -138,9 +138,7 @@ void print_results_table(const Options& options, double tool_volume,
                 p.num_boundary_spheres, p.num_inside_spheres, p.num_points,
                 measurements[i].seconds * 1e6);
     if (has_objects) std::printf(" %12.5g", measurements[i].shares.bodies.volume);
-    std::puts(p.status & static_cast<std::uint32_t>(StepStatus::ambiguous_normals)
-                  ? "  (normals disagree)"
-                  : "");
+    std::puts(p.status.has(StepStatus::ambiguous_normals) ? "  (normals disagree)" : "");
   }
 }
 
@@ -203,8 +201,7 @@ Status run(const Options& options) {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
     measurements.push_back({measured.total(), measured, elapsed.count()});
-    constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
-    if ((measured.total().status & kFailed) != 0) return lost_backend();
+    if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
   }
   std::size_t num_caps_triangles = 0;
   if (!options.caps.file.empty()) {

@@ -138,12 +138,12 @@ void measure_queries(int num_spheres) {
     for (const int depth : {10, 50, 100}) {
       const std::vector<Pose> poses = random_poses(depth / 100.0);
       std::size_t i = 0;
-      std::uint32_t status = 0;
+      ContactStatus status;
       measure(
           std::string(name) + "/spheres:" + std::to_string(num_spheres) +
               "/depth:" + std::to_string(depth),
           [&] { status |= query->query(poses[i++ % poses.size()], {.method = method}).status; });
-      if ((status & static_cast<std::uint32_t>(StepStatus::backend_failed)) != 0) {
+      if (status.has(StepStatus::backend_failed)) {
         stop({Errc::unavailable, "a query failed on the GPU"});
       }
     }

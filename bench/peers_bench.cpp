@@ -120,9 +120,10 @@ struct AskedPeer {
 void ask_ours(eval::BoundaryStage& stage, const Pose& X_WT, std::vector<SphereAnswer>& answers) {
   std::fill(answers.begin(), answers.end(), SphereAnswer{});
   stage.run(X_WT, [&](std::size_t k, const PointSums& sums) {
-    const double num = static_cast<double>(sums.num_points());
-    answers[k] = {static_cast<int>(sums.num_points()), sums.offset() + num * X_WT.translation,
-                  sums.normal()};
+    constexpr double kScale = PointSums::kFinestScale;
+    const double num = sums.num_points(kScale);
+    answers[k] = {static_cast<int>(num), sums.offset(kScale) + num * X_WT.translation,
+                  sums.normal(kScale)};
   });
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -23,6 +24,13 @@ void relax() {
 // until none is left, then signs off in `num_busy`; the caller returns when all have signed off,
 // so no worker can still look at a loop that has ended.
 struct ThreadPool::Workers {
+  ~Workers() {
+    stop.store(true, std::memory_order_release);
+    generation.fetch_add(1, std::memory_order_acq_rel);
+    generation.notify_all();
+    for (std::thread& thread : threads) thread.join();
+  }
+
   std::vector<std::thread> threads;
   std::atomic<std::uint32_t> generation{0};
   std::atomic<int> num_busy{0};
@@ -59,17 +67,16 @@ ThreadPool::ThreadPool(int num_threads) : workers_(std::make_unique<Workers>()) 
   if (num_threads <= 0) {
     num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   }
-  for (int i = 1; i < num_threads; ++i) {
-    workers_->threads.emplace_back([workers = workers_.get()] { workers->work(); });
+  try {
+    for (int i = 1; i < num_threads; ++i) {
+      workers_->threads.emplace_back([workers = workers_.get()] { workers->work(); });
+    }
+  } catch (const std::system_error&) {
+    // The system starts no more. Results do not depend on their number.
   }
 }
 
-ThreadPool::~ThreadPool() {
-  workers_->stop.store(true, std::memory_order_release);
-  workers_->generation.fetch_add(1, std::memory_order_acq_rel);
-  workers_->generation.notify_all();
-  for (std::thread& thread : workers_->threads) thread.join();
-}
+ThreadPool::~ThreadPool() = default;
 
 int ThreadPool::num_threads() const { return static_cast<int>(workers_->threads.size()) + 1; }
 

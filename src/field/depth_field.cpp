@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "palpate/core/assert.h"
 #include "palpate/core/stamp.h"
 #include "src/field/field_rows.h"
 

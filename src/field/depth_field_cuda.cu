@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/core/assert.h"
 #include "palpate/core/stamp.h"
 #include "src/field/silhouette_rules.h"
 #include "src/gpu/team.cuh"

@@ -85,8 +85,6 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
   contact.X_WT = X_WT;
   contact.p_WC = X_WT * centre_of_mass_T;
   contact.surface_age = surface_age;
-  const auto nothing_measured = static_cast<std::uint32_t>(StepStatus::non_finite_pose) |
-                                static_cast<std::uint32_t>(StepStatus::backend_failed);
   contact.status = penetration.status;
   contact.volume = penetration.volume;
   const double gain = scale.newtons_per_cubic_metre;
@@ -98,7 +96,7 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
       finite = finite && std::isfinite(contact.stiffness.m[i][j]);
     }
   }
-  contact.is_valid = finite && (penetration.status & nothing_measured) == 0;
+  contact.is_valid = finite && !penetration.status.is_unmeasured();
   if (contact.is_valid)
     contact.max_stiffness = std::max(0.0, largest_eigenvalue(contact.stiffness));
   return contact;

@@ -9,7 +9,6 @@ namespace palpate {
 namespace {
 
 constexpr int kToolBody = 0;
-constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
 
 }  // namespace
 
@@ -183,7 +182,7 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   contact.capture_time = capture_time_;
   contact.contact.time = time;
   contacts_->measure(moment_, contact);
-  if ((contact.penetration.status & kFailed) != 0 || !timeline_->status()) {
+  if (contact.penetration.status.has(StepStatus::backend_failed) || !timeline_->status()) {
     has_backend_failed_ = true;
     return contact_;
   }

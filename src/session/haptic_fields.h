@@ -84,7 +84,7 @@ void visit_fields(T& penetration, auto&& visit) {
   visit("num_boundary_spheres", penetration.num_boundary_spheres);
   visit("num_inside_spheres", penetration.num_inside_spheres);
   visit("num_points", penetration.num_points);
-  visit("status", penetration.status);
+  visit("status", penetration.status.bits);
 }
 
 template <Of<HapticRecord> T>
@@ -120,7 +120,7 @@ void visit_fields(T& contact, auto&& visit) {
   visit("volume", contact.volume);
   visit("max_stiffness", contact.max_stiffness);
   visit("surface_age", contact.surface_age);
-  visit("status", contact.status);
+  visit("status", contact.status.bits);
   visit("is_valid", contact.is_valid);
 }
 

@@ -53,8 +53,7 @@ Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
 
   const Vec3d C_W = tick.X_WT * tool.sphere_mass().centre_of_mass;
   const double radius = tool_radius(tool);
-  const bool finite =
-      (tick.penetration.status & static_cast<std::uint32_t>(StepStatus::non_finite_pose)) == 0;
+  const bool finite = !tick.penetration.status.has(StepStatus::non_finite_pose);
   if (!finite || !(C_W.z > 0.01)) {
     return std::string(
         "<h2>The deepest moment</h2><p>The tool was not in front of the camera.</p>");

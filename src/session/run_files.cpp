@@ -64,7 +64,7 @@ std::string wrench_csv(const Tool& tool, const RunLog& log) {
     const Vec3d &f = r.measure_W.force, &m = r.measure_W.torque;
     append_row(text, ',', tick.time, p.x, p.y, p.z, q.x, q.y, q.z, q.w, r.volume,
                r.volume / tool_volume, f.x, f.y, f.z, m.x, m.y, m.z, r.num_boundary_spheres,
-               r.num_inside_spheres, r.num_points, tick.frame, r.status);
+               r.num_inside_spheres, r.num_points, tick.frame, r.status.bits);
     if (!has_objects) continue;
     const Vec3d &of = tick.objects.measure_W.force, &om = tick.objects.measure_W.torque;
     text.back() = ',';

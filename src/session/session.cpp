@@ -150,9 +150,8 @@ TickRecord Session::tick(double time, const Pose& X_WT) {
   record.penetration = measured.total();
   record.objects = measured.bodies;
   record.object_pairs = measured.num_pairs;
-  constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
   if (status_ && !timeline_.status()) status_ = timeline_.status();
-  if (status_ && (record.penetration.status & kFailed) != 0) {
+  if (status_ && record.penetration.status.has(StepStatus::backend_failed)) {
     status_ = lost_backend();
   }
   if (status_) {
@@ -166,7 +165,7 @@ TickRecord Session::tick(double time, const Pose& X_WT) {
 void Session::fade_out(TickRecord& record) {
   const double share = std::max(0.0, 1 - (record.time - last_good_.time) / kFadeTime);
   record.penetration = faded(last_good_.penetration, share);
-  record.penetration.status = static_cast<std::uint32_t>(StepStatus::backend_failed);
+  record.penetration.status = StepStatus::backend_failed;
   record.objects = faded(last_good_.objects, share);
   record.object_pairs = 0;
   is_faded_out_ = share == 0;

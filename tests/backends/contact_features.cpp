@@ -219,8 +219,7 @@ void compare_faults(double allowed) {
   const Pair pair;
   const Pose nowhere{{NAN, 0, 0}, {}};
   for (const ContactOptions& options : by_each(kAllMethods)) {
-    EXPECT_EQ(pair.cuda->query(nowhere, options).status,
-              static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+    EXPECT_EQ(pair.cuda->query(nowhere, options).status, StepStatus::non_finite_pose);
     expect_near(pair.cuda->query(nowhere, options), pair.cpu->query(nowhere, options), allowed);
   }
   PointCloud rough = pair.scene.cloud;  // half of the normals look the other way
@@ -229,7 +228,7 @@ void compare_faults(double allowed) {
   const Pose X_WT = poses(1)[0];
   for (const ContactOptions& options : by_each(kPointMethods)) {
     const Penetration want = pair.cpu->query(X_WT, options);
-    EXPECT_EQ(want.status, static_cast<std::uint32_t>(StepStatus::ambiguous_normals));
+    EXPECT_EQ(want.status, StepStatus::ambiguous_normals);
     expect_near(pair.cuda->query(X_WT, options), want, allowed);
   }
 }

@@ -1,8 +1,12 @@
 // The query against brute force in double, on every instruction set present.
 #include "palpate/contact/contact_query.h"
 
+#include <type_traits>
+#include <utility>
+
 #include <gtest/gtest.h>
 
+#include "palpate/contact/body_world.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_checks.h"
 
@@ -235,9 +239,96 @@ TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
   query->set_cloud(cloud.view());
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Penetration result = query->query({{0, nan, 0.7}, {}}, {InsideMethod::simplified});
-  EXPECT_EQ(result.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+  EXPECT_EQ(result.status, StepStatus::non_finite_pose);
   EXPECT_EQ(result.volume, 0);
 }
+
+// A query that was given nothing, or a surface of the kind that its method does not ask, says so:
+// a zero force that means "I do not know" would be taken for free space.
+TEST(ContactQuery, WithoutASurfaceItSaysSo) {
+  const Tool tool = test::random_tool(20, 0.05, 6);
+  const PointCloud cloud = test::noisy_wall(64, 48, 60, 0.7, 0, 8);
+  DepthField field = DepthField::create(64, 48).value();
+  ThreadPool pool(1);
+  field.update(cloud.view(), pool);
+  const Pose X_WT{{0, 0, 0.7}, {}};
+  for (const InsideMethod method : {InsideMethod::weighted, InsideMethod::simplified,
+                                    InsideMethod::graph, InsideMethod::field}) {
+    const bool asks_field = method == InsideMethod::field;
+    const auto query = make_query(tool);
+    EXPECT_EQ(query->query(X_WT, {method}).status, StepStatus::no_surface);
+    if (asks_field) query->set_cloud(cloud.view());
+    if (!asks_field) query->set_field(field.view());
+    EXPECT_EQ(query->query(X_WT, {method}).status, StepStatus::no_surface);
+    EXPECT_TRUE(query->query(X_WT, {method}).status.is_unmeasured());
+    if (asks_field) query->set_field(field.view());
+    if (!asks_field) query->set_cloud(cloud.view());
+    const Penetration measured = query->query(X_WT, {method});
+    EXPECT_FALSE(measured.status.has(StepStatus::no_surface));
+    EXPECT_GT(measured.volume, 0);
+  }
+}
+
+TEST(ContactQuery, EdgesWantACloudThatTellsThem) {
+  const Tool tool = test::random_tool(20, 0.05, 6);
+  const test::CloudWithEdges scene = test::l_shape(0, 3);
+  const auto query = make_query(tool);
+  const Pose X_WT{{0, 0, 0.6}, {}};
+  ContactOptions options{InsideMethod::simplified};
+  query->set_cloud(scene.cloud.view());
+  const Penetration without = query->query(X_WT, options);
+  EXPECT_FALSE(without.status.has(StepStatus::no_edge_vectors));
+  options.edges = Edges::cut;
+  const Penetration missed = query->query(X_WT, options);
+  EXPECT_TRUE(missed.status.has(StepStatus::no_edge_vectors));
+  EXPECT_EQ(missed.volume, without.volume);
+  query->set_cloud(scene.view());
+  EXPECT_FALSE(query->query(X_WT, options).status.has(StepStatus::no_edge_vectors));
+}
+
+// Images of 4096 x 4096 pixels have twice as many as 2^40 counts each leave room for.
+TEST(ContactQuery, SixteenMillionPointsInOneSphere) {
+  SpherePacking packing;
+  packing.spheres = {{{0, 0, 0}, 0.5f}};
+  const Tool tool =
+      Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+  constexpr int kNum = 1 << 24;
+  const std::vector<float> x(kNum, 0.125f), zero(kNum, 0.0f), one(kNum, 1.0f);
+  PointCloudView cloud;
+  cloud.width = kNum;
+  cloud.height = 1;
+  cloud.x = x.data();
+  cloud.y = cloud.z = cloud.ny = cloud.nz = zero.data();
+  cloud.nx = one.data();
+  const auto query = make_query(tool);
+  query->set_cloud(cloud);
+  const Penetration result = query->query({}, {InsideMethod::simplified});
+  EXPECT_EQ(result.num_points, kNum);
+  EXPECT_EQ(result.status, ContactStatus{});
+  const double cap = cap_volume(0.5, -0.125);
+  EXPECT_NEAR(result.volume, cap, 1e-12);
+  EXPECT_NEAR(result.measure_W.force.x, cap, 1e-12);
+}
+
+// A tool that does not live as long as what looks at it is refused by the compiler.
+template <class T>
+concept CanMakeQuery = requires(T&& tool) {
+  make_contact_query(Backend::cpu, std::forward<T>(tool));
+};
+template <class A, class B>
+concept CanMakePair = std::is_constructible_v<BodyContact, A, B> && requires(A&& a, B&& b) {
+  make_body_pair_query(Backend::cpu, std::forward<A>(a), std::forward<B>(b));
+};
+template <class T>
+concept CanBeABody = requires(BodyWorld& world, T&& tool) {
+  world.add_tool(std::forward<T>(tool), nullptr);
+  world.add_object(std::forward<T>(tool), Pose{});
+};
+static_assert(CanMakeQuery<const Tool&> && CanMakeQuery<Tool&>);
+static_assert(!CanMakeQuery<Tool> && !CanMakeQuery<const Tool>);
+static_assert(CanMakePair<const Tool&, Tool&>);
+static_assert(!CanMakePair<Tool, Tool&> && !CanMakePair<Tool&, Tool> && !CanMakePair<Tool, Tool>);
+static_assert(CanBeABody<Tool&> && !CanBeABody<Tool>);
 
 TEST(ContactQuery, OpposedNormalsAreAmbiguousAndLendNoPlane) {
   const Tool tool = test::random_tool(1, 0.05, 6);
@@ -249,7 +340,7 @@ TEST(ContactQuery, OpposedNormalsAreAmbiguousAndLendNoPlane) {
   query->set_cloud(cloud.view());
   const Penetration result = query->query({}, {InsideMethod::simplified});
   EXPECT_EQ(result.num_boundary_spheres, 1);
-  EXPECT_EQ(result.status, static_cast<std::uint32_t>(StepStatus::ambiguous_normals));
+  EXPECT_EQ(result.status, StepStatus::ambiguous_normals);
   EXPECT_EQ(result.volume, 0);
 }
 

@@ -145,7 +145,7 @@ Result run(const Case& c) {
     for (const int count : {p.num_boundary_spheres, p.num_inside_spheres, p.num_points}) {
       hash.add(count);
     }
-    hash.add(p.status);
+    hash.add(p.status.bits);
     for (const SphereState state : query.states()) hash.add(static_cast<int>(state));
     for (const Plane<float>& plane : query.planes()) {
       hash.add(to_double(plane.normal));

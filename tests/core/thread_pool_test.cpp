@@ -1,6 +1,14 @@
 #include "palpate/core/thread_pool.h"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -46,7 +54,30 @@ TEST(ThreadPool, DoesNotAllocatePerLoop) {
   EXPECT_EQ(shared.load(), 1000);
 }
 
-TEST(ThreadPool, ZeroMeansOnePerCore) { EXPECT_GE(ThreadPool(0).num_threads(), 1); }
+TEST(ThreadPool, ZeroMeansOnePerCore) {
+  EXPECT_EQ(ThreadPool(0).num_threads(), std::max(1u, std::thread::hardware_concurrency()));
+}
+
+// In a process of its own that may map little more than it has: some stack is the last one.
+TEST(ThreadPoolDeathTest, WorksWithAsManyThreadsAsTheSystemStarts) {
+  EXPECT_EXIT(
+      {
+        std::size_t num_pages = 0;
+        std::ifstream("/proc/self/statm") >> num_pages;
+        const rlim_t most =
+            num_pages * static_cast<std::size_t>(getpagesize()) + (std::size_t{100} << 20);
+        rlimit limit;
+        limit.rlim_cur = limit.rlim_max = most;
+        setrlimit(RLIMIT_AS, &limit);
+        ThreadPool pool(1000);
+        std::atomic<int> sum{0};
+        pool.parallel_for(100, [&](int task) { sum += task; });
+        const int num = pool.num_threads();
+        std::fprintf(stderr, "%d threads\n", num);
+        std::_Exit(num > 1 && num < 1000 && sum == 4950 ? 0 : 1);
+      },
+      testing::ExitedWithCode(0), "threads");
+}
 
 TEST(Isa, NamesAreKnown) {
   EXPECT_STREQ(isa_name(Isa::baseline), "baseline");

@@ -165,7 +165,7 @@ TEST(LocalContact, IsZeroWithoutAMeasurementOrAPose) {
   p.measure_W.torque.y = nan;
   EXPECT_FALSE(local_contact(p, {}, X_WT, {}, {1}, 0, 0).is_valid);
   p = scene.measure(X_WT);
-  p.status = static_cast<std::uint32_t>(StepStatus::backend_failed);
+  p.status = StepStatus::backend_failed;
   const LocalContact failed = local_contact(p, {}, X_WT, {}, {1}, 0, 0);
   EXPECT_FALSE(failed.is_valid);
   EXPECT_EQ(failed.status, p.status);

@@ -223,7 +223,7 @@ class SpoiltQuery final : public ContactQuery {
       result.volume = 1e-6;
       result.measure_W.force = {0, 0, -1e-6};
     } else {
-      result.status = static_cast<std::uint32_t>(StepStatus::backend_failed);
+      result.status = StepStatus::backend_failed;
     }
     return result;
   }

@@ -32,7 +32,7 @@ class FailingQuery final : public ContactQuery {
       result.measure_W = {{1, 2, -3}, {0, 8, 1}};
       result.num_boundary_spheres = 5;
     } else {
-      result.status = static_cast<std::uint32_t>(StepStatus::backend_failed);
+      result.status = StepStatus::backend_failed;
     }
     return result;
   }
@@ -64,7 +64,7 @@ TEST_F(BackendFailure, FadesTheForceOut) {
   for (int k = 0; k < kGoodTicks; ++k) {
     const TickRecord tick = session.tick(k * kStep, {});
     EXPECT_EQ(tick.penetration.volume, 4);
-    EXPECT_EQ(tick.penetration.status, 0u);
+    EXPECT_EQ(tick.penetration.status.bits, 0u);
     EXPECT_TRUE(session.status());
   }
   const double last_good = (kGoodTicks - 1) * kStep;
@@ -76,7 +76,7 @@ TEST_F(BackendFailure, FadesTheForceOut) {
     EXPECT_DOUBLE_EQ(tick.penetration.potential, 2 * share);
     EXPECT_DOUBLE_EQ(tick.penetration.measure_W.force.z, -3 * share);
     EXPECT_DOUBLE_EQ(tick.penetration.measure_W.torque.y, 8 * share);
-    EXPECT_EQ(tick.penetration.status, static_cast<std::uint32_t>(StepStatus::backend_failed));
+    EXPECT_EQ(tick.penetration.status, StepStatus::backend_failed);
     EXPECT_EQ(session.is_faded_out(), share == 0);
     ASSERT_FALSE(session.status());
   }

@@ -110,7 +110,8 @@ TEST(HapticMessages, ContactsReadBackToTheSameBits) {
   ContactRecord contact;
   contact.number = 12;
   contact.progress = 1.0 / 7;
-  contact.penetration = {1e-5 / 3, {{1, 2, 3}, {4, 5, 6}}, 0.125, 7, 8, 9, 2};
+  contact.penetration = {1e-5 / 3, {{1, 2, 3}, {4, 5, 6}},       0.125, 7, 8,
+                         9,        StepStatus::ambiguous_normals};
   contact.contact.is_valid = true;
   for (int i = 0; i < 36; ++i) contact.contact.stiffness.m[i / 6][i % 6] = 1.0 / (i + 3);
   const std::string text = contact_message(contact);

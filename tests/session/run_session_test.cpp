@@ -147,7 +147,7 @@ TEST(RunSession, NonFinitePoseMeasuresNothing) {
   const auto log = run_session(tool, stream, path, settings_with(1));
   ASSERT_TRUE(log) << log.error().message;
   EXPECT_EQ(log->ticks[3].penetration.volume, 0);
-  EXPECT_NE(log->ticks[3].penetration.status, 0u);
+  EXPECT_NE(log->ticks[3].penetration.status.bits, 0u);
 }
 
 }  // namespace

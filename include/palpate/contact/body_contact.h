@@ -49,6 +49,12 @@ class BodyPairQuery {
 /// machine; no memory left on the GPU.
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
                                                             const Tool& b, int gpu = 0);
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&&, const Tool&,
+                                                            int = 0) = delete;
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&, const Tool&&,
+                                                            int = 0) = delete;
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&&, const Tool&&,
+                                                            int = 0) = delete;
 
 /// Measures two rigid bodies against each other on the CPU. Every pair of overlapping spheres adds
 /// the exact volume V of its lens, and pushes with the force V m, m being the unit vector from the
@@ -68,6 +74,9 @@ class BodyContact final : public BodyPairQuery {
  public:
   /// Both bodies must outlive it. All memory is allocated here.
   BodyContact(const Tool& a, const Tool& b);
+  BodyContact(const Tool&&, const Tool&) = delete;
+  BodyContact(const Tool&, const Tool&&) = delete;
+  BodyContact(const Tool&&, const Tool&&) = delete;
 
   void start(const Pose& X_WA, const Pose& X_WB) noexcept override;
   BodyPenetration finish() noexcept override;

@@ -30,8 +30,10 @@ class BodyWorld {
   /// A tool that moves. `cloud_query` measures it against the cloud; null: it feels bodies alone.
   /// `tool` must outlive the world.
   int add_tool(const Tool& tool, std::unique_ptr<ContactQuery> cloud_query);
+  int add_tool(const Tool&&, std::unique_ptr<ContactQuery>) = delete;
   /// An object that stays where it is. `object` must outlive the world.
   int add_object(const Tool& object, const Pose& X_WB);
+  int add_object(const Tool&&, const Pose&) = delete;
 
   /// How a pair of bodies is measured; see make_body_pair_query.
   using MakePairQuery =

@@ -88,13 +88,37 @@ inline double full_volume(const Tool& tool, const ContactOptions& options) {
   return full_volume(tool, options.counted());
 }
 
-/// Things a caller may want to know about a step that still gave a valid result.
+/// Things a caller may want to know about a measurement.
 enum class StepStatus : std::uint32_t {
   ok = 0,
   non_finite_pose = 1,    ///< the pose was not finite: nothing was measured, all zero
   ambiguous_normals = 2,  ///< a boundary sphere's points disagree (|mean normal| < 0.5)
   /// The GPU did not answer in time or is lost: nothing was measured, all zero. It stays so.
   backend_failed = 4,
+  /// There is no surface of the kind that the method asks, a cloud or a field: nothing was measured
+  /// against it.
+  no_surface = 8,
+  no_edge_vectors = 16,  ///< edges are wanted, but the cloud tells none: measured without
+};
+
+/// Any number of them.
+struct ContactStatus {
+  std::uint32_t bits = 0;
+
+  constexpr ContactStatus() = default;
+  constexpr ContactStatus(StepStatus one) : bits(static_cast<std::uint32_t>(one)) {}
+
+  constexpr bool has(StepStatus one) const { return (bits & static_cast<std::uint32_t>(one)) != 0; }
+  /// Whether the result says nothing about the surface.
+  constexpr bool is_unmeasured() const {
+    return has(StepStatus::non_finite_pose) || has(StepStatus::backend_failed) ||
+           has(StepStatus::no_surface);
+  }
+  constexpr ContactStatus& operator|=(ContactStatus other) {
+    bits |= other.bits;
+    return *this;
+  }
+  friend constexpr bool operator==(ContactStatus, ContactStatus) = default;
 };
 
 /// The measure for one pose.
@@ -109,7 +133,7 @@ struct Penetration {
   int num_boundary_spheres = 0;  ///< spheres that contain at least one point
   int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
   int num_points = 0;            ///< points inside some sphere
-  std::uint32_t status = 0;      ///< StepStatus bits
+  ContactStatus status;
 };
 
 /// How the measure changes with the pose: moved by `shift` and turned by the small rotation vector
@@ -171,5 +195,7 @@ struct ContactCapacities {
 /// Errors: the backend is not in this build or on this machine. `tool` must outlive the query.
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
                                                          const ContactCapacities& capacities = {});
+Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend, const Tool&&,
+                                                         const ContactCapacities& = {}) = delete;
 
 }  // namespace palpate

@@ -2,11 +2,11 @@
 // this class' place once every compiler we support has it.
 #pragma once
 
+#include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <utility>
 #include <variant>
-
-#include "palpate/core/assert.h"
 
 namespace palpate {
 
@@ -26,7 +26,15 @@ struct Error {
   std::string message;
 };
 
-/// Either a value or an Error. Check `has_value()` before `*`.
+/// Ends the program: somebody took the value of an error without looking, or the other way round.
+[[noreturn]] inline void end_for_wrong_result(const char* wanted, const char* message) {
+  std::fprintf(stderr, "palpate: a Result was asked for its %s, but has none: %s\n", wanted,
+               message);
+  std::abort();
+}
+
+/// Either a value or an Error. Check `has_value()` before `*`: asking for what is not there ends
+/// the program with a message, in every build type.
 template <class T>
 class [[nodiscard]] Result {
  public:
@@ -36,9 +44,9 @@ class [[nodiscard]] Result {
   bool has_value() const { return state_.index() == 0; }
   explicit operator bool() const { return has_value(); }
 
-  T& value() & { return PALPATE_ASSERT(has_value()), std::get<0>(state_); }
-  const T& value() const& { return PALPATE_ASSERT(has_value()), std::get<0>(state_); }
-  T&& value() && { return PALPATE_ASSERT(has_value()), std::get<0>(std::move(state_)); }
+  T& value() & { return check_value(), *std::get_if<0>(&state_); }
+  const T& value() const& { return check_value(), *std::get_if<0>(&state_); }
+  T&& value() && { return check_value(), std::move(*std::get_if<0>(&state_)); }
 
   T& operator*() & { return value(); }
   const T& operator*() const& { return value(); }
@@ -46,9 +54,16 @@ class [[nodiscard]] Result {
   T* operator->() { return &value(); }
   const T* operator->() const { return &value(); }
 
-  const Error& error() const { return PALPATE_ASSERT(!has_value()), std::get<1>(state_); }
+  const Error& error() const {
+    if (has_value()) end_for_wrong_result("error", "it is a value");
+    return *std::get_if<1>(&state_);
+  }
 
  private:
+  void check_value() const {
+    if (!has_value()) end_for_wrong_result("value", std::get_if<1>(&state_)->message.c_str());
+  }
+
   std::variant<T, Error> state_;
 };
 

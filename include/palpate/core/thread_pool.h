@@ -12,11 +12,13 @@ namespace palpate {
 class ThreadPool {
  public:
   /// `num_threads` >= 1 counts the calling thread; 1 starts no thread at all. 0 means one per core.
+  /// Where the system starts no more threads the pool works with those that it has.
   explicit ThreadPool(int num_threads = 1);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
+  /// That it has, with the calling one.
   int num_threads() const;
 
   /// Runs the tasks and returns when all are done. No allocation. With one thread it is a plain

@@ -16,8 +16,8 @@ struct LocalContact {
   double volume = 0;         ///< m3
   double max_stiffness = 0;  ///< N/m: largest eigenvalue of the force-translation block, 0 or more
   double surface_age = 0;    ///< s, of the depth frame that was measured, at `time`
-  std::uint32_t status = 0;  ///< StepStatus bits
-  bool is_valid = false;     ///< false: nothing has been measured yet
+  ContactStatus status;
+  bool is_valid = false;  ///< false: nothing has been measured yet
 
   /// The wrench with the tool at another pose near by, about its own centre of mass there:
   /// F - K (shift, turn). It never pulls the tool in: where the line crosses zero along the

@@ -72,6 +72,9 @@ class HapticLoop {
                                                     HapticDevice& device,
                                                     const HapticSettings& settings,
                                                     HapticObserver observer = {});
+  static Result<std::unique_ptr<HapticLoop>> create(const Tool&&, DepthSource&, HapticDevice&,
+                                                    const HapticSettings&,
+                                                    HapticObserver = {}) = delete;
   virtual ~HapticLoop() = default;  ///< stops
 
   /// Begins; returns when the device ticks. Errors: the device, the first frame.

@@ -26,6 +26,8 @@ class LiveView : public ViewSource {
   /// `tool` must outlive it.
   static std::unique_ptr<LiveView> create(const Tool& tool, const DepthStreamInfo& stream,
                                           std::string title);
+  static std::unique_ptr<LiveView> create(const Tool&&, const DepthStreamInfo&,
+                                          std::string) = delete;
   /// For record_haptic_run. Without a recording: its `observer` for the loop, and `on_loop` when
   /// the loop has started and before it is stopped; the latter waits for a command that is using
   /// it.

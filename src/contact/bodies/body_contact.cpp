@@ -94,10 +94,9 @@ Pose relative_pose(const Pose& X_WA, const Pose& X_WB) {
 }
 
 bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result) {
-  constexpr auto kNonFinite = static_cast<std::uint32_t>(StepStatus::non_finite_pose);
-  if (!is_finite(X_WA)) result.on_a.status = kNonFinite;
-  if (!is_finite(X_WB)) result.on_b.status = kNonFinite;
-  return (result.on_a.status | result.on_b.status) != 0;
+  if (!is_finite(X_WA)) result.on_a.status = StepStatus::non_finite_pose;
+  if (!is_finite(X_WB)) result.on_b.status = StepStatus::non_finite_pose;
+  return result.on_a.status.bits != 0 || result.on_b.status.bits != 0;
 }
 
 BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool& b,

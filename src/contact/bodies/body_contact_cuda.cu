@@ -254,10 +254,9 @@ class BodyContactCuda final : public BodyPairQuery {
   }
 
   BodyPenetration finish() noexcept override {
-    if ((nothing_.on_a.status | nothing_.on_b.status) != 0) return nothing_;
+    if (nothing_.on_a.status.bits != 0 || nothing_.on_b.status.bits != 0) return nothing_;
     if (!status() || !answers_.await(stream_)) {
-      constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
-      nothing_.on_a.status = nothing_.on_b.status = kFailed;
+      nothing_.on_a.status = nothing_.on_b.status = StepStatus::backend_failed;
       return nothing_;
     }
     const QueryAnswer& answer = answers_.answer();

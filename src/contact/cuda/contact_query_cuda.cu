@@ -150,13 +150,12 @@ class ContactQueryCuda final : public ContactQuery {
  private:
   static Penetration not_finite() {
     Penetration nothing;
-    nothing.status = static_cast<std::uint32_t>(StepStatus::non_finite_pose);
+    nothing.status = StepStatus::non_finite_pose;
     return nothing;
   }
   // Notes whether a query by `field` has been answered.
   Penetration taken(const Penetration& result) {
-    constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
-    is_measured_ = (result.status & kFailed) == 0;
+    is_measured_ = !result.status.is_unmeasured();
     return result;
   }
   void take_tool();
@@ -272,16 +271,21 @@ Penetration ContactQueryCuda::query(const Pose& X_WT, const ContactOptions& opti
   if (options.method == InsideMethod::field) {
     return taken(field_.measure(X, options.counted()));
   }
-  ask(X);
   Penetration result;
+  if (cloud_.size() == 0) {
+    result.status = StepStatus::no_surface;
+    return result;
+  }
+  ask(X);
   is_measured_ = answers_.await(stream_);
   if (!is_measured_) {
-    result.status |= static_cast<std::uint32_t>(StepStatus::backend_failed);
+    result.status |= StepStatus::backend_failed;
     return result;
   }
   result = answers_.answer().penetration();
   result.measure_W = {rotate(X.rotation, result.measure_W.force),
                       rotate(X.rotation, result.measure_W.torque)};
+  if (options.edges != query_.edges) result.status |= StepStatus::no_edge_vectors;
   query_.search.first_round += static_cast<int>(answers_.answer().num_rounds) + 1;
   return result;
 }
@@ -313,6 +317,7 @@ void ContactQueryCuda::ask(const Pose& X_WT) {
   q.R_WT = rotation_matrix(X_WT.rotation);
   q.window = image_window(cloud_, box_T_, X_WT);
   q.scan.cloud = cloud;
+  q.scan.sum_scale = finest_sum_scale(cloud.size(), reach_of_sums(box_T_));
   q.scan.grid = grid_;
   q.scan.R_TW = rotation_matrix(conjugate(X_WT.rotation));
   q.scan.translation_W = X_WT.translation;

@@ -36,7 +36,7 @@ struct QueryAnswer : MeasureTerms {
     result.num_boundary_spheres = static_cast<int>(num_boundary);
     result.num_inside_spheres = static_cast<int>(num_inside);
     result.num_points = static_cast<int>(num_points);
-    result.status = static_cast<std::uint32_t>(status);
+    result.status.bits = static_cast<std::uint32_t>(status);
     return result;
   }
 };

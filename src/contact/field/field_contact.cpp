@@ -56,6 +56,11 @@ MeasureJob FieldContact::job() const {
 Penetration FieldContact::measure(const Pose& X_WT, SphereVolumes volumes) noexcept {
   X_WT_ = X_WT;
   volumes_ = volumes;
+  if (field_.num_levels == 0) {
+    Penetration nothing;
+    nothing.status = StepStatus::no_surface;
+    return nothing;
+  }
   const MeasureJob asked = job();
   const int num_groups = asked.clusters->num_groups();
   pool_->parallel_for(num_groups, [&](int group) {

@@ -311,7 +311,7 @@ int measure_blocks(int gpu, int num_clusters) {
 
 Penetration failed() {
   Penetration result;
-  result.status = static_cast<std::uint32_t>(StepStatus::backend_failed);
+  result.status = StepStatus::backend_failed;
   return result;
 }
 
@@ -387,14 +387,16 @@ template <int kNumFields>
 Penetration FieldContactCuda::ask() noexcept {
   if (!status()) return failed();
   FieldQuery<kNumFields> query;
-  bool has_field = false;
+  int num_missing = 0;
   for (int k = 0; k < kNumFields; ++k) {
     const DepthFieldView& field = last_.fields[k];
     const FieldFrame frame = frame_of(field.intrinsics, last_.X_WT, centre_of_mass_);
     query.fields[k] = look_of(field, frame, last_.weights[k]);
-    has_field |= field.num_levels > 0;
+    num_missing += field.num_levels == 0;
   }
-  if (!has_field) return {};
+  Penetration result;
+  if (num_missing > 0) result.status = StepStatus::no_surface;
+  if (num_missing == kNumFields) return result;
   query.elements = felt_tool().elements;
   const int num_warps = answers_.num_blocks() * kThreads / gpu::kWarpSize;
   query.skips_clusters = query.elements.num_clusters > num_warps;
@@ -403,7 +405,10 @@ Penetration FieldContactCuda::ask() noexcept {
       {.blocks = answers_.num_blocks(), .threads = kThreads, .shared_bytes = sizeof(FinishScratch)},
       measure_elements<kNumFields>, query, answers_.next());
   if (!answers_.await(stream_)) return failed();
-  return answers_.answer().penetration();
+  const ContactStatus status = result.status;
+  result = answers_.answer().penetration();
+  result.status |= status;
+  return result;
 }
 
 Stiffness FieldContactCuda::stiffness() noexcept {

@@ -90,13 +90,18 @@ class ContactQueryCpu final : public ContactQuery {
     scales_ = options.counted() == SphereVolumes::own ? &own_volumes_ : &represented_volumes_;
     forget_last_query();
     if (!is_finite(X_WT)) {
-      result.status |= static_cast<std::uint32_t>(StepStatus::non_finite_pose);
+      result.status |= StepStatus::non_finite_pose;
       return result;
     }
     const Pose X{X_WT.translation, normalized(X_WT.rotation)};
     if (options.method == InsideMethod::field) return field_.measure(X, options.counted());
+    if (cloud_.size() == 0) {
+      result.status |= StepStatus::no_surface;
+      return result;
+    }
     find_boundary_points(X);
     result = find_boundary_planes(X);
+    if (options.edges != Edges::none && !uses_edges()) result.status |= StepStatus::no_edge_vectors;
     MeasureSums sums = measure_boundary_spheres();
     sums.add(options.method == InsideMethod::graph ? measure_along_graph()
                                                    : measure_by_borrowing());
@@ -155,6 +160,7 @@ class ContactQueryCpu final : public ContactQuery {
   FieldContact field_;
   Bounds box_T_;
   PointCloudView cloud_;
+  double sum_scale_ = 1;  // of the last query
 
   // Boundary spheres of the last query.
   std::vector<GraphTraversal::Seed> seeds_;   // all, ascending; zero normal: no plane
@@ -208,6 +214,7 @@ void ContactQueryCpu::find_boundary_points(const Pose& X_WT) {
   scan.spheres = spheres_.data();
   scan.R_TW = rotation_matrix(conjugate(X_WT.rotation));
   scan.translation_W = X_WT.translation;
+  scan.sum_scale = sum_scale_ = finest_sum_scale(cloud_.size(), reach_of_sums(box_T_));
   scan.weights = options_.continuity == Continuity::none    ? PointWeights::none
                  : options_.continuity == Continuity::entry ? PointWeights::beside
                                                             : PointWeights::in_sums;
@@ -222,17 +229,17 @@ Penetration ContactQueryCpu::find_boundary_planes(const Pose& X_WT) {
       options_.continuity == Continuity::kernel || options_.continuity == Continuity::both,
       fades_in(), uses_edges()};
   points_.take([&](std::size_t id, const PointSums& sums, const EdgeSums& edge_sums) {
-    const BoundarySphere sphere =
-        boundary_sphere(static_cast<std::int32_t>(id), sums, rule, R_TW, X_WT.translation);
+    const BoundarySphere sphere = boundary_sphere(static_cast<std::int32_t>(id), sums, sum_scale_,
+                                                  rule, R_TW, X_WT.translation);
     if (sphere.is_ambiguous) {
-      result.status |= static_cast<std::uint32_t>(StepStatus::ambiguous_normals);
+      result.status |= StepStatus::ambiguous_normals;
     }
     const Lender& lender = sphere.lender;
     seeds_.push_back({sphere.sphere_id, lender.plane_T.normal, lender.point});
     lender_of_seed_.push_back(sphere.has_plane() ? lenders_.size() : -1);
     if (sphere.has_plane()) lenders_.add(lender);
     touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kTouched;
-    if (uses_edges()) edges_.add_pieces(edge_sums, R_TW, X_WT.translation);
+    if (uses_edges()) edges_.add_pieces(edge_sums, sum_scale_, R_TW, X_WT.translation);
     result.num_points += sphere.num_points;
   });
   edges_.find_nearest(X_WT, options_.edges);

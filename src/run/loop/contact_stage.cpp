@@ -13,7 +13,6 @@ constexpr int kPriority = 70;              // below the haptic thread
 constexpr std::size_t kNumRecords = 4096;  // some seconds
 /// Of a tick, from its begin on: by then it has published where the tool is.
 constexpr double kAfterTick = 0.05;
-constexpr auto kFailed = static_cast<std::uint32_t>(StepStatus::backend_failed);
 
 /// With room for every sphere: a picture allocates nothing.
 ContactPicture blank_picture(std::size_t num_spheres) {
@@ -116,7 +115,7 @@ void ContactStage::measure(const ToolMoment& tool) {
   contact.capture_time = surfaces.capture_time;
   contact.contact.time = tool.time;
   part_->measure(moment, contact);
-  if ((contact.penetration.status & kFailed) != 0) {
+  if (contact.penetration.status.has(StepStatus::backend_failed)) {
     backend_failed_.store(true, std::memory_order_release);
     return;
   }

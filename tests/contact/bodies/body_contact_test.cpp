@@ -302,10 +302,10 @@ TEST(BodyContact, NonFinitePosesAreReportedAndFarOnesMeasureNothing) {
        {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     const BodyPenetration bad_a = contact.measure({{bad, 0, 0}, {}}, {});
     const BodyPenetration bad_b = contact.measure({}, {{}, {0, 0, bad, 1}});
-    EXPECT_EQ(bad_a.on_a.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
-    EXPECT_EQ(bad_a.on_b.status, 0u);
-    EXPECT_EQ(bad_b.on_a.status, 0u);
-    EXPECT_EQ(bad_b.on_b.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+    EXPECT_EQ(bad_a.on_a.status, StepStatus::non_finite_pose);
+    EXPECT_EQ(bad_a.on_b.status.bits, 0u);
+    EXPECT_EQ(bad_b.on_a.status.bits, 0u);
+    EXPECT_EQ(bad_b.on_b.status, StepStatus::non_finite_pose);
     for (const BodyPenetration& result : {bad_a, bad_b}) {
       EXPECT_EQ(result.on_a.volume, 0);
       EXPECT_EQ(norm(result.on_b.measure_W.force), 0);

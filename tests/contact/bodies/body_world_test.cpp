@@ -127,12 +127,11 @@ TEST_F(SeveralBodies, NonFinitePoseOfOneLeavesTheOthersValid) {
   world.set_pose(first, {{std::nan(""), 0, 0}, {}});
   world.set_pose(second, X_WS_);
   world.measure(kOptions);
-  const auto bad = static_cast<std::uint32_t>(StepStatus::non_finite_pose);
-  EXPECT_EQ(world.measured(first).total().status, bad);
+  EXPECT_EQ(world.measured(first).total().status, StepStatus::non_finite_pose);
   EXPECT_EQ(world.measured(first).total().volume, 0);
-  EXPECT_EQ(world.measured(second).cloud.status & bad, 0u);
-  EXPECT_EQ(world.measured(second).bodies.status & bad, 0u);
-  EXPECT_EQ(world.measured(object).bodies.status & bad, 0u);
+  EXPECT_FALSE(world.measured(second).cloud.status.has(StepStatus::non_finite_pose));
+  EXPECT_FALSE(world.measured(second).bodies.status.has(StepStatus::non_finite_pose));
+  EXPECT_FALSE(world.measured(object).bodies.status.has(StepStatus::non_finite_pose));
   EXPECT_GT(world.measured(second).bodies.volume, 0);
 }
 

@@ -253,10 +253,10 @@ TEST(ContactQueryCuda, MeasuresNothingWithoutCloudOrFinitePose) {
                                     InsideMethod::graph, InsideMethod::field}) {
     const Penetration nothing = query->query({}, {.method = method});
     EXPECT_EQ(nothing.volume, 0);
-    EXPECT_EQ(nothing.status, 0u);
+    EXPECT_EQ(nothing.status, StepStatus::no_surface);
     const Penetration undefined = query->query({{NAN, 0, 0}, {}}, {.method = method});
     EXPECT_EQ(undefined.volume, 0);
-    EXPECT_EQ(undefined.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+    EXPECT_EQ(undefined.status, StepStatus::non_finite_pose);
     for (const SphereState state : query->states()) EXPECT_EQ(state, SphereState::outside);
   }
 }
@@ -289,15 +289,15 @@ TEST(ContactQueryCuda, ALostGpuMeasuresNothingAndSaysSo) {
   const Comparison comparison(1);
   const auto query = make_cuda_query(comparison.tool);
   comparison.show_to(*query);
-  EXPECT_EQ(query->query(comparison.poses[0], {}).status, 0u);
+  EXPECT_EQ(query->query(comparison.poses[0], {}).status.bits, 0u);
   emulator::lose_gpu(true);
   for (const InsideMethod method : {InsideMethod::field, InsideMethod::simplified}) {
     const Penetration lost = query->query(comparison.poses[0], {.method = method});
-    EXPECT_EQ(lost.status, static_cast<std::uint32_t>(StepStatus::backend_failed));
+    EXPECT_EQ(lost.status, StepStatus::backend_failed);
     EXPECT_EQ(lost.volume, 0);
   }
   emulator::lose_gpu(false);
-  EXPECT_NE(query->query(comparison.poses[0], {}).status, 0u) << "a failure stays";
+  EXPECT_NE(query->query(comparison.poses[0], {}).status.bits, 0u) << "a failure stays";
 }
 #endif
 

@@ -76,7 +76,7 @@ TEST(QueryAnswer, IsTheSumOfAllThreads) {
         EXPECT_EQ(got.num_boundary_spheres, want.num_boundary);
         EXPECT_EQ(got.num_inside_spheres, want.num_inside);
         EXPECT_EQ(got.num_points, want.num_points);
-        EXPECT_EQ(got.status, 6u);
+        EXPECT_EQ(got.status.bits, 6u);
         EXPECT_EQ(box.answer().num_rounds, 42);
       }
     }

@@ -451,7 +451,7 @@ TEST(FieldContact, BadPosesAndNoFieldGiveNothing) {
   const auto query = make_query(tool, scene);
   const Penetration bad = query->query({{0, 0, NAN}, {}}, kOwn);
   EXPECT_EQ(bad.volume, 0);
-  EXPECT_EQ(bad.status, static_cast<std::uint32_t>(StepStatus::non_finite_pose));
+  EXPECT_EQ(bad.status, StepStatus::non_finite_pose);
   // Far away, behind the camera, and large numbers.
   for (const Vec3d& p : {Vec3d{0, 0, -3}, {1e9, 0, 1}, {0, 0, 0}, {0, 1e30, 1e30}}) {
     const Penetration far = query->query({p, {}}, kOwn);

@@ -253,7 +253,7 @@ TEST(FieldOnRealFrames, TheGpuEqualsTheCpu) {
       const SphereVolumes volumes = kBoth[i % 2];
       const Penetration want = cpu.measure(X_WT, volumes), got = gpu.measure(X_WT, volumes);
       const double scale = full_volume(tool, volumes), lever = 0.05;
-      EXPECT_EQ(got.status, 0u);
+      EXPECT_EQ(got.status.bits, 0u);
       EXPECT_NEAR(got.volume, want.volume, 1e-4 * scale);
       EXPECT_NEAR(got.potential, want.potential, 1e-4 * (want.potential + lever * scale));
       EXPECT_LE(norm(got.measure_W.force - want.measure_W.force), 1e-4 * scale);

@@ -118,8 +118,9 @@ Found ask_cpu(const Scene& scene, const Question& question) {
   points.take([&](std::size_t id, const PointSums& sums, const EdgeSums& edge_sums) {
     found.sums.push_back(sums);
     found.edge_sums.push_back(edge_sums);
-    const BoundarySphere sphere = boundary_sphere(
-        static_cast<std::int32_t>(id), sums, question.plane_rule(), scan.R_TW, scan.translation_W);
+    const BoundarySphere sphere =
+        boundary_sphere(static_cast<std::int32_t>(id), sums, scan.sum_scale, question.plane_rule(),
+                        scan.R_TW, scan.translation_W);
     found.ids.push_back(sphere.sphere_id);
     found.lenders.push_back(sphere.lender);
     found.num_lenders += sphere.has_plane();
@@ -128,9 +129,9 @@ Found ask_cpu(const Scene& scene, const Question& question) {
       found.status |= static_cast<std::uint32_t>(StepStatus::ambiguous_normals);
     }
     if (!with_edges) return;
-    edges.add_pieces(edge_sums, scan.R_TW, scan.translation_W);
+    edges.add_pieces(edge_sums, scan.sum_scale, scan.R_TW, scan.translation_W);
     for (const PointSums& side : edge_sums.towards) {
-      const EdgePiece piece = edge_piece(side, scan.R_TW, scan.translation_W);
+      const EdgePiece piece = edge_piece(side, scan.sum_scale, scan.R_TW, scan.translation_W);
       if (piece.exists()) found.pieces.push_back(piece);
     }
   });

@@ -37,13 +37,13 @@ struct EdgePiece {
 };
 
 /// Piece of one side of one boundary sphere (eq. 3.17); R_TW and translation_W are those of X_WT.
-PALPATE_HOSTDEV inline EdgePiece edge_piece(const PointSums& sums, const Mat3d& R_TW,
-                                            const Vec3d& translation_W) {
-  if (sums.num_points() == 0) return {};
-  const Vec3d offset_W = sums.offset() / static_cast<double>(sums.num_points());
+PALPATE_HOSTDEV inline EdgePiece edge_piece(const PointSums& sums, double sum_scale,
+                                            const Mat3d& R_TW, const Vec3d& translation_W) {
+  if (!sums.has_points()) return {};
+  const Vec3d offset_W = sums.offset(sum_scale) / sums.num_points(sum_scale);
   const Vec3d p_W = translation_W + offset_W, ray_W = normalized(p_W);
   // The mean direction, orthogonal to the mean viewing ray.
-  const Vec3d change_W = sums.normal();
+  const Vec3d change_W = sums.normal(sum_scale);
   const Vec3d n_T = R_TW * normalized(change_W - dot(change_W, ray_W) * ray_W);
   if (!(p_W.z > 0)) return {};
   const Plane<double> plane_T{n_T, dot(n_T, R_TW * offset_W)};

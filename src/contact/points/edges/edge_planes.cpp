@@ -16,9 +16,10 @@ EdgePlanes::EdgePlanes(std::span<const Sphere> spheres, const SphereClusters& cl
 
 void EdgePlanes::clear() { pieces_.clear(); }
 
-void EdgePlanes::add_pieces(const EdgeSums& edges, const Mat3d& R_TW, const Vec3d& translation_W) {
+void EdgePlanes::add_pieces(const EdgeSums& edges, double sum_scale, const Mat3d& R_TW,
+                            const Vec3d& translation_W) {
   for (const PointSums& sums : edges.towards) {
-    const EdgePiece piece = edge_piece(sums, R_TW, translation_W);
+    const EdgePiece piece = edge_piece(sums, sum_scale, R_TW, translation_W);
     if (piece.exists()) pieces_.push_back(piece);
   }
 }

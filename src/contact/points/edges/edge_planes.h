@@ -18,7 +18,8 @@ class EdgePlanes {
 
   void clear();
   /// The pieces of one boundary sphere (eq. 3.17). R_TW and translation_W are those of X_WT.
-  void add_pieces(const EdgeSums& sums, const Mat3d& R_TW, const Vec3d& translation_W);
+  void add_pieces(const EdgeSums& sums, double sum_scale, const Mat3d& R_TW,
+                  const Vec3d& translation_W);
   /// After all of them: finds the piece of every sphere. `rule` is not `none`.
   void find_nearest(const Pose& X_WT, Edges rule);
   /// After that, for every lender: lets the edges know which of them they cannot cut off.

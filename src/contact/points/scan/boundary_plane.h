@@ -30,16 +30,18 @@ inline constexpr double kHalfPresence = 0.25;
 
 /// R_TW and X_WT belong together.
 PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, const PointSums& sums,
+                                                      double sum_scale,
                                                       const BoundaryPlaneRule& rule,
                                                       const Mat3d& R_TW,
                                                       const Vec3d& translation_W) {
   BoundarySphere result;
   result.sphere_id = sphere_id;
-  result.num_points = static_cast<std::int32_t>(sums.num_points());
-  const double weight = rule.weighted ? sums.weight() : static_cast<double>(sums.num_points());
+  result.num_points = static_cast<std::int32_t>(sums.num_points(sum_scale));
+  const double weight = rule.weighted ? sums.weight(sum_scale) : sums.num_points(sum_scale);
   // Points that only graze the sphere weigh nothing.
   if (rule.weighted && !(weight > 1e-6)) return result;
-  const Vec3d offset_W = sums.offset() / weight, mean_normal_W = sums.normal() / weight;
+  const Vec3d offset_W = sums.offset(sum_scale) / weight,
+              mean_normal_W = sums.normal(sum_scale) / weight;
   const double length = norm(mean_normal_W);
   result.is_ambiguous = length < 0.5;
   // Normals that cancel out say nothing: such a sphere has no plane.
@@ -50,7 +52,10 @@ PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, co
   lender.plane_T = {n_T, dot(n_T, p_T)};
   lender.point = {p_T, rule.with_range ? norm(translation_W + offset_W) : 0};
   lender.weight = weight;
-  if (rule.fades_in) lender.presence = sums.weight() / (sums.weight() + kHalfPresence);
+  if (rule.fades_in) {
+    const double sum = sums.weight(sum_scale);
+    lender.presence = sum / (sum + kHalfPresence);
+  }
   return result;
 }
 

@@ -129,8 +129,8 @@ class BoundaryStage {
     const Vec3f its_centre = q_.scan.spheres[id].centre;
     const std::int32_t place = q_.clusters.place_of[id];
     q_.sums[id] = PointSums{};
-    const BoundarySphere sphere =
-        boundary_sphere(id, sums, q_.plane_rule, q_.scan.R_TW, q_.scan.translation_W);
+    const BoundarySphere sphere = boundary_sphere(id, sums, q_.scan.sum_scale, q_.plane_rule,
+                                                  q_.scan.R_TW, q_.scan.translation_W);
     const BoundaryList& list = q_.boundary;
     const Lender& lender = sphere.lender;
     const bool lends = sphere.has_plane();
@@ -167,10 +167,11 @@ class BoundaryStage {
 
   __device__ void take_piece(std::int32_t i, std::int32_t id, int direction) {
     PointSums& sums = q_.edge_sums[id].towards[direction];
-    const EdgePiece piece = edge_piece(sums, q_.scan.R_TW, q_.scan.translation_W);
+    const EdgePiece piece =
+        edge_piece(sums, q_.scan.sum_scale, q_.scan.R_TW, q_.scan.translation_W);
     const std::int32_t number = EdgeSums::kDirections * i + direction;
     q_.pieces[number] = piece;
-    if (sums.num_points() != 0) sums = PointSums{};
+    if (sums.has_points()) sums = PointSums{};
     if (!piece.exists()) return;
     const std::int32_t place = atomicAdd(q_.num_pieces, 1);
     q_.seen_pieces.u[place] = piece.u;

@@ -1,6 +1,9 @@
 // Which pixels can hold a point of the tool.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include <span>
 
 #include "palpate/cloud/point_cloud.h"
@@ -21,5 +24,15 @@ Bounds bounds_of(std::span<const Sphere> spheres);
 /// The image of a box given in the tool frame, one pixel larger on every side; the whole cloud
 /// where that cannot be said (no pinhole cloud, box at or behind the camera).
 ImageWindow image_window(const PointCloudView& cloud, const Bounds& box_T, const Pose& X_WT);
+
+/// No point of the tool, nor the mean of edge points around one, is farther from the tool's origin
+/// than this, m.
+inline double reach_of_sums(const Bounds& box_T) {
+  Vec3d far;
+  for (int axis = 0; axis < 3; ++axis) {
+    far[axis] = std::max(std::abs(box_T.low[axis]), std::abs(box_T.high[axis]));
+  }
+  return 2 * norm(far);
+}
 
 }  // namespace palpate

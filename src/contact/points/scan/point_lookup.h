@@ -96,13 +96,13 @@ PALPATE_FORMULA std::int32_t find_sphere(const PointScan& scan, const CandidateB
   }
 }
 
-/// Rounds v * 2^40 to whole numbers by adding 1.5 * 2^52, which leaves them in the low bits.
+/// Rounds v * scale to whole numbers by adding 1.5 * 2^52, which leaves them in the low bits.
 template <class Int, class Real>
-PALPATE_FORMULA Int to_fixed(Real v) {
+PALPATE_FORMULA Int to_fixed(Real v, double scale) {
   static_assert(sizeof(Int) == sizeof(Real));
   constexpr double kMagic = 6755399441055744.0;
   constexpr std::int64_t kMagicBits = 0x4338000000000000;
-  const Real shifted = v * PointSums::kScale + kMagic;
+  const Real shifted = v * scale + kMagic;
   Int bits;
   std::memcpy(&bits, &shifted, sizeof bits);
   return bits - kMagicBits;

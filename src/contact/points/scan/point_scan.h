@@ -2,6 +2,7 @@
 // section 3.2.1 and eq. 3.3).
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -16,18 +17,23 @@ namespace palpate {
 /// Sums of the points inside one sphere, in fixed point: whole numbers add up to the same bits in
 /// any order, on any number of threads and on any backend. One cache line.
 struct alignas(64) PointSums {
-  /// Counts per metre (and per unit of a normal, and per point). Rounds at 5e-13 m; 8 million
-  /// points within 1 m fit.
-  static constexpr double kScale = 1099511627776.0;  // 2^40
+  /// Counts per metre (and per unit of a normal, and per point): see finest_sum_scale. Rounds at
+  /// 5e-13 m.
+  static constexpr double kFinestScale = 1099511627776.0;  // 2^40
 
   std::int64_t offset_W[4] = {0, 0, 0,
                               0};  ///< sum of p - t, world axes, t the tool's translation; points
   std::int64_t normal_W[4] = {0, 0, 0, 0};  ///< sum of normals, world axes; of kernel weights
 
-  PALPATE_HOSTDEV std::int64_t num_points() const { return offset_W[3] >> 40; }
-  PALPATE_HOSTDEV double weight() const { return static_cast<double>(normal_W[3]) / kScale; }
-  PALPATE_HOSTDEV Vec3d offset() const { return sum_of(offset_W); }  ///< m
-  PALPATE_HOSTDEV Vec3d normal() const { return sum_of(normal_W); }
+  PALPATE_HOSTDEV bool has_points() const { return offset_W[3] != 0; }
+  PALPATE_HOSTDEV double num_points(double scale) const {
+    return static_cast<double>(offset_W[3]) / scale;
+  }
+  PALPATE_HOSTDEV double weight(double scale) const {
+    return static_cast<double>(normal_W[3]) / scale;
+  }
+  PALPATE_HOSTDEV Vec3d offset(double scale) const { return sum_of(offset_W, scale); }  ///< m
+  PALPATE_HOSTDEV Vec3d normal(double scale) const { return sum_of(normal_W, scale); }
 
   void add(const PointSums& other) {
     for (int i = 0; i < 4; ++i) {
@@ -37,12 +43,22 @@ struct alignas(64) PointSums {
   }
 
  private:
-  PALPATE_HOSTDEV static Vec3d sum_of(const std::int64_t (&sum)[4]) {
+  PALPATE_HOSTDEV static Vec3d sum_of(const std::int64_t (&sum)[4], double scale) {
     return Vec3d{static_cast<double>(sum[0]), static_cast<double>(sum[1]),
                  static_cast<double>(sum[2])} /
-           kScale;
+           scale;
   }
 };
+
+/// The finest scale, a power of two, in which the sums of so many points in one sphere fit, none
+/// farther than `reach` (m) from the tool's origin: 2^40 up to 8 million points within 1 m.
+inline double finest_sum_scale(std::size_t num_points, double reach) {
+  constexpr double kMostCounts = 9e18;  // of an int64
+  const double most = static_cast<double>(num_points) * std::max(1.0, reach);
+  double scale = PointSums::kFinestScale;
+  while (most * scale > kMostCounts) scale /= 2;
+  return scale;
+}
 
 /// Kernel weights (1 - |p - c|^2 / r^2)^2 of the points of a sphere.
 enum class PointWeights {
@@ -79,6 +95,7 @@ struct PointScan {
   Mat3d R_TW;           ///< world to tool, double: decides close calls
   Vec3d translation_W;  ///< of X_WT
   PointWeights weights = PointWeights::none;
+  double sum_scale = PointSums::kFinestScale;  ///< of all sums
   /// One per sphere; null if edges do not matter. Added to atomically: edge points are few.
   EdgeSums* edges = nullptr;
 

@@ -81,6 +81,7 @@ inline void add_to(std::int64_t* sum, Vec4L value) {
 struct Accumulator {
   const float *x, *y, *z, *nx, *ny, *nz;
   Vec4D translation_W;
+  double scale;
   PointSums* sums;
   std::uint8_t* touched;
 
@@ -88,8 +89,9 @@ struct Accumulator {
   void add(std::int32_t i, std::int32_t id) const {
     const Vec4F p{x[i], y[i], z[i], 1.0f};
     const Vec4F n{nx[i], ny[i], nz[i], 0.0f};
-    add_to(sums[id].offset_W, to_fixed<Vec4L>(__builtin_convertvector(p, Vec4D) - translation_W));
-    add_to(sums[id].normal_W, to_fixed<Vec4L>(__builtin_convertvector(n, Vec4D)));
+    add_to(sums[id].offset_W,
+           to_fixed<Vec4L>(__builtin_convertvector(p, Vec4D) - translation_W, scale));
+    add_to(sums[id].normal_W, to_fixed<Vec4L>(__builtin_convertvector(n, Vec4D), scale));
     touched[id] = 1;
   }
 };
@@ -105,8 +107,8 @@ struct WeightedAccumulator {
     const double factor = scan->weights == PointWeights::in_sums ? weight : 1;
     const Vec4D offset{offset_W.x * factor, offset_W.y * factor, offset_W.z * factor, 1.0};
     const Vec4D normal{plain.nx[i] * factor, plain.ny[i] * factor, plain.nz[i] * factor, weight};
-    add_to(plain.sums[id].offset_W, to_fixed<Vec4L>(offset));
-    add_to(plain.sums[id].normal_W, to_fixed<Vec4L>(normal));
+    add_to(plain.sums[id].offset_W, to_fixed<Vec4L>(offset, plain.scale));
+    add_to(plain.sums[id].normal_W, to_fixed<Vec4L>(normal, plain.scale));
     plain.touched[id] = 1;
   }
 };
@@ -118,9 +120,10 @@ struct EdgeAccumulator {
   EdgePoints points;
   EdgeSums* edges;
   Vec3d translation_W;
+  double scale;
 
-  static void add_shared(std::int64_t* sum, const Vec3d& v, double last) {
-    const Vec4L value = to_fixed<Vec4L>(Vec4D{v.x, v.y, v.z, last});
+  void add_shared(std::int64_t* sum, const Vec3d& v, double last) const {
+    const Vec4L value = to_fixed<Vec4L>(Vec4D{v.x, v.y, v.z, last}, scale);
     for (int k = 0; k < 4; ++k) __atomic_fetch_add(sum + k, value[k], __ATOMIC_RELAXED);
   }
 
@@ -205,8 +208,9 @@ void scan_pixels(const PointScan& scan, const Pixels& pixels, const To& to) {
 template <class Surface>
 void scan_with_edges(const PointScan& scan, const Pixels& pixels, const Surface& to) {
   if (scan.edges == nullptr) return scan_pixels(scan, pixels, to);
-  scan_pixels(scan, pixels,
-              EdgeAccumulator<Surface>{to, {&scan.cloud}, scan.edges, scan.translation_W});
+  scan_pixels(
+      scan, pixels,
+      EdgeAccumulator<Surface>{to, {&scan.cloud}, scan.edges, scan.translation_W, scan.sum_scale});
 }
 
 }  // namespace
@@ -221,6 +225,7 @@ void scan_points(const PointScan& scan, int row_begin, int row_end, int column_b
       scan.cloud.ny,
       scan.cloud.nz,
       {scan.translation_W.x, scan.translation_W.y, scan.translation_W.z, 0.0},
+      scan.sum_scale,
       sums,
       touched};
   const Pixels pixels{row_begin, row_end, column_begin, column_end};

@@ -24,11 +24,11 @@ struct FixedPoint {
   std::int64_t values[kSize] = {};
 
   FixedPoint() = default;
-  __device__ FixedPoint(const Vec3d& offset, double one, const Vec3d& normal, double weight)
-      : values{to_fixed<std::int64_t>(offset.x), to_fixed<std::int64_t>(offset.y),
-               to_fixed<std::int64_t>(offset.z), to_fixed<std::int64_t>(one),
-               to_fixed<std::int64_t>(normal.x), to_fixed<std::int64_t>(normal.y),
-               to_fixed<std::int64_t>(normal.z), to_fixed<std::int64_t>(weight)} {}
+  __device__ FixedPoint(const Vec3d& offset, const Vec3d& normal, double weight, double scale)
+      : values{to_fixed<std::int64_t>(offset.x, scale), to_fixed<std::int64_t>(offset.y, scale),
+               to_fixed<std::int64_t>(offset.z, scale), to_fixed<std::int64_t>(1.0, scale),
+               to_fixed<std::int64_t>(normal.x, scale), to_fixed<std::int64_t>(normal.y, scale),
+               to_fixed<std::int64_t>(normal.z, scale), to_fixed<std::int64_t>(weight, scale)} {}
 
   __device__ static void add(PointSums* sums, int which, std::int64_t value) {
     atomicAdd(reinterpret_cast<unsigned long long*>(sums) + which,
@@ -106,7 +106,7 @@ class ScanStage {
       if (!EdgePoints::is_edge(own)) continue;  // of all lanes alike
       const EdgeMean mean = mean_around(i, row, column, own);
       if (gpu::lane_id() != 0) continue;
-      FixedPoint(mean.offset(scan_.translation_W), 1.0, mean.unit_change(), 0.0)
+      FixedPoint(mean.offset(scan_.translation_W), mean.unit_change(), 0.0, scan_.sum_scale)
           .add_to(&q_.edge_sums[candidate.sphere_id].towards[mean.direction()]);
     }
   }
@@ -175,10 +175,10 @@ class ScanStage {
 
   __device__ FixedPoint value_of(const Point& point, const Vec3d& normal, std::int32_t id) const {
     const Vec3d offset = Vec3d{point.x, point.y, point.z} - scan_.translation_W;
-    if (scan_.weights == PointWeights::none) return {offset, 1.0, normal, 0.0};
+    if (scan_.weights == PointWeights::none) return {offset, normal, 0.0, scan_.sum_scale};
     const double weight = kernel_weight(scan_, offset, id);
     const double factor = scan_.weights == PointWeights::in_sums ? weight : 1;
-    return {offset * factor, 1.0, normal * factor, weight};
+    return {offset * factor, normal * factor, weight, scan_.sum_scale};
   }
 
   // Adds the values of all lanes with id >= 0. More lanes than kFew with the same sphere are added
