@@ -22,6 +22,7 @@ PALPATE_FORMULA VecF splat(float value) { return value; }
 PALPATE_FORMULA VecF load(const float* from) { return *from; }
 
 PALPATE_FORMULA VecF select(Mask mask, VecF a, VecF b) { return mask ? a : b; }
+PALPATE_FORMULA bool is_any_set(Mask mask) { return mask; }
 // For numbers, the device's own instructions say the same as these comparisons.
 PALPATE_FORMULA VecF min(VecF a, VecF b) {
 #if defined(__CUDA_ARCH__)

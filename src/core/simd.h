@@ -96,6 +96,8 @@ inline std::uint32_t mask_bits(VecI mask) {
 #endif
 }
 
+inline bool is_any_set(VecI mask) { return mask_bits(mask) != 0; }
+
 /// A sum over many values in sixteen parts, whatever the width of the vectors: so every instruction
 /// set adds the same numbers in the same order and gives the same bits. Value i of a row of sixteen
 /// is lane i % kLanes of part i / kLanes.
@@ -233,18 +235,85 @@ inline void store_pairs(float* to, const Pairs& pairs) {
 #endif
 }
 
+/// Transposes the four by four numbers in each quarter of a vector of 16 lanes (half of 8, all of
+/// 4) of four vectors.
+inline void transpose_fours(const VecF (&rows)[4], VecF (&columns)[4]) {
+#if PALPATE_LANES == 16
+  const auto low = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29);
+  };
+  const auto high = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15,
+                                   31);
+  };
+  const auto first = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29);
+  };
+  const auto second = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30,
+                                   31);
+  };
+#elif PALPATE_LANES == 8
+  const auto low = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
+  };
+  const auto high = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15);
+  };
+  const auto first = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 0, 1, 8, 9, 4, 5, 12, 13);
+  };
+  const auto second = [](VecF x, VecF y) {
+    return __builtin_shufflevector(x, y, 2, 3, 10, 11, 6, 7, 14, 15);
+  };
+#else
+  const auto low = [](VecF x, VecF y) { return __builtin_shufflevector(x, y, 0, 4, 1, 5); };
+  const auto high = [](VecF x, VecF y) { return __builtin_shufflevector(x, y, 2, 6, 3, 7); };
+  const auto first = [](VecF x, VecF y) { return __builtin_shufflevector(x, y, 0, 1, 4, 5); };
+  const auto second = [](VecF x, VecF y) { return __builtin_shufflevector(x, y, 2, 3, 6, 7); };
+#endif
+  const VecF low01 = low(rows[0], rows[1]), low23 = low(rows[2], rows[3]);
+  const VecF high01 = high(rows[0], rows[1]), high23 = high(rows[2], rows[3]);
+  columns[0] = first(low01, low23);
+  columns[1] = second(low01, low23);
+  columns[2] = first(high01, high23);
+  columns[3] = second(high01, high23);
+}
+
+/// Four vectors as a row of four numbers per lane; the row of lane i begins at to[stride * i].
+inline void store_fours(float* to, std::ptrdiff_t stride, const VecF (&columns)[4]) {
+  VecF rows[4];
+  transpose_fours(columns, rows);
+  for (int i = 0; i < kLanes; ++i) {
+    std::memcpy(to + stride * i, reinterpret_cast<const float*>(&rows[i % 4]) + i / 4 * 4,
+                4 * sizeof(float));
+  }
+}
+
 /// Numbers k = 0 ... 5 from table[2 * index[i]] on, for each lane, as columns[k]; eight may be
-/// read. Narrow vectors load whole rows and transpose them, which is faster there than gathering.
+/// read. Loads whole rows and transposes them, which is faster than gathering.
 inline void gather_three_pairs(const float* table, VecI index, VecF (&columns)[6]) {
 #if PALPATE_LANES == 16
-  const __m512i all = reinterpret_cast<__m512i>(index);
-  const __m256i from[2] = {_mm512_castsi512_si256(all), _mm512_extracti64x4_epi64(all, 1)};
-  for (int k = 0; k < 6; k += 2) {
-    const VecF low = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[0], table + k, 8));
-    const VecF high = reinterpret_cast<VecF>(_mm512_i32gather_pd(from[1], table + k, 8));
-    const Pairs pairs = split_pairs(low, high);
-    columns[k] = pairs.first;
-    columns[k + 1] = pairs.second;
+  alignas(64) std::int32_t at[kLanes];
+  store(at, index);
+  // Each vector holds eight numbers of lane `lane` and eight of lane + 4.
+  const auto rows = [&](int lane) {
+    const auto row = [&](int i) {
+      return _mm256_loadu_pd(reinterpret_cast<const double*>(table + 2 * std::ptrdiff_t{at[i]}));
+    };
+    return reinterpret_cast<VecF>(
+        _mm512_insertf64x4(_mm512_castpd256_pd512(row(lane)), row(lane + 4), 1));
+  };
+  VecF halves[2][4];  // of lanes 0 to 7 and 8 to 15: numbers k, 4 + k, k, 4 + k of four lanes each
+  for (int i = 0; i < 2; ++i) {
+    const VecF four[4] = {rows(8 * i), rows(8 * i + 1), rows(8 * i + 2), rows(8 * i + 3)};
+    transpose_fours(four, halves[i]);
+  }
+  for (int k = 0; k < 4; ++k) {
+    const __m512 low = reinterpret_cast<__m512>(halves[0][k]),
+                 high = reinterpret_cast<__m512>(halves[1][k]);
+    columns[k] = reinterpret_cast<VecF>(_mm512_shuffle_f32x4(low, high, 0x88));
+    if (k < 2) columns[4 + k] = reinterpret_cast<VecF>(_mm512_shuffle_f32x4(low, high, 0xdd));
   }
 #elif PALPATE_LANES == 8
   const auto row = [&](int lane) { return table + 2 * std::ptrdiff_t{index[lane]}; };
@@ -295,6 +364,30 @@ inline void gather_three_pairs(const float* table, VecI index, VecF (&columns)[6
   columns[4] = first(e, f);
   columns[5] = second(e, f);
 #endif
+}
+
+/// Numbers k = 0 ... 3 from table[4 * index[i]] on, for each lane, as columns[k].
+inline void gather_fours(const float* table, VecI index, VecF (&columns)[4]) {
+  alignas(64) std::int32_t at[kLanes];
+  store(at, index);
+  VecF rows[4];
+  for (int i = 0; i < 4; ++i) {
+#if PALPATE_LANES == 4
+    rows[i] = load(table + 4 * std::ptrdiff_t{at[i]});
+#else
+    const auto row = [&](int lane) { return _mm_loadu_ps(table + 4 * std::ptrdiff_t{at[lane]}); };
+    const auto two = [&](int lane) {
+      return _mm256_insertf128_ps(_mm256_castps128_ps256(row(lane)), row(lane + 4), 1);
+    };
+#if PALPATE_LANES == 8
+    rows[i] = reinterpret_cast<VecF>(two(i));
+#else
+    rows[i] =
+        reinterpret_cast<VecF>(_mm512_insertf32x8(_mm512_castps256_ps512(two(i)), two(i + 8), 1));
+#endif
+#endif
+  }
+  transpose_fours(rows, columns);
 }
 
 /// Writes the lanes whose bit is set to consecutive places; may also write up to kLanes values in

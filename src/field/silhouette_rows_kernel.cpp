@@ -53,13 +53,21 @@ int num_segments(const FieldImage& image) {
 /// Writes both silhouettes of the pixels of a vector that queries look at.
 void store_silhouettes(const FieldImage& image, int v, int u, const PixelSilhouettes& found,
                        VecF exit_side, VecF occluder_side) {
+  static_assert(sizeof(Silhouette) == 4 * sizeof(float));
   Silhouette* const to = image.silhouettes + 2 * (v * image.stride + u);
   const int begin = std::max(0, -kSilhouetteBorder - u);
   const int end = std::min(kLanes, image.width + kSilhouetteBorder + 1 - u);
+  const VecF& exit_offset = found.exit.other.offset;
+  const VecF& occluder_offset = found.occluder.other.offset;
+  if (begin == 0 && end == kLanes) {
+    store_fours(&to[0].side, 8, {exit_side, exit_offset, found.exit.other.slope, VecF{}});
+    store_fours(&to[1].side, 8,
+                {occluder_side, occluder_offset, found.occluder.other.slope, VecF{}});
+    return;
+  }
   for (int i = begin; i < end; ++i) {
-    to[2 * i] = {exit_side[i], found.exit.other.offset[i], found.exit.other.slope[i], 0};
-    to[2 * i + 1] = {occluder_side[i], found.occluder.other.offset[i],
-                     found.occluder.other.slope[i], 0};
+    to[2 * i] = {exit_side[i], exit_offset[i], found.exit.other.slope[i], 0};
+    to[2 * i + 1] = {occluder_side[i], occluder_offset[i], found.occluder.other.slope[i], 0};
   }
 }
 

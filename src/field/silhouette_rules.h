@@ -70,6 +70,10 @@ struct NearestSilhouette {
   RulePlane other = {splat(0.0f), splat(0.0f)};
 };
 
+PALPATE_FORMULA Mask is_any(const NearestSilhouette& nearest) {
+  return nearest.squared < splat(1e8f);
+}
+
 PALPATE_FORMULA void take(NearestSilhouette& nearest, Mask fits, VecF du, VecF dv,
                           const RulePlane& other) {
   const VecF squared = du * du + dv * dv;
@@ -117,6 +121,7 @@ PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const R
   const Mask a_is_near = is_nearer(a, b);
   const RulePlane near = chosen(a_is_near, a, b), far = chosen(a_is_near, b, a);
   const Mask is_any = ends_between(near, far, width);
+  if (!is_any_set(is_any)) return;
   take_exit(own, far, is_any, du, dv, width, found.exit);
   take_occluder(own, near, is_any, du, dv, width, found.occluder);
 }
@@ -124,10 +129,14 @@ PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const R
 /// What was found at another pixel of the same column.
 PALPATE_FORMULA void take_found(const RulePlane& own, const PixelSilhouettes& there, VecF dv,
                                 float width, PixelSilhouettes& found) {
-  take_exit(own, there.exit.other, there.exit.squared < splat(1e8f), there.exit.du, dv, width,
-            found.exit);
-  take_occluder(own, there.occluder.other, there.occluder.squared < splat(1e8f), there.occluder.du,
-                dv, width, found.occluder);
+  const Mask has_exit = is_any(there.exit), has_occluder = is_any(there.occluder);
+  if (is_any_set(has_exit)) {
+    take_exit(own, there.exit.other, has_exit, there.exit.du, dv, width, found.exit);
+  }
+  if (is_any_set(has_occluder)) {
+    take_occluder(own, there.occluder.other, has_occluder, there.occluder.du, dv, width,
+                  found.occluder);
+  }
 }
 
 /// Silhouette::side without its sign, of a pixel seen in the direction (x, y) from (x / z, y / z):
@@ -138,10 +147,6 @@ PALPATE_FORMULA VecF side_of(const NearestSilhouette& nearest, VecF x, VecF y,
   const VecF squared = dx * dx + dy * dy;
   const VecF along = dx * (x + dx) + dy * (y + dy);
   return squared / max(sqrt(squared + along * along), splat(1e-12f));
-}
-
-PALPATE_FORMULA Mask is_any(const NearestSilhouette& nearest) {
-  return nearest.squared < splat(1e8f);
 }
 
 }  // namespace

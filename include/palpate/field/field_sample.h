@@ -200,24 +200,22 @@ PALPATE_FORMULA Real deep_limit(Real radius) {
 template <class Told, class Real>
 PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi, Real wide_phi,
                               Real radius) {
-  const Real zero{}, footprint = kFootprint * radius;
+  const Real zero{}, one = zero + 1.0f, footprint = kFootprint * radius;
   const Real depth = kDeep * footprint, k = kDeepCorner * footprint;
-  const auto bend = [&](Real x, Real sign, Real width) {  // corner(sign x)
-    const Curved<Real> c = corner<Real>({x, zero + 1.0f, zero}, width, zero);
-    return Curved<Real>{c.value, sign * c.slope, c.bend};
-  };
+  const Real per_footprint = one / footprint;
   // Finer pixels: fine - kSteepening corner(-fine - depth)
-  const Curved<Real> e = bend(-fine_phi - depth, zero - 1.0f, 0.5f * depth);
-  const Told steep = composed<Real>(
-      {fine_phi - kSteepening * e.value, 1.0f - kSteepening * e.slope, -kSteepening * e.bend},
-      fine);
+  const Curved<Real> e =
+      even_corner(-fine_phi - depth, 0.5f * depth, per_footprint * (2.0f / kDeep));
+  const Real per_k = per_footprint * (1.0f / kDeepCorner);
   const Real steep_phi = fine_phi - kSteepening * e.value;
+  const Told steep =
+      composed<Real>({steep_phi, one + kSteepening * e.slope, -kSteepening * e.bend}, fine);
   // Wider ones: min(wide, -depth), rounded above -depth
-  const Curved<Real> c = bend(-wide_phi - depth + 2.0f * k, zero - 1.0f, k);
+  const Curved<Real> c = even_corner(-wide_phi - depth + 2.0f * k, k, per_k);
   const Real capped_phi = k - depth - c.value;
-  const Told capped = composed<Real>({capped_phi, -c.slope, -c.bend}, wide);
+  const Told capped = composed<Real>({capped_phi, c.slope, -c.bend}, wide);
   // The maximum of both; where both are the same, no less and no more.
-  const Curved<Real> m = bend(capped_phi - steep_phi, zero + 1.0f, k);
+  const Curved<Real> m = even_corner(capped_phi - steep_phi, k, per_k);
   return sum(steep, composed<Real>(m, difference(capped, steep)));
 }
 

@@ -36,6 +36,16 @@ PALPATE_FORMULA Curved<Real> corner(const Curved<Real>& x, const Real& k, const 
           is_beyond ? x.bend : (is_above ? bent.bend : zero)};
 }
 
+/// corner(x) by x, for a width k that does not change; `per_k` is 1 / k.
+template <class Real>
+PALPATE_FORMULA Curved<Real> even_corner(Real x, Real k, Real per_k) {
+  const Real zero{}, two = zero + 2.0f, y = x * per_k;
+  const Real above = y < zero ? zero : y;
+  const Real bent = above > two ? two : above;
+  const auto is_bent = bent == y;
+  return {k * (0.25f * bent * bent + (above - bent)), 0.5f * bent, is_bent ? 0.5f * per_k : zero};
+}
+
 /// Sums and differences.
 template <class Real>
 PALPATE_FORMULA Curved<Real> plus(const Curved<Real>& a, const Curved<Real>& b) {

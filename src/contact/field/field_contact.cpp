@@ -3,12 +3,13 @@
 #include <algorithm>
 
 namespace palpate {
-#define PALPATE_DECLARE_FIELD_CONTACT(isa)                                                        \
-  namespace isa {                                                                                 \
-  FieldSums measure_group(const MeasureJob&, int group);                                          \
-  StiffnessSums stiffness_of_group(const MeasureJob&, int group);                                 \
-  void describe_group(const MeasureJob&, int group, const SphereCuts& to);                        \
-  constexpr FieldContactKernels kFieldContact{measure_group, stiffness_of_group, describe_group}; \
+#define PALPATE_DECLARE_FIELD_CONTACT(isa)                                                   \
+  namespace isa {                                                                            \
+  FieldSums measure_group(const MeasureJob&, int group);                                     \
+  FieldSums measure_stiffness_group(const MeasureJob&, int group, StiffnessSums& stiffness); \
+  void describe_group(const MeasureJob&, int group, const SphereCuts& to);                   \
+  constexpr FieldContactKernels kFieldContact{measure_group, measure_stiffness_group,        \
+                                              describe_group};                               \
   }
 PALPATE_DECLARE_FIELD_CONTACT(isa_baseline)
 #if defined(__x86_64__)
@@ -84,7 +85,8 @@ Stiffness FieldContact::stiffness() const noexcept {
   const MeasureJob asked = job();
   const int num_groups = asked.clusters->num_groups();
   pool_->parallel_for(num_groups, [&](int group) {
-    group_stiffness_[static_cast<std::size_t>(group)] = kernels_.stiffness_of_group(asked, group);
+    kernels_.measure_stiffness_group(asked, group,
+                                     group_stiffness_[static_cast<std::size_t>(group)]);
   });
   StiffnessSums sums;
   for (int group = 0; group < num_groups; ++group) {

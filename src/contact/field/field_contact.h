@@ -47,7 +47,8 @@ struct SphereCuts {
 /// Each does the elements of one group of clusters, in a fixed order.
 struct FieldContactKernels {
   FieldSums (*measure_group)(const MeasureJob&, int group);
-  StiffnessSums (*stiffness_of_group)(const MeasureJob&, int group);
+  /// The same, and the stiffness in the same pass.
+  FieldSums (*measure_stiffness_group)(const MeasureJob&, int group, StiffnessSums& stiffness);
   /// Writes what is cut or inside; the rest is outside.
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
 };

@@ -1,8 +1,10 @@
-// What the vector kernels of the field method share: where elements are seen, and which of them
-// need not ask. Included by kernel files only.
+// What elements of a tool ask a depth field, as many at once as a vector has lanes: the steps of
+// palpate/field/field_sample.h and field_curvature.h. Included by kernel files only.
 #pragma once
 
-#include "palpate/field/field_sample.h"
+#include <type_traits>
+
+#include "palpate/field/field_curvature.h"
 #include "src/contact/field/field_contact.h"
 #include "src/core/simd.h"
 
@@ -72,6 +74,18 @@ struct LevelBlend {
   VecI level, is_single;
   VecF x, x_by_z;  // of smooth_step
   Sloped<VecF> step;
+
+  VecI wider(const Field& field) const {
+    const VecI last = splat(field.last_level);
+    return level < last ? level + 1 : last;
+  }
+  VecF blend() const { return select(is_single, VecF{}, step.value); }
+  VecF blend_by_z() const { return select(is_single, VecF{}, step.slope * x_by_z); }
+  VecF blend_by_zz(VecF inverse_depth) const {
+    const VecI is_between = (x > VecF{}) & (x < splat(1.0f));
+    const VecF bend = select(is_between, 6.0f - 12.0f * x, VecF{});
+    return select(is_single, VecF{}, x_by_z * (bend * x_by_z - 2.0f * step.slope * inverse_depth));
+  }
 };
 [[gnu::always_inline]] inline LevelBlend choose_levels(const Field& field, VecF radius,
                                                        VecF inverse_depth) {
@@ -94,20 +108,22 @@ struct LevelBlend {
 [[gnu::always_inline]] inline Curved<VecF> silhouette_value(const Field& field, VecI pixel,
                                                             const Curved<VecF>& own, VecF depth,
                                                             VecF k_by) {
-  const float* const table = &field.silhouettes->side;
-  const VecI at = 8 * pixel + (own.value < VecF{} ? VecI{} : VecI{} + 4);
-  const VecF side = gather(table, at);
-  Curved<VecF> plane = plane_value(gather(table + 1, at), gather(table + 2, at), depth);
+  VecF numbers[4];  // of a Silhouette
+  gather_fours(&field.silhouettes->side, 2 * pixel + (own.value < VecF{} ? VecI{} : VecI{} + 1),
+               numbers);
+  const VecF& side = numbers[0];
+  Curved<VecF> plane = plane_value(numbers[1], numbers[2], depth);
   if (field.thickness < static_cast<float>(kSolidBehind)) {
     plane = with_back(plane, splat(field.thickness));
   }
   return clamped_at_silhouette(own, plane, side, depth, k_by);
 }
 
-// Have the pixels around elements any value beside that of their own plane?
-[[gnu::always_inline]] inline bool are_plain(const Field& field, VecI pixel) {
-  return field.thickness >= static_cast<float>(kSolidBehind) &&
-         !any_byte(field.near_silhouette, pixel);
+// Has any of the nine pixels around an element another value than that of its own plane?
+[[gnu::always_inline]] inline VecI is_near_silhouette(const Field& field, VecI pixel) {
+  if (field.thickness < static_cast<float>(kSolidBehind)) return splat(-1);
+  if (!any_byte(field.near_silhouette, pixel)) return VecI{};
+  return gather_bytes(field.near_silhouette, pixel) != 0;
 }
 
 // The values of the nine pixels around, row by row, each element on a level of its own.
@@ -131,53 +147,100 @@ struct LevelBlend {
   }
 }
 
-// The elements of a cluster between the steps of measuring them. Each step is a short loop: then
-// the processor has several vectors in flight, where one long loop would wait for each vector's
-// chain.
-struct Elements {
-  alignas(64) float lx[kSize], ly[kSize], lz[kSize];  // from C, in W
-  alignas(64) float from_u[kSize], from_v[kSize], depth[kSize], inverse_depth[kSize];
-  alignas(64) std::int32_t level[kSize], pixel[kSize];
-  alignas(64) float s[kSize], t[kSize];
-  alignas(64) float blend[kSize], blend_by_z[kSize];  // with the next wider level
-  alignas(64) float phi[kSize], by_u[kSize], by_v[kSize], by_z[kSize];
-};
-
-// Step 1: where the elements are seen, and on which level.
-[[gnu::always_inline]] inline void aim(const MeasureJob& job, const Field& field, std::size_t begin,
-                                       Elements& to) {
-  const SphereClusters& c = *job.clusters;
-  for (int i = 0; i < kSize; i += kLanes) {
-    const std::size_t place = begin + static_cast<std::size_t>(i);
-    const VecF x_T = load(&c.x[place]), y_T = load(&c.y[place]), z_T = load(&c.z[place]);
-    const auto rotated = [&](const float(&row)[3]) {
-      return row[0] * x_T + row[1] * y_T + row[2] * z_T;
-    };
-    const VecF lx = rotated(job.frame.R_WT[0]), ly = rotated(job.frame.R_WT[1]),
-               lz = rotated(job.frame.R_WT[2]);
-    const VecF depth = max(lz + job.frame.p_WC[2], splat(kLeastDepth)),
-               inverse_depth = 1.0f / depth;
-    const VecF from_u = field.fx * (lx + job.frame.p_WC[0]) * inverse_depth;
-    const VecF from_v = field.fy * (ly + job.frame.p_WC[1]) * inverse_depth;
-
-    const VecF radius = load(job.radius + place);
-    const LevelBlend choice = choose_levels(field, radius, inverse_depth);
-    const Spot spot = spot_at(field, from_u + field.cx, from_v + field.cy, choice.level);
-
-    store(to.lx + i, lx);
-    store(to.ly + i, ly);
-    store(to.lz + i, lz);
-    store(to.from_u + i, from_u);
-    store(to.from_v + i, from_v);
-    store(to.depth + i, depth);
-    store(to.inverse_depth + i, inverse_depth);
-    store(to.level + i, choice.level);
-    store(to.pixel + i, spot.pixel);
-    store(to.s + i, spot.s);
-    store(to.t + i, spot.t);
-    store(to.blend + i, select(choice.is_single, VecF{}, choice.step.value));
-    store(to.blend_by_z + i, select(choice.is_single, VecF{}, choice.step.slope * choice.x_by_z));
+// phi with its derivatives by the image, near silhouettes. `Sample` is an ImageGradient or an
+// ImageCurvature.
+template <class Sample>
+[[gnu::noinline]] Sample sample_silhouettes(const Field& field, const Spot& at, VecI level,
+                                            VecF depth) {
+  Curved<VecF> values[3][3];
+  values_around(field, at.pixel, level, depth, values);
+  if constexpr (std::is_same_v<Sample, ImageCurvature<VecF>>) {
+    return curvature_of(values, at.s, at.t, scale_of(level));
+  } else {
+    return gradient_of(values, at.s, at.t, scale_of(level));
   }
+}
+
+// The values of nine pixels of which none is near a silhouette: planes.
+struct Planes {
+  VecF value[3][3], slope[3][3];
+};
+[[gnu::always_inline]] inline Planes planes_around(const Field& field, VecI pixel, VecF depth) {
+  Planes planes;
+  for (int q = 0; q < 3; ++q) {
+    VecF pairs[6];  // offset, slope, offset, slope, ...
+    gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), pixel, pairs);
+    for (int p = 0; p < 3; ++p) {
+      planes.value[q][p] = pairs[2 * p] - depth * pairs[2 * p + 1];
+      planes.slope[q][p] = -pairs[2 * p + 1];
+    }
+  }
+  return planes;
+}
+
+// phi with its derivatives by the image, where no pixel around is near a silhouette.
+template <class Sample>
+[[gnu::always_inline]] inline Sample sample_planes(const Field& field, const Spot& at, VecI level,
+                                                   VecF depth) {
+  const Planes planes = planes_around(field, at.pixel, depth);
+  Curved<VecF> phi[3], by_z[3];
+  for (int q = 0; q < 3; ++q) {
+    const VecF(&value)[3] = planes.value[q], (&slope)[3] = planes.slope[q];
+    phi[q] = spline(value[0], value[1], value[2], at.s);
+    by_z[q] = spline(slope[0], slope[1], slope[2], at.s);
+  }
+  const VecF scale = scale_of(level);
+  const Curved<VecF> value = spline(phi[0].value, phi[1].value, phi[2].value, at.t);
+  const Curved<VecF> by_u = spline(phi[0].slope, phi[1].slope, phi[2].slope, at.t);
+  const Curved<VecF> z_value = spline(by_z[0].value, by_z[1].value, by_z[2].value, at.t);
+  const ImageGradient<VecF> first{value.value, by_u.value * scale, value.slope * scale,
+                                  z_value.value};
+  if constexpr (std::is_same_v<Sample, ImageCurvature<VecF>>) {
+    const VecF squared = scale * scale;
+    return {first,
+            spline(phi[0].bend, phi[1].bend, phi[2].bend, at.t).value * squared,
+            by_u.slope * squared,
+            value.bend * squared,
+            spline(by_z[0].slope, by_z[1].slope, by_z[2].slope, at.t).value * scale,
+            z_value.slope * scale,
+            VecF{}};
+  } else {
+    return first;
+  }
+}
+
+template <class Sample>
+[[gnu::always_inline]] inline Sample sample(const Field& field, const Spot& at, VecI level,
+                                            VecF depth) {
+  if (mask_bits(is_near_silhouette(field, at.pixel)) != 0) {
+    return sample_silhouettes<Sample>(field, at, level, depth);
+  }
+  return sample_planes<Sample>(field, at, level, depth);
+}
+
+// `blend` of the next wider level.
+[[gnu::always_inline]] inline ImageGradient<VecF> with_wider(const ImageGradient<VecF>& g,
+                                                             const ImageGradient<VecF>& next,
+                                                             const LevelBlend& choice, VecF) {
+  return mixed(g, next, choice.blend(), choice.blend_by_z());
+}
+[[gnu::always_inline]] inline ImageCurvature<VecF> with_wider(const ImageCurvature<VecF>& c,
+                                                              const ImageCurvature<VecF>& next,
+                                                              const LevelBlend& choice,
+                                                              VecF inverse_depth) {
+  return blended(c, next, choice.blend(), choice.blend_by_z(), choice.blend_by_zz(inverse_depth));
+}
+
+// What elements of these radii are answered by the levels of their size.
+template <class Sample>
+[[gnu::always_inline]] inline Sample ask_field(const Field& field, VecF u, VecF v, VecF depth,
+                                               VecF inverse_depth, VecF radius) {
+  const LevelBlend choice = choose_levels(field, radius, inverse_depth);
+  const Sample own = sample<Sample>(field, spot_at(field, u, v, choice.level), choice.level, depth);
+  if (mask_bits(choice.blend() > VecF{}) == 0) return own;
+  const VecI wider = choice.wider(field);
+  const Sample next = sample<Sample>(field, spot_at(field, u, v, wider), wider, depth);
+  return with_wider(own, next, choice, inverse_depth);
 }
 
 // True if the tiles that spheres in a ball can ask about are all well behind it: every plane is at
@@ -196,8 +259,7 @@ bool is_in_front(const MeasureJob& job, const Cluster& ball, float largest_radiu
   return true;
 }
 
-/// Calls f(field, first place, elements) for the clusters of a group that are not well in front of
-/// everything, each after step 1.
+/// Calls f(first slot) for the clusters of a group that are not well in front of everything.
 template <class F>
 [[gnu::always_inline]] inline void for_near_clusters(const MeasureJob& job, int group, const F& f) {
   if (job.field.num_levels == 0) return;
@@ -207,14 +269,10 @@ template <class F>
   const float largest_radius =
       *std::max_element(job.largest_radius + first, job.largest_radius + last);
   if (is_in_front(job, clusters.groups[static_cast<std::size_t>(group)], largest_radius)) return;
-  const Field field(job.field);
-  Elements elements;
   for (int cluster = first; cluster < last; ++cluster) {
     const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
     if (is_in_front(job, ball, job.largest_radius[cluster])) continue;
-    const auto begin = static_cast<std::size_t>(cluster) * kSize;
-    aim(job, field, begin, elements);
-    f(field, begin, elements);
+    f(static_cast<std::size_t>(cluster) * kSize);
   }
 }
 
