@@ -125,7 +125,7 @@ struct ContactStatus {
 struct Penetration {
   double volume = 0;  ///< m3: sum of V_s, kept apart from |force|
   /// force: sum V_s n_s (m3); torque: sum (c_s - C) x V_s n_s (m4) about the tool's centre of mass
-  /// C; both in W, before any stiffness. |force| <= volume for the point methods, 1.2 volume for
+  /// C; both in W, before any stiffness. |force| <= volume for the point methods, 1.08 volume for
   /// field.
   Wrench measure_W;
   /// field: U with measure_W = -dU/dpose where no gradient had to be shortened, m4; else 0
