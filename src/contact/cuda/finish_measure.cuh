@@ -10,26 +10,31 @@
 
 namespace palpate {
 
-/// The part of a block's shared memory that finish_measure needs.
-struct FinishScratch {
+/// The part of a block's shared memory that finish_measure needs, for so many sums.
+template <int kNum>
+struct FinishScratchOf {
   static constexpr int kMaxWarps = 32;
 
-  double terms[kMaxWarps * MeasureTerms::kNum];
+  double terms[kMaxWarps * kNum];
   int is_last;
 };
+using FinishScratch = FinishScratchOf<MeasureTerms::kNum>;
+using FinishStiffnessScratch = FinishScratchOf<MeasureTerms::kNum + MeasureTerms::kNumStiffness>;
 
 /// One half of 2 kHalf values of this lane is handed over to a lane that keeps that half, and added
-/// to what it has of it; the same the other way round. Then again, with half of the half.
-template <int kHalf>
-__device__ inline void fold_over_warp(double (&values)[MeasureTerms::kNum]) {
-  const bool keeps_upper = (gpu::lane_id() & 2 * kHalf) != 0;
+/// to what it has of it; the same the other way round. Then again, with half of the half. Lanes
+/// are kStride kHalf apart.
+template <int kHalf, int kStride, int kNum>
+__device__ inline void fold_over_warp(double (&values)[kNum]) {
+  const bool keeps_upper = (gpu::lane_id() & kStride * kHalf) != 0;
 #pragma unroll
   for (int i = 0; i < kHalf; ++i) {
     const double lower = values[i], upper = values[i + kHalf];
-    const double given = __shfl_xor_sync(gpu::kWholeWarp, keeps_upper ? lower : upper, 2 * kHalf);
+    const double given =
+        __shfl_xor_sync(gpu::kWholeWarp, keeps_upper ? lower : upper, kStride * kHalf);
     values[i] = (keeps_upper ? upper : lower) + given;
   }
-  if constexpr (kHalf > 1) fold_over_warp<kHalf / 2>(values);
+  if constexpr (kHalf > 1) fold_over_warp<kHalf / 2, kStride>(values);
 }
 
 /// values[first] + values[first + step] + ... while the index is below `end`, which is not before
@@ -52,53 +57,88 @@ __device__ inline double sum_of_every(const double* values, unsigned first, unsi
   return sum;
 }
 
-/// Every thread of the grid calls this last, with what it has found. The answer is in the host's
-/// memory when the last block is done. `shared` is for this alone.
-__device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
-                                      FinishScratch& shared) {
-  constexpr int kNum = MeasureTerms::kNum;
-  const int thread = static_cast<int>(threadIdx.x), lane = gpu::lane_id();
+/// The sums of this warp: value k in lanes 2 k and 2 k + 1.
+__device__ inline double measure_of_warp(const MeasureTerms& mine) {
+  double values[MeasureTerms::kNum] = {mine.volume,
+                                       mine.potential,
+                                       mine.force[0],
+                                       mine.force[1],
+                                       mine.force[2],
+                                       mine.torque[0],
+                                       mine.torque[1],
+                                       mine.torque[2],
+                                       mine.num_boundary,
+                                       mine.num_inside,
+                                       mine.num_points,
+                                       mine.status,
+                                       mine.num_rounds,
+                                       0,
+                                       0,
+                                       0};
+  fold_over_warp<MeasureTerms::kNum / 2, 2>(values);
+  return values[0] + __shfl_xor_sync(gpu::kWholeWarp, values[0], 1);
+}
+
+/// Two halves of a number, each with the number of the query above it.
+__device__ inline void answer(const MeasureOutput& out, int number, double value) {
+  std::uint64_t bits;
+  memcpy(&bits, &value, sizeof bits);
+  const std::uint64_t query = std::uint64_t{out.query} << 32;
+  static_cast<volatile std::uint64_t*>(out.words)[2 * number] =
+      query | static_cast<std::uint32_t>(bits);
+  static_cast<volatile std::uint64_t*>(out.words)[2 * number + 1] = query | bits >> 32;
+}
+
+/// From the sums of each warp in shared.terms to the answer, in the host's memory when the last
+/// block is done. A block has at least kNum threads.
+template <int kNum>
+__device__ inline void finish_sums(const MeasureOutput& out, FinishScratchOf<kNum>& shared) {
+  const int thread = static_cast<int>(threadIdx.x);
   const auto num_terms = static_cast<unsigned>(gpu::warps_per_block() * kNum);
-  // Value k of this block, in thread k: each warp's by its lanes, then warp by warp.
-  double values[kNum] = {mine.volume,
-                         mine.potential,
-                         mine.force[0],
-                         mine.force[1],
-                         mine.force[2],
-                         mine.torque[0],
-                         mine.torque[1],
-                         mine.torque[2],
-                         mine.num_boundary,
-                         mine.num_inside,
-                         mine.num_points,
-                         mine.status,
-                         mine.num_rounds,
-                         0,
-                         0,
-                         0};
-  // Of value k in lanes 2 k and 2 k + 1.
-  fold_over_warp<kNum / 2>(values);
-  const double of_warp = values[0] + __shfl_xor_sync(gpu::kWholeWarp, values[0], 1);
-  if (lane % 2 == 0) shared.terms[gpu::warp_id() * kNum + lane / 2] = of_warp;
   __syncthreads();
+  // Value k of this block, in thread k: warp by warp.
   double sum = thread < kNum ? sum_of_every(shared.terms, threadIdx.x, num_terms, kNum) : 0.0;
   if (gridDim.x > 1) {
     if (thread < kNum) out.partials[blockIdx.x * kNum + static_cast<unsigned>(thread)] = sum;
     if (!gpu::is_last_block(out.count, &shared.is_last)) return;
-    // The partials of all blocks, two blocks at a time by each warp.
-    double part = sum_of_every(out.partials, threadIdx.x, gridDim.x * kNum, blockDim.x);
-    part += __shfl_xor_sync(gpu::kWholeWarp, part, kNum);
-    if (lane < kNum) shared.terms[gpu::warp_id() * kNum + lane] = part;
+    // The partials of all blocks, some blocks at a time by as many threads as have whole ones.
+    const unsigned num_groups = blockDim.x / kNum;
+    const bool adds = threadIdx.x < num_groups * kNum;
+    const double part =
+        adds ? sum_of_every(out.partials, threadIdx.x, gridDim.x * kNum, num_groups * kNum) : 0.0;
+    if (adds) shared.terms[threadIdx.x] = part;
     __syncthreads();
-    if (thread < kNum) sum = sum_of_every(shared.terms, threadIdx.x, num_terms, kNum);
+    if (thread < kNum) sum = sum_of_every(shared.terms, threadIdx.x, num_groups * kNum, kNum);
   }
-  if (gpu::warp_id() > 0) return;
-  // Lanes 2 k and 2 k + 1 tell the halves of sum k. One store of 256 bytes.
-  const double told = __shfl_sync(gpu::kWholeWarp, sum, lane / 2);
-  std::uint64_t bits;
-  memcpy(&bits, &told, sizeof bits);
-  const std::uint32_t half = static_cast<std::uint32_t>(lane % 2 == 0 ? bits : bits >> 32);
-  static_cast<volatile std::uint64_t*>(out.words)[lane] = std::uint64_t{out.query} << 32 | half;
+  if (thread < kNum) answer(out, thread, sum);
+}
+
+/// Every thread of the grid calls this last, with what it has found. The answer is in the host's
+/// memory when the last block is done. `shared` is for this alone.
+__device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
+                                      FinishScratch& shared) {
+  const int lane = gpu::lane_id();
+  const double of_warp = measure_of_warp(mine);
+  if (lane % 2 == 0) shared.terms[gpu::warp_id() * MeasureTerms::kNum + lane / 2] = of_warp;
+  finish_sums(out, shared);
+}
+
+/// The same with the sums of a stiffness.
+__device__ inline void finish_measure(const MeasureOutput& out, const MeasureTerms& mine,
+                                      const float (&stiffness)[StiffnessSums::kNum],
+                                      FinishStiffnessScratch& shared) {
+  constexpr int kNum = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
+  static_assert(MeasureTerms::kNumStiffness == gpu::kWarpSize);
+  const int lane = gpu::lane_id();
+  double* const terms = shared.terms + gpu::warp_id() * kNum;
+  const double of_warp = measure_of_warp(mine);
+  if (lane % 2 == 0) terms[lane / 2] = of_warp;
+  double values[MeasureTerms::kNumStiffness] = {};
+#pragma unroll
+  for (int k = 0; k < StiffnessSums::kNum; ++k) values[k] = stiffness[k];
+  fold_over_warp<MeasureTerms::kNumStiffness / 2, 1>(values);
+  terms[MeasureTerms::kNum + lane] = values[0];
+  finish_sums(out, shared);
 }
 
 }  // namespace palpate

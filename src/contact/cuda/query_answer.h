@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "palpate/contact/contact_query.h"
+#include "src/contact/field/field_element.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate {
@@ -22,6 +23,8 @@ struct MeasureTerms {
   double unused[3] = {};
 
   static constexpr int kNum = 16;
+  /// StiffnessSums that follow if they are wanted, and as many zeros as make a warp full.
+  static constexpr int kNumStiffness = 32;
 };
 static_assert(sizeof(MeasureTerms) == MeasureTerms::kNum * sizeof(double));
 
@@ -44,7 +47,7 @@ static_assert(std::is_trivially_copyable_v<QueryAnswer>);
 
 /// Where finish_measure (finish_measure.cuh) puts sums. An argument of the kernel.
 struct MeasureOutput {
-  double* partials = nullptr;           ///< MeasureTerms of each block
+  double* partials = nullptr;           ///< all numbers of each block
   unsigned long long* count = nullptr;  ///< of the blocks that are done
   /// Page-locked. Each word is half of one of the numbers, and above it the number of the query:
   /// words are written at once, so each tells by itself whether it is there yet, and no fence holds
@@ -56,9 +59,10 @@ struct MeasureOutput {
 /// Owns the memory for the answers of one kernel, which always has the same number of blocks.
 class AnswerBox {
  public:
-  static constexpr int kNumWords = 2 * MeasureTerms::kNum;
+  static constexpr int kMostNumbers = MeasureTerms::kNum + MeasureTerms::kNumStiffness;
 
-  AnswerBox(int gpu, int num_blocks);
+  /// `num_numbers`: kMostNumbers for kernels that answer a stiffness too.
+  AnswerBox(int gpu, int num_blocks, int num_numbers = MeasureTerms::kNum);
 
   /// What the kernel of the next query is told. One query at a time.
   MeasureOutput next() noexcept;
@@ -67,7 +71,8 @@ class AnswerBox {
   /// PALPATE_GPU_PATIENCE): then, and if the device
   /// reports an error, false, and the stream has failed.
   bool await(gpu::Stream& stream) noexcept;
-  const QueryAnswer& answer() const { return answer_; }
+  QueryAnswer answer() const;
+  StiffnessSums stiffness() const;
 
   const Status& status() const { return memory_.status(); }
   int num_blocks() const { return num_blocks_; }
@@ -76,10 +81,10 @@ class AnswerBox {
   bool take() noexcept;
 
   gpu::Memory memory_;
-  int num_blocks_;
+  int num_blocks_, num_numbers_;
   std::chrono::milliseconds longest_;
   MeasureOutput output_;
-  QueryAnswer answer_;
+  double numbers_[kMostNumbers] = {};
 };
 
 }  // namespace palpate

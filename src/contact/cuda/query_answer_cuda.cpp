@@ -27,12 +27,12 @@ inline void relax() {
 
 }  // namespace
 
-AnswerBox::AnswerBox(int gpu, int num_blocks)
-    : memory_(gpu), num_blocks_(num_blocks), longest_(longest_wait()) {
-  output_.partials = memory_.take<double>(static_cast<std::size_t>(MeasureTerms::kNum) *
-                                          static_cast<std::size_t>(num_blocks));
+AnswerBox::AnswerBox(int gpu, int num_blocks, int num_numbers)
+    : memory_(gpu), num_blocks_(num_blocks), num_numbers_(num_numbers), longest_(longest_wait()) {
+  const auto size = static_cast<std::size_t>(num_numbers);
+  output_.partials = memory_.take<double>(size * static_cast<std::size_t>(num_blocks));
   output_.count = memory_.take<unsigned long long>(1);
-  output_.words = memory_.take_pinned<std::uint64_t>(kNumWords);
+  output_.words = memory_.take_pinned<std::uint64_t>(2 * size);
 }
 
 MeasureOutput AnswerBox::next() noexcept {
@@ -43,19 +43,29 @@ MeasureOutput AnswerBox::next() noexcept {
 
 // Have all words come?
 bool AnswerBox::take() noexcept {
-  std::uint32_t halves[kNumWords];
-  for (int i = 0; i < kNumWords; ++i) {
-    const std::uint64_t word = static_cast<const volatile std::uint64_t*>(output_.words)[i];
-    if (static_cast<std::uint32_t>(word >> 32) != output_.query) return false;
-    halves[i] = static_cast<std::uint32_t>(word);
+  for (int i = 0; i < num_numbers_; ++i) {
+    std::uint64_t bits = 0;
+    for (int half = 0; half < 2; ++half) {
+      const std::uint64_t word =
+          static_cast<const volatile std::uint64_t*>(output_.words)[2 * i + half];
+      if (static_cast<std::uint32_t>(word >> 32) != output_.query) return false;
+      bits |= (word & 0xffffffff) << 32 * half;
+    }
+    std::memcpy(&numbers_[i], &bits, sizeof bits);
   }
-  double terms[MeasureTerms::kNum];
-  for (int i = 0; i < MeasureTerms::kNum; ++i) {
-    const std::uint64_t bits = halves[2 * i] | std::uint64_t{halves[2 * i + 1]} << 32;
-    std::memcpy(&terms[i], &bits, sizeof bits);
-  }
-  std::memcpy(static_cast<MeasureTerms*>(&answer_), terms, sizeof terms);
   return true;
+}
+
+QueryAnswer AnswerBox::answer() const {
+  QueryAnswer answer;
+  std::memcpy(static_cast<MeasureTerms*>(&answer), numbers_, sizeof(MeasureTerms));
+  return answer;
+}
+
+StiffnessSums AnswerBox::stiffness() const {
+  StiffnessSums sums;
+  std::copy_n(numbers_ + MeasureTerms::kNum, StiffnessSums::kNum, sums.numbers);
+  return sums;
 }
 
 bool AnswerBox::await(gpu::Stream& stream) noexcept {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -12,8 +13,6 @@
 namespace palpate {
 namespace {
 
-constexpr int kThreads = 256;
-constexpr int kStiffnessThreads = 128, kStiffnessTerms = StiffnessSums::kNum;
 static_assert(SphereClusters::kSize == gpu::kWarpSize);
 
 // A field as the kernel looks at it: what all its levels share, and what differs.
@@ -69,6 +68,11 @@ struct FieldShare {
   int num_boundary = 0, num_inside = 0;
 };
 
+// Likewise, of StiffnessSums.
+struct StiffnessShare {
+  float numbers[StiffnessSums::kNum] = {};
+};
+
 __device__ float scale_of(int level) { return __int_as_float((127 - level) << 23); }  // 2^-level
 
 __device__ DepthFieldLevel level_of(const FieldLook& field, int number) {
@@ -90,77 +94,120 @@ __device__ LevelChoice<float> choose(float footprint, int last_level, float inve
   const int bits = __float_as_int(footprint < 1.0f ? 1.0f : footprint);
   const int exponent = (bits >> 23) - 127;
   const float m = __int_as_float((bits & 0x7fffff) | 0x3f800000);
-  const Sloped<float> step = smooth_step((m - 1.0f) * (1.0f / (kBlendEnd - 1)));
+  const float x = (m - 1.0f) * (1.0f / (kBlendEnd - 1));
+  const Sloped<float> step = smooth_step(x);
   LevelChoice<float> choice;
   choice.level = last_level;
   if (exponent >= last_level) return choice;
   const bool is_next = step.value >= 1.0f;
   choice.level = exponent + is_next;
   if (!is_next) {
-    choice.blend = {step.value, step.slope * m * inverse_depth * (-1.0f / (kBlendEnd - 1))};
+    const float x_by_z = m * inverse_depth * (-1.0f / (kBlendEnd - 1));
+    choice.blend = {step.value, step.slope * x_by_z};
+    const float bend = x > 0.0f && x < 1.0f ? 6.0f - 12.0f * x : 0.0f;
+    choice.blend_by_zz = x_by_z * (bend * x_by_z - 2.0f * step.slope * inverse_depth);
   }
   return choice;
 }
 
-// What a sphere of this radius is told by the one or two levels of its size.
-__device__ ImageGradient<float> ask_field(const FieldLook& field, float u, float v, float depth,
-                                          float inverse_depth, float radius) {
+using Gradient = ImageGradient<float>;
+using Curvature = ImageCurvature<float>;
+
+__device__ const Gradient& first_of(const Gradient& g) { return g; }
+__device__ const Gradient& first_of(const Curvature& c) { return c.first; }
+
+// What the one or two levels of its size answer a sphere of this radius. `Sample` is a Gradient or
+// a Curvature.
+template <class Sample>
+__device__ Sample ask_field(const FieldLook& field, float u, float v, float depth,
+                            float inverse_depth, float radius) {
   const LevelChoice<float> choice =
       choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
-  ImageGradient<float> g{};
-  Sloped<float> blend{1, 0};
+  Sample answer{};
+  LevelChoice<float> part;  // of what is asked next
+  part.blend = {1, 0};
 #pragma unroll 1
   for (int number = choice.level;; ++number) {
     const DepthFieldLevel level = level_of(field, number);
     const PixelSpot<float> spot = spot_at(level, u, v);
     Curved<float> values[3][3];
     values_around(level, spot.pixel, depth, field.thickness, field.frame.fx, values);
-    g = mixed(g, gradient_of(values, spot.s, spot.t, level.scale), blend.value, blend.slope);
+    if constexpr (std::is_same_v<Sample, Curvature>) {
+      answer = blended(answer, curvature_of(values, spot.s, spot.t, level.scale), part.blend.value,
+                       part.blend.slope, part.blend_by_zz);
+    } else {
+      answer = mixed(answer, gradient_of(values, spot.s, spot.t, level.scale), part.blend.value,
+                     part.blend.slope);
+    }
     if (number > choice.level || !(choice.blend.value > 0)) break;
-    blend = choice.blend;
+    part = choice;
   }
-  return g;
+  return answer;
 }
 
-// What an element at `lever` from C is told by one field.
-__device__ void add_element(const FieldLook& field, float radius, float factor, bool is_counted,
-                            const float (&lever)[3], const float (&p)[3], FieldShare& sum) {
-  const float depth = p[2];
+// Where an element is, and what it counts.
+struct Element {
+  float lever[3], p[3];  // from C and from the camera, in W
+  float radius, factor;
+  bool is_counted;
+};
+
+// Adds what an element is answered by one field. `sums` is null if Sample is a Gradient.
+template <class Sample>
+__device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
+                            StiffnessShare* sums) {
+  const float depth = e.p[2];
   if (!(depth > kLeastDepth)) return;
   const float inverse_depth = 1.0f / depth;
-  const float from_u = field.frame.fx * p[0] * inverse_depth,
-              from_v = field.frame.fy * p[1] * inverse_depth;
+  const float from_u = field.frame.fx * e.p[0] * inverse_depth,
+              from_v = field.frame.fy * e.p[1] * inverse_depth;
   const float u = from_u + field.frame.cx, v = from_v + field.frame.cy;
-  ImageGradient<float> g{};
-  float asked = radius;
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    // Few elements touch the surface, and only their second derivatives are asked.
+    if (!(ask_field<Gradient>(field, u, v, depth, inverse_depth, e.radius).phi < e.radius)) return;
+  }
+  Sample answer{};
+  float asked = e.radius;
 #pragma unroll 1
   for (int step = 0;; ++step) {
-    const ImageGradient<float> told = ask_field(field, u, v, depth, inverse_depth, asked);
+    const Sample here = ask_field<Sample>(field, u, v, depth, inverse_depth, asked);
     if (step > 0) {
       const float finer = asked * (1.0f / kDeepGrowth);
-      g = deepened(g, told, g.phi, told.phi, finer);
+      answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
     } else {
-      g = told;
+      answer = here;
     }
-    if (step == kMostDeepSteps || !(g.phi < -deep_limit(asked))) break;
+    if (step == kMostDeepSteps || !(first_of(answer).phi < -deep_limit(asked))) break;
     asked *= kDeepGrowth;
   }
-  if (!(g.phi < radius)) return;
-  const CutBall<float> cut = cut_ball(radius, factor, g.phi);
+  const Gradient& g = first_of(answer);
+  if (!(g.phi < e.radius)) return;
+  const CutBall<float> cut = cut_ball(e.radius, e.factor, g.phi);
   const Gradient3<float> gradient =
       to_space(g, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
-  const Gradient3<float> n = bounded(
-      gradient, sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z));
+  const float length =
+      sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z);
+  const Gradient3<float> n = bounded(gradient, length);
   const float force[3] = {cut.volume * n.x, cut.volume * n.y, cut.volume * n.z};
   sum.volume += cut.volume;
   sum.potential += cut.potential;
   for (int a = 0; a < 3; ++a) {
     const int b = (a + 1) % 3, c = (a + 2) % 3;
     sum.force[a] += force[a];
-    sum.torque[a] += lever[b] * force[c] - lever[c] * force[b];
+    sum.torque[a] += e.lever[b] * force[c] - e.lever[c] * force[b];
   }
-  if (!is_counted) return;
-  ++(g.phi <= -radius ? sum.num_inside : sum.num_boundary);
+  if (e.is_counted) ++(g.phi <= -e.radius ? sum.num_inside : sum.num_boundary);
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    const Symmetric<float> h =
+        hessian_in_space(answer, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
+    const float squared = e.radius * e.radius - g.phi * g.phi;
+    const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
+    float terms[StiffnessSums::kNum];
+    stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, cut.volume, disc, n,
+                           bounded(h, gradient, length), terms);
+#pragma unroll
+    for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];
+  }
 }
 
 // Is no element of a cluster near any surface? Every lane looks at some of the tiles.
@@ -188,35 +235,47 @@ __device__ bool is_cluster_in_front(const FieldQuery<kNumFields>& query, int clu
   return true;
 }
 
-// Three blocks on a multiprocessor leave each thread the registers that it needs.
-template <int kNumFields>
-__global__ void __launch_bounds__(kThreads, 3)
+// What a kernel has for a block.
+template <class Sample>
+constexpr int kThreadsOf = std::is_same_v<Sample, Curvature> ? 128 : 256;
+template <class Sample>
+constexpr std::size_t kSharedBytes = std::is_same_v<Sample, Curvature>
+                                         ? sizeof(FinishStiffnessScratch)
+                                         : sizeof(FinishScratch);
+
+// Three blocks of 256 threads on a multiprocessor leave each thread the registers that it needs.
+template <int kNumFields, class Sample>
+__global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
     measure_elements(const __grid_constant__ FieldQuery<kNumFields> query,
                      const __grid_constant__ MeasureOutput out) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const ElementsView& elements = query.elements;
   FieldShare share;
+  StiffnessShare stiffness;
   const int num_warps = gpu::grid_threads() / gpu::kWarpSize;
   for (int cluster = gpu::grid_thread() / gpu::kWarpSize; cluster < elements.num_clusters;
        cluster += num_warps) {
     if (query.skips_clusters && is_cluster_in_front(query, cluster)) continue;
-    const int place = cluster * SphereClusters::kSize + gpu::lane_id();
-    const ElementBall ball = elements.balls[place];
-    const float packed = elements.factors[place];
+    const int slot = cluster * SphereClusters::kSize + gpu::lane_id();
+    const ElementBall ball = elements.balls[slot];
+    const float packed = elements.factors[slot];
     const float factor = fabsf(packed);
     const bool is_counted = __float_as_int(packed) >= 0;
-    float lever[3], p[3];
+    Element element;
+    element.radius = ball.radius;
     const FieldFrame& frame = query.fields[0].frame;  // the pose is the same in all
     for (int row = 0; row < 3; ++row) {
       const float(&r)[3] = frame.R_WT[row];
-      lever[row] = r[0] * ball.x + r[1] * ball.y + r[2] * ball.z;
-      p[row] = lever[row] + frame.p_WC[row];
+      element.lever[row] = r[0] * ball.x + r[1] * ball.y + r[2] * ball.z;
+      element.p[row] = element.lever[row] + frame.p_WC[row];
     }
 #pragma unroll
     for (int k = 0; k < kNumFields; ++k) {
       const FieldLook& field = query.fields[k];
       if (kNumFields > 1 && field.last_level < 0) continue;
-      const float weighted = kNumFields > 1 ? factor * field.weight : factor;
-      add_element(field, ball.radius, weighted, is_counted && k == kNumFields - 1, lever, p, share);
+      element.factor = kNumFields > 1 ? factor * field.weight : factor;
+      element.is_counted = is_counted && k == kNumFields - 1;
+      add_element<Sample>(field, element, share, &stiffness);
     }
   }
   MeasureTerms mine;
@@ -228,43 +287,11 @@ __global__ void __launch_bounds__(kThreads, 3)
   }
   mine.num_boundary = share.num_boundary;
   mine.num_inside = share.num_inside;
-  finish_measure(out, mine, gpu::shared_memory<FinishScratch>());
-}
-
-// Shared memory of the kernel below.
-struct StiffnessScratch {
-  double terms[kStiffnessThreads / gpu::kWarpSize * kStiffnessTerms];
-  int is_last;
-};
-
-__global__ void __launch_bounds__(kStiffnessThreads)
-    add_stiffnesses(const __grid_constant__ FieldQuestion question, const Mat3d R_WT,
-                    const Vec3d p_WC, const ElementsView elements, double* partials,
-                    unsigned long long* count, double* sums) {
-  auto& shared = gpu::shared_memory<StiffnessScratch>();
-  StiffnessSums sum;
-  const int num_places = elements.num_clusters * SphereClusters::kSize;
-  for (int place = gpu::grid_thread(); place < num_places; place += gpu::grid_threads()) {
-    const ElementBall ball = elements.balls[place];
-    const double factor = fabsf(elements.factors[place]);
-    const Vec3d lever = R_WT * to_double(Vec3f{ball.x, ball.y, ball.z});
-    for (int k = 0; k < question.num_fields; ++k) {
-      if (question.fields[k].num_levels == 0) continue;
-      sum.add(
-          stiffness_of(question.fields[k], p_WC, lever, ball.radius, question.weights[k] * factor));
-    }
+  if constexpr (kWithStiffness) {
+    finish_measure(out, mine, stiffness.numbers, gpu::shared_memory<FinishStiffnessScratch>());
+  } else {
+    finish_measure(out, mine, gpu::shared_memory<FinishScratch>());
   }
-  double* const terms = sum.numbers;
-  gpu::block_sum(terms, kStiffnessTerms, shared.terms);
-  if (threadIdx.x == 0) {
-    for (int i = 0; i < kStiffnessTerms; ++i) partials[blockIdx.x * kStiffnessTerms + i] = terms[i];
-  }
-  if (!gpu::is_last_block(count, &shared.is_last) || threadIdx.x >= kStiffnessTerms) return;
-  double total = 0;
-  for (unsigned block = 0; block < gridDim.x; ++block) {
-    total += partials[block * kStiffnessTerms + threadIdx.x];
-  }
-  sums[threadIdx.x] = total;
 }
 
 /// State of a sphere and the plane that it is cut by, in T.
@@ -302,11 +329,13 @@ int most_blocks(int gpu, Kernel* kernel, int threads, std::size_t shared_bytes) 
   return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), threads, shared_bytes);
 }
 
+template <class Sample>
 int measure_blocks(int gpu, int num_clusters) {
+  constexpr int kThreads = kThreadsOf<Sample>;
   return blocks_for(
       num_clusters * SphereClusters::kSize, kThreads,
-      std::min(most_blocks(gpu, measure_elements<1>, kThreads, sizeof(FinishScratch)),
-               most_blocks(gpu, measure_elements<2>, kThreads, sizeof(FinishScratch))));
+      std::min(most_blocks(gpu, measure_elements<1, Sample>, kThreads, kSharedBytes<Sample>),
+               most_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>)));
 }
 
 Penetration failed() {
@@ -325,15 +354,13 @@ FieldContactCuda::FieldContactCuda(const Tool& tool, int gpu)
       fields_(gpu),
       own_(take(tool, SphereVolumes::own)),
       represented_(take(tool, SphereVolumes::represented)),
-      answers_(gpu, measure_blocks(gpu, std::max(own_.elements.num_clusters,
-                                                 represented_.elements.num_clusters))),
-      stiffness_blocks_(blocks_for(
-          own_.elements.num_clusters * SphereClusters::kSize, kStiffnessThreads,
-          most_blocks(gpu, add_stiffnesses, kStiffnessThreads, sizeof(StiffnessScratch)))),
-      stiffness_partials_(
-          memory_.take<double>(static_cast<std::size_t>(kStiffnessTerms * stiffness_blocks_))),
-      stiffness_sums_(memory_.take_pinned<double>(kStiffnessTerms)),
-      stiffness_count_(memory_.take<unsigned long long>(1)),
+      answers_(gpu, measure_blocks<Gradient>(gpu, std::max(own_.elements.num_clusters,
+                                                           represented_.elements.num_clusters))),
+      stiffness_answers_(
+          gpu,
+          measure_blocks<Curvature>(
+              gpu, std::max(own_.elements.num_clusters, represented_.elements.num_clusters)),
+          AnswerBox::kMostNumbers),
       states_(memory_.take<SphereState>(tool.spheres().size())),
       planes_(memory_.take<Plane<float>>(tool.spheres().size())) {}
 
@@ -355,7 +382,8 @@ FeltTool FieldContactCuda::take(const Tool& tool, SphereVolumes volumes) {
 }
 
 const Status& FieldContactCuda::status() const {
-  for (const Status* status : {&memory_.status(), &answers_.status()}) {
+  for (const Status* status :
+       {&memory_.status(), &answers_.status(), &stiffness_answers_.status()}) {
     if (!*status) return *status;
   }
   return stream_.status();
@@ -367,7 +395,7 @@ Penetration FieldContactCuda::measure(const Pose& X_WT, SphereVolumes volumes) n
   last_.num_fields = 1;
   last_.X_WT = X_WT;
   last_.volumes = volumes;
-  return ask<1>();
+  return measure<1, Gradient>(answers_);
 }
 
 Penetration FieldContactCuda::measure(const Pose& X_WT, SphereVolumes volumes,
@@ -380,11 +408,11 @@ Penetration FieldContactCuda::measure(const Pose& X_WT, SphereVolumes volumes,
   last_.num_fields = 2;
   last_.X_WT = X_WT;
   last_.volumes = volumes;
-  return ask<2>();
+  return measure<2, Gradient>(answers_);
 }
 
-template <int kNumFields>
-Penetration FieldContactCuda::ask() noexcept {
+template <int kNumFields, class Sample>
+Penetration FieldContactCuda::measure(AnswerBox& answers) noexcept {
   if (!status()) return failed();
   FieldQuery<kNumFields> query;
   int num_missing = 0;
@@ -397,33 +425,28 @@ Penetration FieldContactCuda::ask() noexcept {
   Penetration result;
   if (num_missing > 0) result.status = StepStatus::no_surface;
   if (num_missing == kNumFields) return result;
+  constexpr int kThreads = kThreadsOf<Sample>;
   query.elements = felt_tool().elements;
-  const int num_warps = answers_.num_blocks() * kThreads / gpu::kWarpSize;
+  const int num_warps = answers.num_blocks() * kThreads / gpu::kWarpSize;
   query.skips_clusters = query.elements.num_clusters > num_warps;
   gpu::launch(
       stream_,
-      {.blocks = answers_.num_blocks(), .threads = kThreads, .shared_bytes = sizeof(FinishScratch)},
-      measure_elements<kNumFields>, query, answers_.next());
-  if (!answers_.await(stream_)) return failed();
+      {.blocks = answers.num_blocks(), .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},
+      measure_elements<kNumFields, Sample>, query, answers.next());
+  if (!answers.await(stream_)) return failed();
   const ContactStatus status = result.status;
-  result = answers_.answer().penetration();
+  result = answers.answer().penetration();
   result.status |= status;
   return result;
 }
 
 Stiffness FieldContactCuda::stiffness() noexcept {
-  if (!status() || last_.num_fields == 0) return {};
-  gpu::launch(stream_,
-              {.blocks = stiffness_blocks_,
-               .threads = kStiffnessThreads,
-               .shared_bytes = sizeof(StiffnessScratch)},
-              add_stiffnesses, last_, rotation_matrix(last_.X_WT.rotation),
-              last_.X_WT * centre_of_mass_, felt_tool().elements, stiffness_partials_,
-              stiffness_count_, stiffness_sums_);
-  if (!stream_.wait()) return {};
-  StiffnessSums sum;
-  std::copy_n(stiffness_sums_, kStiffnessTerms, sum.numbers);
-  return sum.stiffness();
+  if (last_.num_fields == 0) return {};
+  const Penetration at = last_.num_fields == 1 ? measure<1, Curvature>(stiffness_answers_)
+                                               : measure<2, Curvature>(stiffness_answers_);
+  const bool is_nowhere = last_.fields[0].num_levels == 0 && last_.fields[1].num_levels == 0;
+  if (is_nowhere || at.status.has(StepStatus::backend_failed)) return {};
+  return stiffness_answers_.stiffness().stiffness();
 }
 
 void FieldContactCuda::describe(std::span<SphereState> states,

@@ -67,8 +67,10 @@ class FieldContactCuda {
 
  private:
   FeltTool take(const Tool& tool, SphereVolumes volumes);
-  template <int kNumFields>
-  Penetration ask() noexcept;
+  /// What was asked last; `Sample`: with first derivatives of the field, or with second ones for a
+  /// stiffness.
+  template <int kNumFields, class Sample>
+  Penetration measure(AnswerBox& answers) noexcept;
   const FeltTool& felt_tool() const {
     return last_.volumes == SphereVolumes::own ? own_ : represented_;
   }
@@ -79,14 +81,11 @@ class FieldContactCuda {
   gpu::Stream stream_;
   DeviceFields fields_;
   FeltTool own_, represented_;
-  AnswerBox answers_;
+  AnswerBox answers_, stiffness_answers_;
   DepthFieldView field_;
   FieldQuestion last_;
 
-  // Of stiffness and describe.
-  int stiffness_blocks_;
-  double *stiffness_partials_, *stiffness_sums_;
-  unsigned long long* stiffness_count_;
+  // Of describe.
   SphereState* states_;
   Plane<float>* planes_;
 };

@@ -122,20 +122,4 @@ PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real
   for (int k = 0; k < 9; ++k) terms[StiffnessSums::kLF + k] = LF[k];
 }
 
-/// The terms of one element at lever l from C (in W), in double.
-PALPATE_HOSTDEV inline StiffnessSums stiffness_of(const DepthFieldView& field, const Vec3d& p_WC,
-                                                  const Vec3d& l, double r, double factor) {
-  StiffnessSums sums;
-  if (factor == 0 || sample_field(field, p_WC + l, r).phi >= r) return sums;
-  const CurvedFieldSample s = sample_field_curvature(field, p_WC + l, r);
-  const double disc = s.phi > -r ? factor * kPi * (r * r - s.phi * s.phi) : 0;
-  const Mat3d& m = s.hessian;
-  const Gradient3<double> n{s.gradient.x, s.gradient.y, s.gradient.z};
-  const Symmetric<double> h{m.m[0][0], m.m[0][1], m.m[0][2], m.m[1][1], m.m[1][2], m.m[2][2]};
-  const double length = norm(s.gradient);
-  stiffness_terms<double>({l.x, l.y, l.z}, factor * cap_volume(r, s.phi), disc, bounded(n, length),
-                          bounded(h, n, length), sums.numbers);
-  return sums;
-}
-
 }  // namespace palpate

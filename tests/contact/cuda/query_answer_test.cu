@@ -35,6 +35,15 @@ __global__ void tell(const MeasureOutput out) {
   finish_measure(out, terms_of(gpu::grid_thread()), gpu::shared_memory<FinishScratch>());
 }
 
+__global__ void tell_with_stiffness(const MeasureOutput out) {
+  float stiffness[StiffnessSums::kNum];
+  for (int k = 0; k < StiffnessSums::kNum; ++k) {
+    stiffness[k] = static_cast<float>((k + 1) * (gpu::grid_thread() + 1));
+  }
+  finish_measure(out, terms_of(gpu::grid_thread()), stiffness,
+                 gpu::shared_memory<FinishStiffnessScratch>());
+}
+
 __global__ void tell_nothing(int*) {}
 
 void ask(AnswerBox& box, gpu::Stream& stream, int threads) {
@@ -83,6 +92,35 @@ TEST(QueryAnswer, IsTheSumOfAllThreads) {
   }
 }
 
+TEST(QueryAnswer, HasTheSumsOfAStiffnessToo) {
+  PALPATE_GPU_OR_SKIP();
+  for (const int blocks : {1, 2, 5, 40}) {
+    for (const int threads : {64, 96, 128}) {
+      AnswerBox box(0, blocks, AnswerBox::kMostNumbers);
+      gpu::Stream stream(0, gpu::Priority::high);
+      const double num = blocks * threads;
+      for (int round = 0; round < 2; ++round) {
+        gpu::launch(
+            stream,
+            {.blocks = blocks, .threads = threads, .shared_bytes = sizeof(FinishStiffnessScratch)},
+            tell_with_stiffness, box.next());
+        ASSERT_TRUE(box.await(stream)) << stream.status().error().message;
+        const StiffnessSums got = box.stiffness();
+        for (int k = 0; k < StiffnessSums::kNum; ++k) {
+          EXPECT_EQ(got.numbers[k], (k + 1) * num * (num + 1) / 2);
+        }
+        double volume = 0, points = 0;
+        for (int thread = 0; thread < blocks * threads; ++thread) {
+          volume += terms_of(thread).volume;
+          points += terms_of(thread).num_points;
+        }
+        EXPECT_NEAR(box.answer().volume, volume, 1e-13 * volume);
+        EXPECT_EQ(box.answer().num_points, points);
+      }
+    }
+  }
+}
+
 #if defined(PALPATE_EMULATE_CUDA)
 TEST(QueryAnswer, IsTheSameInAnyOrderOfThreads) {
   QueryAnswer first;
@@ -93,7 +131,8 @@ TEST(QueryAnswer, IsTheSameInAnyOrderOfThreads) {
     ask(box, stream, 128);
     ASSERT_TRUE(box.await(stream));
     if (seed == 0) first = box.answer();
-    EXPECT_EQ(std::memcmp(&first, &box.answer(), sizeof first), 0);
+    const QueryAnswer now = box.answer();
+    EXPECT_EQ(std::memcmp(&first, &now, sizeof first), 0);
   }
   emulator::set_order(0);
 }
