@@ -50,7 +50,7 @@ FrozenField rough_wall(std::uint64_t seed, double thickness = kSolidBehind) {
 
 // So calm that no gradient is shortened.
 FrozenField calm_wall(std::uint64_t seed, double thickness = kSolidBehind) {
-  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.0002, seed), {.thickness = thickness});
+  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.00005, seed), {.thickness = thickness});
 }
 
 // A block in front of a wall: silhouettes on all sides, in the middle of where the tools are.
