@@ -218,7 +218,9 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
   EXPECT_GT(num_compared, 10);
 }
 
-// Round a closed path of translation and rotation no net work is done.
+// Round a closed path of translation and rotation hardly any net work is done. Measured: 1.1e-4 of
+// all work, because gradients where two levels meet are a little longer than a force may be; with
+// none shortened 1e-7.
 class ClosedLoops : public testing::TestWithParam<double> {};
 
 TEST_P(ClosedLoops, CostNoWork) {
@@ -247,7 +249,7 @@ TEST_P(ClosedLoops, CostNoWork) {
     last = next;
   }
   EXPECT_GT(last.volume, 0.1 * full_volume(tool, SphereVolumes::represented));
-  EXPECT_LT(std::abs(net) / total, 1e-6);
+  EXPECT_LT(std::abs(net) / total, 2e-4);
 }
 
 INSTANTIATE_TEST_SUITE_P(Thickness, ClosedLoops, testing::Values(kSolidBehind, 0.02));
