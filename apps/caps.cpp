@@ -58,8 +58,8 @@ void add_caps_options(CLI::App& app, CapsOptions& options) {
                  "whole ones blue (.ply or .glb); for one --pose, without objects")
       ->type_name("FILE.ply")
       ->group(group);
-  add_number(app, "--caps-segments", options.segments, {3, 1000, "a whole number from 3 to 1000"},
-             "triangles round each sphere of --caps")
+  add_number(app, "--caps-segments", options.segments, {3, 1000, "triangles"},
+             "round each sphere of --caps")
       ->group(group);
 }
 

@@ -57,14 +57,7 @@ Result<std::unique_ptr<HapticDevice>> open(const std::string& uri,
 /// The settings of the file with those of the command line.
 Result<HapticSettings> joined(const LiveOptions& options, const Tool& tool) {
   HapticSettings settings = options.settings;
-  settings.contact = options.run.contact;
-  settings.surface = options.run.surface;
-  settings.field = options.run.field;
-  settings.time = options.run.time;
-  settings.sensing_gpu = options.run.sensing_gpu;
-  settings.contact_gpu = options.run.contact_gpu;
-  settings.num_threads = options.run.num_threads;
-  settings.contact_rate = options.run.rate;
+  copy_settings(settings_of(options.run), settings_of(settings));
   ThreadPool pool(1);
   const auto chosen = choose_contact_query(options.run, tool, pool);
   if (!chosen) return chosen.error();

@@ -93,7 +93,9 @@ int main(int argc, char** argv) {
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {
-    return program.exit(help_or_version);
+    const int status = program.exit(help_or_version);
+    if (!std::cout.flush()) return fail("cannot write to the standard output", kInputAtFault);
+    return status;
   } catch (const CLI::ParseError& error) {
     return fail_usage(program, error);
   }

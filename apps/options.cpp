@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <iostream>
+#include <sstream>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -15,7 +18,16 @@
 namespace palpate::apps {
 namespace {
 
-const NumberRange kGpus{0, 63, "the number of a GPU, 0 or more"};
+/// All of the text, or nullopt.
+template <class Number>
+std::optional<Number> parse_number(std::string_view text) {
+  if (text.starts_with('+')) text.remove_prefix(1);
+  Number number{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, number);
+  if (error != std::errc() || stop != end) return std::nullopt;
+  return number;
+}
 
 /// The absolute path that a name leads to, links followed, whether or not it is there.
 std::filesystem::path resolved(const std::filesystem::path& path) {
@@ -25,100 +37,117 @@ std::filesystem::path resolved(const std::filesystem::path& path) {
 
 }  // namespace
 
+SettingValue parse_value(const Setting& setting, const std::string& text) {
+  if (setting.kind == SettingKind::word) return text;
+  if (setting.kind == SettingKind::flag) {
+    return text == "true" || text == "false" ? SettingValue(text == "true") : text;
+  }
+  std::string blanks = text;
+  std::replace(blanks.begin(), blanks.end(), ',', ' ');
+  std::istringstream parts(setting.kind == SettingKind::pose ? blanks : text + " ");
+  std::vector<double> numbers;
+  for (std::string part; parts >> part;) {
+    const auto number = parse_number<double>(part);
+    if (!number) return text;
+    numbers.push_back(*number);
+  }
+  if (setting.kind == SettingKind::pose) {
+    const auto pose = pose_of(numbers);
+    return pose ? SettingValue(*pose) : text;
+  }
+  const bool is_one = numbers.size() == 1 && text.find_first_of(" \t") == std::string::npos;
+  const bool is_spelled_whole = text.find_first_of(".eE") == std::string::npos;
+  if (!is_one || (setting.kind == SettingKind::whole && !is_spelled_whole)) return text;
+  return numbers[0];
+}
+
+CLI::Option* add_setting(CLI::App& app, const std::string& flag, Setting setting) {
+  const std::string help(setting.help);
+  const SettingValue preset = setting.get();
+  if (const bool* const is_on = std::get_if<bool>(&preset)) {
+    return app.add_flag_callback(
+        flag, [setting, value = !*is_on]() mutable { (void)setting.set(value); },
+        (*is_on ? "without: " : "") + help);
+  }
+  const auto take = [setting, flag](const std::string& text) mutable {
+    const Status status = setting.set(parse_value(setting, text), flag + ":");
+    if (!status) usage_error(status.error().message);
+  };
+  const bool is_word = setting.kind == SettingKind::word;
+  const double* const number = std::get_if<double>(&preset);
+  return app.add_option_function<std::string>(flag, take, help + ": " + setting.range_text())
+      ->type_name(is_word ? "NAME" : "NUMBER")
+      ->default_str(is_word                  ? std::get<std::string>(preset)
+                    : std::isfinite(*number) ? shortest_decimal(*number)
+                                             : "no limit");
+}
+
+void add_setting_options(CLI::App& app, const std::string& group, const SettingTable& table,
+                         std::span<const SettingOption> options) {
+  for (const auto& [flag, key] : options) {
+    const Setting* const setting = table.find(key);
+    if (setting == nullptr) continue;  // this verb has none
+    CLI::Option* const option = add_setting(app, flag, *setting);
+    if (!group.empty()) option->group(group);
+  }
+}
+
+void add_set_option(CLI::App& app, const SettingTable& table) {
+  const auto take = [all = SettingTable(table)](const std::vector<std::string>& texts) mutable {
+    for (const std::string& text : texts) {
+      const std::size_t equals = text.find('=');
+      if (equals == std::string::npos) {
+        usage_error("--set: must be KEY=VALUE like surface.normal_radius=4, not '" + text + "'");
+      }
+      const std::string key = text.substr(0, equals), value = text.substr(equals + 1);
+      const Setting* const setting = all.find(key);
+      const Status status = all.set(key, setting ? parse_value(*setting, value) : value);
+      if (!status) usage_error("--set: " + status.error().message);
+    }
+  };
+  app.add_option_function<std::vector<std::string>>(
+         "--set", take,
+         "any setting, by its name in a settings file (docs/settings.md); may be given several "
+         "times")
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+}
+
+void add_seed_option(CLI::App& app, std::uint64_t& seed, const std::string& help) {
+  const auto take = [&seed](const std::string& text) {
+    const auto number = parse_number<std::uint64_t>(text);
+    if (!number) {
+      usage_error("--seed: must be a whole number from 0 to 18446744073709551615, not '" + text +
+                  "'");
+    }
+    seed = *number;
+  };
+  app.add_option_function<std::string>("--seed", take, help)
+      ->type_name("NUMBER")
+      ->default_str(std::to_string(seed));
+}
+
 void add_threads_option(CLI::App& app, int& num_threads, const std::string& help) {
-  const NumberRange range{0, 1 << 20, "a whole number of threads, 0 or more"};
-  const auto parse = [&num_threads, range](const std::string& text) {
+  SettingTable table;
+  table.add("threads", num_threads, {0, 1 << 20, "threads"}, help);
+  const auto take = [&num_threads, setting = *table.begin()](const std::string& text) mutable {
     constexpr int kPerCore = 4;
     const int most = kPerCore * static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-    num_threads = parse_number_in<int>("--threads", range, text);
+    const Status status = setting.set(parse_value(setting, text), "--threads:");
+    if (!status) usage_error(status.error().message);
     if (num_threads <= most) return;
     num_threads = most;
     std::cerr << "palpate: note: --threads " << text << " is more than " << kPerCore
               << " per core; " << most << " are used\n";
   };
-  app.add_option_function<std::string>("--threads", parse, help)
+  app.add_option_function<std::string>("--threads", take, help)
       ->type_name("NUMBER")
       ->default_str("0");
-}
-
-void add_contact_options(CLI::App& app, RunSettings& settings) {
-  ContactOptions& contact = settings.contact;
-  add_named(app, "--method", contact.method, kMethodNames,
-            "how a sphere is measured: by the depth field, or by the points in the spheres");
-  add_named(app, "--priority", contact.priority, kPriorityNames,
-            "what makes a boundary sphere good");
-  add_named(app, "--inside", contact.inside, kInsideNames, "volume of a sphere the graph reaches");
-  add_named(app, "--volumes", contact.volumes, kVolumesNames,
-            "what a sphere counts: itself or the part of the tool it stands for, which is auto for "
-            "the field");
-  add_named(app, "--edges", contact.edges, kEdgesNames,
-            "what happens where the surface ends in front of something farther away");
-  add_named(app, "--continuity", contact.continuity, kContinuityNames,
-            "how weighted, simplified and graph smooth over points that enter and leave spheres");
-  add_named(app, "--unknown", settings.field.unknown, kUnknownNames,
-            "field: what lies where nothing was measured");
-  add_number(app, "--fill-levels", settings.field.fill_levels, {0, 5, "a whole number from 0 to 5"},
-             "field: close holes up to about 2^this pixels wide");
-  add_number(app, "--thickness", settings.field.thickness,
-             {1e-3, kSolidBehind, "a number of metres from 0.001 to 1000000"},
-             "field: how far behind a surface a tool is pushed out of its front, in metres");
-  add_named(app, "--backend", settings.backend, kBackendNames,
-            "where surfaces and queries are computed; auto: on a GPU if there is one");
-  add_number(app, "--contact-gpu", settings.contact_gpu, kGpus, "cuda: which GPU computes queries");
-  add_threads_option(app, settings.num_threads,
-                     "threads; 0: one per core for surfaces, one for queries");
-}
-
-void add_sensing_gpu_option(CLI::App& app, int& gpu) {
-  add_number(app, "--sensing-gpu", gpu, kGpus, "cuda: which GPU makes the surfaces");
 }
 
 void note_backend(const std::string& why_not_cuda) {
   if (why_not_cuda.empty()) return;
   std::cerr << "palpate: note: backend cpu is used: " << why_not_cuda << '\n';
-}
-
-void add_surface_options(CLI::App& app, SurfaceOptions& options) {
-  const std::string group = "From depth to surface";
-  app.add_flag_callback(
-         "--no-filter", [&options] { options.filter.enabled = false; },
-         "leave out the bilateral filter")
-      ->group(group);
-  const NumberRange depths{1e-3, 1e3, "a number of metres from 0.001 to 1000"};
-  add_number(app, "--min-depth", options.min_depth, depths, "nearer pixels are no measurement")
-      ->group(group);
-  add_number(app, "--max-depth", options.max_depth, depths, "farther pixels are no measurement")
-      ->group(group);
-  add_number(app, "--normal-radius", options.normals.radius,
-             {1, 7, "a whole number of pixels from 1 to 7"}, "pixels around a point for its normal")
-      ->group(group);
-  add_named(app, "--plane-fit", options.normals.fit, kPlaneFitNames,
-            "which coordinates of a pixel are noisy: its depth or all")
-      ->group(group);
-  app.add_flag("--weighting", options.normals.weighting, "near neighbours count more")
-      ->group(group);
-  app.add_flag("--anchoring", options.normals.anchoring, "planes through the point itself")
-      ->group(group);
-  app.add_flag("--normalization", options.normals.normalization, "all neighbours count the same")
-      ->group(group);
-}
-
-void add_time_options(CLI::App& app, TimeOptions& options) {
-  const std::string group = "Between depth images";
-  add_named(app, "--time", options.mode, kTimeModeNames,
-            "what is felt until the next depth image comes")
-      ->group(group);
-  add_named(app, "--average", options.average.kind, kDepthAverageNames,
-            "average of each pixel's depth over time")
-      ->group(group);
-  add_number(app, "--average-frames", options.average.frames,
-             {1, 64, "a whole number of frames from 1 to 64"},
-             "moving: measurements in the average")
-      ->group(group);
-  add_number(app, "--average-weight", options.average.weight,
-             {kLeastPositive, 1, "a number above 0, up to 1"},
-             "exponential: weight of the newest measurement")
-      ->group(group);
 }
 
 void add_camera_options(CLI::App& app, CameraOptions& options) {
@@ -138,12 +167,11 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
       ->delimiter(',')
       ->expected(4)
       ->type_name("fx,fy,cx,cy");
-  add_number(app, "--depth-unit", options.unit, {1e-6, 1, "a number of metres from 0.000001 to 1"},
-             "metres per count of the depth images");
+  add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "of a count of the depth images");
 }
 
 void add_prefix_option(CLI::App& app, int& num_spheres) {
-  add_number(app, "--spheres", num_spheres, {1, 1 << 30, "a whole number, 1 or more"},
+  add_number(app, "--spheres", num_spheres, {1, 1 << 30, "spheres"},
              "only the first so many spheres of the tool file")
       ->default_str("all");
 }

@@ -2,14 +2,12 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <charconv>
+#include <cstdint>
 #include <filesystem>
-#include <limits>
 #include <optional>
-#include <sstream>
+#include <span>
 #include <string>
 
-#include "palpate/session/names.h"
 #include "palpate/session/session.h"
 
 namespace palpate::apps {
@@ -19,81 +17,70 @@ namespace palpate::apps {
   throw CLI::ParseError(message, CLI::ExitCodes::ValidationError);
 }
 
-template <class Table>
-std::string list_names(const Table& table) {
-  std::string text;
-  for (const auto& entry : table) text += (text.empty() ? "" : ", ") + std::string(entry.name);
-  return text;
-}
+/// What a text means to a setting; a text if it is nothing that the setting takes.
+SettingValue parse_value(const Setting& setting, const std::string& text);
 
-/// An option whose value is one of the names in a table.
-template <class Value, std::size_t n>
-CLI::Option* add_named(CLI::App& app, const std::string& flag, Value& value,
-                       const std::array<Named<Value>, n>& table, const std::string& help) {
-  const auto parse = [&value, &table, flag](const std::string& name) {
-    const auto found = value_of(table, name);
-    if (!found)
-      usage_error(flag + ": '" + name + "' is not known; choose one of " + list_names(table));
-    value = *found;
-  };
-  return app.add_option_function<std::string>(flag, parse, help + ": " + list_names(table))
-      ->type_name("NAME")
-      ->default_str(name_of(table, value));
-}
-
-/// The numbers that an option takes, both ends included, and how people call them.
-struct NumberRange {
-  double low, high;
-  std::string words;
+/// An option for a setting, with its help, range and default; a flag for true or false, which turns
+/// the default around.
+CLI::Option* add_setting(CLI::App& app, const std::string& flag, Setting setting);
+/// The same for a setting of a table.
+struct SettingOption {
+  const char* flag;
+  const char* key;  ///< "surface.normal_radius"
 };
-inline constexpr double kLeastPositive = std::numeric_limits<double>::min();
-inline constexpr double kGreatest = std::numeric_limits<double>::max();
-
-/// The number that a text spells, if it is finite and in the range; else wrong usage.
-template <class Number>
-Number parse_number_in(const std::string& flag, const NumberRange& range, const std::string& text) {
-  const char* begin = text.data() + (text.starts_with('+') ? 1 : 0);
-  const char* end = text.data() + text.size();
-  Number number{};
-  const auto [stop, error] = std::from_chars(begin, end, number);
-  const auto value = static_cast<double>(number);
-  if (error != std::errc() || stop != end || !(value >= range.low && value <= range.high)) {
-    usage_error(flag + ": must be " + range.words + ", not '" + text + "'");
-  }
-  return number;
-}
-
-/// An option whose value is a number in a range.
+void add_setting_options(CLI::App& app, const std::string& group, const SettingTable& table,
+                         std::span<const SettingOption> options);
+/// An option for a number in a range or a word of an enumeration.
 template <class Number>
 CLI::Option* add_number(CLI::App& app, const std::string& flag, Number& value,
                         const NumberRange& range, const std::string& help) {
-  std::ostringstream preset;
-  preset << value;
-  return app
-      .add_option_function<std::string>(
-          flag,
-          [&value, flag, range](const std::string& text) {
-            value = parse_number_in<Number>(flag, range, text);
-          },
-          help)
-      ->type_name("NUMBER")
-      ->default_str(preset.str());
+  SettingTable table;
+  table.add(flag, value, range, help);
+  return add_setting(app, flag, *table.begin());
 }
+template <NamedEnum Enum>
+CLI::Option* add_word(CLI::App& app, const std::string& flag, Enum& value,
+                      const std::string& help) {
+  SettingTable table;
+  table.add(flag, value, help);
+  return add_setting(app, flag, *table.begin());
+}
+/// --set KEY=VALUE for any setting of the table, as a settings file names it.
+void add_set_option(CLI::App& app, const SettingTable& table);
+/// A whole number below 2^64.
+void add_seed_option(CLI::App& app, std::uint64_t& seed, const std::string& help);
 
 /// --threads, of which there may be a few per core.
 void add_threads_option(CLI::App& app, int& num_threads, const std::string& help);
-/// --method, --priority, --inside, --backend, --contact-gpu and --threads.
-void add_contact_options(CLI::App& app, RunSettings& settings);
-/// --sensing-gpu.
-void add_sensing_gpu_option(CLI::App& app, int& gpu);
+inline constexpr const char* kThreadsHelp =
+    "threads; 0: one per core for surfaces, one for queries";
+
+/// The settings of a run that have an option of their own.
+inline constexpr SettingOption kContactOptions[] = {
+    {"--method", "contact.method"},       {"--priority", "contact.priority"},
+    {"--inside", "contact.inside"},       {"--volumes", "contact.volumes"},
+    {"--edges", "contact.edges"},         {"--continuity", "contact.continuity"},
+    {"--unknown", "field.unknown"},       {"--fill-levels", "field.fill_levels"},
+    {"--thickness", "field.thickness"},   {"--backend", "loop.backend"},
+    {"--contact-gpu", "loop.contact_gpu"}};
+/// From depth to surface.
+inline constexpr SettingOption kSurfaceOptions[] = {
+    {"--no-filter", "surface.filter"},    {"--min-depth", "surface.min_depth"},
+    {"--max-depth", "surface.max_depth"}, {"--normal-radius", "surface.normal_radius"},
+    {"--plane-fit", "surface.plane_fit"}, {"--weighting", "surface.weighting"},
+    {"--anchoring", "surface.anchoring"}, {"--normalization", "surface.normalization"}};
+/// Between depth images.
+inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
+                                                 {"--average", "time.average"},
+                                                 {"--average-frames", "time.average_frames"},
+                                                 {"--average-weight", "time.average_weight"}};
+inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"},
+                                                 {"--sensing-gpu", "loop.sensing_gpu"}};
+/// Live, with a haptic device.
+inline constexpr SettingOption kHandOptions[] = {{"--coupling", "coupling.kind"},
+                                                 {"--dead-man", "safety.dead_man"}};
 /// Tells people on stderr that --backend auto did not find a GPU, if so.
 void note_backend(const std::string& why_not_cuda);
-/// How surfaces come from depth images: --min-depth, --no-filter, --normal-radius, ...
-void add_surface_options(CLI::App& app, SurfaceOptions& options);
-
-/// What happens between depth frames: --time, --average, ...
-void add_time_options(CLI::App& app, TimeOptions& options);
-
 /// --intrinsics fx,fy,cx,cy and --depth-unit.
 struct CameraOptions {
   std::optional<Intrinsics> intrinsics;

@@ -115,7 +115,7 @@ std::optional<std::string> stamp_text(const TriangleMesh& raw, const std::string
                {"max_fill", pack.max_fill},
                {"max_seconds", number(pack.max_seconds)},
                {"seed", pack.seed},
-               {"gap_rule", name_of(kGapRules, request.gap_rule)}}}};
+               {"gap_rule", name_of(request.gap_rule)}}}};
   const auto tool = read_file(outputs.tool);
   if (!tool) return std::nullopt;
   stamp["tool"] = checksum(*tool);

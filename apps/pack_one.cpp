@@ -80,8 +80,7 @@ Result<SolidMesh> check_tool_mesh(const PackRequest& request, const TriangleMesh
   const MeshCheckOptions limits;
   const double length = longest_side(raw);
   const std::string how_long = path + ": the tool is " + length_text(length) + " long, read in " +
-                               name_of(kUnits, request.unit) +
-                               (request.scale == 1 ? "" : " and scaled");
+                               name_of(request.unit) + (request.scale == 1 ? "" : " and scaled");
   if (length > limits.max_extent || length < limits.min_extent) {
     return Error{Errc::bad_input, how_long + ", and may have " + length_text(limits.min_extent) +
                                       " to " + length_text(limits.max_extent) +
@@ -133,7 +132,7 @@ std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& 
   const PackOptions& pack = request.pack;
   std::vector<std::pair<std::string, std::string>> rows{
       {"--spheres", request.as_many_as_needed ? "auto" : std::to_string(pack.max_spheres)},
-      {"--unit", name_of(kUnits, request.unit)}};
+      {"--unit", name_of(request.unit)}};
   if (request.scale != 1) rows.emplace_back("--scale", number_text(request.scale));
   if (std::isfinite(pack.max_radius)) {
     rows.emplace_back("--max-radius", length_text(pack.max_radius));
@@ -154,7 +153,7 @@ std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& 
 }  // namespace
 
 Result<TriangleMesh> load_mesh_for(const PackRequest& request, const std::string& path) {
-  return load_mesh(path, request.unit * request.scale);
+  return load_mesh(path, metres(request.unit) * request.scale);
 }
 
 Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,

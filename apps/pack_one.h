@@ -5,23 +5,27 @@
 #include <string>
 #include <vector>
 
+#include "palpate/core/names.h"
 #include "palpate/core/result.h"
 #include "palpate/mesh/triangle_mesh.h"
 #include "palpate/packing/packer.h"
-#include "palpate/session/names.h"
 #include "palpate/session/packing_report.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate::apps {
 
-inline constexpr std::array<Named<double>, 4> kUnits{
-    {{"m", 1}, {"mm", 0.001}, {"cm", 0.01}, {"in", 0.0254}}};
-inline constexpr std::array<Named<GapRule>, 2> kGapRules{
-    {{"absolute", GapRule::absolute}, {"relative", GapRule::relative}}};
+/// Of mesh files.
+enum class LengthUnit { m, mm, cm, in };
+constexpr auto names_of(LengthUnit) { return std::array{"m", "mm", "cm", "in"}; }
+constexpr double metres(LengthUnit unit) {
+  constexpr double kMetres[] = {1, 0.001, 0.01, 0.0254};
+  return kMetres[static_cast<int>(unit)];
+}
 
 /// How meshes are to be packed.
 struct PackRequest {
-  double unit = 1, scale = 1;
+  LengthUnit unit = LengthUnit::m;
+  double scale = 1;
   PackOptions pack;                    ///< its least radius is that of the camera, if that is more
   bool as_many_as_needed = false;      ///< spheres, for a standoff of kFeltShare of the tool's size
   std::vector<double> camera_spacing;  ///< depth in metres and focal length in pixels, or empty

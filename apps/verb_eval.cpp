@@ -77,9 +77,8 @@ void print_summary(const Options& options, const eval::Evaluation& evaluation) {
       if (!figure.stored) continue;
       nlohmann::ordered_json claims = nlohmann::ordered_json::array();
       for (const eval::Claim& claim : figure.stored->result.claims) {
-        claims.push_back({{"thesis", claim.thesis},
-                          {"ours", claim.ours},
-                          {"verdict", name_of(eval::kVerdictNames, claim.verdict)}});
+        claims.push_back(
+            {{"thesis", claim.thesis}, {"ours", claim.ours}, {"verdict", name_of(claim.verdict)}});
       }
       json["figures"].push_back({{"id", figure.spec.id},
                                  {"current", figure.is_current},
@@ -93,7 +92,7 @@ void print_summary(const Options& options, const eval::Evaluation& evaluation) {
   std::cout << evaluation.num_made << " figures made, " << evaluation.num_kept << " kept, "
             << evaluation.num_failed << " failed\n";
   for (const auto& [verdict, count] : eval::count_verdicts(evaluation)) {
-    std::cout << "  " << count << " " << name_of(eval::kVerdictNames, verdict) << "\n";
+    std::cout << "  " << count << " " << name_of(verdict) << "\n";
   }
   std::cout << "report: " << report << "\n";
 }

@@ -118,11 +118,14 @@ void check(Options& options) {
 void add_limits(CLI::App& app, PackRequest& request) {
   PackOptions& pack = request.pack;
   // Two million spheres need 2.5 GB while they are packed.
-  const auto parse_spheres = [&request](const std::string& text) {
+  SettingTable limits;
+  limits.add("spheres", pack.max_spheres, {1, 2e6, "spheres"}, "");
+  const auto parse_spheres = [&request,
+                              spheres = *limits.begin()](const std::string& text) mutable {
     request.as_many_as_needed = text == "auto";
     if (request.as_many_as_needed) return;
-    request.pack.max_spheres = parse_number_in<int>(
-        "--spheres", {1, 2e6, "a whole number from 1 to 2000000, or auto"}, text);
+    const Status status = spheres.set(parse_value(spheres, text), "--spheres:");
+    if (!status) usage_error(status.error().message + "; or auto");
   };
   app.add_option_function<std::string>(
          "--spheres", parse_spheres,
@@ -130,14 +133,10 @@ void add_limits(CLI::App& app, PackRequest& request) {
          "surface to be nearer to a sphere than 0.5 % of the tool's longest side")
       ->type_name("NUMBER|auto")
       ->default_str(std::to_string(pack.max_spheres));
-  add_named(app, "--unit", request.unit, kUnits, "unit of the mesh file");
-  add_number(app, "--scale", request.scale, {1e-9, 1e9, "a number from 1e-9 to 1e9"},
-             "factor on top of the unit");
-  add_number(app, "--max-radius", pack.max_radius,
-             {kLeastPositive, kGreatest, "a number of metres greater than 0"},
-             "no larger sphere, in metres");
-  add_number(app, "--min-radius", pack.min_radius, {0, kGreatest, "a number of metres, 0 or more"},
-             "stop at smaller spheres, in metres");
+  add_word(app, "--unit", request.unit, "unit of the mesh file");
+  add_number(app, "--scale", request.scale, {1e-9, 1e9}, "factor on top of the unit");
+  add_number(app, "--max-radius", pack.max_radius, {1e-9, 1000, "m"}, "no larger sphere");
+  add_number(app, "--min-radius", pack.min_radius, {0, 1000, "m"}, "stop at smaller spheres");
   app.add_option(
          "--camera-spacing", request.camera_spacing,
          "no sphere too small to be sure to hold a point of a camera at depth Z metres with "
@@ -145,15 +144,11 @@ void add_limits(CLI::App& app, PackRequest& request) {
       ->delimiter(',')
       ->expected(2)
       ->type_name("Z,F");
-  add_number(app, "--max-fill", pack.max_fill,
-             {kLeastPositive, 1, "a number greater than 0, at most 1"},
+  add_number(app, "--max-fill", pack.max_fill, {1e-9, 1},
              "stop at this fraction of the mesh volume");
-  add_number(app, "--max-seconds", pack.max_seconds,
-             {kLeastPositive, kGreatest, "a number of seconds greater than 0"},
-             "stop after so many seconds");
-  add_number(app, "--seed", pack.seed, {0, kGreatest, "a whole number, 0 or more, below 2^64"},
-             "jitters the starting grid; 0: the plain grid");
-  add_named(app, "--gap-rule", request.gap_rule, kGapRules, "which spheres are neighbours");
+  add_number(app, "--max-seconds", pack.max_seconds, {1e-3, 1e9, "s"}, "stop after this time");
+  add_seed_option(app, pack.seed, "jitters the starting grid; 0: the plain grid");
+  add_word(app, "--gap-rule", request.gap_rule, "which spheres are neighbours");
   add_threads_option(app, pack.num_threads, "threads; 0: one per core");
 }
 

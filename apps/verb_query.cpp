@@ -99,8 +99,8 @@ nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
 void print_results_json(const Options& options, Backend backend, std::size_t num_usable,
                         double tool_volume, const std::vector<Measurement>& measurements) {
-  nlohmann::ordered_json json{{"method", name_of(kMethodNames, options.settings.contact.method)},
-                              {"backend", name_of(kBackendNames, std::optional(backend))},
+  nlohmann::ordered_json json{{"method", name_of(options.settings.contact.method)},
+                              {"backend", name_of(backend)},
                               {"usable_points", num_usable},
                               {"results", nlohmann::ordered_json::array()}};
   for (const auto& [penetration, shares, seconds] : measurements) {
@@ -231,8 +231,8 @@ void check(Options& options) {
   if (!options.depth.empty() && !options.camera.intrinsics) {
     usage_error("query: --depth needs --intrinsics fx,fy,cx,cy");
   }
-  if (!(options.settings.surface.min_depth < options.settings.surface.max_depth)) {
-    usage_error("--min-depth must be less than --max-depth");
+  if (const Status status = check(options.settings.surface); !status) {
+    usage_error("query: " + status.error().message);
   }
   if (options.pose.empty() == options.poses.empty()) {
     usage_error("query: give one of --pose and --poses");
@@ -265,8 +265,15 @@ void add_query(CLI::App& program, Action& action) {
   app.add_option("--poses", options->poses, "many poses: lines 't tx ty tz qx qy qz qw'")
       ->type_name("FILE");
   add_object_option(app, options->objects);
-  add_contact_options(app, options->settings);
-  add_surface_options(app, options->settings.surface);
+  add_setting_options(app, "", settings_of(options->settings), kContactOptions);
+  add_threads_option(app, options->settings.num_threads, kThreadsHelp);
+  add_setting_options(app, "From depth to surface", settings_of(options->settings),
+                      kSurfaceOptions);
+  SettingTable frozen;  // what counts where time stands still
+  add_settings(frozen, options->settings.contact);
+  add_settings(frozen, options->settings.surface);
+  add_settings(frozen, options->settings.field);
+  add_set_option(app, frozen);
   add_caps_options(app, options->caps);
   app.add_flag("--json", options->json, "print the results as JSON");
   app.footer(

@@ -45,8 +45,7 @@ void add_shape(CLI::App& program, Action& action) {
   app.add_option_function<std::string>("name", parse_name, "one of " + names)
       ->required()
       ->type_name("NAME");
-  add_number(app, "--size", options->size, {1e-4, 2, "a number of metres from 0.0001 to 2"},
-             "longest side in metres");
+  add_number(app, "--size", options->size, {1e-4, 2, "m"}, "longest side");
   app.add_option("-o,--output", options->output, "mesh file (.ply, .stl or .obj)")
       ->required()
       ->type_name("FILE");

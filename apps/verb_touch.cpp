@@ -18,6 +18,7 @@
 #include "palpate/session/probing_path.h"
 #include "palpate/session/record_run.h"
 #include "palpate/session/run_folder.h"
+#include "palpate/session/settings_file.h"
 #include "palpate/viewer/views.h"
 #include "scenes/scene.h"
 
@@ -33,11 +34,11 @@ struct Options {
   RunSettings settings;
   std::vector<ObjectOption> objects;
   std::optional<double> duration;
-  ProbeAim aim;                          ///< of a path that is not given
-  std::string device;                    ///< empty: the tool follows a path
-  HapticSettings haptic;                 ///< live: beside `settings`
-  Status haptic_settings_read = Done{};  ///< of --settings
-  int num_spheres = 0;                   ///< 0: all
+  ProbeAim aim;                   ///< of a path that is not given
+  std::string device;             ///< empty: the tool follows a path
+  HapticSettings haptic;          ///< live: beside `settings`
+  Status settings_read = Done{};  ///< of --settings
+  int num_spheres = 0;            ///< 0: all
   bool json = false;
   bool has_page = false;
   ViewServerOptions page;
@@ -140,26 +141,17 @@ Status check_inputs(const Options& options) {
   return Done{};
 }
 
-/// The sections of a settings file that a path knows too go where the command line's options go.
-Status read_haptic_settings(const std::string& path, Options& options) {
-  const auto read = load_haptic_settings(path, options.haptic);
-  if (!read) return read.error();
-  options.haptic = *read;
-  RunSettings& run = options.settings;
-  run.contact = read->contact;
-  run.surface = read->surface;
-  run.field = read->field;
-  run.time = read->time;
-  run.backend = read->backend;
-  run.sensing_gpu = read->sensing_gpu;
-  run.contact_gpu = read->contact_gpu;
-  run.num_threads = read->num_threads;
-  run.rate = read->contact_rate;
-  return Done{};
+/// Of a path and, beyond these, of a hand.
+SettingTable all_settings(Options& options) {
+  SettingTable table = settings_of(options.settings);
+  for (const Setting& setting : settings_of(options.haptic)) {
+    if (table.find(setting.key()) == nullptr) table.add(setting);
+  }
+  return table;
 }
 
 Status run(const Options& options) {
-  if (!options.haptic_settings_read) return options.haptic_settings_read;
+  if (!options.settings_read) return options.settings_read;
   if (const Status status = check_inputs(options); !status) return status;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
@@ -345,6 +337,11 @@ void check_motion(const CLI::App& app, const Options& options) {
         usage_error(std::string("touch: ") + option + " goes with --device");
       }
     }
+    for (const std::string& text : app["--set"]->results()) {
+      if (text.starts_with("coupling.") || text.starts_with("safety.")) {
+        usage_error("touch: --set " + text + " goes with --device");
+      }
+    }
     return;
   }
   if (!options.path.empty()) {
@@ -392,22 +389,19 @@ void add_device_options(CLI::App& app, const std::shared_ptr<Options>& options) 
   app.add_option_function<std::string>(
          "--settings",
          [options](const std::string& path) {
-           options->haptic_settings_read = read_haptic_settings(path, *options);
+           options->settings_read = read_settings_file(path, all_settings(*options));
          },
          "settings of surfaces, contact, loop, coupling and safety; other options win over it")
       ->trigger_on_parse()
       ->type_name("FILE.toml")
       ->group(group);
-  add_named(app, "--coupling", options->haptic.coupling.kind, kCouplingNames,
-            "what joins hand and tool")
-      ->group(group);
-  app.add_flag_callback(
-         "--dead-man", [options] { options->haptic.safety.dead_man = true; },
-         "force only while button 0 of the device is held")
-      ->group(group);
+  add_setting_options(app, group, all_settings(*options), kHandOptions);
   app.add_flag_callback(
          "--print-settings",
-         [] { throw CLI::CallForVersion(haptic_settings_toml(), 0); },  // prints and ends well
+         [] {
+           Options defaults;
+           throw CLI::CallForVersion(settings_toml(all_settings(defaults)), 0);  // ends well
+         },
          "print a settings file with the defaults, each explained, and do nothing else")
       ->group(group);
 }
@@ -426,9 +420,8 @@ void add_touch(CLI::App& program, Action& action) {
                  "folder of 16-bit PNGs, with depth.txt of time stamps or in name order")
       ->type_name("DIR");
   add_camera_options(app, options->camera);
-  app.add_option("--depth-rate", options->depth_rate, "frames per second without time stamps")
-      ->check(CLI::Range(0.01, 10000.0))
-      ->capture_default_str();
+  add_number(app, "--depth-rate", options->depth_rate, {0.01, 10000, "Hz"},
+             "frames per second without time stamps");
   std::string names;
   for (const std::string& name : scenes::scene_names()) names += (names.empty() ? "" : ", ") + name;
   app.add_option("--scene", options->scene,
@@ -436,7 +429,7 @@ void add_touch(CLI::App& program, Action& action) {
       ->type_name("NAME");
   app.add_flag_callback(
       "--no-noise", [options] { options->noise = false; }, "a perfect simulated camera");
-  app.add_option("--seed", options->seed, "of the simulated noise")->capture_default_str();
+  add_seed_option(app, options->seed, "of the simulated noise");
   app.add_option(
          "--path", options->path,
          "poses of the tool: lines 't tx ty tz qx qy qz qw'; default: the scene's, or a probe "
@@ -444,15 +437,15 @@ void add_touch(CLI::App& program, Action& action) {
       ->type_name("FILE");
   app.add_option("--duration", options->duration, "seconds; default: until path or frames end")
       ->check(CLI::Range(1e-3, 86400.0));
-  app.add_option("--rate", options->settings.rate, "measurements per second")
-      ->check(CLI::Range(1.0, 100000.0))
-      ->capture_default_str();
+  const SettingTable table = all_settings(*options);
+  add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, options->num_spheres);
   add_object_option(app, options->objects);
-  add_contact_options(app, options->settings);
-  add_sensing_gpu_option(app, options->settings.sensing_gpu);
-  add_surface_options(app, options->settings.surface);
-  add_time_options(app, options->settings.time);
+  add_setting_options(app, "", table, kContactOptions);
+  add_threads_option(app, options->settings.num_threads, kThreadsHelp);
+  add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
+  add_setting_options(app, "Between depth images", table, kTimeOptions);
+  add_set_option(app, table);
   add_aim_options(app, options);
   add_device_options(app, options);
   add_view_options(app, *options);

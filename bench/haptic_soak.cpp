@@ -17,7 +17,6 @@
 #include "bench/haptic_setup.h"
 #include "palpate/devices/simulated_device.h"
 #include "palpate/run/haptic_loop.h"
-#include "palpate/session/names.h"
 #include "src/core/monotonic_clock.h"
 #include "src/devices/tick_thread.h"
 #include "src/run/loop/real_time.h"
@@ -147,10 +146,10 @@ Status measure_floor(double seconds, double rate, Floor& floor) {
 }
 
 Status soak(const Options& options, const std::string& command) {
-  const auto method = value_of(kMethodNames, options.method);
-  const auto backend = value_of(kBackendNames, options.backend);
+  const auto method = value_named<InsideMethod>(options.method);
+  const auto backend = value_named<Backend>(options.backend);
   const auto model = find_device_model(options.device);
-  if (!method || !backend || !*backend || !model) {
+  if (!method || !backend || !model) {
     return Error{Errc::invalid_argument, "no such method, backend or device"};
   }
   auto scene = scenes::make_scene(options.scene);

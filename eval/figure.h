@@ -1,6 +1,7 @@
 // One figure of the evaluation: what the thesis claims, what we measured, and whether they agree.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <span>
 #include <string>
@@ -18,6 +19,9 @@ enum class Verdict {
   contradicts,   ///< the claim is wrong, or our docs are
   not_measured,  ///< what it takes is not on this machine; says what
 };
+constexpr auto names_of(Verdict) {
+  return std::array{"agrees", "better", "differs", "contradicts", "not measured"};
+}
 
 /// A claim and what came of it, each one sentence with its numbers.
 struct Claim {

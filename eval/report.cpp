@@ -13,13 +13,11 @@ namespace palpate::eval {
 namespace {
 
 std::string verdict_class(Verdict verdict) {
-  return verdict == Verdict::not_measured ? "v-unmeasured"
-                                          : "v-" + std::string(name_of(kVerdictNames, verdict));
+  return verdict == Verdict::not_measured ? "v-unmeasured" : "v-" + name_of(verdict);
 }
 
 std::string chip(Verdict verdict) {
-  return "<span class='chip " + verdict_class(verdict) + "'>" +
-         std::string(name_of(kVerdictNames, verdict)) + "</span>";
+  return "<span class='chip " + verdict_class(verdict) + "'>" + name_of(verdict) + "</span>";
 }
 
 std::string anchor(const ReportFigure& figure) { return "f-" + file_stem(figure.spec.id); }

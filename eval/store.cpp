@@ -43,9 +43,8 @@ Json to_json(const StoredFigure& figure) {
       {"failure", figure.failure}, {"claims", Json::array()},   {"numbers", Json::array()},
       {"plots", Json::array()},    {"tables", Json::array()},   {"notes", figure.result.notes}};
   for (const Claim& claim : figure.result.claims) {
-    json["claims"].push_back({{"thesis", claim.thesis},
-                              {"ours", claim.ours},
-                              {"verdict", name_of(kVerdictNames, claim.verdict)}});
+    json["claims"].push_back(
+        {{"thesis", claim.thesis}, {"ours", claim.ours}, {"verdict", name_of(claim.verdict)}});
   }
   for (const Number& number : figure.result.numbers) {
     json["numbers"].push_back(
@@ -96,7 +95,7 @@ std::optional<StoredFigure> figure_from(const Json& json) {
   figure.seconds = number_of(json.at("seconds"));
   figure.failure = json.at("failure");
   for (const Json& claim : json.at("claims")) {
-    const auto verdict = value_of(kVerdictNames, claim.at("verdict").get<std::string>());
+    const auto verdict = value_named<Verdict>(claim.at("verdict").get<std::string>());
     if (!verdict) return std::nullopt;
     figure.result.claims.push_back({claim.at("thesis"), claim.at("ours"), *verdict});
   }

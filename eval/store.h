@@ -1,23 +1,14 @@
 // Figures on disk: what came of them, what with, and their curves for other programs.
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <string>
 
 #include "eval/context.h"
 #include "eval/figure.h"
-#include "palpate/session/names.h"
+#include "palpate/core/names.h"
 
 namespace palpate::eval {
-
-inline constexpr std::array<Named<Verdict>, 5> kVerdictNames{{
-    {"agrees", Verdict::agrees},
-    {"better", Verdict::better},
-    {"differs", Verdict::differs},
-    {"contradicts", Verdict::contradicts},
-    {"not measured", Verdict::not_measured},
-}};
 
 /// All that the numbers of a figure depend on.
 struct Key {

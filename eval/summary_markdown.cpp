@@ -9,8 +9,7 @@ namespace {
 std::string counts(const Evaluation& evaluation) {
   std::string text;
   for (const auto& [verdict, count] : count_verdicts(evaluation)) {
-    text += (text.empty() ? "" : ", ") + std::to_string(count) + " " +
-            std::string(name_of(kVerdictNames, verdict));
+    text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + name_of(verdict);
   }
   return text;
 }
@@ -78,7 +77,7 @@ std::string summary_markdown(const Evaluation& evaluation) {
     }
     for (const Claim& claim : figure.stored->result.claims) {
       text += id + markdown_cell(claim.thesis) + " | " + markdown_cell(claim.ours) + " | " +
-              std::string(name_of(kVerdictNames, claim.verdict)) + " |\n";
+              name_of(claim.verdict) + " |\n";
     }
   }
   return text;

@@ -17,12 +17,13 @@ from project_files import ROOT, project_files
 BELOW = {
     "core": (),
     "math": ("core",),
+    "settings": ("math",),
     "gpu": ("core",),
     "mesh": ("math",),
     "packing": ("mesh",),
     "ist": ("math",),
     "tool": ("mesh", "packing", "ist"),
-    "cloud": ("math", "gpu"),
+    "cloud": ("settings", "gpu"),
     "field": ("cloud",),
     "contact": ("field", "tool"),
     "io": ("contact",),
@@ -41,7 +42,7 @@ READ_EVERYTHING = ("tests", "bench")
 SHARED_PRIVATE = {
     "src/core/range.h": ("cloud", "haptics", "devices"),
     "src/core/monotonic_clock.h": ("run", "devices", "viewer"),
-    "src/session/haptic_settings.h": ("viewer",),
+    "src/session/settings_json.h": ("viewer",),
     "src/session/haptic_messages.h": ("viewer",),
     "src/session/html_page.h": ("eval",),
     "src/session/svg_parts.h": ("eval",),

@@ -8,12 +8,6 @@
 #include "src/cloud/pixel_average.h"
 
 namespace palpate {
-namespace {
-
-constexpr int kMostFrames = 64, kMostKept = 100;
-
-}  // namespace
-
 struct DepthAverager::Impl {
   int width, height;
   DepthAverageOptions options;
@@ -38,18 +32,7 @@ Status check_average_settings(int width, int height, const DepthAverageOptions& 
                                              std::to_string(height) +
                                              " pixels cannot be averaged; use 8 to 4096 a side"};
   }
-  if (options.frames < 1 || options.frames > kMostFrames) {
-    return Error{Errc::invalid_argument, "an average is over 1 to " + std::to_string(kMostFrames) +
-                                             " frames, not " + std::to_string(options.frames)};
-  }
-  if (!(options.weight > 0 && options.weight <= 1 && options.max_jump >= 0) ||
-      options.keep_frames < 0 || options.keep_frames > kMostKept) {
-    return Error{Errc::invalid_argument,
-                 "the average of depth needs a weight above 0 and up to 1, a jump of 0 or more, "
-                 "and 0 to " +
-                     std::to_string(kMostKept) + " frames to keep a pixel"};
-  }
-  return Done{};
+  return check_settings(options);
 }
 
 Result<DepthAverager> DepthAverager::create(int width, int height,

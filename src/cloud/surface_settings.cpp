@@ -1,5 +1,6 @@
 #include "src/cloud/surface_settings.h"
 
+#include <algorithm>
 #include <numbers>
 
 namespace palpate {
@@ -42,7 +43,8 @@ NormalPass normal_settings(const NormalOptions& options, const Intrinsics& k) {
   pass.pixel_y = static_cast<float>(1 / k.fy);
   pass.radius = options.radius;
   pass.max_depth_change = static_cast<float>(options.max_depth_change);
-  pass.min_neighbours = static_cast<float>(options.min_neighbours);
+  const int window = 2 * options.radius + 1;
+  pass.min_neighbours = static_cast<float>(std::min(options.min_neighbours, window * window));
   pass.along_ray = options.fit == PlaneFit::along_ray;
   pass.anchoring = options.anchoring;
   pass.weighting = options.weighting;

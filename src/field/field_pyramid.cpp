@@ -14,16 +14,7 @@ Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOpti
                                              std::to_string(height) +
                                              " pixels is not possible; use 8 to 4096 a side"};
   }
-  if (options.fill_levels < 0 || options.fill_levels >= DepthFieldView::kMaxLevels) {
-    return Error{Errc::invalid_argument, "holes can be filled over 0 to " +
-                                             std::to_string(DepthFieldView::kMaxLevels - 1) +
-                                             " levels, not " + std::to_string(options.fill_levels)};
-  }
-  if (!(options.thickness >= 1e-3 && options.thickness <= kSolidBehind)) {
-    return Error{Errc::invalid_argument,
-                 "what is behind a surface can be felt over 0.001 m and more, not over " +
-                     std::to_string(options.thickness) + " m"};
-  }
+  if (const Status status = check_settings(options); !status) return status.error();
   PyramidLayout layout;
   layout.stride = width + 2 * DepthFieldLevel::kBorder;
   while (layout.num_levels < DepthFieldView::kMaxLevels && std::min(width, height) >= 4) {

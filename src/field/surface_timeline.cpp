@@ -12,10 +12,7 @@ namespace {
 
 Status check(const SlotSettings& settings) {
   const TimeOptions& time = settings.time;
-  if (!(time.max_jump >= 0)) {
-    return Error{Errc::invalid_argument,
-                 "the largest jump of a predicted pixel must be a share of its depth, 0 or more"};
-  }
+  if (Status status = check_settings(time); !status) return status;
   const double period = time.first_period != 0 ? time.first_period : 1 / settings.stream.rate;
   if (!(period > 0 && period <= std::numeric_limits<double>::max())) {
     return Error{Errc::invalid_argument,

@@ -2,46 +2,19 @@
 #include <cstdio>
 
 #include "palpate/haptics/coupling.h"
-#include "src/core/range.h"
+#include "src/haptics/couplings.h"
 
 namespace palpate {
 namespace {
 
-/// What is assumed of a tool that is not known here: its radius of gyration, m. Links stiffness
-/// against turning to stiffness against moving where the device says nothing.
-constexpr double kTypicalRadius = 0.05;
-
 /// Where the device renders no force, the tool still stops at surfaces, N.
 constexpr double kForceWithoutDevice = 5;
 
-std::string number(double value) { return number_text(value, 3); }
-
-bool is_pose(const Pose& X) {
-  const Quaternion& q = X.rotation;
-  return is_finite(X) && q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w > 0.5;
-}
-
-Status check_ranges(const CouplingOptions& o, double tick_seconds) {
-  const Range ranges[] = {
-      {"coupling stiffness (N/m)", o.stiffness, 0, 1e6},
-      {"angular coupling stiffness (N m/rad)", o.angular_stiffness, 0, 1e4},
-      {"damping ratio", o.damping_ratio, 0, 100},
-      {"tool mass (kg)", o.tool_mass, 1e-4, 1e3},
-      {"force at an eighth of the tool (N)", o.force_at_eighth, 0, 1e4},
-      {"motion scale", o.motion_scale, 1e-4, 1e4},
-      {"tick (s)", tick_seconds, 1e-6, 1},
-  };
-  if (const Range* const r = first_outside(ranges)) {
-    return Error{Errc::invalid_argument, std::string("the ") + r->name + " is " + number(r->value) +
-                                             "; give a number from " + number(r->low) + " to " +
-                                             number(r->high)};
-  }
-  if (!is_pose(o.X_WB) || !is_pose(o.X_HT)) {
-    return Error{Errc::invalid_argument,
-                 "the pose of the device's base or of the tool in the hand is not a pose; give "
-                 "finite numbers and a unit quaternion"};
-  }
-  return Done{};
+/// For notes.
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
 }
 
 /// Spring and damper along one degree of freedom, and what the device can bear.
@@ -97,8 +70,12 @@ void settle(const Axis& axis, const std::string& what, const std::string& unit, 
 }  // namespace
 
 Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const DeviceLimits& limits,
-                                       double tick_seconds) {
-  if (const Status status = check_ranges(options, tick_seconds); !status) return status.error();
+                                       double tick_seconds, const MassProperties& tool) {
+  if (const Status status = check_settings(options); !status) return status.error();
+  if (!(tick_seconds >= 1e-6 && tick_seconds <= 1)) {
+    return Error{Errc::invalid_argument, "the device ticks every " + number(tick_seconds) +
+                                             " s; its driver has to tell from 1e-06 to 1 s"};
+  }
   for (double limit :
        {limits.max_force, limits.max_torque, limits.max_stiffness, limits.max_angular_stiffness,
         limits.max_damping, limits.damping, limits.angular_damping}) {
@@ -118,26 +95,6 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   const Axis line{o.tool_mass,        limits.damping,  limits.max_stiffness,
                   limits.max_damping, o.damping_ratio, tick_seconds};
   settle(line, "coupling stiffness", "N/m", 1000, o.stiffness, checked.warnings);
-
-  // What the hand does not feel needs no limit: only the tool hangs on it.
-  const double square = kTypicalRadius * kTypicalRadius;
-  const bool is_felt = limits.max_torque > 0;
-  const Axis turn{o.tool_mass * square,
-                  limits.angular_damping,
-                  is_felt ? limits.max_angular_stiffness : 0,
-                  is_felt ? limits.max_damping * square : 0,
-                  o.damping_ratio,
-                  tick_seconds};
-  if (is_felt || o.angular_stiffness == 0) {
-    settle(turn, "angular coupling stiffness", "N m/rad", o.stiffness * square, o.angular_stiffness,
-           checked.warnings);
-  }
-  if (o.stiffness <= 0 || o.angular_stiffness <= 0) {
-    return Error{Errc::invalid_argument,
-                 "no stiffness of the coupling is passive without any damping; give a stiffness or "
-                 "a damping ratio above 0"};
-  }
-
   const double wanted = 2 * o.damping_ratio * std::sqrt(o.tool_mass * o.stiffness);
   const double damping = line.damping(o.stiffness);
   if (damping < wanted) {
@@ -147,6 +104,26 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
                                number(limits.max_damping) +
                                " N s/m; a lighter tool or a softer coupling needs less");
     o.damping_ratio = lowered;
+  }
+
+  // As large as the tool is in the hand. What the hand does not feel needs no limit: only the tool
+  // hangs on it.
+  const double radius = radius_of_gyration(tool) / o.motion_scale;
+  const bool is_felt = limits.max_torque > 0;
+  const Axis turn{o.tool_mass * radius * radius,
+                  limits.angular_damping,
+                  is_felt ? limits.max_angular_stiffness : 0,
+                  0,
+                  o.damping_ratio,
+                  tick_seconds};
+  if (is_felt || o.angular_stiffness == 0) {
+    settle(turn, "angular coupling stiffness", "N m/rad", o.stiffness * radius * radius,
+           o.angular_stiffness, checked.warnings);
+  }
+  if (o.stiffness <= 0 || o.angular_stiffness <= 0) {
+    return Error{Errc::invalid_argument,
+                 "no stiffness of the coupling is passive without any damping; give a stiffness or "
+                 "a damping ratio above 0"};
   }
   if (o.kind == CouplingKind::proxy && o.hold == ContactHold::interpolation) {
     checked.warnings.push_back(

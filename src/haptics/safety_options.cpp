@@ -1,9 +1,13 @@
-#include <string>
-
 #include "palpate/haptics/safety.h"
-#include "src/core/range.h"
 
 namespace palpate {
+namespace {
+
+/// More than any device renders: N, N m, N s/m.
+constexpr double kStrongest = 1e4;
+
+}  // namespace
+
 std::string_view describe(Fault fault) {
   switch (fault) {
     case Fault::none: return "no fault";
@@ -35,30 +39,13 @@ std::string_view describe(Fault fault) {
 
 Result<SafetyFilter> SafetyFilter::create(const DeviceLimits& limits,
                                           const SafetyOptions& options) {
-  constexpr double kTiny = 1e-6, kLong = 3600;
-  const Range ranges[] = {
-      {"the device's largest force (N)", limits.max_force, 0, 1e4},
-      {"the device's largest torque (N m)", limits.max_torque, 0, 1e4},
-      {"the device's largest damping (N s/m)", limits.max_damping, 0, 1e4},
-      {"force share", options.force_share, 0, 1},
-      {"slew limit (N/s)", options.max_slew, kTiny, 1e7},
-      {"torque slew limit (N m/s)", options.max_torque_slew, kTiny, 1e7},
-      {"ramp (s)", options.ramp_seconds, 0, kLong},
-      {"engaging force (N)", options.engage_force, 0, 1e4},
-      {"number of ticks to engage", static_cast<double>(options.engage_ticks), 1, 1e6},
-      {"engaging timeout (s)", options.engage_timeout, 0, kLong},
-      {"fade (s)", options.fade_seconds, 0, 1},
-      {"contact age limit (s)", options.max_contact_age, kTiny, kLong},
-      {"sensor age limit (s)", options.max_sensor_age, kTiny, kLong},
-      {"device silence limit (s)", options.max_device_silence, kTiny, kLong},
-      {"tick limit (s)", options.max_tick, kTiny, kLong},
-      {"energy tank (J)", options.energy_tank, kTiny, 1e3},
-  };
-  if (const Range* const r = first_outside(ranges)) {
-    return Error{Errc::invalid_argument, std::string("safety: ") + r->name + " is " +
-                                             number_text(r->value) + "; give a number from " +
-                                             number_text(r->low) + " to " + number_text(r->high)};
+  for (const double limit : {limits.max_force, limits.max_torque, limits.max_damping}) {
+    if (limit >= 0 && limit <= kStrongest) continue;
+    return Error{Errc::invalid_argument, "a limit of the device is " + shortest_decimal(limit) +
+                                             "; its driver has to tell numbers from 0 to " +
+                                             shortest_decimal(kStrongest) + " (N, N m, N s/m)"};
   }
+  if (const Status status = check_settings(options); !status) return status.error();
   return SafetyFilter(limits, options);
 }
 

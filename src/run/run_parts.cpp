@@ -7,14 +7,7 @@ namespace palpate {
 namespace {
 
 Status check(const HapticSettings& settings, const DeviceInfo& device) {
-  if (!(settings.contact_rate >= 1 && settings.contact_rate <= 100000)) {
-    return Error{Errc::invalid_argument,
-                 "the contact rate must be from 1 to 100000 queries per second; 1000 is usual"};
-  }
-  if (settings.num_threads < 0 || settings.num_threads > 256) {
-    return Error{Errc::invalid_argument,
-                 "the number of threads must be from 0 (one per core) to 256"};
-  }
+  if (Status status = check_settings(settings); !status) return status;
   if (!(device.rate > 0 && std::isfinite(device.rate))) {
     return Error{Errc::invalid_argument,
                  device.name + " tells no rate of ticks; it cannot be used"};
@@ -63,7 +56,8 @@ Result<RunParts> make_run_parts(const Tool& tool, const DepthStreamInfo& stream,
                                 const DeviceInfo& device, const HapticSettings& settings,
                                 const RunPartsOptions& options) {
   if (const Status status = check(settings, device); !status) return status.error();
-  auto coupling = check_coupling(settings.coupling, device.limits, 1 / device.rate);
+  auto coupling =
+      check_coupling(settings.coupling, device.limits, 1 / device.rate, tool.sphere_mass());
   if (!coupling) return coupling.error();
   const HapticSettings* const before = options.before;
   RunParts parts;

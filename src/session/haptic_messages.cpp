@@ -5,10 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "palpate/io/depth_files.h"
-#include "palpate/session/names.h"
 #include "src/session/base64.h"
 #include "src/session/haptic_fields.h"
-#include "src/session/haptic_settings.h"
 #include "src/session/settings_json.h"
 #include "src/session/text.h"
 
@@ -16,18 +14,6 @@ namespace palpate {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr std::array<Named<Fault>, 9> kFaultNames{{
-    {"none", Fault::none},
-    {"not_finite", Fault::not_finite},
-    {"stale_contact", Fault::stale_contact},
-    {"stale_sensor", Fault::stale_sensor},
-    {"device", Fault::device},
-    {"loop", Fault::loop},
-    {"backend", Fault::backend},
-    {"energy", Fault::energy},
-    {"stopped", Fault::stopped},
-}};
 
 template <class T>
 concept Number = std::is_arithmetic_v<T> && !std::same_as<T, bool>;
@@ -71,7 +57,7 @@ class Writer {
     }
     append_number(text_, value);
   }
-  void put(Fault fault) { text_ += '"' + name_of(kFaultNames, fault) + '"'; }
+  void put(Fault fault) { text_ += '"' + name_of(fault) + '"'; }
   void put(const std::string& words) {
     text_ += Json(words).dump(-1, ' ', false, Json::error_handler_t::replace);
   }
@@ -120,7 +106,7 @@ class Reader {
   }
   static void get(const Json& json, std::string& words) { json.get_to(words); }
   static void get(const Json& json, Fault& fault) {
-    fault = value_of(kFaultNames, json.get<std::string>()).value_or(Fault::none);
+    fault = value_named<Fault>(json.get<std::string>()).value_or(Fault::none);
   }
   static void get(const Json& json, Stiffness& stiffness) {
     for (std::size_t i = 0; i < 36; ++i) get(json.at(i), stiffness.m[i / 6][i % 6]);
@@ -210,8 +196,6 @@ const char* const kTimeSchema =
 
 }  // namespace
 
-std::string fault_name(Fault fault) { return name_of(kFaultNames, fault); }
-
 McapChannel settings_channel() {
   return {kSettingsTopic, "palpate.HapticSettings", R"({"type":"object"})"};
 }
@@ -244,7 +228,7 @@ std::string settings_message(const HapticSetup& setup) {
   Json json{{"format", kHapticFormat},
             {"version", kHapticVersion},
             {"program", PALPATE_VERSION},
-            {"settings", to_json(setup.settings)},
+            {"settings", to_json(settings_of(setup.settings))},
             {"stream", to_json(setup.stream)},
             {"device", Json::parse(text_of(setup.device))},
             {"tool", {{"file", kHapticTool}, {"xxh3", setup.tool_checksum}}}};
@@ -297,9 +281,8 @@ Result<HapticSetup> read_settings(std::string_view message) {
                                         "; use the version that wrote it"};
     }
     HapticSetup setup;
-    auto settings = haptic_settings_from_json(json.at("settings"));
+    const Status settings = read_json(settings_of(setup.settings), json.at("settings"));
     if (!settings) return settings.error();
-    setup.settings = *std::move(settings);
     setup.stream = stream_from_json(json.at("stream"));
     visit_fields(setup.device, Reader(json.at("device")));
     json.at("tool").at("xxh3").get_to(setup.tool_checksum);

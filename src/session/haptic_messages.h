@@ -41,9 +41,6 @@ inline constexpr const char* kContactTopic = "/contact";
 inline constexpr const char* kTickTopic = "/tick";
 inline constexpr const char* kNoteTopic = "/note";
 
-/// As messages and summaries call it.
-std::string fault_name(Fault fault);
-
 McapChannel settings_channel();
 McapChannel depth_channel();
 McapChannel contact_channel();

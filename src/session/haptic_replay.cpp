@@ -72,8 +72,8 @@ class RepeatedRun {
   }
   Status finish(const Tool& tool, const ReplayOutcome& outcome) {
     const HapticSetup& setup = log_.setup;
-    const auto coupling =
-        check_coupling(setup.settings.coupling, setup.device.limits, 1 / setup.device.rate);
+    const auto coupling = check_coupling(setup.settings.coupling, setup.device.limits,
+                                         1 / setup.device.rate, tool.sphere_mass());
     if (!coupling) return coupling.error();
     log_.coupling = coupling->options;
     log_.loop.num_contacts = outcome.num_contacts;

@@ -6,8 +6,6 @@
 #include <span>
 #include <utility>
 
-#include "palpate/session/names.h"
-#include "src/session/haptic_settings.h"
 #include "src/session/html_page.h"
 #include "src/session/probe_report.h"
 #include "src/session/settings_json.h"
@@ -219,8 +217,7 @@ std::string settings_tables(const Tool& tool, const HapticLog& log) {
          row("rate", short_number(device.rate) + " Hz") +
          row("most force, torque", short_number(device.limits.max_force) + " N, " +
                                        short_number(device.limits.max_torque) + " N m") +
-         row("coupling", name_of(kCouplingNames, c.kind)) +
-         row("between queries", name_of(kContactHoldNames, c.hold)) +
+         row("coupling", name_of(c.kind)) + row("between queries", name_of(c.hold)) +
          row("coupling stiffness", short_number(c.stiffness) + " N/m, " +
                                        short_number(c.angular_stiffness) + " N m/rad") +
          row("force at an eighth of the tool", short_number(c.force_at_eighth) + " N") +
@@ -230,10 +227,8 @@ std::string settings_tables(const Tool& tool, const HapticLog& log) {
          row("depth frames from", log.setup.stream.name) +
          row("image", std::to_string(log.setup.stream.width) + " × " +
                           std::to_string(log.setup.stream.height)) +
-         row("method", name_of(kMethodNames, s.contact.method)) +
-         row("between frames", name_of(kTimeModeNames, s.time.mode)) +
-         row("backend", name_of(kUsedBackendNames, s.backend)) +
-         row("ticks", std::to_string(log.loop.num_ticks)) +
+         row("method", name_of(s.contact.method)) + row("between frames", name_of(s.time.mode)) +
+         row("backend", name_of(s.backend)) + row("ticks", std::to_string(log.loop.num_ticks)) +
          row("queries", std::to_string(log.loop.num_contacts)) +
          row("depth frames", std::to_string(log.loop.num_frames)) +
          row("ticks bent by a limit", std::to_string(log.peaks.num_limited)) +
@@ -244,9 +239,9 @@ std::string settings_tables(const Tool& tool, const HapticLog& log) {
 /// What each later revision of the settings changed, as {"section": {"key": value}}.
 Json changes_json(const HapticLog& log) {
   Json changes = Json::array();
-  Json before = to_json(log.setup.settings);
+  Json before = to_json(settings_of(log.setup.settings));
   for (const HapticSettings& settings : log.changes) {
-    const Json after = to_json(settings);
+    const Json after = to_json(settings_of(settings));
     Json changed = Json::object();
     for (const auto& [section, keys] : after.items()) {
       for (const auto& [key, value] : keys.items()) {
@@ -291,7 +286,7 @@ std::string haptic_summary_json(const Tool& tool, const HapticLog& log, const Lo
             {"frames", log.loop.num_frames},
             {"missed", log.loop.num_missed},
             {"lost_records", log.loop.num_lost_records},
-            {"fault", fault_name(log.loop.fault)},
+            {"fault", name_of(log.loop.fault)},
             {"fault_meaning", std::string(describe(log.loop.fault))},
             {"failure", log.failure},
             {"peaks",
@@ -311,7 +306,7 @@ std::string haptic_summary_json(const Tool& tool, const HapticLog& log, const Lo
   json["warnings"] = log.warnings;
   HapticSettings used = log.setup.settings;
   used.coupling = log.coupling;
-  json["settings"] = to_json(used);
+  json["settings"] = to_json(settings_of(used));
   if (log.setup.probe) json["probe"] = to_json(*log.setup.probe);
   json["changes"] = changes_json(log);
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -129,8 +129,8 @@ Result<HapticOutcome> record_haptic_run(const Tool& tool, DepthSource& source, H
 
   HapticLog log;
   log.setup = {settings, source.info(), device.info(), *tool_checksum, 0, probe};
-  const auto coupling =
-      check_coupling(settings.coupling, device.info().limits, 1 / device.info().rate);
+  const auto coupling = check_coupling(settings.coupling, device.info().limits,
+                                       1 / device.info().rate, tool.sphere_mass());
   if (!coupling) return coupling.error();
   log.coupling = coupling->options;
   auto recorder = HapticRecorder::create(folder->partial() / kHapticRecording, log.setup);

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/session/names.h"
 #include "palpate/session/packing_report.h"
 #include "src/session/cut_picture.h"
 #include "src/session/html_page.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <span>
 
-#include "palpate/session/names.h"
 #include "src/session/html_page.h"
 #include "src/session/probe_report.h"
 #include "src/session/report_pictures.h"
@@ -152,7 +151,7 @@ std::string object_rows(const std::vector<SceneObject>& objects) {
 }
 
 std::string backend_words(const RunSettings& settings) {
-  std::string words = name_of(kBackendNames, settings.backend);
+  std::string words = name_of(settings.backend);
   if (settings.backend == Backend::cuda) {
     words += ": surfaces on GPU " + std::to_string(settings.sensing_gpu) + ", queries on GPU " +
              std::to_string(settings.contact_gpu);
@@ -174,14 +173,12 @@ std::string tables(const Tool& tool, const RunLog& log) {
          row("sphere volume / mesh volume", with_unit(tool.sphere_mass().volume, kVolumeUnits) +
                                                 " / " +
                                                 with_unit(tool.mesh_mass().volume, kVolumeUnits)) +
-         row("method", name_of(kMethodNames, s.contact.method)) +
-         row("priority", name_of(kPriorityNames, s.contact.priority)) +
-         row("inside volume (graph)", name_of(kInsideNames, s.contact.inside)) +
-         row("volume of a sphere", name_of(kVolumesNames, std::optional(s.contact.counted()))) +
-         row("edges", name_of(kEdgesNames, s.contact.edges)) +
-         row("continuity", name_of(kContinuityNames, s.contact.continuity)) +
-         row("between frames", name_of(kTimeModeNames, s.time.mode)) +
-         row("average over frames", name_of(kDepthAverageNames, s.time.average.kind)) +
+         row("method", name_of(s.contact.method)) + row("priority", name_of(s.contact.priority)) +
+         row("inside volume (graph)", name_of(s.contact.inside)) +
+         row("volume of a sphere", name_of(std::optional(s.contact.counted()))) +
+         row("edges", name_of(s.contact.edges)) + row("continuity", name_of(s.contact.continuity)) +
+         row("between frames", name_of(s.time.mode)) +
+         row("average over frames", name_of(s.time.average.kind)) +
          row("backend", backend_words(s)) +
          row("threads", s.num_threads == 0 ? "queries 1, surfaces one per core"
                                            : std::to_string(s.num_threads)) +
@@ -195,8 +192,7 @@ std::string tables(const Tool& tool, const RunLog& log) {
                                    short_number(k.cx, 6) + ", " + short_number(k.cy, 6)) +
          row("depth unit", short_number(log.stream.unit, 6) + " m") +
          row("bilateral filter", on_off(s.surface.filter.enabled)) +
-         row("normals: fit, radius",
-             name_of(kPlaneFitNames, n.fit) + ", " + std::to_string(n.radius) + " pixels") +
+         row("normals: fit, radius", name_of(n.fit) + ", " + std::to_string(n.radius) + " pixels") +
          row("normals: weighting, anchoring, normalisation",
              on_off(n.weighting) + ", " + on_off(n.anchoring) + ", " + on_off(n.normalization)) +
          row("query: median / 99 % / 99.9 % / max", times(query)) +

@@ -27,16 +27,9 @@ double seconds_since(Clock::time_point start) {
 }
 
 Status check(const RunSettings& settings) {
-  if (!(settings.rate >= 1 && settings.rate <= 100000)) {
-    return Error{Errc::invalid_argument,
-                 "the rate must be from 1 to 100000 ticks per second; 1000 is usual"};
-  }
+  if (Status status = check_settings(settings); !status) return status;
   if (!(settings.duration > 0)) {
     return Error{Errc::invalid_argument, "the duration must be longer than 0 s"};
-  }
-  if (settings.num_threads < 0 || settings.num_threads > 256) {
-    return Error{Errc::invalid_argument,
-                 "the number of threads must be from 0 (one per core) to 256"};
   }
   for (const SceneObject& object : settings.objects) {
     if (object.shape == nullptr || !is_finite(object.X_WB)) {

@@ -206,7 +206,7 @@ std::string LiveViewImpl::state() {
               {"note", note(last)},
               {"paused", are_frames_held_},
               {"revision", revision_},
-              {"settings", control_values(settings_, kLiveControls)},
+              {"settings", control_values(settings_of(settings_), is_live_control)},
               {"frame_number", last.frame_number},
               {"ticks", report_.num_ticks},
               {"missed", report_.num_missed},
@@ -221,7 +221,7 @@ std::string LiveViewImpl::state() {
 std::string LiveViewImpl::controls() {
   const std::lock_guard lock(mutex_);
   look_at_loop();
-  return list_controls(settings_, kLiveControls).dump();
+  return list_controls(settings_of(settings_), is_live_control).dump();
 }
 
 Result<std::string> LiveViewImpl::command(std::string_view json) {
@@ -257,7 +257,7 @@ Result<std::string> LiveViewImpl::set(const ViewCommand& command) {
   const auto key = command.text("key", 100);
   if (!key) return key.error();
   HapticSettings changed = loop_->settings();
-  const auto value = set_control(changed, kLiveControls, *key, command["value"]);
+  const auto value = set_control(settings_of(changed), is_live_control, *key, command["value"]);
   if (!value) return value.error();
   if (const Status status = loop_->change(changed); !status) return status.error();
   ++revision_;

@@ -18,14 +18,7 @@ namespace {
 
 HapticSettings haptic_settings(const RunSettings& run) {
   HapticSettings settings;
-  settings.contact = run.contact;
-  settings.surface = run.surface;
-  settings.field = run.field;
-  settings.time = run.time;
-  settings.backend = run.backend.value_or(Backend::cpu);
-  settings.sensing_gpu = run.sensing_gpu;
-  settings.contact_gpu = run.contact_gpu;
-  settings.num_threads = run.num_threads;
+  copy_settings(settings_of(run), settings_of(settings));
   return settings;
 }
 

@@ -4,17 +4,18 @@
 #include <cmath>
 #include <utility>
 
-#include "src/viewer/controls.h"
 #include "src/viewer/shown.h"
 
 namespace palpate {
 namespace {
 
-/// All that decides how surfaces are made.
-std::string surface_words(const HapticSettings& settings) {
-  constexpr std::string_view kSections[] = {"surface", "field", "time"};
-  return control_values(settings, kSections).dump() +
-         (settings.contact.method == InsideMethod::field ? " with a field" : "");
+/// Are surfaces made alike with these?
+bool makes_same_surfaces(const HapticSettings& a, const HapticSettings& b) {
+  const auto has_field = [](const HapticSettings& settings) {
+    return settings.contact.method == InsideMethod::field;
+  };
+  return has_same_settings(a.surface, b.surface) && has_same_settings(a.field, b.field) &&
+         has_same_settings(a.time, b.time) && has_field(a) == has_field(b);
 }
 
 }  // namespace
@@ -70,11 +71,11 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const HapticSettings&
                                const std::function<bool()>& keep_going) {
   const int lead = num_lead_frames(settings.time);
   const auto num_lead = std::min(query.frame, static_cast<std::size_t>(lead));
-  const std::string words = surface_words(settings);
   const std::size_t wanted_first = query.frame - num_lead;
   const bool is_near = query.frame + 1 >= next_ && query.frame <= next_ + num_lead;
-  if (!timeline_ || words != made_with_ || !is_near || first_ > wanted_first) {
-    made_with_ = words;
+  if (!timeline_ || !makes_same_surfaces(settings, made_with_) || !is_near ||
+      first_ > wanted_first) {
+    made_with_ = settings;
     const Status status = prepare(wanted_first, settings);
     if (!status) return status.error();
   }

@@ -48,7 +48,7 @@ class Repetition {
   std::string note_;
 
   std::optional<SurfaceTimeline> timeline_;
-  std::string made_with_;             // the settings of the timeline
+  HapticSettings made_with_;          // the settings of the timeline
   std::size_t first_ = 0, next_ = 0;  // frames: pushed from, up to
   ContactRecord asked_;
   SurfaceMoment moment_;

@@ -17,25 +17,15 @@ constexpr std::chrono::microseconds kPeriod{16667};
 /// With what a person has changed.
 HapticSettings changed_by(HapticSettings settings, const Json& changes) {
   for (const auto& [key, value] : changes.items()) {
-    (void)set_control(settings, kRecordedControls, key, value);
+    (void)set_control(settings_of(settings), is_recorded_control, key, value);
   }
   return settings;
 }
 
-/// Would surfaces be made with these? Asked of a tiny stream, which costs nothing.
-Status check_settings(const DepthStreamInfo& stream, const HapticSettings& settings) {
-  DepthStreamInfo tiny = stream;
-  tiny.width = tiny.height = 8;
-  const auto timeline =
-      SurfaceTimeline::create(tiny, settings.surface, settings.field, settings.time);
-  if (!timeline) return timeline.error();
-  return Done{};
-}
-
 /// The keys of what differs.
 std::string differences(const HapticSettings& a, const HapticSettings& b) {
-  const Json values = control_values(a, kRecordedControls),
-             others = control_values(b, kRecordedControls);
+  const Json values = control_values(settings_of(a), is_recorded_control),
+             others = control_values(settings_of(b), is_recorded_control);
   std::string keys;
   for (const auto& [key, value] : values.items()) {
     if (value != others[key]) keys += (keys.empty() ? "" : ", ") + key;
@@ -132,9 +122,9 @@ void RunPlayer::set_speed(double factor) {
 Result<Json> RunPlayer::set(std::string_view key, const Json& value) {
   const std::lock_guard lock(mutex_);
   HapticSettings settings = shown_.settings;
-  auto taken = set_control(settings, kRecordedControls, key, value);
+  auto taken = set_control(settings_of(settings), is_recorded_control, key, value);
   if (!taken) return taken;
-  if (const Status status = check_settings(run_->stream(), settings); !status) {
+  if (const Status status = check(settings.surface); !status) {
     return status.error();
   }
   changed_[std::string(key)] = *taken;

@@ -24,7 +24,7 @@ class RunView final : public ViewSource {
   void poll(const ViewWishes& wishes, ViewUpdate& update) override { player_.poll(wishes, update); }
   std::string state() override;
   std::string controls() override {
-    return list_controls(player_.shown().settings, kRecordedControls).dump();
+    return list_controls(settings_of(player_.shown().settings), is_recorded_control).dump();
   }
   Result<std::string> command(std::string_view json) override;
 
@@ -52,7 +52,7 @@ std::string RunView::state() {
                    {"note", note},
                    {"paused", shown.is_paused},
                    {"revision", shown.revision},
-                   {"settings", control_values(shown.settings, kRecordedControls)},
+                   {"settings", control_values(settings_of(shown.settings), is_recorded_control)},
                    {"frame_number", shown.frame_number},
                    {"duration", shown.duration},
                    {"speed", shown.speed},

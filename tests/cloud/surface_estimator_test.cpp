@@ -191,6 +191,20 @@ TEST(SurfaceEstimator, DisabledDepthChangeIsZero) {
   }
 }
 
+TEST(SurfaceEstimator, MoreNeighboursThanTheWindowHasAreAllOfThem) {
+  const DepthScene scene = test::cluttered_scene(61, 47, 60, 1.3, 4);
+  ThreadPool pool(1);
+  int num_points[3];
+  for (int i = 0; i < 3; ++i) {
+    SurfaceOptions options;
+    options.normals.min_neighbours = std::array{48, 49, 225}[static_cast<std::size_t>(i)];
+    num_points[i] = make_estimator(scene, options).update(scene.depth, pool).num_points;
+  }
+  EXPECT_GT(num_points[0], num_points[1]);
+  EXPECT_GT(num_points[1], 0);
+  EXPECT_EQ(num_points[1], num_points[2]);
+}
+
 TEST(SurfaceEstimator, RefusesSettingsOutOfRangeByName) {
   const Intrinsics good{100, 100, 20, 15};
   const auto error_of = [&](int width, int height, const Intrinsics& k,
@@ -215,18 +229,20 @@ TEST(SurfaceEstimator, RefusesSettingsOutOfRangeByName) {
     change(options);
     expect_refusal(error_of(40, 30, good, options), name);
   };
-  refuse("filter.radius", [](SurfaceOptions& o) { o.filter.radius = 0; });
-  refuse("filter.radius", [](SurfaceOptions& o) { o.filter.radius = 8; });
-  refuse("filter.sigma_space", [](SurfaceOptions& o) { o.filter.sigma_space = 0; });
-  refuse("filter.sigma_depth", [](SurfaceOptions& o) { o.filter.sigma_depth = NAN; });
-  refuse("normals.radius", [](SurfaceOptions& o) { o.normals.radius = 8; });
-  refuse("normals.max_depth_change", [](SurfaceOptions& o) { o.normals.max_depth_change = -1; });
-  refuse("normals.weight_sigma", [](SurfaceOptions& o) { o.normals.weight_sigma = 0; });
-  refuse("normals.min_neighbours", [](SurfaceOptions& o) { o.normals.min_neighbours = 50; });
-  refuse("normals.min_neighbours", [](SurfaceOptions& o) { o.normals.min_neighbours = 2; });
-  refuse("depth_change.min_step", [](SurfaceOptions& o) { o.depth_change.min_step = -0.1; });
-  refuse("min_depth", [](SurfaceOptions& o) { o.min_depth = 0; });
-  refuse("max_depth", [](SurfaceOptions& o) { o.max_depth = 0.05; });
+  refuse("surface.filter_radius", [](SurfaceOptions& o) { o.filter.radius = 0; });
+  refuse("surface.filter_radius", [](SurfaceOptions& o) { o.filter.radius = 8; });
+  refuse("surface.filter_sigma_space", [](SurfaceOptions& o) { o.filter.sigma_space = 0; });
+  refuse("surface.filter_sigma_depth", [](SurfaceOptions& o) { o.filter.sigma_depth = NAN; });
+  refuse("surface.normal_radius", [](SurfaceOptions& o) { o.normals.radius = 8; });
+  refuse("surface.normal_max_depth_change",
+         [](SurfaceOptions& o) { o.normals.max_depth_change = -1; });
+  refuse("surface.weight_sigma", [](SurfaceOptions& o) { o.normals.weight_sigma = 0; });
+  refuse("surface.min_neighbours", [](SurfaceOptions& o) { o.normals.min_neighbours = 226; });
+  refuse("surface.min_neighbours", [](SurfaceOptions& o) { o.normals.min_neighbours = 2; });
+  refuse("surface.depth_change_min_step",
+         [](SurfaceOptions& o) { o.depth_change.min_step = -0.1; });
+  refuse("surface.min_depth", [](SurfaceOptions& o) { o.min_depth = 0; });
+  refuse("surface.max_depth", [](SurfaceOptions& o) { o.max_depth = 0.05; });
 }
 
 }  // namespace

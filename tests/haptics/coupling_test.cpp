@@ -35,7 +35,7 @@ MassProperties box_tool() {
 }
 
 CouplingOptions checked(CouplingOptions options, const DeviceLimits& limits = kLimits) {
-  const auto result = check_coupling(options, limits, kTick);
+  const auto result = check_coupling(options, limits, kTick, box_tool());
   EXPECT_TRUE(result.has_value()) << result.error().message;
   return result->options;
 }
@@ -131,7 +131,7 @@ TEST(Matrix6, SolvesAndKnowsWhatIsNotPositive) {
 }
 
 TEST(CheckCoupling, FillsInWhatTheDeviceAllows) {
-  const auto result = check_coupling({}, kLimits, kTick);
+  const auto result = check_coupling({}, kLimits, kTick, box_tool());
   ASSERT_TRUE(result.has_value());
   const CouplingOptions& o = result->options;
   EXPECT_EQ(o.stiffness, 2000);
@@ -144,19 +144,56 @@ TEST(CheckCoupling, FillsInWhatTheDeviceAllows) {
 TEST(CheckCoupling, StaysBelowThePassivityBound) {
   CouplingOptions options;
   options.damping_ratio = 0;
-  const auto pure = check_coupling(options, kLimits, 2 * kTick);
+  const auto pure = check_coupling(options, kLimits, 2 * kTick, box_tool());
   ASSERT_TRUE(pure.has_value());
   EXPECT_NEAR(pure->options.stiffness, 2 * kLimits.damping / (2 * kTick), 1e-6);
   // The coupling's damping 2 zeta sqrt(m K) counts too.
   options.damping_ratio = 0.01;
-  const double k = check_coupling(options, kLimits, 2 * kTick)->options.stiffness;
+  const double k = check_coupling(options, kLimits, 2 * kTick, box_tool())->options.stiffness;
   EXPECT_NEAR(k, (1 + 0.02 * std::sqrt(0.1 * k)) / kTick, 1e-6);
+}
+
+/// A ball of this radius of gyration.
+MassProperties ball_tool(double radius) {
+  MassProperties tool{1e-6, {}, {}};
+  for (int i = 0; i < 3; ++i) tool.inertia.m[i][i] = tool.volume * radius * radius;
+  return tool;
+}
+
+TEST(CheckCoupling, StaysBelowThePassivityBoundOfTurningThisTool) {
+  DeviceLimits limits = kLimits;
+  limits.max_angular_stiffness = 50;
+  for (const double radius : {0.0005, 0.002, 0.01}) {
+    for (const double scale : {0.5, 1.0, 4.0}) {
+      CouplingOptions options;
+      options.motion_scale = scale;
+      const auto result = check_coupling(options, limits, kTick, ball_tool(radius));
+      ASSERT_TRUE(result) << result.error().message;
+      // The tool of 0.1 kg is this large in the hand; K = 2 (b + 2 sqrt(I K)) / T.
+      const double root_inertia = std::sqrt(0.1) * radius / scale;
+      const double root = (4 * root_inertia + std::sqrt(16 * root_inertia * root_inertia +
+                                                        8 * limits.angular_damping * kTick)) /
+                          (2 * kTick);
+      EXPECT_NEAR(result->options.angular_stiffness, std::min(50.0, root * root), 1e-6)
+          << radius << " " << scale;
+      EXPECT_TRUE(result->warnings.empty()) << result->warnings[0];
+    }
+  }
+  // What is passive for a long tool need not be for a short one.
+  CouplingOptions options;
+  options.angular_stiffness = 20;
+  EXPECT_TRUE(check_coupling(options, limits, kTick, ball_tool(0.05))->warnings.empty());
+  const auto small = check_coupling(options, limits, kTick, ball_tool(0.001));
+  ASSERT_EQ(small->warnings.size(), 1u);
+  EXPECT_NE(small->warnings[0].find("angular coupling stiffness of 20 N m/rad is not passive"),
+            std::string::npos)
+      << small->warnings[0];
 }
 
 TEST(CheckCoupling, SaysWhatItLoweredAndWhatIsNotPassive) {
   CouplingOptions options;
   options.stiffness = 5000;
-  auto result = check_coupling(options, kLimits, kTick);
+  auto result = check_coupling(options, kLimits, kTick, box_tool());
   ASSERT_TRUE(result.has_value());
   EXPECT_EQ(result->options.stiffness, 2000);
   ASSERT_EQ(result->warnings.size(), 1u);
@@ -164,14 +201,14 @@ TEST(CheckCoupling, SaysWhatItLoweredAndWhatIsNotPassive) {
 
   options.stiffness = 1500;
   options.damping_ratio = 0;
-  result = check_coupling(options, kLimits, 2 * kTick);
+  result = check_coupling(options, kLimits, 2 * kTick, box_tool());
   ASSERT_TRUE(result.has_value());
   EXPECT_EQ(result->options.stiffness, 1500);
   ASSERT_EQ(result->warnings.size(), 1u);
   EXPECT_NE(result->warnings[0].find("not passive: 2 b / T is 1e+03"), std::string::npos);
 
   options.damping_ratio = 3;
-  result = check_coupling(options, kLimits, kTick);
+  result = check_coupling(options, kLimits, kTick, box_tool());
   ASSERT_TRUE(result.has_value());
   ASSERT_EQ(result->warnings.size(), 1u);
   EXPECT_NEAR(result->options.damping_ratio, 30 / (2 * std::sqrt(150.0)), 1e-12);
@@ -179,7 +216,7 @@ TEST(CheckCoupling, SaysWhatItLoweredAndWhatIsNotPassive) {
   CouplingOptions proxy;
   proxy.kind = CouplingKind::proxy;
   proxy.hold = ContactHold::interpolation;
-  result = check_coupling(proxy, kLimits, kTick);
+  result = check_coupling(proxy, kLimits, kTick, box_tool());
   EXPECT_EQ(result->options.hold, ContactHold::local_model);
   EXPECT_EQ(result->warnings.size(), 1u);
 }
@@ -189,7 +226,7 @@ TEST(CheckCoupling, RefusesWhatIsNoNumberOrOutOfRange) {
   const auto is_refused = [](auto change) {
     CouplingOptions options;
     change(options);
-    return !check_coupling(options, kLimits, kTick).has_value();
+    return !check_coupling(options, kLimits, kTick, box_tool()).has_value();
   };
   EXPECT_TRUE(is_refused([&](auto& o) { o.stiffness = nan; }));
   EXPECT_TRUE(is_refused([&](auto& o) { o.angular_stiffness = -1; }));
@@ -198,14 +235,14 @@ TEST(CheckCoupling, RefusesWhatIsNoNumberOrOutOfRange) {
   EXPECT_TRUE(is_refused([&](auto& o) { o.motion_scale = 0; }));
   EXPECT_TRUE(is_refused([&](auto& o) { o.X_WB.translation.x = nan; }));
   EXPECT_TRUE(is_refused([&](auto& o) { o.X_HT.rotation = {0, 0, 0, 0}; }));
-  EXPECT_FALSE(check_coupling({}, kLimits, 0).has_value());
+  EXPECT_FALSE(check_coupling({}, kLimits, 0, box_tool()).has_value());
   DeviceLimits broken = kLimits;
   broken.max_torque = nan;
-  EXPECT_FALSE(check_coupling({}, broken, kTick).has_value());
+  EXPECT_FALSE(check_coupling({}, broken, kTick, box_tool()).has_value());
 }
 
 TEST(CheckCoupling, ServesDevicesThatRenderNothing) {
-  const auto result = check_coupling({}, {}, kTick);
+  const auto result = check_coupling({}, {}, kTick, box_tool());
   ASSERT_TRUE(result.has_value()) << result.error().message;
   EXPECT_GT(result->options.stiffness, 0);
   EXPECT_GT(result->options.angular_stiffness, 0);

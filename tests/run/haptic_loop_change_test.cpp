@@ -331,7 +331,7 @@ TEST(CouplingTakeOver, FromEachKindToEachTheToolMovesOn) {
     CouplingOptions options;
     options.kind = kind;
     options.motion_scale = scale;
-    const auto checked = check_coupling(options, limits, 1e-3).value();
+    const auto checked = check_coupling(options, limits, 1e-3, box_tool().sphere_mass()).value();
     return make_coupling(checked.options, limits, box_tool().sphere_mass());
   };
   constexpr CouplingKind kKinds[] = {CouplingKind::virtual_coupling, CouplingKind::direct,

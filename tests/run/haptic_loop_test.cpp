@@ -41,6 +41,20 @@ struct Seen {
   }
 };
 
+TEST(HapticLoop, RefusesRatesAtWhichEveryContactIsTooOld) {
+  WallSource source({});
+  ScriptedDevice device({});
+  HapticSettings settings;
+  settings.contact_rate = 1 / settings.safety.max_contact_age;
+  const auto loop = HapticLoop::create(box_tool(), source, device, settings);
+  ASSERT_FALSE(loop);
+  for (const char* name : {"loop.contact_rate of 50 Hz", "safety.max_contact_age of 0.02 s"}) {
+    EXPECT_NE(loop.error().message.find(name), std::string::npos) << loop.error().message;
+  }
+  settings.contact_rate *= 1.01;
+  EXPECT_TRUE(HapticLoop::create(box_tool(), source, device, settings));
+}
+
 TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   WallSource source({.depth = [](int k) { return 0.5 + 0.002 * std::sin(k); }});
   ScriptedDevice device({.hand = pressing_hand});
@@ -192,7 +206,8 @@ TEST(HapticLoop, SaysWhatIsWrongAtTheStart) {
     auto loop = HapticLoop::create(box_tool(), source, device, settings);
     return loop ? std::string() : loop.error().message;
   };
-  EXPECT_NE(message([](auto& s) { s.contact_rate = NAN; }).find("contact rate"), std::string::npos);
+  EXPECT_NE(message([](auto& s) { s.contact_rate = NAN; }).find("loop.contact_rate"),
+            std::string::npos);
   EXPECT_NE(message([](auto& s) { s.num_threads = -1; }).find("threads"), std::string::npos);
   EXPECT_NE(message([](auto& s) { s.safety.force_share = 2; }), "");
   EXPECT_NE(message([](auto& s) { s.coupling.damping_ratio = NAN; }), "");

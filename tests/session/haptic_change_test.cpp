@@ -11,7 +11,6 @@
 #include "palpate/io/mcap_file.h"
 #include "palpate/session/haptic_run.h"
 #include "src/session/haptic_messages.h"
-#include "src/session/haptic_settings.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/synthetic_stream.h"
 

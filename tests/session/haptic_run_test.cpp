@@ -1,4 +1,5 @@
 #include "palpate/session/haptic_run.h"
+#include "palpate/session/settings_file.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -18,7 +19,7 @@
 #include "src/session/base64.h"
 #include "src/session/haptic_messages.h"
 #include "src/session/haptic_series.h"
-#include "src/session/haptic_settings.h"
+#include "src/session/settings_json.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/synthetic_stream.h"
 
@@ -181,7 +182,7 @@ class HapticSettingsFile : public testing::Test {
   Result<HapticSettings> load(const std::string& text) {
     const auto path = folder_.path() / "settings.toml";
     std::ofstream(path) << text;
-    return load_haptic_settings(path);
+    return load_settings<HapticSettings>(path);
   }
   void expect_error(const std::string& text, std::initializer_list<const char*> mentions) {
     const auto loaded = load(text);
@@ -202,12 +203,13 @@ TEST_F(HapticSettingsFile, PrintedDefaultsReadBackToTheSame) {
   settings.safety.dead_man = true;
   settings.contact.volumes = SphereVolumes::own;
   for (const HapticSettings& some : {HapticSettings{}, settings}) {
-    const auto loaded = load(haptic_settings_toml(some));
+    const auto loaded = load(settings_toml(settings_of(some)));
     ASSERT_TRUE(loaded) << loaded.error().message;
-    EXPECT_EQ(to_json(*loaded), to_json(some));
-    const auto from_json = haptic_settings_from_json(to_json(some));
-    ASSERT_TRUE(from_json);
-    EXPECT_EQ(to_json(*from_json), to_json(some));
+    EXPECT_TRUE(has_same_settings(*loaded, some));
+    HapticSettings from_json;
+    const Status read = read_json(settings_of(from_json), to_json(settings_of(some)));
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_TRUE(has_same_settings(from_json, some));
   }
 }
 
@@ -236,7 +238,7 @@ TEST_F(HapticSettingsFile, ErrorsNameLineAndRemedy) {
   expect_error("[coupling]\nbase_in_scene = [0, 0, 0]\n", {"line 2", "seven numbers"});
   expect_error("[coupling]\nbase_in_scene = [0, 0, 0, 0, 0, 0, 2]\n", {"quaternion"});
   expect_error("[coupling\n", {"line 1", "not TOML"});
-  EXPECT_FALSE(load_haptic_settings(folder_.path() / "absent.toml"));
+  EXPECT_FALSE(load_settings<HapticSettings>(folder_.path() / "absent.toml"));
 }
 
 // Runs

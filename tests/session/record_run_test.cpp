@@ -132,8 +132,8 @@ TEST_F(RecordRun, DamagedRecordingsAreErrors) {
            {"\"version\": 1", "\"version\": 99"},
            {"palpate recording", "something else"},
            {"\"graph\"", "\"granite\""},
-           {"\"rate\": 1000.0", "\"rate\": \"fast\""},
-           {"\"rate\": 1000.0", "\"rate\": -1.0"},
+           {"\"contact_rate\": 1000.0", "\"contact_rate\": \"fast\""},
+           {"\"contact_rate\": 1000.0", "\"contact_rate\": -1.0"},
            {"\"files\"", "\"piles\""},
            {"\"tool.palp\"", "\"path.txt\""},
            {"{", "["}}) {
@@ -213,29 +213,6 @@ TEST_F(RecordRun, SettingsSurviveTheRecording) {
   for (std::size_t k = 0; k < recording->poses.size(); ++k) {
     EXPECT_EQ(recording->poses[k], test::pressing_pose(static_cast<double>(k) / 1000)) << k;
   }
-}
-
-TEST_F(RecordRun, OlderRecordingsKeepTheDefaultsOfNewSettings) {
-  ASSERT_TRUE(record(run()));
-  std::string manifest = read(recording() / "recording.json");
-  for (const char* key : {"volumes", "edges", "continuity"}) {
-    const std::size_t begin = manifest.find(std::string("\"") + key + "\":");
-    ASSERT_NE(begin, std::string::npos) << key;
-    manifest.erase(begin, manifest.find(',', begin) + 1 - begin);
-  }
-  const std::size_t time = manifest.find("\"time\":");  // and before it a comma
-  ASSERT_NE(time, std::string::npos);
-  const std::size_t comma = manifest.rfind(',', time);
-  manifest.erase(comma, manifest.find('}', time) + 1 - comma);
-  write(recording() / "recording.json", manifest);
-  const auto recording_again = load_recording(recording());
-  ASSERT_TRUE(recording_again) << recording_again.error().message;
-  EXPECT_EQ(recording_again->settings.contact.counted(), SphereVolumes::own);
-  EXPECT_EQ(recording_again->settings.contact.edges, Edges::none);
-  EXPECT_EQ(recording_again->settings.contact.continuity, Continuity::none);
-  EXPECT_EQ(recording_again->settings.contact.inside, InsideVolume::cap);
-  EXPECT_EQ(recording_again->settings.time.mode, TimeMode::latest);
-  EXPECT_EQ(recording_again->settings.time.average.kind, DepthAverage::none);
 }
 
 }  // namespace

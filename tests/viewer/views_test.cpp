@@ -111,7 +111,7 @@ TEST(ToolView, ShowsTheToolAndNothingElse) {
 
 TEST(Controls, AreTheSettingsThatCanChange) {
   const HapticSettings settings;
-  const Json list = list_controls(settings, kLiveControls);
+  const Json list = list_controls(settings_of(settings), is_live_control);
   std::set<std::string> keys;
   for (const Json& control : list) keys.insert(control["key"]);
   EXPECT_TRUE(keys.contains("contact.method"));
@@ -120,7 +120,7 @@ TEST(Controls, AreTheSettingsThatCanChange) {
        {"coupling.base_in_scene", "coupling.tool_in_hand", "safety.max_slew", "loop.threads"}) {
     EXPECT_FALSE(keys.contains(key)) << key;
   }
-  for (const Json& control : list_controls(settings, kRecordedControls)) {
+  for (const Json& control : list_controls(settings_of(settings), is_recorded_control)) {
     EXPECT_FALSE(control["key"].get<std::string>().starts_with("coupling.")) << control;
   }
   const Json& method = list[0];
@@ -131,15 +131,15 @@ TEST(Controls, AreTheSettingsThatCanChange) {
 
 TEST(Controls, EachCanBeSetToWhatItSaysItCanBe) {
   HapticSettings settings;
-  for (const auto& control : list_controls(settings, kLiveControls)) {
+  for (const auto& control : list_controls(settings_of(settings), is_live_control)) {
     nlohmann::ordered_json value = true;
     if (control["kind"] == "choice") value = control["choices"].back();
     if (control["kind"] == "number") value = control["high"];
     const auto key = control["key"].get<std::string>();
-    const auto taken = set_control(settings, kLiveControls, key, value);
+    const auto taken = set_control(settings_of(settings), is_live_control, key, value);
     ASSERT_TRUE(taken) << control << taken.error().message;
     EXPECT_EQ(*taken, value) << control;
-    EXPECT_EQ(control_values(settings, kLiveControls)[key], value) << control;
+    EXPECT_EQ(control_values(settings_of(settings), is_live_control)[key], value) << control;
   }
   EXPECT_EQ(settings.coupling.stiffness, 1e6);
 }
@@ -147,7 +147,7 @@ TEST(Controls, EachCanBeSetToWhatItSaysItCanBe) {
 TEST(Controls, RefusesWhatItCannotBe) {
   HapticSettings settings;
   const auto set = [&](const char* key, const nlohmann::ordered_json& value) {
-    return set_control(settings, kLiveControls, key, value);
+    return set_control(settings_of(settings), is_live_control, key, value);
   };
   EXPECT_NE(set("contact.method", "magic").error().message.find("weighted"), std::string::npos);
   EXPECT_FALSE(set("contact.method", 3));
@@ -158,7 +158,8 @@ TEST(Controls, RefusesWhatItCannotBe) {
   EXPECT_FALSE(set("safety.max_slew", 5));
   EXPECT_FALSE(set("contact", 5));
   EXPECT_FALSE(set("", 5));
-  EXPECT_EQ(control_values(settings, kLiveControls), control_values({}, kLiveControls));
+  EXPECT_EQ(control_values(settings_of(settings), is_live_control),
+            control_values(settings_of(HapticSettings{}), is_live_control));
   EXPECT_EQ(*set("surface.normal_radius", 2.7), 3);
   EXPECT_EQ(settings.surface.normals.radius, 3);
 }

@@ -24,6 +24,7 @@ export type Value = string | number | boolean;
 export interface Control {
   key: string; // section.key of a settings file
   words: string;
+  unit?: string; // of a number
   kind: 'choice' | 'number' | 'switch';
   choices?: string[];
   low?: number;

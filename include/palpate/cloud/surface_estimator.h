@@ -9,6 +9,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/isa.h"
 #include "palpate/core/thread_pool.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
@@ -17,12 +18,19 @@ namespace palpate {
 /// z_p^2)^2)). It fills no holes.
 struct DepthFilterOptions {
   bool enabled = true;
-  int radius = 2;            ///< pixels; window 2*radius+1, 1..7
-  double sigma_space = 1.5;  ///< pixels, 0.1..1000
-  /// Similarity width is sigma_depth * z^2 (z in metres): noise of structured light grows so. Up
-  /// to 1.
+  int radius = 2;            ///< pixels; window 2*radius+1
+  double sigma_space = 1.5;  ///< pixels
+  /// Similarity width is sigma_depth * z^2 (z in metres): noise of structured light grows so.
   double sigma_depth = 0.01;  ///< metres at 1 m
 };
+inline void add_settings(SettingTable& t, DepthFilterOptions& o) {
+  t.add("filter", o.enabled, "bilateral filter of the depth");
+  t.add("filter_radius", o.radius, {1, 7, "pixels"}, "window of 2 radius + 1 pixels a side");
+  t.add("filter_sigma_space", o.sigma_space, {0.1, 1000, "pixels"},
+        "distance in the image at which a pixel counts less");
+  t.add("filter_sigma_depth", o.sigma_depth, {1e-6, 1, "m"},
+        "difference of depth at which a pixel counts less, at a depth of 1 m");
+}
 
 /// Which plane fits the neighbours' covariance C best.
 enum class PlaneFit {
@@ -32,12 +40,13 @@ enum class PlaneFit {
   /// All coordinates are equally noisy: n is the eigenvector of the smallest eigenvalue (eq. 3.7).
   principal,
 };
+constexpr auto names_of(PlaneFit) { return std::array{"along_ray", "principal"}; }
 
 /// Plane fit over a window (eqs. 3.7-3.11): the normal is of unit length and towards the camera. No
 /// normal if all neighbours lie on one line of the image: their plane would contain the eye.
 struct NormalOptions {
   PlaneFit fit = PlaneFit::along_ray;
-  int radius = 3;  ///< pixels; window 2*radius+1, 1..7
+  int radius = 3;  ///< pixels; window 2*radius+1
   /// Neighbours count only if their depth differs by at most max_depth_change * z (z in metres,
   /// depth of the centre pixel): the window must not reach across an edge.
   double max_depth_change = 0.03;
@@ -46,8 +55,22 @@ struct NormalOptions {
   double weight_sigma = 0.01;  ///< metres at 1 m; grows with z^2
   /// Difference vectors scaled to unit length (3.11); those shorter than 1e-5 z are left out.
   bool normalization = false;
-  int min_neighbours = 6;  ///< fewer valid neighbours (with the point itself): no normal
+  /// Fewer valid neighbours (with the point itself): no normal. More than the window has: all.
+  int min_neighbours = 6;
 };
+inline void add_settings(SettingTable& t, NormalOptions& o) {
+  t.add("plane_fit", o.fit, "which coordinates of a pixel are noisy: its depth or all");
+  t.add("normal_radius", o.radius, {1, 7, "pixels"}, "around a point for its normal");
+  t.add("normal_max_depth_change", o.max_depth_change, {1e-6, 10},
+        "share of the depth; a pixel farther off belongs to another surface");
+  t.add("anchoring", o.anchoring, "planes through the point itself");
+  t.add("weighting", o.weighting, "near neighbours count more");
+  t.add("weight_sigma", o.weight_sigma, {1e-6, 10, "m"},
+        "distance at which a neighbour counts less, at a depth of 1 m");
+  t.add("normalization", o.normalization, "all neighbours count the same");
+  t.add("min_neighbours", o.min_neighbours, {3, 225, "pixels"},
+        "fewer with a depth around a point give no normal; more than the window has: all of it");
+}
 
 /// Where the surface ends towards something farther away (eqs. 3.13-3.16 corrected: foreground
 /// only, pointing outward, orthogonal to the viewing ray). l = sum max(0, z_q - z_p - min_step)
@@ -56,6 +79,10 @@ struct DepthChangeOptions {
   bool enabled = true;
   double min_step = 0.05;  ///< metres: smaller steps do not count
 };
+inline void add_settings(SettingTable& t, DepthChangeOptions& o) {
+  t.add("depth_change", o.enabled, "find where the surface ends, for `edges`");
+  t.add("depth_change_min_step", o.min_step, {0, 1000, "m"}, "smaller steps do not count");
+}
 
 struct SurfaceOptions {
   DepthFilterOptions filter;
@@ -64,6 +91,16 @@ struct SurfaceOptions {
   double min_depth = 0.1;   ///< metres; nearer pixels are no measurement
   double max_depth = 10.0;  ///< metres; farther pixels are no measurement
 };
+inline void add_settings(SettingTable& t, SurfaceOptions& o) {
+  t.section("surface");
+  t.add("min_depth", o.min_depth, {1e-3, 1e3, "m"}, "nearer pixels are no measurement");
+  t.add("max_depth", o.max_depth, {1e-3, 1e3, "m"}, "farther pixels are no measurement");
+  add_settings(t, o.filter);
+  add_settings(t, o.normals);
+  add_settings(t, o.depth_change);
+}
+/// Errors: a setting out of range; min_depth beyond max_depth.
+Status check(const SurfaceOptions& options);
 
 /// Counts of one update.
 struct SurfaceStats {

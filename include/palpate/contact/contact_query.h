@@ -23,24 +23,30 @@ enum class InsideMethod {
   graph,       ///< along the leaf graph, away from the surface (Algs. 3.5-3.7)
   field,       ///< no points at all: every sphere asks the depth field (field/depth_field.h)
 };
+constexpr auto names_of(InsideMethod) {
+  return std::array{"weighted", "simplified", "graph", "field"};
+}
 
 /// What makes a boundary sphere a good one to borrow from.
 enum class Priority {
   distance,  ///< inverse distance of the centres
   count,     ///< number of points inside the boundary sphere
 };
+constexpr auto names_of(Priority) { return std::array{"distance", "count"}; }
 
 /// Volume of a sphere that the graph reaches.
 enum class InsideVolume {
   full,  ///< the whole sphere (Alg. 3.7)
   cap,   ///< cut by the plane of its reference (footnote of Alg. 3.7)
 };
+constexpr auto names_of(InsideVolume) { return std::array{"full", "cap"}; }
 
 /// What a sphere that is wholly inside counts.
 enum class SphereVolumes {
   own,          ///< its own volume: all spheres together fill 80 to 90 % of the tool
   represented,  ///< the part of the tool that it stands for: together the volume of the mesh
 };
+constexpr auto names_of(SphereVolumes) { return std::array{"spheres", "represented"}; }
 
 /// Where the surface ends towards something farther away, a camera does not see what is behind the
 /// edge: an edge plane (thesis section 3.5), which contains the viewing ray, keeps planes of the
@@ -51,6 +57,7 @@ enum class Edges {
   strict,  ///< nor by spheres that the edge plane cuts
   cut,     ///< every sphere is cut by its surface plane and by the edge plane: continuous
 };
+constexpr auto names_of(Edges) { return std::array{"none", "centre", "strict", "cut"}; }
 
 /// How the point-hit methods smooth over points that enter and leave spheres. Kernel weights
 /// w = (1 - |p - c|^2 / r^2)^2 vanish at the rim of a sphere with centre c.
@@ -62,6 +69,7 @@ enum class Continuity {
   entry,
   both,
 };
+constexpr auto names_of(Continuity) { return std::array{"none", "kernel", "entry", "both"}; }
 
 struct ContactOptions {
   InsideMethod method = InsideMethod::field;
@@ -79,6 +87,18 @@ struct ContactOptions {
     return method == InsideMethod::field ? SphereVolumes::represented : SphereVolumes::own;
   }
 };
+inline void add_settings(SettingTable& t, ContactOptions& o) {
+  t.section("contact");
+  t.add("method", o.method, "by the depth field, or by the points that are in the spheres");
+  t.add("priority", o.priority, "what makes a boundary sphere a good reference");
+  t.add("inside", o.inside, "graph: volume of a sphere that is reached");
+  t.add("volumes", o.volumes,
+        "what a sphere counts: itself, or the part of the tool that it stands for, which is auto "
+        "for the field");
+  t.add("edges", o.edges, "where the surface ends in front of something farther away");
+  t.add("continuity", o.continuity,
+        "how weighted, simplified and graph smooth over points that enter and leave spheres");
+}
 
 /// What Penetration::volume is when the whole tool is inside, m3.
 inline double full_volume(const Tool& tool, SphereVolumes volumes) {

@@ -10,6 +10,7 @@
 #include "palpate/core/isa.h"
 #include "palpate/core/result.h"
 #include "palpate/core/thread_pool.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
@@ -18,6 +19,7 @@ enum class UnknownSpace {
   free,   ///< nothing: contact fades out over the width of a sphere at the border
   solid,  ///< the surface goes on from what is around it, flat, however wide the hole
 };
+constexpr auto names_of(UnknownSpace) { return std::array{"free", "solid"}; }
 
 /// Thick enough for everything behind a surface to be solid, metres.
 inline constexpr double kSolidBehind = 1e6;
@@ -28,10 +30,17 @@ struct DepthFieldOptions {
   /// them; 0 closes none.
   int fill_levels = 4;
   /// How far behind the first surface along its normal a tool is pushed back out of the front,
-  /// metres: from there to twice as far it is pushed out of the back, beyond there is nothing. At
-  /// least 1 mm.
+  /// metres: from there to twice as far it is pushed out of the back, beyond there is nothing.
   double thickness = kSolidBehind;
 };
+inline void add_settings(SettingTable& t, DepthFieldOptions& o) {
+  t.section("field");
+  t.add("unknown", o.unknown, "by the field: what lies where nothing was measured");
+  t.add("fill_levels", o.fill_levels, {0, 5},
+        "by the field: close holes up to about 2^this pixels wide");
+  t.add("thickness", o.thickness, {1e-3, kSolidBehind, "m"},
+        "by the field: how far behind a surface a tool is pushed out of its front");
+}
 
 /// How a pixel sees the nearest place where a surface ends in front of something farther away. For
 /// a pixel of the near surface `side` is negative and the plane that of the far one; for a pixel of

@@ -18,6 +18,7 @@ enum class TimeMode {
   /// it did between the last two frames. What was predicted wrongly is corrected on the way.
   predict,
 };
+constexpr auto names_of(TimeMode) { return std::array{"latest", "interpolate", "predict"}; }
 
 struct TimeOptions {
   TimeMode mode = TimeMode::interpolate;
@@ -28,6 +29,15 @@ struct TimeOptions {
   /// Expected time between the first frames, s; 0: as the stream says.
   double first_period = 0;
 };
+inline void add_settings(SettingTable& t, TimeOptions& o) {
+  t.section("time");
+  t.add("mode", o.mode, "what is felt until the next depth frame comes");
+  t.add("max_jump", o.max_jump, {0, 10},
+        "predict: share of the depth; a pixel that changed more shows another surface");
+  t.add("first_period", o.first_period, {0, 3600, "s"},
+        "between the first frames; 0: as the stream says");
+  add_settings(t, o.average);
+}
 
 /// What queries look at.
 struct Surfaces {

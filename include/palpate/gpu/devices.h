@@ -1,6 +1,7 @@
 // Which GPUs the CUDA backend can use on this machine.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@ namespace palpate {
 
 /// Where work is done.
 enum class Backend { cpu, cuda };
+constexpr auto names_of(Backend) { return std::array{"cpu", "cuda"}; }
 
 /// Where arrays are: in host memory, or in that of a GPU.
 inline constexpr int kHostMemory = -1;

@@ -17,12 +17,14 @@ enum class CouplingKind {
   proxy,             ///< the tool has no mass and stays where contact and spring balance
   none,              ///< the tool is where the device has it, whatever it meets; nothing is felt
 };
+constexpr auto names_of(CouplingKind) { return std::array{"virtual", "direct", "proxy", "none"}; }
 
 /// How contact between queries is known.
 enum class ContactHold {
   local_model,    ///< wrench and stiffness of the last query
   interpolation,  ///< from the last wrench to the newest one, as the thesis does
 };
+constexpr auto names_of(ContactHold) { return std::array{"local_model", "interpolation"}; }
 
 struct CouplingOptions {
   CouplingKind kind = CouplingKind::virtual_coupling;
@@ -37,16 +39,32 @@ struct CouplingOptions {
   Pose X_WB;                     ///< where the device's base is in the scene
   Pose X_HT;                     ///< where the tool is in the hand
 };
+inline void add_settings(SettingTable& t, CouplingOptions& o) {
+  t.section("coupling");
+  t.add("kind", o.kind, "what joins hand and tool");
+  t.add("hold", o.hold, "how contact between queries is known");
+  t.add("stiffness", o.stiffness, {0, 1e6, "N/m"}, "0: as much as device and passivity allow");
+  t.add("angular_stiffness", o.angular_stiffness, {0, 1e4, "N m/rad"},
+        "0: as much as device and passivity allow");
+  t.add("damping_ratio", o.damping_ratio, {0, 100}, "of the spring; 1: critical");
+  t.add("tool_mass", o.tool_mass, {1e-4, 1e3, "kg"}, "of the simulated tool");
+  t.add("force_at_eighth", o.force_at_eighth, {0, 1e4, "N"},
+        "at an eighth of the tool's volume; 0: the device's largest");
+  t.add("motion_scale", o.motion_scale, {1e-4, 1e4}, "metres of tool per metre of hand");
+  t.add("base_in_scene", o.X_WB,
+        "X_WB: x y z in m, quaternion x y z w; identity: put before the scene");
+  t.add("tool_in_hand", o.X_HT, "X_HT: x y z in m, quaternion x y z w");
+}
 
-/// The options that result for a device, a tool and a tick, with the zeros filled in, and one
-/// sentence for each that was lowered or is not passive (K >= 2 b / T), saying by how much and what
-/// to do. Errors: numbers out of range or not finite.
+/// The options that result for a device, its tick and a tool of this shape, with the zeros filled
+/// in, and one sentence for each that was lowered or is not passive (K >= 2 b / T), saying by how
+/// much and what to do. Errors: numbers out of range or not finite.
 struct CheckedCoupling {
   CouplingOptions options;
   std::vector<std::string> warnings;
 };
 Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const DeviceLimits& limits,
-                                       double tick_seconds);
+                                       double tick_seconds, const MassProperties& tool);
 
 /// After one tick.
 struct CouplingStep {

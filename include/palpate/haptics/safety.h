@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "palpate/haptics/device.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
@@ -21,10 +22,14 @@ enum class Fault : std::uint8_t {
   energy,         ///< the passivity controller ran out of damping
   stopped,        ///< asked for
 };
+constexpr auto names_of(Fault) {
+  return std::array{"none", "not_finite", "stale_contact", "stale_sensor", "device",
+                    "loop", "backend",    "energy",        "stopped"};
+}
 std::string_view describe(Fault fault);  ///< one sentence: what happened and what to do
 
 struct SafetyOptions {
-  double force_share = 1;       ///< of the device's limits, 0..1: no more goes out
+  double force_share = 1;       ///< of the device's limits: no more goes out
   double max_slew = 500;        ///< N/s
   double max_torque_slew = 10;  ///< N m/s
   double ramp_seconds = 0.5;    ///< from no force to all of it after engaging
@@ -44,6 +49,31 @@ struct SafetyOptions {
   /// force is shut off.
   double energy_tank = 0.01;
 };
+inline void add_settings(SettingTable& t, SafetyOptions& o) {
+  constexpr double kShort = 1e-6, kLong = 3600;  // s
+  t.section("safety");
+  t.add("force_share", o.force_share, {0, 1}, "of the device's limits; no more goes out");
+  t.add("max_slew", o.max_slew, {1e-6, 1e7, "N/s"}, "how fast the force may change");
+  t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"},
+        "how fast the torque may change");
+  t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from no force to all of it");
+  t.add("engage_force", o.engage_force, {0, 1e4, "N"},
+        "engages once the wanted force is below this");
+  t.add("engage_ticks", o.engage_ticks, {1, 1e6, "ticks"}, "in a row below it");
+  t.add("engage_timeout", o.engage_timeout, {0, kLong, "s"},
+        "then a hand that is inside something is let in by the ramp");
+  t.add("fade_seconds", o.fade_seconds, {0, 1, "s"}, "from any force to none after a fault");
+  t.add("max_contact_age", o.max_contact_age, {kShort, kLong, "s"}, "an older contact is a fault");
+  t.add("max_sensor_age", o.max_sensor_age, {kShort, kLong, "s"},
+        "an older depth frame is a fault");
+  t.add("max_device_silence", o.max_device_silence, {kShort, kLong, "s"},
+        "longer without a usable state is a fault");
+  t.add("max_tick", o.max_tick, {kShort, kLong, "s"}, "a longer time between ticks is a fault");
+  t.add("dead_man", o.dead_man, "force only while button 0 is held");
+  t.add("passivity_control", o.passivity_control, "damps when the hand is given energy");
+  t.add("energy_tank", o.energy_tank, {1e-6, 1e3, "J"},
+        "that may be given to the hand; from half of it on the force is damped");
+}
 
 /// What the filter knows at a tick, beside the wanted wrench.
 struct SafetyInput {

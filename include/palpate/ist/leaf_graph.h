@@ -1,6 +1,7 @@
 // Which spheres of a packing are neighbours (thesis section 3.3.1).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -16,6 +17,7 @@ enum class GapRule {
   absolute,  ///< gap < 2 * smallest radius of the packing: the thesis' rule
   relative,  ///< gap <= 0.5 * smaller of the two radii: scale-free, stable under prefixes
 };
+constexpr auto names_of(GapRule) { return std::array{"absolute", "relative"}; }
 
 /// Undirected graph over the spheres, 1-connected. Stored as compressed rows: the neighbours of
 /// sphere i are neighbours()[row_starts()[i] ... row_starts()[i+1]), ascending.

@@ -32,10 +32,28 @@ struct HapticSettings {
   bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
   std::vector<SceneObject> objects;
 };
+inline void add_settings(SettingTable& t, HapticSettings& s) {
+  add_settings(t, s.contact);
+  add_settings(t, s.surface);
+  add_settings(t, s.field);
+  add_settings(t, s.time);
+  t.section("loop");
+  t.add("backend", s.backend, "where surfaces and queries are computed");
+  t.add("sensing_gpu", s.sensing_gpu, {0, 63}, "cuda: which GPU makes the surfaces");
+  t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: which GPU computes queries");
+  t.add("threads", s.num_threads, {0, 256, "threads"}, "for surfaces; 0: one per core");
+  t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "queries per second, at most");
+  t.add("real_time", s.wants_real_time,
+        "real-time scheduling and locked memory where they are allowed");
+  add_settings(t, s.coupling);
+  add_settings(t, s.safety);
+}
 
 /// What a running loop keeps when its settings are changed, with all that it has seen and felt so
 /// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
 bool keeps_surfaces(const HapticSettings& before, const HapticSettings& after);
 bool keeps_coupling(const HapticSettings& before, const HapticSettings& after);
+/// Can this setting not change while the loop runs?
+bool is_fixed_while_running(const Setting& setting);
 
 }  // namespace palpate

@@ -73,12 +73,4 @@ bool is_haptic_run(const std::filesystem::path& folder);
 Result<ReplayOutcome> replay_haptic_run(const std::filesystem::path& folder,
                                         const ReplayOptions& options = {});
 
-/// Settings as a TOML file says them: [coupling], [safety], [contact], [loop], ... Errors: file and
-/// line of what cannot be read, a key that is not known (with the nearest one), a value out of
-/// range.
-Result<HapticSettings> load_haptic_settings(const std::filesystem::path& path,
-                                            const HapticSettings& defaults = {});
-/// Such a file, with a comment on every key: what it means, its unit and its range.
-std::string haptic_settings_toml(const HapticSettings& settings = {});
-
 }  // namespace palpate

@@ -40,6 +40,20 @@ struct RunSettings {
   /// How the path was chosen, if nobody gave one. Kept and reported; decides nothing.
   std::optional<ProbeChoice> probe;
 };
+inline void add_settings(SettingTable& t, RunSettings& s) {
+  add_settings(t, s.contact);
+  add_settings(t, s.surface);
+  add_settings(t, s.field);
+  add_settings(t, s.time);
+  t.section("loop");
+  t.add("backend", s.backend,
+        "where surfaces and queries are computed; auto: on a GPU if there is one");
+  t.add("sensing_gpu", s.sensing_gpu, {0, 63}, "cuda: which GPU makes the surfaces");
+  t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: which GPU computes queries");
+  t.add("threads", s.num_threads, {0, 256, "threads"},
+        "0: one per core for surfaces, one for queries");
+  t.add("contact_rate", s.rate, {1, 100000, "Hz"}, "queries per second");
+}
 
 /// A frame that became current.
 struct FrameRecord {

@@ -25,6 +25,16 @@ constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
 constexpr double kChangeTimeout = 10;        // s: longer than any usual sensor is silent
 
+/// Queries that are too rare for the safety filter would end every run.
+Status check_contact_rate(const HapticSettings& settings) {
+  const double rate = settings.contact_rate, most = settings.safety.max_contact_age;
+  if (!(rate * most <= 1)) return Done{};
+  return Error{Errc::invalid_argument,
+               "at a loop.contact_rate of " + shortest_decimal(rate) +
+                   " Hz contacts grow older than the safety.max_contact_age of " +
+                   shortest_decimal(most) + " s; raise one of the two"};
+}
+
 /// Other settings on their way through the stages.
 struct Change {
   HapticSettings settings;
@@ -198,6 +208,7 @@ Status HapticLoopImpl::change(const HapticSettings& settings) {
                  "not begun to feel"};
   }
   if (const Status status = check_change(settings_, settings); !status) return status;
+  if (const Status status = check_contact_rate(settings); !status) return status;
   const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, nullptr};
   auto parts = make_run_parts(tool_, stream_, device_.info(), settings, options);
   if (!parts) return parts.error();
@@ -350,6 +361,7 @@ Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSo
                                                        HapticDevice& device,
                                                        const HapticSettings& settings,
                                                        HapticObserver observer) {
+  if (const Status status = check_contact_rate(settings); !status) return status.error();
   const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, nullptr};
   auto parts = make_run_parts(tool, source.info(), device.info(), settings, options);
   if (!parts) return parts.error();

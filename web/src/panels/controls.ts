@@ -92,7 +92,7 @@ export class Controls {
     const { key } = control;
     this.values[key] = control.value;
     const controller = this.makeController(folder, control).name(name);
-    controller.domElement.title = `${control.words}\n(${key})`;
+    controller.domElement.title = [control.words, control.unit, `(${key})`].filter(Boolean).join('\n');
     controller.onFinishChange((value: Value) => void this.set(control, value));
     this.turned.set(key, controller);
   }

@@ -1,0 +1,28 @@
+// Settings as people write them: TOML files.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "palpate/settings/setting_table.h"
+
+namespace palpate {
+
+/// Sets what the file names: [coupling] stiffness = 800. Errors: file and line of what cannot be
+/// read, a key that is not in the table (with the nearest one), a value out of range. Then the
+/// settings are partly those of the file.
+Status read_settings_file(const std::filesystem::path& path, SettingTable table);
+
+/// What the file does not name is as in `defaults`.
+template <class Options>
+Result<Options> load_settings(const std::filesystem::path& path, Options defaults = {}) {
+  const Status status = read_settings_file(path, settings_of(defaults));
+  if (!status) return status.error();
+  return defaults;
+}
+
+/// Such a file with the values as they are, and a comment on every key: what it means, its range
+/// and its unit.
+std::string settings_toml(const SettingTable& table);
+
+}  // namespace palpate

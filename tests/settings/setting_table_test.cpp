@@ -1,0 +1,137 @@
+#include "palpate/settings/setting_table.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+namespace {
+
+enum class Colour { red, green, blue };
+constexpr auto names_of(Colour) { return std::array{"red", "green", "blue"}; }
+
+struct Part {
+  double width = 0.5;
+};
+void add_settings(SettingTable& t, Part& o) {
+  t.add("part_width", o.width, {0.25, 2, "m"}, "of the part");
+}
+
+struct Options {
+  bool is_loud = false;
+  int num_steps = 3;
+  Colour colour = Colour::green;
+  std::optional<Colour> trim;
+  Pose X_WB;
+  Part part;
+};
+void add_settings(SettingTable& t, Options& o) {
+  t.section("paint");
+  t.add("loud", o.is_loud, "shouts");
+  t.add("steps", o.num_steps, {-1, 7, "steps"}, "up");
+  t.add("colour", o.colour, "of the wall");
+  t.add("trim", o.trim, "of the frame");
+  t.add("base", o.X_WB, "where it stands");
+  add_settings(t, o.part);
+}
+
+std::string refusal(Options& options, std::string_view key, const SettingValue& value) {
+  const Options before = options;
+  const Status status = settings_of(options).set(key, value);
+  EXPECT_TRUE(has_same_settings(before, options));
+  return status ? "" : status.error().message;
+}
+
+TEST(SettingTable, ReadsAndWritesTheMembers) {
+  Options options;
+  SettingTable table = settings_of(options);
+  EXPECT_TRUE(table.set("paint.loud", true));
+  EXPECT_TRUE(table.set("paint.steps", 7.0));
+  EXPECT_TRUE(table.set("paint.colour", "blue"));
+  EXPECT_TRUE(table.set("paint.trim", "red"));
+  EXPECT_TRUE(table.set("paint.base", Pose{{1, 2, 3}, {0, 0, 1, 0}}));
+  EXPECT_TRUE(table.set("paint.part_width", 0.25));
+  EXPECT_TRUE(options.is_loud);
+  EXPECT_EQ(options.num_steps, 7);
+  EXPECT_EQ(options.colour, Colour::blue);
+  EXPECT_EQ(options.trim, Colour::red);
+  EXPECT_EQ(options.X_WB.translation.y, 2);
+  EXPECT_EQ(options.X_WB.rotation.z, 1);
+  EXPECT_EQ(options.part.width, 0.25);
+  EXPECT_EQ(std::get<std::string>(table.find("paint.trim")->get()), "red");
+  EXPECT_TRUE(table.set("paint.trim", "auto"));
+  EXPECT_EQ(options.trim, std::nullopt);
+  EXPECT_EQ(std::get<std::string>(table.find("paint.trim")->get()), "auto");
+}
+
+TEST(SettingTable, RefusalsSayNameValueRangeAndUnit) {
+  Options o;
+  const double above = std::nextafter(2.0, 3.0);
+  EXPECT_EQ(refusal(o, "paint.part_width", above),
+            "paint.part_width must be a number from 0.25 to 2 m, not 2.0000000000000004");
+  EXPECT_EQ(refusal(o, "paint.part_width", NAN),
+            "paint.part_width must be a number from 0.25 to 2 m, not nan");
+  EXPECT_EQ(refusal(o, "paint.part_width", "wide"),
+            "paint.part_width must be a number from 0.25 to 2 m, not 'wide'");
+  EXPECT_EQ(refusal(o, "paint.steps", 8.0),
+            "paint.steps must be a whole number from -1 to 7 steps, not 8");
+  EXPECT_NE(refusal(o, "paint.steps", 1.5), "");
+  EXPECT_EQ(refusal(o, "paint.loud", 1.0), "paint.loud must be true or false, not 1");
+  EXPECT_EQ(refusal(o, "paint.colour", "gren"),
+            "paint.colour must be one of red, green, blue, not 'gren'; did you mean green?");
+  EXPECT_EQ(refusal(o, "paint.colour", "xyzzy"),
+            "paint.colour must be one of red, green, blue, not 'xyzzy'");
+  EXPECT_EQ(refusal(o, "paint.colour", "auto"),
+            "paint.colour must be one of red, green, blue, not 'auto'");
+  EXPECT_NE(refusal(o, "paint.trim", "gold").find("red, green, blue, auto"), std::string::npos);
+  EXPECT_NE(refusal(o, "paint.base", Pose{{1001, 0, 0}, {}}).find("up to 1000 m"),
+            std::string::npos);
+  EXPECT_NE(refusal(o, "paint.base", Pose{{}, {0, 0, 0, 1.01}}), "");
+  EXPECT_NE(refusal(o, "paint.base", Pose{{NAN, 0, 0}, {}}), "");
+  EXPECT_EQ(refusal(o, "paint.stpes", 2.0),
+            "there is no setting 'paint.stpes'; the nearest one is 'paint.steps'");
+}
+
+TEST(SettingTable, QuaternionsBecomeUnitAndOnesThatAreKeepTheirBits) {
+  Options options;
+  SettingTable table = settings_of(options);
+  EXPECT_TRUE(table.set("paint.base", Pose{{}, {0, 0, 0, 1.0005}}));
+  EXPECT_EQ(options.X_WB.rotation.w, 1);
+  const Pose X{{}, axis_angle({1, 2, 3}, 0.7)};
+  EXPECT_TRUE(table.set("paint.base", X));
+  EXPECT_EQ(options.X_WB, X);
+}
+
+TEST(SettingTable, ChecksWhatALibraryUserHasSet) {
+  Options options;
+  EXPECT_TRUE(check_settings(options));
+  options.part.width = -1;
+  const Status status = check_settings(options);
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().message, "paint.part_width must be a number from 0.25 to 2 m, not -1");
+  Options odd;
+  odd.colour = static_cast<Colour>(3);
+  EXPECT_FALSE(check_settings(odd));
+}
+
+TEST(SettingTable, KnowsWhatDiffersAndCopiesByName) {
+  Options a, b;
+  b.part.width = 1;
+  EXPECT_EQ(first_difference(settings_of(a), settings_of(b))->key(), "paint.part_width");
+  copy_settings(settings_of(b), settings_of(a));
+  EXPECT_TRUE(has_same_settings(a, b));
+  Part part{2};
+  copy_settings(settings_of(part), settings_of(a));  // "part_width" is another name
+  EXPECT_TRUE(has_same_settings(a, b));
+}
+
+TEST(Names, OfEnumerations) {
+  EXPECT_EQ(name_of(Colour::blue), "blue");
+  EXPECT_EQ(name_of(static_cast<Colour>(7)), "?");
+  EXPECT_EQ(value_named<Colour>("green"), Colour::green);
+  EXPECT_EQ(value_named<Colour>("Green"), std::nullopt);
+}
+
+}  // namespace
+}  // namespace palpate
