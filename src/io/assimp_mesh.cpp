@@ -5,6 +5,7 @@
 #include <string>
 
 #include <assimp/DefaultIOSystem.h>
+#include <assimp/MemoryIOWrapper.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <assimp/IOStream.hpp>
@@ -32,16 +33,27 @@ Vec3d transform(const aiMatrix4x4& m, const aiVector3D& p) {
           m.c1 * x + m.c2 * y + m.c3 * z + m.c4};
 }
 
-/// Assimp forgets to close some files of which it does not like the content. Here every stream
-/// leaves a list when it is closed, and those still on it are closed at the end.
+/// Files, one of which is in memory. Assimp forgets to close some of which it does not like the
+/// content: here every stream leaves a list when it is closed, and those still on it are closed at
+/// the end.
 class Files : public Assimp::DefaultIOSystem {
  public:
+  Files(std::string name, std::string_view content) : name_(std::move(name)), content_(content) {}
   ~Files() override {
     while (!open_.empty()) delete *open_.begin();
   }
 
+  bool Exists(const char* name) const override {
+    return name == name_ || DefaultIOSystem::Exists(name);
+  }
   Assimp::IOStream* Open(const char* name, const char* mode) override {
-    std::unique_ptr<Assimp::IOStream> file(DefaultIOSystem::Open(name, mode));
+    std::unique_ptr<Assimp::IOStream> file;
+    if (name == name_) {
+      file = std::make_unique<Assimp::MemoryIOStream>(
+          reinterpret_cast<const std::uint8_t*>(content_.data()), content_.size());
+    } else {
+      file.reset(DefaultIOSystem::Open(name, mode));
+    }
     return file ? new Stream(std::move(file), open_) : nullptr;
   }
   void Close(Assimp::IOStream* stream) override { delete stream; }
@@ -69,6 +81,8 @@ class Files : public Assimp::DefaultIOSystem {
     std::set<Stream*>& open_;
   };
 
+  std::string name_;
+  std::string_view content_;
   std::set<Stream*> open_;
 };
 
@@ -130,11 +144,28 @@ Result<std::string_view> glb_json(std::string_view content) {
   return content.substr(kHeaderBytes, json_size);
 }
 
+std::string glb_with_json(std::string_view content, const std::string& json) {
+  constexpr std::size_t kFileHeader = 12, kChunkHeader = 8;
+  const std::size_t begin = kFileHeader + kChunkHeader + u32_at(content, kFileHeader);
+  const std::string_view rest = content.substr(begin);  // other chunks
+  const std::string padding((4 - json.size() % 4) % 4, ' ');
+  const auto u32 = [](std::size_t value) {
+    std::string bytes;
+    for (int i = 0; i < 4; ++i) bytes += static_cast<char>(value >> (8 * i) & 0xff);
+    return bytes;
+  };
+  const std::size_t json_size = json.size() + padding.size();
+  const std::size_t size = kFileHeader + kChunkHeader + json_size + rest.size();
+  std::string glb = "glTF" + u32(2) + u32(size) + u32(json_size) + "JSON";
+  return glb.append(json).append(padding).append(rest);
+}
+
 // Assimp must not repair: of its many steps only the triangulation of polygons and the check of
 // indices are asked for.
-Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path) try {
+Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path,
+                                      std::string_view content) try {
   Assimp::Importer importer;
-  importer.SetIOHandler(new Files);  // The importer owns it.
+  importer.SetIOHandler(new Files(path.string(), content));  // The importer owns it.
   const aiScene* scene =
       importer.ReadFile(path.string(), aiProcess_Triangulate | aiProcess_ValidateDataStructure);
   if (scene == nullptr || scene->mRootNode == nullptr) {

@@ -21,7 +21,8 @@ std::string extension_of(const std::filesystem::path& path) {
   return extension;
 }
 
-/// Dispatches on the extension. Counts are checked against the file's size before Assimp sees it.
+/// Dispatches on the extension. Counts are checked against the file's size before Assimp sees it,
+/// and of a glTF it sees the geometry alone.
 Result<TriangleMesh> parse(const std::filesystem::path& path, const std::string& extension,
                            std::string_view content) {
   if (extension == ".obj") return parse_obj_mesh(content);
@@ -33,9 +34,12 @@ Result<TriangleMesh> parse(const std::filesystem::path& path, const std::string&
   if (extension == ".gltf" || extension == ".glb") {
     const Result<std::string_view> json = extension == ".glb" ? glb_json(content) : content;
     if (!json) return json.error();
-    if (auto error = check_gltf(*json, path.parent_path(), content.size())) return *error;
+    const auto geometry = gltf_geometry(*json, path.parent_path(), content.size());
+    if (!geometry) return geometry.error();
+    return load_with_assimp(path,
+                            extension == ".glb" ? glb_with_json(content, *geometry) : *geometry);
   }
-  return load_with_assimp(path);
+  return load_with_assimp(path, content);
 }
 
 }  // namespace

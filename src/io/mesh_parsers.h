@@ -25,17 +25,21 @@ Result<TriangleMesh> parse_obj_mesh(std::string_view content);
 /// OFF, COFF, NOFF and CNOFF as text.
 Result<TriangleMesh> parse_off_mesh(std::string_view content);
 
-/// STL, glTF and GLB. All parts are placed by their nodes and joined.
-Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path);
+/// STL, glTF and GLB from memory. All parts are placed by their nodes and joined. `path` tells the
+/// format, and where other files lie that the content names.
+Result<TriangleMesh> load_with_assimp(const std::filesystem::path& path, std::string_view content);
 
 /// Does the file hold the facets that a binary STL announces, or the end of a text STL?
 std::optional<Error> check_stl_size(std::string_view content);
 /// The JSON of a GLB (version 2). Error: the file does not hold the bytes that it announces.
 Result<std::string_view> glb_json(std::string_view content);
-/// Can Assimp read this glTF without running out of stack or memory? Buffers may be files in
-/// `folder`; `num_file_bytes` is the size of the whole file.
-std::optional<Error> check_gltf(std::string_view json, const std::filesystem::path& folder,
-                                std::size_t num_file_bytes);
+/// The same GLB with other JSON.
+std::string glb_with_json(std::string_view content, const std::string& json);
+/// The JSON of a glTF that holds its geometry alone, which Assimp can read without running out of
+/// stack or memory. Buffers may be files in `folder`; `num_file_bytes` is the size of the whole
+/// file.
+Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::path& folder,
+                                  std::size_t num_file_bytes);
 
 /// Adds a polygon as triangles; concave ones are cut ear by ear. Error: fewer than three corners,
 /// or an index that is not one of the vertices. `where` is " in line 7" or the like.

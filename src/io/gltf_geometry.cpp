@@ -1,10 +1,14 @@
-// Assimp follows the nodes of a glTF file wherever they lead, by recursion, and believes its
-// counts. Files that would make it run out of stack or memory are refused here.
+// The geometry of a glTF file and nothing else, as Assimp can read it. Assimp follows nodes
+// wherever they lead, by recursion, believes counts, and crashes on valid skins, images and
+// textures: files that would make it run out of stack or memory are refused here, and of the others
+// it gets only scenes, nodes, the triangles of meshes, and the buffers that hold them.
 #include <algorithm>
 #include <cstdint>
-#include <nlohmann/json.hpp>
+#include <initializer_list>
 #include <string>
 #include <vector>
+
+#include <nlohmann/json.hpp>
 
 #include "src/io/mesh_parsers.h"
 
@@ -248,19 +252,115 @@ void check_nodes(const Json& root, const std::vector<double>& mesh_sizes) {
   }
 }
 
+/// Copies members that are there and are whole numbers.
+void copy_whole(const Json& from, std::initializer_list<const char*> keys, Json& to) {
+  for (const char* key : keys) {
+    if (const auto value = whole_member(from, key)) to[key] = *value;
+  }
+}
+
+/// Copies a member that is there and is a list of `num` numbers.
+void copy_numbers(const Json& from, const char* key, std::size_t num, Json& to) {
+  const Json& numbers = list(from, key);
+  if (numbers.empty()) return;
+  const auto is_number = [](const Json& number) { return number.is_number(); };
+  if (numbers.size() != num || !std::all_of(numbers.begin(), numbers.end(), is_number)) {
+    throw Fault{std::string("has a '") + key + "' that is not " + std::to_string(num) + " numbers"};
+  }
+  to[key] = numbers;
+}
+
+/// f(item) of each item of a list, as a list.
+template <class F>
+Json each(const Json& items, const F& f) {
+  Json result = Json::array();
+  for (const Json& entry : items) result.push_back(f(entry));
+  return result;
+}
+
+Json node_geometry(const Json& node) {
+  Json kept = Json::object();
+  copy_whole(node, {"mesh"}, kept);
+  copy_numbers(node, "matrix", 16, kept);
+  copy_numbers(node, "translation", 3, kept);
+  copy_numbers(node, "rotation", 4, kept);
+  copy_numbers(node, "scale", 3, kept);
+  if (const Json& children = list(node, "children"); !children.empty()) kept["children"] = children;
+  return kept;
+}
+
+Json mesh_geometry(const Json& mesh) {
+  const auto primitive_geometry = [](const Json& primitive) {
+    Json kept = {{"attributes", Json::object()}};
+    copy_whole(primitive, {"indices", "mode"}, kept);
+    if (const auto attributes = primitive.find("attributes"); attributes != primitive.end()) {
+      copy_whole(*attributes, {"POSITION"}, kept["attributes"]);
+    }
+    return kept;
+  };
+  return {{"primitives", each(list(mesh, "primitives"), primitive_geometry)}};
+}
+
+Json accessor_geometry(const Json& accessor) {
+  Json kept = {{"type", accessor.value("type", "")}};
+  copy_whole(accessor, {"bufferView", "byteOffset", "componentType", "count"}, kept);
+  return kept;
+}
+
+Json view_geometry(const Json& view) {
+  Json kept = Json::object();
+  copy_whole(view, {"buffer", "byteOffset", "byteLength", "byteStride"}, kept);
+  return kept;
+}
+
+Json buffer_geometry(const Json& buffer) {
+  Json kept = Json::object();
+  copy_whole(buffer, {"byteLength"}, kept);
+  if (const auto uri = buffer.find("uri"); uri != buffer.end()) kept["uri"] = *uri;
+  return kept;
+}
+
+/// Of a file that was checked.
+Json geometry_of(const Json& root) {
+  Json kept = {{"asset", {{"version", "2.0"}}}};
+  copy_whole(root, {"scene"}, kept);
+  kept["scenes"] = each(list(root, "scenes"), [](const Json& scene) {
+    return Json{{"nodes", list(scene, "nodes")}};
+  });
+  kept["nodes"] = each(list(root, "nodes"), node_geometry);
+  kept["meshes"] = each(list(root, "meshes"), mesh_geometry);
+  kept["accessors"] = each(list(root, "accessors"), accessor_geometry);
+  kept["bufferViews"] = each(list(root, "bufferViews"), view_geometry);
+  kept["buffers"] = each(list(root, "buffers"), buffer_geometry);
+  return kept;
+}
+
+/// Extensions without which the triangles are not there.
+void check_extensions(const Json& root) {
+  for (const Json& name : list(root, "extensionsRequired")) {
+    for (const char* known : {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}) {
+      if (name == known) {
+        throw Fault{std::string("is compressed by ") + known +
+                    ", which is not supported; save it without compression"};
+      }
+    }
+  }
+}
+
 }  // namespace
 
-std::optional<Error> check_gltf(std::string_view json, const std::filesystem::path& folder,
-                                std::size_t num_file_bytes) try {
+Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::path& folder,
+                                  std::size_t num_file_bytes) try {
   const Json root = parse_json(json);
   const auto asset = root.find("asset");
   if (asset == root.end() || !asset->is_object() ||
       !asset->value("version", "").starts_with("2.")) {
     throw Fault{"is not of glTF version 2"};
   }
+  check_extensions(root);
   const std::vector<View> views = check_views(root, folder, num_file_bytes);
   check_nodes(root, check_meshes(root, check_accessors(root, views, num_file_bytes)));
-  return std::nullopt;
+  return geometry_of(root).dump(-1, ' ', false, Json::error_handler_t::replace);
 } catch (const Fault& fault) {
   return Error{Errc::bad_input, fault.what};
 } catch (const Json::exception& error) {
