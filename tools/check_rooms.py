@@ -40,7 +40,6 @@ READ_EVERYTHING = ("tests", "bench")
 
 # Private headers that more than one room may include.
 SHARED_PRIVATE = {
-    "src/core/range.h": ("cloud", "haptics", "devices"),
     "src/core/monotonic_clock.h": ("run", "devices", "viewer"),
     "src/session/settings_json.h": ("viewer",),
     "src/session/haptic_messages.h": ("viewer",),

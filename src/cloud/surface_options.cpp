@@ -1,7 +1,5 @@
 #include "src/cloud/surface_options.h"
 
-#include "src/core/range.h"
-
 namespace palpate {
 
 Status check(const SurfaceOptions& options) {
@@ -14,22 +12,17 @@ Status check(const SurfaceOptions& options) {
                    shortest_decimal(options.min_depth) + " m"};
 }
 
-Status check_surface_settings(int width, int height, const Intrinsics& k,
+Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
                               const SurfaceOptions& options) {
-  const Range ranges[] = {
-      {"image width", static_cast<double>(width), 8, kMaxImageWidth},
-      {"image height", static_cast<double>(height), 8, kMaxImageHeight},
-      {"focal length fx", k.fx, 1, 1e6},
-      {"focal length fy", k.fy, 1, 1e6},
-      {"principal point cx", k.cx, -1e6, 1e6},
-      {"principal point cy", k.cy, -1e6, 1e6},
-  };
-  if (const Range* const range = first_outside(ranges)) {
-    return Error{Errc::invalid_argument,
-                 std::string("surface estimation: ") + range->name + " is " +
-                     number_text(range->value) + ", but must be from " + number_text(range->low) +
-                     " to " + number_text(range->high) + "; correct this setting"};
-  }
+  Intrinsics k = intrinsics;
+  SettingTable image;
+  image.add("image width", width, {8, kMaxImageWidth, "pixels"}, "");
+  image.add("image height", height, {8, kMaxImageHeight, "pixels"}, "");
+  image.add("focal length fx", k.fx, {1, 1e6, "pixels"}, "");
+  image.add("focal length fy", k.fy, {1, 1e6, "pixels"}, "");
+  image.add("principal point cx", k.cx, {-1e6, 1e6, "pixels"}, "");
+  image.add("principal point cy", k.cy, {-1e6, 1e6, "pixels"}, "");
+  if (Status status = check_settings(image); !status) return status;
   return check(options);
 }
 

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "palpate/core/triple_buffer.h"
-#include "src/core/range.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/simulated_hand.h"
 #include "src/devices/tick_thread.h"
@@ -16,35 +15,6 @@
 
 namespace palpate {
 namespace {
-
-Status check(const SimulatedDeviceOptions& options) {
-  const auto& [model, hand, target, rate, quantum, velocity_filter, in_real_time] = options;
-  const auto& limits = model.limits;
-  const Range ranges[] = {
-      Range{"ticks per second", rate, 100, 8000},
-      Range{"position resolution", quantum, 0, 0.01},
-      Range{"time of the velocity filter", velocity_filter, 0, 1},
-      Range{"moving mass", model.moving_mass, 1e-3, 100},
-      Range{"largest force", limits.max_force, 0, 1e4},
-      Range{"largest torque", limits.max_torque, 0, 1e3},
-      Range{"workspace radius", limits.workspace_radius, 1e-3, 100},
-      Range{"damping of the mechanism", limits.damping, 0, 1e4},
-      Range{"angular damping of the mechanism", limits.angular_damping, 0, 1e3},
-      Range{"mass of the hand", hand.mass, 0, 100},
-      Range{"damping of the hand", hand.damping, 0, 1e4},
-      Range{"stiffness of the hand", hand.stiffness, 0, 1e6},
-      Range{"angular inertia of the hand", hand.angular_inertia, 1e-6, 1},
-      Range{"angular damping of the hand", hand.angular_damping, 0, 1e3},
-      Range{"angular stiffness of the hand", hand.angular_stiffness, 0, 1e4},
-  };
-  if (const Range* const range = first_outside(ranges)) {
-    return Error{Errc::invalid_argument, "simulated device: " + std::string(range->name) + " " +
-                                             std::to_string(range->value) + " is not in " +
-                                             std::to_string(range->low) + " .. " +
-                                             std::to_string(range->high)};
-  }
-  return Done{};
-}
 
 /// At most so long, in the same direction.
 Vec3d limited(const Vec3d& v, double most) {
@@ -199,7 +169,7 @@ class DeviceInMemory final : public SimulatedDevice {
 
 Result<std::unique_ptr<SimulatedDevice>> SimulatedDevice::create(
     const SimulatedDeviceOptions& options) {
-  if (const Status checked = check(options); !checked) return checked.error();
+  if (const Status checked = check_settings(options); !checked) return checked.error();
   return std::unique_ptr<SimulatedDevice>(std::make_unique<DeviceInMemory>(options));
 }
 

@@ -6,6 +6,7 @@
 
 #include "palpate/devices/device_models.h"
 #include "palpate/haptics/device.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
@@ -33,6 +34,26 @@ struct SimulatedDeviceOptions {
   /// fast as it can on a simulated clock, for tests.
   bool in_real_time = true;
 };
+inline void add_settings(SettingTable& t, SimulatedDeviceOptions& o) {
+  auto& [model, hand, target, rate, quantum, velocity_filter, in_real_time] = o;
+  t.section("simulated device");
+  t.add("rate", rate, {100, 8000, "Hz"}, "ticks per second");
+  t.add("quantum", quantum, {0, 0.01, "m"}, "position resolution; 0: none");
+  t.add("velocity_filter", velocity_filter, {0, 1, "s"}, "of the velocity estimate");
+  t.add("moving_mass", model.moving_mass, {1e-3, 100, "kg"}, "of the device");
+  t.add("max_force", model.limits.max_force, {0, 1e4, "N"}, "");
+  t.add("max_torque", model.limits.max_torque, {0, 1e3, "N m"}, "");
+  t.add("workspace_radius", model.limits.workspace_radius, {1e-3, 100, "m"}, "");
+  t.add("damping", model.limits.damping, {0, 1e4, "N s/m"}, "of the mechanism");
+  t.add("angular_damping", model.limits.angular_damping, {0, 1e3, "N m s/rad"}, "");
+  t.section("hand");
+  t.add("mass", hand.mass, {0, 100, "kg"}, "");
+  t.add("damping", hand.damping, {0, 1e4, "N s/m"}, "");
+  t.add("stiffness", hand.stiffness, {0, 1e6, "N/m"}, "");
+  t.add("angular_inertia", hand.angular_inertia, {1e-6, 1, "kg m2"}, "");
+  t.add("angular_damping", hand.angular_damping, {0, 1e3, "N m s/rad"}, "");
+  t.add("angular_stiffness", hand.angular_stiffness, {0, 1e4, "N m/rad"}, "");
+}
 
 class SimulatedDevice : public HapticDevice {
  public:
