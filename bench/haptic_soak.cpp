@@ -177,7 +177,7 @@ Status soak(const Options& options, const std::string& command) {
 
   HapticSettings settings;
   settings.contact.method = *method;
-  settings.backend = **backend;
+  settings.backend = *backend;
   settings.num_threads = options.threads;
   settings.coupling.X_WB = hand.X_WB;
   settings.safety.max_contact_age = settings.safety.max_tick = settings.safety.max_device_silence =
