@@ -1,4 +1,4 @@
-// Depth frames that go on when their stream has ended: the last one again and again.
+// Depth frames that begin later than their stream, or go on when it has ended.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,43 @@
 
 namespace palpate::apps {
 
-/// For a live run that lasts longer than the few frames there are.
+/// Leaves out what is older than the frame that is current at a time stamp.
+class FramesFrom : public DepthSource {
+ public:
+  FramesFrom(std::unique_ptr<DepthSource> stream, double start)
+      : stream_(std::move(stream)), start_(start) {}
+
+  const DepthStreamInfo& info() const override { return stream_->info(); }
+  Result<bool> next(DepthFrame& frame) override {
+    if (!has_next_) {
+      do {
+        frame_ = std::move(next_);
+        const auto got = stream_->next(next_);
+        if (!got) return got.error();
+        has_next_ = true;
+        has_ended_ = !*got;
+      } while (!has_ended_ && next_.timestamp <= start_);
+      if (!frame_.pixels.empty()) {
+        std::swap(frame, frame_);
+        return true;
+      }
+    }
+    if (has_ended_) return false;
+    if (!next_.pixels.empty()) {
+      frame = std::exchange(next_, {});
+      return true;
+    }
+    return stream_->next(frame);
+  }
+
+ private:
+  std::unique_ptr<DepthSource> stream_;
+  double start_;
+  DepthFrame frame_, next_;
+  bool has_next_ = false, has_ended_ = false;
+};
+
+/// For a run that lasts longer than the few frames there are.
 class HeldFrames : public DepthSource {
  public:
   /// At the stream's rate until `duration` seconds after its first frame.

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/session/session.h"
+#include "palpate/run/settings.h"
 
 namespace palpate::apps {
 

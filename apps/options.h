@@ -8,7 +8,7 @@
 #include <span>
 #include <string>
 
-#include "palpate/session/session.h"
+#include "palpate/run/settings.h"
 
 namespace palpate::apps {
 

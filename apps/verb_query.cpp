@@ -18,6 +18,7 @@
 #include "palpate/field/pinhole_cloud.h"
 #include "palpate/io/depth_files.h"
 #include "palpate/io/trajectory_file.h"
+#include "palpate/run/pipeline.h"
 
 namespace palpate::apps {
 namespace {
@@ -25,7 +26,7 @@ namespace {
 struct Options {
   std::string tool, cloud, depth, pose, poses;
   CameraOptions camera;
-  RunSettings settings;
+  HapticSettings settings;
   std::vector<ObjectOption> objects;
   CapsOptions caps;
   int num_spheres = 0;  ///< of the tool file; 0: all
@@ -142,6 +143,27 @@ void print_results_table(const Options& options, double tool_volume,
   }
 }
 
+struct ChosenQuery {
+  Backend backend = Backend::cpu;
+  std::unique_ptr<ContactQuery> query;
+};
+
+/// On the backend of the settings, or the fastest one that works here. `pool` must outlive it.
+Result<ChosenQuery> choose_query(const HapticSettings& settings, const Tool& tool,
+                                 ThreadPool& pool) {
+  ContactCapacities capacities;
+  capacities.gpu = settings.contact_gpu;
+  if (settings.num_threads > 1) capacities.pool = &pool;
+  Backend backend = settings.backend.value_or(Backend::cuda);
+  auto query = make_contact_query(backend, tool, capacities);
+  if (!query && !settings.backend) {
+    note_backend(query.error().message);
+    query = make_contact_query(backend = Backend::cpu, tool, capacities);
+  }
+  if (!query) return query.error();
+  return ChosenQuery{backend, *std::move(query)};
+}
+
 /// Makes the depth field of a frozen cloud.
 Status add_field(const Options& options, FrozenCloud& frozen, ThreadPool& pool) {
   PointCloud pinhole;
@@ -175,9 +197,8 @@ Status run(const Options& options) {
     if (const Status status = check_output_file(options.caps.file, input); !status) return status;
   }
   ThreadPool pool(options.settings.num_threads);
-  auto chosen = choose_contact_query(options.settings, *tool, pool);
+  auto chosen = choose_query(options.settings, *tool, pool);
   if (!chosen) return chosen.error();
-  note_backend(chosen->why_not_cuda);
   auto cloud = read_cloud(options, pool);
   if (!cloud) return cloud.error();
   if (options.settings.contact.method == InsideMethod::field) {
@@ -189,8 +210,11 @@ Status run(const Options& options) {
   const ContactQuery& query = *chosen->query;
   const int body = world.add_tool(*tool, std::move(chosen->query));
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
-  if (const Status status = measure_pairs_at(chosen->backend, options.settings, world); !status) {
-    return status.error();
+  if (chosen->backend != Backend::cpu) {
+    const Status status = world.measure_pairs_by([&](const Tool& a, const Tool& b) {
+      return make_body_pair_query(chosen->backend, a, b, options.settings.contact_gpu);
+    });
+    if (!status) return status.error();
   }
   world.set_cloud(cloud->view());
   std::vector<Measurement> measurements;

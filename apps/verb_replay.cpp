@@ -1,5 +1,6 @@
-// palpate replay: the same run again, bit for bit.
+// palpate replay: the same run again, bit for bit; or what other settings would have given.
 
+#include <cmath>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -8,55 +9,136 @@
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/session/haptic_run.h"
-#include "palpate/session/record_run.h"
+#include "palpate/session/run.h"
 #include "palpate/session/run_folder.h"
+#include "palpate/session/settings_file.h"
 
 namespace palpate::apps {
 namespace {
 
 struct Options {
   std::string run, output;
+  HapticSettings settings;           ///< only to check what is given
+  std::vector<std::string> changes;  ///< words of the command line that change settings
   std::optional<int> num_threads;
   bool json = false;
 };
 
-Status run(const Options& options) {
-  ReplayOptions replay;
-  if (!options.output.empty()) {
-    if (lies_inside(options.run, options.output)) {
-      return Error{Errc::io_failure,
-                   "the replay would replace the run it repeats: give another folder"};
+/// Everything that a run can be tried with. What it was recorded with are the defaults.
+void add_all_settings(CLI::App& app, HapticSettings& settings) {
+  app.add_option_function<std::string>(
+         "--settings",
+         [&settings](const std::string& path) {
+           const Status read = read_settings_file(path, settings_of(settings));
+           if (!read) throw CLI::ValidationError(read.error().message);
+         },
+         "settings as of palpate touch; other options win over it")
+      ->trigger_on_parse()
+      ->type_name("FILE.toml");
+  const SettingTable table = settings_of(settings);
+  add_setting_options(app, "", table, kContactOptions);
+  add_setting_options(app, "", table, kSurfaceOptions);
+  add_setting_options(app, "", table, kTimeOptions);
+  add_setting_options(app, "", table, kHandOptions);
+  add_setting_options(app, "", table, kLoopOptions);
+  add_threads_option(app, settings.num_threads, kThreadsHelp);
+  add_set_option(app, table);
+}
+
+/// What was given of them, as on a command line.
+std::vector<std::string> given_words(const CLI::App& app, const CLI::App& known) {
+  std::vector<std::string> words;
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string name = option->get_name();
+    if (option->count() == 0 || known.get_option_no_throw(name) == nullptr) continue;
+    if (option->get_items_expected_max() == 0) {
+      words.push_back(name);
+    } else {
+      for (const std::string& value : option->results()) words.push_back(name + "=" + value);
     }
-    replay.output = options.output;
   }
+  return words;
+}
+
+Status change(const std::vector<std::string>& words, HapticSettings& settings) {
+  CLI::App app;
+  add_all_settings(app, settings);
+  try {
+    app.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+  } catch (const CLI::ParseError& error) {
+    return Error{Errc::invalid_argument, error.what()};
+  }
+  return Done{};
+}
+
+Status repeat(const Options& options) {
+  ReplayOptions replay;
   replay.num_threads = options.num_threads;
-  catch_interrupts();
-  replay.keep_going = [](const TickRecord&) { return !interrupted(); };
-  const bool is_haptic = is_haptic_run(options.run);
-  const auto outcome =
-      is_haptic ? replay_haptic_run(options.run, replay) : replay_run(options.run, replay);
+  replay.keep_going = [] { return !interrupted(); };
+  const auto outcome = replay_run(options.run, replay);
   if (!outcome) return outcome.error();
   if (!outcome->difference.empty()) {
-    return Error{Errc::bad_input, "the replay differs from " + options.run +
-                                      (is_haptic ? "/session.mcap in " : "/wrench.csv in ") +
-                                      outcome->difference};
+    return Error{Errc::bad_input, "the replay differs from " + options.run + "/" + kRecordingFile +
+                                      " in " + outcome->difference};
   }
   if (!outcome->note.empty()) std::cerr << "palpate: note: " << outcome->note << '\n';
-  if (options.json && is_haptic) {
+  if (options.json) {
     print_json({{"identical", true},
                 {"ticks", outcome->num_ticks},
                 {"contacts", outcome->num_contacts},
                 {"note", outcome->note}});
-  } else if (options.json) {
-    print_json({{"identical", true}, {"ticks", outcome->num_ticks}});
-  } else if (is_haptic) {
+  } else {
     std::cout << "identical: " << outcome->num_ticks << " ticks, " << outcome->num_contacts
               << " contact queries\n";
-  } else {
-    std::cout << "identical: " << outcome->num_ticks << " ticks\n";
   }
   return Done{};
+}
+
+Status retry(const Options& options) {
+  if (lies_inside(options.run, options.output)) {
+    return Error{Errc::io_failure,
+                 "the replay would replace the run it repeats: give another folder"};
+  }
+  RunOptions run;
+  run.keep_going = [] { return !interrupted(); };
+  const auto outcome = retry_run(
+      options.run, options.output,
+      [&](HapticSettings& settings) { return change(options.changes, settings); }, run);
+  if (!outcome) return outcome.error();
+  note_backend(outcome->run.why_not_cuda);
+  for (const std::string& text : outcome->run.warnings) {
+    std::cerr << "palpate: note: " << text << '\n';
+  }
+  const ForceComparison& forces = outcome->forces;
+  if (options.json) {
+    print_json({{"output", options.output},
+                {"ticks", forces.num_ticks},
+                {"force_difference_rms_N", forces.rms},
+                {"force_difference_max_N", forces.max},
+                {"force_difference_max_time_s", forces.max_time},
+                {"peak_force_before_N", forces.peak_before},
+                {"peak_force_after_N", forces.peak_after}});
+  } else {
+    char text[240];
+    std::snprintf(text, sizeof text,
+                  "%zu ticks; force on the tool differs by %.4g N rms, at most %.4g N at %.3f s; "
+                  "largest force %.4g N before, %.4g N now\n",
+                  forces.num_ticks, forces.rms, forces.max, forces.max_time, forces.peak_before,
+                  forces.peak_after);
+    std::cout << text
+              << "report: " << (std::filesystem::path(options.output) / "report.html").string()
+              << "\n";
+  }
+  if (outcome->run.was_interrupted) {
+    return Error{Errc::cancelled, "the replay was interrupted before its end"};
+  }
+  if (!outcome->run.failure.empty()) return Error{Errc::unavailable, outcome->run.failure};
+  return Done{};
+}
+
+Status run(const Options& options) {
+  catch_interrupts();
+  return options.output.empty() ? repeat(options) : retry(options);
 }
 
 }  // namespace
@@ -64,17 +146,32 @@ Status run(const Options& options) {
 void add_replay(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
-      "replay", "Repeat a run from its recording and compare every number.");
+      "replay",
+      "Repeat a run from its recording and compare every number, or try the same hand and frames "
+      "with other settings.");
   app.add_option("run", options->run, "folder that palpate touch wrote")
       ->required()
       ->type_name("RUN");
-  app.add_option("-o,--output", options->output, "keep the repetition as a run of its own")
+  app.add_option("-o,--output", options->output,
+                 "write what the same hand and frames give with these settings as a run of its own")
       ->type_name("RUN2");
-  app.add_option("--threads", options->num_threads, "threads; default: as recorded")
-      ->check(CLI::Range(0, 256));
+  add_all_settings(app, options->settings);
   app.add_flag("--json", options->json, "print the verdict as JSON");
-  app.footer("Example: palpate replay run1");
-  app.callback([options, &action] { action = [options] { return run(*options); }; });
+  app.footer(
+      "Example: palpate replay run1\n"
+      "Example: palpate replay run1 -o run2 --method graph --time latest");
+  app.callback([options, &app, &action] {
+    HapticSettings unused;
+    CLI::App known;
+    add_all_settings(known, unused);
+    options->changes = given_words(app, known);
+    if (app.count("--threads") > 0) options->num_threads = options->settings.num_threads;
+    const bool only_threads = options->changes.size() == app.count("--threads");
+    if (options->output.empty() && !only_threads) {
+      usage_error("replay: other settings give another run: say where with -o RUN2");
+    }
+    action = [options] { return run(*options); };
+  });
 }
 
 }  // namespace palpate::apps

@@ -42,7 +42,8 @@ READ_EVERYTHING = ("tests", "bench")
 SHARED_PRIVATE = {
     "src/core/monotonic_clock.h": ("run", "devices", "viewer"),
     "src/session/settings_json.h": ("viewer",),
-    "src/session/haptic_messages.h": ("viewer",),
+    "src/session/run_reader.h": ("viewer",),
+    "src/session/run_messages.h": ("viewer",),
     "src/session/html_page.h": ("eval",),
     "src/session/svg_parts.h": ("eval",),
     "src/core/simd.h": ("cloud", "contact", "field"),
@@ -68,7 +69,7 @@ LIBRARIES = (
     (r"png\.h", ("io", "session")),
     (r"(lib)?lzf\.h", ("io",)),
     (r"xxhash\.h", ("io", "session")),
-    (r"zlib\.h", ("io", "session")),
+    (r"(zlib|zstd)\.h", ("io",)),
     (r"nlohmann/", ("io", "devices", "session", "viewer", "eval", "apps")),
     (r"boost/(beast|asio)", ("devices", "viewer")),
     (r"toml\+\+/", ("session",)),

@@ -51,10 +51,7 @@ class Replay final : public AskedDevice {
   bool write(const Wrench&) noexcept override { return true; }
   void end() noexcept override {}
 
-  Error trouble() const override {
-    return {Errc::cancelled, "end of trajectory " + file_ + " after " +
-                                 std::to_string(poses_.back().time - poses_.front().time) + " s"};
-  }
+  Error trouble() const override { return {Errc::cancelled, "the path " + file_ + " has ended"}; }
 
  private:
   std::string file_;
@@ -71,8 +68,12 @@ Result<std::unique_ptr<HapticDevice>> open_replay_device(std::string_view addres
                  "replay needs a file with lines 't tx ty tz qx qy qz qw'; give replay:FILE"};
   auto poses = load_trajectory(std::string(address));
   if (!poses) return poses.error();
-  return std::unique_ptr<HapticDevice>(std::make_unique<ClockedDevice>(
-      std::make_unique<Replay>(std::string(address), std::move(*poses))));
+  return make_replay_device(std::string(address), std::move(*poses));
+}
+
+std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<TimedPose> X_BH) {
+  return std::make_unique<ClockedDevice>(
+      std::make_unique<Replay>(std::move(name), std::move(X_BH)));
 }
 
 }  // namespace palpate

@@ -99,10 +99,13 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   const double damping = line.damping(o.stiffness);
   if (damping < wanted) {
     const double lowered = o.damping_ratio * damping / wanted;
-    checked.warnings.push_back("the damping ratio is lowered from " + number(o.damping_ratio) +
-                               " to " + number(lowered) + ", the device's " +
-                               number(limits.max_damping) +
-                               " N s/m; a lighter tool or a softer coupling needs less");
+    // Nobody asked for the default.
+    const bool is_asked_for = options.damping_ratio != CouplingOptions{}.damping_ratio;
+    if (is_asked_for)
+      checked.warnings.push_back("the damping ratio is lowered from " + number(o.damping_ratio) +
+                                 " to " + number(lowered) + ", the device's " +
+                                 number(limits.max_damping) +
+                                 " N s/m; a lighter tool or a softer coupling needs less");
     o.damping_ratio = lowered;
   }
 

@@ -11,6 +11,8 @@ namespace palpate::mcap {
 
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 
+inline constexpr std::string_view kZstd = "zstd";  // how chunks are compressed
+
 enum class Op : std::uint8_t {
   header = 0x01,
   footer = 0x02,
@@ -20,6 +22,8 @@ enum class Op : std::uint8_t {
   chunk = 0x06,
   message_index = 0x07,
   chunk_index = 0x08,
+  attachment = 0x09,
+  attachment_index = 0x0a,
   statistics = 0x0b,
   data_end = 0x0f,
 };

@@ -1,4 +1,5 @@
 #include <zlib.h>
+#include <zstd.h>
 
 #include <fstream>
 #include <utility>
@@ -25,6 +26,7 @@ struct McapReader::Impl {
     return {Errc::bad_input, path.string() + " is damaged at byte " + std::to_string(position) +
                                  ": " + what + "; what comes before it can be read"};
   }
+  Status unpack(std::string_view records, bool is_compressed, std::uint64_t size);
   Result<bool> next_chunk();
   std::optional<McapMessage> take(Op op, std::string_view contents);
 };
@@ -52,6 +54,22 @@ std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view conten
     return message;
   }
   return std::nullopt;
+}
+
+// Into `chunk`. What a damaged file says of its size is not believed before memory is taken.
+Status McapReader::Impl::unpack(std::string_view records, bool is_compressed, std::uint64_t size) {
+  constexpr std::uint64_t kLargest = std::uint64_t{1} << 30;
+  if (!is_compressed) {
+    if (records.size() != size) return damaged("a chunk is too short");
+    chunk = std::string(records);
+    return Done{};
+  }
+  const auto told = ZSTD_getFrameContentSize(records.data(), records.size());
+  if (size > kLargest || told != size) return damaged("a compressed chunk has a wrong size");
+  chunk.resize(static_cast<std::size_t>(size));
+  const auto got = ZSTD_decompress(chunk.data(), chunk.size(), records.data(), records.size());
+  if (ZSTD_isError(got) != 0 || got != size) return damaged("a chunk cannot be unpacked");
+  return Done{};
 }
 
 // False at the end of the data.
@@ -91,15 +109,17 @@ Result<bool> McapReader::Impl::next_chunk() {
       const auto size = fields.number<std::uint64_t>();
       const auto crc = fields.number<std::uint32_t>();
       const std::string_view compression = fields.text();
-      if (!compression.empty()) {
+      if (!compression.empty() && compression != mcap::kZstd) {
         return damaged("its chunks are compressed by " + std::string(compression) +
-                       "; write it anew without compression (mcap compress --compression none)");
+                       "; write it anew with Zstandard (mcap compress --compression zstd)");
       }
       const std::string_view records = fields.raw(fields.number<std::uint64_t>());
-      if (!fields.is_good() || records.size() != size) return damaged("a chunk is too short");
-      const auto got = crc32_z(0, reinterpret_cast<const Bytef*>(records.data()), records.size());
+      if (!fields.is_good()) return damaged("a chunk is too short");
+      if (const Status status = unpack(records, !compression.empty(), size); !status) {
+        return status.error();
+      }
+      const auto got = crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size());
       if (crc != 0 && crc != got) return damaged("the checksum of a chunk is wrong");
-      chunk = std::string(records);
     }
     in_chunk = Cursor(chunk);
     chunk_place = position;
@@ -161,6 +181,43 @@ Result<std::optional<McapMessage>> McapReader::next() {
 
 const std::map<std::uint16_t, McapChannel>& McapReader::channels() const { return impl_->channels; }
 bool McapReader::was_cut_off() const { return impl_->is_cut_off; }
+
+Result<std::string> McapReader::attachment(std::string_view name) {
+  Impl& d = *impl_;
+  const Error absent{Errc::not_found, d.path.string() + " holds no file " + std::string(name) +
+                                          "; record the run again"};
+  d.file.clear();
+  for (std::uint64_t at = mcap::kMagic.size();;) {
+    std::string head(9, '\0');
+    d.file.seekg(static_cast<std::streamoff>(at));
+    if (!d.file.read(head.data(), static_cast<std::streamsize>(head.size()))) return absent;
+    Cursor fields(head);
+    const auto op = static_cast<Op>(fields.number<std::uint8_t>());
+    const auto length = fields.number<std::uint64_t>();
+    // They come before all messages.
+    if (op == Op::chunk || op == Op::data_end || length > d.file_size - at - head.size()) {
+      return absent;
+    }
+    at += head.size() + length;
+    if (op != Op::attachment) continue;
+    std::string contents(static_cast<std::size_t>(length), '\0');
+    if (!d.file.read(contents.data(), static_cast<std::streamsize>(length))) return absent;
+    Cursor fields_of(contents);
+    fields_of.number<std::uint64_t>();
+    fields_of.number<std::uint64_t>();
+    if (fields_of.text() != name) continue;
+    fields_of.text();  // media type
+    const std::string_view file = fields_of.raw(fields_of.number<std::uint64_t>());
+    const auto crc = fields_of.number<std::uint32_t>();
+    const auto got =
+        crc32_z(0, reinterpret_cast<const Bytef*>(contents.data()), contents.size() - sizeof crc);
+    if (!fields_of.is_good() || (crc != 0 && crc != got)) {
+      return Error{Errc::bad_input, d.path.string() + " is damaged: the checksum of " +
+                                        std::string(name) + " is wrong; record the run again"};
+    }
+    return std::string(file);
+  }
+}
 
 std::uint64_t McapReader::chunk_place() const { return impl_->chunk_place; }
 

@@ -1,6 +1,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 #include <zlib.h>
+#include <zstd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -23,10 +24,12 @@ std::uint32_t checksum(std::string_view bytes) {
       crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
+constexpr int kLevel = 1;  // of compression: the fastest, half of what depth images need
+
 /// Where a chunk lies in the file.
 struct ChunkPlace {
   std::uint64_t start_time, end_time, offset, length, num_bytes;
-  std::uint64_t index_length;
+  std::uint64_t compressed_bytes, index_length;
   std::map<std::uint16_t, std::uint64_t> index_offsets;
 };
 
@@ -50,10 +53,15 @@ struct McapWriter::Impl {
   std::map<std::uint16_t, std::uint64_t> num_messages;
   std::map<std::uint16_t, std::uint32_t> sequence;
   std::vector<ChunkPlace> chunks;
+  Bytes attachment_index;
+  std::uint32_t num_attachments = 0;
+  ZSTD_CCtx* const compressor = ZSTD_createCCtx();
+  std::string compressed;
   std::uint64_t first_time = ~std::uint64_t{0}, last_time = 0;
 
   ~Impl() {
     if (file >= 0) ::close(file);
+    ZSTD_freeCCtx(compressor);
   }
   Status put(std::string_view bytes);
   Status end_chunk();
@@ -77,17 +85,24 @@ Status McapWriter::Impl::put(std::string_view bytes) {
 
 Status McapWriter::Impl::end_chunk() {
   if (!status || chunk.empty()) return status;
+  compressed.resize(ZSTD_compressBound(chunk.size()));
+  const std::size_t num_bytes = ZSTD_compressCCtx(compressor, compressed.data(), compressed.size(),
+                                                  chunk.str().data(), chunk.size(), kLevel);
+  if (ZSTD_isError(num_bytes) != 0) {
+    return status = Error{Errc::io_failure, "cannot compress a part of " + path.string() + ": " +
+                                                ZSTD_getErrorName(num_bytes)};
+  }
   Bytes contents;
   contents.number(chunk_start)
       .number(chunk_end)
       .number(static_cast<std::uint64_t>(chunk.size()))
       .number(checksum(chunk.str()))
-      .text("")
-      .number(static_cast<std::uint64_t>(chunk.size()))
-      .raw(chunk.str());
+      .text(mcap::kZstd)
+      .number(static_cast<std::uint64_t>(num_bytes))
+      .raw(std::string_view(compressed).substr(0, num_bytes));
   Bytes record;
   record.record(Op::chunk, contents.str());
-  ChunkPlace place{chunk_start, chunk_end, size, record.size(), chunk.size(), 0, {}};
+  ChunkPlace place{chunk_start, chunk_end, size, record.size(), chunk.size(), num_bytes, 0, {}};
   Bytes index;
   for (const auto& [channel, entries] : chunk_index) {
     place.index_offsets[channel] = size + record.size() + index.size();
@@ -122,7 +137,7 @@ Result<McapWriter> McapWriter::create(const std::filesystem::path& path,
                                        "; check the folder and its permissions"};
   }
   Bytes header, start;
-  header.text("").text("palpate");
+  header.text("ros2").text("palpate");
   start.raw(mcap::kMagic).record(Op::header, header.str());
   if (const Status status = impl->put(start.str()); !status) return status.error();
   return McapWriter(std::move(impl));
@@ -132,8 +147,8 @@ std::uint16_t McapWriter::add_channel(const McapChannel& channel) {
   Impl& d = *impl_;
   const std::uint16_t number = ++d.num_channels;
   Bytes schema, described, both;
-  schema.number(number).text(channel.schema_name).text("jsonschema").text(channel.schema);
-  described.number(number).number(number).text(channel.topic).text("json").text("");
+  schema.number(number).text(channel.schema_name).text("ros2msg").text(channel.schema);
+  described.number(number).number(number).text(channel.topic).text("cdr").text("");
   both.record(Op::schema, schema.str()).record(Op::channel, described.str());
   // In the chunk, for readers that go from the start; and in the summary.
   if (d.chunk.empty()) d.chunk_began = std::chrono::steady_clock::now();
@@ -141,6 +156,22 @@ std::uint16_t McapWriter::add_channel(const McapChannel& channel) {
   d.channels.raw(both.str());
   d.num_messages[number] = 0;
   return number;
+}
+
+Status McapWriter::attach(std::string_view name, std::string_view media_type,
+                          std::string_view file) {
+  Impl& d = *impl_;
+  Bytes contents, record, index;
+  contents.number(std::uint64_t{0}).number(std::uint64_t{0}).text(name).text(media_type);
+  contents.number(static_cast<std::uint64_t>(file.size())).raw(file);
+  contents.number(checksum(contents.str()));
+  record.record(Op::attachment, contents.str());
+  index.number(d.size).number(static_cast<std::uint64_t>(record.size()));
+  index.number(std::uint64_t{0}).number(std::uint64_t{0});
+  index.number(static_cast<std::uint64_t>(file.size())).text(name).text(media_type);
+  d.attachment_index.record(Op::attachment_index, index.str());
+  ++d.num_attachments;
+  return d.put(record.str());
 }
 
 Status McapWriter::write(std::uint16_t channel, std::uint64_t time, std::string_view message) {
@@ -194,13 +225,14 @@ Status McapWriter::finish() {
   statistics.number(num_messages)
       .number(d.num_channels)
       .number(static_cast<std::uint32_t>(d.num_channels))
-      .number(std::uint32_t{0})
+      .number(d.num_attachments)
       .number(std::uint32_t{0})
       .number(static_cast<std::uint32_t>(d.chunks.size()))
       .number(num_messages > 0 ? d.first_time : 0)
       .number(d.last_time)
       .text(counts.str());
   end.record(Op::statistics, statistics.str());
+  end.raw(d.attachment_index.str());
   for (const ChunkPlace& chunk : d.chunks) {
     Bytes offsets, index;
     for (const auto& [channel, offset] : chunk.index_offsets) {
@@ -212,8 +244,8 @@ Status McapWriter::finish() {
         .number(chunk.length)
         .text(offsets.str())
         .number(chunk.index_length)
-        .text("")
-        .number(chunk.num_bytes)
+        .text(mcap::kZstd)
+        .number(chunk.compressed_bytes)
         .number(chunk.num_bytes);
     end.record(Op::chunk_index, index.str());
   }

@@ -234,10 +234,9 @@ Result<Tool> parse_tool(std::string_view content) {
 
 }  // namespace
 
-Status save_tool(const Tool& tool, const std::filesystem::path& path) {
+Result<std::string> tool_to_bytes(const Tool& tool) {
   if (tool.source().size() > kMaxSource)
-    return Error{Errc::invalid_argument,
-                 "cannot write " + path.string() + ": the name of its source is longer than 1 MiB"};
+    return Error{Errc::invalid_argument, "the name of the tool's source is longer than 1 MiB"};
   const TriangleMesh& mesh = tool.mesh();
   const LeafGraph& graph = tool.graph();
   std::vector<StoredEdge> edges;
@@ -259,7 +258,18 @@ Status save_tool(const Tool& tool, const std::filesystem::path& path) {
   writer.add(SectionName::represented_volumes, tool.represented_volumes().data(),
              tool.represented_volumes().size());
   writer.add(SectionName::tree_nodes, tool.tree().nodes().data(), tool.tree().nodes().size());
-  return write_file_atomically(path, writer.finish());
+  return writer.finish();
+}
+
+Result<Tool> tool_from_bytes(std::string_view bytes) { return parse_tool(bytes); }
+
+Status save_tool(const Tool& tool, const std::filesystem::path& path) {
+  const auto bytes = tool_to_bytes(tool);
+  if (!bytes) {
+    return Error{bytes.error().code,
+                 "cannot write " + path.string() + ": " + bytes.error().message};
+  }
+  return write_file_atomically(path, *bytes);
 }
 
 Result<Tool> load_tool(const std::filesystem::path& path) {

@@ -199,7 +199,7 @@ const HapticRecord& Pipeline::tick(const DeviceState& state, bool is_stopping) n
   }
   const bool is_prescribed = settings_.coupling.kind == CouplingKind::none;
   const bool can_measure = num_frames_ > 0 && !has_backend_failed_;
-  if (is_prescribed && can_measure && state.is_valid) {
+  if (is_prescribed && can_measure && state.is_valid && is_finite(state.X_BH)) {
     measure(prescribed_pose(checked_coupling_, state), state.time);
   }
   hand_->tick(state, contact_, {is_stopping, false, has_backend_failed_}, record_);

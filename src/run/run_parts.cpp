@@ -6,6 +6,10 @@
 namespace palpate {
 namespace {
 
+Backend backend_of(const HapticSettings& settings) {
+  return settings.backend.value_or(Backend::cpu);
+}
+
 Status check(const HapticSettings& settings, const DeviceInfo& device) {
   if (Status status = check_settings(settings); !status) return status;
   if (!(device.rate > 0 && std::isfinite(device.rate))) {
@@ -33,7 +37,7 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const Hapti
   std::optional<DepthFieldOptions> field;
   if (settings.contact.method == InsideMethod::field) field = settings.field;
   return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
-                                 {settings.backend, settings.sensing_gpu}, num_spare);
+                                 {backend_of(settings), settings.sensing_gpu}, num_spare);
 }
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(const Tool& tool,
@@ -43,11 +47,11 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(const Tool& tool,
   ContactCapacities capacities;
   capacities.gpu = settings.contact_gpu;
   capacities.pool = threads;
-  auto query = make_contact_query(settings.backend, tool, capacities);
+  auto query = make_contact_query(backend_of(settings), tool, capacities);
   if (!query) return query.error();
   auto part = std::make_unique<ContactPart>(tool, *std::move(query), settings.contact, scale,
                                             settings.objects);
-  const Status status = part->measure_pairs_at(settings.backend, settings.contact_gpu);
+  const Status status = part->measure_pairs_at(backend_of(settings), settings.contact_gpu);
   if (!status) return status.error();
   return part;
 }

@@ -1,108 +1,205 @@
-#include "palpate/session/record_run.h"
-
-#include <algorithm>
-#include <string_view>
+#include <chrono>
+#include <optional>
+#include <thread>
 #include <utility>
 
-#include "palpate/io/atomic_file.h"
-#include "palpate/session/recording.h"
-#include "palpate/session/report.h"
+#include "palpate/run/pipeline.h"
+#include "palpate/session/run.h"
 #include "palpate/session/run_folder.h"
-#include "src/session/run_files.h"
+#include "src/session/run_recorder.h"
+#include "src/session/run_results.h"
 
 namespace palpate {
 namespace fs = std::filesystem;
 namespace {
 
-std::string_view take_line(std::string_view& text) {
-  const std::size_t end = std::min(text.find('\n'), text.size());
-  const std::string_view line = text.substr(0, end);
-  text.remove_prefix(std::min(end + 1, text.size()));
-  return line;
+/// All that is kept of a run while it goes on; what the publishing thread calls.
+class Keeper {
+ public:
+  /// `onlooker` may be null.
+  explicit Keeper(HapticOnlooker* onlooker) : onlooker_(onlooker) {}
+  /// Before the run begins.
+  void begin(RunRecorder recorder, RunResults results) {
+    recorder_.emplace(std::move(recorder));
+    results_.emplace(std::move(results));
+  }
+
+  HapticObserver observer() {
+    HapticObserver observer;
+    observer.on_settings = [this](std::uint32_t revision, const HapticSettings& settings) {
+      recorder_->add_settings(revision, settings);
+      results_->add_settings(settings);
+      tell(&HapticObserver::on_settings, revision, settings);
+    };
+    observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
+      recorder_->add_frame(record, frame);
+      results_->add_frame(record, frame);
+      tell(&HapticObserver::on_frame, record, frame);
+    };
+    observer.on_contact = [this](const ContactRecord& contact) {
+      recorder_->add_contact(contact);
+      tell(&HapticObserver::on_contact, contact);
+    };
+    observer.on_ticks = [this](std::span<const HapticRecord> ticks) {
+      for (const HapticRecord& tick : ticks) add(tick);
+      add_marks();
+      tell(&HapticObserver::on_ticks, ticks);
+    };
+    return observer;
+  }
+  /// Of people.
+  void add_marks() {
+    if (onlooker_ == nullptr) return;
+    for (const auto& [time, text] : onlooker_->marks.take()) recorder_->add_note(text, time);
+  }
+
+  RunRecorder& recorder() { return *recorder_; }
+  RunResults& results() { return *results_; }
+
+ private:
+  /// What the onlooker wants to hear.
+  template <class Callback, class... What>
+  void tell(Callback HapticObserver::*callback, const What&... what) {
+    if (onlooker_ != nullptr && onlooker_->observer.*callback) {
+      (onlooker_->observer.*callback)(what...);
+    }
+  }
+  void add(const HapticRecord& tick) {
+    recorder_->add_tick(tick);
+    results_->add_tick(tick);
+    if (tick.safety.fault == fault_) return;
+    fault_ = tick.safety.fault;
+    recorder_->add_note(describe(fault_));
+  }
+
+  std::optional<RunRecorder> recorder_;
+  std::optional<RunResults> results_;
+  HapticOnlooker* onlooker_;
+  Fault fault_ = Fault::none;
+};
+
+/// False if somebody wants the run to end.
+bool wait_for_end(HapticLoop& loop, const RunOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  for (int round = 0; loop.is_running(); ++round) {
+    const std::chrono::duration<double> elapsed = Clock::now() - start;
+    if (elapsed.count() >= options.duration) return true;
+    if (round % 20 == 0 && options.keep_going && !options.keep_going()) return false;
+    const auto rest = std::chrono::duration<double>(options.duration) - elapsed;
+    std::this_thread::sleep_for(
+        std::min<std::chrono::duration<double>>(std::chrono::milliseconds(5), rest));
+  }
+  return true;
 }
 
-std::string first_difference(std::string_view recorded, std::string_view repeated) {
-  if (recorded == repeated) return {};
-  for (int number = 1;; ++number) {
-    const bool end = recorded.empty() && repeated.empty();
-    const std::string_view a = take_line(recorded), b = take_line(repeated);
-    if (a == b && !end) continue;
-    return "line " + std::to_string(number) + ": recorded '" + std::string(a) + "', repeated '" +
-           std::string(b) + "'";
+struct ChosenLoop {
+  std::unique_ptr<HapticLoop> loop;
+  std::string why_not_cuda;
+};
+
+/// On the backend of the settings, which is chosen if they leave it open.
+Result<ChosenLoop> choose_loop(const Tool& tool, DepthSource& source, HapticDevice& device,
+                               HapticSettings& settings, const RunOptions& options,
+                               const HapticObserver& observer) {
+  auto* const stepped = dynamic_cast<SteppedDevice*>(&device);
+  const auto make = [&](Backend backend) {
+    settings.backend = backend;
+    return stepped != nullptr
+               ? HapticLoop::create(tool, source, *stepped, settings, observer, options.clock)
+               : HapticLoop::create(tool, source, device, settings, observer);
+  };
+  std::string why_not_cuda;
+  const bool is_open = !settings.backend;
+  auto loop = make(settings.backend.value_or(Backend::cuda));
+  if (!loop && is_open) {
+    why_not_cuda = loop.error().message;
+    loop = make(Backend::cpu);
+  }
+  if (!loop) return loop.error();
+  return ChosenLoop{*std::move(loop), why_not_cuda};
+}
+
+/// What the loop tells when it has stopped.
+void take_report(const HapticLoop& loop, const Status& status, RunLog& log) {
+  log.loop = loop.report();
+  // A path that was played to its end is no failure.
+  if (!status && status.error().code == Errc::cancelled) {
+    log.loop.ending = status.error().message;
+  } else if (!status) {
+    log.failure = status.error().message;
+  }
+  log.warnings = log.loop.notes;
+  if (log.loop.num_lost_records > 0) {
+    log.warnings.push_back(std::to_string(log.loop.num_lost_records) +
+                           " records were lost because the disk or the processor was too slow; a "
+                           "faster disk or a smaller image helps");
   }
 }
 
 }  // namespace
 
-Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, const PoseFunction& X_WT,
-                              const RunSettings& settings, const fs::path& name,
-                              const std::function<bool(const TickRecord&)>& keep_going,
-                              const RunCallbacks& onlooker) {
+Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevice& device,
+                              const HapticSettings& settings, const fs::path& name,
+                              const RunOptions& options) {
+  if (!(options.duration > 0)) {
+    return Error{Errc::invalid_argument, "the duration must be above 0 seconds"};
+  }
   auto folder = RunFolder::create(name);
   if (!folder) return folder.error();
-  auto recorder = Recorder::create(folder->partial() / kRecordingFolder, tool, settings.objects);
-  if (!recorder) return recorder.error();
-  RunCallbacks callbacks;
-  callbacks.on_session = onlooker.on_session;
-  callbacks.on_tick = [&](const TickRecord& tick) {
-    return (!keep_going || keep_going(tick)) && (!onlooker.on_tick || onlooker.on_tick(tick));
-  };
-  callbacks.on_frame = [&](std::size_t index, double time, const DepthFrame& frame) {
-    const Status status = recorder->add_frame(index, time, frame);
-    return status && onlooker.on_frame ? onlooker.on_frame(index, time, frame) : status;
-  };
-  auto log = run_session(tool, source, X_WT, settings, callbacks);
-  if (!log) return log.error();
-  if (const Status status = recorder->finish(*log); !status) return status.error();
-
-  auto report = make_report(tool, *log);
-  if (!report) return report.error();
-  RunOutcome outcome{*std::move(log), {}, {}};
-  outcome.summary_json = summary_json(tool, outcome.log);
-  outcome.warning = scarce_surface_warning(outcome.log);
-  const std::pair<const char*, std::string> files[] = {
-      {"wrench.csv", wrench_csv(tool, outcome.log)},
-      {"timing.csv", timing_csv(outcome.log)},
-      {"summary.json", outcome.summary_json},
-      {"report.html", *std::move(report)}};
-  for (const auto& [file, text] : files) {
-    const Status status = write_file_atomically(folder->partial() / file, text);
-    if (!status) return status.error();
-  }
-  if (const Status status = folder->commit(); !status) return status.error();
-  return outcome;
-}
-
-Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& options) {
-  auto recording = load_recording(folder / kRecordingFolder);
-  if (!recording) return recording.error();
-  const auto recorded = read_file(folder / "wrench.csv");
-  if (!recorded) return recorded.error();
-
-  RunSettings settings = recording->settings;
-  settings.duration = static_cast<double>(recording->poses.size()) / settings.rate;
-  settings.end_with_source = false;
-  if (options.num_threads) settings.num_threads = *options.num_threads;
-  const PoseFunction X_WT = [&](std::size_t tick, double) { return recording->poses[tick]; };
-
   RunLog log;
-  if (options.output) {
-    auto outcome = record_run(recording->tool, *recording->frames, X_WT, settings, *options.output,
-                              options.keep_going);
-    if (!outcome) return outcome.error();
-    log = std::move(outcome->log);
-  } else {
-    RunCallbacks callbacks;
-    callbacks.on_tick = options.keep_going;
-    auto result = run_session(recording->tool, *recording->frames, X_WT, settings, callbacks);
-    if (!result) return result.error();
-    log = *std::move(result);
+  log.setup = {settings, source.info(), device.info(), 0, options.time_origin, options.probe};
+  HapticSettings& used = log.setup.settings;
+  Keeper keeper(options.onlooker);
+  auto chosen = choose_loop(tool, source, device, used, options, keeper.observer());
+  if (!chosen) return chosen.error();
+  HapticLoop& loop = *chosen->loop;
+  log.why_not_cuda = chosen->why_not_cuda;
+  const auto coupling = check_coupling(used.coupling, device.info().limits, 1 / device.info().rate,
+                                       tool.sphere_mass());
+  if (!coupling) return coupling.error();
+  log.coupling = coupling->options;
+  log.newtons_per_cubic_metre =
+      thesis_force_scale(log.coupling.force_at_eighth, full_volume(tool, used.contact))
+          .newtons_per_cubic_metre;
+  const bool is_simulated = dynamic_cast<SteppedDevice*>(&device) != nullptr;
+  if (!is_simulated) {
+    const std::chrono::duration<double> since_1970 =
+        std::chrono::system_clock::now().time_since_epoch();
+    log.setup.time_origin = since_1970.count();
   }
-  if (log.interrupted) {
-    return Error{Errc::cancelled, "the replay was interrupted before its end"};
+  auto recorder =
+      RunRecorder::create(folder->partial() / kRecordingFile, tool, log.setup, is_simulated);
+  if (!recorder) return recorder.error();
+  keeper.begin(*std::move(recorder), RunResults(folder->partial(), tool, log.setup));
+  if (const Status status = loop.start(); !status) return status.error();
+  // From here on a folder of this name is kept, whatever happens to the program.
+  if (const Status status = folder->commit(); !status) {
+    loop.stop();
+    return status.error();
   }
-  return ReplayOutcome{log.ticks.size(),
-                       first_difference(*recorded, wrench_csv(recording->tool, log))};
+
+  const auto tell_of = [&](HapticLoop* running) {
+    if (options.onlooker != nullptr && options.onlooker->on_loop) {
+      options.onlooker->on_loop(running);
+    }
+  };
+  tell_of(&loop);
+  log.was_interrupted = !wait_for_end(loop, options);
+  tell_of(nullptr);
+  const Status status = loop.status();
+  loop.stop();
+  take_report(loop, status, log);
+  keeper.add_marks();
+  for (const std::string& text : log.warnings) keeper.recorder().add_note(text);
+  if (!log.loop.ending.empty()) keeper.recorder().add_note(log.loop.ending);
+  keeper.recorder().finish();
+  if (const std::string& trouble = keeper.recorder().trouble(); !trouble.empty()) {
+    log.warnings.push_back(trouble);
+  }
+  std::string summary = keeper.results().write(folder->target(), tool, loop.times(), log);
+  return RunOutcome{log.loop,     log.peaks,        used,        std::move(summary),
+                    log.warnings, log.why_not_cuda, log.failure, log.was_interrupted};
 }
 
 }  // namespace palpate

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+
+#include "palpate/run/pipeline.h"
 #include "src/session/picture_overlay.h"
 #include "src/session/scene_picture.h"
 #include "src/session/svg_plot.h"
@@ -40,18 +42,26 @@ double tool_radius(const Tool& tool) {
 }  // namespace
 
 Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
-  const TickRecord& tick = log.ticks[log.deepest_tick];
-  RunSettings settings = log.settings;
+  const HapticRecord& tick = log.deepest;
+  const Pose& X_WT = tick.step.X_WT;
+  HapticSettings settings = log.setup.settings;
+  if (tick.revision > 0) settings = log.changes[tick.revision - 1];
   settings.backend = Backend::cpu;  // shows the same, also when a GPU has failed
-  auto session = Session::create(tool, log.stream, settings);
-  if (!session) return session.error();
-  session->take_frame(log.deepest_frame, 0);
-  session->tick(tick.time, tick.X_WT);
-  const PointCloud points = session->newest_cloud();
+  settings.time.mode = TimeMode::latest;
+  auto surfaces = make_surfaces(log.setup.stream, settings);
+  if (!surfaces) return surfaces.error();
+  auto part = make_contact_part(tool, settings, {});
+  if (!part) return part.error();
+  ThreadPool pool(settings.num_threads);
+  surfaces->push(log.deepest_frame, 0, pool);
+  ContactRecord contact_record;
+  contact_record.X_WT = X_WT;
+  (*part)->measure(surfaces->at(0), contact_record);
+  const PointCloud points = surfaces->newest_cloud();
   const PointCloudView cloud = points.view();
-  const auto states = session->query().states();
+  const auto states = (*part)->query().states();
 
-  const Vec3d C_W = tick.X_WT * tool.sphere_mass().centre_of_mass;
+  const Vec3d C_W = X_WT * tool.sphere_mass().centre_of_mass;
   const double radius = tool_radius(tool);
   const bool finite = !tick.penetration.status.has(StepStatus::non_finite_pose);
   if (!finite || !(C_W.z > 0.01)) {
@@ -86,7 +96,7 @@ Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
     const View& view = panel.view;
     std::string overlay = scale_bar(view, view.to_screen(C_W).pixels_per_metre) + panel.overlay;
     if (contact) overlay += force_arrow(view, C_W, tick.penetration.measure_W.force, radius);
-    html += picture(view, draw_scene_png(view, cloud, tool.spheres(), states, tick.X_WT), overlay,
+    html += picture(view, draw_scene_png(view, cloud, tool.spheres(), states, X_WT), overlay,
                     panel.caption);
   }
   html +=

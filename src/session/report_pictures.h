@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "palpate/session/session.h"
+#include "src/session/run_report.h"
 
 namespace palpate {
 

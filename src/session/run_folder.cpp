@@ -6,71 +6,34 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include "palpate/io/atomic_file.h"
-#include "palpate/session/haptic_run.h"
+#include "palpate/session/run.h"
 
 namespace palpate {
 namespace fs = std::filesystem;
 namespace {
 
-enum class Place { run, recording, frames };
-
-/// PREFIX, one or more digits, SUFFIX.
-bool is_numbered(std::string_view name, std::string_view prefix, std::string_view suffix) {
-  if (name.size() <= prefix.size() + suffix.size()) return false;
-  if (!name.starts_with(prefix) || !name.ends_with(suffix)) return false;
-  return std::all_of(name.begin() + prefix.size(), name.end() - suffix.size(),
-                     [](char c) { return c >= '0' && c <= '9'; });
-}
-
-/// Whether a run has a file of this name there.
-bool is_our_file(Place place, const std::string& name) {
-  const auto one_of = [&](std::initializer_list<std::string_view> names) {
-    return std::find(names.begin(), names.end(), name) != names.end();
-  };
-  switch (place) {
-    case Place::run:
-      return one_of({"wrench.csv", "wrench.csv.part", "timing.csv", "summary.json", "report.html",
-                     kHapticRecording, kHapticTool});
-    case Place::recording:
-      return one_of({kRecordingManifest, "tool.palp", "path.txt", "depth.txt"}) ||
-             is_numbered(name, "object-", ".palp");
-    case Place::frames: return is_numbered(name, "", ".png");
-  }
-  return false;
+/// Whether a run has a file of this name.
+bool is_our_file(const std::string& name) {
+  constexpr std::string_view kNames[] = {"wrench.csv", "wrench.csv.part", "summary.json",
+                                         "report.html", kRecordingFile};
+  return std::find(std::begin(kNames), std::end(kNames), name) != std::end(kNames);
 }
 
 /// The first thing in the folder that no run has there; empty if there is none.
-fs::path find_foreign(const fs::path& folder, Place place, std::error_code& error) {
+fs::path find_foreign(const fs::path& folder, std::error_code& error) {
   for (auto entry = fs::directory_iterator(folder, error);
        !error && entry != fs::directory_iterator(); entry.increment(error)) {
-    const fs::path& path = entry->path();
-    const std::string name = path.filename().string();
     const fs::file_type type = entry->symlink_status(error).type();
-    if (type == fs::file_type::regular && is_our_file(place, name)) continue;
-    const bool inner = (place == Place::run && name == kRecordingFolder) ||
-                       (place == Place::recording && name == "depth");
-    if (type != fs::file_type::directory || !inner) return path;
-    const fs::path found =
-        find_foreign(path, place == Place::run ? Place::recording : Place::frames, error);
-    if (!found.empty()) return found;
+    if (type != fs::file_type::regular || !is_our_file(entry->path().filename().string())) {
+      return entry->path();
+    }
   }
   return {};
-}
-
-bool has_our_manifest(const fs::path& folder) {
-  const auto text = read_file(folder / kRecordingFolder / kRecordingManifest, std::size_t(1) << 30);
-  if (!text) return false;
-  const auto json = nlohmann::json::parse(*text, nullptr, false);
-  if (!json.is_object()) return false;
-  const auto format = json.find("format");
-  return format != json.end() && *format == kRecordingFormat;
 }
 
 /// Nothing, an empty folder, or a run of ours and nothing else: what may be replaced.
@@ -83,8 +46,8 @@ Status check_replaceable(const fs::path& folder) {
                                        ": it is not a folder; give a new name"};
   }
   if (fs::is_empty(folder, error) && !error) return Done{};
-  const fs::path foreign = find_foreign(folder, Place::run, error);
-  if (!error && foreign.empty() && (has_our_manifest(folder) || is_haptic_run(folder))) {
+  const fs::path foreign = find_foreign(folder, error);
+  if (!error && foreign.empty() && is_run(folder)) {
     return Done{};
   }
   const std::string what =

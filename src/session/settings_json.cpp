@@ -29,23 +29,6 @@ auto reader(const Json& json) {
   return [&json](const char* name, auto& value) { json.at(name).get_to(value); };
 }
 
-Json to_json(const SceneObject& object) {
-  const Vec3d& p = object.X_WB.translation;
-  const Quaternion& q = object.X_WB.rotation;
-  return {{"source", object.shape->source()},
-          {"spheres", object.shape->spheres().size()},
-          {"pose", {p.x, p.y, p.z, q.x, q.y, q.z, q.w}}};
-}
-
-std::vector<SceneObject> objects_from_json(const Json& json) {
-  std::vector<SceneObject> objects;
-  for (const Json& object : json) {
-    const auto v = object.at("pose").get<std::array<double, 7>>();
-    objects.push_back({nullptr, {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}}});
-  }
-  return objects;
-}
-
 }  // namespace
 
 Json to_json(const SettingTable& table) {
@@ -105,23 +88,6 @@ std::optional<SettingValue> value_from_json(const Json& json) {
     numbers.push_back(element.get<double>());
   }
   return pose_of(numbers);
-}
-
-Json to_json(const RunSettings& settings) {
-  Json json = to_json(settings_of(settings));
-  for (const SceneObject& object : settings.objects) json["objects"].push_back(to_json(object));
-  if (settings.probe) json["probe"] = to_json(*settings.probe);
-  return json;
-}
-
-Result<RunSettings> settings_from_json(Json json) {
-  RunSettings settings;
-  if (json.contains("objects")) settings.objects = objects_from_json(json.at("objects"));
-  if (json.contains("probe")) settings.probe = probe_from_json(json.at("probe"));
-  json.erase("objects");
-  json.erase("probe");
-  if (const Status status = read_json(settings_of(settings), json); !status) return status.error();
-  return settings;
 }
 
 Json to_json(const ProbeChoice& probe) {

@@ -4,7 +4,9 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 
-#include "palpate/session/session.h"
+#include "palpate/cloud/depth_source.h"
+#include "palpate/session/probe_choice.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
@@ -17,14 +19,8 @@ nlohmann::ordered_json value_to_json(const Setting& setting);
 /// nullopt: no setting is like that.
 std::optional<SettingValue> value_from_json(const nlohmann::ordered_json& json);
 
-/// With objects and probe.
-nlohmann::ordered_json to_json(const RunSettings& settings);
-/// Objects come back without their shapes, which recordings keep in files of their own. Throws
-/// nlohmann::json::exception for objects or a probe with missing or ill-typed members.
-Result<RunSettings> settings_from_json(nlohmann::ordered_json json);
-
 nlohmann::ordered_json to_json(const ProbeChoice& probe);
-/// Throws as above.
+/// Throws nlohmann::json::exception for missing or ill-typed members.
 ProbeChoice probe_from_json(const nlohmann::ordered_json& json);
 
 nlohmann::ordered_json to_json(const DepthStreamInfo& stream);

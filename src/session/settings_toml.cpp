@@ -150,7 +150,11 @@ std::string settings_toml(const SettingTable& table) {
       section = setting.section;
       text += (text.empty() ? "[" : "\n[") + std::string(section) + "]\n";
     }
-    std::string line = std::string(setting.name) + " = " + toml_value(setting);
+    // Identity is a pose like any other: as long as nobody gives one, there is none in the file.
+    const bool is_left_out =
+        setting.kind == SettingKind::pose && std::get<Pose>(setting.get()) == Pose{};
+    std::string line =
+        (is_left_out ? "# " : "") + std::string(setting.name) + " = " + toml_value(setting);
     line.resize(std::max<std::size_t>(line.size(), 34), ' ');
     const std::string range = setting.range_text();
     text += line + "  # " + std::string(setting.help) + (range.empty() ? "" : " (" + range + ")") +

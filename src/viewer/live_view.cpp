@@ -25,8 +25,8 @@ constexpr double kMostSteps = 1000;
 /// What the publishing thread has told, until the server comes for it.
 class News {
  public:
-  void add_frame(std::uint64_t number, double capture_time, const DepthFrame& frame) {
-    auto copy = std::make_shared<ViewFrame>(ViewFrame{number, capture_time, frame});
+  void add_frame(const FrameRecord& record, const DepthFrame& frame) {
+    auto copy = std::make_shared<ViewFrame>(ViewFrame{record.number, record.capture_time, frame});
     const std::lock_guard lock(mutex_);
     frame_ = std::move(copy);
   }
@@ -39,7 +39,7 @@ class News {
 
   void add_ticks(std::span<const HapticRecord> ticks) {
     const std::lock_guard lock(mutex_);
-    for (const HapticRecord& tick : ticks) samples_.add(sample_of(tick));
+    for (const HapticRecord& tick : ticks) samples_.add(sample_of(tick, has_hand_));
     if (!ticks.empty()) last_ = ticks.back();
     has_ticked_ = has_ticked_ || !ticks.empty();
   }
@@ -51,6 +51,10 @@ class News {
     if (frame_ == nullptr || !has_ticked_) return nullptr;
     frame_->time -= last_.device.time - last_.time;
     return std::exchange(frame_, nullptr);
+  }
+  void set_coupling(CouplingKind kind) {
+    const std::lock_guard lock(mutex_);
+    has_hand_ = kind != CouplingKind::none;
   }
   void take_samples(std::vector<ViewSample>& samples) {
     const std::lock_guard lock(mutex_);
@@ -75,7 +79,7 @@ class News {
   SampleQueue samples_;
   std::deque<std::pair<std::uint64_t, double>> contact_times_;  // number and time, s of the run
   HapticRecord last_;
-  bool has_ticked_ = false;
+  bool has_ticked_ = false, has_hand_ = true;
 };
 
 class LiveViewImpl final : public LiveView {
@@ -84,8 +88,9 @@ class LiveViewImpl final : public LiveView {
       : content_{"live", std::move(title), &tool, stream},
         stale_age_(0.1 + 4 / std::max(stream.rate, 1.0)) {
     HapticObserver& observer = onlooker_.observer;
-    observer.on_frame = [this](std::uint64_t number, double capture_time, const DepthFrame& frame,
-                               std::uint32_t) { news_.add_frame(number, capture_time, frame); };
+    observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
+      news_.add_frame(record, frame);
+    };
     observer.on_contact = [this](const ContactRecord& contact) { news_.add_contact(contact); };
     observer.on_ticks = [this](std::span<const HapticRecord> ticks) { news_.add_ticks(ticks); };
     onlooker_.on_loop = [this](HapticLoop* loop) { show(loop); };
@@ -138,6 +143,7 @@ void LiveViewImpl::show(HapticLoop* loop) {
 void LiveViewImpl::look_at_loop() {
   if (loop_ == nullptr) return;
   settings_ = loop_->settings();
+  news_.set_coupling(settings_.coupling.kind);
   report_ = loop_->report();
   stages_ = stages_json(loop_->times());
   const Status status = loop_->status();
@@ -168,12 +174,7 @@ void LiveViewImpl::take_pictures(const ViewWishes& wishes, ViewUpdate& update) {
   }
   if (const SurfacePicture* seen = wishes.surfaces ? loop_->new_surface_picture() : nullptr) {
     const auto surface = surfaces_.take();
-    surface->frame_number = seen->frame_number;
-    surface->width = seen->width;
-    surface->height = seen->height;
-    surface->points = seen->points;
-    surface->normals = seen->normals;
-    surface->edges = seen->edges;
+    *surface = *seen;
     update.surface = surface;
   }
 }
@@ -192,7 +193,7 @@ Json LiveViewImpl::note(const HapticRecord& last) const {
     return "the depth images are stale: the last one was taken " +
            Json(static_cast<double>(hundredths) / 100).dump() + " s ago";
   }
-  if (are_frames_held_) return "depth images are held: the scene stands still, the hand goes on";
+  if (are_frames_held_) return "depth images are held: the scene stands still";
   return {};
 }
 

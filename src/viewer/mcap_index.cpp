@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 namespace palpate {
@@ -16,22 +15,9 @@ Error no_run(const std::filesystem::path& path, const std::string& why) {
 
 }  // namespace
 
-Result<IndexedFrame> read_frame_header(std::string_view message) {
-  // The pixels come last, and a hundred times longer.
-  const std::size_t end = message.find(R"(,"data":")");
-  const std::string head =
-      std::string(message.substr(0, end)) + (end == std::string_view::npos ? "" : "}");
-  const auto json = nlohmann::json::parse(head, nullptr, false);
-  if (json.is_object() && json.contains("number") && json["number"].is_number_unsigned() &&
-      json.contains("capture_time") && json["capture_time"].is_number()) {
-    return IndexedFrame{0, json["number"].get<std::uint64_t>(), json["capture_time"].get<double>()};
-  }
-  return Error{Errc::bad_input, "a message is not a depth frame of a haptic run"};
-}
-
-McapIndex::McapIndex(McapReader reader, HapticSetup setup, std::uint64_t file_size)
+McapIndex::McapIndex(RunReader reader, std::uint64_t file_size)
     : reader_(std::move(reader)),
-      setup_(std::move(setup)),
+      setup_(reader_.setup()),
       file_size_(file_size),
       periods_(setup_.stream, setup_.settings.time) {
   settings_[0] = setup_.settings;
@@ -46,18 +32,11 @@ McapIndex::~McapIndex() {
 }
 
 Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& path) {
-  auto reader = McapReader::open(path);
+  auto reader = RunReader::open(path);
   if (!reader) return reader.error();
-  const auto first = reader->next();
-  if (!first) return first.error();
-  if (!*first || reader->channels().at((*first)->channel).topic != kSettingsTopic) {
-    return no_run(path, "it does not begin with the settings of a haptic run");
-  }
-  auto setup = read_settings((*first)->data);
-  if (!setup) return no_run(path, setup.error().message);
   std::error_code ignored;
   const std::uint64_t size = std::filesystem::file_size(path, ignored);
-  std::unique_ptr<McapIndex> index(new McapIndex(*std::move(reader), *std::move(setup), size));
+  std::unique_ptr<McapIndex> index(new McapIndex(*std::move(reader), size));
   // Until there is something to see; then in the background.
   while (index->frames_.empty() || index->chunks_.empty()) {
     const auto got = index->read_next();
@@ -92,19 +71,20 @@ Result<bool> McapIndex::read_next() {
   const auto message = reader_.next();
   if (!message) return message.error();
   if (!*message) return false;
-  const Status status = take(reader_.channels().at((*message)->channel).topic, **message);
+  const Status status = take(**message);
   if (!status) return status.error();
   return true;
 }
 
-Status McapIndex::take(const std::string& topic, const McapMessage& message) {
-  if (topic == kDepthTopic) {
-    auto frame = read_frame_header(message.data);
+Status McapIndex::take(const RunReader::Message& message) {
+  const std::string_view topic = message.topic;
+  const std::uint64_t place = reader_.file().chunk_place();
+  if (topic == kFrameTopic) {
+    const auto frame = read_frame(message.data);
     if (!frame) return frame.error();
-    frame->place = reader_.chunk_place();
     const std::lock_guard lock(mutex_);
     if (!frames_.empty() && frame->number <= frames_.back().number) return Done{};
-    frames_.push_back(*frame);
+    frames_.push_back({place, frame->number, frame->capture_time});
     periods_.add(frame->capture_time);
   } else if (topic == kContactTopic) {
     if (!has_start_) {
@@ -123,11 +103,10 @@ Status McapIndex::take(const std::string& topic, const McapMessage& message) {
     const std::lock_guard lock(mutex_);
     settings_[setup->revision] = setup->settings;
   } else if (topic == kNoteTopic) {
-    const auto json = nlohmann::json::parse(message.data, nullptr, false);
-    if (json.is_object() && json.contains("message") && json["message"].is_string()) {
-      const std::lock_guard lock(mutex_);
-      marks_.emplace_back(message.time, json["message"].get<std::string>());
-    }
+    auto note = read_note(message.data);
+    if (!note) return note.error();
+    const std::lock_guard lock(mutex_);
+    marks_.emplace_back(message.time, *std::move(note));
   }
   return Done{};
 }
@@ -136,7 +115,7 @@ Status McapIndex::take(const std::string& topic, const McapMessage& message) {
 void McapIndex::take_moment(std::uint64_t wall_time) {
   const double time =
       1e-9 * static_cast<double>(static_cast<std::int64_t>(wall_time - wall_start_));
-  const std::uint64_t place = reader_.chunk_place();
+  const std::uint64_t place = reader_.file().chunk_place();
   const std::lock_guard lock(mutex_);
   if (chunks_.empty() || chunks_.back().place != place) chunks_.push_back({place, time, time});
   chunks_.back().first = std::min(chunks_.back().first, time);

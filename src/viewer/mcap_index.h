@@ -1,4 +1,4 @@
-// Where things are in the recording of a live run, without keeping them.
+// Where things are in the recording, without keeping them.
 #pragma once
 
 #include <condition_variable>
@@ -10,8 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/io/mcap_file.h"
-#include "src/session/haptic_messages.h"
+#include "src/session/run_reader.h"
 #include "src/viewer/frame_periods.h"
 #include "src/viewer/recorded_run.h"
 
@@ -38,7 +37,7 @@ class McapIndex {
   static Result<std::unique_ptr<McapIndex>> open(const std::filesystem::path& path);
   ~McapIndex();
 
-  const HapticSetup& setup() const { return setup_; }
+  const RunSetup& setup() const { return setup_; }
   /// Of the run's beginning, s, monotonic.
   double start() const { return start_; }
 
@@ -58,14 +57,14 @@ class McapIndex {
   IndexedChunk chunk(std::size_t index) const;
 
  private:
-  McapIndex(McapReader reader, HapticSetup setup, std::uint64_t file_size);
+  McapIndex(RunReader reader, std::uint64_t file_size);
   void read_all();
   Result<bool> read_next();
-  Status take(const std::string& topic, const McapMessage& message);
+  Status take(const RunReader::Message& message);
   void take_moment(std::uint64_t wall_time);
 
-  McapReader reader_;
-  const HapticSetup setup_;
+  RunReader reader_;
+  const RunSetup setup_;
   const std::uint64_t file_size_;
   bool has_start_ = false;
   double start_ = 0;
@@ -83,8 +82,5 @@ class McapIndex {
   std::string trouble_;
   std::thread thread_;
 };
-
-/// The frame's place in the stream, without its pixels.
-Result<IndexedFrame> read_frame_header(std::string_view message);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// A recording that can be looked at anywhere, whatever kind it is.
+// A recording that can be looked at anywhere.
 #pragma once
 
 #include <filesystem>
@@ -60,8 +60,7 @@ class RecordedRun {
   virtual std::string note() = 0;
 };
 
-/// The run on a simulated clock, or the live one, in this folder.
-Result<std::unique_ptr<RecordedRun>> open_path_run(const std::filesystem::path& folder);
-Result<std::unique_ptr<RecordedRun>> open_live_run(const std::filesystem::path& folder);
+/// The run in this folder.
+Result<std::unique_ptr<RecordedRun>> open_recorded_run(const std::filesystem::path& folder);
 
 }  // namespace palpate

@@ -40,7 +40,7 @@ Repetition::Repetition(RecordedRun& run) : run_(run), frames_(run), pool_(0) {}
 
 /// On the backend of the run if it is there.
 Status Repetition::make_part(HapticSettings settings) {
-  backend_ = settings.backend;
+  backend_ = settings.backend.value_or(Backend::cpu);
   auto part = make_contact_part(run_.tool(), settings, {});
   if (!part && backend_ != Backend::cpu) {
     settings.backend = backend_ = Backend::cpu;
@@ -102,7 +102,9 @@ const Penetration& Repetition::measure() {
 }
 
 ViewSurface Repetition::surface(std::uint64_t frame_number) const {
-  return surface_shown(timeline_->newest_cloud(), moment_.to.cloud, frame_number);
+  ViewSurface shown;
+  make_surface_picture(timeline_->newest_cloud(), moment_.to.cloud, frame_number, shown);
+  return shown;
 }
 
 }  // namespace palpate

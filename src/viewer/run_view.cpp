@@ -98,15 +98,12 @@ Result<std::string> RunView::command(std::string_view json) {
 }  // namespace
 
 Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder) {
-  const auto has = [&](const char* name) {
-    std::error_code ignored;
-    return std::filesystem::exists(folder / name, ignored);
-  };
-  if (!has(kHapticRecording) && !has(kRecordingFolder)) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(folder / kRecordingFile, ignored)) {
     return Error{Errc::not_found, "no recording in " + folder.string() +
                                       ": give the folder of a run that palpate touch wrote"};
   }
-  auto run = has(kHapticRecording) ? open_live_run(folder) : open_path_run(folder);
+  auto run = open_recorded_run(folder);
   if (!run) return run.error();
   const auto name = std::filesystem::absolute(folder).lexically_normal();
   const auto title = name.has_filename() ? name.filename() : name.parent_path().filename();

@@ -2,10 +2,10 @@
 
 namespace palpate {
 
-ViewSample sample_of(const HapticRecord& tick) {
+ViewSample sample_of(const HapticRecord& tick, bool has_hand) {
   ViewSample sample;
   sample.time = tick.time;
-  sample.F_H_B = tick.F_H_B;
+  sample.F_H_B = has_hand ? tick.F_H_B : tick.step.contact_W;
   sample.contact_W = tick.step.contact_W;
   sample.volume = tick.penetration.volume;
   sample.compute_seconds = 1e-9 * static_cast<double>(tick.compute_nanoseconds);

@@ -9,7 +9,8 @@
 
 namespace palpate {
 
-ViewSample sample_of(const HapticRecord& tick);
+/// Without a hand, the force on the tool stands for what it would feel.
+ViewSample sample_of(const HapticRecord& tick, bool has_hand);
 
 /// The last seconds; older ones that nobody has fetched are dropped.
 class SampleQueue {

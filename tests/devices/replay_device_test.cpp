@@ -45,7 +45,7 @@ TEST(ReplayDevice, PlaysAPathInRealTimeAndEndsWithIt) {
   (*device)->stop();
   ASSERT_FALSE(status.has_value());
   EXPECT_EQ(status.error().code, Errc::cancelled);
-  EXPECT_EQ(status.error().message.rfind("end of trajectory", 0), 0u);
+  EXPECT_EQ(status.error().message.rfind("the path ", 0), 0u);
 
   ASSERT_FALSE(states.empty());
   for (const DeviceState& state : states) {

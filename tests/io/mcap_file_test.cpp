@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,6 +23,21 @@ struct Sent {
   std::string data;
 };
 
+/// What compression cannot make small.
+std::string noise(std::size_t size, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::string text;
+  for (std::size_t i = 0; i < size; ++i) text += static_cast<char>('!' + random() % 90);
+  return text;
+}
+
+/// A message of one string, as CDR has it.
+std::string cdr_text(const std::string& text) {
+  std::string bytes("\0\1\0\0", 4);
+  for (int i = 0; i < 4; ++i) bytes += static_cast<char>((text.size() + 1) >> (8 * i) & 255);
+  return bytes + text + '\0';
+}
+
 class McapFile : public testing::Test {
  protected:
   void SetUp() override {
@@ -33,14 +49,14 @@ class McapFile : public testing::Test {
   // Two channels, many small messages and some large ones, small chunks.
   std::vector<Sent> write_some(bool finish = true) {
     auto writer = std::move(McapWriter::create(path_, {.chunk_bytes = 2000})).value();
-    const auto a = writer.add_channel({"/a", "palpate.A", R"({"type":"object"})"});
-    const auto b = writer.add_channel({"/b", "palpate.B", R"({"type":"object"})"});
+    EXPECT_TRUE(writer.attach("tool", "text/plain", "some bytes"));
+    const auto a = writer.add_channel({"/a", "palpate.A", "string text\n"});
+    const auto b = writer.add_channel({"/b", "palpate.B", "string text\n"});
     std::vector<Sent> sent;
     for (std::uint64_t i = 0; i < 300; ++i) {
       const bool is_large = i % 50 == 7;
       sent.push_back({i % 3 == 0 ? b : a, 1000 * i,
-                      "{\"i\":" + std::to_string(i) + ",\"pad\":\"" +
-                          std::string(is_large ? 5000 : i % 40, 'x') + "\"}"});
+                      cdr_text(std::to_string(i) + " " + noise(is_large ? 5000 : i % 40, i))});
       EXPECT_TRUE(writer.write(sent.back().channel, sent.back().time, sent.back().data));
     }
     if (finish) {
@@ -178,18 +194,40 @@ TEST_F(McapFile, TheFormatsOwnLibraryReadsIt) {
   const std::string script =
       "python3 -c \"\n"
       "from mcap.reader import make_reader\n"
-      "import json,sys\n"
       "with open('" +
       path_.string() +
       "','rb') as f:\n"
       "  r=make_reader(f, validate_crcs=True)\n"
+      "  assert r.get_header().profile=='ros2'\n"
       "  s=r.get_summary()\n"
       "  assert s.statistics.message_count==300, s.statistics\n"
-      "  m=[(c.topic,m.log_time,json.loads(m.data)) for _,c,m in r.iter_messages()]\n"
-      "  assert len(m)==300 and m[5][1]==5000 and m[5][2]['i']==5, m[5]\n"
-      "  assert {t for t,_,_ in m}=={'/a','/b'}\n"
+      "  assert s.statistics.attachment_count==1, s.statistics\n"
+      "  m=[(c.topic,c.message_encoding,x.encoding,m.log_time,m.data) for x,c,m in "
+      "r.iter_messages()]\n"
+      "  assert len(m)==300 and m[5][3]==5000 and m[5][4][8:10]==b'5 ', m[5]\n"
+      "  assert {t[:3] for t in m}=={('/a','cdr','ros2msg'),('/b','cdr','ros2msg')}\n"
+      "  a=next(r.iter_attachments())\n"
+      "  assert a.name=='tool' and a.data==b'some bytes'\n"
       "\"";
   EXPECT_EQ(std::system(script.c_str()), 0);
+}
+
+TEST_F(McapFile, HoldsWholeFiles) {
+  write_some();
+  auto reader = std::move(McapReader::open(path_)).value();
+  const auto file = reader.attachment("tool");
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(*file, "some bytes");
+  const auto absent = reader.attachment("stool");
+  ASSERT_FALSE(absent);
+  EXPECT_EQ(absent.error().code, Errc::not_found);
+  // Messages are where they were.
+  EXPECT_EQ(read_all(path_).messages.size(), 300u);
+  std::string damaged = bytes();
+  damaged[damaged.find("some bytes")] = 'S';
+  replace(damaged);
+  auto again = std::move(McapReader::open(path_)).value();
+  EXPECT_NE(again.attachment("tool").error().message.find("damaged"), std::string::npos);
 }
 
 }  // namespace

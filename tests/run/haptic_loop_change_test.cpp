@@ -52,11 +52,10 @@ struct Seen {
       settings.push_back(now);
       EXPECT_EQ(revision, settings.size());
     };
-    observer.on_frame = [this](std::uint64_t, double time, const DepthFrame& frame,
-                               std::uint32_t revision) {
+    observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       const std::lock_guard lock(mutex);
-      EXPECT_LE(revision, settings.size());
-      frames.push_back({revision, time, frame});
+      EXPECT_LE(record.revision, settings.size());
+      frames.push_back({record.revision, record.capture_time, frame});
     };
     observer.on_contact = [this](const ContactRecord& contact) {
       const std::lock_guard lock(mutex);

@@ -29,9 +29,9 @@ struct Seen {
   std::vector<HapticRecord> ticks;
 
   HapticObserver observer() {
-    return {[this](std::uint64_t number, double time, const DepthFrame& frame, std::uint32_t) {
-              EXPECT_EQ(number, frames.size());
-              frames.emplace_back(time, frame);
+    return {[this](const FrameRecord& record, const DepthFrame& frame) {
+              EXPECT_EQ(record.number, frames.size());
+              frames.emplace_back(record.capture_time, frame);
             },
             [this](const ContactRecord& contact) { contacts.push_back(contact); },
             [this](std::span<const HapticRecord> records) {

@@ -3,11 +3,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "palpate/contact/body_contact.h"
 #include "palpate/io/atomic_file.h"
-#include "palpate/session/record_run.h"
-#include "palpate/session/recording.h"
-#include "palpate/session/report.h"
-#include "src/session/run_files.h"
+#include "palpate/run/pipeline.h"
+#include "palpate/session/run.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/run_messages.h"
+#include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/allocation_counter.h"
 
@@ -15,15 +17,14 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using test::pressing_pose;
+using test::run_path;
 using test::SyntheticStream;
-
-const PoseFunction kPath = [](std::size_t, double time) { return test::pressing_pose(time); };
 
 class Objects : public ::testing::Test {
  protected:
   Objects() {
     const auto shape = std::make_shared<const Tool>(test::random_tool(150, 0.04, 9));
-    settings_.num_threads = 1;
     settings_.objects = {{shape, {{0.05, 0, 0.45}, axis_angle({0, 1, 0}, 0.3)}},
                          {shape, {{-0.045, 0.03, 0.47}, {}}}};
   }
@@ -31,33 +32,34 @@ class Objects : public ::testing::Test {
   static std::string read(const fs::path& path) { return read_file(path).value(); }
   Result<RunOutcome> record(const fs::path& name) {
     SyntheticStream stream(5);
-    return record_run(tool_, stream, kPath, settings_, name);
+    auto device = test::path_device(pressing_pose, settings_.contact_rate);
+    return record_run(tool_, stream, **device, settings_, name);
   }
 
   test::TemporaryFolder folder_;
   Tool tool_ = test::small_tool();
-  RunSettings settings_;
+  HapticSettings settings_ = test::path_settings();
 };
 
 TEST_F(Objects, AreFeltBesideTheCloud) {
   SyntheticStream stream(5), same_stream(5);
-  const auto log = run_session(tool_, stream, kPath, settings_);
+  const auto log = run_path(tool_, stream, pressing_pose, settings_);
   ASSERT_TRUE(log) << log.error().message;
-  RunSettings without = settings_;
+  HapticSettings without = settings_;
   without.objects.clear();
-  const auto cloud_log = run_session(tool_, same_stream, kPath, without);
+  const auto cloud_log = run_path(tool_, same_stream, pressing_pose, without);
   ASSERT_TRUE(cloud_log) << cloud_log.error().message;
   ASSERT_EQ(log->ticks.size(), cloud_log->ticks.size());
   BodyContact contact(tool_, *settings_.objects[0].shape);
   int num_both = 0;
   for (std::size_t k = 0; k < log->ticks.size(); ++k) {
-    const TickRecord& tick = log->ticks[k];
+    const HapticRecord& tick = log->ticks[k];
     const Penetration& cloud = cloud_log->ticks[k].penetration;
-    const BodyPenetration one = contact.measure(tick.X_WT, settings_.objects[0].X_WB);
-    const BodyPenetration two = contact.measure(tick.X_WT, settings_.objects[1].X_WB);
+    const BodyPenetration one = contact.measure(tick.step.X_WT, settings_.objects[0].X_WB);
+    const BodyPenetration two = contact.measure(tick.step.X_WT, settings_.objects[1].X_WB);
     EXPECT_EQ(tick.objects.volume, one.on_a.volume + two.on_a.volume);
     EXPECT_EQ(tick.objects.measure_W.torque, one.on_a.measure_W.torque + two.on_a.measure_W.torque);
-    EXPECT_EQ(tick.object_pairs, one.num_pairs + two.num_pairs);
+    EXPECT_EQ(tick.num_object_pairs, one.num_pairs + two.num_pairs);
     EXPECT_EQ(tick.penetration.volume, cloud.volume + tick.objects.volume);
     EXPECT_EQ(tick.penetration.measure_W.force,
               cloud.measure_W.force + tick.objects.measure_W.force);
@@ -70,106 +72,60 @@ TEST_F(Objects, AreFeltBesideTheCloud) {
 TEST_F(Objects, FarAwayChangeNoBit) {
   for (SceneObject& object : settings_.objects) object.X_WB.translation.x += 10;
   SyntheticStream stream(5), same_stream(5);
-  const auto log = run_session(tool_, stream, kPath, settings_);
-  RunSettings without = settings_;
+  const auto log = run_path(tool_, stream, pressing_pose, settings_);
+  HapticSettings without = settings_;
   without.objects.clear();
-  const auto cloud_log = run_session(tool_, same_stream, kPath, without);
+  const auto cloud_log = run_path(tool_, same_stream, pressing_pose, without);
   ASSERT_TRUE(log && cloud_log);
-  RunLog disguised = *log;
-  disguised.settings.objects.clear();
-  EXPECT_EQ(wrench_csv(tool_, disguised), wrench_csv(tool_, *cloud_log));
+  ASSERT_EQ(log->ticks.size(), cloud_log->ticks.size());
+  for (std::size_t k = 0; k < log->ticks.size(); ++k) {
+    ASSERT_EQ(difference(log->ticks[k], cloud_log->ticks[k]), "");
+  }
 }
 
 TEST_F(Objects, TicksDoNotAllocate) {
   SyntheticStream stream(1);
-  auto session = Session::create(tool_, stream.info(), settings_);
-  ASSERT_TRUE(session) << session.error().message;
+  auto pipeline = Pipeline::create(tool_, stream.info(), DeviceInfo{}, settings_);
+  ASSERT_TRUE(pipeline) << pipeline.error().message;
   DepthFrame frame;
   ASSERT_TRUE(stream.next(frame));
-  session->take_frame(frame, 0);
-  (void)session->tick(0, test::pressing_pose(0));
+  pipeline->push(frame, 0);
+  pipeline->measure(pressing_pose(0), 0);
   const test::AllocationCounter counter;
-  const TickRecord tick = session->tick(0.001, test::pressing_pose(0.001));
+  EXPECT_GT(pipeline->measure(pressing_pose(0.001), 0.001).num_object_pairs, 0);
   EXPECT_EQ(counter.count(), 0u);
-  EXPECT_GT(tick.object_pairs, 0);
 }
 
 TEST_F(Objects, RunsAreRecordedAndRepeatedIdentically) {
   const auto outcome = record(run());
   ASSERT_TRUE(outcome) << outcome.error().message;
-  const std::string csv = read(run() / "wrench.csv");
-  EXPECT_EQ(csv.substr(0, csv.find('\n')),
-            "t,tx,ty,tz,qx,qy,qz,qw,volume,fraction,fx,fy,fz,mx,my,mz,boundary_spheres,"
-            "inside_spheres,points,frame,status,objects_volume,objects_fx,objects_fy,objects_fz,"
-            "objects_mx,objects_my,objects_mz,object_pairs");
-  EXPECT_TRUE(fs::is_regular_file(run() / "recording/object-001.palp"));
-  EXPECT_EQ(nlohmann::json::parse(read(run() / "recording/recording.json")).at("version"), 2);
-
   const auto summary = nlohmann::json::parse(read(run() / "summary.json"));
-  ASSERT_EQ(summary.at("settings").at("objects").size(), 2u);
-  EXPECT_EQ(summary.at("settings").at("objects").at(0).at("spheres"), 150);
-  EXPECT_EQ(summary.at("settings").at("objects").at(1).at("pose").at(2), 0.47);
-  EXPECT_GT(summary.at("objects").at("peak_volume"), 0);
-  EXPECT_GT(summary.at("objects").at("ticks_in_contact"), 0);
+  EXPECT_GT(summary.at("peaks").at("objects_volume_m3"), 0);
+  EXPECT_GT(summary.at("ticks_in_objects"), 0);
   EXPECT_NE(read(run() / "report.html").find("150 spheres, at -0.045, 0.03, 0.47 m"),
             std::string::npos);
-
-  ReplayOptions options;
-  options.output = folder_.path() / "again";
-  const auto replay = replay_run(run(), options);
+  const auto replay = replay_run(run());
   ASSERT_TRUE(replay) << replay.error().message;
   EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(read(*options.output / "wrench.csv"), csv);
-  const auto third = replay_run(*options.output, {});
-  ASSERT_TRUE(third) << third.error().message;
-  EXPECT_EQ(third->difference, "");
-  // A run with objects may be replaced by the next one, with or without.
-  settings_.objects.pop_back();
-  EXPECT_TRUE(record(run()));
-  EXPECT_FALSE(fs::exists(run() / "recording/object-001.palp"));
-}
-
-TEST_F(Objects, RecordingsWithoutThemStayReadableByOlderPrograms) {
-  settings_.objects.clear();
-  ASSERT_TRUE(record(run()));
-  const auto manifest = nlohmann::json::parse(read(run() / "recording/recording.json"));
-  EXPECT_EQ(manifest.at("version"), 1);
-  EXPECT_FALSE(manifest.at("settings").contains("objects"));
-  EXPECT_EQ(read(run() / "wrench.csv").find("object"), std::string::npos);
+  const auto again =
+      retry_run(run(), folder_.path() / "again", [](HapticSettings&) -> Status { return Done{}; });
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(again->forces.max, 0);
+  EXPECT_EQ(read(folder_.path() / "again" / "wrench.csv"), read(run() / "wrench.csv"));
 }
 
 TEST_F(Objects, DamagedOnesAreErrors) {
   ASSERT_TRUE(record(run()));
-  const auto message = [&] {
-    const auto replay = replay_run(run(), {});
-    return replay ? std::string("no error") : replay.error().message;
-  };
-  const fs::path file = run() / "recording/object-001.palp";
-  const std::string good = read(file);
-  std::string bad = good;
-  bad[bad.size() / 2] ^= 1;
-  ASSERT_TRUE(write_file_atomically(file, bad));
-  EXPECT_NE(message().find("object-001.palp"), std::string::npos) << message();
-  fs::remove(file);
-  EXPECT_NE(message().find("object-001.palp"), std::string::npos) << message();
-  ASSERT_TRUE(write_file_atomically(file, good));
-  EXPECT_EQ(message(), "no error");
-
-  const fs::path manifest = run() / "recording/recording.json";
-  const std::string text = read(manifest);
-  const auto good_json = nlohmann::ordered_json::parse(text);
-  for (const nlohmann::ordered_json& pose :
-       {nlohmann::ordered_json(nullptr), nlohmann::ordered_json({1, 2, 3}),
-        nlohmann::ordered_json({1, 2, 3, 0, 0, 0, "one"})}) {
-    auto json = good_json;
-    json["settings"]["objects"][0]["pose"] = pose;
-    ASSERT_TRUE(write_file_atomically(manifest, json.dump()));
-    EXPECT_NE(message().find("not a recording"), std::string::npos) << message();
-  }
-  auto more = good_json;
-  more["settings"]["objects"].push_back(more["settings"]["objects"][0]);
-  ASSERT_TRUE(write_file_atomically(manifest, more.dump()));
-  EXPECT_NE(message().find("does not list object-002.palp"), std::string::npos) << message();
+  const fs::path file = run() / kRecordingFile;
+  std::string bytes = read(file);
+  const std::size_t at = bytes.find("object-001.palp");
+  ASSERT_NE(at, std::string::npos);
+  bytes[at + 500] = static_cast<char>(bytes[at + 500] ^ 1);
+  ASSERT_TRUE(write_file_atomically(file, bytes));
+  const auto replay = replay_run(run());
+  ASSERT_FALSE(replay);
+  EXPECT_NE(replay.error().message.find("object-001.palp"), std::string::npos)
+      << replay.error().message;
 }
 
 TEST_F(Objects, WithoutShapeOrPoseAreErrors) {

@@ -9,10 +9,10 @@
 #include <utility>
 
 #include "palpate/math/sphere.h"
-#include "palpate/session/session.h"
 #include "src/session/coarse_depth.h"
 #include "tests/session/function_stream.h"
 #include "tests/session/packed_tool.h"
+#include "tests/session/path_run.h"
 #include "tests/test_util/contact_scenes.h"
 
 namespace palpate {
@@ -52,9 +52,8 @@ TEST(ProbingPath, StartsFreeReachesATenthAndLeaves) {
   EXPECT_EQ(path->choice.note, "");
   EXPECT_EQ(path->poses.front().time, 0);
   EXPECT_NEAR(path->poses.back().time, 4.0, 1e-12);
-  const auto log = run_session(
-      tool, again, [&](std::size_t, double time) { return pose_at(path->poses, time); },
-      RunSettings{});
+  const auto log = test::run_path(
+      tool, again, [&](double time) { return pose_at(path->poses, time); }, test::path_settings());
   ASSERT_TRUE(log) << log.error().message;
   const auto fraction = [&](std::size_t tick) {
     return log->ticks[tick].penetration.volume / full_volume(tool, ContactOptions{});
@@ -117,9 +116,8 @@ TEST(ProbingPath, PressesThroughNothingOnItsWayToWhatIsFarBehind) {
   FunctionStream stream(hole, every(0.04, 300)), again(hole, every(0.04, 300));
   const auto path = probing_path(copies_of(stream), tool, std::nullopt, {.pixel = {{119.5, 89.5}}});
   ASSERT_TRUE(path) << path.error().message;
-  const auto log = run_session(
-      tool, again, [&](std::size_t, double time) { return pose_at(path->poses, time); },
-      RunSettings{});
+  const auto log = test::run_path(
+      tool, again, [&](double time) { return pose_at(path->poses, time); }, test::path_settings());
   ASSERT_TRUE(log) << log.error().message;
   EXPECT_GT(log->ticks[4500].penetration.volume, 0.05 * tool.mesh_mass().volume);
   for (std::size_t tick = 5400; tick < 8800; tick += 20) {
@@ -146,9 +144,8 @@ TEST(ProbingPath, HoldsALongToolByItsAxisAndStaysClearOfSurroundings) {
   for (const TimedPose& pose : path->poses) {
     EXPECT_GT(rotate(pose.X_WT.rotation, {-1, 0, 0}).z, 0.8);
   }
-  const auto log = run_session(
-      *tool, again, [&](std::size_t, double time) { return pose_at(path->poses, time); },
-      RunSettings{});
+  const auto log = test::run_path(
+      *tool, again, [&](double time) { return pose_at(path->poses, time); }, test::path_settings());
   ASSERT_TRUE(log) << log.error().message;
   EXPECT_EQ(log->ticks.front().penetration.volume, 0);
   EXPECT_EQ(log->ticks.back().penetration.volume, 0);

@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "palpate/io/depth_files.h"
-#include "palpate/session/session.h"
 #include "scenes/scene.h"
 #include "tests/session/function_stream.h"
 #include "tests/session/packed_tool.h"
+#include "tests/session/path_run.h"
 #include "tests/test_util/data.h"
 
 namespace palpate {

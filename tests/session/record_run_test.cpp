@@ -1,219 +1,288 @@
-#include "palpate/session/record_run.h"
-
+// Runs along a path with all that is kept of them: recorded, repeated, and tried with other
+// settings.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "palpate/io/atomic_file.h"
-#include "palpate/session/recording.h"
+#include "palpate/session/run.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/run_reader.h"
+#include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using test::path_settings;
+using test::pressing_pose;
 using test::SyntheticStream;
 
-const PoseFunction kPath = [](std::size_t, double time) { return test::pressing_pose(time); };
+std::string read(const fs::path& path) { return read_file(path).value(); }
+
+/// wrench.csv: the columns by name.
+std::map<std::string, std::vector<double>> columns_of(const fs::path& csv) {
+  std::istringstream lines(read(csv));
+  std::string line, word;
+  std::getline(lines, line);
+  std::vector<std::string> names;
+  for (std::istringstream words(line); std::getline(words, word, ',');) names.push_back(word);
+  std::map<std::string, std::vector<double>> columns;
+  while (std::getline(lines, line)) {
+    std::size_t i = 0;
+    for (std::istringstream words(line); std::getline(words, word, ','); ++i) {
+      columns[names.at(i)].push_back(std::stod(word));
+    }
+    EXPECT_EQ(i, names.size());
+  }
+  return columns;
+}
 
 class RecordRun : public ::testing::Test {
  protected:
-  fs::path run() const { return folder_.path() / "run"; }
-  fs::path recording() const { return run() / "recording"; }
-
-  Result<RunOutcome> record(const fs::path& name, int num_threads = 1) {
-    SyntheticStream stream(5);
-    RunSettings settings;
-    settings.num_threads = num_threads;
-    settings.contact.method = InsideMethod::graph;
-    settings.contact.inside = InsideVolume::cap;
-    settings.contact.volumes = SphereVolumes::represented;
-    settings.contact.edges = Edges::cut;
-    settings.contact.continuity = Continuity::both;
-    settings.surface.normals.radius = 2;
-    settings.time.mode = TimeMode::predict;
-    settings.time.average = {DepthAverage::moving, 5, 0.5, 0.02, 4};
-    return record_run(tool_, stream, kPath, settings, name);
+  RecordRun() {
+    settings_.contact.method = InsideMethod::graph;
+    settings_.contact.inside = InsideVolume::cap;
+    settings_.contact.volumes = SphereVolumes::represented;
+    settings_.contact.edges = Edges::cut;
+    settings_.surface.depth_change.enabled = true;
+    settings_.contact.continuity = Continuity::both;
+    settings_.surface.normals.radius = 2;
+    settings_.time.mode = TimeMode::predict;
+    settings_.time.average = {DepthAverage::moving, 5, 0.5, 0.02, 4};
   }
+  fs::path run() const { return folder_.path() / "run"; }
 
-  static std::string read(const fs::path& path) { return read_file(path).value(); }
-  static void write(const fs::path& path, const std::string& text) {
-    ASSERT_TRUE(write_file_atomically(path, text));
+  Result<RunOutcome> record(const fs::path& name, SyntheticStream stream = SyntheticStream(5),
+                            RunOptions options = {}) {
+    auto device = test::path_device(pressing_pose, settings_.contact_rate);
+    return record_run(tool_, stream, **device, settings_, name, options);
   }
 
   test::TemporaryFolder folder_;
   Tool tool_ = test::small_tool();
+  HapticSettings settings_ = path_settings();
 };
 
 TEST_F(RecordRun, WritesEverythingAndReplaysIdentically) {
-  const auto outcome = record(run());
+  RunOptions options;
+  options.time_origin = 1000.25;
+  const auto outcome = record(run(), SyntheticStream(5), options);
   ASSERT_TRUE(outcome) << outcome.error().message;
-  for (const char* file : {"wrench.csv", "timing.csv", "summary.json", "report.html",
-                           "recording/recording.json", "recording/tool.palp", "recording/path.txt",
-                           "recording/depth.txt", "recording/depth/000004.png"}) {
+  for (const char* file : {"recording.mcap", "wrench.csv", "summary.json", "report.html"}) {
     EXPECT_TRUE(fs::is_regular_file(run() / file)) << file;
   }
+  EXPECT_EQ(std::distance(fs::directory_iterator(run()), {}), 4);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), {}), 1);
-  EXPECT_EQ(outcome->warning, "");
-  const std::string csv = read(run() / "wrench.csv");
-  EXPECT_EQ(csv.substr(0, csv.find('\n')),
-            "t,tx,ty,tz,qx,qy,qz,qw,volume,fraction,fx,fy,fz,mx,my,mz,boundary_spheres,"
-            "inside_spheres,points,frame,status");
-  EXPECT_EQ(static_cast<std::size_t>(std::count(csv.begin(), csv.end(), '\n')),
-            outcome->log.ticks.size() + 1);
+  EXPECT_TRUE(is_run(run()));
+  auto columns = columns_of(run() / "wrench.csv");
+  const std::size_t num_ticks = outcome->loop.num_ticks;
+  EXPECT_EQ(columns["time_s"].size(), num_ticks);
+  EXPECT_EQ(columns["timestamp_s"][7], 1000.25 + columns["time_s"][7]);
+  const double scale = 12 / (full_volume(tool_, settings_.contact) / 8);  // a sigma.7: 12 N
+  double most = 0;
+  for (std::size_t k = 0; k < num_ticks; ++k) {
+    const Pose X_WT = pressing_pose(columns["time_s"][k]);
+    EXPECT_EQ(columns["tool_z_m"][k], X_WT.translation.z);
+    EXPECT_NEAR(columns["force_z_N"][k], scale * columns["measure_z_m3"][k],
+                1e-12 * scale * std::abs(columns["measure_z_m3"][k]));
+    most = std::max(most, columns["volume_m3"][k]);
+  }
   const auto summary = nlohmann::json::parse(read(run() / "summary.json"));
-  EXPECT_EQ(summary.at("ticks"), outcome->log.ticks.size());
+  EXPECT_EQ(summary.at("ticks"), num_ticks);
   EXPECT_EQ(summary.at("frames"), 5);
-  EXPECT_EQ(summary.at("interrupted"), false);
-  EXPECT_GT(summary.at("peak").at("volume").get<double>(), 0);
+  EXPECT_EQ(summary.at("fault"), "none");
+  EXPECT_EQ(summary.at("ending"), "the depth frames have ended");
+  EXPECT_EQ(summary.at("peaks").at("volume_m3"), most);
+  EXPECT_GT(most, 0);
+  EXPECT_NEAR(summary.at("newtons_per_m3").get<double>() / scale, 1, 1e-12);
+  EXPECT_EQ(summary.at("settings").at("contact").at("method"), "graph");
+  const std::string report = read(run() / "report.html");
+  EXPECT_NE(report.find("12 N at an eighth of the tool"), std::string::npos);
 
-  ReplayOptions options;
-  options.output = folder_.path() / "again";
-  options.num_threads = 2;
-  const auto replay = replay_run(run(), options);
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->num_ticks, outcome->log.ticks.size());
-  EXPECT_EQ(read(*options.output / "wrench.csv"), csv);
-  const auto third = replay_run(*options.output, {});
-  ASSERT_TRUE(third) << third.error().message;
-  EXPECT_EQ(third->difference, "");
+  for (const int num_threads : {1, 2}) {
+    ReplayOptions replay_options;
+    replay_options.num_threads = num_threads;
+    const auto replay = replay_run(run(), replay_options);
+    ASSERT_TRUE(replay) << replay.error().message;
+    EXPECT_EQ(replay->difference, "");
+    EXPECT_EQ(replay->note, "");
+    EXPECT_EQ(replay->num_ticks, num_ticks);
+    EXPECT_EQ(replay->num_contacts, num_ticks);
+  }
+  // The same run again, byte for byte.
+  const std::string csv = read(run() / "wrench.csv");
+  ASSERT_TRUE(record(run(), SyntheticStream(5), options));
+  EXPECT_EQ(read(run() / "wrench.csv"), csv);
+}
+
+TEST_F(RecordRun, RepeatsWithACouplingToo) {
+  for (const CouplingKind kind :
+       {CouplingKind::virtual_coupling, CouplingKind::direct, CouplingKind::proxy}) {
+    settings_.coupling.kind = kind;
+    settings_.contact.method = InsideMethod::field;
+    const auto outcome = record(run());
+    ASSERT_TRUE(outcome) << outcome.error().message;
+    EXPECT_EQ(outcome->failure, "");
+    EXPECT_GT(outcome->peaks.volume, 0);
+    const auto replay = replay_run(run());
+    ASSERT_TRUE(replay) << replay.error().message;
+    EXPECT_EQ(replay->difference, "");
+  }
+}
+
+// What other settings would have given is what a run with them gives.
+TEST_F(RecordRun, RetriesWithOtherSettings) {
+  ASSERT_TRUE(record(run()));
+  const fs::path again = folder_.path() / "again", other = folder_.path() / "other";
+  const auto same = retry_run(run(), again, [](HapticSettings&) -> Status { return Done{}; });
+  ASSERT_TRUE(same) << same.error().message;
+  EXPECT_EQ(same->forces.max, 0);
+  EXPECT_GT(same->forces.peak_before, 0);
+  EXPECT_EQ(same->forces.peak_before, same->forces.peak_after);
+  EXPECT_EQ(read(again / "wrench.csv"), read(run() / "wrench.csv"));
+
+  const auto edit = [](HapticSettings& settings) -> Status {
+    settings.contact.method = InsideMethod::weighted;
+    settings.time.mode = TimeMode::latest;
+    settings.time.average.kind = DepthAverage::none;
+    return Done{};
+  };
+  const auto changed = retry_run(run(), again, edit);
+  ASSERT_TRUE(changed) << changed.error().message;
+  ASSERT_TRUE(edit(settings_));
+  ASSERT_TRUE(record(other));
+  EXPECT_EQ(read(again / "wrench.csv"), read(other / "wrench.csv"));
+  auto before = columns_of(run() / "wrench.csv"), after = columns_of(other / "wrench.csv");
+  double most = 0;
+  for (std::size_t k = 0; k < before["time_s"].size(); ++k) {
+    const auto force = [k](auto& columns) {
+      return Vec3d{columns["force_x_N"][k], columns["force_y_N"][k], columns["force_z_N"][k]};
+    };
+    most = std::max(most, norm(force(after) - force(before)));
+  }
+  EXPECT_DOUBLE_EQ(changed->forces.max, most);
+  EXPECT_GT(most, 0);
 }
 
 TEST_F(RecordRun, InterruptedRunIsWholeAndReplays) {
-  SyntheticStream stream(5);
-  const auto outcome = record_run(tool_, stream, kPath, {}, run(),
-                                  [](const TickRecord& tick) { return tick.time < 0.05; });
+  RunOptions options;
+  options.keep_going = [] { return false; };
+  options.clock.keeps_pace = true;  // so that there is something to interrupt
+  const auto outcome = record(run(), SyntheticStream(60), options);
   ASSERT_TRUE(outcome) << outcome.error().message;
-  EXPECT_TRUE(outcome->log.interrupted);
+  EXPECT_TRUE(outcome->was_interrupted);
+  EXPECT_LT(outcome->loop.num_ticks, 1900u);
   EXPECT_EQ(nlohmann::json::parse(read(run() / "summary.json")).at("interrupted"), true);
-  const auto replay = replay_run(run(), {});
+  const auto replay = replay_run(run());
   ASSERT_TRUE(replay) << replay.error().message;
   EXPECT_EQ(replay->difference, "");
-}
-
-TEST_F(RecordRun, ReplayNamesTheFirstLineThatDiffers) {
-  ASSERT_TRUE(record(run()));
-  std::string csv = read(run() / "wrench.csv");
-  const std::size_t line = csv.find("\n0.002,") + 1;
-  csv[csv.find(',', line) + 1] ^= 1;
-  write(run() / "wrench.csv", csv);
-  const auto replay = replay_run(run(), {});
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference.substr(0, 7), "line 4:") << replay->difference;
-  write(run() / "wrench.csv", csv.substr(0, 200));
-  EXPECT_NE(replay_run(run(), {})->difference, "");
 }
 
 TEST_F(RecordRun, DamagedRecordingsAreErrors) {
   ASSERT_TRUE(record(run()));
-  const std::string manifest = read(recording() / "recording.json");
-  const auto message = [&] {
-    const auto replay = replay_run(run(), {});
-    return replay ? std::string("no error") : replay.error().message;
-  };
-  for (const char* file : {"tool.palp", "path.txt", "depth.txt", "depth/000002.png"}) {
-    const std::string good = read(recording() / file);
+  const fs::path file = run() / kRecordingFile;
+  const std::string good = read(file);
+  int num_found = 0;
+  for (std::size_t at = 100; at < good.size(); at += good.size() / 40) {
     std::string bad = good;
-    bad[bad.size() / 2] ^= 1;
-    write(recording() / file, bad);
-    EXPECT_NE(message().find(file), std::string::npos) << message();
-    fs::remove(recording() / file);
-    EXPECT_NE(message().find(file), std::string::npos) << message();
-    write(recording() / file, good);
+    bad[at] = static_cast<char>(bad[at] ^ 1);
+    ASSERT_TRUE(write_file_atomically(file, bad));
+    const auto replay = replay_run(run());
+    // The summary at the end is not needed, and bits of its index neither.
+    num_found += !replay || !replay->difference.empty() || !replay->note.empty();
   }
-  const auto replace = [&](const std::string& from, const std::string& to) {
-    std::string text = manifest;
-    text.replace(text.find(from), from.size(), to);
-    write(recording() / "recording.json", text);
-  };
-  for (const auto& [from, to] : std::initializer_list<std::pair<const char*, const char*>>{
-           {"\"version\": 1", "\"version\": 99"},
-           {"palpate recording", "something else"},
-           {"\"graph\"", "\"granite\""},
-           {"\"contact_rate\": 1000.0", "\"contact_rate\": \"fast\""},
-           {"\"contact_rate\": 1000.0", "\"contact_rate\": -1.0"},
-           {"\"files\"", "\"piles\""},
-           {"\"tool.palp\"", "\"path.txt\""},
-           {"{", "["}}) {
-    replace(from, to);
-    EXPECT_NE(message(), "no error") << from;
-  }
-  write(recording() / "recording.json", manifest);
-  EXPECT_EQ(message(), "no error");
-}
-
-TEST_F(RecordRun, OtherJsonIsNamedInPlainWords) {
-  ASSERT_TRUE(record(run()));
-  for (const auto& [text, words] : std::initializer_list<std::pair<const char*, const char*>>{
-           {"{}", "it has no \"format\""}, {"x", "it is not JSON"}}) {
-    write(recording() / "recording.json", text);
-    const auto replay = replay_run(run(), {});
-    ASSERT_FALSE(replay);
-    const std::string& message = replay.error().message;
-    EXPECT_NE(message.find("recording.json is not a recording of palpate"), std::string::npos);
-    EXPECT_NE(message.find(words), std::string::npos) << message;
-    EXPECT_EQ(message.find("exception"), std::string::npos) << message;
+  EXPECT_GT(num_found, 30);
+  for (const std::string& text : {std::string("x"), std::string(), good.substr(0, 200)}) {
+    ASSERT_TRUE(write_file_atomically(file, text));
+    EXPECT_FALSE(replay_run(run()));
+    EXPECT_FALSE(is_run(run()));
   }
 }
 
 TEST_F(RecordRun, WarnsOfFramesWithoutASurface) {
-  SyntheticStream stream(5);
-  RunSettings settings;
-  settings.surface.max_depth = 0.2;  // nearer than everything
-  const auto outcome = record_run(tool_, stream, kPath, settings, run());
+  settings_.surface.max_depth = 0.2;  // nearer than everything
+  const auto outcome = record(run());
   ASSERT_TRUE(outcome) << outcome.error().message;
-  EXPECT_EQ(outcome->warning.substr(0, 51), "0 of 6912 pixels are usable (0.1 to 0.2 m, with a s");
-  EXPECT_EQ(nlohmann::json::parse(read(run() / "summary.json")).at("warning"), outcome->warning);
+  ASSERT_EQ(outcome->warnings.size(), 1u);
+  EXPECT_EQ(outcome->warnings[0].substr(0, 51),
+            "0 of 6912 pixels are usable (0.1 to 0.2 m, with a s");
 }
 
-TEST_F(RecordRun, NothingIsLeftBehindByAFault) {
+TEST_F(RecordRun, NothingIsLeftBehindIfItCannotBegin) {
+  EXPECT_FALSE(record(run(), SyntheticStream(0)));
+  settings_.surface.normals.radius = 1000;
+  EXPECT_FALSE(record(run()));
+  EXPECT_TRUE(fs::is_empty(folder_.path()));
+}
+
+TEST_F(RecordRun, AFrameThatCannotBeReadEndsTheRun) {
   SyntheticStream stream(6);
   stream.fail_at = 3;
-  const auto outcome = record_run(tool_, stream, kPath, {}, run());
-  ASSERT_FALSE(outcome);
-  EXPECT_TRUE(fs::is_empty(folder_.path()));
+  const auto outcome = record(run(), stream);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_NE(outcome->failure.find("frame 3"), std::string::npos) << outcome->failure;
+  EXPECT_EQ(replay_run(run())->difference, "");
 }
 
 TEST_F(RecordRun, ReplacesAnEarlierRunOnly) {
   ASSERT_TRUE(record(run()));
-  const std::string first = read(run() / "wrench.csv");
-  ASSERT_TRUE(record(run(), 2));
-  EXPECT_EQ(read(run() / "wrench.csv"), first);
   const fs::path other = folder_.path() / "other";
   fs::create_directory(other);
   ASSERT_TRUE(record(other));
   fs::remove_all(other);
   fs::create_directory(other);
-  write(other / "precious.txt", "data");
+  ASSERT_TRUE(write_file_atomically(other / "precious.txt", "data"));
   EXPECT_FALSE(record(other));
   EXPECT_EQ(read(other / "precious.txt"), "data");
 }
 
-TEST_F(RecordRun, SettingsSurviveTheRecording) {
+TEST_F(RecordRun, SettingsFramesAndPosesSurviveTheRecording) {
   ASSERT_TRUE(record(run()));
-  const auto recording = load_recording(run() / "recording");
-  ASSERT_TRUE(recording) << recording.error().message;
-  EXPECT_EQ(recording->settings.contact.method, InsideMethod::graph);
-  EXPECT_EQ(recording->settings.contact.inside, InsideVolume::cap);
-  EXPECT_EQ(recording->settings.contact.volumes, SphereVolumes::represented);
-  EXPECT_EQ(recording->settings.contact.edges, Edges::cut);
-  EXPECT_EQ(recording->settings.contact.continuity, Continuity::both);
-  EXPECT_EQ(recording->settings.surface.normals.radius, 2);
-  const TimeOptions& time = recording->settings.time;
-  EXPECT_EQ(time.mode, TimeMode::predict);
-  EXPECT_EQ(time.average.kind, DepthAverage::moving);
-  EXPECT_EQ(time.average.frames, 5);
-  EXPECT_EQ(time.average.weight, 0.5);
-  EXPECT_EQ(time.average.max_jump, 0.02);
-  EXPECT_EQ(time.average.keep_frames, 4);
-  EXPECT_EQ(recording->frames->info().intrinsics, SyntheticStream(1).info().intrinsics);
-  EXPECT_EQ(recording->frames->info().unit, 0.0005);
-  for (std::size_t k = 0; k < recording->poses.size(); ++k) {
-    EXPECT_EQ(recording->poses[k], test::pressing_pose(static_cast<double>(k) / 1000)) << k;
+  auto reader = RunReader::open(run() / kRecordingFile);
+  ASSERT_TRUE(reader) << reader.error().message;
+  const RunSetup& setup = reader->setup();
+  EXPECT_EQ(setup.settings.contact.method, InsideMethod::graph);
+  EXPECT_EQ(setup.settings.contact.edges, Edges::cut);
+  EXPECT_EQ(setup.settings.time.average.frames, 5);
+  EXPECT_EQ(setup.settings.time.average.max_jump, 0.02);
+  EXPECT_EQ(setup.settings.coupling.kind, CouplingKind::none);
+  EXPECT_EQ(setup.stream.intrinsics, SyntheticStream(1).info().intrinsics);
+  EXPECT_EQ(setup.device.kind, "path");
+  const auto tool = reader->load_tools();
+  ASSERT_TRUE(tool) << tool.error().message;
+  EXPECT_EQ(tool->spheres().size(), tool_.spheres().size());
+  HapticRecord tick;
+  for (int k = 0; *reader->next_tick(tick); ++k) {
+    EXPECT_EQ(tick.device.X_BH, pressing_pose(k / 1000.0)) << k;
   }
+  auto frames = RunReader::open(run() / kRecordingFile);
+  SyntheticStream stream(5);
+  RecordedDepth recorded;
+  DepthFrame frame;
+  while (*stream.next(frame)) {
+    ASSERT_TRUE(*frames->next_frame(recorded));
+    EXPECT_EQ(recorded.frame.pixels, frame.pixels);
+    EXPECT_EQ(recorded.frame.timestamp, frame.timestamp);
+    EXPECT_EQ(recorded.frame.unit, frame.unit);
+  }
+  EXPECT_FALSE(*frames->next_frame(recorded));
 }
+
+#if !defined(PALPATE_CUDA)
+TEST_F(RecordRun, AutoSaysWhyItIsTheCpu) {
+  settings_.backend = std::nullopt;
+  const auto outcome = record(run());
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->settings.backend, Backend::cpu);
+  EXPECT_NE(outcome->why_not_cuda.find("no CUDA backend"), std::string::npos);
+  settings_.backend = Backend::cuda;
+  EXPECT_FALSE(record(run()));
+}
+#endif
 
 }  // namespace
 }  // namespace palpate

@@ -1,13 +1,14 @@
-#include "palpate/session/report.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "palpate/io/atomic_file.h"
+#include "palpate/session/run.h"
 #include "src/session/base64.h"
 #include "src/session/scene_picture.h"
 #include "src/session/statistics.h"
 #include "src/session/svg_plot.h"
+#include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
@@ -19,38 +20,42 @@ std::size_t count(const std::string& text, const std::string& word) {
   return n;
 }
 
+Result<std::string> report_of(test::SyntheticStream stream, test::PathFunction X_WT,
+                              double duration, const HapticSettings& settings) {
+  const test::TemporaryFolder folder;
+  auto device = test::path_device(std::move(X_WT), 1000, duration);
+  const auto outcome =
+      record_run(test::small_tool(), stream, **device, settings, folder.path() / "run");
+  if (!outcome) return outcome.error();
+  return read_file(folder.path() / "run" / "report.html");
+}
+
 TEST(Report, IsWholeAndEscaped) {
-  const Tool tool = test::small_tool();
-  test::SyntheticStream stream(5);
-  const auto log = run_session(
-      tool, stream, [](std::size_t, double time) { return test::pressing_pose(time); }, {});
-  ASSERT_TRUE(log) << log.error().message;
-  const auto html = make_report(tool, *log);
-  ASSERT_TRUE(html) << html.error().message;
-  EXPECT_EQ(count(*html, "data:image/png;base64,iVBOR"), 3u);
-  EXPECT_EQ(count(*html, "<svg"), count(*html, "</svg>"));
-  EXPECT_GE(count(*html, "<svg"), 8u);
-  EXPECT_EQ(count(*html, "<wall>"), 0u);
-  EXPECT_GE(count(*html, "&lt;wall&gt;"), 1u);
-  EXPECT_EQ(count(*html, "nan"), 0u);
-  EXPECT_EQ(count(*html, "http"), 0u) << "the page must not need the network";
+  for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
+    HapticSettings settings = test::path_settings();
+    settings.coupling.kind = kind;
+    const auto html = report_of(test::SyntheticStream(5), test::pressing_pose, 10, settings);
+    ASSERT_TRUE(html) << html.error().message;
+    EXPECT_EQ(count(*html, "data:image/png;base64,iVBOR"), 3u);
+    EXPECT_EQ(count(*html, "<svg"), count(*html, "</svg>"));
+    EXPECT_GE(count(*html, "<svg"), 7u);
+    EXPECT_EQ(count(*html, "<wall>"), 0u);
+    EXPECT_GE(count(*html, "&lt;wall&gt;"), 1u);
+    EXPECT_EQ(count(*html, "nan"), 0u);
+    EXPECT_EQ(count(*html, "http"), 0u) << "the page must not need the network";
+    EXPECT_EQ(count(*html, "What the hand felt"), kind == CouplingKind::none ? 0u : 1u);
+  }
 }
 
 TEST(Report, RunWithoutContactAndTinyRunsWork) {
-  const Tool tool = test::small_tool();
   for (const Vec3d& away : {Vec3d{0, 0, 0.1}, Vec3d{5, 5, -3}, Vec3d{NAN, 0, 0}}) {
-    test::SyntheticStream stream(1);
-    RunSettings settings;
-    settings.duration = 0.001;
-    const auto log = run_session(
-        tool, stream,
-        [&](std::size_t, double) {
+    const auto html = report_of(
+        test::SyntheticStream(1),
+        [&](double) {
           return Pose{away, {}};
         },
-        settings);
-    ASSERT_TRUE(log) << log.error().message;
-    EXPECT_EQ(log->ticks.size(), 1u);
-    EXPECT_TRUE(make_report(tool, *log));
+        0.001, test::path_settings());
+    EXPECT_TRUE(html) << html.error().message;
   }
 }
 
@@ -71,14 +76,11 @@ TEST(SvgPlot, LongRunsStaySmallAndKeepTheirPeaks) {
 
 TEST(Statistics, NearestRank) {
   std::vector<double> values;
-  for (int i = 1000; i >= 1; --i) values.push_back(i);
-  const Percentiles p = percentiles(values);
-  EXPECT_EQ(p.median, 500);
-  EXPECT_EQ(p.p99, 990);
-  EXPECT_EQ(p.p999, 999);
-  EXPECT_EQ(p.max, 1000);
-  EXPECT_EQ(percentiles({3.0}).median, 3);
-  EXPECT_EQ(percentiles({}).max, 0);
+  for (int i = 1; i <= 1000; ++i) values.push_back(i);
+  EXPECT_EQ(nearest_rank(values, 0.5), 500);
+  EXPECT_EQ(nearest_rank(values, 0.999), 999);
+  EXPECT_EQ(nearest_rank(values, 1), 1000);
+  EXPECT_EQ(nearest_rank(std::vector{3.0}, 0.5), 3);
 }
 
 TEST(Base64, KnownAnswers) {

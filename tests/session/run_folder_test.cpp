@@ -5,6 +5,7 @@
 #include <fstream>
 #include <optional>
 
+#include "src/session/run_recorder.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
@@ -19,13 +20,12 @@ void touch(const fs::path& path) {
 
 /// An earlier run with all its names.
 void make_run(const fs::path& folder) {
-  for (const char* name :
-       {"wrench.csv", "timing.csv", "summary.json", "report.html", "recording/tool.palp",
-        "recording/path.txt", "recording/depth.txt", "recording/depth/000000.png"}) {
+  for (const char* name : {"wrench.csv", "wrench.csv.part", "summary.json", "report.html"}) {
     touch(folder / name);
   }
-  std::ofstream(folder / kRecordingFolder / kRecordingManifest)
-      << "{\"format\": \"palpate recording\", \"version\": 1}";
+  auto recorder = RunRecorder::create(folder / kRecordingFile, test::small_tool(), {}, true);
+  ASSERT_TRUE(recorder) << recorder.error().message;
+  recorder->finish();
 }
 
 TEST(RunFolder, AppearsOnCommitOnly) {
@@ -76,8 +76,7 @@ TEST(RunFolder, LeavesOtherThingsAlone) {
 
 TEST(RunFolder, KeepsARunThatHoldsMoreThanARun) {
   for (const char* name :
-       {"notes.txt", "wrench.csv.bak", "recording/more.txt", "recording/depth/mine.png",
-        "recording/depth/deeper/000001.png", "figures/a.png"}) {
+       {"notes.txt", "wrench.csv.bak", "recording/more.txt", "recording2.mcap", "figures/a.png"}) {
     const test::TemporaryFolder root;
     make_run(root.path() / "run");
     EXPECT_TRUE(RunFolder::create(root.path() / "run"));
@@ -87,11 +86,11 @@ TEST(RunFolder, KeepsARunThatHoldsMoreThanARun) {
     EXPECT_NE(folder.error().message.find("other things than an earlier run"), std::string::npos);
     EXPECT_TRUE(fs::exists(root.path() / "run" / name));
   }
-  for (const char* manifest : {"x", "{}", "[]", "{\"format\": \"someone else's\"}"}) {
+  for (const char* recording : {"x", "", "\x89MCAP0\r\n"}) {
     const test::TemporaryFolder root;
     make_run(root.path() / "run");
-    std::ofstream(root.path() / "run" / kRecordingFolder / kRecordingManifest) << manifest;
-    EXPECT_FALSE(RunFolder::create(root.path() / "run")) << manifest;
+    std::ofstream(root.path() / "run" / kRecordingFile) << recording;
+    EXPECT_FALSE(RunFolder::create(root.path() / "run")) << recording;
   }
 }
 
@@ -125,7 +124,7 @@ TEST(RunFolder, KnowsWhatLiesInside) {
   make_run(root.path() / "run");
   const fs::path run = root.path() / "run";
   fs::create_directory_symlink(run, root.path() / "link");
-  for (const fs::path& path : {run, run / "recording" / "depth", run / "recording" / ".." / "new",
+  for (const fs::path& path : {run, run / "recording.mcap", run / "some" / ".." / "new",
                                root.path() / "link" / "wrench.csv"}) {
     EXPECT_TRUE(lies_inside(path, run)) << path;
     EXPECT_TRUE(lies_inside(path, run.string() + "/")) << path;

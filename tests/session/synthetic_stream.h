@@ -5,7 +5,6 @@
 #include <string>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/session/session.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/temporary_folder.h"
 

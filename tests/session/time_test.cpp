@@ -4,8 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/session/session.h"
-#include "src/session/run_files.h"
+#include "palpate/run/pipeline.h"
+#include "src/session/run_messages.h"
+#include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/allocation_counter.h"
 
@@ -16,20 +17,18 @@ using test::SyntheticStream;
 
 constexpr TimeMode kModes[] = {TimeMode::latest, TimeMode::interpolate, TimeMode::predict};
 /// Held still in the wall that comes nearer by 2 mm a frame.
-const PoseFunction kHeld = [](std::size_t, double) {
-  return Pose{{0.002, 0.005, 0.49}, axis_angle({1, 2, 3}, 0.2)};
-};
+Pose held(double) { return {{0.002, 0.005, 0.49}, axis_angle({1, 2, 3}, 0.2)}; }
 
-RunSettings settings_with(TimeMode mode) {
-  RunSettings settings;
+HapticSettings settings_with(TimeMode mode) {
+  HapticSettings settings = test::path_settings();
   settings.time.mode = mode;
   settings.contact.method = InsideMethod::field;
   return settings;
 }
 
-Result<RunLog> run(const Tool& tool, const RunSettings& settings) {
+Result<test::PathLog> run(const Tool& tool, const HapticSettings& settings) {
   SyntheticStream stream(8, 32);  // time stamps without rounding
-  return run_session(tool, stream, kHeld, settings);
+  return test::run_path(tool, stream, held, settings);
 }
 
 TEST(RunBetweenFrames, OnlyTheLatestFrameAloneMakesSteps) {
@@ -40,11 +39,11 @@ TEST(RunBetweenFrames, OnlyTheLatestFrameAloneMakesSteps) {
     std::vector<double> steps;
     double largest_arrival = 0;
     for (std::size_t k = 1; k < log->ticks.size(); ++k) {
-      const TickRecord &last = log->ticks[k - 1], &now = log->ticks[k];
-      if (now.frame < 3) continue;  // a prediction needs two frames
+      const HapticRecord &last = log->ticks[k - 1], &now = log->ticks[k];
+      if (now.frame_number < 3) continue;  // a prediction needs two frames
       const double step = norm(now.penetration.measure_W.force - last.penetration.measure_W.force);
       steps.push_back(step);
-      if (now.frame != last.frame) largest_arrival = std::max(largest_arrival, step);
+      if (now.frame_number != last.frame_number) largest_arrival = std::max(largest_arrival, step);
     }
     std::nth_element(steps.begin(), steps.begin() + std::ssize(steps) / 2, steps.end());
     const double median = steps[steps.size() / 2];
@@ -64,7 +63,7 @@ TEST(RunBetweenFrames, InterpolationEndsWhereTheLatestFrameIs) {
   const auto interpolated = run(tool, settings_with(TimeMode::interpolate));
   ASSERT_TRUE(latest && interpolated);
   // At tick 125 frame 4 arrives: the way to frame 3 has just been gone.
-  const auto volume = [](const RunLog& log, std::size_t tick) {
+  const auto volume = [](const test::PathLog& log, std::size_t tick) {
     return log.ticks[tick].penetration.volume;
   };
   EXPECT_NEAR(volume(*interpolated, 125), volume(*latest, 124), 1e-9 * volume(*latest, 124));
@@ -76,16 +75,18 @@ TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
   for (const TimeMode mode : kModes) {
     for (const DepthAverage average :
          {DepthAverage::none, DepthAverage::moving, DepthAverage::exponential}) {
-      std::string first;
+      std::vector<HapticRecord> first;
       for (const int num_threads : {1, 3}) {
-        RunSettings settings = settings_with(mode);
+        HapticSettings settings = settings_with(mode);
         settings.time.average.kind = average;
         settings.num_threads = num_threads;
         const auto log = run(tool, settings);
         ASSERT_TRUE(log) << log.error().message;
-        const std::string csv = wrench_csv(tool, *log);
-        if (first.empty()) first = csv;
-        EXPECT_EQ(csv, first);
+        if (first.empty()) first = log->ticks;
+        ASSERT_EQ(log->ticks.size(), first.size());
+        for (std::size_t k = 0; k < first.size(); ++k) {
+          ASSERT_EQ(difference(log->ticks[k], first[k]), "");
+        }
       }
     }
   }
@@ -94,23 +95,23 @@ TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
 TEST(RunBetweenFrames, TicksAndFramesDoNotAllocate) {
   const Tool tool = test::small_tool();
   SyntheticStream stream(4);
-  RunSettings settings = settings_with(TimeMode::predict);
+  HapticSettings settings = settings_with(TimeMode::predict);
   settings.time.average.kind = DepthAverage::moving;
   settings.num_threads = 1;
-  auto session = Session::create(tool, stream.info(), settings);
-  ASSERT_TRUE(session) << session.error().message;
+  auto pipeline = Pipeline::create(tool, stream.info(), DeviceInfo{}, settings);
+  ASSERT_TRUE(pipeline) << pipeline.error().message;
   DepthFrame frames[4];
   for (DepthFrame& frame : frames) ASSERT_TRUE(stream.next(frame).value());
   const test::AllocationCounter counter;
   for (int k = 0; k < 4; ++k) {
-    session->take_frame(frames[k], k / 30.0);
-    session->tick(k / 30.0 + 0.01, kHeld(0, 0));
+    pipeline->push(frames[k], k / 30.0);
+    pipeline->measure(held(0), k / 30.0 + 0.01);
   }
   EXPECT_EQ(counter.count(), 0u);
 }
 
 TEST(RunBetweenFrames, RefusesBadAverages) {
-  RunSettings settings = settings_with(TimeMode::latest);
+  HapticSettings settings = settings_with(TimeMode::latest);
   settings.time.average = {DepthAverage::moving, 0};
   EXPECT_FALSE(run(test::small_tool(), settings));
 }

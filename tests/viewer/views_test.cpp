@@ -15,13 +15,15 @@
 
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/mcap_file.h"
-#include "palpate/session/record_run.h"
+#include "palpate/run/pipeline.h"
+#include "palpate/session/run.h"
 #include "palpate/session/run_folder.h"
-#include "src/session/haptic_messages.h"
+#include "src/session/run_messages.h"
 #include "src/viewer/controls.h"
 #include "src/viewer/repetition.h"
 #include "src/viewer/stages.h"
 #include "tests/session/live_hand.h"
+#include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/wait_for.h"
 
@@ -187,40 +189,45 @@ TEST(Stages, KeepAllOfAHistogramInFewBars) {
 
 constexpr double kRate = 200;
 
-RunSettings path_settings(TimeMode mode = TimeMode::interpolate) {
-  RunSettings settings;
-  settings.rate = kRate;
+HapticSettings path_settings(TimeMode mode = TimeMode::interpolate) {
+  HapticSettings settings = test::path_settings(kRate);
   settings.time.mode = mode;
-  settings.num_threads = 1;
   return settings;
 }
 
-Pose path_pose(std::size_t, double time) { return pressing_pose(time); }
-
-void record_path(const fs::path& folder, const RunSettings& settings, int num_frames = 12) {
+void record_path(const fs::path& folder, const HapticSettings& settings, int num_frames = 12) {
   SyntheticStream stream(num_frames);
-  const auto outcome = record_run(small_tool(), stream, path_pose, settings, folder);
+  auto device = test::path_device(pressing_pose, kRate);
+  const auto outcome = record_run(small_tool(), stream, **device, settings, folder);
   ASSERT_TRUE(outcome) << outcome.error().message;
 }
 
-/// The session after the tick of that number, as the run itself had it.
+/// The pipeline after the tick of that number, as the run itself had it.
 template <class Look>
-void play_to(std::size_t tick_number, const RunSettings& settings, int num_frames, Look look) {
+void play_to(std::size_t tick_number, const HapticSettings& settings, int num_frames, Look look) {
   SyntheticStream stream(num_frames);
-  const Session* session = nullptr;
   const Tool tool = small_tool();
-  RunCallbacks callbacks;
-  callbacks.on_session = [&](const Session& begun) { session = &begun; };
-  std::size_t number = 0;
-  callbacks.on_tick = [&](const TickRecord& tick) {
-    if (number++ < tick_number) return true;
-    look(tick, *session);
-    return false;
-  };
-  ASSERT_TRUE(run_session(tool, stream, path_pose, settings, callbacks));
+  auto pipeline = Pipeline::create(tool, stream.info(), DeviceInfo{}, settings);
+  ASSERT_TRUE(pipeline);
+  DepthFrame frame;
+  ASSERT_TRUE(*stream.next(frame));
+  const double first = frame.timestamp;
+  bool has_next = true;
+  for (std::size_t k = 0; k <= tick_number; ++k) {
+    const double time = static_cast<double>(k) / kRate;
+    while (has_next && frame.timestamp - first <= time) {
+      pipeline->push(frame, frame.timestamp - first);
+      has_next = *stream.next(frame);
+    }
+    DeviceState state;
+    state.X_BH = pressing_pose(time);
+    state.is_valid = true;
+    pipeline->measure(prescribed_pose({}, state), time);
+  }
+  look(*pipeline);
 }
 
-void expect_exact_seeks(const RunSettings& settings, int num_frames) {
+void expect_exact_seeks(const HapticSettings& settings, int num_frames) {
   const TemporaryFolder folder;
   record_path(folder.path() / "run", settings, num_frames);
   auto view = view_run(folder.path() / "run");
@@ -239,11 +246,11 @@ void expect_exact_seeks(const RunSettings& settings, int num_frames) {
              watcher.surface->frame_number == watcher.contact->frame_number;
     }));
     play_to(static_cast<std::size_t>(tick_number), settings, num_frames,
-            [&](const TickRecord& tick, const Session& session) {
-              expect_same(*watcher.contact, session.query());
-              EXPECT_EQ(watcher.contact->X_WT, tick.X_WT);
-              EXPECT_EQ(watcher.frame->number, static_cast<std::uint64_t>(tick.frame));
-              const PointCloud seen = session.newest_cloud();
+            [&](const Pipeline& pipeline) {
+              expect_same(*watcher.contact, pipeline.query());
+              EXPECT_EQ(watcher.contact->X_WT, pipeline.contact().X_WT);
+              EXPECT_EQ(watcher.frame->number, pipeline.contact().frame_number);
+              const PointCloud seen = pipeline.newest_cloud();
               for (std::size_t i = 0; i < seen.size(); i += 7) {
                 const Vec3f shown = watcher.surface->points[i];
                 EXPECT_TRUE(shown == seen.point(i) ||
@@ -260,13 +267,13 @@ TEST(RunView, ASeekShowsWhatTheRunFeltWithTheNewestFrame) {
 }
 
 TEST(RunView, ASeekShowsWhatTheRunFeltWhenItPredicts) {
-  RunSettings settings = path_settings(TimeMode::predict);
+  HapticSettings settings = path_settings(TimeMode::predict);
   settings.contact.method = InsideMethod::graph;
   expect_exact_seeks(settings, 12);
 }
 
 TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
-  RunSettings settings = path_settings();
+  HapticSettings settings = path_settings();
   settings.contact.method = InsideMethod::simplified;
   settings.contact.edges = Edges::strict;
   settings.surface.depth_change.enabled = true;
@@ -279,9 +286,9 @@ TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
 /// Blends between frames: what the states do not show.
 TEST(Repetition, GivesTheSameBitsFromAnywhere) {
   const TemporaryFolder folder;
-  const RunSettings settings = path_settings(TimeMode::predict);
+  const HapticSettings settings = path_settings(TimeMode::predict);
   record_path(folder.path() / "run", settings);
-  auto run = open_path_run(folder.path() / "run");
+  auto run = open_recorded_run(folder.path() / "run");
   ASSERT_TRUE(run);
   const auto always = [] { return true; };
   for (const int tick_number : {70, 20, 55}) {
@@ -290,13 +297,13 @@ TEST(Repetition, GivesTheSameBitsFromAnywhere) {
     ASSERT_TRUE(query);
     ASSERT_TRUE(*repetition.go_to(*query, (*run)->settings(0), always));
     const Penetration repeated = repetition.measure();
-    play_to(static_cast<std::size_t>(tick_number), settings, 12,
-            [&](const TickRecord& tick, const Session&) {
-              EXPECT_GT(tick.penetration.volume, 0);
-              EXPECT_EQ(repeated.volume, tick.penetration.volume);
-              EXPECT_EQ(repeated.measure_W.force, tick.penetration.measure_W.force);
-              EXPECT_EQ(repeated.measure_W.torque, tick.penetration.measure_W.torque);
-            });
+    play_to(static_cast<std::size_t>(tick_number), settings, 12, [&](const Pipeline& pipeline) {
+      const Penetration& measured = pipeline.contact().penetration;
+      EXPECT_GT(measured.volume, 0);
+      EXPECT_EQ(repeated.volume, measured.volume);
+      EXPECT_EQ(repeated.measure_W.force, measured.measure_W.force);
+      EXPECT_EQ(repeated.measure_W.torque, measured.measure_W.torque);
+    });
   }
 }
 
@@ -334,7 +341,7 @@ TEST(RunView, BeginsWhenSomebodyLooksAndStopsAtTheEnd) {
   EXPECT_TRUE(end["note"].is_string());
   EXPECT_EQ(end["fault"], nullptr);
   const auto num_ticks =
-      static_cast<std::size_t>(std::lround(kRate * end["duration"].get<double>()));
+      static_cast<std::size_t>(std::lround(kRate * end["duration"].get<double>())) + 1;
   ASSERT_TRUE(watcher.until([&] { return watcher.samples.size() == num_ticks; }));
   for (std::size_t i = 0; i < watcher.samples.size(); ++i) {
     EXPECT_EQ(watcher.samples[i].time, static_cast<double>(i) / kRate);
@@ -375,8 +382,9 @@ TEST(RunView, StepsFrameByFrameInBothDirections) {
       << watcher.samples.size();
   EXPECT_EQ(watcher.samples.back().time, 0.15);
   EXPECT_GT(watcher.samples.back().volume, 0);
-  EXPECT_GT(watcher.samples.back().contact_W.force.z, -1e9);
-  EXPECT_EQ(watcher.samples.back().X_WT, path_pose(0, 0.15));
+  EXPECT_LT(watcher.samples.back().contact_W.force.z, -0.01);
+  EXPECT_EQ(watcher.samples.back().F_H_B.force, watcher.samples.back().contact_W.force);
+  EXPECT_EQ(watcher.samples.back().X_WT.translation, pressing_pose(0.15).translation);
 }
 
 TEST(RunView, ShowsWhatWouldHaveBeen) {
@@ -398,11 +406,10 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   EXPECT_EQ(watcher.state()["revision"], 1);
   watcher.contact = nullptr;
   ASSERT_TRUE(watcher.until([&] { return watcher.contact != nullptr; }));
-  RunSettings other = path_settings();
+  HapticSettings other = path_settings();
   other.contact.method = InsideMethod::graph;
-  play_to(40, other, 12, [&](const TickRecord&, const Session& session) {
-    expect_same(*watcher.contact, session.query());
-  });
+  play_to(40, other, 12,
+          [&](const Pipeline& pipeline) { expect_same(*watcher.contact, pipeline.query()); });
   EXPECT_NE(watcher.contact->states, recorded->states);
   EXPECT_NE(watcher.state()["note"].get<std::string>().find("contact.method"), std::string::npos);
 
@@ -439,77 +446,53 @@ TEST(RunView, AWrongFolderIsOneClearError) {
   ASSERT_FALSE(absent);
   EXPECT_EQ(absent.error().code, Errc::not_found);
   EXPECT_NE(absent.error().message.find("palpate touch"), std::string::npos);
-  fs::create_directories(folder.path() / "empty" / kRecordingFolder);
-  EXPECT_FALSE(view_run(folder.path() / "empty"));
-  ASSERT_TRUE(write_file_atomically(folder.path() / kHapticRecording, "no MCAP"));
+  ASSERT_TRUE(write_file_atomically(folder.path() / kRecordingFile, "no MCAP"));
   EXPECT_FALSE(view_run(folder.path()));
-  record_path(folder.path() / "run", path_settings());
-  ASSERT_TRUE(
-      write_file_atomically(folder.path() / "run" / kRecordingFolder / "path.txt", "0 1\n"));
-  EXPECT_FALSE(view_run(folder.path() / "run"));
 }
 
 // A run on a simulated clock, while it goes on
 
-TEST(PathView, KeepsPaceWithTheClockAndCanBeHeld) {
+TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   const Tool tool = small_tool();
   SyntheticStream stream(12);
-  const auto view = PathView::create(tool, stream.info(), "path");
+  const TemporaryFolder folder;
+  const auto view = LiveView::create(tool, stream.info(), "path");
   Watcher watcher(*view);
-  EXPECT_EQ(view->controls(), "[]");
-  watcher.obey({{"command", "pause"}});
-  std::atomic<bool> is_over = false;
-  std::optional<Result<RunLog>> log;
+  RunOptions options;
+  options.onlooker = &view->onlooker();
+  options.clock.keeps_pace = true;
+  auto device = test::path_device(pressing_pose, kRate);
+  std::optional<Result<RunOutcome>> outcome;
   const auto start = std::chrono::steady_clock::now();
   std::thread run([&] {
-    log = run_session(tool, stream, path_pose, path_settings(), view->callbacks({}));
-    view->end();
-    is_over = true;
+    outcome = record_run(tool, stream, **device, path_settings(), folder.path() / "run", options);
   });
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["running"] == true; }));
+  watcher.obey({{"command", "pause"}});
   ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.frame && watcher.surface; }));
-  EXPECT_EQ(watcher.state()["time"], 0);
-  EXPECT_EQ(watcher.state()["paused"], true);
+  const int held = watcher.state()["frame_number"];
   watcher.obey({{"command", "step"}, {"frames", 2}});
-  ASSERT_TRUE(watcher.until([&] { return watcher.state()["frame_number"] == 2; }));
-  ASSERT_TRUE(watcher.until(
-      [&] { return watcher.contact->frame_number == 2 && watcher.surface->frame_number == 2; }));
-  const double held = watcher.state()["time"];
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["frame_number"] == held + 2; }));
+  const double time = watcher.state()["time"];
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  EXPECT_EQ(watcher.state()["time"], held);
-  play_to(static_cast<std::size_t>(std::lround(watcher.contact->time * kRate)), path_settings(), 12,
-          [&](const TickRecord&, const Session& session) {
-            expect_same(*watcher.contact, session.query());
-          });
-  EXPECT_FALSE(watcher.command({{"command", "speed"}, {"factor", 11}}));
-  EXPECT_FALSE(
-      watcher.command({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}}));
+  EXPECT_EQ(watcher.state()["time"], time);
+  ASSERT_TRUE(watcher.until([&] { return watcher.contact->time == time; }));
+  play_to(static_cast<std::size_t>(std::lround(time * kRate)), path_settings(), 12,
+          [&](const Pipeline& pipeline) { expect_same(*watcher.contact, pipeline.query()); });
+  watcher.obey({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}});
+  EXPECT_EQ(watcher.state()["settings"]["contact.method"], "graph");
   watcher.obey({{"command", "resume"}});
-  ASSERT_TRUE(watcher.until([&] { return is_over.load(); }));
   run.join();
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
   EXPECT_GE(took.count(), 0.4 + 0.05 - 0.01);
-  ASSERT_TRUE(*log);
+  ASSERT_TRUE(*outcome) << outcome->error().message;
   watcher.poll();
-  EXPECT_EQ(watcher.samples.size(), (*log)->ticks.size());
+  EXPECT_EQ(watcher.samples.size(), (*outcome)->loop.num_ticks);
   EXPECT_EQ(watcher.state()["running"], false);
   EXPECT_NE(watcher.state()["note"].get<std::string>().find("ended"), std::string::npos);
-}
-
-TEST(PathView, AHeldRunCanBeInterrupted) {
-  const Tool tool = small_tool();
-  SyntheticStream stream(12);
-  const auto view = PathView::create(tool, stream.info(), "path");
-  EXPECT_TRUE(view->command(R"({"command": "pause"})"));
-  std::atomic<bool> goes_on = true;
-  std::optional<Result<RunLog>> log;
-  std::thread run([&] {
-    log = run_session(tool, stream, path_pose, path_settings(),
-                      view->callbacks([&] { return goes_on.load(); }));
-  });
-  goes_on = false;
-  run.join();
-  ASSERT_TRUE(*log);
-  EXPECT_TRUE((*log)->interrupted);
+  const auto replay = replay_run(folder.path() / "run");
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
 }
 
 // A live run
@@ -517,7 +500,7 @@ TEST(PathView, AHeldRunCanBeInterrupted) {
 /// Every message of the recording in this folder.
 template <class Take>
 void read_messages(const fs::path& folder, Take take) {
-  auto reader = McapReader::open(folder / kHapticRecording);
+  auto reader = McapReader::open(folder / kRecordingFile);
   ASSERT_TRUE(reader);
   for (;;) {
     const auto message = reader->next();
@@ -538,9 +521,11 @@ class LiveRunTest : public testing::Test {
   void start(double duration = 60) {
     run_ = std::thread([this, duration] {
       const auto device = pressing_device();
-      outcome_ = record_haptic_run(
-          tool_, stream_, *device, patient_settings(), duration, folder(),
-          [this] { return !view_->wants_end(); }, &view_->onlooker());
+      RunOptions options;
+      options.duration = duration;
+      options.keep_going = [this] { return !view_->wants_end(); };
+      options.onlooker = &view_->onlooker();
+      outcome_ = record_run(tool_, stream_, *device, patient_settings(), folder(), options);
     });
   }
   void join() {
@@ -554,7 +539,7 @@ class LiveRunTest : public testing::Test {
   SyntheticStream stream_;
   std::unique_ptr<LiveView> view_;
   Watcher watcher_;
-  std::optional<Result<HapticOutcome>> outcome_;
+  std::optional<Result<RunOutcome>> outcome_;
   std::thread run_;
 };
 
@@ -649,7 +634,7 @@ TEST_F(LiveRunTest, IsTurnedAndHeld) {
   watcher_.obey({{"command", "end"}});
   join();
   ASSERT_TRUE(*outcome_) << outcome_->error().message;
-  auto run = open_live_run(folder());
+  auto run = open_recorded_run(folder());
   ASSERT_TRUE(run) << run.error().message;
   const auto last = (*run)->query_at(1e9);
   ASSERT_TRUE(last);
@@ -668,7 +653,7 @@ TEST_F(LiveRunTest, EveryQueryIsFoundAndRepeated) {
     if (topic == kContactTopic) contacts.push_back(*read_contact(message));
     num_ticks += topic == kTickTopic;
   });
-  auto run = open_live_run(folder());
+  auto run = open_recorded_run(folder());
   ASSERT_TRUE(run) << run.error().message;
   Repetition repetition(**run);
   const auto always = [] { return true; };
@@ -708,7 +693,7 @@ TEST_F(LiveRunTest, WhatWasCutOffIsShownAsFarAsItGoes) {
   start(2);
   join();
   ASSERT_TRUE(*outcome_) << outcome_->error().message;
-  const fs::path file = folder() / kHapticRecording;
+  const fs::path file = folder() / kRecordingFile;
   const auto size = fs::file_size(file);
   fs::resize_file(file, size * 6 / 10);
   auto cut = view_run(folder());

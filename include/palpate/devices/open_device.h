@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "palpate/haptics/device.h"
+#include "palpate/io/trajectory_file.h"
 
 namespace palpate {
 
@@ -25,5 +26,9 @@ std::vector<FoundDevice> find_devices();
 /// openhaptics[:NAME], vrpn:NAME@HOST[:PORT]. Errors: no such kind; nothing there: what was tried,
 /// and what to do.
 Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri);
+
+/// A path that is played in real time: the handle goes where it says, in B, and feels nothing.
+/// `name` is for people.
+std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<TimedPose> X_BH);
 
 }  // namespace palpate

@@ -61,4 +61,11 @@ class HapticDevice {
   virtual Status status() const = 0;
 };
 
+/// A device on a simulated clock, which begins at 0: it ticks when it is told to.
+class SteppedDevice : public HapticDevice {
+ public:
+  /// The next tick, as fast as it can be computed. False: there is none any more.
+  virtual bool step() = 0;
+};
+
 }  // namespace palpate

@@ -18,19 +18,20 @@
 
 namespace palpate {
 
-/// What a channel carries. Messages are JSON, described by a JSON schema.
+/// What a channel carries: messages of ROS 2 (CDR), described by their `.msg` text.
 struct McapChannel {
-  std::string topic;        ///< e.g. "/ticks"
-  std::string schema_name;  ///< e.g. "palpate.Tick"
-  std::string schema;       ///< JSON schema
+  std::string topic;        ///< e.g. "/tick"
+  std::string schema_name;  ///< e.g. "palpate_msgs/msg/Tick"
+  std::string schema;       ///< that text, and those of all types in it
 };
 
 struct McapOptions {
-  std::size_t chunk_bytes = 1 << 20;  ///< a chunk is written when it is so large ...
+  std::size_t chunk_bytes = 2 << 20;  ///< a chunk is written when it is so large ...
   double chunk_seconds = 0.5;         ///< ... or its first message so old
 };
 
-/// Appends. Not for the haptic thread: writing may wait for the disk.
+/// Appends, with the profile "ros2" and chunks compressed by Zstandard. Not for the haptic thread:
+/// writing may wait for the disk.
 class McapWriter {
  public:
   /// Errors: the file cannot be made.
@@ -40,6 +41,8 @@ class McapWriter {
   McapWriter& operator=(McapWriter&&) noexcept;
   ~McapWriter();  ///< finishes as well as it can
 
+  /// A whole file inside the recording. Before the first message. Error: as `write`.
+  Status attach(std::string_view name, std::string_view media_type, std::string_view contents);
   /// Returns the number that messages of this channel are written with.
   std::uint16_t add_channel(const McapChannel& channel);
   /// `time` in nanoseconds; messages come roughly in order of time. Error: the disk is full or
@@ -63,8 +66,8 @@ struct McapMessage {
   std::string_view data;   ///< valid until the next call
 };
 
-/// Reads in the order of the file, one chunk in memory at a time. Any compression but none is
-/// refused.
+/// Reads in the order of the file, one chunk in memory at a time, compressed by Zstandard or not at
+/// all.
 class McapReader {
  public:
   /// Errors: no such file, not an MCAP file.
@@ -79,6 +82,9 @@ class McapReader {
   /// Of the channels met so far.
   const std::map<std::uint16_t, McapChannel>& channels() const;
   bool was_cut_off() const;
+
+  /// A file inside the recording. Errors: there is none of that name, or it is damaged.
+  Result<std::string> attachment(std::string_view name);
 
   /// Where the chunk of the last message begins in the file; 0 before the first one.
   std::uint64_t chunk_place() const;

@@ -1,47 +1,34 @@
-// A hand, a tool and a live camera: five threads joined by triple buffers (thesis Fig. 4.1).
+// A run while it goes on: live, or on a simulated clock.
+//
+// Live, five threads are joined by triple buffers (thesis Fig. 4.1):
 //
 //   sensor --> surface --> contact <==> haptic (the device's own thread) --> publishing
 //
 // The haptic thread works on the last LocalContact and never waits for a query; queries look at the
 // newest surfaces and never wait for a frame.
+//
+// On a simulated clock one thread does all in turn, and the same input gives the same bits.
 #pragma once
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/core/latency_histogram.h"
+#include "palpate/run/pictures.h"
 #include "palpate/run/records.h"
 #include "palpate/run/settings.h"
 
 namespace palpate {
 
-/// How every sphere of the tool was at one contact.
-struct ContactPicture {
-  std::uint64_t contact_number = 0, frame_number = 0;
-  Pose X_WT;
-  std::vector<SphereState> states;   ///< of every sphere
-  std::vector<Plane<float>> planes;  ///< ContactQuery::planes
-};
-
-/// The newest surface, as it was estimated: per pixel a point with normal and depth-change vector.
-struct SurfacePicture {
-  std::uint64_t frame_number = 0;
-  int width = 0, height = 0;
-  std::vector<Vec3f> points, normals;  ///< NaN where there is none
-  std::vector<Vec3f> edges;            ///< depth-change vectors; empty if they are not looked for
-};
-
 /// What is recorded or shown while the loop runs. Called from the publishing thread alone; may take
 /// its time: what does not fit into the queues meanwhile is counted as lost, and the loop goes on.
 struct HapticObserver {
-  /// `capture_time` on the monotonic clock, exactly as the surfaces were told.
-  std::function<void(std::uint64_t number, double capture_time, const DepthFrame&,
-                     std::uint32_t revision)>
-      on_frame;
+  std::function<void(const FrameRecord&, const DepthFrame&)> on_frame;
   std::function<void(const ContactRecord&)> on_contact;
   std::function<void(std::span<const HapticRecord>)> on_ticks;
   /// Before the first frame, contact or tick of a new revision; not for revision 0.
@@ -62,7 +49,17 @@ struct LoopReport {
   std::uint64_t num_lost_records = 0;
   std::vector<std::string> notes;  ///< e.g. that the scheduler refused real time, and what to do
   Fault fault = Fault::none;
-  double seconds = 0;
+  double seconds = 0;  ///< on the run's clock
+  std::string ending;  ///< what has ended the run by itself, e.g. "the depth frames have ended"
+};
+
+/// Of a loop on a simulated clock.
+struct SimulatedClock {
+  /// Time stamp of the frame that is felt from the beginning on: time 0. None: that of the first
+  /// frame.
+  std::optional<double> zero = {};
+  bool ends_with_frames = true;  ///< one period after the last one; else that one stays
+  bool keeps_pace = false;       ///< no tick comes before its time, for people who look on
 };
 
 class HapticLoop {
@@ -75,6 +72,14 @@ class HapticLoop {
   static Result<std::unique_ptr<HapticLoop>> create(const Tool&&, DepthSource&, HapticDevice&,
                                                     const HapticSettings&,
                                                     HapticObserver = {}) = delete;
+  /// On the device's simulated clock: tick after tick as fast as can be, in a thread of its own,
+  /// which the observer is called from. Nothing is lost. A frame becomes current at the first tick
+  /// that is not before its time stamp; of several the newest.
+  static Result<std::unique_ptr<HapticLoop>> create(const Tool& tool, DepthSource& source,
+                                                    SteppedDevice& device,
+                                                    const HapticSettings& settings,
+                                                    HapticObserver observer,
+                                                    const SimulatedClock& clock);
   virtual ~HapticLoop() = default;  ///< stops
 
   /// Begins; returns when the device ticks. Errors: the device, the first frame.
@@ -100,7 +105,7 @@ class HapticLoop {
   /// As they are now: those of create() or of the last change.
   virtual HapticSettings settings() const = 0;
   /// While frames are held, the last one is seen again and again: the scene stands still, the hand
-  /// goes on. `step_frame` lets one more through.
+  /// goes on. On a simulated clock the hand stands still too. `step_frame` lets one more through.
   virtual void hold_frames(bool is_held) noexcept = 0;
   virtual void step_frame() noexcept = 0;
   /// Asks for a picture of the next contact or surface, which is made once the thread has told the

@@ -3,10 +3,22 @@
 
 #include <cstdint>
 
+#include "palpate/cloud/surface_estimator.h"
 #include "palpate/haptics/coupling.h"
 #include "palpate/haptics/safety.h"
 
 namespace palpate {
+
+/// A depth frame that has become a surface.
+struct FrameRecord {
+  std::uint64_t number = 0;    ///< from 0, without gaps
+  std::uint32_t revision = 0;  ///< of the settings that its surface was made with
+  double capture_time = 0;     ///< s, on the clock of the device states
+  double source_time = 0;      ///< s, DepthFrame::timestamp
+  double unit = 0.001;         ///< m per count
+  SurfaceStats surface;
+  std::int64_t compute_nanoseconds = 0;
+};
 
 /// One tick of the haptic thread, as it is published.
 struct HapticRecord {

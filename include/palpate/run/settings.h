@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "palpate/contact/contact_query.h"
@@ -23,7 +24,8 @@ struct HapticSettings {
   SurfaceOptions surface;
   DepthFieldOptions field;
   TimeOptions time;
-  Backend backend = Backend::cpu;
+  /// Where surfaces and queries are computed; none: the fastest one that works here.
+  std::optional<Backend> backend = Backend::cpu;
   int sensing_gpu = 0, contact_gpu = 0;
   int num_threads = 0;         ///< for surfaces
   double contact_rate = 1000;  ///< queries per second, at most
@@ -38,7 +40,8 @@ inline void add_settings(SettingTable& t, HapticSettings& s) {
   add_settings(t, s.field);
   add_settings(t, s.time);
   t.section("loop");
-  t.add("backend", s.backend, "where surfaces and queries are computed");
+  t.add("backend", s.backend,
+        "where surfaces and queries are computed; auto: on a GPU if there is one");
   t.add("sensing_gpu", s.sensing_gpu, {0, 63}, "cuda: which GPU makes the surfaces");
   t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: which GPU computes queries");
   t.add("threads", s.num_threads, {0, 256, "threads"}, "for surfaces; 0: one per core");

@@ -8,13 +8,8 @@
 
 namespace palpate {
 
-/// Where a recording lies inside the folder of its run, and the file that marks it as ours.
-inline constexpr const char* kRecordingFolder = "recording";
-inline constexpr const char* kRecordingManifest = "recording.json";
-inline constexpr const char* kRecordingFormat = "palpate recording";
-/// The same of a haptic run, whose recording is one file.
-inline constexpr const char* kHapticRecording = "session.mcap";
-inline constexpr const char* kHapticTool = "tool.palp";
+/// The recording inside the folder of its run, which marks it as ours.
+inline constexpr const char* kRecordingFile = "recording.mcap";
 
 /// Whether `path` is `folder` or lies in it, so that replacing the folder would remove it.
 bool lies_inside(const std::filesystem::path& path, const std::filesystem::path& folder);

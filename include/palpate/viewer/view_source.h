@@ -12,6 +12,7 @@
 #include "palpate/contact/contact_query.h"
 #include "palpate/core/result.h"
 #include "palpate/math/pose.h"
+#include "palpate/run/pictures.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {
@@ -41,16 +42,12 @@ struct ViewContact {
 };
 
 /// Points of a surface with their normals and depth-change vectors.
-struct ViewSurface {
-  std::uint64_t frame_number = 0;
-  int width = 0, height = 0;
-  std::vector<Vec3f> points, normals, edges;  ///< SurfacePicture
-};
+using ViewSurface = SurfacePicture;
 
 /// One tick.
 struct ViewSample {
   double time = 0;             ///< s since the run began
-  Wrench F_H_B;                ///< to the hand, in the device's base
+  Wrench F_H_B;                ///< to the hand, in the device's base; without a hand as contact_W
   Wrench contact_W;            ///< on the tool, about its centre of mass
   double volume = 0;           ///< m3
   double compute_seconds = 0;  ///< of the tick, or of the query where there is no device

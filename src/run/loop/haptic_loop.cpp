@@ -277,8 +277,8 @@ void HapticLoopImpl::publish_all() {
 
 void HapticLoopImpl::drain_queues() {
   while (const SeenFrame* seen = surfaces_.seen().front()) {
-    tell_settings(seen->revision);
-    observer_.on_frame(seen->number, seen->time, seen->frame, seen->revision);
+    tell_settings(seen->record.revision);
+    observer_.on_frame(seen->record, seen->frame);
     surfaces_.seen().pop();
   }
   while (const ContactRecord* contact = contacts_.records().front()) {
@@ -325,6 +325,7 @@ LoopReport HapticLoopImpl::report() const {
     report.notes = notes_;
   }
   report.fault = haptic_.fault();
+  if (surfaces_.has_source_ended()) report.ending = "the depth frames have ended";
   report.seconds = (is_running() ? monotonic_now() : end_time_.load()) - start_time_;
   const auto note = [&](std::string text) { report.notes.push_back(std::move(text)); };
   if (const int refused = haptic_.real_time_error()) note(scheduler_refused("haptic", refused));

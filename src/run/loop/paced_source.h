@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "palpate/cloud/depth_source.h"
@@ -31,15 +32,14 @@ class PacedSource {
     if (!std::isfinite(frame.timestamp) || (num_read_ > 0 && !(frame.timestamp > last_stamp_))) {
       return bad("is not later than the one before; sort the frames by their time stamps");
     }
+    last_stamp_ = frame.timestamp;
+    ++num_read_;
     return got;
   }
 
   /// When the frame that has just been read is captured, s on the clock of `now`: not before `now`.
   double capture_time(const DepthFrame& frame, double now) {
-    if (num_read_ == 0) offset_ = now - frame.timestamp;
     offset_ = std::max(offset_, now - frame.timestamp);
-    last_stamp_ = frame.timestamp;
-    ++num_read_;
     return frame.timestamp + offset_;
   }
 
@@ -49,7 +49,7 @@ class PacedSource {
   }
 
   DepthSource& source_;
-  double offset_ = 0, last_stamp_ = 0;
+  double offset_ = std::numeric_limits<double>::lowest(), last_stamp_ = 0;
   int num_read_ = 0;
 };
 

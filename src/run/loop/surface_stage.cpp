@@ -132,7 +132,7 @@ void SurfaceStage::make_surfaces() {
     if (newest == nullptr) return;
     const double begin = monotonic_now();
     const std::uint32_t revision = take_change();
-    timeline_.push(newest->frame, newest->capture_time, pool_);
+    const SurfaceStats stats = timeline_.push(newest->frame, newest->capture_time, pool_);
     const double end = monotonic_now();
     surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
     if (!timeline_.status()) return fail(timeline_.status().error(), backend_failed_);
@@ -140,9 +140,13 @@ void SurfaceStage::make_surfaces() {
                        timeline_.period(), number, revision});
     if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
       seen->frame = newest->frame;
-      seen->time = newest->capture_time;
-      seen->number = number;
-      seen->revision = revision;
+      seen->record = {number,
+                      revision,
+                      newest->capture_time,
+                      newest->frame.timestamp,
+                      newest->frame.unit,
+                      stats,
+                      static_cast<std::int64_t>(1e9 * (end - begin))};
       seen_.push();
     }
     num_made_.store(number + 1, std::memory_order_release);
@@ -161,22 +165,8 @@ std::uint32_t SurfaceStage::take_change() {
 }
 
 void SurfaceStage::make_picture(std::uint64_t number) {
-  const PointCloud cloud = timeline_.newest_cloud();
-  const PointCloudView& seen = timeline_.at(0).to.cloud;
-  SurfacePicture& picture = pictures_.draft();
-  picture.frame_number = number;
-  picture.width = cloud.width();
-  picture.height = cloud.height();
-  picture.points.resize(cloud.size());
-  picture.normals.resize(cloud.size());
-  // A GPU keeps them to itself.
-  const bool has_edges = seen.edge_x != nullptr && seen.gpu == kHostMemory;
-  picture.edges.resize(has_edges ? cloud.size() : 0);
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    picture.points[i] = cloud.point(i);
-    picture.normals[i] = cloud.normal(i);
-    if (has_edges) picture.edges[i] = {seen.edge_x[i], seen.edge_y[i], seen.edge_z[i]};
-  }
+  make_surface_picture(timeline_.newest_cloud(), timeline_.at(0).to.cloud, number,
+                       pictures_.draft());
   pictures_.publish();
 }
 

@@ -29,9 +29,7 @@ struct LiveSurfaces {
 /// A frame that has become a surface, for observers.
 struct SeenFrame {
   DepthFrame frame;
-  double time = 0;  ///< s, monotonic: captured
-  std::uint64_t number = 0;
-  std::uint32_t revision = 0;
+  FrameRecord record = {};
 };
 
 /// Another timeline; once settled, the one before.

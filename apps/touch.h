@@ -1,0 +1,74 @@
+// What palpate touch is asked for, and what it opens.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/objects.h"
+#include "apps/options.h"
+#include "palpate/io/trajectory_file.h"
+#include "palpate/session/probing_path.h"
+#include "palpate/viewer/view_server.h"
+
+namespace palpate::apps {
+
+/// How the times of a path and of depth frames belong together.
+enum class Align {
+  automatic,  ///< by their time stamps if both count from 1970, else both begin at once
+  stamps,     ///< by their time stamps
+  starts,     ///< both begin at once
+};
+constexpr auto names_of(Align) { return std::array{"auto", "stamps", "starts"}; }
+
+/// What the poses of a path are.
+enum class PathFrame {
+  world,  ///< of the tool in W, the camera frame
+  base,   ///< of the handle in the base of the device
+};
+constexpr auto names_of(PathFrame) { return std::array{"world", "base"}; }
+
+struct TouchOptions {
+  std::string tool, depth_sequence, scene, path, output;
+  CameraOptions camera;
+  double depth_rate = 30;
+  bool noise = true;
+  std::uint64_t seed = 1;
+  HapticSettings settings;
+  bool has_kind = false, has_base = false, has_tool_in_hand = false;  ///< somebody gave them
+  Status settings_read = Done{};                                      ///< of --settings
+  std::vector<ObjectOption> objects;
+  std::optional<double> duration;
+  ProbeAim aim;        ///< of a path that is not given
+  std::string device;  ///< empty: the tool follows a path on a simulated clock
+  Align align = Align::automatic;
+  PathFrame path_frame = PathFrame::world;
+  int num_spheres = 0;  ///< 0: all
+  bool json = false;
+  bool has_page = false;
+  ViewServerOptions page;
+
+  bool is_replay() const { return device.starts_with("replay:"); }
+  bool is_simulated_hand() const { return device == "sim" || device.starts_with("sim:"); }
+};
+
+/// Frames to feel, and the path that goes with them.
+struct TouchInput {
+  std::unique_ptr<DepthSource> source;
+  std::vector<TimedPose> path;       ///< X_WT, or X_BH where the options say so
+  std::optional<ProbeChoice> probe;  ///< if the path was made up
+  double path_start = 0;             ///< on the path's clock: when the run begins
+  std::optional<double> frame_zero;  ///< on that of the frames; none: with the first one
+  double time_origin = 0;            ///< of wrench.csv: when the run begins
+};
+
+/// Opens frames and path, makes up the path if there is none, and sets their clocks. Errors: what
+/// cannot be read; clocks that have nothing in common.
+Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool);
+
+/// Runs and says what came out.
+Status touch(const TouchOptions& options, const Tool& tool, TouchInput input);
+
+}  // namespace palpate::apps

@@ -1,0 +1,157 @@
+// What palpate touch opens: depth frames, a path, and how their clocks belong together.
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <utility>
+
+#include "apps/held_frames.h"
+#include "apps/touch.h"
+#include "palpate/io/depth_files.h"
+#include "scenes/scene.h"
+
+namespace palpate::apps {
+namespace {
+
+/// Later than any clock that begins with a run, s.
+bool counts_from_1970(double time) { return time > 1e8; }
+
+bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
+
+Result<std::unique_ptr<DepthSource>> open_sequence(const TouchOptions& options) {
+  DepthFolderOptions folder;
+  folder.intrinsics = *options.camera.intrinsics;
+  folder.unit = options.camera.unit;
+  folder.rate = options.depth_rate;
+  return open_depth_folder(options.depth_sequence, folder);
+}
+
+/// `duration`: of the stream, nullopt for the scene's.
+Result<std::unique_ptr<DepthSource>> open_scene(const TouchOptions& options,
+                                                std::optional<double> duration) {
+  auto scene = scenes::make_scene(options.scene);
+  if (!scene) return scene.error();
+  scenes::SimulatedCameraOptions camera;
+  camera.noise.enabled = options.noise;
+  camera.seed = options.seed;
+  camera.unit = options.noise ? 0.001 : 0.0001;
+  camera.duration = duration;
+  return scenes::open_simulated_camera(*std::move(scene), camera);
+}
+
+/// Makes up the path.
+Status add_probing_path(const TouchOptions& options, const Tool& tool, const OpenDepthSource& open,
+                        TouchInput& input) {
+  auto path = probing_path(open, tool, options.duration, options.aim);
+  if (!path) return path.error();
+  input.path = std::move(path->poses);
+  input.probe = std::move(path->choice);
+  if (!input.probe->note.empty()) std::cerr << "palpate: note: " << input.probe->note << "\n";
+  return Done{};
+}
+
+Status add_path_of_scene(const TouchOptions& options, TouchInput& input) {
+  const auto scene = scenes::make_scene(options.scene);
+  if (!scene) return scene.error();
+  for (std::size_t i = 0; i < scene->path_times.size(); ++i) {
+    input.path.push_back({scene->path_times[i], scene->path_poses[i]});
+  }
+  return Done{};
+}
+
+/// The path that is given, or is led by; else one that is made up.
+Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input) {
+  const std::string given = options.is_replay() ? options.device.substr(7) : options.path;
+  if (!given.empty()) {
+    auto path = load_trajectory(given);
+    if (!path) return path.error();
+    input.path = *std::move(path);
+    return Done{};
+  }
+  if (!options.depth_sequence.empty()) {
+    return add_probing_path(
+        options, tool, [&] { return open_sequence(options); }, input);
+  }
+  if (!is_aimed(options.aim)) return add_path_of_scene(options, input);
+  return add_probing_path(
+      options, tool, [&] { return open_scene(options, options.duration); }, input);
+}
+
+Status add_source(const TouchOptions& options, TouchInput& input) {
+  // A hand takes its time.
+  constexpr double kLongest = 86400;
+  const bool is_live = !options.device.empty();
+  auto source = options.depth_sequence.empty()
+                    ? open_scene(options, is_live && !options.duration ? std::optional(kLongest)
+                                                                       : options.duration)
+                    : open_sequence(options);
+  if (!source) return source.error();
+  input.source = *std::move(source);
+  return Done{};
+}
+
+/// s: the time stamp of the first frame.
+Result<double> first_stamp(const TouchOptions& options) {
+  auto source = open_sequence(options);
+  if (!source) return source.error();
+  DepthFrame frame;
+  const auto got = (*source)->next(frame);
+  if (!got) return got.error();
+  if (!*got) return Error{Errc::bad_input, options.depth_sequence + " holds no frame"};
+  return frame.timestamp;
+}
+
+/// Nothing is shifted silently: what counts from 1970 is taken at its word.
+Status set_clocks(const TouchOptions& options, TouchInput& input) {
+  input.path_start = input.path.empty() ? 0 : input.path.front().time;
+  input.time_origin = input.path_start;
+  const bool has_file = !options.path.empty() || options.is_replay();
+  if (options.depth_sequence.empty() || !has_file) return Done{};
+  const auto first = first_stamp(options);
+  if (!first) return first.error();
+  const bool path_counts = counts_from_1970(input.path_start),
+             frames_count = counts_from_1970(*first);
+  const bool by_stamps = options.align == Align::stamps ||
+                         (options.align == Align::automatic && path_counts && frames_count);
+  if (!by_stamps) {
+    if (frames_count && !path_counts) input.time_origin = *first;
+    if (options.align == Align::automatic && path_counts != frames_count) {
+      std::cerr << "palpate: note: only the "
+                << (path_counts ? "path's time stamps count" : "frames' time stamps count")
+                << " from 1970: path and frames begin at once (--align starts)\n";
+    }
+    return Done{};
+  }
+  const DepthStreamInfo& info = input.source->info();
+  const double last = *first + info.num_frames.value_or(1) / info.rate;
+  const double path_end = input.path.back().time;
+  if (*first > path_end || last < input.path_start) {
+    const auto range = [](double from, double to) {
+      char text[80];
+      std::snprintf(text, sizeof text, "%.3f to %.3f s", from, to);
+      return std::string(text);
+    };
+    return Error{Errc::bad_input,
+                 "the path (" + range(input.path_start, path_end) + ") and the depth frames (" +
+                     range(*first, last) +
+                     ") have no time in common; check their clocks, or let both begin at once: "
+                     "--align starts"};
+  }
+  input.path_start = input.time_origin = std::max(input.path_start, *first);
+  input.frame_zero = input.path_start;
+  if (!options.device.empty()) {
+    input.source = std::make_unique<FramesFrom>(std::move(input.source), *input.frame_zero);
+  }
+  return Done{};
+}
+
+}  // namespace
+
+Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool) {
+  TouchInput input;
+  if (const Status status = add_path(options, tool, input); !status) return status.error();
+  if (const Status status = add_source(options, input); !status) return status.error();
+  if (const Status status = set_clocks(options, input); !status) return status.error();
+  return input;
+}
+
+}  // namespace palpate::apps

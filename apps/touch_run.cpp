@@ -1,0 +1,240 @@
+// palpate touch, once everything is open: on a simulated clock along a path, or live in a hand.
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <limits>
+#include <utility>
+
+#include "apps/held_frames.h"
+#include "apps/page.h"
+#include "apps/terminal.h"
+#include "apps/touch.h"
+#include "palpate/devices/open_device.h"
+#include "palpate/devices/simulated_device.h"
+#include "palpate/run/path_device.h"
+#include "palpate/session/run.h"
+#include "palpate/viewer/views.h"
+
+namespace palpate::apps {
+namespace {
+
+/// Devices have x to the right, y up and z towards the hand; cameras look along z with y down.
+const Quaternion kDeviceInCamera{1, 0, 0, 0};
+
+/// Where a hand that nobody has placed is: its middle where the path begins, with the tool as it is
+/// there. A path that is played is where it says.
+void place(const TouchOptions& options, const std::vector<TimedPose>& path,
+           CouplingOptions& coupling) {
+  const bool has_hand = !options.device.empty() && !options.is_replay();
+  if (!has_hand || path.empty() || options.has_base || options.has_tool_in_hand) return;
+  const Pose& X_WT = path.front().X_WT;
+  coupling.X_WB = {X_WT.translation, kDeviceInCamera};
+  coupling.X_HT.rotation = normalized(conjugate(kDeviceInCamera) * X_WT.rotation);
+}
+
+/// The handle that holds the tool at X_WT.
+Pose handle_at(const Pose& X_WT, const CouplingOptions& coupling) {
+  const auto& [X_WB, X_HT, scale] = std::tie(coupling.X_WB, coupling.X_HT, coupling.motion_scale);
+  if (X_WB == Pose{} && X_HT == Pose{} && scale == 1) return X_WT;
+  Pose X_BH = inverse(X_WB) * (X_WT * inverse(X_HT));
+  X_BH.translation = X_BH.translation / scale;
+  return X_BH;
+}
+
+/// The handle along the path, at times since the run began.
+HandTarget follow(const TouchOptions& options, const TouchInput& input,
+                  const CouplingOptions& coupling) {
+  const bool is_handle = options.path_frame == PathFrame::base;
+  return [&path = input.path, start = input.path_start, coupling, is_handle](double time) {
+    const Pose pose = pose_at(path, start + time);
+    return is_handle ? pose : handle_at(pose, coupling);
+  };
+}
+
+Result<std::unique_ptr<HapticDevice>> make_simulated_hand(const TouchOptions& options,
+                                                          HandTarget target) {
+  const std::string model_name = options.device.size() > 4 ? options.device.substr(4) : "";
+  const auto model = model_name.empty() ? device_models().front() : find_device_model(model_name);
+  if (!model) return open_device(options.device);  // which says what is wrong
+  SimulatedDeviceOptions simulated;
+  simulated.model = *model;
+  simulated.target = std::move(target);
+  auto device = SimulatedDevice::create(simulated);
+  if (!device) return device.error();
+  return std::unique_ptr<HapticDevice>(*std::move(device));
+}
+
+/// How long the run is to last by the path and what people say; infinite: until the frames end.
+Result<double> path_duration(const TouchOptions& options, const TouchInput& input) {
+  if (input.path.empty()) {
+    return Error{Errc::bad_input,
+                 "scene " + options.scene + " has no path of its own: give --path"};
+  }
+  if (options.duration) return *options.duration;
+  const double length = input.path.back().time - input.path_start;
+  if (length > 0) return length;
+  if (input.source->info().num_frames) return std::numeric_limits<double>::infinity();
+  return Error{Errc::bad_input,
+               "neither the path nor the frames end by themselves: give --duration"};
+}
+
+Result<std::unique_ptr<HapticDevice>> make_path(const TouchOptions& options,
+                                                const TouchInput& input,
+                                                const HapticSettings& settings, double duration) {
+  PathDeviceOptions path;
+  path.X_BH = follow(options, input, settings.coupling);
+  path.duration = duration;
+  path.rate = settings.contact_rate;
+  path.limits = find_device_model("sigma.7")->limits;  // as of replay: and other silent devices
+  path.name = !options.path.empty() ? "path " + options.path
+              : input.probe         ? "a path that probes one place"
+                                    : "the path of the scene";
+  auto device = make_path_device(std::move(path));
+  if (!device) return device.error();
+  return std::unique_ptr<HapticDevice>(*std::move(device));
+}
+
+Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
+                                                  const TouchInput& input,
+                                                  const HapticSettings& settings) {
+  if (options.is_replay()) {
+    const HandTarget target = follow(options, input, settings.coupling);
+    std::vector<TimedPose> X_BH{{input.path_start, target(0)}};
+    for (const TimedPose& pose : input.path) {
+      if (pose.time > input.path_start) {
+        X_BH.push_back({pose.time, target(pose.time - input.path_start)});
+      }
+    }
+    return make_replay_device(options.device.substr(7), std::move(X_BH));
+  }
+  if (options.is_simulated_hand() && !input.path.empty()) {
+    return make_simulated_hand(options, follow(options, input, settings.coupling));
+  }
+  return open_device(options.device);
+}
+
+void print_result(const Tool& tool, const RunOutcome& outcome) {
+  const LoopReport& loop = outcome.loop;
+  const RunPeaks& peaks = outcome.peaks;
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "%llu ticks, %llu queries, %llu frames in %.2f s; deepest %.4g cm3 (%.2f %% of the "
+                "tool) at %.3f s, largest force on the tool %.3g N\n",
+                static_cast<unsigned long long>(loop.num_ticks),
+                static_cast<unsigned long long>(loop.num_contacts),
+                static_cast<unsigned long long>(loop.num_frames), loop.seconds, peaks.volume * 1e6,
+                100 * peaks.volume / full_volume(tool, outcome.settings.contact), peaks.volume_time,
+                peaks.contact_force);
+  std::cout << text;
+  if (!outcome.settings.objects.empty()) {
+    std::snprintf(text, sizeof text, "deepest in objects %.4g cm3\n", peaks.objects_volume * 1e6);
+    std::cout << text;
+  }
+  if (!loop.ending.empty()) std::cout << "ended because " << loop.ending << "\n";
+}
+
+void print_probe(const ProbeChoice& probe) {
+  char text[160];
+  std::snprintf(text, sizeof text, "probed the pixel %.0f,%.0f at %.3f, %.3f, %.3f m; ", probe.u,
+                probe.v, probe.p_W.x, probe.p_W.y, probe.p_W.z);
+  std::cout << text << kHowToAim << "\n";
+}
+
+/// Says what came out; an error where the run did not end as it should.
+Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& outcome,
+            const std::optional<ProbeChoice>& probe, bool is_cut_short) {
+  note_backend(outcome.why_not_cuda);
+  for (const std::string& text : outcome.warnings) std::cerr << "palpate: note: " << text << '\n';
+  const bool is_complete = outcome.failure.empty() && !is_cut_short;
+  if (options.json && is_complete) {
+    std::cout << outcome.summary_json;
+  } else if (!options.json) {
+    print_result(tool, outcome);
+    if (probe) print_probe(*probe);
+    std::cout << "report: " << (std::filesystem::path(options.output) / "report.html").string()
+              << "\n";
+  }
+  if (is_cut_short) {
+    return Error{Errc::cancelled, "interrupted; the run so far is complete in " + options.output};
+  }
+  if (!outcome.failure.empty()) {
+    return Error{Errc::unavailable, outcome.failure + "; the run so far is in " + options.output};
+  }
+  return Done{};
+}
+
+}  // namespace
+
+Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
+  const bool is_live = !options.device.empty();
+  HapticSettings settings = options.settings;
+  if (!options.has_kind) {
+    settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
+  }
+  place(options, input.path, settings.coupling);
+
+  RunOptions run;
+  run.probe = input.probe;
+  run.time_origin = input.time_origin;
+  double expected = std::numeric_limits<double>::infinity();
+  Result<std::unique_ptr<HapticDevice>> device = Error{};
+  if (is_live) {
+    device = make_device(options, input, settings);
+    if (options.duration) {
+      expected = *options.duration;
+    } else if (options.is_simulated_hand() && input.path.size() > 1) {
+      expected = input.path.back().time - input.path_start;
+    }
+    run.duration = expected;
+  } else {
+    const auto duration = path_duration(options, input);
+    if (!duration) return duration.error();
+    expected = *duration;
+    device = make_path(options, input, settings, *duration);
+    // A probe of a few frames goes on at the last one.
+    run.clock = {input.frame_zero, !options.duration && !input.probe, options.has_page};
+  }
+  if (!device) return device.error();
+  const bool outlasts_frames =
+      is_live ? input.probe.has_value()
+              : !run.clock.ends_with_frames && settings.coupling.kind != CouplingKind::none;
+  if (outlasts_frames && input.source->info().num_frames) {
+    const double length = is_live ? input.path.back().time : expected;
+    input.source = std::make_unique<HeldFrames>(std::move(input.source), length);
+  }
+  if (is_live && !(*device)->info().senses_orientation) {
+    std::cerr << "palpate: note: " << (*device)->info().name
+              << " senses no orientation: the tool does not turn\n";
+  }
+
+  const DepthStreamInfo& info = input.source->info();
+  const auto view = LiveView::create(tool, info, info.name);
+  std::optional<OpenPage> page;
+  if (options.has_page) {
+    auto served = OpenPage::serve(*view, options.page, std::cerr);
+    if (!served) return served.error();
+    page = *std::move(served);
+    run.onlooker = &view->onlooker();
+  }
+  catch_interrupts();
+  Progress bar("touching");
+  const auto start = std::chrono::steady_clock::now();
+  run.keep_going = [&] {
+    if (is_live && bar.due()) {
+      const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+      char words[64];
+      std::snprintf(words, sizeof words, "%.1f s; Ctrl-C ends the run", elapsed.count());
+      bar.update(std::isfinite(expected) ? elapsed.count() / expected : 0, words);
+    }
+    return !interrupted() && !view->wants_end();
+  };
+  const auto outcome = record_run(tool, *input.source, **device, settings, options.output, run);
+  if (page) page->say_goodbye();
+  if (!outcome) return outcome.error();
+  return tell(options, tool, *outcome, input.probe, !is_live && interrupted());
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,137 @@
+// A run with everything that is kept of it, and its repetition.
+//
+//   recording.mcap  settings, tool, depth frames, contacts, ticks and notes: whole up to the last
+//                   half second even if the program is killed; ROS 2 tools and Foxglove read it
+//   wrench.csv      one line per tick, units in its first line; no compute times
+//   summary.json    settings, counts, peaks, percentiles of every stage, faults
+//   report.html     the same for people, with plots and pictures
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "palpate/run/haptic_loop.h"
+#include "palpate/session/probe_choice.h"
+
+namespace palpate {
+
+/// Largest values of a run, of all ticks.
+struct RunPeaks {
+  double force = 0, torque = 0;                  ///< N and N m, on the hand
+  double wanted_force = 0;                       ///< N, before the safety filter
+  double contact_force = 0, contact_torque = 0;  ///< N and N m, on the tool
+  double contact_force_time = 0;                 ///< s
+  double stretch = 0;                            ///< m
+  double volume = 0, volume_time = 0;            ///< m3, s
+  double objects_volume = 0, objects_volume_time = 0;
+  double energy = 0;         ///< J, given to the hand
+  double spring_energy = 0;  ///< J
+  std::uint64_t num_engaged = 0, num_limited = 0, num_in_contact = 0,
+                num_in_objects = 0;  ///< ticks
+
+  void add(const HapticRecord& tick);
+};
+
+/// What people have to say about a run while it goes on. Any thread adds, one takes.
+class HapticMarks {
+ public:
+  struct Mark {
+    double time = 0;  ///< s, monotonic
+    std::string text;
+  };
+
+  /// A note in the recording, at this moment.
+  void add(std::string text);
+  /// All that were added since the last call.
+  std::vector<Mark> take();
+
+ private:
+  std::mutex mutex_;
+  std::vector<Mark> marks_;
+};
+
+/// Who looks on while a run is recorded.
+struct HapticOnlooker {
+  HapticObserver observer;  ///< hears what the recorder hears, after it
+  /// The loop once it has started, and null before it is stopped: then it must not be used any
+  /// more. From the thread of record_run.
+  std::function<void(HapticLoop*)> on_loop;
+  HapticMarks marks;
+};
+
+struct RunOptions {
+  double duration = std::numeric_limits<double>::infinity();  ///< s, of the computer's clock
+  /// Asked ten times a second; false ends the run, which is kept.
+  std::function<bool()> keep_going = {};
+  HapticOnlooker* onlooker = nullptr;
+  std::optional<ProbeChoice> probe = {};  ///< told in the report; decides nothing
+  // For a SteppedDevice:
+  SimulatedClock clock = {};
+  double time_origin = 0;  ///< s, on the clock of path and frames: when the run's clock is 0
+};
+
+/// What a finished run tells.
+struct RunOutcome {
+  LoopReport loop;
+  RunPeaks peaks;
+  HapticSettings settings;  ///< as used
+  std::string summary_json;
+  std::vector<std::string> warnings;  ///< for people
+  std::string why_not_cuda;           ///< if the fastest backend was asked for and it is another
+  std::string failure;                ///< why it ended early; else empty
+  bool was_interrupted = false;       ///< keep_going() was false
+};
+
+/// Runs live, or on the clock of a SteppedDevice, until the device or the source ends, a fault, or
+/// as the options say. What was recorded is kept in any case; a disk that is full or slow ends or
+/// thins the recording, says so, and never disturbs the loop. Errors: settings, source, device,
+/// folder: nothing has run then.
+Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevice& device,
+                              const HapticSettings& settings, const std::filesystem::path& folder,
+                              const RunOptions& options = {});
+
+/// Is this the folder of a run?
+bool is_run(const std::filesystem::path& folder);
+
+/// How a repetition compares with the run.
+struct ReplayOutcome {
+  std::size_t num_ticks = 0, num_contacts = 0;
+  /// The first number that differs, as "tick N, PLACE: recorded ..., repeated ..."; empty if all
+  /// are the same bit for bit.
+  std::string difference;
+  std::string note;  ///< what could not be repeated, and why; else empty
+};
+struct ReplayOptions {
+  std::optional<int> num_threads = {};  ///< nullopt: as recorded
+  std::function<bool()> keep_going = {};
+};
+
+/// Repeats every contact and every tick from recording.mcap alone, as fast as it can, and compares
+/// them bit by bit with what was recorded. A recording that was cut off is repeated as far as it
+/// goes. Errors: no recording; stopped by keep_going.
+Result<ReplayOutcome> replay_run(const std::filesystem::path& folder,
+                                 const ReplayOptions& options = {});
+
+/// How the forces of two runs of the same hand differ, tick by tick.
+struct ForceComparison {
+  std::size_t num_ticks = 0;               ///< that both have
+  double rms = 0, max = 0;                 ///< N, of the difference of the forces on the tool
+  double max_time = 0;                     ///< s
+  double peak_before = 0, peak_after = 0;  ///< N, largest force on the tool
+};
+struct RetryOutcome {
+  RunOutcome run;
+  ForceComparison forces;
+};
+/// What the same hand and the same frames would have given with other settings, on a simulated
+/// clock: writes a run of its own. `change` gets the recorded settings.
+Result<RetryOutcome> retry_run(const std::filesystem::path& folder,
+                               const std::filesystem::path& output,
+                               const std::function<Status(HapticSettings&)>& change,
+                               const RunOptions& options = {});
+
+}  // namespace palpate

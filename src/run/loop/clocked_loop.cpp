@@ -1,0 +1,284 @@
+// A run on a simulated clock: frames, contacts and ticks in turn, in one thread.
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "palpate/core/triple_buffer.h"
+#include "palpate/run/haptic_loop.h"
+#include "palpate/run/pipeline.h"
+#include "src/core/monotonic_clock.h"
+#include "src/run/loop/frame_queue.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMostBehind = 0.25;  // s; what is later is not made up for
+constexpr std::chrono::milliseconds kLongestWait{20};
+
+std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
+
+class ClockedLoop final : public HapticLoop {
+ public:
+  ClockedLoop(DepthSource& source, SteppedDevice& device, HapticObserver observer,
+              const SimulatedClock& clock, Pipeline pipeline)
+      : device_(device),
+        observer_(std::move(observer)),
+        clock_(clock),
+        frames_(source, clock.zero),
+        pipeline_(std::move(pipeline)) {}
+  ~ClockedLoop() override { stop(); }
+
+  Status start() override;
+  void stop() noexcept override;
+  bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
+  bool latest(HapticRecord& record) noexcept override;
+  const LoopTimes& times() const noexcept override { return times_; }
+  LoopReport report() const override;
+  Status status() const override;
+
+  Status change(const HapticSettings& settings) override;
+  HapticSettings settings() const override;
+  void hold_frames(bool is_held) noexcept override;
+  void step_frame() noexcept override;
+  void ask_for_contact_picture() noexcept override { wants_contact_ = true; }
+  void ask_for_surface_picture() noexcept override { wants_surface_ = true; }
+  const ContactPicture* new_contact_picture() noexcept override {
+    return contacts_.refresh() ? &contacts_.value() : nullptr;
+  }
+  const SurfacePicture* new_surface_picture() noexcept override {
+    return surfaces_.refresh() ? &surfaces_.value() : nullptr;
+  }
+
+ private:
+  using Lock = std::unique_lock<std::mutex>;
+  void work();
+  bool wait_for_turn(Lock& lock);
+  Wrench tick(const DeviceState& state);
+  bool take_frame(double time);
+  void make_pictures();
+  void end(std::string ending);
+
+  SteppedDevice& device_;
+  const HapticObserver observer_;
+  const SimulatedClock clock_;
+  LoopTimes times_;
+
+  mutable std::mutex mutex_;  // of what follows
+  std::condition_variable has_changed_;
+  FrameQueue frames_;
+  Pipeline pipeline_;
+  LoopReport report_;
+  Status status_ = Done{};
+  bool has_ended_ = false, is_held_ = false;
+  int num_steps_ = 0;
+  double wall_offset_ = 0;  // s, monotonic, at time 0
+  std::uint64_t contact_number_ = 0;
+
+  std::atomic<bool> is_running_ = false, is_stopping_ = false;
+  std::atomic<bool> wants_contact_ = false, wants_surface_ = false;
+  TripleBuffer<HapticRecord> newest_;
+  TripleBuffer<ContactPicture> contacts_;
+  TripleBuffer<SurfacePicture> surfaces_;
+  std::thread thread_;
+};
+
+Status ClockedLoop::start() {
+  if (const Status status = frames_.start(); !status) return status;
+  const Status started = device_.start([this](const DeviceState& state) { return tick(state); });
+  if (!started) return started;
+  wall_offset_ = monotonic_now();
+  is_running_ = true;
+  thread_ = std::thread([this] { work(); });
+  return Done{};
+}
+
+void ClockedLoop::stop() noexcept {
+  is_stopping_ = true;
+  has_changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+  device_.stop();
+}
+
+void ClockedLoop::work() {
+  while (!is_stopping_) {
+    Lock lock(mutex_);
+    if (!wait_for_turn(lock)) break;
+    if (!device_.step() && !has_ended_) end("the path has ended");
+    if (has_ended_) break;
+  }
+  is_running_ = false;
+}
+
+/// Until a tick may come; false: none will.
+bool ClockedLoop::wait_for_turn(Lock& lock) {
+  while (!is_stopping_) {
+    if (contact_number_ > 0) make_pictures();
+    const double now = monotonic_now(), next = report_.seconds;
+    if (is_held_ && num_steps_ == 0) {
+      wall_offset_ = now - next;
+      has_changed_.wait_for(lock, kLongestWait);
+      continue;
+    }
+    const double ahead = wall_offset_ + next - now;
+    if (ahead < -kMostBehind) wall_offset_ = now - next;
+    if (!clock_.keeps_pace || ahead <= 0) return true;
+    has_changed_.wait_for(lock, std::min<std::chrono::duration<double>>(
+                                    kLongestWait, std::chrono::duration<double>(ahead)));
+  }
+  return false;
+}
+
+void ClockedLoop::end(std::string ending) {
+  has_ended_ = true;
+  report_.ending = std::move(ending);
+}
+
+/// The frame that is current at this time; false: there is none any more.
+bool ClockedLoop::take_frame(double time) {
+  const auto fresh = frames_.advance(time);
+  if (!fresh) {
+    status_ = fresh.error();
+    return false;
+  }
+  if (clock_.ends_with_frames && frames_.ended(time)) {
+    end("the depth frames have ended");
+    return false;
+  }
+  if (!*fresh) return true;
+  const DepthFrame& frame = frames_.current();
+  FrameRecord record;
+  record.number = report_.num_frames++;
+  record.capture_time = frames_.current_time();
+  record.source_time = frame.timestamp;
+  record.unit = frame.unit;
+  const double begin = monotonic_now();
+  record.surface = pipeline_.push(frame, record.capture_time);
+  const double took = monotonic_now() - begin;
+  record.revision = pipeline_.surface_revision();
+  record.compute_nanoseconds = nanoseconds(took);
+  times_.surface_compute.record(record.compute_nanoseconds);
+  if (observer_.on_frame) observer_.on_frame(record, frame);
+  if (num_steps_ > 0) --num_steps_;
+  return true;
+}
+
+Wrench ClockedLoop::tick(const DeviceState& state) {
+  if (!take_frame(state.time)) {
+    has_ended_ = true;
+    return {};
+  }
+  const double begin = monotonic_now();
+  HapticRecord& record = newest_.draft();
+  record = pipeline_.tick(state);
+  const double took = monotonic_now() - begin;
+  record.compute_nanoseconds = nanoseconds(took);
+  times_.haptic_compute.record(record.compute_nanoseconds);
+  times_.contact_compute.record(record.compute_nanoseconds);
+  if (record.contact_number > 0) {
+    times_.contact_age.record(nanoseconds(record.contact_age));
+    times_.sensor_to_force.record(nanoseconds(record.sensor_age));
+  }
+  const double tick_seconds = 1 / device_.info().rate;
+  if (took > tick_seconds) ++report_.num_missed;
+  ++report_.num_ticks;
+  report_.seconds = record.time + tick_seconds;
+  if (pipeline_.contact().number > contact_number_) {
+    contact_number_ = report_.num_contacts = pipeline_.contact().number;
+    if (observer_.on_contact) observer_.on_contact(pipeline_.contact());
+  }
+  if (observer_.on_ticks) observer_.on_ticks({&record, 1});
+  if (record.safety.fault != Fault::none) {
+    report_.fault = record.safety.fault;
+    if (record.safety.gain <= 0) {
+      has_ended_ = true;
+      const Status backend = pipeline_.status();
+      status_ = backend ? Status(Error{Errc::unavailable, std::string(describe(report_.fault))})
+                        : backend;
+    }
+  }
+  const Wrench felt = record.F_H_B;
+  newest_.publish();
+  return felt;
+}
+
+void ClockedLoop::make_pictures() {
+  const ContactRecord& contact = pipeline_.contact();
+  if (wants_contact_.exchange(false)) {
+    ContactPicture& picture = contacts_.draft();
+    picture.contact_number = contact.number;
+    picture.frame_number = contact.frame_number;
+    picture.X_WT = contact.X_WT;
+    const auto states = pipeline_.query().states();
+    const auto planes = pipeline_.query().planes();
+    picture.states.assign(states.begin(), states.end());
+    picture.planes.assign(planes.begin(), planes.end());
+    contacts_.publish();
+  }
+  if (wants_surface_.exchange(false)) {
+    make_surface_picture(pipeline_.newest_cloud(), pipeline_.moment().to.cloud,
+                         contact.frame_number, surfaces_.draft());
+    surfaces_.publish();
+  }
+}
+
+bool ClockedLoop::latest(HapticRecord& record) noexcept {
+  if (!newest_.refresh()) return false;
+  record = newest_.value();
+  return true;
+}
+
+LoopReport ClockedLoop::report() const {
+  const std::lock_guard lock(mutex_);
+  LoopReport report = report_;
+  report.notes = pipeline_.notes();
+  return report;
+}
+
+Status ClockedLoop::status() const {
+  const std::lock_guard lock(mutex_);
+  return status_;
+}
+
+HapticSettings ClockedLoop::settings() const {
+  const std::lock_guard lock(mutex_);
+  return pipeline_.settings();
+}
+
+Status ClockedLoop::change(const HapticSettings& settings) {
+  const std::lock_guard lock(mutex_);
+  if (!is_running_) return Error{Errc::unavailable, "the run has ended"};
+  if (const Status status = pipeline_.change(settings); !status) return status;
+  if (observer_.on_settings) observer_.on_settings(pipeline_.revision(), settings);
+  return Done{};
+}
+
+void ClockedLoop::hold_frames(bool is_held) noexcept {
+  const std::lock_guard lock(mutex_);
+  is_held_ = is_held;
+  num_steps_ = 0;
+  has_changed_.notify_all();
+}
+
+void ClockedLoop::step_frame() noexcept {
+  const std::lock_guard lock(mutex_);
+  ++num_steps_;
+  has_changed_.notify_all();
+}
+
+}  // namespace
+
+Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSource& source,
+                                                       SteppedDevice& device,
+                                                       const HapticSettings& settings,
+                                                       HapticObserver observer,
+                                                       const SimulatedClock& clock) {
+  auto pipeline = Pipeline::create(tool, source.info(), device.info(), settings);
+  if (!pipeline) return pipeline.error();
+  return std::unique_ptr<HapticLoop>(std::make_unique<ClockedLoop>(
+      source, device, std::move(observer), clock, *std::move(pipeline)));
+}
+
+}  // namespace palpate

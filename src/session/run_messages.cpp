@@ -1,0 +1,308 @@
+#include "src/session/run_messages.h"
+
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "src/session/cdr.h"
+#include "src/session/ros_messages.h"
+#include "src/session/run_fields.h"
+#include "src/session/settings_json.h"
+#include "src/session/text.h"
+
+namespace palpate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// The settings as JSON, beside what is a message by itself.
+struct SettingsText {
+  std::uint32_t revision = 0;
+  double time_origin = 0;
+  DeviceInfo device;
+  std::string json;
+};
+template <Of<SettingsText> T>
+void visit_fields(T& settings, auto&& visit) {
+  visit("revision", settings.revision);
+  visit("time_origin", settings.time_origin);
+  visit("device", settings.device);
+  visit("json", settings.json);
+}
+
+struct Note {
+  std::string text;
+};
+template <Of<Note> T>
+void visit_fields(T& note, auto&& visit) {
+  visit("text", note.text);
+}
+
+template <class T>
+concept Scalar = std::is_arithmetic_v<T> || std::is_enum_v<T>;
+
+struct Writer {
+  CdrWriter& to;
+
+  template <class T>
+  void operator()(const char*, const T& value) const {
+    if constexpr (Scalar<T>) {
+      to.number(value);
+    } else if constexpr (std::same_as<T, std::string>) {
+      to.text(value);
+    } else if constexpr (std::same_as<T, Stiffness>) {
+      for (const auto& row : value.m) {
+        for (const double number : row) to.number(number);
+      }
+    } else {
+      visit_fields(value, *this);
+    }
+  }
+};
+
+struct Reader {
+  CdrReader& from;
+
+  template <class T>
+  void operator()(const char*, T& value) const {
+    if constexpr (std::same_as<T, bool>) {
+      value = from.number<std::uint8_t>() != 0;
+    } else if constexpr (Scalar<T>) {
+      value = from.number<T>();
+    } else if constexpr (std::same_as<T, std::string>) {
+      value = std::string(from.text());
+    } else if constexpr (std::same_as<T, Stiffness>) {
+      for (auto& row : value.m) {
+        for (double& number : row) number = from.number<double>();
+      }
+    } else {
+      visit_fields(value, *this);
+    }
+  }
+};
+
+// What ROS calls a type.
+template <class T>
+std::string type_name() {
+  if constexpr (std::same_as<T, bool>) return "bool";
+  if constexpr (std::same_as<T, double>) return "float64";
+  if constexpr (std::same_as<T, std::uint64_t>) return "uint64";
+  if constexpr (std::same_as<T, std::int64_t>) return "int64";
+  if constexpr (std::same_as<T, std::uint32_t>) return "uint32";
+  if constexpr (std::same_as<T, std::int32_t>) return "int32";
+  if constexpr (std::same_as<T, Fault>) return "uint8";
+  if constexpr (std::same_as<T, std::string>) return "string";
+  if constexpr (std::same_as<T, Stiffness>) return "float64[36]";
+  if constexpr (std::same_as<T, Vec3d>) return "geometry_msgs/Vector3";
+  if constexpr (std::same_as<T, Quaternion>) return "geometry_msgs/Quaternion";
+  if constexpr (std::same_as<T, Pose>) return "geometry_msgs/Pose";
+  if constexpr (std::same_as<T, Wrench>) return "geometry_msgs/Wrench";
+  if constexpr (std::same_as<T, Twist>) return "geometry_msgs/Twist";
+  if constexpr (std::same_as<T, SurfaceStats>) return "palpate_msgs/SurfaceStats";
+  if constexpr (std::same_as<T, FrameRecord>) return "palpate_msgs/Frame";
+  if constexpr (std::same_as<T, Penetration>) return "palpate_msgs/Penetration";
+  if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";
+  if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/Contact";
+  if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
+  if constexpr (std::same_as<T, CouplingStep>) return "palpate_msgs/CouplingStep";
+  if constexpr (std::same_as<T, SafetyStatus>) return "palpate_msgs/SafetyStatus";
+  if constexpr (std::same_as<T, HapticRecord>) return "palpate_msgs/Tick";
+  if constexpr (std::same_as<T, DeviceLimits>) return "palpate_msgs/DeviceLimits";
+  if constexpr (std::same_as<T, DeviceInfo>) return "palpate_msgs/DeviceInfo";
+  if constexpr (std::same_as<T, SettingsText>) return "palpate_msgs/Settings";
+  if constexpr (std::same_as<T, Note>) return "palpate_msgs/Note";
+}
+
+/// Notes the definitions of our types.
+struct Describer {
+  std::map<std::string, std::string>& texts;
+  std::string& text;
+
+  template <class T>
+  void operator()(const char* name, const T& value) const {
+    const std::string type = type_name<T>();
+    text += type + " " + name + "\n";
+    constexpr bool is_plain =
+        Scalar<T> || std::same_as<T, std::string> || std::same_as<T, Stiffness>;
+    if constexpr (!is_plain) {
+      if (type.starts_with("palpate_msgs/") && texts.count(type) == 0) describe(value);
+    }
+  }
+  template <class T>
+  void describe(const T& value) const {
+    std::string inner;
+    visit_fields(value, Describer{texts, inner});
+    texts[type_name<T>()] = inner;
+  }
+};
+
+template <class T>
+McapChannel channel_of(const char* topic) {
+  std::map<std::string, std::string> texts;
+  std::string unused;
+  Describer{texts, unused}.describe(T{});
+  std::string type = type_name<T>();
+  const std::string schema = message_schema(type, [&](const auto& name) { return texts[name]; });
+  type.insert(type.find('/'), "/msg");
+  return {topic, type, schema};
+}
+
+template <class T>
+std::string message_of(const T& value) {
+  CdrWriter to;
+  visit_fields(value, Writer{to});
+  return to.take();
+}
+
+template <class T>
+Result<T> read(std::string_view message) {
+  CdrReader from(message);
+  T value;
+  visit_fields(value, Reader{from});
+  if (from.is_good()) return value;
+  return Error{Errc::bad_input, "a message is no " + type_name<T>() + "; record the run again"};
+}
+
+/// Every number with its place.
+struct Flattener {
+  std::vector<std::pair<std::string, std::string>>& values;
+  std::string place;
+
+  template <class T>
+  void operator()(const char* name, const T& value) const {
+    const std::string at = place + (place.empty() ? "" : "/") + name;
+    if constexpr (Scalar<T>) {
+      put(at, value);
+    } else if constexpr (std::same_as<T, Stiffness>) {
+      for (int i = 0; i < 36; ++i) put(at + "/" + std::to_string(i), value.m[i / 6][i % 6]);
+    } else {
+      visit_fields(value, Flattener{values, at});
+    }
+  }
+  template <class T>
+  void put(const std::string& at, T value) const {
+    std::string text;
+    if constexpr (std::is_enum_v<T> || std::same_as<T, bool>) {
+      append_number(text, static_cast<int>(value));
+    } else {
+      append_number(text, value);
+    }
+    values.emplace_back(at, text);
+  }
+};
+
+template <class T>
+std::string difference_of(const T& recorded, const T& repeated) {
+  if (message_of(recorded) == message_of(repeated)) return {};
+  std::vector<std::pair<std::string, std::string>> a, b;
+  visit_fields(recorded, Flattener{a, ""});
+  visit_fields(repeated, Flattener{b, ""});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (a[i] == b[i]) continue;
+    return a[i].first + ": recorded " + a[i].second + ", repeated " + b[i].second;
+  }
+  return "a number differs in bits that are not written";
+}
+
+Json json_of(const std::vector<SceneObject>& objects) {
+  Json list = Json::array();
+  for (const auto& [shape, X_WB] : objects) {
+    const auto& [p, q] = X_WB;
+    list.push_back({p.x, p.y, p.z, q.x, q.y, q.z, q.w});
+  }
+  return list;
+}
+
+std::vector<SceneObject> objects_from(const Json& list) {
+  std::vector<SceneObject> objects;
+  for (const Json& pose : list) {
+    const auto v = pose.get<std::array<double, 7>>();
+    objects.push_back({nullptr, {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}}});
+  }
+  return objects;
+}
+
+Result<RunSetup> setup_of(const SettingsText& text) {
+  const Json json = Json::parse(text.json);
+  if (json.at("format") != kRunFormat) {
+    return Error{Errc::bad_input, "the recording is not that of a run; give another one"};
+  }
+  if (json.at("version") != kRunVersion) {
+    return Error{Errc::bad_input, "the recording has format version " + json.at("version").dump() +
+                                      ", this program reads " + std::to_string(kRunVersion) +
+                                      "; use the version that wrote it"};
+  }
+  RunSetup setup;
+  const Status settings = read_json(settings_of(setup.settings), json.at("settings"));
+  if (!settings) return settings.error();
+  setup.settings.objects = objects_from(json.at("objects"));
+  setup.stream = stream_from_json(json.at("stream"));
+  if (json.contains("probe")) setup.probe = probe_from_json(json.at("probe"));
+  setup.device = text.device;
+  setup.revision = text.revision;
+  setup.time_origin = text.time_origin;
+  return setup;
+}
+
+}  // namespace
+
+std::string object_file(std::size_t index) {
+  char name[40];
+  std::snprintf(name, sizeof name, "object-%03zu.palp", index);
+  return name;
+}
+
+McapChannel settings_channel() { return channel_of<SettingsText>(kSettingsTopic); }
+McapChannel frame_channel() { return channel_of<FrameRecord>(kFrameTopic); }
+McapChannel contact_channel() { return channel_of<ContactRecord>(kContactTopic); }
+McapChannel tick_channel() { return channel_of<HapticRecord>(kTickTopic); }
+McapChannel note_channel() { return channel_of<Note>(kNoteTopic); }
+
+std::string settings_message(const RunSetup& setup) {
+  Json json{{"format", kRunFormat},
+            {"version", kRunVersion},
+            {"program", PALPATE_VERSION},
+            {"settings", to_json(settings_of(setup.settings))},
+            {"stream", to_json(setup.stream)},
+            {"objects", json_of(setup.settings.objects)}};
+  if (setup.probe) json["probe"] = to_json(*setup.probe);
+  return message_of(SettingsText{setup.revision, setup.time_origin, setup.device,
+                                 json.dump(-1, ' ', false, Json::error_handler_t::replace)});
+}
+std::string frame_message(const FrameRecord& frame) { return message_of(frame); }
+std::string contact_message(const ContactRecord& contact) { return message_of(contact); }
+std::string tick_message(const HapticRecord& tick) { return message_of(tick); }
+std::string note_message(std::string_view text) { return message_of(Note{std::string(text)}); }
+
+Result<RunSetup> read_settings(std::string_view message) {
+  const auto text = read<SettingsText>(message);
+  if (!text) return text.error();
+  try {
+    return setup_of(*text);
+  } catch (const Json::exception&) {
+    return Error{Errc::bad_input,
+                 "a message does not hold the settings of a run; record the run again"};
+  }
+}
+Result<FrameRecord> read_frame(std::string_view message) { return read<FrameRecord>(message); }
+Result<ContactRecord> read_contact(std::string_view message) {
+  return read<ContactRecord>(message);
+}
+Result<HapticRecord> read_tick(std::string_view message) { return read<HapticRecord>(message); }
+Result<std::string> read_note(std::string_view message) {
+  auto note = read<Note>(message);
+  if (!note) return note.error();
+  return std::move(note->text);
+}
+
+std::string difference(const ContactRecord& recorded, const ContactRecord& repeated) {
+  return difference_of(recorded, repeated);
+}
+std::string difference(const HapticRecord& recorded, const HapticRecord& repeated) {
+  return difference_of(recorded, repeated);
+}
+
+}  // namespace palpate

@@ -1,0 +1,72 @@
+// Our own messages in a recording, beside those of ROS: what it takes to repeat a run bit for bit.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "palpate/io/mcap_file.h"
+#include "palpate/run/records.h"
+#include "palpate/run/settings.h"
+#include "palpate/session/probe_choice.h"
+#include "palpate/session/run_folder.h"
+
+namespace palpate {
+
+/// Everything that a repetition needs beside tool, frames, contacts and ticks.
+struct RunSetup {
+  HapticSettings settings;  ///< shapes of objects are files inside the recording
+  DepthStreamInfo stream;
+  DeviceInfo device;
+  std::uint32_t revision = 0;  ///< of the settings: counts what was changed while the run went on
+  /// s since 1970, or on the clock of path and frames: when a run on a simulated clock began, whose
+  /// own clock begins at 0.
+  double time_origin = 0;
+  std::optional<ProbeChoice> probe = {};  ///< where the hand was led, if nobody gave a path
+};
+
+/// A depth frame with all that it takes to repeat its surface.
+struct RecordedDepth {
+  FrameRecord record;
+  DepthFrame frame;
+};
+
+inline constexpr const char* kRunFormat = "palpate run";
+inline constexpr int kRunVersion = 1;
+
+// Topics.
+inline constexpr const char* kSettingsTopic = "/settings";
+inline constexpr const char* kFrameTopic = "/frame";  ///< palpate_msgs/Frame, before its image
+inline constexpr const char* kDepthTopic = "/depth";  ///< sensor_msgs/Image
+inline constexpr const char* kContactTopic = "/contact";
+inline constexpr const char* kTickTopic = "/tick";
+inline constexpr const char* kNoteTopic = "/note";
+
+// Files inside the recording.
+inline constexpr const char* kToolFile = "tool.palp";
+std::string object_file(std::size_t index);
+
+McapChannel settings_channel();
+McapChannel frame_channel();
+McapChannel contact_channel();
+McapChannel tick_channel();
+McapChannel note_channel();
+
+std::string settings_message(const RunSetup& setup);
+std::string frame_message(const FrameRecord& frame);
+std::string contact_message(const ContactRecord& contact);
+std::string tick_message(const HapticRecord& tick);
+std::string note_message(std::string_view text);
+
+/// Errors: not such a message, one of another version. Objects come without their shapes.
+Result<RunSetup> read_settings(std::string_view message);
+Result<FrameRecord> read_frame(std::string_view message);
+Result<ContactRecord> read_contact(std::string_view message);
+Result<HapticRecord> read_tick(std::string_view message);
+Result<std::string> read_note(std::string_view message);
+
+/// "wrench/force/x: recorded 1, repeated 2"; empty if they are the same to the bit.
+std::string difference(const ContactRecord& recorded, const ContactRecord& repeated);
+std::string difference(const HapticRecord& recorded, const HapticRecord& repeated);
+
+}  // namespace palpate

@@ -1,0 +1,73 @@
+#include "src/session/run_repetition.h"
+
+#include <utility>
+
+namespace palpate {
+
+void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
+  if (parts.timeline) timelines_.emplace(setup.revision, *std::move(parts.timeline));
+  measuring_[setup.revision] = {setup.settings.contact, parts.scale, std::move(parts.contact)};
+}
+
+void ContactRepetition::push_next() {
+  const RecordedDepth& next = frames_.front();
+  // The newest timeline that there was for this frame.
+  while (timelines_.size() > 1 && std::next(timelines_.begin())->first <= next.record.revision) {
+    timelines_.erase(timelines_.begin());
+  }
+  SurfaceTimeline& timeline = timelines_.begin()->second;
+  timeline.push(next.frame, next.record.capture_time, *pool_);
+  moment_ = timeline.at(next.record.capture_time);
+  capture_time_ = next.record.capture_time;
+  frames_.pop_front();
+  ++num_pushed_;
+}
+
+ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
+  while (num_pushed_ <= recorded.frame_number) push_next();
+  while (!measuring_.empty() && measuring_.begin()->first <= recorded.revision) {
+    auto& [options, scale, part] = measuring_.begin()->second;
+    if (part) part_ = std::move(part);
+    part_->use(options, scale);
+    measuring_.erase(measuring_.begin());
+  }
+  ContactRecord repeated = recorded;
+  repeated.capture_time = capture_time_;
+  moment_.progress = recorded.progress;
+  part_->measure(moment_, repeated);
+  if (recorded.has_new_stiffness) {
+    part_->measure_stiffness(repeated);
+  } else {
+    // Kept from an earlier contact, which may not have been recorded.
+    repeated.contact.stiffness = recorded.contact.stiffness;
+    repeated.contact.max_stiffness = recorded.contact.max_stiffness;
+  }
+  return repeated;
+}
+
+void TickRepetition::add(const RunSetup& setup, RunParts& parts) {
+  couplings_[setup.revision] = std::move(parts.coupling);
+  if (hand_ == nullptr) {
+    auto& first = couplings_.begin()->second;
+    hand_ =
+        std::make_unique<HandPart>(std::move(first), std::move(*safety_), 1 / setup.device.rate);
+    couplings_.clear();
+  }
+}
+
+HapticRecord TickRepetition::repeat(const HapticRecord& recorded, const ContactRecord& contact) {
+  while (!couplings_.empty() && couplings_.begin()->first <= recorded.revision) {
+    hand_->change(couplings_.begin()->first, couplings_.begin()->second);
+    couplings_.erase(couplings_.begin());
+  }
+  if (hand_->num_ticks() == 0) hand_->set_start_time(recorded.device.time - recorded.time);
+  HapticRecord tick;
+  hand_->tick(recorded.device, contact,
+              {recorded.is_stopping, recorded.has_sensor_failed, recorded.has_backend_failed},
+              tick);
+  tick.time = recorded.time;  // rounded otherwise
+  tick.compute_nanoseconds = recorded.compute_nanoseconds;
+  return tick;
+}
+
+}  // namespace palpate

@@ -1,0 +1,291 @@
+// A run once more, from its recording alone.
+#include <deque>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "palpate/run/pipeline.h"
+#include "palpate/session/run.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/run_reader.h"
+#include "src/session/run_repetition.h"
+
+namespace palpate {
+namespace fs = std::filesystem;
+namespace {
+
+/// Both sides, fed with messages in the order of the file. What belongs together may come out of
+/// order by a few milliseconds, so each side waits for what it needs.
+class Repetition {
+ public:
+  Repetition(const Tool& tool, const RunSetup& first, SafetyFilter safety, int num_threads)
+      : tool_(tool), first_(first), contacts_(num_threads), ticks_(std::move(safety)) {}
+
+  /// The settings of the run, then those that followed while it went on.
+  Status take(RunSetup setup) {
+    if (setup.revision != num_settings_) return missing_settings();
+    setup.settings.objects = first_.settings.objects;  // with their shapes
+    RunPartsOptions options;
+    if (num_settings_ > 0) options.before = &settings_;
+    auto parts = make_run_parts(tool_, setup.stream, setup.device, setup.settings, options);
+    if (!parts) return parts.error();
+    contacts_.add(setup, *parts);
+    ticks_.add(setup, *parts);
+    settings_ = setup.settings;
+    ++num_settings_;
+    return Done{};
+  }
+
+  const ReplayOutcome& outcome() const { return outcome_; }
+  bool has_differed() const { return !outcome_.difference.empty(); }
+
+  Status take(std::string_view topic, std::string_view message) {
+    auto joined = joiner_.take(topic, message);
+    if (!joined) return joined.error();
+    if (*joined) {
+      RecordedDepth& frame = **joined;
+      if (frame.record.revision >= num_settings_) return missing_settings();
+      if (can_repeat_contacts_) contacts_.add(std::move(frame));
+      if (contacts_.has_gap()) end_contacts("a depth frame");
+    } else if (topic == kSettingsTopic) {
+      auto setup = read_settings(message);
+      if (!setup) return setup.error();
+      if (const Status status = take(*std::move(setup)); !status) return status;
+    } else if (topic == kContactTopic) {
+      const auto contact = read_contact(message);
+      if (!contact) return contact.error();
+      if (contact->revision >= num_settings_) return missing_settings();
+      known_[contact->number] = *contact;
+      if (can_repeat_contacts_) waiting_contacts_.push_back(*contact);
+    } else if (topic == kTickTopic && can_repeat_ticks_) {
+      const auto tick = read_tick(message);
+      if (!tick) return tick.error();
+      if (tick->revision >= num_settings_) return missing_settings();
+      if (tick->number != num_seen_++) return end_ticks("ticks"), Done{};
+      waiting_ticks_.push_back(*tick);
+    }
+    repeat_contacts();
+    repeat_ticks();
+    return Done{};
+  }
+
+  void end(bool was_cut_off) {
+    if (was_cut_off) add_note("the recording was cut off; it was repeated as far as it goes");
+    if (!was_cut_off && !waiting_contacts_.empty()) end_contacts("a depth frame");
+    if (!was_cut_off && !waiting_ticks_.empty()) end_ticks("a contact");
+  }
+
+ private:
+  Error missing_settings() const {
+    return {Errc::bad_input, "settings of revision " + std::to_string(num_settings_) +
+                                 " are missing; record the run again"};
+  }
+  void add_note(const std::string& note) {
+    outcome_.note += (outcome_.note.empty() ? "" : "; ") + note;
+  }
+  void end_contacts(const char* missing) {
+    if (!std::exchange(can_repeat_contacts_, false)) return;
+    add_note("queries are repeated up to number " + std::to_string(outcome_.num_contacts) +
+             " only: " + missing + " after it was not recorded");
+    waiting_contacts_.clear();
+  }
+  void end_ticks(const char* missing) {
+    if (!std::exchange(can_repeat_ticks_, false)) return;
+    add_note("ticks are repeated up to number " + std::to_string(outcome_.num_ticks) +
+             " only: " + missing + " after it were not recorded");
+    waiting_ticks_.clear();
+  }
+  template <class Record>
+  void compare(const char* what, const Record& recorded, const Record& repeated) {
+    const std::string found = difference(recorded, repeated);
+    if (!found.empty()) {
+      outcome_.difference = what + (" " + std::to_string(recorded.number)) + ", " + found;
+    }
+  }
+
+  void repeat_contacts() {
+    while (!has_differed() && can_repeat_contacts_ && !waiting_contacts_.empty() &&
+           contacts_.has_frames_until(waiting_contacts_.front().frame_number)) {
+      const ContactRecord& recorded = waiting_contacts_.front();
+      compare("contact", recorded, contacts_.repeat(recorded));
+      ++outcome_.num_contacts;
+      waiting_contacts_.pop_front();
+    }
+  }
+
+  void repeat_ticks() {
+    while (!has_differed() && can_repeat_ticks_ && !waiting_ticks_.empty()) {
+      const HapticRecord& recorded = waiting_ticks_.front();
+      known_.erase(known_.begin(), known_.lower_bound(recorded.contact_number));
+      const bool is_measured = recorded.contact_number > 0;
+      if (is_measured && known_.empty()) return;
+      if (is_measured && known_.begin()->first != recorded.contact_number) {
+        return end_ticks("contacts");
+      }
+      compare("tick", recorded,
+              ticks_.repeat(recorded, is_measured ? known_.begin()->second : ContactRecord{}));
+      ++outcome_.num_ticks;
+      waiting_ticks_.pop_front();
+    }
+  }
+
+  const Tool& tool_;
+  const RunSetup& first_;
+  FrameJoiner joiner_;
+  ContactRepetition contacts_;
+  TickRepetition ticks_;
+  HapticSettings settings_;  // the newest
+  std::uint32_t num_settings_ = 0;
+  std::map<std::uint64_t, ContactRecord> known_;  // by number
+  std::deque<ContactRecord> waiting_contacts_;
+  std::deque<HapticRecord> waiting_ticks_;
+  std::uint64_t num_seen_ = 0;
+  bool can_repeat_contacts_ = true, can_repeat_ticks_ = true;
+  ReplayOutcome outcome_;
+};
+
+// The same hand and the same frames once more, for other settings.
+
+/// s, on the clock of the recording: when the run began. Error: there is no tick.
+Result<double> start_of(const fs::path& path) {
+  auto reader = RunReader::open(path);
+  if (!reader) return reader.error();
+  HapticRecord tick;
+  const auto got = reader->next_tick(tick);
+  if (!got) return got.error();
+  if (!*got) return Error{Errc::bad_input, path.string() + " holds no tick; record the run again"};
+  return tick.device.time - tick.time;
+}
+
+/// The hand as it was recorded, whatever it feels.
+class RecordedHand final : public SteppedDevice {
+ public:
+  RecordedHand(RunReader reader, double start) : reader_(std::move(reader)), start_(start) {}
+
+  const DeviceInfo& info() const override { return reader_.setup().device; }
+  Status start(DeviceTick tick) override {
+    tick_ = std::move(tick);
+    return Done{};
+  }
+  void stop() noexcept override { tick_ = nullptr; }
+  Status status() const override { return status_; }
+  bool step() override {
+    const auto got = reader_.next_tick(recorded_);
+    if (!got) status_ = got.error();
+    if (tick_ == nullptr || !got || !*got) return false;
+    DeviceState state = recorded_.device;
+    state.time -= start_;
+    tick_(state);
+    return true;
+  }
+  /// During a tick: what was recorded at it.
+  const HapticRecord& recorded() const { return recorded_; }
+
+ private:
+  RunReader reader_;
+  double start_;
+  DeviceTick tick_;
+  HapticRecord recorded_;
+  Status status_ = Done{};
+};
+
+/// The frames as they were captured, on the run's clock.
+class RecordedFrames final : public DepthSource {
+ public:
+  RecordedFrames(RunReader reader, double start) : reader_(std::move(reader)), start_(start) {}
+
+  const DepthStreamInfo& info() const override { return reader_.setup().stream; }
+  Result<bool> next(DepthFrame& frame) override {
+    RecordedDepth recorded;
+    const auto got = reader_.next_frame(recorded);
+    if (!got || !*got) return got;
+    frame = std::move(recorded.frame);
+    frame.timestamp = recorded.record.capture_time - start_;
+    return true;
+  }
+
+ private:
+  RunReader reader_;
+  double start_;
+};
+
+void compare(const HapticRecord& before, const HapticRecord& after, ForceComparison& forces) {
+  const Vec3d &a = before.step.contact_W.force, &b = after.step.contact_W.force;
+  const double off = norm(b - a);
+  ++forces.num_ticks;
+  forces.rms += off * off;
+  if (off > forces.max) forces.max_time = after.time;
+  forces.max = std::max(forces.max, off);
+  forces.peak_before = std::max(forces.peak_before, norm(a));
+  forces.peak_after = std::max(forces.peak_after, norm(b));
+}
+
+}  // namespace
+
+bool is_run(const fs::path& folder) { return RunReader::open(folder / kRecordingFile).has_value(); }
+
+Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& options) {
+  const fs::path path = folder / kRecordingFile;
+  auto reader = RunReader::open(path);
+  if (!reader) return reader.error();
+  const auto tool = reader->load_tools();
+  if (!tool) return tool.error();
+  const RunSetup& setup = reader->setup();
+  auto safety = SafetyFilter::create(setup.device.limits, setup.settings.safety);
+  if (!safety) return safety.error();
+  Repetition repetition(*tool, setup, *std::move(safety),
+                        options.num_threads.value_or(setup.settings.num_threads));
+  if (const Status status = repetition.take(setup); !status) return status.error();
+
+  while (!repetition.has_differed()) {
+    if (options.keep_going && !options.keep_going()) {
+      return Error{Errc::cancelled, "the replay was interrupted before its end"};
+    }
+    const auto message = reader->next();
+    if (!message) return message.error();
+    if (!*message) break;
+    if (const Status status = repetition.take((*message)->topic, (*message)->data); !status) {
+      return Error{status.error().code, path.string() + ": " + status.error().message};
+    }
+  }
+  if (!repetition.has_differed()) repetition.end(reader->was_cut_off());
+  return repetition.outcome();
+}
+
+Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
+                               const std::function<Status(HapticSettings&)>& change,
+                               const RunOptions& options) {
+  const fs::path path = folder / kRecordingFile;
+  const auto start = start_of(path);
+  if (!start) return start.error();
+  auto ticks = RunReader::open(path), images = RunReader::open(path);
+  if (!ticks || !images) return ticks ? images.error() : ticks.error();
+  const auto tool = ticks->load_tools();
+  if (!tool) return tool.error();
+  HapticSettings settings = ticks->setup().settings;
+  if (const Status status = change(settings); !status) return status.error();
+  RunOptions run = options;
+  run.probe = ticks->setup().probe;
+  run.time_origin = ticks->setup().time_origin;
+  run.clock.zero = 0;
+  run.clock.ends_with_frames = false;
+
+  RecordedHand hand(*std::move(ticks), *start);
+  RecordedFrames frames(*std::move(images), *start);
+  RetryOutcome outcome;
+  HapticOnlooker onlooker;
+  onlooker.observer.on_ticks = [&](std::span<const HapticRecord> felt) {
+    for (const HapticRecord& tick : felt) compare(hand.recorded(), tick, outcome.forces);
+  };
+  run.onlooker = &onlooker;
+  auto done = record_run(*tool, frames, hand, settings, output, run);
+  if (!done) return done.error();
+  outcome.run = *std::move(done);
+  ForceComparison& forces = outcome.forces;
+  if (forces.num_ticks > 0) {
+    forces.rms = std::sqrt(forces.rms / static_cast<double>(forces.num_ticks));
+  }
+  return outcome;
+}
+
+}  // namespace palpate

@@ -1,0 +1,156 @@
+#include "src/session/run_results.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "palpate/io/atomic_file.h"
+#include "src/session/text.h"
+
+namespace palpate {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr const char* kCsv = "wrench.csv";
+constexpr const char* kUnfinishedCsv = "wrench.csv.part";
+constexpr std::size_t kNumRecent = 3;  // frames; contacts are at most one behind
+
+/// `measure` is the contact's volume times direction, before the volume stiffness makes newtons.
+constexpr const char* kHeader =
+    "time_s,timestamp_s,tool_x_m,tool_y_m,tool_z_m,tool_qx,tool_qy,tool_qz,tool_qw,volume_m3,"
+    "fraction,measure_x_m3,measure_y_m3,measure_z_m3,measure_mx_m4,measure_my_m4,measure_mz_m4,"
+    "force_x_N,force_y_N,force_z_N,torque_x_Nm,torque_y_Nm,torque_z_Nm,"
+    "hand_force_x_N,hand_force_y_N,hand_force_z_N,hand_torque_x_Nm,hand_torque_y_Nm,"
+    "hand_torque_z_Nm,stretch_m,boundary_spheres,inside_spheres,points,object_pairs,"
+    "objects_volume_m3,objects_measure_x_m3,objects_measure_y_m3,objects_measure_z_m3,objects_"
+    "measure_mx_m4,"
+    "objects_measure_my_m4,objects_measure_mz_m4,contact,frame,"
+    "status,contact_age_s,sensor_age_s,gain,fault\n";
+
+}  // namespace
+
+RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup& setup)
+    : tool_(tool),
+      full_volume_(full_volume(tool, setup.settings.contact)),
+      time_origin_(setup.time_origin),
+      csv_(folder / kUnfinishedCsv, std::ios::binary) {
+  csv_ << kHeader;
+}
+
+void RunResults::add_settings(const HapticSettings& settings) {
+  changes_.push_back(settings);
+  full_volume_ = full_volume(tool_, settings.contact);
+}
+
+void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
+  captures_.push_back(record.capture_time);
+  ++num_frames_;
+  if (record.surface.num_points < 0.001 * frame.width * frame.height) {
+    if (num_scarce_++ == 0) {
+      first_scarce_ = record.number;
+      scarce_points_ = record.surface.num_points;
+    }
+  }
+  if (recent_.size() == kNumRecent) {
+    // Its memory once more.
+    recent_.push_back(std::move(recent_.front()));
+    recent_.pop_front();
+  } else {
+    recent_.emplace_back();
+  }
+  recent_.back().number = record.number;
+  recent_.back().frame = frame;
+}
+
+void RunResults::add_tick(const HapticRecord& tick) {
+  const auto& [p, q] = tick.step.X_WT;
+  const Penetration& all = tick.penetration;
+  const auto& [mf, mt] = all.measure_W;
+  const auto& [force, torque] = tick.step.contact_W;
+  const auto& [hand_force, hand_torque] = tick.F_H_B;
+  const auto& [of, ot] = tick.objects.measure_W;
+  // That the force fades at the end is no fault.
+  const Fault fault = tick.safety.fault == Fault::stopped ? Fault::none : tick.safety.fault;
+  line_.clear();
+  append_row(line_, ',', tick.time, time_origin_ + tick.time, p.x, p.y, p.z, q.x, q.y, q.z, q.w,
+             all.volume, all.volume / full_volume_, mf.x, mf.y, mf.z, mt.x, mt.y, mt.z, force.x,
+             force.y, force.z, torque.x, torque.y, torque.z, hand_force.x, hand_force.y,
+             hand_force.z, hand_torque.x, hand_torque.y, hand_torque.z, tick.step.stretch,
+             all.num_boundary_spheres, all.num_inside_spheres, all.num_points,
+             tick.num_object_pairs, tick.objects.volume, of.x, of.y, of.z, ot.x, ot.y, ot.z,
+             tick.contact_number, tick.frame_number, all.status.bits, tick.contact_age,
+             tick.sensor_age, tick.safety.gain, static_cast<int>(fault));
+  csv_ << line_;
+  series_.add(tick);
+  if (!has_ticked_ || all.volume > peaks_.volume) keep_deepest(tick);
+  peaks_.add(tick);
+  has_ticked_ = true;
+  start_ = tick.device.time - tick.time;
+}
+
+void RunResults::keep_deepest(const HapticRecord& tick) {
+  deepest_ = tick;
+  const bool is_known = !deepest_frame_.frame.pixels.empty();
+  if (is_known && deepest_frame_.number == tick.frame_number) return;
+  for (const SeenFrame& seen : recent_) {
+    if (seen.number == tick.frame_number) deepest_frame_ = seen;
+  }
+}
+
+std::string RunResults::scarce_surface_warning(const RunSetup& setup) const {
+  if (num_scarce_ == 0) return {};
+  std::string range;
+  append_number(range, setup.settings.surface.min_depth);
+  range += " to ";
+  append_number(range, setup.settings.surface.max_depth);
+  return std::to_string(scarce_points_) + " of " +
+         std::to_string(setup.stream.width * setup.stream.height) + " pixels are usable (" + range +
+         " m, with a surface around them) in frame " + std::to_string(first_scarce_) +
+         ", and hardly any in " + std::to_string(num_scarce_) + " of " +
+         std::to_string(num_frames_) + " frames; check --depth-unit";
+}
+
+void RunResults::move_to(RunLog& log) {
+  log.series = std::move(series_);
+  log.peaks = peaks_;
+  log.changes = std::move(changes_);
+  log.deepest = deepest_;
+  if (deepest_frame_.number == deepest_.frame_number) {
+    log.deepest_frame = std::move(deepest_frame_.frame);
+  }
+  for (const double time : captures_) {
+    if (time >= start_) log.frame_times.push_back(time - start_);
+  }
+  if (std::string warning = scarce_surface_warning(log.setup); !warning.empty()) {
+    log.warnings.push_back(std::move(warning));
+  }
+}
+
+void RunResults::finish_csv(const fs::path& folder, RunLog& log) {
+  csv_.close();
+  const fs::path unfinished = folder / kUnfinishedCsv;
+  if (!csv_) {
+    log.warnings.push_back(unfinished.string() + " is cut off: check the free space");
+    return;
+  }
+  std::error_code error;
+  fs::rename(unfinished, folder / kCsv, error);
+  if (error) {
+    log.warnings.push_back("cannot rename " + unfinished.string() + ": " + error.message());
+  }
+}
+
+std::string RunResults::write(const fs::path& folder, const Tool& tool, const LoopTimes& times,
+                              RunLog& log) {
+  move_to(log);
+  finish_csv(folder, log);
+  std::string summary = summary_json(tool, log, times);
+  const std::pair<const char*, std::string> files[] = {{"summary.json", summary},
+                                                       {"report.html", run_page(tool, log, times)}};
+  for (const auto& [file, text] : files) {
+    const Status status = write_file_atomically(folder / file, text);
+    if (!status) log.warnings.push_back(status.error().message);
+  }
+  return summary;
+}
+
+}  // namespace palpate

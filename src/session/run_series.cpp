@@ -1,0 +1,58 @@
+#include "src/session/run_series.h"
+
+#include <algorithm>
+
+#include "palpate/session/run.h"
+
+namespace palpate {
+namespace {
+
+/// Of hand or tool.
+double force(const HapticRecord& tick) {
+  return std::max(norm(tick.F_H_B.force), norm(tick.step.contact_W.force));
+}
+
+/// Notes when a value is largest, first.
+void raise(double value, double time, double& most, double& most_time) {
+  if (!(value > most)) return;
+  most = value;
+  most_time = time;
+}
+
+}  // namespace
+
+void RunSeries::add(const HapticRecord& tick) {
+  if (num_in_group_ == 0) {
+    if (ticks_.size() == kMost) {
+      for (std::size_t i = 0; i < kMost / 2; ++i) {
+        const HapticRecord &a = ticks_[2 * i], &b = ticks_[2 * i + 1];
+        ticks_[i] = force(b) > force(a) ? b : a;
+      }
+      ticks_.resize(kMost / 2);
+      group_size_ *= 2;
+    }
+    ticks_.push_back(tick);
+  } else if (force(tick) > force(ticks_.back())) {
+    ticks_.back() = tick;
+  }
+  num_in_group_ = (num_in_group_ + 1) % group_size_;
+}
+
+void RunPeaks::add(const HapticRecord& tick) {
+  force = std::max(force, norm(tick.F_H_B.force));
+  torque = std::max(torque, norm(tick.F_H_B.torque));
+  wanted_force = std::max(wanted_force, norm(tick.step.F_H_B.force));
+  raise(norm(tick.step.contact_W.force), tick.time, contact_force, contact_force_time);
+  contact_torque = std::max(contact_torque, norm(tick.step.contact_W.torque));
+  stretch = std::max(stretch, tick.step.stretch);
+  raise(tick.penetration.volume, tick.time, volume, volume_time);
+  raise(tick.objects.volume, tick.time, objects_volume, objects_volume_time);
+  energy = std::max(energy, tick.safety.energy);
+  spring_energy = std::max(spring_energy, tick.step.energy);
+  num_engaged += tick.safety.is_engaged ? 1 : 0;
+  num_limited = tick.safety.num_limited;
+  num_in_contact += tick.penetration.volume > 0 ? 1 : 0;
+  num_in_objects += tick.num_object_pairs > 0 ? 1 : 0;
+}
+
+}  // namespace palpate

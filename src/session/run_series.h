@@ -1,0 +1,23 @@
+// The course of a run, as far as pages show it.
+#pragma once
+
+#include <vector>
+
+#include "palpate/run/records.h"
+
+namespace palpate {
+
+/// Ticks of a run of any length in bounded memory: of each group of neighbours the one with the
+/// largest force stays; groups double when there are too many.
+class RunSeries {
+ public:
+  void add(const HapticRecord& tick);
+  const std::vector<HapticRecord>& ticks() const { return ticks_; }
+
+ private:
+  static constexpr std::size_t kMost = 1 << 14;
+  std::vector<HapticRecord> ticks_;
+  std::size_t group_size_ = 1, num_in_group_ = 0;  // the last of ticks_ stands for the open group
+};
+
+}  // namespace palpate

@@ -1,0 +1,202 @@
+// A run, as it was recorded.
+#include <algorithm>
+#include <list>
+#include <utility>
+
+#include "palpate/session/run_folder.h"
+#include "src/session/run_reader.h"
+#include "src/viewer/mcap_index.h"
+#include "src/viewer/samples.h"
+
+namespace palpate {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr std::size_t kMostChunks = 16;  // in memory, some hundred kilobytes each
+constexpr double kRounding = 1e-6;       // s; the times of messages are whole numbers of ns
+
+struct KnownQuery {
+  double time = 0, progress = 1;
+  Pose X_WT;
+  std::uint64_t frame_number = 0;
+  std::uint32_t revision = 0;
+};
+
+/// What happened in a chunk, in order.
+struct ChunkContent {
+  std::vector<KnownQuery> queries;
+  std::vector<ViewSample> samples;
+};
+
+class RunInFile final : public RecordedRun {
+ public:
+  RunInFile(Tool tool, std::unique_ptr<McapIndex> index, McapReader reader, std::string note)
+      : tool_(std::move(tool)),
+        index_(std::move(index)),
+        reader_(std::move(reader)),
+        note_(std::move(note)) {}
+
+  const Tool& tool() const override { return tool_; }
+  const DepthStreamInfo& stream() const override { return index_->setup().stream; }
+  HapticSettings settings(std::uint32_t revision) override { return index_->settings(revision); }
+  double duration() override { return index_->duration(); }
+  std::size_t num_frames() override { return index_->num_frames(); }
+  std::uint64_t frame_number(std::size_t index) override { return index_->frame(index).number; }
+  double period_after(std::size_t index) override { return index_->period_after(index); }
+  double felt_from(std::size_t index) override;
+  Result<RecordedFrame> read_frame(std::size_t index) override;
+  Result<RecordedQuery> query_at(double time) override;
+  Result<std::vector<ViewSample>> samples(double after, double until) override;
+  std::vector<RecordedMark> marks() override { return index_->marks(); }
+  std::string note() override {
+    const std::string more = index_->note();
+    return note_ + (note_.empty() || more.empty() ? "" : "; ") + more;
+  }
+
+ private:
+  Result<const ChunkContent*> content(std::size_t chunk);
+  Result<ChunkContent> read_content(std::uint64_t place);
+
+  Tool tool_;
+  std::unique_ptr<McapIndex> index_;
+  McapReader reader_;
+  std::string note_;
+  std::list<std::pair<std::size_t, ChunkContent>> contents_;  // the one used last in front
+};
+
+Result<ChunkContent> RunInFile::read_content(std::uint64_t place) {
+  ChunkContent content;
+  reader_.seek(place);
+  for (;;) {
+    const auto message = reader_.next();
+    if (!message) return message.error();
+    if (!*message || reader_.chunk_place() != place) return content;
+    const std::string& topic = reader_.channels().at((*message)->channel).topic;
+    if (topic == kTickTopic) {
+      const auto tick = read_tick((*message)->data);
+      if (!tick) return tick.error();
+      const CouplingKind kind = index_->settings(tick->revision).coupling.kind;
+      content.samples.push_back(sample_of(*tick, kind != CouplingKind::none));
+    } else if (topic == kContactTopic) {
+      const auto query = read_contact((*message)->data);
+      if (!query) return query.error();
+      content.queries.push_back(
+          {query->time, query->progress, query->X_WT, query->frame_number, query->revision});
+    }
+  }
+}
+
+Result<const ChunkContent*> RunInFile::content(std::size_t chunk) {
+  auto known = std::find_if(contents_.begin(), contents_.end(),
+                            [&](const auto& entry) { return entry.first == chunk; });
+  if (known == contents_.end()) {
+    auto content = read_content(index_->chunk(chunk).place);
+    if (!content) return content.error();
+    // The last chunk that is known by now may yet be one of which not all is indexed: no matter.
+    contents_.emplace_front(chunk, *std::move(content));
+    if (contents_.size() > kMostChunks) contents_.pop_back();
+  } else {
+    contents_.splice(contents_.begin(), contents_, known);
+  }
+  return &contents_.front().second;
+}
+
+Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
+  const IndexedFrame wanted = index_->frame(index);
+  FrameJoiner joiner;
+  reader_.seek(wanted.place);
+  for (;;) {
+    const auto message = reader_.next();
+    if (!message) return message.error();
+    if (!*message) {
+      return Error{Errc::bad_input, "a depth frame of the recording is gone; was it changed?"};
+    }
+    auto joined = joiner.take(reader_.channels().at((*message)->channel).topic, (*message)->data);
+    if (!joined) return joined.error();
+    if (!*joined || (*joined)->record.number != wanted.number) continue;
+    DepthFrame& frame = (*joined)->frame;
+    const DepthStreamInfo& stream = index_->setup().stream;
+    if (frame.width != stream.width || frame.height != stream.height) {
+      return Error{Errc::bad_input,
+                   "a depth frame of the recording has another size than the rest"};
+    }
+    return RecordedFrame{{wanted.number, wanted.capture_time - index_->start(), std::move(frame)},
+                         wanted.capture_time};
+  }
+}
+
+Result<RecordedQuery> RunInFile::query_at(double time) {
+  const KnownQuery* found = nullptr;
+  std::size_t chunk = index_->chunk_at(time + kRounding);
+  for (;; --chunk) {
+    const auto content = this->content(chunk);
+    if (!content) return content.error();
+    const auto& queries = (*content)->queries;
+    const auto next = std::upper_bound(queries.begin(), queries.end(), time,
+                                       [](double t, const KnownQuery& q) { return t < q.time; });
+    if (next != queries.begin()) found = &*std::prev(next);
+    if (found != nullptr || chunk == 0) break;
+  }
+  for (; found == nullptr && chunk < index_->num_chunks(); ++chunk) {
+    const auto content = this->content(chunk);
+    if (!content) return content.error();
+    if (!(*content)->queries.empty()) found = &(*content)->queries.front();
+  }
+  if (found == nullptr) return Error{Errc::bad_input, "the recording holds no contact query"};
+  return RecordedQuery{found->time,     found->time + index_->start(),
+                       found->X_WT,     index_->index_of(found->frame_number),
+                       found->progress, found->revision};
+}
+
+/// Surfaces take their time: the frame was captured, made into one, and waited for the blend
+/// before.
+double RunInFile::felt_from(std::size_t index) {
+  const IndexedFrame frame = index_->frame(index);
+  const double captured = frame.capture_time - index_->start();
+  constexpr double kLongest = 2;  // s
+  for (std::size_t chunk = index_->chunk_at(captured);
+       chunk < index_->num_chunks() && index_->chunk(chunk).first < captured + kLongest; ++chunk) {
+    const auto content = this->content(chunk);
+    if (!content) break;
+    for (const KnownQuery& query : (*content)->queries) {
+      if (query.frame_number >= frame.number) return query.time;
+    }
+  }
+  return std::clamp(captured, 0.0, duration());
+}
+
+Result<std::vector<ViewSample>> RunInFile::samples(double after, double until) {
+  std::vector<ViewSample> samples;
+  std::size_t chunk = index_->chunk_at(after);
+  // Ticks and queries of one moment may be in neighbouring chunks.
+  if (chunk > 0) --chunk;
+  for (; chunk < index_->num_chunks() && index_->chunk(chunk).first <= until + kRounding; ++chunk) {
+    if (index_->chunk(chunk).last < after - kRounding) continue;
+    const auto content = this->content(chunk);
+    if (!content) return content.error();
+    for (const ViewSample& sample : (*content)->samples) {
+      if (sample.time > after && sample.time <= until) samples.push_back(sample);
+    }
+  }
+  return samples;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<RecordedRun>> open_recorded_run(const fs::path& folder) {
+  const fs::path path = folder / kRecordingFile;
+  auto reader = RunReader::open(path);
+  if (!reader) return reader.error();
+  auto tool = reader->load_tools();
+  if (!tool) return tool.error();
+  auto index = McapIndex::open(path);
+  if (!index) return index.error();
+  std::string note;
+  if (!reader->setup().settings.objects.empty()) {
+    note = "the run felt objects too, which the scene does not show";
+  }
+  return std::unique_ptr<RecordedRun>(std::make_unique<RunInFile>(
+      *std::move(tool), *std::move(index), std::move(reader->file()), std::move(note)));
+}
+
+}  // namespace palpate

@@ -1,0 +1,427 @@
+#include "palpate/session/run.h"
+#include "palpate/session/settings_file.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "palpate/io/atomic_file.h"
+#include "palpate/io/mcap_file.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/ros_messages.h"
+#include "src/session/run_messages.h"
+#include "src/session/run_series.h"
+#include "src/session/settings_json.h"
+#include "tests/session/live_hand.h"
+#include "tests/session/synthetic_stream.h"
+
+namespace palpate {
+namespace {
+
+using test::patient_settings;
+using test::pressing_device;
+using test::small_tool;
+using test::SyntheticStream;
+using test::TemporaryFolder;
+
+Result<RunOutcome> run_for(double duration, const std::filesystem::path& folder,
+                           const HapticSettings& settings = patient_settings(),
+                           int num_frames = 1000) {
+  const Tool tool = small_tool();
+  SyntheticStream stream(num_frames);
+  const auto device = pressing_device();
+  return record_run(tool, stream, *device, settings, folder, {.duration = duration});
+}
+
+struct Message {
+  McapChannel channel;
+  std::uint64_t time;
+  std::string data;
+};
+
+std::vector<Message> messages(const std::filesystem::path& folder, bool* was_cut_off = nullptr) {
+  auto reader = McapReader::open(folder / kRecordingFile);
+  EXPECT_TRUE(reader) << reader.error().message;
+  std::vector<Message> all;
+  for (;;) {
+    const auto message = reader->next();
+    EXPECT_TRUE(message) << message.error().message;
+    if (!message || !*message) break;
+    all.push_back({reader->channels().at((*message)->channel), (*message)->time,
+                   std::string((*message)->data)});
+  }
+  if (was_cut_off != nullptr) *was_cut_off = reader->was_cut_off();
+  return all;
+}
+
+void rewrite(const std::filesystem::path& folder, const std::vector<Message>& all) {
+  const auto tool = McapReader::open(folder / kRecordingFile)->attachment(kToolFile);
+  ASSERT_TRUE(tool) << tool.error().message;
+  auto writer = McapWriter::create(folder / kRecordingFile);
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE(writer->attach(kToolFile, "", *tool));
+  std::map<std::string, std::uint16_t> channels;
+  for (const Message& message : all) {
+    if (!channels.contains(message.channel.topic)) {
+      channels[message.channel.topic] = writer->add_channel(message.channel);
+    }
+    ASSERT_TRUE(writer->write(channels[message.channel.topic], message.time, message.data));
+  }
+  ASSERT_TRUE(writer->finish());
+}
+
+std::string read(const std::filesystem::path& path) { return *read_file(path); }
+
+// Messages
+
+TEST(RunMessages, TicksReadBackToTheSameBits) {
+  HapticRecord tick;
+  tick.number = 18446744073709551615u;
+  tick.time = 0.1 + 0.2;
+  tick.dt = std::nextafter(0.001, 1.0);
+  tick.device = {1e5 / 3, {{1.0 / 3, -0.0, 5e-324}, axis_angle({1, 2, 3}, 0.7)}, {}, 5, true};
+  tick.step.stretch = std::numeric_limits<double>::quiet_NaN();
+  tick.step.energy = -std::numeric_limits<double>::infinity();
+  tick.F_H_B = {{1.7976931348623157e308, 2, 3}, {4, 5, 6}};
+  tick.safety = {Fault::stale_sensor, true, 0.25, 1e-3, 2.5, 77};
+  tick.is_stopping = true;
+  tick.compute_nanoseconds = -12;
+  const std::string text = tick_message(tick);
+  const auto back = read_tick(text);
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(tick_message(*back), text);
+  EXPECT_EQ(back->number, tick.number);
+  EXPECT_EQ(back->dt, tick.dt);
+  EXPECT_EQ(back->device.X_BH, tick.device.X_BH);
+  EXPECT_TRUE(std::signbit(back->device.X_BH.translation.y));
+  EXPECT_TRUE(std::isnan(back->step.stretch));
+  EXPECT_EQ(back->step.energy, tick.step.energy);
+  EXPECT_EQ(back->safety.fault, Fault::stale_sensor);
+  EXPECT_EQ(back->safety.num_limited, 77u);
+  for (std::size_t size = 0; size < text.size(); size += 17) {
+    EXPECT_FALSE(read_tick(text.substr(0, size))) << size;
+  }
+}
+
+TEST(RunMessages, ContactsReadBackToTheSameBits) {
+  ContactRecord contact;
+  contact.number = 12;
+  contact.progress = 1.0 / 7;
+  contact.penetration = {1e-5 / 3, {{1, 2, 3}, {4, 5, 6}},       0.125, 7, 8,
+                         9,        StepStatus::ambiguous_normals};
+  contact.contact.is_valid = true;
+  for (int i = 0; i < 36; ++i) contact.contact.stiffness.m[i / 6][i % 6] = 1.0 / (i + 3);
+  const std::string text = contact_message(contact);
+  const auto back = read_contact(text);
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(contact_message(*back), text);
+  EXPECT_EQ(back->contact.stiffness.m[4][5], contact.contact.stiffness.m[4][5]);
+  EXPECT_EQ(back->penetration.num_points, 9);
+}
+
+TEST(RunMessages, DepthFramesAreImages) {
+  SyntheticStream stream(1);
+  DepthFrame frame;
+  ASSERT_TRUE(*stream.next(frame));
+  const std::string image = image_message({1'500'000'007, "camera"}, frame);
+  const auto back = read_image(image);
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(back->pixels, frame.pixels);
+  EXPECT_EQ(back->width, frame.width);
+  for (const std::size_t size :
+       {std::size_t(0), std::size_t(3), image.size() / 2, image.size() - 1})
+    EXPECT_FALSE(read_image(image.substr(0, size))) << size;
+}
+
+TEST(RunMessages, SchemasNameEveryTypeOnce) {
+  const std::string text = tick_channel().schema;
+  EXPECT_EQ(tick_channel().schema_name, "palpate_msgs/msg/Tick");
+  for (const char* type :
+       {"geometry_msgs/Vector3", "geometry_msgs/Pose", "palpate_msgs/SafetyStatus",
+        "palpate_msgs/Penetration", "geometry_msgs/Point"}) {
+    const std::size_t first = text.find(std::string("MSG: ") + type + "\n");
+    ASSERT_NE(first, std::string::npos) << type;
+    EXPECT_EQ(text.find(std::string("MSG: ") + type + "\n", first + 1), std::string::npos) << type;
+  }
+  EXPECT_NE(text.find("float64 contact_age\n"), std::string::npos);
+}
+
+TEST(RunSeries, StaysSmallAndKeepsTheStrongestTick) {
+  RunSeries series;
+  HapticRecord tick;
+  for (int i = 0; i < 300000; ++i) {
+    tick.time = i;
+    tick.F_H_B.force.x = i == 123457 ? 5 : 0.001 * (i % 7);
+    series.add(tick);
+  }
+  EXPECT_LE(series.ticks().size(), std::size_t(1) << 14);
+  EXPECT_GT(series.ticks().size(), std::size_t(1) << 12);
+  double strongest = 0, last = -1;
+  for (const HapticRecord& kept : series.ticks()) {
+    EXPECT_GT(kept.time, last);
+    last = kept.time;
+    strongest = std::max(strongest, kept.F_H_B.force.x);
+  }
+  EXPECT_EQ(strongest, 5);
+}
+
+// Settings
+
+class HapticSettingsFile : public testing::Test {
+ protected:
+  Result<HapticSettings> load(const std::string& text) {
+    const auto path = folder_.path() / "settings.toml";
+    std::ofstream(path) << text;
+    return load_settings<HapticSettings>(path);
+  }
+  void expect_error(const std::string& text, std::initializer_list<const char*> mentions) {
+    const auto loaded = load(text);
+    ASSERT_FALSE(loaded) << text;
+    for (const char* words : mentions) {
+      EXPECT_NE(loaded.error().message.find(words), std::string::npos) << loaded.error().message;
+    }
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(HapticSettingsFile, PrintedDefaultsReadBackToTheSame) {
+  HapticSettings settings;
+  settings.coupling.tool_mass = 0.1 + 0.2;
+  settings.coupling.kind = CouplingKind::proxy;
+  settings.coupling.X_WB = {{1, -2, 0.125}, {0, 0, 1, 0}};
+  settings.safety.dead_man = true;
+  settings.contact.volumes = SphereVolumes::own;
+  for (const HapticSettings& some : {HapticSettings{}, settings}) {
+    const auto loaded = load(settings_toml(settings_of(some)));
+    ASSERT_TRUE(loaded) << loaded.error().message;
+    EXPECT_TRUE(has_same_settings(*loaded, some));
+    HapticSettings from_json;
+    const Status read = read_json(settings_of(from_json), to_json(settings_of(some)));
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_TRUE(has_same_settings(from_json, some));
+  }
+}
+
+TEST_F(HapticSettingsFile, SetsWhatItNames) {
+  const auto loaded = load(
+      "[coupling]\nkind = \"direct\"\nstiffness = 800  # whole numbers are numbers\n"
+      "[safety]\nengage_ticks = 20\n[loop]\nreal_time = false\n");
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_EQ(loaded->coupling.kind, CouplingKind::direct);
+  EXPECT_EQ(loaded->coupling.stiffness, 800);
+  EXPECT_EQ(loaded->safety.engage_ticks, 20);
+  EXPECT_FALSE(loaded->wants_real_time);
+  EXPECT_EQ(loaded->safety.max_slew, SafetyOptions{}.max_slew);
+}
+
+TEST_F(HapticSettingsFile, ErrorsNameLineAndRemedy) {
+  expect_error("[safety]\n\nmax_slow = 3\n", {"line 3", "'max_slow'", "'max_slew'"});
+  expect_error("[safty]\nmax_slew = 3\n", {"line 1", "[safty]", "[safety]"});
+  expect_error("stiffness = 3\n", {"line 1", "stiffness"});
+  expect_error("[coupling]\nstiffness = -1\n", {"line 2", "from 0 to"});
+  expect_error("[coupling]\nstiffness = nan\n", {"line 2", "from 0 to"});
+  expect_error("[coupling]\nstiffness = \"much\"\n", {"line 2", "number"});
+  expect_error("[coupling]\nkind = \"rigid\"\n", {"line 2", "virtual, direct, proxy, none"});
+  expect_error("[safety]\nengage_ticks = 1.5\n", {"line 2", "whole number"});
+  expect_error("[safety]\ndead_man = 1\n", {"line 2", "true or false"});
+  expect_error("[coupling]\nbase_in_scene = [0, 0, 0]\n", {"line 2", "seven numbers"});
+  expect_error("[coupling]\nbase_in_scene = [0, 0, 0, 0, 0, 0, 2]\n", {"quaternion"});
+  expect_error("[coupling\n", {"line 1", "not TOML"});
+  EXPECT_FALSE(load_settings<HapticSettings>(folder_.path() / "absent.toml"));
+}
+
+// Runs
+
+TEST(HapticRun, IsRecordedAndRepeatedBitForBit) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  for (const CouplingKind kind :
+       {CouplingKind::virtual_coupling, CouplingKind::direct, CouplingKind::proxy}) {
+    HapticSettings settings = patient_settings();
+    settings.coupling.kind = kind;
+    const auto outcome = run_for(1.2, run, settings);  // replaces the run before
+    ASSERT_TRUE(outcome) << outcome.error().message;
+    EXPECT_EQ(outcome->failure, "");
+    EXPECT_GT(outcome->loop.num_ticks, 100u);
+    EXPECT_TRUE(is_run(run));
+    for (const char* file : {"recording.mcap", "summary.json", "wrench.csv", "report.html"}) {
+      EXPECT_TRUE(std::filesystem::is_regular_file(run / file)) << file;
+    }
+    const auto replay = replay_run(run);
+    ASSERT_TRUE(replay) << replay.error().message;
+    EXPECT_EQ(replay->difference, "");
+    ASSERT_EQ(outcome->loop.num_lost_records, 0u);
+    EXPECT_EQ(replay->note, "");
+    EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
+    EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
+    const std::string csv = read(run / "wrench.csv");
+    EXPECT_EQ(static_cast<std::size_t>(std::count(csv.begin(), csv.end(), '\n')),
+              replay->num_ticks + 1);
+    const auto summary = nlohmann::json::parse(read(run / "summary.json"));
+    EXPECT_EQ(summary["ticks"], outcome->loop.num_ticks);
+    EXPECT_GT(summary["peaks"]["volume_m3"], 0.0);
+    EXPECT_GT(summary["peaks"]["wanted_force_N"], 0.0);
+  }
+}
+
+TEST(HapticRun, PointMethodsAndPredictionAreRepeatedToo) {
+  const TemporaryFolder folder;
+  HapticSettings settings = patient_settings();
+  settings.contact.method = InsideMethod::graph;
+  settings.time.mode = TimeMode::predict;
+  settings.coupling.hold = ContactHold::interpolation;
+  const auto outcome = run_for(1, folder.path() / "run", settings);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  const auto replay = replay_run(folder.path() / "run");
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_GT(replay->num_contacts, 10u);
+}
+
+TEST(HapticRun, ReplayFindsWhatWasChanged) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  ASSERT_TRUE(run_for(0.6, run));
+  const std::vector<Message> recorded = messages(run);
+
+  const auto replay_changed = [&](const char* topic, int number, auto change) {
+    std::vector<Message> changed = recorded;
+    for (Message& message : changed) {
+      if (message.channel.topic == topic && number-- == 0) change(message.data);
+    }
+    rewrite(run, changed);
+    return replay_run(run);
+  };
+  const auto tick = replay_changed(kTickTopic, 40, [](std::string& text) {
+    HapticRecord record = *read_tick(text);
+    record.F_H_B.force.x += 1e-12;
+    text = tick_message(record);
+  });
+  ASSERT_TRUE(tick) << tick.error().message;
+  EXPECT_NE(tick->difference.find("tick 40, felt/force/x: recorded "), std::string::npos)
+      << tick->difference;
+  const auto contact = replay_changed(kContactTopic, 3, [](std::string& text) {
+    ContactRecord record = *read_contact(text);
+    record.penetration.potential += 1e-12;
+    text = contact_message(record);
+  });
+  ASSERT_TRUE(contact) << contact.error().message;
+  EXPECT_NE(contact->difference.find("contact 4, penetration/potential"), std::string::npos)
+      << contact->difference;
+  const auto damaged = replay_changed(kTickTopic, 5, [](std::string& text) { text.resize(40); });
+  ASSERT_FALSE(damaged);
+  EXPECT_NE(damaged.error().message.find("no palpate_msgs/Tick"), std::string::npos);
+
+  // What is missing ends the repetition without a difference.
+  std::vector<Message> without = recorded;
+  int ticks = 0;
+  std::erase_if(without, [&](const Message& message) {
+    return message.channel.topic == kTickTopic && ticks++ == 30;
+  });
+  rewrite(run, without);
+  const auto shorter = replay_run(run);
+  ASSERT_TRUE(shorter) << shorter.error().message;
+  EXPECT_EQ(shorter->difference, "");
+  EXPECT_LE(shorter->num_ticks, 30u);
+  EXPECT_NE(shorter->note, "");
+}
+
+TEST(HapticRun, EndsWithTheSource) {
+  const TemporaryFolder folder;
+  const auto outcome = run_for(60, folder.path() / "run", patient_settings(), 6);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->failure, "");
+  EXPECT_EQ(outcome->loop.ending, "the depth frames have ended");
+  EXPECT_EQ(nlohmann::json::parse(outcome->summary_json)["fault"], "none");
+  EXPECT_LT(outcome->loop.seconds, 30);
+  const auto replay = replay_run(folder.path() / "run");
+  ASSERT_TRUE(replay);
+  EXPECT_EQ(replay->difference, "");
+}
+
+TEST(HapticRun, LeavesNothingWhenItCannotBegin) {
+  const TemporaryFolder folder;
+  HapticSettings settings = patient_settings();
+  settings.contact_rate = -1;
+  EXPECT_FALSE(run_for(1, folder.path() / "run", settings));
+  EXPECT_FALSE(run_for(0, folder.path() / "run"));
+  EXPECT_FALSE(run_for(1, folder.path() / "run", patient_settings(), 0));
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  EXPECT_FALSE(is_run(folder.path()));
+  std::ofstream(folder.path() / "precious.txt") << "mine";
+  EXPECT_FALSE(run_for(1, folder.path()));
+}
+
+double monotonic_now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+TEST(HapticRun, KilledLosesNoMoreThanTheLastHalfSecond) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  const pid_t child = fork();
+  if (child == 0) {
+    (void)run_for(60, run);
+    _exit(0);
+  }
+  const double deadline = monotonic_now() + 20;
+  while (!std::filesystem::exists(run / kRecordingFile) && monotonic_now() < deadline) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  std::this_thread::sleep_for(std::chrono::seconds(2));
+  kill(child, SIGKILL);
+  const double killed = monotonic_now();
+  waitpid(child, nullptr, 0);
+
+  bool was_cut_off = false;
+  double last = 0;
+  for (const Message& message : messages(run, &was_cut_off)) {
+    if (message.channel.topic == kTickTopic) last = read_tick(message.data)->device.time;
+  }
+  EXPECT_TRUE(was_cut_off);
+  EXPECT_GT(last, killed - 1);  // half a second for a busy machine
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_GT(replay->num_ticks, 100u);
+  EXPECT_NE(replay->note.find("cut off"), std::string::npos);
+}
+
+TEST(HapticRun, GoesOnWhenTheDiskIsFull) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  const pid_t child = fork();
+  if (child == 0) {
+    signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{60'000, 60'000};  // late ticks record less
+    setrlimit(RLIMIT_FSIZE, &limit);
+    const auto outcome = run_for(1.5, run);
+    bool has_told = false;
+    if (outcome) {
+      for (const std::string& text : outcome->warnings) {
+        has_told = has_told || text.find("the recording ended before the run") == 0;
+      }
+    }
+    _exit(outcome && has_told && outcome->failure.empty() && outcome->loop.seconds > 1.4 ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+}
+
+}  // namespace
+}  // namespace palpate
