@@ -151,14 +151,17 @@ struct ChosenQuery {
 /// On the backend of the settings, or the fastest one that works here. `pool` must outlive it.
 Result<ChosenQuery> choose_query(const HapticSettings& settings, const Tool& tool,
                                  ThreadPool& pool) {
+  const auto method = contact_method(settings.contact);
+  if (!method) return method.error();
+  const auto index = ToolIndex::create(tool);
   ContactCapacities capacities;
   capacities.gpu = settings.contact_gpu;
   if (settings.num_threads > 1) capacities.pool = &pool;
   Backend backend = settings.backend.value_or(Backend::cuda);
-  auto query = make_contact_query(backend, tool, capacities);
+  auto query = make_contact_query(backend, index, *method, capacities);
   if (!query && !settings.backend) {
     note_backend(query.error().message);
-    query = make_contact_query(backend = Backend::cpu, tool, capacities);
+    query = make_contact_query(backend = Backend::cpu, index, *method, capacities);
   }
   if (!query) return query.error();
   return ChosenQuery{backend, *std::move(query)};
@@ -203,7 +206,6 @@ Status run(const Options& options) {
   if (!cloud) return cloud.error();
   if (options.settings.contact.method == InsideMethod::field) {
     if (const Status status = add_field(options, *cloud, pool); !status) return status;
-    chosen->query->set_field(cloud->field->view());
   }
 
   BodyWorld world;
@@ -211,17 +213,18 @@ Status run(const Options& options) {
   const int body = world.add_tool(*tool, std::move(chosen->query));
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
   if (chosen->backend != Backend::cpu) {
-    const Status status = world.measure_pairs_by([&](const Tool& a, const Tool& b) {
+    const Status status = world.measure_pairs_by([&](const auto& a, const auto& b) {
       return make_body_pair_query(chosen->backend, a, b, options.settings.contact_gpu);
     });
     if (!status) return status.error();
   }
-  world.set_cloud(cloud->view());
+  Surfaces surface{cloud->view(), {}};
+  if (cloud->field) surface.field = cloud->field->view();
   std::vector<Measurement> measurements;
   for (const Pose& X_WT : poses) {
     const auto start = std::chrono::steady_clock::now();
     world.set_pose(body, X_WT);
-    world.measure(options.settings.contact);
+    world.measure(surface);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
     measurements.push_back({measured.total(), measured, elapsed.count()});
@@ -229,8 +232,7 @@ Status run(const Options& options) {
   }
   std::size_t num_caps_triangles = 0;
   if (!options.caps.file.empty()) {
-    const auto written =
-        write_caps(options.caps, *tool, options.settings.contact, query, poses.back());
+    const auto written = write_caps(options.caps, *tool, query, surface, poses.back());
     if (!written) return written.error();
     num_caps_triangles = *written;
   }
@@ -249,6 +251,9 @@ Status run(const Options& options) {
 
 /// What the parser cannot see by itself.
 void check(Options& options) {
+  if (const auto method = contact_method(options.settings.contact); !method) {
+    usage_error("--" + method.error().message);
+  }
   if (options.cloud.empty() == options.depth.empty()) {
     usage_error("query: give one of --cloud and --depth");
   }

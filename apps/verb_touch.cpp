@@ -161,6 +161,9 @@ void check_motion(const CLI::App& app, const Options& options) {
 }
 
 void check(const Options& options) {
+  if (const auto method = contact_method(options.settings.contact); !method) {
+    usage_error("--" + method.error().message);
+  }
   if (options.depth_sequence.empty() == options.scene.empty()) {
     usage_error("touch: give one of --depth-sequence and --scene");
   }

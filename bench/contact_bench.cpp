@@ -49,17 +49,17 @@ void query(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(1)));
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(2)) / 100);
   ThreadPool pool(static_cast<int>(state.range(3)));
-  const auto contact =
-      std::move(make_contact_query(Backend::cpu, tool, {best_isa(), &pool})).value();
-  contact->set_cloud(bumpy_wall().view());
-  const ContactOptions options = options_of(static_cast<int>(state.range(0)));
+  const ContactMethod method = contact_method(options_of(static_cast<int>(state.range(0)))).value();
+  const auto contact = make_contact_query(Backend::cpu, tool, method, {best_isa(), &pool}).value();
+  const Surfaces surface{bumpy_wall().view(), {}};
   std::size_t i = 0;
   double num_boundary = 0, num_inside = 0;
   {
     Latency latency(state);
     for (auto _ : state) {
       Penetration result;
-      latency.time([&] { result = contact->query(poses[i % poses.size()], options); });
+      latency.time(
+          [&] { result = contact->measure(surface, poses[i % poses.size()]).penetration; });
       benchmark::DoNotOptimize(result);
       if (i < poses.size()) num_boundary += result.num_boundary_spheres;
       if (i < poses.size()) num_inside += result.num_inside_spheres;

@@ -32,16 +32,16 @@ void field_query(benchmark::State& state) {
   DepthField field = std::move(DepthField::create(640, 480)).value();
   field.update(bumpy_wall().view(), pool);
   const auto contact =
-      std::move(make_contact_query(Backend::cpu, tool, {best_isa(), &pool})).value();
-  contact->set_field(field.view());
-  const ContactOptions options{.method = InsideMethod::field};
+      make_contact_query(Backend::cpu, tool, FieldMethod{}, {best_isa(), &pool}).value();
+  const Surfaces surface{{}, field.view()};
   std::size_t i = 0;
   double num_inside = 0;
   {
     Latency latency(state);
     for (auto _ : state) {
       Penetration result;
-      latency.time([&] { result = contact->query(poses[i % poses.size()], options); });
+      latency.time(
+          [&] { result = contact->measure(surface, poses[i % poses.size()]).penetration; });
       benchmark::DoNotOptimize(result);
       if (i < poses.size()) num_inside += result.num_inside_spheres;
       ++i;
@@ -64,15 +64,16 @@ void field_stiffness(benchmark::State& state) {
   ThreadPool pool(1);
   DepthField field = std::move(DepthField::create(640, 480)).value();
   field.update(bumpy_wall().view(), pool);
-  const auto contact = std::move(make_contact_query(Backend::cpu, tool)).value();
-  contact->set_field(field.view());
+  const auto contact = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const Surfaces surface{{}, field.view()};
   std::size_t i = 0;
   Latency latency(state);
   for (auto _ : state) {
-    contact->query(poses[i++ % poses.size()], {.method = InsideMethod::field});
-    Stiffness stiffness;
-    latency.time([&] { stiffness = contact->stiffness(); });
-    benchmark::DoNotOptimize(stiffness);
+    ContactResult result;
+    latency.time([&] {
+      result = contact->measure(surface, poses[i++ % poses.size()], {.stiffness = true});
+    });
+    benchmark::DoNotOptimize(result);
   }
 }
 

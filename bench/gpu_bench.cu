@@ -15,6 +15,7 @@
 #include "bench/contact_setup.h"
 #include "bench/gpu_floor.cuh"
 #include "bench/wall_frame.h"
+#include "eval/method_queries.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/gpu/devices.h"
@@ -127,14 +128,15 @@ void measure_queries(int num_spheres) {
   PointCloudView cloud = bumpy_wall().view();
   cloud.stamp = 1;  // copied once
   field.update(cloud, pool);
-  const auto query = value_or_stop(make_contact_query(Backend::cuda, tool, {.gpu = options.gpu}));
-  query->set_cloud(cloud);
-  query->set_field(field.view());
+  eval::MethodQueries queries(Backend::cuda, tool, {.gpu = options.gpu});
+  queries.set_cloud(cloud);
+  queries.set_field(field.view());
   const std::pair<const char*, InsideMethod> methods[] = {{"field", InsideMethod::field},
                                                           {"simplified", InsideMethod::simplified},
                                                           {"weighted", InsideMethod::weighted},
                                                           {"graph", InsideMethod::graph}};
   for (const auto& [name, method] : methods) {
+    queries.by({.method = method});
     for (const int depth : {10, 50, 100}) {
       const std::vector<Pose> poses = random_poses(depth / 100.0);
       std::size_t i = 0;
@@ -142,17 +144,17 @@ void measure_queries(int num_spheres) {
       measure(
           std::string(name) + "/spheres:" + std::to_string(num_spheres) +
               "/depth:" + std::to_string(depth),
-          [&] { status |= query->query(poses[i++ % poses.size()], {.method = method}).status; });
+          [&] { status |= queries.query(poses[i++ % poses.size()], {.method = method}).status; });
       if (status.has(StepStatus::backend_failed)) {
         stop({Errc::unavailable, "a query failed on the GPU"});
       }
     }
   }
   if (num_spheres <= 100000) {
-    query->query(random_poses(0.5)[0], {.method = InsideMethod::field});
+    queries.query(random_poses(0.5)[0], {.method = InsideMethod::field});
     Stiffness stiffness;
     measure("stiffness/spheres:" + std::to_string(num_spheres),
-            [&] { stiffness = query->stiffness(); });
+            [&] { stiffness = queries.stiffness(); });
   }
 }
 
@@ -248,12 +250,13 @@ void measure_sharing(int width, int height) {
   PointCloudView cloud = bumpy_wall().view();
   cloud.stamp = 1;
   field.update(cloud, pool);
-  const auto query = value_or_stop(make_contact_query(Backend::cuda, tool, {.gpu = options.gpu}));
-  query->set_cloud(cloud);
-  query->set_field(field.view());
+  eval::MethodQueries queries(Backend::cuda, tool, {.gpu = options.gpu});
+  queries.set_cloud(cloud);
+  queries.set_field(field.view());
   const std::vector<Pose> poses = random_poses(0.5);
   for (const auto& [method_name, method] : {std::pair{"field", InsideMethod::field},
                                             std::pair{"simplified", InsideMethod::simplified}}) {
+    queries.by({.method = method});
     for (const Way& way : ways) {
       const std::string name = "sharing: " + std::string(method_name) + " at 1 kHz; " +
                                std::to_string(width) + "x" + std::to_string(height) +
@@ -287,7 +290,7 @@ void measure_sharing(int width, int height) {
         while (Clock::now() < tick) {
         }
         const auto begin = Clock::now();
-        query->query(poses[static_cast<std::size_t>(i) % poses.size()], {.method = method});
+        queries.query(poses[static_cast<std::size_t>(i) % poses.size()], {.method = method});
         times.push_back(microseconds_since(begin));
       }
       goes_on = false;
@@ -314,7 +317,8 @@ void measure_two_gpus() {
       if (!is_wanted(name)) continue;
       auto timeline = value_or_stop(SurfaceTimeline::create(
           info, {}, DepthFieldOptions{}, {.mode = TimeMode::latest}, {Backend::cuda, sensing_gpu}));
-      const auto query = value_or_stop(make_contact_query(Backend::cuda, tool, {.gpu = 0}));
+      eval::MethodQueries queries(Backend::cuda, tool, {.gpu = 0});
+      queries.by({.method = method});
       std::vector<double> first, later, pushes;
       double time = 0;
       for (int f = 0; f < 300; ++f) {
@@ -322,11 +326,11 @@ void measure_two_gpus() {
         timeline.push(frame, time += 1.0 / 30, pool);
         pushes.push_back(microseconds_since(begin));
         const Surfaces surfaces = timeline.at(time).to;
-        query->set_cloud(surfaces.cloud);
-        query->set_field(surfaces.field);
+        queries.set_cloud(surfaces.cloud);
+        queries.set_field(surfaces.field);
         for (int i = 0; i < 20; ++i) {
           const auto start = Clock::now();
-          query->query(poses[static_cast<std::size_t>(f + i) % poses.size()], {.method = method});
+          queries.query(poses[static_cast<std::size_t>(f + i) % poses.size()], {.method = method});
           (i == 0 ? first : later).push_back(microseconds_since(start));
         }
       }

@@ -167,12 +167,12 @@ Measure query_measure(const Tool& tool, const SeenScene& scene, const ContactOpt
                       ThreadPool* pool) {
   ContactCapacities capacities;
   capacities.pool = pool;
-  const std::shared_ptr<ContactQuery> query =
-      std::move(make_contact_query(Backend::cpu, tool, capacities)).value();
-  query->set_cloud(scene.surface.cloud());
-  query->set_field(scene.field.view());
+  const ContactMethod method = contact_method(options).value();
+  const std::shared_ptr<const ContactQuery> query =
+      make_contact_query(Backend::cpu, tool, method, capacities).value();
+  const Surfaces surface{scene.surface.cloud(), scene.field.view()};
   return {full_volume(tool, options),
-          [query, options](const Pose& X_WT) { return query->query(X_WT, options); }};
+          [query, surface](const Pose& X_WT) { return query->measure(surface, X_WT).penetration; }};
 }
 
 Measure oracle_measure(const Tool& tool, const scenes::Environment& environment,

@@ -3,6 +3,7 @@
 #include <optional>
 #include <utility>
 
+#include "eval/method_queries.h"
 #include "eval/parallel.h"
 #include "palpate/cloud/cloud_blend.h"
 #include "palpate/run/pipeline.h"
@@ -44,8 +45,7 @@ Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>
   if (!timeline) return timeline.error();
   auto mixer = PointMixer::create(touch.stream, trial.time.max_jump);
   if (!mixer) return mixer.error();
-  auto part = make_contact_part(*touch.tool, settings, {});
-  if (!part) return part.error();
+  MethodQueries queries(Backend::cpu, *touch.tool);
   ThreadPool pool(1);
   std::vector<Felt> felt(methods.size());
   const double begin = touch.frames.front().timestamp, end = touch.frames.back().timestamp;
@@ -60,14 +60,11 @@ Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>
     }
     SurfaceMoment moment = timeline->at(now);
     if (trial.mixing == Mixing::points) moment = mixer->mix(moment, pool);
-    ContactRecord contact;
-    contact.X_WT = touch.X_WT(k * kTick);
+    queries.set_moment(moment);
     for (std::size_t m = 0; m < methods.size(); ++m) {
       const ContactOptions& options = methods[m].options;
-      (*part)->use(options, {});
-      (*part)->measure(moment, contact);
-      felt[m].force.push_back(contact.penetration.measure_W.force /
-                              full_volume(*touch.tool, options));
+      const Penetration penetration = queries.query(touch.X_WT(k * kTick), options);
+      felt[m].force.push_back(penetration.measure_W.force / full_volume(*touch.tool, options));
       felt[m].is_arrival.push_back(is_arrival);
     }
   }

@@ -24,7 +24,7 @@ struct Touch {
 
 /// What is mixed between two frames.
 enum class Mixing {
-  measures,  ///< those against both surfaces (BlendedQuery)
+  measures,  ///< those against both surfaces (ContactQuery::measure)
   points,    ///< as eq. 3.18 of the thesis says: then there is one surface to measure against
 };
 

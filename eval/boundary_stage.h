@@ -24,10 +24,6 @@ class BoundaryStage {
     scan_.cloud = cloud;
     scan_.grid = grid_.view();
     scan_.spheres = tool.spheres().data();
-#if defined(__x86_64__)
-    if (best_isa() == Isa::avx2) scan_points_ = isa_avx2::scan_points;
-    if (best_isa() == Isa::avx512) scan_points_ = isa_avx512::scan_points;
-#endif
   }
   BoundaryStage(const BoundaryStage&) = delete;  // the scan points into the grid
   BoundaryStage& operator=(const BoundaryStage&) = delete;
@@ -52,7 +48,8 @@ class BoundaryStage {
   PointScan scan_;
   std::vector<PointSums> sums_;
   std::vector<std::uint8_t> touched_;
-  ScanPoints scan_points_ = isa_baseline::scan_points;
+  static constexpr ScanPoints kScanPoints[] = PALPATE_BY_ISA(scan_points);
+  ScanPoints scan_points_ = select_isa(kScanPoints, best_isa());
 };
 
 }  // namespace palpate::eval

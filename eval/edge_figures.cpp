@@ -79,7 +79,6 @@ Result<FigureResult> figure_3_14(Context& context) {
   const auto frame = seen_pillar(context, false);
   if (!frame) return frame.error();
   auto query = query_on(*frame, **tool);
-  if (!query) return query.error();
   FigureResult result;
   Plot plot = plot_of_ways("A box leaves a pillar to the side");
   Table table{"Error of the volume, % of the box", {"method", "edges", "rms", "worst"}, {}};
@@ -104,7 +103,7 @@ Result<FigureResult> figure_3_14(Context& context) {
     options.method = t.method;
     options.edges = t.edges;
     options.volumes = SphereVolumes::represented;
-    const auto volumes = measured_volumes(**query, **tool, X_WT, options);
+    const auto volumes = measured_volumes(*query, **tool, X_WT, options);
     const WayError error = way_error(volumes, exact);
     const double worst = 100 * error.worst;
     plot.curves.push_back(
@@ -162,7 +161,6 @@ Result<WayPastEdge> way_past_edge(Context& context, const SeenFrame& frame, bool
   const auto tool = pillar_box(context, kSpheres);
   if (!tool) return tool.error();
   auto query = query_on(frame, **tool);
-  if (!query) return query.error();
   WayPastEdge way{with_noise, side, pillar_way(side, step_of_way(context)), {}, {}};
   way.exact = exact_volumes(**tool, side, way.X_WT);
   for (const Method& method : all_methods()) {
@@ -171,7 +169,7 @@ Result<WayPastEdge> way_past_edge(Context& context, const SeenFrame& frame, bool
     options.volumes = SphereVolumes::represented;
     for (std::size_t e = 0; e < (on_way.is_field() ? 1 : kNumEdges); ++e) {
       options.edges = static_cast<Edges>(e);
-      on_way.volumes.push_back(measured_volumes(**query, **tool, way.X_WT, options));
+      on_way.volumes.push_back(measured_volumes(*query, **tool, way.X_WT, options));
       on_way.errors.push_back(way_error(on_way.volumes.back(), way.exact));
       context.progress(done);
     }

@@ -142,7 +142,6 @@ Result<WallForces> WallForces::create(Context& context, const std::vector<Method
   const auto frame = SeenFrame::create(touch->stream, touch->frames.front());
   if (!frame) return frame.error();
   auto query = query_on(*frame, *touch->tool);
-  if (!query) return query.error();
   WallForces forces;
   forces.tool_ = touch->tool;
   forces.methods_ = methods;
@@ -150,7 +149,7 @@ Result<WallForces> WallForces::create(Context& context, const std::vector<Method
     std::vector<double>& measured = forces.measured_.emplace_back();
     for (double in = kLeast; in < kMost; in += kStep) {
       const Pose X_WT = tool_pose(wall_depth(kRestTime) - in);
-      measured.push_back(-(*query)->query(X_WT, method.options).measure_W.force.z /
+      measured.push_back(-query->query(X_WT, method.options).measure_W.force.z /
                          full_volume(*forces.tool_, method.options));
     }
   }

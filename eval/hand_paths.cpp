@@ -105,7 +105,6 @@ Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean
   if (!feeler) return feeler.error();
   auto query = make_contact_query(Backend::cpu, *feeler);
   if (!query) return query.error();
-  frame.show(**query);
   const Vec3d centre_T = tool.sphere_mass().centre_of_mass;
   const double whole = full_volume(*feeler, ContactOptions{});
 
@@ -116,7 +115,7 @@ Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean
     path.mean_depth = path.most_depth = 0;
     for (int i = 0; i < kProbes; ++i) {
       const Pose X_WT = pose_at(*place, centre_T, depth, way, static_cast<double>(i) / kProbes);
-      const double share = (*query)->query(X_WT, {}).volume / whole;
+      const double share = (*query)->measure(frame.surfaces(), X_WT).penetration.volume / whole;
       path.mean_depth += share / kProbes;
       path.most_depth = std::max(path.most_depth, share);
     }

@@ -34,14 +34,16 @@ Result<Interaction> recorded_interaction(Context& context) {
   return Interaction{"recorded table, bunny", *std::move(frame), bunny, kToolSize};
 }
 
-Result<std::unique_ptr<ContactQuery>> query_on(const SeenFrame& frame, const Tool& tool) {
-  auto query = make_contact_query(Backend::cpu, tool);
-  if (query) frame.show(**query);
+std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool) {
+  auto query = std::make_unique<MethodQueries>(Backend::cpu, tool);
+  query->set_cloud(frame.cloud());
+  query->set_field(frame.field());
   return query;
 }
 
-Times time_queries(ContactQuery& query, const ContactOptions& options,
+Times time_queries(MethodQueries& query, const ContactOptions& options,
                    const std::vector<Pose>& path) {
+  query.by(options);
   return time_calls(path.size(), [&](std::size_t i) { query.query(path[i], options); });
 }
 

@@ -6,6 +6,7 @@
 
 #include "eval/context.h"
 #include "eval/hand_paths.h"
+#include "eval/method_queries.h"
 #include "eval/seen_frame.h"
 
 namespace palpate::eval {
@@ -25,10 +26,10 @@ Result<Interaction> recorded_interaction(Context& context);
 Result<Interaction> simulated_interaction(Context& context);
 
 /// A query of a method on a tool that looks at a frame.
-Result<std::unique_ptr<ContactQuery>> query_on(const SeenFrame& frame, const Tool& tool);
+std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool);
 
 /// Times of single queries along a path.
-Times time_queries(ContactQuery& query, const ContactOptions& options,
+Times time_queries(MethodQueries& query, const ContactOptions& options,
                    const std::vector<Pose>& path);
 
 }  // namespace palpate::eval

@@ -61,7 +61,7 @@ std::vector<double> exact_volumes(const Tool& tool, PillarSide side,
   return volumes;
 }
 
-std::vector<double> measured_volumes(ContactQuery& query, const Tool& tool,
+std::vector<double> measured_volumes(MethodQueries& query, const Tool& tool,
                                      const std::vector<Pose>& X_WT, const ContactOptions& options) {
   const double whole = full_volume(tool, options);
   std::vector<double> volumes;

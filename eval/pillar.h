@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "eval/context.h"
+#include "eval/method_queries.h"
 #include "eval/seen_frame.h"
 
 namespace palpate::eval {
@@ -30,7 +31,7 @@ std::vector<Pose> pillar_way(PillarSide side, double step);
 
 /// Shares of the tool inside, at each pose of a way.
 std::vector<double> exact_volumes(const Tool& tool, PillarSide side, const std::vector<Pose>& X_WT);
-std::vector<double> measured_volumes(ContactQuery& query, const Tool& tool,
+std::vector<double> measured_volumes(MethodQueries& query, const Tool& tool,
                                      const std::vector<Pose>& X_WT, const ContactOptions& options);
 
 /// Of a measured volume along a way: shares of the tool.

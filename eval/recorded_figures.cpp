@@ -33,7 +33,7 @@ struct Felt {
   }
 };
 
-Felt feel(ContactQuery& query, const Tool& tool, const ContactOptions& options,
+Felt feel(MethodQueries& query, const Tool& tool, const ContactOptions& options,
           const std::vector<Pose>& path) {
   Felt felt;
   const double whole = full_volume(tool, options);
@@ -66,10 +66,9 @@ Result<Comparison> compare(Context& context, int num_spheres, double depth,
   const auto path = hand_path(scene->frame, **tool, depth, context.choose<std::size_t>(2000, 200));
   if (!path) return path.error();
   auto query = query_on(scene->frame, **tool);
-  if (!query) return query.error();
   Comparison comparison{scene->name, path->mean_depth, {}};
   for (const Method& method : methods) {
-    comparison.felt.push_back(feel(**query, **tool, method.options, path->X_WT));
+    comparison.felt.push_back(feel(*query, **tool, method.options, path->X_WT));
   }
   return comparison;
 }
@@ -179,7 +178,6 @@ Result<FigureResult> figure_3_6(Context& context) {
   const auto tool = context.tool(scene->tool_shape, scene->tool_size, 3000);
   if (!tool) return tool.error();
   auto query = query_on(*frame, **tool);
-  if (!query) return query.error();
 
   FigureResult result;
   Table table{"Spheres counted as inside although they lie wholly outside all bodies",
@@ -197,7 +195,7 @@ Result<FigureResult> figure_3_6(Context& context) {
     const Pose& X_WT = scene->path_poses[i];
     // What is truly outside: once per pose.
     std::vector<bool> is_outside(spheres.size(), false);
-    if ((*query)->query(X_WT, ContactOptions{}).volume == 0) continue;
+    if (query->query(X_WT, ContactOptions{}).volume == 0) continue;
     for (std::size_t s = 0; s < spheres.size(); ++s) {
       const Vec3d c_W = X_WT * to_double(spheres[s].centre);
       is_outside[s] =
@@ -206,8 +204,8 @@ Result<FigureResult> figure_3_6(Context& context) {
           });
     }
     for (std::size_t m = 0; m < methods.size(); ++m) {
-      (*query)->query(X_WT, methods[m].options);
-      const auto states = (*query)->states();
+      query->query(X_WT, methods[m].options);
+      const auto states = query->states();
       int num = 0, inside = 0;
       double volume = 0;
       for (std::size_t s = 0; s < spheres.size(); ++s) {
@@ -348,24 +346,22 @@ Result<FigureResult> figure_5_16(Context& context) {
   if (!path) return path.error();
   auto fine_query = query_on(scene->frame, **fine);
   auto coarse_query = query_on(scene->frame, **coarse);
-  if (!fine_query) return fine_query.error();
-  if (!coarse_query) return coarse_query.error();
   FigureResult result;
   Table table{words("1,000 against %d spheres, 28 %% deep", many),
               {"method", "difference of the force, % rms", "times as long"},
               {}};
   double weighted_difference = 0, weighted_cost = 0;
   for (const Method& method : all_methods()) {
-    const Felt a = feel(**coarse_query, **coarse, method.options, path->X_WT);
-    const Felt b = feel(**fine_query, **fine, method.options, path->X_WT);
+    const Felt a = feel(*coarse_query, **coarse, method.options, path->X_WT);
+    const Felt b = feel(*fine_query, **fine, method.options, path->X_WT);
     double sum = 0;
     for (std::size_t i = 0; i < a.force.size(); ++i) {
       const double d = norm(a.force[i] - b.force[i]);
       sum += d * d;
     }
     const double difference = 100 * std::sqrt(sum / static_cast<double>(a.force.size()));
-    const double cost = time_queries(**fine_query, method.options, path->X_WT).median /
-                        time_queries(**coarse_query, method.options, path->X_WT).median;
+    const double cost = time_queries(*fine_query, method.options, path->X_WT).median /
+                        time_queries(*coarse_query, method.options, path->X_WT).median;
     table.rows.push_back({method.name, words("%.2f", difference), words("%.1f", cost)});
     result.numbers.push_back({std::string(method.name) + ".difference", difference, "%"});
     result.numbers.push_back({std::string(method.name) + ".cost", cost, "1"});

@@ -78,12 +78,11 @@ Result<Errors> errors_of(Context& context, const Look& look) {
     const auto seen = SeenFrame::create(stream, frame);
     if (!seen) return seen.error();
     auto query = query_on(*seen, **tool);
-    if (!query) return query.error();
     const auto coarse = exact_steps(c, **tool, 0, 1, context.choose(41, 11));
     const auto fine = exact_steps(c, **tool, 0.35, 0.5, context.choose(270, 40));
     for (std::size_t m = 0; m < n; ++m) {
       const Measure measured{full_volume(**tool, methods[m].options), [&](const Pose& X_WT) {
-                               return (*query)->query(X_WT, methods[m].options);
+                               return query->query(X_WT, methods[m].options);
                              }};
       errors.volume[m] += 100 * volume_error(**tool, coarse, measured).rms / num_scenes;
       errors.direction[m] +=

@@ -18,11 +18,7 @@ class SeenFrame {
 
   PointCloudView cloud() const { return surface_.cloud(); }
   DepthFieldView field() const { return field_.view(); }
-  /// Lets a query look at it.
-  void show(ContactQuery& query) const {
-    query.set_cloud(cloud());
-    query.set_field(field());
-  }
+  Surfaces surfaces() const { return {cloud(), field()}; }
 
  private:
   SeenFrame(SurfaceEstimator surface, DepthField field)

@@ -26,10 +26,9 @@ Result<SpeedSweep> sweep_sizes(Context& context, const Interaction& scene, doubl
     const auto path = hand_path(scene.frame, **tool, depth, poses);
     if (!path) return path.error();
     auto query = query_on(scene.frame, **tool);
-    if (!query) return query.error();
     sweep.x.push_back(size);
     for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
-      sweep.times[m].push_back(time_queries(**query, sweep.methods[m].options, path->X_WT));
+      sweep.times[m].push_back(time_queries(*query, sweep.methods[m].options, path->X_WT));
     }
   }
   return sweep;
@@ -87,14 +86,13 @@ Result<FigureResult> figure_3_9(Context& context) {
   const auto path = hand_path(scene->frame, **tool, 0.03, context.choose<std::size_t>(1000, 100));
   if (!path) return path.error();
   auto query = query_on(scene->frame, **tool);
-  if (!query) return query.error();
   FigureResult result;
   Table table{
       "Shallow scraping, 5,000 spheres", {"method", "mean µs", "deviation µs", "p99 µs"}, {}};
   double mean[3] = {}, deviation[3] = {};
   std::size_t m = 0;
   for (const Method& method : all_methods()) {
-    const Times t = time_queries(**query, method.options, path->X_WT);
+    const Times t = time_queries(*query, method.options, path->X_WT);
     table.rows.push_back({method.name, words("%.1f", 1e6 * t.mean),
                           words("%.1f", 1e6 * t.deviation), words("%.1f", 1e6 * t.p99)});
     result.numbers.push_back({std::string(method.name) + ".mean", 1e6 * t.mean, "µs"});
@@ -281,7 +279,6 @@ Result<FigureResult> figure_5_4(Context& context) {
   const auto tool = context.tool(scene->shape, scene->size, 5000);
   if (!tool) return tool.error();
   auto query = query_on(scene->frame, **tool);
-  if (!query) return query.error();
   const double whole = full_volume(**tool, ContactOptions{});
   FigureResult result;
   for (const double depth : {0.28, 0.40}) {
@@ -294,7 +291,7 @@ Result<FigureResult> figure_5_4(Context& context) {
     plot.y_label = "time of one query, µs";
     std::vector<double> depths, correlations;
     for (const Pose& X_WT : path->X_WT) {
-      depths.push_back(100 * (*query)->query(X_WT, ContactOptions{}).volume / whole);
+      depths.push_back(100 * query->query(X_WT, ContactOptions{}).volume / whole);
     }
     for (const Method& method : all_methods()) {
       Curve curve{method.name, method.name, {}, {}};
@@ -303,7 +300,7 @@ Result<FigureResult> figure_5_4(Context& context) {
         double least = INFINITY;
         for (int again = 0; again < 5; ++again) {
           const Times t =
-              time_calls(1, [&](std::size_t) { (*query)->query(path->X_WT[i], method.options); });
+              time_calls(1, [&](std::size_t) { query->query(path->X_WT[i], method.options); });
           least = std::min(least, t.median);
         }
         curve.x.push_back(100 * static_cast<double>(i) / static_cast<double>(path->X_WT.size()));

@@ -33,14 +33,12 @@ Result<FigureResult> figure_5_5(Context& context) {
           hand_path(scene->frame, **tool, depth, context.choose<std::size_t>(200, 30));
       if (!path) return path.error();
       auto query = query_on(scene->frame, **tool);
-      if (!query) return query.error();
       BoundaryStage stage(**tool, scene->frame.cloud());
       const double alone = 1e6 * time_calls(path->X_WT.size(), [&](std::size_t i) {
                                    stage.run(path->X_WT[i], [](std::size_t, const PointSums&) {});
                                  }).median;
       const auto rest = [&](const Method& method) {
-        return std::max(0.0,
-                        1e6 * time_queries(**query, method.options, path->X_WT).median - alone);
+        return std::max(0.0, 1e6 * time_queries(*query, method.options, path->X_WT).median - alone);
       };
       const auto methods = thesis_methods();
       detection.x.push_back(size), detection.y.push_back(alone);

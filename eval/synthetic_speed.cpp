@@ -45,7 +45,6 @@ Result<SpeedSweep> sweep_depths(Context& context, const SeenFrame& frame, int nu
   const auto tool = context.tool("box", kToolSize, num_spheres);
   if (!tool) return tool.error();
   auto query = query_on(frame, **tool);
-  if (!query) return query.error();
   SpeedSweep sweep;
   sweep.methods = methods;
   sweep.times.resize(methods.size());
@@ -55,7 +54,7 @@ Result<SpeedSweep> sweep_depths(Context& context, const SeenFrame& frame, int nu
     const auto poses = poses_at(depth, context.choose<std::size_t>(60, 10));
     sweep.x.push_back(100 * depth);
     for (std::size_t m = 0; m < methods.size(); ++m) {
-      sweep.times[m].push_back(time_queries(**query, methods[m].options, poses));
+      sweep.times[m].push_back(time_queries(*query, methods[m].options, poses));
     }
   }
   return sweep;
@@ -137,10 +136,9 @@ Result<FigureResult> figure_5_6(Context& context) {
     const auto tool = context.tool("box", kToolSize, size);
     if (!tool) return tool.error();
     auto query = query_on(*frame, **tool);
-    if (!query) return query.error();
     sweep.x.push_back(size);
     for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
-      sweep.times[m].push_back(time_queries(**query, sweep.methods[m].options, poses));
+      sweep.times[m].push_back(time_queries(*query, sweep.methods[m].options, poses));
     }
   }
   FigureResult result;
@@ -180,11 +178,10 @@ Result<FigureResult> more_spheres(Context& context) {
     const auto tool = context.tool("box", kToolSize, size);
     if (!tool) return tool.error();
     auto query = query_on(*frame, **tool);
-    if (!query) return query.error();
     sweep.x.push_back(size);
     const auto poses = poses_at(0.1, context.choose<std::size_t>(60, 10));
     for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
-      sweep.times[m].push_back(time_queries(**query, sweep.methods[m].options, poses));
+      sweep.times[m].push_back(time_queries(*query, sweep.methods[m].options, poses));
     }
   }
   FigureResult result;
@@ -219,11 +216,10 @@ Result<FigureResult> more_pixels(Context& context) {
     const auto frame = wall(context, width, height);
     if (!frame) return frame.error();
     auto query = query_on(*frame, **tool);
-    if (!query) return query.error();
     sweep.x.push_back(1e-6 * width * height);
     const auto poses = poses_at(0.1, context.choose<std::size_t>(60, 10));
     for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
-      sweep.times[m].push_back(time_queries(**query, sweep.methods[m].options, poses));
+      sweep.times[m].push_back(time_queries(*query, sweep.methods[m].options, poses));
     }
   }
   FigureResult result;

@@ -49,6 +49,7 @@ SHARED_PRIVATE = {
     "src/core/simd.h": ("cloud", "contact", "field"),
     "src/core/one_lane.h": ("cloud", "contact"),
     "src/core/lanes.h": ("cloud", "contact", "field"),
+    "src/core/select_isa.h": ("cloud", "contact", "field"),
     # The evaluation times the stages of a query one by one.
     "src/contact/points/scan/image_window.h": ("eval",),
     "src/contact/points/scan/point_scan.h": ("eval",),

@@ -1,21 +1,99 @@
 #include "palpate/contact/contact_query.h"
 
+#include <string>
+
 #include "src/contact/cuda/contact_query_cuda.h"
-#include "src/contact/points/contact_query_cpu.h"
+#include "src/contact/field/field_contact.h"
+#include "src/contact/points/point_contact.h"
 
 namespace palpate {
+namespace {
 
-Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
+Error no_such_option(const char* option, const char* method, const char* without) {
+  return {Errc::invalid_argument, std::string(option) + " does not go with the method " + method +
+                                      ": leave it at " + without + ", or choose another method"};
+}
+
+}  // namespace
+
+Result<ContactMethod> contact_method(const ContactOptions& o) {
+  constexpr const char* kNames[] = {"weighted", "simplified", "graph", "field"};
+  const char* const name = kNames[static_cast<int>(o.method)];
+  const bool is_field = o.method == InsideMethod::field, is_graph = o.method == InsideMethod::graph;
+  if (o.priority != Priority::distance && (is_field || is_graph)) {
+    return no_such_option("priority", name, "distance");
+  }
+  if (o.inside != InsideVolume::full && !is_graph) return no_such_option("inside", name, "full");
+  if (o.edges != Edges::none && is_field) return no_such_option("edges", name, "none");
+  if (o.continuity != Continuity::none && is_field) {
+    return no_such_option("continuity", name, "none");
+  }
+  switch (o.method) {
+    case InsideMethod::field: break;
+    case InsideMethod::weighted:
+      return ContactMethod(WeightedMethod{o.priority, o.counted(), o.edges, o.continuity});
+    case InsideMethod::simplified:
+      return ContactMethod(SimplifiedMethod{o.priority, o.counted(), o.edges, o.continuity});
+    case InsideMethod::graph:
+      return ContactMethod(GraphMethod{o.inside, o.counted(), o.edges, o.continuity});
+  }
+  return ContactMethod(FieldMethod{o.counted()});
+}
+
+ContactOptions contact_options(const ContactMethod& method) {
+  struct Options {
+    ContactOptions operator()(const FieldMethod& m) const {
+      return {.method = InsideMethod::field, .volumes = m.volumes};
+    }
+    ContactOptions operator()(const WeightedMethod& m) const {
+      return {.method = InsideMethod::weighted,
+              .priority = m.priority,
+              .volumes = m.volumes,
+              .edges = m.edges,
+              .continuity = m.continuity};
+    }
+    ContactOptions operator()(const SimplifiedMethod& m) const {
+      return {.method = InsideMethod::simplified,
+              .priority = m.priority,
+              .volumes = m.volumes,
+              .edges = m.edges,
+              .continuity = m.continuity};
+    }
+    ContactOptions operator()(const GraphMethod& m) const {
+      return {.method = InsideMethod::graph,
+              .inside = m.inside,
+              .volumes = m.volumes,
+              .edges = m.edges,
+              .continuity = m.continuity};
+    }
+  };
+  return std::visit(Options{}, method);
+}
+
+Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
+                                                         std::shared_ptr<const ToolIndex> index,
+                                                         const ContactMethod& method,
                                                          const ContactCapacities& capacities) {
   switch (backend) {
-    case Backend::cpu: return make_contact_query_cpu(tool, capacities);
+    case Backend::cpu: {
+      const auto* field = std::get_if<FieldMethod>(&method);
+      if (field == nullptr) return make_point_contact(std::move(index), method, capacities);
+      return std::unique_ptr<ContactQuery>(
+          std::make_unique<FieldContact>(std::move(index), *field, capacities));
+    }
     case Backend::cuda: break;
   }
 #if defined(PALPATE_CUDA)
-  return make_contact_query_cuda(tool, capacities);
+  return make_contact_query_cuda(std::move(index), method, capacities);
 #else
   return find_gpus().error();
 #endif
+}
+
+Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
+                                                         const ContactMethod& method,
+                                                         const ContactCapacities& capacities) {
+  return make_contact_query(backend, ToolIndex::create(tool), method, capacities);
 }
 
 }  // namespace palpate

@@ -15,43 +15,37 @@ constexpr int kToolBody = 0;
 // From a pose to a contact.
 
 ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
-                         const ContactOptions& options, const ForceScale& scale,
-                         const std::vector<SceneObject>& objects)
-    : centre_of_mass_T_(tool.sphere_mass().centre_of_mass), options_(options), scale_(scale) {
-  auto blended = std::make_unique<BlendedQuery>(std::move(query));
-  query_ = blended.get();
-  world_.add_tool(tool, std::move(blended));
+                         const ForceScale& scale, const std::vector<SceneObject>& objects)
+    : query_(query.get()), centre_of_mass_T_(tool.sphere_mass().centre_of_mass), scale_(scale) {
+  world_.add_tool(tool, std::move(query));
   for (const SceneObject& object : objects) world_.add_object(*object.shape, object.X_WB);
 }
 
 Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
   if (backend == Backend::cpu) return Done{};
   return world_.measure_pairs_by(
-      [&](const Tool& a, const Tool& b) { return make_body_pair_query(backend, a, b, gpu); });
+      [&](const auto& a, const auto& b) { return make_body_pair_query(backend, a, b, gpu); });
 }
 
-void ContactPart::measure(const SurfaceMoment& moment, ContactRecord& record) noexcept {
-  query_->set_moment(moment);
+void ContactPart::measure(const SurfaceMoment& moment, bool with_stiffness,
+                          ContactRecord& record) noexcept {
   world_.set_pose(kToolBody, record.X_WT);
-  world_.measure(options_);
+  world_.set_wants(kToolBody, {.stiffness = with_stiffness});
+  world_.measure(moment.from, moment.to, moment.progress);
   const BodyMeasure& measured = world_.measured(kToolBody);
   record.penetration = measured.total();
   record.objects = measured.bodies;
   record.num_object_pairs = measured.num_pairs;
   record.progress = moment.progress;
-  record.has_new_stiffness = false;
-  if (!has_stiffness(record)) stiffness_ = {};
+  const bool has_contact = record.penetration.volume > 0 && has_stiffness();
+  record.has_new_stiffness = has_contact && measured.stiffness;
+  if (!has_contact) stiffness_ = {};
+  if (record.has_new_stiffness) stiffness_ = *measured.stiffness;
   set_contact(record);
 }
 
-bool ContactPart::has_stiffness(const ContactRecord& record) const noexcept {
-  return record.penetration.volume > 0 && options_.method == InsideMethod::field;
-}
-
-void ContactPart::measure_stiffness(ContactRecord& record) noexcept {
-  stiffness_ = query_->stiffness();
-  record.has_new_stiffness = true;
-  set_contact(record);
+bool ContactPart::has_stiffness() const noexcept {
+  return std::holds_alternative<FieldMethod>(query_->method());
 }
 
 void ContactPart::set_contact(ContactRecord& record) const noexcept {
@@ -136,10 +130,10 @@ double HandPart::step_seconds(const DeviceState& state) noexcept {
 
 // All of it in one thread.
 
-Pipeline::Pipeline(const Tool& tool, const DepthStreamInfo& stream, const DeviceInfo& device,
-                   const HapticSettings& settings, std::unique_ptr<ThreadPool> pool, RunParts parts,
-                   SafetyFilter safety)
-    : tool_(&tool),
+Pipeline::Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo& stream,
+                   const DeviceInfo& device, const HapticSettings& settings,
+                   std::unique_ptr<ThreadPool> pool, RunParts parts, SafetyFilter safety)
+    : index_(std::move(index)),
       stream_(stream),
       device_(device),
       settings_(settings),
@@ -156,11 +150,12 @@ Result<Pipeline> Pipeline::create(const Tool& tool, const DepthStreamInfo& strea
   auto pool = std::make_unique<ThreadPool>(std::clamp(settings.num_threads, 0, 256));
   RunPartsOptions options;
   if (settings.num_threads > 1) options.query_threads = pool.get();
-  auto parts = make_run_parts(tool, stream, device, settings, options);
+  auto index = ToolIndex::create(tool);
+  auto parts = make_run_parts(index, stream, device, settings, options);
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.limits, settings.safety);
   if (!safety) return safety.error();
-  return Pipeline(tool, stream, device, settings, std::move(pool), *std::move(parts),
+  return Pipeline(std::move(index), stream, device, settings, std::move(pool), *std::move(parts),
                   *std::move(safety));
 }
 
@@ -181,13 +176,10 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   contact.frame_number = num_frames_ - 1;
   contact.capture_time = capture_time_;
   contact.contact.time = time;
-  contacts_->measure(moment_, contact);
+  contacts_->measure(moment_, settings_.coupling.kind != CouplingKind::none, contact);
   if (contact.penetration.status.has(StepStatus::backend_failed) || !timeline_->status()) {
     has_backend_failed_ = true;
     return contact_;
-  }
-  if (settings_.coupling.kind != CouplingKind::none && contacts_->has_stiffness(contact)) {
-    contacts_->measure_stiffness(contact);
   }
   return contact_ = contact;
 }
@@ -212,15 +204,14 @@ Status Pipeline::change(const HapticSettings& settings) {
   RunPartsOptions options;
   options.before = &settings_;
   if (settings_.num_threads > 1) options.query_threads = pool_.get();
-  auto parts = make_run_parts(*tool_, stream_, device_, settings, options);
+  auto parts = make_run_parts(index_, stream_, device_, settings, options);
   if (!parts) return parts.error();
   ++revision_;
   hand_->change(revision_, parts->coupling);
   checked_coupling_ = parts->checked_coupling;
   notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
   settings_ = settings;
-  Pending news{revision_, std::move(parts->timeline), std::move(parts->contact), settings.contact,
-               parts->scale};
+  Pending news{revision_, std::move(parts->timeline), std::move(parts->contact), parts->scale};
   if (pending_ && !news.timeline) news.timeline = std::move(pending_->timeline);
   if (pending_ && !news.contact) news.contact = std::move(pending_->contact);
   pending_ = std::move(news);
@@ -231,7 +222,7 @@ Status Pipeline::change(const HapticSettings& settings) {
 void Pipeline::use(Pending& pending) {
   if (pending.timeline) timeline_ = std::move(pending.timeline);
   if (pending.contact) contacts_ = std::move(pending.contact);
-  contacts_->use(pending.options, pending.scale);
+  contacts_->use(pending.scale);
   surface_revision_ = pending.revision;
   pending_.reset();
 }

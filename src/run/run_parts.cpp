@@ -40,25 +40,28 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const Hapti
                                  {backend_of(settings), settings.sensing_gpu}, num_spare);
 }
 
-Result<std::unique_ptr<ContactPart>> make_contact_part(const Tool& tool,
+Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const HapticSettings& settings,
                                                        const ForceScale& scale,
                                                        ThreadPool* threads) {
   ContactCapacities capacities;
   capacities.gpu = settings.contact_gpu;
   capacities.pool = threads;
-  auto query = make_contact_query(backend_of(settings), tool, capacities);
+  const auto method = contact_method(settings.contact);
+  if (!method) return method.error();
+  const Tool& tool = index->tool();
+  auto query = make_contact_query(backend_of(settings), std::move(index), *method, capacities);
   if (!query) return query.error();
-  auto part = std::make_unique<ContactPart>(tool, *std::move(query), settings.contact, scale,
-                                            settings.objects);
+  auto part = std::make_unique<ContactPart>(tool, *std::move(query), scale, settings.objects);
   const Status status = part->measure_pairs_at(backend_of(settings), settings.contact_gpu);
   if (!status) return status.error();
   return part;
 }
 
-Result<RunParts> make_run_parts(const Tool& tool, const DepthStreamInfo& stream,
-                                const DeviceInfo& device, const HapticSettings& settings,
-                                const RunPartsOptions& options) {
+Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
+                                const DepthStreamInfo& stream, const DeviceInfo& device,
+                                const HapticSettings& settings, const RunPartsOptions& options) {
+  const Tool& tool = index->tool();
   if (const Status status = check(settings, device); !status) return status.error();
   auto coupling =
       check_coupling(settings.coupling, device.limits, 1 / device.rate, tool.sphere_mass());
@@ -77,8 +80,9 @@ Result<RunParts> make_run_parts(const Tool& tool, const DepthStreamInfo& stream,
     if (!timeline) return timeline.error();
     parts.timeline.emplace(*std::move(timeline));
   }
-  if (before == nullptr || before->backend != settings.backend) {
-    auto contact = make_contact_part(tool, settings, parts.scale, options.query_threads);
+  if (before == nullptr || before->backend != settings.backend ||
+      before->contact != settings.contact) {
+    auto contact = make_contact_part(index, settings, parts.scale, options.query_threads);
     if (!contact) return contact.error();
     parts.contact = *std::move(contact);
   }

@@ -44,7 +44,6 @@ class Feeler {
   void take_frame(const DepthFrame& frame, ThreadPool& pool) {
     surface_.update(frame, pool);
     field_.update(surface_.cloud(), pool);
-    query_->set_field(field_.view());
     nearest_ = INFINITY;
     for (const float z : surface_.depth()) {
       if (z > 0) nearest_ = std::min(nearest_, static_cast<double>(z));  // false for NaN
@@ -87,9 +86,9 @@ class Feeler {
         field_(std::move(field)) {}
 
   double fraction(const ProbingMotion& motion, double time, double distance) {
-    constexpr ContactOptions kField{.method = InsideMethod::field};
-    return query_->query(motion.pose(time, distance), kField).volume /
-           full_volume(*coarse_, kField);
+    const Surfaces surface{{}, field_.view()};
+    return query_->measure(surface, motion.pose(time, distance)).penetration.volume /
+           full_volume(*coarse_, FieldMethod{}.volumes);
   }
   /// Where between two distances the fraction is reached: the nearer end of a small interval.
   double cross(const ProbingMotion& motion, double time, double low, double high, double level) {

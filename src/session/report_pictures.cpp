@@ -50,16 +50,14 @@ Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
   settings.time.mode = TimeMode::latest;
   auto surfaces = make_surfaces(log.setup.stream, settings);
   if (!surfaces) return surfaces.error();
-  auto part = make_contact_part(tool, settings, {});
+  auto part = make_contact_part(ToolIndex::create(tool), settings, {});
   if (!part) return part.error();
   ThreadPool pool(settings.num_threads);
   surfaces->push(log.deepest_frame, 0, pool);
-  ContactRecord contact_record;
-  contact_record.X_WT = X_WT;
-  (*part)->measure(surfaces->at(0), contact_record);
   const PointCloud points = surfaces->newest_cloud();
   const PointCloudView cloud = points.view();
-  const auto states = (*part)->query().states();
+  std::vector<SphereState> states(tool.spheres().size());
+  (*part)->query().measure(surfaces->at(0).to, X_WT, {.states = states});
 
   const Vec3d C_W = X_WT * tool.sphere_mass().centre_of_mass;
   const double radius = tool_radius(tool);

@@ -6,7 +6,7 @@ namespace palpate {
 
 void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
   if (parts.timeline) timelines_.emplace(setup.revision, *std::move(parts.timeline));
-  measuring_[setup.revision] = {setup.settings.contact, parts.scale, std::move(parts.contact)};
+  measuring_[setup.revision] = {parts.scale, std::move(parts.contact)};
 }
 
 void ContactRepetition::push_next() {
@@ -26,18 +26,16 @@ void ContactRepetition::push_next() {
 ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   while (num_pushed_ <= recorded.frame_number) push_next();
   while (!measuring_.empty() && measuring_.begin()->first <= recorded.revision) {
-    auto& [options, scale, part] = measuring_.begin()->second;
+    auto& [scale, part] = measuring_.begin()->second;
     if (part) part_ = std::move(part);
-    part_->use(options, scale);
+    part_->use(scale);
     measuring_.erase(measuring_.begin());
   }
   ContactRecord repeated = recorded;
   repeated.capture_time = capture_time_;
   moment_.progress = recorded.progress;
-  part_->measure(moment_, repeated);
-  if (recorded.has_new_stiffness) {
-    part_->measure_stiffness(repeated);
-  } else {
+  part_->measure(moment_, recorded.has_new_stiffness, repeated);
+  if (!recorded.has_new_stiffness) {
     // Kept from an earlier contact, which may not have been recorded.
     repeated.contact.stiffness = recorded.contact.stiffness;
     repeated.contact.max_stiffness = recorded.contact.max_stiffness;

@@ -36,7 +36,6 @@ class ContactRepetition {
 
  private:
   struct Measuring {
-    ContactOptions contact;
     ForceScale scale;
     std::unique_ptr<ContactPart> part;
   };

@@ -19,7 +19,10 @@ namespace {
 class Repetition {
  public:
   Repetition(const Tool& tool, const RunSetup& first, SafetyFilter safety, int num_threads)
-      : tool_(tool), first_(first), contacts_(num_threads), ticks_(std::move(safety)) {}
+      : index_(ToolIndex::create(tool)),
+        first_(first),
+        contacts_(num_threads),
+        ticks_(std::move(safety)) {}
 
   /// The settings of the run, then those that followed while it went on.
   Status take(RunSetup setup) {
@@ -27,7 +30,7 @@ class Repetition {
     setup.settings.objects = first_.settings.objects;  // with their shapes
     RunPartsOptions options;
     if (num_settings_ > 0) options.before = &settings_;
-    auto parts = make_run_parts(tool_, setup.stream, setup.device, setup.settings, options);
+    auto parts = make_run_parts(index_, setup.stream, setup.device, setup.settings, options);
     if (!parts) return parts.error();
     contacts_.add(setup, *parts);
     ticks_.add(setup, *parts);
@@ -129,7 +132,7 @@ class Repetition {
     }
   }
 
-  const Tool& tool_;
+  std::shared_ptr<const ToolIndex> index_;
   const RunSetup& first_;
   FrameJoiner joiner_;
   ContactRepetition contacts_;

@@ -36,27 +36,26 @@ int num_lead_frames(const TimeOptions& time) {
   return blended + static_cast<int>(std::min<double>(averaged, kMostLead));
 }
 
-Repetition::Repetition(RecordedRun& run) : run_(run), frames_(run), pool_(0) {}
+Repetition::Repetition(RecordedRun& run)
+    : run_(run), frames_(run), pool_(0), index_(ToolIndex::create(run.tool())) {}
 
 /// On the backend of the run if it is there.
 Status Repetition::make_part(HapticSettings settings) {
   backend_ = settings.backend.value_or(Backend::cpu);
-  auto part = make_contact_part(run_.tool(), settings, {});
+  auto part = make_contact_part(index_, settings, {});
   if (!part && backend_ != Backend::cpu) {
     settings.backend = backend_ = Backend::cpu;
     note_ = "the run was computed on a GPU; it is shown as the CPU computes it";
-    part = make_contact_part(run_.tool(), settings, {});
+    part = make_contact_part(index_, settings, {});
   }
   if (!part) return part.error();
   part_ = *std::move(part);
+  options_ = settings.contact;
   return Done{};
 }
 
 Status Repetition::prepare(std::size_t first, const HapticSettings& settings) {
   timeline_.reset();
-  if (part_ == nullptr) {
-    if (const Status status = make_part(settings); !status) return status;
-  }
   HapticSettings used = settings;
   used.backend = backend_;
   if (first > 0 && run_.period_after(first) > 0) used.time.first_period = run_.period_after(first);
@@ -69,6 +68,9 @@ Status Repetition::prepare(std::size_t first, const HapticSettings& settings) {
 
 Result<bool> Repetition::go_to(const RecordedQuery& query, const HapticSettings& settings,
                                const std::function<bool()>& keep_going) {
+  if (part_ == nullptr || options_ != settings.contact) {
+    if (const Status status = make_part(settings); !status) return status.error();
+  }
   const int lead = num_lead_frames(settings.time);
   const auto num_lead = std::min(query.frame, static_cast<std::size_t>(lead));
   const std::size_t wanted_first = query.frame - num_lead;
@@ -89,7 +91,6 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const HapticSettings&
   }
   if (!timeline_->status()) return timeline_->status().error();
   asked_.X_WT = query.X_WT;
-  part_->use(settings.contact, {});
   moment_ = timeline_->at(std::max(query.clock, clock));
   const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
   if (query.progress && is_as_recorded) moment_.progress = *query.progress;
@@ -97,7 +98,7 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const HapticSettings&
 }
 
 const Penetration& Repetition::measure() {
-  part_->measure(moment_, asked_);
+  part_->measure(moment_, false, asked_);
   return asked_.penetration;
 }
 

@@ -30,6 +30,8 @@ class Repetition {
   /// After go_to.
   const Penetration& measure();
   const ContactQuery& query() const { return part_->query(); }
+  /// The newer ones of what is measured.
+  const Surfaces& surfaces() const { return moment_.to; }
   ViewSurface surface(std::uint64_t frame_number) const;
 
   FrameCache& frames() { return frames_; }
@@ -43,8 +45,10 @@ class Repetition {
   RecordedRun& run_;
   FrameCache frames_;
   ThreadPool pool_;
+  std::shared_ptr<const ToolIndex> index_;
   std::unique_ptr<ContactPart> part_;
   Backend backend_ = Backend::cpu;  // of the part
+  ContactOptions options_;          // likewise
   std::string note_;
 
   std::optional<SurfaceTimeline> timeline_;

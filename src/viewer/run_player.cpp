@@ -229,9 +229,8 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
   const std::uint64_t number = run_->frame_number(query.frame);
   ViewUpdate made;
   if (needs_contact) {
-    repetition_.measure();
     made.contact = std::make_shared<const ViewContact>(
-        contact_shown(repetition_.query(), query.X_WT, query.time, number));
+        contact_shown(repetition_.query(), repetition_.surfaces(), query.X_WT, query.time, number));
     last_.contact = contact;
   }
   if (needs_surface) {

@@ -22,7 +22,7 @@ WayError error_past_edge(eval::Context& context, bool with_noise, PillarSide sid
                          const ContactOptions& options) {
   const auto tool = eval::pillar_box(context, kSpheres).value();
   const auto frame = eval::seen_pillar(context, with_noise).value();
-  const auto query = std::move(eval::query_on(frame, *tool)).value();
+  const auto query = eval::query_on(frame, *tool);
   const auto X_WT = eval::pillar_way(side, kStep);
   return eval::way_error(eval::measured_volumes(*query, *tool, X_WT, options),
                          eval::exact_volumes(*tool, side, X_WT));

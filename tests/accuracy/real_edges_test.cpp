@@ -1,6 +1,7 @@
 // Edge planes on real depth images: the query against brute force where people and furniture end.
 #include <gtest/gtest.h>
 
+#include "eval/method_queries.h"
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/io/depth_files.h"
@@ -28,7 +29,7 @@ TEST(RealEdges, EqualBruteForce) {
 
   const Tool tool = test::random_tool(120, 0.06, 3);
   const test::ToolTruth tool_truth(tool);
-  const auto query = std::move(make_contact_query(Backend::cpu, tool)).value();
+  const auto query = std::make_unique<eval::MethodQueries>(Backend::cpu, tool);
   query->set_cloud(cloud);
   test::Random random(5);
   int num_cut = 0;
@@ -44,7 +45,12 @@ TEST(RealEdges, EqualBruteForce) {
         double without = 0;
         for (const Edges edges : {Edges::none, Edges::strict, Edges::cut}) {
           const ContactOptions options{
-              method, Priority::distance, InsideVolume::cap, SphereVolumes::own, edges, continuity};
+              method,
+              Priority::distance,
+              method == InsideMethod::graph ? InsideVolume::cap : InsideVolume::full,
+              SphereVolumes::own,
+              edges,
+              continuity};
           const double expected =
               test::contact_truth(tool_truth, touched, X_WT, options).penetration.volume;
           const double measured = query->query(X_WT, options).volume;

@@ -609,6 +609,14 @@ class CommandLine(unittest.TestCase):
             total = sum(4 / 3 * math.pi * s[3]**3 for s in spheres)
             self.assertAlmostEqual(result["fraction"], result["volume"] / total, delta=1e-9)
 
+    def test_options_that_the_method_does_not_have_are_refused(self):
+        write_ply(self.path("wall.ply"), bumpy_wall())
+        query = ("query", self.tool, "--cloud", self.path("wall.ply"), "--pose", "0 0 0.478 0 0 0 1")
+        for method, option, value in (("field", "--edges", "cut"), ("field", "--priority", "count"),
+                                      ("graph", "--priority", "count"), ("weighted", "--inside", "cap")):
+            self.expect_failure(2, *query, "--method", method, option, value,
+                                mentions=f"{option} does not go with the method {method}")
+
     def test_query_in_volumes_of_the_mesh(self):
         write_ply(self.path("wall.ply"), bumpy_wall())
         def query(volumes):

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/contact/blended_query.h"
+#include "eval/method_queries.h"
 #include "palpate/contact/body_world.h"
 #include "palpate/core/stamp.h"
 #include "palpate/field/pinhole_cloud.h"
@@ -18,6 +18,7 @@
 #include "tests/field/device_views.h"
 #include "tests/test_util/contact_checks.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/field_probe.h"
 #include "tests/test_util/gpu.h"
 
 namespace palpate::test {
@@ -32,13 +33,11 @@ constexpr double kStiffness = 1e-4;
 /// Sums in double precision.
 constexpr double kExact = 1e-10;
 
-std::unique_ptr<ContactQuery> cpu_query(const Tool& tool, ThreadPool* pool = nullptr) {
-  return std::move(make_contact_query(Backend::cpu, tool, {.pool = pool})).value();
+std::unique_ptr<eval::MethodQueries> cpu_query(const Tool& tool, ThreadPool* pool = nullptr) {
+  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ContactCapacities{.pool = pool});
 }
-std::unique_ptr<ContactQuery> cuda_query(const Tool& tool) {
-  auto query = make_contact_query_cuda(tool, {});
-  EXPECT_TRUE(query) << query.error().message;
-  return std::move(query).value();
+std::unique_ptr<eval::MethodQueries> cuda_query(const Tool& tool) {
+  return std::make_unique<eval::MethodQueries>(test::cuda_queries(tool));
 }
 
 Tool test_tool() { return random_tool(150, kHalfSide, 6); }
@@ -99,12 +98,12 @@ struct Pair {
   Tool tool = test_tool();
   CloudWithEdges scene = wall(5);
   DepthField field = field_of(scene.view());
-  std::unique_ptr<ContactQuery> cpu = cpu_query(tool), cuda = cuda_query(tool);
+  std::unique_ptr<eval::MethodQueries> cpu = cpu_query(tool), cuda = cuda_query(tool);
 
   Pair() { show(scene.view(), field.view()); }
 
   void show(const PointCloudView& cloud, const DepthFieldView& depth_field) const {
-    for (ContactQuery* query : {cpu.get(), cuda.get()}) {
+    for (eval::MethodQueries* query : {cpu.get(), cuda.get()}) {
       query->set_cloud(cloud);
       query->set_field(depth_field);
     }
@@ -143,8 +142,9 @@ std::vector<ContactOptions> by_each(const std::vector<InsideMethod>& methods,
                                     ContactOptions options = {}) {
   std::vector<ContactOptions> all;
   for (const InsideMethod method : methods) {
-    options.method = method;
     all.push_back(options);
+    if (method == InsideMethod::field) all.back() = {.volumes = options.volumes};
+    all.back().method = method;
   }
   return all;
 }
@@ -293,7 +293,7 @@ void compare_from_depth_image(double allowed) {
   auto on_cpu = make_timeline(std::move(make_frame_slots_cpu(settings)).value(), settings).value();
   auto on_cuda =
       make_timeline(std::move(make_frame_slots_cuda(settings, 0)).value(), settings).value();
-  BlendedQuery cpu(cpu_query(tool)), cuda(cuda_query(tool));
+  eval::MethodQueries cpu = std::move(*cpu_query(tool)), cuda = std::move(*cuda_query(tool));
   ThreadPool pool(1);
   for (int number = 0; number < 2; ++number) {
     const DepthFrame frame =
@@ -341,7 +341,7 @@ void compare_bodies(double allowed) {
     world->add_object(block, {{0.03, 0.02, 0.7}, axis_angle({1, 0, 0}, 0.4)});
   }
   const Status status = cuda.measure_pairs_by(
-      [](const Tool& a, const Tool& b) { return make_body_contact_cuda(a, b, 0); });
+      [](const auto& a, const auto& b) { return make_body_contact_cuda(a, b, 0); });
   ASSERT_TRUE(status) << status.error().message;
   Random random(4);
   for (int i = 0; i < 5; ++i) {

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "eval/method_queries.h"
 #include "palpate/contact/body_world.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_checks.h"
@@ -22,9 +23,9 @@ using test::Random;
 using test::random_pose;
 using test::same_bits;
 
-std::unique_ptr<ContactQuery> make_query(const Tool& tool, Isa isa = best_isa(),
-                                         ThreadPool* pool = nullptr) {
-  return std::move(make_contact_query(Backend::cpu, tool, {isa, pool})).value();
+std::unique_ptr<eval::MethodQueries> make_query(const Tool& tool, Isa isa = best_isa(),
+                                                ThreadPool* pool = nullptr) {
+  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ContactCapacities{isa, pool});
 }
 
 class EveryIsa : public testing::TestWithParam<Isa> {
@@ -166,18 +167,25 @@ TEST(ContactQuery, DoesNotAllocate) {
   ThreadPool pool(2);
   for (ThreadPool* threads : {static_cast<ThreadPool*>(nullptr), &pool}) {
     const auto query = make_query(tool, best_isa(), threads);
+    std::vector<ContactOptions> all;
+    for (const InsideMethod method :
+         {InsideMethod::weighted, InsideMethod::simplified, InsideMethod::graph}) {
+      for (const Edges edges : {Edges::none, Edges::cut}) {
+        for (const Continuity continuity : {Continuity::none, Continuity::both}) {
+          all.push_back({.method = method,
+                         .volumes = SphereVolumes::represented,
+                         .edges = edges,
+                         .continuity = continuity});
+          query->by(all.back());
+        }
+      }
+    }
     const test::AllocationCounter counter;
     for (int i = 0; i < 100; ++i) {
       query->set_cloud(scene.view());
       const Pose X_WT = random_pose(random, 0.65, 0.08);
-      for (InsideMethod method :
-           {InsideMethod::weighted, InsideMethod::simplified, InsideMethod::graph}) {
-        for (Edges edges : {Edges::none, Edges::cut}) {
-          for (Continuity continuity : {Continuity::none, Continuity::both}) {
-            (void)query->query(X_WT, {method, Priority::distance, InsideVolume::cap,
-                                      SphereVolumes::represented, edges, continuity});
-          }
-        }
+      for (const ContactOptions& options : all) {
+        (void)query->query(X_WT, options);
         (void)query->states();
         (void)query->planes();
       }

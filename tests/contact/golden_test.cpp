@@ -10,8 +10,8 @@
 
 #include <gtest/gtest.h>
 
+#include "eval/method_queries.h"
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/blended_query.h"
 #include "tests/test_util/contact_scenes.h"
 
 namespace palpate {
@@ -132,7 +132,7 @@ std::vector<Case> cases() {
 Result run(const Case& c) {
   static const Tool tool = test::random_tool(300, 0.03, 5);
   static const Seen from(0), to(6);
-  BlendedQuery query(make_contact_query(Backend::cpu, tool).value());
+  eval::MethodQueries query(Backend::cpu, tool);
   query.set_moment({from.surfaces(), to.surfaces(), c.is_blended ? 0.3 : 1.0});
   Result result;
   Hash hash;

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/contact/blended_query.h"
+#include "eval/method_queries.h"
 #include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/haptic_stage.h"
@@ -168,7 +168,7 @@ TEST(HapticLoopChange, ContactsAreThoseOfTheirRevision) {
   Seen& seen = touching.seen;
   seen.settings.insert(seen.settings.begin(), patient_settings());
   ThreadPool pool(1);
-  BlendedQuery query(make_contact_query(Backend::cpu, box_tool()).value());
+  eval::MethodQueries query(Backend::cpu, box_tool());
   std::optional<SurfaceTimeline> timeline;
   std::size_t num_pushed = 0;
   for (const ContactRecord& contact : seen.contacts) {
@@ -254,7 +254,7 @@ TEST(HapticLoopChange, StagesTakeChangesWithoutAllocating) {
   other.coupling.kind = CouplingKind::proxy;
   ScriptedDevice device({});
   const auto parts_of = [&](const HapticSettings& some) {
-    return make_run_parts(box_tool(), source.info(), device.info(), some,
+    return make_run_parts(ToolIndex::create(box_tool()), source.info(), device.info(), some,
                           {nullptr, SurfaceStage::kNumSpare, nullptr})
         .value();
   };
@@ -268,7 +268,7 @@ TEST(HapticLoopChange, StagesTakeChangesWithoutAllocating) {
                       SafetyFilter::create(device.info().limits, settings.safety).value(), 1e-3},
                      surfaces, contacts, {1e-3, false, true}, times);
   SurfaceChange surface_change{1, std::move(next.timeline)};
-  ContactChange contact_change{1, 1, other.contact, 500, next.scale, std::move(next.contact)};
+  ContactChange contact_change{1, 1, 500, next.scale, std::move(next.contact)};
   HapticChange haptic_change{1, std::move(next.coupling)};
   ASSERT_TRUE(surfaces.start());
   contacts.start(monotonic_now());
@@ -456,7 +456,7 @@ TEST(HapticLoopPictures, AreWhatAFreshQuerySays) {
     auto timeline =
         SurfaceTimeline::create(touching.source.info(), settings.surface, field, settings.time)
             .value();
-    BlendedQuery query(make_contact_query(Backend::cpu, box_tool()).value());
+    eval::MethodQueries query(Backend::cpu, box_tool());
     int num_compared = 0;
     for (std::size_t k = 0; k < seen.frames.size(); ++k) {
       timeline.push(seen.frames[k].frame, seen.frames[k].time, pool);

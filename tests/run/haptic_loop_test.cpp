@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "palpate/contact/blended_query.h"
+#include "eval/method_queries.h"
 #include "tests/run/haptic_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 
@@ -104,7 +104,7 @@ TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   SurfaceTimeline timeline =
       SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
           .value();
-  BlendedQuery query(make_contact_query(Backend::cpu, box_tool()).value());
+  eval::MethodQueries query(Backend::cpu, box_tool());
   std::size_t num_pushed = 0;
   ASSERT_FALSE(seen.contacts.empty());
   for (const ContactRecord& contact : seen.contacts) {

@@ -99,10 +99,10 @@ TEST(StiffnessSchedule, TakesNoMoreTimeThanIsLeft) {
     int num = 0;
     for (int i = 0; i < 1000; ++i) {
       if (schedule.is_due()) {
-        schedule.took(query, stiffness);
+        schedule.took(query + stiffness, true);
         ++num;
       } else {
-        schedule.took(query);
+        schedule.took(query, false);
       }
     }
     return num;
@@ -215,9 +215,9 @@ TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
 class SpoiltQuery final : public ContactQuery {
  public:
   explicit SpoiltQuery(int good) : good_(good) {}
-  void set_cloud(const PointCloudView&) noexcept override {}
-  void set_field(const DepthFieldView&) noexcept override {}
-  Penetration query(const Pose&, const ContactOptions&) noexcept override {
+  using ContactQuery::measure;
+  ContactResult measure(const Surfaces&, const Surfaces&, double, const Pose&,
+                        const ContactWants&) const noexcept override {
     Penetration result;
     if (good_-- > 0) {
       result.volume = 1e-6;
@@ -225,14 +225,11 @@ class SpoiltQuery final : public ContactQuery {
     } else {
       result.status = StepStatus::backend_failed;
     }
-    return result;
+    return {result, {}};
   }
-  Stiffness stiffness() const noexcept override { return {}; }
-  std::span<const SphereState> states() const noexcept override { return {}; }
-  std::span<const Plane<float>> planes() const noexcept override { return {}; }
 
  private:
-  int good_;
+  mutable int good_;
 };
 
 TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
@@ -243,10 +240,9 @@ TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
   ASSERT_TRUE(surfaces.start());
   ContactStage::Settings settings;
   settings.wants_real_time = false;
-  ContactStage contacts(
-      std::make_unique<ContactPart>(test::box_tool(), std::make_unique<SpoiltQuery>(10),
-                                    ContactOptions{}, ForceScale{1e6}),
-      surfaces, settings, contact_times);
+  ContactStage contacts(std::make_unique<ContactPart>(
+                            test::box_tool(), std::make_unique<SpoiltQuery>(10), ForceScale{1e6}),
+                        surfaces, settings, contact_times);
   contacts.start(monotonic_now());
   const double begin = monotonic_now();
   while (!contacts.has_backend_failed() && monotonic_now() - begin < 10) {

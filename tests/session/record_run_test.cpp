@@ -123,7 +123,7 @@ TEST_F(RecordRun, RepeatsWithACouplingToo) {
   for (const CouplingKind kind :
        {CouplingKind::virtual_coupling, CouplingKind::direct, CouplingKind::proxy}) {
     settings_.coupling.kind = kind;
-    settings_.contact.method = InsideMethod::field;
+    settings_.contact = {.method = InsideMethod::field};
     const auto outcome = record(run());
     ASSERT_TRUE(outcome) << outcome.error().message;
     EXPECT_EQ(outcome->failure, "");
@@ -146,7 +146,7 @@ TEST_F(RecordRun, RetriesWithOtherSettings) {
   EXPECT_EQ(read(again / "wrench.csv"), read(run() / "wrench.csv"));
 
   const auto edit = [](HapticSettings& settings) -> Status {
-    settings.contact.method = InsideMethod::weighted;
+    settings.contact = {.method = InsideMethod::weighted};
     settings.time.mode = TimeMode::latest;
     settings.time.average.kind = DepthAverage::none;
     return Done{};

@@ -6,10 +6,11 @@
 
 namespace {
 
-std::atomic<std::size_t> g_num_allocations{0};
+std::atomic<std::size_t> g_num_allocations{0}, g_num_bytes{0};
 
 void* counted(std::size_t size, std::size_t alignment) {
   g_num_allocations.fetch_add(1, std::memory_order_relaxed);
+  g_num_bytes.fetch_add(size, std::memory_order_relaxed);
   void* memory = alignment > alignof(std::max_align_t)
                      ? std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment)
                      : std::malloc(size);
@@ -39,5 +40,7 @@ void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { s
 namespace palpate::test {
 
 std::size_t num_allocations() { return g_num_allocations.load(std::memory_order_relaxed); }
+
+std::size_t num_allocated_bytes() { return g_num_bytes.load(std::memory_order_relaxed); }
 
 }  // namespace palpate::test

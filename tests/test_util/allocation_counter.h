@@ -7,6 +7,8 @@ namespace palpate::test {
 
 /// Allocations through operator new by any thread of this program so far.
 std::size_t num_allocations();
+/// Their sizes together, whether they were freed or not.
+std::size_t num_allocated_bytes();
 
 /// `AllocationCounter counter; work(); EXPECT_EQ(counter.count(), 0u);`
 class AllocationCounter {

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "eval/method_queries.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/contact_truth.h"
 
@@ -71,7 +72,7 @@ inline void expect_near_relative(double got, double want, double scale, const ch
 }
 
 inline void expect_equals_truth(const Truth& truth, const Pose& X_WT, const ContactOptions& options,
-                                ContactQuery& query) {
+                                eval::MethodQueries& query) {
   const Penetration got = query.query(X_WT, options);
   const Penetration& want = truth.penetration;
   EXPECT_EQ(got.num_boundary_spheres, want.num_boundary_spheres);
@@ -95,7 +96,7 @@ inline void expect_equals_truth(const Truth& truth, const Pose& X_WT, const Cont
 }
 
 inline void expect_equals_truth(const Tool& tool, const PointCloudView& cloud, const Pose& X_WT,
-                                ContactQuery& query,
+                                eval::MethodQueries& query,
                                 const std::vector<ContactOptions>& all = all_options()) {
   const ToolTruth tool_truth(tool);
   std::map<Continuity, BoundaryTruth> touched;

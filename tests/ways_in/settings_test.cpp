@@ -128,6 +128,7 @@ TEST(Settings, DefaultsAreInTheirRanges) { EXPECT_TRUE(check_settings(HapticSett
 TEST(Settings, ThroughTheLibrary) {
   const test::ScriptedDevice device({});
   test::WallSource source({});
+  const auto index = ToolIndex::create(test::box_tool());
   const auto make = [&](const Setting& which, const SettingValue& value) -> Result<HapticSettings> {
     HapticSettings settings;
     SettingTable table = settings_of(settings);
@@ -135,7 +136,7 @@ TEST(Settings, ThroughTheLibrary) {
     if (which.key() == "surface.min_depth") settings.surface.max_depth = 1000;
     if (which.key() == "surface.max_depth") settings.surface.min_depth = 1e-3;
     UncheckedSetting::set(*table.find(which.key()), std::get<double>(value));
-    auto parts = make_run_parts(test::box_tool(), source.info(), device.info(), settings);
+    auto parts = make_run_parts(index, source.info(), device.info(), settings);
     if (!parts) return parts.error();
     if (auto filter = SafetyFilter::create(device.info().limits, settings.safety); !filter) {
       return filter.error();

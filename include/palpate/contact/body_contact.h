@@ -44,9 +44,14 @@ class BodyPairQuery {
   }
 };
 
-/// Both bodies must outlive it. See BodyContact for what is measured: a GPU finds the same pairs,
+/// See BodyContact for what is measured: a GPU finds the same pairs,
 /// and sums that differ by rounding alone. Errors: the backend is not in this build or on this
 /// machine; no memory left on the GPU.
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
+                                                            std::shared_ptr<const ToolIndex> a,
+                                                            std::shared_ptr<const ToolIndex> b,
+                                                            int gpu = 0);
+/// The same with indices of its own. Both bodies must outlive it.
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
                                                             const Tool& b, int gpu = 0);
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&&, const Tool&,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -15,8 +16,9 @@ namespace palpate {
 /// What one body feels: the cloud, and all other bodies together.
 struct BodyMeasure {
   Penetration cloud;
-  Penetration bodies;          ///< sum over the other bodies, see BodyPenetration
-  std::int64_t num_pairs = 0;  ///< overlapping pairs of spheres with other bodies
+  std::optional<Stiffness> stiffness;  ///< of `cloud`, if it was wanted
+  Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
+  std::int64_t num_pairs = 0;          ///< overlapping pairs of spheres with other bodies
 
   /// Volume and wrench of both shares; counts and potential of the cloud alone. What lies both in
   /// the cloud and in another body counts in both. Away from other bodies, the bits of `cloud`.
@@ -36,8 +38,8 @@ class BodyWorld {
   int add_object(const Tool&&, const Pose&) = delete;
 
   /// How a pair of bodies is measured; see make_body_pair_query.
-  using MakePairQuery =
-      std::function<Result<std::unique_ptr<BodyPairQuery>>(const Tool& a, const Tool& b)>;
+  using MakePairQuery = std::function<Result<std::unique_ptr<BodyPairQuery>>(
+      std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b)>;
   /// Lets other queries than BodyContact measure the pairs of the bodies added so far, e.g. on a
   /// GPU: there, pairs are measured all at once, and at the same time as the cloud. Error: the
   /// first one of `make`; nothing has changed then.
@@ -46,22 +48,24 @@ class BodyWorld {
   int num_bodies() const { return static_cast<int>(bodies_.size()); }
   const Pose& pose(int body) const { return at(body).X_WB; }
   void set_pose(int body, const Pose& X_WB) noexcept { at(body).X_WB = X_WB; }
-  /// The cloud and the field that the next measurements look at, for all tools; see ContactQuery.
-  void set_cloud(const PointCloudView& cloud) noexcept;
-  void set_field(const DepthFieldView& field) noexcept;
+  /// What the next measurements give for a tool beside its penetration.
+  void set_wants(int body, const ContactWants& wants) noexcept { at(body).wants = wants; }
 
-  /// Measures every tool against the cloud and every pair of bodies once, except two objects. No
-  /// allocation; the same bits for the same poses and cloud.
-  void measure(const ContactOptions& options) noexcept;
+  /// Measures every tool against the surface and every pair of bodies once, except two objects. No
+  /// allocation; the same bits for the same poses and surface.
+  void measure(const Surfaces& surface) noexcept { measure(surface, surface, 1); }
+  /// Between two surfaces, as ContactQuery.
+  void measure(const Surfaces& from, const Surfaces& to, double alpha) noexcept;
   /// Of the last `measure`.
   const BodyMeasure& measured(int body) const { return at(body).measured; }
 
  private:
   struct Body {
-    const Tool* shape;
+    std::shared_ptr<const ToolIndex> index;
     std::unique_ptr<ContactQuery> cloud_query;  // null: does not feel the cloud
     bool moves;
     Pose X_WB;
+    ContactWants wants;
     BodyMeasure measured;
   };
   struct Pair {

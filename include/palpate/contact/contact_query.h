@@ -5,14 +5,15 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
+#include <variant>
 
-#include "palpate/cloud/point_cloud.h"
+#include "palpate/contact/tool_index.h"
 #include "palpate/core/isa.h"
 #include "palpate/core/result.h"
 #include "palpate/core/thread_pool.h"
-#include "palpate/field/depth_field.h"
+#include "palpate/field/surface_timeline.h"
 #include "palpate/math/pose.h"
-#include "palpate/tool/tool.h"
 
 namespace palpate {
 
@@ -71,6 +72,8 @@ enum class Continuity {
 };
 constexpr auto names_of(Continuity) { return std::array{"none", "kernel", "entry", "both"}; }
 
+/// The method and its options as settings: files and command lines name them one by one. See
+/// contact_method.
 struct ContactOptions {
   InsideMethod method = InsideMethod::field;
   Priority priority = Priority::distance;
@@ -86,6 +89,7 @@ struct ContactOptions {
     if (volumes) return *volumes;
     return method == InsideMethod::field ? SphereVolumes::represented : SphereVolumes::own;
   }
+  friend bool operator==(const ContactOptions&, const ContactOptions&) = default;
 };
 inline void add_settings(SettingTable& t, ContactOptions& o) {
   t.section("contact");
@@ -99,6 +103,35 @@ inline void add_settings(SettingTable& t, ContactOptions& o) {
   t.add("continuity", o.continuity,
         "how weighted, simplified and graph smooth over points that enter and leave spheres");
 }
+
+/// A method with the options that it has, and no other.
+struct FieldMethod {
+  SphereVolumes volumes = SphereVolumes::represented;
+};
+struct WeightedMethod {
+  Priority priority = Priority::distance;
+  SphereVolumes volumes = SphereVolumes::own;
+  Edges edges = Edges::none;
+  Continuity continuity = Continuity::none;
+};
+struct SimplifiedMethod {
+  Priority priority = Priority::distance;
+  SphereVolumes volumes = SphereVolumes::own;
+  Edges edges = Edges::none;
+  Continuity continuity = Continuity::none;
+};
+struct GraphMethod {
+  InsideVolume inside = InsideVolume::full;
+  SphereVolumes volumes = SphereVolumes::own;
+  Edges edges = Edges::none;
+  Continuity continuity = Continuity::none;
+};
+using ContactMethod = std::variant<FieldMethod, WeightedMethod, SimplifiedMethod, GraphMethod>;
+
+/// Error: an option that the method does not have is not at its default.
+Result<ContactMethod> contact_method(const ContactOptions& options);
+/// The way back.
+ContactOptions contact_options(const ContactMethod& method);
 
 /// What Penetration::volume is when the whole tool is inside, m3.
 inline double full_volume(const Tool& tool, SphereVolumes volumes) {
@@ -145,7 +178,7 @@ struct ContactStatus {
 struct Penetration {
   double volume = 0;  ///< m3: sum of V_s, kept apart from |force|
   /// force: sum V_s n_s (m3); torque: sum (c_s - C) x V_s n_s (m4) about the tool's centre of mass
-  /// C; both in W, before any stiffness. |force| <= volume for the point methods, 1.08 volume for
+  /// C; both in W, before any stiffness. |force| <= volume for the point methods, 1.05 volume for
   /// field.
   Wrench measure_W;
   /// field: U with measure_W = -dU/dpose where no gradient had to be shortened, m4; else 0
@@ -166,42 +199,56 @@ struct Stiffness {
 /// State of one sphere after a query, for pictures and tests.
 enum class SphereState : std::uint8_t { outside, boundary, inside };
 
-/// Measures one tool against a cloud. All memory is allocated at construction. One thread at a
-/// time.
+/// What a measurement is to give beside the penetration, and where it goes.
+struct ContactWants {
+  /// By `field`, in closed form; the other measures are not differentiable.
+  bool stiffness = false;
+  /// Of each sphere; empty if not wanted, else as many as the tool has spheres.
+  std::span<SphereState> states{};
+  /// In T, likewise: the plane that cuts a boundary sphere or that an inside sphere takes from a
+  /// donor; normal zero if none or, by `weighted` and Continuity::entry, many.
+  std::span<Plane<float>> planes{};
+};
+
+struct ContactResult {
+  Penetration penetration;
+  std::optional<Stiffness> stiffness;  ///< if it was wanted and the method has one
+};
+
+/// Measures one tool by one method. All memory is allocated at construction. One thread at a time.
 class ContactQuery {
  public:
   virtual ~ContactQuery() = default;
 
-  /// The cloud that the next queries look at, expressed in W. The view must stay valid. O(1). The
-  /// CUDA backend takes clouds in host memory and of other GPUs too: it copies them, once for each
-  /// stamp, before the next query.
-  virtual void set_cloud(const PointCloudView& cloud) noexcept = 0;
-  /// The same for the field that the next queries by `field` look at.
-  virtual void set_field(const DepthFieldView& field) noexcept = 0;
-
-  /// One measurement. O(points in the tool's image window + spheres). No allocation, no lock. The
-  /// same input gives the same bits, whatever was asked before and for any number of threads.
-  virtual Penetration query(const Pose& X_WT, const ContactOptions& options) noexcept = 0;
-
-  /// By `field`, between two fields expressed in W: (1 - t) times the measure against `from` and t
-  /// times that against `to`, whose are counts, states and planes, in about the time of one query.
-  /// nullopt: this query has no such short cut; see BlendedQuery.
-  virtual std::optional<Penetration> query_between(const DepthFieldView& /*from*/,
-                                                   const DepthFieldView& /*to*/, double /*t*/,
-                                                   const Pose& /*X_WT*/,
-                                                   SphereVolumes /*volumes*/) noexcept {
-    return std::nullopt;
+  /// One measurement at a pose. O(points in the tool's image window + spheres), with stiffness,
+  /// states or planes a few times as much. No allocation, no lock. The same input gives the same
+  /// bits, whatever was asked before and for any number of threads. A GPU may be given views of
+  /// host memory and of other GPUs: they are copied once for each stamp, with memory for the first
+  /// ones of their size.
+  ContactResult measure(const Surfaces& surface, const Pose& X_WT,
+                        const ContactWants& wants = {}) const noexcept {
+    return measure(surface, surface, 1, X_WT, wants);
   }
+  /// Between two surfaces: (1 - alpha) times the measure against `from` and alpha times that
+  /// against `to`, whose are counts, states and planes. Whatever changed between the two, the force
+  /// so goes from the one to the other, and with `field` it is at every alpha the exact gradient of
+  /// one potential. With alpha = 1 `from` is not looked at.
+  virtual ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha,
+                                const Pose& X_WT,
+                                const ContactWants& wants = {}) const noexcept = 0;
 
-  /// Of the last query if it was by `field`, in closed form; else zero, for the other measures are
-  /// not differentiable. O(spheres), several times the time of the query; no allocation.
-  virtual Stiffness stiffness() const noexcept = 0;
+  const ContactMethod& method() const { return method_; }
+  /// For other queries and bodies of the same tool.
+  const std::shared_ptr<const ToolIndex>& index() const { return index_; }
 
-  /// Per sphere, of the last query. `planes` are in the tool frame: the plane that cuts a boundary
-  /// sphere or that an inside sphere has borrowed; normal zero if none or, by `weighted` and
-  /// Continuity::entry, many.
-  virtual std::span<const SphereState> states() const noexcept = 0;
-  virtual std::span<const Plane<float>> planes() const noexcept = 0;
+ protected:
+  ContactQuery() = default;
+  ContactQuery(std::shared_ptr<const ToolIndex> index, const ContactMethod& method)
+      : index_(std::move(index)), method_(method) {}
+
+ private:
+  std::shared_ptr<const ToolIndex> index_;
+  ContactMethod method_;
 };
 
 struct ContactCapacities {
@@ -212,10 +259,17 @@ struct ContactCapacities {
   int gpu = 0;
 };
 
-/// Errors: the backend is not in this build or on this machine. `tool` must outlive the query.
+/// Errors: the backend is not in this build or on this machine.
+Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
+                                                         std::shared_ptr<const ToolIndex> index,
+                                                         const ContactMethod& method,
+                                                         const ContactCapacities& capacities = {});
+/// The same with an index of its own. `tool` must outlive the query.
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
+                                                         const ContactMethod& method = {},
                                                          const ContactCapacities& capacities = {});
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend, const Tool&&,
+                                                         const ContactMethod& = {},
                                                          const ContactCapacities& = {}) = delete;
 
 }  // namespace palpate

@@ -46,7 +46,7 @@ struct Surfaces {
 };
 
 /// A moment between two surfaces: the measure is (1 - progress) times that of `from` and progress
-/// times that of `to` (contact/blended_query.h). So whatever appears or vanishes fades in or out,
+/// times that of `to` (contact/contact_query.h). So whatever appears or vanishes fades in or out,
 /// be it a pixel or a wall.
 struct SurfaceMoment {
   Surfaces from, to;

@@ -52,7 +52,7 @@ inline void add_settings(SettingTable& t, CouplingOptions& o) {
         "at an eighth of the tool's volume; 0: the device's largest");
   t.add("motion_scale", o.motion_scale, {1e-4, 1e4}, "metres of tool per metre of hand");
   t.add("base_in_scene", o.X_WB,
-        "X_WB: x y z in m, quaternion x y z w; identity: put before the scene");
+        "X_WB: x y z in m, quaternion x y z w; identity: left out, poses are those of the device");
   t.add("tool_in_hand", o.X_HT, "X_HT: x y z in m, quaternion x y z w");
 }
 

@@ -11,7 +11,6 @@
 #include <string>
 #include <vector>
 
-#include "palpate/contact/blended_query.h"
 #include "palpate/contact/body_world.h"
 #include "palpate/run/records.h"
 #include "palpate/run/settings.h"
@@ -22,35 +21,29 @@ namespace palpate {
 class ContactPart {
  public:
   /// `tool` must outlive it, and so must the shapes of `objects`.
-  ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ContactOptions& options,
-              const ForceScale& scale, const std::vector<SceneObject>& objects = {});
+  ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ForceScale& scale,
+              const std::vector<SceneObject>& objects = {});
   /// Where pairs of tool and objects are measured, too. Error: too little memory there.
   Status measure_pairs_at(Backend backend, int gpu);
 
   /// From the next measurement on.
-  void use(const ContactOptions& options, const ForceScale& scale) {
-    options_ = options;
-    scale_ = scale;
-  }
+  void use(const ForceScale& scale) { scale_ = scale; }
 
   /// What the tool meets at record.X_WT: fills in penetration, objects and, with the stiffness that
   /// was measured last, `contact`, whose time is the record's `contact.time`. No allocation.
-  void measure(const SurfaceMoment& moment, ContactRecord& record) noexcept;
-  /// Whether contact has a stiffness that can be measured; if not, that of `measure` is right.
-  bool has_stiffness(const ContactRecord& record) const noexcept;
-  /// Of what was measured last; goes into `contact`.
-  void measure_stiffness(ContactRecord& record) noexcept;
+  void measure(const SurfaceMoment& moment, bool with_stiffness, ContactRecord& record) noexcept;
+  /// Whether contacts have a stiffness that can be measured; if not, that of `measure` is right.
+  bool has_stiffness() const noexcept;
 
-  /// The tool's, of the last measurement.
+  /// The tool's.
   const ContactQuery& query() const { return *query_; }
 
  private:
   void set_contact(ContactRecord& record) const noexcept;
 
-  BodyWorld world_;      // the tool, then the objects
-  BlendedQuery* query_;  // the tool's, owned by the world
+  BodyWorld world_;            // the tool, then the objects
+  const ContactQuery* query_;  // the tool's, owned by the world
   Vec3d centre_of_mass_T_;
-  ContactOptions options_;
   ForceScale scale_;
   Stiffness stiffness_;  // measured last
 };
@@ -100,7 +93,7 @@ Error lost_backend();
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const HapticSettings& settings,
                                       int num_spare = 0);
 /// The same, with `threads` for queries too, which may be null and must outlive it.
-Result<std::unique_ptr<ContactPart>> make_contact_part(const Tool& tool,
+Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const HapticSettings& settings,
                                                        const ForceScale& scale,
                                                        ThreadPool* threads = nullptr);
@@ -121,8 +114,9 @@ struct RunPartsOptions {
   ThreadPool* query_threads = nullptr;  ///< for queries too; must outlive them
 };
 /// Errors: settings out of range, the backend, a device that cannot be used.
-Result<RunParts> make_run_parts(const Tool& tool, const DepthStreamInfo& stream,
-                                const DeviceInfo& device, const HapticSettings& settings,
+Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
+                                const DepthStreamInfo& stream, const DeviceInfo& device,
+                                const HapticSettings& settings,
                                 const RunPartsOptions& options = {});
 
 /// All parts in one thread, without a clock: the same calls give the same bits.
@@ -131,6 +125,8 @@ class Pipeline {
   /// `tool` must outlive it. Errors: see make_run_parts; safety options out of range.
   static Result<Pipeline> create(const Tool& tool, const DepthStreamInfo& stream,
                                  const DeviceInfo& device, const HapticSettings& settings);
+  static Result<Pipeline> create(const Tool&&, const DepthStreamInfo&, const DeviceInfo&,
+                                 const HapticSettings&) = delete;
 
   /// A frame of the stream's size that became current at `time`, s, later than the one before.
   SurfaceStats push(const DepthFrame& frame, double time);
@@ -167,15 +163,14 @@ class Pipeline {
     std::uint32_t revision = 0;
     std::optional<SurfaceTimeline> timeline;
     std::unique_ptr<ContactPart> contact;
-    ContactOptions options;
     ForceScale scale;
   };
-  Pipeline(const Tool& tool, const DepthStreamInfo& stream, const DeviceInfo& device,
-           const HapticSettings& settings, std::unique_ptr<ThreadPool> pool, RunParts parts,
-           SafetyFilter safety);
+  Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo& stream,
+           const DeviceInfo& device, const HapticSettings& settings,
+           std::unique_ptr<ThreadPool> pool, RunParts parts, SafetyFilter safety);
   void use(Pending& pending);
 
-  const Tool* tool_;
+  std::shared_ptr<const ToolIndex> index_;
   DepthStreamInfo stream_;
   DeviceInfo device_;
   HapticSettings settings_;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "src/contact/bodies/body_contact_cuda.h"
 #include "src/contact/bodies/body_pair.h"
@@ -154,9 +155,18 @@ double BodyContact::potential(const Pose& X_WA, const Pose& X_WB) const noexcept
 
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
                                                             const Tool& b, int gpu) {
-  if (backend == Backend::cpu) return std::unique_ptr<BodyPairQuery>(new BodyContact(a, b));
+  return make_body_pair_query(backend, ToolIndex::create(a), ToolIndex::create(b), gpu);
+}
+
+Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
+                                                            std::shared_ptr<const ToolIndex> a,
+                                                            std::shared_ptr<const ToolIndex> b,
+                                                            int gpu) {
+  if (backend == Backend::cpu) {
+    return std::unique_ptr<BodyPairQuery>(new BodyContact(a->tool(), b->tool()));
+  }
 #if defined(PALPATE_CUDA)
-  return make_body_contact_cuda(a, b, gpu);
+  return make_body_contact_cuda(std::move(a), std::move(b), gpu);
 #else
   (void)gpu;
   return find_gpus().error();

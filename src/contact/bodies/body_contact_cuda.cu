@@ -9,7 +9,7 @@
 
 #include "src/contact/bodies/body_pair.h"
 #include "src/contact/cuda/finish_measure.cuh"
-#include "src/contact/index/sphere_clusters.h"
+#include "src/contact/index/tool_parts.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate {
@@ -190,8 +190,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   finish_measure(out, terms, scratch.finish);
 }
 
-BodyView view_of(gpu::Memory& memory, const Tool& tool) {
-  const SphereClusters c(tool.spheres());
+BodyView view_of(gpu::Memory& memory, const SphereClusters& c) {
   std::vector<Ball> spheres(c.x.size());
   for (std::size_t i = 0; i < spheres.size(); ++i) {
     spheres[i] = {c.x[i], c.y[i], c.z[i], c.sphere_id[i] < 0 ? -1.0f : c.radius[i]};
@@ -221,15 +220,15 @@ int blocks_for(int gpu, const Tool& a) {
 
 class BodyContactCuda final : public BodyPairQuery {
  public:
-  BodyContactCuda(const Tool& a, const Tool& b, int gpu)
-      : a_(&a),
-        b_(&b),
+  BodyContactCuda(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b, int gpu)
+      : a_(std::move(a)),
+        b_(std::move(b)),
         memory_(gpu),
         stream_(gpu, gpu::Priority::high),
-        answers_(gpu, blocks_for(gpu, a)) {
-    job_.a = view_of(memory_, a);
-    job_.b = view_of(memory_, b);
-    job_.C_A = a.sphere_mass().centre_of_mass;
+        answers_(gpu, blocks_for(gpu, a_->tool())) {
+    job_.a = view_of(memory_, a_->parts().clusters());
+    job_.b = view_of(memory_, b_->parts().clusters());
+    job_.C_A = a_->tool().sphere_mass().centre_of_mass;
   }
 
   const Status& status() const {
@@ -267,12 +266,11 @@ class BodyContactCuda final : public BodyPairQuery {
     sums.num_pairs = static_cast<std::int64_t>(answer.num_points);
     sums.num_touched_a = static_cast<int>(answer.num_boundary);
     sums.num_touched_b = static_cast<int>(answer.num_inside);
-    return body_penetration(sums, *a_, *b_, X_WA_, X_WB_);
+    return body_penetration(sums, a_->tool(), b_->tool(), X_WA_, X_WB_);
   }
 
  private:
-  const Tool* a_;
-  const Tool* b_;
+  std::shared_ptr<const ToolIndex> a_, b_;
   gpu::Memory memory_;
   gpu::Stream stream_;
   AnswerBox answers_;
@@ -283,10 +281,11 @@ class BodyContactCuda final : public BodyPairQuery {
 
 }  // namespace
 
-Result<std::unique_ptr<BodyPairQuery>> make_body_contact_cuda(const Tool& a, const Tool& b,
+Result<std::unique_ptr<BodyPairQuery>> make_body_contact_cuda(std::shared_ptr<const ToolIndex> a,
+                                                              std::shared_ptr<const ToolIndex> b,
                                                               int gpu) {
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
-  auto query = std::make_unique<BodyContactCuda>(a, b, gpu);
+  auto query = std::make_unique<BodyContactCuda>(std::move(a), std::move(b), gpu);
   if (!query->status()) return query->status().error();
   return std::unique_ptr<BodyPairQuery>(std::move(query));
 }

@@ -7,7 +7,8 @@
 namespace palpate {
 
 /// Errors: no such GPU, or not enough memory on it.
-Result<std::unique_ptr<BodyPairQuery>> make_body_contact_cuda(const Tool& a, const Tool& b,
+Result<std::unique_ptr<BodyPairQuery>> make_body_contact_cuda(std::shared_ptr<const ToolIndex> a,
+                                                              std::shared_ptr<const ToolIndex> b,
                                                               int gpu);
 
 }  // namespace palpate

@@ -20,11 +20,13 @@ Penetration BodyMeasure::total() const {
 }
 
 int BodyWorld::add_tool(const Tool& tool, std::unique_ptr<ContactQuery> cloud_query) {
-  return add({&tool, std::move(cloud_query), true, {}, {}});
+  std::shared_ptr<const ToolIndex> index = cloud_query ? cloud_query->index() : nullptr;
+  if (index == nullptr) index = ToolIndex::create(tool);
+  return add({std::move(index), std::move(cloud_query), true, {}, {}, {}});
 }
 
 int BodyWorld::add_object(const Tool& object, const Pose& X_WB) {
-  return add({&object, nullptr, false, X_WB, {}});
+  return add({ToolIndex::create(object), nullptr, false, X_WB, {}, {}});
 }
 
 int BodyWorld::add(Body body) {
@@ -32,7 +34,8 @@ int BodyWorld::add(Body body) {
   for (int other = 0; other < index; ++other) {
     if (at(other).moves || body.moves) {
       pairs_.push_back(
-          {other, index, std::make_unique<BodyContact>(*at(other).shape, *body.shape)});
+          {other, index,
+           std::make_unique<BodyContact>(at(other).index->tool(), body.index->tool())});
     }
   }
   bodies_.push_back(std::move(body));
@@ -42,7 +45,7 @@ int BodyWorld::add(Body body) {
 Status BodyWorld::measure_pairs_by(const MakePairQuery& make) {
   std::vector<std::unique_ptr<BodyPairQuery>> queries;
   for (const Pair& pair : pairs_) {
-    auto query = make(*at(pair.a).shape, *at(pair.b).shape);
+    auto query = make(at(pair.a).index, at(pair.b).index);
     if (!query) return query.error();
     queries.push_back(std::move(*query));
   }
@@ -50,23 +53,14 @@ Status BodyWorld::measure_pairs_by(const MakePairQuery& make) {
   return Done{};
 }
 
-void BodyWorld::set_cloud(const PointCloudView& cloud) noexcept {
-  for (Body& body : bodies_) {
-    if (body.cloud_query) body.cloud_query->set_cloud(cloud);
-  }
-}
-
-void BodyWorld::set_field(const DepthFieldView& field) noexcept {
-  for (Body& body : bodies_) {
-    if (body.cloud_query) body.cloud_query->set_field(field);
-  }
-}
-
-void BodyWorld::measure(const ContactOptions& options) noexcept {
+void BodyWorld::measure(const Surfaces& from, const Surfaces& to, double alpha) noexcept {
   for (Pair& pair : pairs_) pair.query->start(at(pair.a).X_WB, at(pair.b).X_WB);
   for (Body& body : bodies_) {
     body.measured = {};
-    if (body.cloud_query) body.measured.cloud = body.cloud_query->query(body.X_WB, options);
+    if (body.cloud_query == nullptr) continue;
+    const ContactResult result = body.cloud_query->measure(from, to, alpha, body.X_WB, body.wants);
+    body.measured.cloud = result.penetration;
+    body.measured.stiffness = result.stiffness;
   }
   for (Pair& pair : pairs_) {
     Body &a = at(pair.a), &b = at(pair.b);

@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
+#include "src/contact/blend.h"
 #include "src/contact/cuda/device_cloud.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_contact_cuda.h"
-#include "src/contact/index/sphere_grid.h"
-#include "src/contact/index/volume_scales.h"
+#include "src/contact/index/tool_parts.h"
 #include "src/contact/points/donors/borrow_stage.cuh"
 #include "src/contact/points/edges/edge_stage.cuh"
 #include "src/contact/points/graph/graph_memory.h"
@@ -102,103 +102,72 @@ int num_blocks(int gpu) {
   return std::max(num, 1);
 }
 
-class ContactQueryCuda final : public ContactQuery {
+// One measurement by points after the other, each with the memory of the one before.
+class PointMeasurementCuda {
  public:
-  ContactQueryCuda(const Tool& tool, int gpu)
-      : tool_(&tool),
+  PointMeasurementCuda(const ToolIndex& index, const ContactOptions& options, int gpu)
+      : index_(index),
+        options_(options),
+        clusters_(index.parts().clusters()),
+        box_T_(index.parts().box_T),
         memory_(gpu),
         stream_(gpu, gpu::Priority::high),
         clouds_(gpu),
-        clusters_(tool.spheres()),
-        box_T_(bounds_of(tool.spheres())),
-        field_(tool, gpu),
-        answers_(gpu, num_blocks(gpu)),
-        states_(tool.spheres().size(), SphereState::outside),
-        planes_(tool.spheres().size()) {
+        answers_(gpu, num_blocks(gpu)) {
     take_tool();
     take_scratch();
   }
 
   /// The first failure to get what a query needs.
   Status status() const {
-    for (const Status* status : {&memory_.status(), &stream_.status(), &answers_.status()}) {
+    for (const Status* status : {&memory_.status(), &answers_.status()}) {
       if (!*status) return *status;
     }
-    return field_.status();
+    return stream_.status();
   }
 
-  void set_cloud(const PointCloudView& cloud) noexcept override { cloud_ = cloud; }
-  void set_field(const DepthFieldView& field) noexcept override { field_.set_field(field); }
-
-  Penetration query(const Pose& X_WT, const ContactOptions& options) noexcept override;
-  std::optional<Penetration> query_between(const DepthFieldView& from, const DepthFieldView& to,
-                                           double t, const Pose& X_WT,
-                                           SphereVolumes volumes) noexcept override;
-  Stiffness stiffness() const noexcept override {
-    return options_.method == InsideMethod::field && is_measured_ ? field_.stiffness()
-                                                                  : Stiffness{};
-  }
-  std::span<const SphereState> states() const noexcept override {
-    describe();
-    return states_;
-  }
-  std::span<const Plane<float>> planes() const noexcept override {
-    describe();
-    return planes_;
-  }
+  /// `X_WT` is finite, its quaternion unit.
+  Penetration measure(const PointCloudView& cloud, const Pose& X_WT) noexcept;
+  /// Of the last measurement, as the CPU describes it.
+  void describe(const ContactWants& wants) noexcept;
 
  private:
-  static Penetration not_finite() {
-    Penetration nothing;
-    nothing.status = StepStatus::non_finite_pose;
-    return nothing;
-  }
-  // Notes whether a query by `field` has been answered.
-  Penetration taken(const Penetration& result) {
-    is_measured_ = !result.status.is_unmeasured();
-    return result;
-  }
   void take_tool();
   void take_scratch();
   void take_edge_candidates(std::size_t num_points);
-  void ask(const Pose& X_WT);
-  void describe() const noexcept;
+  void launch(const PointCloudView& cloud, const Pose& X_WT);
+  bool wants_edges() const { return options_.edges != Edges::none; }
   template <class T>
-  std::vector<T> fetch(const T* from, std::size_t num) const;
+  std::vector<T> fetch(const T* from, std::size_t num);
 
-  const Tool* tool_;
+  const ToolIndex& index_;
+  const ContactOptions options_;
+  const SphereClusters& clusters_;
+  const Bounds& box_T_;
   gpu::Memory memory_;
-  mutable gpu::Stream stream_;
+  gpu::Stream stream_;
   DeviceClouds clouds_;
-  SphereClusters clusters_;
-  Bounds box_T_;
-  mutable FieldContactCuda field_;
   AnswerBox answers_;
-  PointCloudView cloud_;
 
   PointQuery query_;  // of the last query, or what all have in common
   SphereGridView grid_;
-  const float *own_scales_ = nullptr, *represented_scales_ = nullptr;
   unsigned long long* barrier_ = nullptr;
   std::optional<gpu::Memory> candidate_memory_;
   std::size_t max_edge_candidates_ = 0;
-
-  ContactOptions options_;  // of the last query
-  bool is_measured_ = false;
-  mutable bool is_described_ = false;  // by the two that follow
-  mutable std::vector<SphereState> states_;
-  mutable std::vector<Plane<float>> planes_;
+  bool is_measured_ = false;  // by the last query
 };
 
 // What never changes.
-void ContactQueryCuda::take_tool() {
-  const SphereGrid grid(tool_->spheres());
+void PointMeasurementCuda::take_tool() {
+  const ToolIndex::Parts& parts = index_.parts();
+  const Tool& tool = index_.tool();
+  const SphereGrid& grid = parts.grid();
   grid_ = grid.view();
   grid_.tags = memory_.copy_of(grid.tags());
   grid_.blocks = memory_.copy_of(grid.blocks());
-  query_.scan.spheres = memory_.copy_of(tool_->spheres());
-  query_.num_spheres = static_cast<std::int32_t>(tool_->spheres().size());
-  query_.origin = tool_->sphere_mass().centre_of_mass;
+  query_.scan.spheres = memory_.copy_of(tool.spheres());
+  query_.num_spheres = static_cast<std::int32_t>(tool.spheres().size());
+  query_.origin = tool.sphere_mass().centre_of_mass;
   const SphereClusters& c = clusters_;
   query_.clusters = {memory_.copy_of(c.x),
                      memory_.copy_of(c.y),
@@ -211,20 +180,18 @@ void ContactQueryCuda::take_tool() {
                      memory_.copy_of(c.groups),
                      c.num_clusters(),
                      c.num_groups()};
-  own_scales_ = memory_.copy_of(VolumeScales(*tool_, c, SphereVolumes::own).of_sphere);
-  represented_scales_ =
-      memory_.copy_of(VolumeScales(*tool_, c, SphereVolumes::represented).of_sphere);
-  query_.graph = place_graph_on_gpu(memory_, tool_->graph(), c);
+  query_.volume_scale = memory_.copy_of(parts.scales(options_.counted()).of_sphere);
+  query_.method = options_.method;
+  query_.priority = options_.priority;
+  query_.inside = options_.inside;
 }
 
-void ContactQueryCuda::take_scratch() {
-  const std::size_t n = tool_->spheres().size(), num_places = clusters_.x.size();
+void PointMeasurementCuda::take_scratch() {
+  const std::size_t n = index_.tool().spheres().size(), num_places = clusters_.x.size();
   PointQuery& q = query_;
   q.sums = memory_.take<PointSums>(n);
-  q.edge_sums = memory_.take<EdgeSums>(n);
   q.touched = memory_.take<std::uint32_t>((n + 31) / 32);
   q.touched_before = memory_.take<std::uint32_t>((n + 31) / 32);
-  q.num_edge_candidates = memory_.take<std::int32_t>(1);
   BoundaryList& b = q.boundary;
   b.num = memory_.take<std::int32_t>(1);
   b.num_lenders = memory_.take<std::int32_t>(1);
@@ -237,22 +204,30 @@ void ContactQueryCuda::take_scratch() {
        {&b.x, &b.y, &b.z, &b.nx, &b.ny, &b.nz, &b.offset, &b.weight, &b.presence}) {
     *channel = memory_.take<float>(n);
   }
-  const std::size_t max_pieces = EdgeSums::kDirections * n;
-  q.pieces = memory_.take<EdgePiece>(max_pieces);
+  if (wants_edges()) {
+    const std::size_t max_pieces = EdgeSums::kDirections * n;
+    q.edge_sums = memory_.take<EdgeSums>(n);
+    q.pieces = memory_.take<EdgePiece>(max_pieces);
+    q.seen_pieces = {memory_.take<double>(max_pieces), memory_.take<double>(max_pieces),
+                     memory_.take<std::int32_t>(max_pieces)};
+    q.piece_of = memory_.take<std::int32_t>(n);
+    q.edge_distance = memory_.take<double>(n);
+    q.edge_side = memory_.take<EdgeSide>(n);
+  }
   q.num_pieces = memory_.take<std::int32_t>(1);
-  q.seen_pieces = {memory_.take<double>(max_pieces), memory_.take<double>(max_pieces),
-                   memory_.take<std::int32_t>(max_pieces)};
-  q.piece_of = memory_.take<std::int32_t>(n);
-  q.edge_distance = memory_.take<double>(n);
-  q.edge_side = memory_.take<EdgeSide>(n);
-  q.search = graph_search_on_gpu(memory_, q.graph, num_places, tool_->graph().neighbours().size());
+  q.num_edge_candidates = memory_.take<std::int32_t>(1);
+  if (options_.method == InsideMethod::graph) {
+    const SortedGraph& graph = index_.parts().graph();
+    q.graph = sorted_graph_on_gpu(memory_, graph, clusters_);
+    q.search = graph_search_on_gpu(memory_, q.graph, num_places, graph.neighbours.size());
+  }
   q.lender = memory_.take<std::int32_t>(num_places);
   q.borrowed_volume = memory_.take<float>(num_places);
   barrier_ = memory_.take<unsigned long long>(1);
 }
 
 // Grows with the first cloud of its size that has edges.
-void ContactQueryCuda::take_edge_candidates(std::size_t num_points) {
+void PointMeasurementCuda::take_edge_candidates(std::size_t num_points) {
   if (num_points <= max_edge_candidates_) return;
   max_edge_candidates_ = 0;
   candidate_memory_.emplace(memory_.gpu());
@@ -263,59 +238,37 @@ void ContactQueryCuda::take_edge_candidates(std::size_t num_points) {
   max_edge_candidates_ = num_points;
 }
 
-Penetration ContactQueryCuda::query(const Pose& X_WT, const ContactOptions& options) noexcept {
-  options_ = options;
-  is_measured_ = is_described_ = false;
-  if (!is_finite(X_WT)) return not_finite();
-  const Pose X{X_WT.translation, normalized(X_WT.rotation)};
-  if (options.method == InsideMethod::field) {
-    return taken(field_.measure(X, options.counted()));
-  }
+Penetration PointMeasurementCuda::measure(const PointCloudView& cloud, const Pose& X_WT) noexcept {
+  is_measured_ = false;
   Penetration result;
-  if (cloud_.size() == 0) {
+  if (cloud.size() == 0) {
     result.status = StepStatus::no_surface;
     return result;
   }
-  ask(X);
+  launch(cloud, X_WT);
   is_measured_ = answers_.await(stream_);
   if (!is_measured_) {
-    result.status |= StepStatus::backend_failed;
+    result.status = StepStatus::backend_failed;
     return result;
   }
   result = answers_.answer().penetration();
-  result.measure_W = {rotate(X.rotation, result.measure_W.force),
-                      rotate(X.rotation, result.measure_W.torque)};
-  if (options.edges != query_.edges) result.status |= StepStatus::no_edge_vectors;
+  result.measure_W = {rotate(X_WT.rotation, result.measure_W.force),
+                      rotate(X_WT.rotation, result.measure_W.torque)};
+  if (options_.edges != query_.edges) result.status |= StepStatus::no_edge_vectors;
   query_.search.first_round += static_cast<int>(answers_.answer().num_rounds) + 1;
   return result;
 }
 
-std::optional<Penetration> ContactQueryCuda::query_between(const DepthFieldView& from,
-                                                           const DepthFieldView& to, double t,
-                                                           const Pose& X_WT,
-                                                           SphereVolumes volumes) noexcept {
-  options_ = {.method = InsideMethod::field, .volumes = volumes};
-  is_measured_ = is_described_ = false;
-  if (!is_finite(X_WT)) return not_finite();
-  const Pose X{X_WT.translation, normalized(X_WT.rotation)};
-  return taken(field_.measure(X, volumes, from, to, t));
-}
-
-// Launches the kernel for a pose and the options of this query.
-void ContactQueryCuda::ask(const Pose& X_WT) {
-  const PointCloudView cloud = clouds_.on_gpu(cloud_, stream_);
+void PointMeasurementCuda::launch(const PointCloudView& seen, const Pose& X_WT) {
+  const PointCloudView cloud = clouds_.on_gpu(seen, stream_);
   const Continuity continuity = options_.continuity;
   const bool fades_in = continuity == Continuity::entry || continuity == Continuity::both;
   PointQuery& q = query_;
-  q.method = options_.method;
-  q.priority = options_.priority;
-  q.inside = options_.inside;
   q.edges = cloud.edge_x != nullptr ? options_.edges : Edges::none;
   q.plane_rule = {continuity == Continuity::kernel || continuity == Continuity::both, fades_in,
                   q.edges != Edges::none};
-  q.volume_scale = options_.counted() == SphereVolumes::own ? own_scales_ : represented_scales_;
   q.R_WT = rotation_matrix(X_WT.rotation);
-  q.window = image_window(cloud_, box_T_, X_WT);
+  q.window = image_window(seen, box_T_, X_WT);
   q.scan.cloud = cloud;
   q.scan.sum_scale = finest_sum_scale(cloud.size(), reach_of_sums(box_T_));
   q.scan.grid = grid_;
@@ -327,7 +280,7 @@ void ContactQueryCuda::ask(const Pose& X_WT) {
   q.to_grid = grid_transform(q.scan);
   q.scan.edges = q.edges != Edges::none ? q.edge_sums : nullptr;
   if (q.edges != Edges::none) take_edge_candidates(cloud.size());
-  if (q.search.first_round > (1 << 30)) {
+  if (q.search.places != nullptr && q.search.first_round > (1 << 30)) {
     stream_.clear(q.search.places, clusters_.x.size() * sizeof *q.search.places);
     q.search.first_round = 1;
   }
@@ -341,57 +294,90 @@ void ContactQueryCuda::ask(const Pose& X_WT) {
 }
 
 template <class T>
-std::vector<T> ContactQueryCuda::fetch(const T* from, std::size_t num) const {
+std::vector<T> PointMeasurementCuda::fetch(const T* from, std::size_t num) {
   std::vector<T> values(num);
   stream_.copy(values.data(), from, num * sizeof(T));
   stream_.wait();
   return values;
 }
 
-// States and planes of the last query, as the CPU tells them; once for whoever asks for both.
-void ContactQueryCuda::describe() const noexcept {
-  if (std::exchange(is_described_, true)) return;
-  std::fill(states_.begin(), states_.end(), SphereState::outside);
-  std::fill(planes_.begin(), planes_.end(), Plane<float>{});
+void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
+  if (wants.states.empty() && wants.planes.empty()) return;
+  std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
+  std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   if (!is_measured_) return;
-  if (options_.method == InsideMethod::field) return field_.describe(states_, planes_);
-  const std::size_t num_boundary =
+  const auto num_boundary =
       static_cast<std::size_t>(answers_.answer().penetration().num_boundary_spheres);
   const auto lenders = fetch(query_.boundary.lenders, num_boundary);
   const auto boundary_ids = fetch(query_.boundary.sphere_id, num_boundary);
   const auto lender_of_place = fetch(query_.lender, clusters_.x.size());
   const auto volumes = fetch(query_.borrowed_volume, clusters_.x.size());
-  const bool tells_planes =
+  const bool has_references =
       options_.method == InsideMethod::graph ||
       (options_.method == InsideMethod::simplified && !query_.plane_rule.fades_in);
-  const auto set_plane = [&](std::size_t id, const Lender& lender) {
-    if (lender.sphere_id < 0) return;
-    planes_[id] = {to_float(lender.plane_T.normal), static_cast<float>(lender.plane_T.offset)};
+  const auto set_state = [&](std::int32_t id, SphereState state) {
+    if (!wants.states.empty()) wants.states[static_cast<std::size_t>(id)] = state;
+  };
+  const auto set_plane = [&](std::int32_t id, const Lender& lender) {
+    if (wants.planes.empty() || lender.sphere_id < 0) return;
+    wants.planes[static_cast<std::size_t>(id)] = {to_float(lender.plane_T.normal),
+                                                  static_cast<float>(lender.plane_T.offset)};
   };
   for (std::size_t place = 0; place < volumes.size(); ++place) {
-    if (clusters_.sphere_id[place] < 0 || num_boundary == 0) continue;
-    const auto id = static_cast<std::size_t>(clusters_.sphere_id[place]);
-    if (!(volumes[place] > 0)) continue;
-    states_[id] = SphereState::inside;
-    const std::int32_t lender = lender_of_place[place];
-    if (tells_planes && lender >= 0) set_plane(id, lenders[static_cast<std::size_t>(lender)]);
+    const std::int32_t id = clusters_.sphere_id[place], lender = lender_of_place[place];
+    if (id < 0 || num_boundary == 0 || !(volumes[place] > 0)) continue;
+    set_state(id, SphereState::inside);
+    if (has_references && lender >= 0) set_plane(id, lenders[static_cast<std::size_t>(lender)]);
   }
   for (std::size_t b = 0; b < num_boundary; ++b) {
-    const auto id = static_cast<std::size_t>(boundary_ids[b]);
-    states_[id] = SphereState::boundary;
-    planes_[id] = {};
-    set_plane(id, lenders[b]);
+    set_state(boundary_ids[b], SphereState::boundary);
+    if (!wants.planes.empty()) wants.planes[static_cast<std::size_t>(boundary_ids[b])] = {};
+    set_plane(boundary_ids[b], lenders[b]);
   }
+}
+
+class PointContactCuda final : public ContactQuery {
+ public:
+  PointContactCuda(std::shared_ptr<const ToolIndex> index, const ContactMethod& method, int gpu)
+      : ContactQuery(std::move(index), method),
+        measurement_(
+            std::make_unique<PointMeasurementCuda>(*this->index(), contact_options(method), gpu)) {}
+
+  Status status() const { return measurement_->status(); }
+
+  ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha, const Pose& X_WT,
+                        const ContactWants& wants) const noexcept override {
+    if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, false);
+    const Pose X{X_WT.translation, normalized(X_WT.rotation)};
+    ContactResult older;
+    if (alpha < 1) older.penetration = measurement_->measure(from.cloud, X);
+    const ContactResult newer{measurement_->measure(to.cloud, X), {}};
+    measurement_->describe(wants);
+    return alpha < 1 ? blend(older, newer, alpha) : newer;
+  }
+
+ private:
+  std::unique_ptr<PointMeasurementCuda> measurement_;  // scratch
+};
+
+template <class Query>
+Result<std::unique_ptr<ContactQuery>> checked(std::unique_ptr<Query> query) {
+  if (const Status status = query->status(); !status) return status.error();
+  return std::unique_ptr<ContactQuery>(std::move(query));
 }
 
 }  // namespace
 
-Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(const Tool& tool,
-                                                              const ContactCapacities& capacities) {
-  if (const Status status = gpu::check_gpu(capacities.gpu); !status) return status.error();
-  auto query = std::make_unique<ContactQueryCuda>(tool, capacities.gpu);
-  if (const Status status = query->status(); !status) return status.error();
-  return std::unique_ptr<ContactQuery>(std::move(query));
+Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
+    std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
+    const ContactCapacities& capacities) {
+  const int gpu = capacities.gpu;
+  if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
+  const auto* field = std::get_if<FieldMethod>(&method);
+  if (field != nullptr) {
+    return checked(std::make_unique<FieldContactCuda>(std::move(index), *field, gpu));
+  }
+  return checked(std::make_unique<PointContactCuda>(std::move(index), method, gpu));
 }
 
 }  // namespace palpate

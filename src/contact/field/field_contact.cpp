@@ -1,107 +1,92 @@
 #include "src/contact/field/field_contact.h"
 
 #include <algorithm>
+#include <utility>
+
+#include "src/contact/blend.h"
+#include "src/core/select_isa.h"
 
 namespace palpate {
-#define PALPATE_DECLARE_FIELD_CONTACT(isa)                                                   \
-  namespace isa {                                                                            \
-  FieldSums measure_group(const MeasureJob&, int group);                                     \
-  FieldSums measure_stiffness_group(const MeasureJob&, int group, StiffnessSums& stiffness); \
-  void describe_group(const MeasureJob&, int group, const SphereCuts& to);                   \
-  constexpr FieldContactKernels kFieldContact{measure_group, measure_stiffness_group,        \
-                                              describe_group};                               \
-  }
-PALPATE_DECLARE_FIELD_CONTACT(isa_baseline)
-#if defined(__x86_64__)
-PALPATE_DECLARE_FIELD_CONTACT(isa_avx2)
-PALPATE_DECLARE_FIELD_CONTACT(isa_avx512)
-#endif
-#undef PALPATE_DECLARE_FIELD_CONTACT
+PALPATE_DECLARE_KERNELS(FieldSums measure_group(const MeasureJob&, int group);
+                        FieldSums measure_stiffness_group(const MeasureJob&, int group,
+                                                          StiffnessSums& stiffness);
+                        void describe_group(const MeasureJob&, int group, const SphereCuts& to);
+                        constexpr FieldContactKernels kFieldContact{
+                            measure_group, measure_stiffness_group, describe_group};)
 
 namespace {
 
-FieldContactKernels kernels_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::avx512) return isa_avx512::kFieldContact;
-  if (isa == Isa::avx2) return isa_avx2::kFieldContact;
-#endif
-  (void)isa;
-  return isa_baseline::kFieldContact;
-}
+constexpr FieldContactKernels kKernels[] = PALPATE_BY_ISA(kFieldContact);
 
 }  // namespace
 
-FieldContact::FieldContact(const Tool& tool, ThreadPool& pool, Isa isa)
-    : tool_(&tool),
-      pool_(&pool),
-      kernels_(kernels_for(isa)),
-      own_(tool, SphereVolumes::own),
-      represented_(tool, SphereVolumes::represented) {
-  const auto num_groups = static_cast<std::size_t>(
-      std::max(own_.clusters.num_groups(), represented_.clusters.num_groups()));
-  group_sums_.resize(num_groups);
-  group_stiffness_.resize(num_groups);
+FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
+                           const ContactCapacities& capacities)
+    : ContactQuery(std::move(index), method),
+      elements_(&this->index()->parts().elements(method.volumes)),
+      p_TC_(this->index()->tool().sphere_mass().centre_of_mass),
+      kernels_(select_isa(kKernels, capacities.isa)),
+      pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
+      group_sums_(static_cast<std::size_t>(elements_->clusters.num_groups())),
+      group_stiffness_(group_sums_.size()) {}
+
+MeasureJob FieldContact::job(const DepthFieldView& field, const Pose& X_WT) const {
+  return {&elements_->clusters,
+          elements_->radius.data(),
+          elements_->factor.data(),
+          elements_->counted.data(),
+          elements_->largest_radius.data(),
+          field,
+          frame_of(field.intrinsics, X_WT, p_TC_)};
 }
 
-MeasureJob FieldContact::job() const {
-  const FieldElements& asked = elements();
-  return {&asked.clusters,
-          asked.radius.data(),
-          asked.factor.data(),
-          asked.counted.data(),
-          asked.largest_radius.data(),
-          field_,
-          frame_of(field_.intrinsics, X_WT_, tool_->sphere_mass().centre_of_mass)};
+ContactResult FieldContact::measure(const Surfaces& from, const Surfaces& to, double alpha,
+                                    const Pose& X_WT, const ContactWants& wants) const noexcept {
+  if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
+  const Pose X{X_WT.translation, normalized(X_WT.rotation)};
+  describe(job(to.field, X), wants);
+  const ContactResult newer = ask(to.field, X, wants.stiffness);
+  if (alpha >= 1) return newer;
+  return blend(ask(from.field, X, wants.stiffness), newer, alpha);
 }
 
-Penetration FieldContact::measure(const Pose& X_WT, SphereVolumes volumes) noexcept {
-  X_WT_ = X_WT;
-  volumes_ = volumes;
-  if (field_.num_levels == 0) {
-    Penetration nothing;
-    nothing.status = StepStatus::no_surface;
-    return nothing;
+ContactResult FieldContact::ask(const DepthFieldView& field, const Pose& X_WT,
+                                bool with_stiffness) const {
+  if (field.num_levels == 0) {
+    return unmeasured(StepStatus::no_surface, {.stiffness = with_stiffness}, true);
   }
-  const MeasureJob asked = job();
-  const int num_groups = asked.clusters->num_groups();
-  pool_->parallel_for(num_groups, [&](int group) {
-    group_sums_[static_cast<std::size_t>(group)] = kernels_.measure_group(asked, group);
+  const MeasureJob asked = job(field, X_WT);
+  pool_->parallel_for(asked.clusters->num_groups(), [&](int group) {
+    const auto g = static_cast<std::size_t>(group);
+    group_sums_[g] = with_stiffness
+                         ? kernels_.measure_stiffness_group(asked, group, group_stiffness_[g])
+                         : kernels_.measure_group(asked, group);
   });
   FieldSums sums;
-  for (int group = 0; group < num_groups; ++group) {
-    sums.add(group_sums_[static_cast<std::size_t>(group)]);
-  }
+  for (const FieldSums& group : group_sums_) sums.add(group);
 
-  Penetration result;
-  result.volume = sums.volume;
-  result.potential = sums.potential;
-  result.measure_W = {sums.force, sums.torque};
-  result.num_boundary_spheres = static_cast<int>(sums.num_boundary);
-  result.num_inside_spheres = static_cast<int>(sums.num_inside);
+  ContactResult result;
+  Penetration& penetration = result.penetration;
+  penetration.volume = sums.volume;
+  penetration.potential = sums.potential;
+  penetration.measure_W = {sums.force, sums.torque};
+  penetration.num_boundary_spheres = static_cast<int>(sums.num_boundary);
+  penetration.num_inside_spheres = static_cast<int>(sums.num_inside);
+  if (with_stiffness) {
+    StiffnessSums stiffness;
+    for (const StiffnessSums& group : group_stiffness_) stiffness.add(group);
+    result.stiffness = stiffness.stiffness();
+  }
   return result;
 }
 
-Stiffness FieldContact::stiffness() const noexcept {
-  const MeasureJob asked = job();
-  const int num_groups = asked.clusters->num_groups();
-  pool_->parallel_for(num_groups, [&](int group) {
-    kernels_.measure_stiffness_group(asked, group,
-                                     group_stiffness_[static_cast<std::size_t>(group)]);
-  });
-  StiffnessSums sums;
-  for (int group = 0; group < num_groups; ++group) {
-    sums.add(group_stiffness_[static_cast<std::size_t>(group)]);
-  }
-  return sums.stiffness();
-}
-
-void FieldContact::describe(std::span<SphereState> states,
-                            std::span<Plane<float>> planes) const noexcept {
-  std::fill(states.begin(), states.end(), SphereState::outside);
-  std::fill(planes.begin(), planes.end(), Plane<float>{});
-  const MeasureJob asked = job();
-  const Vec3f p_TC = to_float(tool_->sphere_mass().centre_of_mass);
-  const SphereCuts cuts{states.data(), planes.data(), {p_TC.x, p_TC.y, p_TC.z}};
+void FieldContact::describe(const MeasureJob& asked, const ContactWants& wants) const {
+  if (wants.states.empty() && wants.planes.empty()) return;
+  std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
+  std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
+  if (asked.field.num_levels == 0) return;
+  const Vec3f p_TC = to_float(p_TC_);
+  const SphereCuts cuts{wants.states.data(), wants.planes.data(), {p_TC.x, p_TC.y, p_TC.z}};
   pool_->parallel_for(asked.clusters->num_groups(),
                       [&](int group) { kernels_.describe_group(asked, group, cuts); });
 }

@@ -1,13 +1,13 @@
 // The field method: every element of the tool asks the depth field once (theory: U = sum G(phi)).
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "palpate/contact/contact_query.h"
-#include "palpate/field/depth_field.h"
 #include "src/contact/field/field_bound.h"
 #include "src/contact/field/field_element.h"
-#include "src/contact/field/field_elements.h"
+#include "src/contact/index/tool_parts.h"
 
 namespace palpate {
 
@@ -53,41 +53,33 @@ struct FieldContactKernels {
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
 };
 
-/// Measures one tool against a depth field. All memory is allocated at construction.
-class FieldContact {
+/// Measures one tool against depth fields.
+class FieldContact final : public ContactQuery {
  public:
-  /// `tool` and `pool` must outlive it.
-  FieldContact(const Tool& tool, ThreadPool& pool, Isa isa);
+  FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
+               const ContactCapacities& capacities);
 
-  void set_field(const DepthFieldView& field) { field_ = field; }
-
+  using ContactQuery::measure;
   /// U = sum f_s G(phi(c_s)), G the integral of the cap volume over depth and f_s what the element
   /// counts over what it is; force and torque are minus its derivatives, exactly:
-  /// F = sum f_s V_cap(phi) grad phi, torque = sum (c_s - C) x that. `X_WT` is finite, its
-  /// quaternion unit. O(elements). The same bits for any number of threads.
-  Penetration measure(const Pose& X_WT, SphereVolumes volumes) noexcept;
-
-  /// At the last pose, as ContactQuery. O(elements).
-  Stiffness stiffness() const noexcept;
-
-  /// Per sphere of the tool at the last pose, as ContactQuery. O(spheres).
-  void describe(std::span<SphereState> states, std::span<Plane<float>> planes) const noexcept;
+  /// F = sum f_s V_cap(phi) grad phi, torque = sum (c_s - C) x that. O(elements).
+  ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha, const Pose& X_WT,
+                        const ContactWants& wants) const noexcept override;
 
  private:
-  MeasureJob job() const;
-  const FieldElements& elements() const {
-    return volumes_ == SphereVolumes::own ? own_ : represented_;
-  }
+  // At a pose that is finite, with a unit quaternion.
+  MeasureJob job(const DepthFieldView& field, const Pose& X_WT) const;
+  ContactResult ask(const DepthFieldView& field, const Pose& X_WT, bool with_stiffness) const;
+  void describe(const MeasureJob& asked, const ContactWants& wants) const;
 
-  const Tool* tool_;
-  ThreadPool* pool_;
+  const FieldElements* elements_;  // of the index
+  Vec3d p_TC_;                     // centre of mass
   FieldContactKernels kernels_;
-  FieldElements own_, represented_;
-  DepthFieldView field_;
-  std::vector<FieldSums> group_sums_;
+  mutable ThreadPool own_pool_{1};
+  ThreadPool* pool_;
+  // Scratch.
+  mutable std::vector<FieldSums> group_sums_;
   mutable std::vector<StiffnessSums> group_stiffness_;
-  Pose X_WT_;
-  SphereVolumes volumes_ = SphereVolumes::own;
 };
 
 }  // namespace palpate

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_element.h"
 #include "src/gpu/team.cuh"
@@ -338,41 +339,33 @@ int measure_blocks(int gpu, int num_clusters) {
                most_blocks(gpu, measure_elements<2, Sample>, kThreads, kSharedBytes<Sample>)));
 }
 
-Penetration failed() {
-  Penetration result;
-  result.status = StepStatus::backend_failed;
-  return result;
-}
-
 }  // namespace
 
-FieldContactCuda::FieldContactCuda(const Tool& tool, int gpu)
-    : centre_of_mass_(tool.sphere_mass().centre_of_mass),
-      num_spheres_(static_cast<int>(tool.spheres().size())),
+FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
+                                   const FieldMethod& method, int gpu)
+    : ContactQuery(std::move(index), method),
+      centre_of_mass_(this->index()->tool().sphere_mass().centre_of_mass),
+      num_spheres_(static_cast<int>(this->index()->tool().spheres().size())),
       memory_(gpu),
+      felt_tool_(take(method.volumes)),
       stream_(gpu, gpu::Priority::high),
       fields_(gpu),
-      own_(take(tool, SphereVolumes::own)),
-      represented_(take(tool, SphereVolumes::represented)),
-      answers_(gpu, measure_blocks<Gradient>(gpu, std::max(own_.elements.num_clusters,
-                                                           represented_.elements.num_clusters))),
-      stiffness_answers_(
-          gpu,
-          measure_blocks<Curvature>(
-              gpu, std::max(own_.elements.num_clusters, represented_.elements.num_clusters)),
-          AnswerBox::kMostNumbers),
-      states_(memory_.take<SphereState>(tool.spheres().size())),
-      planes_(memory_.take<Plane<float>>(tool.spheres().size())) {}
+      answers_(gpu, measure_blocks<Gradient>(gpu, felt_tool_.elements.num_clusters)),
+      stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, felt_tool_.elements.num_clusters),
+                         AnswerBox::kMostNumbers),
+      states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
+      planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))) {}
 
-FeltTool FieldContactCuda::take(const Tool& tool, SphereVolumes volumes) {
-  const FieldElements elements(tool, volumes);
+FeltTool FieldContactCuda::take(SphereVolumes volumes) {
+  const Tool& tool = index()->tool();
+  const FieldElements& elements = index()->parts().elements(volumes);
   const SphereClusters& c = elements.clusters;
   std::vector<ElementBall> balls(c.x.size());
   std::vector<float> factors(c.x.size());
-  for (std::size_t place = 0; place < balls.size(); ++place) {
-    balls[place] = {c.x[place], c.y[place], c.z[place], elements.radius[place]};
-    const float factor = elements.factor[place];
-    factors[place] = elements.counted[place] > 0 ? factor : -factor;
+  for (std::size_t slot = 0; slot < balls.size(); ++slot) {
+    balls[slot] = {c.x[slot], c.y[slot], c.z[slot], elements.radius[slot]};
+    const float factor = elements.factor[slot];
+    factors[slot] = elements.counted[slot] > 0 ? factor : -factor;
   }
   std::vector<Sphere> spheres(tool.spheres().size());
   for (std::size_t id = 0; id < spheres.size(); ++id) spheres[id] = felt_ball(tool, id, volumes);
@@ -389,81 +382,73 @@ const Status& FieldContactCuda::status() const {
   return stream_.status();
 }
 
-Penetration FieldContactCuda::measure(const Pose& X_WT, SphereVolumes volumes) noexcept {
-  last_.fields[0] = fields_.on_gpu(field_, stream_);
-  last_.weights[0] = 1;
-  last_.num_fields = 1;
-  last_.X_WT = X_WT;
-  last_.volumes = volumes;
-  return measure<1, Gradient>(answers_);
-}
-
-Penetration FieldContactCuda::measure(const Pose& X_WT, SphereVolumes volumes,
-                                      const DepthFieldView& from, const DepthFieldView& to,
-                                      double t) noexcept {
-  last_.fields[0] = fields_.on_gpu(from, stream_);
-  last_.fields[1] = fields_.on_gpu(to, stream_);
-  last_.weights[0] = 1 - t;
-  last_.weights[1] = t;
-  last_.num_fields = 2;
-  last_.X_WT = X_WT;
-  last_.volumes = volumes;
-  return measure<2, Gradient>(answers_);
+ContactResult FieldContactCuda::measure(const Surfaces& from, const Surfaces& to, double alpha,
+                                        const Pose& X_WT,
+                                        const ContactWants& wants) const noexcept {
+  if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
+  FieldQuestion question;
+  question.X_WT = {X_WT.translation, normalized(X_WT.rotation)};
+  ContactResult result;
+  if (alpha < 1) {
+    question.fields[0] = fields_.on_gpu(from.field, stream_);
+    question.fields[1] = fields_.on_gpu(to.field, stream_);
+    question.weights[0] = 1 - alpha;
+    question.weights[1] = alpha;
+    result = wants.stiffness ? ask<2, Curvature>(question, stiffness_answers_)
+                             : ask<2, Gradient>(question, answers_);
+  } else {
+    question.fields[0] = fields_.on_gpu(to.field, stream_);
+    question.weights[0] = 1;
+    result = wants.stiffness ? ask<1, Curvature>(question, stiffness_answers_)
+                             : ask<1, Gradient>(question, answers_);
+  }
+  describe(question.fields[alpha < 1 ? 1 : 0], question.X_WT, wants);
+  return result;
 }
 
 template <int kNumFields, class Sample>
-Penetration FieldContactCuda::measure(AnswerBox& answers) noexcept {
-  if (!status()) return failed();
+ContactResult FieldContactCuda::ask(const FieldQuestion& question,
+                                    AnswerBox& answers) const noexcept {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  const ContactWants wants{.stiffness = kWithStiffness};
+  if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
   FieldQuery<kNumFields> query;
   int num_missing = 0;
   for (int k = 0; k < kNumFields; ++k) {
-    const DepthFieldView& field = last_.fields[k];
-    const FieldFrame frame = frame_of(field.intrinsics, last_.X_WT, centre_of_mass_);
-    query.fields[k] = look_of(field, frame, last_.weights[k]);
+    const DepthFieldView& field = question.fields[k];
+    const FieldFrame frame = frame_of(field.intrinsics, question.X_WT, centre_of_mass_);
+    query.fields[k] = look_of(field, frame, question.weights[k]);
     num_missing += field.num_levels == 0;
   }
-  Penetration result;
-  if (num_missing > 0) result.status = StepStatus::no_surface;
-  if (num_missing == kNumFields) return result;
+  if (num_missing == kNumFields) return unmeasured(StepStatus::no_surface, wants, true);
   constexpr int kThreads = kThreadsOf<Sample>;
-  query.elements = felt_tool().elements;
+  query.elements = felt_tool_.elements;
   const int num_warps = answers.num_blocks() * kThreads / gpu::kWarpSize;
   query.skips_clusters = query.elements.num_clusters > num_warps;
   gpu::launch(
       stream_,
       {.blocks = answers.num_blocks(), .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},
       measure_elements<kNumFields, Sample>, query, answers.next());
-  if (!answers.await(stream_)) return failed();
-  const ContactStatus status = result.status;
-  result = answers.answer().penetration();
-  result.status |= status;
+  if (!answers.await(stream_)) return unmeasured(StepStatus::backend_failed, wants, true);
+  ContactResult result{answers.answer().penetration(), {}};
+  if (num_missing > 0) result.penetration.status |= StepStatus::no_surface;
+  if (kWithStiffness) result.stiffness = answers.stiffness().stiffness();
   return result;
 }
 
-Stiffness FieldContactCuda::stiffness() noexcept {
-  if (last_.num_fields == 0) return {};
-  const Penetration at = last_.num_fields == 1 ? measure<1, Curvature>(stiffness_answers_)
-                                               : measure<2, Curvature>(stiffness_answers_);
-  const bool is_nowhere = last_.fields[0].num_levels == 0 && last_.fields[1].num_levels == 0;
-  if (is_nowhere || at.status.has(StepStatus::backend_failed)) return {};
-  return stiffness_answers_.stiffness().stiffness();
-}
-
-void FieldContactCuda::describe(std::span<SphereState> states,
-                                std::span<Plane<float>> planes) noexcept {
-  std::fill(states.begin(), states.end(), SphereState::outside);
-  std::fill(planes.begin(), planes.end(), Plane<float>{});
-  if (!status() || last_.num_fields == 0) return;
-  const DepthFieldView& field = last_.fields[last_.num_fields - 1];
-  if (field.num_levels == 0) return;
+void FieldContactCuda::describe(const DepthFieldView& field, const Pose& X_WT,
+                                const ContactWants& wants) const noexcept {
+  if (wants.states.empty() && wants.planes.empty()) return;
+  std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
+  std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
+  if (!status() || field.num_levels == 0) return;
   constexpr int kDescribeThreads = 128, kMostBlocks = 1024;
   gpu::launch(stream_,
               {.blocks = blocks_for(num_spheres_, kDescribeThreads, kMostBlocks),
                .threads = kDescribeThreads},
-              describe_spheres, field, last_.X_WT, felt_tool().spheres, num_spheres_, states_,
-              planes_);
-  stream_.copy(states.data(), states_, states.size_bytes());
-  stream_.copy(planes.data(), planes_, planes.size_bytes());
+              describe_spheres, field, X_WT, felt_tool_.spheres, num_spheres_, states_, planes_);
+  if (!wants.states.empty()) stream_.copy(wants.states.data(), states_, wants.states.size_bytes());
+  if (!wants.planes.empty()) stream_.copy(wants.planes.data(), planes_, wants.planes.size_bytes());
   stream_.wait();
 }
 

@@ -1,12 +1,12 @@
 // The field method on a GPU: one launch, in which every thread asks the field for an element.
 #pragma once
 
-#include <span>
+#include <memory>
 
 #include "src/contact/cuda/device_field.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_bound.h"
-#include "src/contact/field/field_elements.h"
+#include "src/contact/index/tool_parts.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate {
@@ -31,61 +31,44 @@ struct FeltTool {
   const Sphere* spheres = nullptr;  ///< felt_ball of each sphere of the tool
 };
 
-/// What the field method was last asked, on the device.
+/// What the field method is asked, on the device.
 struct FieldQuestion {
   DepthFieldView fields[2];
   double weights[2] = {};
-  int num_fields = 0;  ///< 0: nothing was asked
   Pose X_WT;
-  SphereVolumes volumes = SphereVolumes::own;
 };
 
-/// Measures one tool against a depth field, as FieldContact. All memory is allocated at
+/// Measures one tool against depth fields, as FieldContact. All memory is allocated at
 /// construction, but that of copies of fields that lie elsewhere: with the first field of its size.
-class FieldContactCuda {
+class FieldContactCuda final : public ContactQuery {
  public:
-  FieldContactCuda(const Tool& tool, int gpu);
+  FieldContactCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu);
 
-  void set_field(const DepthFieldView& field) { field_ = field; }
-
-  /// As FieldContact, to 1e-5 of its results; the same bits on every run. `X_WT` is finite, its
-  /// quaternion unit. If the GPU fails, StepStatus::backend_failed and nothing else.
-  Penetration measure(const Pose& X_WT, SphereVolumes volumes) noexcept;
-  /// (1 - t) times the measure of `from` and t times that of `to`, in one launch. Spheres are
-  /// counted by `to`.
-  Penetration measure(const Pose& X_WT, SphereVolumes volumes, const DepthFieldView& from,
-                      const DepthFieldView& to, double t) noexcept;
-
-  /// Of the last measure, blended like it.
-  Stiffness stiffness() noexcept;
-
-  /// Per sphere of the tool at the last pose, as ContactQuery; by `to`.
-  void describe(std::span<SphereState> states, std::span<Plane<float>> planes) noexcept;
+  using ContactQuery::measure;
+  /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
+  /// stiffness other blocks add up: what is measured then differs by rounding.
+  ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha, const Pose& X_WT,
+                        const ContactWants& wants) const noexcept override;
 
   /// The first failure.
   const Status& status() const;
 
  private:
-  FeltTool take(const Tool& tool, SphereVolumes volumes);
-  /// What was asked last; `Sample`: with first derivatives of the field, or with second ones for a
-  /// stiffness.
+  FeltTool take(SphereVolumes volumes);
+  /// `Sample`: with first derivatives of the field, or with second ones for a stiffness.
   template <int kNumFields, class Sample>
-  Penetration measure(AnswerBox& answers) noexcept;
-  const FeltTool& felt_tool() const {
-    return last_.volumes == SphereVolumes::own ? own_ : represented_;
-  }
+  ContactResult ask(const FieldQuestion& question, AnswerBox& answers) const noexcept;
+  void describe(const DepthFieldView& field, const Pose& X_WT,
+                const ContactWants& wants) const noexcept;
 
   Vec3d centre_of_mass_;
   int num_spheres_;
   gpu::Memory memory_;
-  gpu::Stream stream_;
-  DeviceFields fields_;
-  FeltTool own_, represented_;
-  AnswerBox answers_, stiffness_answers_;
-  DepthFieldView field_;
-  FieldQuestion last_;
-
-  // Of describe.
+  FeltTool felt_tool_;
+  // Scratch.
+  mutable gpu::Stream stream_;
+  mutable DeviceFields fields_;
+  mutable AnswerBox answers_, stiffness_answers_;
   SphereState* states_;
   Plane<float>* planes_;
 };

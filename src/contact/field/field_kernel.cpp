@@ -211,9 +211,11 @@ void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
           // An element that is counted has the number of its sphere.
           const auto id =
               static_cast<std::size_t>(clusters.sphere_id[first + static_cast<std::size_t>(lane)]);
-          to.states[id] =
-              g.phi[lane] > -e.radius[lane] ? SphereState::boundary : SphereState::inside;
-          to.planes[id] = {{n_T[0][lane], n_T[1][lane], n_T[2][lane]}, along[lane]};
+          if (to.states != nullptr)
+            to.states[id] =
+                g.phi[lane] > -e.radius[lane] ? SphereState::boundary : SphereState::inside;
+          if (to.planes != nullptr)
+            to.planes[id] = {{n_T[0][lane], n_T[1][lane], n_T[2][lane]}, along[lane]};
         }
       });
 }

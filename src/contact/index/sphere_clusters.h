@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/math/sphere.h"
+#include "src/contact/index/num_bytes.h"
 
 namespace palpate {
 
@@ -31,6 +32,10 @@ class SphereClusters {
   /// All spheres in cluster order.
   std::span<const std::int32_t> order() const {
     return std::span(sphere_id).first(place_of.size());
+  }
+
+  std::size_t num_bytes() const {
+    return bytes_of(x, y, z, radius, volume, sphere_id, place_of, clusters, groups);
   }
 
   std::vector<float> x, y, z, radius, volume;  ///< one per place

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "palpate/math/sphere.h"
+#include "src/contact/index/num_bytes.h"
 
 namespace palpate {
 
@@ -42,6 +43,7 @@ class SphereGrid {
  public:
   explicit SphereGrid(std::span<const Sphere> spheres);
   SphereGridView view() const;
+  std::size_t num_bytes() const { return bytes_of(tags_, blocks_); }
   std::span<const std::int32_t> tags() const { return tags_; }
   std::span<const CandidateBlock> blocks() const { return blocks_; }
 

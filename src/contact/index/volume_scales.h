@@ -13,6 +13,8 @@ struct VolumeScales {
   std::vector<float> of_sphere;
   std::vector<float> of_place;  ///< of SphereClusters
 
+  std::size_t num_bytes() const { return bytes_of(of_sphere, of_place); }
+
   VolumeScales(const Tool& tool, const SphereClusters& clusters, SphereVolumes volumes)
       : of_sphere(tool.spheres().size(), 1.0f), of_place(clusters.x.size(), 1.0f) {
     if (volumes == SphereVolumes::own) return;

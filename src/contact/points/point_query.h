@@ -43,7 +43,7 @@ struct ClustersView {
 };
 
 /// A sphere, to be read at once.
-struct alignas(16) PlaceSphere {
+struct alignas(16) SlotSphere {
   float x = 0, y = 0, z = 0, radius = 0;
 
   PALPATE_HOSTDEV Vec3d centre() const { return to_double(Vec3f{x, y, z}); }
@@ -54,12 +54,12 @@ struct alignas(16) RowPart {
   std::int32_t place = 0, row_begin = 0, begin = 0, end = 0;
 };
 
-/// The leaf graph by places, rows one after the other; edges go both ways. See PlaceGraph.
-struct PlaceGraphView {
+/// The leaf graph by places, rows one after the other; edges go both ways. See SortedGraph.
+struct SortedGraphView {
   /// Large spheres have thousands of neighbours: rows are worked at in parts of so many.
   static constexpr int kPart = 16;
 
-  const PlaceSphere* spheres = nullptr;  ///< of each place
+  const SlotSphere* spheres = nullptr;  ///< of each place
   const std::int32_t* row_starts =
       nullptr;  ///< of each place (padding has empty rows), and one more
   const std::int32_t* neighbours = nullptr;  ///< places
@@ -138,7 +138,7 @@ struct PointQuery {
   // The tool.
   std::int32_t num_spheres = 0;
   ClustersView clusters;
-  PlaceGraphView graph;
+  SortedGraphView graph;
 
   // Scratch. `sums`, `edge_sums` and `num_edge_candidates` are zero between queries.
   PointSums* sums = nullptr;         ///< per sphere

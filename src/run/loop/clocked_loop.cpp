@@ -211,10 +211,11 @@ void ClockedLoop::make_pictures() {
     picture.contact_number = contact.number;
     picture.frame_number = contact.frame_number;
     picture.X_WT = contact.X_WT;
-    const auto states = pipeline_.query().states();
-    const auto planes = pipeline_.query().planes();
-    picture.states.assign(states.begin(), states.end());
-    picture.planes.assign(planes.begin(), planes.end());
+    const std::size_t num_spheres = pipeline_.query().index()->tool().spheres().size();
+    picture.states.resize(num_spheres);
+    picture.planes.resize(num_spheres);
+    pipeline_.query().measure(pipeline_.moment().to, contact.X_WT,
+                              {.states = picture.states, .planes = picture.planes});
     contacts_.publish();
   }
   if (wants_surface_.exchange(false)) {

@@ -95,7 +95,7 @@ void ContactStage::take_change() {
   revision_ = change->revision;
   settings_.rate = change->rate;
   if (change->part) std::swap(part_, change->part);
-  part_->use(change->contact, change->scale);
+  part_->use(change->scale);
   schedule_ = StiffnessSchedule(1 / settings_.rate);
   next_due_ = 0;
   changes_.settle();
@@ -114,39 +114,30 @@ void ContactStage::measure(const ToolMoment& tool) {
   contact.frame_number = surfaces.frame_number;
   contact.capture_time = surfaces.capture_time;
   contact.contact.time = tool.time;
-  part_->measure(moment, contact);
+  part_->measure(moment, part_->has_stiffness() && schedule_.is_due(), contact);
   if (contact.penetration.status.has(StepStatus::backend_failed)) {
     backend_failed_.store(true, std::memory_order_release);
     return;
   }
-  const double measured = monotonic_now();
-  double end = measured;
-  if (part_->has_stiffness(contact)) {
-    if (schedule_.is_due()) {
-      part_->measure_stiffness(contact);
-      end = monotonic_now();
-      schedule_.took(measured - begin, end - measured);
-    } else {
-      schedule_.took(measured - begin);
-      num_spared_.fetch_add(1, std::memory_order_relaxed);
-    }
+  const double end = monotonic_now();
+  schedule_.took(end - begin, contact.has_new_stiffness);
+  if (part_->has_stiffness() && contact.penetration.volume > 0 && !contact.has_new_stiffness) {
+    num_spared_.fetch_add(1, std::memory_order_relaxed);
   }
   contacts_.publish(contact);
   if (settings_.keeps_records) records_.push(contact);
   num_contacts_.store(contact.number, std::memory_order_release);
   contact_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-  if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(tool);
+  if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(moment, tool);
 }
 
-void ContactStage::make_picture(const ToolMoment& tool) {
+void ContactStage::make_picture(const SurfaceMoment& moment, const ToolMoment& tool) {
   ContactPicture& picture = pictures_.draft();
   picture.contact_number = num_contacts();
   picture.frame_number = surfaces_.taken().frame_number;
   picture.X_WT = tool.X_WT;
-  const auto states = part_->query().states();
-  const auto planes = part_->query().planes();
-  picture.states.assign(states.begin(), states.end());
-  picture.planes.assign(planes.begin(), planes.end());
+  part_->query().measure(moment.to, tool.X_WT,
+                         {.states = picture.states, .planes = picture.planes});
   pictures_.publish();
 }
 

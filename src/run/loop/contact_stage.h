@@ -25,7 +25,6 @@ struct ToolMoment {
 struct ContactChange {
   std::uint32_t revision = 0;
   std::uint32_t surface_revision = 0;  ///< is taken with the first surfaces of this revision
-  ContactOptions contact;
   double rate = 1000;
   ForceScale scale;
   std::unique_ptr<ContactPart> part;
@@ -84,7 +83,7 @@ class ContactStage {
   void measure(const ToolMoment& tool);
   SurfaceMoment moment_at(double time);
   void take_change();
-  void make_picture(const ToolMoment& tool);
+  void make_picture(const SurfaceMoment& moment, const ToolMoment& tool);
 
   std::unique_ptr<ContactPart> part_;
   SurfaceStage& surfaces_;

@@ -46,10 +46,10 @@ struct Change {
 
 class HapticLoopImpl final : public HapticLoop {
  public:
-  HapticLoopImpl(const Tool& tool, DepthSource& source, HapticDevice& device,
+  HapticLoopImpl(std::shared_ptr<const ToolIndex> index, DepthSource& source, HapticDevice& device,
                  const HapticSettings& settings, HapticObserver observer, RunParts parts,
                  SafetyFilter safety)
-      : tool_(tool),
+      : index_(std::move(index)),
         device_(device),
         stream_(source.info()),
         first_settings_(settings),
@@ -59,7 +59,7 @@ class HapticLoopImpl final : public HapticLoop {
         surfaces_(source, *std::move(parts.timeline), settings.num_threads,
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
         contacts_(std::move(parts.contact), surfaces_,
-                  {settings.contact_rate, 1 / device.info().rate, tool.spheres().size(),
+                  {settings.contact_rate, 1 / device.info().rate, index_->tool().spheres().size(),
                    settings.wants_real_time, static_cast<bool>(observer_.on_contact), 0},
                   times_.contact_compute),
         haptic_({std::move(parts.coupling), std::move(safety), 1 / device.info().rate}, surfaces_,
@@ -100,7 +100,7 @@ class HapticLoopImpl final : public HapticLoop {
   void tell_settings(std::uint32_t revision);
   void fade_out() noexcept;
 
-  const Tool& tool_;
+  const std::shared_ptr<const ToolIndex> index_;
   HapticDevice& device_;
   const DepthStreamInfo stream_;
   const HapticSettings first_settings_;
@@ -210,16 +210,15 @@ Status HapticLoopImpl::change(const HapticSettings& settings) {
   if (const Status status = check_change(settings_, settings); !status) return status;
   if (const Status status = check_contact_rate(settings); !status) return status;
   const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, nullptr};
-  auto parts = make_run_parts(tool_, stream_, device_.info(), settings, options);
+  auto parts = make_run_parts(index_, stream_, device_.info(), settings, options);
   if (!parts) return parts.error();
 
   change_ = std::make_unique<Change>();
   const std::uint32_t revision = change_->revision = ++revision_;
   change_->settings = settings;
   change_->surfaces = {revision, std::move(parts->timeline)};
-  change_->contacts = {revision,         change_->surfaces.timeline ? revision : 0,
-                       settings.contact, settings.contact_rate,
-                       parts->scale,     std::move(parts->contact)};
+  change_->contacts = {revision, change_->surfaces.timeline ? revision : 0, settings.contact_rate,
+                       parts->scale, std::move(parts->contact)};
   change_->haptic = {revision, std::move(parts->coupling)};
   {
     const std::lock_guard lock_others(mutex_);
@@ -364,12 +363,14 @@ Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSo
                                                        HapticObserver observer) {
   if (const Status status = check_contact_rate(settings); !status) return status.error();
   const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, nullptr};
-  auto parts = make_run_parts(tool, source.info(), device.info(), settings, options);
+  auto index = ToolIndex::create(tool);
+  auto parts = make_run_parts(index, source.info(), device.info(), settings, options);
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.info().limits, settings.safety);
   if (!safety) return safety.error();
-  return std::unique_ptr<HapticLoop>(std::make_unique<HapticLoopImpl>(
-      tool, source, device, settings, std::move(observer), *std::move(parts), *std::move(safety)));
+  return std::unique_ptr<HapticLoop>(
+      std::make_unique<HapticLoopImpl>(std::move(index), source, device, settings,
+                                       std::move(observer), *std::move(parts), *std::move(safety)));
 }
 
 }  // namespace palpate

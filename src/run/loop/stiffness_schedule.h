@@ -13,11 +13,18 @@ class StiffnessSchedule {
   explicit StiffnessSchedule(double period) : budget_(kShare * period) {}
 
   /// At each query, first.
-  bool is_due() { return --num_to_skip_ < 0; }
-  /// After it: what it took, s.
-  void took(double query) { query_ += kSmoothing * (query - query_); }
-  void took(double query, double stiffness) {
-    took(query);
+  bool is_due() {
+    if (num_to_skip_ == 0) return true;
+    --num_to_skip_;
+    return false;
+  }
+  /// After it: what it took, s, and whether the stiffness was computed too.
+  void took(double query, bool with_stiffness) {
+    if (!with_stiffness) {
+      query_ += kSmoothing * (query - query_);
+      return;
+    }
+    const double stiffness = std::max(query - query_, 0.0);
     stiffness_ = stiffness_ < 0 ? stiffness : stiffness_ + kSmoothing * (stiffness - stiffness_);
     const double left = std::max(budget_ - query_, budget_ / kMostSkipped);
     num_to_skip_ =

@@ -20,7 +20,7 @@ namespace {
 using test::Random;
 
 std::unique_ptr<BodyPairQuery> on_gpu(const Tool& a, const Tool& b) {
-  return std::move(make_body_contact_cuda(a, b, 0)).value();
+  return std::move(make_body_contact_cuda(ToolIndex::create(a), ToolIndex::create(b), 0)).value();
 }
 
 Pose random_pose(Random& random, double reach) {
@@ -197,12 +197,12 @@ TEST(BodyContactCuda, MeasuresTheBodiesOfAWorld) {
     w->add_tool(tool, nullptr);
     w->set_pose(2, {{0, 0.04, 0.01}, axis_angle({1, 0, 0}, 1)});
   }
-  const Status failed = world.measure_pairs_by([](const Tool&, const Tool&) {
+  const Status failed = world.measure_pairs_by([](const auto&, const auto&) {
     return Error{Errc::unavailable, "no"};
   });
   EXPECT_FALSE(failed);
   const Status done = world.measure_pairs_by(
-      [](const Tool& a, const Tool& b) { return make_body_contact_cuda(a, b, 0); });
+      [](const auto& a, const auto& b) { return make_body_contact_cuda(a, b, 0); });
   ASSERT_TRUE(done) << done.error().message;
   world.measure({});
   want.measure({});

@@ -9,14 +9,8 @@
 namespace palpate {
 namespace {
 
-const ContactOptions kOptions = [] {
-  ContactOptions options;
-  options.method = InsideMethod::simplified;
-  return options;
-}();
-
 std::unique_ptr<ContactQuery> make_query(const Tool& tool) {
-  return std::move(make_contact_query(Backend::cpu, tool)).value();
+  return make_contact_query(Backend::cpu, tool, SimplifiedMethod{}).value();
 }
 
 void expect_same(const Penetration& got, const Penetration& want) {
@@ -31,6 +25,7 @@ class SeveralBodies : public testing::Test {
   Tool first_ = test::random_tool(120, 0.05, 1), second_ = test::random_tool(150, 0.05, 2),
        object_ = test::random_tool(200, 0.06, 3);
   PointCloud cloud_ = test::noisy_wall(160, 120, 140, 0.6, 0.001, 5);
+  Surfaces surface() const { return {cloud_.view(), {}}; }
   Pose X_WF_{{-0.03, 0, 0.57}, axis_angle({0, 0, 1}, 0.4)},
       X_WS_{{0.04, 0.01, 0.58}, axis_angle({1, 0, 1}, 0.2)}, X_WO_{{0, 0.07, 0.55}, {}};
 };
@@ -40,10 +35,9 @@ TEST_F(SeveralBodies, EachFeelsTheCloudTheOthersAndTheObjects) {
   const int first = world.add_tool(first_, make_query(first_));
   const int object = world.add_object(object_, X_WO_);
   const int second = world.add_tool(second_, make_query(second_));
-  world.set_cloud(cloud_.view());
   world.set_pose(first, X_WF_);
   world.set_pose(second, X_WS_);
-  world.measure(kOptions);
+  world.measure(surface());
   ASSERT_EQ(world.num_bodies(), 3);
 
   const BodyPenetration fo = BodyContact(first_, object_).measure(X_WF_, X_WO_);
@@ -64,8 +58,7 @@ TEST_F(SeveralBodies, EachFeelsTheCloudTheOthersAndTheObjects) {
   EXPECT_EQ(world.measured(first).num_pairs, fo.num_pairs + fs.num_pairs);
 
   const auto alone = make_query(second_);
-  alone->set_cloud(cloud_.view());
-  const Penetration cloud = alone->query(X_WS_, kOptions);
+  const Penetration cloud = alone->measure(surface(), X_WS_).penetration;
   ASSERT_GT(cloud.volume, 0);
   expect_same(world.measured(second).cloud, cloud);
   EXPECT_EQ(world.measured(object).cloud.volume, 0);
@@ -83,18 +76,18 @@ TEST_F(SeveralBodies, PairsAreMeasuredByWhatIsAskedFor) {
   world.add_tool(second_, nullptr);
   world.set_pose(first, X_WF_);
   world.set_pose(2, X_WS_);
-  world.measure(kOptions);
+  world.measure(surface());
   const BodyMeasure before = world.measured(first);
   ASSERT_GT(before.num_pairs, 0);
   int num_made = 0;
-  const auto make = [&](const Tool& a, const Tool& b) -> Result<std::unique_ptr<BodyPairQuery>> {
+  const auto make = [&](const auto& a, const auto& b) -> Result<std::unique_ptr<BodyPairQuery>> {
     ++num_made;
     if (num_made == 2) return Error{Errc::unavailable, "only one"};
     return make_body_pair_query(Backend::cpu, a, b);
   };
   for (const bool works : {false, true}) {
     EXPECT_EQ(world.measure_pairs_by(make).has_value(), works);
-    world.measure(kOptions);
+    world.measure(surface());
     expect_same(world.measured(first).bodies, before.bodies);
   }
   EXPECT_EQ(num_made, 2 + 3);
@@ -109,10 +102,10 @@ TEST_F(SeveralBodies, ObjectsDoNotFeelEachOther) {
   const int other = world.add_object(second_, {});
   const int tool = world.add_tool(object_, nullptr);
   world.set_pose(tool, {{1, 0, 0}, {}});
-  world.measure(kOptions);
+  world.measure(surface());
   EXPECT_EQ(world.measured(one).bodies.volume, 0);
   world.set_pose(tool, {});
-  world.measure(kOptions);
+  world.measure(surface());
   EXPECT_GT(world.measured(one).bodies.volume, 0);
   EXPECT_GT(world.measured(other).bodies.volume, 0);
   EXPECT_EQ(world.measured(tool).cloud.volume, 0);
@@ -123,10 +116,9 @@ TEST_F(SeveralBodies, NonFinitePoseOfOneLeavesTheOthersValid) {
   const int first = world.add_tool(first_, make_query(first_));
   const int second = world.add_tool(second_, make_query(second_));
   const int object = world.add_object(object_, X_WO_);
-  world.set_cloud(cloud_.view());
   world.set_pose(first, {{std::nan(""), 0, 0}, {}});
   world.set_pose(second, X_WS_);
-  world.measure(kOptions);
+  world.measure(surface());
   EXPECT_EQ(world.measured(first).total().status, StepStatus::non_finite_pose);
   EXPECT_EQ(world.measured(first).total().volume, 0);
   EXPECT_FALSE(world.measured(second).cloud.status.has(StepStatus::non_finite_pose));
@@ -140,16 +132,15 @@ TEST_F(SeveralBodies, SameBitsWithoutAllocation) {
   const int first = world.add_tool(first_, make_query(first_));
   const int second = world.add_tool(second_, make_query(second_));
   world.add_object(object_, X_WO_);
-  world.set_cloud(cloud_.view());
   world.set_pose(first, X_WF_);
   world.set_pose(second, X_WS_);
-  world.measure(kOptions);
+  world.measure(surface());
   const BodyMeasure before = world.measured(first);
   const test::AllocationCounter counter;
   world.set_pose(first, X_WS_);
-  world.measure(kOptions);
+  world.measure(surface());
   world.set_pose(first, X_WF_);
-  world.measure(kOptions);
+  world.measure(surface());
   EXPECT_EQ(counter.count(), 0u);
   expect_same(world.measured(first).total(), before.total());
 }

@@ -9,11 +9,12 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/contact/blended_query.h"
 #if defined(PALPATE_EMULATE_CUDA)
 #include "src/gpu/emulator.h"
 #endif
+#include "eval/method_queries.h"
 #include "tests/test_util/contact_checks.h"
+#include "tests/test_util/field_probe.h"
 #include "tests/test_util/gpu.h"
 
 namespace palpate {
@@ -35,14 +36,12 @@ constexpr bool kIsEmulated = false;
 // By the emulator or a checker of compute-sanitizer everything takes long: some poses must do.
 const bool kIsShort = kIsEmulated || std::getenv("PALPATE_SHORT_TESTS") != nullptr;
 
-std::unique_ptr<ContactQuery> make_cuda_query(const Tool& tool) {
-  auto query = make_contact_query_cuda(tool, {});
-  EXPECT_TRUE(query) << query.error().message;
-  return std::move(query).value();
+std::unique_ptr<eval::MethodQueries> make_cuda_query(const Tool& tool) {
+  return std::make_unique<eval::MethodQueries>(test::cuda_queries(tool));
 }
 
-std::unique_ptr<ContactQuery> make_cpu_query(const Tool& tool) {
-  return std::move(make_contact_query(Backend::cpu, tool)).value();
+std::unique_ptr<eval::MethodQueries> make_cpu_query(const Tool& tool) {
+  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool);
 }
 
 struct Case {
@@ -131,7 +130,7 @@ struct Comparison {
     }
   }
 
-  void show_to(ContactQuery& query) const {
+  void show_to(eval::MethodQueries& query) const {
     query.set_cloud(scene.view());
     query.set_field(field.view());
   }
@@ -197,7 +196,8 @@ TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
   moment.from = {comparison.scene.view(), comparison.field.view()};
   moment.to = {comparison.scene.view(), other.view()};
   moment.progress = 0.3;
-  BlendedQuery cuda(make_cuda_query(comparison.tool)), cpu(make_cpu_query(comparison.tool));
+  eval::MethodQueries cuda = std::move(*make_cuda_query(comparison.tool)),
+                      cpu = std::move(*make_cpu_query(comparison.tool));
   cuda.set_moment(moment);
   cpu.set_moment(moment);
   for (const InsideMethod method : {InsideMethod::field, InsideMethod::simplified}) {
@@ -278,7 +278,7 @@ TEST(ContactQueryCuda, SeesThatAHostCloudHasChanged) {
 TEST(ContactQueryCuda, SaysThatThereIsNoSuchGpu) {
   if (kIsEmulated) GTEST_SKIP() << "SKIPPED: the emulator has any GPU";
   const Tool tool = test::random_tool(40, 0.05, 1);
-  const auto query = make_contact_query_cuda(tool, {.gpu = 99});
+  const auto query = make_contact_query_cuda(ToolIndex::create(tool), FieldMethod{}, {.gpu = 99});
   ASSERT_FALSE(query);
   EXPECT_EQ(query.error().code, Errc::unavailable);
 }

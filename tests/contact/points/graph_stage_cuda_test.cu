@@ -67,7 +67,8 @@ class Searched {
       : spheres_(std::move(spheres)),
         graph_(std::move(graph)),
         clusters_(spheres_),
-        traversal_(spheres_, graph_, clusters_.order()),
+        sorted_(std::make_unique<const SortedGraph>(graph_, clusters_.sphere_id)),
+        traversal_(spheres_, *sorted_),
         scales_(spheres_.size()) {
     for (std::size_t i = 0; i < scales_.size(); ++i) {
       scales_[i] = 1 + 0.25f * static_cast<float>(i % 7);
@@ -81,7 +82,7 @@ class Searched {
     job_.clusters.sphere_id = memory_.copy_of(clusters_.sphere_id);
     job_.clusters.place_of = memory_.copy_of(clusters_.place_of);
     job_.clusters.num_clusters = clusters_.num_clusters();
-    job_.graph = place_graph_on_gpu(memory_, graph_, clusters_);
+    job_.graph = sorted_graph_on_gpu(memory_, *sorted_, clusters_);
     job_.search = graph_search_on_gpu(memory_, job_.graph, num_places, graph_.neighbours().size());
     job_.lender = memory_.take<std::int32_t>(num_places);
     job_.borrowed_volume = memory_.take<float>(num_places);
@@ -220,6 +221,7 @@ class Searched {
   std::vector<Sphere> spheres_;
   LeafGraph graph_;
   SphereClusters clusters_;
+  std::unique_ptr<const SortedGraph> sorted_;  // stays where it is when this is moved
   GraphTraversal traversal_;
   std::vector<float> scales_;
   gpu::Memory memory_{0};

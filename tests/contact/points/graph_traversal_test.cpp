@@ -23,7 +23,8 @@ TEST(GraphTraversal, WalksAwayFromTheNormalOnly) {
   const std::vector<Sphere> spheres = row_of_spheres();
   const LeafGraph graph(spheres, GapRule::relative);
   ASSERT_EQ(graph.num_edges(), 4);
-  GraphTraversal traversal(spheres, graph, backwards(spheres.size()));
+  const SortedGraph sorted(graph, backwards(spheres.size()));
+  GraphTraversal traversal(spheres, sorted);
   const GraphTraversal::Seed seed{2, {0, 0, -1}};
   const auto reached = traversal.run({&seed, 1});
   ASSERT_EQ(reached.size(), 2u);
@@ -42,7 +43,8 @@ TEST(GraphTraversal, WalksAwayFromTheNormalOnly) {
 TEST(GraphTraversal, ZeroNormalAndBoundarySpheresStopIt) {
   const std::vector<Sphere> spheres = row_of_spheres();
   const LeafGraph graph(spheres, GapRule::relative);
-  GraphTraversal traversal(spheres, graph, backwards(spheres.size()));
+  const SortedGraph sorted(graph, backwards(spheres.size()));
+  GraphTraversal traversal(spheres, sorted);
   const GraphTraversal::Seed silent{2, {}};
   EXPECT_TRUE(traversal.run({&silent, 1}).empty());
   const GraphTraversal::Seed two[] = {{1, {0, 0, -1}}, {3, {}}};
@@ -56,7 +58,8 @@ TEST(GraphTraversal, SameRoundGoesToTheShorterPath) {
   const std::vector<Sphere> spheres = {{{-3, 0, 0}, 1}, {{2.5f, 0, 0}, 1}, {{0, 0, 1}, 1}};
   const std::pair<int, int> edges[] = {{0, 2}, {1, 2}};
   const LeafGraph graph(spheres.size(), edges, 0, 1);
-  GraphTraversal traversal(spheres, graph, backwards(spheres.size()));
+  const SortedGraph sorted(graph, backwards(spheres.size()));
+  GraphTraversal traversal(spheres, sorted);
   const GraphTraversal::Seed seeds[] = {{0, {0, 0, -1}}, {1, {0, 0, -1}}};
   const auto reached = traversal.run(seeds);
   ASSERT_EQ(reached.size(), 1u);

@@ -112,9 +112,9 @@ Found ask_cpu(const Scene& scene, const Question& question) {
   const PointScan scan = scene.scan(question);
   const bool with_edges = question.edges != Edges::none;
   const std::size_t n = scene.spheres.size();
-  BoundaryPoints points(n, pool, isa_baseline::scan_points);
+  BoundaryPoints points(n, pool, isa_baseline::scan_points, with_edges);
   points.collect(scan, scene.window(question), with_edges);
-  EdgePlanes edges(scene.spheres, scene.clusters);
+  EdgePlanes edges(scene.spheres, scene.clusters, with_edges);
   points.take([&](std::size_t id, const PointSums& sums, const EdgeSums& edge_sums) {
     found.sums.push_back(sums);
     found.edge_sums.push_back(edge_sums);

@@ -6,6 +6,7 @@
 
 #include "palpate/math/sphere.h"
 #include "src/contact/index/sphere_clusters.h"
+#include "src/core/select_isa.h"
 
 namespace palpate {
 
@@ -72,14 +73,8 @@ using BorrowNearest = MeasureSums (*)(const PlaneBorrowing&, int group, Borrowin
 /// Clusters of one group: average over all boundary spheres, weighted by priority (Alg. 3.3).
 using BorrowWeighted = MeasureSums (*)(const PlaneBorrowing&, int group);
 
-#define PALPATE_DECLARE_BORROWING(variant)                                         \
-  namespace variant {                                                              \
-  MeasureSums borrow_nearest(const PlaneBorrowing&, int group, BorrowingScratch&); \
-  MeasureSums borrow_weighted(const PlaneBorrowing&, int group);                   \
-  }
-PALPATE_DECLARE_BORROWING(isa_baseline)
-PALPATE_DECLARE_BORROWING(isa_avx2)
-PALPATE_DECLARE_BORROWING(isa_avx512)
-#undef PALPATE_DECLARE_BORROWING
+PALPATE_DECLARE_KERNELS(MeasureSums borrow_nearest(const PlaneBorrowing&, int group,
+                                                   BorrowingScratch&);
+                        MeasureSums borrow_weighted(const PlaneBorrowing&, int group);)
 
 }  // namespace palpate

@@ -4,12 +4,13 @@
 #include <cmath>
 
 namespace palpate {
-EdgePlanes::EdgePlanes(std::span<const Sphere> spheres, const SphereClusters& clusters)
-    : spheres_(spheres),
-      clusters_(&clusters),
-      piece_of_(spheres.size(), -1),
-      distance_(spheres.size()),
-      side_(spheres.size(), EdgeSide::behind) {
+EdgePlanes::EdgePlanes(std::span<const Sphere> spheres, const SphereClusters& clusters,
+                       bool has_edges)
+    : spheres_(spheres), clusters_(&clusters) {
+  if (!has_edges) return;
+  piece_of_.assign(spheres.size(), -1);
+  distance_.resize(spheres.size());
+  side_.assign(spheres.size(), EdgeSide::behind);
   pieces_.reserve(spheres.size() * EdgeSums::kDirections);
   near_.reserve(spheres.size() * EdgeSums::kDirections);
 }

@@ -13,8 +13,9 @@ namespace palpate {
 /// The edges of one query; see edge_pieces.h. All memory is allocated at construction.
 class EdgePlanes {
  public:
-  /// Keeps the view of the spheres; `clusters` are theirs and must outlive it.
-  EdgePlanes(std::span<const Sphere> spheres, const SphereClusters& clusters);
+  /// Keeps the view of the spheres; `clusters` are theirs and must outlive it. Without `has_edges`
+  /// no piece can be added.
+  EdgePlanes(std::span<const Sphere> spheres, const SphereClusters& clusters, bool has_edges);
 
   void clear();
   /// The pieces of one boundary sphere (eq. 3.17). R_TW and translation_W are those of X_WT.

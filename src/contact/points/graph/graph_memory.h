@@ -4,33 +4,32 @@
 #include <algorithm>
 #include <vector>
 
-#include "src/contact/index/place_graph.h"
+#include "src/contact/index/sorted_graph.h"
 #include "src/contact/points/point_query.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate {
 
-inline PlaceGraphView place_graph_on_gpu(gpu::Memory& memory, const LeafGraph& graph,
-                                         const SphereClusters& clusters) {
-  constexpr int kPart = PlaceGraphView::kPart;
-  const PlaceGraph by_place(graph, clusters.sphere_id);
-  std::vector<PlaceSphere> spheres;
+inline SortedGraphView sorted_graph_on_gpu(gpu::Memory& memory, const SortedGraph& graph,
+                                           const SphereClusters& clusters) {
+  constexpr int kPart = SortedGraphView::kPart;
+  std::vector<SlotSphere> spheres;
   std::vector<RowPart> more_parts;
   for (std::size_t i = 0; i < clusters.x.size(); ++i) {
     spheres.push_back({clusters.x[i], clusters.y[i], clusters.z[i], clusters.radius[i]});
-    const std::int32_t row_begin = by_place.row_starts[i], row_end = by_place.row_starts[i + 1];
+    const std::int32_t row_begin = graph.row_starts[i], row_end = graph.row_starts[i + 1];
     for (std::int32_t begin = row_begin + kPart; begin < row_end; begin += kPart) {
       more_parts.push_back(
           {static_cast<std::int32_t>(i), row_begin, begin, std::min(begin + kPart, row_end)});
     }
   }
-  return {memory.copy_of(spheres), memory.copy_of(by_place.row_starts),
-          memory.copy_of(by_place.neighbours), memory.copy_of(more_parts),
+  return {memory.copy_of(spheres), memory.copy_of(graph.row_starts),
+          memory.copy_of(graph.neighbours), memory.copy_of(more_parts),
           static_cast<std::int32_t>(more_parts.size())};
 }
 
-/// For the graph as place_graph_on_gpu gives it.
-inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const PlaceGraphView& graph,
+/// For the graph as sorted_graph_on_gpu gives it.
+inline GraphSearch graph_search_on_gpu(gpu::Memory& memory, const SortedGraphView& graph,
                                        std::size_t num_places, std::size_t num_edges) {
   const std::size_t num_listed = num_edges + static_cast<std::size_t>(graph.num_more_parts);
   return {memory.take<PlaceState>(num_places),

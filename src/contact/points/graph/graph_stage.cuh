@@ -88,7 +88,7 @@ class GraphStage {
   /// Some neighbours, asked about together.
   struct Ahead {
     std::int32_t place[kBatch], round[kBatch], row_begin[kBatch], row_end[kBatch];
-    PlaceSphere sphere[kBatch];
+    SlotSphere sphere[kBatch];
   };
 
   __device__ static void write_now(std::int32_t* to, std::int32_t value) {
@@ -160,7 +160,7 @@ class GraphStage {
     return lanes;
   }
   __device__ static std::int32_t end_of_part(std::int32_t begin, std::int32_t row_end) {
-    const std::int32_t end = begin + PlaceGraphView::kPart;
+    const std::int32_t end = begin + SortedGraphView::kPart;
     return end < row_end ? end : row_end;
   }
 
@@ -284,14 +284,14 @@ class GraphStage {
     write_now(&search_.places[row.place].round, reached.round);
     row.end = end_of_part(row.begin, row_end);
     if (row.end == row_end) return;
-    constexpr int kPart = PlaceGraphView::kPart;
+    constexpr int kPart = SortedGraphView::kPart;
     RowPart* to = reached.parts + atomicAdd(reached.num, (row_end - row.end + kPart - 1) / kPart);
     for (std::int32_t begin = row.end; begin < row_end; begin += kPart) {
       *to++ = {row.place, row.row_begin, begin, end_of_part(begin, row_end)};
     }
   }
 
-  PlaceGraphView graph_;
+  SortedGraphView graph_;
   GraphSearch search_;
   BoundaryList boundary_;
   const std::int32_t* place_of_;  // of each sphere

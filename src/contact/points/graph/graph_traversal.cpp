@@ -5,17 +5,17 @@
 
 namespace palpate {
 
-GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const LeafGraph& graph,
-                               std::span<const std::int32_t> spatial_order)
-    : sphere_ids_(spatial_order.begin(), spatial_order.end()),
-      graph_(graph, spatial_order),
-      states_(spheres.size(), kUnreached),
-      offers_(spheres.size()),
+GraphTraversal::GraphTraversal(std::span<const Sphere> spheres, const SortedGraph& graph)
+    : centres_(graph.sphere_ids.size()),
+      graph_(graph),
+      states_(centres_.size(), kUnreached),
+      offers_(centres_.size()),
       visits_(spheres.size() + 1),
       places_(spheres.size() + 1) {
   std::int32_t longest_row = 0;
-  for (std::size_t place = 0; place < sphere_ids_.size(); ++place) {
-    centres_.push_back(spheres[static_cast<std::size_t>(sphere_ids_[place])].centre);
+  for (std::size_t place = 0; place < centres_.size(); ++place) {
+    if (graph_.sphere_ids[place] < 0) continue;
+    centres_[place] = spheres[static_cast<std::size_t>(graph_.sphere_ids[place])].centre;
     longest_row = std::max(longest_row, graph_.row_starts[place + 1] - graph_.row_starts[place]);
   }
   ahead_.resize(static_cast<std::size_t>(longest_row));
@@ -49,7 +49,7 @@ std::size_t GraphTraversal::walk_edges(const Visit& from, Place place, const See
   }
   for (std::size_t k = 0; k < num_ahead; ++k) {
     const auto to = static_cast<std::size_t>(ahead[k]);
-    if (kWithEdgePlanes && edge_planes->forbids(sphere_ids_[to], seed.point)) continue;
+    if (kWithEdgePlanes && edge_planes->forbids(graph_.sphere_ids[to], seed.point)) continue;
     const Offer offer{from.path_length + norm(to_double(centres[to]) - c), from.seed};
     Offer& best = offers[to];
     if (states[to] == kUnreached) {
@@ -90,7 +90,7 @@ std::span<const GraphTraversal::Visit> GraphTraversal::run(std::span<const Seed>
     for (std::size_t v = round_end; v < num_visits; ++v) {
       const auto place = static_cast<std::size_t>(places_[v]);
       states_[place] = kSettled;
-      visits_[v] = {offers_[place].path_length, sphere_ids_[place], offers_[place].seed};
+      visits_[v] = {offers_[place].path_length, graph_.sphere_ids[place], offers_[place].seed};
     }
     round_begin = round_end;
   }

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "palpate/math/sphere.h"
-#include "src/contact/index/place_graph.h"
+#include "src/contact/index/sorted_graph.h"
 #include "src/contact/points/edges/edge_pieces.h"
 #include "src/contact/points/graph/graph_rule.h"
 
@@ -20,10 +20,9 @@ namespace palpate {
 /// path, then the lowest index. So the result does not depend on any order of execution.
 class GraphTraversal {
  public:
-  /// `spatial_order` lists all spheres so that neighbours in space are neighbours in the list: the
-  /// search then stays within a few cache lines.
-  GraphTraversal(std::span<const Sphere> spheres, const LeafGraph& graph,
-                 std::span<const std::int32_t> spatial_order);
+  /// In the order of `graph`, neighbours in space are neighbours in memory: the search stays within
+  /// a few cache lines. `graph` must outlive it.
+  GraphTraversal(std::span<const Sphere> spheres, const SortedGraph& graph);
 
   /// A boundary sphere, its unit normal in the tool frame and, for edges, its mean point; a zero
   /// normal starts no search.
@@ -57,9 +56,8 @@ class GraphTraversal {
   std::size_t walk_edges(const Visit& from, Place place, const Seed& seed,
                          const EdgesView* edge_planes, std::size_t num_visits);
 
-  std::vector<Vec3f> centres_;            // of each place
-  std::vector<std::int32_t> sphere_ids_;  // of each place
-  PlaceGraph graph_;
+  std::vector<Vec3f> centres_;  // of each place
+  const SortedGraph& graph_;
   std::vector<Place> ahead_;   // of one sphere: neighbours not settled and in its direction
   std::vector<State> states_;  // of each place
   std::vector<Offer> offers_;  // of each place: the best one it has had in this round

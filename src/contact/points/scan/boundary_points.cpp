@@ -2,11 +2,12 @@
 
 namespace palpate {
 
-BoundaryPoints::BoundaryPoints(std::size_t num_spheres, ThreadPool& pool, ScanPoints scan_points)
+BoundaryPoints::BoundaryPoints(std::size_t num_spheres, ThreadPool& pool, ScanPoints scan_points,
+                               bool has_edges)
     : pool_(&pool),
       scan_points_(scan_points),
       tasks_(static_cast<std::size_t>(pool.num_threads())),
-      edge_sums_(num_spheres) {
+      edge_sums_(has_edges ? num_spheres : 0) {
   for (Task& task : tasks_) {
     task.sums.resize(num_spheres);
     task.touched.assign((num_spheres + 7) / 8 * 8, 0);

@@ -13,8 +13,8 @@ namespace palpate {
 /// All memory is allocated at construction.
 class BoundaryPoints {
  public:
-  /// `pool` must outlive it.
-  BoundaryPoints(std::size_t num_spheres, ThreadPool& pool, ScanPoints scan_points);
+  /// `pool` must outlive it. Without `has_edges` edges cannot be asked for.
+  BoundaryPoints(std::size_t num_spheres, ThreadPool& pool, ScanPoints scan_points, bool has_edges);
 
   /// Adds up the points of the window. Rows (or runs of an unorganised cloud) are shared out; the
   /// sums are whole numbers, so merging them in any order gives the same bits. `scan` needs no
@@ -26,7 +26,7 @@ class BoundaryPoints {
   template <class Visit>
   void take(Visit&& visit) {
     take_touched(tasks_[0].touched, [&](std::size_t id) {
-      visit(id, tasks_[0].sums[id], edge_sums_[id]);
+      visit(id, tasks_[0].sums[id], with_edges_ ? edge_sums_[id] : EdgeSums{});
       tasks_[0].sums[id] = PointSums{};
       if (with_edges_) edge_sums_[id] = EdgeSums{};
     });
@@ -42,7 +42,7 @@ class BoundaryPoints {
   ThreadPool* pool_;
   ScanPoints scan_points_;
   std::vector<Task> tasks_;
-  std::vector<EdgeSums> edge_sums_;  // of all tasks
+  std::vector<EdgeSums> edge_sums_;  // of all tasks; empty without edges
   bool with_edges_ = false;
 };
 

@@ -11,6 +11,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/math/pose.h"
 #include "src/contact/index/sphere_grid.h"
+#include "src/core/select_isa.h"
 
 namespace palpate {
 
@@ -108,15 +109,8 @@ struct PointScan {
 using ScanPoints = void (*)(const PointScan& scan, int row_begin, int row_end, int column_begin,
                             int column_end, PointSums* sums, std::uint8_t* touched);
 
-namespace isa_baseline {
-void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
-}
-namespace isa_avx2 {
-void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
-}
-namespace isa_avx512 {
-void scan_points(const PointScan&, int, int, int, int, PointSums*, std::uint8_t*);
-}
+PALPATE_DECLARE_KERNELS(void scan_points(const PointScan&, int, int, int, int, PointSums*,
+                                         std::uint8_t*);)
 
 /// Calls visit(sphere_id), ascending, for every set byte of `touched`, and clears it. The length
 /// must be a multiple of eight.

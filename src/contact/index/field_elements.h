@@ -27,6 +27,10 @@ Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 struct FieldElements {
   FieldElements(const Tool& tool, SphereVolumes volumes);
 
+  std::size_t num_bytes() const {
+    return clusters.num_bytes() + bytes_of(radius, factor, counted, largest_radius);
+  }
+
   SphereClusters clusters;
   // Per place:
   std::vector<float> radius;          ///< as in `clusters`, but padding has a tiny ball

@@ -1,4 +1,4 @@
-#include "src/contact/field/field_elements.h"
+#include "src/contact/index/field_elements.h"
 
 #include <algorithm>
 #include <cmath>

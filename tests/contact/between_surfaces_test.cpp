@@ -1,9 +1,8 @@
-#include "palpate/contact/blended_query.h"
-
 #include <cmath>
 
 #include <gtest/gtest.h>
 
+#include "eval/method_queries.h"
 #include "palpate/math/sphere.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
@@ -44,8 +43,8 @@ const Tool& tool() {
   return made;
 }
 
-std::unique_ptr<ContactQuery> plain_query() {
-  return std::move(make_contact_query(Backend::cpu, tool())).value();
+std::unique_ptr<eval::MethodQueries> plain_query() {
+  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool());
 }
 
 Pose pose_at(double z) { return {{0.003, -0.002, z}, axis_angle({1, 2, 3}, 0.4)}; }
@@ -57,10 +56,10 @@ ContactOptions options_of(InsideMethod method) {
   return options;
 }
 
-TEST(BlendedQuery, WeighsBothSurfaces) {
+TEST(BetweenSurfaces, WeighsBothSurfaces) {
   const Wall old_wall(0.5), new_wall(0.495);
   const auto plain = plain_query();
-  BlendedQuery blended(plain_query());
+  eval::MethodQueries blended(Backend::cpu, tool());
   for (const InsideMethod method : kAllMethods) {
     const ContactOptions options = options_of(method);
     const auto on = [&](const Wall& wall) {
@@ -89,10 +88,10 @@ TEST(BlendedQuery, WeighsBothSurfaces) {
 // Between two frames of a wall that moves by a few millimetres, the force is that of the wall on
 // its way, as moving the points themselves would give: every sphere's cap volume is nearly linear
 // over such a distance.
-TEST(BlendedQuery, FollowsAMovingWall) {
+TEST(BetweenSurfaces, FollowsAMovingWall) {
   const Wall old_wall(0.5), new_wall(0.4975);
   const Pose X_WT = pose_at(0.492);
-  BlendedQuery query(plain_query());
+  eval::MethodQueries query(Backend::cpu, tool());
   for (const double t : {0.0, 0.3, 0.5, 0.8, 1.0}) {
     query.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
     const double depth = 0.5 - 0.0025 * t;
@@ -107,9 +106,9 @@ TEST(BlendedQuery, FollowsAMovingWall) {
   }
 }
 
-TEST(BlendedQuery, IsTheGradientOfOnePotentialAtEveryInstant) {
+TEST(BetweenSurfaces, IsTheGradientOfOnePotentialAtEveryInstant) {
   const Wall old_wall(0.5), new_wall(0.48);
-  BlendedQuery query(plain_query());
+  eval::MethodQueries query(Backend::cpu, tool());
   const ContactOptions options = options_of(InsideMethod::field);
   for (const double t : {0.2, 0.5, 0.9}) {
     query.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
@@ -129,14 +128,14 @@ TEST(BlendedQuery, IsTheGradientOfOnePotentialAtEveryInstant) {
 }
 
 // A wall that appears or vanishes as a whole fades linearly.
-TEST(BlendedQuery, WhatAppearsFadesIn) {
+TEST(BetweenSurfaces, WhatAppearsFadesIn) {
   const Wall wall(0.5);
   const PointCloud nothing(kWidth, kHeight, kCamera);
   ThreadPool pool(1);
   DepthField empty = std::move(DepthField::create(kWidth, kHeight)).value();
   empty.update(nothing.view(), pool);
   const Surfaces none{nothing.view(), empty.view()};
-  BlendedQuery query(plain_query());
+  eval::MethodQueries query(Backend::cpu, tool());
   for (const InsideMethod method : kAllMethods) {
     const auto volume = [&](const Surfaces& from, const Surfaces& to, double t) {
       query.set_moment({from, to, t});
@@ -151,9 +150,9 @@ TEST(BlendedQuery, WhatAppearsFadesIn) {
   }
 }
 
-TEST(BlendedQuery, SettingOneSurfaceLeavesNothingToBlend) {
+TEST(BetweenSurfaces, SettingOneSurfaceLeavesNothingToBlend) {
   const Wall old_wall(0.5), new_wall(0.49);
-  BlendedQuery query(plain_query());
+  eval::MethodQueries query(Backend::cpu, tool());
   query.set_moment({old_wall.surfaces(), old_wall.surfaces(), 0.5});
   query.set_cloud(new_wall.surfaces().cloud);
   query.set_field(new_wall.surfaces().field);
@@ -166,10 +165,11 @@ TEST(BlendedQuery, SettingOneSurfaceLeavesNothingToBlend) {
   }
 }
 
-TEST(BlendedQuery, DoesNotAllocate) {
+TEST(BetweenSurfaces, DoesNotAllocate) {
   const Wall old_wall(0.5), new_wall(0.49);
-  BlendedQuery query(plain_query());
+  eval::MethodQueries query(Backend::cpu, tool());
   const SurfaceMoment moment{old_wall.surfaces(), new_wall.surfaces(), 0.5};
+  for (const InsideMethod method : kAllMethods) query.by(options_of(method));
   const test::AllocationCounter counter;
   for (const InsideMethod method : kAllMethods) {
     query.set_moment(moment);

@@ -7,18 +7,21 @@
 #include <vector>
 
 #include "palpate/ist/leaf_graph.h"
+#include "src/contact/index/num_bytes.h"
 
 namespace palpate {
 
 /// Rows one after the other; edges go both ways.
-struct PlaceGraph {
+struct SortedGraph {
+  std::vector<std::int32_t> sphere_ids;  ///< of each place; -1 for padding
   std::vector<std::int32_t> place_of;    ///< of each sphere
   std::vector<std::int32_t> row_starts;  ///< of each place, and one past the last
   std::vector<std::int32_t> neighbours;  ///< places
 
-  /// `sphere_ids`: of each place, every sphere once; -1 (padding) has no neighbours.
-  PlaceGraph(const LeafGraph& graph, std::span<const std::int32_t> sphere_ids)
-      : place_of(graph.row_starts().size() - 1) {
+  /// `ids_of_places`: of each place, every sphere once; -1 (padding) has no neighbours.
+  SortedGraph(const LeafGraph& graph, std::span<const std::int32_t> ids_of_places)
+      : sphere_ids(ids_of_places.begin(), ids_of_places.end()),
+        place_of(graph.row_starts().size() - 1) {
     for (std::size_t place = 0; place < sphere_ids.size(); ++place) {
       if (sphere_ids[place] < 0) continue;
       place_of[static_cast<std::size_t>(sphere_ids[place])] = static_cast<std::int32_t>(place);
@@ -36,6 +39,8 @@ struct PlaceGraph {
     }
     row_starts.push_back(static_cast<std::int32_t>(neighbours.size()));
   }
+
+  std::size_t num_bytes() const { return bytes_of(sphere_ids, place_of, row_starts, neighbours); }
 };
 
 }  // namespace palpate

@@ -1,0 +1,84 @@
+// The queries of a tool by one method after the other, for studies that compare methods.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "palpate/contact/contact_query.h"
+
+namespace palpate::eval {
+
+/// Against one surface or between two. A query is made when its method is first asked; all share an
+/// index.
+class MethodQueries {
+ public:
+  using MakeQuery = std::function<Result<std::unique_ptr<ContactQuery>>(
+      std::shared_ptr<const ToolIndex> index, const ContactMethod& method)>;
+
+  MethodQueries(std::shared_ptr<const ToolIndex> index, MakeQuery make)
+      : index_(std::move(index)),
+        make_(std::move(make)),
+        states_(index_->tool().spheres().size()),
+        planes_(states_.size()) {}
+  /// `tool` must outlive it.
+  MethodQueries(Backend backend, const Tool& tool, const ContactCapacities& capacities = {})
+      : MethodQueries(ToolIndex::create(tool),
+                      [=](std::shared_ptr<const ToolIndex> index, const ContactMethod& method) {
+                        return make_contact_query(backend, std::move(index), method, capacities);
+                      }) {}
+  MethodQueries(Backend, const Tool&&, const ContactCapacities& = {}) = delete;
+
+  void set_moment(const SurfaceMoment& moment) { moment_ = moment; }
+  void set_cloud(const PointCloudView& cloud) {
+    moment_.to.cloud = cloud;
+    moment_.progress = 1;
+  }
+  void set_field(const DepthFieldView& field) {
+    moment_.to.field = field;
+    moment_.progress = 1;
+  }
+
+  Penetration query(const Pose& X_WT, const ContactOptions& options) {
+    last_ = &by(options);
+    X_WT_ = X_WT;
+    return ask({}).penetration;
+  }
+  /// Of the last query, measured again; zero if the method has none.
+  Stiffness stiffness() { return ask({.stiffness = true}).stiffness.value_or(Stiffness{}); }
+  std::span<const SphereState> states() {
+    ask({.states = states_});
+    return states_;
+  }
+  std::span<const Plane<float>> planes() {
+    ask({.planes = planes_});
+    return planes_;
+  }
+
+  const ContactQuery& by(const ContactOptions& options) {
+    for (const auto& [its_options, query] : queries_) {
+      if (its_options == options) return *query;
+    }
+    const ContactMethod method = contact_method(options).value();
+    queries_.emplace_back(options, make_(index_, method).value());
+    return *queries_.back().second;
+  }
+
+ private:
+  ContactResult ask(const ContactWants& wants) {
+    return last_->measure(moment_.from, moment_.to, moment_.progress, X_WT_, wants);
+  }
+
+  std::shared_ptr<const ToolIndex> index_;
+  MakeQuery make_;
+  std::vector<std::pair<ContactOptions, std::unique_ptr<ContactQuery>>> queries_;
+  const ContactQuery* last_ = nullptr;
+  SurfaceMoment moment_;
+  Pose X_WT_;
+  std::vector<SphereState> states_;
+  std::vector<Plane<float>> planes_;
+};
+
+}  // namespace palpate::eval

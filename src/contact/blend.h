@@ -1,0 +1,40 @@
+// Results against two surfaces, weighed.
+#pragma once
+
+#include <algorithm>
+
+#include "palpate/contact/contact_query.h"
+
+namespace palpate {
+
+/// (1 - alpha) times `from` and alpha times `to`, whose are counts, states and planes.
+inline ContactResult blend(const ContactResult& from, const ContactResult& to, double alpha) {
+  const double s = 1 - alpha, t = alpha;
+  const Penetration &a = from.penetration, &b = to.penetration;
+  ContactResult both = to;
+  both.penetration.volume = s * a.volume + t * b.volume;
+  both.penetration.potential = s * a.potential + t * b.potential;
+  both.penetration.measure_W.force = s * a.measure_W.force + t * b.measure_W.force;
+  both.penetration.measure_W.torque = s * a.measure_W.torque + t * b.measure_W.torque;
+  both.penetration.status |= a.status;
+  if (!both.stiffness || !from.stiffness) return both;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) {
+      double& k = both.stiffness->m[row][column];
+      k = s * from.stiffness->m[row][column] + t * k;
+    }
+  }
+  return both;
+}
+
+/// What a query gives that cannot measure. Stiffness, states and planes are those of free space.
+inline ContactResult unmeasured(StepStatus why, const ContactWants& wants, bool has_stiffness) {
+  ContactResult result;
+  result.penetration.status = why;
+  if (wants.stiffness && has_stiffness) result.stiffness.emplace();
+  std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
+  std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
+  return result;
+}
+
+}  // namespace palpate

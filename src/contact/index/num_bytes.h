@@ -1,0 +1,14 @@
+// Memory of vectors.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace palpate {
+
+template <class... T>
+std::size_t bytes_of(const std::vector<T>&... vectors) {
+  return (... + (vectors.capacity() * sizeof(T)));
+}
+
+}  // namespace palpate

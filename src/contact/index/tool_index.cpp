@@ -1,0 +1,18 @@
+#include "palpate/contact/tool_index.h"
+
+#include "src/contact/index/tool_parts.h"
+
+namespace palpate {
+
+ToolIndex::ToolIndex(const Tool& tool)
+    : tool_(&tool), parts_(std::make_unique<const Parts>(tool)) {}
+
+ToolIndex::~ToolIndex() = default;
+
+std::shared_ptr<const ToolIndex> ToolIndex::create(const Tool& tool) {
+  return std::shared_ptr<const ToolIndex>(new ToolIndex(tool));
+}
+
+std::size_t ToolIndex::num_bytes() const { return parts_->num_bytes(); }
+
+}  // namespace palpate

@@ -1,0 +1,77 @@
+// The parts of a tool's index, each built when it is first asked for.
+#pragma once
+
+#include <atomic>
+#include <mutex>
+#include <optional>
+
+#include "palpate/contact/contact_query.h"
+#include "palpate/contact/tool_index.h"
+#include "src/contact/index/field_elements.h"
+#include "src/contact/index/sorted_graph.h"
+#include "src/contact/index/sphere_clusters.h"
+#include "src/contact/index/sphere_grid.h"
+#include "src/contact/index/volume_scales.h"
+#include "src/contact/points/scan/image_window.h"
+
+namespace palpate {
+
+/// Made by the first thread that asks; the others wait for it.
+template <class Value>
+class Lazy {
+ public:
+  template <class Make>
+  const Value& get(Make&& make) const {
+    std::call_once(once_, [&] {
+      value_.emplace(make());
+      is_there_.store(true, std::memory_order_release);
+    });
+    return *value_;
+  }
+  std::size_t num_bytes() const {
+    return is_there_.load(std::memory_order_acquire) ? value_->num_bytes() : 0;
+  }
+
+ private:
+  mutable std::once_flag once_;
+  mutable std::optional<Value> value_;
+  mutable std::atomic<bool> is_there_ = false;
+};
+
+struct ToolIndex::Parts {
+  explicit Parts(const Tool& of) : tool(of), box_T(bounds_of(of.spheres())) {}
+
+  const SphereClusters& clusters() const {
+    return clusters_.get([&] { return SphereClusters(tool.spheres()); });
+  }
+  const SphereGrid& grid() const {
+    return grid_.get([&] { return SphereGrid(tool.spheres()); });
+  }
+  const SortedGraph& graph() const {
+    return graph_.get([&] { return SortedGraph(tool.graph(), clusters().sphere_id); });
+  }
+  const VolumeScales& scales(SphereVolumes volumes) const {
+    return scales_[static_cast<int>(volumes)].get(
+        [&] { return VolumeScales(tool, clusters(), volumes); });
+  }
+  const FieldElements& elements(SphereVolumes volumes) const {
+    return elements_[static_cast<int>(volumes)].get([&] { return FieldElements(tool, volumes); });
+  }
+
+  std::size_t num_bytes() const {
+    return clusters_.num_bytes() + grid_.num_bytes() + graph_.num_bytes() + scales_[0].num_bytes() +
+           scales_[1].num_bytes() + elements_[0].num_bytes() + elements_[1].num_bytes();
+  }
+
+  const Tool& tool;
+  Bounds box_T;  ///< around the spheres
+
+ private:
+  Lazy<SphereClusters> clusters_;
+  Lazy<SphereGrid> grid_;
+  Lazy<SortedGraph> graph_;
+  Lazy<VolumeScales> scales_[2];     // by SphereVolumes
+  Lazy<FieldElements> elements_[2];  // likewise
+};
+
+}  // namespace palpate

@@ -1,0 +1,15 @@
+// The contact query by points, on the CPU: weighted, simplified and along the leaf graph.
+#pragma once
+
+#include <memory>
+
+#include "palpate/contact/contact_query.h"
+
+namespace palpate {
+
+/// `method` is none of the field.
+std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
+                                                 const ContactMethod& method,
+                                                 const ContactCapacities& capacities);
+
+}  // namespace palpate

@@ -1,0 +1,40 @@
+// Which of the implementations of a kernel runs: one for each vector instruction set.
+#pragma once
+
+#include <algorithm>
+
+#include "palpate/core/isa.h"
+
+// Declares what stands between the brackets in the namespace of each instruction set, and lists
+// what has a name in all of them.
+#if defined(__x86_64__)
+#define PALPATE_DECLARE_KERNELS(...) \
+  namespace isa_baseline {           \
+  __VA_ARGS__                        \
+  }                                  \
+  namespace isa_avx2 {               \
+  __VA_ARGS__                        \
+  }                                  \
+  namespace isa_avx512 {             \
+  __VA_ARGS__                        \
+  }
+#define PALPATE_BY_ISA(name) \
+  { isa_baseline::name, isa_avx2::name, isa_avx512::name }
+#else
+#define PALPATE_DECLARE_KERNELS(...) \
+  namespace isa_baseline {           \
+  __VA_ARGS__                        \
+  }
+#define PALPATE_BY_ISA(name) \
+  { isa_baseline::name, isa_baseline::name, isa_baseline::name }
+#endif
+
+namespace palpate {
+
+/// The best of PALPATE_BY_ISA(...) that this processor runs, but none better than `isa`.
+template <class Kernel>
+Kernel select_isa(const Kernel (&kernels)[3], Isa isa) {
+  return kernels[static_cast<int>(std::min(isa, best_isa()))];
+}
+
+}  // namespace palpate
