@@ -15,7 +15,7 @@ namespace palpate::eval {
 
 inline constexpr const char* kSilhouetteTool = "box";
 inline constexpr double kSilhouetteToolSize = 0.06;  // m
-inline constexpr double kBound = 1.08;               // times V: no force is longer, by construction
+inline constexpr double kBound = 1.05;               // times V: no force is longer, by construction
 inline constexpr double kRounding = 1e-6;
 inline constexpr double kCalm = 1.05, kLong = 1.1;  // times V
 
@@ -40,7 +40,7 @@ class Feeler {
  public:
   static constexpr double kLeastShare = 0.02;  ///< of the tool: less is no contact
 
-  Feeler(std::unique_ptr<ContactQuery> query, const Tool& tool)
+  Feeler(std::unique_ptr<MethodQueries> query, const Tool& tool)
       : query_(std::move(query)), whole_(full_volume(tool, options_)), section_(section_of(tool)) {}
 
   /// nullopt: no contact.
@@ -80,7 +80,7 @@ class Feeler {
 
  private:
   ContactOptions options_{.method = InsideMethod::field};
-  std::unique_ptr<ContactQuery> query_;
+  std::unique_ptr<MethodQueries> query_;
   static double section_of(const Tool& tool) {
     const Bounds box = bounds(tool.mesh());
     const Vec3d size = box.high - box.low;
@@ -92,8 +92,7 @@ class Feeler {
 
 inline Result<Feeler> feeler_on(const SeenFrame& frame, const Tool& tool) {
   auto query = query_on(frame, tool);
-  if (!query) return query.error();
-  return Feeler(*std::move(query), tool);
+  return Feeler(std::move(query), tool);
 }
 
 /// Adds tables, numbers and claims of contacts with recorded frames.

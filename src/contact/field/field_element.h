@@ -8,11 +8,11 @@
 
 namespace palpate {
 
-/// The longest gradient of the field that a force follows: |force| <= 1.08 volume, always. Near one
+/// The longest gradient of the field that a force follows: |force| <= 1.05 volume, always. Near one
 /// surface gradients are 1 long but for noise, behind silhouettes 1 or less but for places where
 /// the walls of two levels lie apart. Where one is longer it is shortened, and the force there no
 /// longer is the derivative of the potential.
-inline constexpr float kLongestGradient = 1.08f;
+inline constexpr float kLongestGradient = 1.05f;
 
 /// n of this length, but not longer than kLongestGradient.
 template <class Real>
