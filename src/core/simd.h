@@ -344,25 +344,15 @@ inline void gather_three_pairs(const float* table, VecI index, VecF (&columns)[6
   columns[4] = right(a04, b04);
   columns[5] = right(a15, b15);
 #else
+  const auto row = [&](int lane, int first) {
+    return load(table + 2 * std::ptrdiff_t{index[lane]} + first);
+  };
   VecF front[4], back[4];
-  for (int i = 0; i < 4; ++i) {
-    const float* const row = table + 2 * std::ptrdiff_t{index[i]};
-    front[i] = load(row);
-    back[i] = load(row + 4);
-  }
-  const auto low = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 0, 4, 1, 5); };
-  const auto high = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 2, 6, 3, 7); };
-  const auto first = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 0, 1, 4, 5); };
-  const auto second = [](VecF a, VecF b) { return __builtin_shufflevector(a, b, 2, 3, 6, 7); };
-  const VecF a = low(front[0], front[1]), b = low(front[2], front[3]);
-  const VecF c = high(front[0], front[1]), d = high(front[2], front[3]);
-  const VecF e = low(back[0], back[1]), f = low(back[2], back[3]);
-  columns[0] = first(a, b);
-  columns[1] = second(a, b);
-  columns[2] = first(c, d);
-  columns[3] = second(c, d);
-  columns[4] = first(e, f);
-  columns[5] = second(e, f);
+  transpose_fours({row(0, 0), row(1, 0), row(2, 0), row(3, 0)}, front);
+  transpose_fours({row(0, 4), row(1, 4), row(2, 4), row(3, 4)}, back);
+  for (int k = 0; k < 4; ++k) columns[k] = front[k];
+  columns[4] = back[0];
+  columns[5] = back[1];
 #endif
 }
 

@@ -9,6 +9,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "tests/cloud/surface_truth.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/real_frames.h"
 
 namespace palpate {
 namespace {
@@ -35,30 +36,10 @@ DepthFrame read_png(const std::filesystem::path& path, double unit) {
   return frame;
 }
 
-struct RealFrame {
-  const char* name;
-  Intrinsics intrinsics;
-};
-
-constexpr RealFrame kFrames[] = {
-    {"pcl_person", {525, 525, 319.5, 239.5}},
-    {"pcl_floor_box_chair", {525, 525, 320, 240}},
-    {"pcl_milk_clorox_table", {525, 525, 319.5, 239.5}},
-    {"pcl_stairs_shelf_1", {525, 525, 319.5, 239.5}},
-    {"pcl_stairs_shelf_2", {525, 525, 319.5, 239.5}},
-    {"pcl_grabber_1", {525, 525, 320, 240}},
-    {"pcl_grabber_2", {525, 525, 320, 240}},
-    {"pcl_grabber_3", {525, 525, 320, 240}},
-    {"realsense_room_0", {617.25, 617.549, 317.392, 245.98}},
-    {"realsense_room_2", {617.25, 617.549, 317.392, 245.98}},
-    {"realsense_room_4", {617.25, 617.549, 317.392, 245.98}},
-    {"slambook_desk_1", {518, 519, 325.5, 253.5}},
-};
-
 TEST(RealFrames, NormalsAreThereAreUnitAndFaceTheCamera) {
   PALPATE_DATA_OR_SKIP(folder, "frames");
   ThreadPool pool(2);
-  for (const RealFrame& real : kFrames) {
+  for (const test::RealFrame& real : test::kRealFrames) {
     SCOPED_TRACE(real.name);
     const DepthFrame frame = read_png(folder / (std::string(real.name) + ".png"), 0.001);
     ASSERT_EQ(frame.pixels.size(), 640u * 480u);

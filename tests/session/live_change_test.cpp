@@ -14,13 +14,17 @@
 #include "palpate/session/run_folder.h"
 #include "src/session/run_messages.h"
 #include "tests/session/live_hand.h"
+#include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
 namespace {
 
+using test::messages;
+using Message = test::RecordedMessage;
 using test::patient_settings;
 using test::pressing_device;
+using test::rewrite;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
@@ -78,42 +82,6 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, HapticO
   return record_run(tool, stream, *device, patient_settings(), folder, options);
 }
 
-struct Message {
-  McapChannel channel;
-  std::uint64_t time;
-  std::string data;
-};
-
-std::vector<Message> messages(const std::filesystem::path& file) {
-  auto reader = McapReader::open(file);
-  EXPECT_TRUE(reader) << reader.error().message;
-  std::vector<Message> all;
-  for (;;) {
-    const auto message = reader->next();
-    EXPECT_TRUE(message) << message.error().message;
-    if (!message || !*message) break;
-    all.push_back({reader->channels().at((*message)->channel), (*message)->time,
-                   std::string((*message)->data)});
-  }
-  return all;
-}
-
-void rewrite(const std::filesystem::path& file, const std::vector<Message>& all) {
-  const auto tool = McapReader::open(file)->attachment(kToolFile);
-  ASSERT_TRUE(tool) << tool.error().message;
-  auto writer = McapWriter::create(file);
-  ASSERT_TRUE(writer);
-  ASSERT_TRUE(writer->attach(kToolFile, "", *tool));
-  std::map<std::string, std::uint16_t> channels;
-  for (const Message& message : all) {
-    if (!channels.contains(message.channel.topic)) {
-      channels[message.channel.topic] = writer->add_channel(message.channel);
-    }
-    ASSERT_TRUE(writer->write(channels[message.channel.topic], message.time, message.data));
-  }
-  ASSERT_TRUE(writer->finish());
-}
-
 TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
@@ -144,7 +112,7 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
 
   // Settings before what was done with them, all there.
-  const std::vector<Message> all = messages(run / kRecordingFile);
+  const std::vector<Message> all = messages(run);
   std::uint32_t newest = 0, num_settings = 0, num_marks = 0;
   std::set<std::uint32_t> tick_revisions, contact_revisions;
   for (const Message& message : all) {
@@ -193,7 +161,7 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
       setup.settings.surface.filter.enabled = true;
       message.data = settings_message(setup);
     }
-    rewrite(run / kRecordingFile, changed);
+    rewrite(run, changed);
     const auto differs = replay_run(run);
     ASSERT_TRUE(differs) << differs.error().message;
     EXPECT_NE(differs->difference, "") << revision;
@@ -202,7 +170,7 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   std::erase_if(without, [](const Message& message) {
     return message.channel.topic == kSettingsTopic && read_settings(message.data)->revision == 2;
   });
-  rewrite(run / kRecordingFile, without);
+  rewrite(run, without);
   const auto missing = replay_run(run);
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().message.find("revision 2"), std::string::npos);

@@ -23,13 +23,17 @@
 #include "src/session/run_series.h"
 #include "src/session/settings_json.h"
 #include "tests/session/live_hand.h"
+#include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"
 
 namespace palpate {
 namespace {
 
+using test::messages;
+using Message = test::RecordedMessage;
 using test::patient_settings;
 using test::pressing_device;
+using test::rewrite;
 using test::small_tool;
 using test::SyntheticStream;
 using test::TemporaryFolder;
@@ -41,43 +45,6 @@ Result<RunOutcome> run_for(double duration, const std::filesystem::path& folder,
   SyntheticStream stream(num_frames);
   const auto device = pressing_device();
   return record_run(tool, stream, *device, settings, folder, {.duration = duration});
-}
-
-struct Message {
-  McapChannel channel;
-  std::uint64_t time;
-  std::string data;
-};
-
-std::vector<Message> messages(const std::filesystem::path& folder, bool* was_cut_off = nullptr) {
-  auto reader = McapReader::open(folder / kRecordingFile);
-  EXPECT_TRUE(reader) << reader.error().message;
-  std::vector<Message> all;
-  for (;;) {
-    const auto message = reader->next();
-    EXPECT_TRUE(message) << message.error().message;
-    if (!message || !*message) break;
-    all.push_back({reader->channels().at((*message)->channel), (*message)->time,
-                   std::string((*message)->data)});
-  }
-  if (was_cut_off != nullptr) *was_cut_off = reader->was_cut_off();
-  return all;
-}
-
-void rewrite(const std::filesystem::path& folder, const std::vector<Message>& all) {
-  const auto tool = McapReader::open(folder / kRecordingFile)->attachment(kToolFile);
-  ASSERT_TRUE(tool) << tool.error().message;
-  auto writer = McapWriter::create(folder / kRecordingFile);
-  ASSERT_TRUE(writer);
-  ASSERT_TRUE(writer->attach(kToolFile, "", *tool));
-  std::map<std::string, std::uint16_t> channels;
-  for (const Message& message : all) {
-    if (!channels.contains(message.channel.topic)) {
-      channels[message.channel.topic] = writer->add_channel(message.channel);
-    }
-    ASSERT_TRUE(writer->write(channels[message.channel.topic], message.time, message.data));
-  }
-  ASSERT_TRUE(writer->finish());
 }
 
 std::string read(const std::filesystem::path& path) { return *read_file(path); }

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "src/contact/blend.h"
 #include "src/contact/cuda/device_cloud.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/cuda/query_answer.h"
@@ -16,6 +15,7 @@
 #include "src/contact/points/edges/edge_stage.cuh"
 #include "src/contact/points/graph/graph_memory.h"
 #include "src/contact/points/graph/graph_stage.cuh"
+#include "src/contact/points/point_contact_of.h"
 #include "src/contact/points/point_query.h"
 #include "src/contact/points/scan/boundary_stage.cuh"
 #include "src/contact/points/scan/scan_stage.cuh"
@@ -336,36 +336,6 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
   }
 }
 
-class PointContactCuda final : public ContactQuery {
- public:
-  PointContactCuda(std::shared_ptr<const ToolIndex> index, const ContactMethod& method, int gpu)
-      : ContactQuery(std::move(index), method),
-        measurement_(
-            std::make_unique<PointMeasurementCuda>(*this->index(), contact_options(method), gpu)) {}
-
-  Status status() const { return measurement_->status(); }
-
-  ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha, const Pose& X_WT,
-                        const ContactWants& wants) const noexcept override {
-    if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, false);
-    const Pose X{X_WT.translation, normalized(X_WT.rotation)};
-    ContactResult older;
-    if (alpha < 1) older.penetration = measurement_->measure(from.cloud, X);
-    const ContactResult newer{measurement_->measure(to.cloud, X), {}};
-    measurement_->describe(wants);
-    return alpha < 1 ? blend(older, newer, alpha) : newer;
-  }
-
- private:
-  std::unique_ptr<PointMeasurementCuda> measurement_;  // scratch
-};
-
-template <class Query>
-Result<std::unique_ptr<ContactQuery>> checked(std::unique_ptr<Query> query) {
-  if (const Status status = query->status(); !status) return status.error();
-  return std::unique_ptr<ContactQuery>(std::move(query));
-}
-
 }  // namespace
 
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
@@ -373,11 +343,15 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
     const ContactCapacities& capacities) {
   const int gpu = capacities.gpu;
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
-  const auto* field = std::get_if<FieldMethod>(&method);
-  if (field != nullptr) {
-    return checked(std::make_unique<FieldContactCuda>(std::move(index), *field, gpu));
+  if (const auto* field = std::get_if<FieldMethod>(&method)) {
+    auto query = std::make_unique<FieldContactCuda>(std::move(index), *field, gpu);
+    if (const Status status = query->status(); !status) return status.error();
+    return std::unique_ptr<ContactQuery>(std::move(query));
   }
-  return checked(std::make_unique<PointContactCuda>(std::move(index), method, gpu));
+  auto measurement = std::make_unique<PointMeasurementCuda>(*index, contact_options(method), gpu);
+  if (const Status status = measurement->status(); !status) return status.error();
+  return std::unique_ptr<ContactQuery>(std::make_unique<PointContactOf<PointMeasurementCuda>>(
+      std::move(index), method, std::move(measurement)));
 }
 
 }  // namespace palpate

@@ -8,13 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include "src/contact/blend.h"
 #include "src/contact/index/tool_parts.h"
 #include "src/contact/points/donors/lenders.h"
 #include "src/contact/points/donors/plane_borrowing.h"
 #include "src/contact/points/edges/edge_planes.h"
 #include "src/contact/points/graph/graph_rule.h"
 #include "src/contact/points/graph/graph_traversal.h"
+#include "src/contact/points/point_contact_of.h"
 #include "src/contact/points/scan/boundary_plane.h"
 #include "src/contact/points/scan/boundary_points.h"
 #include "src/contact/points/scan/point_scan.h"
@@ -414,35 +414,15 @@ void PointMeasurement::describe(const ContactWants& wants) const {
   }
 }
 
-class PointContact final : public ContactQuery {
- public:
-  PointContact(std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
-               const ContactCapacities& capacities)
-      : ContactQuery(std::move(index), method),
-        measurement_(std::make_unique<PointMeasurement>(*this->index(), contact_options(method),
-                                                        capacities)) {}
-
-  ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha, const Pose& X_WT,
-                        const ContactWants& wants) const noexcept override {
-    if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, false);
-    const Pose X{X_WT.translation, normalized(X_WT.rotation)};
-    ContactResult older;
-    if (alpha < 1) older.penetration = measurement_->measure(from.cloud, X);
-    const ContactResult newer{measurement_->measure(to.cloud, X), {}};
-    measurement_->describe(wants);
-    return alpha < 1 ? blend(older, newer, alpha) : newer;
-  }
-
- private:
-  std::unique_ptr<PointMeasurement> measurement_;  // scratch
-};
-
 }  // namespace
 
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
                                                  const ContactCapacities& capacities) {
-  return std::make_unique<PointContact>(std::move(index), method, capacities);
+  auto measurement =
+      std::make_unique<PointMeasurement>(*index, contact_options(method), capacities);
+  return std::make_unique<PointContactOf<PointMeasurement>>(std::move(index), method,
+                                                            std::move(measurement));
 }
 
 }  // namespace palpate

@@ -9,6 +9,7 @@
 #include "src/contact/cuda/device_field.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/field_probe.h"
+#include "tests/test_util/frozen_field.h"
 #include "tests/test_util/gpu.h"
 
 #if defined(PALPATE_EMULATE_CUDA)
@@ -18,23 +19,11 @@
 namespace palpate {
 namespace {
 
+using test::FrozenField;
 using test::Random;
 
 constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
 constexpr int kWidth = 96, kHeight = 72;
-
-/// A field with the cloud it comes from.
-struct FrozenField {
-  PointCloud cloud;
-  DepthField field;
-
-  explicit FrozenField(PointCloud from, const DepthFieldOptions& options = {})
-      : cloud(std::move(from)),
-        field(std::move(DepthField::create(cloud.width(), cloud.height(), options)).value()) {
-    ThreadPool pool(1);
-    field.update(cloud.view(), pool);
-  }
-};
 
 PointCloud rough_wall(std::uint64_t seed, double depth = 0.6) {
   return test::noisy_wall(kWidth, kHeight, 84, depth, 0.002, seed);

@@ -11,10 +11,12 @@
 #include "palpate/field/field_sample.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/frozen_field.h"
 
 namespace palpate {
 namespace {
 
+using test::FrozenField;
 using test::Random;
 
 std::vector<Isa> isas() {
@@ -28,19 +30,6 @@ std::vector<Isa> isas() {
 constexpr ContactOptions kOwn{.method = InsideMethod::field, .volumes = SphereVolumes::own};
 constexpr ContactOptions kRepresented{.method = InsideMethod::field,
                                       .volumes = SphereVolumes::represented};
-
-/// A field with the cloud it comes from.
-struct FrozenField {
-  PointCloud cloud;
-  DepthField field;
-
-  explicit FrozenField(PointCloud from, const DepthFieldOptions& options = {})
-      : cloud(std::move(from)),
-        field(std::move(DepthField::create(cloud.width(), cloud.height(), options)).value()) {
-    ThreadPool pool(1);
-    field.update(cloud.view(), pool);
-  }
-};
 
 // The longest gradient that a force follows.
 constexpr double kLongest = 1.05;

@@ -17,6 +17,7 @@
 #include "tests/test_util/data.h"
 #include "tests/test_util/field_probe.h"
 #include "tests/test_util/gpu.h"
+#include "tests/test_util/real_frames.h"
 
 namespace palpate {
 namespace {
@@ -28,17 +29,15 @@ constexpr double kBound = 1.05;  // times V
 constexpr double kMostWork = 0.2;
 constexpr SphereVolumes kBoth[] = {SphereVolumes::own, SphereVolumes::represented};
 
-struct RealFrame {
-  const char* name;
-  Intrinsics intrinsics;
-};
+using test::real_frame;
+using test::RealFrame;
 constexpr RealFrame kFrames[] = {
-    {"pcl_person", {525, 525, 319.5, 239.5}},
-    {"pcl_floor_box_chair", {525, 525, 320, 240}},
-    {"pcl_milk_clorox_table", {525, 525, 319.5, 239.5}},
-    {"pcl_stairs_shelf_1", {525, 525, 319.5, 239.5}},
-    {"realsense_room_2", {617.25, 617.549, 317.392, 245.98}},
-    {"slambook_desk_1", {518, 519, 325.5, 253.5}},
+    real_frame("pcl_person"),
+    real_frame("pcl_floor_box_chair"),
+    real_frame("pcl_milk_clorox_table"),
+    real_frame("pcl_stairs_shelf_1"),
+    real_frame("realsense_room_2"),
+    real_frame("slambook_desk_1"),
 };
 
 /// A frame with its field, and where in it tools are put.

@@ -1,0 +1,57 @@
+// The messages of a recording, read all at once and written back as tests change them.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "palpate/io/mcap_file.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/run_messages.h"
+
+namespace palpate::test {
+
+struct RecordedMessage {
+  McapChannel channel;
+  std::uint64_t time;
+  std::string data;
+};
+
+/// Of the recording in a run folder.
+inline std::vector<RecordedMessage> messages(const std::filesystem::path& run,
+                                             bool* was_cut_off = nullptr) {
+  auto reader = McapReader::open(run / kRecordingFile);
+  EXPECT_TRUE(reader) << reader.error().message;
+  std::vector<RecordedMessage> all;
+  for (;;) {
+    const auto message = reader->next();
+    EXPECT_TRUE(message) << message.error().message;
+    if (!message || !*message) break;
+    all.push_back({reader->channels().at((*message)->channel), (*message)->time,
+                   std::string((*message)->data)});
+  }
+  if (was_cut_off != nullptr) *was_cut_off = reader->was_cut_off();
+  return all;
+}
+
+/// With the tool that the recording has.
+inline void rewrite(const std::filesystem::path& run, const std::vector<RecordedMessage>& all) {
+  const auto tool = McapReader::open(run / kRecordingFile)->attachment(kToolFile);
+  ASSERT_TRUE(tool) << tool.error().message;
+  auto writer = McapWriter::create(run / kRecordingFile);
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE(writer->attach(kToolFile, "", *tool));
+  std::map<std::string, std::uint16_t> channels;
+  for (const RecordedMessage& message : all) {
+    if (!channels.contains(message.channel.topic)) {
+      channels[message.channel.topic] = writer->add_channel(message.channel);
+    }
+    ASSERT_TRUE(writer->write(channels[message.channel.topic], message.time, message.data));
+  }
+  ASSERT_TRUE(writer->finish());
+}
+
+}  // namespace palpate::test
