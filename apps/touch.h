@@ -36,7 +36,7 @@ struct TouchOptions {
   double depth_rate = 30;
   bool noise = true;
   std::uint64_t seed = 1;
-  HapticSettings settings;
+  RunSettings settings;
   bool has_kind = false, has_base = false, has_tool_in_hand = false;  ///< somebody gave them
   Status settings_read = Done{};                                      ///< of --settings
   std::vector<ObjectOption> objects;

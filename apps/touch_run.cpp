@@ -83,7 +83,7 @@ Result<double> path_duration(const TouchOptions& options, const TouchInput& inpu
 
 Result<std::unique_ptr<HapticDevice>> make_path(const TouchOptions& options,
                                                 const TouchInput& input,
-                                                const HapticSettings& settings, double duration) {
+                                                const RunSettings& settings, double duration) {
   PathDeviceOptions path;
   path.X_BH = follow(options, input, settings.coupling);
   path.duration = duration;
@@ -99,7 +99,7 @@ Result<std::unique_ptr<HapticDevice>> make_path(const TouchOptions& options,
 
 Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
                                                   const TouchInput& input,
-                                                  const HapticSettings& settings) {
+                                                  const RunSettings& settings) {
   if (options.is_replay()) {
     const HandTarget target = follow(options, input, settings.coupling);
     std::vector<TimedPose> X_BH{{input.path_start, target(0)}};
@@ -170,7 +170,7 @@ Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& out
 
 Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const bool is_live = !options.device.empty();
-  HapticSettings settings = options.settings;
+  RunSettings settings = options.settings;
   if (!options.has_kind) {
     settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
   }
@@ -217,7 +217,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     auto served = OpenPage::serve(*view, options.page, std::cerr);
     if (!served) return served.error();
     page = *std::move(served);
-    run.onlooker = &view->onlooker();
+    run.monitor = &view->monitor();
   }
   catch_interrupts();
   Progress bar("touching");

@@ -26,7 +26,7 @@ namespace {
 struct Options {
   std::string tool, cloud, depth, pose, poses;
   CameraOptions camera;
-  HapticSettings settings;
+  RunSettings settings;
   std::vector<ObjectOption> objects;
   CapsOptions caps;
   int num_spheres = 0;  ///< of the tool file; 0: all
@@ -149,8 +149,7 @@ struct ChosenQuery {
 };
 
 /// On the backend of the settings, or the fastest one that works here. `pool` must outlive it.
-Result<ChosenQuery> choose_query(const HapticSettings& settings, const Tool& tool,
-                                 ThreadPool& pool) {
+Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, ThreadPool& pool) {
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
   const auto index = ToolIndex::create(tool);

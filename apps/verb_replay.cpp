@@ -18,14 +18,14 @@ namespace {
 
 struct Options {
   std::string run, output;
-  HapticSettings settings;           ///< only to check what is given
+  RunSettings settings;              ///< only to check what is given
   std::vector<std::string> changes;  ///< words of the command line that change settings
   std::optional<int> num_threads;
   bool json = false;
 };
 
 /// Everything that a run can be tried with. What it was recorded with are the defaults.
-void add_all_settings(CLI::App& app, HapticSettings& settings) {
+void add_all_settings(CLI::App& app, RunSettings& settings) {
   app.add_option_function<std::string>(
          "--settings",
          [&settings](const std::string& path) {
@@ -60,7 +60,7 @@ std::vector<std::string> given_words(const CLI::App& app, const CLI::App& known)
   return words;
 }
 
-Status change(const std::vector<std::string>& words, HapticSettings& settings) {
+Status change(const std::vector<std::string>& words, RunSettings& settings) {
   CLI::App app;
   add_all_settings(app, settings);
   try {
@@ -103,7 +103,7 @@ Status retry(const Options& options) {
   run.keep_going = [] { return !interrupted(); };
   const auto outcome = retry_run(
       options.run, options.output,
-      [&](HapticSettings& settings) { return change(options.changes, settings); }, run);
+      [&](RunSettings& settings) { return change(options.changes, settings); }, run);
   if (!outcome) return outcome.error();
   note_backend(outcome->run.why_not_cuda);
   for (const std::string& text : outcome->run.warnings) {
@@ -161,7 +161,7 @@ void add_replay(CLI::App& program, Action& action) {
       "Example: palpate replay run1\n"
       "Example: palpate replay run1 -o run2 --method graph --time latest");
   app.callback([options, &app, &action] {
-    HapticSettings unused;
+    RunSettings unused;
     CLI::App known;
     add_all_settings(known, unused);
     options->changes = given_words(app, known);

@@ -37,7 +37,7 @@ Status check_inputs(const Options& options) {
 
 /// What the file says is what does not depend on the defaults.
 Status read_settings(const std::string& path, Options& options) {
-  HapticSettings other = options.settings;
+  RunSettings other = options.settings;
   other.coupling.kind = options.settings.coupling.kind == CouplingKind::none
                             ? CouplingKind::virtual_coupling
                             : CouplingKind::none;
@@ -208,7 +208,7 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   app.add_flag_callback(
          "--print-settings",
          [] {
-           HapticSettings defaults;
+           RunSettings defaults;
            throw CLI::CallForVersion(settings_toml(settings_of(defaults)), 0);  // ends well
          },
          "print a settings file with the defaults, each explained, and do nothing else")

@@ -16,7 +16,7 @@
 
 #include "bench/haptic_setup.h"
 #include "palpate/devices/simulated_device.h"
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 #include "src/core/monotonic_clock.h"
 #include "src/devices/tick_thread.h"
 #include "src/run/loop/real_time.h"
@@ -175,7 +175,7 @@ Status soak(const Options& options, const std::string& command) {
   auto device = SimulatedDevice::create(device_options);
   if (!device) return device.error();
 
-  HapticSettings settings;
+  RunSettings settings;
   settings.contact.method = *method;
   settings.backend = *backend;
   settings.num_threads = options.threads;
@@ -188,7 +188,7 @@ Status soak(const Options& options, const std::string& command) {
       !measured) {
     return measured;
   }
-  auto loop = HapticLoop::create(*tool, source, **device, settings);
+  auto loop = RunLoop::create(*tool, source, **device, settings);
   if (!loop) return loop.error();
   if (const Status started = (*loop)->start(); !started) return started;
 
@@ -198,7 +198,7 @@ Status soak(const Options& options, const std::string& command) {
   const test::AllocationCounter allocations;
   double most_energy = 0, most_force = 0;
   std::uint64_t in_contact = 0, looked = 0;
-  HapticRecord record;
+  TickRecord record;
   const auto end =
       std::chrono::steady_clock::now() + std::chrono::duration<double>(options.seconds);
   while ((*loop)->is_running() && std::chrono::steady_clock::now() < end) {

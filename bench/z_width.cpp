@@ -156,8 +156,7 @@ Pose pressing_hand(double t) {
 /// tick after its pose.
 class Touch {
  public:
-  Touch(const Tool& tool, const Place& place, const DeviceInfo& device,
-        const HapticSettings& settings)
+  Touch(const Tool& tool, const Place& place, const DeviceInfo& device, const RunSettings& settings)
       : place_(place), pipeline_(Pipeline::create(tool, place.stream, device, settings).value()) {}
 
   /// True if a frame has arrived.
@@ -177,8 +176,8 @@ class Touch {
   std::size_t next_ = 0;
 };
 
-HapticSettings settings_of(CouplingKind kind, TimeMode mode) {
-  HapticSettings settings;
+RunSettings settings_of(CouplingKind kind, TimeMode mode) {
+  RunSettings settings;
   settings.num_threads = 1;
   settings.time.mode = mode;
   settings.coupling.kind = kind;
@@ -203,7 +202,7 @@ Run feel(const Tool& tool, const Place& place, const DeviceModel& model, Couplin
   options.target = pressing_hand;
   options.in_real_time = false;
   auto device = SimulatedDevice::create(options).value();
-  HapticSettings settings = settings_of(kind, mode);
+  RunSettings settings = settings_of(kind, mode);
   settings.coupling.X_WB = place.X_WB;
   Touch touch(tool, place, device->info(), settings);
 
@@ -213,7 +212,7 @@ Run feel(const Tool& tool, const Place& place, const DeviceModel& model, Couplin
   const Status started = device->start([&](const DeviceState& state) {
     // What arrives now is felt at the next tick.
     run.is_arrival.push_back(std::exchange(has_arrived, touch.look(state.time)));
-    const HapticRecord& tick = touch.pipeline().tick(state);
+    const TickRecord& tick = touch.pipeline().tick(state);
     run.times.push_back(state.time);
     run.force.push_back(tick.F_H_B.force);
     run.largest_force = std::max(run.largest_force, norm(tick.F_H_B.force));

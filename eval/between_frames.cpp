@@ -39,7 +39,7 @@ class PointMixer {
 Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>& methods,
                                    Work& work) {
   const Touch& touch = *trial.touch;
-  HapticSettings settings;  // with a field and points, for all methods
+  RunSettings settings;  // with a field and points, for all methods
   settings.time = trial.time;
   auto timeline = make_surfaces(touch.stream, settings);
   if (!timeline) return timeline.error();

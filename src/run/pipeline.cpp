@@ -60,7 +60,7 @@ HandPart::HandPart(std::unique_ptr<Coupling> coupling, SafetyFilter safety, doub
     : coupling_(std::move(coupling)), safety_(std::move(safety)), tick_seconds_(tick_seconds) {}
 
 void HandPart::tick(const DeviceState& state, const ContactRecord& known, const TickFlags& flags,
-                    HapticRecord& record) noexcept {
+                    TickRecord& record) noexcept {
   if (num_ticks_ == 0) first_tick_ = state.time;
   const bool has_contact = known.number > 0;
   record.revision = revision_;
@@ -89,7 +89,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
 }
 
 /// Nobody can be hurt: what the tool meets is told as long as it is measured.
-void HandPart::end_unfelt(HapticRecord& record) noexcept {
+void HandPart::end_unfelt(TickRecord& record) noexcept {
   Fault& fault = unfelt_.fault;
   if (fault != Fault::none) {
   } else if (record.has_backend_failed) {
@@ -131,7 +131,7 @@ double HandPart::step_seconds(const DeviceState& state) noexcept {
 // All of it in one thread.
 
 Pipeline::Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo& stream,
-                   const DeviceInfo& device, const HapticSettings& settings,
+                   const DeviceInfo& device, const RunSettings& settings,
                    std::unique_ptr<ThreadPool> pool, RunParts parts, SafetyFilter safety)
     : index_(std::move(index)),
       stream_(stream),
@@ -146,7 +146,7 @@ Pipeline::Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo
                                        1 / device.rate)) {}
 
 Result<Pipeline> Pipeline::create(const Tool& tool, const DepthStreamInfo& stream,
-                                  const DeviceInfo& device, const HapticSettings& settings) {
+                                  const DeviceInfo& device, const RunSettings& settings) {
   auto pool = std::make_unique<ThreadPool>(std::clamp(settings.num_threads, 0, 256));
   RunPartsOptions options;
   if (settings.num_threads > 1) options.query_threads = pool.get();
@@ -184,7 +184,7 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   return contact_ = contact;
 }
 
-const HapticRecord& Pipeline::tick(const DeviceState& state, bool is_stopping) noexcept {
+const TickRecord& Pipeline::tick(const DeviceState& state, bool is_stopping) noexcept {
   if (!std::exchange(has_begun_, true)) {
     start_time_ = state.time;
     hand_->set_start_time(start_time_);
@@ -199,7 +199,7 @@ const HapticRecord& Pipeline::tick(const DeviceState& state, bool is_stopping) n
   return record_;
 }
 
-Status Pipeline::change(const HapticSettings& settings) {
+Status Pipeline::change(const RunSettings& settings) {
   if (const Status status = check_change(settings_, settings); !status) return status;
   RunPartsOptions options;
   options.before = &settings_;

@@ -6,11 +6,9 @@
 namespace palpate {
 namespace {
 
-Backend backend_of(const HapticSettings& settings) {
-  return settings.backend.value_or(Backend::cpu);
-}
+Backend backend_of(const RunSettings& settings) { return settings.backend.value_or(Backend::cpu); }
 
-Status check(const HapticSettings& settings, const DeviceInfo& device) {
+Status check(const RunSettings& settings, const DeviceInfo& device) {
   if (Status status = check_settings(settings); !status) return status;
   if (!(device.rate > 0 && std::isfinite(device.rate))) {
     return Error{Errc::invalid_argument,
@@ -32,7 +30,7 @@ Error lost_backend() {
           "use the CPU (--backend cpu)"};
 }
 
-Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const HapticSettings& settings,
+Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
                                       int num_spare) {
   std::optional<DepthFieldOptions> field;
   if (settings.contact.method == InsideMethod::field) field = settings.field;
@@ -41,7 +39,7 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const Hapti
 }
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
-                                                       const HapticSettings& settings,
+                                                       const RunSettings& settings,
                                                        const ForceScale& scale,
                                                        ThreadPool* threads) {
   ContactCapacities capacities;
@@ -60,13 +58,13 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
 
 Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
                                 const DepthStreamInfo& stream, const DeviceInfo& device,
-                                const HapticSettings& settings, const RunPartsOptions& options) {
+                                const RunSettings& settings, const RunPartsOptions& options) {
   const Tool& tool = index->tool();
   if (const Status status = check(settings, device); !status) return status.error();
   auto coupling =
       check_coupling(settings.coupling, device.limits, 1 / device.rate, tool.sphere_mass());
   if (!coupling) return coupling.error();
-  const HapticSettings* const before = options.before;
+  const RunSettings* const before = options.before;
   RunParts parts;
   parts.checked_coupling = coupling->options;
   parts.scale =

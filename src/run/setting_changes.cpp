@@ -11,7 +11,7 @@ constexpr std::string_view kFixed[] = {
     "safety",         "loop.threads",           "loop.sensing_gpu",     "loop.contact_gpu",
     "loop.real_time", "coupling.base_in_scene", "coupling.tool_in_hand"};
 
-bool has_field(const HapticSettings& settings) {
+bool has_field(const RunSettings& settings) {
   return settings.contact.method == InsideMethod::field;
 }
 
@@ -23,7 +23,7 @@ bool is_fixed_while_running(const Setting& setting) {
   });
 }
 
-Status check_change(const HapticSettings& before, const HapticSettings& after) {
+Status check_change(const RunSettings& before, const RunSettings& after) {
   const SettingTable now = settings_of(after);
   for (const Setting& setting : settings_of(before)) {
     if (!is_fixed_while_running(setting) || setting.get() == now.find(setting.key())->get()) {
@@ -36,14 +36,14 @@ Status check_change(const HapticSettings& before, const HapticSettings& after) {
   return Done{};
 }
 
-bool keeps_surfaces(const HapticSettings& before, const HapticSettings& after) {
+bool keeps_surfaces(const RunSettings& before, const RunSettings& after) {
   return before.backend == after.backend && has_field(before) == has_field(after) &&
          has_same_settings(before.surface, after.surface) &&
          has_same_settings(before.time, after.time) &&
          (!has_field(after) || has_same_settings(before.field, after.field));
 }
 
-bool keeps_coupling(const HapticSettings& before, const HapticSettings& after) {
+bool keeps_coupling(const RunSettings& before, const RunSettings& after) {
   return has_same_settings(before.coupling, after.coupling);
 }
 

@@ -16,55 +16,55 @@ namespace {
 /// All that is kept of a run while it goes on; what the publishing thread calls.
 class Keeper {
  public:
-  /// `onlooker` may be null.
-  explicit Keeper(HapticOnlooker* onlooker) : onlooker_(onlooker) {}
+  /// `monitor` may be null.
+  explicit Keeper(RunMonitor* monitor) : monitor_(monitor) {}
   /// Before the run begins.
   void begin(RunRecorder recorder, RunResults results) {
     recorder_.emplace(std::move(recorder));
     results_.emplace(std::move(results));
   }
 
-  HapticObserver observer() {
-    HapticObserver observer;
-    observer.on_settings = [this](std::uint32_t revision, const HapticSettings& settings) {
+  RunObserver observer() {
+    RunObserver observer;
+    observer.on_settings = [this](std::uint32_t revision, const RunSettings& settings) {
       recorder_->add_settings(revision, settings);
       results_->add_settings(settings);
-      tell(&HapticObserver::on_settings, revision, settings);
+      tell(&RunObserver::on_settings, revision, settings);
     };
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       recorder_->add_frame(record, frame);
       results_->add_frame(record, frame);
-      tell(&HapticObserver::on_frame, record, frame);
+      tell(&RunObserver::on_frame, record, frame);
     };
     observer.on_contact = [this](const ContactRecord& contact) {
       recorder_->add_contact(contact);
-      tell(&HapticObserver::on_contact, contact);
+      tell(&RunObserver::on_contact, contact);
     };
-    observer.on_ticks = [this](std::span<const HapticRecord> ticks) {
-      for (const HapticRecord& tick : ticks) add(tick);
+    observer.on_ticks = [this](std::span<const TickRecord> ticks) {
+      for (const TickRecord& tick : ticks) add(tick);
       add_marks();
-      tell(&HapticObserver::on_ticks, ticks);
+      tell(&RunObserver::on_ticks, ticks);
     };
     return observer;
   }
   /// Of people.
   void add_marks() {
-    if (onlooker_ == nullptr) return;
-    for (const auto& [time, text] : onlooker_->marks.take()) recorder_->add_note(text, time);
+    if (monitor_ == nullptr) return;
+    for (const auto& [time, text] : monitor_->marks.take()) recorder_->add_note(text, time);
   }
 
   RunRecorder& recorder() { return *recorder_; }
   RunResults& results() { return *results_; }
 
  private:
-  /// What the onlooker wants to hear.
+  /// What the monitor wants to hear.
   template <class Callback, class... What>
-  void tell(Callback HapticObserver::*callback, const What&... what) {
-    if (onlooker_ != nullptr && onlooker_->observer.*callback) {
-      (onlooker_->observer.*callback)(what...);
+  void tell(Callback RunObserver::*callback, const What&... what) {
+    if (monitor_ != nullptr && monitor_->observer.*callback) {
+      (monitor_->observer.*callback)(what...);
     }
   }
-  void add(const HapticRecord& tick) {
+  void add(const TickRecord& tick) {
     recorder_->add_tick(tick);
     results_->add_tick(tick);
     if (tick.safety.fault == fault_) return;
@@ -74,12 +74,12 @@ class Keeper {
 
   std::optional<RunRecorder> recorder_;
   std::optional<RunResults> results_;
-  HapticOnlooker* onlooker_;
+  RunMonitor* monitor_;
   Fault fault_ = Fault::none;
 };
 
 /// False if somebody wants the run to end.
-bool wait_for_end(HapticLoop& loop, const RunOptions& options) {
+bool wait_for_end(RunLoop& loop, const RunOptions& options) {
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();
   for (int round = 0; loop.is_running(); ++round) {
@@ -94,20 +94,20 @@ bool wait_for_end(HapticLoop& loop, const RunOptions& options) {
 }
 
 struct ChosenLoop {
-  std::unique_ptr<HapticLoop> loop;
+  std::unique_ptr<RunLoop> loop;
   std::string why_not_cuda;
 };
 
 /// On the backend of the settings, which is chosen if they leave it open.
 Result<ChosenLoop> choose_loop(const Tool& tool, DepthSource& source, HapticDevice& device,
-                               HapticSettings& settings, const RunOptions& options,
-                               const HapticObserver& observer) {
+                               RunSettings& settings, const RunOptions& options,
+                               const RunObserver& observer) {
   auto* const stepped = dynamic_cast<SteppedDevice*>(&device);
   const auto make = [&](Backend backend) {
     settings.backend = backend;
     return stepped != nullptr
-               ? HapticLoop::create(tool, source, *stepped, settings, observer, options.clock)
-               : HapticLoop::create(tool, source, device, settings, observer);
+               ? RunLoop::create(tool, source, *stepped, settings, observer, options.clock)
+               : RunLoop::create(tool, source, device, settings, observer);
   };
   std::string why_not_cuda;
   const bool is_open = !settings.backend;
@@ -121,7 +121,7 @@ Result<ChosenLoop> choose_loop(const Tool& tool, DepthSource& source, HapticDevi
 }
 
 /// What the loop tells when it has stopped.
-void take_report(const HapticLoop& loop, const Status& status, RunLog& log) {
+void take_report(const RunLoop& loop, const Status& status, RunLog& log) {
   log.loop = loop.report();
   // A path that was played to its end is no failure.
   if (!status && status.error().code == Errc::cancelled) {
@@ -140,7 +140,7 @@ void take_report(const HapticLoop& loop, const Status& status, RunLog& log) {
 }  // namespace
 
 Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevice& device,
-                              const HapticSettings& settings, const fs::path& name,
+                              const RunSettings& settings, const fs::path& name,
                               const RunOptions& options) {
   if (!(options.duration > 0)) {
     return Error{Errc::invalid_argument, "the duration must be above 0 seconds"};
@@ -149,11 +149,11 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
   if (!folder) return folder.error();
   RunLog log;
   log.setup = {settings, source.info(), device.info(), 0, options.time_origin, options.probe};
-  HapticSettings& used = log.setup.settings;
-  Keeper keeper(options.onlooker);
+  RunSettings& used = log.setup.settings;
+  Keeper keeper(options.monitor);
   auto chosen = choose_loop(tool, source, device, used, options, keeper.observer());
   if (!chosen) return chosen.error();
-  HapticLoop& loop = *chosen->loop;
+  RunLoop& loop = *chosen->loop;
   log.why_not_cuda = chosen->why_not_cuda;
   const auto coupling = check_coupling(used.coupling, device.info().limits, 1 / device.info().rate,
                                        tool.sphere_mass());
@@ -179,9 +179,9 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
     return status.error();
   }
 
-  const auto tell_of = [&](HapticLoop* running) {
-    if (options.onlooker != nullptr && options.onlooker->on_loop) {
-      options.onlooker->on_loop(running);
+  const auto tell_of = [&](RunLoop* running) {
+    if (options.monitor != nullptr && options.monitor->on_loop) {
+      options.monitor->on_loop(running);
     }
   };
   tell_of(&loop);

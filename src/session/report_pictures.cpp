@@ -42,9 +42,9 @@ double tool_radius(const Tool& tool) {
 }  // namespace
 
 Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
-  const HapticRecord& tick = log.deepest;
+  const TickRecord& tick = log.deepest;
   const Pose& X_WT = tick.step.X_WT;
-  HapticSettings settings = log.setup.settings;
+  RunSettings settings = log.setup.settings;
   if (tick.revision > 0) settings = log.changes[tick.revision - 1];
   settings.backend = Backend::cpu;  // shows the same, also when a GPU has failed
   settings.time.mode = TimeMode::latest;

@@ -103,7 +103,7 @@ void visit_fields(T& penetration, auto&& visit) {
   visit("status", penetration.status.bits);
 }
 
-template <Of<HapticRecord> T>
+template <Of<TickRecord> T>
 void visit_fields(T& tick, auto&& visit) {
   visit("number", tick.number);
   visit("time", tick.time);

@@ -5,13 +5,13 @@
 
 namespace palpate {
 
-void HapticMarks::add(std::string text) {
+void RunMarks::add(std::string text) {
   const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
   const std::lock_guard lock(mutex_);
   marks_.push_back({now.count(), std::move(text)});
 }
 
-std::vector<HapticMarks::Mark> HapticMarks::take() {
+std::vector<RunMarks::Mark> RunMarks::take() {
   const std::lock_guard lock(mutex_);
   return std::exchange(marks_, {});
 }

@@ -109,7 +109,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
   if constexpr (std::same_as<T, CouplingStep>) return "palpate_msgs/CouplingStep";
   if constexpr (std::same_as<T, SafetyStatus>) return "palpate_msgs/SafetyStatus";
-  if constexpr (std::same_as<T, HapticRecord>) return "palpate_msgs/Tick";
+  if constexpr (std::same_as<T, TickRecord>) return "palpate_msgs/Tick";
   if constexpr (std::same_as<T, DeviceLimits>) return "palpate_msgs/DeviceLimits";
   if constexpr (std::same_as<T, DeviceInfo>) return "palpate_msgs/DeviceInfo";
   if constexpr (std::same_as<T, SettingsText>) return "palpate_msgs/Settings";
@@ -258,7 +258,7 @@ std::string object_file(std::size_t index) {
 McapChannel settings_channel() { return channel_of<SettingsText>(kSettingsTopic); }
 McapChannel frame_channel() { return channel_of<FrameRecord>(kFrameTopic); }
 McapChannel contact_channel() { return channel_of<ContactRecord>(kContactTopic); }
-McapChannel tick_channel() { return channel_of<HapticRecord>(kTickTopic); }
+McapChannel tick_channel() { return channel_of<TickRecord>(kTickTopic); }
 McapChannel note_channel() { return channel_of<Note>(kNoteTopic); }
 
 std::string settings_message(const RunSetup& setup) {
@@ -274,7 +274,7 @@ std::string settings_message(const RunSetup& setup) {
 }
 std::string frame_message(const FrameRecord& frame) { return message_of(frame); }
 std::string contact_message(const ContactRecord& contact) { return message_of(contact); }
-std::string tick_message(const HapticRecord& tick) { return message_of(tick); }
+std::string tick_message(const TickRecord& tick) { return message_of(tick); }
 std::string note_message(std::string_view text) { return message_of(Note{std::string(text)}); }
 
 Result<RunSetup> read_settings(std::string_view message) {
@@ -291,7 +291,7 @@ Result<FrameRecord> read_frame(std::string_view message) { return read<FrameReco
 Result<ContactRecord> read_contact(std::string_view message) {
   return read<ContactRecord>(message);
 }
-Result<HapticRecord> read_tick(std::string_view message) { return read<HapticRecord>(message); }
+Result<TickRecord> read_tick(std::string_view message) { return read<TickRecord>(message); }
 Result<std::string> read_note(std::string_view message) {
   auto note = read<Note>(message);
   if (!note) return note.error();
@@ -301,7 +301,7 @@ Result<std::string> read_note(std::string_view message) {
 std::string difference(const ContactRecord& recorded, const ContactRecord& repeated) {
   return difference_of(recorded, repeated);
 }
-std::string difference(const HapticRecord& recorded, const HapticRecord& repeated) {
+std::string difference(const TickRecord& recorded, const TickRecord& repeated) {
   return difference_of(recorded, repeated);
 }
 

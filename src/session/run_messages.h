@@ -15,7 +15,7 @@ namespace palpate {
 
 /// Everything that a repetition needs beside tool, frames, contacts and ticks.
 struct RunSetup {
-  HapticSettings settings;  ///< shapes of objects are files inside the recording
+  RunSettings settings;  ///< shapes of objects are files inside the recording
   DepthStreamInfo stream;
   DeviceInfo device;
   std::uint32_t revision = 0;  ///< of the settings: counts what was changed while the run went on
@@ -55,18 +55,18 @@ McapChannel note_channel();
 std::string settings_message(const RunSetup& setup);
 std::string frame_message(const FrameRecord& frame);
 std::string contact_message(const ContactRecord& contact);
-std::string tick_message(const HapticRecord& tick);
+std::string tick_message(const TickRecord& tick);
 std::string note_message(std::string_view text);
 
 /// Errors: not such a message, one of another version. Objects come without their shapes.
 Result<RunSetup> read_settings(std::string_view message);
 Result<FrameRecord> read_frame(std::string_view message);
 Result<ContactRecord> read_contact(std::string_view message);
-Result<HapticRecord> read_tick(std::string_view message);
+Result<TickRecord> read_tick(std::string_view message);
 Result<std::string> read_note(std::string_view message);
 
 /// "wrench/force/x: recorded 1, repeated 2"; empty if they are the same to the bit.
 std::string difference(const ContactRecord& recorded, const ContactRecord& repeated);
-std::string difference(const HapticRecord& recorded, const HapticRecord& repeated);
+std::string difference(const TickRecord& recorded, const TickRecord& repeated);
 
 }  // namespace palpate

@@ -71,7 +71,7 @@ Result<bool> RunReader::next_frame(RecordedDepth& frame) {
   }
 }
 
-Result<bool> RunReader::next_tick(HapticRecord& tick) {
+Result<bool> RunReader::next_tick(TickRecord& tick) {
   for (;;) {
     const auto message = next();
     if (!message) return message.error();

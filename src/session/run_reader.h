@@ -30,7 +30,7 @@ class RunReader {
   Result<std::optional<Message>> next();
   /// The next frame or tick, whatever lies between; false at the end.
   Result<bool> next_frame(RecordedDepth& frame);
-  Result<bool> next_tick(HapticRecord& tick);
+  Result<bool> next_tick(TickRecord& tick);
 
   bool was_cut_off() const { return reader_.was_cut_off(); }
   McapReader& file() { return reader_; }

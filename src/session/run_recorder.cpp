@@ -111,7 +111,7 @@ void RunRecorder::write(std::uint16_t channel, std::uint64_t time, std::string_v
   }
 }
 
-void RunRecorder::add_settings(std::uint32_t revision, const HapticSettings& settings) {
+void RunRecorder::add_settings(std::uint32_t revision, const RunSettings& settings) {
   setup_.revision = revision;
   setup_.settings = settings;
   write(settings_, last_time_, settings_message(setup_));
@@ -129,7 +129,7 @@ void RunRecorder::add_contact(const ContactRecord& contact) {
   if (trouble_.empty()) write(contact_, wall_time(contact.contact.time), contact_message(contact));
 }
 
-void RunRecorder::add_tick(const HapticRecord& tick) {
+void RunRecorder::add_tick(const TickRecord& tick) {
   if (!trouble_.empty()) return;
   const std::uint64_t time = wall_time(tick.device.time);
   write(tick_, time, tick_message(tick));
@@ -144,7 +144,7 @@ void RunRecorder::add_tick(const HapticRecord& tick) {
   if (time >= next_transforms_) add_transforms(tick, time);
 }
 
-void RunRecorder::add_transforms(const HapticRecord& tick, std::uint64_t time) {
+void RunRecorder::add_transforms(const TickRecord& tick, std::uint64_t time) {
   next_transforms_ = time + kTransformPeriod;
   const RosTransform moving[] = {{kWorld, kToolFrame, tick.step.X_WT},
                                  {kBase, kHand, tick.device.X_BH},

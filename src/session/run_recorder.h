@@ -20,10 +20,10 @@ class RunRecorder {
                                     const RunSetup& setup, bool is_simulated);
 
   /// Of a later revision; its first ones are those of the setup.
-  void add_settings(std::uint32_t revision, const HapticSettings& settings);
+  void add_settings(std::uint32_t revision, const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
   void add_contact(const ContactRecord& contact);
-  void add_tick(const HapticRecord& tick);
+  void add_tick(const TickRecord& tick);
   void add_note(std::string_view text);
   /// Of that moment, s, monotonic.
   void add_note(std::string_view text, double time);
@@ -38,7 +38,7 @@ class RunRecorder {
   Status begin(const Tool& tool);
   std::uint64_t wall_time(double time);
   void write(std::uint16_t channel, std::uint64_t time, std::string_view message);
-  void add_transforms(const HapticRecord& tick, std::uint64_t time);
+  void add_transforms(const TickRecord& tick, std::uint64_t time);
   void end_with(const Error& error);
 
   McapWriter writer_;

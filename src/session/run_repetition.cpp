@@ -53,13 +53,13 @@ void TickRepetition::add(const RunSetup& setup, RunParts& parts) {
   }
 }
 
-HapticRecord TickRepetition::repeat(const HapticRecord& recorded, const ContactRecord& contact) {
+TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecord& contact) {
   while (!couplings_.empty() && couplings_.begin()->first <= recorded.revision) {
     hand_->change(couplings_.begin()->first, couplings_.begin()->second);
     couplings_.erase(couplings_.begin());
   }
   if (hand_->num_ticks() == 0) hand_->set_start_time(recorded.device.time - recorded.time);
-  HapticRecord tick;
+  TickRecord tick;
   hand_->tick(recorded.device, contact,
               {recorded.is_stopping, recorded.has_sensor_failed, recorded.has_backend_failed},
               tick);

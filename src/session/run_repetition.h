@@ -59,7 +59,7 @@ class TickRepetition {
 
   /// In order, the first one before all else.
   void add(const RunSetup& setup, RunParts& parts);
-  HapticRecord repeat(const HapticRecord& recorded, const ContactRecord& contact);
+  TickRecord repeat(const TickRecord& recorded, const ContactRecord& contact);
 
  private:
   std::map<std::uint32_t, std::unique_ptr<Coupling>> couplings_;  // by revision, not yet used

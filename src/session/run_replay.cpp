@@ -118,7 +118,7 @@ class Repetition {
 
   void repeat_ticks() {
     while (!has_differed() && can_repeat_ticks_ && !waiting_ticks_.empty()) {
-      const HapticRecord& recorded = waiting_ticks_.front();
+      const TickRecord& recorded = waiting_ticks_.front();
       known_.erase(known_.begin(), known_.lower_bound(recorded.contact_number));
       const bool is_measured = recorded.contact_number > 0;
       if (is_measured && known_.empty()) return;
@@ -137,11 +137,11 @@ class Repetition {
   FrameJoiner joiner_;
   ContactRepetition contacts_;
   TickRepetition ticks_;
-  HapticSettings settings_;  // the newest
+  RunSettings settings_;  // the newest
   std::uint32_t num_settings_ = 0;
   std::map<std::uint64_t, ContactRecord> known_;  // by number
   std::deque<ContactRecord> waiting_contacts_;
-  std::deque<HapticRecord> waiting_ticks_;
+  std::deque<TickRecord> waiting_ticks_;
   std::uint64_t num_seen_ = 0;
   bool can_repeat_contacts_ = true, can_repeat_ticks_ = true;
   ReplayOutcome outcome_;
@@ -153,7 +153,7 @@ class Repetition {
 Result<double> start_of(const fs::path& path) {
   auto reader = RunReader::open(path);
   if (!reader) return reader.error();
-  HapticRecord tick;
+  TickRecord tick;
   const auto got = reader->next_tick(tick);
   if (!got) return got.error();
   if (!*got) return Error{Errc::bad_input, path.string() + " holds no tick; record the run again"};
@@ -182,13 +182,13 @@ class RecordedHand final : public SteppedDevice {
     return true;
   }
   /// During a tick: what was recorded at it.
-  const HapticRecord& recorded() const { return recorded_; }
+  const TickRecord& recorded() const { return recorded_; }
 
  private:
   RunReader reader_;
   double start_;
   DeviceTick tick_;
-  HapticRecord recorded_;
+  TickRecord recorded_;
   Status status_ = Done{};
 };
 
@@ -212,7 +212,7 @@ class RecordedFrames final : public DepthSource {
   double start_;
 };
 
-void compare(const HapticRecord& before, const HapticRecord& after, ForceComparison& forces) {
+void compare(const TickRecord& before, const TickRecord& after, ForceComparison& forces) {
   const Vec3d &a = before.step.contact_W.force, &b = after.step.contact_W.force;
   const double off = norm(b - a);
   ++forces.num_ticks;
@@ -256,7 +256,7 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
 }
 
 Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
-                               const std::function<Status(HapticSettings&)>& change,
+                               const std::function<Status(RunSettings&)>& change,
                                const RunOptions& options) {
   const fs::path path = folder / kRecordingFile;
   const auto start = start_of(path);
@@ -265,7 +265,7 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   if (!ticks || !images) return ticks ? images.error() : ticks.error();
   const auto tool = ticks->load_tools();
   if (!tool) return tool.error();
-  HapticSettings settings = ticks->setup().settings;
+  RunSettings settings = ticks->setup().settings;
   if (const Status status = change(settings); !status) return status.error();
   RunOptions run = options;
   run.probe = ticks->setup().probe;
@@ -276,11 +276,11 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   RecordedHand hand(*std::move(ticks), *start);
   RecordedFrames frames(*std::move(images), *start);
   RetryOutcome outcome;
-  HapticOnlooker onlooker;
-  onlooker.observer.on_ticks = [&](std::span<const HapticRecord> felt) {
-    for (const HapticRecord& tick : felt) compare(hand.recorded(), tick, outcome.forces);
+  RunMonitor monitor;
+  monitor.observer.on_ticks = [&](std::span<const TickRecord> felt) {
+    for (const TickRecord& tick : felt) compare(hand.recorded(), tick, outcome.forces);
   };
-  run.onlooker = &onlooker;
+  run.monitor = &monitor;
   auto done = record_run(*tool, frames, hand, settings, output, run);
   if (!done) return done.error();
   outcome.run = *std::move(done);

@@ -72,7 +72,7 @@ template <class Value>
 std::vector<double> series(const RunLog& log, Value value) {
   std::vector<double> values;
   values.reserve(log.series.ticks().size());
-  for (const HapticRecord& tick : log.series.ticks()) values.push_back(value(tick));
+  for (const TickRecord& tick : log.series.ticks()) values.push_back(value(tick));
   return values;
 }
 
@@ -83,12 +83,11 @@ std::string vector_figure(const RunLog& log, LinePlot plot, const std::string& y
   const char* const axes[] = {"x", "y", "z"};
   plot.y_label = y_label;
   for (int axis = 0; axis < 3; ++axis) {
-    plot.lines.push_back(
-        {symbol + " " + axes[axis], "series" + std::to_string(axis + 1),
-         series(log, [&](const HapticRecord& tick) { return vector(tick)[axis]; })});
+    plot.lines.push_back({symbol + " " + axes[axis], "series" + std::to_string(axis + 1),
+                          series(log, [&](const TickRecord& tick) { return vector(tick)[axis]; })});
   }
   plot.lines.push_back({"|" + symbol + "|", "series4",
-                        series(log, [&](const HapticRecord& tick) { return norm(vector(tick)); })});
+                        series(log, [&](const TickRecord& tick) { return norm(vector(tick)); })});
   return figure(draw(plot), caption);
 }
 
@@ -258,7 +257,7 @@ std::string object_rows(const std::vector<SceneObject>& objects) {
   return html;
 }
 
-std::string backend_words(const HapticSettings& settings) {
+std::string backend_words(const RunSettings& settings) {
   std::string words = name_of(settings.backend);
   if (settings.backend == Backend::cuda) {
     words += ": surfaces on GPU " + std::to_string(settings.sensing_gpu) + ", queries on GPU " +
@@ -293,7 +292,7 @@ std::string hand_rows(const RunLog& log) {
 }
 
 std::string settings_tables(const Tool& tool, const RunLog& log) {
-  const HapticSettings& s = log.setup.settings;
+  const RunSettings& s = log.setup.settings;
   const NormalOptions& n = s.surface.normals;
   const DepthStreamInfo& stream = log.setup.stream;
   const Intrinsics& k = stream.intrinsics;
@@ -333,7 +332,7 @@ std::string settings_tables(const Tool& tool, const RunLog& log) {
 Json changes_json(const RunLog& log) {
   Json changes = Json::array();
   Json before = to_json(settings_of(log.setup.settings));
-  for (const HapticSettings& settings : log.changes) {
+  for (const RunSettings& settings : log.changes) {
     const Json after = to_json(settings_of(settings));
     Json changed = Json::object();
     for (const auto& [section, keys] : after.items()) {
@@ -443,7 +442,7 @@ std::string summary_json(const Tool& tool, const RunLog& log, const LoopTimes& t
   }
   if (!log.why_not_cuda.empty()) json["why_not_cuda"] = log.why_not_cuda;
   json["warnings"] = log.warnings;
-  HapticSettings used = log.setup.settings;
+  RunSettings used = log.setup.settings;
   used.coupling = log.coupling;
   json["settings"] = to_json(settings_of(used));
   if (log.setup.probe) json["probe"] = to_json(*log.setup.probe);
@@ -470,7 +469,7 @@ std::string run_page(const Tool& tool, const RunLog& log, const LoopTimes& times
   if (log.setup.probe) html += probe_html(*log.setup.probe, log.deepest_frame);
   LinePlot base;
   base.x_label = "time in s";
-  base.x = series(log, [](const HapticRecord& tick) { return tick.time; });
+  base.x = series(log, [](const TickRecord& tick) { return tick.time; });
   base.events = log.frame_times;
   if (!base.x.empty()) {
     html += tool_plots(tool, log, base);

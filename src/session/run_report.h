@@ -14,13 +14,13 @@ namespace palpate {
 /// All that is known once a run has ended.
 struct RunLog {
   RunSetup setup;
-  CouplingOptions coupling;             ///< checked
-  double newtons_per_cubic_metre = 0;   ///< volume stiffness of contact
-  std::vector<HapticSettings> changes;  ///< while it ran, in order
+  CouplingOptions coupling;            ///< checked
+  double newtons_per_cubic_metre = 0;  ///< volume stiffness of contact
+  std::vector<RunSettings> changes;    ///< while it ran, in order
   LoopReport loop;
   RunSeries series;
   RunPeaks peaks;
-  HapticRecord deepest;               ///< the tick with the largest volume, or the first one
+  TickRecord deepest;                 ///< the tick with the largest volume, or the first one
   DepthFrame deepest_frame;           ///< that was felt then; no pixels if it is not known
   std::vector<double> frame_times;    ///< s since the run began
   std::vector<std::string> warnings;  ///< for people

@@ -36,7 +36,7 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
   csv_ << kHeader;
 }
 
-void RunResults::add_settings(const HapticSettings& settings) {
+void RunResults::add_settings(const RunSettings& settings) {
   changes_.push_back(settings);
   full_volume_ = full_volume(tool_, settings.contact);
 }
@@ -61,7 +61,7 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   recent_.back().frame = frame;
 }
 
-void RunResults::add_tick(const HapticRecord& tick) {
+void RunResults::add_tick(const TickRecord& tick) {
   const auto& [p, q] = tick.step.X_WT;
   const Penetration& all = tick.penetration;
   const auto& [mf, mt] = all.measure_W;
@@ -87,7 +87,7 @@ void RunResults::add_tick(const HapticRecord& tick) {
   start_ = tick.device.time - tick.time;
 }
 
-void RunResults::keep_deepest(const HapticRecord& tick) {
+void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_ = tick;
   const bool is_known = !deepest_frame_.frame.pixels.empty();
   if (is_known && deepest_frame_.number == tick.frame_number) return;

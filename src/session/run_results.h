@@ -16,9 +16,9 @@ class RunResults {
   /// Begins wrench.csv, under another name until it is finished.
   RunResults(const std::filesystem::path& folder, const Tool& tool, const RunSetup& setup);
 
-  void add_settings(const HapticSettings& settings);
+  void add_settings(const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
-  void add_tick(const HapticRecord& tick);
+  void add_tick(const TickRecord& tick);
 
   /// After the last tick: what was added goes into `log`, and all into files. The folder may have
   /// another name by now. A disk that is full takes nothing from what there is: what is missing is
@@ -29,7 +29,7 @@ class RunResults {
  private:
   void move_to(RunLog& log);
   void finish_csv(const std::filesystem::path& folder, RunLog& log);
-  void keep_deepest(const HapticRecord& tick);
+  void keep_deepest(const TickRecord& tick);
   std::string scarce_surface_warning(const RunSetup& setup) const;
 
   struct SeenFrame {
@@ -41,13 +41,13 @@ class RunResults {
   double full_volume_, time_origin_;
   std::ofstream csv_;
   std::string line_;
-  std::vector<HapticSettings> changes_;
+  std::vector<RunSettings> changes_;
   RunSeries series_;
   RunPeaks peaks_;
   std::vector<double> captures_;  // s, on the clock of the device states
   double start_ = 0;              // s, on that clock: of the run
   std::deque<SeenFrame> recent_;
-  HapticRecord deepest_;
+  TickRecord deepest_;
   SeenFrame deepest_frame_;
   bool has_ticked_ = false;
   std::uint64_t first_scarce_ = 0, num_scarce_ = 0, num_frames_ = 0;

@@ -8,7 +8,7 @@ namespace palpate {
 namespace {
 
 /// Of hand or tool.
-double force(const HapticRecord& tick) {
+double force(const TickRecord& tick) {
   return std::max(norm(tick.F_H_B.force), norm(tick.step.contact_W.force));
 }
 
@@ -21,11 +21,11 @@ void raise(double value, double time, double& most, double& most_time) {
 
 }  // namespace
 
-void RunSeries::add(const HapticRecord& tick) {
+void RunSeries::add(const TickRecord& tick) {
   if (num_in_group_ == 0) {
     if (ticks_.size() == kMost) {
       for (std::size_t i = 0; i < kMost / 2; ++i) {
-        const HapticRecord &a = ticks_[2 * i], &b = ticks_[2 * i + 1];
+        const TickRecord &a = ticks_[2 * i], &b = ticks_[2 * i + 1];
         ticks_[i] = force(b) > force(a) ? b : a;
       }
       ticks_.resize(kMost / 2);
@@ -38,7 +38,7 @@ void RunSeries::add(const HapticRecord& tick) {
   num_in_group_ = (num_in_group_ + 1) % group_size_;
 }
 
-void RunPeaks::add(const HapticRecord& tick) {
+void RunPeaks::add(const TickRecord& tick) {
   force = std::max(force, norm(tick.F_H_B.force));
   torque = std::max(torque, norm(tick.F_H_B.torque));
   wanted_force = std::max(wanted_force, norm(tick.step.F_H_B.force));

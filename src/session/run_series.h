@@ -11,12 +11,12 @@ namespace palpate {
 /// largest force stays; groups double when there are too many.
 class RunSeries {
  public:
-  void add(const HapticRecord& tick);
-  const std::vector<HapticRecord>& ticks() const { return ticks_; }
+  void add(const TickRecord& tick);
+  const std::vector<TickRecord>& ticks() const { return ticks_; }
 
  private:
   static constexpr std::size_t kMost = 1 << 14;
-  std::vector<HapticRecord> ticks_;
+  std::vector<TickRecord> ticks_;
   std::size_t group_size_ = 1, num_in_group_ = 0;  // the last of ticks_ stands for the open group
 };
 

@@ -4,13 +4,13 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 
 namespace palpate {
 
 /// Which settings are controls.
 using IsControl = bool(const Setting& setting);
-/// What HapticLoop::change changes.
+/// What RunLoop::change changes.
 inline bool is_live_control(const Setting& setting) { return !is_fixed_while_running(setting); }
 /// What decides how a recorded frame is felt.
 inline bool is_recorded_control(const Setting& setting) {

@@ -37,9 +37,9 @@ class News {
     if (contact_times_.size() > kNumContacts) contact_times_.pop_front();
   }
 
-  void add_ticks(std::span<const HapticRecord> ticks) {
+  void add_ticks(std::span<const TickRecord> ticks) {
     const std::lock_guard lock(mutex_);
-    for (const HapticRecord& tick : ticks) samples_.add(sample_of(tick, has_hand_));
+    for (const TickRecord& tick : ticks) samples_.add(sample_of(tick, has_hand_));
     if (!ticks.empty()) last_ = ticks.back();
     has_ticked_ = has_ticked_ || !ticks.empty();
   }
@@ -68,7 +68,7 @@ class News {
         [](const auto& contact, std::uint64_t wanted) { return contact.first < wanted; });
     return found == contact_times_.end() ? last_.time : found->second;
   }
-  HapticRecord last() const {
+  TickRecord last() const {
     const std::lock_guard lock(mutex_);
     return last_;
   }
@@ -78,7 +78,7 @@ class News {
   std::shared_ptr<ViewFrame> frame_;  // its time is that of the capture, monotonic
   SampleQueue samples_;
   std::deque<std::pair<std::uint64_t, double>> contact_times_;  // number and time, s of the run
-  HapticRecord last_;
+  TickRecord last_;
   bool has_ticked_ = false, has_hand_ = true;
 };
 
@@ -87,16 +87,16 @@ class LiveViewImpl final : public LiveView {
   LiveViewImpl(const Tool& tool, const DepthStreamInfo& stream, std::string title)
       : content_{"live", std::move(title), &tool, stream},
         stale_age_(0.1 + 4 / std::max(stream.rate, 1.0)) {
-    HapticObserver& observer = onlooker_.observer;
+    RunObserver& observer = monitor_.observer;
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       news_.add_frame(record, frame);
     };
     observer.on_contact = [this](const ContactRecord& contact) { news_.add_contact(contact); };
-    observer.on_ticks = [this](std::span<const HapticRecord> ticks) { news_.add_ticks(ticks); };
-    onlooker_.on_loop = [this](HapticLoop* loop) { show(loop); };
+    observer.on_ticks = [this](std::span<const TickRecord> ticks) { news_.add_ticks(ticks); };
+    monitor_.on_loop = [this](RunLoop* loop) { show(loop); };
   }
 
-  HapticOnlooker& onlooker() override { return onlooker_; }
+  RunMonitor& monitor() override { return monitor_; }
   bool wants_end() const noexcept override { return wants_end_; }
   const ViewContent& content() const override { return content_; }
   void poll(const ViewWishes& wishes, ViewUpdate& update) override;
@@ -105,23 +105,23 @@ class LiveViewImpl final : public LiveView {
   Result<std::string> command(std::string_view json) override;
 
  private:
-  void show(HapticLoop* loop);
+  void show(RunLoop* loop);
   void look_at_loop();
   void take_pictures(const ViewWishes& wishes, ViewUpdate& update);
-  Json note(const HapticRecord& last) const;
+  Json note(const TickRecord& last) const;
   Result<std::string> set(const ViewCommand& command);
 
   const ViewContent content_;
   const double stale_age_;  // s
-  HapticOnlooker onlooker_;
+  RunMonitor monitor_;
   News news_;
   std::atomic<bool> wants_end_ = false;
 
-  std::mutex mutex_;            // of what follows: the server's thread and that of the run
-  HapticLoop* loop_ = nullptr;  // not before it has begun, nor after its end
+  std::mutex mutex_;         // of what follows: the server's thread and that of the run
+  RunLoop* loop_ = nullptr;  // not before it has begun, nor after its end
   bool has_begun_ = false, are_frames_held_ = false;
   std::uint32_t revision_ = 0;
-  HapticSettings settings_;
+  RunSettings settings_;
   LoopReport report_;
   Json stages_ = Json::array();
   Json fault_;
@@ -131,7 +131,7 @@ class LiveViewImpl final : public LiveView {
 };
 
 /// Before it goes away, what there was is looked at once more.
-void LiveViewImpl::show(HapticLoop* loop) {
+void LiveViewImpl::show(RunLoop* loop) {
   const std::lock_guard lock(mutex_);
   look_at_loop();
   loop_ = loop;
@@ -180,7 +180,7 @@ void LiveViewImpl::take_pictures(const ViewWishes& wishes, ViewUpdate& update) {
 }
 
 /// What a person should know now, the most important first.
-Json LiveViewImpl::note(const HapticRecord& last) const {
+Json LiveViewImpl::note(const TickRecord& last) const {
   if (!has_begun_) return "the run has not begun yet";
   if (loop_ == nullptr) {
     return "the run has ended; palpate view with the folder of the run shows it again";
@@ -198,7 +198,7 @@ Json LiveViewImpl::note(const HapticRecord& last) const {
 }
 
 std::string LiveViewImpl::state() {
-  const HapticRecord last = news_.last();
+  const TickRecord last = news_.last();
   const std::lock_guard lock(mutex_);
   look_at_loop();
   return Json{{"time", last.time},
@@ -241,7 +241,7 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
   if (name == "mark") {
     auto text = command->text("text", kLongestMark);
     if (!text) return text.error();
-    onlooker_.marks.add(*std::move(text));
+    monitor_.marks.add(*std::move(text));
   } else if (name == "end") {
     wants_end_ = true;
   } else {
@@ -257,7 +257,7 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
 Result<std::string> LiveViewImpl::set(const ViewCommand& command) {
   const auto key = command.text("key", 100);
   if (!key) return key.error();
-  HapticSettings changed = loop_->settings();
+  RunSettings changed = loop_->settings();
   const auto value = set_control(settings_of(changed), is_live_control, *key, command["value"]);
   if (!value) return value.error();
   if (const Status status = loop_->change(changed); !status) return status.error();

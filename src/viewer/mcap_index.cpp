@@ -128,7 +128,7 @@ double McapIndex::duration() const {
   return duration_;
 }
 
-HapticSettings McapIndex::settings(std::uint32_t revision) const {
+RunSettings McapIndex::settings(std::uint32_t revision) const {
   const std::lock_guard lock(mutex_);
   return std::prev(settings_.upper_bound(revision))->second;
 }

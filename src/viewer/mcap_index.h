@@ -42,7 +42,7 @@ class McapIndex {
   double start() const { return start_; }
 
   double duration() const;
-  HapticSettings settings(std::uint32_t revision) const;
+  RunSettings settings(std::uint32_t revision) const;
   std::vector<RecordedMark> marks() const;
   /// What is wrong with the file, or how far it has been read; else empty.
   std::string note() const;
@@ -76,7 +76,7 @@ class McapIndex {
   std::vector<IndexedChunk> chunks_;
   std::vector<IndexedFrame> frames_;
   FramePeriods periods_;
-  std::map<std::uint32_t, HapticSettings> settings_;
+  std::map<std::uint32_t, RunSettings> settings_;
   std::vector<std::pair<std::uint64_t, std::string>> marks_;  // wall time
   double duration_ = 0;
   std::string trouble_;

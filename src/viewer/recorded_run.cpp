@@ -38,7 +38,7 @@ class RunInFile final : public RecordedRun {
 
   const Tool& tool() const override { return tool_; }
   const DepthStreamInfo& stream() const override { return index_->setup().stream; }
-  HapticSettings settings(std::uint32_t revision) override { return index_->settings(revision); }
+  RunSettings settings(std::uint32_t revision) override { return index_->settings(revision); }
   double duration() override { return index_->duration(); }
   std::size_t num_frames() override { return index_->num_frames(); }
   std::uint64_t frame_number(std::size_t index) override { return index_->frame(index).number; }

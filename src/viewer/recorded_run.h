@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 #include "palpate/viewer/view_source.h"
 
 namespace palpate {
@@ -40,7 +40,7 @@ class RecordedRun {
   virtual const Tool& tool() const = 0;
   virtual const DepthStreamInfo& stream() const = 0;
   /// Those of a query.
-  virtual HapticSettings settings(std::uint32_t revision) = 0;
+  virtual RunSettings settings(std::uint32_t revision) = 0;
   /// s; how much of the recording is known by now.
   virtual double duration() = 0;
   virtual std::size_t num_frames() = 0;

@@ -10,8 +10,8 @@ namespace palpate {
 namespace {
 
 /// Are surfaces made alike with these?
-bool makes_same_surfaces(const HapticSettings& a, const HapticSettings& b) {
-  const auto has_field = [](const HapticSettings& settings) {
+bool makes_same_surfaces(const RunSettings& a, const RunSettings& b) {
+  const auto has_field = [](const RunSettings& settings) {
     return settings.contact.method == InsideMethod::field;
   };
   return has_same_settings(a.surface, b.surface) && has_same_settings(a.field, b.field) &&
@@ -40,7 +40,7 @@ Repetition::Repetition(RecordedRun& run)
     : run_(run), frames_(run), pool_(0), index_(ToolIndex::create(run.tool())) {}
 
 /// On the backend of the run if it is there.
-Status Repetition::make_part(HapticSettings settings) {
+Status Repetition::make_part(RunSettings settings) {
   backend_ = settings.backend.value_or(Backend::cpu);
   auto part = make_contact_part(index_, settings, {});
   if (!part && backend_ != Backend::cpu) {
@@ -54,9 +54,9 @@ Status Repetition::make_part(HapticSettings settings) {
   return Done{};
 }
 
-Status Repetition::prepare(std::size_t first, const HapticSettings& settings) {
+Status Repetition::prepare(std::size_t first, const RunSettings& settings) {
   timeline_.reset();
-  HapticSettings used = settings;
+  RunSettings used = settings;
   used.backend = backend_;
   if (first > 0 && run_.period_after(first) > 0) used.time.first_period = run_.period_after(first);
   auto timeline = make_surfaces(run_.stream(), used);
@@ -66,7 +66,7 @@ Status Repetition::prepare(std::size_t first, const HapticSettings& settings) {
   return Done{};
 }
 
-Result<bool> Repetition::go_to(const RecordedQuery& query, const HapticSettings& settings,
+Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& settings,
                                const std::function<bool()>& keep_going) {
   if (part_ == nullptr || options_ != settings.contact) {
     if (const Status status = make_part(settings); !status) return status.error();

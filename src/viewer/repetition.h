@@ -25,7 +25,7 @@ class Repetition {
   /// The surfaces as they were for this query: on from where they are if that is near, else anew
   /// from some frames before. False if keep_going() has become false. Errors: a frame, the
   /// settings.
-  Result<bool> go_to(const RecordedQuery& query, const HapticSettings& settings,
+  Result<bool> go_to(const RecordedQuery& query, const RunSettings& settings,
                      const std::function<bool()>& keep_going);
   /// After go_to.
   const Penetration& measure();
@@ -39,8 +39,8 @@ class Repetition {
   const std::string& note() const { return note_; }
 
  private:
-  Status prepare(std::size_t first, const HapticSettings& settings);
-  Status make_part(HapticSettings settings);
+  Status prepare(std::size_t first, const RunSettings& settings);
+  Status make_part(RunSettings settings);
 
   RecordedRun& run_;
   FrameCache frames_;
@@ -52,7 +52,7 @@ class Repetition {
   std::string note_;
 
   std::optional<SurfaceTimeline> timeline_;
-  HapticSettings made_with_;          // the settings of the timeline
+  RunSettings made_with_;             // the settings of the timeline
   std::size_t first_ = 0, next_ = 0;  // frames: pushed from, up to
   ContactRecord asked_;
   SurfaceMoment moment_;

@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 constexpr std::chrono::microseconds kPeriod{16667};
 
 /// With what a person has changed.
-HapticSettings changed_by(HapticSettings settings, const Json& changes) {
+RunSettings changed_by(RunSettings settings, const Json& changes) {
   for (const auto& [key, value] : changes.items()) {
     (void)set_control(settings_of(settings), is_recorded_control, key, value);
   }
@@ -23,7 +23,7 @@ HapticSettings changed_by(HapticSettings settings, const Json& changes) {
 }
 
 /// The keys of what differs.
-std::string differences(const HapticSettings& a, const HapticSettings& b) {
+std::string differences(const RunSettings& a, const RunSettings& b) {
   const Json values = control_values(settings_of(a), is_recorded_control),
              others = control_values(settings_of(b), is_recorded_control);
   std::string keys;
@@ -121,7 +121,7 @@ void RunPlayer::set_speed(double factor) {
 
 Result<Json> RunPlayer::set(std::string_view key, const Json& value) {
   const std::lock_guard lock(mutex_);
-  HapticSettings settings = shown_.settings;
+  RunSettings settings = shown_.settings;
   auto taken = set_control(settings_of(settings), is_recorded_control, key, value);
   if (!taken) return taken;
   if (const Status status = check(settings.surface); !status) {
@@ -195,7 +195,7 @@ void RunPlayer::use_settings_of(const RecordedQuery& query) {
   const SettingsInUse wanted{query.revision, shown_.revision};
   if (used_ == wanted) return;
   used_ = wanted;
-  const HapticSettings recorded = run_->settings(query.revision);
+  const RunSettings recorded = run_->settings(query.revision);
   settings_ = shown_.settings = changed_by(recorded, changed_);
   ++num_settings_;
   what_if_.clear();

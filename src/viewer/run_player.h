@@ -19,7 +19,7 @@ struct RunShown {
   bool is_paused = false;
   std::uint64_t frame_number = 0;
   std::uint32_t revision = 0;  ///< how often a setting was changed here
-  HapticSettings settings;     ///< by which contacts are computed
+  RunSettings settings;        ///< by which contacts are computed
   std::vector<RecordedMark> marks;
   std::string note;  ///< else empty
 };
@@ -81,7 +81,7 @@ class RunPlayer {
   ViewWishes wishes_;
   std::uint32_t taken_seeks_ = 0, seen_seeks_ = 0;
   std::optional<SettingsInUse> used_;
-  HapticSettings settings_;
+  RunSettings settings_;
   std::uint64_t num_settings_ = 0;  // counts when they change
   std::string what_if_;
 

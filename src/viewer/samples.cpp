@@ -2,7 +2,7 @@
 
 namespace palpate {
 
-ViewSample sample_of(const HapticRecord& tick, bool has_hand) {
+ViewSample sample_of(const TickRecord& tick, bool has_hand) {
   ViewSample sample;
   sample.time = tick.time;
   sample.F_H_B = has_hand ? tick.F_H_B : tick.step.contact_W;

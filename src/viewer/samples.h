@@ -4,13 +4,13 @@
 #include <deque>
 #include <vector>
 
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 #include "palpate/viewer/view_source.h"
 
 namespace palpate {
 
 /// Without a hand, the force on the tool stands for what it would feel.
-ViewSample sample_of(const HapticRecord& tick, bool has_hand);
+ViewSample sample_of(const TickRecord& tick, bool has_hand);
 
 /// The last seconds; older ones that nobody has fetched are dropped.
 class SampleQueue {

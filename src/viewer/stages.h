@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-// The parts of the haptic loop, each by itself.
+// The parts of the live loop, each by itself.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -14,7 +14,7 @@
 #include "src/run/loop/record_queue.h"
 #include "src/run/loop/stiffness_schedule.h"
 #include "src/run/loop/surface_stage.h"
-#include "tests/run/haptic_loop_fixtures.h"
+#include "tests/run/live_loop_fixtures.h"
 
 namespace palpate {
 namespace {

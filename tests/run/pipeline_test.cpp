@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "tests/run/haptic_loop_fixtures.h"
+#include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
@@ -31,11 +31,11 @@ DeviceState state_at(double time) {
 }
 
 /// So many ticks of a millisecond, frames at 30 Hz.
-std::vector<HapticRecord> run(Pipeline& pipeline, int num_ticks, int first = 0,
-                              std::vector<ContactRecord>* contacts = nullptr) {
+std::vector<TickRecord> run(Pipeline& pipeline, int num_ticks, int first = 0,
+                            std::vector<ContactRecord>* contacts = nullptr) {
   WallSource source({});
   DepthFrame frame;
-  std::vector<HapticRecord> ticks;
+  std::vector<TickRecord> ticks;
   int num_frames = 0;
   for (int k = 0; k < first + num_ticks; ++k) {
     const double time = 1e-3 * k;
@@ -50,14 +50,14 @@ std::vector<HapticRecord> run(Pipeline& pipeline, int num_ticks, int first = 0,
   return ticks;
 }
 
-Result<Pipeline> make(const HapticSettings& settings) {
+Result<Pipeline> make(const RunSettings& settings) {
   const WallSource source({});
   return Pipeline::create(box_tool(), source.info(), device_info(), settings);
 }
 
 // A tool without coupling is where the hand is, and its contact is that of a query there.
 TEST(Pipeline, WithoutCouplingMeasuresWhereTheToolIs) {
-  HapticSettings settings = patient_settings();
+  RunSettings settings = patient_settings();
   settings.coupling.kind = CouplingKind::none;
   auto pipeline = make(settings);
   ASSERT_TRUE(pipeline) << pipeline.error().message;
@@ -65,7 +65,7 @@ TEST(Pipeline, WithoutCouplingMeasuresWhereTheToolIs) {
   const auto ticks = run(*pipeline, 800, 0, &contacts);
   const double scale = 8 / (full_volume(box_tool(), settings.contact) / 8);
   for (std::size_t k = 0; k < ticks.size(); ++k) {
-    const HapticRecord& tick = ticks[k];
+    const TickRecord& tick = ticks[k];
     EXPECT_NEAR(tick.step.X_WT.translation.z,
                 0.45 + state_at(1e-3 * static_cast<double>(k)).X_BH.translation.z, 1e-15);
     EXPECT_EQ(contacts[k].X_WT, tick.step.X_WT);
@@ -90,7 +90,7 @@ TEST(Pipeline, AHandFeelsTheWallAndTheToolStaysBehind) {
     ASSERT_EQ(ticks[k].contact_number, k);
     ASSERT_NEAR(ticks[k].contact_age, 1e-3, 1e-12);
   }
-  const HapticRecord& last = ticks.back();
+  const TickRecord& last = ticks.back();
   EXPECT_EQ(last.safety.fault, Fault::none);
   EXPECT_LT(last.F_H_B.force.z, -0.5);
   EXPECT_GT(last.step.stretch, 1e-4);
@@ -99,7 +99,7 @@ TEST(Pipeline, AHandFeelsTheWallAndTheToolStaysBehind) {
 
 TEST(Pipeline, TheSameCallsGiveTheSameBits) {
   auto once = make(patient_settings());
-  HapticSettings threaded = patient_settings();
+  RunSettings threaded = patient_settings();
   threaded.num_threads = 2;
   auto again = make(threaded);
   ASSERT_TRUE(once && again);
@@ -112,7 +112,7 @@ TEST(Pipeline, TheSameCallsGiveTheSameBits) {
 
 // The objects push as the surface does: here there is a second box behind the first tick's tool.
 TEST(Pipeline, ObjectsAreFeltByAHandToo) {
-  HapticSettings settings = patient_settings();
+  RunSettings settings = patient_settings();
   const auto shape = std::make_shared<const Tool>(box_tool());
   settings.objects.push_back({shape, Pose{{0, 0.045, 0.45}, {}}});
   auto pipeline = make(settings);
@@ -128,14 +128,14 @@ TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   auto pipeline = make(patient_settings());
   ASSERT_TRUE(pipeline);
   run(*pipeline, 700);
-  HapticSettings other = patient_settings();
+  RunSettings other = patient_settings();
   other.contact.method = InsideMethod::graph;
   other.coupling.kind = CouplingKind::direct;
   ASSERT_TRUE(pipeline->change(other));
   EXPECT_EQ(pipeline->revision(), 1u);
   EXPECT_EQ(pipeline->surface_revision(), 0u);
   const Pose X_WT = pipeline->contact().X_WT;
-  const HapticRecord& next = pipeline->tick(state_at(0.7));
+  const TickRecord& next = pipeline->tick(state_at(0.7));
   EXPECT_EQ(next.revision, 1u);
   EXPECT_LT(norm(next.step.X_WT.translation - X_WT.translation), 1e-3);
   EXPECT_EQ(pipeline->contact().revision, 0u);

@@ -31,7 +31,7 @@ using test::TemporaryFolder;
 
 double depth_in_the_wall(double time) { return 0.07 + 0.02 * std::sin(7 * time); }
 
-using Edit = void (*)(HapticSettings&);
+using Edit = void (*)(RunSettings&);
 constexpr Edit kEdits[] = {
     [](auto& s) { s.contact.method = InsideMethod::graph; },
     [](auto& s) { s.coupling.stiffness = 200; },
@@ -46,13 +46,13 @@ constexpr Edit kEdits[] = {
 };
 
 /// Runs, makes the changes one after the other, and ends.
-Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, HapticOnlooker& onlooker) {
+Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMonitor& monitor) {
   const Tool tool = small_tool();
   SyntheticStream stream(1000);
   const auto device = pressing_device(depth_in_the_wall);
   std::atomic<bool> is_done = false;
   std::thread person;
-  onlooker.on_loop = [&](HapticLoop* loop) {
+  monitor.on_loop = [&](RunLoop* loop) {
     if (loop == nullptr) {
       person.join();
       return;
@@ -61,11 +61,11 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, HapticO
       const auto pause = [] { std::this_thread::sleep_for(std::chrono::milliseconds(120)); };
       pause();
       for (const Edit edit : kEdits) {
-        HapticSettings settings = loop->settings();
+        RunSettings settings = loop->settings();
         edit(settings);
         const Status changed = loop->change(settings);
         EXPECT_TRUE(changed) << changed.error().message;
-        onlooker.marks.add("a change");
+        monitor.marks.add("a change");
         pause();
       }
       loop->hold_frames(true);
@@ -78,25 +78,23 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, HapticO
   RunOptions options;
   options.duration = 60;
   options.keep_going = [&] { return !is_done.load(); };
-  options.onlooker = &onlooker;
+  options.monitor = &monitor;
   return record_run(tool, stream, *device, patient_settings(), folder, options);
 }
 
 TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
-  HapticOnlooker onlooker;
+  RunMonitor monitor;
   std::size_t num_ticks = 0, num_frames = 0, num_contacts = 0;
   std::vector<std::uint32_t> revisions;
-  onlooker.observer.on_ticks = [&](std::span<const HapticRecord> ticks) {
-    num_ticks += ticks.size();
-  };
-  onlooker.observer.on_frame = [&](const FrameRecord&, const DepthFrame&) { ++num_frames; };
-  onlooker.observer.on_contact = [&](const ContactRecord&) { ++num_contacts; };
-  onlooker.observer.on_settings = [&](std::uint32_t revision, const HapticSettings&) {
+  monitor.observer.on_ticks = [&](std::span<const TickRecord> ticks) { num_ticks += ticks.size(); };
+  monitor.observer.on_frame = [&](const FrameRecord&, const DepthFrame&) { ++num_frames; };
+  monitor.observer.on_contact = [&](const ContactRecord&) { ++num_contacts; };
+  monitor.observer.on_settings = [&](std::uint32_t revision, const RunSettings&) {
     revisions.push_back(revision);
   };
-  const auto outcome = run_with_changes(run, onlooker);
+  const auto outcome = run_with_changes(run, monitor);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_EQ(outcome->failure, "");
   EXPECT_EQ(num_ticks, outcome->loop.num_ticks);
@@ -176,8 +174,8 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   EXPECT_NE(missing.error().message.find("revision 2"), std::string::npos);
 }
 
-TEST(HapticMarks, AnyThreadAddsAndNoneIsLost) {
-  HapticMarks marks;
+TEST(RunMarks, AnyThreadAddsAndNoneIsLost) {
+  RunMarks marks;
   std::thread others[4];
   for (std::thread& other : others) {
     other = std::thread([&marks] {

@@ -6,12 +6,12 @@
 
 #include "palpate/devices/simulated_device.h"
 #include "palpate/math/sphere.h"
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 
 namespace palpate::test {
 
-inline HapticSettings patient_settings() {
-  HapticSettings settings;
+inline RunSettings patient_settings() {
+  RunSettings settings;
   settings.wants_real_time = false;
   settings.num_threads = 1;
   settings.coupling.X_WB.translation = {0, 0, 0.42};

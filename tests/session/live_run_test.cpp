@@ -39,7 +39,7 @@ using test::SyntheticStream;
 using test::TemporaryFolder;
 
 Result<RunOutcome> run_for(double duration, const std::filesystem::path& folder,
-                           const HapticSettings& settings = patient_settings(),
+                           const RunSettings& settings = patient_settings(),
                            int num_frames = 1000) {
   const Tool tool = small_tool();
   SyntheticStream stream(num_frames);
@@ -52,7 +52,7 @@ std::string read(const std::filesystem::path& path) { return *read_file(path); }
 // Messages
 
 TEST(RunMessages, TicksReadBackToTheSameBits) {
-  HapticRecord tick;
+  TickRecord tick;
   tick.number = 18446744073709551615u;
   tick.time = 0.1 + 0.2;
   tick.dt = std::nextafter(0.001, 1.0);
@@ -125,7 +125,7 @@ TEST(RunMessages, SchemasNameEveryTypeOnce) {
 
 TEST(RunSeries, StaysSmallAndKeepsTheStrongestTick) {
   RunSeries series;
-  HapticRecord tick;
+  TickRecord tick;
   for (int i = 0; i < 300000; ++i) {
     tick.time = i;
     tick.F_H_B.force.x = i == 123457 ? 5 : 0.001 * (i % 7);
@@ -134,7 +134,7 @@ TEST(RunSeries, StaysSmallAndKeepsTheStrongestTick) {
   EXPECT_LE(series.ticks().size(), std::size_t(1) << 14);
   EXPECT_GT(series.ticks().size(), std::size_t(1) << 12);
   double strongest = 0, last = -1;
-  for (const HapticRecord& kept : series.ticks()) {
+  for (const TickRecord& kept : series.ticks()) {
     EXPECT_GT(kept.time, last);
     last = kept.time;
     strongest = std::max(strongest, kept.F_H_B.force.x);
@@ -144,12 +144,12 @@ TEST(RunSeries, StaysSmallAndKeepsTheStrongestTick) {
 
 // Settings
 
-class HapticSettingsFile : public testing::Test {
+class RunSettingsFile : public testing::Test {
  protected:
-  Result<HapticSettings> load(const std::string& text) {
+  Result<RunSettings> load(const std::string& text) {
     const auto path = folder_.path() / "settings.toml";
     std::ofstream(path) << text;
-    return load_settings<HapticSettings>(path);
+    return load_settings<RunSettings>(path);
   }
   void expect_error(const std::string& text, std::initializer_list<const char*> mentions) {
     const auto loaded = load(text);
@@ -162,25 +162,25 @@ class HapticSettingsFile : public testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(HapticSettingsFile, PrintedDefaultsReadBackToTheSame) {
-  HapticSettings settings;
+TEST_F(RunSettingsFile, PrintedDefaultsReadBackToTheSame) {
+  RunSettings settings;
   settings.coupling.tool_mass = 0.1 + 0.2;
   settings.coupling.kind = CouplingKind::proxy;
   settings.coupling.X_WB = {{1, -2, 0.125}, {0, 0, 1, 0}};
   settings.safety.dead_man = true;
   settings.contact.volumes = SphereVolumes::own;
-  for (const HapticSettings& some : {HapticSettings{}, settings}) {
+  for (const RunSettings& some : {RunSettings{}, settings}) {
     const auto loaded = load(settings_toml(settings_of(some)));
     ASSERT_TRUE(loaded) << loaded.error().message;
     EXPECT_TRUE(has_same_settings(*loaded, some));
-    HapticSettings from_json;
+    RunSettings from_json;
     const Status read = read_json(settings_of(from_json), to_json(settings_of(some)));
     ASSERT_TRUE(read) << read.error().message;
     EXPECT_TRUE(has_same_settings(from_json, some));
   }
 }
 
-TEST_F(HapticSettingsFile, SetsWhatItNames) {
+TEST_F(RunSettingsFile, SetsWhatItNames) {
   const auto loaded = load(
       "[coupling]\nkind = \"direct\"\nstiffness = 800  # whole numbers are numbers\n"
       "[safety]\nengage_ticks = 20\n[loop]\nreal_time = false\n");
@@ -192,7 +192,7 @@ TEST_F(HapticSettingsFile, SetsWhatItNames) {
   EXPECT_EQ(loaded->safety.max_slew, SafetyOptions{}.max_slew);
 }
 
-TEST_F(HapticSettingsFile, ErrorsNameLineAndRemedy) {
+TEST_F(RunSettingsFile, ErrorsNameLineAndRemedy) {
   expect_error("[safety]\n\nmax_slow = 3\n", {"line 3", "'max_slow'", "'max_slew'"});
   expect_error("[safty]\nmax_slew = 3\n", {"line 1", "[safty]", "[safety]"});
   expect_error("stiffness = 3\n", {"line 1", "stiffness"});
@@ -205,17 +205,17 @@ TEST_F(HapticSettingsFile, ErrorsNameLineAndRemedy) {
   expect_error("[coupling]\nbase_in_scene = [0, 0, 0]\n", {"line 2", "seven numbers"});
   expect_error("[coupling]\nbase_in_scene = [0, 0, 0, 0, 0, 0, 2]\n", {"quaternion"});
   expect_error("[coupling\n", {"line 1", "not TOML"});
-  EXPECT_FALSE(load_settings<HapticSettings>(folder_.path() / "absent.toml"));
+  EXPECT_FALSE(load_settings<RunSettings>(folder_.path() / "absent.toml"));
 }
 
 // Runs
 
-TEST(HapticRun, IsRecordedAndRepeatedBitForBit) {
+TEST(LiveRun, IsRecordedAndRepeatedBitForBit) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   for (const CouplingKind kind :
        {CouplingKind::virtual_coupling, CouplingKind::direct, CouplingKind::proxy}) {
-    HapticSettings settings = patient_settings();
+    RunSettings settings = patient_settings();
     settings.coupling.kind = kind;
     const auto outcome = run_for(1.2, run, settings);  // replaces the run before
     ASSERT_TRUE(outcome) << outcome.error().message;
@@ -242,9 +242,9 @@ TEST(HapticRun, IsRecordedAndRepeatedBitForBit) {
   }
 }
 
-TEST(HapticRun, PointMethodsAndPredictionAreRepeatedToo) {
+TEST(LiveRun, PointMethodsAndPredictionAreRepeatedToo) {
   const TemporaryFolder folder;
-  HapticSettings settings = patient_settings();
+  RunSettings settings = patient_settings();
   settings.contact.method = InsideMethod::graph;
   settings.time.mode = TimeMode::predict;
   settings.coupling.hold = ContactHold::interpolation;
@@ -256,7 +256,7 @@ TEST(HapticRun, PointMethodsAndPredictionAreRepeatedToo) {
   EXPECT_GT(replay->num_contacts, 10u);
 }
 
-TEST(HapticRun, ReplayFindsWhatWasChanged) {
+TEST(LiveRun, ReplayFindsWhatWasChanged) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   ASSERT_TRUE(run_for(0.6, run));
@@ -271,7 +271,7 @@ TEST(HapticRun, ReplayFindsWhatWasChanged) {
     return replay_run(run);
   };
   const auto tick = replay_changed(kTickTopic, 40, [](std::string& text) {
-    HapticRecord record = *read_tick(text);
+    TickRecord record = *read_tick(text);
     record.F_H_B.force.x += 1e-12;
     text = tick_message(record);
   });
@@ -304,7 +304,7 @@ TEST(HapticRun, ReplayFindsWhatWasChanged) {
   EXPECT_NE(shorter->note, "");
 }
 
-TEST(HapticRun, EndsWithTheSource) {
+TEST(LiveRun, EndsWithTheSource) {
   const TemporaryFolder folder;
   const auto outcome = run_for(60, folder.path() / "run", patient_settings(), 6);
   ASSERT_TRUE(outcome) << outcome.error().message;
@@ -317,9 +317,9 @@ TEST(HapticRun, EndsWithTheSource) {
   EXPECT_EQ(replay->difference, "");
 }
 
-TEST(HapticRun, LeavesNothingWhenItCannotBegin) {
+TEST(LiveRun, LeavesNothingWhenItCannotBegin) {
   const TemporaryFolder folder;
-  HapticSettings settings = patient_settings();
+  RunSettings settings = patient_settings();
   settings.contact_rate = -1;
   EXPECT_FALSE(run_for(1, folder.path() / "run", settings));
   EXPECT_FALSE(run_for(0, folder.path() / "run"));
@@ -334,7 +334,7 @@ double monotonic_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-TEST(HapticRun, KilledLosesNoMoreThanTheLastHalfSecond) {
+TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   const pid_t child = fork();
@@ -365,7 +365,7 @@ TEST(HapticRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   EXPECT_NE(replay->note.find("cut off"), std::string::npos);
 }
 
-TEST(HapticRun, GoesOnWhenTheDiskIsFull) {
+TEST(LiveRun, GoesOnWhenTheDiskIsFull) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   const pid_t child = fork();

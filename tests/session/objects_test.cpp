@@ -38,14 +38,14 @@ class Objects : public ::testing::Test {
 
   test::TemporaryFolder folder_;
   Tool tool_ = test::small_tool();
-  HapticSettings settings_ = test::path_settings();
+  RunSettings settings_ = test::path_settings();
 };
 
 TEST_F(Objects, AreFeltBesideTheCloud) {
   SyntheticStream stream(5), same_stream(5);
   const auto log = run_path(tool_, stream, pressing_pose, settings_);
   ASSERT_TRUE(log) << log.error().message;
-  HapticSettings without = settings_;
+  RunSettings without = settings_;
   without.objects.clear();
   const auto cloud_log = run_path(tool_, same_stream, pressing_pose, without);
   ASSERT_TRUE(cloud_log) << cloud_log.error().message;
@@ -53,7 +53,7 @@ TEST_F(Objects, AreFeltBesideTheCloud) {
   BodyContact contact(tool_, *settings_.objects[0].shape);
   int num_both = 0;
   for (std::size_t k = 0; k < log->ticks.size(); ++k) {
-    const HapticRecord& tick = log->ticks[k];
+    const TickRecord& tick = log->ticks[k];
     const Penetration& cloud = cloud_log->ticks[k].penetration;
     const BodyPenetration one = contact.measure(tick.step.X_WT, settings_.objects[0].X_WB);
     const BodyPenetration two = contact.measure(tick.step.X_WT, settings_.objects[1].X_WB);
@@ -73,7 +73,7 @@ TEST_F(Objects, FarAwayChangeNoBit) {
   for (SceneObject& object : settings_.objects) object.X_WB.translation.x += 10;
   SyntheticStream stream(5), same_stream(5);
   const auto log = run_path(tool_, stream, pressing_pose, settings_);
-  HapticSettings without = settings_;
+  RunSettings without = settings_;
   without.objects.clear();
   const auto cloud_log = run_path(tool_, same_stream, pressing_pose, without);
   ASSERT_TRUE(log && cloud_log);
@@ -108,7 +108,7 @@ TEST_F(Objects, RunsAreRecordedAndRepeatedIdentically) {
   ASSERT_TRUE(replay) << replay.error().message;
   EXPECT_EQ(replay->difference, "");
   const auto again =
-      retry_run(run(), folder_.path() / "again", [](HapticSettings&) -> Status { return Done{}; });
+      retry_run(run(), folder_.path() / "again", [](RunSettings&) -> Status { return Done{}; });
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->forces.max, 0);
   EXPECT_EQ(read(folder_.path() / "again" / "wrench.csv"), read(run() / "wrench.csv"));

@@ -9,14 +9,14 @@
 #include <vector>
 
 #include "palpate/devices/device_models.h"
-#include "palpate/run/haptic_loop.h"
 #include "palpate/run/path_device.h"
+#include "palpate/run/run_loop.h"
 
 namespace palpate::test {
 
 struct PathLog {
   std::vector<FrameRecord> frames;
-  std::vector<HapticRecord> ticks;
+  std::vector<TickRecord> ticks;
   LoopReport report;
   std::size_t deepest_tick = 0;
 };
@@ -24,8 +24,8 @@ struct PathLog {
 using PathFunction = std::function<Pose(double time)>;
 
 /// A tool without coupling, on one thread.
-inline HapticSettings path_settings(double rate = 1000) {
-  HapticSettings settings;
+inline RunSettings path_settings(double rate = 1000) {
+  RunSettings settings;
   settings.coupling.kind = CouplingKind::none;
   settings.contact_rate = rate;
   settings.num_threads = 1;
@@ -41,24 +41,24 @@ inline Result<std::unique_ptr<SteppedDevice>> path_device(
 /// Until the frames end, or for `duration` with the last frame staying. Errors: also those that end
 /// the run.
 inline Result<PathLog> run_path(const Tool& tool, DepthSource& source, PathFunction X_WT,
-                                const HapticSettings& settings = path_settings(),
+                                const RunSettings& settings = path_settings(),
                                 double duration = std::numeric_limits<double>::infinity()) {
   auto device = path_device(std::move(X_WT), settings.contact_rate, duration);
   if (!device) return device.error();
   PathLog log;
-  HapticObserver observer;
+  RunObserver observer;
   observer.on_frame = [&](const FrameRecord& frame, const DepthFrame&) {
     log.frames.push_back(frame);
   };
-  observer.on_ticks = [&](std::span<const HapticRecord> ticks) {
-    for (HapticRecord tick : ticks) {
+  observer.on_ticks = [&](std::span<const TickRecord> ticks) {
+    for (TickRecord tick : ticks) {
       tick.compute_nanoseconds = 0;
       log.ticks.push_back(tick);
     }
   };
   SimulatedClock clock;
   clock.ends_with_frames = !(duration < std::numeric_limits<double>::infinity());
-  auto loop = HapticLoop::create(tool, source, **device, settings, observer, clock);
+  auto loop = RunLoop::create(tool, source, **device, settings, observer, clock);
   if (!loop) return loop.error();
   if (const Status status = (*loop)->start(); !status) return status.error();
   while ((*loop)->is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -66,7 +66,7 @@ inline Result<PathLog> run_path(const Tool& tool, DepthSource& source, PathFunct
   log.report = (*loop)->report();
   if (const Status status = (*loop)->status(); !status) return status.error();
   const auto deepest = std::max_element(log.ticks.begin(), log.ticks.end(),
-                                        [](const HapticRecord& a, const HapticRecord& b) {
+                                        [](const TickRecord& a, const TickRecord& b) {
                                           return a.penetration.volume < b.penetration.volume;
                                         });
   log.deepest_tick = static_cast<std::size_t>(deepest - log.ticks.begin());

@@ -13,7 +13,7 @@ using test::pressing_pose;
 using test::run_path;
 using test::SyntheticStream;
 
-void expect_same(const std::vector<HapticRecord>& a, const std::vector<HapticRecord>& b) {
+void expect_same(const std::vector<TickRecord>& a, const std::vector<TickRecord>& b) {
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t k = 0; k < a.size(); ++k) ASSERT_EQ(difference(a[k], b[k]), "") << k;
 }
@@ -23,10 +23,10 @@ TEST(PathRun, SameNumbersTwiceAndForAnyNumberOfThreads) {
   for (const InsideMethod method : {InsideMethod::weighted, InsideMethod::simplified,
                                     InsideMethod::graph, InsideMethod::field}) {
     for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
-      std::vector<HapticRecord> first;
+      std::vector<TickRecord> first;
       for (const int num_threads : {1, 1, 2, 3}) {
         SyntheticStream stream(6);
-        HapticSettings settings = path_settings(500);
+        RunSettings settings = path_settings(500);
         settings.num_threads = num_threads;
         settings.contact.method = method;
         settings.coupling.kind = kind;
@@ -52,7 +52,7 @@ TEST(PathRun, FramesBecomeCurrentAtTheirTime) {
   EXPECT_EQ(log->ticks.size(), 63u);
   EXPECT_EQ(log->report.ending, "the depth frames have ended");
   EXPECT_EQ(log->report.fault, Fault::none);
-  for (const HapticRecord& tick : log->ticks) {
+  for (const TickRecord& tick : log->ticks) {
     EXPECT_EQ(tick.frame_number, static_cast<std::uint64_t>(tick.time * 32)) << tick.time;
   }
 }
@@ -86,12 +86,12 @@ TEST(PathRun, ZeroIsWhereTheClockSays) {
   SyntheticStream stream(6, 32);
   auto device = test::path_device(pressing_pose, 500);
   ASSERT_TRUE(device);
-  std::vector<HapticRecord> ticks;
-  HapticObserver observer;
-  observer.on_ticks = [&](std::span<const HapticRecord> some) { ticks.push_back(some[0]); };
+  std::vector<TickRecord> ticks;
+  RunObserver observer;
+  observer.on_ticks = [&](std::span<const TickRecord> some) { ticks.push_back(some[0]); };
   SimulatedClock clock;
   clock.zero = 1000.25 + 2.5 / 32;
-  auto loop = HapticLoop::create(tool, stream, **device, path_settings(500), observer, clock);
+  auto loop = RunLoop::create(tool, stream, **device, path_settings(500), observer, clock);
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   while ((*loop)->is_running()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -105,7 +105,7 @@ TEST(PathRun, ZeroIsWhereTheClockSays) {
 
 TEST(PathRun, FaultsAreErrors) {
   const Tool tool = test::small_tool();
-  const auto message = [&](SyntheticStream stream, const HapticSettings& settings) {
+  const auto message = [&](SyntheticStream stream, const RunSettings& settings) {
     const auto log = run_path(tool, stream, pressing_pose, settings);
     return log ? std::string("no error") : log.error().message;
   };
@@ -115,12 +115,12 @@ TEST(PathRun, FaultsAreErrors) {
   EXPECT_NE(message(failing, path_settings()).find("frame 3"), std::string::npos);
   EXPECT_NE(message(resized, path_settings()).find("frame 2"), std::string::npos);
   EXPECT_NE(message(SyntheticStream(0), path_settings()).find("no frame"), std::string::npos);
-  for (const auto& break_it : {+[](HapticSettings& s) { s.contact_rate = 0; },
-                               +[](HapticSettings& s) { s.contact_rate = NAN; },
-                               +[](HapticSettings& s) { s.num_threads = -1; },
-                               +[](HapticSettings& s) { s.surface.normals.radius = 1000; },
-                               +[](HapticSettings& s) { s.objects.push_back({}); }}) {
-    HapticSettings settings = path_settings();
+  for (const auto& break_it :
+       {+[](RunSettings& s) { s.contact_rate = 0; }, +[](RunSettings& s) { s.contact_rate = NAN; },
+        +[](RunSettings& s) { s.num_threads = -1; },
+        +[](RunSettings& s) { s.surface.normals.radius = 1000; },
+        +[](RunSettings& s) { s.objects.push_back({}); }}) {
+    RunSettings settings = path_settings();
     break_it(settings);
     SyntheticStream stream(6);
     const auto log = run_path(tool, stream, pressing_pose, settings);

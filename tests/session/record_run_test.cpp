@@ -64,7 +64,7 @@ class RecordRun : public ::testing::Test {
 
   test::TemporaryFolder folder_;
   Tool tool_ = test::small_tool();
-  HapticSettings settings_ = path_settings();
+  RunSettings settings_ = path_settings();
 };
 
 TEST_F(RecordRun, WritesEverythingAndReplaysIdentically) {
@@ -138,14 +138,14 @@ TEST_F(RecordRun, RepeatsWithACouplingToo) {
 TEST_F(RecordRun, RetriesWithOtherSettings) {
   ASSERT_TRUE(record(run()));
   const fs::path again = folder_.path() / "again", other = folder_.path() / "other";
-  const auto same = retry_run(run(), again, [](HapticSettings&) -> Status { return Done{}; });
+  const auto same = retry_run(run(), again, [](RunSettings&) -> Status { return Done{}; });
   ASSERT_TRUE(same) << same.error().message;
   EXPECT_EQ(same->forces.max, 0);
   EXPECT_GT(same->forces.peak_before, 0);
   EXPECT_EQ(same->forces.peak_before, same->forces.peak_after);
   EXPECT_EQ(read(again / "wrench.csv"), read(run() / "wrench.csv"));
 
-  const auto edit = [](HapticSettings& settings) -> Status {
+  const auto edit = [](RunSettings& settings) -> Status {
     settings.contact = {.method = InsideMethod::weighted};
     settings.time.mode = TimeMode::latest;
     settings.time.average.kind = DepthAverage::none;
@@ -255,7 +255,7 @@ TEST_F(RecordRun, SettingsFramesAndPosesSurviveTheRecording) {
   const auto tool = reader->load_tools();
   ASSERT_TRUE(tool) << tool.error().message;
   EXPECT_EQ(tool->spheres().size(), tool_.spheres().size());
-  HapticRecord tick;
+  TickRecord tick;
   for (int k = 0; *reader->next_tick(tick); ++k) {
     EXPECT_EQ(tick.device.X_BH, pressing_pose(k / 1000.0)) << k;
   }

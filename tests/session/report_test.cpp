@@ -21,7 +21,7 @@ std::size_t count(const std::string& text, const std::string& word) {
 }
 
 Result<std::string> report_of(test::SyntheticStream stream, test::PathFunction X_WT,
-                              double duration, const HapticSettings& settings) {
+                              double duration, const RunSettings& settings) {
   const test::TemporaryFolder folder;
   auto device = test::path_device(std::move(X_WT), 1000, duration);
   const auto outcome =
@@ -32,7 +32,7 @@ Result<std::string> report_of(test::SyntheticStream stream, test::PathFunction X
 
 TEST(Report, IsWholeAndEscaped) {
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
-    HapticSettings settings = test::path_settings();
+    RunSettings settings = test::path_settings();
     settings.coupling.kind = kind;
     const auto html = report_of(test::SyntheticStream(5), test::pressing_pose, 10, settings);
     ASSERT_TRUE(html) << html.error().message;

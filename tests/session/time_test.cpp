@@ -19,14 +19,14 @@ constexpr TimeMode kModes[] = {TimeMode::latest, TimeMode::interpolate, TimeMode
 /// Held still in the wall that comes nearer by 2 mm a frame.
 Pose held(double) { return {{0.002, 0.005, 0.49}, axis_angle({1, 2, 3}, 0.2)}; }
 
-HapticSettings settings_with(TimeMode mode) {
-  HapticSettings settings = test::path_settings();
+RunSettings settings_with(TimeMode mode) {
+  RunSettings settings = test::path_settings();
   settings.time.mode = mode;
   settings.contact.method = InsideMethod::field;
   return settings;
 }
 
-Result<test::PathLog> run(const Tool& tool, const HapticSettings& settings) {
+Result<test::PathLog> run(const Tool& tool, const RunSettings& settings) {
   SyntheticStream stream(8, 32);  // time stamps without rounding
   return test::run_path(tool, stream, held, settings);
 }
@@ -39,7 +39,7 @@ TEST(RunBetweenFrames, OnlyTheLatestFrameAloneMakesSteps) {
     std::vector<double> steps;
     double largest_arrival = 0;
     for (std::size_t k = 1; k < log->ticks.size(); ++k) {
-      const HapticRecord &last = log->ticks[k - 1], &now = log->ticks[k];
+      const TickRecord &last = log->ticks[k - 1], &now = log->ticks[k];
       if (now.frame_number < 3) continue;  // a prediction needs two frames
       const double step = norm(now.penetration.measure_W.force - last.penetration.measure_W.force);
       steps.push_back(step);
@@ -75,9 +75,9 @@ TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
   for (const TimeMode mode : kModes) {
     for (const DepthAverage average :
          {DepthAverage::none, DepthAverage::moving, DepthAverage::exponential}) {
-      std::vector<HapticRecord> first;
+      std::vector<TickRecord> first;
       for (const int num_threads : {1, 3}) {
-        HapticSettings settings = settings_with(mode);
+        RunSettings settings = settings_with(mode);
         settings.time.average.kind = average;
         settings.num_threads = num_threads;
         const auto log = run(tool, settings);
@@ -95,7 +95,7 @@ TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
 TEST(RunBetweenFrames, TicksAndFramesDoNotAllocate) {
   const Tool tool = test::small_tool();
   SyntheticStream stream(4);
-  HapticSettings settings = settings_with(TimeMode::predict);
+  RunSettings settings = settings_with(TimeMode::predict);
   settings.time.average.kind = DepthAverage::moving;
   settings.num_threads = 1;
   auto pipeline = Pipeline::create(tool, stream.info(), DeviceInfo{}, settings);
@@ -111,7 +111,7 @@ TEST(RunBetweenFrames, TicksAndFramesDoNotAllocate) {
 }
 
 TEST(RunBetweenFrames, RefusesBadAverages) {
-  HapticSettings settings = settings_with(TimeMode::latest);
+  RunSettings settings = settings_with(TimeMode::latest);
   settings.time.average = {DepthAverage::moving, 0};
   EXPECT_FALSE(run(test::small_tool(), settings));
 }

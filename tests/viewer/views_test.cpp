@@ -114,7 +114,7 @@ TEST(ToolView, ShowsTheToolAndNothingElse) {
 // Controls
 
 TEST(Controls, AreTheSettingsThatCanChange) {
-  const HapticSettings settings;
+  const RunSettings settings;
   const Json list = list_controls(settings_of(settings), is_live_control);
   std::set<std::string> keys;
   for (const Json& control : list) keys.insert(control["key"]);
@@ -134,7 +134,7 @@ TEST(Controls, AreTheSettingsThatCanChange) {
 }
 
 TEST(Controls, EachCanBeSetToWhatItSaysItCanBe) {
-  HapticSettings settings;
+  RunSettings settings;
   for (const auto& control : list_controls(settings_of(settings), is_live_control)) {
     nlohmann::ordered_json value = true;
     if (control["kind"] == "choice") value = control["choices"].back();
@@ -149,7 +149,7 @@ TEST(Controls, EachCanBeSetToWhatItSaysItCanBe) {
 }
 
 TEST(Controls, RefusesWhatItCannotBe) {
-  HapticSettings settings;
+  RunSettings settings;
   const auto set = [&](const char* key, const nlohmann::ordered_json& value) {
     return set_control(settings_of(settings), is_live_control, key, value);
   };
@@ -163,7 +163,7 @@ TEST(Controls, RefusesWhatItCannotBe) {
   EXPECT_FALSE(set("contact", 5));
   EXPECT_FALSE(set("", 5));
   EXPECT_EQ(control_values(settings_of(settings), is_live_control),
-            control_values(settings_of(HapticSettings{}), is_live_control));
+            control_values(settings_of(RunSettings{}), is_live_control));
   EXPECT_EQ(*set("surface.normal_radius", 2.7), 3);
   EXPECT_EQ(settings.surface.normals.radius, 3);
 }
@@ -191,13 +191,13 @@ TEST(Stages, KeepAllOfAHistogramInFewBars) {
 
 constexpr double kRate = 200;
 
-HapticSettings path_settings(TimeMode mode = TimeMode::interpolate) {
-  HapticSettings settings = test::path_settings(kRate);
+RunSettings path_settings(TimeMode mode = TimeMode::interpolate) {
+  RunSettings settings = test::path_settings(kRate);
   settings.time.mode = mode;
   return settings;
 }
 
-void record_path(const fs::path& folder, const HapticSettings& settings, int num_frames = 12) {
+void record_path(const fs::path& folder, const RunSettings& settings, int num_frames = 12) {
   SyntheticStream stream(num_frames);
   auto device = test::path_device(pressing_pose, kRate);
   const auto outcome = record_run(small_tool(), stream, **device, settings, folder);
@@ -206,7 +206,7 @@ void record_path(const fs::path& folder, const HapticSettings& settings, int num
 
 /// The pipeline after the tick of that number, as the run itself had it.
 template <class Look>
-void play_to(std::size_t tick_number, const HapticSettings& settings, int num_frames, Look look) {
+void play_to(std::size_t tick_number, const RunSettings& settings, int num_frames, Look look) {
   SyntheticStream stream(num_frames);
   const Tool tool = small_tool();
   auto pipeline = Pipeline::create(tool, stream.info(), DeviceInfo{}, settings);
@@ -229,7 +229,7 @@ void play_to(std::size_t tick_number, const HapticSettings& settings, int num_fr
   look(*pipeline);
 }
 
-void expect_exact_seeks(const HapticSettings& settings, int num_frames) {
+void expect_exact_seeks(const RunSettings& settings, int num_frames) {
   const TemporaryFolder folder;
   record_path(folder.path() / "run", settings, num_frames);
   auto view = view_run(folder.path() / "run");
@@ -269,13 +269,13 @@ TEST(RunView, ASeekShowsWhatTheRunFeltWithTheNewestFrame) {
 }
 
 TEST(RunView, ASeekShowsWhatTheRunFeltWhenItPredicts) {
-  HapticSettings settings = path_settings(TimeMode::predict);
+  RunSettings settings = path_settings(TimeMode::predict);
   settings.contact.method = InsideMethod::graph;
   expect_exact_seeks(settings, 12);
 }
 
 TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
-  HapticSettings settings = path_settings();
+  RunSettings settings = path_settings();
   settings.contact.method = InsideMethod::simplified;
   settings.contact.edges = Edges::strict;
   settings.surface.depth_change.enabled = true;
@@ -288,7 +288,7 @@ TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
 /// Blends between frames: what the states do not show.
 TEST(Repetition, GivesTheSameBitsFromAnywhere) {
   const TemporaryFolder folder;
-  const HapticSettings settings = path_settings(TimeMode::predict);
+  const RunSettings settings = path_settings(TimeMode::predict);
   record_path(folder.path() / "run", settings);
   auto run = open_recorded_run(folder.path() / "run");
   ASSERT_TRUE(run);
@@ -408,7 +408,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   EXPECT_EQ(watcher.state()["revision"], 1);
   watcher.contact = nullptr;
   ASSERT_TRUE(watcher.until([&] { return watcher.contact != nullptr; }));
-  HapticSettings other = path_settings();
+  RunSettings other = path_settings();
   other.contact.method = InsideMethod::graph;
   play_to(40, other, 12,
           [&](const Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
@@ -462,7 +462,7 @@ TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   const auto view = LiveView::create(tool, stream.info(), "path");
   Watcher watcher(*view);
   RunOptions options;
-  options.onlooker = &view->onlooker();
+  options.monitor = &view->monitor();
   options.clock.keeps_pace = true;
   auto device = test::path_device(pressing_pose, kRate);
   std::optional<Result<RunOutcome>> outcome;
@@ -527,7 +527,7 @@ class LiveRunTest : public testing::Test {
       RunOptions options;
       options.duration = duration;
       options.keep_going = [this] { return !view_->wants_end(); };
-      options.onlooker = &view_->onlooker();
+      options.monitor = &view_->monitor();
       outcome_ = record_run(tool_, stream_, *device, patient_settings(), folder(), options);
     });
   }

@@ -11,12 +11,12 @@
 #include <sstream>
 
 #include "apps/options.h"
-#include "palpate/run/haptic_loop.h"
 #include "palpate/run/pipeline.h"
+#include "palpate/run/run_loop.h"
 #include "palpate/session/settings_file.h"
 #include "src/session/settings_json.h"
 #include "src/viewer/controls.h"
-#include "tests/run/haptic_loop_fixtures.h"
+#include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
@@ -99,17 +99,17 @@ void expect_sentence(const std::string& message, const std::string& name, const 
   EXPECT_NE(message.find(text_of(probe.value)), std::string::npos) << message;
 }
 
-/// Calls way(key, value) -> Result<HapticSettings> for all probes of the settings that it has.
+/// Calls way(key, value) -> Result<RunSettings> for all probes of the settings that it has.
 template <class Way>
 void walk(
     Way way, bool (*has)(const Setting&) = [](const Setting&) { return true; }) {
-  const HapticSettings defaults;
+  const RunSettings defaults;
   int num = 0;
   for (const Setting& setting : settings_of(defaults)) {
     if (!has(setting)) continue;
     for (const Probe& probe : probes_of(setting)) {
       SCOPED_TRACE(setting.key() + " = " + text_of(probe.value));
-      const Result<HapticSettings> result = way(setting, probe.value);
+      const Result<RunSettings> result = way(setting, probe.value);
       ASSERT_EQ(result.has_value(), probe.is_good)
           << (result ? "taken" : result.error().message.c_str());
       if (!result) {
@@ -123,14 +123,14 @@ void walk(
   EXPECT_GT(num, 40);
 }
 
-TEST(Settings, DefaultsAreInTheirRanges) { EXPECT_TRUE(check_settings(HapticSettings{})); }
+TEST(Settings, DefaultsAreInTheirRanges) { EXPECT_TRUE(check_settings(RunSettings{})); }
 
 TEST(Settings, ThroughTheLibrary) {
   const test::ScriptedDevice device({});
   test::WallSource source({});
   const auto index = ToolIndex::create(test::box_tool());
-  const auto make = [&](const Setting& which, const SettingValue& value) -> Result<HapticSettings> {
-    HapticSettings settings;
+  const auto make = [&](const Setting& which, const SettingValue& value) -> Result<RunSettings> {
+    RunSettings settings;
     SettingTable table = settings_of(settings);
     // One has to give way to the other.
     if (which.key() == "surface.min_depth") settings.surface.max_depth = 1000;
@@ -148,7 +148,7 @@ TEST(Settings, ThroughTheLibrary) {
 
 /// The parts of a run check their options without the rest, too.
 TEST(Settings, ThroughThePartsOfTheLibrary) {
-  const HapticSettings defaults;
+  const RunSettings defaults;
   const test::ScriptedDevice device({});
   const Intrinsics camera{100, 100, 20, 15};
   test::WallSource source({});
@@ -156,7 +156,7 @@ TEST(Settings, ThroughThePartsOfTheLibrary) {
     if (!is_number(setting)) continue;
     for (const Probe& probe : probes_of(setting)) {
       if (probe.is_good) continue;
-      HapticSettings s;
+      RunSettings s;
       SettingTable table = settings_of(s);
       UncheckedSetting::set(*table.find(setting.key()), std::get<double>(probe.value));
       std::optional<Error> error;
@@ -188,7 +188,7 @@ TEST(Settings, ThroughAFile) {
     if (std::holds_alternative<std::string>(value)) text = '"' + text + '"';
     if (std::holds_alternative<Pose>(value)) text = '[' + text + ']';
     std::ofstream(path) << "[" << setting.section << "]\n" << setting.name << " = " << text << "\n";
-    auto loaded = load_settings<HapticSettings>(path);
+    auto loaded = load_settings<RunSettings>(path);
     if (!loaded) {
       EXPECT_NE(loaded.error().message.find("settings.toml line 2: "), std::string::npos);
     }
@@ -197,8 +197,8 @@ TEST(Settings, ThroughAFile) {
 }
 
 TEST(Settings, ThroughARecording) {
-  const HapticSettings defaults;
-  walk([&](const Setting& setting, const SettingValue& value) -> Result<HapticSettings> {
+  const RunSettings defaults;
+  walk([&](const Setting& setting, const SettingValue& value) -> Result<RunSettings> {
     Json json = to_json(settings_of(defaults));
     Json& node = json[std::string(setting.section)][std::string(setting.name)];
     if (const double* number = std::get_if<double>(&value)) {
@@ -210,7 +210,7 @@ TEST(Settings, ThroughARecording) {
     } else {
       node = std::get<std::string>(value);
     }
-    HapticSettings read;
+    RunSettings read;
     const Status status = read_json(settings_of(read), json);
     if (!status) return status.error();
     return read;
@@ -219,7 +219,7 @@ TEST(Settings, ThroughARecording) {
     Json json = to_json(settings_of(defaults));
     const Json::json_pointer where(pointer);
     json.at(where.parent_pointer()).erase(where.back());
-    HapticSettings read;
+    RunSettings read;
     EXPECT_NE(read_json(settings_of(read), json).error().message.find("lack"), std::string::npos);
     json = to_json(settings_of(defaults));
     json[where.parent_pointer()]["surprise"] = 7;
@@ -230,8 +230,8 @@ TEST(Settings, ThroughARecording) {
 
 TEST(Settings, ThroughThePage) {
   walk(
-      [](const Setting& setting, const SettingValue& value) -> Result<HapticSettings> {
-        HapticSettings settings;
+      [](const Setting& setting, const SettingValue& value) -> Result<RunSettings> {
+        RunSettings settings;
         Json json;
         std::visit(
             [&](const auto& plain) {
@@ -243,14 +243,14 @@ TEST(Settings, ThroughThePage) {
         return settings;
       },
       [](const Setting& setting) { return is_live_control(setting); });
-  HapticSettings settings;
+  RunSettings settings;
   const auto refused = set_control(settings_of(settings), is_live_control, "safety.max_slew", 5);
   EXPECT_NE(refused.error().message.find("safety.max_slew cannot change"), std::string::npos);
 }
 
 /// What a command line makes of the settings; an error is what the user reads.
-Result<HapticSettings> parse(std::vector<std::string> words) {
-  HapticSettings settings;
+Result<RunSettings> parse(std::vector<std::string> words) {
+  RunSettings settings;
   const SettingTable table = settings_of(settings);
   CLI::App app;
   apps::add_set_option(app, table);
@@ -285,7 +285,7 @@ TEST(Settings, ThroughSetOnTheCommandLine) {
 }
 
 TEST(Settings, ThroughTheirOwnOptionsOnTheCommandLine) {
-  const HapticSettings defaults;
+  const RunSettings defaults;
   const SettingTable table = settings_of(defaults);
   for (const auto& options : {std::span<const apps::SettingOption>(apps::kContactOptions),
                               {apps::kSurfaceOptions},
@@ -323,7 +323,7 @@ std::string file_error(const std::string& text) {
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "settings.toml";
   std::ofstream(path, std::ios::binary) << text;
-  const auto loaded = load_settings<HapticSettings>(path);
+  const auto loaded = load_settings<RunSettings>(path);
   return loaded ? "" : loaded.error().message;
 }
 
@@ -375,7 +375,7 @@ std::string documented_value(const Setting& setting) {
 }
 
 std::string documentation() {
-  const HapticSettings defaults;
+  const RunSettings defaults;
   std::string text;
   std::string_view section;
   for (const Setting& setting : settings_of(defaults)) {

@@ -64,7 +64,7 @@ class HandPart {
   /// `known` has number 0 if nothing has been measured yet. Fills in all of `record` but the time
   /// that it took. Never allocates, locks or waits.
   void tick(const DeviceState& state, const ContactRecord& known, const TickFlags& flags,
-            HapticRecord& record) noexcept;
+            TickRecord& record) noexcept;
   /// For the next tick. Another coupling takes the tool over where it is, and `coupling` is then
   /// the one before; null: the one that there is stays.
   void change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept;
@@ -74,7 +74,7 @@ class HandPart {
 
  private:
   double step_seconds(const DeviceState& state) noexcept;
-  void end_unfelt(HapticRecord& record) noexcept;
+  void end_unfelt(TickRecord& record) noexcept;
 
   std::unique_ptr<Coupling> coupling_;
   SafetyStatus unfelt_;  // where the device is given no wrench
@@ -90,11 +90,11 @@ class HandPart {
 Error lost_backend();
 
 /// By the backend, the GPU and the options of the settings.
-Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const HapticSettings& settings,
+Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
                                       int num_spare = 0);
 /// The same, with `threads` for queries too, which may be null and must outlive it.
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
-                                                       const HapticSettings& settings,
+                                                       const RunSettings& settings,
                                                        const ForceScale& scale,
                                                        ThreadPool* threads = nullptr);
 
@@ -109,24 +109,23 @@ struct RunParts {
 };
 struct RunPartsOptions {
   /// What a running loop has: what it keeps of that is left out.
-  const HapticSettings* before = nullptr;
+  const RunSettings* before = nullptr;
   int num_spare_surfaces = 0;           ///< see SurfaceTimeline
   ThreadPool* query_threads = nullptr;  ///< for queries too; must outlive them
 };
 /// Errors: settings out of range, the backend, a device that cannot be used.
 Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
                                 const DepthStreamInfo& stream, const DeviceInfo& device,
-                                const HapticSettings& settings,
-                                const RunPartsOptions& options = {});
+                                const RunSettings& settings, const RunPartsOptions& options = {});
 
 /// All parts in one thread, without a clock: the same calls give the same bits.
 class Pipeline {
  public:
   /// `tool` must outlive it. Errors: see make_run_parts; safety options out of range.
   static Result<Pipeline> create(const Tool& tool, const DepthStreamInfo& stream,
-                                 const DeviceInfo& device, const HapticSettings& settings);
+                                 const DeviceInfo& device, const RunSettings& settings);
   static Result<Pipeline> create(const Tool&&, const DepthStreamInfo&, const DeviceInfo&,
-                                 const HapticSettings&) = delete;
+                                 const RunSettings&) = delete;
 
   /// A frame of the stream's size that became current at `time`, s, later than the one before.
   SurfaceStats push(const DepthFrame& frame, double time);
@@ -134,13 +133,13 @@ class Pipeline {
   const ContactRecord& measure(const Pose& X_WT, double time) noexcept;
   /// One tick: what the hand feels of the last contact, then the contact where the tool is now; a
   /// prescribed path (CouplingKind::none) is measured where it is first. No allocation.
-  const HapticRecord& tick(const DeviceState& state, bool is_stopping = false) noexcept;
+  const TickRecord& tick(const DeviceState& state, bool is_stopping = false) noexcept;
 
   /// From the next tick on. What needs other surfaces waits for the next frame. Errors: as of
   /// create(), or a setting that cannot change; nothing has changed then.
-  Status change(const HapticSettings& settings);
+  Status change(const RunSettings& settings);
 
-  const HapticSettings& settings() const { return settings_; }
+  const RunSettings& settings() const { return settings_; }
   std::uint32_t revision() const { return revision_; }
   /// Of the surfaces and contacts that are measured now, which wait for frames.
   std::uint32_t surface_revision() const { return surface_revision_; }
@@ -166,14 +165,14 @@ class Pipeline {
     ForceScale scale;
   };
   Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo& stream,
-           const DeviceInfo& device, const HapticSettings& settings,
-           std::unique_ptr<ThreadPool> pool, RunParts parts, SafetyFilter safety);
+           const DeviceInfo& device, const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
+           RunParts parts, SafetyFilter safety);
   void use(Pending& pending);
 
   std::shared_ptr<const ToolIndex> index_;
   DepthStreamInfo stream_;
   DeviceInfo device_;
-  HapticSettings settings_;
+  RunSettings settings_;
   CouplingOptions checked_coupling_;
   std::vector<std::string> notes_;
   std::unique_ptr<ThreadPool> pool_;
@@ -187,7 +186,7 @@ class Pipeline {
   bool has_begun_ = false, has_backend_failed_ = false;
   SurfaceMoment moment_;
   ContactRecord contact_;
-  HapticRecord record_;
+  TickRecord record_;
 };
 
 }  // namespace palpate

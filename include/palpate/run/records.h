@@ -21,7 +21,7 @@ struct FrameRecord {
 };
 
 /// One tick of the haptic thread, as it is published.
-struct HapticRecord {
+struct TickRecord {
   std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
   double time = 0;             ///< s since the loop began
   DeviceState device;

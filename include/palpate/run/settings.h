@@ -19,7 +19,7 @@ struct SceneObject {
   Pose X_WB;
 };
 
-struct HapticSettings {
+struct RunSettings {
   ContactOptions contact;
   SurfaceOptions surface;
   DepthFieldOptions field;
@@ -34,7 +34,7 @@ struct HapticSettings {
   bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
   std::vector<SceneObject> objects;
 };
-inline void add_settings(SettingTable& t, HapticSettings& s) {
+inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.contact);
   add_settings(t, s.surface);
   add_settings(t, s.field);
@@ -54,8 +54,8 @@ inline void add_settings(SettingTable& t, HapticSettings& s) {
 
 /// What a running loop keeps when its settings are changed, with all that it has seen and felt so
 /// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
-bool keeps_surfaces(const HapticSettings& before, const HapticSettings& after);
-bool keeps_coupling(const HapticSettings& before, const HapticSettings& after);
+bool keeps_surfaces(const RunSettings& before, const RunSettings& after);
+bool keeps_coupling(const RunSettings& before, const RunSettings& after);
 /// Can this setting not change while the loop runs?
 bool is_fixed_while_running(const Setting& setting);
 

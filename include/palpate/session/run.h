@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 #include "palpate/session/probe_choice.h"
 
 namespace palpate {
@@ -33,11 +33,11 @@ struct RunPeaks {
   std::uint64_t num_engaged = 0, num_limited = 0, num_in_contact = 0,
                 num_in_objects = 0;  ///< ticks
 
-  void add(const HapticRecord& tick);
+  void add(const TickRecord& tick);
 };
 
 /// What people have to say about a run while it goes on. Any thread adds, one takes.
-class HapticMarks {
+class RunMarks {
  public:
   struct Mark {
     double time = 0;  ///< s, monotonic
@@ -55,19 +55,19 @@ class HapticMarks {
 };
 
 /// Who looks on while a run is recorded.
-struct HapticOnlooker {
-  HapticObserver observer;  ///< hears what the recorder hears, after it
+struct RunMonitor {
+  RunObserver observer;  ///< hears what the recorder hears, after it
   /// The loop once it has started, and null before it is stopped: then it must not be used any
   /// more. From the thread of record_run.
-  std::function<void(HapticLoop*)> on_loop;
-  HapticMarks marks;
+  std::function<void(RunLoop*)> on_loop;
+  RunMarks marks;
 };
 
 struct RunOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, of the computer's clock
   /// Asked ten times a second; false ends the run, which is kept.
   std::function<bool()> keep_going = {};
-  HapticOnlooker* onlooker = nullptr;
+  RunMonitor* monitor = nullptr;
   std::optional<ProbeChoice> probe = {};  ///< told in the report; decides nothing
   // For a SteppedDevice:
   SimulatedClock clock = {};
@@ -78,7 +78,7 @@ struct RunOptions {
 struct RunOutcome {
   LoopReport loop;
   RunPeaks peaks;
-  HapticSettings settings;  ///< as used
+  RunSettings settings;  ///< as used
   std::string summary_json;
   std::vector<std::string> warnings;  ///< for people
   std::string why_not_cuda;           ///< if the fastest backend was asked for and it is another
@@ -91,7 +91,7 @@ struct RunOutcome {
 /// thins the recording, says so, and never disturbs the loop. Errors: settings, source, device,
 /// folder: nothing has run then.
 Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevice& device,
-                              const HapticSettings& settings, const std::filesystem::path& folder,
+                              const RunSettings& settings, const std::filesystem::path& folder,
                               const RunOptions& options = {});
 
 /// Is this the folder of a run?
@@ -131,7 +131,7 @@ struct RetryOutcome {
 /// clock: writes a run of its own. `change` gets the recorded settings.
 Result<RetryOutcome> retry_run(const std::filesystem::path& folder,
                                const std::filesystem::path& output,
-                               const std::function<Status(HapticSettings&)>& change,
+                               const std::function<Status(RunSettings&)>& change,
                                const RunOptions& options = {});
 
 }  // namespace palpate

@@ -31,7 +31,7 @@ class LiveView : public ViewSource {
   /// For record_run. Without a recording: its `observer` for the loop, and `on_loop` when
   /// the loop has started and before it is stopped; the latter waits for a command that is using
   /// it.
-  virtual HapticOnlooker& onlooker() = 0;
+  virtual RunMonitor& monitor() = 0;
   /// A command has asked to end the run.
   virtual bool wants_end() const noexcept = 0;
 };

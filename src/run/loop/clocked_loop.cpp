@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "palpate/core/triple_buffer.h"
-#include "palpate/run/haptic_loop.h"
 #include "palpate/run/pipeline.h"
+#include "palpate/run/run_loop.h"
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/frame_queue.h"
 
@@ -20,9 +20,9 @@ constexpr std::chrono::milliseconds kLongestWait{20};
 
 std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
 
-class ClockedLoop final : public HapticLoop {
+class ClockedLoop final : public RunLoop {
  public:
-  ClockedLoop(DepthSource& source, SteppedDevice& device, HapticObserver observer,
+  ClockedLoop(DepthSource& source, SteppedDevice& device, RunObserver observer,
               const SimulatedClock& clock, Pipeline pipeline)
       : device_(device),
         observer_(std::move(observer)),
@@ -34,13 +34,13 @@ class ClockedLoop final : public HapticLoop {
   Status start() override;
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
-  bool latest(HapticRecord& record) noexcept override;
+  bool latest(TickRecord& record) noexcept override;
   const LoopTimes& times() const noexcept override { return times_; }
   LoopReport report() const override;
   Status status() const override;
 
-  Status change(const HapticSettings& settings) override;
-  HapticSettings settings() const override;
+  Status change(const RunSettings& settings) override;
+  RunSettings settings() const override;
   void hold_frames(bool is_held) noexcept override;
   void step_frame() noexcept override;
   void ask_for_contact_picture() noexcept override { wants_contact_ = true; }
@@ -62,7 +62,7 @@ class ClockedLoop final : public HapticLoop {
   void end(std::string ending);
 
   SteppedDevice& device_;
-  const HapticObserver observer_;
+  const RunObserver observer_;
   const SimulatedClock clock_;
   LoopTimes times_;
 
@@ -79,7 +79,7 @@ class ClockedLoop final : public HapticLoop {
 
   std::atomic<bool> is_running_ = false, is_stopping_ = false;
   std::atomic<bool> wants_contact_ = false, wants_surface_ = false;
-  TripleBuffer<HapticRecord> newest_;
+  TripleBuffer<TickRecord> newest_;
   TripleBuffer<ContactPicture> contacts_;
   TripleBuffer<SurfacePicture> surfaces_;
   std::thread thread_;
@@ -171,7 +171,7 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
     return {};
   }
   const double begin = monotonic_now();
-  HapticRecord& record = newest_.draft();
+  TickRecord& record = newest_.draft();
   record = pipeline_.tick(state);
   const double took = monotonic_now() - begin;
   record.compute_nanoseconds = nanoseconds(took);
@@ -225,7 +225,7 @@ void ClockedLoop::make_pictures() {
   }
 }
 
-bool ClockedLoop::latest(HapticRecord& record) noexcept {
+bool ClockedLoop::latest(TickRecord& record) noexcept {
   if (!newest_.refresh()) return false;
   record = newest_.value();
   return true;
@@ -243,12 +243,12 @@ Status ClockedLoop::status() const {
   return status_;
 }
 
-HapticSettings ClockedLoop::settings() const {
+RunSettings ClockedLoop::settings() const {
   const std::lock_guard lock(mutex_);
   return pipeline_.settings();
 }
 
-Status ClockedLoop::change(const HapticSettings& settings) {
+Status ClockedLoop::change(const RunSettings& settings) {
   const std::lock_guard lock(mutex_);
   if (!is_running_) return Error{Errc::unavailable, "the run has ended"};
   if (const Status status = pipeline_.change(settings); !status) return status;
@@ -271,15 +271,14 @@ void ClockedLoop::step_frame() noexcept {
 
 }  // namespace
 
-Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSource& source,
-                                                       SteppedDevice& device,
-                                                       const HapticSettings& settings,
-                                                       HapticObserver observer,
-                                                       const SimulatedClock& clock) {
+Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, DepthSource& source,
+                                                 SteppedDevice& device, const RunSettings& settings,
+                                                 RunObserver observer,
+                                                 const SimulatedClock& clock) {
   auto pipeline = Pipeline::create(tool, source.info(), device.info(), settings);
   if (!pipeline) return pipeline.error();
-  return std::unique_ptr<HapticLoop>(std::make_unique<ClockedLoop>(
-      source, device, std::move(observer), clock, *std::move(pipeline)));
+  return std::unique_ptr<RunLoop>(std::make_unique<ClockedLoop>(source, device, std::move(observer),
+                                                                clock, *std::move(pipeline)));
 }
 
 }  // namespace palpate

@@ -34,7 +34,7 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
   flags.is_stopping = wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended();
   flags.has_sensor_failed = surfaces_.has_source_failed();
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
-  HapticRecord& record = newest_.draft();
+  TickRecord& record = newest_.draft();
   hand_.tick(state, contacts_.newest(), flags, record);
   if (hand_.has_tool()) contacts_.move_tool({state.time, record.step.X_WT});
   const Wrench felt = record.F_H_B;
@@ -47,7 +47,7 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
 }
 
 /// Statistics, and the record on its way to the others.
-void HapticStage::keep_time(const TickStart& start, const HapticRecord& record) noexcept {
+void HapticStage::keep_time(const TickStart& start, const TickRecord& record) noexcept {
   if (record.safety.fault != Fault::none) {
     fault_.store(record.safety.fault, std::memory_order_relaxed);
     if (record.safety.gain <= 0) has_faded_.store(true, std::memory_order_release);
@@ -69,7 +69,7 @@ void HapticStage::keep_time(const TickStart& start, const HapticRecord& record) 
   num_ticks_.store(number + 1, std::memory_order_release);
 }
 
-bool HapticStage::latest(HapticRecord& record) noexcept {
+bool HapticStage::latest(TickRecord& record) noexcept {
   if (!newest_.refresh()) return false;
   record = newest_.value();
   return true;

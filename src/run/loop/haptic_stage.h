@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "palpate/core/triple_buffer.h"
-#include "palpate/run/haptic_loop.h"
 #include "palpate/run/pipeline.h"
+#include "palpate/run/run_loop.h"
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/handover.h"
 #include "src/run/loop/record_queue.h"
@@ -50,9 +50,9 @@ class HapticStage {
   /// Of asking for real time; 0: granted or not wanted.
   int real_time_error() const noexcept { return real_time_error_.load(); }
   /// The newest tick; one reader.
-  bool latest(HapticRecord& record) noexcept;
+  bool latest(TickRecord& record) noexcept;
   /// Publishing thread; empty unless records are kept.
-  RecordQueue<HapticRecord>& records() noexcept { return records_; }
+  RecordQueue<TickRecord>& records() noexcept { return records_; }
 
  private:
   /// When a tick began: by the clock, and by what the thread has computed until then.
@@ -60,7 +60,7 @@ class HapticStage {
     double time, cpu;
   };
 
-  void keep_time(const TickStart& start, const HapticRecord& record) noexcept;
+  void keep_time(const TickStart& start, const TickRecord& record) noexcept;
 
   SurfaceStage& surfaces_;
   ContactStage& contacts_;
@@ -73,8 +73,8 @@ class HapticStage {
 
   // Between the haptic thread and others.
   Handover<HapticChange> changes_;
-  TripleBuffer<HapticRecord> newest_;
-  RecordQueue<HapticRecord> records_;
+  TripleBuffer<TickRecord> newest_;
+  RecordQueue<TickRecord> records_;
   std::atomic<std::uint64_t> num_ticks_ = 0, num_missed_ = 0;
   std::atomic<Fault> fault_ = Fault::none;
   std::atomic<bool> wants_stop_ = false, has_faded_ = false;

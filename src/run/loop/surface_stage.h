@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "palpate/core/triple_buffer.h"
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 #include "src/run/loop/bell.h"
 #include "src/run/loop/handover.h"
 #include "src/run/loop/paced_source.h"

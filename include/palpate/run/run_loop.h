@@ -27,12 +27,12 @@ namespace palpate {
 
 /// What is recorded or shown while the loop runs. Called from the publishing thread alone; may take
 /// its time: what does not fit into the queues meanwhile is counted as lost, and the loop goes on.
-struct HapticObserver {
+struct RunObserver {
   std::function<void(const FrameRecord&, const DepthFrame&)> on_frame;
   std::function<void(const ContactRecord&)> on_contact;
-  std::function<void(std::span<const HapticRecord>)> on_ticks;
+  std::function<void(std::span<const TickRecord>)> on_ticks;
   /// Before the first frame, contact or tick of a new revision; not for revision 0.
-  std::function<void(std::uint32_t revision, const HapticSettings&)> on_settings;
+  std::function<void(std::uint32_t revision, const RunSettings&)> on_settings;
 };
 
 /// Stages, each with what it took and how late it was.
@@ -62,25 +62,21 @@ struct SimulatedClock {
   bool keeps_pace = false;       ///< no tick comes before its time, for people who look on
 };
 
-class HapticLoop {
+class RunLoop {
  public:
   /// `tool`, `source` and `device` must outlive it. Errors: settings out of range, the backend.
-  static Result<std::unique_ptr<HapticLoop>> create(const Tool& tool, DepthSource& source,
-                                                    HapticDevice& device,
-                                                    const HapticSettings& settings,
-                                                    HapticObserver observer = {});
-  static Result<std::unique_ptr<HapticLoop>> create(const Tool&&, DepthSource&, HapticDevice&,
-                                                    const HapticSettings&,
-                                                    HapticObserver = {}) = delete;
+  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, DepthSource& source,
+                                                 HapticDevice& device, const RunSettings& settings,
+                                                 RunObserver observer = {});
+  static Result<std::unique_ptr<RunLoop>> create(const Tool&&, DepthSource&, HapticDevice&,
+                                                 const RunSettings&, RunObserver = {}) = delete;
   /// On the device's simulated clock: tick after tick as fast as can be, in a thread of its own,
   /// which the observer is called from. Nothing is lost. A frame becomes current at the first tick
   /// that is not before its time stamp; of several the newest.
-  static Result<std::unique_ptr<HapticLoop>> create(const Tool& tool, DepthSource& source,
-                                                    SteppedDevice& device,
-                                                    const HapticSettings& settings,
-                                                    HapticObserver observer,
-                                                    const SimulatedClock& clock);
-  virtual ~HapticLoop() = default;  ///< stops
+  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, DepthSource& source,
+                                                 SteppedDevice& device, const RunSettings& settings,
+                                                 RunObserver observer, const SimulatedClock& clock);
+  virtual ~RunLoop() = default;  ///< stops
 
   /// Begins; returns when the device ticks. Errors: the device, the first frame.
   virtual Status start() = 0;
@@ -88,7 +84,7 @@ class HapticLoop {
   virtual void stop() noexcept = 0;
   virtual bool is_running() const noexcept = 0;
   /// The newest tick; any thread but the haptic one, one reader.
-  virtual bool latest(HapticRecord& record) noexcept = 0;
+  virtual bool latest(TickRecord& record) noexcept = 0;
   virtual const LoopTimes& times() const noexcept = 0;
   virtual LoopReport report() const = 0;
   /// An error once a source or device has failed; the loop has then faded out.
@@ -101,9 +97,9 @@ class HapticLoop {
   /// The tool stays where it is; forces that jump go through the safety filter's slew limit.
   /// Returns when every stage has taken them, within two frames. Errors: as of create(), or a
   /// setting that cannot change: then nothing has changed; the loop has ended.
-  virtual Status change(const HapticSettings& settings) = 0;
+  virtual Status change(const RunSettings& settings) = 0;
   /// As they are now: those of create() or of the last change.
-  virtual HapticSettings settings() const = 0;
+  virtual RunSettings settings() const = 0;
   /// While frames are held, the last one is seen again and again: the scene stands still, the hand
   /// goes on. On a simulated clock the hand stands still too. `step_frame` lets one more through.
   virtual void hold_frames(bool is_held) noexcept = 0;

@@ -1,4 +1,4 @@
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 
 #include <atomic>
 #include <deque>
@@ -26,7 +26,7 @@ constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
 constexpr double kChangeTimeout = 10;        // s: longer than any usual sensor is silent
 
 /// Queries that are too rare for the safety filter would end every run.
-Status check_contact_rate(const HapticSettings& settings) {
+Status check_contact_rate(const RunSettings& settings) {
   const double rate = settings.contact_rate, most = settings.safety.max_contact_age;
   if (!(rate * most <= 1)) return Done{};
   return Error{Errc::invalid_argument,
@@ -37,18 +37,17 @@ Status check_contact_rate(const HapticSettings& settings) {
 
 /// Other settings on their way through the stages.
 struct Change {
-  HapticSettings settings;
+  RunSettings settings;
   std::uint32_t revision = 0;
   SurfaceChange surfaces;
   ContactChange contacts;
   HapticChange haptic;
 };
 
-class HapticLoopImpl final : public HapticLoop {
+class LiveLoop final : public RunLoop {
  public:
-  HapticLoopImpl(std::shared_ptr<const ToolIndex> index, DepthSource& source, HapticDevice& device,
-                 const HapticSettings& settings, HapticObserver observer, RunParts parts,
-                 SafetyFilter safety)
+  LiveLoop(std::shared_ptr<const ToolIndex> index, DepthSource& source, HapticDevice& device,
+           const RunSettings& settings, RunObserver observer, RunParts parts, SafetyFilter safety)
       : index_(std::move(index)),
         device_(device),
         stream_(source.info()),
@@ -69,18 +68,18 @@ class HapticLoopImpl final : public HapticLoop {
                 times_) {
     batch_.reserve(kBatch);
   }
-  ~HapticLoopImpl() override { stop(); }
+  ~LiveLoop() override { stop(); }
 
   Status start() override;
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
-  bool latest(HapticRecord& record) noexcept override { return haptic_.latest(record); }
+  bool latest(TickRecord& record) noexcept override { return haptic_.latest(record); }
   const LoopTimes& times() const noexcept override { return times_; }
   LoopReport report() const override;
   Status status() const override;
 
-  Status change(const HapticSettings& settings) override;
-  HapticSettings settings() const override {
+  Status change(const RunSettings& settings) override;
+  RunSettings settings() const override {
     const std::lock_guard lock(mutex_);
     return settings_;
   }
@@ -103,8 +102,8 @@ class HapticLoopImpl final : public HapticLoop {
   const std::shared_ptr<const ToolIndex> index_;
   HapticDevice& device_;
   const DepthStreamInfo stream_;
-  const HapticSettings first_settings_;
-  const HapticObserver observer_;
+  const RunSettings first_settings_;
+  const RunObserver observer_;
   LoopTimes times_;
 
   // Of who changes settings.
@@ -112,12 +111,12 @@ class HapticLoopImpl final : public HapticLoop {
   std::unique_ptr<Change> change_;  // what the stages have not all taken yet
   // Between that thread and the publishing one.
   mutable std::mutex mutex_;
-  HapticSettings settings_;            // as all stages have them
-  std::deque<HapticSettings> untold_;  // those after `told_revision_`
+  RunSettings settings_;            // as all stages have them
+  std::deque<RunSettings> untold_;  // those after `told_revision_`
   std::vector<std::string> notes_;
   // Of the publishing thread.
   std::uint32_t told_revision_ = 0;
-  std::vector<HapticRecord> batch_;
+  std::vector<TickRecord> batch_;
 
   std::atomic<bool> is_running_ = false;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
@@ -131,9 +130,9 @@ class HapticLoopImpl final : public HapticLoop {
   std::thread publishing_thread_;
 };
 
-Status HapticLoopImpl::start() {
+Status LiveLoop::start() {
   if (was_started_) {
-    return Error{Errc::invalid_argument, "a haptic loop starts once; create another one"};
+    return Error{Errc::invalid_argument, "a run starts once; create another loop"};
   }
   was_started_ = true;
   start_time_ = end_time_ = monotonic_now();
@@ -142,7 +141,7 @@ Status HapticLoopImpl::start() {
   return started;
 }
 
-Status HapticLoopImpl::start_all() {
+Status LiveLoop::start_all() {
   try {
     if (const Status seen = surfaces_.start(); !seen) return seen;
     start_time_ = monotonic_now();
@@ -176,7 +175,7 @@ Status HapticLoopImpl::start_all() {
   return Done{};
 }
 
-void HapticLoopImpl::fade_out() noexcept {
+void LiveLoop::fade_out() noexcept {
   haptic_.ask_to_stop();
   const double limit = monotonic_now() + first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost does not tick, and its motors are off.
@@ -185,7 +184,7 @@ void HapticLoopImpl::fade_out() noexcept {
   }
 }
 
-void HapticLoopImpl::stop() noexcept {
+void LiveLoop::stop() noexcept {
   if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) fade_out();
   if (was_started_) device_.stop();
   if (is_running_.exchange(false)) end_time_ = monotonic_now();
@@ -197,7 +196,7 @@ void HapticLoopImpl::stop() noexcept {
   if (std::exchange(has_locked_memory_, false)) unlock_memory();
 }
 
-Status HapticLoopImpl::change(const HapticSettings& settings) {
+Status LiveLoop::change(const RunSettings& settings) {
   const std::lock_guard lock(changing_);
   if (change_) {
     if (const Status last = finish_change(); !last) return last;
@@ -229,7 +228,7 @@ Status HapticLoopImpl::change(const HapticSettings& settings) {
   return finish_change();
 }
 
-void HapticLoopImpl::offer_change() {
+void LiveLoop::offer_change() {
   const bool has_surfaces = change_->surfaces.timeline.has_value();
   contacts_.changes().offer(change_->contacts);
   if (has_surfaces) {
@@ -241,7 +240,7 @@ void HapticLoopImpl::offer_change() {
 }
 
 /// Waits until all stages have taken it, and destroys what it has replaced.
-Status HapticLoopImpl::finish_change() {
+Status LiveLoop::finish_change() {
   const double begin = monotonic_now();
   while (!(haptic_.changes().is_settled() && contacts_.changes().is_settled() &&
            surfaces_.changes().is_settled())) {
@@ -264,7 +263,7 @@ Status HapticLoopImpl::finish_change() {
 }
 
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
-void HapticLoopImpl::publish_all() {
+void LiveLoop::publish_all() {
   bool is_last = false;
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
@@ -274,7 +273,7 @@ void HapticLoopImpl::publish_all() {
   }
 }
 
-void HapticLoopImpl::drain_queues() {
+void LiveLoop::drain_queues() {
   while (const SeenFrame* seen = surfaces_.seen().front()) {
     tell_settings(seen->record.revision);
     observer_.on_frame(seen->record, seen->frame);
@@ -285,10 +284,10 @@ void HapticLoopImpl::drain_queues() {
     observer_.on_contact(*contact);
     contacts_.records().pop();
   }
-  RecordQueue<HapticRecord>& ticks = haptic_.records();
+  RecordQueue<TickRecord>& ticks = haptic_.records();
   while (ticks.front() != nullptr) {
     batch_.clear();
-    for (const HapticRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
+    for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
          tick = ticks.front()) {
       batch_.push_back(*tick);
       ticks.pop();
@@ -299,9 +298,9 @@ void HapticLoopImpl::drain_queues() {
 }
 
 /// Up to this revision, each once.
-void HapticLoopImpl::tell_settings(std::uint32_t revision) {
+void LiveLoop::tell_settings(std::uint32_t revision) {
   while (told_revision_ < revision) {
-    HapticSettings settings;
+    RunSettings settings;
     {
       const std::lock_guard lock(mutex_);
       settings = untold_.front();
@@ -312,7 +311,7 @@ void HapticLoopImpl::tell_settings(std::uint32_t revision) {
   }
 }
 
-LoopReport HapticLoopImpl::report() const {
+LoopReport LiveLoop::report() const {
   LoopReport report;
   report.num_ticks = haptic_.num_ticks();
   report.num_contacts = contacts_.num_contacts();
@@ -342,7 +341,7 @@ LoopReport HapticLoopImpl::report() const {
   return report;
 }
 
-Status HapticLoopImpl::status() const {
+Status LiveLoop::status() const {
   if (const Status device = device_.status(); !device) return device;
   if (const Status surfaces = surfaces_.status(); !surfaces) return surfaces;
   if (contacts_.has_backend_failed()) {
@@ -357,10 +356,9 @@ Status HapticLoopImpl::status() const {
 
 }  // namespace
 
-Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSource& source,
-                                                       HapticDevice& device,
-                                                       const HapticSettings& settings,
-                                                       HapticObserver observer) {
+Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, DepthSource& source,
+                                                 HapticDevice& device, const RunSettings& settings,
+                                                 RunObserver observer) {
   if (const Status status = check_contact_rate(settings); !status) return status.error();
   const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, nullptr};
   auto index = ToolIndex::create(tool);
@@ -368,9 +366,9 @@ Result<std::unique_ptr<HapticLoop>> HapticLoop::create(const Tool& tool, DepthSo
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.info().limits, settings.safety);
   if (!safety) return safety.error();
-  return std::unique_ptr<HapticLoop>(
-      std::make_unique<HapticLoopImpl>(std::move(index), source, device, settings,
-                                       std::move(observer), *std::move(parts), *std::move(safety)));
+  return std::unique_ptr<RunLoop>(
+      std::make_unique<LiveLoop>(std::move(index), source, device, settings, std::move(observer),
+                                 *std::move(parts), *std::move(safety)));
 }
 
 }  // namespace palpate

@@ -10,7 +10,7 @@
 #include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/haptic_stage.h"
-#include "tests/run/haptic_loop_fixtures.h"
+#include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
@@ -22,8 +22,8 @@ using test::wait_for;
 using test::WallSource;
 
 /// Forces that nothing but the slew limit and the device bends.
-HapticSettings patient_settings() {
-  HapticSettings settings = test::patient_settings();
+RunSettings patient_settings() {
+  RunSettings settings = test::patient_settings();
   settings.safety.passivity_control = false;
   return settings;
 }
@@ -42,12 +42,12 @@ struct Seen {
   std::mutex mutex;
   std::vector<SeenFrameCopy> frames;
   std::vector<ContactRecord> contacts;
-  std::vector<HapticRecord> ticks;
-  std::vector<HapticSettings> settings;
+  std::vector<TickRecord> ticks;
+  std::vector<RunSettings> settings;
 
-  HapticObserver observer() {
-    HapticObserver observer;
-    observer.on_settings = [this](std::uint32_t revision, const HapticSettings& now) {
+  RunObserver observer() {
+    RunObserver observer;
+    observer.on_settings = [this](std::uint32_t revision, const RunSettings& now) {
       const std::lock_guard lock(mutex);
       settings.push_back(now);
       EXPECT_EQ(revision, settings.size());
@@ -62,7 +62,7 @@ struct Seen {
       EXPECT_LE(contact.revision, settings.size());
       contacts.push_back(contact);
     };
-    observer.on_ticks = [this](std::span<const HapticRecord> records) {
+    observer.on_ticks = [this](std::span<const TickRecord> records) {
       const std::lock_guard lock(mutex);
       EXPECT_LE(records.back().revision, settings.size());
       ticks.insert(ticks.end(), records.begin(), records.end());
@@ -77,9 +77,9 @@ struct Seen {
 
 /// A loop that presses into a wall.
 struct Touching {
-  explicit Touching(WallSource::Options wall = {}, HapticSettings settings = patient_settings())
+  explicit Touching(WallSource::Options wall = {}, RunSettings settings = patient_settings())
       : source(std::move(wall)), device({.hand = pressing_hand}) {
-    loop = HapticLoop::create(box_tool(), source, device, settings, seen.observer()).value();
+    loop = RunLoop::create(box_tool(), source, device, settings, seen.observer()).value();
     EXPECT_TRUE(loop->start());
     EXPECT_TRUE(wait_for([&] { return loop->report().num_contacts > 20; }));
   }
@@ -90,10 +90,10 @@ struct Touching {
   WallSource source;
   ScriptedDevice device;
   Seen seen;
-  std::unique_ptr<HapticLoop> loop;
+  std::unique_ptr<RunLoop> loop;
 };
 
-using Edit = void (*)(HapticSettings&);
+using Edit = void (*)(RunSettings&);
 constexpr Edit kEdits[] = {
     [](auto& s) { s.contact.method = InsideMethod::graph; },
     [](auto& s) { s.coupling.stiffness = 300; },
@@ -109,11 +109,11 @@ constexpr Edit kEdits[] = {
 
 // Other settings
 
-TEST(HapticLoopChange, EveryStageGoesOnAndNothingJumps) {
+TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
   Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }});
   touching.run_for(0.2);
   for (const Edit edit : kEdits) {
-    HapticSettings settings = touching.loop->settings();
+    RunSettings settings = touching.loop->settings();
     edit(settings);
     const Status changed = touching.loop->change(settings);
     ASSERT_TRUE(changed) << changed.error().message;
@@ -131,7 +131,7 @@ TEST(HapticLoopChange, EveryStageGoesOnAndNothingJumps) {
   const SafetyOptions safety = patient_settings().safety;
   double strongest = 0;
   for (std::size_t k = 1; k < seen.ticks.size(); ++k) {
-    const HapticRecord &last = seen.ticks[k - 1], &now = seen.ticks[k];
+    const TickRecord &last = seen.ticks[k - 1], &now = seen.ticks[k];
     ASSERT_GE(now.revision, last.revision);
     ASSERT_LE(now.revision, last.revision + 1);
     const double dt = now.device.time - last.device.time;
@@ -156,10 +156,10 @@ TEST(HapticLoopChange, EveryStageGoesOnAndNothingJumps) {
 }
 
 // What a fresh query says with the settings and the frames of that revision.
-TEST(HapticLoopChange, ContactsAreThoseOfTheirRevision) {
+TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
   Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }});
   for (const Edit edit : {kEdits[0], kEdits[2], kEdits[4]}) {
-    HapticSettings settings = touching.loop->settings();
+    RunSettings settings = touching.loop->settings();
     edit(settings);
     ASSERT_TRUE(touching.loop->change(settings));
     touching.run_for(0.1);
@@ -174,7 +174,7 @@ TEST(HapticLoopChange, ContactsAreThoseOfTheirRevision) {
   for (const ContactRecord& contact : seen.contacts) {
     for (; num_pushed <= contact.frame_number; ++num_pushed) {
       const auto& [revision, time, frame] = seen.frames[num_pushed];
-      const HapticSettings& now = seen.settings[revision];
+      const RunSettings& now = seen.settings[revision];
       if (num_pushed == 0 ||
           !keeps_surfaces(seen.settings[seen.frames[num_pushed - 1].revision], now)) {
         std::optional<DepthFieldOptions> field;
@@ -194,10 +194,10 @@ TEST(HapticLoopChange, ContactsAreThoseOfTheirRevision) {
   EXPECT_EQ(seen.contacts.back().revision, 3u);
 }
 
-TEST(HapticLoopChange, WhatIsRefusedChangesNothing) {
+TEST(LiveLoopChange, WhatIsRefusedChangesNothing) {
   Touching touching;
   const auto refusal = [&](auto edit) {
-    HapticSettings settings = touching.loop->settings();
+    RunSettings settings = touching.loop->settings();
     settings.coupling.stiffness = 123;
     settings.contact.method = InsideMethod::weighted;
     edit(settings);
@@ -229,9 +229,9 @@ TEST(HapticLoopChange, WhatIsRefusedChangesNothing) {
   EXPECT_EQ(touching.seen.contacts.back().revision, 0u);
 }
 
-TEST(HapticLoopChange, AnotherBackendOrACleanNo) {
+TEST(LiveLoopChange, AnotherBackendOrACleanNo) {
   Touching touching;
-  HapticSettings settings = touching.loop->settings();
+  RunSettings settings = touching.loop->settings();
   settings.backend = Backend::cuda;
   const Status changed = touching.loop->change(settings);
   if (changed) {
@@ -246,14 +246,14 @@ TEST(HapticLoopChange, AnotherBackendOrACleanNo) {
 }
 
 // A loop by hand: the changes are made beforehand, so that nothing else allocates meanwhile.
-TEST(HapticLoopChange, StagesTakeChangesWithoutAllocating) {
+TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   WallSource source({.rate = 200});
-  const HapticSettings settings = patient_settings();
-  HapticSettings other = settings;
+  const RunSettings settings = patient_settings();
+  RunSettings other = settings;
   other.contact.method = InsideMethod::graph;
   other.coupling.kind = CouplingKind::proxy;
   ScriptedDevice device({});
-  const auto parts_of = [&](const HapticSettings& some) {
+  const auto parts_of = [&](const RunSettings& some) {
     return make_run_parts(ToolIndex::create(box_tool()), source.info(), device.info(), some,
                           {nullptr, SurfaceStage::kNumSpare, nullptr})
         .value();
@@ -273,7 +273,7 @@ TEST(HapticLoopChange, StagesTakeChangesWithoutAllocating) {
   ASSERT_TRUE(surfaces.start());
   contacts.start(monotonic_now());
 
-  HapticRecord record;
+  TickRecord record;
   const auto tick = [&] {
     DeviceState state;
     state.time = monotonic_now();
@@ -379,7 +379,7 @@ TEST(CouplingTakeOver, FromEachKindToEachTheToolMovesOn) {
 
 // Held frames
 
-TEST(HapticLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
+TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
   Touching touching({.depth = [](int k) { return 0.5 + 0.0005 * k; }, .rate = 100});
   Seen& seen = touching.seen;
   const auto depth_of = [&](std::size_t k) {
@@ -406,7 +406,7 @@ TEST(HapticLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
   EXPECT_EQ(depth_of(seen.num_frames() - 1), depth_of(stepped));
 
   // Settings change meanwhile too.
-  HapticSettings settings = touching.loop->settings();
+  RunSettings settings = touching.loop->settings();
   settings.contact.method = InsideMethod::graph;
   EXPECT_TRUE(touching.loop->change(settings));
 
@@ -426,9 +426,9 @@ TEST(HapticLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
 
 // Pictures
 
-TEST(HapticLoopPictures, AreWhatAFreshQuerySays) {
+TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
   for (const InsideMethod method : {InsideMethod::field, InsideMethod::graph}) {
-    HapticSettings settings = patient_settings();
+    RunSettings settings = patient_settings();
     settings.contact.method = method;
     Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }}, settings);
     EXPECT_EQ(touching.loop->new_contact_picture(), nullptr);

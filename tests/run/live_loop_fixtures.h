@@ -3,7 +3,7 @@
 
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
-#include "palpate/run/haptic_loop.h"
+#include "palpate/run/run_loop.h"
 #include "tests/run/loop_fakes.h"
 #include "tests/test_util/wait_for.h"
 
@@ -21,8 +21,8 @@ inline const Tool& box_tool() {
 }
 
 /// Limits that no busy machine reaches, and the hand's base 5 cm in front of the wall.
-inline HapticSettings patient_settings() {
-  HapticSettings settings;
+inline RunSettings patient_settings() {
+  RunSettings settings;
   settings.num_threads = 1;
   settings.wants_real_time = false;
   settings.coupling.X_WB.translation = {0, 0, 0.45};

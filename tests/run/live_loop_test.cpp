@@ -1,5 +1,5 @@
-// The haptic loop in real time: for a second at most, and without a word about how fast it is.
-#include "palpate/run/haptic_loop.h"
+// The live loop in real time: for a second at most, and without a word about how fast it is.
+#include "palpate/run/run_loop.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "eval/method_queries.h"
-#include "tests/run/haptic_loop_fixtures.h"
+#include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {
@@ -26,46 +26,46 @@ Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 *
 struct Seen {
   std::vector<std::pair<double, DepthFrame>> frames;
   std::vector<ContactRecord> contacts;
-  std::vector<HapticRecord> ticks;
+  std::vector<TickRecord> ticks;
 
-  HapticObserver observer() {
+  RunObserver observer() {
     return {[this](const FrameRecord& record, const DepthFrame& frame) {
               EXPECT_EQ(record.number, frames.size());
               frames.emplace_back(record.capture_time, frame);
             },
             [this](const ContactRecord& contact) { contacts.push_back(contact); },
-            [this](std::span<const HapticRecord> records) {
+            [this](std::span<const TickRecord> records) {
               ticks.insert(ticks.end(), records.begin(), records.end());
             },
             {}};
   }
 };
 
-TEST(HapticLoop, RefusesRatesAtWhichEveryContactIsTooOld) {
+TEST(LiveLoop, RefusesRatesAtWhichEveryContactIsTooOld) {
   WallSource source({});
   ScriptedDevice device({});
-  HapticSettings settings;
+  RunSettings settings;
   settings.contact_rate = 1 / settings.safety.max_contact_age;
-  const auto loop = HapticLoop::create(box_tool(), source, device, settings);
+  const auto loop = RunLoop::create(box_tool(), source, device, settings);
   ASSERT_FALSE(loop);
   for (const char* name : {"loop.contact_rate of 50 Hz", "safety.max_contact_age of 0.02 s"}) {
     EXPECT_NE(loop.error().message.find(name), std::string::npos) << loop.error().message;
   }
   settings.contact_rate *= 1.01;
-  EXPECT_TRUE(HapticLoop::create(box_tool(), source, device, settings));
+  EXPECT_TRUE(RunLoop::create(box_tool(), source, device, settings));
 }
 
-TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
+TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   WallSource source({.depth = [](int k) { return 0.5 + 0.002 * std::sin(k); }});
   ScriptedDevice device({.hand = pressing_hand});
-  const HapticSettings settings = patient_settings();
+  const RunSettings settings = patient_settings();
   Seen seen;
   {
-    auto loop = HapticLoop::create(box_tool(), source, device, settings, seen.observer());
+    auto loop = RunLoop::create(box_tool(), source, device, settings, seen.observer());
     ASSERT_TRUE(loop) << loop.error().message;
     ASSERT_TRUE((*loop)->start());
     EXPECT_TRUE((*loop)->is_running());
-    HapticRecord newest;
+    TickRecord newest;
     EXPECT_TRUE(wait_for([&] {
       (*loop)->latest(newest);
       return newest.F_H_B.force.z < -0.5 && (*loop)->report().num_frames > 8;
@@ -85,7 +85,7 @@ TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
     EXPECT_EQ((*loop)->times().contact_compute.summary().num, report.num_contacts);
   }
   for (std::size_t k = 1; k < seen.ticks.size(); ++k) {
-    const HapticRecord &last = seen.ticks[k - 1], &now = seen.ticks[k];
+    const TickRecord &last = seen.ticks[k - 1], &now = seen.ticks[k];
     ASSERT_GT(now.time, last.time);
     ASSERT_GE(now.contact_number, last.contact_number);
     ASSERT_GE(now.contact_age, 0);
@@ -94,7 +94,7 @@ TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   // Faded out, not switched off.
   EXPECT_EQ(norm(seen.ticks.back().F_H_B.force), 0);
   std::size_t num_fading = 0;
-  for (const HapticRecord& tick : seen.ticks) {
+  for (const TickRecord& tick : seen.ticks) {
     num_fading += tick.safety.fault == Fault::stopped && norm(tick.F_H_B.force) > 0 ? 1 : 0;
   }
   EXPECT_GT(num_fading, 0u);
@@ -122,13 +122,13 @@ TEST(HapticLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   }
 }
 
-TEST(HapticLoop, NothingIsAllocatedWhileItRuns) {
+TEST(LiveLoop, NothingIsAllocatedWhileItRuns) {
   for (const TimeMode mode : {TimeMode::interpolate, TimeMode::latest}) {
     WallSource source({});
     ScriptedDevice device({.hand = pressing_hand});
-    HapticSettings settings = patient_settings();
+    RunSettings settings = patient_settings();
     settings.time.mode = mode;
-    auto loop = HapticLoop::create(box_tool(), source, device, settings);
+    auto loop = RunLoop::create(box_tool(), source, device, settings);
     ASSERT_TRUE(loop);
     ASSERT_TRUE((*loop)->start());
     const test::AllocationCounter counter;
@@ -139,10 +139,10 @@ TEST(HapticLoop, NothingIsAllocatedWhileItRuns) {
   }
 }
 
-TEST(HapticLoop, EndsWithItsSource) {
+TEST(LiveLoop, EndsWithItsSource) {
   WallSource source({.num_frames = 4});
   ScriptedDevice device({.hand = pressing_hand});
-  auto loop = HapticLoop::create(box_tool(), source, device, patient_settings());
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
@@ -152,15 +152,15 @@ TEST(HapticLoop, EndsWithItsSource) {
   // A source of one frame.
   WallSource single({.num_frames = 1});
   ScriptedDevice other({});
-  auto short_loop = HapticLoop::create(box_tool(), single, other, patient_settings());
+  auto short_loop = RunLoop::create(box_tool(), single, other, patient_settings());
   ASSERT_TRUE((*short_loop)->start());
   EXPECT_TRUE(wait_for([&] { return !(*short_loop)->is_running(); }));
 }
 
-TEST(HapticLoop, FadesOutWhenTheSourceFails) {
+TEST(LiveLoop, FadesOutWhenTheSourceFails) {
   WallSource source({.fails_at = 12});
   ScriptedDevice device({.hand = pressing_hand});
-  auto loop = HapticLoop::create(box_tool(), source, device, patient_settings());
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
@@ -171,10 +171,10 @@ TEST(HapticLoop, FadesOutWhenTheSourceFails) {
   EXPECT_EQ((*loop)->status().error().message, "the wall fell over");
 }
 
-TEST(HapticLoop, EndsWhenTheDeviceIsLost) {
+TEST(LiveLoop, EndsWhenTheDeviceIsLost) {
   WallSource source({});
   ScriptedDevice device({.hand = pressing_hand, .lost_after = 0.2});
-  auto loop = HapticLoop::create(box_tool(), source, device, patient_settings());
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings());
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
@@ -183,12 +183,12 @@ TEST(HapticLoop, EndsWhenTheDeviceIsLost) {
   (*loop)->stop();
 }
 
-TEST(HapticLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
+TEST(LiveLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
   WallSource source({});
   ScriptedDevice device({});
-  HapticSettings settings = patient_settings();
+  RunSettings settings = patient_settings();
   settings.wants_real_time = true;
-  auto loop = HapticLoop::create(box_tool(), source, device, settings);
+  auto loop = RunLoop::create(box_tool(), source, device, settings);
   ASSERT_TRUE(loop);
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return device.num_ticks() > 20; }));
@@ -197,13 +197,13 @@ TEST(HapticLoop, RealTimeIsAskedForAndRefusalsAreNoted) {
   }
 }
 
-TEST(HapticLoop, SaysWhatIsWrongAtTheStart) {
+TEST(LiveLoop, SaysWhatIsWrongAtTheStart) {
   WallSource source({});
   ScriptedDevice device({});
   const auto message = [&](auto change) {
-    HapticSettings settings = patient_settings();
+    RunSettings settings = patient_settings();
     change(settings);
-    auto loop = HapticLoop::create(box_tool(), source, device, settings);
+    auto loop = RunLoop::create(box_tool(), source, device, settings);
     return loop ? std::string() : loop.error().message;
   };
   EXPECT_NE(message([](auto& s) { s.contact_rate = NAN; }).find("loop.contact_rate"),
@@ -214,7 +214,7 @@ TEST(HapticLoop, SaysWhatIsWrongAtTheStart) {
   EXPECT_NE(message([](auto& s) { s.time.max_jump = -1; }), "");
 
   WallSource empty({.num_frames = 0});
-  auto loop = HapticLoop::create(box_tool(), empty, device, patient_settings());
+  auto loop = RunLoop::create(box_tool(), empty, device, patient_settings());
   ASSERT_TRUE(loop);
   const Status no_frame = (*loop)->start();
   ASSERT_FALSE(no_frame);
@@ -222,7 +222,7 @@ TEST(HapticLoop, SaysWhatIsWrongAtTheStart) {
   EXPECT_FALSE((*loop)->is_running());
 
   ScriptedDevice refusing({.refuses = Error{Errc::unavailable, "not today"}});
-  auto refused = HapticLoop::create(box_tool(), source, refusing, patient_settings());
+  auto refused = RunLoop::create(box_tool(), source, refusing, patient_settings());
   ASSERT_TRUE(refused);
   const Status no_device = (*refused)->start();
   ASSERT_FALSE(no_device);
