@@ -3,7 +3,7 @@
 # A second run finds everything in place and needs neither network nor rights.
 #
 # usage: scripts/setup.sh [--test] [--peers] [--list]
-#   --test    also what only the tests need
+#   --test    also what only the tests need; Python packages for them go into build/python
 #   --peers   also what the benchmark against other libraries needs
 #   --list    only print the names of all packages
 set -euo pipefail
@@ -64,8 +64,22 @@ if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
   exit 1
 fi
 
+# Python packages go into a folder of the build: Debian keeps pip away from the system's Python.
+python_packages=(mcap mcap-ros2-support rosbags)
+install_python_packages() {
+  case "$groups" in *" test "*) ;; *) return 0 ;; esac
+  local python=build/python/bin/python
+  if "$python" -c "import mcap, mcap_ros2, rosbags" 2>/dev/null; then return 0; fi
+  echo "setup: installing ${python_packages[*]} into build/python"
+  if ! { python3 -m venv --clear build/python && "$python" -m pip install -q "${python_packages[@]}"; }; then
+    echo "setup: could not install ${python_packages[*]}: see the message above. The test that reads" >&2
+    echo "setup: recordings with them is left out until this command is repeated with a network." >&2
+  fi
+}
+
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#wanted[@]} packages are installed"
+  install_python_packages
   exit 0
 fi
 
@@ -107,4 +121,5 @@ if ! install_missing; then
     exit 1
   fi
 fi
+install_python_packages
 echo "setup: done"

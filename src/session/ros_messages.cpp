@@ -37,6 +37,10 @@ constexpr Definition kDefinitions[] = {
      "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\n"
      "float64[9] k\nfloat64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\n"
      "sensor_msgs/RegionOfInterest roi\n"},
+    {"sensor_msgs/PointField", "string name\nuint32 offset\nuint8 datatype\nuint32 count\n"},
+    {"sensor_msgs/PointCloud2",
+     "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\n"
+     "bool is_bigendian\nuint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n"},
     {"sensor_msgs/CompressedImage", "std_msgs/Header header\nstring format\nuint8[] data\n"},
     {"visualization_msgs/UVCoordinate", "float32 u\nfloat32 v\n"},
     {"visualization_msgs/MeshFile", "string filename\nuint8[] data\n"},
@@ -147,6 +151,44 @@ std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& 
   for (const double p : {fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0}) to.number(p);
   for (int i = 0; i < 6; ++i) to.number(std::uint32_t{0});
   to.number(false);
+  return to.take();
+}
+
+std::string points_message(const RosHeader& header, const DepthFrame& frame,
+                           const Intrinsics& intrinsics) {
+  constexpr std::uint8_t kFloat32 = 7;
+  const auto [fx, fy, cx, cy] = intrinsics;
+  int step = 1;
+  while (((frame.width + step - 1) / step) * ((frame.height + step - 1) / step) >
+         kMostRecordedPoints) {
+    ++step;
+  }
+  std::vector<Vec3f> points;
+  for (int v = 0; v < frame.height; v += step) {
+    for (int u = 0; u < frame.width; u += step) {
+      const int count = frame.pixels[static_cast<std::size_t>(v * frame.width + u)];
+      if (count == 0 || count == 65535) continue;
+      const double z = count * frame.unit;
+      points.push_back(to_float(Vec3d{(u - cx) / fx * z, (v - cy) / fy * z, z}));
+    }
+  }
+  const auto num_points = static_cast<std::uint32_t>(points.size());
+  CdrWriter to;
+  put(to, header);
+  to.number(std::uint32_t{1});
+  to.number(num_points);
+  to.number(std::uint32_t{3});
+  for (std::uint32_t axis = 0; axis < 3; ++axis) {
+    to.text(std::string_view("xyz").substr(axis, 1));
+    to.number(static_cast<std::uint32_t>(axis * sizeof(float)));
+    to.number(kFloat32);
+    to.number(std::uint32_t{1});
+  }
+  to.number(false);
+  to.number(static_cast<std::uint32_t>(sizeof(Vec3f)));
+  to.number(static_cast<std::uint32_t>(num_points * sizeof(Vec3f)));
+  to.bytes(points.data(), num_points * sizeof(Vec3f));
+  to.number(true);
   return to.take();
 }
 

@@ -31,6 +31,11 @@ std::string image_message(const RosHeader& header, const DepthFrame& frame);
 /// message.
 Result<DepthFrame> read_image(std::string_view message);
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream);
+/// sensor_msgs/PointCloud2 with float32 x, y, z in the camera frame, m: the measured pixels of
+/// every n-th row and column, so that there are at most kMostRecordedPoints.
+inline constexpr int kMostRecordedPoints = 20000;
+std::string points_message(const RosHeader& header, const DepthFrame& frame,
+                           const Intrinsics& intrinsics);
 
 struct RosTransform {
   std::string_view parent, child;

@@ -11,6 +11,7 @@ namespace palpate {
 namespace {
 
 constexpr std::uint64_t kTransformPeriod = 10'000'000;  // ns: ticks hold every pose exactly
+constexpr std::uint64_t kPointsPeriod = 500'000'000;    // ns: for people; depth holds every pixel
 
 // Frames, as ROS names them: world = camera, base of the device, handle, tool.
 constexpr const char* kWorld = "world";
@@ -48,6 +49,7 @@ RunRecorder::RunRecorder(McapWriter writer, const Tool& tool, const RunSetup& se
   tick_ = writer_.add_channel(tick_channel());
   note_ = writer_.add_channel(note_channel());
   depth_ = writer_.add_channel(ros_channel(kDepthTopic, "sensor_msgs/Image"));
+  points_ = writer_.add_channel(ros_channel("/depth/points", "sensor_msgs/PointCloud2"));
   camera_ = writer_.add_channel(ros_channel("/camera_info", "sensor_msgs/CameraInfo"));
   transforms_ = writer_.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
   statics_ = writer_.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
@@ -123,6 +125,9 @@ void RunRecorder::add_frame(const FrameRecord& record, const DepthFrame& frame) 
   write(frame_, time, frame_message(record));
   write(depth_, time, image_message({time, kCamera}, frame));
   write(camera_, time, camera_info_message({time, kCamera}, setup_.stream));
+  if (time < next_points_) return;
+  next_points_ = time + kPointsPeriod;
+  write(points_, time, points_message({time, kCamera}, frame, setup_.stream.intrinsics));
 }
 
 void RunRecorder::add_contact(const ContactRecord& contact) {

@@ -44,11 +44,11 @@ class RunRecorder {
   McapWriter writer_;
   RunSetup setup_;
   Vec3d centre_of_mass_T_;
-  std::uint16_t settings_, frame_, depth_, camera_, contact_, tick_, note_, transforms_, statics_,
-      tool_wrench_, hand_wrench_, marker_;
+  std::uint16_t settings_, frame_, depth_, points_, camera_, contact_, tick_, note_, transforms_,
+      statics_, tool_wrench_, hand_wrench_, marker_;
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
-  std::uint64_t next_transforms_ = 0;
+  std::uint64_t next_transforms_ = 0, next_points_ = 0;
   std::string trouble_;
 };
 

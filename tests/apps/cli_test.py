@@ -758,7 +758,7 @@ class CommandLine(unittest.TestCase):
 
     @unittest.skipUnless(importlib.util.find_spec("rosbags") and
                          importlib.util.find_spec("mcap_ros2"),
-                         "SKIPPED: pip install rosbags mcap mcap-ros2-support")
+                         "SKIPPED: scripts/setup.sh --test installs rosbags and mcap-ros2-support")
     def test_other_programs_read_the_recording(self):
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
@@ -797,6 +797,17 @@ class CommandLine(unittest.TestCase):
             counts = struct.unpack("<19200H", bytes(image.data))
             self.assertEqual(counts[160 * 7 + 9], 5000 + int(30 * math.sin(1)))
             self.assertEqual([info.k[0], info.k[2], info.k[5]], [200, 79.5, 59.5])
+            # Every measured pixel, where the camera saw it.
+            points = messages["/depth/points"][0]
+            self.assertEqual(points.header.frame_id, "camera")
+            self.assertEqual([(f.name, f.offset, f.datatype) for f in points.fields],
+                             [("x", 0, 7), ("y", 4, 7), ("z", 8, 7)])
+            measured = [(u, v, 1e-4 * counts[160 * v + u]) for v in range(120)
+                        for u in range(160) if counts[160 * v + u] not in (0, 65535)]
+            self.assertEqual((points.width, points.row_step), (len(measured), 12 * len(measured)))
+            for (u, v, z), point in zip(measured, struct.iter_unpack("<3f", bytes(points.data))):
+                for seen, expected in zip(point, ((u - 79.5) / 200 * z, (v - 59.5) / 200 * z, z)):
+                    self.assertAlmostEqual(seen, expected, delta=1e-6)
             frames = {t.child_frame_id for m in messages["/tf"] + messages["/tf_static"]
                       for t in m.transforms}
             self.assertEqual(frames, {"camera", "base", "hand", "tool", "tool_in_hand"})

@@ -110,6 +110,19 @@ TEST(RunMessages, DepthFramesAreImages) {
     EXPECT_FALSE(read_image(image.substr(0, size))) << size;
 }
 
+TEST(RunMessages, PointsOfLargeImagesAreThinned) {
+  DepthFrame frame;
+  frame.width = 1920;
+  frame.height = 1080;
+  frame.pixels.assign(1920 * 1080, 1500);
+  const std::string message = points_message({}, frame, {1400, 1400, 959.5, 539.5});
+  const auto num_points = message.size() / 12;
+  EXPECT_LE(num_points, static_cast<std::size_t>(kMostRecordedPoints));
+  EXPECT_GE(num_points, static_cast<std::size_t>(kMostRecordedPoints / 2));
+  frame.pixels.assign(frame.pixels.size(), 65535);
+  EXPECT_LT(points_message({}, frame, {1400, 1400, 959.5, 539.5}).size(), 200u);
+}
+
 TEST(RunMessages, SchemasNameEveryTypeOnce) {
   const std::string text = tick_channel().schema;
   EXPECT_EQ(tick_channel().schema_name, "palpate_msgs/msg/Tick");
