@@ -58,28 +58,37 @@ BENCHMARK(field_query)
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 
-void field_stiffness(benchmark::State& state) {
+/// What the loop asks at every query: on the way between two frames, and how the force changes.
+void field_live(benchmark::State& state) {
   const Tool& tool = cube_tool(static_cast<int>(state.range(0)));
   const std::vector<Pose> poses = random_poses(static_cast<double>(state.range(1)) / 100);
-  ThreadPool pool(1);
-  DepthField field = std::move(DepthField::create(640, 480)).value();
-  field.update(bumpy_wall().view(), pool);
-  const auto contact = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
-  const Surfaces surface{{}, field.view()};
+  const double alpha = state.range(2) == 2 ? 0.5 : 1;
+  const ContactWants wants{.stiffness = state.range(3) != 0};
+  ThreadPool pool(static_cast<int>(state.range(4)));
+  DepthField from = std::move(DepthField::create(640, 480)).value();
+  DepthField to = std::move(DepthField::create(640, 480)).value();
+  from.update(bumpy_wall().view(), pool);
+  to.update(bumpy_wall().view(), pool);
+  const auto contact =
+      make_contact_query(Backend::cpu, tool, FieldMethod{}, {best_isa(), &pool}).value();
+  const Surfaces old_surface{{}, from.view()}, new_surface{{}, to.view()};
   std::size_t i = 0;
   Latency latency(state);
   for (auto _ : state) {
     ContactResult result;
     latency.time([&] {
-      result = contact->measure(surface, poses[i++ % poses.size()], {.stiffness = true});
+      result = contact->measure(old_surface, new_surface, alpha, poses[i++ % poses.size()], wants);
     });
     benchmark::DoNotOptimize(result);
   }
+  state.SetLabel(isa_name(best_isa()));
 }
 
-BENCHMARK(field_stiffness)
-    ->ArgNames({"spheres", "depth"})
-    ->ArgsProduct({{1000, 5000, 17000, 100000}, {10, 50, 100}})
+BENCHMARK(field_live)
+    ->ArgNames({"spheres", "depth", "frames", "stiffness", "threads"})
+    ->ArgsProduct({{1000, 5000, 17000, 100000}, {10, 50, 100}, {1}, {1}, {1}})
+    ->ArgsProduct({{1000, 5000, 17000, 100000}, {10, 50, 100}, {2}, {0, 1}, {1}})
+    ->ArgsProduct({{17000, 100000}, {10}, {2}, {1}, {2}})
     ->UseManualTime()
     ->Unit(benchmark::kMicrosecond);
 

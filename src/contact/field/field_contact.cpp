@@ -7,16 +7,24 @@
 #include "src/core/select_isa.h"
 
 namespace palpate {
-PALPATE_DECLARE_KERNELS(FieldSums measure_group(const MeasureJob&, int group);
-                        FieldSums measure_stiffness_group(const MeasureJob&, int group,
-                                                          StiffnessSums& stiffness);
+PALPATE_DECLARE_KERNELS(void measure_group(const MeasureJob&, int group, bool with_stiffness,
+                                           GroupSums* sums);
                         void describe_group(const MeasureJob&, int group, const SphereCuts& to);
-                        constexpr FieldContactKernels kFieldContact{
-                            measure_group, measure_stiffness_group, describe_group};)
+                        constexpr FieldContactKernels kFieldContact{measure_group, describe_group};)
 
 namespace {
 
 constexpr FieldContactKernels kKernels[] = PALPATE_BY_ISA(kFieldContact);
+
+/// Whether elements look at the same pixels of both: as they do at those of two frames of one
+/// camera.
+bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
+  const Intrinsics &k = a.intrinsics, &l = b.intrinsics;
+  return a.num_levels == b.num_levels && a.levels[0].width == b.levels[0].width &&
+         a.levels[0].height == b.levels[0].height && a.levels[0].stride == b.levels[0].stride &&
+         a.tiles_wide == b.tiles_wide && a.tiles_high == b.tiles_high &&
+         a.thickness == b.thickness && k.fx == l.fx && k.fy == l.fy && k.cx == l.cx && k.cy == l.cy;
+}
 
 }  // namespace
 
@@ -27,66 +35,79 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
       p_TC_(this->index()->tool().sphere_mass().centre_of_mass),
       kernels_(select_isa(kKernels, capacities.isa)),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
-      group_sums_(static_cast<std::size_t>(elements_->clusters.num_groups())),
-      group_stiffness_(group_sums_.size()) {}
+      group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())) {}
 
-MeasureJob FieldContact::job(const DepthFieldView& field, const Pose& X_WT) const {
-  return {&elements_->clusters,
-          elements_->radius.data(),
-          elements_->factor.data(),
-          elements_->counted.data(),
-          elements_->largest_radius.data(),
-          field,
-          frame_of(field.intrinsics, X_WT, p_TC_)};
+MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose& X_WT) const {
+  MeasureJob asked{&elements_->clusters,
+                   elements_->radius.data(),
+                   elements_->factor.data(),
+                   elements_->counted.data(),
+                   elements_->largest_radius.data(),
+                   {},
+                   static_cast<int>(fields.size()),
+                   frame_of(fields.front().intrinsics, X_WT, p_TC_)};
+  std::copy(fields.begin(), fields.end(), asked.fields);
+  return asked;
 }
 
 ContactResult FieldContact::measure(const Surfaces& from, const Surfaces& to, double alpha,
                                     const Pose& X_WT, const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
-  describe(job(to.field, X), wants);
-  const ContactResult newer = ask(to.field, X, wants.stiffness);
-  if (alpha >= 1) return newer;
-  return blend(ask(from.field, X, wants.stiffness), newer, alpha);
+  describe(to.field, X, wants);
+  const DepthFieldView fields[] = {to.field, from.field};
+  ContactResult results[2];
+  if (alpha >= 1) {
+    ask({fields, 1}, X, wants.stiffness, results);
+    return results[0];
+  }
+  if (have_one_grid(to.field, from.field)) {
+    ask(fields, X, wants.stiffness, results);
+  } else {
+    ask({fields, 1}, X, wants.stiffness, results);
+    ask({fields + 1, 1}, X, wants.stiffness, results + 1);
+  }
+  return blend(results[1], results[0], alpha);
 }
 
-ContactResult FieldContact::ask(const DepthFieldView& field, const Pose& X_WT,
-                                bool with_stiffness) const {
-  if (field.num_levels == 0) {
-    return unmeasured(StepStatus::no_surface, {.stiffness = with_stiffness}, true);
+void FieldContact::ask(std::span<const DepthFieldView> fields, const Pose& X_WT,
+                       bool with_stiffness, ContactResult* results) const {
+  if (fields.front().num_levels == 0) {
+    std::fill_n(results, fields.size(),
+                unmeasured(StepStatus::no_surface, {.stiffness = with_stiffness}, true));
+    return;
   }
-  const MeasureJob asked = job(field, X_WT);
+  const MeasureJob asked = job(fields, X_WT);
   pool_->parallel_for(asked.clusters->num_groups(), [&](int group) {
-    const auto g = static_cast<std::size_t>(group);
-    group_sums_[g] = with_stiffness
-                         ? kernels_.measure_stiffness_group(asked, group, group_stiffness_[g])
-                         : kernels_.measure_group(asked, group);
+    kernels_.measure_group(asked, group, with_stiffness,
+                           &group_sums_[2 * static_cast<std::size_t>(group)]);
   });
-  FieldSums sums;
-  for (const FieldSums& group : group_sums_) sums.add(group);
-
-  ContactResult result;
-  Penetration& penetration = result.penetration;
-  penetration.volume = sums.volume;
-  penetration.potential = sums.potential;
-  penetration.measure_W = {sums.force, sums.torque};
-  penetration.num_boundary_spheres = static_cast<int>(sums.num_boundary);
-  penetration.num_inside_spheres = static_cast<int>(sums.num_inside);
-  if (with_stiffness) {
+  for (std::size_t k = 0; k < fields.size(); ++k) {
+    FieldSums sums;
     StiffnessSums stiffness;
-    for (const StiffnessSums& group : group_stiffness_) stiffness.add(group);
-    result.stiffness = stiffness.stiffness();
+    for (std::size_t i = k; i < group_sums_.size(); i += 2) {
+      sums.add(group_sums_[i].measure);
+      if (with_stiffness) stiffness.add(group_sums_[i].stiffness);
+    }
+    Penetration& penetration = results[k].penetration;
+    penetration.volume = sums.volume;
+    penetration.potential = sums.potential;
+    penetration.measure_W = {sums.force, sums.torque};
+    penetration.num_boundary_spheres = static_cast<int>(sums.num_boundary);
+    penetration.num_inside_spheres = static_cast<int>(sums.num_inside);
+    if (with_stiffness) results[k].stiffness = stiffness.stiffness();
   }
-  return result;
 }
 
-void FieldContact::describe(const MeasureJob& asked, const ContactWants& wants) const {
+void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,
+                            const ContactWants& wants) const {
   if (wants.states.empty() && wants.planes.empty()) return;
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
-  if (asked.field.num_levels == 0) return;
+  if (field.num_levels == 0) return;
   const Vec3f p_TC = to_float(p_TC_);
   const SphereCuts cuts{wants.states.data(), wants.planes.data(), {p_TC.x, p_TC.y, p_TC.z}};
+  const MeasureJob asked = job({&field, 1}, X_WT);
   pool_->parallel_for(asked.clusters->num_groups(),
                       [&](int group) { kernels_.describe_group(asked, group, cuts); });
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "palpate/contact/contact_query.h"
@@ -28,12 +29,19 @@ struct FieldSums {
   }
 };
 
+/// Of one group of clusters against one field.
+struct GroupSums {
+  FieldSums measure;
+  StiffnessSums stiffness;  ///< if it was wanted
+};
+
 /// What one query asks of each group of clusters.
 struct MeasureJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per place
   const float* largest_radius = nullptr;                                 ///< per cluster
-  DepthFieldView field;
+  DepthFieldView fields[2];  ///< of one camera and one size
+  int num_fields = 1;
   FieldFrame frame;
 };
 
@@ -46,10 +54,9 @@ struct SphereCuts {
 
 /// Each does the elements of one group of clusters, in a fixed order.
 struct FieldContactKernels {
-  FieldSums (*measure_group)(const MeasureJob&, int group);
-  /// The same, and the stiffness in the same pass.
-  FieldSums (*measure_stiffness_group)(const MeasureJob&, int group, StiffnessSums& stiffness);
-  /// Writes what is cut or inside; the rest is outside.
+  /// Writes the sums against each field: the same bits as against that field alone.
+  void (*measure_group)(const MeasureJob&, int group, bool with_stiffness, GroupSums* sums);
+  /// Writes what is cut or inside of the first field; the rest is outside.
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
 };
 
@@ -68,9 +75,10 @@ class FieldContact final : public ContactQuery {
 
  private:
   // At a pose that is finite, with a unit quaternion.
-  MeasureJob job(const DepthFieldView& field, const Pose& X_WT) const;
-  ContactResult ask(const DepthFieldView& field, const Pose& X_WT, bool with_stiffness) const;
-  void describe(const MeasureJob& asked, const ContactWants& wants) const;
+  void ask(std::span<const DepthFieldView> fields, const Pose& X_WT, bool with_stiffness,
+           ContactResult* results) const;
+  void describe(const DepthFieldView& field, const Pose& X_WT, const ContactWants& wants) const;
+  MeasureJob job(std::span<const DepthFieldView> fields, const Pose& X_WT) const;
 
   const FieldElements* elements_;  // of the index
   Vec3d p_TC_;                     // centre of mass
@@ -78,8 +86,7 @@ class FieldContact final : public ContactQuery {
   mutable ThreadPool own_pool_{1};
   ThreadPool* pool_;
   // Scratch.
-  mutable std::vector<FieldSums> group_sums_;
-  mutable std::vector<StiffnessSums> group_stiffness_;
+  mutable std::vector<GroupSums> group_sums_;  // two a group
 };
 
 }  // namespace palpate

@@ -17,8 +17,7 @@ struct Lanes {
   VecF depth, inverse_depth, radius;
 };
 
-[[gnu::always_inline]] inline Lanes aim(const MeasureJob& job, const Field& field,
-                                        std::size_t slot) {
+[[gnu::always_inline]] inline Lanes aim(const MeasureJob& job, const Grid& grid, std::size_t slot) {
   const SphereClusters& c = *job.clusters;
   const VecF x_T = load(&c.x[slot]), y_T = load(&c.y[slot]), z_T = load(&c.z[slot]);
   const auto rotated = [&](const float(&row)[3]) {
@@ -30,66 +29,85 @@ struct Lanes {
   e.lz = rotated(job.frame.R_WT[2]);
   e.depth = max(e.lz + job.frame.p_WC[2], splat(kLeastDepth));
   e.inverse_depth = 1.0f / e.depth;
-  e.from_u = field.fx * (e.lx + job.frame.p_WC[0]) * e.inverse_depth;
-  e.from_v = field.fy * (e.ly + job.frame.p_WC[1]) * e.inverse_depth;
+  e.from_u = grid.fx * (e.lx + job.frame.p_WC[0]) * e.inverse_depth;
+  e.from_v = grid.fy * (e.ly + job.frame.p_WC[1]) * e.inverse_depth;
   e.radius = load(job.radius + slot);
   return e;
 }
 
-[[gnu::always_inline]] inline const Gradient& first_of(const Gradient& g) { return g; }
-[[gnu::always_inline]] inline const Gradient& first_of(const Curvature& c) { return c.first; }
+[[gnu::always_inline]] inline Gradient& first_of(Gradient& g) { return g; }
+[[gnu::always_inline]] inline Gradient& first_of(Curvature& c) { return c.first; }
 
-template <class Sample>
-[[gnu::always_inline]] inline Sample ask(const Field& field, const Lanes& e, VecF radius) {
-  return ask_field<Sample>(field, e.from_u + field.cx, e.from_v + field.cy, e.depth,
-                           e.inverse_depth, radius);
+[[gnu::always_inline]] inline Look look_of(const Grid& grid, const Lanes& e, VecF radius) {
+  return look_at(grid, e.from_u + grid.cx, e.from_v + grid.cy, e.inverse_depth, radius);
 }
 
-// What the field answers elements, of which this is known so far.
-template <class Sample>
-[[gnu::always_inline]] inline Sample ask_deeper(const Field& field, const Lanes& e, Sample known) {
-  VecF asked = e.radius;
-  for (int step = 0; step < kMostDeepSteps; ++step) {
-    const VecI is_deep = first_of(known).phi < -deep_limit(asked);
-    if (mask_bits(is_deep) == 0) break;
-    const Sample wide = ask<Sample>(field, e, asked * kDeepGrowth);
-    known = chosen(is_deep, deepened(known, wide, first_of(known).phi, first_of(wide).phi, asked),
-                   known);
-    asked *= kDeepGrowth;
+// What the fields say to elements of a vector.
+template <class Sample, int kFields>
+struct Answer {
+  Sample samples[kFields];
+  VecI is_touching[kFields];  // before the camera and nearer to the surface than a radius
+
+  [[gnu::always_inline]] bool is_free() const {
+    VecI any = is_touching[0];
+    for (int k = 1; k < kFields; ++k) any |= is_touching[k];
+    return mask_bits(any) == 0;
   }
-  return known;
-}
-
-// The elements of a cluster and what the field answers them. Each step is a short loop: then the
-// processor has several vectors in flight, where one long loop would wait for each vector's chain.
-template <class Sample>
-struct Answers {
-  Lanes lanes[kNumVectors];
-  Sample samples[kNumVectors];
-  VecI is_touching[kNumVectors];  // before the camera and nearer to the surface than a radius
 };
 
-template <class Sample>
-[[gnu::always_inline]] inline void ask_cluster(const MeasureJob& job, const Field& field,
-                                               std::size_t begin, Answers<Sample>& to) {
-  for (int i = 0; i < kNumVectors; ++i) {
-    to.lanes[i] = aim(job, field, begin + static_cast<std::size_t>(i * kLanes));
-  }
-  Gradient gradients[kNumVectors];
-  for (int i = 0; i < kNumVectors; ++i) {
-    const Lanes& e = to.lanes[i];
-    gradients[i] = ask<Gradient>(field, e, e.radius);
-    to.is_touching[i] =
-        (gradients[i].phi < e.radius) & (e.lz + job.frame.p_WC[2] > splat(kLeastDepth));
-  }
-  for (int i = 0; i < kNumVectors; ++i) {
-    const Lanes& e = to.lanes[i];
-    if (mask_bits(to.is_touching[i]) == 0) continue;
-    if constexpr (std::is_same_v<Sample, Gradient>) {
-      to.samples[i] = ask_deeper(field, e, gradients[i]);
-    } else {
-      to.samples[i] = ask_deeper(field, e, ask<Curvature>(field, e, e.radius));
+// What lies deep asks wider pixels, too.
+template <class Sample, int kFields>
+[[gnu::always_inline]] inline void ask_deeper(const Grid& grid, const Pixels (&fields)[kFields],
+                                              const Lanes& e, Answer<Sample, kFields>& answer) {
+  VecF asked = e.radius;
+  for (int step = 0; step < kMostDeepSteps; ++step) {
+    VecI is_deep[kFields], any{};
+    for (int k = 0; k < kFields; ++k) {
+      is_deep[k] = answer.is_touching[k] & (first_of(answer.samples[k]).phi < -deep_limit(asked));
+      any |= is_deep[k];
     }
+    if (mask_bits(any) == 0) break;
+    const Look look = look_of(grid, e, asked * kDeepGrowth);
+    for (int k = 0; k < kFields; ++k) {
+      if (kFields > 1 && mask_bits(is_deep[k]) == 0) continue;
+      Sample& known = answer.samples[k];
+      Sample wide = ask_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
+      known = chosen(is_deep[k],
+                     deepened(known, wide, first_of(known).phi, first_of(wide).phi, asked), known);
+    }
+    asked *= kDeepGrowth;
+  }
+}
+
+// The elements of a cluster and what the fields say to them. Each step is a short loop: then the
+// processor has several vectors in flight, where one long loop would wait for each vector's chain.
+template <class Sample, int kFields>
+struct Answers {
+  Lanes lanes[kNumVectors];
+  Answer<Sample, kFields> fields[kNumVectors];
+};
+
+template <class Sample, int kFields>
+[[gnu::always_inline]] inline void ask_cluster(const MeasureJob& job, const Grid& grid,
+                                               const Pixels (&fields)[kFields], std::size_t begin,
+                                               std::uint32_t near, Answers<Sample, kFields>& to) {
+  for (int i = 0; i < kNumVectors; ++i) {
+    to.lanes[i] = aim(job, grid, begin + static_cast<std::size_t>(i * kLanes));
+  }
+  for (int i = 0; i < kNumVectors; ++i) {
+    const Lanes& e = to.lanes[i];
+    const Look look = look_of(grid, e, e.radius);
+    const VecI is_before_camera = e.lz + job.frame.p_WC[2] > splat(kLeastDepth);
+    for (int k = 0; k < kFields; ++k) {
+      Answer<Sample, kFields>& answer = to.fields[i];
+      answer.is_touching[k] = VecI{};
+      if (kFields > 1 && (near >> k & 1) == 0) continue;
+      answer.samples[k] = ask_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
+      answer.is_touching[k] = is_before_camera & (first_of(answer.samples[k]).phi < e.radius);
+    }
+  }
+  for (int i = 0; i < kNumVectors; ++i) {
+    ask_deeper<Sample, kFields>(grid, fields, to.lanes[i], to.fields[i]);
   }
 }
 
@@ -132,68 +150,79 @@ struct Totals {
   return cut.volume;
 }
 
-/// Calls f(slot, lanes, sample, which lanes touch, part of the sums) for vectors of elements that
-/// touch the surface.
-template <class Sample, class F>
+/// Calls f(slot, lanes, field, sample, which lanes touch, part of the sums) for vectors of elements
+/// that touch the surface of a field.
+template <class Sample, int kFields, class F>
 [[gnu::always_inline]] inline void for_touching(const MeasureJob& job, int group, const F& f) {
-  const Field field(job.field);
-  Answers<Sample> answers;
-  for_near_clusters(job, group, [&](std::size_t begin) {
-    ask_cluster(job, field, begin, answers);
+  const Grid grid(job.fields[0]);
+  Pixels fields[kFields];
+  for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
+  Answers<Sample, kFields> answers;
+  for_near_clusters<kFields>(job, group, [&](std::size_t begin, std::uint32_t near) {
+    ask_cluster<Sample, kFields>(job, grid, fields, begin, near, answers);
     for (int i = 0; i < kNumVectors; ++i) {
-      if (mask_bits(answers.is_touching[i]) == 0) continue;
-      f(begin + static_cast<std::size_t>(i * kLanes), answers.lanes[i], answers.samples[i],
-        answers.is_touching[i], i % RowSums::kParts);
+      const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
+      Answer<Sample, kFields>& answer = answers.fields[i];
+      for (int k = 0; k < kFields; ++k) {
+        if (mask_bits(answer.is_touching[k]) == 0) continue;
+        f(slot, answers.lanes[i], k, answer.samples[k], answer.is_touching[k], i % RowSums::kParts);
+      }
     }
   });
 }
 
-}  // namespace
-
-FieldSums measure_group(const MeasureJob& job, int group) {
+template <class Sample, int kFields>
+[[gnu::always_inline]] inline void measure(const MeasureJob& job, int group, GroupSums* to) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const float fx = job.frame.fx, fy = job.frame.fy;
-  Totals totals;
-  for_touching<Gradient>(
+  Totals totals[kFields];
+  RowSums numbers[kFields][kWithStiffness ? StiffnessSums::kNum : 1];
+  for_touching<Sample, kFields>(
       job, group,
-      [&](std::size_t slot, const Lanes& e, const Gradient& g, VecI is_touching, int part) {
+      [&](std::size_t slot, const Lanes& e, int k, Sample& sample, VecI is_touching, int part) {
+        const Gradient& g = first_of(sample);
         const VecF phi = select(is_touching, g.phi, e.radius);
-        const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
-        add_measure(job, slot, e, phi, load(job.factor + slot), bounded(n, length_of(n)), part,
-                    totals);
-      });
-  return totals.sums();
-}
-
-FieldSums measure_stiffness_group(const MeasureJob& job, int group, StiffnessSums& stiffness) {
-  const float fx = job.frame.fx, fy = job.frame.fy;
-  Totals totals;
-  RowSums numbers[StiffnessSums::kNum];
-  for_touching<Curvature>(
-      job, group,
-      [&](std::size_t slot, const Lanes& e, const Curvature& c, VecI is_touching, int part) {
-        const VecF phi = select(is_touching, c.first.phi, e.radius);
         const VecF factor = load(job.factor + slot);
-        const Gradient3<VecF> n = to_space(c.first, e.from_u, e.from_v, e.inverse_depth, fx, fy);
+        const Gradient3<VecF> n = to_space(g, e.from_u, e.from_v, e.inverse_depth, fx, fy);
         const VecF length = length_of(n);
         const Gradient3<VecF> shortened = bounded(n, length);
-        const VecF volume = add_measure(job, slot, e, phi, factor, shortened, part, totals);
-        const Symmetric<VecF> h = hessian_in_space(c, e.from_u, e.from_v, e.inverse_depth, fx, fy);
-        const VecF disc =
-            factor * (static_cast<float>(kPi) * max(e.radius * e.radius - phi * phi, VecF{}));
-        VecF terms[StiffnessSums::kNum];
-        stiffness_terms<VecF>({e.lx, e.ly, e.lz}, volume, disc, shortened, bounded(h, n, length),
-                              terms);
-        for (int k = 0; k < StiffnessSums::kNum; ++k) numbers[k].add(part, terms[k]);
+        const VecF volume = add_measure(job, slot, e, phi, factor, shortened, part, totals[k]);
+        if constexpr (kWithStiffness) {
+          const Symmetric<VecF> h =
+              hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, fx, fy);
+          const VecF disc =
+              factor * (static_cast<float>(kPi) * max(e.radius * e.radius - phi * phi, VecF{}));
+          VecF terms[StiffnessSums::kNum];
+          stiffness_terms<VecF>({e.lx, e.ly, e.lz}, volume, disc, shortened, bounded(h, n, length),
+                                terms);
+          for (int i = 0; i < StiffnessSums::kNum; ++i) numbers[k][i].add(part, terms[i]);
+        }
       });
-  for (int k = 0; k < StiffnessSums::kNum; ++k) stiffness.numbers[k] = numbers[k].total();
-  return totals.sums();
+  for (int k = 0; k < kFields; ++k) {
+    to[k].measure = totals[k].sums();
+    if constexpr (kWithStiffness) {
+      for (int i = 0; i < StiffnessSums::kNum; ++i) {
+        to[k].stiffness.numbers[i] = numbers[k][i].total();
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void measure_group(const MeasureJob& job, int group, bool with_stiffness, GroupSums* sums) {
+  const bool is_between = job.num_fields == 2;
+  if (with_stiffness && is_between) return measure<Curvature, 2>(job, group, sums);
+  if (with_stiffness) return measure<Curvature, 1>(job, group, sums);
+  if (is_between) return measure<Gradient, 2>(job, group, sums);
+  measure<Gradient, 1>(job, group, sums);
 }
 
 // The planes that whole spheres are cut by.
 void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
   const SphereClusters& clusters = *job.clusters;
-  for_touching<Gradient>(
-      job, group, [&](std::size_t first, const Lanes& e, const Gradient& g, VecI is_touching, int) {
+  for_touching<Gradient, 1>(
+      job, group, [&](std::size_t first, const Lanes& e, int, Gradient& g, VecI is_touching, int) {
         const Gradient3<VecF> n =
             to_space(g, e.from_u, e.from_v, e.inverse_depth, job.frame.fx, job.frame.fy);
         const VecF length = max(length_of(n), splat(1e-20f));

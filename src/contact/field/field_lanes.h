@@ -13,9 +13,9 @@ namespace {
 
 constexpr int kSize = SphereClusters::kSize;
 
-// What a query knows of the field.
-struct Field {
-  explicit Field(const DepthFieldView& view)
+// What all fields of a query have in common: the camera and the sizes of the levels.
+struct Grid {
+  explicit Grid(const DepthFieldView& view)
       : fx(static_cast<float>(view.intrinsics.fx)),
         fy(static_cast<float>(view.intrinsics.fy)),
         cx(static_cast<float>(view.intrinsics.cx)),
@@ -24,23 +24,27 @@ struct Field {
         height(static_cast<float>(view.levels[0].height)),
         thickness(view.thickness),
         stride(view.levels[0].stride),
-        last_level(view.num_levels - 1),
-        planes(view.levels[0].planes),
-        silhouettes(view.levels[0].silhouettes),
-        near_silhouette(view.levels[0].near_silhouette) {
+        last_level(view.num_levels - 1) {
     for (int k = 0; k < view.num_levels; ++k) {
-      start.entries[k] =
-          static_cast<std::int32_t>(view.levels[k].near_silhouette - near_silhouette);
+      start.entries[k] = static_cast<std::int32_t>(view.levels[k].near_silhouette -
+                                                   view.levels[0].near_silhouette);
     }
   }
 
   float fx, fy, cx, cy, width, height, thickness;
   std::int32_t stride, last_level;
-  const float* planes;  // of level 0; the other levels follow
-  const Silhouette* silhouettes;
-  const std::uint8_t* near_silhouette;
   LaneTable<std::int32_t> start;  // pixel (0, 0) of each level
 };
+
+// The pixels of one field, from level 0 on; the other levels follow.
+struct Pixels {
+  const float* planes;
+  const Silhouette* silhouettes;
+  const std::uint8_t* near_silhouette;
+};
+inline Pixels pixels_of(const DepthFieldView& view) {
+  return {view.levels[0].planes, view.levels[0].silhouettes, view.levels[0].near_silhouette};
+}
 
 // Where on one level elements are seen.
 struct Spot {
@@ -53,7 +57,7 @@ struct Spot {
   return reinterpret_cast<VecF>((127 - level) << 23);
 }
 
-[[gnu::always_inline]] inline Spot spot_at(const Field& field, VecF u, VecF v, VecI level) {
+[[gnu::always_inline]] inline Spot spot_at(const Grid& grid, VecF u, VecF v, VecI level) {
   const VecF scale = scale_of(level);
   const auto place = [&](VecF pixels, float size, VecF& offset) {
     VecF p = (pixels + 0.5f) * scale - 0.5f;
@@ -63,8 +67,8 @@ struct Spot {
     return pixel;
   };
   Spot spot;
-  const VecI column = place(u, field.width, spot.s), row = place(v, field.height, spot.t);
-  spot.pixel = look_up(field.start, level) + row * field.stride + column;
+  const VecI column = place(u, grid.width, spot.s), row = place(v, grid.height, spot.t);
+  spot.pixel = look_up(grid.start, level) + row * grid.stride + column;
   return spot;
 }
 
@@ -75,8 +79,8 @@ struct LevelBlend {
   VecF x, x_by_z;  // of smooth_step
   Sloped<VecF> step;
 
-  VecI wider(const Field& field) const {
-    const VecI last = splat(field.last_level);
+  VecI wider(const Grid& grid) const {
+    const VecI last = splat(grid.last_level);
     return level < last ? level + 1 : last;
   }
   VecF blend() const { return select(is_single, VecF{}, step.value); }
@@ -87,10 +91,10 @@ struct LevelBlend {
     return select(is_single, VecF{}, x_by_z * (bend * x_by_z - 2.0f * step.slope * inverse_depth));
   }
 };
-[[gnu::always_inline]] inline LevelBlend choose_levels(const Field& field, VecF radius,
+[[gnu::always_inline]] inline LevelBlend choose_levels(const Grid& grid, VecF radius,
                                                        VecF inverse_depth) {
-  const VecI last = splat(field.last_level);
-  const VecF footprint = max(kFootprint * radius * field.fx * inverse_depth, splat(1.0f));
+  const VecI last = splat(grid.last_level);
+  const VecF footprint = max(kFootprint * radius * grid.fx * inverse_depth, splat(1.0f));
   const VecI bits = reinterpret_cast<VecI>(footprint);
   const VecI exponent = (bits >> 23) - 127;
   const VecF m = reinterpret_cast<VecF>((bits & 0x7fffff) | 0x3f800000);
@@ -105,44 +109,46 @@ struct LevelBlend {
 }
 
 // The value of a pixel at `depth` as its silhouettes have it.
-[[gnu::always_inline]] inline Curved<VecF> silhouette_value(const Field& field, VecI pixel,
-                                                            const Curved<VecF>& own, VecF depth,
-                                                            VecF k_by) {
+[[gnu::always_inline]] inline Curved<VecF> silhouette_value(const Grid& grid, const Pixels& pixels,
+                                                            VecI pixel, const Curved<VecF>& own,
+                                                            VecF depth, VecF k_by) {
   VecF numbers[4];  // of a Silhouette
-  gather_fours(&field.silhouettes->side, 2 * pixel + (own.value < VecF{} ? VecI{} : VecI{} + 1),
+  gather_fours(&pixels.silhouettes->side, 2 * pixel + (own.value < VecF{} ? VecI{} : VecI{} + 1),
                numbers);
   const VecF& side = numbers[0];
   Curved<VecF> plane = plane_value(numbers[1], numbers[2], depth);
-  if (field.thickness < static_cast<float>(kSolidBehind)) {
-    plane = with_back(plane, splat(field.thickness));
+  if (grid.thickness < static_cast<float>(kSolidBehind)) {
+    plane = with_back(plane, splat(grid.thickness));
   }
   return clamped_at_silhouette(own, plane, side, depth, k_by);
 }
 
 // Has any of the nine pixels around an element another value than that of its own plane?
-[[gnu::always_inline]] inline VecI is_near_silhouette(const Field& field, VecI pixel) {
-  if (field.thickness < static_cast<float>(kSolidBehind)) return splat(-1);
-  if (!any_byte(field.near_silhouette, pixel)) return VecI{};
-  return gather_bytes(field.near_silhouette, pixel) != 0;
+[[gnu::always_inline]] inline VecI is_near_silhouette(const Grid& grid, const Pixels& pixels,
+                                                      VecI pixel) {
+  if (grid.thickness < static_cast<float>(kSolidBehind)) return splat(-1);
+  if (!any_byte(pixels.near_silhouette, pixel)) return VecI{};
+  return gather_bytes(pixels.near_silhouette, pixel) != 0;
 }
 
 // The values of the nine pixels around, row by row, each element on a level of its own.
-[[gnu::always_inline]] inline void values_around(const Field& field, VecI pixel, VecI level,
-                                                 VecF depth, Curved<VecF> (&values)[3][3]) {
-  const VecI is_near = gather_bytes(field.near_silhouette, pixel) != 0;
-  const VecF k_by = kCorner / (scale_of(level) * field.fx);
+[[gnu::always_inline]] inline void values_around(const Grid& grid, const Pixels& pixels, VecI pixel,
+                                                 VecI level, VecF depth,
+                                                 Curved<VecF> (&values)[3][3]) {
+  const VecI is_near = gather_bytes(pixels.near_silhouette, pixel) != 0;
+  const VecF k_by = kCorner / (scale_of(level) * grid.fx);
   for (int q = 0; q < 3; ++q) {
     VecF pairs[6];  // offset, slope, offset, slope, ...
-    gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), pixel, pairs);
+    gather_three_pairs(pixels.planes + 2 * ((q - 1) * grid.stride - 1), pixel, pairs);
     for (int p = 0; p < 3; ++p) {
       Curved<VecF>& value = values[q][p];
       value = plane_value(pairs[2 * p], pairs[2 * p + 1], depth);
-      if (field.thickness < static_cast<float>(kSolidBehind)) {
-        value = with_back(value, splat(field.thickness));
+      if (grid.thickness < static_cast<float>(kSolidBehind)) {
+        value = with_back(value, splat(grid.thickness));
       }
       // Elsewhere what is written there may be old.
-      const VecI at = is_near ? pixel + (q - 1) * field.stride + (p - 1) : VecI{};
-      value = chosen(is_near, silhouette_value(field, at, value, depth, k_by), value);
+      const VecI at = is_near ? pixel + (q - 1) * grid.stride + (p - 1) : VecI{};
+      value = chosen(is_near, silhouette_value(grid, pixels, at, value, depth, k_by), value);
     }
   }
 }
@@ -150,10 +156,10 @@ struct LevelBlend {
 // phi with its derivatives by the image, near silhouettes. `Sample` is an ImageGradient or an
 // ImageCurvature.
 template <class Sample>
-[[gnu::noinline]] Sample sample_silhouettes(const Field& field, const Spot& at, VecI level,
-                                            VecF depth) {
+[[gnu::noinline]] Sample sample_silhouettes(const Grid& grid, const Pixels& pixels, const Spot& at,
+                                            VecI level, VecF depth) {
   Curved<VecF> values[3][3];
-  values_around(field, at.pixel, level, depth, values);
+  values_around(grid, pixels, at.pixel, level, depth, values);
   if constexpr (std::is_same_v<Sample, ImageCurvature<VecF>>) {
     return curvature_of(values, at.s, at.t, scale_of(level));
   } else {
@@ -165,11 +171,12 @@ template <class Sample>
 struct Planes {
   VecF value[3][3], slope[3][3];
 };
-[[gnu::always_inline]] inline Planes planes_around(const Field& field, VecI pixel, VecF depth) {
+[[gnu::always_inline]] inline Planes planes_around(const Grid& grid, const Pixels& pixels,
+                                                   VecI pixel, VecF depth) {
   Planes planes;
   for (int q = 0; q < 3; ++q) {
     VecF pairs[6];  // offset, slope, offset, slope, ...
-    gather_three_pairs(field.planes + 2 * ((q - 1) * field.stride - 1), pixel, pairs);
+    gather_three_pairs(pixels.planes + 2 * ((q - 1) * grid.stride - 1), pixel, pairs);
     for (int p = 0; p < 3; ++p) {
       planes.value[q][p] = pairs[2 * p] - depth * pairs[2 * p + 1];
       planes.slope[q][p] = -pairs[2 * p + 1];
@@ -180,9 +187,9 @@ struct Planes {
 
 // phi with its derivatives by the image, where no pixel around is near a silhouette.
 template <class Sample>
-[[gnu::always_inline]] inline Sample sample_planes(const Field& field, const Spot& at, VecI level,
-                                                   VecF depth) {
-  const Planes planes = planes_around(field, at.pixel, depth);
+[[gnu::always_inline]] inline Sample sample_planes(const Grid& grid, const Pixels& pixels,
+                                                   const Spot& at, VecI level, VecF depth) {
+  const Planes planes = planes_around(grid, pixels, at.pixel, depth);
   Curved<VecF> phi[3], by_z[3];
   for (int q = 0; q < 3; ++q) {
     const VecF(&value)[3] = planes.value[q], (&slope)[3] = planes.slope[q];
@@ -210,12 +217,12 @@ template <class Sample>
 }
 
 template <class Sample>
-[[gnu::always_inline]] inline Sample sample(const Field& field, const Spot& at, VecI level,
-                                            VecF depth) {
-  if (mask_bits(is_near_silhouette(field, at.pixel)) != 0) {
-    return sample_silhouettes<Sample>(field, at, level, depth);
+[[gnu::always_inline]] inline Sample sample(const Grid& grid, const Pixels& pixels, const Spot& at,
+                                            VecI level, VecF depth) {
+  if (mask_bits(is_near_silhouette(grid, pixels, at.pixel)) != 0) {
+    return sample_silhouettes<Sample>(grid, pixels, at, level, depth);
   }
-  return sample_planes<Sample>(field, at, level, depth);
+  return sample_planes<Sample>(grid, pixels, at, level, depth);
 }
 
 // `blend` of the next wider level.
@@ -231,48 +238,69 @@ template <class Sample>
   return blended(c, next, choice.blend(), choice.blend_by_z(), choice.blend_by_zz(inverse_depth));
 }
 
-// What elements of these radii are answered by the levels of their size.
-template <class Sample>
-[[gnu::always_inline]] inline Sample ask_field(const Field& field, VecF u, VecF v, VecF depth,
-                                               VecF inverse_depth, VecF radius) {
-  const LevelBlend choice = choose_levels(field, radius, inverse_depth);
-  const Sample own = sample<Sample>(field, spot_at(field, u, v, choice.level), choice.level, depth);
-  if (mask_bits(choice.blend() > VecF{}) == 0) return own;
-  const VecI wider = choice.wider(field);
-  const Sample next = sample<Sample>(field, spot_at(field, u, v, wider), wider, depth);
-  return with_wider(own, next, choice, inverse_depth);
+// Where elements of some radius look: the pixels on the one or two levels of their size.
+struct Look {
+  LevelBlend levels;
+  VecI wider_level;
+  Spot own, wider;
+  bool has_wider;
+};
+[[gnu::always_inline]] inline Look look_at(const Grid& grid, VecF u, VecF v, VecF inverse_depth,
+                                           VecF radius) {
+  Look look;
+  look.levels = choose_levels(grid, radius, inverse_depth);
+  look.own = spot_at(grid, u, v, look.levels.level);
+  look.has_wider = mask_bits(look.levels.blend() > VecF{}) != 0;
+  look.wider_level = look.levels.wider(grid);
+  if (look.has_wider) look.wider = spot_at(grid, u, v, look.wider_level);
+  return look;
 }
 
-// True if the tiles that spheres in a ball can ask about are all well behind it: every plane is at
-// least the largest radius away from every sphere.
-bool is_in_front(const MeasureJob& job, const Cluster& ball, float largest_radius) {
-  const DepthFieldView& field = job.field;
-  const BallWindow window =
-      window_of(job.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
-  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
-  for (int v = window.top; v <= window.bottom; ++v) {
+// What elements see there.
+template <class Sample>
+[[gnu::always_inline]] inline Sample ask_field(const Grid& grid, const Pixels& pixels,
+                                               const Look& look, VecF depth, VecF inverse_depth) {
+  const Sample own = sample<Sample>(grid, pixels, look.own, look.levels.level, depth);
+  if (!look.has_wider) return own;
+  const Sample next = sample<Sample>(grid, pixels, look.wider, look.wider_level, depth);
+  return with_wider(own, next, look.levels, inverse_depth);
+}
+
+// Which fields' tiles, of those that elements in a ball can ask about, are not all well behind it:
+// in the others every plane is at least the largest radius away from every element.
+template <int kFields>
+std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float largest_radius) {
+  constexpr std::uint32_t kAll = (1u << kFields) - 1;
+  const int tiles_wide = job.fields[0].tiles_wide, tiles_high = job.fields[0].tiles_high;
+  const BallWindow window = window_of(job.frame, ball, largest_radius, tiles_wide, tiles_high);
+  if (!window.is_before_camera()) return window.farthest < kLeastDepth ? 0 : kAll;
+  std::uint32_t near = 0;
+  for (int v = window.top; v <= window.bottom && near != kAll; ++v) {
     for (int u = window.left; u <= window.right; ++u) {
-      const DepthTile& tile = field.tiles[v * field.tiles_wide + u];
-      if (!is_behind(tile, window.farthest, largest_radius)) return false;
+      for (int k = 0; k < kFields; ++k) {
+        const DepthTile& tile = job.fields[k].tiles[v * tiles_wide + u];
+        if (!is_behind(tile, window.farthest, largest_radius)) near |= 1u << k;
+      }
     }
   }
-  return true;
+  return near;
 }
 
-/// Calls f(first slot) for the clusters of a group that are not well in front of everything.
-template <class F>
+/// Calls f(first slot, which fields) for the clusters of a group that are not well in front of
+/// everything.
+template <int kFields, class F>
 [[gnu::always_inline]] inline void for_near_clusters(const MeasureJob& job, int group, const F& f) {
-  if (job.field.num_levels == 0) return;
   const SphereClusters& clusters = *job.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
   const float largest_radius =
       *std::max_element(job.largest_radius + first, job.largest_radius + last);
-  if (is_in_front(job, clusters.groups[static_cast<std::size_t>(group)], largest_radius)) return;
+  const Cluster& all = clusters.groups[static_cast<std::size_t>(group)];
+  if (fields_near<kFields>(job, all, largest_radius) == 0) return;
   for (int cluster = first; cluster < last; ++cluster) {
     const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
-    if (is_in_front(job, ball, job.largest_radius[cluster])) continue;
-    f(static_cast<std::size_t>(cluster) * kSize);
+    const std::uint32_t near = fields_near<kFields>(job, ball, job.largest_radius[cluster]);
+    if (near != 0) f(static_cast<std::size_t>(cluster) * kSize, near);
   }
 }
 

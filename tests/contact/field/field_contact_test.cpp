@@ -359,6 +359,101 @@ TEST(FieldContact, AnyThreadsAndInstructionSetsGiveTheSameBits) {
   }
 }
 
+/// A wall that takes a step of a few centimetres between two frames, and another camera's picture
+/// of it.
+struct TwoFrames {
+  FrozenField from, to;
+};
+std::vector<TwoFrames> frame_pairs() {
+  std::vector<TwoFrames> pairs;
+  pairs.push_back({rough_wall(31), rough_wall(32)});
+  pairs.push_back({block_before_wall(33), rough_wall(34)});
+  pairs.push_back({rough_wall(35, 0.03), rough_wall(36, 0.03)});
+  // Elements between the two touch only one.
+  pairs.push_back({rough_wall(37), FrozenField(test::noisy_wall(160, 120, 140, 0.7, 0.002, 38))});
+  // No pass for both: other sizes, other cameras, other thicknesses.
+  pairs.push_back({rough_wall(39), FrozenField(test::noisy_wall(96, 72, 140, 0.6, 0.002, 40))});
+  pairs.push_back({rough_wall(41), FrozenField(test::noisy_wall(160, 120, 150, 0.6, 0.002, 42))});
+  pairs.push_back({rough_wall(43), rough_wall(44, 0.03)});
+  return pairs;
+}
+
+double weighed(double alpha, double from, double to) { return (1 - alpha) * from + alpha * to; }
+
+// Against two measurements of one frame each, to the last bit.
+TEST(FieldContact, OnePassBetweenTwoFramesGivesTheBitsOfTwo) {
+  const Tool tool = test::random_tool(900, 0.06, 13);
+  const auto index = ToolIndex::create(tool);
+  const std::vector<TwoFrames> pairs = frame_pairs();
+  Random random(45);
+  int num_of_both = 0, num_of_one = 0;
+  for (const Isa isa : isas()) {
+    const auto query = make_contact_query(Backend::cpu, index, FieldMethod{}, {isa}).value();
+    for (const TwoFrames& pair : pairs) {
+      const Surfaces from{{}, pair.from.field.view()}, to{{}, pair.to.field.view()};
+      for (int i = 0; i < 20; ++i) {
+        const Pose X_WT = random_pose(random);
+        const double alpha = random.uniform(0, 1);
+        const ContactWants wants{.stiffness = i % 2 == 0};
+        const ContactResult a = query->measure(from, X_WT, wants),
+                            b = query->measure(to, X_WT, wants);
+        const ContactResult got = query->measure(from, to, alpha, X_WT, wants);
+        const Penetration &p = a.penetration, &q = b.penetration, &r = got.penetration;
+        num_of_both += p.volume > 0 && q.volume > 0;
+        num_of_one += (p.volume > 0) != (q.volume > 0);
+        EXPECT_EQ(r.volume, weighed(alpha, p.volume, q.volume));
+        EXPECT_EQ(r.potential, weighed(alpha, p.potential, q.potential));
+        for (int axis = 0; axis < 3; ++axis) {
+          EXPECT_EQ(r.measure_W.force[axis],
+                    weighed(alpha, p.measure_W.force[axis], q.measure_W.force[axis]));
+          EXPECT_EQ(r.measure_W.torque[axis],
+                    weighed(alpha, p.measure_W.torque[axis], q.measure_W.torque[axis]));
+        }
+        EXPECT_EQ(r.num_boundary_spheres, q.num_boundary_spheres);
+        EXPECT_EQ(r.num_inside_spheres, q.num_inside_spheres);
+        ASSERT_EQ(got.stiffness.has_value(), wants.stiffness);
+        for (int k = 0; wants.stiffness && k < 36; ++k) {
+          EXPECT_EQ(got.stiffness->m[k / 6][k % 6],
+                    weighed(alpha, a.stiffness->m[k / 6][k % 6], b.stiffness->m[k / 6][k % 6]));
+        }
+      }
+    }
+  }
+  EXPECT_GT(num_of_both, 100);
+  EXPECT_GT(num_of_one, 10);
+}
+
+// The stiffness and its two frames cost no bits of the measure.
+TEST(FieldContact, StiffnessChangesNoBitOfTheMeasure) {
+  const Tool tool = test::random_tool(900, 0.06, 13);
+  const FrozenField scene = block_before_wall(46);
+  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  Random random(47);
+  for (int i = 0; i < 40; ++i) {
+    const Pose X_WT = random_pose(random);
+    const Surfaces surface{{}, scene.field.view()};
+    const Penetration plain = query->measure(surface, X_WT).penetration;
+    const Penetration with = query->measure(surface, X_WT, {.stiffness = true}).penetration;
+    EXPECT_EQ(plain.volume, with.volume);
+    EXPECT_EQ(plain.potential, with.potential);
+    EXPECT_EQ(std::memcmp(&plain.measure_W, &with.measure_W, sizeof(Wrench)), 0);
+  }
+}
+
+TEST(FieldContact, OneFrameWithoutSurfaceSaysSo) {
+  const Tool tool = test::random_tool(100, 0.06, 13);
+  const FrozenField scene = rough_wall(48);
+  const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+  const Surfaces none, wall{{}, scene.field.view()};
+  const Pose X_WT{{0, 0, 0.6}, {}};
+  const double whole = query->measure(wall, X_WT).penetration.volume;
+  for (const auto& [from, to] : {std::pair(none, wall), std::pair(wall, none)}) {
+    const Penetration got = query->measure(from, to, 0.25, X_WT, {.stiffness = true}).penetration;
+    EXPECT_TRUE(got.status.has(StepStatus::no_surface));
+    EXPECT_EQ(got.volume, (to.field.num_levels > 0 ? 0.25 : 0.75) * whole);
+  }
+}
+
 TEST(FieldContact, AllocatesNothing) {
   const FrozenField scene = rough_wall(15);
   const Tool tool = test::random_tool(100, 0.06, 16);
