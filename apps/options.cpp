@@ -29,10 +29,13 @@ std::optional<Number> parse_number(std::string_view text) {
   return number;
 }
 
-/// The absolute path that a name leads to, links followed, whether or not it is there.
+/// The absolute path that a name leads to, links followed, whether or not it is there; without
+/// links that lead nowhere or in a circle.
 std::filesystem::path resolved(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::weakly_canonical(std::filesystem::absolute(path, ignored), ignored);
+  std::error_code error;
+  const std::filesystem::path absolute = std::filesystem::absolute(path, error);
+  const std::filesystem::path target = std::filesystem::weakly_canonical(absolute, error);
+  return error ? absolute.lexically_normal() : target;
 }
 
 }  // namespace
@@ -204,8 +207,13 @@ Status check_output_file(const std::filesystem::path& path, const std::filesyste
   if (std::filesystem::is_directory(target, ignored)) {
     return refuse("it is a folder; give the name of a file");
   }
-  if (std::filesystem::exists(target, ignored) &&
-      !std::filesystem::is_regular_file(target, ignored)) {
+  std::error_code error;
+  const auto kind = std::filesystem::status(target, error).type();
+  if (kind == std::filesystem::file_type::none) {
+    return refuse(error.message() + "; give another name");
+  }
+  if (kind != std::filesystem::file_type::not_found &&
+      kind != std::filesystem::file_type::regular) {
     return refuse("it is not a regular file; give the name of a new file");
   }
   if (::access(folder.c_str(), W_OK | X_OK) != 0) {

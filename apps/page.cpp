@@ -45,6 +45,7 @@ bool is_token(const std::string& text) {
 }  // namespace
 
 void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options) {
+  options.option_prefix = prefix;
   app.add_option(prefix + "port", options.port, "of the page; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();

@@ -77,12 +77,11 @@ Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input
 }
 
 Status add_source(const TouchOptions& options, TouchInput& input) {
-  // A hand takes its time.
+  // A hand takes its time, and a run counts it from its first tick, long after the first frame.
   constexpr double kLongest = 86400;
   const bool is_live = !options.device.empty();
   auto source = options.depth_sequence.empty()
-                    ? open_scene(options, is_live && !options.duration ? std::optional(kLongest)
-                                                                       : options.duration)
+                    ? open_scene(options, is_live ? std::optional(kLongest) : options.duration)
                     : open_sequence(options);
   if (!source) return source.error();
   input.source = *std::move(source);

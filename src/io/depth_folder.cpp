@@ -200,9 +200,12 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
                        options.rate,
                        static_cast<int>(entries->size()),
                        folder.string()};
-  if (is_tum && entries->size() > 1)
+  if (is_tum && entries->size() > 1) {
     info.rate =
         static_cast<double>(entries->size() - 1) / (entries->back().time - entries->front().time);
+    if (!(info.rate > 0) || !std::isfinite(info.rate))
+      return bad(folder / "depth.txt", "has time stamps that are no seconds; correct them");
+  }
   return std::unique_ptr<DepthSource>(
       std::make_unique<FolderSource>(*std::move(entries), std::move(info)));
 }

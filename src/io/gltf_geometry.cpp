@@ -17,7 +17,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kMaxJsonDepth = 64, kMaxNodeDepth = 256;
+constexpr std::size_t kMaxJsonDepth = 64;
+constexpr int kMaxNodeDepth = 256;
 constexpr std::size_t kMaxJsonBytes = std::size_t(64) << 20;
 /// Vertices and indices of all placed meshes together.
 constexpr double kMaxElements = 5e7;
@@ -60,31 +61,60 @@ std::size_t index_into(std::size_t size, std::uint64_t index, const char* what) 
               std::to_string(size)};
 }
 
-/// The text as a document of bounded depth in which no key is given twice: of two, one reader takes
-/// the first and another the last.
+/// Looks at a text as it goes by: a document of bounded depth in which no key is given twice, as of
+/// two one reader takes the first and another the last. In a pass of its own: nlohmann's parser
+/// with a callback takes quadratic time for long lists.
+class Shape final : public nlohmann::json_sax<Json> {
+ public:
+  std::string fault;
+
+  bool null() override { return true; }
+  bool boolean(bool) override { return true; }
+  bool number_integer(std::int64_t) override { return true; }
+  bool number_unsigned(std::uint64_t) override { return true; }
+  bool number_float(double, const std::string&) override { return true; }
+  bool string(std::string&) override { return true; }
+  bool binary(Json::binary_t&) override { return true; }
+  bool start_object(std::size_t) override { return enter(); }
+  bool start_array(std::size_t) override { return enter(); }
+  bool key(std::string& name) override {
+    keys_.back().push_back(name);
+    return true;
+  }
+  bool end_object() override {
+    std::sort(keys_.back().begin(), keys_.back().end());
+    const auto twin = std::adjacent_find(keys_.back().begin(), keys_.back().end());
+    if (twin != keys_.back().end()) fault = "gives '" + *twin + "' twice";
+    keys_.pop_back();
+    return fault.empty();
+  }
+  bool end_array() override {
+    keys_.pop_back();
+    return true;
+  }
+  bool parse_error(std::size_t, const std::string&, const Json::exception&) override {
+    fault = "is not a glTF file or is truncated";
+    return false;
+  }
+
+ private:
+  bool enter() {
+    keys_.emplace_back();
+    if (keys_.size() > kMaxJsonDepth) {
+      fault = "nests more than " + std::to_string(kMaxJsonDepth) + " levels of JSON";
+    }
+    return fault.empty();
+  }
+
+  std::vector<std::vector<std::string>> keys_;  // of the objects and lists that are open
+};
+
 Json parse_json(std::string_view text) {
   if (text.size() > kMaxJsonBytes) throw Fault{"has more than 64 MiB of JSON; save it as GLB"};
-  std::string fault;
-  std::vector<std::vector<std::string>> keys;  // of the objects that are open
-  const auto on_event = [&](int depth, Json::parse_event_t event, Json& value) {
-    if (depth > kMaxJsonDepth) {
-      fault = "nests more than " + std::to_string(kMaxJsonDepth) + " levels of JSON";
-      return false;
-    }
-    if (event == Json::parse_event_t::object_start) keys.emplace_back();
-    if (event == Json::parse_event_t::object_end && !keys.empty()) {
-      std::sort(keys.back().begin(), keys.back().end());
-      const auto twin = std::adjacent_find(keys.back().begin(), keys.back().end());
-      if (twin != keys.back().end()) fault = "gives '" + *twin + "' twice";
-      keys.pop_back();
-    }
-    if (event == Json::parse_event_t::key && !keys.empty()) {
-      keys.back().push_back(value.get<std::string>());
-    }
-    return true;
-  };
-  Json document = Json::parse(text.begin(), text.end(), on_event, /*allow_exceptions=*/false);
-  if (!fault.empty()) throw Fault{fault};
+  Shape shape;
+  Json::sax_parse(text.begin(), text.end(), &shape);
+  if (!shape.fault.empty()) throw Fault{shape.fault};
+  Json document = Json::parse(text.begin(), text.end());
   if (!document.is_object()) throw Fault{"is not a glTF file or is truncated"};
   return document;
 }

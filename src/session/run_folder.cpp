@@ -96,7 +96,12 @@ RunFolder::~RunFolder() {
 
 Result<RunFolder> RunFolder::create(const fs::path& name) {
   std::error_code error;
-  fs::path target = fs::weakly_canonical(name, error);
+  if (name.empty()) {
+    return Error{Errc::invalid_argument, "a run needs a name: give that of a new folder"};
+  }
+  // Absolute, so that it has a folder above it, where killed runs left theirs.
+  fs::path target = fs::absolute(name, error);
+  if (!error) target = fs::weakly_canonical(target, error);
   if (error) return failure("cannot find", name, error);
   if (!target.has_filename()) target = target.parent_path();
   if (!target.has_filename()) {
@@ -145,6 +150,7 @@ Status RunFolder::commit() {
 }
 
 bool lies_inside(const fs::path& path, const fs::path& folder) {
+  if (folder.empty()) return false;  // no folder, not the working directory
   std::error_code error;
   const fs::path inner = fs::weakly_canonical(path, error);
   if (error) return false;

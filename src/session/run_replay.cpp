@@ -252,7 +252,12 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
     }
   }
   if (!repetition.has_differed()) repetition.end(reader->was_cut_off());
-  return repetition.outcome();
+  ReplayOutcome outcome = repetition.outcome();
+  if (outcome.difference.empty() && outcome.num_ticks == 0) {
+    const std::string why = outcome.note.empty() ? "record the run again" : outcome.note;
+    return Error{Errc::bad_input, path.string() + " holds no tick that can be repeated: " + why};
+  }
+  return outcome;
 }
 
 Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,

@@ -80,7 +80,7 @@ std::optional<HttpAnswer> refuse_stranger(const HttpQuestion& question, std::str
   if (token.empty() && !is_loopback(*question.host)) {
     return http_error(403,
                       "this server answers only as localhost or 127.0.0.1; for other names start "
-                      "it with --view-token");
+                      "it with a token");
   }
   if (question.origin) {
     const std::string origin = lower_case(*question.origin), host = lower_case(*question.host);

@@ -98,8 +98,13 @@ Result<std::string> RunView::command(std::string_view json) {
 }  // namespace
 
 Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder) {
-  std::error_code ignored;
-  if (!std::filesystem::exists(folder / kRecordingFile, ignored)) {
+  std::error_code error;
+  const bool is_there = std::filesystem::exists(folder / kRecordingFile, error);
+  if (error) {
+    return Error{Errc::io_failure, "cannot look into " + folder.string() + ": " + error.message() +
+                                       "; check its name and permissions"};
+  }
+  if (!is_there) {
     return Error{Errc::not_found, "no recording in " + folder.string() +
                                       ": give the folder of a run that palpate touch wrote"};
   }

@@ -923,6 +923,20 @@ class CommandLine(unittest.TestCase):
         self.expect_failure(1, "view", self.path("nothing"), mentions="palpate touch wrote")
         self.expect_failure(1, "view", self.folder, mentions="palpate touch wrote")
         self.expect_failure(1, "view", self.mesh, mentions="not a tool file")
+        self.expect_failure(1, "view", self.tool, "--port", 0, "--address", "192.0.2.1",
+                            mentions="with --address")
+
+    def test_names_that_lead_nowhere(self):
+        circle = self.path("circle")
+        os.symlink("circle", circle)
+        for arguments in (("export", self.tool, "--spheres", circle), ("view", circle),
+                          ("export", self.tool, "--spheres", os.path.join(circle, "s.csv")),
+                          self.sequence("-o", circle)):
+            self.expect_failure(1, *arguments, mentions="Too many levels of symbolic links"
+                                if "s.csv" not in arguments[-1] else "no folder " + circle)
+        self.expect_failure(1, "export", self.tool, "--spheres", "/dev/stdout",
+                            mentions="not a regular file")
+        self.expect_failure(1, *self.sequence("-o", ""), mentions="a run needs a name")
 
     def test_touch_seen_in_a_browser(self):
         run = self.path("run_watched")
@@ -1003,6 +1017,17 @@ class CommandLine(unittest.TestCase):
         told = json.loads(self.succeed("replay", run, "-o", again, "--time", "latest", "--json"))
         self.assertGreater(told["ticks"], 100)
         self.assertRegex(self.succeed("replay", again), r"^identical: \d+ ticks, \d+ contact")
+
+    def test_a_short_live_run_is_not_over_before_it_begins(self):
+        settings = self.path("short.toml")
+        with open(settings, "w") as file:
+            file.write("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
+                       "max_device_silence = 60\nenergy_tank = 100\n")
+        summary = json.loads(self.succeed(
+            "touch", self.tool, "--scene", "wall", "--device", "sim", "--duration", 0.2,
+            "--settings", settings, "-o", self.path("short"), "--json"))
+        self.assertEqual(summary["ending"], "")
+        self.assertGreater(summary["ticks"], 10)
 
     def test_touch_live_says_what_is_wrong(self):
         run = self.path("never")

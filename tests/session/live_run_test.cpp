@@ -315,6 +315,14 @@ TEST(LiveRun, ReplayFindsWhatWasChanged) {
   EXPECT_EQ(shorter->difference, "");
   EXPECT_LE(shorter->num_ticks, 30u);
   EXPECT_NE(shorter->note, "");
+
+  // Where nothing could be compared, nothing is identical.
+  std::erase_if(without,
+                [](const Message& message) { return message.channel.topic == kTickTopic; });
+  rewrite(run, without);
+  const auto nothing = replay_run(run);
+  ASSERT_FALSE(nothing);
+  EXPECT_NE(nothing.error().message.find("holds no tick"), std::string::npos);
 }
 
 TEST(LiveRun, EndsWithTheSource) {

@@ -60,6 +60,23 @@ TEST(RunFolder, ReplacesARunWhole) {
   EXPECT_EQ(std::distance(fs::directory_iterator(root.path()), {}), 1);
 }
 
+TEST(RunFolder, ClearsLeftoversOfAPlainName) {
+  const test::TemporaryFolder root;
+  const fs::path before = fs::current_path();
+  fs::current_path(root.path());
+  make_run("run.partial-2147483647");
+  EXPECT_TRUE(RunFolder::create("run"));
+  EXPECT_FALSE(fs::exists("run.partial-2147483647"));
+  fs::current_path(before);
+}
+
+TEST(RunFolder, ARunWithoutANameIsRefused) {
+  const auto folder = RunFolder::create("");
+  ASSERT_FALSE(folder);
+  EXPECT_NE(folder.error().message.find("needs a name"), std::string::npos);
+  EXPECT_FALSE(lies_inside("file", ""));
+}
+
 TEST(RunFolder, LeavesOtherThingsAlone) {
   const test::TemporaryFolder root;
   touch(root.path() / "folder" / "thesis.tex");

@@ -299,6 +299,8 @@ TEST(ViewServer, SaysWhyItCannotStart) {
     EXPECT_NE(error({.port = 0, .token = token}).find("--view-token"), std::string::npos);
   EXPECT_NE(error({.port = 0, .token = std::string(129, 'x')}).find("--view-token"),
             std::string::npos);
+  EXPECT_NE(error({.port = port, .option_prefix = "--"}).find("choose another one with --port"),
+            std::string::npos);
   EXPECT_NE(error({.port = 0, .max_pages = 0}).find("max_pages"), std::string::npos);
 }
 

@@ -16,6 +16,8 @@ struct ViewServerOptions {
   std::uint16_t port = 8787;  ///< 0: any free one
   std::string token = {};     ///< 16 to 128 letters, digits, - and _; empty: none on loopback
   int max_pages = 8;          ///< at a time
+  /// What the options port, address and token begin with where a user gives them: for messages.
+  std::string option_prefix = "--view-";
 };
 
 /// Serves until it is destroyed. Pages can neither slow nor block whom they look at: the server
