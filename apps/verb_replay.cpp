@@ -60,7 +60,7 @@ std::vector<std::string> given_words(const CLI::App& app, const CLI::App& known)
   return words;
 }
 
-Status change(const std::vector<std::string>& words, RunSettings& settings) {
+Status parse(const std::vector<std::string>& words, RunSettings& settings) {
   CLI::App app;
   add_all_settings(app, settings);
   try {
@@ -69,6 +69,21 @@ Status change(const std::vector<std::string>& words, RunSettings& settings) {
     return Error{Errc::invalid_argument, error.what()};
   }
   return Done{};
+}
+
+/// What the run was recorded with, but for the options that another method does not have: `note`
+/// names those.
+Status change(const std::vector<std::string>& words, RunSettings& settings, std::string& note) {
+  RunSettings wanted = settings;
+  if (const Status status = parse(words, wanted); !status) return status;
+  settings.contact.method = wanted.contact.method;
+  for (const std::string& name : drop_foreign_options(settings.contact)) {
+    note += (note.empty() ? "left out what the run had and the method " +
+                                name_of(settings.contact.method) + " does not have: "
+                          : ", ") +
+            name;
+  }
+  return parse(words, settings);
 }
 
 Status repeat(const Options& options) {
@@ -101,10 +116,12 @@ Status retry(const Options& options) {
   }
   RunOptions run;
   run.keep_going = [] { return !interrupted(); };
+  std::string note;
   const auto outcome = retry_run(
       options.run, options.output,
-      [&](RunSettings& settings) { return change(options.changes, settings); }, run);
+      [&](RunSettings& settings) { return change(options.changes, settings, note); }, run);
   if (!outcome) return outcome.error();
+  if (!note.empty()) std::cerr << "palpate: note: " << note << '\n';
   note_backend(outcome->run.why_not_cuda);
   for (const std::string& text : outcome->run.warnings) {
     std::cerr << "palpate: note: " << text << '\n';

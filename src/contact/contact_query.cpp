@@ -7,26 +7,27 @@
 #include "src/contact/points/point_contact.h"
 
 namespace palpate {
-namespace {
 
-Error no_such_option(const char* option, const char* method, const char* without) {
-  return {Errc::invalid_argument, std::string(option) + " does not go with the method " + method +
-                                      ": leave it at " + without + ", or choose another method"};
+std::vector<std::string> drop_foreign_options(ContactOptions& o) {
+  const ContactOptions defaults;
+  std::vector<std::string> dropped;
+  const auto drop = [&](const char* name, auto& option, auto plain) {
+    if (std::exchange(option, plain) != plain) dropped.push_back(name);
+  };
+  const bool is_field = o.method == InsideMethod::field, is_graph = o.method == InsideMethod::graph;
+  if (is_field || is_graph) drop("priority", o.priority, defaults.priority);
+  if (!is_graph) drop("inside", o.inside, defaults.inside);
+  if (is_field) drop("edges", o.edges, defaults.edges);
+  if (is_field) drop("continuity", o.continuity, defaults.continuity);
+  return dropped;
 }
 
-}  // namespace
-
 Result<ContactMethod> contact_method(const ContactOptions& o) {
-  constexpr const char* kNames[] = {"weighted", "simplified", "graph", "field"};
-  const char* const name = kNames[static_cast<int>(o.method)];
-  const bool is_field = o.method == InsideMethod::field, is_graph = o.method == InsideMethod::graph;
-  if (o.priority != Priority::distance && (is_field || is_graph)) {
-    return no_such_option("priority", name, "distance");
-  }
-  if (o.inside != InsideVolume::full && !is_graph) return no_such_option("inside", name, "full");
-  if (o.edges != Edges::none && is_field) return no_such_option("edges", name, "none");
-  if (o.continuity != Continuity::none && is_field) {
-    return no_such_option("continuity", name, "none");
+  ContactOptions had = o;
+  if (const auto foreign = drop_foreign_options(had); !foreign.empty()) {
+    return Error{Errc::invalid_argument, foreign.front() + " does not go with the method " +
+                                             name_of(o.method) +
+                                             ": leave it out, or choose another method"};
   }
   switch (o.method) {
     case InsideMethod::field: break;

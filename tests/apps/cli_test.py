@@ -116,6 +116,14 @@ class CommandLine(unittest.TestCase):
         return ("touch", self.tool, "--depth-sequence", self.frames, "--intrinsics", INTRINSICS,
                 "--depth-unit", 0.0001, *more)
 
+    def patient_settings(self, name, more=""):
+        """A settings file for machines that do not hold a rate of 1 kHz."""
+        settings = self.path(name)
+        with open(settings, "w") as file:
+            file.write("[loop]\nreal_time = false\n[safety]\nmax_contact_age = 60\n"
+                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n" + more)
+        return settings
+
     # General
 
     def test_help_and_version(self):
@@ -752,6 +760,19 @@ class CommandLine(unittest.TestCase):
         self.assertAlmostEqual(told["force_difference_max_N"], max(off), delta=1e-9)
         self.assertAlmostEqual(told["force_difference_rms_N"] ** 2,
                                sum(x * x for x in off) / len(off), delta=1e-9)
+        # What another method does not have is left out, and said; what is asked for is refused.
+        edges, field = self.path("try_edges"), self.path("tried_field")
+        self.succeed(*self.sequence("-o", edges, "--method", "simplified", "--priority", "count",
+                                    "--continuity", "both"))
+        result = palpate("replay", edges, "-o", field, "--method", "field")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        notes = [line for line in result.stderr.splitlines() if "left out" in line]
+        self.assertEqual(notes, ["palpate: note: left out what the run had and the method field "
+                                 "does not have: priority, continuity"])
+        self.succeed(*self.sequence("-o", direct))
+        self.assertEqual(self.columns(field), self.columns(direct))
+        self.expect_failure(1, "replay", edges, "-o", field, "--method", "field", "--continuity",
+                            "entry", mentions="continuity does not go with the method field")
         self.expect_failure(2, "replay", run, "--method", "graph", mentions="-o RUN2")
         self.expect_failure(1, "replay", run, "-o", run, mentions="another folder")
         self.expect_failure(2, "replay", run, "-o", tried, "--method", "magic", mentions="graph")
@@ -820,10 +841,7 @@ class CommandLine(unittest.TestCase):
         path, along, played = self.path("same.txt"), self.path("along"), self.path("played")
         with open(path, "w") as file:
             file.write("0 0 0 0.45 0 0 0 1\n0.5 0.003 0 0.49 0 0.1 0 0.995\n")
-        settings = self.path("patient_path.toml")
-        with open(settings, "w") as file:
-            file.write("[loop]\nreal_time = false\n[safety]\nmax_contact_age = 60\n"
-                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n")
+        settings = self.patient_settings("patient_path.toml")
         touch = (*self.sequence("--settings", settings), "--depth-rate", 5)
         self.succeed(*touch, "-o", along, "--path", path)
         result = palpate(*touch, "-o", played, "--device", f"replay:{path}", "--coupling", "none")
@@ -865,6 +883,19 @@ class CommandLine(unittest.TestCase):
         # The frame of that moment is another one.
         self.assertNotEqual(later["volume_m3"][0], together["volume_m3"][0])
         self.assertEqual(later["sensor_age_s"][0], 0)
+        # So it is with a device that plays the path: it feels the frame of that moment first.
+        settings = self.patient_settings("patient_clocks.toml")
+        played = {}
+        for shift in (0, 0.25):
+            as_path = touch(shift)
+            at = as_path.index("--path")
+            self.succeed(*as_path[:at], "--device", f"replay:{path}", "--coupling", "none",
+                         "--settings", settings, *as_path[at + 2:])
+            columns = self.columns(run)
+            self.assertEqual(min(columns["frame"]), 0)
+            played[shift] = next(v for v in columns["volume_m3"] if v > 0)
+        for shift, before in ((0, together), (0.25, later)):
+            self.assertAlmostEqual(played[shift] / before["volume_m3"][0], 1, delta=0.01)
         self.succeed(*touch(-0.25))
         self.assertEqual(self.columns(run)["timestamp_s"][0], start)
         self.expect_failure(1, *touch(100), mentions="--align starts")
@@ -958,11 +989,7 @@ class CommandLine(unittest.TestCase):
 
     def test_a_live_run_is_turned_and_ended_by_a_script(self):
         run = self.path("live_watched")
-        settings = self.path("patient_watched.toml")
-        with open(settings, "w") as file:
-            file.write("[loop]\nreal_time = false\n[safety]\nmax_contact_age = 60\n"
-                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n"
-                       "energy_tank = 100\n")
+        settings = self.patient_settings("patient_watched.toml", "energy_tank = 100\n")
         with self.page("touch", self.tool, "--scene", "wall", "--device", "sim", "--duration", 60,
                        "--settings", settings, "-o", run, "--view", "--view-port", 0) as (
                 program, address):
@@ -996,11 +1023,8 @@ class CommandLine(unittest.TestCase):
 
     def test_touch_live_and_replay(self):
         # Ages that no busy machine reaches.
-        settings, run = self.path("patient.toml"), self.path("live")
-        with open(settings, "w") as file:
-            file.write("[loop]\nreal_time = false\n[safety]\nmax_contact_age = 60\n"
-                       "max_sensor_age = 60\nmax_tick = 60\nmax_device_silence = 60\n"
-                       "energy_tank = 100\n")
+        settings = self.patient_settings("patient.toml", "energy_tank = 100\n")
+        run = self.path("live")
         live = (*self.sequence("-o", run), "--depth-rate", 2, "--device", "sim", "--settings",
                 settings)
         summary = json.loads(self.succeed(*live, "--duration", 1.5, "--coupling", "proxy", "--json"))

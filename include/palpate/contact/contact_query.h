@@ -128,6 +128,9 @@ struct GraphMethod {
 };
 using ContactMethod = std::variant<FieldMethod, WeightedMethod, SimplifiedMethod, GraphMethod>;
 
+/// Options that the method does not have go to their defaults. Returns the names of those that did
+/// not have them.
+std::vector<std::string> drop_foreign_options(ContactOptions& options);
 /// Error: an option that the method does not have is not at its default.
 Result<ContactMethod> contact_method(const ContactOptions& options);
 /// The way back.

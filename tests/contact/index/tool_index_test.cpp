@@ -137,7 +137,7 @@ TEST(ContactMethod, RefusesOptionsThatItDoesNotHave) {
   };
   using enum InsideMethod;
   EXPECT_EQ(message({.method = field, .edges = Edges::cut}),
-            "edges does not go with the method field: leave it at none, or choose another method");
+            "edges does not go with the method field: leave it out, or choose another method");
   EXPECT_NE(message({.method = field, .priority = Priority::count}), "");
   EXPECT_NE(message({.method = field, .inside = InsideVolume::cap}), "");
   EXPECT_NE(message({.method = field, .continuity = Continuity::entry}), "");
