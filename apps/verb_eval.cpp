@@ -77,8 +77,10 @@ void print_summary(const Options& options, const eval::Evaluation& evaluation) {
       if (!figure.stored) continue;
       nlohmann::ordered_json claims = nlohmann::ordered_json::array();
       for (const eval::Claim& claim : figure.stored->result.claims) {
-        claims.push_back(
-            {{"thesis", claim.thesis}, {"ours", claim.ours}, {"verdict", name_of(claim.verdict)}});
+        claims.push_back({{"source", name_of(claim.source)},
+                          {"claim", claim.claim},
+                          {"measured", claim.measured},
+                          {"verdict", name_of(claim.verdict)}});
       }
       json["figures"].push_back({{"id", figure.spec.id},
                                  {"current", figure.is_current},
@@ -91,8 +93,9 @@ void print_summary(const Options& options, const eval::Evaluation& evaluation) {
   }
   std::cout << evaluation.num_made << " figures made, " << evaluation.num_kept << " kept, "
             << evaluation.num_failed << " failed\n";
-  for (const auto& [verdict, count] : eval::count_verdicts(evaluation)) {
-    std::cout << "  " << count << " " << name_of(verdict) << "\n";
+  for (const eval::Source source : eval::kSources) {
+    std::cout << "  " << eval::heading_of(source) << ": " << eval::counts_words(evaluation, source)
+              << "\n";
   }
   std::cout << "report: " << report << "\n";
 }

@@ -48,8 +48,12 @@ void report(const std::string& name, std::vector<double>& times) {
   const auto at = [&](double share) {
     return times[static_cast<std::size_t>(share * static_cast<double>(times.size() - 1))];
   };
-  std::printf("%s,%zu,%.2f,%.2f,%.2f,%.2f\n", name.c_str(), times.size(), at(0.5), at(0.99),
-              at(0.999), times.back());
+  double mean = 0, squares = 0;
+  for (const double t : times) mean += t / static_cast<double>(times.size());
+  for (const double t : times) squares += (t - mean) * (t - mean);
+  std::printf("%s,%zu,%.2f,%.2f,%.2f,%.2f,%.2f,%.2f\n", name.c_str(), times.size(), at(0.5),
+              at(0.99), at(0.999), times.back(), mean,
+              std::sqrt(squares / static_cast<double>(times.size())));
   std::fflush(stdout);
 }
 
@@ -241,6 +245,8 @@ void measure_sharing(int width, int height) {
   const Way ways[] = {
       {"no camera", false, gpu::Priority::low, 1},
       {"whole frames; equal priority", true, gpu::Priority::high, 1},
+      {"8 parts spread over the frame time; equal priority", true, gpu::Priority::high, 8},
+      {"128 parts spread over the frame time; equal priority", true, gpu::Priority::high, 128},
       {"whole frames; low priority", true, gpu::Priority::low, 1},
       {"16 parts spread over the frame time; equal priority", true, gpu::Priority::high, 16},
       {"16 parts spread over the frame time; low priority", true, gpu::Priority::low, 16}};
@@ -343,7 +349,8 @@ void measure_two_gpus() {
 
 void run() {
   const auto gpus = value_or_stop(find_gpus());
-  std::printf("# %s\ncase,calls,median_us,p99_us,p99.9_us,max_us\n", gpus[0].name.c_str());
+  std::printf("# %s\ncase,calls,median_us,p99_us,p99.9_us,max_us,mean_us,deviation_us\n",
+              gpus[0].name.c_str());
   measure_floor();
   measure_sensing(640, 480);
   measure_sensing(1920, 1080);

@@ -11,6 +11,7 @@
 #include "eval/context.h"
 #include "eval/parallel.h"
 #include "eval/speed.h"
+#include "eval/verdict_rules.h"
 
 namespace palpate::eval {
 namespace {
@@ -356,27 +357,27 @@ void add_claims(FigureResult& result, const Study& study) {
   };
   const double jump = worst_of_field(kJump), loop = worst_of_field(kLoop) / 100;
   result.claims.push_back(
-      {words("Not of the thesis: our docs say that the force of the field is continuous, no jump "
+      {words("The force of the field is continuous, no jump "
              "being more than %.1f times the exact one.",
              kContinuous),
        words("Within %g mm at most %.2f times the exact change, over %zu pairs, with and without "
              "noise; of the others up to %.0f times.",
              1e3 * study.effort.fine_step, jump, study.pairs.size(), worst_of_others(kJump)),
-       jump <= kContinuous ? Verdict::agrees : Verdict::contradicts});
+       jump <= kContinuous ? Verdict::holds : Verdict::fails});
   result.claims.push_back(
-      {words("Not of the thesis: our docs say that the field has a potential, a closed loop giving "
+      {words("The field has a potential, a closed loop giving "
              "less than %g of its work away.",
              kConservative),
        words("At most %.1e of all work, over %zu pairs.", loop, study.pairs.size()),
-       loop < kConservative ? Verdict::agrees : Verdict::contradicts});
+       loop < kConservative ? Verdict::holds : Verdict::fails});
   const double lost = worst_of_field(kLost);
   result.claims.push_back(
-      {"Not of the thesis: our docs say that with the field a tool pushed clean through never "
+      {"With the field a tool pushed clean through never "
        "loses contact.",
        words("Contact is lost in %.1f %% of the steps with the field, in up to %.1f %% with the "
              "others.",
              lost, worst_of_others(kLost)),
-       lost == 0 ? Verdict::agrees : Verdict::contradicts});
+       lost == 0 ? Verdict::holds : Verdict::fails});
 
   // Of two ways, the least error of each kind.
   const auto least = [](Errors errors, const Errors& other) {
@@ -391,16 +392,17 @@ void add_claims(FigureResult& result, const Study& study) {
     best = least(best, least(all(method), all(kOther + method)));
   }
   const Errors field = all(kField);
-  const bool is_best = std::all_of(kQuantities.begin(), kQuantities.end(), [&](const Quantity& q) {
-    return field.*q.value <= best.*q.value;
-  });
-  result.claims.push_back({"(Not in the thesis: which method is nearest to the exact wrench?)",
-                           words("%d spheres, 1.5 mm noise: the field errs by %.2f %% of the "
-                                 "volume, %.2f° and %.2f %% of the torque; of the others, whatever "
-                                 "volumes they count, the best by %.2f %%, %.2f° and %.2f %%.",
-                                 kFew, field.volume_rms, field.direction, field.torque,
-                                 best.volume_rms, best.direction, best.torque),
-                           is_best ? Verdict::better : Verdict::differs});
+  std::vector<Verdict> verdicts;
+  for (const Quantity& q : kQuantities)
+    verdicts.push_back(is_better(field.*q.value, best.*q.value));
+  result.claims.push_back(
+      {"The field is nearer to the exact wrench than the best of the thesis' methods.",
+       words("%d spheres, 1.5 mm noise: the field errs by %.2f %% of the "
+             "volume, %.2f° and %.2f %% of the torque; of the others, whatever "
+             "volumes they count, the best by %.2f %%, %.2f° and %.2f %%.",
+             kFew, field.volume_rms, field.direction, field.torque, best.volume_rms, best.direction,
+             best.torque),
+       is_better_in_all(verdicts), Source::ours});
 }
 
 /// Over all pairs everything, of every pair what is in its table.

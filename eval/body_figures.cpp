@@ -360,27 +360,27 @@ void add_claims(FigureResult& result, const std::vector<Row>& rows) {
   }
   const int least = rows.front().num_spheres, most = rows.back().num_spheres;
   result.claims.push_back(
-      {"Not of the thesis: our docs say that of the volume that two bodies share as much is found "
+      {"Of the volume that two bodies share as much is found "
        "as their fills multiplied.",
        words("%.2f to %.2f times that, with %d to %d spheres in each body.", ratio.low, ratio.high,
              least, most),
-       ratio.low > 1 - kAsTheFills && ratio.high < 1 + kAsTheFills ? Verdict::agrees
-                                                                   : Verdict::contradicts});
+       ratio.low > 1 - kAsTheFills && ratio.high < 1 + kAsTheFills ? Verdict::holds
+                                                                   : Verdict::fails});
   result.claims.push_back(
-      {"Not of the thesis: our docs say that the force between bodies has a potential, so that a "
+      {"The force between bodies has a potential, so that a "
        "closed path gives no energy.",
        words("A closed loop gives away at most %.0e of all work.", loop.high),
-       loop.high < kConservative ? Verdict::agrees : Verdict::contradicts});
+       loop.high < kConservative ? Verdict::holds : Verdict::fails});
   result.claims.push_back(
-      {"Not of the thesis: our docs say that a face of a body is felt as the spheres behind it: "
+      {"A face of a body is felt as the spheres behind it: "
        "off its normal, however many they are, and much weaker if they are small.",
        words("With %d to %d spheres %.0f to %.0f° rms off the normal, and %.2f to %.2f times as "
              "strong as the volume found; at most %.2f times if the block has no large ones.",
              least, most, direction.low, direction.high, strength.low, strength.high, fine.high),
        direction.high < kOffNormal && strength.low > 1 - kAboutVolume &&
                strength.high < 1 + kAboutVolume && fine.high < kMuchWeaker * strength.low
-           ? Verdict::agrees
-           : Verdict::contradicts});
+           ? Verdict::holds
+           : Verdict::fails});
 }
 
 }  // namespace

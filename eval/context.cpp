@@ -75,6 +75,12 @@ std::vector<Method> all_methods() {
   return methods;
 }
 
+std::vector<Method> all_methods_alike() {
+  std::vector<Method> methods = all_methods();
+  for (Method& method : methods) method.options.volumes = SphereVolumes::represented;
+  return methods;
+}
+
 std::vector<Method> thesis_methods() {
   return {{"weighted", {.method = InsideMethod::weighted}},
           {"simplified", {.method = InsideMethod::simplified}},

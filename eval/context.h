@@ -29,7 +29,9 @@ struct Method {
   const char* name;  ///< weighted, simplified, graph, graph-cap, field: also Curve::style
   ContactOptions options;
 };
-std::vector<Method> all_methods();     ///< these five
+std::vector<Method> all_methods();  ///< these five
+/// The same for comparisons of exactness: all count the volumes that spheres represent.
+std::vector<Method> all_methods_alike();
 std::vector<Method> thesis_methods();  ///< weighted, simplified, graph
 
 /// What Context::progress throws when the one who waits asks to stop. Figures let it pass;

@@ -2,11 +2,15 @@
 #include <algorithm>
 #include <cmath>
 
-#include "eval/context.h"
-#include "eval/figure.h"
+#include "eval/interaction.h"
+#include "eval/speed.h"
+#include "eval/verdict_rules.h"
 #include "palpate/mesh/cap_mesh.h"
 #include "palpate/mesh/mass_properties.h"
 #include "scenes/truth.h"
+#include "src/session/base64.h"
+#include "src/session/cut_picture.h"
+#include "src/session/scene_picture.h"
 #include "src/session/svg_parts.h"
 
 namespace palpate::eval {
@@ -14,12 +18,17 @@ namespace {
 
 constexpr int kFewSpheres = 500, kManySpheres = 5000;
 constexpr double kToolSize = 0.1;  // m
+constexpr int kPictureWidth = 520;
 
-/// A drawing has nothing to measure: it agrees if this program shows the same.
-FigureResult shown(const std::string& thesis, const std::string& where) {
+/// A drawing of the thesis that this program has elsewhere: no claim, no verdict.
+FigureResult drawn_elsewhere(const std::string& thesis, const std::string& where) {
   FigureResult result;
-  result.claims = {{thesis, where, Verdict::agrees}};
+  result.tables = {{"A drawing", {"in the thesis", "here"}, {{thesis, where}}}};
   return result;
+}
+
+Picture picture(const std::string& title, const std::string& png, const std::string& caption) {
+  return {title, base64(png), caption};
 }
 
 Number count(const std::string& key, std::size_t value) {
@@ -27,8 +36,9 @@ Number count(const std::string& key, std::size_t value) {
 }
 
 Result<FigureResult> pipeline(Context&) {
-  return shown("The pipeline, from the depth image to the force (drawing).",
-               "The way of a query is drawn in docs/architecture.md; every stage is one header.");
+  return drawn_elsewhere(
+      "The pipeline, from the depth image to the force.",
+      "The way of a query is drawn in docs/architecture.md; every stage is one header.");
 }
 
 Result<FigureResult> tree_levels(Context& context) {
@@ -40,11 +50,29 @@ Result<FigureResult> tree_levels(Context& context) {
   for (int node = static_cast<int>(nodes.size()) - 1; nodes[node].parent >= 0; ++levels) {
     node = nodes[node].parent;
   }
-  FigureResult result =
-      shown("The bunny, its inner spheres and the levels of its tree (pictures).",
-            "A torus of " + std::to_string(num_spheres) + " spheres has a tree of " +
-                std::to_string(nodes.size()) + " nodes in " + std::to_string(levels) +
-                " levels; palpate pack --report shows any mesh cut open with its spheres.");
+  FigureResult result;
+  const Cut cut = cut_across((*tool)->mesh(), 2, kPictureWidth);
+  result.pictures.push_back(picture("The packing",
+                                    draw_cut_png(cut, (*tool)->mesh(), (*tool)->spheres()),
+                                    words("%zu spheres in a torus, cut open.", num_spheres)));
+  // The spheres of the tree at some of its levels.
+  std::vector<int> level_of(nodes.size(), 0);
+  for (std::size_t i = 1; i < nodes.size(); ++i) {
+    level_of[i] = level_of[static_cast<std::size_t>(nodes[i].parent)] + 1;
+  }
+  for (const int level : {levels / 3, 2 * levels / 3}) {
+    std::vector<Sphere> spheres;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      if (level_of[i] == level) spheres.push_back(nodes[i].bound);
+    }
+    result.pictures.push_back(picture(words("Level %d of the tree", level),
+                                      draw_cut_png(cut, (*tool)->mesh(), spheres),
+                                      words("%zu bounding spheres.", spheres.size())));
+  }
+  result.tables = {
+      {"The tree of inner spheres",
+       {"spheres", "nodes", "levels"},
+       {{std::to_string(num_spheres), std::to_string(nodes.size()), std::to_string(levels)}}}};
   result.numbers = {count("tree.spheres", num_spheres), count("tree.nodes", nodes.size()),
                     count("tree.levels", static_cast<std::size_t>(levels))};
   return result;
@@ -67,26 +95,56 @@ Result<FigureResult> leaf_graph(Context& context) {
     result.numbers.push_back(
         count("edges." + std::to_string(num_spheres), static_cast<std::size_t>(graph.num_edges())));
   }
-  const auto &few = table.rows.front(), &many = table.rows.back();
-  result.claims = {{"How the leaf graph is made, and that of a bunny with few spheres (pictures).",
-                    "A torus of " + few[0] + " spheres has " + few[1] + " edges, one of " +
-                        many[0] + " has " + many[1] + "; palpate info tells them of any tool.",
-                    Verdict::agrees}};
   result.tables = {std::move(table)};
   return result;
 }
 
 Result<FigureResult> threads(Context&) {
-  return shown("Threads: camera, collision detection, haptic rendering and graphics (drawing).",
-               "The same division, with surfaces and forces handed over without locks, is drawn in "
-               "docs/guide/haptics.md.");
+  return drawn_elsewhere("Threads: camera, collision detection, haptic rendering and graphics.",
+                         "The same division, with surfaces and forces handed over without locks: "
+                         "docs/guide/haptics.md.");
 }
 
-Result<FigureResult> states(Context&) {
-  return shown(
-      "The bunny in a wall and in a mannequin, spheres coloured by their state (pictures).",
-      "palpate view shows them live; palpate query --caps FILE writes the volumes that "
-      "the planes cut off as a coloured mesh.");
+/// The tool where a scene's path is deepest, its spheres by their state.
+Result<Picture> states_in(Context& context, const char* name) {
+  const auto scene = scenes::make_scene(name);
+  if (!scene) return scene.error();
+  scenes::SimulatedCameraOptions camera;
+  camera.duration = 0.01;
+  DepthStreamInfo stream;
+  const auto frames = context.simulated(*scene, camera, stream);
+  if (!frames) return frames.error();
+  const auto frame = SeenFrame::create(stream, frames->front());
+  if (!frame) return frame.error();
+  const auto tool =
+      context.tool(scene->tool_shape, scene->tool_size, context.choose(kManySpheres, kFewSpheres));
+  if (!tool) return tool.error();
+  auto query = query_on(*frame, **tool);
+  Pose deepest;
+  double most = 0;
+  const std::size_t step = std::max<std::size_t>(1, scene->path_poses.size() / 200);
+  for (std::size_t i = 0; i < scene->path_poses.size(); i += step) {
+    const double share = query->query(scene->path_poses[i], ContactOptions{}).volume /
+                         full_volume(**tool, ContactOptions{});
+    if (share > most && share < 0.6) most = share, deepest = scene->path_poses[i];
+  }
+  query->query(deepest, ContactOptions{});
+  const Vec3d centre_W = deepest * (*tool)->sphere_mass().centre_of_mass;
+  View view = side_view(centre_W, 0.75 * scene->tool_size);
+  return picture(
+      words("In the scene %s", name),
+      draw_scene_png(view, frame->cloud(), (*tool)->spheres(), query->states(), deepest),
+      words("%.0f %% deep, from the side: inside blue, boundary purple, outside red.", 100 * most));
+}
+
+Result<FigureResult> states(Context& context) {
+  FigureResult result;
+  for (const char* name : {"wall", "mannequin"}) {
+    auto in_scene = states_in(context, name);
+    if (!in_scene) return in_scene.error();
+    result.pictures.push_back(*std::move(in_scene));
+  }
+  return result;
 }
 
 /// The example of Fig. 4.5, cut into the caps of Figs. 4.6 and 4.7.
@@ -115,20 +173,21 @@ Result<FigureResult> caps(Context&) {
       {"Sphere and plane meet if |n S - n O| > r (the condition above eq. 4.20).",
        "In the thesis' own example |n S - n O| is " + short_number(std::abs(distance), 3) +
            " and r is 3; the plane cuts the sphere, so the condition has to be < r.",
-       meets != printed ? Verdict::contradicts : Verdict::agrees},
-      {"The cap before and the cap behind the plane as meshes (pictures).",
-       "Both are closed; with " + std::to_string(kSegments) +
+       are_true({meets == printed})},
+      {"The caps before and behind the plane are closed meshes with the volumes of the closed "
+       "form.",
+       "With " + std::to_string(kSegments) +
            " segments their volumes are those of the closed form within " +
            short_number(100 * worst, 2) + " %.",
-       worst < 0.01 ? Verdict::agrees : Verdict::differs}};
+       worst < 0.01 ? Verdict::holds : Verdict::fails}};
   result.numbers = {{"distance", distance, ""}, {"cap.worst_volume_error", 100 * worst, "%"}};
   result.tables = {std::move(table)};
   return result;
 }
 
 Result<FigureResult> cap_algorithm(Context&) {
-  return shown("One step of the drawing of caps, Alg. 4.1 (drawing).",
-               "cap_mesh in mesh/cap_mesh.h is the algorithm, corrected.");
+  return drawn_elsewhere("One step of the drawing of caps, Alg. 4.1.",
+                         "cap_mesh in mesh/cap_mesh.h is the algorithm, corrected.");
 }
 
 Result<FigureResult> set_ups(Context&) {
@@ -138,11 +197,6 @@ Result<FigureResult> set_ups(Context&) {
     table.rows.push_back({x.figure, x.scene, x.tool_shape, short_number(x.tool_size),
                           short_number(norm(x.end.translation - x.start.translation))});
   }
-  result.claims = {
-      {"A wall, and spheres of 480, 320 and 160 pixels seen from outside and inside (set-ups).",
-       "All " + std::to_string(table.rows.size()) +
-           " set-ups are scenes with exact volumes and forces: palpate scenes.",
-       Verdict::agrees}};
   result.numbers = {count("setups", table.rows.size())};
   result.tables = {std::move(table)};
   return result;

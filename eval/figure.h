@@ -11,22 +11,42 @@
 
 namespace palpate::eval {
 
-/// What our numbers say of a claim of the thesis.
+/// Whose claim it is, and with it which verdicts there are.
+enum class Source {
+  thesis,  ///< do its methods, built as printed and corrected, show what it says?
+  ours,    ///< is ours better than the methods of the thesis, or than another library?
+  docs,    ///< is ours as we say, or as we wanted it?
+};
+constexpr auto names_of(Source) { return std::array{"thesis", "ours", "docs"}; }
+
 enum class Verdict {
-  agrees,        ///< the same finding
-  better,        ///< the claim's point is met and passed
-  differs,       ///< another finding, with the reason beside it
-  contradicts,   ///< the claim is wrong, or our docs are
-  not_measured,  ///< what it takes is not on this machine; says what
+  agrees,          ///< thesis: the same finding
+  differs,         ///< thesis: only a part of it
+  contradicts,     ///< thesis: the opposite
+  not_comparable,  ///< thesis: another machine or another thing; says why
+  better,          ///< ours: by more than a tenth
+  even,            ///< ours
+  worse,           ///< ours: by more than a tenth
+  holds,           ///< docs
+  holds_in_part,   ///< docs
+  fails,           ///< docs
+  not_measured,    ///< what it takes is not on this machine; says what
 };
 constexpr auto names_of(Verdict) {
-  return std::array{"agrees", "better", "differs", "contradicts", "not measured"};
+  return std::array{"agrees", "differs", "contradicts",   "not comparable", "better",      "even",
+                    "worse",  "holds",   "holds in part", "fails",          "not measured"};
+}
+/// Of whose claims a verdict is. `not_measured` is of all: there a claim names its source.
+constexpr Source source_of(Verdict verdict) {
+  if (verdict <= Verdict::not_comparable || verdict == Verdict::not_measured) return Source::thesis;
+  return verdict <= Verdict::worse ? Source::ours : Source::docs;
 }
 
 /// A claim and what came of it, each one sentence with its numbers.
 struct Claim {
-  std::string thesis, ours;
+  std::string claim, measured;
   Verdict verdict = Verdict::agrees;
+  Source source = source_of(verdict);
 };
 
 /// One curve. `style` gives the colour, the same in every figure: a method (weighted, simplified,
@@ -50,17 +70,25 @@ struct Number {
   std::string unit;
 };
 
+/// Drawn, not measured.
+struct Picture {
+  std::string title;
+  std::string png_base64;  ///< the background is transparent
+  std::string caption;
+};
+
 struct Table {
   std::string title;
   std::vector<std::string> columns;
   std::vector<std::vector<std::string>> rows;
 };
 
-/// What running a figure gives.
+/// What running a figure gives: claims, or of a drawing tables and pictures alone.
 struct FigureResult {
   std::vector<Claim> claims;
   std::vector<Plot> plots;
   std::vector<Table> tables;
+  std::vector<Picture> pictures;
   std::vector<Number> numbers;
   std::vector<std::string> notes;  ///< how it was made, what is missing
 };

@@ -133,39 +133,38 @@ void add_claims(FigureResult& result, const std::vector<Packing>& packings) {
   const auto times = range(packings, [](const Packing& p) { return p.times_for_half(); });
   const auto radius = range(packings, [](const Packing& p) { return p.radius.exponent; });
   const auto gap = range(packings, [](const Packing& p) { return p.standoff_over_radius(); });
-  result.claims.push_back({words("Not of the thesis: our docs say that the exponent of the empty "
+  result.claims.push_back({words("The exponent of the empty "
                                  "share comes close to %.4f, that of the Apollonian packing.",
                                  kApollonianExponent),
                            words("%.3f to %.3f over the last decade up to %zu spheres.", law.low,
                                  law.high, packings.front().fill.size()),
                            law.low > kApollonianExponent - kNearApollonian &&
                                    law.high < kApollonianExponent + kNearApollonian
-                               ? Verdict::agrees
-                               : Verdict::contradicts});
-  result.claims.push_back({words("Not of the thesis: our docs say that half as much empty space "
+                               ? Verdict::holds
+                               : Verdict::fails});
+  result.claims.push_back({words("Half as much empty space "
                                  "takes about %.0f times as many spheres.",
                                  kTimes),
                            words("%.0f to %.0f times.", times.low, times.high),
                            times.low > kFewestTimes - 0.5 && times.high < kMostTimes + 0.5
-                               ? Verdict::agrees
-                               : Verdict::contradicts});
+                               ? Verdict::holds
+                               : Verdict::fails});
   result.claims.push_back(
-      {words("Not of the thesis: our docs say that the mean standoff is a bit more than half the "
+      {words("The mean standoff is a bit more than half the "
              "smallest radius, which falls as N^-%.1f.",
              kRadiusExponent),
        words("%.2f to %.2f of the smallest radius, which falls as N^-%.2f to N^-%.2f.", gap.low,
              gap.high, radius.low, radius.high),
        gap.low > 0.5 && gap.high < 0.75 && radius.low > kRadiusExponent - kNearRadiusExponent &&
                radius.high < kRadiusExponent + kNearRadiusExponent
-           ? Verdict::agrees
-           : Verdict::contradicts});
+           ? Verdict::holds
+           : Verdict::fails});
   const auto fill = range(packings, [](const Packing& p) { return p.fill[at(kDefault)]; });
   result.claims.push_back(
-      {words("Not of the thesis: our docs say that spheres fill %.0f to %.0f %% of a tool.",
-             100 * kLeastFill, 100 * kMostFill),
+      {words("Spheres fill %.0f to %.0f %% of a tool.", 100 * kLeastFill, 100 * kMostFill),
        words("With %d, as they are packed by default, %.1f to %.1f %%.", kDefault, 100 * fill.low,
              100 * fill.high),
-       fill.low > kLeastFill && fill.high < kMostFill ? Verdict::agrees : Verdict::contradicts});
+       fill.low > kLeastFill && fill.high < kMostFill ? Verdict::holds : Verdict::fails});
 }
 
 void add_numbers(FigureResult& result, const std::vector<Packing>& packings) {
@@ -216,11 +215,11 @@ Status add_thin_ends(Context& context, FigureResult& result) {
   }
   result.tables.push_back(std::move(table));
   result.claims.push_back(
-      {"Not of the thesis: our docs say that thin ends are felt: no standoff is more than 4 times "
+      {"Thin ends are felt: no standoff is more than 4 times "
        "that of 95 % of the surface, or 1 % of the tool's length if that is more.",
        words("The largest are %.2f to %.2f of that bound.", share_of_bound.low,
              share_of_bound.high),
-       share_of_bound.high <= 1 ? Verdict::agrees : Verdict::contradicts});
+       share_of_bound.high <= 1 ? Verdict::holds : Verdict::fails});
   return Done{};
 }
 

@@ -42,13 +42,13 @@ void add_steps(FigureResult& result, const Study& study) {
   }
   result.tables.push_back(std::move(table));
   result.claims.push_back(
-      {"Not of the thesis: only the latest frame, felt at once, makes a step when it arrives.",
+      {"Only the latest frame, felt at once, makes a step when it arrives.",
        words("The step at an arrival is %.0f to %.0f times the usual one with the latest frame, at "
              "most %.1f times it interpolated or predicted.",
              latest.low, latest.high, others.high),
-       latest.low > 10 && others.high < 2 ? Verdict::agrees : Verdict::contradicts});
+       latest.low > 10 && others.high < 2 ? Verdict::holds : Verdict::fails});
   const char* claim =
-      "Not of the thesis: predicting is for steady motion; where a hand shakes the camera it does "
+      "Predicting is for steady motion; where a hand shakes the camera it does "
       "harm.";
   const std::string simulated = words(
       "Simulated motion: when a frame arrives the predicted force is off by %.2f to %.2f of what "
@@ -57,13 +57,13 @@ void add_steps(FigureResult& result, const Study& study) {
   if (!study.recorded) {
     result.claims.push_back(
         {claim, simulated + "; the other half needs the recording visp_rbt, in the full form.",
-         Verdict::not_measured});
+         Verdict::not_measured, Source::docs});
     return;
   }
   result.claims.push_back(
       {claim,
        simulated + words("; a camera in the hand: by %.2f to %.2f.", shaken.low, shaken.high),
-       steady.high < 1 && shaken.low > 1 ? Verdict::agrees : Verdict::differs});
+       steady.high < 1 && shaken.low > 1 ? Verdict::holds : Verdict::holds_in_part});
 }
 
 void add_lags(FigureResult& result, const Study& study) {
@@ -96,13 +96,13 @@ void add_lags(FigureResult& result, const Study& study) {
     is_as_expected &= lags[i].low > expected[i] - kClose && lags[i].high < expected[i] + kClose;
   }
   result.claims.push_back(
-      {"Not of the thesis: behind a steady motion the force lags half a frame with the latest "
+      {"Behind a steady motion the force lags half a frame with the latest "
        "frame, a frame interpolated, not at all predicted.",
        words("A frame is %.0f ms; lags: %.0f to %.0f ms with the latest, %.0f to %.0f ms "
              "interpolated, %.0f to %.0f ms predicted.",
              frame, lags[0].low, lags[0].high, lags[1].low, lags[1].high, lags[2].low,
              lags[2].high),
-       is_as_expected ? Verdict::agrees : Verdict::differs});
+       is_as_expected ? Verdict::holds : Verdict::holds_in_part});
 }
 
 void add_averages(FigureResult& result, const Study& study) {
@@ -136,8 +136,8 @@ void add_averages(FigureResult& result, const Study& study) {
              "%.0f times the usual one.",
              plain.low, plain.high, calmed.low, calmed.high, lags.low, lags.high, steps.low,
              steps.high),
-       calmed.high < plain.low && steps.low > 10 && lags.low > 0 ? Verdict::agrees
-                                                                 : Verdict::differs});
+       calmed.high < plain.low && steps.low > 10 && lags.low > 0 ? Verdict::holds
+                                                                 : Verdict::holds_in_part});
 }
 
 void add_mixing(FigureResult& result, const Study& study) {
@@ -162,7 +162,7 @@ void add_mixing(FigureResult& result, const Study& study) {
        words("On a moving wall both feel the same: errors differ by at most %.2f %% of the largest "
              "force, steps at an arrival are at most %.2f times the usual one.",
              differences.high, ratios.high),
-       differences.high < 0.2 && ratios.high < 2 ? Verdict::agrees : Verdict::differs});
+       differences.high < 0.2 && ratios.high < 2 ? Verdict::holds : Verdict::holds_in_part});
 }
 
 /// Everything that is read, by scene, method and way.

@@ -130,32 +130,32 @@ void add_claims(FigureResult& result, const std::vector<Sinking>& all) {
   const double without = compare(all, averages, 0).to_exact.high;
   const double entry = compare(all, averages, kEntry).to_exact.high;
   result.claims.push_back(
-      {"Not of the thesis: boundary spheres that fade in with their points (entry) take all jumps "
+      {"Boundary spheres that fade in with their points (entry) take all jumps "
        "from weighted and simplified.",
        words("Largest step with entry at most %.1f times the exact one, without up to %.1f times.",
              entry, without),
-       entry < kSmooth   ? Verdict::agrees
-       : entry < without ? Verdict::differs
-                         : Verdict::contradicts});
+       entry < kSmooth   ? Verdict::holds
+       : entry < without ? Verdict::holds_in_part
+                         : Verdict::fails});
   const Range kernel = compare(all, averages, kKernel).to_none;
   result.claims.push_back(
-      {"Not of the thesis: kernel weights alone make things worse.",
+      {"Kernel weights alone make things worse.",
        words("Largest step of weighted and simplified with kernel %.1f to %.1f times that without.",
              kernel.low, kernel.high),
-       kernel.low > 0.9 && kernel.high > 1.1 ? Verdict::agrees
-       : kernel.high > 0.9                   ? Verdict::differs
-                                             : Verdict::contradicts});
+       kernel.low > 0.9 && kernel.high > 1.1 ? Verdict::holds
+       : kernel.high > 0.9                   ? Verdict::holds_in_part
+                                             : Verdict::fails});
   const double full = compare(all, {"graph"}, kEntry).to_exact.high;
   const double capped = compare(all, {"graph-cap"}, kEntry).to_exact.high;
   result.claims.push_back(
-      {"Not of the thesis: the jumps of whole spheres that come and go remain; the graph needs "
+      {"The jumps of whole spheres that come and go remain; the graph needs "
        "caps first.",
        words("Graph with entry up to %.0f times the exact step, capped %.0f times.", full, capped),
-       full > kSmooth && capped < full / 5 ? Verdict::agrees : Verdict::contradicts});
+       full > kSmooth && capped < full / 5 ? Verdict::holds : Verdict::fails});
   const double field = compare(all, {"field"}, 0).to_exact.high;
-  result.claims.push_back({"Not of the thesis: the field is smooth without any option.",
+  result.claims.push_back({"The field is smooth without any option.",
                            words("At most %.2f times the exact step.", field),
-                           field < kSmooth ? Verdict::agrees : Verdict::contradicts});
+                           field < kSmooth ? Verdict::holds : Verdict::fails});
 }
 
 Result<FigureResult> figure_continuity(Context& context) {

@@ -125,7 +125,7 @@ FigureResult not_here(const Context& context, const std::string& claim) {
                            (file.empty() ? "Needs times of other libraries: "
                                          : file.string() + " has no such times: ") +
                                kHowTo + ".",
-                           Verdict::not_measured});
+                           Verdict::not_measured, Source::ours});
   return result;
 }
 
@@ -169,17 +169,14 @@ Claim boundary_claim(const std::vector<Row>& rows, const std::string& claim) {
                   low->build / 1000);
   }
   const bool always = low->ratio() > 1, never = high->ratio() <= 1;
-  return {claim, ours + ".",
-          always  ? Verdict::better
-          : never ? Verdict::contradicts
-                  : Verdict::differs};
+  return {claim, ours + ".", always ? Verdict::better : never ? Verdict::worse : Verdict::even};
 }
 
 Result<FigureResult> boundary(Context& context) {
   const PeerRows all = read(context, {"boundary"}, is_boundary_row);
   if (all.rows.empty()) {
     return not_here(context,
-                    "Not of the thesis: the points of every sphere are found faster than by any "
+                    "The points of every sphere are found faster than by any "
                     "other library.");
   }
   FigureResult result;
@@ -229,9 +226,8 @@ Result<FigureResult> boundary(Context& context) {
                                   row.ratio(), ""});
       }
       if (!curve.x.empty()) plot.curves.push_back(std::move(curve));
-      result.claims.push_back(
-          boundary_claim(rows, words("Not of the thesis: asked for %s, %s is slower than ours.",
-                                     question.text, all.peers[i].c_str())));
+      result.claims.push_back(boundary_claim(rows, words("Asked for %s, %s is slower than ours.",
+                                                         question.text, all.peers[i].c_str())));
     }
     if (plot.curves.empty()) continue;
     const std::vector<double>& x = plot.curves.front().x;
@@ -278,18 +274,16 @@ Claim surface_claim(const std::vector<Row>& rows) {
                     row.stage == "filter" ? "mm" : "degrees");
     }
   }
-  return {"Not of the thesis: " + rows.front().peer + " is slower than ours and no more exact.",
-          ours + ".",
+  return {rows.front().peer + " is slower than ours and no more exact.", ours + ".",
           always  ? Verdict::better
-          : never ? Verdict::contradicts
-                  : Verdict::differs};
+          : never ? Verdict::worse
+                  : Verdict::even};
 }
 
 Result<FigureResult> normals(Context& context) {
   const PeerRows all = read(context, {"normals", "filter"}, is_surface_row);
   if (all.rows.empty()) {
-    return not_here(context,
-                    "Not of the thesis: normals are estimated faster than by any other library.");
+    return not_here(context, "Normals are estimated faster than by any other library.");
   }
   FigureResult result;
   Table table{"Stages of surface estimation, a noisy wall of 640x480, one thread",

@@ -12,8 +12,22 @@
 namespace palpate::eval {
 namespace {
 
+/// Colours of the style sheet: good, new, mixed, bad, none.
 std::string verdict_class(Verdict verdict) {
-  return verdict == Verdict::not_measured ? "v-unmeasured" : "v-" + name_of(verdict);
+  switch (verdict) {
+    case Verdict::agrees:
+    case Verdict::holds: return "v-agrees";
+    case Verdict::better: return "v-better";
+    case Verdict::differs:
+    case Verdict::even:
+    case Verdict::holds_in_part: return "v-differs";
+    case Verdict::contradicts:
+    case Verdict::worse:
+    case Verdict::fails: return "v-contradicts";
+    case Verdict::not_comparable:
+    case Verdict::not_measured: return "v-unmeasured";
+  }
+  return "";
 }
 
 std::string chip(Verdict verdict) {
@@ -40,13 +54,18 @@ bool looks_like_number(const std::string& cell) {
 // The first screen -------------------------------------------------------------------------------
 
 std::string verdict_counts(const Evaluation& evaluation) {
-  std::string bar = "<div class='share' aria-hidden='true'>", words = "<div class='verdicts'>";
-  for (const auto& [verdict, count] : count_verdicts(evaluation)) {
-    bar +=
-        "<i class='" + verdict_class(verdict) + "' style='flex:" + std::to_string(count) + "'></i>";
-    words += "<span><b>" + std::to_string(count) + "</b>" + chip(verdict) + "</span>";
+  std::string html;
+  for (const Source source : kSources) {
+    std::string bar = "<div class='share' aria-hidden='true'>", words = "<div class='verdicts'>";
+    for (const auto& [verdict, count] : count_verdicts(evaluation, source)) {
+      bar += "<i class='" + verdict_class(verdict) + "' style='flex:" + std::to_string(count) +
+             "'></i>";
+      words += "<span><b>" + std::to_string(count) + "</b>" + chip(verdict) + "</span>";
+    }
+    html +=
+        std::string("<h4>") + heading_of(source) + "</h4>" + bar + "</div>" + words + "</div>\n";
   }
-  return bar + "</div>" + words + "</div>\n";
+  return html;
 }
 
 std::string facts(const Evaluation& evaluation) {
@@ -70,19 +89,21 @@ std::string facts(const Evaluation& evaluation) {
          escape_html(evaluation.command) + "</code></td></tr></table>\n";
 }
 
-/// Claims of one verdict in full.
-std::string findings(const Evaluation& evaluation, Verdict verdict, const std::string& heading) {
+/// Claims that speak against the thesis or against us, in full.
+std::string findings(const Evaluation& evaluation) {
   std::string items;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) continue;
     for (const Claim& claim : figure.stored->result.claims) {
-      if (claim.verdict != verdict) continue;
-      items += "<dt>" + link_to(figure) + " " + escape_html(claim.ours) +
-               "</dt><dd class='thesis'>" + escape_html(claim.thesis) + "</dd>";
+      if (!is_against(claim.verdict)) continue;
+      items += "<dt>" + link_to(figure) + " " + escape_html(claim.measured) + " " +
+               chip(claim.verdict) + "</dt><dd class='thesis'>" + escape_html(claim.claim) +
+               "</dd>";
     }
   }
   if (items.empty()) return "";
-  return "<div class='first'><h2>" + heading + "</h2><dl>" + items + "</dl></div>\n";
+  return "<div class='first'><h2>What speaks against the thesis, or against us</h2><dl>" + items +
+         "</dl></div>\n";
 }
 
 std::string failures(const Evaluation& evaluation) {
@@ -95,35 +116,36 @@ std::string failures(const Evaluation& evaluation) {
   return html;
 }
 
-std::string claim_rows(const ReportFigure& figure, const std::string& first_cell) {
+std::string claim_rows(const ReportFigure& figure, const std::string& first_cell, Source source) {
   std::string html;
   for (const Claim& claim : figure.stored->result.claims) {
-    html += "<tr>" + first_cell + "<td class='t'>" + escape_html(claim.thesis) +
-            "</td><td class='o'>" + escape_html(claim.ours) + "</td><td class='v'>" +
+    if (claim.source != source) continue;
+    html += "<tr>" + first_cell + "<td class='t'>" + escape_html(claim.claim) +
+            "</td><td class='o'>" + escape_html(claim.measured) + "</td><td class='v'>" +
             chip(claim.verdict) + "</td></tr>\n";
   }
   return html;
 }
 
-std::string summary_table(const Evaluation& evaluation) {
-  std::string html =
-      "<h2 id='all'>All claims</h2><table class='claims'><thead><tr><th>figure</th>"
-      "<th>the thesis says</th><th>we measure</th><th>verdict</th></tr></thead>\n";
+std::string claim_table(const Evaluation& evaluation, Source source) {
+  std::string rows;
+  for (const ReportFigure& figure : evaluation.figures) {
+    if (!figure.stored || !figure.stored->failure.empty()) continue;
+    rows += claim_rows(figure, "<td class='i'>" + link_to(figure) + "</td>", source);
+  }
+  if (rows.empty()) return "";
+  return std::string("<h2 id='all-") + name_of(source) + "'>" + heading_of(source) +
+         "</h2><table class='claims'><thead><tr><th>figure</th><th>claim</th><th>we measure</th>"
+         "<th>verdict</th></tr></thead>\n" +
+         rows + "</table>\n";
+}
+
+std::string not_made(const Evaluation& evaluation) {
   std::string missing;
   for (const ReportFigure& figure : evaluation.figures) {
-    const std::string first_cell = "<td class='i'>" + link_to(figure) + "</td>";
-    if (!figure.stored) {
-      missing += (missing.empty() ? "" : ", ") + escape_html(figure.spec.id);
-    } else if (figure.stored->failure.empty()) {
-      html += claim_rows(figure, first_cell);
-    } else {
-      html += "<tr>" + first_cell + "<td class='t'>" + escape_html(figure.spec.title) +
-              "</td><td>failed</td><td></td></tr>\n";
-    }
+    if (!figure.stored) missing += (missing.empty() ? "" : ", ") + escape_html(figure.spec.id);
   }
-  html += "</table>\n";
-  if (!missing.empty()) html += "<p class='sub'>Not made yet: " + missing + ".</p>\n";
-  return html;
+  return missing.empty() ? "" : "<p class='sub'>Not made yet: " + missing + ".</p>\n";
 }
 
 // The figures ------------------------------------------------------------------------------------
@@ -134,6 +156,17 @@ std::string plots(const FigureResult& result) {
   for (const Plot& plot : result.plots) {
     html += "<figure><h4>" + escape_html(plot.title) + "</h4>" + draw(plot) + "<figcaption>" +
             escape_html(plot.caption) + "</figcaption></figure>\n";
+  }
+  return html + "</div>\n";
+}
+
+std::string pictures(const FigureResult& result) {
+  if (result.pictures.empty()) return "";
+  std::string html = "<div class='plots'>\n";
+  for (const Picture& picture : result.pictures) {
+    html += "<figure><h4>" + escape_html(picture.title) + "</h4><img class='picture' alt='" +
+            escape_html(picture.title) + "' src='data:image/png;base64," + picture.png_base64 +
+            "'><figcaption>" + escape_html(picture.caption) + "</figcaption></figure>\n";
   }
   return html + "</div>\n";
 }
@@ -188,10 +221,13 @@ std::string section_of(const ReportFigure& figure) {
   if (!stored.failure.empty()) {
     return html + "<p class='warn'>Failed: " + escape_html(stored.failure) + "</p></section>\n";
   }
-  html +=
-      "<table class='claims'><thead><tr><th>the thesis says</th><th>we measure</th>"
-      "<th>verdict</th></tr></thead>\n" +
-      claim_rows(figure, "") + "</table>\n" + plots(stored.result);
+  for (const Source source : kSources) {
+    const std::string rows = claim_rows(figure, "", source);
+    if (rows.empty()) continue;
+    html += std::string("<table class='claims'><thead><tr><th>") + heading_of(source) +
+            "</th><th>we measure</th><th>verdict</th></tr></thead>\n" + rows + "</table>\n";
+  }
+  html += pictures(stored.result) + plots(stored.result);
   for (const Table& t : stored.result.tables) html += table(t);
   if (!stored.result.notes.empty()) {
     html += "<ul class='notes'>";
@@ -217,13 +253,32 @@ std::vector<std::string> sections(const Evaluation& evaluation) {
 
 }  // namespace
 
-std::map<Verdict, int> count_verdicts(const Evaluation& evaluation) {
+const char* heading_of(Source source) {
+  switch (source) {
+    case Source::thesis: return "Claims of the thesis";
+    case Source::ours: return "Is ours better?";
+    case Source::docs: return "What we say of our own";
+  }
+  return "";
+}
+
+std::map<Verdict, int> count_verdicts(const Evaluation& evaluation, Source source) {
   std::map<Verdict, int> counts;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) continue;
-    for (const Claim& claim : figure.stored->result.claims) ++counts[claim.verdict];
+    for (const Claim& claim : figure.stored->result.claims) {
+      if (claim.source == source) ++counts[claim.verdict];
+    }
   }
   return counts;
+}
+
+std::string counts_words(const Evaluation& evaluation, Source source) {
+  std::string text;
+  for (const auto& [verdict, count] : count_verdicts(evaluation, source)) {
+    text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + name_of(verdict);
+  }
+  return text.empty() ? "none" : text;
 }
 
 std::string machine_words(const Key& key) {
@@ -245,9 +300,14 @@ std::string report_page(const Evaluation& evaluation) {
       "what comes of each claim.",
       kEvaluationStyle);
   html += verdict_counts(evaluation) + facts(evaluation) + failures(evaluation);
-  html += findings(evaluation, Verdict::contradicts,
-                   "What contradicts the thesis or our documentation");
-  std::string links = "<nav><a href='#all'>All claims</a>", body;
+  html += findings(evaluation);
+  std::string links = "<nav>", tables, body;
+  for (const Source source : kSources) {
+    const std::string table = claim_table(evaluation, source);
+    if (table.empty()) continue;
+    tables += table;
+    links += std::string("<a href='#all-") + name_of(source) + "'>" + heading_of(source) + "</a>";
+  }
   for (const std::string& name : sections(evaluation)) {
     const std::string id = "s-" + file_stem(name);
     links += "<a href='#" + id + "'>" + escape_html(name) + "</a>";
@@ -256,7 +316,7 @@ std::string report_page(const Evaluation& evaluation) {
       if (figure.stored && name == figure.spec.section) body += section_of(figure);
     }
   }
-  html += links + "</nav>\n" + summary_table(evaluation) + body;
+  html += links + "</nav>\n" + tables + not_made(evaluation) + body;
   return html + close_page(
                     "Times are of single calls on one thread: compare them within one report. "
                     "All else is the same on every machine.");

@@ -16,8 +16,16 @@ std::string report_page(const Evaluation& evaluation);
 /// Claims, findings and verdicts as a table for docs/evaluation.md.
 std::string summary_markdown(const Evaluation& evaluation);
 
-/// How many claims came to each verdict.
-std::map<Verdict, int> count_verdicts(const Evaluation& evaluation);
+inline constexpr Source kSources[] = {Source::thesis, Source::ours, Source::docs};
+/// "Claims of the thesis", ...
+const char* heading_of(Source source);
+/// How many claims of one source came to each verdict; "12 agrees, 3 differs".
+std::map<Verdict, int> count_verdicts(const Evaluation& evaluation, Source source);
+std::string counts_words(const Evaluation& evaluation, Source source);
+/// What asks for a reader's attention first: it speaks against the thesis or against us.
+constexpr bool is_against(Verdict verdict) {
+  return verdict == Verdict::contradicts || verdict == Verdict::worse || verdict == Verdict::fails;
+}
 
 /// "made on AMD EPYC, 2 cores, avx2", "2026-11-21, commit 0123abc, full form": the same words in
 /// all texts.

@@ -36,7 +36,7 @@ vertical-align:bottom}.claims .i{width:96px}.claims .t{color:var(--soft);width:4
 table.facts{width:auto}.facts td+td{text-align:left;padding-left:28px}.facts td:first-child{color:var(--soft)}
 .plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,470px),1fr));gap:22px 30px;
 margin-top:16px}.plots figure{margin:0}figcaption{font-size:14px;color:var(--fg)}
-.label{font-size:12px}.title{fill:var(--fg)}.zero{stroke:var(--event)}
+.picture{max-width:100%}.label{font-size:12px}.title{fill:var(--fg)}.zero{stroke:var(--event)}
 .curve{stroke:currentColor;stroke-width:1.8;stroke-linecap:round}.dot{fill:currentColor}
 .name{font-size:12px;font-weight:600;fill:currentColor}.leader{stroke:currentColor;stroke-width:.8;opacity:.5}
 .m-weighted{color:var(--weighted)}.m-simplified{color:var(--simplified)}.m-graph{color:var(--graph)}
@@ -52,7 +52,7 @@ padding:2px 6px;border-radius:5px;overflow-wrap:anywhere}
 @media(max-width:760px){main{padding:18px 14px 40px}table.claims thead{display:none}
 table.claims tr{display:block;border-bottom:1px solid var(--line);padding:8px 0}
 table.claims td{display:block;border:0;padding:1px 0;width:auto}
-.claims .t,.claims .i,.claims .v{width:auto}table.claims .t::before{content:"thesis: "}table.claims .o::before{content:"ours: ";color:var(--soft)}}
+.claims .t,.claims .i,.claims .v{width:auto}table.claims .t::before{content:"claim: "}table.claims .o::before{content:"measured: ";color:var(--soft)}}
 @media print{nav,details{display:none}.fig,figure{break-inside:avoid}main{max-width:none;padding:0}
 body{font-size:12px}h2{break-before:page}}
 )css";

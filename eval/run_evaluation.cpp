@@ -48,8 +48,8 @@ Status check_output(const fs::path& output) {
 Result<FigureResult> make(const FigureSpec& figure, Context& context) {
   try {
     auto result = figure.make(context);
-    if (result && result->claims.empty()) {
-      return Error{Errc::bad_input, "it makes no claim: give it at least one"};
+    if (result && result->claims.empty() && result->tables.empty() && result->pictures.empty()) {
+      return Error{Errc::bad_input, "it has neither a claim nor anything to show"};
     }
     return result;
   } catch (const std::bad_alloc&) {

@@ -240,20 +240,20 @@ struct Steps {
 };
 
 Verdict verdict_of_length(double clean, double noisy) {
-  if (std::max(clean, noisy) > kBound + kRounding) return Verdict::contradicts;
-  return clean <= kCalm && noisy <= kLong ? Verdict::agrees : Verdict::differs;
+  if (std::max(clean, noisy) > kBound + kRounding) return Verdict::fails;
+  return clean <= kCalm && noisy <= kLong ? Verdict::holds : Verdict::holds_in_part;
 }
 Verdict verdict_of_gradient(double longest, double share_long) {
   constexpr double kFew = 0.01;
-  return longest <= kBound + kRounding ? Verdict::agrees
-         : share_long <= kFew          ? Verdict::differs
-                                       : Verdict::contradicts;
+  return longest <= kBound + kRounding ? Verdict::holds
+         : share_long <= kFew          ? Verdict::holds_in_part
+                                       : Verdict::fails;
 }
 Verdict verdict_of_direction(double least_share) {
   constexpr double kMost = 0.95, kMore = 0.5;
-  return least_share >= kMost  ? Verdict::agrees
-         : least_share > kMore ? Verdict::differs
-                               : Verdict::contradicts;
+  return least_share >= kMost  ? Verdict::holds
+         : least_share > kMore ? Verdict::holds_in_part
+                               : Verdict::fails;
 }
 
 void add_steps(FigureResult& result, const Steps& steps) {
@@ -295,19 +295,19 @@ void add_steps(FigureResult& result, const Steps& steps) {
   }
   const double clean = steps.worst(false), noisy = steps.worst(true);
   result.claims.push_back(
-      {"Not of the thesis: behind the near surface of a step, next to its edge, the force of the "
+      {"Behind the near surface of a step, next to its edge, the force of the "
        "field is no longer than the volume, however far behind.",
        words("At most %.3f V without noise, %.3f V with it.", clean, noisy),
        verdict_of_length(clean, noisy)});
   const Ratios &in_shadow = steps.directions[0].ratios, &in_noise = steps.directions[1].ratios;
   result.claims.push_back(
-      {"Not of the thesis: nor is it longer anywhere in the shadow of the step.",
+      {"Nor is it longer anywhere in the shadow of the step.",
        words("Up to 35 cm from free space at most %.3f V without noise, %.3f V with it; %.1f %% of "
              "the poses above 1.1 V.",
              in_shadow.worst(), in_noise.worst(), 100 * in_shadow.share_above(kLong)),
        verdict_of_length(in_shadow.worst(), in_noise.worst())});
   result.claims.push_back(
-      {"Not of the thesis: behind a clean step the gradient of the field is 1 long, and nothing "
+      {"Behind a clean step the gradient of the field is 1 long, and nothing "
        "has "
        "to be shortened.",
        words("It is at most %.2f long, and longer than %.2f at %.1f %% of the points of the map.",
@@ -317,7 +317,7 @@ void add_steps(FigureResult& result, const Steps& steps) {
   result.numbers.push_back({"step.map.above_bound", 100 * steps.share_long, "%"});
   const double right[2] = {steps.directions[0].share(), steps.directions[1].share()};
   result.claims.push_back(
-      {"Not of the thesis: in the shadow of a step the force points along the nearest way to free "
+      {"In the shadow of a step the force points along the nearest way to free "
        "space, out of the front or sideways.",
        words("%.1f %% of %d poses within 15° without noise, %.1f %% with it.", 100 * right[0],
              steps.directions[0].total(), 100 * right[1]),
@@ -356,12 +356,12 @@ Status add_plane(FigureResult& result, const Tool& tool, int num_poses) {
   result.tables.push_back(std::move(table));
   constexpr double kWanted = 1.5;  // degrees
   result.claims.push_back(
-      {"Not of the thesis: deep behind a plane with noise the force still points along its normal.",
+      {"Deep behind a plane with noise the force still points along its normal.",
        words("Up to 50 cm behind it at most %.2f° rms off, with %.1f mm of noise.", worst,
              1e3 * kSigma),
-       worst <= kWanted       ? Verdict::agrees
-       : worst <= 3 * kWanted ? Verdict::differs
-                              : Verdict::contradicts});
+       worst <= kWanted       ? Verdict::holds
+       : worst <= 3 * kWanted ? Verdict::holds_in_part
+                              : Verdict::fails});
   return Done{};
 }
 

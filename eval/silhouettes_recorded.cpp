@@ -142,23 +142,23 @@ constexpr std::pair<const char*, double> kTools[] = {
     {kSilhouetteTool, kSilhouetteToolSize}, {"stylus", 0.15}, {"finger", 0.1}};  // m
 
 Verdict verdict_of_bound(double worst) {
-  return worst <= kBound + kRounding ? Verdict::agrees : Verdict::contradicts;
+  return worst <= kBound + kRounding ? Verdict::holds : Verdict::fails;
 }
 Verdict verdict_of_calm(double share, double worst) {
   constexpr double kFew = 0.01;
-  return share <= kFew && worst <= kLong ? Verdict::agrees
-         : share <= 10 * kFew            ? Verdict::differs
-                                         : Verdict::contradicts;
+  return share <= kFew && worst <= kLong ? Verdict::holds
+         : share <= 10 * kFew            ? Verdict::holds_in_part
+                                         : Verdict::fails;
 }
 
 constexpr const char* kClaimOfBound =
-    "Not of the thesis: on recorded frames no force of the field is longer than 1.05 V.";
+    "On recorded frames no force of the field is longer than 1.05 V.";
 constexpr const char* kClaimOfStiffness =
-    "Not of the thesis: on recorded frames no eigenvalue of the force's stiffness is larger than "
+    "On recorded frames no eigenvalue of the force's stiffness is larger than "
     "12 "
     "sections of the tool (the largest face of its box).";
 constexpr const char* kClaimOfCalm =
-    "Not of the thesis: where nothing steps under the tool the force is no longer than the volume.";
+    "Where nothing steps under the tool the force is no longer than the volume.";
 
 std::vector<std::string> row_of(const std::string& name, const RealContacts& contacts) {
   return {name,
@@ -202,7 +202,7 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
     for (const char* claim : {kClaimOfBound, kClaimOfStiffness, kClaimOfCalm}) {
       result.claims.push_back({claim,
                                "The recorded frames are not here: give their folder with --data.",
-                               Verdict::not_measured});
+                               Verdict::not_measured, Source::docs});
     }
     return Done{};
   }
@@ -250,9 +250,9 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
              all.all.worst(), all.all.values.size(), frames->size(),
              100 * all.all.share_above(kLong)),
        verdict_of_bound(all.all.worst())});
-  result.claims.push_back(
-      {kClaimOfStiffness, words("At most %.1f sections.", all.stiffness.worst()),
-       all.stiffness.worst() <= kStiffness ? Verdict::agrees : Verdict::contradicts});
+  result.claims.push_back({kClaimOfStiffness,
+                           words("At most %.1f sections.", all.stiffness.worst()),
+                           all.stiffness.worst() <= kStiffness ? Verdict::holds : Verdict::fails});
   const double calm = all.calm.share_above(kCalm);
   result.claims.push_back({kClaimOfCalm,
                            words("%.2f %% of %zu such contacts are above 1.05 V, at most %.3f V.",

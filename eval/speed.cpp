@@ -13,6 +13,12 @@ std::vector<double> SpeedSweep::medians(std::size_t method) const {
   return medians;
 }
 
+std::vector<double> SpeedSweep::means(std::size_t method) const {
+  std::vector<double> means;
+  for (const Times& t : times[method]) means.push_back(1e6 * t.mean);
+  return means;
+}
+
 std::size_t SpeedSweep::method(const std::string& name) const {
   for (std::size_t i = 0; i < methods.size(); ++i) {
     if (methods[i].name == name) return i;
@@ -61,26 +67,23 @@ void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::strin
   }
 }
 
-double crossing(const std::vector<double>& x, const std::vector<double>& a,
-                const std::vector<double>& b) {
-  for (std::size_t i = 0; i + 1 < x.size(); ++i) {
-    const double before = a[i] - b[i], after = a[i + 1] - b[i + 1];
-    if (before <= 0 && after > 0) return x[i] + (x[i + 1] - x[i]) * before / (before - after);
-  }
-  return std::nan("");
-}
-
 std::string where_below(const std::vector<double>& x, const std::vector<double>& a,
-                        const std::vector<double>& b) {
+                        const std::vector<double>& b, const char* what, const char* unit) {
   std::vector<double> below;
   for (std::size_t i = 0; i < x.size(); ++i) {
     if (a[i] < b[i]) below.push_back(x[i]);
   }
-  if (below.empty()) return words("at no size up to %g", x.back());
-  if (below.size() == x.size()) return words("at every size from %g to %g", x.front(), x.back());
-  if (std::equal(below.begin(), below.end(), x.begin())) return words("up to %g", below.back());
-  if (std::equal(below.rbegin(), below.rend(), x.rbegin())) return words("from %g on", below[0]);
-  return words("at %zu of %zu sizes", below.size(), x.size());
+  if (below.empty()) return words("at no %s up to %.0f %s", what, x.back(), unit);
+  if (below.size() == x.size()) {
+    return words("at every %s from %.0f to %.0f %s", what, x.front(), x.back(), unit);
+  }
+  if (std::equal(below.begin(), below.end(), x.begin())) {
+    return words("up to %.0f %s", below.back(), unit);
+  }
+  if (std::equal(below.rbegin(), below.rend(), x.rbegin())) {
+    return words("from %.0f %s on", below[0], unit);
+  }
+  return words("at %zu of %zu %ss", below.size(), x.size(), what);
 }
 
 double reaches(const std::vector<double>& x, const std::vector<double>& y, double limit) {

@@ -15,8 +15,9 @@ struct SpeedSweep {
   std::vector<Method> methods;
   std::vector<std::vector<Times>> times;  ///< [method][x]
 
-  /// Median in microseconds.
+  /// Microseconds.
   std::vector<double> medians(std::size_t method) const;
+  std::vector<double> means(std::size_t method) const;
   std::size_t method(const std::string& name) const;
 };
 
@@ -29,13 +30,11 @@ std::string time_words(double microseconds);
 /// Median, p99 and largest of every method at every x, as numbers `prefix.method.x.median_us`.
 void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::string& prefix);
 
-/// Where curve a first comes to lie above curve b (linear in between); NaN: nowhere.
-double crossing(const std::vector<double>& x, const std::vector<double>& a,
-                const std::vector<double>& b);
-/// At which of the measured x (numbers of spheres) curve a lies below curve b, e.g. "at no size up
-/// to 17000", "up to 500", "from 8000 on", "at 3 of 7 sizes".
+/// At which of the measured x curve a lies below curve b, e.g. "at no size up to 17000", "up to 500
+/// spheres", "from 8000 spheres on", "at 3 of 7 sizes".
 std::string where_below(const std::vector<double>& x, const std::vector<double>& a,
-                        const std::vector<double>& b);
+                        const std::vector<double>& b, const char* what = "size",
+                        const char* unit = "spheres");
 /// The largest x up to which y stays below `limit` (linear in between); the last x if it always
 /// does.
 double reaches(const std::vector<double>& x, const std::vector<double>& y, double limit);

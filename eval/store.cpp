@@ -38,19 +38,27 @@ Json to_json(const Plot& plot) {
 
 Json to_json(const StoredFigure& figure) {
   Json json{
-      {"format", kFormat},         {"id", figure.id},           {"commit", figure.commit},
-      {"made", figure.made},       {"seconds", figure.seconds}, {"key", to_json(figure.key)},
-      {"failure", figure.failure}, {"claims", Json::array()},   {"numbers", Json::array()},
-      {"plots", Json::array()},    {"tables", Json::array()},   {"notes", figure.result.notes}};
+      {"format", kFormat},           {"id", figure.id},           {"commit", figure.commit},
+      {"made", figure.made},         {"seconds", figure.seconds}, {"key", to_json(figure.key)},
+      {"failure", figure.failure},   {"claims", Json::array()},   {"numbers", Json::array()},
+      {"plots", Json::array()},      {"tables", Json::array()},   {"pictures", Json::array()},
+      {"notes", figure.result.notes}};
   for (const Claim& claim : figure.result.claims) {
-    json["claims"].push_back(
-        {{"thesis", claim.thesis}, {"ours", claim.ours}, {"verdict", name_of(claim.verdict)}});
+    json["claims"].push_back({{"source", name_of(claim.source)},
+                              {"claim", claim.claim},
+                              {"measured", claim.measured},
+                              {"verdict", name_of(claim.verdict)}});
   }
   for (const Number& number : figure.result.numbers) {
     json["numbers"].push_back(
         {{"key", number.key}, {"value", number.value}, {"unit", number.unit}});
   }
   for (const Plot& plot : figure.result.plots) json["plots"].push_back(to_json(plot));
+  for (const Picture& picture : figure.result.pictures) {
+    json["pictures"].push_back({{"title", picture.title},
+                                {"caption", picture.caption},
+                                {"png_base64", picture.png_base64}});
+  }
   for (const Table& table : figure.result.tables) {
     json["tables"].push_back(
         {{"title", table.title}, {"columns", table.columns}, {"rows", table.rows}});
@@ -96,8 +104,9 @@ std::optional<StoredFigure> figure_from(const Json& json) {
   figure.failure = json.at("failure");
   for (const Json& claim : json.at("claims")) {
     const auto verdict = value_named<Verdict>(claim.at("verdict").get<std::string>());
-    if (!verdict) return std::nullopt;
-    figure.result.claims.push_back({claim.at("thesis"), claim.at("ours"), *verdict});
+    const auto source = value_named<Source>(claim.at("source").get<std::string>());
+    if (!verdict || !source) return std::nullopt;
+    figure.result.claims.push_back({claim.at("claim"), claim.at("measured"), *verdict, *source});
   }
   for (const Json& number : json.at("numbers")) {
     figure.result.numbers.push_back(
@@ -106,6 +115,10 @@ std::optional<StoredFigure> figure_from(const Json& json) {
   for (const Json& plot : json.at("plots")) figure.result.plots.push_back(plot_from(plot));
   for (const Json& table : json.at("tables")) {
     figure.result.tables.push_back({table.at("title"), table.at("columns"), table.at("rows")});
+  }
+  for (const Json& picture : json.at("pictures")) {
+    figure.result.pictures.push_back(
+        {picture.at("title"), picture.at("png_base64"), picture.at("caption")});
   }
   figure.result.notes = json.at("notes");
   return figure;

@@ -6,25 +6,37 @@
 namespace palpate::eval {
 namespace {
 
-std::string counts(const Evaluation& evaluation) {
-  std::string text;
-  for (const auto& [verdict, count] : count_verdicts(evaluation)) {
-    text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + name_of(verdict);
-  }
-  return text;
-}
-
-std::string findings(const Evaluation& evaluation, Verdict verdict) {
+std::string findings(const Evaluation& evaluation) {
   std::string text;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) continue;
     for (const Claim& claim : figure.stored->result.claims) {
-      if (claim.verdict != verdict) continue;
-      text += "* **" + markdown_cell(figure.spec.id) + "** " + markdown_cell(claim.ours) + " *(" +
-              markdown_cell(claim.thesis) + ")*\n";
+      if (!is_against(claim.verdict)) continue;
+      text += "* **" + markdown_cell(figure.spec.id) + "**, " + name_of(claim.verdict) + ": " +
+              markdown_cell(claim.measured) + " *(" + markdown_cell(claim.claim) + ")*\n";
     }
   }
   return text;
+}
+
+/// All claims of one source, by section.
+std::string claims_of(const Evaluation& evaluation, Source source) {
+  std::string text, section;
+  for (const ReportFigure& figure : evaluation.figures) {
+    if (!figure.stored) continue;
+    for (const Claim& claim : figure.stored->result.claims) {
+      if (claim.source != source) continue;
+      if (section != figure.spec.section) {
+        section = figure.spec.section;
+        text += "\n### " + section +
+                "\n\n| figure | claim | we measure | verdict |\n|---|---|---|---|\n";
+      }
+      text += "| " + markdown_cell(figure.spec.id) + " | " + markdown_cell(claim.claim) + " | " +
+              markdown_cell(claim.measured) + " | " + name_of(claim.verdict) + " |\n";
+    }
+  }
+  if (text.empty()) return "";
+  return std::string("\n## ") + heading_of(source) + "\n" + text;
 }
 
 }  // namespace
@@ -40,7 +52,13 @@ std::string summary_markdown(const Evaluation& evaluation) {
       "numbers and verdicts below are computed from the measurements, not written by hand.\n\n"
       "**From:** " +
       markdown_cell(machine_words(evaluation.key)) + "; " + markdown_cell(form_words(evaluation)) +
-      "; real frames " + evaluation.key.data + ".\n\n**Verdicts:** " + counts(evaluation) +
+      "; real frames " + evaluation.key.data +
+      ".\n\n**Claims of the thesis** (do its methods, built as printed and corrected, show what it "
+      "says?): " +
+      counts_words(evaluation, Source::thesis) +
+      ".\n\n**Is ours better** than those methods and than other libraries? " +
+      counts_words(evaluation, Source::ours) + ".\n\n**Is ours as we say, or as we wanted it?** " +
+      counts_words(evaluation, Source::docs) +
       ".\n\nTimes are of single calls on one thread: compare them within one report. All else is "
       "the same on every machine.\n";
   std::string missing;
@@ -57,29 +75,16 @@ std::string summary_markdown(const Evaluation& evaluation) {
     text += "\n" + std::to_string(num_earlier) +
             " figures are from earlier runs, of another program or with other inputs.\n";
   }
-  const std::string contradictions = findings(evaluation, Verdict::contradicts);
-  if (!contradictions.empty()) {
-    text += "\n## What contradicts the thesis or our documentation\n\n" + contradictions;
-  }
-  std::string section;
   for (const ReportFigure& figure : evaluation.figures) {
-    if (!figure.stored) continue;
-    if (section != figure.spec.section) {
-      section = figure.spec.section;
-      text += "\n## " + section +
-              "\n\n| figure | the thesis says | we measure | verdict |\n|---|---|---|---|\n";
-    }
-    const std::string id = "| " + markdown_cell(figure.spec.id) + " | ";
-    if (!figure.stored->failure.empty()) {
-      text += id + markdown_cell(figure.spec.title) +
-              " | failed: " + markdown_cell(figure.stored->failure) + " | |\n";
-      continue;
-    }
-    for (const Claim& claim : figure.stored->result.claims) {
-      text += id + markdown_cell(claim.thesis) + " | " + markdown_cell(claim.ours) + " | " +
-              name_of(claim.verdict) + " |\n";
-    }
+    if (!figure.stored || figure.stored->failure.empty()) continue;
+    text += "\nFailed: " + markdown_cell(figure.spec.id) + ": " +
+            markdown_cell(figure.stored->failure) + "\n";
   }
+  const std::string against = findings(evaluation);
+  if (!against.empty()) {
+    text += "\n## What speaks against the thesis, or against us\n\n" + against;
+  }
+  for (const Source source : kSources) text += claims_of(evaluation, source);
   return text;
 }
 

@@ -69,6 +69,6 @@ mkdir -p "$results"
 awk -v date="$(date +%F)" -v commit="$commit" -v machine="$gpu" -v line="$command_line" -F, '
   BEGIN { OFS = ","; print "date,commit,machine,isa,program,case,calls,median_us,p99_us,p99.9_us,max_us,cpu_us,facts,load_before,command,note" }
   /^#|^case/ { next }
-  { print date, commit, "\"" machine "\"", "", "gpu_bench", "\"" $1 "\"", $2, $3, $4, $5, $6, "", "", "", line, "" }
+  { print date, commit, "\"" machine "\"", "", "gpu_bench", "\"" $1 "\"", $2, $3, $4, $5, $6, "", "mean_us=" $7 " deviation_us=" $8, "", line, "" }
 ' "$build.bench.csv" >"$results/gpu-$machine-$commit.csv"
 echo "== rows in $results/gpu-$machine-$commit.csv"

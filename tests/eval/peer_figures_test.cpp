@@ -63,7 +63,9 @@ TEST_F(Peers, WithoutAFileSayHowToMakeOne) {
       const FigureResult result = *content == '\0' ? make(id) : make(id, content);
       ASSERT_EQ(result.claims.size(), 1u) << content;
       EXPECT_EQ(result.claims[0].verdict, Verdict::not_measured);
-      EXPECT_NE(result.claims[0].ours.find("build/peers/bin/bench_peers --csv"), std::string::npos);
+      EXPECT_EQ(result.claims[0].source, Source::ours);
+      EXPECT_NE(result.claims[0].measured.find("build/peers/bin/bench_peers --csv"),
+                std::string::npos);
       EXPECT_TRUE(result.numbers.empty());
     }
   }
@@ -85,12 +87,14 @@ TEST_F(Peers, BoundaryRatiosAndVerdicts) {
   EXPECT_NEAR(number(result, "tree.tree_share_of_frame"), 1.02, 1e-9);
   ASSERT_EQ(result.claims.size(), 3u);
   EXPECT_EQ(result.claims[0].verdict, Verdict::better);
-  EXPECT_NE(result.claims[0].ours.find("2 to 25 times"), std::string::npos)
-      << result.claims[0].ours;
-  EXPECT_NE(result.claims[0].ours.find("34 ms"), std::string::npos) << result.claims[0].ours;
-  EXPECT_EQ(result.claims[1].verdict, Verdict::differs);
-  EXPECT_EQ(result.claims[2].verdict, Verdict::contradicts);
-  EXPECT_EQ(result.claims[2].ours.find("frame"), std::string::npos) << result.claims[2].ours;
+  EXPECT_NE(result.claims[0].measured.find("2 to 25 times"), std::string::npos)
+      << result.claims[0].measured;
+  EXPECT_NE(result.claims[0].measured.find("34 ms"), std::string::npos)
+      << result.claims[0].measured;
+  EXPECT_EQ(result.claims[1].verdict, Verdict::even);
+  EXPECT_EQ(result.claims[2].verdict, Verdict::worse);
+  EXPECT_EQ(result.claims[2].measured.find("frame"), std::string::npos)
+      << result.claims[2].measured;
   // Curves rise in x, whatever the order of the file.
   ASSERT_EQ(result.plots.size(), 2u);
   EXPECT_EQ(result.plots[0].curves[0].x, (std::vector<double>{1000, 17000}));
@@ -143,10 +147,10 @@ TEST_F(Peers, NormalsCountTimeAndError) {
                "filter/input:raw,Filter,1500,1600,3000,3100,0,ours_error=0.4 peer_error=0.42\n");
   ASSERT_EQ(result.claims.size(), 4u);
   EXPECT_EQ(result.claims[0].verdict, Verdict::better);
-  EXPECT_EQ(result.claims[1].verdict, Verdict::differs);
-  EXPECT_EQ(result.claims[2].verdict, Verdict::contradicts);
+  EXPECT_EQ(result.claims[1].verdict, Verdict::even);
+  EXPECT_EQ(result.claims[2].verdict, Verdict::worse);
   EXPECT_EQ(result.claims[3].verdict, Verdict::better);
-  EXPECT_NE(result.claims[3].ours.find("mm"), std::string::npos);
+  EXPECT_NE(result.claims[3].measured.find("mm"), std::string::npos);
   EXPECT_EQ(number(result, "slow.normals.raw.ratio"), 2);
   EXPECT_EQ(number(result, "quick.normals.raw.ratio"), 0.5);
   EXPECT_EQ(number(result, "filter.filter.raw.ratio"), 2);

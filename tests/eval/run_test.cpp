@@ -26,7 +26,9 @@ int g_num_made = 0;
 FigureResult some_result() {
   FigureResult result;
   result.claims = {{"1.7 times faster & <simpler>", "1.5 times | slower", Verdict::contradicts},
-                   {"smooth", "smooth", Verdict::agrees}};
+                   {"smooth", "smooth", Verdict::better},
+                   {"fast", "no GPU", Verdict::not_measured, Source::docs}};
+  result.pictures = {{"A <tool>", "aGVsbG8=", "seen from the side"}};
   result.plots = {{"Force",
                    "depth, mm",
                    "force, N",
@@ -91,9 +93,12 @@ TEST_F(Run, StoredFiguresReadBackTheSame) {
   EXPECT_EQ(read->seconds, 1.25);
   const FigureResult& a = figure.result;
   const FigureResult& b = read->result;
-  ASSERT_EQ(b.claims.size(), 2u);
-  EXPECT_EQ(b.claims[0].thesis, a.claims[0].thesis);
+  ASSERT_EQ(b.claims.size(), 3u);
+  EXPECT_EQ(b.claims[0].claim, a.claims[0].claim);
   EXPECT_EQ(b.claims[0].verdict, Verdict::contradicts);
+  EXPECT_EQ(b.claims[1].source, Source::ours);
+  EXPECT_EQ(b.claims[2].source, Source::docs);
+  EXPECT_EQ(b.pictures[0].png_base64, "aGVsbG8=");
   ASSERT_EQ(b.plots.size(), 1u);
   EXPECT_EQ(b.plots[0].curves[0].x, a.plots[0].curves[0].x);
   EXPECT_EQ(b.plots[0].curves[0].y[2], 1.0 / 3);
@@ -214,7 +219,8 @@ TEST_F(Run, TheReportHasEveryClaim) {
   };
   // Contradictions stand first, in the table of all claims and at their figure.
   EXPECT_EQ(count("1.7 times faster &amp; &lt;simpler&gt;"), 6);
-  EXPECT_LT(page.find("What contradicts"), page.find("All claims</h2>"));
+  EXPECT_LT(page.find("What speaks against"), page.find("Claims of the thesis</h2>"));
+  EXPECT_NE(page.find("src='data:image/png;base64,aGVsbG8='"), std::string::npos);
   EXPECT_EQ(count("Times &amp; sizes"), 1);
   EXPECT_EQ(count("<svg "), 2);
   EXPECT_NE(page.find("palpate eval -o &lt;here&gt;"), std::string::npos);
@@ -226,16 +232,20 @@ TEST_F(Run, TheReportHasEveryClaim) {
   const std::string docs = summary_markdown(evaluation);
   EXPECT_NE(docs.find("| 1.5 times \\| slower |"), std::string::npos);
   EXPECT_NE(docs.find("\\<simpler>"), std::string::npos);
-  EXPECT_NE(docs.find("failed: there is no"), std::string::npos);
+  EXPECT_NE(docs.find("Failed: 5.9: there is no"), std::string::npos);
+  // Only what the thesis says counts for it.
+  EXPECT_NE(docs.find("what it says?): 2 contradicts."), std::string::npos);
+  EXPECT_NE(docs.find("other libraries? 2 better."), std::string::npos);
+  EXPECT_NE(docs.find("wanted it?** 2 not measured."), std::string::npos);
 }
 
 TEST(Speed, WhereOneCurveLiesBelowAnother) {
   const std::vector<double> x{500, 1000, 2000}, level{2, 2, 2};
   const auto words_of = [&](std::vector<double> curve) { return where_below(x, curve, level); };
-  EXPECT_EQ(words_of({3, 3, 2}), "at no size up to 2000");
-  EXPECT_EQ(words_of({1, 1, 1}), "at every size from 500 to 2000");
-  EXPECT_EQ(words_of({1, 3, 3}), "up to 500");
-  EXPECT_EQ(words_of({3, 1, 1}), "from 1000 on");
+  EXPECT_EQ(words_of({3, 3, 2}), "at no size up to 2000 spheres");
+  EXPECT_EQ(words_of({1, 1, 1}), "at every size from 500 to 2000 spheres");
+  EXPECT_EQ(words_of({1, 3, 3}), "up to 500 spheres");
+  EXPECT_EQ(words_of({3, 1, 1}), "from 1000 spheres on");
   EXPECT_EQ(words_of({1, 3, 1}), "at 2 of 3 sizes");
 }
 
@@ -281,7 +291,9 @@ TEST(Figures, DrawingsAreMade) {
   for (const FigureSpec& figure : drawings()) {
     const auto result = figure.make(context);
     ASSERT_TRUE(result) << figure.id << ": " << result.error().message;
-    EXPECT_FALSE(result->claims.empty()) << figure.id;
+    EXPECT_FALSE(result->tables.empty() && result->pictures.empty()) << figure.id;
+    // What is not measured has no verdict.
+    EXPECT_EQ(result->claims.empty(), std::string(figure.id) != "4.5-4.7") << figure.id;
   }
 }
 

@@ -1,0 +1,115 @@
+// Verdict rules on data made up for each outcome, also curves that a careless rule is fooled by.
+#include "eval/verdict_rules.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+namespace palpate::eval {
+namespace {
+
+const double kNan = std::nan("");
+const std::vector<double> kDepths{0, 10, 20, 30, 40, 60, 80, 100};
+
+TEST(VerdictRules, Less) {
+  EXPECT_EQ(is_less(1, 2), Verdict::agrees);
+  EXPECT_EQ(is_less(2.1, 2), Verdict::differs);
+  EXPECT_EQ(is_less(3, 2), Verdict::contradicts);
+  EXPECT_EQ(is_less(kNan, 2), Verdict::not_measured);
+  EXPECT_EQ(is_less(1, INFINITY), Verdict::not_measured);
+}
+
+TEST(VerdictRules, AsGoodNeedsTheOtherNumber) {
+  EXPECT_EQ(is_as_good(0.48, 0.47), Verdict::agrees);
+  EXPECT_EQ(is_as_good(0.8, 0.47), Verdict::differs);
+  EXPECT_EQ(is_as_good(2.74, 0.47), Verdict::contradicts);
+  EXPECT_EQ(is_as_good(0.1, kNan), Verdict::not_measured);
+}
+
+TEST(VerdictRules, Times) {
+  EXPECT_EQ(is_times(1.7, 1, 1.7), Verdict::agrees);
+  EXPECT_EQ(is_times(2.0, 1, 1.7), Verdict::agrees);
+  EXPECT_EQ(is_times(4.1, 1, 1.7), Verdict::differs);
+  EXPECT_EQ(is_times(1.1, 1, 1.7), Verdict::differs);
+  EXPECT_EQ(is_times(0.9, 1, 1.7), Verdict::contradicts);
+  EXPECT_EQ(is_times(1, 0, 1.7), Verdict::not_measured);
+  EXPECT_EQ(is_times(0.9, 1, 0.93), Verdict::agrees);
+  EXPECT_EQ(is_times(1.1, 1, 0.5), Verdict::contradicts);
+}
+
+TEST(VerdictRules, Parts) {
+  EXPECT_EQ(are_true({true, true}), Verdict::agrees);
+  EXPECT_EQ(are_true({true, false}), Verdict::differs);
+  EXPECT_EQ(are_true({false, false}), Verdict::contradicts);
+}
+
+TEST(VerdictRules, BelowUntil) {
+  const std::vector<double> other(kDepths.size(), 5);
+  EXPECT_EQ(is_below_until(kDepths, {9, 1, 2, 3, 6, 7, 8, 9}, other, 40), Verdict::agrees);
+  // Below everywhere is below until 40 too.
+  EXPECT_EQ(is_below_until(kDepths, {1, 1, 1, 1, 1, 1, 1, 1}, other, 40), Verdict::agrees);
+  EXPECT_EQ(is_below_until(kDepths, {1, 1, 6, 6, 6, 6, 6, 6}, other, 40), Verdict::differs);
+  // Slower everywhere but where nothing is left to do.
+  EXPECT_EQ(is_below_until(kDepths, {6, 6, 6, 6, 6, 6, 6, 1}, other, 40), Verdict::contradicts);
+  // Faster only before there is any contact.
+  EXPECT_EQ(is_below_until(kDepths, {1, 6, 6, 6, 6, 6, 6, 6}, other, 40), Verdict::contradicts);
+  const std::vector<double> gaps{kNan, kNan, kNan, kNan, 1, 1, 1, 1};
+  EXPECT_EQ(is_below_until(kDepths, gaps, other, 40), Verdict::not_measured);
+}
+
+TEST(VerdictRules, BelowFrom) {
+  const std::vector<double> sizes{500, 3000, 8000, 13000, 17000};
+  const std::vector<double> other(sizes.size(), 5);
+  EXPECT_EQ(is_below_from(sizes, {9, 8, 7, 4, 3}, other, 13000), Verdict::agrees);
+  EXPECT_EQ(is_below_from(sizes, {9, 8, 4, 4, 3}, other, 13000), Verdict::differs);
+  EXPECT_EQ(is_below_from(sizes, {9, 8, 7, 4, 6}, other, 13000), Verdict::differs);
+  // Loses where it should lose, but never wins.
+  EXPECT_EQ(is_below_from(sizes, {9, 9, 9, 9, 9}, other, 13000), Verdict::contradicts);
+  EXPECT_EQ(is_below_from(sizes, {9, 9, 9, 9, 9}, other, 20000), Verdict::not_measured);
+}
+
+TEST(VerdictRules, Begins) {
+  EXPECT_EQ(begins_at(75, 80, 10), Verdict::agrees);
+  EXPECT_EQ(begins_at(25, 80, 10), Verdict::differs);
+  EXPECT_EQ(begins_at(kNan, 80, 10), Verdict::differs);
+}
+
+TEST(VerdictRules, Continuous) {
+  EXPECT_EQ(is_continuous(2, 1), Verdict::agrees);
+  EXPECT_EQ(is_continuous(2, 1.7), Verdict::differs);
+  EXPECT_EQ(is_continuous(2, 2), Verdict::contradicts);
+  EXPECT_EQ(is_continuous(2, kNan), Verdict::not_measured);
+}
+
+TEST(VerdictRules, Better) {
+  EXPECT_EQ(is_better(1, 2), Verdict::better);
+  EXPECT_EQ(is_better(1, 1.05), Verdict::even);
+  EXPECT_EQ(is_better(1.05, 1), Verdict::even);
+  EXPECT_EQ(is_better(2, 1), Verdict::worse);
+  EXPECT_EQ(is_better(0, 0), Verdict::even);
+  EXPECT_EQ(is_better(kNan, 1), Verdict::not_measured);
+  EXPECT_EQ(is_better_in_all({Verdict::better, Verdict::even}), Verdict::better);
+  EXPECT_EQ(is_better_in_all({Verdict::even, Verdict::even}), Verdict::even);
+  EXPECT_EQ(is_better_in_all({Verdict::better, Verdict::worse}), Verdict::worse);
+  EXPECT_EQ(is_better_in_all({Verdict::better, Verdict::not_measured}), Verdict::not_measured);
+}
+
+TEST(VerdictRules, ExtremesDoNotHideGaps) {
+  EXPECT_EQ(largest_of({1, 3, 2}), 3);
+  EXPECT_EQ(least_of({1, 3, 2}), 1);
+  EXPECT_TRUE(std::isnan(largest_of({1, kNan})));
+  EXPECT_TRUE(std::isnan(least_of({kNan, 1})));
+}
+
+// Every verdict belongs to one source, but for "not measured".
+TEST(VerdictRules, Sources) {
+  EXPECT_EQ(source_of(Verdict::agrees), Source::thesis);
+  EXPECT_EQ(source_of(Verdict::not_comparable), Source::thesis);
+  EXPECT_EQ(source_of(Verdict::better), Source::ours);
+  EXPECT_EQ(source_of(Verdict::worse), Source::ours);
+  EXPECT_EQ(source_of(Verdict::holds), Source::docs);
+  EXPECT_EQ(source_of(Verdict::fails), Source::docs);
+}
+
+}  // namespace
+}  // namespace palpate::eval
