@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden bench packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
+.PHONY: help setup lint format tidy build demo test quick-test golden bench live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -46,6 +46,11 @@ bench:  ## run the benchmarks: make bench [PEERS=1]
 	scripts/setup.sh $(if $(PEERS),--peers)
 	$(call build_preset,$(if $(PEERS),peers,bench))
 	@for program in build/$(if $(PEERS),peers,bench)/bin/bench_*; do echo "== $$program"; $$program || exit 1; done
+
+live-figures: setup  ## the live program and how late everything is, into bench/results/live-MACHINE.csv: make live-figures [BACKEND=cuda]
+	cmake --preset bench $(if $(filter cuda,$(BACKEND)),-DPALPATE_CUDA=ON)
+	cmake --build --preset bench -j $(JOBS) --target palpate recorded_query
+	bench/live_figures.py build/bench $(if $(DATA),--data $(DATA)) $(if $(BACKEND),--backend $(BACKEND))
 
 packing-curves:  ## the packing comparison page, into build/packing-curves
 	scripts/setup.sh

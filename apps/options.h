@@ -53,7 +53,7 @@ void add_seed_option(CLI::App& app, std::uint64_t& seed, const std::string& help
 /// --threads, of which there may be a few per core.
 void add_threads_option(CLI::App& app, int& num_threads, const std::string& help);
 inline constexpr const char* kThreadsHelp =
-    "threads; 0: one per core for surfaces, one for queries";
+    "threads; 0: one per core for surfaces, one for queries, live one more per 50,000 spheres";
 
 /// The settings of a run that have an option of their own.
 inline constexpr SettingOption kContactOptions[] = {

@@ -15,6 +15,7 @@
 #include "palpate/devices/open_device.h"
 #include "palpate/devices/simulated_device.h"
 #include "palpate/run/path_device.h"
+#include "palpate/run/read_ahead.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/views.h"
 
@@ -208,6 +209,12 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   if (is_live && !(*device)->info().senses_orientation) {
     std::cerr << "palpate: note: " << (*device)->info().name
               << " senses no orientation: the tool does not turn\n";
+  }
+
+  if (is_live) {
+    auto source = read_ahead(std::move(input.source));
+    if (!source) return source.error();
+    input.source = *std::move(source);
   }
 
   const DepthStreamInfo& info = input.source->info();

@@ -20,10 +20,13 @@ void relax() {
 
 }  // namespace
 
-// A loop is published by raising `generation`. Each worker takes task numbers from `next_task`
-// until none is left, then signs off in `num_busy`; the caller returns when all have signed off,
-// so no worker can still look at a loop that has ended.
+// A loop is open from when `num_inside` is set to 0 until the caller, who finds no task left, adds
+// kClosed. Each worker that `generation` has woken enters if the loop is still open, takes task
+// numbers from `next_task` until none is left, and leaves. The caller waits for those inside, who
+// have begun: one that wakes up late finds the door closed, or the next loop open.
 struct ThreadPool::Workers {
+  static constexpr std::uint32_t kClosed = 1u << 31;
+
   ~Workers() {
     stop.store(true, std::memory_order_release);
     generation.fetch_add(1, std::memory_order_acq_rel);
@@ -33,7 +36,7 @@ struct ThreadPool::Workers {
 
   std::vector<std::thread> threads;
   std::atomic<std::uint32_t> generation{0};
-  std::atomic<int> num_busy{0};
+  std::atomic<std::uint32_t> num_inside{kClosed};
   std::atomic<int> next_task{0};
   std::atomic<bool> stop{false};
   int num_tasks = 0;
@@ -47,6 +50,22 @@ struct ThreadPool::Workers {
     }
   }
 
+  bool enter() {
+    std::uint32_t num = num_inside.load(std::memory_order_acquire);
+    while ((num & kClosed) == 0) {
+      if (num_inside.compare_exchange_weak(num, num + 1, std::memory_order_acq_rel,
+                                           std::memory_order_acquire)) {
+        return true;
+      }
+    }
+    return false;
+  }
+  void leave() {
+    if (num_inside.fetch_sub(1, std::memory_order_acq_rel) == (kClosed | 1)) {
+      num_inside.notify_one();
+    }
+  }
+
   void work() {
     std::uint32_t seen = 0;
     for (;;) {
@@ -57,19 +76,36 @@ struct ThreadPool::Workers {
       generation.wait(seen, std::memory_order_acquire);
       seen = generation.load(std::memory_order_acquire);
       if (stop.load(std::memory_order_acquire)) return;
+      if (!enter()) continue;
       take_tasks();
-      if (num_busy.fetch_sub(1, std::memory_order_acq_rel) == 1) num_busy.notify_one();
+      leave();
+    }
+  }
+
+  /// The caller's.
+  void close() {
+    std::uint32_t num = num_inside.fetch_or(kClosed, std::memory_order_acq_rel) | kClosed;
+    for (int spin = 0; spin < kSpins && num != kClosed; ++spin) {
+      relax();
+      num = num_inside.load(std::memory_order_acquire);
+    }
+    while (num != kClosed) {
+      num_inside.wait(num, std::memory_order_acquire);
+      num = num_inside.load(std::memory_order_acquire);
     }
   }
 };
 
-ThreadPool::ThreadPool(int num_threads) : workers_(std::make_unique<Workers>()) {
+ThreadPool::ThreadPool(int num_threads, void (*begin)()) : workers_(std::make_unique<Workers>()) {
   if (num_threads <= 0) {
     num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   }
   try {
     for (int i = 1; i < num_threads; ++i) {
-      workers_->threads.emplace_back([workers = workers_.get()] { workers->work(); });
+      workers_->threads.emplace_back([workers = workers_.get(), begin] {
+        if (begin != nullptr) begin();
+        workers->work();
+      });
     }
   } catch (const std::system_error&) {
     // The system starts no more. Results do not depend on their number.
@@ -89,19 +125,11 @@ void ThreadPool::run(int num_tasks, void* context, void (*call)(void*, int)) {
   workers_->context = context;
   workers_->call = call;
   workers_->next_task.store(0, std::memory_order_relaxed);
-  workers_->num_busy.store(static_cast<int>(workers_->threads.size()), std::memory_order_relaxed);
+  workers_->num_inside.store(0, std::memory_order_release);
   workers_->generation.fetch_add(1, std::memory_order_acq_rel);
   workers_->generation.notify_all();
-
   workers_->take_tasks();
-  for (int spin = 0; spin < kSpins; ++spin) {
-    if (workers_->num_busy.load(std::memory_order_acquire) == 0) return;
-    relax();
-  }
-  for (int busy = workers_->num_busy.load(std::memory_order_acquire); busy != 0;
-       busy = workers_->num_busy.load(std::memory_order_acquire)) {
-    workers_->num_busy.wait(busy, std::memory_order_acquire);
-  }
+  workers_->close();
 }
 
 }  // namespace palpate

@@ -317,8 +317,8 @@ std::string settings_tables(const Tool& tool, const RunLog& log) {
          row("bilateral filter", on_off(s.surface.filter.enabled)) +
          row("normals: fit, radius", name_of(n.fit) + ", " + std::to_string(n.radius) + " pixels") +
          row("backend", backend_words(s)) +
-         row("threads", s.num_threads == 0 ? "queries 1, surfaces one per core"
-                                           : std::to_string(s.num_threads)) +
+         row("threads",
+             s.num_threads == 0 ? "one per core for surfaces" : std::to_string(s.num_threads)) +
          row("ticks", std::to_string(log.loop.num_ticks)) +
          row("queries", std::to_string(log.loop.num_contacts)) +
          row("depth frames", std::to_string(log.loop.num_frames)) +
@@ -424,6 +424,8 @@ std::string summary_json(const Tool& tool, const RunLog& log, const LoopTimes& t
             {"frames", log.loop.num_frames},
             {"missed", log.loop.num_missed},
             {"lost_records", log.loop.num_lost_records},
+            {"frames_left_out", log.loop.num_left_out},
+            {"stiffness_left_out", log.loop.num_spared_stiffnesses},
             {"interrupted", log.was_interrupted},
             {"ending", log.loop.ending},
             {"fault", name_of(fault_of(log))},

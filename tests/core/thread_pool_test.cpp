@@ -42,6 +42,28 @@ TEST(ThreadPool, ShortLoopsInARow) {
     EXPECT_EQ(sums[static_cast<std::size_t>(task)], 20000 * task);
 }
 
+std::atomic<bool> is_held{true};
+
+// Of threads that the system lets wait nobody hears.
+TEST(ThreadPool, WaitsForNoThreadThatHasNotBegun) {
+  is_held = true;
+  ThreadPool pool(3, [] { is_held.wait(true); });
+  for (int loop = 0; loop < 100; ++loop) {
+    int sum = 0;  // of the calling thread alone
+    pool.parallel_for(10, [&](int task) { sum += task; });
+    EXPECT_EQ(sum, 45);
+  }
+  is_held = false;
+  is_held.notify_all();
+  std::atomic<int> num_waiting{0};
+  // Each of three tasks waits for the other two: now all threads take part.
+  pool.parallel_for(3, [&](int) {
+    ++num_waiting;
+    while (num_waiting < 3) std::this_thread::yield();
+  });
+  EXPECT_EQ(num_waiting, 3);
+}
+
 TEST(ThreadPool, DoesNotAllocatePerLoop) {
   ThreadPool pool(3);
   const test::AllocationCounter counter;

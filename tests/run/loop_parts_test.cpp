@@ -11,6 +11,7 @@
 #include "src/run/loop/blend_clock.h"
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/paced_source.h"
+#include "src/run/loop/real_time.h"
 #include "src/run/loop/record_queue.h"
 #include "src/run/loop/stiffness_schedule.h"
 #include "src/run/loop/surface_stage.h"
@@ -122,12 +123,32 @@ TEST(PacedSource, KeepsTheDistancesOfTheTimeStamps) {
     EXPECT_NEAR(source.capture_time(frame, now), 1000 + k / 30.0, 1e-9);
     now = 1000 + k / 30.0;
   }
+  EXPECT_EQ(source.num_late(), 0u);
   // A slow source moves all that follows.
   now += 0.5;
   ASSERT_TRUE(*source.read(frame));
   EXPECT_NEAR(source.capture_time(frame, now), now, 1e-9);
   ASSERT_TRUE(*source.read(frame));
   EXPECT_NEAR(source.capture_time(frame, now), now + 1 / 30.0, 1e-9);
+  EXPECT_EQ(source.num_late(), 1u);
+}
+
+TEST(RealTime, NamesWhyFramesWereLeftOut) {
+  LatencyHistogram fast, slow;
+  for (int i = 0; i < 100; ++i) fast.record(200'000);
+  for (int i = 0; i < 100; ++i) slow.record(i < 90 ? 20'000'000 : 60'000'000);
+  const auto has = [](const std::string& text, const char* words) {
+    return text.find(words) != std::string::npos;
+  };
+  const std::string by_surfaces = frames_left_out(8, 2, slow, 1 / 30.0);
+  EXPECT_TRUE(has(by_surfaces, "8 depth frames")) << by_surfaces;
+  EXPECT_TRUE(has(by_surfaces, "surfaces take 2")) << by_surfaces;
+  EXPECT_TRUE(has(by_surfaces, "10 of them took longer than the 33 ms")) << by_surfaces;
+  // A camera that renders late is not the surfaces' fault.
+  const std::string by_camera = frames_left_out(8, 5, fast, 1 / 30.0);
+  EXPECT_TRUE(has(by_camera, "frames came late 5 times")) << by_camera;
+  EXPECT_FALSE(has(by_camera, "surfaces")) << by_camera;
+  EXPECT_TRUE(has(frames_left_out(8, 0, fast, 1 / 30.0), "the processor was busy"));
 }
 
 TEST(PacedSource, RefusesFramesThatDoNotFit) {

@@ -103,6 +103,28 @@ TEST(PathRun, ZeroIsWhereTheClockSays) {
   EXPECT_EQ(ticks.size(), static_cast<std::size_t>(std::ceil(500 * 3.5 / 32)));
 }
 
+// Ticks come at the device's rate: a contact rate that would change nothing is refused.
+TEST(PathRun, AnotherContactRateIsRefusedMeanwhile) {
+  const Tool tool = test::small_tool();
+  SyntheticStream stream(300);
+  auto device = test::path_device(pressing_pose, 500);
+  ASSERT_TRUE(device);
+  SimulatedClock clock;
+  clock.keeps_pace = true;
+  auto loop = RunLoop::create(tool, stream, **device, path_settings(500), {}, clock);
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  RunSettings settings = (*loop)->settings();
+  settings.contact_rate = 250;
+  const Status refused = (*loop)->change(settings);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("loop.contact_rate"), std::string::npos);
+  settings.contact_rate = 500;
+  settings.contact.method = InsideMethod::graph;
+  EXPECT_TRUE((*loop)->change(settings));
+  (*loop)->stop();
+}
+
 TEST(PathRun, FaultsAreErrors) {
   const Tool tool = test::small_tool();
   const auto message = [&](SyntheticStream stream, const RunSettings& settings) {

@@ -12,8 +12,9 @@ namespace palpate {
 class ThreadPool {
  public:
   /// `num_threads` >= 1 counts the calling thread; 1 starts no thread at all. 0 means one per core.
-  /// Where the system starts no more threads the pool works with those that it has.
-  explicit ThreadPool(int num_threads = 1);
+  /// Where the system starts no more threads the pool works with those that it has. Each thread
+  /// that it starts calls `begin` first, where that is given.
+  explicit ThreadPool(int num_threads = 1, void (*begin)() = nullptr);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
@@ -22,7 +23,8 @@ class ThreadPool {
   int num_threads() const;
 
   /// Runs the tasks and returns when all are done. No allocation. With one thread it is a plain
-  /// loop; with more, the caller works too and then waits for the last task of the others.
+  /// loop; with more, the caller works too and then waits for tasks that others have begun. It
+  /// never waits for a thread that has not woken up yet.
   /// Not reentrant: a task may not call parallel_for on the same pool.
   template <class Task>
   void parallel_for(int num_tasks, Task&& task) {

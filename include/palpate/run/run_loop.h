@@ -47,6 +47,8 @@ struct LoopReport {
   std::uint64_t num_ticks = 0, num_contacts = 0, num_frames = 0;
   std::uint64_t num_missed = 0;  ///< ticks whose own computing took longer than a tick
   std::uint64_t num_lost_records = 0;
+  std::uint64_t num_left_out = 0;  ///< frames that came while the one before was being worked on
+  std::uint64_t num_spared_stiffnesses = 0;  ///< contacts that came with an older stiffness
   std::vector<std::string> notes;  ///< e.g. that the scheduler refused real time, and what to do
   Fault fault = Fault::none;
   double seconds = 0;  ///< on the run's clock

@@ -44,7 +44,8 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
         "where surfaces and queries are computed; auto: on a GPU if there is one");
   t.add("sensing_gpu", s.sensing_gpu, {0, 63}, "cuda: which GPU makes the surfaces");
   t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: which GPU computes queries");
-  t.add("threads", s.num_threads, {0, 256, "threads"}, "for surfaces; 0: one per core");
+  t.add("threads", s.num_threads, {0, 256, "threads"},
+        "for surfaces, and at most so many for queries of large tools; 0: one per core");
   t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "queries per second, at most");
   t.add("real_time", s.wants_real_time,
         "real-time scheduling and locked memory where they are allowed");

@@ -251,6 +251,11 @@ RunSettings ClockedLoop::settings() const {
 Status ClockedLoop::change(const RunSettings& settings) {
   const std::lock_guard lock(mutex_);
   if (!is_running_) return Error{Errc::unavailable, "the run has ended"};
+  if (settings.contact_rate != pipeline_.settings().contact_rate) {
+    return Error{Errc::invalid_argument,
+                 "loop.contact_rate is the rate of ticks on a simulated clock, which stays what it "
+                 "was at the start; start another run with it"};
+  }
   if (const Status status = pipeline_.change(settings); !status) return status;
   if (observer_.on_settings) observer_.on_settings(pipeline_.revision(), settings);
   return Done{};

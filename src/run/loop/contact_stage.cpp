@@ -44,6 +44,9 @@ void ContactStage::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
+/// Notes speak of the contact thread, which is granted or refused the same.
+void ContactStage::begin_thread() { ask_for_real_time(kPriority); }
+
 void ContactStage::move_tool(const ToolMoment& tool) noexcept { tools_.publish(tool); }
 
 const ContactRecord& ContactStage::newest() noexcept {

@@ -46,6 +46,8 @@ class ContactStage {
 
   void start(double start_time);
   void stop() noexcept;
+  /// What other threads that compute for queries do first, where real time is wanted.
+  static void begin_thread();
 
   /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
   /// to wake it would take the haptic thread longer than all that it computes.

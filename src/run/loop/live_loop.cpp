@@ -1,5 +1,6 @@
 #include "palpate/run/run_loop.h"
 
+#include <algorithm>
 #include <atomic>
 #include <deque>
 #include <mutex>
@@ -35,6 +36,20 @@ Status check_contact_rate(const RunSettings& settings) {
                    shortest_decimal(most) + " s; raise one of the two"};
 }
 
+/// A query of a large tool takes more than one thread, which are woken a thousand times a second:
+/// few enough that each has some hundred microseconds to compute, none more than there are cores.
+std::unique_ptr<ThreadPool> make_query_threads(const RunSettings& settings,
+                                               std::size_t num_spheres) {
+  constexpr std::size_t kSpheresPerThread = 50000, kMostThreads = 4;
+  const std::size_t wanted = std::min(1 + num_spheres / kSpheresPerThread, kMostThreads);
+  const std::size_t num_cores = std::max(std::thread::hardware_concurrency(), 1u);
+  const std::size_t allowed =
+      settings.num_threads > 0 ? std::min<std::size_t>(settings.num_threads, num_cores) : num_cores;
+  return std::make_unique<ThreadPool>(
+      static_cast<int>(std::min(wanted, allowed)),
+      settings.wants_real_time ? ContactStage::begin_thread : nullptr);
+}
+
 /// Other settings on their way through the stages.
 struct Change {
   RunSettings settings;
@@ -47,12 +62,14 @@ struct Change {
 class LiveLoop final : public RunLoop {
  public:
   LiveLoop(std::shared_ptr<const ToolIndex> index, DepthSource& source, HapticDevice& device,
-           const RunSettings& settings, RunObserver observer, RunParts parts, SafetyFilter safety)
+           const RunSettings& settings, RunObserver observer,
+           std::unique_ptr<ThreadPool> query_threads, RunParts parts, SafetyFilter safety)
       : index_(std::move(index)),
         device_(device),
         stream_(source.info()),
         first_settings_(settings),
         observer_(std::move(observer)),
+        query_threads_(std::move(query_threads)),
         settings_(settings),
         notes_(std::move(parts.notes)),
         surfaces_(source, *std::move(parts.timeline), settings.num_threads,
@@ -92,6 +109,7 @@ class LiveLoop final : public RunLoop {
 
  private:
   Status start_all();
+  void lock_all_memory();
   void offer_change();
   Status finish_change();
   void publish_all();
@@ -105,6 +123,7 @@ class LiveLoop final : public RunLoop {
   const RunSettings first_settings_;
   const RunObserver observer_;
   LoopTimes times_;
+  const std::unique_ptr<ThreadPool> query_threads_;
 
   // Of who changes settings.
   std::mutex changing_;
@@ -120,6 +139,7 @@ class LiveLoop final : public RunLoop {
 
   std::atomic<bool> is_running_ = false;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
+  std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames that nobody could feel yet
   std::uint32_t revision_ = 0;
   bool was_started_ = false, has_locked_memory_ = false;
   StopSignal stop_publishing_;
@@ -141,7 +161,9 @@ Status LiveLoop::start() {
   return started;
 }
 
+/// Memory is locked first, which takes a tenth of a second or more: meanwhile frames would pass by.
 Status LiveLoop::start_all() {
+  lock_all_memory();
   try {
     if (const Status seen = surfaces_.start(); !seen) return seen;
     start_time_ = monotonic_now();
@@ -152,11 +174,7 @@ Status LiveLoop::start_all() {
     return Error{Errc::unavailable, std::string("the system gives no thread for the loop: ") +
                                         error.what() + "; end other programs and try again"};
   }
-  if (first_settings_.wants_real_time) {
-    const int refused = lock_memory();
-    has_locked_memory_ = refused == 0;
-    if (refused != 0) notes_.push_back(memory_lock_refused(refused));
-  }
+  if (has_locked_memory_) lock_memory();  // what the threads have taken since: little
   const double begin = monotonic_now();
   is_running_.store(true, std::memory_order_release);
   if (const Status ticks =
@@ -172,7 +190,15 @@ Status LiveLoop::start_all() {
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
+  num_before_ticks_ = surfaces_.num_skipped();
   return Done{};
+}
+
+void LiveLoop::lock_all_memory() {
+  if (!first_settings_.wants_real_time) return;
+  const int refused = lock_memory();
+  has_locked_memory_ = refused == 0;
+  if (refused != 0) notes_.push_back(memory_lock_refused(refused));
 }
 
 void LiveLoop::fade_out() noexcept {
@@ -208,7 +234,7 @@ Status LiveLoop::change(const RunSettings& settings) {
   }
   if (const Status status = check_change(settings_, settings); !status) return status;
   if (const Status status = check_contact_rate(settings); !status) return status;
-  const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, nullptr};
+  const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, query_threads_.get()};
   auto parts = make_run_parts(index_, stream_, device_.info(), settings, options);
   if (!parts) return parts.error();
 
@@ -328,14 +354,17 @@ LoopReport LiveLoop::report() const {
   const auto note = [&](std::string text) { report.notes.push_back(std::move(text)); };
   if (const int refused = haptic_.real_time_error()) note(scheduler_refused("haptic", refused));
   if (const int refused = contacts_.real_time_error()) note(scheduler_refused("contact", refused));
-  if (const auto skipped = surfaces_.num_skipped()) {
-    note(std::to_string(skipped) +
-         " depth frames were left out, because surfaces take longer than a frame; a smaller image "
-         "or a GPU helps");
+  const std::uint64_t skipped = surfaces_.num_skipped(), before = num_before_ticks_.load();
+  report.num_left_out = skipped > before ? skipped - before : 0;
+  report.num_spared_stiffnesses = contacts_.num_spared_stiffnesses();
+  if (report.num_left_out > 0) {
+    note(frames_left_out(report.num_left_out, surfaces_.num_late(), times_.surface_compute,
+                         stream_.rate > 0 ? 1 / stream_.rate : 1.0 / 30));
   }
-  if (const auto spared = contacts_.num_spared_stiffnesses()) {
-    note("the contact stiffness was kept from an earlier query at " + std::to_string(spared) +
-         " of " + std::to_string(report.num_contacts) +
+  if (report.num_spared_stiffnesses > 0) {
+    note("the contact stiffness was kept from an earlier query at " +
+         std::to_string(report.num_spared_stiffnesses) + " of " +
+         std::to_string(report.num_contacts) +
          ", because there was no time for it; fewer spheres or a GPU help");
   }
   return report;
@@ -360,7 +389,8 @@ Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, DepthSource& 
                                                  HapticDevice& device, const RunSettings& settings,
                                                  RunObserver observer) {
   if (const Status status = check_contact_rate(settings); !status) return status.error();
-  const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, nullptr};
+  auto query_threads = make_query_threads(settings, tool.spheres().size());
+  const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, query_threads.get()};
   auto index = ToolIndex::create(tool);
   auto parts = make_run_parts(index, source.info(), device.info(), settings, options);
   if (!parts) return parts.error();
@@ -368,7 +398,7 @@ Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, DepthSource& 
   if (!safety) return safety.error();
   return std::unique_ptr<RunLoop>(
       std::make_unique<LiveLoop>(std::move(index), source, device, settings, std::move(observer),
-                                 *std::move(parts), *std::move(safety)));
+                                 std::move(query_threads), *std::move(parts), *std::move(safety)));
 }
 
 }  // namespace palpate

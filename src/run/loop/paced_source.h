@@ -2,8 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
-#include <limits>
+#include <cstdint>
 #include <string>
 
 #include "palpate/cloud/depth_source.h"
@@ -39,18 +40,25 @@ class PacedSource {
 
   /// When the frame that has just been read is captured, s on the clock of `now`: not before `now`.
   double capture_time(const DepthFrame& frame, double now) {
-    offset_ = std::max(offset_, now - frame.timestamp);
+    const double late = now - (frame.timestamp + offset_);
+    if (num_read_ == 1 || late > 0) offset_ = now - frame.timestamp;
+    if (num_read_ > 1 && late > kLate / info().rate) num_late_.fetch_add(1);
     return frame.timestamp + offset_;
   }
+  /// Frames that came too late for their time stamps; any thread.
+  std::uint64_t num_late() const noexcept { return num_late_.load(); }
 
  private:
+  static constexpr double kLate = 0.2;  // of the time between two frames
+
   Error bad(const char* what) const {
     return {Errc::bad_input, info().name + ": frame " + std::to_string(num_read_) + " " + what};
   }
 
   DepthSource& source_;
-  double offset_ = std::numeric_limits<double>::lowest(), last_stamp_ = 0;
+  double offset_ = 0, last_stamp_ = 0;
   int num_read_ = 0;
+  std::atomic<std::uint64_t> num_late_ = 0;
 };
 
 }  // namespace palpate

@@ -7,6 +7,7 @@
 #endif
 
 #include <cerrno>
+#include <cmath>
 #include <system_error>
 
 namespace palpate {
@@ -49,6 +50,27 @@ std::string memory_lock_refused(int error_number) {
   return "memory could not be locked: " + text_of(error_number) +
          "; forces may come late when memory is short; allow it with a line '@users - memlock "
          "unlimited' in /etc/security/limits.conf";
+}
+
+std::string frames_left_out(std::uint64_t num, std::uint64_t num_late,
+                            const LatencyHistogram& surface_compute, double period) {
+  const auto num_slow = surface_compute.num_above(static_cast<std::int64_t>(0.9e9 * period));
+  const auto milliseconds = [](double seconds) {
+    return std::to_string(std::lround(1e3 * seconds)) + " ms";
+  };
+  std::string text = std::to_string(num) + " depth frames were left out, because ";
+  if (num_slow > 0 && num_slow >= num_late) {
+    text += "surfaces take " + milliseconds(1e-6 * surface_compute.summary().p50) + ", and " +
+            std::to_string(num_slow) + " of them took longer than the " + milliseconds(period) +
+            " between two frames; a smaller image, a GPU or fewer other programs help";
+  } else if (num_late > 0) {
+    text += "frames came late " + std::to_string(num_late) +
+            " times and the next ones right after them; a camera or disk that keeps up, or fewer "
+            "other programs, help";
+  } else {
+    text += "the processor was busy when they came; more cores or fewer other programs help";
+  }
+  return text;
 }
 
 }  // namespace palpate

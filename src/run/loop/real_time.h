@@ -1,7 +1,10 @@
 // Being on time: what a thread asks of the scheduler and of the memory.
 #pragma once
 
+#include <cstdint>
 #include <string>
+
+#include "palpate/core/latency_histogram.h"
 
 namespace palpate {
 
@@ -16,5 +19,9 @@ void unlock_memory() noexcept;
 /// One sentence for people: what was refused, and what to do.
 std::string scheduler_refused(const char* which_thread, int error_number);
 std::string memory_lock_refused(int error_number);
+/// Why depth frames were left out: `num_late` came too late by themselves; `period`, s, is the time
+/// between two.
+std::string frames_left_out(std::uint64_t num, std::uint64_t num_late,
+                            const LatencyHistogram& surface_compute, double period);
 
 }  // namespace palpate

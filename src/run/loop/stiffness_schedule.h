@@ -1,4 +1,5 @@
-// Contact stiffness takes several times as long as the contact itself, and changes slowly.
+// Contact stiffness takes half as long as the contact itself, and changes slowly: where time is
+// short it waits.
 #pragma once
 
 #include <algorithm>

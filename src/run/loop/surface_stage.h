@@ -87,6 +87,8 @@ class SurfaceStage {
   std::uint64_t num_frames() const noexcept { return num_made_.load(std::memory_order_acquire); }
   /// Frames that came while the one before was still being worked on, and were left out.
   std::uint64_t num_skipped() const noexcept;
+  /// Frames that the source gave too late.
+  std::uint64_t num_late() const noexcept { return source_.num_late(); }
   /// Publishing thread; empty unless frames are kept.
   RecordQueue<SeenFrame>& seen() noexcept { return seen_; }
   std::uint64_t num_lost() const noexcept { return seen_.num_lost(); }

@@ -1,0 +1,112 @@
+// The bare query at the poses and frames of a recorded run: what the loop's own contacts are
+// compared with. One frame, no stiffness, one thread, nothing beside it. And what a query by field
+// takes beyond its index.
+//   recorded_query RUN
+//   recorded_query --memory SIDE      a block of SIDE x SIDE x SIDE spheres
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "palpate/contact/tool_index.h"
+#include "palpate/core/latency_histogram.h"
+#include "palpate/mesh/shapes.h"
+#include "palpate/run/pipeline.h"
+#include "src/session/run_reader.h"
+#include "tests/test_util/allocation_counter.h"
+
+namespace palpate::bench {
+namespace {
+
+/// Times every query of the run that found something. Prints one line of JSON, microseconds.
+Status time_queries(const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder / kRecordingFile;
+  std::vector<ContactRecord> contacts;
+  {
+    auto reader = RunReader::open(path);
+    if (!reader) return reader.error();
+    for (;;) {
+      const auto message = reader->next();
+      if (!message) return message.error();
+      if (!*message) break;
+      if ((*message)->topic != kContactTopic) continue;
+      const auto contact = read_contact((*message)->data);
+      if (!contact) return contact.error();
+      if (contact->penetration.volume > 0) contacts.push_back(*contact);
+    }
+  }
+  auto reader = RunReader::open(path);
+  if (!reader) return reader.error();
+  const auto tool = reader->load_tools();
+  if (!tool) return tool.error();
+  const RunSetup& setup = reader->setup();
+  auto parts = make_run_parts(ToolIndex::create(*tool), setup.stream, setup.device, setup.settings);
+  if (!parts) return parts.error();
+  const ContactQuery& query = parts->contact->query();
+  ThreadPool pool(0);
+  LatencyHistogram times;
+  std::size_t next = 0;
+  RecordedDepth frame;
+  for (;;) {
+    const auto got = reader->next_frame(frame);
+    if (!got) return got.error();
+    if (!*got) break;
+    parts->timeline->push(frame.frame, frame.record.capture_time, pool);
+    const Surfaces newest = parts->timeline->at(frame.record.capture_time).to;
+    for (; next < contacts.size() && contacts[next].frame_number <= frame.record.number; ++next) {
+      const auto begin = std::chrono::steady_clock::now();
+      const ContactResult result = query.measure(newest, contacts[next].X_WT);
+      const auto took = std::chrono::steady_clock::now() - begin;
+      if (result.penetration.status.is_unmeasured()) return lost_backend();
+      times.record(std::chrono::duration_cast<std::chrono::nanoseconds>(took).count());
+    }
+  }
+  const LatencyHistogram::Summary s = times.summary();
+  std::printf("{\"num\": %llu, \"p50\": %.3f, \"p99\": %.3f, \"p999\": %.3f, \"max\": %.3f}\n",
+              static_cast<unsigned long long>(s.num), s.p50, s.p99, s.p999, s.max);
+  return Done{};
+}
+
+/// What the index and one query by field of a tool of so many equal spheres take. Prints one line
+/// of JSON, bytes.
+Status weigh_query(int side) {
+  SpherePacking packing;
+  const double step = 0.1 / side;
+  for (int i = 0; i < side * side * side; ++i) {
+    const Vec3d c{i % side + 0.5, i / side % side + 0.5, i / side / side + 0.5};
+    packing.spheres.push_back(
+        {to_float(step * c - Vec3d{0.05, 0.05, 0.05}), static_cast<float>(0.45 * step)});
+  }
+  const auto tool =
+      Tool::build(make_box({0.1, 0.1, 0.1}), std::move(packing), GapRule::relative, "block");
+  if (!tool) return tool.error();
+  const auto index = ToolIndex::create(*tool);
+  const auto first = make_contact_query(Backend::cpu, index, FieldMethod{});
+  const std::size_t before = test::num_allocated_bytes();
+  const auto second = make_contact_query(Backend::cpu, index, FieldMethod{});
+  const std::size_t beyond = test::num_allocated_bytes() - before;
+  std::printf("{\"spheres\": %zu, \"index\": %zu, \"query\": %zu}\n", tool->spheres().size(),
+              index->num_bytes(), beyond);
+  return Done{};
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  using namespace palpate;
+  const std::string_view what = argc > 1 ? argv[1] : "";
+  Status done = Error{Errc::invalid_argument, "give the folder of a run, or --memory SIDE"};
+  if (what == "--memory" && argc == 3) {
+    done = bench::weigh_query(std::clamp(std::atoi(argv[2]), 1, 200));
+  } else if (argc == 2 && what != "--memory") {
+    done = bench::time_queries(argv[1]);
+  }
+  if (done) return 0;
+  std::fprintf(stderr, "recorded_query: %s\n", done.error().message.c_str());
+  return 1;
+}

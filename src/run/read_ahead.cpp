@@ -1,0 +1,96 @@
+#include "palpate/run/read_ahead.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace palpate {
+namespace {
+
+class ReadAhead final : public DepthSource {
+ public:
+  ReadAhead(std::unique_ptr<DepthSource> source, int num_ahead)
+      : source_(std::move(source)),
+        info_(source_->info()),
+        frames_(static_cast<std::size_t>(num_ahead)) {}
+  ~ReadAhead() override {
+    {
+      const std::lock_guard lock(mutex_);
+      is_stopping_ = true;
+    }
+    has_changed_.notify_all();
+    if (thread_.joinable()) thread_.join();
+  }
+
+  Status start() {
+    try {
+      thread_ = std::thread([this] { read_all(); });
+    } catch (const std::system_error& error) {
+      return Error{Errc::unavailable, std::string("the system gives no thread to read frames: ") +
+                                          error.what() + "; end other programs and try again"};
+    }
+    return Done{};
+  }
+
+  const DepthStreamInfo& info() const override { return info_; }
+
+  Result<bool> next(DepthFrame& frame) override {
+    std::unique_lock lock(mutex_);
+    has_changed_.wait(lock, [&] { return num_read_ > num_given_ || has_ended_; });
+    if (num_read_ == num_given_) return end_;
+    std::swap(frame, place(num_given_));
+    ++num_given_;
+    has_changed_.notify_all();
+    return true;
+  }
+
+ private:
+  DepthFrame& place(std::size_t number) { return frames_[number % frames_.size()]; }
+
+  void read_all() {
+    DepthFrame frame;
+    for (;;) {
+      const auto got = source_->next(frame);
+      std::unique_lock lock(mutex_);
+      if (!got || !*got) {
+        end_ = got;
+        has_ended_ = true;
+        has_changed_.notify_all();
+        return;
+      }
+      has_changed_.wait(lock,
+                        [&] { return num_read_ - num_given_ < frames_.size() || is_stopping_; });
+      if (is_stopping_) return;
+      std::swap(frame, place(num_read_));
+      ++num_read_;
+      has_changed_.notify_all();
+    }
+  }
+
+  const std::unique_ptr<DepthSource> source_;  // of the thread
+  const DepthStreamInfo info_;
+
+  std::mutex mutex_;  // of what follows
+  std::condition_variable has_changed_;
+  std::vector<DepthFrame> frames_;  // a ring
+  std::size_t num_read_ = 0, num_given_ = 0;
+  Result<bool> end_ = false;  // what the source said last
+  bool has_ended_ = false, is_stopping_ = false;
+
+  std::thread thread_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<DepthSource>> read_ahead(std::unique_ptr<DepthSource> source,
+                                                int num_ahead) {
+  auto reader = std::make_unique<ReadAhead>(std::move(source), std::max(num_ahead, 1));
+  if (const Status started = reader->start(); !started) return started.error();
+  return std::unique_ptr<DepthSource>(std::move(reader));
+}
+
+}  // namespace palpate

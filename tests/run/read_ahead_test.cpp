@@ -1,0 +1,83 @@
+#include "palpate/run/read_ahead.h"
+
+#include <atomic>
+#include <chrono>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "tests/run/loop_fakes.h"
+
+namespace palpate {
+namespace {
+
+using test::WallSource;
+
+/// A wall that counts how often it was asked, and makes no frame before the test lets it.
+class GuardedWall final : public DepthSource {
+ public:
+  GuardedWall(const WallSource::Options& options, std::atomic<int>& num_asked,
+              const std::atomic<int>& num_allowed)
+      : wall_(options), num_asked_(num_asked), num_allowed_(num_allowed) {}
+  const DepthStreamInfo& info() const override { return wall_.info(); }
+  Result<bool> next(DepthFrame& frame) override {
+    const int number = num_asked_++;
+    for (int num = num_allowed_; num <= number; num = num_allowed_) num_allowed_.wait(num);
+    return wall_.next(frame);
+  }
+
+ private:
+  WallSource wall_;
+  std::atomic<int>& num_asked_;
+  const std::atomic<int>& num_allowed_;
+};
+
+TEST(ReadAhead, GivesTheSameFramesAndTheEnd) {
+  WallSource::Options options;
+  options.num_frames = 20;
+  options.depth = [](int frame) { return 0.5 + 0.001 * frame; };
+  WallSource plain(options);
+  const auto ahead = read_ahead(std::make_unique<WallSource>(options), 3).value();
+  EXPECT_EQ(ahead->info().name, plain.info().name);
+  DepthFrame want, got;
+  for (int k = 0; k < 20; ++k) {
+    ASSERT_TRUE(plain.next(want).value());
+    ASSERT_TRUE(ahead->next(got).value());
+    EXPECT_EQ(got.pixels, want.pixels);
+    EXPECT_EQ(got.timestamp, want.timestamp);
+  }
+  EXPECT_FALSE(ahead->next(got).value());
+  EXPECT_FALSE(ahead->next(got).value());
+}
+
+TEST(ReadAhead, TellsAnErrorAfterTheFramesBeforeIt) {
+  WallSource::Options options;
+  options.fails_at = 5;
+  const auto ahead = read_ahead(std::make_unique<WallSource>(options)).value();
+  DepthFrame frame;
+  for (int k = 0; k < 5; ++k) ASSERT_TRUE(ahead->next(frame));
+  const auto failed = ahead->next(frame);
+  ASSERT_FALSE(failed);
+  EXPECT_EQ(failed.error().message, "the wall fell over");
+}
+
+// Frames that are there do not wait for the one that is being made.
+TEST(ReadAhead, IsAheadButNotByMoreThanWanted) {
+  std::atomic<int> num_asked{0}, num_allowed{2};
+  const auto ahead =
+      read_ahead(std::make_unique<GuardedWall>(WallSource::Options{}, num_asked, num_allowed), 4)
+          .value();
+  DepthFrame frame;
+  ASSERT_TRUE(ahead->next(frame).value());
+  ASSERT_TRUE(ahead->next(frame).value());
+  num_allowed = 1000;
+  num_allowed.notify_all();
+  while (num_asked < 2 + 4 + 1) std::this_thread::yield();  // four wait, one more is at hand
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(num_asked, 2 + 4 + 1);
+  ASSERT_TRUE(ahead->next(frame).value());
+  while (num_asked < 2 + 4 + 2) std::this_thread::yield();
+}  // and ends while all places are taken
+
+}  // namespace
+}  // namespace palpate
