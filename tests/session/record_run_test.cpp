@@ -170,8 +170,9 @@ TEST_F(RecordRun, RetriesWithOtherSettings) {
 
 TEST_F(RecordRun, InterruptedRunIsWholeAndReplays) {
   RunOptions options;
-  options.keep_going = [] { return false; };
-  options.clock.keeps_pace = true;  // so that there is something to interrupt
+  // Is asked at once, and again a tenth of a second later, when there is something to interrupt.
+  options.keep_going = [num_asked = 0]() mutable { return num_asked++ == 0; };
+  options.clock.keeps_pace = true;
   const auto outcome = record(run(), SyntheticStream(60), options);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_TRUE(outcome->was_interrupted);
