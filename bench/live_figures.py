@@ -65,6 +65,15 @@ def run_json(command, result=None):
     return json.loads(text)
 
 
+def gpu_name():
+    try:
+        names = subprocess.run(["nvidia-smi", "--query-gpu=name", "--format=csv,noheader"],
+                               stdout=subprocess.PIPE, text=True).stdout.splitlines()
+    except OSError:
+        names = []
+    return names[0] if names else "no GPU"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("build", type=Path)
@@ -95,6 +104,8 @@ def main():
                    ["--depth-sequence", recorded, "--intrinsics", intrinsics]}
 
     rows, machine, revision = [], machine_name(), commit()
+    if options.backend != "cpu":
+        machine = f"{gpu_name()}, {machine}"
 
     def add(case, times, command, facts, load):
         row = dict.fromkeys(COLUMNS, "")
