@@ -61,12 +61,13 @@ packing-curves:  ## the packing comparison page, into build/packing-curves
 
 # Real depth frames, and measurements of other machines and libraries that the report shows beside its own.
 DATA ?= $(or $(PALPATE_DATA),$(wildcard ../shared/data))
+GPU_REPORT ?= $(lastword $(sort $(wildcard bench/results/eval-gpu-*)))
 GPU ?= $(lastword $(sort $(wildcard bench/results/gpu-*.csv)))
 PEER_TIMES ?= $(shell ls build/peers/peers.csv 2>/dev/null || ls bench/results/peers-*.csv 2>/dev/null | tail -1)
 define evaluate
 cmake --preset release
 cmake --build --preset release -j $(JOBS) --target palpate
-build/release/bin/palpate eval $(FIGURE) -o build/$(1) $(if $(DATA),--data $(DATA)) $(if $(GPU),--gpu $(GPU)) \
+build/release/bin/palpate eval $(FIGURE) -o build/$(1) $(if $(DATA),--data $(DATA)) $(if $(GPU),--gpu $(GPU)) $(if $(GPU_REPORT),--gpu-report $(GPU_REPORT)) \
   $(if $(PEER_TIMES),--peers $(PEER_TIMES)) --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"
 endef
 

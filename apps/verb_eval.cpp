@@ -59,6 +59,10 @@ std::string command_of(const Options& options) {
   const eval::Settings& settings = options.evaluation.settings;
   if (settings.quick) text += " --quick";
   if (!settings.data.empty()) text += " --data " + settings.data.string();
+  if (settings.backend != Backend::cpu) text += " --backend " + name_of(settings.backend);
+  if (!options.evaluation.gpu_report.empty()) {
+    text += " --gpu-report " + options.evaluation.gpu_report.string();
+  }
   if (!settings.gpu.empty()) text += " --gpu " + settings.gpu.string();
   if (!settings.peers.empty()) text += " --peers " + settings.peers.string();
   return text;
@@ -151,6 +155,13 @@ void check(Options& options) {
   if (settings.data.empty()) {
     if (const char* data = std::getenv("PALPATE_DATA"); data != nullptr) settings.data = data;
   }
+  if (settings.backend == Backend::cuda) {
+    if (const auto gpus = find_gpus(); !gpus) usage_error("eval: " + gpus.error().message);
+    std::erase_if(options.figures, [](const auto& figure) { return !figure.is_on_gpu; });
+    if (options.figures.empty()) {
+      usage_error("eval: none of these figures times queries; without --backend they are made");
+    }
+  }
   options.evaluation.command = command_of(options);
 }
 
@@ -178,6 +189,13 @@ void add_eval(CLI::App& program, Action& action) {
   app.add_option("--gpu", settings.gpu, "times of a GPU, written by scripts/gpu_check.sh")
       ->check(CLI::ExistingFile)
       ->type_name("FILE.csv");
+  app.add_option("--gpu-report", options->evaluation.gpu_report,
+                 "figures made with --backend cuda on a machine with a GPU, to stand beside: the "
+                 "folder data of that report")
+      ->check(CLI::ExistingDirectory)
+      ->type_name("DIR");
+  add_word(app, "--backend", settings.backend,
+           "where the figures that time queries make them; cuda: only those are made");
   app.add_option("--peers", settings.peers, "times of other libraries")
       ->check(CLI::ExistingFile)
       ->type_name("FILE.csv");

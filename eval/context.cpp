@@ -105,6 +105,12 @@ struct Context::Cache {
 
 Context::Context(Settings settings)
     : settings_(std::move(settings)), cache_(std::make_unique<Cache>()) {}
+std::string Context::place() const {
+  if (settings_.backend == Backend::cpu) return "one CPU core";
+  const auto gpus = find_gpus();
+  return gpus ? "one " + gpus->front().name : "no GPU";
+}
+
 Context::~Context() = default;
 
 void Context::progress(double share) {

@@ -17,11 +17,12 @@
 namespace palpate::eval {
 
 struct Settings {
-  bool quick = false;           ///< two minutes in all instead of forty-five
-  int num_threads = 0;          ///< 0: one per core; times are always measured on one
-  std::filesystem::path data;   ///< real frames; may be absent
-  std::filesystem::path gpu;    ///< CSV of scripts/gpu_check.sh; may be empty
-  std::filesystem::path peers;  ///< CSV of the peer benchmark; may be empty
+  bool quick = false;              ///< two minutes in all instead of forty-five
+  int num_threads = 0;             ///< 0: one per core; times are always measured on one
+  std::filesystem::path data;      ///< real frames; may be absent
+  std::filesystem::path gpu;       ///< CSV of scripts/gpu_check.sh; may be empty
+  std::filesystem::path peers;     ///< CSV of the peer benchmark; may be empty
+  Backend backend = Backend::cpu;  ///< where the figures that time queries make them
 };
 
 /// A method with its options, its name and its colour.
@@ -45,6 +46,8 @@ class Context {
 
   const Settings& settings() const { return settings_; }
   bool quick() const { return settings_.quick; }
+  /// "one CPU core", "an NVIDIA H200": where queries are timed.
+  std::string place() const;
   /// `full` or, in the quick form, `quick`.
   template <class T>
   T choose(T full, T quick) const {

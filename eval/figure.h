@@ -103,7 +103,8 @@ struct FigureSpec {
                         ///< "Drawings"
   /// Errors only where going on makes no sense; data that are not there are `not_measured`.
   Result<FigureResult> (*make)(Context& context);
-  bool is_quick = true;  ///< made by the quick form too, with fewer steps
+  bool is_quick = true;    ///< made by the quick form too, with fewer steps
+  bool is_on_gpu = false;  ///< Settings::backend says where its queries are timed
 };
 
 /// All of them, in the order of the report. Each group lies in its own file.

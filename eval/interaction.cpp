@@ -34,8 +34,8 @@ Result<Interaction> recorded_interaction(Context& context) {
   return Interaction{"recorded table, bunny", *std::move(frame), bunny, kToolSize};
 }
 
-std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool) {
-  auto query = std::make_unique<MethodQueries>(Backend::cpu, tool);
+std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool, Backend backend) {
+  auto query = std::make_unique<MethodQueries>(backend, tool);
   query->set_cloud(frame.cloud());
   query->set_field(frame.field());
   return query;

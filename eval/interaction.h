@@ -26,7 +26,8 @@ Result<Interaction> recorded_interaction(Context& context);
 Result<Interaction> simulated_interaction(Context& context);
 
 /// A query of a method on a tool that looks at a frame.
-std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool);
+std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool,
+                                        Backend backend = Backend::cpu);
 
 /// Times of single queries along a path.
 Times time_queries(MethodQueries& query, const ContactOptions& options,

@@ -4,6 +4,7 @@
 
 #include "eval/store.h"
 #include "palpate/core/isa.h"
+#include "palpate/gpu/devices.h"
 #include "palpate/io/atomic_file.h"
 #include "palpate/session/checksum.h"
 
@@ -40,6 +41,10 @@ Key key_of(const Settings& settings) {
   key.processor = processor_name();
   key.num_cores = static_cast<int>(std::thread::hardware_concurrency());
   key.isa = isa_name(best_isa());
+  if (settings.backend == Backend::cuda) {
+    const auto gpus = find_gpus();
+    key.isa = "queries on " + (gpus ? gpus->front().name : std::string("no GPU"));
+  }
   return key;
 }
 

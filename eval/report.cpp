@@ -94,10 +94,10 @@ std::string findings(const Evaluation& evaluation) {
   std::string items;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) continue;
-    for (const Claim& claim : figure.stored->result.claims) {
+    for (const auto& [where, claim] : claims_of(figure)) {
       if (!is_against(claim.verdict)) continue;
-      items += "<dt>" + link_to(figure) + " " + escape_html(claim.measured) + " " +
-               chip(claim.verdict) + "</dt><dd class='thesis'>" + escape_html(claim.claim) +
+      items += "<dt>" + link_to(figure) + escape_html(where) + " " + escape_html(claim.measured) +
+               " " + chip(claim.verdict) + "</dt><dd class='thesis'>" + escape_html(claim.claim) +
                "</dd>";
     }
   }
@@ -118,9 +118,9 @@ std::string failures(const Evaluation& evaluation) {
 
 std::string claim_rows(const ReportFigure& figure, const std::string& first_cell, Source source) {
   std::string html;
-  for (const Claim& claim : figure.stored->result.claims) {
+  for (const auto& [where, claim] : claims_of(figure)) {
     if (claim.source != source) continue;
-    html += "<tr>" + first_cell + "<td class='t'>" + escape_html(claim.claim) +
+    html += "<tr>" + first_cell + "<td class='t'>" + escape_html(claim.claim + where) +
             "</td><td class='o'>" + escape_html(claim.measured) + "</td><td class='v'>" +
             chip(claim.verdict) + "</td></tr>\n";
   }
@@ -229,6 +229,12 @@ std::string section_of(const ReportFigure& figure) {
   }
   html += pictures(stored.result) + plots(stored.result);
   for (const Table& t : stored.result.tables) html += table(t);
+  if (figure.on_gpu) {
+    const StoredFigure& gpu = *figure.on_gpu;
+    html += "<p class='sub'>The same, " + escape_html(gpu.key.isa) + " (" + escape_html(gpu.made) +
+            ", commit " + escape_html(gpu.commit) + "):</p>" + plots(gpu.result);
+    for (const Table& t : gpu.result.tables) html += table(t);
+  }
   if (!stored.result.notes.empty()) {
     html += "<ul class='notes'>";
     for (const std::string& note : stored.result.notes)
@@ -262,11 +268,21 @@ const char* heading_of(Source source) {
   return "";
 }
 
+std::vector<PlacedClaim> claims_of(const ReportFigure& figure) {
+  std::vector<PlacedClaim> claims;
+  for (const Claim& claim : figure.stored->result.claims) claims.push_back({"", claim});
+  if (!figure.on_gpu) return claims;
+  for (const Claim& claim : figure.on_gpu->result.claims) {
+    claims.push_back({" (" + figure.on_gpu->key.isa + ")", claim});
+  }
+  return claims;
+}
+
 std::map<Verdict, int> count_verdicts(const Evaluation& evaluation, Source source) {
   std::map<Verdict, int> counts;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) continue;
-    for (const Claim& claim : figure.stored->result.claims) {
+    for (const auto& [where, claim] : claims_of(figure)) {
       if (claim.source == source) ++counts[claim.verdict];
     }
   }

@@ -19,6 +19,12 @@ std::string summary_markdown(const Evaluation& evaluation);
 inline constexpr Source kSources[] = {Source::thesis, Source::ours, Source::docs};
 /// "Claims of the thesis", ...
 const char* heading_of(Source source);
+/// Claims of a figure and, if it was made on a GPU too, of that; `where` is " (queries on ...)".
+struct PlacedClaim {
+  std::string where;
+  Claim claim;
+};
+std::vector<PlacedClaim> claims_of(const ReportFigure& figure);
 /// How many claims of one source came to each verdict; "12 agrees, 3 differs".
 std::map<Verdict, int> count_verdicts(const Evaluation& evaluation, Source source);
 std::string counts_words(const Evaluation& evaluation, Source source);

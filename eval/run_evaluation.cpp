@@ -84,7 +84,7 @@ bool is_among(std::span<const FigureSpec> figures, const FigureSpec& figure) {
 
 /// What lies in the folder; what cannot be used is as if it were absent.
 ReportFigure look_up(const FigureSpec& spec, const fs::path& folder, Evaluation& evaluation) {
-  ReportFigure figure{spec, std::nullopt, false};
+  ReportFigure figure{spec, std::nullopt, false, std::nullopt};
   auto stored = load_figure(spec.id, folder);
   if (stored) {
     // The full form is good for the quick one too.
@@ -152,6 +152,13 @@ Result<Evaluation> run_evaluation(std::span<const FigureSpec> all,
   evaluation.command = options.command;
   for (const FigureSpec& spec : all) {
     evaluation.figures.push_back(look_up(spec, options.output / kDataFolder, evaluation));
+    if (options.gpu_report.empty() || !spec.is_on_gpu) continue;
+    auto on_gpu = load_figure(spec.id, options.gpu_report);
+    if (on_gpu && on_gpu->failure.empty()) {
+      evaluation.figures.back().on_gpu = *std::move(on_gpu);
+    } else if (!on_gpu && on_gpu.error().code != Errc::not_found) {
+      evaluation.warnings.push_back(on_gpu.error().message);
+    }
   }
   if (Status status = make_missing(chosen, options, watcher, evaluation); !status) {
     return status.error();

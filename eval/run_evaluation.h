@@ -16,10 +16,11 @@ namespace palpate::eval {
 
 struct EvaluationOptions {
   Settings settings;
-  std::filesystem::path output;  ///< new, empty, or an earlier report
-  bool fresh = false;            ///< make figures again that are there
-  std::string commit;            ///< of the source, for people; may be empty
-  std::string command;           ///< that makes this report, for people
+  std::filesystem::path output;      ///< new, empty, or an earlier report
+  std::filesystem::path gpu_report;  ///< data of a report made with Backend::cuda; may be empty
+  bool fresh = false;                ///< make figures again that are there
+  std::string commit;                ///< of the source, for people; may be empty
+  std::string command;               ///< that makes this report, for people
 };
 
 /// A figure of the report and what is there of it.
@@ -27,6 +28,7 @@ struct ReportFigure {
   FigureSpec spec;
   std::optional<StoredFigure> stored;  ///< nullopt: not made yet
   bool is_current = false;             ///< made by this program with these settings and data
+  std::optional<StoredFigure> on_gpu;  ///< the same on another machine, whose GPU timed its queries
 };
 
 struct Evaluation {

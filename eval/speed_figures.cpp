@@ -27,7 +27,7 @@ Result<SpeedSweep> sweep_sizes(Context& context, const Interaction& scene, doubl
     if (!tool) return tool.error();
     const auto path = hand_path(scene.frame, **tool, depth, poses);
     if (!path) return path.error();
-    auto query = query_on(scene.frame, **tool);
+    auto query = query_on(scene.frame, **tool, context.settings().backend);
     sweep.x.push_back(size);
     for (std::size_t m = 0; m < sweep.methods.size(); ++m) {
       sweep.times[m].push_back(time_queries(*query, sweep.methods[m].options, path->X_WT));
@@ -106,7 +106,7 @@ Result<FigureResult> figure_3_9(Context& context) {
   if (!tool) return tool.error();
   const auto path = hand_path(scene->frame, **tool, 0.03, context.choose<std::size_t>(1000, 100));
   if (!path) return path.error();
-  auto query = query_on(scene->frame, **tool);
+  auto query = query_on(scene->frame, **tool, context.settings().backend);
   FigureResult result;
   Table table{
       "Shallow scraping, 5,000 spheres", {"method", "mean µs", "deviation µs", "p99 µs"}, {}};
@@ -143,7 +143,7 @@ Result<FigureResult> figure_3_9(Context& context) {
              1e6 * deviation[0], 100 * path->mean_depth),
        are_true({mean[2]<mean[0], mean[2]<mean[1], deviation[2]> deviation[0], deviation[2]>
                      deviation[1]})});
-  if (!is_faster) {
+  if (!is_faster && context.settings().backend == Backend::cpu) {
     result.notes.push_back(
         "On a CPU the boundary stage dominates a shallow query, and what the graph saves after it "
         "is "
@@ -168,10 +168,9 @@ Result<FigureResult> figure_5_1(Context& context) {
     const double limit = limit_of(name);
     return limit >= most ? words("beyond %g", most) : words("up to %.0f", limit);
   };
-  plot.caption =
-      words("1 kHz on one CPU core: graph %s spheres, simplified %s, weighted %s, field %s.",
-            upto("graph").c_str(), upto("simplified").c_str(), upto("weighted").c_str(),
-            upto("field").c_str());
+  plot.caption = words("1 kHz on %s: graph %s spheres, simplified %s, weighted %s, field %s.",
+                       context.place().c_str(), upto("graph").c_str(), upto("simplified").c_str(),
+                       upto("weighted").c_str(), upto("field").c_str());
   plot.log_y = true;
   const auto graph = sweep->medians(sweep->method("graph"));
   const auto simplified = sweep->medians(sweep->method("simplified"));
@@ -195,7 +194,7 @@ Result<FigureResult> figure_5_1(Context& context) {
        "1,000.",
        "Times on another machine: that GPU was not at hand.", Verdict::not_comparable});
   result.claims.push_back(
-      {"One CPU core of today keeps 1 kHz for more spheres than a GTX 780 did.",
+      {words("Today %s keeps 1 kHz for more spheres than a GTX 780 did.", context.place().c_str()),
        words("Graph %s, simplified %s, weighted %s, field %s.", upto("graph").c_str(),
              upto("simplified").c_str(), upto("weighted").c_str(), upto("field").c_str()),
        is_better_in_all(reaches), Source::ours});
@@ -310,7 +309,9 @@ Result<FigureResult> figure_5_3(Context& context) {
              at(graph, 8000), at(graph, 10000), at(simplified, 8000), at(simplified, 10000)),
        are_true(
            {at(graph, 10000) < at(graph, 8000), at(simplified, 10000) < at(simplified, 8000)})});
-  result->notes.push_back("On a CPU no launch of threads has to fit a number of spheres.");
+  if (context.settings().backend == Backend::cpu) {
+    result->notes.push_back("On a CPU no launch of threads has to fit a number of spheres.");
+  }
   return result;
 }
 
@@ -319,7 +320,7 @@ Result<FigureResult> figure_5_4(Context& context) {
   if (!scene) return scene.error();
   const auto tool = context.tool(scene->shape, scene->size, 5000);
   if (!tool) return tool.error();
-  auto query = query_on(scene->frame, **tool);
+  auto query = query_on(scene->frame, **tool, context.settings().backend);
   const double whole = full_volume(**tool, ContactOptions{});
   FigureResult result;
   for (const double depth : {0.28, 0.40}) {
@@ -372,12 +373,12 @@ Result<FigureResult> figure_5_4(Context& context) {
 
 std::vector<FigureSpec> speed_figures() {
   std::vector<FigureSpec> figures{
-      {"3.3", "Weighted against simplified brute force", "Speed", figure_3_3},
-      {"3.9", "Shallow scraping: mean and variance", "Speed", figure_3_9},
-      {"5.1", "Realistic interaction at 10 % depth", "Speed", figure_5_1},
-      {"5.2", "Shallow and medium contact, 7 to 16 %", "Speed", figure_5_2},
-      {"5.3", "Deep contact, 28 to 46 %", "Speed", figure_5_3},
-      {"5.4", "Time along a path", "Speed", figure_5_4},
+      {"3.3", "Weighted against simplified brute force", "Speed", figure_3_3, true, true},
+      {"3.9", "Shallow scraping: mean and variance", "Speed", figure_3_9, true, true},
+      {"5.1", "Realistic interaction at 10 % depth", "Speed", figure_5_1, true, true},
+      {"5.2", "Shallow and medium contact, 7 to 16 %", "Speed", figure_5_2, true, true},
+      {"5.3", "Deep contact, 28 to 46 %", "Speed", figure_5_3, true, true},
+      {"5.4", "Time along a path", "Speed", figure_5_4, true, true},
   };
   for (const auto more :
        {subtask_figures, synthetic_speed, option_speed, sensing_speed, gpu_figures}) {

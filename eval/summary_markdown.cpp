@@ -10,29 +10,29 @@ std::string findings(const Evaluation& evaluation) {
   std::string text;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) continue;
-    for (const Claim& claim : figure.stored->result.claims) {
+    for (const auto& [where, claim] : claims_of(figure)) {
       if (!is_against(claim.verdict)) continue;
       text += "* **" + markdown_cell(figure.spec.id) + "**, " + name_of(claim.verdict) + ": " +
-              markdown_cell(claim.measured) + " *(" + markdown_cell(claim.claim) + ")*\n";
+              markdown_cell(claim.measured) + " *(" + markdown_cell(claim.claim + where) + ")*\n";
     }
   }
   return text;
 }
 
 /// All claims of one source, by section.
-std::string claims_of(const Evaluation& evaluation, Source source) {
+std::string claim_tables(const Evaluation& evaluation, Source source) {
   std::string text, section;
   for (const ReportFigure& figure : evaluation.figures) {
     if (!figure.stored) continue;
-    for (const Claim& claim : figure.stored->result.claims) {
+    for (const auto& [where, claim] : claims_of(figure)) {
       if (claim.source != source) continue;
       if (section != figure.spec.section) {
         section = figure.spec.section;
         text += "\n### " + section +
                 "\n\n| figure | claim | we measure | verdict |\n|---|---|---|---|\n";
       }
-      text += "| " + markdown_cell(figure.spec.id) + " | " + markdown_cell(claim.claim) + " | " +
-              markdown_cell(claim.measured) + " | " + name_of(claim.verdict) + " |\n";
+      text += "| " + markdown_cell(figure.spec.id) + " | " + markdown_cell(claim.claim + where) +
+              " | " + markdown_cell(claim.measured) + " | " + name_of(claim.verdict) + " |\n";
     }
   }
   if (text.empty()) return "";
@@ -84,7 +84,7 @@ std::string summary_markdown(const Evaluation& evaluation) {
   if (!against.empty()) {
     text += "\n## What speaks against the thesis, or against us\n\n" + against;
   }
-  for (const Source source : kSources) text += claims_of(evaluation, source);
+  for (const Source source : kSources) text += claim_tables(evaluation, source);
   return text;
 }
 

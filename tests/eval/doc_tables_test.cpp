@@ -26,9 +26,10 @@ Evaluation some_evaluation() {
   failed.id = "5.1";
   failed.failure = "out of spheres";
   Evaluation evaluation;
-  evaluation.figures = {{{"edges", "Edges", "Time", make_nothing}, stored, true},
-                        {{"5.1", "Times", "Speed", make_nothing}, failed, true},
-                        {{"5.2", "Times", "Speed", make_nothing}, std::nullopt, false}};
+  evaluation.figures = {
+      {{"edges", "Edges", "Time", make_nothing}, stored, true, std::nullopt},
+      {{"5.1", "Times", "Speed", make_nothing}, failed, true, std::nullopt},
+      {{"5.2", "Times", "Speed", make_nothing}, std::nullopt, false, std::nullopt}};
   return evaluation;
 }
 

@@ -239,6 +239,28 @@ TEST_F(Run, TheReportHasEveryClaim) {
   EXPECT_NE(docs.find("wanted it?** 2 not measured."), std::string::npos);
 }
 
+TEST_F(Run, FiguresOfAGpuStandBesideOurs) {
+  const fs::path gpu = temporary_ / "gpu";
+  Key key;
+  key.isa = "queries on a GPU";
+  FigureResult there;
+  there.claims = {{"1.7 times faster", "1.0 times", Verdict::differs}};
+  for (const char* id : {"timed", "noise"}) {
+    ASSERT_TRUE(save_figure({id, key, "abc", "", 0, "", there}, gpu));
+  }
+  FigureSpec timed = kGood;
+  timed.id = "timed";
+  timed.is_on_gpu = true;
+  options_.gpu_report = gpu;
+  const Evaluation evaluation = run({timed, kNoise});
+  // Only of a figure that times queries.
+  EXPECT_EQ(count_verdicts(evaluation, Source::thesis)[Verdict::differs], 1);
+  const std::string docs = summary_markdown(evaluation);
+  EXPECT_NE(docs.find("1.7 times faster (queries on a GPU) | 1.0 times | differs"),
+            std::string::npos);
+  EXPECT_NE(text_of(folder_ / kReportPage).find("The same, queries on a GPU"), std::string::npos);
+}
+
 TEST(Speed, WhereOneCurveLiesBelowAnother) {
   const std::vector<double> x{500, 1000, 2000}, level{2, 2, 2};
   const auto words_of = [&](std::vector<double> curve) { return where_below(x, curve, level); };
