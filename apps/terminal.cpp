@@ -40,6 +40,11 @@ void catch_interrupts() {
 
 bool interrupted() { return g_interrupted != 0; }
 
+void say_beside_progress(const std::string& text) {
+  std::fprintf(stderr, "%spalpate: %s\n", isatty(STDERR_FILENO) != 0 ? "\r\033[K" : "",
+               text.c_str());
+}
+
 Progress::Progress(std::string title)
     : title_(std::move(title)),
       is_terminal_(isatty(STDERR_FILENO) != 0),

@@ -32,4 +32,7 @@ class Progress {
   bool drawn_ = false;
 };
 
+/// A line on stderr while a bar may be shown. Any thread.
+void say_beside_progress(const std::string& text);
+
 }  // namespace palpate::apps

@@ -149,14 +149,21 @@ Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& out
             const std::optional<ProbeChoice>& probe, bool is_cut_short) {
   note_backend(outcome.why_not_cuda);
   for (const std::string& text : outcome.warnings) std::cerr << "palpate: note: " << text << '\n';
-  const bool is_complete = outcome.failure.empty() && !is_cut_short;
+  const bool is_complete = outcome.failure.empty() && outcome.not_kept.empty() && !is_cut_short;
   if (options.json && is_complete) {
     std::cout << outcome.summary_json;
   } else if (!options.json) {
     print_result(tool, outcome);
     if (probe) print_probe(*probe);
-    std::cout << "report: " << (std::filesystem::path(options.output) / "report.html").string()
-              << "\n";
+    const auto report = std::filesystem::path(options.output) / "report.html";
+    std::error_code ignored;
+    if (std::filesystem::exists(report, ignored)) {
+      std::cout << "report: " << report.string() << "\n";
+    }
+  }
+  if (!outcome.not_kept.empty()) {
+    return Error{Errc::io_failure, "not all of the run could be kept: " + outcome.not_kept +
+                                       "; what there is lies in " + options.output};
   }
   if (is_cut_short) {
     return Error{Errc::cancelled, "interrupted; the run so far is complete in " + options.output};
@@ -229,6 +236,11 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   catch_interrupts();
   Progress bar("touching");
   const auto start = std::chrono::steady_clock::now();
+  run.say = [](double time, std::string_view text) {
+    char seconds[32];
+    std::snprintf(seconds, sizeof seconds, "%.2f s: ", time);
+    say_beside_progress(seconds + std::string(text));
+  };
   run.keep_going = [&] {
     if (is_live && bar.due()) {
       const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;

@@ -146,6 +146,9 @@ Status retry(const Options& options) {
               << "report: " << (std::filesystem::path(options.output) / "report.html").string()
               << "\n";
   }
+  if (!outcome->run.not_kept.empty()) {
+    return Error{Errc::io_failure, "not all of the run could be kept: " + outcome->run.not_kept};
+  }
   if (outcome->run.was_interrupted) {
     return Error{Errc::cancelled, "the replay was interrupted before its end"};
   }

@@ -9,10 +9,8 @@
 namespace palpate {
 namespace {
 
-/// A late tick does not earn a leap: ramp and slew count no more than this of it, s.
+/// A late tick does not earn a leap: the slew counts no more than this of it, s.
 constexpr double kLongestCountedTick = 0.005;
-/// Of a fade at a tick of which the clock says nothing: it ends even if the clock stands still.
-constexpr double kFadePerLostTick = 1e-3;
 /// Share of the tank at which the controller begins. The rest is for a hand that moves faster than
 /// it did a moment ago, before the force has come down.
 constexpr double kControlledShare = 0.5;
@@ -46,7 +44,7 @@ Wrench operator*(double s, const Wrench& w) { return {s * w.force, s * w.torque}
 
 Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noexcept {
   if (!has_ticked_ && std::isfinite(input.time)) {
-    last_time_ = last_valid_time_ = start_time_ = input.time;
+    last_time_ = last_valid_time_ = input.time;
     has_ticked_ = true;
   }
   const double dt = input.time - last_time_;
@@ -55,10 +53,11 @@ Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noex
   observe(input.state, dt);
   status_.damping = 0;
 
-  latch(find_fault(wanted, input, dt));
-  if (status_.fault != Fault::none) return last_ = fade(dt);
+  step_gate(wanted, input, dt);
+  if (status_.fault != Fault::none) {
+    return last_ = gate_.fade() > 0 ? gate_.fade() * fade_from_ : Wrench{};
+  }
 
-  engage(wanted, input, dt);
   const Wrench within = limit(wanted);
   const Wrench target = limit(damp(status_.gain * within, dt));
   const Wrench out = slew(target, dt);
@@ -69,12 +68,10 @@ Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noex
   return last_ = out;
 }
 
-void SafetyFilter::rearm() noexcept { *this = SafetyFilter(limits_, options_); }
-
-void SafetyFilter::stop() noexcept { latch(Fault::stopped); }
-
 Fault SafetyFilter::find_fault(const Wrench& wanted, const SafetyInput& input,
                                double dt) const noexcept {
+  if (is_stopping_) return Fault::stopped;
+  if (input.sensor_failed) return Fault::sensor;
   const DeviceState& state = input.state;
   if (!std::isfinite(input.time) || !is_finite(wanted)) return Fault::not_finite;
   if (state.is_valid &&
@@ -82,15 +79,15 @@ Fault SafetyFilter::find_fault(const Wrench& wanted, const SafetyInput& input,
     return Fault::not_finite;
   }
   if (input.backend_failed) return Fault::backend;
-  if (dt < 0 || (status_.is_engaged && dt > options_.max_tick)) return Fault::loop;
+  const bool is_patient = gate_.state() == ForceState::waiting;
+  if (dt < 0 || (!is_patient && dt > options_.max_tick)) return Fault::loop;
 
-  const bool is_patient = !status_.is_engaged;
   const double silence = last_time_ - last_valid_time_;
   if (silence > (is_patient ? std::max(options_.max_device_silence, options_.engage_timeout)
                             : options_.max_device_silence)) {
     return Fault::device;
   }
-  if (!is_patient || last_time_ - start_time_ > options_.engage_timeout) {
+  if (!is_patient || gate_.waiting_seconds(last_time_) > options_.engage_timeout) {
     if (!is_fresh(input.contact_age, options_.max_contact_age)) return Fault::stale_contact;
     if (!is_fresh(input.sensor_age, options_.max_sensor_age)) return Fault::stale_sensor;
   }
@@ -98,25 +95,32 @@ Fault SafetyFilter::find_fault(const Wrench& wanted, const SafetyInput& input,
   return Fault::none;
 }
 
-void SafetyFilter::latch(Fault fault) noexcept {
-  if (fault == Fault::none || status_.fault != Fault::none) return;
-  status_.fault = fault;
-  status_.is_engaged = false;
-  fade_from_ = last_;
-  fade_gain_ = status_.gain;
-  faded_ = -1;
-}
+void SafetyFilter::step_gate(const Wrench& wanted, const SafetyInput& input, double dt) noexcept {
+  const ForceState before = gate_.state();
+  const bool is_off = before == ForceState::off || before == ForceState::held_off;
+  const bool is_pressed = (input.state.buttons & ~last_buttons_ & 1u) != 0;
+  last_buttons_ = input.state.buttons;
 
-/// Linear from what went out at the fault to zero; the tick that finds the fault still gives that.
-Wrench SafetyFilter::fade(double dt) noexcept {
-  if (faded_ < 0) {
-    faded_ = options_.fade_seconds > 0 ? 0 : 1;
-  } else {
-    faded_ += dt > 0 ? dt / options_.fade_seconds : kFadePerLostTick;
-  }
-  const double rest = faded_ < 1 - 1e-9 ? 1 - faded_ : 0;
-  status_.gain = rest * fade_gain_;
-  return rest > 0 ? rest * fade_from_ : Wrench{};
+  ForceGate::Input now;
+  now.time = last_time_;
+  now.dt = dt;
+  now.fault = find_fault(wanted, input, dt);
+  now.is_ready = has_pose_ && input.state.is_valid && dt <= options_.max_tick &&
+                 is_fresh(input.contact_age, options_.max_contact_age) &&
+                 is_fresh(input.sensor_age, options_.max_sensor_age);
+  now.is_quiet = input.is_free || norm(wanted.force) < options_.engage_force;
+  now.is_permitted = !options_.dead_man || (input.state.buttons & 1u) != 0;
+  now.is_asked_for = input.is_asked_for || (is_off && is_pressed);
+  gate_.step(now);
+
+  if (status_.fault == Fault::none && gate_.fault() != Fault::none) fade_from_ = last_;
+  // What was given to the hand is settled once there is no force.
+  if (before == ForceState::fading && gate_.state() != before) status_.energy = 0;
+  status_.state = gate_.state();
+  status_.fault = gate_.fault();
+  status_.fault_time = gate_.fault_time();
+  status_.num_faults = gate_.num_faults();
+  status_.gain = gate_.gain();
 }
 
 /// The force stood still between the ticks, so what it has given the hand is force times way, plus
@@ -134,29 +138,6 @@ void SafetyFilter::observe(const DeviceState& state, double dt) noexcept {
   }
   last_X_BH_ = state.X_BH;
   has_pose_ = true;
-}
-
-void SafetyFilter::engage(const Wrench& wanted, const SafetyInput& input, double dt) noexcept {
-  if (options_.dead_man && (input.state.buttons & 1u) == 0) {
-    status_.is_engaged = false;
-    status_.gain = 0;
-    num_quiet_ticks_ = 0;
-    start_time_ = last_time_;
-    return;
-  }
-  if (!status_.is_engaged) {
-    const bool is_ready = has_pose_ && input.state.is_valid && dt <= options_.max_tick &&
-                          is_fresh(input.contact_age, options_.max_contact_age) &&
-                          is_fresh(input.sensor_age, options_.max_sensor_age);
-    const bool is_quiet = is_ready && norm(wanted.force) < options_.engage_force;
-    num_quiet_ticks_ = is_quiet ? num_quiet_ticks_ + 1 : 0;
-    status_.is_engaged = is_ready && (num_quiet_ticks_ >= options_.engage_ticks ||
-                                      last_time_ - start_time_ >= options_.engage_timeout);
-    status_.gain = status_.is_engaged && !(options_.ramp_seconds > 0) ? 1 : 0;
-  } else if (options_.ramp_seconds > 0) {
-    const double rise = std::min(dt, kLongestCountedTick) / options_.ramp_seconds;
-    status_.gain = std::min(status_.gain + rise, 1.0);
-  }
 }
 
 Wrench SafetyFilter::limit(const Wrench& wrench) const noexcept {

@@ -12,8 +12,7 @@ std::string_view describe(Fault fault) {
   switch (fault) {
     case Fault::none: return "no fault";
     case Fault::not_finite:
-      return "a force or a pose was not a number: the force is off; look at the device's readings "
-             "and begin again";
+      return "a force or a pose was not a number: the force is off; look at the device's readings";
     case Fault::stale_contact:
       return "no contact was computed in time: the force is off; use a smaller tool or fewer "
              "spheres, or allow a larger contact age";
@@ -27,14 +26,35 @@ std::string_view describe(Fault fault) {
       return "ticks came too late or time ran backwards: the force is off; allow real-time "
              "scheduling and close other programs";
     case Fault::backend:
-      return "the contact query failed: the force is off; begin again, with the CPU backend if the "
-             "GPU is lost";
+      return "the contact query failed: the force is off; look at the GPU, or use the CPU "
+             "(--backend cpu)";
     case Fault::energy:
       return "the device gave the hand more energy than damping could take back: the force is off; "
              "lower the coupling's stiffness or the force";
+    case Fault::sensor:
+      return "the depth frames have failed: the force is off; look at the camera or its files";
     case Fault::stopped: return "the force was switched off as asked";
   }
   return "unknown fault: the force is off";
+}
+
+std::string_view describe_change(const SafetyStatus& before, const SafetyStatus& after) {
+  if (after.fault != before.fault && after.fault != Fault::none) return describe(after.fault);
+  if (after.state == before.state) return {};
+  switch (after.state) {
+    case ForceState::waiting:
+      return before.fault == Fault::none
+                 ? "the dead-man switch was let go: the force is off"
+                 : "all is well again: the force comes back once the hand is free of contact";
+    case ForceState::engaged: return "the force comes up";
+    case ForceState::held_off:
+      return "too many faults within a minute: the force stays off until it is asked for, on the "
+             "page or by button 0 of the device";
+    case ForceState::fading:
+    case ForceState::off:
+    case ForceState::ended: break;
+  }
+  return {};
 }
 
 Result<SafetyFilter> SafetyFilter::create(const DeviceLimits& limits,

@@ -77,31 +77,41 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.contact_number = known.number;
   record.frame_number = known.frame_number;
   record.is_stopping = is_stopping_ = is_stopping_ || flags.is_stopping;
+  record.is_force_asked_for = flags.is_force_asked_for;
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
   if (!coupling_->is_felt()) return end_unfelt(record);
-  if (is_stopping_ && safety_.status().fault == Fault::none) safety_.stop();
-  record.F_H_B = safety_.filter(
-      record.step.F_H_B,
-      {state.time, state, record.contact_age,
-       flags.has_sensor_failed ? kLostSensorAge : record.sensor_age, flags.has_backend_failed});
+  if (is_stopping_) safety_.stop();
+  const Wrench& felt = record.step.contact_W;
+  const bool is_free = known.contact.is_valid && known.penetration.volume == 0 &&
+                       felt.force == Vec3d{} && felt.torque == Vec3d{};
+  record.F_H_B =
+      safety_.filter(record.step.F_H_B, {state.time, state, record.contact_age, record.sensor_age,
+                                         flags.has_backend_failed, flags.has_sensor_failed,
+                                         flags.is_force_asked_for, is_free});
   record.safety = safety_.status();
 }
 
-/// Nobody can be hurt: what the tool meets is told as long as it is measured.
+/// Nobody can be hurt: what the tool meets is told whenever it is measured.
 void HandPart::end_unfelt(TickRecord& record) noexcept {
-  Fault& fault = unfelt_.fault;
-  if (fault != Fault::none) {
-  } else if (record.has_backend_failed) {
-    fault = Fault::backend;
-  } else if (record.has_sensor_failed) {
-    fault = Fault::stale_sensor;
-  } else if (record.is_stopping) {
-    fault = Fault::stopped;
+  const Fault fault = record.is_stopping          ? Fault::stopped
+                      : record.has_sensor_failed  ? Fault::sensor
+                      : record.has_backend_failed ? Fault::backend
+                                                  : Fault::none;
+  if (fault != Fault::none && unfelt_.fault == Fault::none) {
+    unfelt_.fault_time = record.device.time;
+    ++unfelt_.num_faults;
   }
-  unfelt_.is_engaged = fault == Fault::none;
-  unfelt_.gain = unfelt_.is_engaged ? 1 : 0;
-  if (!unfelt_.is_engaged) record.step.contact_W = {};
+  unfelt_.fault = fault;
+  unfelt_.state = fault == Fault::none ? ForceState::engaged
+                  : is_lasting(fault)  ? ForceState::ended
+                                       : ForceState::off;
+  unfelt_.gain = unfelt_.is_engaged() ? 1 : 0;
+  if (record.has_backend_failed) {
+    record.step.contact_W = {};
+    record.penetration = record.objects = {};
+    record.penetration.status = StepStatus::backend_failed;
+  }
   record.F_H_B = {};
   record.safety = unfelt_;
 }
@@ -184,7 +194,7 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   return contact_ = contact;
 }
 
-const TickRecord& Pipeline::tick(const DeviceState& state, bool is_stopping) noexcept {
+const TickRecord& Pipeline::tick(const DeviceState& state, TickFlags flags) noexcept {
   if (!std::exchange(has_begun_, true)) {
     start_time_ = state.time;
     hand_->set_start_time(start_time_);
@@ -194,7 +204,8 @@ const TickRecord& Pipeline::tick(const DeviceState& state, bool is_stopping) noe
   if (is_prescribed && can_measure && state.is_valid && is_finite(state.X_BH)) {
     measure(prescribed_pose(checked_coupling_, state), state.time);
   }
-  hand_->tick(state, contact_, {is_stopping, false, has_backend_failed_}, record_);
+  flags.has_backend_failed = flags.has_backend_failed || has_backend_failed_;
+  hand_->tick(state, contact_, flags, record_);
   if (!is_prescribed && can_measure && hand_->has_tool()) measure(record_.step.X_WT, state.time);
   return record_;
 }

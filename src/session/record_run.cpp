@@ -16,8 +16,7 @@ namespace {
 /// All that is kept of a run while it goes on; what the publishing thread calls.
 class Keeper {
  public:
-  /// `monitor` may be null.
-  explicit Keeper(RunMonitor* monitor) : monitor_(monitor) {}
+  explicit Keeper(const RunOptions& options) : monitor_(options.monitor), say_(options.say) {}
   /// Before the run begins.
   void begin(RunRecorder recorder, RunResults results) {
     recorder_.emplace(std::move(recorder));
@@ -67,15 +66,28 @@ class Keeper {
   void add(const TickRecord& tick) {
     recorder_->add_tick(tick);
     results_->add_tick(tick);
-    if (tick.safety.fault == fault_) return;
-    fault_ = tick.safety.fault;
-    recorder_->add_note(describe(fault_));
+    // That the force comes up at the beginning and fades at the end needs no words.
+    const std::string_view change =
+        describe_change(std::exchange(safety_, tick.safety), tick.safety);
+    if (!change.empty() && safety_.num_faults > 0 && safety_.fault != Fault::stopped) {
+      recorder_->add_note(change);
+      say(tick.time, change);
+    }
+    if (const std::string& trouble = recorder_->trouble(); !trouble.empty() && !has_told_trouble_) {
+      has_told_trouble_ = true;
+      say(tick.time, trouble);
+    }
+  }
+  void say(double time, std::string_view text) const {
+    if (say_) say_(time, text);
   }
 
   std::optional<RunRecorder> recorder_;
   std::optional<RunResults> results_;
   RunMonitor* monitor_;
-  Fault fault_ = Fault::none;
+  std::function<void(double, std::string_view)> say_;
+  SafetyStatus safety_;  // of the last tick
+  bool has_told_trouble_ = false;
 };
 
 /// False if somebody wants the run to end.
@@ -150,7 +162,7 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
   RunLog log;
   log.setup = {settings, source.info(), device.info(), 0, options.time_origin, options.probe};
   RunSettings& used = log.setup.settings;
-  Keeper keeper(options.monitor);
+  Keeper keeper(options);
   auto chosen = choose_loop(tool, source, device, used, options, keeper.observer());
   if (!chosen) return chosen.error();
   RunLoop& loop = *chosen->loop;
@@ -195,11 +207,11 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
   if (!log.loop.ending.empty()) keeper.recorder().add_note(log.loop.ending);
   keeper.recorder().finish();
   if (const std::string& trouble = keeper.recorder().trouble(); !trouble.empty()) {
-    log.warnings.push_back(trouble);
+    log.add_not_kept(trouble);
   }
   std::string summary = keeper.results().write(folder->target(), tool, loop.times(), log);
-  return RunOutcome{log.loop,     log.peaks,        used,        std::move(summary),
-                    log.warnings, log.why_not_cuda, log.failure, log.was_interrupted};
+  return RunOutcome{log.loop,         log.peaks,   used,         std::move(summary), log.warnings,
+                    log.why_not_cuda, log.failure, log.not_kept, log.was_interrupted};
 }
 
 }  // namespace palpate

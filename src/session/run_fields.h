@@ -84,8 +84,10 @@ void visit_fields(T& step, auto&& visit) {
 
 template <Of<SafetyStatus> T>
 void visit_fields(T& safety, auto&& visit) {
+  visit("state", safety.state);
   visit("fault", safety.fault);
-  visit("is_engaged", safety.is_engaged);
+  visit("fault_time", safety.fault_time);
+  visit("num_faults", safety.num_faults);
   visit("gain", safety.gain);
   visit("energy", safety.energy);
   visit("damping", safety.damping);
@@ -120,6 +122,7 @@ void visit_fields(T& tick, auto&& visit) {
   visit("contact_number", tick.contact_number);
   visit("frame_number", tick.frame_number);
   visit("is_stopping", tick.is_stopping);
+  visit("is_force_asked_for", tick.is_force_asked_for);
   visit("has_sensor_failed", tick.has_sensor_failed);
   visit("has_backend_failed", tick.has_backend_failed);
   visit("compute_nanoseconds", tick.compute_nanoseconds);

@@ -1,6 +1,8 @@
 #include "palpate/session/run_folder.h"
 
+#include <fcntl.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -36,6 +38,15 @@ fs::path find_foreign(const fs::path& folder, std::error_code& error) {
   return {};
 }
 
+/// The recording of a run, locked against every other program that writes a run; -1: there is none,
+/// or `is_taken`. File systems that know no locks have none.
+int lock_recording(const fs::path& folder, bool& is_taken) {
+  const int file = open((folder / kRecordingFile).c_str(), O_RDONLY | O_CLOEXEC);
+  is_taken = file >= 0 && flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  if (is_taken) close(file);
+  return is_taken ? -1 : file;
+}
+
 /// Nothing, an empty folder, or a run of ours and nothing else: what may be replaced.
 Status check_replaceable(const fs::path& folder) {
   std::error_code error;
@@ -48,7 +59,11 @@ Status check_replaceable(const fs::path& folder) {
   if (fs::is_empty(folder, error) && !error) return Done{};
   const fs::path foreign = find_foreign(folder, error);
   if (!error && foreign.empty() && is_run(folder)) {
-    return Done{};
+    bool is_taken = false;
+    if (const int file = lock_recording(folder, is_taken); file >= 0) close(file);
+    if (!is_taken) return Done{};
+    return Error{Errc::io_failure, "another program is writing a run to " + folder.string() +
+                                       "; give another folder, or wait until that has ended"};
   }
   const std::string what =
       foreign.empty() ? "" : " (" + foreign.lexically_relative(folder).string() + ")";
@@ -87,9 +102,12 @@ RunFolder::RunFolder(fs::path target, fs::path partial)
     : target_(std::move(target)), partial_(std::move(partial)) {}
 
 RunFolder::RunFolder(RunFolder&& other) noexcept
-    : target_(std::move(other.target_)), partial_(std::exchange(other.partial_, {})) {}
+    : target_(std::move(other.target_)),
+      partial_(std::exchange(other.partial_, {})),
+      lock_(std::exchange(other.lock_, -1)) {}
 
 RunFolder::~RunFolder() {
+  if (lock_ >= 0) close(lock_);
   std::error_code ignored;
   if (!partial_.empty()) fs::remove_all(partial_, ignored);
 }
@@ -125,6 +143,8 @@ Status RunFolder::commit() {
   std::error_code error, ignored;
   fs::path old = partial_;
   old += ".replaced";
+  bool is_taken = false;
+  if (lock_ < 0) lock_ = lock_recording(partial_, is_taken);
   // Once more, should another run of the same name get in between.
   for (int attempt = 0; attempt < 20; ++attempt) {
     const bool replaces = fs::exists(target_, ignored);

@@ -93,7 +93,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, std::int64_t>) return "int64";
   if constexpr (std::same_as<T, std::uint32_t>) return "uint32";
   if constexpr (std::same_as<T, std::int32_t>) return "int32";
-  if constexpr (std::same_as<T, Fault>) return "uint8";
+  if constexpr (std::same_as<T, Fault> || std::same_as<T, ForceState>) return "uint8";
   if constexpr (std::same_as<T, std::string>) return "string";
   if constexpr (std::same_as<T, Stiffness>) return "float64[36]";
   if constexpr (std::same_as<T, Vec3d>) return "geometry_msgs/Vector3";

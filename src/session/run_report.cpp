@@ -403,6 +403,29 @@ Json peaks_json(const Tool& tool, const RunLog& log) {
   return json;
 }
 
+/// Times without force.
+Json faults_json(const RunLog& log) {
+  Json faults = Json::array();
+  for (const auto& [time, fault, seconds] : log.faults) {
+    faults.push_back({{"time_s", time},
+                      {"fault", name_of(fault)},
+                      {"seconds", seconds ? Json(*seconds) : Json()}});
+  }
+  return faults;
+}
+
+std::string faults_table(const RunLog& log) {
+  if (log.faults.empty()) return {};
+  std::string html = "<h2>Times without force</h2><table>";
+  for (const auto& [time, fault, seconds] : log.faults) {
+    html += row(
+        short_number(time, 4) + " s",
+        std::string(describe(fault)) + (seconds ? "; back after " + short_number(*seconds, 3) + " s"
+                                                : "; it did not come back"));
+  }
+  return html + "</table>\n";
+}
+
 }  // namespace
 
 std::string summary_json(const Tool& tool, const RunLog& log, const LoopTimes& times) {
@@ -430,7 +453,9 @@ std::string summary_json(const Tool& tool, const RunLog& log, const LoopTimes& t
             {"ending", log.loop.ending},
             {"fault", name_of(fault_of(log))},
             {"fault_meaning", std::string(describe(fault_of(log)))},
+            {"faults", faults_json(log)},
             {"failure", log.failure},
+            {"not_kept", log.not_kept},
             {"newtons_per_m3", log.newtons_per_cubic_metre},
             {"peaks", peaks_json(tool, log)},
             {"engaged_ticks", log.peaks.num_engaged},
@@ -463,6 +488,7 @@ std::string run_page(const Tool& tool, const RunLog& log, const LoopTimes& times
                     ". What is shown is complete up to there.");
   }
   if (!log.failure.empty()) html += warning("The run ended early: " + log.failure);
+  if (!log.not_kept.empty()) html += warning("Not all of the run is kept: " + log.not_kept);
   html += headline(tool, log, times);
   if (!log.deepest_frame.pixels.empty()) {
     const auto pictures = deepest_moment_html(tool, log);
@@ -475,7 +501,7 @@ std::string run_page(const Tool& tool, const RunLog& log, const LoopTimes& times
   base.events = log.frame_times;
   if (!base.x.empty()) {
     html += tool_plots(tool, log, base);
-    if (log.has_hand()) html += hand_plots(log, base) + safety_plots(log, base);
+    if (log.has_hand()) html += hand_plots(log, base) + safety_plots(log, base) + faults_table(log);
     html += "<h2>How long it took</h2>\n" + tail_plot(times) + stage_table(times);
   }
   if (!log.warnings.empty()) html += "<h2>Notes</h2>\n";

@@ -1,6 +1,7 @@
 #include "src/session/run_results.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "palpate/io/atomic_file.h"
@@ -12,6 +13,7 @@ namespace {
 
 constexpr const char* kCsv = "wrench.csv";
 constexpr const char* kUnfinishedCsv = "wrench.csv.part";
+constexpr std::size_t kMostFaultPeriods = 1000;
 constexpr std::size_t kNumRecent = 3;  // frames; contacts are at most one behind
 
 /// `measure` is the contact's volume times direction, before the volume stiffness makes newtons.
@@ -63,9 +65,18 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
 
 void RunResults::add_tick(const TickRecord& tick) {
   const auto& [p, q] = tick.step.X_WT;
-  const Penetration& all = tick.penetration;
+  // Nothing was measured: not zero.
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const bool is_lost = tick.safety.fault == Fault::backend && !tick.safety.is_engaged() &&
+                       tick.penetration.status.has(StepStatus::backend_failed);
+  Penetration all = tick.penetration;
+  Wrench on_tool = tick.step.contact_W;
+  if (is_lost) {
+    all.volume = kNone;
+    all.measure_W = on_tool = {{kNone, kNone, kNone}, {kNone, kNone, kNone}};
+  }
   const auto& [mf, mt] = all.measure_W;
-  const auto& [force, torque] = tick.step.contact_W;
+  const auto& [force, torque] = on_tool;
   const auto& [hand_force, hand_torque] = tick.F_H_B;
   const auto& [of, ot] = tick.objects.measure_W;
   // That the force fades at the end is no fault.
@@ -83,8 +94,24 @@ void RunResults::add_tick(const TickRecord& tick) {
   series_.add(tick);
   if (!has_ticked_ || all.volume > peaks_.volume) keep_deepest(tick);
   peaks_.add(tick);
+  add_fault(tick);
   has_ticked_ = true;
   start_ = tick.device.time - tick.time;
+}
+
+void RunResults::add_fault(const TickRecord& tick) {
+  const SafetyStatus& safety = tick.safety;
+  const bool is_open = !faults_.empty() && !faults_.back().seconds;
+  if (is_open && safety.is_engaged()) faults_.back().seconds = tick.time - faults_.back().time;
+  const bool is_new = safety.num_faults > num_faults_ && safety.fault != Fault::stopped;
+  num_faults_ = safety.num_faults;
+  if (!is_new || faults_.size() == kMostFaultPeriods) return;
+  // One that came while the force was still away: the time without force goes on.
+  if (is_open) {
+    faults_.back().fault = safety.fault;
+  } else {
+    faults_.push_back({tick.time, safety.fault});
+  }
 }
 
 void RunResults::keep_deepest(const TickRecord& tick) {
@@ -112,6 +139,7 @@ std::string RunResults::scarce_surface_warning(const RunSetup& setup) const {
 void RunResults::move_to(RunLog& log) {
   log.series = std::move(series_);
   log.peaks = peaks_;
+  log.faults = std::move(faults_);
   log.changes = std::move(changes_);
   log.deepest = deepest_;
   if (deepest_frame_.number == deepest_.frame_number) {
@@ -129,13 +157,13 @@ void RunResults::finish_csv(const fs::path& folder, RunLog& log) {
   csv_.close();
   const fs::path unfinished = folder / kUnfinishedCsv;
   if (!csv_) {
-    log.warnings.push_back(unfinished.string() + " is cut off: check the free space");
+    log.add_not_kept(unfinished.string() + " is cut off: check the free space");
     return;
   }
   std::error_code error;
   fs::rename(unfinished, folder / kCsv, error);
   if (error) {
-    log.warnings.push_back("cannot rename " + unfinished.string() + ": " + error.message());
+    log.add_not_kept("cannot rename " + unfinished.string() + ": " + error.message());
   }
 }
 
@@ -148,7 +176,7 @@ std::string RunResults::write(const fs::path& folder, const Tool& tool, const Lo
                                                        {"report.html", run_page(tool, log, times)}};
   for (const auto& [file, text] : files) {
     const Status status = write_file_atomically(folder / file, text);
-    if (!status) log.warnings.push_back(status.error().message);
+    if (!status) log.add_not_kept(status.error().message);
   }
   return summary;
 }

@@ -22,13 +22,14 @@ class RunResults {
 
   /// After the last tick: what was added goes into `log`, and all into files. The folder may have
   /// another name by now. A disk that is full takes nothing from what there is: what is missing is
-  /// told in `log.warnings`. Returns what summary.json holds.
+  /// told in `log.not_kept`. Returns what summary.json holds.
   std::string write(const std::filesystem::path& folder, const Tool& tool, const LoopTimes& times,
                     RunLog& log);
 
  private:
   void move_to(RunLog& log);
   void finish_csv(const std::filesystem::path& folder, RunLog& log);
+  void add_fault(const TickRecord& tick);
   void keep_deepest(const TickRecord& tick);
   std::string scarce_surface_warning(const RunSetup& setup) const;
 
@@ -44,6 +45,8 @@ class RunResults {
   std::vector<RunSettings> changes_;
   RunSeries series_;
   RunPeaks peaks_;
+  std::vector<FaultPeriod> faults_;
+  std::uint32_t num_faults_ = 0;
   std::vector<double> captures_;  // s, on the clock of the device states
   double start_ = 0;              // s, on that clock: of the run
   std::deque<SeenFrame> recent_;

@@ -49,7 +49,7 @@ void RunPeaks::add(const TickRecord& tick) {
   raise(tick.objects.volume, tick.time, objects_volume, objects_volume_time);
   energy = std::max(energy, tick.safety.energy);
   spring_energy = std::max(spring_energy, tick.step.energy);
-  num_engaged += tick.safety.is_engaged ? 1 : 0;
+  num_engaged += tick.safety.is_engaged() ? 1 : 0;
   num_limited = tick.safety.num_limited;
   num_in_contact += tick.penetration.volume > 0 ? 1 : 0;
   num_in_objects += tick.num_object_pairs > 0 ? 1 : 0;

@@ -185,13 +185,25 @@ Json LiveViewImpl::note(const TickRecord& last) const {
   if (loop_ == nullptr) {
     return "the run has ended; palpate view with the folder of the run shows it again";
   }
-  if (last.safety.fault != Fault::none) {
-    return last.safety.gain > 0 ? "the force fades out" : "the force has faded out";
+  const auto tenths = [](double seconds) {
+    return Json(std::floor(10 * std::clamp(seconds, 0.0, 1e6)) / 10).dump() + " s";
+  };
+  const SafetyStatus& safety = last.safety;
+  if (safety.state == ForceState::ended) return "the force has faded out";
+  if (safety.fault != Fault::none) {
+    const std::string since = " (for " + tenths(last.device.time - safety.fault_time) + ", fault " +
+                              std::to_string(safety.num_faults) + ")";
+    const char* const more =
+        safety.state == ForceState::held_off
+            ? "; too many faults within a minute: it stays off until you ask for it"
+            : "";
+    return std::string(describe(safety.fault)) + more + since;
+  }
+  if (safety.state == ForceState::waiting && safety.num_faults > 0) {
+    return "all is well again: the force comes back once the hand is free of contact";
   }
   if (last.sensor_age > stale_age_ && last.contact_number > 0) {
-    const auto hundredths = static_cast<long long>(100 * std::min(last.sensor_age, 1e6));
-    return "the depth images are stale: the last one was taken " +
-           Json(static_cast<double>(hundredths) / 100).dump() + " s ago";
+    return "the depth images are stale: the last one was taken " + tenths(last.sensor_age) + " ago";
   }
   if (are_frames_held_) return "depth images are held: the scene stands still";
   return {};
@@ -205,6 +217,7 @@ std::string LiveViewImpl::state() {
               {"running", loop_ != nullptr && loop_->is_running()},
               {"fault", fault_},
               {"note", note(last)},
+              {"force", name_of(last.safety.state)},
               {"paused", are_frames_held_},
               {"revision", revision_},
               {"settings", control_values(settings_of(settings_), is_live_control)},
@@ -229,9 +242,9 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
   const auto command = ViewCommand::parse(json);
   if (!command) return command.error();
   const std::string& name = command->name();
-  constexpr const char* kKnown = "show, get, set, pause, resume, step, mark and end";
+  constexpr const char* kKnown = "show, get, set, pause, resume, step, force, mark and end";
   const bool is_known = name == "set" || name == "pause" || name == "resume" || name == "step" ||
-                        name == "mark" || name == "end";
+                        name == "force" || name == "mark" || name == "end";
   if (!is_known) return command->unknown(kKnown);
   const std::lock_guard lock(mutex_);
   if (loop_ == nullptr) {
@@ -242,6 +255,8 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
     auto text = command->text("text", kLongestMark);
     if (!text) return text.error();
     monitor_.marks.add(*std::move(text));
+  } else if (name == "force") {
+    loop_->ask_for_force();
   } else if (name == "end") {
     wants_end_ = true;
   } else {

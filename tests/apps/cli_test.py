@@ -9,6 +9,7 @@ import math
 import os
 import pathlib
 import re
+import resource
 import shutil
 import signal
 import struct
@@ -1020,6 +1021,24 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(read(os.path.join(run, "wrench.csv")), lines)
         self.expect_failure(1, *touch, 121, mentions="120 spheres")
         self.expect_failure(2, *touch, 0, mentions="--spheres: must be ")
+
+    def test_a_run_that_cannot_be_kept_says_so(self):
+        """A disk that fills up: here a limit on the size of files."""
+        run = self.path("no_space")
+
+        def limit():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (100000, 100000))
+        result = subprocess.run(
+            [PALPATE, *map(str, self.sequence("-o", run, "--depth-rate", 2, "--device", "sim",
+                                              "--duration", 1.5, "--settings",
+                                              self.patient_settings("no_space.toml")))],
+            capture_output=True, text=True, preexec_fn=limit, restore_signals=False, timeout=120)
+        self.assertEqual(result.returncode, 1, result.stderr)
+        self.assertIn("palpate: not all of the run could be kept: ", result.stderr)
+        self.assertFalse(os.path.exists(os.path.join(run, "wrench.csv")))
+        if not os.path.exists(os.path.join(run, "report.html")):
+            self.assertNotIn("report:", result.stdout)
 
     def test_touch_live_and_replay(self):
         # Ages that no busy machine reaches.

@@ -307,6 +307,68 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   surfaces.stop();
 }
 
+/// A query on a GPU that is lost.
+class LostQuery final : public ContactQuery {
+ public:
+  using ContactQuery::measure;
+  explicit LostQuery(const ContactQuery& like) : ContactQuery(like.index(), like.method()) {}
+  ContactResult measure(const Surfaces&, const Surfaces&, double, const Pose&,
+                        const ContactWants&) const noexcept override {
+    ContactResult nothing;
+    nothing.penetration.status = StepStatus::backend_failed;
+    return nothing;
+  }
+};
+
+// While nothing is measured the force is away; with another part everything is measured again.
+TEST(LiveLoopChange, ALostBackendIsReplaced) {
+  WallSource source({.rate = 200});
+  const RunSettings settings = patient_settings();
+  ScriptedDevice device({});
+  const auto parts_of = [&] {
+    return make_run_parts(ToolIndex::create(box_tool()), source.info(), device.info(), settings,
+                          {nullptr, SurfaceStage::kNumSpare, nullptr})
+        .value();
+  };
+  LoopTimes times;
+  RunParts parts = parts_of(), next = parts_of();
+  auto lost = std::make_unique<ContactPart>(
+      box_tool(), std::make_unique<LostQuery>(parts.contact->query()), parts.scale);
+  SurfaceStage surfaces(source, *std::move(parts.timeline), 1, false, times.surface_compute);
+  ContactStage contacts(std::move(lost), surfaces,
+                        {1000, 1e-3, box_tool().spheres().size(), false, false, 0},
+                        times.contact_compute);
+  HapticStage haptic({std::move(parts.coupling),
+                      SafetyFilter::create(device.info().limits, settings.safety).value(), 1e-3},
+                     surfaces, contacts, {1e-3, false, false}, times);
+  ASSERT_TRUE(surfaces.start());
+  contacts.start(monotonic_now());
+  TickRecord record;
+  const auto tick = [&] {
+    DeviceState state;
+    state.time = monotonic_now();
+    state.is_valid = true;
+    haptic.tick(state);
+    haptic.latest(record);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  };
+  EXPECT_TRUE(wait_for([&] { return tick(), record.safety.state == ForceState::off; }));
+  EXPECT_EQ(record.safety.fault, Fault::backend);
+  EXPECT_TRUE(contacts.has_backend_failed());
+  EXPECT_EQ(contacts.num_contacts(), 0u);
+
+  SurfaceChange surface_change{1, std::move(next.timeline)};
+  ContactChange contact_change{1, 1, 1000, next.scale, std::move(next.contact)};
+  contacts.changes().offer(contact_change);
+  surfaces.changes().offer(surface_change);
+  EXPECT_TRUE(wait_for([&] { return tick(), record.safety.is_engaged(); }));
+  EXPECT_FALSE(contacts.has_backend_failed());
+  EXPECT_GT(contacts.num_contacts(), 0u);
+  EXPECT_FALSE(haptic.has_faded());
+  contacts.stop();
+  surfaces.stop();
+}
+
 // Couplings
 
 /// A wall that pushes back with 2000 N/m, known at the tool's pose.

@@ -166,9 +166,32 @@ TEST(LiveLoop, FadesOutWhenTheSourceFails) {
   EXPECT_TRUE(wait_for([&] { return !(*loop)->is_running(); }));
   EXPECT_EQ(device.last_force(), 0);
   EXPECT_GT(device.num_ticks(), 0);
-  EXPECT_EQ((*loop)->report().fault, Fault::stale_sensor);
+  EXPECT_EQ((*loop)->report().fault, Fault::sensor);
   ASSERT_FALSE((*loop)->status());
   EXPECT_EQ((*loop)->status().error().message, "the wall fell over");
+}
+
+TEST(LiveLoop, AForceThatStaysAwayComesWhenItIsAskedFor) {
+  WallSource source({.stalls_at = 12, .stall_seconds = 0.6});
+  ScriptedDevice device({});
+  RunSettings settings = patient_settings();
+  settings.safety.max_sensor_age = 0.3;
+  settings.safety.max_recoveries = 0;
+  settings.safety.recover_seconds = 0.02;
+  auto loop = RunLoop::create(box_tool(), source, device, settings);
+  ASSERT_TRUE(loop);
+  ASSERT_TRUE((*loop)->start());
+  TickRecord tick;
+  const auto comes_to = [&](ForceState state) {
+    return wait_for([&] { return (*loop)->latest(tick) && tick.safety.state == state; });
+  };
+  EXPECT_TRUE(comes_to(ForceState::held_off));
+  EXPECT_EQ(tick.safety.fault, Fault::stale_sensor);
+  EXPECT_EQ(device.last_force(), 0);
+  (*loop)->ask_for_force();
+  EXPECT_TRUE(comes_to(ForceState::engaged));
+  EXPECT_TRUE((*loop)->is_running());
+  EXPECT_TRUE((*loop)->status());
 }
 
 TEST(LiveLoop, EndsWhenTheDeviceIsLost) {

@@ -24,7 +24,8 @@ class WallSource final : public DepthSource {
   struct Options {
     std::function<double(int frame)> depth = [](int) { return 0.5; };  // m
     int num_frames = 1 << 30;
-    int fails_at = -1;  // frame number
+    int fails_at = -1, stalls_at = -1;  // frame numbers
+    double stall_seconds = 0;
     double rate = 30;
     int width = 96, height = 72;
   };
@@ -40,6 +41,9 @@ class WallSource final : public DepthSource {
   Result<bool> next(DepthFrame& frame) override {
     if (number_ == options_.fails_at) return Error{Errc::io_failure, "the wall fell over"};
     if (number_ == options_.num_frames) return false;
+    if (number_ == options_.stalls_at) {
+      std::this_thread::sleep_for(std::chrono::duration<double>(options_.stall_seconds));
+    }
     frame.width = info_.width;
     frame.height = info_.height;
     frame.unit = kUnit;

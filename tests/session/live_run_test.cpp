@@ -60,7 +60,8 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
   tick.step.stretch = std::numeric_limits<double>::quiet_NaN();
   tick.step.energy = -std::numeric_limits<double>::infinity();
   tick.F_H_B = {{1.7976931348623157e308, 2, 3}, {4, 5, 6}};
-  tick.safety = {Fault::stale_sensor, true, 0.25, 1e-3, 2.5, 77};
+  tick.safety = {ForceState::off, Fault::stale_sensor, 12.5, 3, 0.25, 1e-3, 2.5, 77};
+  tick.is_force_asked_for = true;
   tick.is_stopping = true;
   tick.compute_nanoseconds = -12;
   const std::string text = tick_message(tick);
@@ -74,6 +75,9 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
   EXPECT_TRUE(std::isnan(back->step.stretch));
   EXPECT_EQ(back->step.energy, tick.step.energy);
   EXPECT_EQ(back->safety.fault, Fault::stale_sensor);
+  EXPECT_EQ(back->safety.state, ForceState::off);
+  EXPECT_EQ(back->safety.num_faults, 3u);
+  EXPECT_TRUE(back->is_force_asked_for);
   EXPECT_EQ(back->safety.num_limited, 77u);
   for (std::size_t size = 0; size < text.size(); size += 17) {
     EXPECT_FALSE(read_tick(text.substr(0, size))) << size;
@@ -386,21 +390,98 @@ TEST(LiveRun, KilledLosesNoMoreThanTheLastHalfSecond) {
   EXPECT_NE(replay->note.find("cut off"), std::string::npos);
 }
 
+/// One that says nothing for a while, as a camera with a loose plug.
+class StallingStream final : public SyntheticStream {
+ public:
+  using SyntheticStream::SyntheticStream;
+  Result<bool> next(DepthFrame& frame) override {
+    if (++num_ == 15) std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    return SyntheticStream::next(frame);
+  }
+
+ private:
+  int num_ = 0;
+};
+
+TEST(LiveRun, GoesOnAfterAFaultThatPassesAndIsRepeated) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  RunSettings settings = patient_settings();
+  settings.safety.max_sensor_age = 0.3;
+  settings.safety.recover_seconds = 0.1;
+  StallingStream stream(100000);
+  const auto device = pressing_device();
+  std::atomic<bool> has_fault = false, is_back = false;
+  std::vector<std::string> said;
+  RunMonitor monitor;
+  std::atomic<RunLoop*> loop = nullptr;
+  monitor.on_loop = [&](RunLoop* now) { loop = now; };
+  monitor.observer.on_ticks = [&](std::span<const TickRecord> ticks) {
+    for (const TickRecord& tick : ticks) {
+      // The hand is still in contact, so it has to ask.
+      if (has_fault && tick.safety.state == ForceState::waiting && loop) {
+        loop.load()->ask_for_force();
+      }
+      has_fault = has_fault || tick.safety.fault == Fault::stale_sensor;
+      is_back = is_back || (has_fault && tick.safety.is_engaged() && tick.safety.gain > 0.5);
+    }
+  };
+  RunOptions options;
+  options.monitor = &monitor;
+  options.say = [&](double, std::string_view text) { said.emplace_back(text); };
+  const double deadline = monotonic_now() + 60;
+  options.keep_going = [&] { return !is_back && monotonic_now() < deadline; };
+  const auto outcome = record_run(small_tool(), stream, *device, settings, run, options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_TRUE(is_back);
+  EXPECT_EQ(outcome->failure, "");
+  EXPECT_GT(outcome->loop.num_faults, 0u);
+  ASSERT_GE(said.size(), 3u);
+  EXPECT_EQ(said.front(), describe(Fault::stale_sensor));
+  EXPECT_EQ(said.back(), "the force comes up");
+  const auto summary = nlohmann::json::parse(outcome->summary_json);
+  EXPECT_EQ(summary["fault"], "none");
+  ASSERT_FALSE(summary["faults"].empty());
+  EXPECT_EQ(summary["faults"][0]["fault"], "stale_sensor");
+  EXPECT_GT(summary["faults"][0]["seconds"], 0.1);
+  EXPECT_NE(read(run / "report.html").find("Times without force"), std::string::npos);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
+}
+
+TEST(LiveRun, NoOtherRunTakesItsFolder) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  std::string refused;
+  RunOptions options;
+  options.keep_going = [&] {
+    const auto other = run_for(0.1, run);
+    refused = other ? "it was not refused" : other.error().message;
+    return false;
+  };
+  SyntheticStream stream(100000);
+  const auto device = pressing_device();
+  const auto outcome = record_run(small_tool(), stream, *device, patient_settings(), run, options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_NE(refused.find("another program is writing a run to"), std::string::npos) << refused;
+  EXPECT_EQ(outcome->not_kept, "");
+  EXPECT_EQ(replay_run(run)->difference, "");
+  EXPECT_TRUE(run_for(0.1, run));  // now it may be replaced
+}
+
 TEST(LiveRun, GoesOnWhenTheDiskIsFull) {
   const TemporaryFolder folder;
   const auto run = folder.path() / "run";
   const pid_t child = fork();
   if (child == 0) {
     signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{60'000, 60'000};  // late ticks record less
+    const rlimit limit{800'000, 800'000};  // a second of ticks
     setrlimit(RLIMIT_FSIZE, &limit);
-    const auto outcome = run_for(1.5, run);
-    bool has_told = false;
-    if (outcome) {
-      for (const std::string& text : outcome->warnings) {
-        has_told = has_told || text.find("the recording ended before the run") == 0;
-      }
-    }
+    const auto outcome = run_for(3, run);
+    const bool has_told = outcome && outcome->not_kept.find("the recording ended before the run") !=
+                                         std::string::npos;
     _exit(outcome && has_told && outcome->failure.empty() && outcome->loop.seconds > 1.4 ? 0 : 1);
   }
   int status = 0;

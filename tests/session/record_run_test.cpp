@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -170,9 +171,12 @@ TEST_F(RecordRun, RetriesWithOtherSettings) {
 
 TEST_F(RecordRun, InterruptedRunIsWholeAndReplays) {
   RunOptions options;
-  // Is asked at once, and again a tenth of a second later, when there is something to interrupt.
-  options.keep_going = [num_asked = 0]() mutable { return num_asked++ == 0; };
-  options.clock.keeps_pace = true;
+  std::atomic<bool> has_begun = false;
+  RunMonitor monitor;
+  monitor.observer.on_ticks = [&](std::span<const TickRecord>) { has_begun = true; };
+  options.monitor = &monitor;
+  options.keep_going = [&] { return !has_begun; };
+  options.clock.keeps_pace = true;  // so that there is something to interrupt
   const auto outcome = record(run(), SyntheticStream(60), options);
   ASSERT_TRUE(outcome) << outcome.error().message;
   EXPECT_TRUE(outcome->was_interrupted);

@@ -40,7 +40,7 @@ export class Page implements Listener {
   private readonly stage = element('main', 'stage');
   private readonly canvas = element('canvas', 'scene');
   private readonly bar = new TopBar();
-  private readonly banner = new Banner();
+  private readonly banner = new Banner(() => void this.command({ command: 'force' }));
   private readonly readouts = new Readouts();
   private readonly legend = new Legend();
   private readonly image = new CameraImage();

@@ -45,6 +45,7 @@ export interface State {
   running: boolean;
   fault: string | null;
   note: string | null;
+  force?: string; // live: waiting, engaged, fading, off, held_off, ended
   paused: boolean;
   revision: number;
   settings: Record<string, Value>;

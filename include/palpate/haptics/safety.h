@@ -6,39 +6,15 @@
 #include <string_view>
 
 #include "palpate/haptics/device.h"
+#include "palpate/haptics/force_gate.h"
 #include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
-/// Why the filter has shut the force off. Latched: it stays until `rearm`.
-enum class Fault : std::uint8_t {
-  none,
-  not_finite,     ///< a wrench or a state that is no number
-  stale_contact,  ///< no fresh contact within the limit
-  stale_sensor,   ///< no fresh depth frame within the limit
-  device,         ///< the device gave no usable state within the limit
-  loop,           ///< ticks came too late
-  backend,        ///< the contact query failed (StepStatus::backend_failed)
-  energy,         ///< the passivity controller ran out of damping
-  stopped,        ///< asked for
-};
-constexpr auto names_of(Fault) {
-  return std::array{"none", "not_finite", "stale_contact", "stale_sensor", "device",
-                    "loop", "backend",    "energy",        "stopped"};
-}
-std::string_view describe(Fault fault);  ///< one sentence: what happened and what to do
-
-struct SafetyOptions {
-  double force_share = 1;       ///< of the device's limits: no more goes out
-  double max_slew = 500;        ///< N/s
-  double max_torque_slew = 10;  ///< N m/s
-  double ramp_seconds = 0.5;    ///< from no force to all of it after engaging
-  /// Engages only when the wanted force has been below this for `engage_ticks`; a hand that begins
-  /// inside something is let in by the ramp after `engage_timeout` instead.
-  double engage_force = 0.2;  ///< N
-  int engage_ticks = 10;
-  double engage_timeout = 2;         ///< s
-  double fade_seconds = 0.05;        ///< from any force to zero after a fault
+struct SafetyOptions : ForceGateOptions {
+  double force_share = 1;            ///< of the device's limits: no more goes out
+  double max_slew = 500;             ///< N/s
+  double max_torque_slew = 10;       ///< N m/s
   double max_contact_age = 0.02;     ///< s
   double max_sensor_age = 0.5;       ///< s
   double max_device_silence = 0.01;  ///< s without a valid state
@@ -63,6 +39,10 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
   t.add("engage_timeout", o.engage_timeout, {0, kLong, "s"},
         "then a hand that is inside something is let in by the ramp");
   t.add("fade_seconds", o.fade_seconds, {0, 1, "s"}, "from any force to none after a fault");
+  t.add("recover_seconds", o.recover_seconds, {0, kLong, "s"},
+        "all has to be well that long after a fault before the force comes back");
+  t.add("max_recoveries", o.max_recoveries, {0, 1000, "per minute"},
+        "returns of the force after faults; then it stays off until it is asked for");
   t.add("max_contact_age", o.max_contact_age, {kShort, kLong, "s"}, "an older contact is a fault");
   t.add("max_sensor_age", o.max_sensor_age, {kShort, kLong, "s"},
         "an older depth frame is a fault");
@@ -82,23 +62,33 @@ struct SafetyInput {
   double contact_age = 0;  ///< s
   double sensor_age = 0;   ///< s
   bool backend_failed = false;
+  bool sensor_failed = false;  ///< for good
+  bool is_asked_for = false;   ///< somebody wants the force back
+  bool is_free = false;        ///< the tool touches nothing: what is wanted moves the tool only
 };
 
 struct SafetyStatus {
-  Fault fault = Fault::none;
-  bool is_engaged = false;
-  double gain = 0;  ///< ramp or fade, 0..1
+  ForceState state = ForceState::waiting;
+  Fault fault = Fault::none;     ///< why there is no force
+  double fault_time = 0;         ///< s, of SafetyInput::time: when the last fault began
+  std::uint32_t num_faults = 0;  ///< so far
+  double gain = 0;               ///< ramp or fade, 0..1
   /// J, passivity observer: what the hand has been given net. Beyond the tank: Fault::energy.
   double energy = 0;
   double damping = 0;             ///< N s/m, of the passivity controller at this tick
   std::uint64_t num_limited = 0;  ///< ticks at which a limit bent the wrench
+  bool is_engaged() const { return state == ForceState::engaged; }
 };
+
+/// One sentence about what has changed between two ticks, for people; empty if nothing has.
+std::string_view describe_change(const SafetyStatus& before, const SafetyStatus& after);
 
 /// One per device, one thread at a time. No allocation, no throw; O(1).
 ///
-/// Before it has engaged no force goes out, and what would be a fault then (nothing measured yet, a
-/// device that has not spoken) only delays it, for `engage_timeout`. It jumps to zero but in
-/// `rearm`; while the force fades, the fade and not the slew limit says how fast.
+/// A ForceGate says when there is a force. While the gate waits, what would be a fault otherwise
+/// (nothing measured yet, a device that has not spoken) only delays it, for `engage_timeout`. While
+/// the force fades, the fade and not the slew limit says how fast. A press of button 0 while the
+/// force is off after a fault asks for it.
 class SafetyFilter {
  public:
   /// Errors: options out of range or not finite, limits that are negative or not finite. A limit of
@@ -108,34 +98,30 @@ class SafetyFilter {
   /// Force and torque keep their direction when they are limited, each by itself.
   Wrench filter(const Wrench& wanted, const SafetyInput& input) noexcept;
   const SafetyStatus& status() const { return status_; }
-  /// After a fault has been seen to: begins again as at the start, without force.
-  void rearm() noexcept;
-  void stop() noexcept;  ///< Fault::stopped
+  void stop() noexcept { is_stopping_ = true; }  ///< from the next tick on: Fault::stopped
 
  private:
   SafetyFilter(const DeviceLimits& limits, const SafetyOptions& options)
-      : limits_(limits), options_(options) {}
+      : limits_(limits), options_(options), gate_(options) {}
 
   Fault find_fault(const Wrench& wanted, const SafetyInput& input, double dt) const noexcept;
-  void latch(Fault fault) noexcept;
-  Wrench fade(double dt) noexcept;
   void observe(const DeviceState& state, double dt) noexcept;
-  void engage(const Wrench& wanted, const SafetyInput& input, double dt) noexcept;
+  void step_gate(const Wrench& wanted, const SafetyInput& input, double dt) noexcept;
   Wrench limit(const Wrench& wrench) const noexcept;
   Wrench damp(const Wrench& wrench, double dt) noexcept;
   Wrench slew(const Wrench& wrench, double dt) const noexcept;
 
   DeviceLimits limits_;
   SafetyOptions options_;
+  ForceGate gate_;
   SafetyStatus status_;
-  Wrench last_;  // what went out at the last tick
-  double last_time_ = 0, last_valid_time_ = 0, start_time_ = 0;
-  Wrench fade_from_;  // at the fault, with the gain then
-  double fade_gain_ = 0, faded_ = 0;
+  Wrench last_;       // what went out at the last tick
+  Wrench fade_from_;  // the same at a fault
+  double last_time_ = 0, last_valid_time_ = 0;
+  std::uint32_t last_buttons_ = 0;
   Pose last_X_BH_;  // of the last valid state
   Twist motion_;    // of the handle since the tick before, per second
-  int num_quiet_ticks_ = 0;
-  bool has_ticked_ = false, has_pose_ = false;
+  bool has_ticked_ = false, has_pose_ = false, is_stopping_ = false;
 };
 
 }  // namespace palpate

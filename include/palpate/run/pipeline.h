@@ -50,7 +50,8 @@ class ContactPart {
 
 /// What a tick cannot see by itself.
 struct TickFlags {
-  bool is_stopping = false;  ///< the force is to fade out
+  bool is_stopping = false;         ///< the force is to fade out
+  bool is_force_asked_for = false;  ///< it is to come back after a fault
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
@@ -133,7 +134,7 @@ class Pipeline {
   const ContactRecord& measure(const Pose& X_WT, double time) noexcept;
   /// One tick: what the hand feels of the last contact, then the contact where the tool is now; a
   /// prescribed path (CouplingKind::none) is measured where it is first. No allocation.
-  const TickRecord& tick(const DeviceState& state, bool is_stopping = false) noexcept;
+  const TickRecord& tick(const DeviceState& state, TickFlags flags = {}) noexcept;
 
   /// From the next tick on. What needs other surfaces waits for the next frame. Errors: as of
   /// create(), or a setting that cannot change; nothing has changed then.

@@ -37,13 +37,12 @@ struct TickRecord {
   std::int64_t compute_nanoseconds = 0;
 
   // What else it takes to repeat the tick.
-  std::uint64_t number = 0;  ///< from 0
-  double dt = 0;             ///< s, of the coupling's step; 0: no hand has been seen yet
-  bool is_stopping = false;  ///< the safety filter has been told to stop
+  std::uint64_t number = 0;         ///< from 0
+  double dt = 0;                    ///< s, of the coupling's step; 0: no hand has been seen yet
+  bool is_stopping = false;         ///< the safety filter has been told to stop
+  bool is_force_asked_for = false;  ///< somebody wants it back after a fault
   bool has_sensor_failed = false, has_backend_failed = false;
 };
-/// What the safety filter hears of a sensor that has failed, s: an age that no limit allows.
-inline constexpr double kLostSensorAge = 1e6;
 
 /// One contact query, with all that it takes to repeat it.
 struct ContactRecord {

@@ -50,8 +50,9 @@ struct LoopReport {
   std::uint64_t num_left_out = 0;  ///< frames that came while the one before was being worked on
   std::uint64_t num_spared_stiffnesses = 0;  ///< contacts that came with an older stiffness
   std::vector<std::string> notes;  ///< e.g. that the scheduler refused real time, and what to do
-  Fault fault = Fault::none;
-  double seconds = 0;  ///< on the run's clock
+  Fault fault = Fault::none;       ///< the lasting one that has ended the loop
+  std::uint32_t num_faults = 0;    ///< that the safety filter has found, passing ones too
+  double seconds = 0;              ///< on the run's clock
   std::string ending;  ///< what has ended the run by itself, e.g. "the depth frames have ended"
 };
 
@@ -82,6 +83,8 @@ class RunLoop {
 
   /// Begins; returns when the device ticks. Errors: the device, the first frame.
   virtual Status start() = 0;
+  /// After a fault: the force comes back as soon as all is well, also in contact. Any thread.
+  virtual void ask_for_force() noexcept = 0;
   /// Fades the force out, then ends all threads.
   virtual void stop() noexcept = 0;
   virtual bool is_running() const noexcept = 0;
@@ -89,7 +92,8 @@ class RunLoop {
   virtual bool latest(TickRecord& record) noexcept = 0;
   virtual const LoopTimes& times() const noexcept = 0;
   virtual LoopReport report() const = 0;
-  /// An error once a source or device has failed; the loop has then faded out.
+  /// An error once a source or device has failed for good; the loop has then faded out. What passes
+  /// is in TickRecord::safety.
   virtual Status status() const = 0;
 
   // For people who look on. From one thread that may wait, never the haptic one.

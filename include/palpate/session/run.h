@@ -67,6 +67,9 @@ struct RunOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, of the computer's clock
   /// Asked ten times a second; false ends the run, which is kept.
   std::function<bool()> keep_going = {};
+  /// Hears at once what people should know: faults, the force's return, the end of the recording.
+  /// From the thread that records.
+  std::function<void(double time, std::string_view text)> say = {};
   RunMonitor* monitor = nullptr;
   std::optional<ProbeChoice> probe = {};  ///< told in the report; decides nothing
   // For a SteppedDevice:
@@ -83,6 +86,7 @@ struct RunOutcome {
   std::vector<std::string> warnings;  ///< for people
   std::string why_not_cuda;           ///< if the fastest backend was asked for and it is another
   std::string failure;                ///< why it ended early; else empty
+  std::string not_kept;               ///< what could not be written, and why; else empty
   bool was_interrupted = false;       ///< keep_going() was false
 };
 

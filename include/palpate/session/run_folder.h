@@ -26,7 +26,8 @@ class RunFolder {
 
   /// Where to write until `commit`.
   const std::filesystem::path& partial() const { return partial_; }
-  /// Gives the folder its name. Files that are open stay so, and more may be added.
+  /// Gives the folder its name. Files that are open stay so, and more may be added. From here to
+  /// the end of this object no other program replaces the folder. Error: another one writes there.
   Status commit();
   /// The name.
   const std::filesystem::path& target() const { return target_; }
@@ -34,6 +35,7 @@ class RunFolder {
  private:
   RunFolder(std::filesystem::path target, std::filesystem::path partial);
   std::filesystem::path target_, partial_;  ///< `partial_` is empty once done
+  int lock_ = -1;                           ///< file descriptor of the recording
 };
 
 }  // namespace palpate

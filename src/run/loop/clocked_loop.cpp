@@ -32,6 +32,7 @@ class ClockedLoop final : public RunLoop {
   ~ClockedLoop() override { stop(); }
 
   Status start() override;
+  void ask_for_force() noexcept override { wants_force_ = true; }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
   bool latest(TickRecord& record) noexcept override;
@@ -78,7 +79,7 @@ class ClockedLoop final : public RunLoop {
   std::uint64_t contact_number_ = 0;
 
   std::atomic<bool> is_running_ = false, is_stopping_ = false;
-  std::atomic<bool> wants_contact_ = false, wants_surface_ = false;
+  std::atomic<bool> wants_contact_ = false, wants_surface_ = false, wants_force_ = false;
   TripleBuffer<TickRecord> newest_;
   TripleBuffer<ContactPicture> contacts_;
   TripleBuffer<SurfacePicture> surfaces_;
@@ -172,7 +173,7 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
   }
   const double begin = monotonic_now();
   TickRecord& record = newest_.draft();
-  record = pipeline_.tick(state);
+  record = pipeline_.tick(state, {.is_force_asked_for = wants_force_.exchange(false)});
   const double took = monotonic_now() - begin;
   record.compute_nanoseconds = nanoseconds(took);
   times_.haptic_compute.record(record.compute_nanoseconds);
@@ -190,15 +191,9 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
     if (observer_.on_contact) observer_.on_contact(pipeline_.contact());
   }
   if (observer_.on_ticks) observer_.on_ticks({&record, 1});
-  if (record.safety.fault != Fault::none) {
-    report_.fault = record.safety.fault;
-    if (record.safety.gain <= 0) {
-      has_ended_ = true;
-      const Status backend = pipeline_.status();
-      status_ = backend ? Status(Error{Errc::unavailable, std::string(describe(report_.fault))})
-                        : backend;
-    }
-  }
+  report_.num_faults = record.safety.num_faults;
+  // On this clock nobody waits for a force: measurements of two backends are not mixed.
+  if (status_ = pipeline_.status(); !status_) has_ended_ = true;
   const Wrench felt = record.F_H_B;
   newest_.publish();
   return felt;

@@ -97,7 +97,10 @@ void ContactStage::take_change() {
   if (change == nullptr || surfaces_.taken().revision < change->surface_revision) return;
   revision_ = change->revision;
   settings_.rate = change->rate;
-  if (change->part) std::swap(part_, change->part);
+  if (change->part) {
+    std::swap(part_, change->part);
+    backend_failed_.store(false, std::memory_order_release);
+  }
   part_->use(change->scale);
   schedule_ = StiffnessSchedule(1 / settings_.rate);
   next_due_ = 0;
@@ -118,10 +121,9 @@ void ContactStage::measure(const ToolMoment& tool) {
   contact.capture_time = surfaces.capture_time;
   contact.contact.time = tool.time;
   part_->measure(moment, part_->has_stiffness() && schedule_.is_due(), contact);
-  if (contact.penetration.status.has(StepStatus::backend_failed)) {
-    backend_failed_.store(true, std::memory_order_release);
-    return;
-  }
+  const bool has_failed = contact.penetration.status.has(StepStatus::backend_failed);
+  backend_failed_.store(has_failed, std::memory_order_release);
+  if (has_failed) return;  // it may pass: another part comes by a change
   const double end = monotonic_now();
   schedule_.took(end - begin, contact.has_new_stiffness);
   if (part_->has_stiffness() && contact.penetration.volume > 0 && !contact.has_new_stiffness) {

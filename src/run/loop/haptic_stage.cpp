@@ -32,6 +32,7 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
   }
   TickFlags flags;
   flags.is_stopping = wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended();
+  flags.is_force_asked_for = wants_force_.exchange(false, std::memory_order_acq_rel);
   flags.has_sensor_failed = surfaces_.has_source_failed();
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
   TickRecord& record = newest_.draft();
@@ -48,7 +49,8 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
 
 /// Statistics, and the record on its way to the others.
 void HapticStage::keep_time(const TickStart& start, const TickRecord& record) noexcept {
-  if (record.safety.fault != Fault::none) {
+  num_faults_.store(record.safety.num_faults, std::memory_order_relaxed);
+  if (is_lasting(record.safety.fault)) {
     fault_.store(record.safety.fault, std::memory_order_relaxed);
     if (record.safety.gain <= 0) has_faded_.store(true, std::memory_order_release);
   }

@@ -41,9 +41,14 @@ class HapticStage {
   // Any thread.
   /// The force fades out.
   void ask_to_stop() noexcept { wants_stop_.store(true, std::memory_order_release); }
+  /// It comes back after a fault; until the next tick, several wishes are one.
+  void ask_for_force() noexcept { wants_force_.store(true, std::memory_order_release); }
+  /// For good.
   bool has_faded() const noexcept { return has_faded_.load(std::memory_order_acquire); }
   Handover<HapticChange>& changes() noexcept { return changes_; }
+  /// The lasting one, if there is one.
   Fault fault() const noexcept { return fault_; }
+  std::uint32_t num_faults() const noexcept { return num_faults_; }
   std::uint64_t num_ticks() const noexcept { return num_ticks_.load(std::memory_order_acquire); }
   std::uint64_t num_missed() const noexcept { return num_missed_; }
   std::uint64_t num_lost() const noexcept { return records_.num_lost(); }
@@ -77,7 +82,8 @@ class HapticStage {
   RecordQueue<TickRecord> records_;
   std::atomic<std::uint64_t> num_ticks_ = 0, num_missed_ = 0;
   std::atomic<Fault> fault_ = Fault::none;
-  std::atomic<bool> wants_stop_ = false, has_faded_ = false;
+  std::atomic<std::uint32_t> num_faults_ = 0;
+  std::atomic<bool> wants_stop_ = false, wants_force_ = false, has_faded_ = false;
   std::atomic<int> real_time_error_ = 0;
 };
 

@@ -88,6 +88,7 @@ class LiveLoop final : public RunLoop {
   ~LiveLoop() override { stop(); }
 
   Status start() override;
+  void ask_for_force() noexcept override { haptic_.ask_for_force(); }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
   bool latest(TickRecord& record) noexcept override { return haptic_.latest(record); }
@@ -110,8 +111,12 @@ class LiveLoop final : public RunLoop {
  private:
   Status start_all();
   void lock_all_memory();
+  Status begin_change(const RunSettings& settings);
   void offer_change();
+  bool is_change_taken();
   Status finish_change();
+  void end_change();
+  void look_after_backend();
   void publish_all();
   void drain_queues();
   void tell_settings(std::uint32_t revision);
@@ -135,9 +140,10 @@ class LiveLoop final : public RunLoop {
   std::vector<std::string> notes_;
   // Of the publishing thread.
   std::uint32_t told_revision_ = 0;
+  bool is_changing_backend_ = false;
   std::vector<TickRecord> batch_;
 
-  std::atomic<bool> is_running_ = false;
+  std::atomic<bool> is_running_ = false, is_backend_lost_ = false;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
   std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames that nobody could feel yet
   std::uint32_t revision_ = 0;
@@ -232,6 +238,12 @@ Status LiveLoop::change(const RunSettings& settings) {
                  "settings change while a tool is in the hand and the loop runs; it has ended or "
                  "not begun to feel"};
   }
+  const Status begun = begin_change(settings);
+  return begun ? finish_change() : begun;
+}
+
+/// Makes what the stages need for it and offers it to them.
+Status LiveLoop::begin_change(const RunSettings& settings) {
   if (const Status status = check_change(settings_, settings); !status) return status;
   if (const Status status = check_contact_rate(settings); !status) return status;
   const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, query_threads_.get()};
@@ -251,7 +263,7 @@ Status LiveLoop::change(const RunSettings& settings) {
     notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
   }
   offer_change();
-  return finish_change();
+  return Done{};
 }
 
 void LiveLoop::offer_change() {
@@ -265,11 +277,15 @@ void LiveLoop::offer_change() {
   haptic_.changes().offer(change_->haptic);
 }
 
-/// Waits until all stages have taken it, and destroys what it has replaced.
+bool LiveLoop::is_change_taken() {
+  return haptic_.changes().is_settled() && contacts_.changes().is_settled() &&
+         surfaces_.changes().is_settled();
+}
+
+/// Waits until all stages have taken it.
 Status LiveLoop::finish_change() {
   const double begin = monotonic_now();
-  while (!(haptic_.changes().is_settled() && contacts_.changes().is_settled() &&
-           surfaces_.changes().is_settled())) {
+  while (!is_change_taken()) {
     if (!is_running()) {
       return Error{Errc::unavailable, "the loop has ended before it took the change"};
     }
@@ -280,12 +296,44 @@ Status LiveLoop::finish_change() {
     }
     std::this_thread::sleep_for(std::chrono::microseconds(500));
   }
+  end_change();
+  return Done{};
+}
+
+/// Destroys what it has replaced.
+void LiveLoop::end_change() {
   {
     const std::lock_guard lock(mutex_);
     settings_ = change_->settings;
   }
   change_.reset();
-  return Done{};
+}
+
+/// A GPU that is lost has a CPU beside it. Never waits: whoever changes settings comes first.
+void LiveLoop::look_after_backend() {
+  const auto has_failed = [&] {
+    return surfaces_.has_backend_failed() || contacts_.has_backend_failed();
+  };
+  if (!has_failed() && !is_changing_backend_) return;
+  const std::unique_lock lock(changing_, std::try_to_lock);
+  if (!lock || (change_ && !is_change_taken())) return;
+  if (change_) end_change();
+  is_changing_backend_ = false;
+  if (!has_failed()) return;
+  RunSettings settings = this->settings();
+  Status begun = lost_backend();
+  if (settings.backend != Backend::cpu) {
+    settings.backend = Backend::cpu;
+    begun = begin_change(settings);
+  }
+  is_changing_backend_ = begun.has_value();
+  if (begun) {
+    const std::lock_guard lock_others(mutex_);
+    notes_.push_back("the GPU is lost: surfaces and queries are computed on the CPU from now on");
+    return;
+  }
+  is_backend_lost_ = true;
+  haptic_.ask_to_stop();
 }
 
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
@@ -294,6 +342,7 @@ void LiveLoop::publish_all() {
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
     drain_queues();
+    if (!is_last) look_after_backend();
     const bool has_ended = haptic_.has_faded() || !device_.status();
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();
   }
@@ -349,6 +398,7 @@ LoopReport LiveLoop::report() const {
     report.notes = notes_;
   }
   report.fault = haptic_.fault();
+  report.num_faults = haptic_.num_faults();
   if (surfaces_.has_source_ended()) report.ending = "the depth frames have ended";
   report.seconds = (is_running() ? monotonic_now() : end_time_.load()) - start_time_;
   const auto note = [&](std::string text) { report.notes.push_back(std::move(text)); };
@@ -373,9 +423,7 @@ LoopReport LiveLoop::report() const {
 Status LiveLoop::status() const {
   if (const Status device = device_.status(); !device) return device;
   if (const Status surfaces = surfaces_.status(); !surfaces) return surfaces;
-  if (contacts_.has_backend_failed()) {
-    return lost_backend();
-  }
+  if (is_backend_lost_) return lost_backend();
   switch (const Fault fault = haptic_.fault()) {
     case Fault::none:
     case Fault::stopped: return Done{};

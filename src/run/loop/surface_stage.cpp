@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate {
@@ -41,6 +42,7 @@ Status SurfaceStage::start() {
   const double begin = monotonic_now();
   while (num_frames() == 0) {
     if (const Status now = status(); !now) return now;
+    if (has_backend_failed()) return lost_backend();
     if (has_source_ended() && num_read_.load() == 0) {
       return Error{Errc::bad_input,
                    source_.info().name + " holds no frame; give a source that does"};
@@ -127,7 +129,7 @@ const SurfaceStage::TimedFrame* SurfaceStage::next_frame() {
 }
 
 void SurfaceStage::make_surfaces() {
-  for (std::uint64_t number = 0;; ++number) {
+  for (std::uint64_t number = 0;;) {
     const TimedFrame* const newest = next_frame();
     if (newest == nullptr) return;
     const double begin = monotonic_now();
@@ -135,7 +137,9 @@ void SurfaceStage::make_surfaces() {
     const SurfaceStats stats = timeline_.push(newest->frame, newest->capture_time, pool_);
     const double end = monotonic_now();
     surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-    if (!timeline_.status()) return fail(timeline_.status().error(), backend_failed_);
+    // It may pass: another timeline comes by a change.
+    backend_failed_.store(!timeline_.status(), std::memory_order_release);
+    if (!timeline_.status()) continue;
     surfaces_.publish({timeline_.at(newest->capture_time), end, newest->capture_time,
                        timeline_.period(), number, revision});
     if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
@@ -151,6 +155,7 @@ void SurfaceStage::make_surfaces() {
     }
     num_made_.store(number + 1, std::memory_order_release);
     if (wants_picture_.exchange(false)) make_picture(number);
+    ++number;
   }
 }
 
@@ -159,6 +164,7 @@ std::uint32_t SurfaceStage::take_change() {
   if (SurfaceChange* const change = changes_.look()) {
     std::swap(timeline_, *change->timeline);
     revision_.store(change->revision);
+    backend_failed_.store(false, std::memory_order_release);
     changes_.settle();
   }
   return revision_.load();

@@ -1,4 +1,4 @@
-import { element, write } from '../dom';
+import { button, element, write } from '../dom';
 import type { Link } from '../connection';
 import { PROTOCOL } from '../messages';
 import type { Hello, State } from '../types';
@@ -6,6 +6,8 @@ import type { Hello, State } from '../types';
 export interface Notice {
   level: 'error' | 'warning' | 'note';
   words: string;
+  /// The force is away and can be asked for.
+  offersForce?: boolean;
 }
 
 /// What there is to judge by.
@@ -19,6 +21,7 @@ export interface Situation {
   trouble: string | null;
 }
 
+const WITHOUT_FORCE = ['fading', 'off', 'held_off', 'waiting'];
 const OLD_SENSOR = 0.5, OLD_PICTURE = 1; // s
 
 /// The one thing that a person should know now.
@@ -43,6 +46,10 @@ export function notice({ link, hello, state, pictureAge, trouble }: Situation): 
   if (trouble) return { level: 'warning', words: trouble };
   if (hello.kind === 'live' && state) {
     if (!state.running) return { level: 'note', words: 'The run has ended. This is its last moment.' };
+    if (state.note && state.force && WITHOUT_FORCE.includes(state.force)) {
+      const level = state.force === 'waiting' ? 'note' : 'warning';
+      return { level, words: state.note, offersForce: true };
+    }
     if (!state.paused && state.sensor_age !== undefined && state.sensor_age > OLD_SENSOR) {
       const words = `The camera has sent nothing for ${age(state.sensor_age)}: the scene that you see is old.`;
       return { level: 'warning', words };
@@ -63,18 +70,21 @@ function age(seconds: number): string {
 export class Banner {
   readonly root = element('div', 'banner');
   private readonly words = element('span');
+  private readonly force: HTMLButtonElement;
 
-  constructor() {
+  constructor(askForForce: () => void) {
+    this.force = button('', 'bring the force back, also in contact', askForForce, 'Force on');
     this.root.setAttribute('role', 'status');
     this.root.setAttribute('aria-live', 'polite');
     this.root.hidden = true;
-    this.root.append(this.words);
+    this.root.append(this.words, this.force);
   }
 
   show(found: Notice | null): void {
     this.root.hidden = found === null;
     if (!found) return;
     this.root.dataset.level = found.level;
+    this.force.hidden = !found.offersForce;
     write(this.words, found.words);
   }
 }

@@ -1,0 +1,102 @@
+#include "palpate/haptics/force_gate.h"
+
+#include <algorithm>
+
+namespace palpate {
+namespace {
+
+/// A late tick does not earn a leap of the ramp, s.
+constexpr double kLongestCountedTick = 0.005;
+/// Of a fade at a tick of which the clock says nothing: it ends even if the clock stands still.
+constexpr double kFadePerLostTick = 1e-3;
+constexpr double kMinute = 60;  // s
+
+}  // namespace
+
+void ForceGate::step(const Input& input) noexcept {
+  if (!has_begun_) wait(input.time);
+  has_begun_ = true;
+  const double most = options_.max_recoveries;
+  if (input.dt > 0) budget_ = std::min(budget_ + input.dt / kMinute * most, most);
+  is_asked_for_ = (is_asked_for_ || input.is_asked_for) && state_ != ForceState::engaged;
+  const bool has_force = state_ == ForceState::waiting || state_ == ForceState::engaged;
+  if (input.fault != Fault::none && has_force) return fail(input.fault, input.time);
+  // What lasts takes the place of what would have passed.
+  if (is_lasting(input.fault) && !is_lasting(fault_)) fault_ = input.fault;
+  switch (state_) {
+    case ForceState::waiting: return step_waiting(input);
+    case ForceState::engaged: return step_engaged(input);
+    case ForceState::fading: return step_fading(input);
+    case ForceState::off:
+    case ForceState::held_off: return step_off(input);
+    case ForceState::ended: return;
+  }
+}
+
+/// The tick that finds a fault still gives the force that there was, unless it may not fade.
+void ForceGate::fail(Fault fault, double time) noexcept {
+  state_ = ForceState::fading;
+  fault_ = fault;
+  fault_time_ = time;
+  ++num_faults_;
+  is_after_fault_ = true;
+  fade_gain_ = gain_;
+  fade_ = options_.fade_seconds > 0 ? 1 : 0;
+  gain_ = fade_ * fade_gain_;
+}
+
+void ForceGate::wait(double time) noexcept {
+  state_ = ForceState::waiting;
+  fault_ = Fault::none;
+  gain_ = 0;
+  num_quiet_ = 0;
+  waiting_since_ = time;
+}
+
+void ForceGate::step_waiting(const Input& input) noexcept {
+  if (!input.is_permitted) return wait(input.time);
+  num_quiet_ = input.is_ready && input.is_quiet ? num_quiet_ + 1 : 0;
+  const bool has_waited =
+      !is_after_fault_ && waiting_seconds(input.time) >= options_.engage_timeout;
+  if (!input.is_ready || !(num_quiet_ >= options_.engage_ticks || has_waited || is_asked_for_)) {
+    return;
+  }
+  if (is_after_fault_) budget_ -= 1;
+  is_after_fault_ = is_asked_for_ = false;
+  state_ = ForceState::engaged;
+  gain_ = options_.ramp_seconds > 0 ? 0 : 1;
+}
+
+void ForceGate::step_engaged(const Input& input) noexcept {
+  if (!input.is_permitted) return wait(input.time);
+  if (!(options_.ramp_seconds > 0)) return;
+  const double rise = std::min(input.dt, kLongestCountedTick) / options_.ramp_seconds;
+  gain_ = std::min(gain_ + rise, 1.0);
+}
+
+void ForceGate::step_fading(const Input& input) noexcept {
+  fade_ -= input.dt > 0 ? input.dt / options_.fade_seconds : kFadePerLostTick;
+  if (!(fade_ > 1e-9)) fade_ = 0;
+  gain_ = fade_ * fade_gain_;
+  if (fade_ > 0) return;
+  state_ = is_lasting(fault_) ? ForceState::ended : ForceState::off;
+  well_since_ = input.time;
+}
+
+void ForceGate::step_off(const Input& input) noexcept {
+  if (is_lasting(fault_)) {
+    state_ = ForceState::ended;
+    return;
+  }
+  if (input.fault != Fault::none || input.time < well_since_) well_since_ = input.time;
+  if (is_asked_for_) {
+    state_ = ForceState::off;
+    budget_ = options_.max_recoveries;
+  } else if (budget_ < 1) {
+    state_ = ForceState::held_off;
+  }
+  const bool is_well = input.time - well_since_ >= options_.recover_seconds;
+  if (state_ == ForceState::off && is_well) wait(input.time);
+}
+
+}  // namespace palpate
