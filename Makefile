@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden bench live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -104,6 +104,15 @@ tsan: setup  ## all tests with the thread sanitizer
 	cmake --preset tsan
 	run=$$(setarch -R true 2>/dev/null && echo setarch -R); \
 	  $$run cmake --build --preset tsan -j $(JOBS) && $$run scripts/test.sh tsan
+
+fuzz:  ## feed every reader with damaged input: a minute a target, or make fuzz HOURS=8 [TARGET=obj]
+	scripts/setup.sh --fuzz
+	cmake --preset fuzz
+	cmake --build --preset fuzz -j $(JOBS)
+	scripts/fuzz.sh $(or $(HOURS),0) $(TARGET)
+
+mutants: setup  ## do the tests notice? 200 small changes to contact, field and haptics, for hours; goes on where it was
+	tools/mutants.py --count $(or $(COUNT),200)
 
 cuda:  ## compile the library with the CUDA backend; needs nvcc, no GPU
 	@command -v nvcc >/dev/null || { echo "make cuda: nvcc is not in PATH; install the CUDA toolkit"; exit 1; }

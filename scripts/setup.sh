@@ -2,8 +2,9 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--test] [--peers] [--list]
+# usage: scripts/setup.sh [--test] [--fuzz] [--peers] [--list]
 #   --test    also what only the tests need; Python packages for them go into build/python
+#   --fuzz    also what only make fuzz needs
 #   --peers   also what the benchmark against other libraries needs
 #   --list    only print the names of all packages
 set -euo pipefail
@@ -14,10 +15,11 @@ list_only=no
 for argument in "$@"; do
   case "$argument" in
     --test) groups="$groups test " ;;
+    --fuzz) groups="$groups fuzz " ;;
     --peers) groups="$groups peers " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--test] [--peers] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--test] [--fuzz] [--peers] [--list]" >&2
       exit 2
       ;;
   esac

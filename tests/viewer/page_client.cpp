@@ -146,6 +146,8 @@ bool RawSocket::send(const std::string& bytes) {
   return true;
 }
 
+void RawSocket::end() { ::shutdown(descriptor_, SHUT_WR); }
+
 std::string RawSocket::receive(double timeout) {
   const double deadline = monotonic_now() + timeout;
   std::string bytes;

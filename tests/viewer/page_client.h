@@ -49,6 +49,8 @@ class RawSocket {
 
   bool is_open() const { return descriptor_ >= 0; }
   bool send(const std::string& bytes);
+  /// Says that nothing more will be sent.
+  void end();
   /// What comes until the other end closes, or for `timeout` s.
   std::string receive(double timeout = 10);
   /// Whether the other end has closed the last time that something was received.

@@ -1,7 +1,7 @@
 // Several pages at once: none waits for another.
 import assert from 'node:assert/strict';
 
-import { browser, drawn, openPage, pageTest, Served, sleep, state, until } from './harness.mjs';
+import { browser, drawn, openPage, pageTest, Served, state, until } from './harness.mjs';
 import { busy, busyNow, lively, oneSphere } from './worlds.mjs';
 
 /// A page of the server without its program, in which tests open sockets of their own.
@@ -68,11 +68,11 @@ pageTest('a page that never acknowledges gets one picture and stops nobody', asy
   await until('its first picture', async () => (await counts(bare, slow)).pictures === 1);
   const { bytes } = await counts(bare, slow);
   await drawn(page, 10);
-  await sleep(500);
+  const { states } = await counts(bare, slow);
+  await until('states still come', async () => (await counts(bare, slow)).states >= states + 2);
   const after = await counts(bare, slow);
   assert.equal(after.pictures, 1);
   assert.equal(after.bytes, bytes);
-  assert.ok(after.states >= 2, 'states still come');
   const before = await served.apply();
   await drawn(page, 10);
   const later = await served.apply();

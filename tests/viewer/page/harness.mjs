@@ -78,7 +78,7 @@ class Program {
   }
 
   /// The next line for which `wanted` is true is taken out and returned.
-  async line(wanted, seconds = 20) {
+  async line(wanted, seconds = 120) {
     const end = Date.now() + seconds * 1000;
     for (;;) {
       const found = this.lines.findIndex(wanted);
@@ -93,7 +93,7 @@ class Program {
   /// Ends it as a person would, and hard if that does not help.
   async stop(signal = 'SIGINT') {
     if (this.code === undefined) this.child.kill(signal);
-    const hard = setTimeout(() => this.child.kill('SIGKILL'), 10000);
+    const hard = setTimeout(() => this.child.kill('SIGKILL'), 60000);
     await this.ended;
     clearTimeout(hard);
   }
@@ -144,8 +144,9 @@ after(async () => {
 
 export const sleep = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
-/// Until `condition` returns something true, which is returned.
-export async function until(what, condition, seconds = 20) {
+/// Until `condition` returns something true, which is returned. The limit is for what never comes: a
+/// busy machine takes a minute for what takes a moment.
+export async function until(what, condition, seconds = 120) {
   const end = Date.now() + seconds * 1000;
   for (;;) {
     const value = await condition();
@@ -253,7 +254,7 @@ export const project = (page, points) =>
   page.evaluate((list) => list.map((p) => window.palpate.scene.project(...p)), points);
 
 /// A test that leaves pictures of all pages behind when it fails, and fails for their problems.
-export function pageTest(name, body, seconds = 240) {
+export function pageTest(name, body, seconds = 900) {
   test(name, { timeout: 1000 * seconds }, async (t) => {
     try {
       await body(t);

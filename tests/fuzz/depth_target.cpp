@@ -1,0 +1,79 @@
+// Depth images (PNG) and clouds (PCD, PLY): the first byte says which.
+#include "palpate/io/depth_files.h"
+#include "tests/fuzz/target.h"
+#include "tests/test_util/contact_scenes.h"
+
+namespace palpate::fuzz {
+namespace {
+
+constexpr char kPng = 'n', kPcd = 'd', kPly = 'l';
+
+DepthFrame small_frame() {
+  DepthFrame frame{12, 9, 0.001, {}, 0};
+  for (int i = 0; i < 12 * 9; ++i) frame.pixels.push_back(static_cast<std::uint16_t>(i * 600));
+  return frame;
+}
+
+void read_png(std::string_view bytes) {
+  const auto frame = decode_depth_png(bytes, "image");
+  if (!frame) return;
+  require(frame->pixels.size() ==
+              static_cast<std::size_t>(frame->width) * static_cast<std::size_t>(frame->height),
+          "an image has all its pixels");
+  const auto written = encode_depth_png(*frame, "image");
+  require(written.has_value(), "an image that was read can be written");
+  const auto again = decode_depth_png(*written, "image");
+  require(again && again->pixels == frame->pixels, "an image comes back with the same counts");
+}
+
+void read_cloud(std::string_view bytes, const char* extension) {
+  static ScratchFile pcd(".pcd"), ply(".ply"), again(".again.ply");
+  ScratchFile& file = extension[2] == 'c' ? pcd : ply;
+  file.write(bytes);
+  if (&file == &pcd) (void)load_depth_pcd(file.path());
+  const auto cloud = load_cloud(file.path());
+  if (!cloud || !save_cloud_ply(cloud->view(), again.path())) return;
+  const auto back = load_cloud(again.path());
+  // A cloud without a valid point is written, and no cloud any more.
+  if (back) require(back->size() <= cloud->size(), "a cloud comes back with no more points");
+}
+
+}  // namespace
+
+std::vector<std::string> seeds() {
+  ScratchFile file(".seed.ply");
+  const PointCloud cloud = test::noisy_wall(8, 8, 10, 0.5, 0.001, 1);
+  (void)save_cloud_ply(cloud.view(), file.path());
+  const std::string header =
+      "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\nTYPE F "
+      "F "
+      "F F F F\nCOUNT 1 1 1 1 1 1\nWIDTH 2\nHEIGHT 2\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 4\n";
+  std::vector<float> numbers;
+  for (int i = 0; i < 24; ++i) numbers.push_back(i % 6 == 5 ? -1.0f : 0.1f * static_cast<float>(i));
+  const std::string raw(reinterpret_cast<const char*>(numbers.data()), 96);
+  // LZF with one literal run of 24 bytes after the other.
+  std::string packed;
+  for (std::size_t at = 0; at < raw.size(); at += 24) packed += char(23) + raw.substr(at, 24);
+  const std::uint32_t sizes[2] = {static_cast<std::uint32_t>(packed.size()), 96};
+  return {
+      kPng + *encode_depth_png(small_frame(), "seed"), kPly + file.read(),
+      kPcd + header + "DATA ascii\n0 0 1 0 0 -1\n1 0 1 0 0 -1\n0 1 1 0 0 -1\nnan nan nan 0 0 0\n",
+      kPcd + header + "DATA binary\n" + raw,
+      kPcd + header + "DATA binary_compressed\n" +
+          std::string(reinterpret_cast<const char*>(sizes), 8) + packed};
+}
+
+}  // namespace palpate::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace palpate::fuzz;
+  if (size == 0) return 0;
+  const std::string_view bytes = text_of(data + 1, size - 1);
+  switch (data[0]) {
+    case kPng: read_png(bytes); break;
+    case kPcd: read_cloud(bytes, ".pcd"); break;
+    case kPly: read_cloud(bytes, ".ply"); break;
+    default: break;
+  }
+  return 0;
+}

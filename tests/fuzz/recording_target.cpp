@@ -1,0 +1,98 @@
+// Recordings: MCAP files, and the messages in them. The first byte says what the rest is.
+#include "palpate/io/mcap_file.h"
+#include "src/session/ros_messages.h"
+#include "src/session/run_messages.h"
+#include "src/session/run_reader.h"
+#include "tests/fuzz/target.h"
+
+namespace palpate::fuzz {
+namespace {
+
+constexpr char kFile = 'f', kSettings = 's', kFrame = 'r', kContact = 'c', kTick = 't', kNote = 'n',
+               kImage = 'i';
+
+void read_file(std::string_view bytes) {
+  static ScratchFile file(".mcap");
+  file.write(bytes);
+  if (auto reader = McapReader::open(file.path())) {
+    (void)reader->attachment(kToolFile);
+    std::uint64_t place = 0;
+    for (;;) {
+      const auto message = reader->next();
+      if (!message || !*message) break;
+      require(reader->channels().contains((*message)->channel), "a message has a channel");
+      place = reader->chunk_place();
+    }
+    reader->seek(place);
+    (void)reader->next();
+  }
+  auto run = RunReader::open(file.path());
+  if (!run) return;
+  (void)run->load_tools();
+  RecordedDepth frame;
+  for (int i = 0; i < 1000; ++i) {
+    const auto got = run->next_frame(frame);
+    if (!got || !*got) return;
+  }
+}
+
+/// What was read is written as it is read again.
+template <class Read, class Write>
+void round_trip(std::string_view message, const Read& read, const Write& write) {
+  const auto first = read(message);
+  if (!first) return;
+  const std::string written = write(*first);
+  const auto again = read(written);
+  require(again.has_value(), "a message that was written can be read");
+  require(write(*again) == written, "a message comes back with the same bytes");
+}
+
+DepthFrame small_frame() { return {4, 3, 0.001, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 1.5}; }
+
+std::string small_file() {
+  ScratchFile file(".seed.mcap");
+  auto writer = McapWriter::create(file.path());
+  (void)writer->attach("notes.txt", "text/plain", "hello");
+  const std::uint16_t settings = writer->add_channel(settings_channel());
+  const std::uint16_t tick = writer->add_channel(tick_channel());
+  (void)writer->write(settings, 1, settings_message({}));
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    TickRecord record;
+    record.number = i;
+    (void)writer->write(tick, 2 + i, tick_message(record));
+  }
+  (void)writer->finish();
+  return file.read();
+}
+
+}  // namespace
+
+std::vector<std::string> seeds() {
+  return {kFile + small_file(),
+          kSettings + settings_message({}),
+          kFrame + frame_message({}),
+          kContact + contact_message({}),
+          kTick + tick_message({}),
+          kNote + note_message("a note"),
+          kImage + image_message({12, "camera"}, small_frame())};
+}
+
+}  // namespace palpate::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace palpate;
+  using namespace palpate::fuzz;
+  if (size == 0) return 0;
+  const std::string_view message = text_of(data + 1, size - 1);
+  switch (data[0]) {
+    case kFile: fuzz::read_file(message); break;
+    case kSettings: round_trip(message, read_settings, settings_message); break;
+    case kFrame: round_trip(message, read_frame, frame_message); break;
+    case kContact: round_trip(message, read_contact, contact_message); break;
+    case kTick: round_trip(message, read_tick, tick_message); break;
+    case kNote: round_trip(message, read_note, note_message); break;
+    case kImage: (void)read_image(message); break;
+    default: break;
+  }
+  return 0;
+}

@@ -1,0 +1,162 @@
+#!/usr/bin/env python3
+"""Changes one operator at a time in the sources of contact, field and haptics, and asks the tests.
+
+Every mutant is a place and a change: + for -, * for /, < for <=, && for ||, a constant that is off by
+a little. Which ones are tried follows from --seed alone. A mutant that the tests of its module do not
+notice has survived: it is either equivalent or a missing test. Results are added to the file given by
+--results, line by line, so that a run that was stopped goes on where it was.
+
+usage: tools/mutants.py [--count 200] [--seed 1] [--build build/mutants] [--results build/mutants.tsv]
+
+Works in a copy of the working tree beside the build, never in the tree itself."""
+
+import argparse
+import random
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from project_files import ROOT
+
+MODULES = ("contact", "field", "haptics")
+# Test programs of a module; the first that fails kills the mutant.
+TESTS = {
+    "contact": ["test_golden", "test_contact_query", "test_contact_parts", "test_field_contact",
+                "test_between_surfaces", "test_body_contact"],
+    "field": ["test_golden", "test_field", "test_field_contact"],
+    "haptics": ["test_haptics", "test_run_pipeline"],
+}
+CHANGES = [
+    (r"(?<=[\w)\]]) \+ (?=[\w(])", " - "),
+    (r"(?<=[\w)\]]) - (?=[\w(])", " + "),
+    (r"(?<=[\w)\]]) \* (?=[\w(])", " / "),
+    (r"(?<=[\w)\]]) \* (?=[\w(])", " + "),
+    (r"(?<=[\w)\]]) / (?=[\w(])", " * "),
+    (r" < ", " <= "),
+    (r" <= ", " < "),
+    (r" > ", " >= "),
+    (r" >= ", " > "),
+    (r" < ", " > "),
+    (r" == ", " != "),
+    (r" != ", " == "),
+    (r" && ", " || "),
+    (r" \|\| ", " && "),
+    (r"(?<=\b)0\.5(?=\b)", "0.51"),
+    (r" \+= ", " -= "),
+    (r"std::min\(", "std::max("),
+    (r"std::max\(", "std::min("),
+]
+SKIPPED = re.compile(r"^\s*(//|#|template|static_assert|using|PALPATE_ASSERT)|operator|\bErr(or|c)\b|\"")
+
+
+def mutants_of(path):
+    """All (line number, column, pattern, replacement) of a file."""
+    found = []
+    for number, line in enumerate(path.read_text().splitlines()):
+        code = line.split("//")[0]
+        if SKIPPED.search(code):
+            continue
+        for pattern, replacement in CHANGES:
+            if replacement.strip() in "<>" and ("template" in code or "_cast<" in code):
+                continue
+            for match in re.finditer(pattern, code):
+                found.append((number, match.start(), match.group(), replacement))
+    return found
+
+
+def all_mutants():
+    mutants = []
+    for module in MODULES:
+        for path in sorted((ROOT / "src" / module).rglob("*")):
+            if path.suffix not in (".h", ".cpp") or "cuda" in path.as_posix():
+                continue
+            name = path.relative_to(ROOT).as_posix()
+            mutants += [(module, name, *place) for place in mutants_of(path)]
+    return mutants
+
+
+def run(command, cwd, timeout):
+    try:
+        done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=timeout)
+        return done.returncode
+    except subprocess.TimeoutExpired:
+        return "timeout"
+
+
+def judge(mutant, copy, build, jobs):
+    """killed by PROGRAM, does not compile, or survived."""
+    module, name, number, column, before, after = mutant
+    path = copy / name
+    original = path.read_text()
+    lines = original.splitlines(keepends=True)
+    line = lines[number]
+    lines[number] = line[:column] + after + line[column + len(before):]
+    path.write_text("".join(lines))
+    try:
+        for program in TESTS[module]:
+            if run(["ninja", "-C", str(build), f"-j{jobs}", program], copy, 1800) != 0:
+                return "does not compile"
+            status = run([str(build / "bin" / program), "--gtest_brief=1"], copy, 900)
+            if status != 0:
+                return f"killed by {program}" + (" (time-out)" if status == "timeout" else "")
+        return "survived"
+    finally:
+        path.write_text(original)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--build", default="build/mutants")
+    parser.add_argument("--results", default="build/mutants.tsv")
+    options = parser.parse_args()
+    build = (ROOT / options.build).resolve()
+    copy, results = build / "tree", (ROOT / options.results).resolve()
+    build.mkdir(parents=True, exist_ok=True)
+    names = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+                           cwd=ROOT, capture_output=True, check=True).stdout.decode()
+    for name in filter(None, names.split("\0")):
+        source, target = ROOT / name, copy / name
+        if not source.is_file() or (target.exists() and
+                                    target.read_bytes() == source.read_bytes()):
+            continue
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(source, target)
+    subprocess.run(["cmake", "-S", str(copy), "-B", str(build), "-G", "Ninja",
+                    "-DCMAKE_BUILD_TYPE=Release", "-DPALPATE_APPS=OFF"],
+                   check=True, stdout=subprocess.DEVNULL)
+    programs = sorted({program for module in MODULES for program in TESTS[module]})
+    subprocess.run(["ninja", "-C", str(build), f"-j{options.jobs}", *programs], check=True,
+                   stdout=subprocess.DEVNULL)
+
+    mutants = all_mutants()
+    random.Random(options.seed).shuffle(mutants)
+    known = {}
+    if results.exists():
+        for line in results.read_text().splitlines():
+            *key, verdict = line.split("\t")
+            known["\t".join(key)] = verdict
+    counts = {"killed": 0, "survived": 0, "does": 0}
+    for mutant in mutants:
+        if counts["killed"] + counts["survived"] >= options.count:
+            break
+        module, name, number, column, before, after = mutant
+        key = f"{name}\t{number + 1}\t{column + 1}\t{before.strip()} -> {after.strip()}"
+        if key not in known:
+            known[key] = judge(mutant, copy, build, options.jobs)
+            with open(results, "a") as file:
+                file.write(f"{key}\t{known[key]}\n")
+        counts[known[key].split()[0]] += 1
+        print(f"{known[key]:40} {key}", flush=True)
+    judged = counts["killed"] + counts["survived"]
+    print(f"{judged} mutants: {counts['killed']} killed, {counts['survived']} survived "
+          f"({counts['does']} more did not compile)")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
