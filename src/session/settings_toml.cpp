@@ -21,8 +21,22 @@ Error no_toml(const std::string& file, std::size_t line, std::string_view why) {
           file + " line " + std::to_string(line) + " is not TOML: " + std::string(why)};
 }
 
+/// Whether a line opens a section with something that begins no name: the parser takes for granted
+/// that it does not.
+bool opens_nothing(std::string_view line) {
+  constexpr std::string_view kBlanks = " \t";
+  std::size_t at = line.find_first_not_of(kBlanks);
+  if (at == line.npos || line[at] != '[') return false;
+  if (at + 1 < line.size() && line[at + 1] == '[') ++at;
+  at = line.find_first_not_of(kBlanks, at + 1);
+  if (at == line.npos) return true;
+  const char c = line[at];
+  const bool is_word = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+  return !is_word && std::string_view("_-\"']").find(c) == std::string_view::npos;
+}
+
 /// The text without what the parser cannot bear: a byte order mark, letters beyond ASCII (which no
-/// key or word has) and lines without end.
+/// key or word has), lines without end and sections without a name.
 Result<std::string> harmless(std::string text, const std::string& file) {
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
   for (char& c : text) {
@@ -32,6 +46,7 @@ Result<std::string> harmless(std::string text, const std::string& file) {
   for (auto at = text.begin(); at != text.end(); ++line) {
     const auto end = std::find(at, text.end(), '\n');
     if (end - at > kLongestLine) return no_toml(file, line, "the line is too long");
+    if (opens_nothing({at, end})) return no_toml(file, line, "'[' must be followed by a name");
     at = end == text.end() ? end : end + 1;
   }
   return text;

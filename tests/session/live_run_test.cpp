@@ -222,6 +222,9 @@ TEST_F(RunSettingsFile, ErrorsNameLineAndRemedy) {
   expect_error("[coupling]\nbase_in_scene = [0, 0, 0]\n", {"line 2", "seven numbers"});
   expect_error("[coupling]\nbase_in_scene = [0, 0, 0, 0, 0, 0, 2]\n", {"quaternion"});
   expect_error("[coupling\n", {"line 1", "not TOML"});
+  for (const char* text : {"\n[#oupling]\n", "\n [ .a]\n", "\n[[?]]\n", "\n[ \r\n", "\n[\n"}) {
+    expect_error(text, {"line 2", "must be followed by a name"});
+  }
   EXPECT_FALSE(load_settings<RunSettings>(folder_.path() / "absent.toml"));
 }
 

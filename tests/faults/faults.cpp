@@ -1,0 +1,131 @@
+// Faults of the system on purpose: a library that is loaded before the program (LD_PRELOAD) and
+// stands between it and the C library. Nothing of it is in the program.
+//
+// PALPATE_FAULTS lists them with commas, each with the call at which it begins (from 1):
+//   short          reads and writes of files take at most 7 bytes at a time, or a third
+//   interrupted    every third read or write is interrupted (EINTR)
+//   full@N         from the N-th write on the disk is full (ENOSPC)
+//   broken@N       from the N-th write on the disk is broken (EIO)
+//   unreadable@N   from the N-th read on it is (EIO)
+//   slow           every write takes 200 ms
+//   threadless@N   the N-th thread and all later ones are refused (EAGAIN)
+//   memoryless@N   the N-th allocation of 64 KiB or more is refused, and so are all later ones
+//   yesterday@N    from the N-th look on, the calendar's clock goes wrong by a day
+// Reads and writes are those of regular files.
+#include <dlfcn.h>
+#include <errno.h>
+#include <pthread.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+namespace {
+
+/// The call at which a fault begins; 0: it is not asked for.
+long begin_of(const char* name) {
+  const char* const faults = std::getenv("PALPATE_FAULTS");
+  const char* const found = faults == nullptr ? nullptr : std::strstr(faults, name);
+  if (found == nullptr) return 0;
+  const char* const end = found + std::strlen(name);
+  return *end == '@' ? std::atol(end + 1) : 1;
+}
+
+/// Counts calls and says whether the fault has begun.
+class Fault {
+ public:
+  explicit Fault(const char* name) : name_(name) {}
+  bool comes() {
+    if (begin_ < 0) begin_ = begin_of(name_);
+    return begin_ > 0 && ++calls_ >= begin_;
+  }
+
+ private:
+  const char* name_;
+  std::atomic<long> begin_ = -1, calls_ = 0;
+};
+
+template <class Function>
+Function* next(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+bool is_file(int descriptor) {
+  struct stat status {};
+  return fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
+}
+
+std::size_t shortened(std::size_t size) {
+  return size <= 1 ? size : std::max<std::size_t>(std::min<std::size_t>(size, 7), size / 3);
+}
+
+bool is_interrupted() {
+  static Fault interrupted("interrupted");
+  static std::atomic<unsigned> calls = 0;
+  return interrupted.comes() && ++calls % 3 == 0;
+}
+
+}  // namespace
+
+extern "C" ssize_t write(int descriptor, const void* data, size_t size) {
+  static auto* const real = next<ssize_t(int, const void*, size_t)>("write");
+  static Fault shorter("short"), full("full"), broken("broken"), slow("slow");
+  if (!is_file(descriptor)) return real(descriptor, data, size);
+  const bool is_full = full.comes();
+  if (is_full || broken.comes()) {
+    errno = is_full ? ENOSPC : EIO;
+    return -1;
+  }
+  if (is_interrupted()) {
+    errno = EINTR;
+    return -1;
+  }
+  if (slow.comes()) usleep(200000);
+  return real(descriptor, data, shorter.comes() ? shortened(size) : size);
+}
+
+extern "C" ssize_t read(int descriptor, void* data, size_t size) {
+  static auto* const real = next<ssize_t(int, void*, size_t)>("read");
+  static Fault shorter("short"), unreadable("unreadable");
+  if (!is_file(descriptor)) return real(descriptor, data, size);
+  if (unreadable.comes()) {
+    errno = EIO;
+    return -1;
+  }
+  if (is_interrupted()) {
+    errno = EINTR;
+    return -1;
+  }
+  return real(descriptor, data, shorter.comes() ? shortened(size) : size);
+}
+
+extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
+                              void* (*body)(void*), void* argument) {
+  static auto* const real =
+      next<int(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*)>("pthread_create");
+  static Fault threadless("threadless");
+  return threadless.comes() ? EAGAIN : real(thread, attributes, body, argument);
+}
+
+extern "C" int clock_gettime(clockid_t clock, struct timespec* time) {
+  static auto* const real = next<int(clockid_t, struct timespec*)>("clock_gettime");
+  static Fault yesterday("yesterday");
+  const int result = real(clock, time);
+  if (clock == CLOCK_REALTIME && yesterday.comes()) time->tv_sec -= 86400;
+  return result;
+}
+
+void* operator new(std::size_t size) {
+  static Fault memoryless("memoryless");
+  constexpr std::size_t kLarge = std::size_t(64) << 10;
+  void* const memory = size >= kLarge && memoryless.comes() ? nullptr : std::malloc(size);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }

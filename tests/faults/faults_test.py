@@ -1,0 +1,195 @@
+"""The real program while the system fails it, and killed at any moment.
+
+Whatever happens: an end within its time; exit status 0 with whole results, or 1 with a sentence; no
+file under its final name that is not whole; what was recorded repeats to the bit.
+
+usage: faults_test.py PALPATE FAULTS_LIBRARY    PALPATE_KILLS=200: as many moments to be killed at"""
+
+import json
+import os
+import pathlib
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+PALPATE = FAULTS = None
+KILLS = int(os.environ.get("PALPATE_KILLS", 6))
+# What a busy machine must not end is no fault here.
+PATIENT = ("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
+           "max_device_silence = 60\nenergy_tank = 100\n")
+
+
+def run(*arguments, faults="", timeout=300):
+    environment = dict(os.environ)
+    if faults:
+        environment.update(LD_PRELOAD=FAULTS, PALPATE_FAULTS=faults)
+    return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, text=True,
+                          timeout=timeout, env=environment)
+
+
+class Faults(unittest.TestCase):
+
+    def setUp(self):
+        self.maxDiff = None
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="palpate-faults-"))
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.mesh, self.tool = self.folder / "box.ply", self.folder / "box.palp"
+        self.settings = self.folder / "patient.toml"
+        self.settings.write_text(PATIENT)
+        for arguments in (("shape", "octahedron", "--size", 0.08, "-o", self.mesh),
+                          ("pack", self.mesh, "-o", self.tool, "--spheres", 200)):
+            self.assertEqual(run(*arguments).returncode, 0)
+
+    def path_run(self, output, duration=0.3):
+        return ("touch", self.tool, "--scene", "wall", "--duration", duration, "-o", output)
+
+    def live_run(self, output, duration=0.5):
+        return ("touch", self.tool, "--scene", "wall", "--device", "sim", "--duration", duration,
+                "--settings", self.settings, "-o", output)
+
+    def check(self, arguments, faults, may_fail=True):
+        """Runs it; returns the exit status."""
+        result = run(*arguments, faults=faults)
+        self.assertNotIn("LD_PRELOAD", result.stderr)  # the library is there
+        told = f"{arguments[0]} under {faults}: {result.returncode}, {result.stderr}"
+        self.assertIn(result.returncode, (0, 1) if may_fail else (0,), told)
+        if result.returncode == 1:
+            last = result.stderr.strip().splitlines()[-1:]
+            self.assertTrue(last and last[0].startswith("palpate: "), told)
+            self.assertGreater(len(last[0]), 20, told)
+        return result.returncode
+
+    def check_run(self, folder):
+        """What lies in the folder of a run is whole, and repeats. Returns the number of ticks."""
+        for name in ("summary.json",):
+            if (folder / name).exists():
+                json.loads((folder / name).read_text())
+        if (folder / "report.html").exists():
+            self.assertTrue((folder / "report.html").read_text().rstrip().endswith("</html>"))
+        if (folder / "wrench.csv").exists():
+            self.assertTrue((folder / "wrench.csv").read_text().endswith("\n"))
+        if not (folder / "recording.mcap").exists():
+            return 0
+        replay = run("replay", folder, "--json")
+        if replay.returncode == 0:
+            verdict = json.loads(replay.stdout)
+            self.assertTrue(verdict["identical"])
+            return verdict["ticks"]
+        # Killed before its first half second: there is nothing yet.
+        self.assertRegex(replay.stderr, "no tick|not an MCAP file|cut off|no settings|not the recording"
+                         "|is empty|holds no", folder)
+        return 0
+
+    def test_interruptions_and_short_steps_change_nothing(self):
+        for faults in ("short", "interrupted", "short,interrupted"):
+            tool, output = self.folder / "again.palp", self.folder / faults.replace(",", "-")
+            self.check(("pack", self.mesh, "-o", tool, "--spheres", 200), faults, may_fail=False)
+            self.assertEqual(tool.read_bytes(), self.tool.read_bytes())
+            self.check(self.path_run(output), faults, may_fail=False)
+            self.assertGreater(self.check_run(output), 200)
+            self.check(("replay", output), faults, may_fail=False)
+
+    def test_disks_that_fail(self):
+        for kind in ("full", "broken"):
+            for begin in (1, 2, 3, 5, 9):
+                faults, tool = f"{kind}@{begin}", self.folder / "never.palp"
+                if self.check(("pack", self.mesh, "-o", tool, "--spheres", 50), faults) != 0:
+                    self.assertFalse(tool.exists())
+                tool.unlink(missing_ok=True)
+                output = self.folder / f"{kind}-{begin}"
+                status = self.check(self.path_run(output), faults)
+                if status == 0:
+                    self.assertGreater(self.check_run(output), 0)
+                elif output.exists():
+                    self.check_run(output)
+                self.assertEqual(list(self.folder.glob("*.part")), [])
+        for begin in (1, 2, 4, 8):
+            self.check(("info", self.tool), f"unreadable@{begin}")
+
+    def test_a_live_run_on_a_disk_that_fails_goes_on(self):
+        for faults in ("full@3", "broken@3", "slow"):
+            output = self.folder / faults
+            self.check(self.live_run(output), faults)
+            self.check_run(output)
+
+    def test_no_threads_and_no_memory(self):
+        for begin in (1, 2, 3, 4, 5):
+            output = self.folder / f"threadless-{begin}"
+            self.check(self.live_run(output, 0.2), f"threadless@{begin}")
+            if output.exists():
+                self.check_run(output)
+        for begin in (1, 2, 5, 10, 20):  # while things are set up
+            output = self.folder / f"memoryless-{begin}"
+            self.check(self.path_run(output, 0.05), f"memoryless@{begin}")
+            if output.exists():
+                self.check_run(output)
+
+    def test_a_calendar_that_jumps_is_not_felt(self):
+        plain, jumped = self.folder / "plain", self.folder / "jumped"
+        self.check(self.path_run(plain), "", may_fail=False)
+        self.check(self.path_run(jumped), "yesterday@2", may_fail=False)
+        self.assertEqual((plain / "wrench.csv").read_bytes(), (jumped / "wrench.csv").read_bytes())
+        self.check(self.live_run(self.folder / "live"), "yesterday@2", may_fail=False)
+        self.assertGreater(self.check_run(self.folder / "live"), 0)
+
+    def test_a_process_that_stands_still_fades_and_can_be_repeated(self):
+        output = self.folder / "stopped"
+        process = subprocess.Popen([PALPATE, *map(str, self.live_run(output, 2))],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.wait_for(output / "recording.mcap", process)
+        for pause in (0.1, 0.5, 1):
+            time.sleep(0.2)
+            process.send_signal(signal.SIGSTOP)
+            time.sleep(pause)
+            process.send_signal(signal.SIGCONT)
+        self.assertIn(process.wait(120), (0, 1))
+        self.assertGreater(self.check_run(output), 0)
+
+    def wait_for(self, path, process):
+        deadline = time.monotonic() + 120
+        while not path.exists() and process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+
+    def test_killed_at_any_moment(self):
+        choose = random.Random(5)
+        num_ticks, num_folders = 0, 0
+        for number in range(KILLS):
+            is_live = number % 2 == 0
+            output = self.folder / f"killed-{number}"
+            arguments = self.live_run(output, 60) if is_live else self.path_run(output, 20)
+            process = subprocess.Popen([PALPATE, *map(str, arguments)], stdout=subprocess.DEVNULL,
+                                       stderr=subprocess.DEVNULL)
+            if number % 4 < 2:
+                self.wait_for(output / "recording.mcap", process)
+            time.sleep(choose.uniform(0, 2))
+            process.kill()
+            process.wait()
+            for folder in self.folder.glob(f"killed-{number}*"):
+                ticks = self.check_run(folder)
+                num_ticks += ticks
+                num_folders += 1
+                if ticks > 0 and folder == output:
+                    self.check_viewable(folder)
+            for left in self.folder.glob(f"killed-{number}*"):
+                shutil.rmtree(left)
+        print(f"{KILLS} kills left {num_folders} folders with {num_ticks} ticks, all repeated",
+              file=sys.stderr)
+
+    def check_viewable(self, folder):
+        process = subprocess.Popen([PALPATE, "view", str(folder), "--port", "0"], text=True,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        try:
+            self.assertIn("open http://", process.stdout.readline())
+        finally:
+            process.kill()
+            process.communicate()
+
+
+if __name__ == "__main__":
+    PALPATE, FAULTS = map(os.path.abspath, sys.argv[1:3])
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:], verbosity=2)
