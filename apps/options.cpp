@@ -132,7 +132,7 @@ void add_seed_option(CLI::App& app, std::uint64_t& seed, const std::string& help
 
 void add_threads_option(CLI::App& app, int& num_threads, const std::string& help) {
   SettingTable table;
-  table.add("threads", num_threads, {0, 1 << 20, "threads"}, help);
+  table.add("threads", num_threads, {0, 256, "threads"}, help);  // as loop.threads
   const auto take = [&num_threads, setting = *table.begin()](const std::string& text) mutable {
     constexpr int kPerCore = 4;
     const int most = kPerCore * static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
