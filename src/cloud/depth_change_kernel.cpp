@@ -6,13 +6,13 @@
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 
-void find_depth_change(const DepthChangePass& pass, int row_begin, int row_end) {
+void find_depth_change(const DepthChangePass& pass, const PixelWindow& part) {
   const VecF zero = splat(0.0f);
   const int width = pass.in.width;
-  for (int v = row_begin; v < row_end; ++v) {
+  for (int v = part.top; v < part.bottom; ++v) {
     const float* here = pass.in.row(v);
     const std::ptrdiff_t out = static_cast<std::ptrdiff_t>(v) * width;
-    for (int u = 0; u < width; u += kLanes) {
+    for (int u = part.left; u < part.right; u += kLanes) {
       const VecF z = load(here + u);  // kNoDepth: nothing lies behind it
       const Around around = depths_around(here + u, pass.in.stride);
       DepthChange change{zero, zero, zero};

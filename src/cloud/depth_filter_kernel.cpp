@@ -1,21 +1,41 @@
-// Bilateral filter of depth (thesis eq. 3.12), compiled once per instruction set.
+// Reading and bilateral filter of depth (thesis eq. 3.12), compiled once per instruction set.
 #include <limits>
 
 #include "src/cloud/bilateral.h"
+#include "src/cloud/raw_depth.h"
 #include "src/cloud/surface_kernels.h"
 #include "src/core/simd.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {
 
-[[gnu::always_inline]] inline void filter_rows(const FilterPass& pass, int row_begin, int row_end,
+/// Each number by itself, as the compiler's vectors have it.
+template <class ToDepth>
+[[gnu::always_inline]] inline int read_rows(const RawPass& pass, const PixelWindow& part,
+                                            const ToDepth& to_depth) {
+  int num_valid = 0;
+  for (int v = part.top; v < part.bottom; ++v) {
+    float* const out = pass.out + v * pass.stride;
+    const std::ptrdiff_t begin = static_cast<std::ptrdiff_t>(v) * pass.width;
+    const float least = pass.min_depth, most = pass.max_depth;
+    for (int u = part.left; u < part.right; ++u) {
+      const float z = to_depth(begin + u);
+      const bool valid = is_usable_depth(z, least, most);
+      out[u] = valid ? z : kNoDepth;
+      num_valid += valid;
+    }
+  }
+  return num_valid;
+}
+
+[[gnu::always_inline]] inline void filter_rows(const FilterPass& pass, const PixelWindow& part,
                                                int radius) {
   const VecF nan = splat(std::numeric_limits<float>::quiet_NaN());
-  for (int v = row_begin; v < row_end; ++v) {
+  for (int v = part.top; v < part.bottom; ++v) {
     const float* in = pass.in.row(v);
     float* out = pass.out + v * pass.in.stride;
     float* depth = pass.depth + static_cast<std::ptrdiff_t>(v) * pass.in.width;
-    for (int u = 0; u < pass.in.width; u += kLanes) {
+    for (int u = part.left; u < part.right; u += kLanes) {
       const VecF z = load(in + u);
       const VecI valid = z < kAnyDepth;
       VecF result = z;
@@ -31,11 +51,21 @@ namespace {
 
 }  // namespace
 
-void filter_depth(const FilterPass& pass, int row_begin, int row_end) {
+int read_depth(const RawPass& pass, const PixelWindow& part) {
+  if (const float* const metres = pass.metres; pass.counts == nullptr) {
+    return read_rows(pass, part, [metres](std::ptrdiff_t i) { return metres[i]; });
+  }
+  const std::uint16_t* const counts = pass.counts;
+  const double unit = pass.unit;
+  return read_rows(pass, part,
+                   [counts, unit](std::ptrdiff_t i) { return depth_of(counts[i], unit); });
+}
+
+void filter_depth(const FilterPass& pass, const PixelWindow& part) {
   if (pass.radius == 2) {
-    filter_rows(pass, row_begin, row_end, 2);  // the default, unrolled
+    filter_rows(pass, part, 2);  // the default, unrolled
   } else {
-    filter_rows(pass, row_begin, row_end, pass.radius);
+    filter_rows(pass, part, pass.radius);
   }
 }
 

@@ -91,16 +91,16 @@ struct RowsAround {
 
 }  // namespace
 
-int estimate_normals(const NormalPass& shared, int row_begin, int row_end) {
+int estimate_normals(const NormalPass& shared, const PixelWindow& part) {
   const NormalPass pass = shared;  // a local copy: no store can alias it
   int num_points = 0;
-  for (int u = 0; u < pass.in.width; u += kLanes) {
+  for (int u = part.left; u < part.right; u += kLanes) {
     if (pass.radius != 3) {
-      num_points += do_columns(pass, u, row_begin, row_end, pass.radius, pass.along_ray);
+      num_points += do_columns(pass, u, part.top, part.bottom, pass.radius, pass.along_ray);
     } else if (pass.along_ray) {  // unrolled
-      num_points += do_columns(pass, u, row_begin, row_end, 3, true);
+      num_points += do_columns(pass, u, part.top, part.bottom, 3, true);
     } else {
-      num_points += do_columns(pass, u, row_begin, row_end, 3, false);
+      num_points += do_columns(pass, u, part.top, part.bottom, 3, false);
     }
   }
   return num_points;

@@ -7,12 +7,12 @@
 
 namespace palpate {
 
-PointCloud::PointCloud(int width, int height, std::optional<Intrinsics> pinhole)
-    : width_(width), height_(height), pinhole_(pinhole) {
+PointCloud::PointCloud(int width, int height, std::optional<Intrinsics> pinhole, bool has_edges)
+    : width_(width), height_(height), pinhole_(pinhole), has_edges_(has_edges) {
   PALPATE_ASSERT(width >= 0 && height >= 0);
   constexpr std::size_t kPadding = PointCloudView::kPadding;
   stride_ = (size() + kPadding - 1) / kPadding * kPadding;
-  data_.assign(6 * stride_, std::numeric_limits<float>::quiet_NaN());
+  data_.assign((has_edges ? 9 : 6) * stride_, std::numeric_limits<float>::quiet_NaN());
 }
 
 void PointCloud::set(std::size_t i, const Vec3f& p, const Vec3f& n) {
@@ -42,6 +42,11 @@ PointCloudView PointCloud::view() const {
   view.height = height_;
   view.pinhole = pinhole_.has_value();
   if (pinhole_) view.intrinsics = *pinhole_;
+  if (has_edges_) {
+    view.edge_x = channel(6);
+    view.edge_y = channel(7);
+    view.edge_z = channel(8);
+  }
   return view;
 }
 

@@ -9,17 +9,22 @@ namespace palpate {
 
 struct SurfaceEstimator::Impl {
   SurfaceStages stages;
+  SurfaceParts made;
   std::uint64_t stamp = 0;
 
   template <class Depth>
-  SurfaceStats update(const Depth& depth, ThreadPool& pool) {
+  SurfaceStats update(const Depth& depth, ThreadPool& pool, const SurfaceParts& parts) {
     SurfaceStats stats;
     stats.num_valid = stages.read(depth, pool);
-    stages.filter(pool);
-    stats.num_points = stages.estimate_normals(pool);
-    stages.find_depth_change(pool);
-    stamp = next_stamp();
+    stats.num_points = make_points(parts.points, pool);
+    if (parts.depth_change) stages.find_depth_change(pool);
+    made = parts;
     return stats;
+  }
+  int make_points(const PixelWindow& window, ThreadPool& pool) {
+    stamp = next_stamp();
+    stages.filter(pool, window);
+    return stages.estimate_normals(pool, window);
   }
 };
 
@@ -34,22 +39,34 @@ Result<SurfaceEstimator> SurfaceEstimator::create(int width, int height,
   const Status status = check_surface_settings(width, height, intrinsics, options);
   if (!status) return status.error();
   return SurfaceEstimator(
-      std::unique_ptr<Impl>(new Impl{{width, height, intrinsics, options, isa}, 0}));
+      std::unique_ptr<Impl>(new Impl{{width, height, intrinsics, options, isa}, {}, 0}));
 }
 
-SurfaceStats SurfaceEstimator::update(const DepthFrame& frame, ThreadPool& pool) {
-  return impl_->update(frame, pool);
+SurfaceStats SurfaceEstimator::update(const DepthFrame& frame, ThreadPool& pool,
+                                      const SurfaceParts& parts) {
+  return impl_->update(frame, pool, parts);
 }
 
-SurfaceStats SurfaceEstimator::update(std::span<const float> depth, ThreadPool& pool) {
-  return impl_->update(depth, pool);
+SurfaceStats SurfaceEstimator::update(std::span<const float> depth, ThreadPool& pool,
+                                      const SurfaceParts& parts) {
+  return impl_->update(depth, pool, parts);
+}
+
+void SurfaceEstimator::complete(ThreadPool& pool) {
+  Impl& d = *impl_;
+  const PointCloud& cloud = d.stages.cloud();
+  if (!d.made.points.has_all(cloud.width(), cloud.height())) d.make_points({}, pool);
+  if (!d.made.depth_change) d.stages.find_depth_change(pool);
+  d.made = {};
 }
 
 PointCloudView SurfaceEstimator::cloud() const {
   PointCloudView view = impl_->stages.cloud().view();
-  view.edge_x = depth_change(0).data();
-  view.edge_y = depth_change(1).data();
-  view.edge_z = depth_change(2).data();
+  if (impl_->made.depth_change) {
+    view.edge_x = depth_change(0).data();
+    view.edge_y = depth_change(1).data();
+    view.edge_z = depth_change(2).data();
+  }
   view.stamp = impl_->stamp;
   return view;
 }

@@ -3,6 +3,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+
+#include "palpate/cloud/pixel_window.h"
 
 namespace palpate {
 
@@ -23,6 +26,17 @@ struct PaddedDepth {
   int width = 0, height = 0;
 
   const float* row(int v) const { return pixels + v * stride; }
+};
+
+/// Raw depth to metres, kNoDepth for what is no measurement.
+struct RawPass {
+  const std::uint16_t* counts = nullptr;  ///< width a row, of `unit` metres
+  const float* metres = nullptr;          ///< instead, if there are no counts
+  double unit = 0;
+  float min_depth = 0, max_depth = 0;
+  float* out = nullptr;  ///< padded
+  std::ptrdiff_t stride = 0;
+  int width = 0;
 };
 
 /// Bilateral filter (eq. 3.12): z_p' = sum w z_q / sum w over the valid q of the window,
@@ -64,18 +78,24 @@ struct DepthChangePass {
   float min_step = 0;
 };
 
-/// Each does rows [row_begin, row_end): one strip.
+/// Columns of a part begin at a multiple of this.
+inline constexpr int kColumnStep = 16;
+
+/// Each does one part of the image: rows of one strip, columns from a multiple of kColumnStep to
+/// another one or to the end of the rows.
 struct SurfaceKernels {
-  void (*filter_depth)(const FilterPass&, int row_begin, int row_end);
-  int (*estimate_normals)(const NormalPass&, int row_begin, int row_end);  ///< number of points
-  void (*find_depth_change)(const DepthChangePass&, int row_begin, int row_end);
+  int (*read_depth)(const RawPass&, const PixelWindow& part);  ///< number of measurements
+  void (*filter_depth)(const FilterPass&, const PixelWindow& part);
+  int (*estimate_normals)(const NormalPass&, const PixelWindow& part);  ///< number of points
+  void (*find_depth_change)(const DepthChangePass&, const PixelWindow& part);
 };
 
-#define PALPATE_DECLARE_SURFACE_KERNELS(isa)                \
-  namespace isa {                                           \
-  void filter_depth(const FilterPass&, int, int);           \
-  int estimate_normals(const NormalPass&, int, int);        \
-  void find_depth_change(const DepthChangePass&, int, int); \
+#define PALPATE_DECLARE_SURFACE_KERNELS(isa)                          \
+  namespace isa {                                                     \
+  int read_depth(const RawPass&, const PixelWindow&);                 \
+  void filter_depth(const FilterPass&, const PixelWindow&);           \
+  int estimate_normals(const NormalPass&, const PixelWindow&);        \
+  void find_depth_change(const DepthChangePass&, const PixelWindow&); \
   }
 PALPATE_DECLARE_SURFACE_KERNELS(isa_baseline)
 PALPATE_DECLARE_SURFACE_KERNELS(isa_avx2)

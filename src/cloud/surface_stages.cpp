@@ -5,7 +5,6 @@
 #include <numeric>
 
 #include "palpate/core/assert.h"
-#include "src/cloud/raw_depth.h"
 #include "src/cloud/surface_settings.h"
 
 namespace palpate {
@@ -17,14 +16,16 @@ static_assert(kMargin >= kMaxWindowRadius);
 SurfaceKernels kernels_for(Isa isa) {
 #if defined(__x86_64__)
   if (isa == Isa::avx512) {
-    return {isa_avx512::filter_depth, isa_avx512::estimate_normals, isa_avx512::find_depth_change};
+    return {isa_avx512::read_depth, isa_avx512::filter_depth, isa_avx512::estimate_normals,
+            isa_avx512::find_depth_change};
   }
   if (isa == Isa::avx2) {
-    return {isa_avx2::filter_depth, isa_avx2::estimate_normals, isa_avx2::find_depth_change};
+    return {isa_avx2::read_depth, isa_avx2::filter_depth, isa_avx2::estimate_normals,
+            isa_avx2::find_depth_change};
   }
 #endif
   (void)isa;
-  return {isa_baseline::filter_depth, isa_baseline::estimate_normals,
+  return {isa_baseline::read_depth, isa_baseline::filter_depth, isa_baseline::estimate_normals,
           isa_baseline::find_depth_change};
 }
 
@@ -61,6 +62,12 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   depth_.assign(num_pixels, std::numeric_limits<float>::quiet_NaN());
   for (std::vector<float>& axis : change_) axis.assign(num_pixels, 0.0f);
 
+  raw_pass_.min_depth = static_cast<float>(options.min_depth);
+  raw_pass_.max_depth = static_cast<float>(options.max_depth);
+  raw_pass_.out = first_pixel(raw_, stride_);
+  raw_pass_.stride = stride_;
+  raw_pass_.width = width;
+
   filter_pass_ = filter_settings(options.filter);
   filter_pass_.in = {first_pixel(raw_, stride_), stride_, width, height};
   filter_pass_.out = first_pixel(filtered_, stride_);
@@ -82,67 +89,61 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   change_pass_.min_step = static_cast<float>(options.depth_change.min_step);
 }
 
-// Runs `task(row_begin, row_end)`, which returns a count, for each strip.
+// Runs `task(part)`, which returns a count, for each strip of the window and what is left to make
+// its parts whole.
 template <class Task>
-int SurfaceStages::sum_over_strips(ThreadPool& pool, const Task& task) {
-  pool.parallel_for(static_cast<int>(strip_counts_.size()), [&](int strip) {
-    const int row_begin = strip * kStripRows;
-    strip_counts_[static_cast<std::size_t>(strip)] =
-        task(row_begin, std::min(row_begin + kStripRows, height_));
+int SurfaceStages::sum_over_strips(ThreadPool& pool, const PixelWindow& window, const Task& task) {
+  static_assert(kColumnStep == kStripRows);
+  const PixelWindow all = window.clipped(width_, height_).aligned(kColumnStep);
+  const int num_strips = std::max(all.height(), 0) / kStripRows;
+  pool.parallel_for(num_strips, [&](int strip) {
+    const int top = all.top + strip * kStripRows;
+    const PixelWindow part{all.left, top, all.right, top + kStripRows};
+    strip_counts_[static_cast<std::size_t>(strip)] = task(part.clipped(width_, height_));
   });
-  return std::accumulate(strip_counts_.begin(), strip_counts_.end(), 0);
-}
-
-template <class ToDepth>
-int SurfaceStages::read_pixels(ThreadPool& pool, const ToDepth& to_depth) {
-  const float min_depth = static_cast<float>(options_.min_depth);
-  const float max_depth = static_cast<float>(options_.max_depth);
-  return sum_over_strips(pool, [&](int row_begin, int row_end) {
-    int num_valid = 0;
-    for (int v = row_begin; v < row_end; ++v) {
-      float* out = first_pixel(raw_, stride_) + v * stride_;
-      const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(width_);
-      for (int u = 0; u < width_; ++u) {
-        const float z = to_depth(begin + static_cast<std::size_t>(u));
-        const bool valid = is_usable_depth(z, min_depth, max_depth);
-        out[u] = valid ? z : kNoDepth;
-        num_valid += valid;
-      }
-    }
-    return num_valid;
-  });
+  return std::accumulate(strip_counts_.begin(), strip_counts_.begin() + num_strips, 0);
 }
 
 int SurfaceStages::read(const DepthFrame& frame, ThreadPool& pool) {
   PALPATE_ASSERT(frame.width == width_ && frame.height == height_ &&
                  frame.pixels.size() == num_pixels());
-  const std::uint16_t* pixels = frame.pixels.data();
-  const double unit = frame.unit;
-  return read_pixels(pool, [pixels, unit](std::size_t i) { return depth_of(pixels[i], unit); });
+  RawPass pass = raw_pass_;
+  pass.counts = frame.pixels.data();
+  pass.unit = frame.unit;
+  return read(pass, pool);
 }
 
 int SurfaceStages::read(std::span<const float> depth, ThreadPool& pool) {
   PALPATE_ASSERT(depth.size() == num_pixels());
-  return read_pixels(pool, [depth](std::size_t i) { return depth[i]; });
+  RawPass pass = raw_pass_;
+  pass.metres = depth.data();
+  return read(pass, pool);
 }
 
-void SurfaceStages::filter(ThreadPool& pool) {
-  sum_over_strips(pool, [&](int row_begin, int row_end) {
-    kernels_.filter_depth(filter_pass_, row_begin, row_end);
+int SurfaceStages::read(const RawPass& pass, ThreadPool& pool) {
+  return sum_over_strips(pool, {},
+                         [&](const PixelWindow& part) { return kernels_.read_depth(pass, part); });
+}
+
+void SurfaceStages::filter(ThreadPool& pool, const PixelWindow& wanted) {
+  // Normals are made in whole parts.
+  const PixelWindow normals = wanted.clipped(width_, height_).aligned(kColumnStep);
+  sum_over_strips(pool, normals.grown(normal_pass_.radius), [&](const PixelWindow& part) {
+    kernels_.filter_depth(filter_pass_, part);
     return 0;
   });
 }
 
-int SurfaceStages::estimate_normals(ThreadPool& pool) {
-  return sum_over_strips(pool, [&](int row_begin, int row_end) {
-    return kernels_.estimate_normals(normal_pass_, row_begin, row_end);
+int SurfaceStages::estimate_normals(ThreadPool& pool, const PixelWindow& wanted) {
+  return sum_over_strips(pool, wanted, [&](const PixelWindow& part) {
+    return kernels_.estimate_normals(normal_pass_, part);
   });
 }
 
 void SurfaceStages::find_depth_change(ThreadPool& pool) {
   if (!options_.depth_change.enabled) return;
-  sum_over_strips(pool, [&](int row_begin, int row_end) {
-    kernels_.find_depth_change(change_pass_, row_begin, row_end);
+  sum_over_strips(pool, {}, [&](const PixelWindow& part) {
+    kernels_.find_depth_change(change_pass_, part);
     return 0;
   });
 }

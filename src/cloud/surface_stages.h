@@ -10,6 +10,7 @@
 namespace palpate {
 
 /// Call the stages in the order read, filter, estimate_normals, find_depth_change. None allocates.
+/// Points may be wanted in a window alone: filter and normals then do that and what it needs.
 class SurfaceStages {
  public:
   /// Settings as check_surface_settings accepts them.
@@ -21,8 +22,8 @@ class SurfaceStages {
   /// Depth in metres with kNoDepth for what is no measurement; returns the number of the others.
   int read(const DepthFrame& frame, ThreadPool& pool);
   int read(std::span<const float> depth, ThreadPool& pool);
-  void filter(ThreadPool& pool);
-  int estimate_normals(ThreadPool& pool);  ///< returns the number of points
+  void filter(ThreadPool& pool, const PixelWindow& wanted = {});
+  int estimate_normals(ThreadPool& pool, const PixelWindow& wanted = {});  ///< number of points
   void find_depth_change(ThreadPool& pool);
 
   const PointCloud& cloud() const { return cloud_; }
@@ -31,10 +32,9 @@ class SurfaceStages {
   std::size_t num_pixels() const { return depth_.size(); }
 
  private:
-  template <class ToDepth>
-  int read_pixels(ThreadPool& pool, const ToDepth& to_depth);
+  int read(const RawPass& pass, ThreadPool& pool);
   template <class Task>
-  int sum_over_strips(ThreadPool& pool, const Task& task);
+  int sum_over_strips(ThreadPool& pool, const PixelWindow& window, const Task& task);
 
   SurfaceOptions options_;
   SurfaceKernels kernels_;
@@ -45,6 +45,7 @@ class SurfaceStages {
   std::vector<float> depth_, change_[3];
   std::vector<int> strip_counts_;
   PointCloud cloud_;
+  RawPass raw_pass_;
   FilterPass filter_pass_;
   NormalPass normal_pass_;
   DepthChangePass change_pass_;

@@ -6,19 +6,20 @@
 #include "palpate/core/assert.h"
 #include "palpate/core/stamp.h"
 #include "src/field/field_rows.h"
+#include "src/field/field_windows.h"
 
 namespace palpate {
 namespace {
 
 constexpr int kBorder = DepthFieldLevel::kBorder;
 
-/// Calls `row(v)` for all rows of an image, in parallel.
+/// Calls `row(v)` for rows [begin, end), in parallel.
 template <class Row>
-void for_rows(ThreadPool& pool, int height, const Row& row) {
+void for_rows(ThreadPool& pool, int begin, int end, const Row& row) {
   constexpr int kRowsPerTask = 16;
-  pool.parallel_for((height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
-    const int end = std::min(height, (task + 1) * kRowsPerTask);
-    for (int v = task * kRowsPerTask; v < end; ++v) row(v);
+  pool.parallel_for((end - begin + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
+    const int first = begin + task * kRowsPerTask;
+    for (int v = first; v < std::min(end, first + kRowsPerTask); ++v) row(v);
   });
 }
 
@@ -40,72 +41,84 @@ struct DepthField::Impl {
   DepthFieldView view;
 
   const FieldImage& image(int level) const { return images[level]; }
-  void take_planes(const PointCloudView& cloud, ThreadPool& pool);
-  void widen(int level, Choice choice, ThreadPool& pool);
-  void fill_holes(ThreadPool& pool);
+  FieldWindows windows_for(const PixelWindow& asked) const {
+    return field_windows(layout, layout.num_filled(options),
+                         asked.clipped(image(0).width, image(0).height));
+  }
+  void take_planes(const PointCloudView& cloud, const PixelWindow& window, ThreadPool& pool);
+  void widen(int level, Choice choice, const PixelWindow& window, ThreadPool& pool);
+  void fill_holes(const FieldWindows& windows, ThreadPool& pool);
   void extend_border(int level) const;
-  void find_silhouettes(const Intrinsics& k, int level, ThreadPool& pool);
-  void find_tiles(ThreadPool& pool);
+  void find_silhouettes(const Intrinsics& k, int level, const PixelWindow& window,
+                        ThreadPool& pool);
+  void find_tiles(const PixelWindow& window, ThreadPool& pool);
 };
 
-void DepthField::Impl::take_planes(const PointCloudView& cloud, ThreadPool& pool) {
-  for_rows(pool, image(0).height, [&](int v) {
-    row_has_hole[static_cast<std::size_t>(v)] = rows.take_planes(cloud, image(0), v);
+void DepthField::Impl::take_planes(const PointCloudView& cloud, const PixelWindow& window,
+                                   ThreadPool& pool) {
+  std::fill(row_has_hole.begin(), row_has_hole.end(), 0);
+  for_rows(pool, window.top, window.bottom, [&](int v) {
+    row_has_hole[static_cast<std::size_t>(v)] = rows.take_planes(cloud, image(0), window, v);
   });
 }
 
-void DepthField::Impl::widen(int level, Choice choice, ThreadPool& pool) {
+void DepthField::Impl::widen(int level, Choice choice, const PixelWindow& window,
+                             ThreadPool& pool) {
   const FieldImage &fine = image(level - 1), &coarse = image(level);
-  for_rows(pool, coarse.height, [&](int v) { rows.widen(fine, level, choice, coarse, v); });
+  for_rows(pool, window.top, window.bottom,
+           [&](int v) { rows.widen(fine, level, choice, coarse, window, v); });
 }
 
 /// Closes holes from the outside in: the widest level that has to be asked is made first.
-void DepthField::Impl::fill_holes(ThreadPool& pool) {
+void DepthField::Impl::fill_holes(const FieldWindows& windows, ThreadPool& pool) {
   if (std::find(row_has_hole.begin(), row_has_hole.end(), 1) == row_has_hole.end()) return;
   const int num_filled = layout.num_filled(options);
-  for (int level = 1; level <= num_filled; ++level) widen(level, Choice::nearest, pool);
+  for (int level = 1; level <= num_filled; ++level) {
+    widen(level, Choice::nearest, windows.nearest[level], pool);
+  }
   for (int level = num_filled - 1; level >= 0; --level) {
-    for_rows(pool, image(level).height, [&](int v) {
+    const PixelWindow& window = windows.filled[level];
+    for_rows(pool, window.top, window.bottom, [&](int v) {
       if (level == 0 && !row_has_hole[static_cast<std::size_t>(v)]) return;
-      rows.fill(image(level + 1), level + 1, image(level), v);
+      rows.fill(image(level + 1), level + 1, image(level), window, v);
     });
   }
 }
 
-/// Around the image: nothing, or the surface of the outermost pixels going on.
+/// Around the image: the surface of the outermost pixels going on, or nothing, which is so from the
+/// beginning on.
 void DepthField::Impl::extend_border(int level) const {
+  if (options.unknown != UnknownSpace::solid) return;
   const int w = image(level).width, h = image(level).height;
   for (int v = -kBorder; v < h + kBorder; ++v) {
     const bool inner_row = v >= 0 && v < h;
     TangentPlane* const row = image(level).row(v);
     const TangentPlane* const inner = image(level).row(std::clamp(v, 0, h - 1));
     for (int u = -kBorder; u < w + kBorder; u += inner_row && u == -1 ? w + 1 : 1) {
-      row[u] =
-          options.unknown == UnknownSpace::solid ? inner[std::clamp(u, 0, w - 1)] : TangentPlane{};
+      row[u] = inner[std::clamp(u, 0, w - 1)];
     }
   }
 }
 
 /// In all rows that queries look at, and as far beyond as that takes.
-void DepthField::Impl::find_silhouettes(const Intrinsics& k, int level, ThreadPool& pool) {
+void DepthField::Impl::find_silhouettes(const Intrinsics& k, int level, const PixelWindow& window,
+                                        ThreadPool& pool) {
   const FieldImage& of = image(level);
   const auto for_rows_beyond = [&](int beyond, const auto& row) {
-    for_rows(pool, of.height + 2 * beyond + 1, [&](int v) { row(v - beyond); });
+    for_rows(pool, window.top - beyond, window.bottom + beyond, row);
   };
   constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
-  for_rows_beyond(kSilhouetteBorder + kReach,
-                  [&](int v) { rows.find_edges(k, of, level, v, scratch); });
-  for_rows_beyond(kSilhouetteBorder + kReach,
-                  [&](int v) { rows.find_in_row(k, of, level, v, scratch); });
-  for_rows_beyond(kSilhouetteBorder,
-                  [&](int v) { rows.find_silhouettes(k, of, level, v, scratch); });
-  for_rows_beyond(kSilhouetteBorder - 1, [&](int v) { rows.mark_silhouettes(of, v, scratch); });
+  for_rows_beyond(kReach, [&](int v) { rows.find_edges(k, of, level, window, v, scratch); });
+  for_rows_beyond(kReach, [&](int v) { rows.find_in_row(k, of, level, window, v, scratch); });
+  for_rows_beyond(0, [&](int v) { rows.find_silhouettes(k, of, level, window, v, scratch); });
+  for_rows_beyond(-1, [&](int v) { rows.mark_silhouettes(of, window, v, scratch); });
 }
 
 /// Wider pixels are means of those of level 0.
-void DepthField::Impl::find_tiles(ThreadPool& pool) {
-  pool.parallel_for(view.tiles_high, [&](int v) {
-    rows.find_tiles(image(0), v, tiles.data() + static_cast<std::ptrdiff_t>(v) * view.tiles_wide);
+void DepthField::Impl::find_tiles(const PixelWindow& window, ThreadPool& pool) {
+  for_rows(pool, 0, view.tiles_high, [&](int v) {
+    rows.find_tiles(image(0), window, v,
+                    tiles.data() + static_cast<std::ptrdiff_t>(v) * view.tiles_wide);
   });
 }
 
@@ -154,21 +167,27 @@ DepthField::DepthField(DepthField&&) noexcept = default;
 DepthField& DepthField::operator=(DepthField&&) noexcept = default;
 DepthField::~DepthField() = default;
 
-void DepthField::update(const PointCloudView& cloud, ThreadPool& pool) {
+void DepthField::update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& asked) {
   Impl& d = *impl_;
   PALPATE_ASSERT(cloud.pinhole && cloud.width == d.image(0).width &&
                  cloud.height == d.image(0).height);
-  d.take_planes(cloud, pool);
-  d.fill_holes(pool);
   d.view.num_levels = d.layout.num_levels;
   d.view.intrinsics = cloud.intrinsics;
-  d.find_tiles(pool);
+  d.view.asked = asked.clipped(cloud.width, cloud.height);
+  const FieldWindows windows = d.windows_for(asked);
+  d.take_planes(cloud, windows.points, pool);
+  d.fill_holes(windows, pool);
+  d.find_tiles(windows.planes[0], pool);
   for (int level = 0; level < d.view.num_levels; ++level) {
-    if (level > 0) d.widen(level, Choice::majority, pool);
+    if (level > 0) d.widen(level, Choice::majority, windows.planes[level], pool);
     d.extend_border(level);
-    d.find_silhouettes(cloud.intrinsics, level, pool);
+    d.find_silhouettes(cloud.intrinsics, level, windows.silhouettes[level], pool);
   }
   d.view.stamp = next_stamp();
+}
+
+PixelWindow DepthField::points_for(const PixelWindow& asked) const {
+  return impl_->windows_for(asked).points;
 }
 
 const DepthFieldView& DepthField::view() const { return impl_->view; }

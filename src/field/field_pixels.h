@@ -112,6 +112,12 @@ PALPATE_FORMULA Tile empty_tile() {
   using Real = decltype(Tile::nearest);
   return {Real{} + 1e30f, Real{} + 1.0f};
 }
+/// Of a tile about which nothing is known: anything may be near.
+template <class Tile>
+PALPATE_FORMULA Tile unknown_tile() {
+  using Real = decltype(Tile::nearest);
+  return {Real{} - 1e30f, Real{} + 1.0f};
+}
 template <class Tile>
 PALPATE_FORMULA Tile join(const Tile& a, const Tile& b) {
   return {b.nearest < a.nearest ? b.nearest : a.nearest,

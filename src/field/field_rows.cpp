@@ -4,19 +4,22 @@
 
 namespace palpate {
 
-#define PALPATE_DECLARE_FIELD_ROWS(isa)                                                            \
-  namespace isa {                                                                                  \
-  bool take_planes(const PointCloudView&, const FieldImage&, int);                                 \
-  void widen(const FieldImage&, int, Choice, const FieldImage&, int);                              \
-  void fill(const FieldImage&, int, const FieldImage&, int);                                       \
-  void find_edges(const Intrinsics&, const FieldImage&, int, int, const SilhouetteScratch&);       \
-  void find_in_row(const Intrinsics&, const FieldImage&, int, int, const SilhouetteScratch&);      \
-  void find_silhouettes(const Intrinsics&, const FieldImage&, int, int, const SilhouetteScratch&); \
-  void mark_silhouettes(const FieldImage&, int, const SilhouetteScratch&);                         \
-  void find_tiles(const FieldImage&, int, DepthTile*);                                             \
-  constexpr FieldRows kFieldRows{take_planes,      widen,       fill,                              \
-                                 find_edges,       find_in_row, find_silhouettes,                  \
-                                 mark_silhouettes, find_tiles};                                    \
+#define PALPATE_DECLARE_FIELD_ROWS(isa)                                                        \
+  namespace isa {                                                                              \
+  bool take_planes(const PointCloudView&, const FieldImage&, const PixelWindow&, int);         \
+  void widen(const FieldImage&, int, Choice, const FieldImage&, const PixelWindow&, int);      \
+  void fill(const FieldImage&, int, const FieldImage&, const PixelWindow&, int);               \
+  void find_edges(const Intrinsics&, const FieldImage&, int, const PixelWindow&, int,          \
+                  const SilhouetteScratch&);                                                   \
+  void find_in_row(const Intrinsics&, const FieldImage&, int, const PixelWindow&, int,         \
+                   const SilhouetteScratch&);                                                  \
+  void find_silhouettes(const Intrinsics&, const FieldImage&, int, const PixelWindow&, int,    \
+                        const SilhouetteScratch&);                                             \
+  void mark_silhouettes(const FieldImage&, const PixelWindow&, int, const SilhouetteScratch&); \
+  void find_tiles(const FieldImage&, const PixelWindow&, int, DepthTile*);                     \
+  constexpr FieldRows kFieldRows{take_planes,      widen,       fill,                          \
+                                 find_edges,       find_in_row, find_silhouettes,              \
+                                 mark_silhouettes, find_tiles};                                \
   }
 PALPATE_DECLARE_FIELD_ROWS(isa_baseline)
 #if defined(__x86_64__)

@@ -52,27 +52,33 @@ struct SilhouetteScratch {
   }
 };
 
-/// Each does row v of the image named last.
+/// Each does row v of the image named last, in the columns of a window (field_windows.h).
 struct FieldRows {
   /// Level 0: the tangent plane of every point. True if there is none in a pixel.
-  bool (*take_planes)(const PointCloudView& cloud, const FieldImage& image, int v);
+  bool (*take_planes)(const PointCloudView& cloud, const FieldImage& image,
+                      const PixelWindow& window, int v);
   /// A level from the one before: one pixel of two by two.
-  void (*widen)(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse, int v);
+  void (*widen)(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse,
+                const PixelWindow& window, int v);
   /// Gives the pixels without surface what the next wider level, `level`, knows there.
-  void (*fill)(const FieldImage& coarse, int level, const FieldImage& fine, int v);
-  /// In which segments of a row surfaces end, towards the right or the next row.
-  void (*find_edges)(const Intrinsics& k, const FieldImage& image, int level, int v,
-                     const SilhouetteScratch& scratch);
+  void (*fill)(const FieldImage& coarse, int level, const FieldImage& fine,
+               const PixelWindow& window, int v);
+  /// In which segments of a row surfaces end, towards the right or the next row; also in the
+  /// segments beside the window.
+  void (*find_edges)(const Intrinsics& k, const FieldImage& image, int level,
+                     const PixelWindow& window, int v, const SilhouetteScratch& scratch);
   /// SilhouetteScratch::found of a row.
-  void (*find_in_row)(const Intrinsics& k, const FieldImage& image, int level, int v,
-                      const SilhouetteScratch& scratch);
+  void (*find_in_row)(const Intrinsics& k, const FieldImage& image, int level,
+                      const PixelWindow& window, int v, const SilhouetteScratch& scratch);
   /// The silhouettes of a row, from what was found in the rows around it.
-  void (*find_silhouettes)(const Intrinsics& k, const FieldImage& image, int level, int v,
-                           const SilhouetteScratch& scratch);
+  void (*find_silhouettes)(const Intrinsics& k, const FieldImage& image, int level,
+                           const PixelWindow& window, int v, const SilhouetteScratch& scratch);
   /// FieldImage::near_silhouette of a row.
-  void (*mark_silhouettes)(const FieldImage& image, int v, const SilhouetteScratch& scratch);
-  /// What is nearest in each tile of the row of tiles v, of level 0.
-  void (*find_tiles)(const FieldImage& image, int v, DepthTile* tiles);
+  void (*mark_silhouettes)(const FieldImage& image, const PixelWindow& window, int v,
+                           const SilhouetteScratch& scratch);
+  /// What is nearest in each tile of the row of tiles v, of level 0; of a tile that is not wholly
+  /// inside the window nothing is known.
+  void (*find_tiles)(const FieldImage& image, const PixelWindow& window, int v, DepthTile* tiles);
 };
 /// An instruction set that the processor lacks is lowered.
 FieldRows field_rows(Isa isa);

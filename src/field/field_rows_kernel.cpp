@@ -1,4 +1,6 @@
 // The loops over the rows of a depth field, compiled once per instruction set.
+#include <algorithm>
+
 #include "src/core/simd.h"
 #include "src/field/field_rows.h"
 
@@ -24,20 +26,21 @@ inline void store(TangentPlane* to, const Planes& planes) {
 
 }  // namespace
 
-bool take_planes(const PointCloudView& cloud, const FieldImage& image, int v) {
+bool take_planes(const PointCloudView& cloud, const FieldImage& image, const PixelWindow& window,
+                 int v) {
   TangentPlane* const out = image.row(v);
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(v) * cloud.width;
   const float* const in[6] = {cloud.x + first,  cloud.y + first,  cloud.z + first,
                               cloud.nx + first, cloud.ny + first, cloud.nz + first};
   std::uint32_t holes = 0;
-  int u = 0;
-  for (; u + kLanes <= image.width; u += kLanes) {
+  int u = window.left;
+  for (; u + kLanes <= window.right; u += kLanes) {
     const Planes planes = tangent_plane<Planes>(load(in[0] + u), load(in[1] + u), load(in[2] + u),
                                                 load(in[3] + u), load(in[4] + u), load(in[5] + u));
     store(out + u, planes);
     holes |= mask_bits(is_hole(planes));
   }
-  for (; u < image.width; ++u) {
+  for (; u < window.right; ++u) {
     out[u] =
         tangent_plane<TangentPlane>(in[0][u], in[1][u], in[2][u], in[3][u], in[4][u], in[5][u]);
     holes |= !out[u].is_surface();
@@ -45,12 +48,13 @@ bool take_planes(const PointCloudView& cloud, const FieldImage& image, int v) {
   return holes != 0;
 }
 
-void widen(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse, int v) {
+void widen(const FieldImage& fine, int level, Choice choice, const FieldImage& coarse,
+           const PixelWindow& window, int v) {
   const TangentPlane* const rows[2] = {
       fine.row(2 * v), fine.row(2 * v + 1 < fine.height ? 2 * v + 1 : fine.height - 1)};
   TangentPlane* const out = coarse.row(v);
-  int u = 0;
-  for (; 2 * (u + kLanes) <= fine.width; u += kLanes) {
+  int u = window.left;
+  for (; u + kLanes <= window.right && 2 * (u + kLanes) <= fine.width; u += kLanes) {
     Planes four[4];
     for (int k = 0; k < 2; ++k) {
       const Planes left = load(rows[k] + 2 * u), right = load(rows[k] + 2 * u + kLanes);
@@ -61,19 +65,20 @@ void widen(const FieldImage& fine, int level, Choice choice, const FieldImage& c
     }
     store(out + u, widened(four, level, choice));
   }
-  for (; u < coarse.width; ++u) {
+  for (; u < window.right; ++u) {
     const int u0 = 2 * u, u1 = 2 * u + 1 < fine.width ? 2 * u + 1 : fine.width - 1;
     const TangentPlane four[4] = {rows[0][u0], rows[0][u1], rows[1][u0], rows[1][u1]};
     out[u] = widened(four, level, choice);
   }
 }
 
-void fill(const FieldImage& coarse, int level, const FieldImage& fine, int v) {
+void fill(const FieldImage& coarse, int level, const FieldImage& fine, const PixelWindow& window,
+          int v) {
   const TangentPlane* const rows[2] = {coarse.row(v / 2),
                                        coarse.row(second_nearest(v, coarse.height))};
   TangentPlane* const out = fine.row(v);
-  int u = 0;
-  for (; u + kLanes <= fine.width; u += kLanes) {
+  int u = window.left;
+  for (; u + kLanes <= window.right; u += kLanes) {
     const Planes known = load(out + u);
     const Mask holes = is_hole(known);
     if (mask_bits(holes) == 0) continue;
@@ -89,7 +94,7 @@ void fill(const FieldImage& coarse, int level, const FieldImage& fine, int v) {
     store(out + u,
           {select(holes, guess.offset, known.offset), select(holes, guess.slope, known.slope)});
   }
-  for (; u < fine.width; ++u) {
+  for (; u < window.right; ++u) {
     if (out[u].is_surface()) continue;
     const int u0 = u / 2, u1 = second_nearest(u, coarse.width);
     const TangentPlane four[4] = {rows[0][u0], rows[0][u1], rows[1][u0], rows[1][u1]};
@@ -97,11 +102,16 @@ void fill(const FieldImage& coarse, int level, const FieldImage& fine, int v) {
   }
 }
 
-void find_tiles(const FieldImage& image, int v, DepthTile* tiles) {
+void find_tiles(const FieldImage& image, const PixelWindow& window, int v, DepthTile* tiles) {
   constexpr int kSize = DepthFieldView::kTileSize;
   static_assert(kSize % kLanes == 0);
-  const int end_v = (v + 1) * kSize < image.height ? (v + 1) * kSize : image.height;
+  const int end_v = std::min((v + 1) * kSize, image.height);
   for (int u = 0; u < image.width; u += kSize, ++tiles) {
+    const PixelWindow square{u, v * kSize, std::min(u + kSize, image.width), end_v};
+    if (!window.contains(square)) {
+      *tiles = unknown_tile<DepthTile>();
+      continue;
+    }
     Tiles lanes = empty_tile<Tiles>();
     DepthTile tile = empty_tile<DepthTile>();
     const bool is_whole = u + kSize <= image.width;

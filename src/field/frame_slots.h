@@ -16,6 +16,7 @@ struct SlotSettings {
   std::optional<DepthFieldOptions> field;
   TimeOptions time;
   int num_spare = 0;
+  bool wants_depth_change = true;
 
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }
@@ -27,12 +28,13 @@ class FrameSlots {
   virtual ~FrameSlots() = default;
 
   /// Fills a slot from the next frame. With `motion` the surface is predicted: each pixel goes from
-  /// the frame in the slot before to this one and beyond, to `motion` times the way.
+  /// the frame in the slot before to this one and beyond, to `motion` times the way. A field is
+  /// made for what is asked in a window at least.
   virtual SurfaceStats take(int slot, const DepthFrame& frame, std::optional<double> motion,
-                            ThreadPool& pool) = 0;
+                            const PixelWindow& asked, ThreadPool& pool) = 0;
   virtual const Surfaces& surfaces(int slot) const = 0;
   /// The points of a slot's frame as they were seen, in host memory.
-  virtual PointCloud seen_cloud(int slot) const = 0;
+  virtual PointCloud seen_cloud(int slot, ThreadPool& pool) = 0;
   /// An error once the GPU has failed.
   virtual const Status& status() const = 0;
 };

@@ -19,24 +19,33 @@ struct Slot {
 
 class FrameSlotsCpu final : public FrameSlots {
  public:
-  FrameSlotsCpu(double max_jump, std::optional<DepthAverager> averager, std::vector<Slot> slots)
-      : max_jump_(max_jump), averager_(std::move(averager)), slots_(std::move(slots)) {}
+  FrameSlotsCpu(const SlotSettings& settings, std::optional<DepthAverager> averager,
+                std::vector<Slot> slots)
+      : max_jump_(settings.time.max_jump),
+        wants_depth_change_(settings.wants_depth_change),
+        averager_(std::move(averager)),
+        slots_(std::move(slots)) {}
 
   SurfaceStats take(int number, const DepthFrame& frame, std::optional<double> motion,
-                    ThreadPool& pool) override {
+                    const PixelWindow& asked, ThreadPool& pool) override {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
-    const SurfaceStats stats = averager_
-                                   ? slot.estimator.update(averager_->update(frame, pool), pool)
-                                   : slot.estimator.update(frame, pool);
+    const bool has_all = !slot.field || asked.has_all(frame.width, frame.height);
+    SurfaceParts parts{{}, wants_depth_change_};
+    // What is predicted takes the points of both frames, which have windows of their own.
+    if (!has_all && !slot.predicted) parts = {slot.field->points_for(asked), false};
+    const SurfaceStats stats =
+        averager_ ? slot.estimator.update(averager_->update(frame, pool), pool, parts)
+                  : slot.estimator.update(frame, pool, parts);
     slot.surfaces.cloud = slot.estimator.cloud();
     if (motion) {
       const std::size_t num = slots_.size();
       predict(slots_[(static_cast<std::size_t>(number) + num - 1) % num], slot, *motion, pool);
     }
     if (slot.field) {
-      slot.field->update(slot.surfaces.cloud, pool);
+      slot.field->update(slot.surfaces.cloud, pool, asked);
       slot.surfaces.field = slot.field->view();
     }
+    if (!has_all) slot.surfaces.cloud = {};
     return stats;
   }
 
@@ -44,11 +53,14 @@ class FrameSlotsCpu final : public FrameSlots {
     return slots_[static_cast<std::size_t>(slot)].surfaces;
   }
 
-  PointCloud seen_cloud(int slot) const override {
-    const PointCloudView seen = slots_[static_cast<std::size_t>(slot)].estimator.cloud();
-    PointCloud copy(seen.width, seen.height, seen.intrinsics);
+  PointCloud seen_cloud(int slot, ThreadPool& pool) override {
+    SurfaceEstimator& estimator = slots_[static_cast<std::size_t>(slot)].estimator;
+    estimator.complete(pool);
+    const PointCloudView seen = estimator.cloud();
+    PointCloud copy(seen.width, seen.height, seen.intrinsics, true);
     int channel = 0;
-    for (const float* values : {seen.x, seen.y, seen.z, seen.nx, seen.ny, seen.nz}) {
+    for (const float* values : {seen.x, seen.y, seen.z, seen.nx, seen.ny, seen.nz, seen.edge_x,
+                                seen.edge_y, seen.edge_z}) {
       std::copy_n(values, seen.size(), copy.channel(channel++));
     }
     return copy;
@@ -67,6 +79,7 @@ class FrameSlotsCpu final : public FrameSlots {
   }
 
   double max_jump_;
+  bool wants_depth_change_;
   std::optional<DepthAverager> averager_;
   std::vector<Slot> slots_;
   Status status_ = Done{};
@@ -98,8 +111,8 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
     }
     slots.push_back(std::move(slot));
   }
-  return std::unique_ptr<FrameSlots>(std::make_unique<FrameSlotsCpu>(
-      settings.time.max_jump, std::move(averager), std::move(slots)));
+  return std::unique_ptr<FrameSlots>(
+      std::make_unique<FrameSlotsCpu>(settings, std::move(averager), std::move(slots)));
 }
 
 }  // namespace palpate

@@ -47,8 +47,9 @@ class FrameSlotsCuda final : public FrameSlots {
     stream_.wait();
   }
 
+  // The whole image takes a fraction of a millisecond.
   SurfaceStats take(int number, const DepthFrame& frame, std::optional<double> motion,
-                    ThreadPool&) override {
+                    const PixelWindow&, ThreadPool&) override {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
     const auto put = [&frame](auto& taker) {
       std::copy(frame.pixels.begin(), frame.pixels.end(), taker.input().begin());
@@ -77,7 +78,7 @@ class FrameSlotsCuda final : public FrameSlots {
     return surfaces_[static_cast<std::size_t>(slot)];
   }
 
-  PointCloud seen_cloud(int slot) const override {
+  PointCloud seen_cloud(int slot, ThreadPool&) override {
     const PointCloudView seen = slots_[static_cast<std::size_t>(slot)].estimator.cloud();
     PointCloud copy(seen.width, seen.height, seen.intrinsics);
     if (surfaces(slot).cloud.width == 0) return copy;  // no frame yet
@@ -129,10 +130,12 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
     if (!made) return made.error();
     averager = *std::move(made);
   }
+  SurfaceOptions surface = settings.surface;
+  surface.depth_change.enabled &= settings.wants_depth_change;
   std::vector<Slot> slots;
   for (int i = 0; i < settings.num_slots(); ++i) {
     auto estimator =
-        SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, settings.surface, gpu);
+        SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, surface, gpu);
     if (!estimator) return estimator.error();
     Slot slot{*std::move(estimator), {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {

@@ -46,9 +46,15 @@ inline void for_vectors(const SilhouetteScratch& scratch, int v, int segment, co
   for (int i = 0; i < kSegment; i += kLanes) f(segment * kSegment + i - kBorder, at + i);
 }
 
-int num_segments(const FieldImage& image) {
-  return (image.width + 2 * kBorder + kSegment - 1) / kSegment;
-}
+/// The segments [first, end) that have columns of the window, and so many more on both sides.
+struct Segments {
+  int first, end;
+
+  Segments(const FieldImage& image, const PixelWindow& window, int beside = 0)
+      : first(std::max((window.left + kBorder) / kSegment - beside, 0)),
+        end(std::min((window.right - 1 + kBorder) / kSegment + 1 + beside,
+                     (image.width + 2 * kBorder + kSegment - 1) / kSegment)) {}
+};
 
 /// Writes both silhouettes of the pixels of a vector that queries look at.
 void store_silhouettes(const FieldImage& image, int v, int u, const PixelSilhouettes& found,
@@ -73,11 +79,12 @@ void store_silhouettes(const FieldImage& image, int v, int u, const PixelSilhoue
 
 }  // namespace
 
-void find_edges(const Intrinsics& k, const FieldImage& image, int level, int v,
-                const SilhouetteScratch& scratch) {
+void find_edges(const Intrinsics& k, const FieldImage& image, int level, const PixelWindow& window,
+                int v, const SilhouetteScratch& scratch) {
   const RuleLevel rules = rule_level(k, level);
   const TangentPlane* const rows[2] = {image.row(v), image.row(v + 1)};
-  for (int segment = 0; segment < num_segments(image); ++segment) {
+  const Segments segments(image, window, 1);
+  for (int segment = segments.first; segment < segments.end; ++segment) {
     std::uint32_t edges = 0;
     for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t) {
       const RulePlane own = load_plane(rows[0] + u);
@@ -93,11 +100,12 @@ void find_edges(const Intrinsics& k, const FieldImage& image, int level, int v,
   }
 }
 
-void find_in_row(const Intrinsics& k, const FieldImage& image, int level, int v,
-                 const SilhouetteScratch& scratch) {
+void find_in_row(const Intrinsics& k, const FieldImage& image, int level, const PixelWindow& window,
+                 int v, const SilhouetteScratch& scratch) {
   const RuleLevel rules = rule_level(k, level);
   const TangentPlane* const row = image.row(v);
-  for (int segment = 0; segment < num_segments(image); ++segment) {
+  const Segments segments(image, window);
+  for (int segment = segments.first; segment < segments.end; ++segment) {
     if (!scratch.is_active(v, segment)) continue;
     for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t at) {
       const RulePlane own = load_plane(row + u);
@@ -116,16 +124,16 @@ void find_in_row(const Intrinsics& k, const FieldImage& image, int level, int v,
   }
 }
 
-void find_silhouettes(const Intrinsics& k, const FieldImage& image, int level, int v,
-                      const SilhouetteScratch& scratch) {
+void find_silhouettes(const Intrinsics& k, const FieldImage& image, int level,
+                      const PixelWindow& window, int v, const SilhouetteScratch& scratch) {
   const RuleLevel rules = rule_level(k, level);
   const float y = rules.first_v + static_cast<float>(v) * rules.width_v;
-  for (int segment = 0; segment < num_segments(image); ++segment) {
+  const Segments segments(image, window);
+  for (int segment = segments.first; segment < segments.end; ++segment) {
     // Whoever asks beside a silhouette reads up to two rows farther on.
-    constexpr int kRim = kSilhouetteBorder + kReach;
     bool is_active = false;
-    for (int row = std::max(v - kReach - 2, -kRim);
-         row <= std::min(v + kReach + 2, image.height + kRim); ++row) {
+    for (int row = std::max(v - kReach - 2, window.top - kReach);
+         row < std::min(v + kReach + 3, window.bottom + kReach); ++row) {
       is_active = is_active || scratch.is_active(row, segment);
     }
     if (!is_active) {
@@ -167,10 +175,12 @@ void find_silhouettes(const Intrinsics& k, const FieldImage& image, int level, i
   }
 }
 
-void mark_silhouettes(const FieldImage& image, int v, const SilhouetteScratch& scratch) {
+void mark_silhouettes(const FieldImage& image, const PixelWindow& window, int v,
+                      const SilhouetteScratch& scratch) {
   std::uint8_t* const near = image.near_silhouette + v * image.stride;
   const std::ptrdiff_t stride = scratch.stride();
-  for (int segment = 0; segment < num_segments(image); ++segment) {
+  const Segments segments(image, window);
+  for (int segment = segments.first; segment < segments.end; ++segment) {
     const int first = segment * kSegment - kBorder;
     const int begin = std::max(first, 1 - kSilhouetteBorder);
     const int end = std::min(first + kSegment, image.width + kSilhouetteBorder);

@@ -67,8 +67,9 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
                                                 const SurfaceOptions& surface,
                                                 const std::optional<DepthFieldOptions>& field,
                                                 const TimeOptions& options,
-                                                const SensingPlace& place, int num_spare) {
-  const SlotSettings settings{stream, surface, field, options, num_spare};
+                                                const SensingPlace& place, int num_spare,
+                                                bool wants_depth_change) {
+  const SlotSettings settings{stream, surface, field, options, num_spare, wants_depth_change};
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
   return make_timeline(*std::move(slots), settings);
@@ -79,7 +80,8 @@ SurfaceTimeline::SurfaceTimeline(SurfaceTimeline&&) noexcept = default;
 SurfaceTimeline& SurfaceTimeline::operator=(SurfaceTimeline&&) noexcept = default;
 SurfaceTimeline::~SurfaceTimeline() = default;
 
-SurfaceStats SurfaceTimeline::push(const DepthFrame& frame, double time, ThreadPool& pool) {
+SurfaceStats SurfaceTimeline::push(const DepthFrame& frame, double time, ThreadPool& pool,
+                                   const PixelWindow& asked) {
   Impl& d = *impl_;
   const double interval = time - d.time;
   d.expect_next(time);
@@ -90,7 +92,7 @@ SurfaceStats SurfaceTimeline::push(const DepthFrame& frame, double time, ThreadP
   }
   d.newest = (d.newest + 1) % d.num_slots;
   ++d.num_frames;
-  return d.slots->take(d.newest, frame, motion, pool);
+  return d.slots->take(d.newest, frame, motion, asked, pool);
 }
 
 SurfaceMoment SurfaceTimeline::at(double time) const {
@@ -101,7 +103,9 @@ SurfaceMoment SurfaceTimeline::at(double time) const {
   return {d.slots->surfaces(last), to, frame_progress(time, d.time, d.period)};
 }
 
-PointCloud SurfaceTimeline::newest_cloud() const { return impl_->slots->seen_cloud(impl_->newest); }
+PointCloud SurfaceTimeline::newest_cloud(ThreadPool& pool) {
+  return impl_->slots->seen_cloud(impl_->newest, pool);
+}
 
 double SurfaceTimeline::period() const { return impl_->period; }
 

@@ -35,7 +35,8 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSe
   std::optional<DepthFieldOptions> field;
   if (settings.contact.method == InsideMethod::field) field = settings.field;
   return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
-                                 {backend_of(settings), settings.sensing_gpu}, num_spare);
+                                 {backend_of(settings), settings.sensing_gpu}, num_spare,
+                                 needs_depth_change(settings));
 }
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,

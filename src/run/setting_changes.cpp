@@ -8,14 +8,18 @@ namespace {
 
 /// Sections and settings that a running loop keeps.
 constexpr std::string_view kFixed[] = {
-    "safety",         "loop.threads",           "loop.sensing_gpu",     "loop.contact_gpu",
-    "loop.real_time", "coupling.base_in_scene", "coupling.tool_in_hand"};
+    "safety",           "window",         "loop.threads",           "loop.sensing_gpu",
+    "loop.contact_gpu", "loop.real_time", "coupling.base_in_scene", "coupling.tool_in_hand"};
 
 bool has_field(const RunSettings& settings) {
   return settings.contact.method == InsideMethod::field;
 }
 
 }  // namespace
+
+bool needs_depth_change(const RunSettings& settings) {
+  return !has_field(settings) && settings.contact.edges != Edges::none;
+}
 
 bool is_fixed_while_running(const Setting& setting) {
   return std::any_of(std::begin(kFixed), std::end(kFixed), [&](std::string_view fixed) {
@@ -38,6 +42,7 @@ Status check_change(const RunSettings& before, const RunSettings& after) {
 
 bool keeps_surfaces(const RunSettings& before, const RunSettings& after) {
   return before.backend == after.backend && has_field(before) == has_field(after) &&
+         needs_depth_change(before) == needs_depth_change(after) &&
          has_same_settings(before.surface, after.surface) &&
          has_same_settings(before.time, after.time) &&
          (!has_field(after) || has_same_settings(before.field, after.field));

@@ -54,7 +54,7 @@ Result<std::string> deepest_moment_html(const Tool& tool, const RunLog& log) {
   if (!part) return part.error();
   ThreadPool pool(settings.num_threads);
   surfaces->push(log.deepest_frame, 0, pool);
-  const PointCloud points = surfaces->newest_cloud();
+  const PointCloud points = surfaces->newest_cloud(pool);
   const PointCloudView cloud = points.view();
   std::vector<SphereState> states(tool.spheres().size());
   (*part)->query().measure(surfaces->at(0).to, X_WT, {.states = states});

@@ -40,6 +40,14 @@ void visit_fields(T& stats, auto&& visit) {
   visit("num_points", stats.num_points);
 }
 
+template <Of<PixelWindow> T>
+void visit_fields(T& window, auto&& visit) {
+  visit("left", window.left);
+  visit("top", window.top);
+  visit("right", window.right);
+  visit("bottom", window.bottom);
+}
+
 template <Of<FrameRecord> T>
 void visit_fields(T& frame, auto&& visit) {
   visit("number", frame.number);
@@ -48,6 +56,7 @@ void visit_fields(T& frame, auto&& visit) {
   visit("source_time", frame.source_time);
   visit("unit", frame.unit);
   visit("surface", frame.surface);
+  visit("asked", frame.asked);
   visit("compute_nanoseconds", frame.compute_nanoseconds);
 }
 

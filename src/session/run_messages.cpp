@@ -102,6 +102,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, Wrench>) return "geometry_msgs/Wrench";
   if constexpr (std::same_as<T, Twist>) return "geometry_msgs/Twist";
   if constexpr (std::same_as<T, SurfaceStats>) return "palpate_msgs/SurfaceStats";
+  if constexpr (std::same_as<T, PixelWindow>) return "palpate_msgs/PixelWindow";
   if constexpr (std::same_as<T, FrameRecord>) return "palpate_msgs/Frame";
   if constexpr (std::same_as<T, Penetration>) return "palpate_msgs/Penetration";
   if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";

@@ -16,7 +16,7 @@ void ContactRepetition::push_next() {
     timelines_.erase(timelines_.begin());
   }
   SurfaceTimeline& timeline = timelines_.begin()->second;
-  timeline.push(next.frame, next.record.capture_time, *pool_);
+  timeline.push(next.frame, next.record.capture_time, *pool_, next.record.asked);
   moment_ = timeline.at(next.record.capture_time);
   capture_time_ = next.record.capture_time;
   frames_.pop_front();

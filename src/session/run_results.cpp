@@ -46,10 +46,13 @@ void RunResults::add_settings(const RunSettings& settings) {
 void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   captures_.push_back(record.capture_time);
   ++num_frames_;
-  if (record.surface.num_points < 0.001 * frame.width * frame.height) {
+  // Where only a window was made, the measurements are those of the whole image all the same.
+  const bool has_all = record.asked.has_all(frame.width, frame.height);
+  const int num_points = has_all ? record.surface.num_points : record.surface.num_valid;
+  if (num_points < 0.001 * frame.width * frame.height) {
     if (num_scarce_++ == 0) {
       first_scarce_ = record.number;
-      scarce_points_ = record.surface.num_points;
+      scarce_points_ = num_points;
     }
   }
   if (recent_.size() == kNumRecent) {

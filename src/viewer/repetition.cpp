@@ -102,9 +102,9 @@ const Penetration& Repetition::measure() {
   return asked_.penetration;
 }
 
-ViewSurface Repetition::surface(std::uint64_t frame_number) const {
+ViewSurface Repetition::surface(std::uint64_t frame_number) {
   ViewSurface shown;
-  make_surface_picture(timeline_->newest_cloud(), moment_.to.cloud, frame_number, shown);
+  make_surface_picture(timeline_->newest_cloud(pool_), frame_number, shown);
   return shown;
 }
 

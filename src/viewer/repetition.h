@@ -32,7 +32,7 @@ class Repetition {
   const ContactQuery& query() const { return part_->query(); }
   /// The newer ones of what is measured.
   const Surfaces& surfaces() const { return moment_.to; }
-  ViewSurface surface(std::uint64_t frame_number) const;
+  ViewSurface surface(std::uint64_t frame_number);
 
   FrameCache& frames() { return frames_; }
   /// Where it is computed, if not where it was; else empty.

@@ -91,7 +91,7 @@ void compare(const SlotSettings& settings) {
         if (stamp != 0) stamps.push_back(stamp);
       }
     }
-    const PointCloud seen = on_gpu.newest_cloud(), seen_by_cpu = on_cpu.newest_cloud();
+    const PointCloud seen = on_gpu.newest_cloud(pool), seen_by_cpu = on_cpu.newest_cloud(pool);
     ASSERT_EQ(seen.size(), seen_by_cpu.size());
     for (std::size_t i = 0; i < seen.size(); ++i) {
       ASSERT_TRUE(seen.point(i) == seen_by_cpu.point(i) || std::isnan(seen.point(i).z));
@@ -125,12 +125,12 @@ TEST(SurfaceTimelineCuda, MakesNoFieldUnlessAsked) {
 
 TEST(SurfaceTimelineCuda, ShowsNothingBeforeTheFirstFrame) {
   PALPATE_GPU_OR_SKIP();
-  const SurfaceTimeline timeline =
-      timeline_on_gpu(settings_with(TimeMode::predict, DepthAverage::none));
+  ThreadPool pool(1);
+  SurfaceTimeline timeline = timeline_on_gpu(settings_with(TimeMode::predict, DepthAverage::none));
   EXPECT_EQ(timeline.at(0).progress, 1);
   EXPECT_EQ(timeline.at(0).to.cloud.size(), 0u);
   EXPECT_EQ(timeline.at(0).to.field.num_levels, 0);
-  EXPECT_TRUE(std::isnan(timeline.newest_cloud().point(100).z));
+  EXPECT_TRUE(std::isnan(timeline.newest_cloud(pool).point(100).z));
 }
 
 TEST(SurfaceTimelineCuda, RefusesBadOptions) {

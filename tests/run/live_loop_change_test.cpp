@@ -260,7 +260,8 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   };
   LoopTimes times;
   RunParts parts = parts_of(settings), next = parts_of(other);
-  SurfaceStage surfaces(source, *std::move(parts.timeline), 1, true, times.surface_compute);
+  SurfaceStage surfaces(source, *std::move(parts.timeline), settings, ball_of(box_tool()), true,
+                        times.surface_compute);
   ContactStage contacts(std::move(parts.contact), surfaces,
                         {1000, 1e-3, box_tool().spheres().size(), false, true, 0},
                         times.contact_compute);
@@ -334,7 +335,8 @@ TEST(LiveLoopChange, ALostBackendIsReplaced) {
   RunParts parts = parts_of(), next = parts_of();
   auto lost = std::make_unique<ContactPart>(
       box_tool(), std::make_unique<LostQuery>(parts.contact->query()), parts.scale);
-  SurfaceStage surfaces(source, *std::move(parts.timeline), 1, false, times.surface_compute);
+  SurfaceStage surfaces(source, *std::move(parts.timeline), settings, ball_of(box_tool()), false,
+                        times.surface_compute);
   ContactStage contacts(std::move(lost), surfaces,
                         {1000, 1e-3, box_tool().spheres().size(), false, false, 0},
                         times.contact_compute);
@@ -523,7 +525,7 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     for (std::size_t k = 0; k < seen.frames.size(); ++k) {
       timeline.push(seen.frames[k].frame, seen.frames[k].time, pool);
       if (k == surface->frame_number) {
-        const PointCloud cloud = timeline.newest_cloud();
+        const PointCloud cloud = timeline.newest_cloud(pool);
         ASSERT_EQ(surface->points.size(), cloud.size());
         ASSERT_EQ(surface->edges.size(), cloud.size());
         EXPECT_EQ(surface->width, cloud.width());

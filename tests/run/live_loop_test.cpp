@@ -25,6 +25,7 @@ Vec3d pressing_hand(double time) { return {0, 0, 0.02 + 0.02 * std::min(1.0, 4 *
 /// Everything that an observer is told.
 struct Seen {
   std::vector<std::pair<double, DepthFrame>> frames;
+  std::vector<PixelWindow> asked;  // of each frame
   std::vector<ContactRecord> contacts;
   std::vector<TickRecord> ticks;
 
@@ -32,6 +33,7 @@ struct Seen {
     return {[this](const FrameRecord& record, const DepthFrame& frame) {
               EXPECT_EQ(record.number, frames.size());
               frames.emplace_back(record.capture_time, frame);
+              asked.push_back(record.asked);
             },
             [this](const ContactRecord& contact) { contacts.push_back(contact); },
             [this](std::span<const TickRecord> records) {
@@ -120,6 +122,58 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
     ASSERT_EQ(again.measure_W.torque.x, contact.penetration.measure_W.torque.x);
   }
+}
+
+// Without room to move, a tool that starts to move leaves the windows of its surfaces again and
+// again. That is no force without a word, and a repetition with the recorded windows does the same.
+TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
+  WallSource source({.width = 640, .height = 480});
+  ScriptedDevice device({.hand = [](double time) {
+    return Vec3d{0.03 * std::tanh(10 * std::sin(20 * time)), 0, 0.03};
+  }});
+  RunSettings settings = patient_settings();
+  settings.window.speed = 0;
+  settings.time.mode = TimeMode::latest;
+  Seen seen;
+  auto loop = RunLoop::create(box_tool(), source, device, settings, seen.observer());
+  ASSERT_TRUE(loop) << loop.error().message;
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_frames > 20; }));
+  (*loop)->stop();
+  const LoopReport report = (*loop)->report();
+  ASSERT_EQ(report.num_lost_records, 0u);
+
+  ThreadPool pool(1);
+  SurfaceTimeline timeline =
+      SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
+          .value();
+  eval::MethodQueries query(Backend::cpu, box_tool());
+  std::size_t num_pushed = 0, num_outside = 0, num_felt = 0, num_small = 0;
+  for (const ContactRecord& contact : seen.contacts) {
+    for (; num_pushed <= contact.frame_number; ++num_pushed) {
+      const auto& [time, frame] = seen.frames[num_pushed];
+      const PixelWindow& asked = seen.asked[num_pushed];
+      timeline.push(frame, time, pool, asked);
+      num_small += asked.has_all(640, 480) ? 0 : 1;
+    }
+    query.set_moment(timeline.at(1e9));
+    const Penetration again = query.query(contact.X_WT, settings.contact);
+    ASSERT_EQ(again.status, contact.penetration.status);
+    ASSERT_EQ(again.volume, contact.penetration.volume);
+    ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
+    const bool is_outside = again.status.has(StepStatus::outside_window);
+    num_outside += is_outside;
+    num_felt += again.volume > 0;
+    EXPECT_EQ(again.status.is_unmeasured(), is_outside);
+  }
+  EXPECT_GT(num_outside, 10u);
+  EXPECT_GT(num_felt, 10u);
+  EXPECT_GT(num_small, 10u);
+  bool has_note = false;
+  for (const std::string& note : report.notes) {
+    has_note |= note.find("window.speed") != std::string::npos;
+  }
+  EXPECT_TRUE(has_note);
 }
 
 TEST(LiveLoop, NothingIsAllocatedWhileItRuns) {

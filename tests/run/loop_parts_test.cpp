@@ -201,7 +201,8 @@ TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
   for (const TimeMode mode : {TimeMode::interpolate, TimeMode::latest, TimeMode::predict}) {
     WallSource source({.depth = wall_depth, .rate = 400});
     LatencyHistogram times;
-    SurfaceStage stage(source, timeline_of(source, mode), 1, false, times);
+    SurfaceStage stage(source, timeline_of(source, mode), test::patient_settings(), {}, false,
+                       times);
     ASSERT_TRUE(stage.start());
     const auto look_at = [](const PointCloudView& cloud) {
       double least = 1e9, most = 0;
@@ -256,8 +257,8 @@ class SpoiltQuery final : public ContactQuery {
 TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
   WallSource source({});
   LatencyHistogram surface_times, contact_times;
-  SurfaceStage surfaces(source, timeline_of(source, TimeMode::interpolate), 1, false,
-                        surface_times);
+  SurfaceStage surfaces(source, timeline_of(source, TimeMode::interpolate),
+                        test::patient_settings(), {}, false, surface_times);
   ASSERT_TRUE(surfaces.start());
   ContactStage::Settings settings;
   settings.wants_real_time = false;

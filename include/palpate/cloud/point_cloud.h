@@ -43,20 +43,24 @@ struct PointCloudView {
 class PointCloud {
  public:
   PointCloud() = default;
-  PointCloud(int width, int height, std::optional<Intrinsics> pinhole = std::nullopt);
+  PointCloud(int width, int height, std::optional<Intrinsics> pinhole = std::nullopt,
+             bool has_edges = false);
 
   int width() const { return width_; }
   int height() const { return height_; }
   std::size_t size() const {
     return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   }
-  /// Mutable access to one of the six arrays, in the order x, y, z, nx, ny, nz.
+  bool has_edges() const { return has_edges_; }
+  /// Mutable access to one of the six arrays, in the order x, y, z, nx, ny, nz; with edges nine: of
+  /// their vectors, which are NaN at the beginning.
   float* channel(int which) { return data_.data() + static_cast<std::size_t>(which) * stride_; }
   const float* channel(int which) const {
     return data_.data() + static_cast<std::size_t>(which) * stride_;
   }
   Vec3f point(std::size_t i) const { return {channel(0)[i], channel(1)[i], channel(2)[i]}; }
   Vec3f normal(std::size_t i) const { return {channel(3)[i], channel(4)[i], channel(5)[i]}; }
+  Vec3f edge(std::size_t i) const { return {channel(6)[i], channel(7)[i], channel(8)[i]}; }
   /// Stores a point with its normal (any length but zero; it is normalised). Anything not finite
   /// or a zero normal makes the point invalid.
   void set(std::size_t i, const Vec3f& p, const Vec3f& n);
@@ -67,6 +71,7 @@ class PointCloud {
   int width_ = 0, height_ = 0;
   std::size_t stride_ = 0;
   std::optional<Intrinsics> pinhole_;
+  bool has_edges_ = false;
   std::vector<float> data_;
 };
 

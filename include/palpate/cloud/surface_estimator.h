@@ -6,6 +6,7 @@
 #include <span>
 
 #include "palpate/cloud/depth_source.h"
+#include "palpate/cloud/pixel_window.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/isa.h"
 #include "palpate/core/thread_pool.h"
@@ -108,6 +109,12 @@ struct SurfaceStats {
   int num_points = 0;  ///< of these, points with a normal
 };
 
+/// What is made of a frame; the rest can follow later.
+struct SurfaceParts {
+  PixelWindow points;  ///< where points are needed; around it there may be more, or old ones
+  bool depth_change = true;
+};
+
 /// Owns all buffers for one image size; `update` allocates nothing.
 class SurfaceEstimator {
  public:
@@ -120,12 +127,15 @@ class SurfaceEstimator {
   ~SurfaceEstimator();
 
   /// Computes cloud and depth-change vectors of a frame of the size given at construction. The same
-  /// bits for any number of threads in `pool`. No allocation.
-  SurfaceStats update(const DepthFrame& frame, ThreadPool& pool);
+  /// bits for any number of threads in `pool`, and for any parts where they are. No allocation.
+  SurfaceStats update(const DepthFrame& frame, ThreadPool& pool, const SurfaceParts& parts = {});
   /// The same from depth in metres (NaN or 0: no measurement), width * height values.
-  SurfaceStats update(std::span<const float> depth, ThreadPool& pool);
+  SurfaceStats update(std::span<const float> depth, ThreadPool& pool,
+                      const SurfaceParts& parts = {});
+  /// Makes what the last update left out. What it has made keeps its values.
+  void complete(ThreadPool& pool);
 
-  /// Valid until the next update.
+  /// Valid until the next update. Without edge vectors unless the depth change was made.
   PointCloudView cloud() const;
   /// Filtered depth in metres, NaN where there is no measurement.
   std::span<const float> depth() const;

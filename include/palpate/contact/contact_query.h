@@ -155,6 +155,9 @@ enum class StepStatus : std::uint32_t {
   /// against it.
   no_surface = 8,
   no_edge_vectors = 16,  ///< edges are wanted, but the cloud tells none: measured without
+  /// Some of the tool may be seen outside of the window that the depth field was made for
+  /// (DepthFieldView::asked): nothing was measured against it.
+  outside_window = 32,
 };
 
 /// Any number of them.
@@ -168,7 +171,7 @@ struct ContactStatus {
   /// Whether the result says nothing about the surface.
   constexpr bool is_unmeasured() const {
     return has(StepStatus::non_finite_pose) || has(StepStatus::backend_failed) ||
-           has(StepStatus::no_surface);
+           has(StepStatus::no_surface) || has(StepStatus::outside_window);
   }
   constexpr ContactStatus& operator|=(ContactStatus other) {
     bits |= other.bits;

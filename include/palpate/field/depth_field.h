@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "palpate/cloud/pixel_window.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/isa.h"
 #include "palpate/core/result.h"
@@ -88,7 +89,10 @@ struct DepthFieldView {
   static constexpr int kMaxLevels = 6, kTileSize = 16;
 
   DepthFieldLevel levels[kMaxLevels];
-  int num_levels = 0;                ///< 0: no field
+  int num_levels = 0;  ///< 0: no field
+  /// Where the field may be asked (field/asked_window.h): there all levels have the values that
+  /// they have in a field of the whole image; elsewhere they may be anything.
+  PixelWindow asked;
   const DepthTile* tiles = nullptr;  ///< row by row; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   Intrinsics intrinsics;
@@ -109,9 +113,12 @@ class DepthField {
   DepthField& operator=(DepthField&&) noexcept;
   ~DepthField();
 
-  /// Rebuilds the field from an organised pinhole cloud of the size given at construction. The same
-  /// bits for any number of threads. O(pixels).
-  void update(const PointCloudView& cloud, ThreadPool& pool);
+  /// Rebuilds the field from an organised pinhole cloud of the size given at construction, for
+  /// queries inside of `asked`. The same bits for any number of threads and any window. O(pixels of
+  /// the window and about 2^kMaxLevels * 6 around).
+  void update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& asked = {});
+  /// The points of a cloud that an update for `asked` looks at.
+  PixelWindow points_for(const PixelWindow& asked) const;
 
   /// Valid until the next update; no levels before the first one.
   const DepthFieldView& view() const;

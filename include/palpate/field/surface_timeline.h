@@ -65,7 +65,8 @@ struct SlotSettings;
 /// Frames in, moments out. All memory is allocated at construction.
 class SurfaceTimeline {
  public:
-  /// With `field` each frame gets a depth field. Errors: see SurfaceEstimator, DepthField and
+  /// With `field` each frame gets a depth field. Depth-change vectors only if they are wanted, or
+  /// with `newest_cloud`. Errors: see SurfaceEstimator, DepthField and
   /// DepthAverager; max_jump or first_period negative; the place is not in this build or on this
   /// machine, or has too little memory. With `num_spare` more surfaces in memory the views of `at`
   /// outlive so many pushes more: a thread can look at them while another one pushes.
@@ -73,21 +74,25 @@ class SurfaceTimeline {
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,
                                         const TimeOptions& options, const SensingPlace& place = {},
-                                        int num_spare = 0);
+                                        int num_spare = 0, bool wants_depth_change = true);
   SurfaceTimeline(SurfaceTimeline&&) noexcept;
   SurfaceTimeline& operator=(SurfaceTimeline&&) noexcept;
   ~SurfaceTimeline();
 
-  /// Takes the frame that became current at `time` (s, later than the one before). No allocation;
-  /// the same bits for any number of threads and at every place. Waits for the GPU.
-  SurfaceStats push(const DepthFrame& frame, double time, ThreadPool& pool);
+  /// Takes the frame that became current at `time` (s, later than the one before). With a field it
+  /// is made for queries inside of `asked`, which Surfaces::field says, and there is no cloud
+  /// unless that is the whole image; a GPU always makes the whole one. No allocation; the same bits
+  /// for any number of threads, at every place and for any window. Waits for the GPU.
+  SurfaceStats push(const DepthFrame& frame, double time, ThreadPool& pool,
+                    const PixelWindow& asked = {});
   /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
   /// waited for. The views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceMoment at(double time) const;
 
-  /// A copy in host memory of the newest frame's points as they were seen, not predicted; before
-  /// the first push, without any points.
-  PointCloud newest_cloud() const;
+  /// A copy in host memory of the newest frame's points as they were seen, not predicted, with
+  /// depth-change vectors if they are found on the CPU; before the first push, without any points.
+  /// Makes what `push` did without; queries by field may go on meanwhile.
+  PointCloud newest_cloud(ThreadPool& pool);
   /// Expected time to the next frame, s: the first one's, then a running mean.
   double period() const;
   /// An error once the GPU has failed: then surfaces stay as they were.

@@ -24,22 +24,18 @@ struct SurfacePicture {
   std::vector<Vec3f> edges;            ///< depth-change vectors; empty if they are not looked for
 };
 
-/// `seen` with the depth-change vectors of `felt`, if that is in host memory and has any.
-inline void make_surface_picture(const PointCloud& seen, const PointCloudView& felt,
-                                 std::uint64_t frame_number, SurfacePicture& picture) {
+inline void make_surface_picture(const PointCloud& seen, std::uint64_t frame_number,
+                                 SurfacePicture& picture) {
   picture.frame_number = frame_number;
   picture.width = seen.width();
   picture.height = seen.height();
   picture.points.resize(seen.size());
   picture.normals.resize(seen.size());
-  // A GPU keeps them to itself.
-  const bool has_edges =
-      felt.edge_x != nullptr && felt.gpu == kHostMemory && felt.size() == seen.size();
-  picture.edges.resize(has_edges ? seen.size() : 0);
+  picture.edges.resize(seen.has_edges() ? seen.size() : 0);
   for (std::size_t i = 0; i < seen.size(); ++i) {
     picture.points[i] = seen.point(i);
     picture.normals[i] = seen.normal(i);
-    if (has_edges) picture.edges[i] = {felt.edge_x[i], felt.edge_y[i], felt.edge_z[i]};
+    if (seen.has_edges()) picture.edges[i] = seen.edge(i);
   }
 }
 

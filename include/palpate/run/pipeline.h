@@ -152,7 +152,8 @@ class Pipeline {
 
   const ContactRecord& contact() const { return contact_; }
   const ContactQuery& query() const { return contacts_->query(); }
-  PointCloud newest_cloud() const { return timeline_->newest_cloud(); }
+  /// For pictures.
+  PointCloud newest_cloud() { return timeline_->newest_cloud(*pool_); }
   /// What was measured last.
   const SurfaceMoment& moment() const { return moment_; }
   double period() const { return timeline_->period(); }

@@ -17,6 +17,7 @@ struct FrameRecord {
   double source_time = 0;      ///< s, DepthFrame::timestamp
   double unit = 0.001;         ///< m per count
   SurfaceStats surface;
+  PixelWindow asked;  ///< as DepthFieldView: where its surface can be asked
   std::int64_t compute_nanoseconds = 0;
 };
 

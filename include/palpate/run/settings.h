@@ -19,11 +19,28 @@ struct SceneObject {
   Pose X_WB;
 };
 
+/// Live on a CPU, by the field: a frame is made into a surface where the tool can be until the next
+/// ones replace it, and around as far as that takes. The rest follows if a picture needs it.
+struct WindowOptions {
+  bool enabled = true;
+  /// How fast the tool is always expected to move, m/s; if it moves faster, twice its speed.
+  double speed = 0.5;
+};
+inline void add_settings(SettingTable& t, WindowOptions& o) {
+  t.section("window");
+  t.add("enabled", o.enabled,
+        "live on a CPU, by the field: make surfaces where the tool can be, not everywhere");
+  t.add("speed", o.speed, {0, 100, "m/s"},
+        "how fast the tool is expected to move at least; a faster one is given room for twice its "
+        "speed");
+}
+
 struct RunSettings {
   ContactOptions contact;
   SurfaceOptions surface;
   DepthFieldOptions field;
   TimeOptions time;
+  WindowOptions window;
   /// Where surfaces and queries are computed; none: the fastest one that works here.
   std::optional<Backend> backend = Backend::cpu;
   int sensing_gpu = 0, contact_gpu = 0;
@@ -39,6 +56,7 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.surface);
   add_settings(t, s.field);
   add_settings(t, s.time);
+  add_settings(t, s.window);
   t.section("loop");
   t.add("backend", s.backend,
         "where surfaces and queries are computed; auto: on a GPU if there is one");
@@ -57,6 +75,8 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
 /// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
 bool keeps_surfaces(const RunSettings& before, const RunSettings& after);
 bool keeps_coupling(const RunSettings& before, const RunSettings& after);
+/// Do queries read depth-change vectors?
+bool needs_depth_change(const RunSettings& settings);
 /// Can this setting not change while the loop runs?
 bool is_fixed_while_running(const Setting& setting);
 

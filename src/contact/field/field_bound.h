@@ -2,7 +2,8 @@
 // front of the surface, mostly. One text for host and device.
 #pragma once
 
-#include "palpate/field/field_sample.h"
+#include "palpate/field/asked_window.h"
+#include "palpate/field/surface_timeline.h"
 #include "palpate/math/pose.h"
 #include "src/contact/index/sphere_clusters.h"
 
@@ -31,6 +32,15 @@ inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& c
     frame.p_WC[row] = static_cast<float>(p_WC[row]);
   }
   return frame;
+}
+
+/// Is something asked that one of two surfaces does not know? `from` counts below alpha = 1.
+inline bool is_outside_window(const Surfaces& from, const Surfaces& to, double alpha,
+                              const Vec3d& p_WC, double reach) {
+  const auto is_outside = [&](const DepthFieldView& field) {
+    return field.num_levels > 0 && !is_known_around(field, p_WC, reach);
+  };
+  return is_outside(to.field) || (alpha < 1 && is_outside(from.field));
 }
 
 /// Where a ball is, and which tiles can show what its elements ask about.

@@ -54,6 +54,9 @@ ContactResult FieldContact::measure(const Surfaces& from, const Surfaces& to, do
                                     const Pose& X_WT, const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
+  if (is_outside_window(from, to, alpha, X * p_TC_, elements_->reach)) {
+    return unmeasured(StepStatus::outside_window, wants, true);
+  }
   describe(to.field, X, wants);
   const DepthFieldView fields[] = {to.field, from.field};
   ContactResult results[2];

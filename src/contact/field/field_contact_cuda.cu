@@ -371,7 +371,8 @@ FeltTool FieldContactCuda::take(SphereVolumes volumes) {
   for (std::size_t id = 0; id < spheres.size(); ++id) spheres[id] = felt_ball(tool, id, volumes);
   return {{memory_.copy_of(balls), memory_.copy_of(factors), memory_.copy_of(c.clusters),
            memory_.copy_of(elements.largest_radius), c.num_clusters()},
-          memory_.copy_of(spheres)};
+          memory_.copy_of(spheres),
+          elements.reach};
 }
 
 const Status& FieldContactCuda::status() const {
@@ -388,6 +389,9 @@ ContactResult FieldContactCuda::measure(const Surfaces& from, const Surfaces& to
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   FieldQuestion question;
   question.X_WT = {X_WT.translation, normalized(X_WT.rotation)};
+  if (is_outside_window(from, to, alpha, question.X_WT * centre_of_mass_, felt_tool_.reach)) {
+    return unmeasured(StepStatus::outside_window, wants, true);
+  }
   ContactResult result;
   if (alpha < 1) {
     question.fields[0] = fields_.on_gpu(from.field, stream_);

@@ -29,6 +29,7 @@ struct ElementsView {
 struct FeltTool {
   ElementsView elements;
   const Sphere* spheres = nullptr;  ///< felt_ball of each sphere of the tool
+  double reach = 0;                 ///< as FieldElements
 };
 
 /// What the field method is asked, on the device.

@@ -98,6 +98,8 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes)
   factor.resize(radius.size());
   counted.resize(radius.size());
   for (std::size_t place = 0; place < radius.size(); ++place) {
+    const Vec3f centre{clusters.x[place], clusters.y[place], clusters.z[place]};
+    reach = std::max(reach, norm(to_double(centre)));
     if (clusters.sphere_id[place] < 0) {
       radius[place] = kTinyRadius;
       continue;

@@ -37,6 +37,7 @@ struct FieldElements {
   std::vector<float> factor;          ///< volume that counts / volume of the ball
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted
   std::vector<float> largest_radius;  ///< per cluster
+  double reach = 0;                   ///< no centre is farther from the tool's centre of mass, m
 };
 
 }  // namespace palpate

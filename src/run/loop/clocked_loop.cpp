@@ -214,8 +214,7 @@ void ClockedLoop::make_pictures() {
     contacts_.publish();
   }
   if (wants_surface_.exchange(false)) {
-    make_surface_picture(pipeline_.newest_cloud(), pipeline_.moment().to.cloud,
-                         contact.frame_number, surfaces_.draft());
+    make_surface_picture(pipeline_.newest_cloud(), contact.frame_number, surfaces_.draft());
     surfaces_.publish();
   }
 }

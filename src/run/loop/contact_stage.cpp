@@ -129,6 +129,9 @@ void ContactStage::measure(const ToolMoment& tool) {
   if (part_->has_stiffness() && contact.penetration.volume > 0 && !contact.has_new_stiffness) {
     num_spared_.fetch_add(1, std::memory_order_relaxed);
   }
+  if (contact.penetration.status.has(StepStatus::outside_window)) {
+    num_outside_.fetch_add(1, std::memory_order_relaxed);
+  }
   contacts_.publish(contact);
   if (settings_.keeps_records) records_.push(contact);
   num_contacts_.store(contact.number, std::memory_order_release);

@@ -72,6 +72,8 @@ class ContactStage {
   }
   /// Contacts that came with an older stiffness.
   std::uint64_t num_spared_stiffnesses() const noexcept { return num_spared_.load(); }
+  /// Contacts of a tool that had left the window of the surfaces.
+  std::uint64_t num_outside_window() const noexcept { return num_outside_.load(); }
   /// Of asking for real time; 0: granted or not wanted.
   int real_time_error() const noexcept { return real_time_error_.load(); }
   /// Publishing thread; empty unless records are kept.
@@ -105,7 +107,7 @@ class ContactStage {
   Handover<ContactChange> changes_;
   std::atomic<bool> wants_picture_ = false;
   std::atomic<bool> is_stopping_ = false, backend_failed_ = false;
-  std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0;
+  std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0, num_outside_ = 0;
   std::atomic<int> real_time_error_ = 0;
   std::thread thread_;
 };

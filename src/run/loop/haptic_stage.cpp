@@ -37,7 +37,10 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
   TickRecord& record = newest_.draft();
   hand_.tick(state, contacts_.newest(), flags, record);
-  if (hand_.has_tool()) contacts_.move_tool({state.time, record.step.X_WT});
+  if (hand_.has_tool()) {
+    contacts_.move_tool({state.time, record.step.X_WT});
+    surfaces_.move_tool(record.step.X_WT);
+  }
   const Wrench felt = record.F_H_B;
   if (HapticChange* const change = changes_.look()) {
     hand_.change(change->revision, change->coupling);

@@ -72,7 +72,7 @@ class LiveLoop final : public RunLoop {
         query_threads_(std::move(query_threads)),
         settings_(settings),
         notes_(std::move(parts.notes)),
-        surfaces_(source, *std::move(parts.timeline), settings.num_threads,
+        surfaces_(source, *std::move(parts.timeline), settings, ball_of(index_->tool()),
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
         contacts_(std::move(parts.contact), surfaces_,
                   {settings.contact_rate, 1 / device.info().rate, index_->tool().spheres().size(),
@@ -410,6 +410,11 @@ LoopReport LiveLoop::report() const {
   if (report.num_left_out > 0) {
     note(frames_left_out(report.num_left_out, surfaces_.num_late(), times_.surface_compute,
                          stream_.rate > 0 ? 1 / stream_.rate : 1.0 / 30));
+  }
+  if (const auto outside = contacts_.num_outside_window()) {
+    note("at " + std::to_string(outside) + " of " + std::to_string(report.num_contacts) +
+         " contacts the tool was so fast that it had left the part of the image that surfaces were "
+         "made of, and felt nothing; raise window.speed or set window.enabled = false");
   }
   if (report.num_spared_stiffnesses > 0) {
     note("the contact stiffness was kept from an earlier query at " +

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "palpate/field/asked_window.h"
 #include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
 
@@ -13,6 +14,9 @@ namespace {
 constexpr double kFirstFrameTimeout = 10;        // s
 constexpr std::size_t kNumFramesToPublish = 16;  // half a second
 constexpr double kUsualPeriod = 1.0 / 30;        // s, where the stream says none
+/// Frame periods from the begin of a surface to the moment when nobody looks at it any more: until
+/// the next one is made, or that one has been blended in and the one after that is made.
+constexpr double kMostPeriods = 3;
 
 DepthFrame blank_frame(const DepthStreamInfo& stream) {
   DepthFrame frame;
@@ -25,14 +29,27 @@ DepthFrame blank_frame(const DepthStreamInfo& stream) {
 
 }  // namespace
 
-SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline, int num_threads,
-                           bool keeps_frames, LatencyHistogram& surface_compute)
+ToolBall ball_of(const Tool& tool) {
+  constexpr double kFelt = 1.5;  // a ball is felt so much larger at most, in parts inside of that
+  ToolBall ball{tool.sphere_mass().centre_of_mass, 0};
+  for (const Sphere& sphere : tool.spheres()) {
+    const double away = norm(to_double(sphere.centre) - ball.p_TC);
+    ball.reach = std::max(ball.reach, away + kFelt * static_cast<double>(sphere.radius));
+  }
+  return ball;
+}
+
+SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline,
+                           const RunSettings& settings, const ToolBall& tool, bool keeps_frames,
+                           LatencyHistogram& surface_compute)
     : source_(source),
       timeline_(std::move(timeline)),
-      pool_(num_threads),
+      pool_(settings.num_threads),
       surface_compute_(surface_compute),
       keeps_frames_(keeps_frames),
       period_(source.info().rate > 0 ? 1 / source.info().rate : kUsualPeriod),
+      window_(settings.window),
+      tool_(tool),
       frames_(TimedFrame{blank_frame(source.info())}),
       seen_(keeps_frames ? kNumFramesToPublish : 0, SeenFrame{blank_frame(source.info())}) {}
 
@@ -128,20 +145,37 @@ const SurfaceStage::TimedFrame* SurfaceStage::next_frame() {
   }
 }
 
+/// Where the tool can be until the surface that is made now is replaced.
+PixelWindow SurfaceStage::next_window(double time) {
+  if (!tools_.refresh() && !p_WC_) return {};  // nobody holds a tool yet
+  const Vec3d p_WC = tools_.value() * tool_.p_TC;
+  double speed = window_.speed;
+  if (p_WC_ && time > tool_time_) {
+    speed = std::max(speed, 2 * norm(p_WC - *p_WC_) / (time - tool_time_));
+  }
+  p_WC_ = p_WC;
+  tool_time_ = time;
+  if (!window_.enabled) return {};
+  const double way = speed * kMostPeriods * std::max(period_, timeline_.period());
+  const DepthStreamInfo& stream = source_.info();
+  return asked_window(stream.intrinsics, stream.width, stream.height, p_WC, tool_.reach + way);
+}
+
 void SurfaceStage::make_surfaces() {
   for (std::uint64_t number = 0;;) {
     const TimedFrame* const newest = next_frame();
     if (newest == nullptr) return;
     const double begin = monotonic_now();
     const std::uint32_t revision = take_change();
-    const SurfaceStats stats = timeline_.push(newest->frame, newest->capture_time, pool_);
+    const SurfaceStats stats =
+        timeline_.push(newest->frame, newest->capture_time, pool_, next_window(begin));
     const double end = monotonic_now();
     surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
     // It may pass: another timeline comes by a change.
     backend_failed_.store(!timeline_.status(), std::memory_order_release);
     if (!timeline_.status()) continue;
-    surfaces_.publish({timeline_.at(newest->capture_time), end, newest->capture_time,
-                       timeline_.period(), number, revision});
+    const SurfaceMoment moment = timeline_.at(newest->capture_time);
+    surfaces_.publish({moment, end, newest->capture_time, timeline_.period(), number, revision});
     if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
       seen->frame = newest->frame;
       seen->record = {number,
@@ -150,6 +184,7 @@ void SurfaceStage::make_surfaces() {
                       newest->frame.timestamp,
                       newest->frame.unit,
                       stats,
+                      moment.to.field.asked,
                       static_cast<std::int64_t>(1e9 * (end - begin))};
       seen_.push();
     }
@@ -171,8 +206,7 @@ std::uint32_t SurfaceStage::take_change() {
 }
 
 void SurfaceStage::make_picture(std::uint64_t number) {
-  make_surface_picture(timeline_.newest_cloud(), timeline_.at(0).to.cloud, number,
-                       pictures_.draft());
+  make_surface_picture(timeline_.newest_cloud(pool_), number, pictures_.draft());
   pictures_.publish();
 }
 

@@ -32,6 +32,13 @@ struct SeenFrame {
   FrameRecord record = {};
 };
 
+/// What the surface thread is to know about the tool.
+struct ToolBall {
+  Vec3d p_TC;        ///< centre of mass
+  double reach = 0;  ///< no element's centre is farther from it, m
+};
+ToolBall ball_of(const Tool& tool);
+
 /// Another timeline; once settled, the one before.
 struct SurfaceChange {
   std::uint32_t revision = 0;
@@ -47,8 +54,8 @@ class SurfaceStage {
   /// A timeline for this has kNumSpare spare surfaces.
   static constexpr int kNumSpare = 1;
 
-  SurfaceStage(DepthSource& source, SurfaceTimeline timeline, int num_threads, bool keeps_frames,
-               LatencyHistogram& surface_compute);
+  SurfaceStage(DepthSource& source, SurfaceTimeline timeline, const RunSettings& settings,
+               const ToolBall& tool, bool keeps_frames, LatencyHistogram& surface_compute);
   ~SurfaceStage() { stop(); }
 
   /// Begins, and returns when the first surface is there. Errors: the first frame, or none comes.
@@ -58,6 +65,9 @@ class SurfaceStage {
   /// Contact thread: takes the newest surfaces if there are new ones; looks no more at the older.
   bool take() noexcept;
   const LiveSurfaces& taken() const noexcept { return surfaces_.value(); }
+
+  /// Haptic thread: where the tool is.
+  void move_tool(const Pose& X_WT) noexcept { tools_.publish(X_WT); }
 
   /// The next frame goes into another timeline. The surfaces of the one before are looked at until
   /// the contact thread takes newer ones.
@@ -102,6 +112,7 @@ class SurfaceStage {
   void read_frames();
   bool may_read();
   void make_surfaces();
+  PixelWindow next_window(double time);
   std::uint32_t take_change();
   const TimedFrame* next_frame();
   void make_picture(std::uint64_t number);
@@ -113,8 +124,15 @@ class SurfaceStage {
   LatencyHistogram& surface_compute_;
   const bool keeps_frames_;
   const double period_;  // s, of frames, as the stream says
+  const WindowOptions window_;
+  const ToolBall tool_;
+
+  // Of the surface thread: the tool at the last frame.
+  std::optional<Vec3d> p_WC_;
+  double tool_time_ = 0;
 
   TripleBuffer<TimedFrame> frames_;      // sensor thread to surface thread
+  TripleBuffer<Pose> tools_;             // haptic thread to surface thread
   TripleBuffer<LiveSurfaces> surfaces_;  // surface thread to contact thread
   RecordQueue<SeenFrame> seen_;          // surface thread to publishing thread
   TripleBuffer<SurfacePicture> pictures_;

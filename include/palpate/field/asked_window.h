@@ -1,0 +1,39 @@
+// Where in the image a tool asks a depth field: what a field has to know for it.
+#pragma once
+
+#include <cmath>
+
+#include "palpate/field/field_sample.h"
+
+namespace palpate {
+
+/// The pixels of the image where points are seen that are at most `reach` (m) from p_C. A window at
+/// the border of the image stands for all that is beyond, too. Of a ball that is not in front of
+/// the camera: the whole image.
+inline PixelWindow asked_window(const Intrinsics& k, int width, int height, const Vec3d& p_C,
+                                double reach) {
+  if (!(p_C.z - reach > static_cast<double>(kLeastDepth))) return {0, 0, width, height};
+  const auto pixel = [](double at, int least, int most) {
+    return static_cast<int>(std::clamp<double>(at, least, most));
+  };
+  // The ball's outline in the plane of one axis and z: where rays from the eye touch a circle.
+  const auto find = [&](double x, double focal, double centre, int size, int& first, int& last) {
+    const double z = p_C.z, across = reach * std::sqrt(x * x + z * z - reach * reach);
+    const double scale = focal / (z * z - reach * reach);
+    first = pixel(std::floor(scale * (x * z - across) + centre), 0, size - 1);
+    last = pixel(std::ceil(scale * (x * z + across) + centre), 1, size);
+  };
+  PixelWindow window;
+  find(p_C.x, k.fx, k.cx, width, window.left, window.right);
+  find(p_C.y, k.fy, k.cy, height, window.top, window.bottom);
+  return window;
+}
+
+/// Does the field know all that is asked at points within `reach` (m) of p_C?
+inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, double reach) {
+  const int width = field.levels[0].width, height = field.levels[0].height;
+  return field.asked.has_all(width, height) ||
+         field.asked.contains(asked_window(field.intrinsics, width, height, p_C, reach));
+}
+
+}  // namespace palpate

@@ -1,0 +1,62 @@
+#include "src/field/field_windows.h"
+
+namespace palpate {
+namespace {
+
+/// On a level: the spots of what is seen from `left` to `right`, pixels of level 0, rounded to
+/// either side, and the neighbours that the spline reads. What is asked at the border goes on
+/// beyond it.
+void find_columns(int level, int image_size, int size, int left, int right, int& first, int& end) {
+  const int last = size + kSilhouetteBorder;
+  first = left <= 0 ? -kSilhouetteBorder : ((left - 1) >> level) - 1;
+  end = 1 + (right >= image_size ? last : std::min(((right + 1) >> level) + 1, last));
+}
+
+PixelWindow finer(const PixelWindow& w) {
+  return {2 * w.left, 2 * w.top, 2 * w.right, 2 * w.bottom};
+}
+/// The pixels of the next wider level that a pixel's hole is filled from.
+PixelWindow around_wider(const PixelWindow& w) {
+  return PixelWindow{w.left / 2, w.top / 2, (w.right + 1) / 2, (w.bottom + 1) / 2}.grown(1);
+}
+
+}  // namespace
+
+FieldWindows field_windows(const PyramidLayout& layout, int num_filled, const PixelWindow& asked) {
+  constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
+  const auto inside = [&](const PixelWindow& window, int level) {
+    const auto [width, height, first_row] = layout.levels[level];
+    PixelWindow columns = window.aligned(std::max(FieldWindows::kColumnStep >> level, 1));
+    columns.top = window.top;
+    columns.bottom = window.bottom;
+    return columns.clipped(width, height);
+  };
+  FieldWindows windows;
+  const PyramidLayout::Level& image = layout.levels[0];
+  for (int level = layout.num_levels - 1; level >= 0; --level) {
+    const PyramidLayout::Level& here = layout.levels[level];
+    PixelWindow& rims = windows.silhouettes[level];
+    find_columns(level, image.width, here.width, asked.left, asked.right, rims.left, rims.right);
+    find_columns(level, image.height, here.height, asked.top, asked.bottom, rims.top, rims.bottom);
+    PixelWindow planes = rims.grown(kReach);
+    if (level + 1 < layout.num_levels) planes = planes.joined(finer(windows.planes[level + 1]));
+    windows.planes[level] = inside(planes, level);
+  }
+  windows.points = windows.filled[0] = windows.planes[0];
+  for (int level = 1; level <= num_filled; ++level) {
+    windows.filled[level] = inside(around_wider(windows.filled[level - 1]), level);
+  }
+  for (int level = num_filled; level >= 1; --level) {
+    PixelWindow& nearest = windows.nearest[level];
+    nearest = windows.filled[level];
+    if (level < num_filled) {
+      nearest = inside(nearest.joined(finer(windows.nearest[level + 1])), level);
+    }
+  }
+  if (num_filled > 0) {
+    windows.points = inside(windows.points.joined(finer(windows.nearest[1])), 0);
+  }
+  return windows;
+}
+
+}  // namespace palpate

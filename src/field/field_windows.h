@@ -1,0 +1,27 @@
+// Which pixels of a depth field's levels it takes to answer what is asked in a window of the image.
+#pragma once
+
+#include "src/field/field_pyramid.h"
+
+namespace palpate {
+
+/// Windows of level k, in its own pixels. Columns of level 0 begin and end at multiples of
+/// kColumnStep or at the end of the image. Those of silhouettes reach beyond the image, all others
+/// are inside of it.
+struct FieldWindows {
+  static constexpr int kColumnStep = 16;
+
+  /// That have silhouettes.
+  PixelWindow silhouettes[DepthFieldView::kMaxLevels];
+  /// Planes, of which level 0 has no holes.
+  PixelWindow planes[DepthFieldView::kMaxLevels];
+  /// Planes by Choice::nearest, from which holes are filled, and where they are filled themselves.
+  PixelWindow nearest[DepthFieldView::kMaxLevels], filled[DepthFieldView::kMaxLevels];
+  /// The points of the cloud that all this is made from.
+  PixelWindow points;
+};
+
+/// `asked` as PixelWindow at(...): at least one pixel, inside of the image.
+FieldWindows field_windows(const PyramidLayout& layout, int num_filled, const PixelWindow& asked);
+
+}  // namespace palpate
