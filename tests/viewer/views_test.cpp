@@ -248,7 +248,7 @@ void expect_exact_seeks(const RunSettings& settings, int num_frames) {
              watcher.surface->frame_number == watcher.contact->frame_number;
     }));
     play_to(static_cast<std::size_t>(tick_number), settings, num_frames,
-            [&](const Pipeline& pipeline) {
+            [&](Pipeline& pipeline) {
               expect_same(*watcher.contact, pipeline);
               EXPECT_EQ(watcher.contact->X_WT, pipeline.contact().X_WT);
               EXPECT_EQ(watcher.frame->number, pipeline.contact().frame_number);
@@ -299,7 +299,7 @@ TEST(Repetition, GivesTheSameBitsFromAnywhere) {
     ASSERT_TRUE(query);
     ASSERT_TRUE(*repetition.go_to(*query, (*run)->settings(0), always));
     const Penetration repeated = repetition.measure();
-    play_to(static_cast<std::size_t>(tick_number), settings, 12, [&](const Pipeline& pipeline) {
+    play_to(static_cast<std::size_t>(tick_number), settings, 12, [&](Pipeline& pipeline) {
       const Penetration& measured = pipeline.contact().penetration;
       EXPECT_GT(measured.volume, 0);
       EXPECT_EQ(repeated.volume, measured.volume);
@@ -411,7 +411,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   RunSettings other = path_settings();
   other.contact.method = InsideMethod::graph;
   play_to(40, other, 12,
-          [&](const Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
+          [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
   EXPECT_NE(watcher.contact->states, recorded->states);
   EXPECT_NE(watcher.state()["note"].get<std::string>().find("contact.method"), std::string::npos);
 
@@ -481,7 +481,7 @@ TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   EXPECT_EQ(watcher.state()["time"], time);
   ASSERT_TRUE(watcher.until([&] { return watcher.contact->time == time; }));
   play_to(static_cast<std::size_t>(std::lround(time * kRate)), path_settings(), kNumFrames,
-          [&](const Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
+          [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
   watcher.obey({{"command", "set"}, {"key", "contact.method"}, {"value", "graph"}});
   EXPECT_EQ(watcher.state()["settings"]["contact.method"], "graph");
   watcher.obey({{"command", "resume"}});
