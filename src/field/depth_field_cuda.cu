@@ -136,7 +136,6 @@ struct Surroundings {
   static constexpr int kNum = 18 * 18 + 12 * 12 + 8 * 8 + 6 * 6 + 5 * 5;
 
   TangentPlane pixels[kNum];
-  int has_hole[kLevels];  // does any of these pixels of a level see no surface?
 
   __device__ static int size(int level) {
     return level == 1 ? 18 : (level == 2 ? 12 : (level == 3 ? 8 : (level == 4 ? 6 : 5)));
@@ -152,30 +151,8 @@ struct Surroundings {
   }
 };
 
-// Which pixel of which level number i of the surroundings is.
-struct SurroundingPixel {
-  int level = 1, u, v;
-
-  __device__ SurroundingPixel(const Place& place, int i) {
-    for (; level < kLevels - 1 && i >= Surroundings::size(level) * Surroundings::size(level);
-         ++level) {
-      i -= Surroundings::size(level) * Surroundings::size(level);
-    }
-    const int size = Surroundings::size(level);
-    u = Surroundings::first_u(level, place.square_u) + i % size;
-    v = Surroundings::first_u(level, place.square_v) + i / size;
-    if (i >= size * size) level = kLevels;  // beyond the last one
-  }
-  __device__ bool is_in(const FieldJob& job) const {
-    return level <= job.num_filled && u >= 0 && v >= 0 && u < job.layout.levels[level].width &&
-           v < job.layout.levels[level].height;
-  }
-};
-
 __device__ void fill_quad(const FieldJob& job, const Place& place, TangentPlane (&quad)[4],
                           Surroundings& around) {
-  if (threadIdx.x < kLevels) around.has_hole[threadIdx.x] = 0;
-  __syncthreads();
   // Calls f(u, v, pixel) for this thread's pixels of a level.
   const auto for_pixels = [&](int level, const auto& f) {
     const int size = Surroundings::size(level);
@@ -200,27 +177,13 @@ __device__ void fill_quad(const FieldJob& job, const Place& place, TangentPlane 
     const TangentPlane four[4] = {at(u / 2, v / 2), at(u1, v / 2), at(u / 2, v1), at(u1, v1)};
     return interpolated(four, level);
   };
-  // All is on its way before anything waits for it.
-  constexpr int kMine = (Surroundings::kNum + kThreads - 1) / kThreads;
-  TangentPlane mine[kMine];
-#pragma unroll
-  for (int k = 0; k < kMine; ++k) {
-    const SurroundingPixel at(place, static_cast<int>(threadIdx.x) + k * kThreads);
-    if (at.is_in(job)) mine[k] = *pixel(job, job.nearest, at.level, at.u, at.v);
-  }
-#pragma unroll
-  for (int k = 0; k < kMine; ++k) {
-    const int i = static_cast<int>(threadIdx.x) + k * kThreads;
-    const SurroundingPixel at(place, i);
-    if (!at.is_in(job)) continue;
-    around.pixels[i] = mine[k];
-    if (!mine[k].is_surface()) around.has_hole[at.level] = 1;
+  for (int level = 1; level <= job.num_filled; ++level) {
+    for_pixels(level, [&](int u, int v, TangentPlane& plane) {
+      plane = *pixel(job, job.nearest, level, u, v);
+    });
   }
   __syncthreads();
-  // Small holes ask the first levels only.
-  int widest = 1;
-  while (widest < job.num_filled && around.has_hole[widest] != 0) ++widest;
-  for (int level = widest - 1; level >= 1; --level) {
+  for (int level = job.num_filled - 1; level >= 1; --level) {
     for_pixels(level, [&](int u, int v, TangentPlane& plane) {
       if (!plane.is_surface()) plane = ask(level + 1, u, v);
     });
