@@ -247,18 +247,16 @@ void expect_exact_seeks(const RunSettings& settings, int num_frames) {
       return watcher.frame->number == watcher.contact->frame_number &&
              watcher.surface->frame_number == watcher.contact->frame_number;
     }));
-    play_to(static_cast<std::size_t>(tick_number), settings, num_frames,
-            [&](Pipeline& pipeline) {
-              expect_same(*watcher.contact, pipeline);
-              EXPECT_EQ(watcher.contact->X_WT, pipeline.contact().X_WT);
-              EXPECT_EQ(watcher.frame->number, pipeline.contact().frame_number);
-              const PointCloud seen = pipeline.newest_cloud();
-              for (std::size_t i = 0; i < seen.size(); i += 7) {
-                const Vec3f shown = watcher.surface->points[i];
-                EXPECT_TRUE(shown == seen.point(i) ||
-                            (std::isnan(shown.x) && std::isnan(seen.point(i).x)));
-              }
-            });
+    play_to(static_cast<std::size_t>(tick_number), settings, num_frames, [&](Pipeline& pipeline) {
+      expect_same(*watcher.contact, pipeline);
+      EXPECT_EQ(watcher.contact->X_WT, pipeline.contact().X_WT);
+      EXPECT_EQ(watcher.frame->number, pipeline.contact().frame_number);
+      const PointCloud seen = pipeline.newest_cloud();
+      for (std::size_t i = 0; i < seen.size(); i += 7) {
+        const Vec3f shown = watcher.surface->points[i];
+        EXPECT_TRUE(shown == seen.point(i) || (std::isnan(shown.x) && std::isnan(seen.point(i).x)));
+      }
+    });
   }
 }
 
@@ -410,8 +408,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   ASSERT_TRUE(watcher.until([&] { return watcher.contact != nullptr; }));
   RunSettings other = path_settings();
   other.contact.method = InsideMethod::graph;
-  play_to(40, other, 12,
-          [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
+  play_to(40, other, 12, [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
   EXPECT_NE(watcher.contact->states, recorded->states);
   EXPECT_NE(watcher.state()["note"].get<std::string>().find("contact.method"), std::string::npos);
 
