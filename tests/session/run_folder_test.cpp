@@ -134,9 +134,7 @@ TEST(RunFolder, RunsOfOneNameDoNotDisturbEachOther) {
   // Nobody takes the folder of a run that goes on; once it has ended, the last one counts.
   EXPECT_FALSE(second->commit());
   EXPECT_FALSE(fs::exists(root.path() / "run" / "second"));
-  {
-    const RunFolder ended = *std::move(first);
-  }
+  { const RunFolder ended = *std::move(first); }
   EXPECT_TRUE(second->commit());
   EXPECT_TRUE(fs::exists(root.path() / "run" / "second"));
   EXPECT_EQ(std::distance(fs::directory_iterator(root.path()), {}), 1);

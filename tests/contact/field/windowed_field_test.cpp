@@ -13,7 +13,6 @@
 #include "palpate/io/depth_files.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "src/contact/index/field_elements.h"
-#include "src/field/field_windows.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/gpu.h"
@@ -251,91 +250,6 @@ TEST(WindowedField, AnswersLikeTheWholeOneOnRealFrames) {
   }
   EXPECT_GT(counts.touching, 500);
   EXPECT_GT(counts.deep, 100);
-}
-
-/// Calls f(u, v) for the pixels of a window.
-template <class F>
-void for_pixels(const PixelWindow& window, const F& f) {
-  for (int v = window.top; v < window.bottom; ++v) {
-    for (int u = window.left; u < window.right; ++u) f(u, v);
-  }
-}
-
-template <class T>
-bool has_same_bits(const T* a, const T* b, std::size_t num) {
-  return std::memcmp(a, b, num * sizeof(T)) == 0;
-}
-
-// To the last pixel of every stage, in memory where another frame was before.
-TEST(WindowedField, HasAllThatItsWindowsSay) {
-  constexpr int kWidth = 800, kHeight = 600;
-  const Intrinsics k{700, 710, 390, 310};
-  Random random(14);
-  ThreadPool pool(1);
-  for (const Options& options : all_options()) {
-    const auto make_surface = [&] {
-      return SurfaceEstimator::create(kWidth, kHeight, k, options.surface).value();
-    };
-    const auto make_field = [&] {
-      return DepthField::create(kWidth, kHeight, options.field).value();
-    };
-    SurfaceEstimator whole_surface = make_surface(), part_surface = make_surface();
-    DepthField whole_field = make_field(), part_field = make_field();
-    const PyramidLayout layout = pyramid_layout(kWidth, kHeight, options.field).value();
-    for (int i = 0; i < 6; ++i) {
-      part_surface.update(random_frame(kWidth, kHeight, random), pool);
-      part_field.update(part_surface.cloud(), pool);
-      const DepthFrame frame = random_frame(kWidth, kHeight, random);
-      const int left = static_cast<int>(random.uniform(0, 700));
-      const int top = static_cast<int>(random.uniform(0, 500));
-      const PixelWindow asked{left, top, left + 1 + static_cast<int>(random.uniform(0, 99)),
-                              top + 1 + static_cast<int>(random.uniform(0, 99))};
-      const FieldWindows windows = field_windows(layout, layout.num_filled(options.field), asked);
-      EXPECT_EQ(windows.points, part_field.points_for(asked));
-      whole_surface.update(frame, pool);
-      whole_field.update(whole_surface.cloud(), pool);
-      part_surface.update(frame, pool, {windows.points, false});
-      part_field.update(part_surface.cloud(), pool, asked);
-
-      const PointCloudView got = part_surface.cloud(), want = whole_surface.cloud();
-      int num_wrong = 0;
-      for_pixels(windows.points, [&](int u, int v) {
-        const std::size_t p = static_cast<std::size_t>(v * kWidth + u);
-        num_wrong += !has_same_bits(got.z + p, want.z + p, 1);
-        num_wrong += !has_same_bits(got.nx + p, want.nx + p, 1);
-      });
-      EXPECT_EQ(num_wrong, 0);
-      for (int number = 0; number < layout.num_levels; ++number) {
-        const DepthFieldLevel& a = part_field.view().levels[number];
-        const DepthFieldLevel& b = whole_field.view().levels[number];
-        int num_other_planes = 0, num_other_marks = 0, num_other_rims = 0;
-        for_pixels(windows.planes[number], [&](int u, int v) {
-          const std::ptrdiff_t p = v * a.stride + u;
-          num_other_planes += !has_same_bits(a.planes + 2 * p, b.planes + 2 * p, 2);
-        });
-        for_pixels(windows.silhouettes[number].grown(-1), [&](int u, int v) {
-          const std::ptrdiff_t p = v * a.stride + u;
-          num_other_marks += a.near_silhouette[p] != b.near_silhouette[p];
-          for (std::ptrdiff_t q = b.near_silhouette[p] != 0 ? -1 : 2; q <= 1; ++q) {
-            const std::ptrdiff_t row = 2 * (p + q * a.stride - 1);
-            num_other_rims += !has_same_bits(a.silhouettes + row, b.silhouettes + row, 6);
-          }
-        });
-        EXPECT_EQ(num_other_planes, 0) << number;
-        EXPECT_EQ(num_other_marks, 0) << number;
-        EXPECT_EQ(num_other_rims, 0) << number;
-      }
-      // No tile promises more than is so.
-      const DepthFieldView &some = part_field.view(), &all = whole_field.view();
-      int num_known = 0;
-      for (int t = 0; t < all.tiles_wide * all.tiles_high; ++t) {
-        if (some.tiles[t].nearest < 0) continue;
-        ++num_known;
-        EXPECT_TRUE(has_same_bits(some.tiles + t, all.tiles + t, 1));
-      }
-      EXPECT_GT(num_known, 0);
-    }
-  }
 }
 
 // What a window leaves out is not there rather than wrong, and can be had later.
