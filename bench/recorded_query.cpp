@@ -14,11 +14,11 @@
 
 #include "palpate/contact/tool_index.h"
 #include "palpate/core/latency_histogram.h"
-#include "palpate/mesh/shapes.h"
 #include "palpate/run/pipeline.h"
 #include "src/run/loop/real_time.h"
 #include "src/session/run_reader.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_scenes.h"
 
 namespace palpate::bench {
 namespace {
@@ -76,22 +76,13 @@ Status time_queries(const std::filesystem::path& folder) {
 /// What the index and one query by field of a tool of so many equal spheres take. Prints one line
 /// of JSON, bytes.
 Status weigh_query(int side) {
-  SpherePacking packing;
-  const double step = 0.1 / side;
-  for (int i = 0; i < side * side * side; ++i) {
-    const Vec3d c{i % side + 0.5, i / side % side + 0.5, i / side / side + 0.5};
-    packing.spheres.push_back(
-        {to_float(step * c - Vec3d{0.05, 0.05, 0.05}), static_cast<float>(0.45 * step)});
-  }
-  const auto tool =
-      Tool::build(make_box({0.1, 0.1, 0.1}), std::move(packing), GapRule::relative, "block");
-  if (!tool) return tool.error();
-  const auto index = ToolIndex::create(*tool);
+  const Tool tool = test::block_of_spheres(side);
+  const auto index = ToolIndex::create(tool);
   const auto first = make_contact_query(Backend::cpu, index, FieldMethod{});
   const std::size_t before = test::num_allocated_bytes();
   const auto second = make_contact_query(Backend::cpu, index, FieldMethod{});
   const std::size_t beyond = test::num_allocated_bytes() - before;
-  std::printf("{\"spheres\": %zu, \"index\": %zu, \"query\": %zu}\n", tool->spheres().size(),
+  std::printf("{\"spheres\": %zu, \"index\": %zu, \"query\": %zu}\n", tool.spheres().size(),
               index->num_bytes(), beyond);
   return Done{};
 }

@@ -109,12 +109,7 @@ Result<FigureResult> threads(Context&) {
 Result<Picture> states_in(Context& context, const char* name) {
   const auto scene = scenes::make_scene(name);
   if (!scene) return scene.error();
-  scenes::SimulatedCameraOptions camera;
-  camera.duration = 0.01;
-  DepthStreamInfo stream;
-  const auto frames = context.simulated(*scene, camera, stream);
-  if (!frames) return frames.error();
-  const auto frame = SeenFrame::create(stream, frames->front());
+  const auto frame = seen_scene(context, *scene, true);
   if (!frame) return frame.error();
   const auto tool =
       context.tool(scene->tool_shape, scene->tool_size, context.choose(kManySpheres, kFewSpheres));

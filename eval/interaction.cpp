@@ -13,12 +13,7 @@ constexpr double kToolSize = 0.12;  // m
 Result<Interaction> simulated_interaction(Context& context) {
   const auto scene = scenes::make_scene("mannequin");
   if (!scene) return scene.error();
-  scenes::SimulatedCameraOptions camera;
-  camera.duration = 0.01;
-  DepthStreamInfo stream;
-  const auto frames = context.simulated(*scene, camera, stream);
-  if (!frames) return frames.error();
-  auto frame = SeenFrame::create(stream, frames->front());
+  auto frame = seen_scene(context, *scene, true);
   if (!frame) return frame.error();
   return Interaction{"simulated mannequin, torus", *std::move(frame), "torus", kToolSize};
 }
@@ -32,6 +27,17 @@ Result<Interaction> recorded_interaction(Context& context) {
   if (!frame) return frame.error();
   const std::string bunny = (context.settings().data / "meshes_good/bunny_3k.off").string();
   return Interaction{"recorded table, bunny", *std::move(frame), bunny, kToolSize};
+}
+
+Result<SeenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise) {
+  scenes::SimulatedCameraOptions camera;
+  camera.noise.enabled = with_noise;
+  camera.unit = with_noise ? 1e-3 : 1e-4;
+  camera.duration = 0.01;
+  DepthStreamInfo stream;
+  const auto frames = context.simulated(scene, camera, stream);
+  if (!frames) return frames.error();
+  return SeenFrame::create(stream, frames->front());
 }
 
 std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool, Backend backend) {

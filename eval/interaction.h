@@ -25,6 +25,10 @@ Result<Interaction> recorded_interaction(Context& context);
 /// A simulated mannequin with Kinect noise, touched with a torus. Needs no data.
 Result<Interaction> simulated_interaction(Context& context);
 
+/// The first frame of a simulated scene: with the noise of a Kinect in millimetres, or exact to 0.1
+/// mm.
+Result<SeenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise);
+
 /// A query of a method on a tool that looks at a frame.
 std::unique_ptr<MethodQueries> query_on(const SeenFrame& frame, const Tool& tool,
                                         Backend backend = Backend::cpu);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "eval/interaction.h"
 #include "scenes/truth.h"
 
 namespace palpate::eval {
@@ -28,14 +29,7 @@ const char* name_of(PillarSide side) { return side == PillarSide::right ? "right
 Result<SeenFrame> seen_pillar(Context& context, bool with_noise) {
   const auto scene = scenes::make_scene("pillar");
   if (!scene) return scene.error();
-  scenes::SimulatedCameraOptions camera;
-  camera.noise.enabled = with_noise;
-  camera.unit = with_noise ? 1e-3 : 1e-4;
-  camera.duration = 0.01;
-  DepthStreamInfo stream;
-  const auto frames = context.simulated(*scene, camera, stream);
-  if (!frames) return frames.error();
-  return SeenFrame::create(stream, frames->front());
+  return seen_scene(context, *scene, with_noise);
 }
 
 Result<std::shared_ptr<const Tool>> pillar_box(Context& context, int num_spheres) {

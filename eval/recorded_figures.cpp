@@ -190,14 +190,7 @@ bool contains(const TriangleMesh& mesh, const Vec3d& p) {
 Result<FigureResult> figure_3_6(Context& context) {
   const auto scene = scenes::make_scene("mannequin");
   if (!scene) return scene.error();
-  DepthStreamInfo stream;
-  scenes::SimulatedCameraOptions camera;
-  camera.noise.enabled = false;
-  camera.unit = 1e-4;
-  camera.duration = 0.01;
-  const auto frames = context.simulated(*scene, camera, stream);
-  if (!frames) return frames.error();
-  const auto frame = SeenFrame::create(stream, frames->front());
+  const auto frame = seen_scene(context, *scene, false);
   if (!frame) return frame.error();
   const auto tool = context.tool(scene->tool_shape, scene->tool_size, 3000);
   if (!tool) return tool.error();

@@ -20,14 +20,7 @@ Result<SeenFrame> wall(Context& context, int width, int height) {
   auto scene = scenes::make_scene("wall");
   if (!scene) return scene.error();
   scenes::set_image_size(*scene, width, height);
-  scenes::SimulatedCameraOptions camera;
-  camera.noise.enabled = false;
-  camera.unit = 1e-4;
-  camera.duration = 0.01;
-  DepthStreamInfo stream;
-  const auto frames = context.simulated(*scene, camera, stream);
-  if (!frames) return frames.error();
-  return SeenFrame::create(stream, frames->front());
+  return seen_scene(context, *scene, false);
 }
 
 /// The cube with `depth` (share) of it behind the wall, a little beside the axis: `num` poses.

@@ -29,6 +29,19 @@ inline std::vector<Sphere> random_spheres(int num, double half_side, std::uint64
   return spheres;
 }
 
+/// A box of 0.1 m with equal spheres, `side` along each edge.
+inline Tool block_of_spheres(int side) {
+  SpherePacking packing;
+  const double step = 0.1 / side;
+  for (int i = 0; i < side * side * side; ++i) {
+    const Vec3d c{i % side + 0.5, i / side % side + 0.5, i / side / side + 0.5};
+    packing.spheres.push_back(
+        {to_float(step * c - Vec3d{0.05, 0.05, 0.05}), static_cast<float>(0.45 * step)});
+  }
+  return Tool::build(make_box({0.1, 0.1, 0.1}), std::move(packing), GapRule::relative, "block")
+      .value();
+}
+
 /// A tool of random spheres; its mesh is the box around them.
 inline Tool random_tool(int num_spheres, double half_side, std::uint64_t seed) {
   SpherePacking packing;

@@ -14,19 +14,6 @@
 namespace palpate {
 namespace {
 
-/// A block of equal spheres, `side` along each edge.
-Tool block(int side) {
-  SpherePacking packing;
-  const double step = 0.1 / side;
-  for (int i = 0; i < side * side * side; ++i) {
-    const Vec3d c{i % side + 0.5, i / side % side + 0.5, i / side / side + 0.5};
-    packing.spheres.push_back(
-        {to_float(step * c - Vec3d{0.05, 0.05, 0.05}), static_cast<float>(0.45 * step)});
-  }
-  return Tool::build(make_box({0.1, 0.1, 0.1}), std::move(packing), GapRule::relative, "block")
-      .value();
-}
-
 std::unique_ptr<ContactQuery> query_of(const std::shared_ptr<const ToolIndex>& index,
                                        const ContactMethod& method) {
   return make_contact_query(Backend::cpu, index, method).value();
@@ -51,7 +38,7 @@ TEST(ToolIndex, HasThePartsThatQueriesNeed) {
 
 // What a million spheres may take beyond the index is 16 MB.
 TEST(ToolIndex, AFieldQueryTakesLittleMoreThanTheIndex) {
-  const Tool tool = block(20);
+  const Tool tool = test::block_of_spheres(20);
   const double num = static_cast<double>(tool.spheres().size());
   const auto index = ToolIndex::create(tool);
   const auto first = query_of(index, FieldMethod{});
