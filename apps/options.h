@@ -79,6 +79,11 @@ inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"}
 /// Live, with a haptic device.
 inline constexpr SettingOption kHandOptions[] = {{"--coupling", "coupling.kind"},
                                                  {"--dead-man", "safety.dead_man"}};
+/// Of `pack`: the limits of a packing but for --spheres, which takes a word too.
+inline constexpr SettingOption kPackLimits[] = {{"--max-radius", "packing.max_radius"},
+                                                {"--min-radius", "packing.min_radius"},
+                                                {"--max-fill", "packing.max_fill"},
+                                                {"--max-seconds", "packing.max_seconds"}};
 /// Tells people on stderr that --backend auto did not find a GPU, if so.
 void note_backend(const std::string& why_not_cuda);
 /// --intrinsics fx,fy,cx,cy and --depth-unit.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
-#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -95,7 +94,7 @@ struct Outputs {
 };
 
 /// Counts changes of what the same mesh and options become.
-constexpr int kPackingVersion = 2;
+constexpr int kPackingVersion = 3;
 
 /// What the tool came from and what it is: equal text means that packing again would give the same
 /// files. Nothing if a file is not there.
@@ -103,19 +102,17 @@ std::optional<std::string> stamp_text(const TriangleMesh& raw, const std::string
                                       const PackRequest& request, const Outputs& outputs,
                                       bool with_page) {
   const PackOptions& pack = request.pack;
-  const auto number = [](double value) { return std::isfinite(value) ? Json(value) : Json(); };
+  Json options{{"seed", pack.seed},
+               {"gap_rule", name_of(request.gap_rule)},
+               {"as_many_as_needed", request.as_many_as_needed}};
+  for (const Setting& setting : settings_of(pack)) {
+    options[std::string(setting.name)] = std::get<double>(setting.get());
+  }
   Json stamp{{"palpate", PALPATE_VERSION},
              {"packing", kPackingVersion},
              {"source", source},
              {"mesh", checksum_of(raw.vertices) + checksum_of(raw.triangles)},
-             {"options",
-              {{"spheres", request.as_many_as_needed ? Json("auto") : Json(pack.max_spheres)},
-               {"max_radius", number(pack.max_radius)},
-               {"min_radius", pack.min_radius},
-               {"max_fill", pack.max_fill},
-               {"max_seconds", number(pack.max_seconds)},
-               {"seed", pack.seed},
-               {"gap_rule", name_of(request.gap_rule)}}}};
+             {"options", options}};
   const auto tool = read_file(outputs.tool);
   if (!tool) return std::nullopt;
   stamp["tool"] = checksum(*tool);

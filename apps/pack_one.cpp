@@ -101,7 +101,7 @@ Error no_sphere(const PackRequest& request, const std::string& path, const Error
   if (error.code != Errc::bad_input) return error;
   std::string advice;
   if (request.pack.min_radius > 0) advice += "lower --min-radius or --camera-spacing, ";
-  if (std::isfinite(request.pack.max_radius)) advice += "raise --max-radius, ";
+  if (request.pack.max_radius < PackOptions{}.max_radius) advice += "raise --max-radius, ";
   return {error.code, path + ": no sphere fits into the mesh; " + advice +
                           "move it to its origin, or make it thicker than a few millionths of its "
                           "size"};
@@ -130,11 +130,12 @@ Result<SpherePacking> pack(const TriangleMesh& solid, const PackRequest& request
 /// The options that shaped the packing, as rows for people.
 std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& request) {
   const PackOptions& pack = request.pack;
+  const PackOptions defaults;
   std::vector<std::pair<std::string, std::string>> rows{
       {"--spheres", request.as_many_as_needed ? "auto" : std::to_string(pack.max_spheres)},
       {"--unit", name_of(request.unit)}};
   if (request.scale != 1) rows.emplace_back("--scale", number_text(request.scale));
-  if (std::isfinite(pack.max_radius)) {
+  if (pack.max_radius < defaults.max_radius) {
     rows.emplace_back("--max-radius", length_text(pack.max_radius));
   }
   if (!request.camera_spacing.empty()) {
@@ -142,8 +143,10 @@ std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& 
                                               number_text(request.camera_spacing[1]) + " pixels");
   }
   if (pack.min_radius > 0) rows.emplace_back("smallest radius", length_text(pack.min_radius));
-  if (pack.max_fill < 1) rows.emplace_back("--max-fill", number_text(pack.max_fill));
-  if (std::isfinite(pack.max_seconds)) {
+  if (pack.max_fill < defaults.max_fill) {
+    rows.emplace_back("--max-fill", number_text(pack.max_fill));
+  }
+  if (pack.max_seconds < defaults.max_seconds) {
     rows.emplace_back("--max-seconds", number_text(pack.max_seconds));
   }
   if (pack.seed != 0) rows.emplace_back("--seed", std::to_string(pack.seed));

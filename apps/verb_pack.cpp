@@ -117,16 +117,14 @@ void check(Options& options) {
 
 void add_limits(CLI::App& app, PackRequest& request) {
   PackOptions& pack = request.pack;
-  // Two million spheres need 2.5 GB while they are packed.
-  SettingTable limits;
-  limits.add("spheres", pack.max_spheres, {1, 2e6, "spheres"}, "");
-  const auto parse_spheres = [&request,
-                              spheres = *limits.begin()](const std::string& text) mutable {
-    request.as_many_as_needed = text == "auto";
-    if (request.as_many_as_needed) return;
-    const Status status = spheres.set(parse_value(spheres, text), "--spheres:");
-    if (!status) usage_error(status.error().message + "; or auto");
-  };
+  const SettingTable limits = settings_of(pack);
+  const auto parse_spheres =
+      [&request, spheres = *limits.find("packing.spheres")](const std::string& text) mutable {
+        request.as_many_as_needed = text == "auto";
+        if (request.as_many_as_needed) return;
+        const Status status = spheres.set(parse_value(spheres, text), "--spheres:");
+        if (!status) usage_error(status.error().message + "; or auto");
+      };
   app.add_option_function<std::string>(
          "--spheres", parse_spheres,
          "at most so many spheres; auto: from 1000 to 50000, as many as it takes for 95 % of the "
@@ -135,8 +133,7 @@ void add_limits(CLI::App& app, PackRequest& request) {
       ->default_str(std::to_string(pack.max_spheres));
   add_word(app, "--unit", request.unit, "unit of the mesh file");
   add_number(app, "--scale", request.scale, {1e-9, 1e9}, "factor on top of the unit");
-  add_number(app, "--max-radius", pack.max_radius, {1e-9, 1000, "m"}, "no larger sphere");
-  add_number(app, "--min-radius", pack.min_radius, {0, 1000, "m"}, "stop at smaller spheres");
+  add_setting_options(app, "", limits, kPackLimits);
   app.add_option(
          "--camera-spacing", request.camera_spacing,
          "no sphere too small to be sure to hold a point of a camera at depth Z metres with "
@@ -144,9 +141,6 @@ void add_limits(CLI::App& app, PackRequest& request) {
       ->delimiter(',')
       ->expected(2)
       ->type_name("Z,F");
-  add_number(app, "--max-fill", pack.max_fill, {1e-9, 1},
-             "stop at this fraction of the mesh volume");
-  add_number(app, "--max-seconds", pack.max_seconds, {1e-3, 1e9, "s"}, "stop after this time");
   add_seed_option(app, pack.seed, "jitters the starting grid; 0: the plain grid");
   add_word(app, "--gap-rule", request.gap_rule, "which spheres are neighbours");
   add_threads_option(app, pack.num_threads, "threads; 0: one per core");

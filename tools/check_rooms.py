@@ -20,7 +20,7 @@ BELOW = {
     "settings": ("math",),
     "gpu": ("core",),
     "mesh": ("math",),
-    "packing": ("mesh",),
+    "packing": ("mesh", "settings"),
     "ist": ("math",),
     "tool": ("mesh", "packing", "ist"),
     "cloud": ("settings", "gpu"),

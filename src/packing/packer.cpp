@@ -381,14 +381,10 @@ Status check(const TriangleMesh& solid, const PackOptions& options) {
   const auto refuse = [](std::string message) {
     return Error{Errc::invalid_argument, std::move(message)};
   };
-  if (options.max_spheres < 1) return refuse("max_spheres must be at least 1");
-  if (!(options.max_radius > 0)) return refuse("max_radius must be positive");
-  if (!(options.min_radius >= 0) || options.min_radius > options.max_radius) {
-    return refuse("min_radius must lie between 0 and max_radius");
+  if (const Status status = check_settings(options); !status) return status;
+  if (options.min_radius > options.max_radius) {
+    return refuse("packing.min_radius must not be greater than packing.max_radius");
   }
-  if (!(options.max_fill > 0)) return refuse("max_fill must be positive; 1 means no limit");
-  if (!(options.standoff >= 0)) return refuse("standoff must not be negative; 0 means no limit");
-  if (!(options.max_seconds >= 0)) return refuse("max_seconds must not be negative");
   if (options.num_threads < 0) return refuse("num_threads must not be negative; 0 is one per core");
   bool usable = true;
   for (const Vec3d& v : solid.vertices) usable = usable && std::isfinite(dot(v, v));

@@ -212,13 +212,13 @@ TEST(Packer, StopsAtEachLimit) {
   for (const Sphere& s : coarse.spheres) EXPECT_GE(static_cast<double>(s.radius), 0.003);
 
   options = {};
-  options.max_spheres = 1 << 30;
+  options.max_spheres = 2'000'000;
   options.max_seconds = 0.05;
   EXPECT_EQ(pack_spheres(mesh, options)->stop, PackStop::time);
 
   // A millimetre ten metres away: single precision ends it before the count does.
   options = {};
-  options.max_spheres = 1 << 30;
+  options.max_spheres = 2'000'000;
   const TriangleMesh far = moved(make_box({1e-3, 1e-3, 1e-3}), 1, {10, 0, 0});
   const auto exhausted = pack_spheres(far, options).value();
   EXPECT_EQ(exhausted.stop, PackStop::exhausted);

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "apps/options.h"
+#include "palpate/packing/packer.h"
 #include "palpate/run/pipeline.h"
 #include "palpate/run/run_loop.h"
 #include "palpate/session/settings_file.h"
@@ -317,6 +318,56 @@ TEST(Settings, ThroughTheirOwnOptionsOnTheCommandLine) {
   }
 }
 
+// What limits a packing
+
+TriangleMesh tetrahedron() {
+  return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+          {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
+}
+
+TEST(PackingLimits, ThroughTheLibrary) {
+  const PackOptions defaults;
+  EXPECT_TRUE(check_settings(defaults));
+  for (const Setting& limit : settings_of(defaults)) {
+    for (const Probe& probe : probes_of(limit)) {
+      SCOPED_TRACE(limit.key() + " = " + text_of(probe.value));
+      PackOptions options;
+      options.progress = [](const PackProgress&) { return false; };
+      UncheckedSetting::set(*settings_of(options).find(limit.key()), std::get<double>(probe.value));
+      const auto packing = pack_spheres(tetrahedron(), options);
+      if (probe.is_good) {  // and cancelled, or already at an end
+        EXPECT_TRUE(packing || packing.error().code != Errc::invalid_argument);
+      } else {
+        ASSERT_FALSE(packing);
+        expect_sentence(packing.error().message, limit.key(), limit, probe);
+      }
+    }
+  }
+}
+
+TEST(PackingLimits, ThroughTheirOptionsOnTheCommandLine) {
+  for (const auto& [flag, key] : apps::kPackLimits) {
+    PackOptions options;
+    const SettingTable table = settings_of(options);
+    const Setting* const limit = table.find(key);
+    ASSERT_NE(limit, nullptr) << key;
+    for (const Probe& probe : probes_of(*limit)) {
+      SCOPED_TRACE(flag + (" " + text_of(probe.value)));
+      CLI::App app;
+      apps::add_setting_options(app, "", table, apps::kPackLimits);
+      std::vector<std::string> words{text_of(probe.value), flag};
+      try {
+        app.parse(words);
+        EXPECT_TRUE(probe.is_good);
+        EXPECT_EQ(limit->get(), probe.value);
+      } catch (const CLI::ParseError& error) {
+        EXPECT_FALSE(probe.is_good) << error.what();
+        expect_sentence(error.what(), std::string(flag) + ": must be ", *limit, probe);
+      }
+    }
+  }
+}
+
 // Files that are no settings
 
 std::string file_error(const std::string& text) {
@@ -362,12 +413,15 @@ std::string option_of(const std::string& key) {
                               {apps::kSurfaceOptions},
                               {apps::kTimeOptions},
                               {apps::kLoopOptions},
-                              {apps::kHandOptions}}) {
+                              {apps::kHandOptions},
+                              {apps::kPackLimits}}) {
     for (const auto& [flag, name] : options) {
       if (key == name) return std::string("`") + flag + "`";
     }
   }
-  return key == "loop.threads" ? "`--threads`" : "";
+  return key == "loop.threads"      ? "`--threads`"
+         : key == "packing.spheres" ? "`--spheres`, also `auto`"
+                                    : "";
 }
 
 std::string documented_value(const Setting& setting) {
@@ -375,22 +429,26 @@ std::string documented_value(const Setting& setting) {
 }
 
 std::string documentation() {
-  const RunSettings defaults;
+  const RunSettings of_runs;
+  const PackOptions of_packings;
   std::string text;
   std::string_view section;
-  for (const Setting& setting : settings_of(defaults)) {
+  const auto describe = [&](const Setting& setting, const char* last_title, const char* last) {
     if (setting.section != section) {
       section = setting.section;
       text += "\n## [" + std::string(section) + "]\n\n" +
-              "| key | default | can be | means | option | while a hand is on it |\n"
-              "|---|---|---|---|---|---|\n";
+              "| key | default | can be | means | option | " + last_title +
+              " |\n|---|---|---|---|---|---|\n";
     }
-    const std::string range = setting.range_text();
     text += "| `" + std::string(setting.name) + "` | " + documented_value(setting) + " | " +
-            (range.empty() ? "" : range) + " | " + std::string(setting.help) + " | " +
-            option_of(setting.key()) + " | " +
-            (is_fixed_while_running(setting) ? "fixed" : "can change") + " |\n";
+            setting.range_text() + " | " + std::string(setting.help) + " | " +
+            option_of(setting.key()) + " | " + last + " |\n";
+  };
+  for (const Setting& setting : settings_of(of_runs)) {
+    describe(setting, "while a hand is on it",
+             is_fixed_while_running(setting) ? "fixed" : "can change");
   }
+  for (const Setting& setting : settings_of(of_packings)) describe(setting, "of", "`pack`");
   return text + "\n";
 }
 

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
-#include <limits>
 #include <vector>
 
 #include "palpate/core/result.h"
 #include "palpate/math/sphere.h"
 #include "palpate/mesh/triangle_mesh.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
@@ -26,15 +26,27 @@ struct PackOptions {
   /// Metres: enough spheres if 95 % of the surface are not farther than this from the nearest one.
   /// Looked at from kReachingSpheres on, whenever there are a twentieth more. 0: no such limit.
   double standoff = 0;
-  double max_radius = std::numeric_limits<double>::infinity();  ///< metres
-  double min_radius = 0;                                        ///< metres
-  double max_fill = 1;                                          ///< sphere volume / mesh volume
-  double max_seconds = std::numeric_limits<double>::infinity();
+  double max_radius = 1000;  ///< metres
+  double min_radius = 0;     ///< metres, at most max_radius
+  double max_fill = 1;       ///< sphere volume / mesh volume
+  double max_seconds = 1e9;
   std::uint64_t seed = 0;  ///< jitters the starting grid; 0 is the plain grid
   int num_threads = 0;     ///< 0: one per core. The result has the same bits for any number.
   /// Called on the packing thread; return false to cancel. May be empty.
   std::function<bool(const PackProgress&)> progress;
 };
+/// What limits a packing.
+inline void add_settings(SettingTable& t, PackOptions& o) {
+  t.section("packing");
+  // Two million spheres need 2.5 GB while they are packed.
+  t.add("spheres", o.max_spheres, {1, 2e6, "spheres"}, "at most so many");
+  t.add("standoff", o.standoff, {0, 1000, "m"},
+        "enough if 95 % of the surface are as near to a sphere; 0: no such limit");
+  t.add("max_radius", o.max_radius, {1e-9, 1000, "m"}, "no larger sphere");
+  t.add("min_radius", o.min_radius, {0, 1000, "m"}, "stop at smaller spheres");
+  t.add("max_fill", o.max_fill, {1e-9, 1}, "stop at this fraction of the mesh volume");
+  t.add("max_seconds", o.max_seconds, {1e-3, 1e9, "s"}, "stop after this time");
+}
 
 /// Why packing ended.
 enum class PackStop { count, fill, radius, time, exhausted, standoff };
