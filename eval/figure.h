@@ -99,8 +99,8 @@ class Context;
 struct FigureSpec {
   const char* id;       ///< as on the command line: "3.3", "5.17-5.19", "noise"
   const char* title;    ///< what is compared
-  const char* section;  ///< of the report: "Speed", "Quality", "Time", "Robustness", "Peers",
-                        ///< "Drawings"
+  const char* section;  ///< of the report: "Speed", "Quality", "Time", "Robustness", "Real data",
+                        ///< "Peers", "Drawings"
   /// Errors only where going on makes no sense; data that are not there are `not_measured`.
   Result<FigureResult> (*make)(Context& context);
   bool is_quick = true;    ///< made by the quick form too, with fewer steps
@@ -119,6 +119,8 @@ std::vector<FigureSpec> silhouette_figures();  // silhouettes
 std::vector<FigureSpec> time_figures();        // 3.15, 3.16
 std::vector<FigureSpec> frame_figures();       // frames
 std::vector<FigureSpec> robustness_figures();  // noise, missing, distance, resolution, packing
+std::vector<FigureSpec> cube_figures();        // a recorded cube: cube
+std::vector<FigureSpec> flat_figures();        // recorded frames where they are flat
 std::vector<FigureSpec> response_figures();    // the 6-DOF collision-response benchmark
 std::vector<FigureSpec> peer_figures();        // other libraries
 std::vector<FigureSpec> drawings();            // 3.1, 3.2, 3.7, 3.8, 4.1, 4.4-4.8, 5.17, 5.20

@@ -46,6 +46,25 @@ SignedDistance ball_distance(const Vec3d& centre, double radius, const Vec3d& p)
   return {length - radius, direction};
 }
 
+/// In B: the box around the origin.
+SignedDistance box_distance(const Vec3d& half_size, const Vec3d& p) {
+  std::size_t nearest = 0;
+  Vec3d beyond, outward;
+  for (std::size_t i = 0; i < 3; ++i) {
+    beyond[i] = std::abs(p[i]) - half_size[i];
+    outward[i] = p[i] < 0 ? -1 : 1;
+    if (beyond[i] > beyond[nearest]) nearest = i;
+  }
+  if (beyond[nearest] <= 0) {
+    Vec3d gradient;
+    gradient[nearest] = outward[nearest];
+    return {beyond[nearest], gradient};
+  }
+  for (std::size_t i = 0; i < 3; ++i) beyond[i] = std::max(0.0, beyond[i]) * outward[i];
+  const double distance = norm(beyond);
+  return {distance, beyond / distance};
+}
+
 /// Where a ray from the origin crosses the plane, going into the solid: its part before or after.
 struct Interval {
   double enter = 0, leave = std::numeric_limits<double>::infinity();
@@ -99,6 +118,24 @@ Environment Environment::ball_inside(double depth, double radius) {
   return environment;
 }
 
+Environment Environment::box(const Pose& X_WB, const Vec3d& half_size) {
+  Environment environment;
+  environment.kind = Kind::box;
+  environment.X_WB = X_WB;
+  environment.half_size = half_size;
+  return environment;
+}
+
+std::array<Plane<double>, 6> Environment::faces() const {
+  std::array<Plane<double>, 6> faces;
+  for (std::size_t i = 0; i < 6; ++i) {
+    Vec3d normal_B;
+    normal_B[i / 2] = i % 2 == 0 ? -1 : 1;
+    faces[i] = plane_through(X_WB * (half_size[i / 2] * normal_B), rotate(X_WB.rotation, normal_B));
+  }
+  return faces;
+}
+
 SignedDistance signed_distance(const Environment& environment, const Vec3d& p) {
   const Plane<double>&a = environment.a, &b = environment.b;
   switch (environment.kind) {
@@ -109,6 +146,11 @@ SignedDistance signed_distance(const Environment& environment, const Vec3d& p) {
       return ball_distance(environment.centre, environment.radius, p);
     case Environment::Kind::ball_inside:
       return negated(ball_distance(environment.centre, environment.radius, p));
+    case Environment::Kind::box: {
+      const Pose& X_WB = environment.X_WB;
+      const SignedDistance d = box_distance(environment.half_size, inverse(X_WB) * p);
+      return {d.distance, rotate(X_WB.rotation, d.gradient)};
+    }
   }
   return {};
 }
@@ -125,6 +167,9 @@ double first_hit(const Environment& environment, const Vec3d& direction) {
       cut(first, environment.a, direction);
       cut(second, environment.b, direction);
       return std::fmin(entry(first), entry(second));
+    case Environment::Kind::box:
+      for (const Plane<double>& face : environment.faces()) cut(first, face, direction);
+      return entry(first);
     case Environment::Kind::ball_outside:
     case Environment::Kind::ball_inside: break;
   }

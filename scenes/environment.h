@@ -1,6 +1,9 @@
-// Solids known in closed form: the synthetic environments of the thesis (section 5.1.2).
+// Solids known in closed form: the synthetic environments of the thesis (section 5.1.2), and boxes.
 #pragma once
 
+#include <array>
+
+#include "palpate/math/pose.h"
 #include "palpate/math/sphere.h"
 #include "palpate/math/vec3.h"
 
@@ -15,11 +18,14 @@ struct Environment {
     corner,        ///< behind plane `a` or behind plane `b`
     ball_outside,  ///< the ball, seen from its outside
     ball_inside,   ///< everything but the ball, seen from its inside
+    box,           ///< around the origin of B, along its axes
   };
   Kind kind = Kind::half_space;
   Plane<double> a, b;  ///< normals point out of the solid; not parallel
   Vec3d centre;        ///< of the ball
   double radius = 0;
+  Pose X_WB;        ///< of the box
+  Vec3d half_size;  ///< of the box, m
 
   /// All of z >= depth.
   static Environment wall(double depth);
@@ -30,6 +36,10 @@ struct Environment {
   static Environment ball_outside(double depth, double radius);
   /// The deepest point on the optical axis is at z = depth.
   static Environment ball_inside(double depth, double radius);
+  static Environment box(const Pose& X_WB, const Vec3d& half_size);
+
+  /// Of a box: -x, +x, -y, +y, -z, +z of B.
+  std::array<Plane<double>, 6> faces() const;
 };
 
 /// A value of the signed distance field (positive in free space) and its unit gradient, which on

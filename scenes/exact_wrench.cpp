@@ -5,7 +5,9 @@
 //   integral of (x-C) x n  =  integral of phi (x-C) x nu
 // What is left is phi over polygons on which it is linear, or the distance from a line, or over
 // triangles and balls around one point.
+#include <array>
 #include <initializer_list>
+#include <span>
 
 #include "scenes/mesh_faces.h"
 #include "scenes/truth.h"
@@ -102,7 +104,7 @@ Side in_front(const Plane<double>& plane) { return {plane, true}; }
 
 /// Adds the pressure on the part of the tool on the given sides.
 template <class Field>
-void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::initializer_list<Side> sides,
+void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::span<const Side> sides,
                   const Field& field, const Vec3d& centre, Wrench& sum) {
   for_each_face(tool, X_WT, [&](const Triangle& face) {
     Polygon polygon(face);
@@ -119,6 +121,12 @@ void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::initializer_l
   });
 }
 
+template <class Field>
+void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::initializer_list<Side> sides,
+                  const Field& field, const Vec3d& centre, Wrench& sum) {
+  add_pressure(tool, X_WT, std::span<const Side>(sides.begin(), sides.size()), field, centre, sum);
+}
+
 /// A plane through the common line of a and b: behind it, h_a <= factor * h_b.
 Plane<double> through_edge(const Plane<double>& a, const Plane<double>& b, double factor) {
   return {a.normal - b.normal * factor, a.offset - b.offset * factor};
@@ -131,6 +139,24 @@ Wrench ridge_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environmen
   Wrench sum;
   add_pressure(tool, X_WT, {behind(e.a), behind(e.b), in_front(halfway)}, e.a, centre, sum);
   add_pressure(tool, X_WT, {behind(e.a), behind(e.b), behind(halfway)}, e.b, centre, sum);
+  return sum;
+}
+
+/// Within a box the nearest face counts: it is cut into six parts.
+Wrench box_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
+                  const Vec3d& centre) {
+  const auto faces = e.faces();
+  Wrench sum;
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    std::array<Side, 6> sides{behind(faces[i])};
+    std::size_t num = 1;
+    for (std::size_t j = 0; j < faces.size(); ++j) {
+      if (j == i) continue;
+      sides[num++] = i < j ? in_front(through_edge(faces[i], faces[j], 1))
+                           : behind(through_edge(faces[j], faces[i], 1));
+    }
+    add_pressure(tool, X_WT, std::span<const Side>(sides), faces[i], centre, sum);
+  }
   return sum;
 }
 
@@ -225,6 +251,7 @@ Wrench exact_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environmen
     case Environment::Kind::corner: return corner_wrench(tool, X_WT, e, centre);
     case Environment::Kind::ball_outside:
     case Environment::Kind::ball_inside: return ball_wrench(tool, X_WT, e, centre);
+    case Environment::Kind::box: return box_wrench(tool, X_WT, e, centre);
   }
   return {};
 }

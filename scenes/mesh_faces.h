@@ -42,7 +42,7 @@ inline Vec3d foot(const Plane<double>& a, const Plane<double>& b, const Vec3d& p
   return p - a.normal * ((da - c * db) / s2) - b.normal * ((db - c * da) / s2);
 }
 
-/// A triangle cut by at most three planes has at most six corners.
+/// A triangle cut by at most six planes has at most nine corners.
 class Polygon {
  public:
   explicit Polygon(const Triangle& t) : size_(3) {
@@ -84,7 +84,7 @@ class Polygon {
   }
 
  private:
-  static constexpr std::size_t kCapacity = 8;
+  static constexpr std::size_t kCapacity = 9;
   std::array<Vec3d, kCapacity> corners_;
   std::size_t size_;
 };

@@ -34,6 +34,26 @@ double whole_volume(const TriangleMesh& tool, const Pose& X_WT) {
   return volume_behind(tool, X_WT, X_WT.translation, {});
 }
 
+/// All but what is beyond a face; what is beyond two or three of them was taken away twice or
+/// thrice. Beyond both faces of an axis is nothing.
+double box_volume(const TriangleMesh& tool, const Pose& X_WT, const Environment& box) {
+  const auto faces = box.faces();
+  double sum = 0;
+  for (int choice = 0; choice < 27; ++choice) {
+    std::array<Plane<double>, 3> beyond;
+    std::size_t num = 0;
+    Vec3d apex = X_WT.translation;
+    for (int axis = 0, rest = choice; axis < 3; ++axis, rest /= 3) {
+      if (rest % 3 == 0) continue;
+      const auto& face = faces[static_cast<std::size_t>(2 * axis + rest % 3 - 1)];
+      beyond[num++] = flipped(face);
+      apex = foot(face, apex);  // the axes are at right angles: it stays on the others
+    }
+    sum += (num % 2 == 0 ? 1 : -1) * volume_behind(tool, X_WT, apex, {beyond.data(), num});
+  }
+  return sum;
+}
+
 /// Ball and cone with the apex in the ball's centre. The cone's base is a triangle in a plane at
 /// height h, seen from the foot of the apex as three fans, one per edge. A fan's boundary is
 /// rho(theta) = d / cos(theta), d being the distance of the edge. Directions that meet the base
@@ -104,6 +124,7 @@ double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environm
       return whole_volume(tool_T, X_WT) - wedge_volume(tool_T, X_WT, flipped(a), flipped(b));
     case Environment::Kind::ball_outside: return in_ball();
     case Environment::Kind::ball_inside: return whole_volume(tool_T, X_WT) - in_ball();
+    case Environment::Kind::box: return box_volume(tool_T, X_WT, environment);
   }
   return 0;
 }

@@ -63,6 +63,15 @@ inline std::vector<Span> spans_in(const scenes::Environment& e, const Vec3d& p, 
   } else if (e.kind == Kind::corner) {
     add(behind(span, e.a));
     add_but(behind(span, e.b), behind(behind(span, e.a), e.b));
+  } else if (e.kind == Kind::box) {
+    const Pose X_BW = inverse(e.X_WB);
+    const Vec3d q = X_BW * p, v = rotate(X_BW.rotation, d);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double low = (-e.half_size[i] - q[i]) / v[i], high = (e.half_size[i] - q[i]) / v[i];
+      span.first = std::max(span.first, std::min(low, high));
+      span.second = std::min(span.second, std::max(low, high));
+    }
+    add(span);
   } else {
     const double along = dot(e.centre - p, d);
     const double apart2 = dot(p + d * along - e.centre, p + d * along - e.centre);

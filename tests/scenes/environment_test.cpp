@@ -13,6 +13,8 @@ using test::Random;
 std::vector<Environment> all_environments() {
   std::vector<Environment> all;
   for (const std::string& name : environment_names()) all.push_back(*environment_of(name));
+  all.push_back(
+      Environment::box({{0.02, -0.03, 1.1}, axis_angle({1, 2, 3}, 0.7)}, {0.2, 0.1, 0.15}));
   return all;
 }
 
@@ -25,6 +27,11 @@ bool in_solid(const Environment& e, const Vec3d& p) {
     case Environment::Kind::corner: return a || b;
     case Environment::Kind::ball_outside: return ball;
     case Environment::Kind::ball_inside: return !ball;
+    case Environment::Kind::box: {
+      const Vec3d q = inverse(e.X_WB) * p;
+      return std::abs(q.x) <= e.half_size.x && std::abs(q.y) <= e.half_size.y &&
+             std::abs(q.z) <= e.half_size.z;
+    }
   }
   return false;
 }
@@ -79,7 +86,7 @@ TEST(Environment, RaysEndOnTheSurfaceAndCrossItThere) {
       const double t = first_hit(e, direction);
       if (std::isnan(t)) {
         EXPECT_TRUE(e.kind == Environment::Kind::ball_outside ||
-                    e.kind == Environment::Kind::ball_inside);
+                    e.kind == Environment::Kind::ball_inside || e.kind == Environment::Kind::box);
         continue;
       }
       EXPECT_FALSE(in_solid(e, direction * (t - 1e-7)));

@@ -169,6 +169,31 @@ TEST(ExactPenetration, MatchesColumnQuadratureInRandomPoses) {
   }
 }
 
+TEST(ExactPenetration, BoxesMatchColumnQuadratureAndTheRidge) {
+  const TriangleMesh torus = make_torus(0.05, 0.02, 16, 10);
+  Random random(29);
+  for (int i = 0; i < 12; ++i) {
+    const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.03), random.rotation(kPi)};
+    const Vec3d half = Vec3d{0.06, 0.06, 0.06} + random.in_box(0.03);
+    const Pose X_WB{Vec3d{0, 0, 1} + random.in_box(0.06), random.rotation(kPi)};
+    const Environment box = Environment::box(X_WB, half);
+    const Vec3d centre = X_WT.translation + random.in_box(0.02);
+    EXPECT_LT(difference(exact_penetration(torus, X_WT, centre, box).measure_C_W,
+                         test::column_wrench(torus, X_WT, centre, box, 150), 0.1),
+              5e-3 * volume(torus));
+    // A box so large that only two of its faces are near is a ridge.
+    const Environment large =
+        Environment::box(X_WB * Pose{{-3 + half.x, -3 + half.y, 0}, {}}, {3, 3, 9});
+    Environment ridge;
+    ridge.kind = Environment::Kind::ridge;
+    ridge.a = large.faces()[1];
+    ridge.b = large.faces()[3];
+    EXPECT_LT(difference(exact_penetration(torus, X_WT, centre, large).measure_C_W,
+                         exact_penetration(torus, X_WT, centre, ridge).measure_C_W, 0.1),
+              1e-9 * volume(torus));
+  }
+}
+
 // The difference falls with the number of columns: it is the quadrature's, not ours.
 TEST(ExactPenetration, ColumnQuadratureConvergesToIt) {
   const TriangleMesh cube = make_box({0.1, 0.1, 0.1});

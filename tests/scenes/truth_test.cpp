@@ -25,6 +25,7 @@ Environment flipped(const Environment& e) {
     case Environment::Kind::corner: other.kind = Environment::Kind::ridge; break;
     case Environment::Kind::ball_outside: other.kind = Environment::Kind::ball_inside; break;
     case Environment::Kind::ball_inside: other.kind = Environment::Kind::ball_outside; break;
+    case Environment::Kind::box: break;  // has no complement here
   }
   return other;
 }
@@ -130,6 +131,28 @@ TEST(ExactVolume, SolidAndComplementAddUpToTheTool) {
       const double sum = exact_volume(tool, X_WT, e) + exact_volume(tool, X_WT, flipped(e));
       EXPECT_NEAR(sum / volume(tool), 1, 1e-10) << name;
     }
+  }
+}
+
+// Boxes of any size around a tool, next to it and within it.
+TEST(ExactVolume, BoxesMatchColumnQuadratureAndProducts) {
+  Random random(17);
+  const TriangleMesh torus = make_torus(0.05, 0.02, 16, 10), cube = make_box({0.1, 0.1, 0.1});
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.03), random.rotation(kPi)};
+    const Vec3d half = Vec3d{0.06, 0.06, 0.06} + random.in_box(0.05);
+    const Environment e =
+        Environment::box({Vec3d{0, 0, 1} + random.in_box(0.06), random.rotation(kPi)}, half);
+    EXPECT_NEAR(exact_volume(torus, X_WT, e) / volume(torus),
+                column_volume(torus, X_WT, e, 120) / volume(torus), 2e-3);
+    // Side by side: what two boxes share is a box.
+    const Vec3d apart = random.in_box(0.1);
+    double shared = 1;
+    for (std::size_t k = 0; k < 3; ++k) {
+      shared *=
+          std::max(0.0, std::min(half[k], apart[k] + 0.05) - std::max(-half[k], apart[k] - 0.05));
+    }
+    EXPECT_NEAR(exact_volume(cube, e.X_WB * Pose{apart, {}}, e), shared, 1e-12 * volume(cube));
   }
 }
 
