@@ -4,6 +4,7 @@
 #include <iostream>
 #include <string>
 
+#include "apps/manual.h"
 #include "apps/verbs.h"
 
 namespace {
@@ -74,6 +75,11 @@ int main(int argc, char** argv) {
       "the wrench that follows.",
       "palpate");
   program.set_version_flag("--version", "palpate " PALPATE_VERSION);
+  program
+      .add_flag_callback(
+          "--licenses", [] { throw CLI::CallForVersion(palpate::apps::license_notices(), 0); },
+          "Print what others ask us to say about their work in this program and exit")
+      ->configurable(false);
   program.require_subcommand(1);
   program.footer(
       "palpate VERB --help tells more. SI units; camera frame: x right, y down, z forward.\n"
@@ -90,6 +96,16 @@ int main(int argc, char** argv) {
   palpate::apps::add_scenes(program, action);
   palpate::apps::add_devices(program, action);
   palpate::apps::add_eval(program, action);
+  program
+      .add_option_function<std::string>(
+          "--write-manual",
+          [&program](const std::string& folder) {
+            const palpate::Status status = palpate::apps::write_manual(program, folder);
+            if (!status) throw CLI::ParseError(status.error().message, kInputAtFault);
+            throw CLI::CallForVersion(folder, 0);
+          },
+          "Manual pages and completion into a folder, for packages")
+      ->group("");
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& help_or_version) {

@@ -12,6 +12,9 @@ class App;
 
 namespace palpate::apps {
 
+/// What THIRD_PARTY.md says.
+const char* license_notices();
+
 /// The work of a verb. An Error means exit status 1; wrong usage is found before, while parsing.
 using Action = std::function<Status()>;
 

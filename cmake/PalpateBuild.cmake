@@ -4,14 +4,15 @@ set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_POSITION_INDEPENDENT_CODE ON)
-set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
-if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
-  set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type" FORCE)
-endif()
-
-find_program(PALPATE_CCACHE ccache)
-if(PALPATE_CCACHE)
-  set(CMAKE_CXX_COMPILER_LAUNCHER "${PALPATE_CCACHE}")
+if(PROJECT_IS_TOP_LEVEL)
+  set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
+  if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+    set(CMAKE_BUILD_TYPE Release CACHE STRING "Build type" FORCE)
+  endif()
+  find_program(PALPATE_CCACHE ccache)
+  if(PALPATE_CCACHE)
+    set(CMAKE_CXX_COMPILER_LAUNCHER "${PALPATE_CCACHE}")
+  endif()
 endif()
 
 # Assertions stay on in every build type except Release (core/assert.h).
@@ -34,7 +35,7 @@ if(PALPATE_CUDA)
   endif()
 endif()
 
-# Warnings of GCC are errors. Square roots set no errno, so that they are one instruction. No fused multiply-add behind our back: scalar, wide and repeated runs must
+# How our own sources are compiled; nobody who links the library sees it. Warnings of GCC are errors. Square roots set no errno, so that they are one instruction. No fused multiply-add behind our back: scalar, wide and repeated runs must
 # agree bit for bit. Baseline x86-64-v2; wider code is chosen at run time.
 add_library(palpate_flags INTERFACE)
 target_include_directories(palpate_flags INTERFACE "${PROJECT_SOURCE_DIR}/include"
@@ -69,13 +70,32 @@ if(PALPATE_SANITIZE)
   target_link_options(palpate_flags INTERFACE -fsanitize=${PALPATE_SANITIZE})
 endif()
 
-# palpate_room(NAME SOURCES a.cpp ... DEPENDS other rooms ... LIBRARIES private libraries ...)
-# One static library per room: palpate_NAME.
+# palpate_room(NAME [COMPONENT core] SOURCES a.cpp ... DEPENDS other rooms ... LIBRARIES private libraries ...)
+# One static library per room, palpate_NAME, for our own programs and tests. Others link components
+# (PalpateComponent.cmake), which are made of the same objects.
 function(palpate_room name)
-  cmake_parse_arguments(ROOM "" "" "SOURCES;DEPENDS;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ROOM "" "COMPONENT" "SOURCES;DEPENDS;LIBRARIES" ${ARGN})
+  if(NOT ROOM_COMPONENT)
+    set(ROOM_COMPONENT core)
+  endif()
   add_library(palpate_${name} STATIC ${ROOM_SOURCES})
   list(TRANSFORM ROOM_DEPENDS PREPEND palpate_)
   target_link_libraries(palpate_${name} PUBLIC palpate_flags ${ROOM_DEPENDS} PRIVATE ${ROOM_LIBRARIES})
+  set_property(GLOBAL APPEND PROPERTY PALPATE_ROOMS_${ROOM_COMPONENT} palpate_${name})
+  # A library that was found as a file is linked by its name: its place may differ where ours is
+  # installed. Libraries of headers alone are in the objects already.
+  foreach(library IN LISTS ROOM_LIBRARIES)
+    set(type "")
+    if(TARGET ${library})
+      get_target_property(type ${library} TYPE)
+    elseif(IS_ABSOLUTE "${library}")
+      get_filename_component(library "${library}" NAME_WE)
+      string(REGEX REPLACE "^lib" "" library "${library}")
+    endif()
+    if(NOT type STREQUAL INTERFACE_LIBRARY)
+      set_property(GLOBAL APPEND PROPERTY PALPATE_LIBRARIES_${ROOM_COMPONENT} ${library})
+    endif()
+  endforeach()
 endfunction()
 
 # palpate_kernel(ROOM file.cpp) compiles one kernel text once per vector instruction set. The file

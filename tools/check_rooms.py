@@ -72,7 +72,7 @@ LIBRARIES = (
     (r"assimp/", ("io",)),
     (r"png\.h", ("io", "session")),
     (r"(lib)?lzf\.h", ("io",)),
-    (r"xxhash\.h", ("io", "session")),
+    (r"xxhash\.h", ("session",)),
     (r"(zlib|zstd)\.h", ("io",)),
     (r"nlohmann/", ("io", "devices", "session", "viewer", "eval", "apps")),
     (r"boost/(beast|asio)", ("devices", "viewer")),

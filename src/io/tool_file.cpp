@@ -6,8 +6,6 @@
 //   checksum        XXH3-64 of everything before it
 #include "palpate/io/tool_file.h"
 
-#include <xxhash.h>
-
 #include <array>
 #include <bit>
 #include <cmath>
@@ -17,6 +15,7 @@
 #include <utility>
 
 #include "palpate/io/atomic_file.h"
+#include "src/io/xxh3.h"
 
 namespace palpate {
 namespace {
@@ -88,7 +87,7 @@ class Writer {
                         .file_bytes = content_.size() + sizeof(Checksum)};
     std::memcpy(content_.data(), &header, sizeof(header));
     std::memcpy(content_.data() + sizeof(header), sections_.data(), sizeof(sections_));
-    const Checksum checksum = XXH3_64bits(content_.data(), content_.size());
+    const Checksum checksum = xxh3_of_long(content_);
     content_.append(reinterpret_cast<const char*>(&checksum), sizeof(checksum));
     return std::move(content_);
   }
@@ -117,7 +116,7 @@ class Reader {
     if (content_.size() < sizeof(kMagic) ||
         std::memcmp(content_.data(), kMagic.data(), sizeof(kMagic)) != 0)
       return "is not a tool file; make one with 'palpate pack'";
-    if (content_.size() < sizeof(Header) + sizeof(Checksum)) return truncated();
+    if (content_.size() < kMinXxh3Bytes + sizeof(Checksum)) return truncated();
     std::memcpy(&header_, content_.data(), sizeof(header_));
     if (header_.version > kVersion)
       return "has format version " + std::to_string(header_.version) +
@@ -130,7 +129,7 @@ class Reader {
     const std::size_t body_bytes = content_.size() - sizeof(Checksum);
     Checksum checksum;
     std::memcpy(&checksum, content_.data() + body_bytes, sizeof(checksum));
-    if (checksum != XXH3_64bits(content_.data(), body_bytes))
+    if (checksum != xxh3_of_long(content_.substr(0, body_bytes)))
       return damaged("its checksum does not match");
     if (header_.num_sections > (body_bytes - sizeof(Header)) / sizeof(Section))
       return damaged("it has no room for its sections");

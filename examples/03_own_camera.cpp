@@ -1,0 +1,42 @@
+// A camera of one's own: images in metres as floating-point numbers, a measurement per image.
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <vector>
+
+#include "palpate/contact/contact_query.h"
+#include "palpate/mesh/shapes.h"
+
+using namespace palpate;
+
+/// Stands in for a driver: a wall that comes nearer, 1 cm per image. NaN where nothing is measured.
+std::vector<float> read_camera(int image, int width, int height) {
+  std::vector<float> depth(static_cast<std::size_t>(width * height), 0.6f - 0.01f * image);
+  for (int v = 0; v < height; ++v) depth[v * width] = std::numeric_limits<float>::quiet_NaN();
+  return depth;
+}
+
+int main() {
+  const TriangleMesh mesh = make_cylinder(0.02, 0.1, 64);
+  const SpherePacking packing = pack_spheres(mesh, {.max_spheres = 2000}).value();
+  const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
+
+  // All memory is allocated here; the loop below allocates nothing but the driver's images.
+  const int width = 640, height = 480;
+  ThreadPool threads(0);
+  SurfaceEstimator estimator =
+      SurfaceEstimator::create(width, height, {525, 525, 319.5, 239.5}).value();
+  DepthField field = DepthField::create(width, height).value();
+  const auto query = make_contact_query(Backend::cpu, tool).value();
+  const Pose X_WT{.translation = {0, 0, 0.5}};
+
+  for (int image = 0; image <= 10; ++image) {
+    const std::vector<float> depth = read_camera(image, width, height);
+    estimator.update(std::span<const float>(depth), threads);
+    field.update(estimator.cloud(), threads);
+    const Penetration contact = query->measure({estimator.cloud(), field.view()}, X_WT).penetration;
+    if (contact.status.is_unmeasured()) return 1;
+    std::printf("wall at %.2f m, inside: %.1f %%\n", 0.6 - 0.01 * image,
+                100 * contact.volume / tool.mesh_mass().volume);
+  }
+}
