@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak packages try-packages try-demo clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -20,10 +20,8 @@ setup:  ## install missing packages (apt; root or sudo)
 build: setup  ## build the release into build/release
 	$(call build_preset,release)
 
-demo: setup  ## set up, build, and run the main job; results in demo/
-	cmake --preset release
-	cmake --build --preset release -j $(JOBS) --target palpate
-	scripts/demo.sh
+demo:  ## set up, build, and run the main job; results in demo/
+	scripts/demo.sh --build $(JOBS)
 
 test:  ## set up, lint, build, and run all tests
 	scripts/setup.sh --test
@@ -125,6 +123,17 @@ view-soak: setup  ## ten minutes of the viewer in a browser: does its memory sta
 	cmake --preset release
 	cmake --build --preset release -j $(JOBS) --target page_server
 	PALPATE_SOAK_SECONDS=600 node tests/viewer/page/soak_test.mjs
+
+packages:  ## Debian packages and an archive, into build/packages/packages; make try-packages uses them in a fresh Debian 12
+	scripts/setup.sh --packages
+	scripts/make_packages.sh $(JOBS)
+
+try-packages: packages
+	scripts/try_fresh.sh packages
+
+try-demo:  ## make demo in a fresh Debian 12, with the seconds of every step
+	scripts/setup.sh --packages
+	scripts/try_fresh.sh demo
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

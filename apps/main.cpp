@@ -95,7 +95,9 @@ int main(int argc, char** argv) {
   palpate::apps::add_view(program, action);
   palpate::apps::add_scenes(program, action);
   palpate::apps::add_devices(program, action);
+#ifdef PALPATE_EVAL
   palpate::apps::add_eval(program, action);
+#endif
   program
       .add_option_function<std::string>(
           "--write-manual",

@@ -1,8 +1,21 @@
 #!/usr/bin/env bash
 # The main job, from a generated tool to a report: a stylus feels a simulated hand and, where the
 # developers' data are present, a bottle feels a recorded desk. Everything is written under demo/.
+#
+# usage: scripts/demo.sh [--build JOBS]    with --build what is missing is installed and built first
 set -euo pipefail
 cd "$(dirname "$0")/.."
+
+say() { printf '\n== %d s: %s\n' "$SECONDS" "$*"; }
+
+if [ "${1:-}" = --build ]; then
+  say "Installing what is missing"
+  scripts/setup.sh --program
+  say "Configuring: the program alone, without tests and evaluation"
+  cmake --preset release -DPALPATE_TESTS=OFF -DPALPATE_EVAL=OFF
+  say "Compiling"
+  cmake --build --preset release -j "${2:-$(nproc)}" --target palpate
+fi
 
 palpate=build/release/bin/palpate
 data=${PALPATE_DATA:-../shared/data}
@@ -11,8 +24,6 @@ if [ ! -x "$palpate" ]; then
   exit 1
 fi
 mkdir -p demo
-
-say() { printf '\n== %s\n' "$*"; }
 
 say "A stylus, filled with spheres"
 "$palpate" shape stylus --size 0.12 -o demo/stylus.stl

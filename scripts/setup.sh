@@ -2,24 +2,28 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--test] [--fuzz] [--peers] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--peers] [--list]
+#   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python
 #   --fuzz    also what only make fuzz needs
+#   --packages also what making and trying packages needs
 #   --peers   also what the benchmark against other libraries needs
 #   --list    only print the names of all packages
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-groups=" build "
+groups=" build develop "
 list_only=no
 for argument in "$@"; do
   case "$argument" in
+    --program) groups=" build " ;;
     --test) groups="$groups test " ;;
     --fuzz) groups="$groups fuzz " ;;
+    --packages) groups="$groups packages " ;;
     --peers) groups="$groups peers " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--test] [--fuzz] [--peers] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--peers] [--list]" >&2
       exit 2
       ;;
   esac
