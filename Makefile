@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak packages try-packages try-demo clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak packages try-packages try-demo clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -44,6 +44,11 @@ bench:  ## run the benchmarks: make bench [PEERS=1]
 	scripts/setup.sh $(if $(PEERS),--peers)
 	$(call build_preset,$(if $(PEERS),peers,bench))
 	@for program in build/$(if $(PEERS),peers,bench)/bin/bench_*; do echo "== $$program"; $$program || exit 1; done
+
+bench-compare:  ## times of this tree over those of another commit, with scatter: make bench-compare BASE=main [FILTER=REGEX] [ROUNDS=7]
+	@[ -n "$(BASE)" ] || { echo "make bench-compare: say with what: BASE=COMMIT"; exit 2; }
+	scripts/setup.sh
+	tools/bench_compare.py $(BASE) --jobs $(JOBS) $(if $(FILTER),--filter '$(FILTER)') $(if $(ROUNDS),--rounds $(ROUNDS)) $(if $(PROGRAM),--program $(PROGRAM))
 
 live-figures: setup  ## the live program and how late everything is, into bench/results/live-MACHINE.csv: make live-figures [BACKEND=cuda]
 	cmake --preset bench $(if $(filter cuda,$(BACKEND)),-DPALPATE_CUDA=ON)
