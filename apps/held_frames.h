@@ -1,10 +1,11 @@
-// Depth frames that begin later than their stream, or go on when it has ended.
+// Depth frames that begin later than their stream, go on when it has ended, or come again.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "palpate/cloud/depth_source.h"
 
@@ -17,6 +18,8 @@ class FramesFrom : public DepthSource {
       : stream_(std::move(stream)), start_(start) {}
 
   const DepthStreamInfo& info() const override { return stream_->info(); }
+  void cancel() noexcept override { stream_->cancel(); }
+  std::vector<std::string> take_notes() override { return stream_->take_notes(); }
   Result<bool> next(DepthFrame& frame) override {
     if (!has_next_) {
       do {
@@ -57,6 +60,8 @@ class HeldFrames : public DepthSource {
   }
 
   const DepthStreamInfo& info() const override { return info_; }
+  void cancel() noexcept override { stream_->cancel(); }
+  std::vector<std::string> take_notes() override { return stream_->take_notes(); }
   Result<bool> next(DepthFrame& frame) override {
     if (!has_ended_) {
       const auto got = stream_->next(frame);
@@ -80,6 +85,50 @@ class HeldFrames : public DepthSource {
   double duration_, start_ = 0;
   DepthFrame last_;
   bool has_ended_ = false;
+};
+
+/// Frames in memory as a stream of their own.
+class SeenFrames : public DepthSource {
+ public:
+  /// `frames` must outlive it.
+  SeenFrames(const std::vector<DepthFrame>& frames, const DepthStreamInfo& stream)
+      : frames_(frames), info_(stream) {
+    info_.is_live = false;
+    info_.num_frames = static_cast<int>(frames.size());
+  }
+
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override {
+    if (next_ == frames_.size()) return false;
+    frame = frames_[next_++];
+    return true;
+  }
+
+ private:
+  const std::vector<DepthFrame>& frames_;
+  DepthStreamInfo info_;
+  std::size_t next_ = 0;
+};
+
+/// A stream with the frames that have been taken from its beginning.
+class FramesAgain : public DepthSource {
+ public:
+  FramesAgain(std::vector<DepthFrame> first, std::unique_ptr<DepthSource> rest)
+      : first_(std::move(first)), rest_(std::move(rest)) {}
+
+  const DepthStreamInfo& info() const override { return rest_->info(); }
+  void cancel() noexcept override { rest_->cancel(); }
+  std::vector<std::string> take_notes() override { return rest_->take_notes(); }
+  Result<bool> next(DepthFrame& frame) override {
+    if (next_ == first_.size()) return rest_->next(frame);
+    frame = std::move(first_[next_++]);
+    return true;
+  }
+
+ private:
+  std::vector<DepthFrame> first_;
+  std::unique_ptr<DepthSource> rest_;
+  std::size_t next_ = 0;
 };
 
 }  // namespace palpate::apps

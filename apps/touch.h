@@ -32,6 +32,7 @@ constexpr auto names_of(PathFrame) { return std::array{"world", "base"}; }
 
 struct TouchOptions {
   std::string tool, depth_sequence, scene, path, output;
+  std::vector<std::string> cameras;  ///< as open_camera takes them
   CameraOptions camera;
   double depth_rate = 30;
   bool noise = true;

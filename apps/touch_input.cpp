@@ -6,6 +6,7 @@
 
 #include "apps/held_frames.h"
 #include "apps/touch.h"
+#include "palpate/cameras/open_camera.h"
 #include "palpate/io/depth_files.h"
 #include "scenes/scene.h"
 
@@ -38,6 +39,21 @@ Result<std::unique_ptr<DepthSource>> open_scene(const TouchOptions& options,
   return scenes::open_simulated_camera(*std::move(scene), camera);
 }
 
+/// The frames that people ask for. `duration`: of simulated ones, nullopt for the scene's.
+Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
+                                                 std::optional<double> duration) {
+  if (!options.cameras.empty()) {
+    return open_camera(options.cameras.front(), {!options.device.empty(), duration});
+  }
+  return options.depth_sequence.empty() ? open_scene(options, duration) : open_sequence(options);
+}
+
+/// What cannot be opened once more from its first frame: cameras and pipes.
+bool comes_once(const TouchOptions& options, const DepthStreamInfo& stream) {
+  return stream.is_live ||
+         (!options.cameras.empty() && options.cameras.front().starts_with("pipe"));
+}
+
 /// Makes up the path.
 Status add_probing_path(const TouchOptions& options, const Tool& tool, const OpenDepthSource& open,
                         TouchInput& input) {
@@ -49,13 +65,46 @@ Status add_probing_path(const TouchOptions& options, const Tool& tool, const Ope
   return Done{};
 }
 
-Status add_path_of_scene(const TouchOptions& options, TouchInput& input) {
-  const auto scene = scenes::make_scene(options.scene);
+/// Makes up the path from what is seen first, and goes on with what comes next.
+Status add_path_at_first_sight(const TouchOptions& options, const Tool& tool, TouchInput& input) {
+  constexpr std::size_t kNumLooks = 8;
+  std::vector<DepthFrame> seen;
+  while (seen.size() < kNumLooks) {
+    const auto got = input.source->next(seen.emplace_back());
+    if (!got) return got.error();
+    if (!*got) seen.pop_back();
+    if (!*got) break;
+  }
+  const DepthStreamInfo info = input.source->info();
+  if (seen.empty()) return Error{Errc::bad_input, info.name + " holds no frame"};
+  TouchOptions short_probe = options;
+  short_probe.duration.reset();
+  const Status added = add_probing_path(
+      short_probe, tool,
+      [&]() -> Result<std::unique_ptr<DepthSource>> {
+        return std::unique_ptr<DepthSource>(std::make_unique<SeenFrames>(seen, info));
+      },
+      input);
+  if (added && !info.is_live) {
+    input.source = std::make_unique<FramesAgain>(std::move(seen), std::move(input.source));
+  }
+  return added;
+}
+
+Status add_path_of_scene(const std::string& name, TouchInput& input) {
+  const auto scene = scenes::make_scene(name);
   if (!scene) return scene.error();
   for (std::size_t i = 0; i < scene->path_times.size(); ++i) {
     input.path.push_back({scene->path_times[i], scene->path_poses[i]});
   }
   return Done{};
+}
+
+/// Empty unless the frames are of a scene, which may have a path of its own.
+std::string scene_name(const TouchOptions& options) {
+  if (options.cameras.empty()) return options.scene;
+  const auto uri = parse_camera_uri(options.cameras.front());
+  return uri && uri->kind == "scene" ? uri->target : "";
 }
 
 /// The path that is given, or is led by; else one that is made up.
@@ -67,22 +116,20 @@ Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input
     input.path = *std::move(path);
     return Done{};
   }
-  if (!options.depth_sequence.empty()) {
-    return add_probing_path(
-        options, tool, [&] { return open_sequence(options); }, input);
+  if (comes_once(options, input.source->info())) {
+    return add_path_at_first_sight(options, tool, input);
   }
-  if (!is_aimed(options.aim)) return add_path_of_scene(options, input);
+  const std::string scene = scene_name(options);
+  if (!scene.empty() && !is_aimed(options.aim)) return add_path_of_scene(scene, input);
   return add_probing_path(
-      options, tool, [&] { return open_scene(options, options.duration); }, input);
+      options, tool, [&] { return open_stream(options, options.duration); }, input);
 }
 
 Status add_source(const TouchOptions& options, TouchInput& input) {
   // A hand takes its time, and a run counts it from its first tick, long after the first frame.
   constexpr double kLongest = 86400;
   const bool is_live = !options.device.empty();
-  auto source = options.depth_sequence.empty()
-                    ? open_scene(options, is_live ? std::optional(kLongest) : options.duration)
-                    : open_sequence(options);
+  auto source = open_stream(options, is_live ? std::optional(kLongest) : options.duration);
   if (!source) return source.error();
   input.source = *std::move(source);
   return Done{};
@@ -90,12 +137,12 @@ Status add_source(const TouchOptions& options, TouchInput& input) {
 
 /// s: the time stamp of the first frame.
 Result<double> first_stamp(const TouchOptions& options) {
-  auto source = open_sequence(options);
+  auto source = open_stream(options, options.duration);
   if (!source) return source.error();
   DepthFrame frame;
   const auto got = (*source)->next(frame);
   if (!got) return got.error();
-  if (!*got) return Error{Errc::bad_input, options.depth_sequence + " holds no frame"};
+  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
   return frame.timestamp;
 }
 
@@ -104,7 +151,9 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
   input.path_start = input.path.empty() ? 0 : input.path.front().time;
   input.time_origin = input.path_start;
   const bool has_file = !options.path.empty() || options.is_replay();
-  if (options.depth_sequence.empty() || !has_file) return Done{};
+  const bool is_recorded =
+      scene_name(options).empty() && !comes_once(options, input.source->info());
+  if (!is_recorded || !has_file) return Done{};
   const auto first = first_stamp(options);
   if (!first) return first.error();
   const bool path_counts = counts_from_1970(input.path_start),
@@ -147,8 +196,8 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
 
 Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool) {
   TouchInput input;
-  if (const Status status = add_path(options, tool, input); !status) return status.error();
   if (const Status status = add_source(options, input); !status) return status.error();
+  if (const Status status = add_path(options, tool, input); !status) return status.error();
   if (const Status status = set_clocks(options, input); !status) return status.error();
   return input;
 }

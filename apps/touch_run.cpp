@@ -72,7 +72,7 @@ Result<std::unique_ptr<HapticDevice>> make_simulated_hand(const TouchOptions& op
 Result<double> path_duration(const TouchOptions& options, const TouchInput& input) {
   if (input.path.empty()) {
     return Error{Errc::bad_input,
-                 "scene " + options.scene + " has no path of its own: give --path"};
+                 input.source->info().name + " has no path of its own: give --path"};
   }
   if (options.duration) return *options.duration;
   const double length = input.path.back().time - input.path_start;
@@ -218,7 +218,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
               << " senses no orientation: the tool does not turn\n";
   }
 
-  if (is_live) {
+  if (is_live && !input.source->info().is_live) {
     auto source = read_ahead(std::move(input.source));
     if (!source) return source.error();
     input.source = *std::move(source);

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <sstream>
 
 #include "apps/page.h"
 #include "apps/touch.h"
 #include "apps/verbs.h"
+#include "palpate/cameras/camera_uri.h"
 #include "palpate/session/run.h"
 #include "palpate/session/run_folder.h"
 #include "palpate/session/settings_file.h"
@@ -23,6 +25,11 @@ bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_
 /// A run must not replace what it reads.
 Status check_inputs(const Options& options) {
   std::vector<std::string> inputs{options.tool, options.depth_sequence, options.path};
+  for (const std::string& camera : options.cameras) {
+    const auto uri = parse_camera_uri(camera);
+    std::error_code ignored;
+    if (uri && std::filesystem::exists(uri->target, ignored)) inputs.push_back(uri->target);
+  }
   if (options.is_replay()) inputs.push_back(options.device.substr(7));
   for (const ObjectOption& object : options.objects) inputs.push_back(object.file);
   for (const std::string& input : inputs) {
@@ -164,8 +171,17 @@ void check(const Options& options) {
   if (const auto method = contact_method(options.settings.contact); !method) {
     usage_error("--" + method.error().message);
   }
-  if (options.depth_sequence.empty() == options.scene.empty()) {
-    usage_error("touch: give one of --depth-sequence and --scene");
+  const int num_sources = int(!options.depth_sequence.empty()) + int(!options.scene.empty()) +
+                          int(!options.cameras.empty());
+  if (num_sources != 1) usage_error("touch: give one of --camera, --depth-sequence and --scene");
+  if (options.cameras.size() > 1) {
+    usage_error("touch: several cameras cannot be joined yet: give one --camera");
+  }
+  for (const std::string& camera : options.cameras) {
+    if (const auto uri = parse_camera_uri(camera); !uri) usage_error("--" + uri.error().message);
+  }
+  if (!options.cameras.empty() && options.camera.intrinsics) {
+    usage_error("touch: --intrinsics goes with --depth-sequence; a camera takes ?intrinsics=");
   }
   if (!options.depth_sequence.empty() && !options.camera.intrinsics) {
     usage_error("touch: --depth-sequence needs --intrinsics fx,fy,cx,cy");
@@ -239,6 +255,11 @@ void add_touch(CLI::App& program, Action& action) {
   app.add_option("-o,--output", options->output, "folder of the run: new, empty or an earlier run")
       ->required()
       ->type_name("RUN");
+  app.add_option("--camera", options->cameras,
+                 "depth stream, KIND[:TARGET][?NAME=VALUE&...], e.g. 'folder:frames/?intrinsics="
+                 "525,525,319.5,239.5' or 'pipe:-?size=640x480&intrinsics=...'; palpate cameras "
+                 "tells the kinds")
+      ->type_name("URI");
   app.add_option("--depth-sequence", options->depth_sequence,
                  "folder of 16-bit PNGs, with depth.txt of time stamps or in name order")
       ->type_name("DIR");

@@ -30,17 +30,21 @@ BELOW = {
     "haptics": ("contact",),
     "run": ("haptics",),
     "devices": ("haptics", "io"),
+    "cameras": ("io", "scenes"),
     "session": ("io", "run", "devices"),
     "viewer": ("session",),
     "scenes": ("mesh", "cloud"),
     "eval": ("session", "scenes"),
-    "apps": ("session", "viewer", "eval", "scenes"),
+    "apps": ("session", "viewer", "eval", "cameras"),
 }
 READ_EVERYTHING = ("tests", "bench")
 
 # Private headers that more than one room may include.
 SHARED_PRIVATE = {
-    "src/core/monotonic_clock.h": ("run", "devices", "viewer"),
+    "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras"),
+    "src/core/shared_library.h": ("devices", "cameras"),
+    "src/io/cdr.h": ("session", "cameras"),
+    "src/io/text_scanner.h": ("cameras",),
     "src/session/settings_json.h": ("viewer",),
     "src/session/run_reader.h": ("viewer",),
     "src/session/run_messages.h": ("viewer",),

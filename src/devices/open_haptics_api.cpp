@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "src/devices/shared_library.h"
+#include "src/core/shared_library.h"
 
 namespace palpate {
 namespace {

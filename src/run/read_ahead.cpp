@@ -18,11 +18,7 @@ class ReadAhead final : public DepthSource {
         info_(source_->info()),
         frames_(static_cast<std::size_t>(num_ahead)) {}
   ~ReadAhead() override {
-    {
-      const std::lock_guard lock(mutex_);
-      is_stopping_ = true;
-    }
-    has_changed_.notify_all();
+    cancel();
     if (thread_.joinable()) thread_.join();
   }
 
@@ -38,9 +34,20 @@ class ReadAhead final : public DepthSource {
 
   const DepthStreamInfo& info() const override { return info_; }
 
+  void cancel() noexcept override {
+    {
+      const std::lock_guard lock(mutex_);
+      is_stopping_ = true;
+    }
+    has_changed_.notify_all();
+    source_->cancel();
+  }
+  std::vector<std::string> take_notes() override { return source_->take_notes(); }
+
   Result<bool> next(DepthFrame& frame) override {
     std::unique_lock lock(mutex_);
-    has_changed_.wait(lock, [&] { return num_read_ > num_given_ || has_ended_; });
+    has_changed_.wait(lock, [&] { return num_read_ > num_given_ || has_ended_ || is_stopping_; });
+    if (is_stopping_) return false;
     if (num_read_ == num_given_) return end_;
     std::swap(frame, place(num_given_));
     ++num_given_;
@@ -71,7 +78,7 @@ class ReadAhead final : public DepthSource {
     }
   }
 
-  const std::unique_ptr<DepthSource> source_;  // of the thread
+  const std::unique_ptr<DepthSource> source_;  // of the thread, but for cancel and take_notes
   const DepthStreamInfo info_;
 
   std::mutex mutex_;  // of what follows

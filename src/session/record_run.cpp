@@ -16,7 +16,8 @@ namespace {
 /// All that is kept of a run while it goes on; what the publishing thread calls.
 class Keeper {
  public:
-  explicit Keeper(const RunOptions& options) : monitor_(options.monitor), say_(options.say) {}
+  Keeper(DepthSource& source, const RunOptions& options)
+      : source_(source), monitor_(options.monitor), say_(options.say) {}
   /// Before the run begins.
   void begin(RunRecorder recorder, RunResults results) {
     recorder_.emplace(std::move(recorder));
@@ -42,10 +43,20 @@ class Keeper {
     observer.on_ticks = [this](std::span<const TickRecord> ticks) {
       for (const TickRecord& tick : ticks) add(tick);
       add_marks();
+      add_source_notes(ticks.back().time);
       tell(&RunObserver::on_ticks, ticks);
     };
     return observer;
   }
+  /// Of the depth stream: told at once, recorded, and kept for the summary.
+  void add_source_notes(double time) {
+    for (std::string& text : source_.take_notes()) {
+      say(time, text);
+      recorder_->add_note(text);
+      if (source_notes_.size() < kMostSourceNotes) source_notes_.push_back(std::move(text));
+    }
+  }
+  const std::vector<std::string>& source_notes() const { return source_notes_; }
   /// Of people.
   void add_marks() {
     if (monitor_ == nullptr) return;
@@ -82,6 +93,10 @@ class Keeper {
     if (say_) say_(time, text);
   }
 
+  static constexpr std::size_t kMostSourceNotes = 100;
+
+  DepthSource& source_;
+  std::vector<std::string> source_notes_;
   std::optional<RunRecorder> recorder_;
   std::optional<RunResults> results_;
   RunMonitor* monitor_;
@@ -162,7 +177,7 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
   RunLog log;
   log.setup = {settings, source.info(), device.info(), 0, options.time_origin, options.probe};
   RunSettings& used = log.setup.settings;
-  Keeper keeper(options);
+  Keeper keeper(source, options);
   auto chosen = choose_loop(tool, source, device, used, options, keeper.observer());
   if (!chosen) return chosen.error();
   RunLoop& loop = *chosen->loop;
@@ -203,8 +218,11 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
   loop.stop();
   take_report(loop, status, log);
   keeper.add_marks();
+  keeper.add_source_notes(log.loop.seconds);
   for (const std::string& text : log.warnings) keeper.recorder().add_note(text);
   if (!log.loop.ending.empty()) keeper.recorder().add_note(log.loop.ending);
+  log.warnings.insert(log.warnings.end(), keeper.source_notes().begin(),
+                      keeper.source_notes().end());
   keeper.recorder().finish();
   if (const std::string& trouble = keeper.recorder().trouble(); !trouble.empty()) {
     log.add_not_kept(trouble);

@@ -3,7 +3,7 @@
 #include <array>
 #include <vector>
 
-#include "src/session/cdr.h"
+#include "src/io/cdr.h"
 
 namespace palpate {
 namespace {

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "src/session/cdr.h"
+#include "src/io/cdr.h"
 #include "src/session/ros_messages.h"
 #include "src/session/run_fields.h"
 #include "src/session/settings_json.h"

@@ -57,6 +57,16 @@ TEST(LiveLoop, RefusesRatesAtWhichEveryContactIsTooOld) {
   EXPECT_TRUE(RunLoop::create(box_tool(), source, device, settings));
 }
 
+TEST(LiveLoop, ASourceThatNeverReturnsHoldsUpNobody) {
+  test::SilentSource source;
+  ScriptedDevice device({});
+  auto loop = RunLoop::create(box_tool(), source, device, patient_settings()).value();
+  ASSERT_TRUE(loop->start());
+  ASSERT_TRUE(wait_for([&] { return source.is_waiting(); }));
+  loop->stop();
+  EXPECT_FALSE(loop->is_running());
+}
+
 TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
   WallSource source({.depth = [](int k) { return 0.5 + 0.002 * std::sin(k); }});
   ScriptedDevice device({.hand = pressing_hand});

@@ -61,6 +61,28 @@ class WallSource final : public DepthSource {
   int number_ = 0;
 };
 
+/// A wall that is seen once and then never again: whoever asks waits until it is cancelled.
+class SilentSource final : public DepthSource {
+ public:
+  const DepthStreamInfo& info() const override { return wall_.info(); }
+  Result<bool> next(DepthFrame& frame) override {
+    if (num_given_++ == 0) return wall_.next(frame);
+    is_waiting_ = true;
+    is_cancelled_.wait(false);
+    return false;
+  }
+  void cancel() noexcept override {
+    is_cancelled_ = true;
+    is_cancelled_.notify_all();
+  }
+  bool is_waiting() const { return is_waiting_; }
+
+ private:
+  WallSource wall_{WallSource::Options()};
+  int num_given_ = 0;
+  std::atomic<bool> is_cancelled_ = false, is_waiting_ = false;
+};
+
 /// Ticks a thousand times a second, with a hand that goes where the test wants it whatever it
 /// feels.
 class ScriptedDevice final : public HapticDevice {

@@ -50,6 +50,15 @@ TEST(ReadAhead, GivesTheSameFramesAndTheEnd) {
   EXPECT_FALSE(ahead->next(got).value());
 }
 
+TEST(ReadAhead, ASourceThatNeverReturnsIsCancelled) {
+  const auto ahead = read_ahead(std::make_unique<test::SilentSource>()).value();
+  DepthFrame frame;
+  ASSERT_TRUE(ahead->next(frame).value());
+  std::thread other([&] { ahead->cancel(); });
+  EXPECT_FALSE(ahead->next(frame).value());
+  other.join();
+}
+
 TEST(ReadAhead, TellsAnErrorAfterTheFramesBeforeIt) {
   WallSource::Options options;
   options.fails_at = 5;

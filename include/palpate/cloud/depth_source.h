@@ -1,4 +1,4 @@
-// A stream of raw depth frames: files, a simulated camera, later live sensors.
+// A stream of raw depth frames: files, a simulated camera, live cameras.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,9 @@ struct DepthFrame {
   int width = 0, height = 0;
   double unit = 0.001;                ///< metres per count
   std::vector<std::uint16_t> pixels;  ///< row-major, width * height
-  double timestamp = 0;               ///< seconds, on the source's own clock
+  /// Seconds on the source's own clock; of a live stream (`DepthStreamInfo::is_live`) when it was
+  /// captured, on the monotonic clock of this computer.
+  double timestamp = 0;
 };
 
 /// What stays the same over a stream.
@@ -33,9 +35,12 @@ struct DepthStreamInfo {
   double rate = 30;               ///< nominal frames per second
   std::optional<int> num_frames;  ///< nullopt for an endless stream
   std::string name;               ///< for people
+  bool is_live = false;           ///< frames come when they are captured, not when asked for
+  Distortion distortion = {};  ///< none where surfaces are made: what cameras/ opens has it removed
 };
 
-/// A source is read by one thread, oldest frame first.
+/// A source is read by one thread, oldest frame first. A live one gives the newest frame and leaves
+/// out those that nobody took in time.
 class DepthSource {
  public:
   virtual ~DepthSource() = default;
@@ -43,6 +48,13 @@ class DepthSource {
   /// Fills `frame` (reusing its memory) and returns true, or false at the end of the stream. Time
   /// stamps are strictly increasing. Error: a frame that cannot be read, with its name.
   virtual Result<bool> next(DepthFrame& frame) = 0;
+  /// From any thread: a `next` that waits for a frame, and every later one, returns false at once.
+  /// A source whose `next` may wait for longer than a moment must implement this: whoever stops a
+  /// run waits for `next`.
+  virtual void cancel() noexcept {}
+  /// From any thread: what people should know about the stream and have not been told yet, e.g.
+  /// that the camera was unplugged or has changed its image size.
+  virtual std::vector<std::string> take_notes() { return {}; }
 };
 
 }  // namespace palpate

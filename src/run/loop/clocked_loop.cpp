@@ -98,6 +98,7 @@ Status ClockedLoop::start() {
 
 void ClockedLoop::stop() noexcept {
   is_stopping_ = true;
+  frames_.cancel();
   has_changed_.notify_all();
   if (thread_.joinable()) thread_.join();
   device_.stop();

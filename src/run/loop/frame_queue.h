@@ -35,6 +35,9 @@ class FrameQueue {
     return fresh;
   }
 
+  /// Any thread: waits for no more frames.
+  void cancel() noexcept { source_.cancel(); }
+
   const DepthFrame& current() const { return current_; }
   /// s, on the simulated clock.
   double current_time() const { return current_.timestamp - *zero_; }

@@ -19,6 +19,7 @@ class PacedSource {
   explicit PacedSource(DepthSource& source) : source_(source) {}
 
   const DepthStreamInfo& info() const { return source_.info(); }
+  void cancel() noexcept { source_.cancel(); }
 
   /// As DepthSource::next. Errors also: a frame of another size, one that is not later.
   Result<bool> read(DepthFrame& frame) {
@@ -38,8 +39,10 @@ class PacedSource {
     return got;
   }
 
-  /// When the frame that has just been read is captured, s on the clock of `now`: not before `now`.
+  /// When the frame that has just been read is captured, s on the clock of `now`: not before `now`,
+  /// but of a live stream not after it.
   double capture_time(const DepthFrame& frame, double now) {
+    if (info().is_live) return std::min(frame.timestamp, now);
     const double late = now - (frame.timestamp + offset_);
     if (num_read_ == 1 || late > 0) offset_ = now - frame.timestamp;
     if (num_read_ > 1 && late > kLate / info().rate) num_late_.fetch_add(1);

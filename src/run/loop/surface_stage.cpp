@@ -1,6 +1,8 @@
 #include "src/run/loop/surface_stage.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -17,6 +19,7 @@ constexpr double kUsualPeriod = 1.0 / 30;        // s, where the stream says non
 /// Frame periods from the begin of a surface to the moment when nobody looks at it any more: until
 /// the next one is made, or that one has been blended in and the one after that is made.
 constexpr double kMostPeriods = 3;
+constexpr double kLaterThanAll = std::numeric_limits<double>::infinity();
 
 DepthFrame blank_frame(const DepthStreamInfo& stream) {
   DepthFrame frame;
@@ -76,6 +79,7 @@ Status SurfaceStage::start() {
 
 void SurfaceStage::stop() noexcept {
   stop_.stop();
+  source_.cancel();
   bell_.ring();
   if (sensor_thread_.joinable()) sensor_thread_.join();
   if (surface_thread_.joinable()) surface_thread_.join();
@@ -107,7 +111,9 @@ void SurfaceStage::read_frames() {
       const auto got = source_.read(newest.frame);
       if (!got) return fail(got.error(), source_failed_);
       if (!*got) break;
-      newest.capture_time = source_.capture_time(newest.frame, monotonic_now());
+      // Frames that were held have moved time on.
+      newest.capture_time = std::max(source_.capture_time(newest.frame, monotonic_now()),
+                                     std::nextafter(newest.capture_time, kLaterThanAll));
     } else {
       newest.capture_time = std::max(newest.capture_time + period_, monotonic_now());
     }

@@ -1,4 +1,4 @@
-#include "src/devices/shared_library.h"
+#include "src/core/shared_library.h"
 
 #include <dlfcn.h>
 

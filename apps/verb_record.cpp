@@ -1,0 +1,118 @@
+// palpate record: a depth stream alone, as an MCAP file.
+
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "apps/options.h"
+#include "apps/terminal.h"
+#include "apps/tool_info.h"
+#include "apps/verbs.h"
+#include "palpate/cameras/open_camera.h"
+#include "palpate/session/record_stream.h"
+
+namespace palpate::apps {
+namespace {
+
+struct Options {
+  std::vector<std::string> cameras;
+  std::string output;
+  std::optional<double> duration;
+  bool json = false;
+};
+
+/// Lets an interrupt end a wait for a camera that sends nothing.
+class InterruptWatch {
+ public:
+  explicit InterruptWatch(DepthSource& source)
+      : thread_([this, &source] {
+          while (!is_over_ && !interrupted()) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+          }
+          if (interrupted()) source.cancel();
+        }) {}
+  ~InterruptWatch() {
+    is_over_ = true;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> is_over_ = false;
+  std::thread thread_;
+};
+
+Status run(const Options& options) {
+  std::error_code ignored;
+  const auto uri = parse_camera_uri(options.cameras.front());
+  const bool is_file = std::filesystem::is_regular_file(uri->target, ignored);
+  if (const Status status = check_output_file(options.output, is_file ? uri->target : "");
+      !status) {
+    return status;
+  }
+  auto source = open_camera(options.cameras.front(), {true, options.duration});
+  if (!source) return source.error();
+  catch_interrupts();
+  Progress bar("recording");
+  RecordStreamOptions recording;
+  if (options.duration) recording.duration = *options.duration;
+  recording.keep_going = [&](double seconds, std::uint64_t num_frames) {
+    if (bar.due()) {
+      char words[80];
+      std::snprintf(words, sizeof words, "%.1f s, %llu frames; Ctrl-C ends it", seconds,
+                    static_cast<unsigned long long>(num_frames));
+      bar.update(options.duration ? seconds / *options.duration : 0, words);
+    }
+    for (const std::string& note : (*source)->take_notes()) say_beside_progress(note);
+    return !interrupted();
+  };
+  const auto done = [&] {
+    const InterruptWatch watch(**source);
+    return record_stream(**source, options.output, recording);
+  }();
+  if (!done) return done.error();
+  for (const std::string& note : done->notes) std::cerr << "palpate: note: " << note << "\n";
+  if (options.json) {
+    print_json({{"file", options.output},
+                {"frames", done->num_frames},
+                {"seconds", done->seconds},
+                {"bytes", done->num_bytes},
+                {"notes", done->notes}});
+    return Done{};
+  }
+  std::cout << done->num_frames << " frames of " << done->seconds << " s in " << options.output
+            << ", " << done->num_bytes << " bytes\n";
+  return Done{};
+}
+
+}  // namespace
+
+void add_record(CLI::App& program, Action& action) {
+  const auto options = std::make_shared<Options>();
+  CLI::App& app = *program.add_subcommand(
+      "record", "Record a depth stream as an MCAP file, which --camera bag:FILE gives again.");
+  app.add_option("--camera", options->cameras, "depth stream; palpate cameras tells the kinds")
+      ->required()
+      ->type_name("URI");
+  app.add_option("-o,--output", options->output, "the file to write")
+      ->required()
+      ->type_name("FILE.mcap");
+  app.add_option("--duration", options->duration, "seconds; default: until the stream or you end")
+      ->check(CLI::Range(1e-3, 86400.0));
+  app.add_flag("--json", options->json, "print what was recorded as JSON");
+  app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");
+  app.callback([options, &action] {
+    if (options->cameras.size() > 1) {
+      usage_error("record: several cameras cannot be recorded together yet: give one --camera");
+    }
+    if (const auto uri = parse_camera_uri(options->cameras.front()); !uri) {
+      usage_error("--" + uri.error().message);
+    }
+    action = [options] { return run(*options); };
+  });
+}
+
+}  // namespace palpate::apps

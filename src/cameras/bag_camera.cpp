@@ -1,0 +1,227 @@
+// Depth from MCAP recordings: of ROS 2, and those of palpate record.
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <utility>
+
+#include "palpate/io/mcap_file.h"
+#include "src/cameras/camera_kinds.h"
+#include "src/cameras/depth_messages.h"
+#include "src/io/cdr.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Metres in counts: up to 16 m in steps of 0.25 mm.
+constexpr double kFloatUnit = 0.00025;
+constexpr std::string_view kImage = "sensor_msgs/msg/Image";
+constexpr std::string_view kCompressed = "sensor_msgs/msg/CompressedImage";
+constexpr std::string_view kCameraInfo = "sensor_msgs/msg/CameraInfo";
+constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
+
+/// "/camera/depth" of "/camera/depth/image_rect_raw".
+std::string_view parent(std::string_view topic) { return topic.substr(0, topic.rfind('/')); }
+
+double seconds(std::uint64_t nanoseconds) { return 1e-9 * static_cast<double>(nanoseconds); }
+
+/// What a look through the whole file finds.
+struct Contents {
+  struct Topic {
+    std::string schema;
+    int num_frames = 0;
+    double first = 0, last = 0;  // s
+    DepthFrame frame;            // the first one
+  };
+  std::map<std::string, Topic> images;
+  std::map<std::string, RosCameraModel> cameras;
+  std::optional<double> unit;
+};
+
+Result<DepthFrame> read_frame(const std::string& schema, const McapMessage& message, double unit) {
+  auto frame = schema == kImage ? read_depth_image(message.data, unit)
+                                : read_compressed_depth(message.data, unit);
+  if (frame && frame->timestamp == 0) frame->timestamp = seconds(message.time);
+  return frame;
+}
+
+Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
+  Contents contents;
+  for (;;) {
+    const auto message = reader.next();
+    if (!message) return message.error();
+    if (!*message) return contents;
+    const McapChannel& channel = reader.channels().at((*message)->channel);
+    if (channel.schema_name == kDepthUnit && !contents.unit) {
+      CdrReader from((*message)->data);
+      const double unit = from.number<double>();
+      if (from.is_good() && unit > 0 && std::isfinite(unit)) contents.unit = unit;
+    } else if (channel.schema_name == kCameraInfo && !contents.cameras.contains(channel.topic)) {
+      const auto camera = read_camera_model((*message)->data);
+      if (camera) contents.cameras[channel.topic] = *camera;
+      if (!camera && (wanted.empty() || parent(channel.topic) == parent(wanted))) {
+        return camera.error();
+      }
+    } else if (channel.schema_name == kImage || channel.schema_name == kCompressed) {
+      if (!wanted.empty() && channel.topic != wanted) continue;
+      Contents::Topic& topic = contents.images[channel.topic];
+      if (topic.num_frames < 0) continue;
+      auto frame = topic.num_frames == 0 ? read_frame(channel.schema_name, **message, kFloatUnit)
+                                         : Result<DepthFrame>(DepthFrame());
+      if (!frame) {
+        // Colour images are no error unless they were asked for.
+        if (!wanted.empty()) return frame.error();
+        topic.num_frames = -1;
+        continue;
+      }
+      if (topic.num_frames == 0) {
+        topic.schema = channel.schema_name;
+        topic.first = frame->timestamp;
+        topic.frame = *std::move(frame);
+      }
+      ++topic.num_frames;
+      topic.last = seconds((*message)->time);
+    }
+  }
+}
+
+/// The topic to read: the one that is asked for, or the only one with depth.
+Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
+                                 const std::string& wanted) {
+  std::erase_if(contents.images, [](const auto& each) { return each.second.num_frames < 1; });
+  if (contents.images.empty()) {
+    return Error{Errc::bad_input, "camera " + uri.text + " holds no depth images" +
+                                      (wanted.empty() ? "" : " on " + wanted) +
+                                      "; they are sensor_msgs/Image of 16UC1 or 32FC1, or "
+                                      "CompressedImage of compressedDepth"};
+  }
+  if (contents.images.size() == 1) return contents.images.begin()->first;
+  std::string topics;
+  for (const auto& [name, topic] : contents.images) topics += (topics.empty() ? "" : ", ") + name;
+  return Error{
+      Errc::invalid_argument,
+      "camera " + uri.text + " holds several depth streams; give ?topic= one of " + topics};
+}
+
+/// The camera_info beside the images, or the only one that there is.
+const RosCameraModel* find_camera(const Contents& contents, const std::string& topic) {
+  for (const auto& [name, camera] : contents.cameras) {
+    if (parent(name) == parent(topic)) return &camera;
+  }
+  return contents.cameras.size() == 1 ? &contents.cameras.begin()->second : nullptr;
+}
+
+void set_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info) {
+  // Of a rectified topic, P is the image's camera and distortion has been removed.
+  const bool is_rectified = topic.substr(topic.rfind('/') + 1).find("rect") != std::string::npos &&
+                            camera.rectified.fx > 0;
+  info.intrinsics = is_rectified ? camera.rectified : camera.raw;
+  if (!is_rectified) info.distortion = camera.distortion;
+  if (camera.width == info.width || camera.width < 1 || camera.height < 1) return;
+  const CameraTruth scaled{info.intrinsics, {}, {}, {camera.width, camera.height}};
+  info.intrinsics = scaled.model_of(info, info.width, info.height).intrinsics;
+}
+
+class BagSource final : public DepthSource {
+ public:
+  BagSource(McapReader reader, std::string topic, double unit, std::optional<double> said,
+            DepthStreamInfo info)
+      : reader_(std::move(reader)),
+        topic_(std::move(topic)),
+        unit_(unit),
+        said_(said),
+        info_(std::move(info)) {}
+
+  const DepthStreamInfo& info() const override { return info_; }
+
+  Result<bool> next(DepthFrame& frame) override {
+    for (;;) {
+      const auto message = reader_.next();
+      if (!message) return message.error();
+      if (!*message) return false;
+      const McapChannel& channel = reader_.channels().at((*message)->channel);
+      if (channel.topic != topic_) continue;
+      auto read = read_frame(channel.schema_name, **message, unit_);
+      if (!read) {
+        return Error{Errc::bad_input, info_.name + ": " + read.error().message};
+      }
+      if (num_read_++ > 0 && !(read->timestamp > last_)) continue;  // sent twice
+      last_ = read->timestamp;
+      frame = *std::move(read);
+      if (said_) frame.unit = *said_;
+      return true;
+    }
+  }
+
+ private:
+  McapReader reader_;
+  const std::string topic_;
+  const double unit_;
+  const std::optional<double> said_;
+  const DepthStreamInfo info_;
+  double last_ = 0;
+  int num_read_ = 0;
+};
+
+/// rosbag2 makes a folder with one file in it.
+Result<fs::path> file_of(const std::string& target) {
+  std::error_code ignored;
+  if (!fs::is_directory(target, ignored)) return fs::path(target);
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(target, ignored)) {
+    if (entry.path().extension() == ".mcap") files.push_back(entry.path());
+  }
+  if (files.size() == 1) return files.front();
+  return Error{Errc::bad_input, target + " holds " + std::to_string(files.size()) +
+                                    " .mcap files; give the one to read"};
+}
+
+}  // namespace
+
+Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
+  if (const Status status = uri.check_extras("topic"); !status) return status.error();
+  const auto file = file_of(uri.target);
+  if (!file) return file.error();
+  auto reader = McapReader::open(*file);
+  if (!reader) return reader.error();
+  const auto given = uri.extras.find("topic");
+  const std::string wanted = given == uri.extras.end() ? "" : given->second;
+  auto contents = look_through(*reader, wanted);
+  if (!contents) return contents.error();
+  const auto topic = choose_topic(uri, *contents, wanted);
+  if (!topic) return topic.error();
+
+  const Contents::Topic& images = contents->images.at(*topic);
+  DepthStreamInfo info;
+  info.width = images.frame.width;
+  info.height = images.frame.height;
+  // Counts of our own recordings may be of any unit; those of metres are made here.
+  const bool is_count = images.frame.unit != kFloatUnit;
+  const double unit = is_count ? images.frame.unit : uri.unit.value_or(kFloatUnit);
+  const auto said = is_count ? contents->unit : std::nullopt;
+  info.unit = said.value_or(unit);
+  info.num_frames = images.num_frames;
+  if (images.num_frames > 1 && images.last > images.first) {
+    info.rate = (images.num_frames - 1) / (images.last - images.first);
+  }
+  info.rate = uri.rate.value_or(info.rate);
+  info.name = "bag:" + uri.target;
+  if (const auto* camera = find_camera(*contents, *topic)) set_camera(*camera, *topic, info);
+  auto again = McapReader::open(*file);
+  if (!again) return again.error();
+  return RawStream{
+      std::make_unique<BagSource>(*std::move(again), *topic, unit, said, std::move(info))};
+}
+
+FoundCameras find_bag_cameras() {
+  return {"bag",
+          "bag:FILE.mcap[?topic=/T]",
+          true,
+          "",
+          "",
+          {},
+          "depth of ROS 2 recordings and of palpate record, with their camera_info"};
+}
+
+}  // namespace palpate

@@ -1,0 +1,18 @@
+// The kinds of cameras, each in a file of its own.
+#pragma once
+
+#include "src/cameras/camera_source.h"
+
+namespace palpate {
+
+/// Opens the raw stream that a URI of its kind names.
+using OpenKind = Result<RawStream>(const CameraUri& uri, const CameraOpening& opening);
+/// What of the kind can be used here.
+using FindKind = FoundCameras();
+
+OpenKind open_folder_camera, open_scene_camera, open_pipe_camera, open_bag_camera,
+    open_openni2_camera, open_realsense_camera;
+FindKind find_folder_cameras, find_scene_cameras, find_pipe_cameras, find_bag_cameras,
+    find_openni2_cameras, find_realsense_cameras;
+
+}  // namespace palpate

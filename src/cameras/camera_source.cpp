@@ -1,0 +1,227 @@
+#include "src/cameras/camera_source.h"
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "src/cameras/frame_intake.h"
+#include "src/cameras/plausibility.h"
+#include "src/core/monotonic_clock.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kRetryPeriod = 0.5;                   // s
+constexpr std::chrono::seconds kLongestVendorCall{2};  // at the end
+
+/// What comes out: the first image's size and intrinsics, without distortion.
+DepthStreamInfo pinhole_info(const DepthStreamInfo& stream, const CameraTruth& truth,
+                             const CameraUri& uri) {
+  DepthStreamInfo info = stream;
+  info.intrinsics = truth.model_of(stream, stream.width, stream.height).intrinsics;
+  info.distortion = {};
+  if (truth.unit) info.unit = *truth.unit;
+  if (uri.rate) info.rate = *uri.rate;
+  return info;
+}
+
+CameraModel pinhole_of(const DepthStreamInfo& info) {
+  return {info.width, info.height, info.intrinsics, {}};
+}
+
+class RectifiedSource final : public DepthSource {
+ public:
+  RectifiedSource(std::unique_ptr<DepthSource> raw, const CameraTruth& truth, DepthStreamInfo info)
+      : raw_(std::move(raw)),
+        truth_(truth),
+        info_(std::move(info)),
+        rectifier_(pinhole_of(info_)) {}
+
+  const DepthStreamInfo& info() const override { return info_; }
+  void cancel() noexcept override { raw_->cancel(); }
+
+  Result<bool> next(DepthFrame& frame) override {
+    auto got = raw_->next(frame);
+    if (!got || !*got) return got;
+    if (truth_.unit) frame.unit = *truth_.unit;
+    const CameraModel model = truth_.model_of(raw_->info(), frame.width, frame.height);
+    if (const std::string doubt = doubts_.look(frame, model); !doubt.empty()) {
+      const std::lock_guard lock(mutex_);
+      notes_.push_back(info_.name + ": " + doubt);
+    }
+    rectifier_.apply(model, frame);
+    return true;
+  }
+
+  std::vector<std::string> take_notes() override {
+    std::vector<std::string> notes = raw_->take_notes();
+    const std::lock_guard lock(mutex_);
+    for (std::string& note : std::exchange(notes_, {})) notes.push_back(std::move(note));
+    return notes;
+  }
+
+ private:
+  const std::unique_ptr<DepthSource> raw_;
+  const CameraTruth truth_;
+  const DepthStreamInfo info_;
+  Rectifier rectifier_;
+  Plausibility doubts_;
+  std::mutex mutex_;
+  std::vector<std::string> notes_;
+};
+
+/// Shared with the thread, which may outlive the source if a vendor's call never returns.
+struct LiveCamera {
+  LiveCamera(RawStream first, OpenRaw open, const CameraTruth& said,
+             const FrameIntake::Options& options)
+      : intake(options), again(std::move(open)), truth(said), raw(std::move(first.source)) {}
+
+  void run();
+  bool reopen(const Error& why);
+
+  FrameIntake intake;
+  const OpenRaw again;
+  const CameraTruth truth;
+  Plausibility doubts;  // of the thread
+
+  std::mutex mutex;  // of what follows; not held while frames are waited for
+  std::condition_variable ended;
+  std::unique_ptr<DepthSource> raw;
+  bool has_ended = false;
+};
+
+void LiveCamera::run() {
+  DepthFrame frame;
+  for (;;) {
+    const auto got = raw->next(frame);
+    const double arrival = monotonic_now();
+    for (std::string& note : raw->take_notes()) intake.add_note(std::move(note));
+    if (intake.is_cancelled()) break;
+    if (!got) {
+      if (reopen(got.error())) continue;
+      break;
+    }
+    if (!*got) {
+      intake.end(false);
+      break;
+    }
+    if (truth.unit) frame.unit = *truth.unit;
+    const CameraModel model = truth.model_of(raw->info(), frame.width, frame.height);
+    if (std::string doubt = doubts.look(frame, model); !doubt.empty()) {
+      intake.add_note(std::move(doubt));
+    }
+    intake.give(frame, model, arrival);
+  }
+  const std::lock_guard lock(mutex);
+  raw.reset();
+  has_ended = true;
+  ended.notify_all();
+}
+
+/// False: it is over.
+bool LiveCamera::reopen(const Error& why) {
+  if (!again) {
+    intake.end(why);
+    return false;
+  }
+  const double begin = monotonic_now();
+  intake.add_note("was lost: " + why.message + "; it is tried again until it is back");
+  while (intake.sleep_for(kRetryPeriod)) {
+    {
+      // A camera is released before it is opened again.
+      const std::lock_guard lock(mutex);
+      raw.reset();
+    }
+    auto opened = again();
+    if (!opened) continue;
+    {
+      const std::lock_guard lock(mutex);
+      raw = std::move(opened->source);
+    }
+    intake.restart();
+    intake.add_note("is back after " +
+                    std::to_string(static_cast<int>(monotonic_now() - begin + 0.5)) + " s");
+    return !intake.is_cancelled();
+  }
+  return false;
+}
+
+class LiveSource final : public DepthSource {
+ public:
+  LiveSource(std::shared_ptr<LiveCamera> camera, DepthStreamInfo info)
+      : camera_(std::move(camera)), info_(std::move(info)) {}
+
+  ~LiveSource() override {
+    cancel();
+    if (!thread_.joinable()) return;
+    std::unique_lock lock(camera_->mutex);
+    const bool has_ended =
+        camera_->ended.wait_for(lock, kLongestVendorCall, [&] { return camera_->has_ended; });
+    lock.unlock();
+    has_ended ? thread_.join() : thread_.detach();
+  }
+
+  Status start() {
+    try {
+      thread_ = std::thread([camera = camera_] { camera->run(); });
+    } catch (const std::system_error& error) {
+      return Error{Errc::unavailable, std::string("the system gives no thread to read frames: ") +
+                                          error.what() + "; end other programs and try again"};
+    }
+    return Done{};
+  }
+
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override { return camera_->intake.next(frame); }
+  void cancel() noexcept override {
+    camera_->intake.cancel();
+    const std::lock_guard lock(camera_->mutex);
+    if (camera_->raw) camera_->raw->cancel();
+  }
+  std::vector<std::string> take_notes() override { return camera_->intake.take_notes(); }
+
+ private:
+  const std::shared_ptr<LiveCamera> camera_;
+  const DepthStreamInfo info_;
+  std::thread thread_;
+};
+
+}  // namespace
+
+Result<CameraTruth> truth_of(const CameraUri& uri, const DepthStreamInfo& stream) {
+  if (!uri.intrinsics && !(stream.intrinsics.fx > 0 && stream.intrinsics.fy > 0)) {
+    return Error{Errc::invalid_argument, "camera " + uri.text +
+                                             ": nothing says what its intrinsics are; give "
+                                             "?intrinsics=fx,fy,cx,cy in pixels"};
+  }
+  return CameraTruth{uri.intrinsics, uri.distortion, uri.unit, {stream.width, stream.height}};
+}
+
+Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource> raw,
+                                                    const CameraUri& uri) {
+  const auto truth = truth_of(uri, raw->info());
+  if (!truth) return truth.error();
+  DepthStreamInfo info = pinhole_info(raw->info(), *truth, uri);
+  return std::unique_ptr<DepthSource>(
+      std::make_unique<RectifiedSource>(std::move(raw), *truth, std::move(info)));
+}
+
+Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, const CameraUri& uri) {
+  const auto truth = truth_of(uri, raw.source->info());
+  if (!truth) return truth.error();
+  DepthStreamInfo info = pinhole_info(raw.source->info(), *truth, uri);
+  info.is_live = true;
+  info.num_frames = {};
+  const FrameIntake::Options options{pinhole_of(info), info.rate, raw.has_time_stamps, uri.latency,
+                                     info.name};
+  auto source = std::make_unique<LiveSource>(
+      std::make_shared<LiveCamera>(std::move(raw), std::move(again), *truth, options), info);
+  if (const Status started = source->start(); !started) return started.error();
+  return std::unique_ptr<DepthSource>(std::move(source));
+}
+
+}  // namespace palpate

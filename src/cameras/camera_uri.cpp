@@ -1,0 +1,152 @@
+#include "palpate/cameras/camera_uri.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "src/io/text_scanner.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kMostShown = 60;  // characters of what people wrote
+
+/// What stands before the first `mark`; `rest` is left with what comes after it.
+std::string_view take_until(std::string_view& rest, char mark) {
+  const std::size_t at = rest.find(mark);
+  const std::string_view part = rest.substr(0, at);
+  rest = at == std::string_view::npos ? std::string_view{} : rest.substr(at + 1);
+  return part;
+}
+
+/// Finite numbers with commas between them; none: it is not that.
+std::vector<double> parse_numbers(std::string_view text) {
+  std::vector<double> numbers;
+  for (bool is_last = false; !is_last;) {
+    is_last = text.find(',') == std::string_view::npos;
+    const auto number = parse_number<double>(take_until(text, ','));
+    if (!number || !std::isfinite(*number)) return {};
+    numbers.push_back(*number);
+  }
+  return numbers;
+}
+
+class Parameters {
+ public:
+  explicit Parameters(CameraUri& uri) : uri_(uri) {}
+
+  Status set(std::string_view name, std::string_view value) {
+    name_ = name;
+    value_ = value;
+    numbers_ = parse_numbers(value);
+    if (name == "intrinsics") return set_intrinsics();
+    if (name == "distortion") return set_distortion();
+    if (name == "size") return set_size();
+    if (name == "unit") return set_positive(uri_.unit, 1e-6, 1, "metres per count, e.g. 0.001");
+    if (name == "rate") return set_positive(uri_.rate, 0.01, 10000, "frames per second");
+    if (name == "latency") return set_latency();
+    if (name == "pose") return set_pose();
+    uri_.extras[std::string(name)] = value;
+    return Done{};
+  }
+
+ private:
+  Error bad(const std::string& wanted) const {
+    return {Errc::invalid_argument, "camera " + uri_.text.substr(0, kMostShown) + ": '" +
+                                        std::string(name_) + "' must be " + wanted + ", not '" +
+                                        std::string(value_.substr(0, kMostShown)) + "'"};
+  }
+  Status set_intrinsics() {
+    if (numbers_.size() != 4 || !(numbers_[0] > 0) || !(numbers_[1] > 0)) {
+      return bad("fx,fy,cx,cy in pixels, the first two above 0");
+    }
+    uri_.intrinsics = {numbers_[0], numbers_[1], numbers_[2], numbers_[3]};
+    return Done{};
+  }
+  Status set_distortion() {
+    if (numbers_.size() != 4 && numbers_.size() != 5 && numbers_.size() != 8) {
+      return bad("k1,k2,p1,p2[,k3[,k4,k5,k6]]");
+    }
+    numbers_.resize(8);
+    const auto& n = numbers_;
+    uri_.distortion = {n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7]};
+    return Done{};
+  }
+  Status set_size() {
+    std::string_view rest = value_;
+    const auto width = parse_number<int>(take_until(rest, 'x')), height = parse_number<int>(rest);
+    if (!width || !height || *width < 8 || *height < 8 || *width > kMaxImageWidth ||
+        *height > kMaxImageHeight) {
+      return bad("WIDTHxHEIGHT from 8x8 to 4096x4096");
+    }
+    uri_.size = {*width, *height};
+    return Done{};
+  }
+  Status set_positive(std::optional<double>& to, double low, double high, const char* wanted) {
+    if (numbers_.size() != 1 || numbers_[0] < low || numbers_[0] > high) return bad(wanted);
+    to = numbers_[0];
+    return Done{};
+  }
+  Status set_latency() {
+    std::optional<double> latency;
+    if (const Status status = set_positive(latency, 0, 1, "seconds from 0 to 1"); !status) {
+      return status;
+    }
+    uri_.latency = *latency;
+    return Done{};
+  }
+  Status set_pose() {
+    const auto& n = numbers_;
+    if (n.size() != 7) return bad("tx,ty,tz,qx,qy,qz,qw");
+    uri_.X_WC = {{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}};
+    if (uri_.X_WC == Pose{}) return Done{};
+    return Error{Errc::unavailable, "camera " + uri_.text.substr(0, kMostShown) +
+                                        ": with one camera the world is the camera's own frame; "
+                                        "leave 'pose' out, or give 0,0,0,0,0,0,1"};
+  }
+
+  CameraUri& uri_;
+  std::string_view name_, value_;
+  std::vector<double> numbers_;
+};
+
+}  // namespace
+
+Result<CameraUri> parse_camera_uri(std::string_view text) {
+  CameraUri uri;
+  uri.text = text;
+  std::string_view rest = text;
+  std::string_view address = take_until(rest, '?');
+  uri.kind = take_until(address, ':');
+  uri.target = address;
+  Parameters parameters(uri);
+  while (!rest.empty()) {
+    std::string_view value = take_until(rest, '&');
+    const bool has_value = value.find('=') != std::string_view::npos;
+    const std::string_view name = take_until(value, '=');
+    if (!has_value || name.empty()) {
+      return Error{Errc::invalid_argument,
+                   "camera " + uri.text.substr(0, kMostShown) +
+                       ": what follows '?' must be NAME=VALUE, with '&' between them"};
+    }
+    if (const Status status = parameters.set(name, value); !status) return status.error();
+  }
+  return uri;
+}
+
+Status CameraUri::check_extras(std::string_view known_name, std::string_view other_name) const {
+  for (const auto& [name, value] : extras) {
+    if (name == known_name || name == other_name) continue;
+    std::string known = "intrinsics, distortion, size, unit, rate, latency, pose";
+    for (const std::string_view more : {known_name, other_name}) {
+      if (!more.empty()) known += ", " + std::string(more);
+    }
+    return Error{Errc::invalid_argument,
+                 "camera " + text.substr(0, kMostShown) + ": there is no parameter '" +
+                     name.substr(0, kMostShown) + "' of " + kind + "; there are " + known};
+  }
+  return Done{};
+}
+
+}  // namespace palpate

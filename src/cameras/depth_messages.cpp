@@ -1,0 +1,158 @@
+#include "src/cameras/depth_messages.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "palpate/io/depth_files.h"
+#include "src/io/cdr.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMillimetre = 0.001;
+
+Error damaged(const char* what) { return {Errc::bad_input, std::string(what) + " is damaged"}; }
+
+/// Its time stamp, s.
+double read_header(CdrReader& from) {
+  const auto seconds = from.number<std::int32_t>();
+  const auto nanoseconds = from.number<std::uint32_t>();
+  from.text();
+  return seconds + 1e-9 * nanoseconds;
+}
+
+/// Metres to counts; what cannot be counted is no measurement.
+std::uint16_t count_of(double metres, double unit) {
+  const double count = std::floor(metres / unit + 0.5);
+  return count >= 1 && count < 65535 ? static_cast<std::uint16_t>(count) : std::uint16_t{0};
+}
+
+/// Of rows that may be longer than their pixels, in either byte order.
+template <class Number>
+Number value_at(std::string_view data, std::size_t at, bool is_big) {
+  std::array<char, sizeof(Number)> bytes;
+  std::memcpy(bytes.data(), data.data() + at, sizeof(Number));
+  if (is_big) std::reverse(bytes.begin(), bytes.end());
+  Number value;
+  std::memcpy(&value, bytes.data(), sizeof value);
+  return value;
+}
+
+}  // namespace
+
+Result<DepthFrame> read_depth_image(std::string_view message, double unit) {
+  CdrReader from(message);
+  DepthFrame frame;
+  frame.timestamp = read_header(from);
+  const auto height = from.number<std::uint32_t>(), width = from.number<std::uint32_t>();
+  const std::string_view encoding = from.text();
+  const bool is_big = from.number<std::uint8_t>() != 0;
+  const std::size_t step = from.number<std::uint32_t>();
+  const std::string_view data = from.bytes();
+  if (!from.is_good()) return damaged("a depth image");
+  const bool is_count = encoding == "16UC1" || encoding == "mono16";
+  if (!is_count && encoding != "32FC1") {
+    return Error{Errc::bad_input, "an image is of the encoding '" +
+                                      std::string(encoding.substr(0, 40)) +
+                                      "'; depth is 16UC1 or 32FC1"};
+  }
+  const std::size_t bytes = is_count ? 2 : 4;
+  if (width < 1 || height < 1 || width > kMaxImageWidth || height > kMaxImageHeight ||
+      step < bytes * width || data.size() < step * (height - 1) + bytes * width) {
+    return damaged("a depth image");
+  }
+  frame.width = static_cast<int>(width);
+  frame.height = static_cast<int>(height);
+  frame.unit = is_count ? kMillimetre : unit;
+  frame.pixels.resize(std::size_t{width} * height);
+  for (std::size_t v = 0; v < height; ++v) {
+    std::uint16_t* const row = frame.pixels.data() + v * width;
+    if (is_count && !is_big) {
+      std::memcpy(row, data.data() + v * step, 2 * std::size_t{width});
+      continue;
+    }
+    for (std::size_t u = 0; u < width; ++u) {
+      const std::size_t at = v * step + u * bytes;
+      row[u] = is_count ? value_at<std::uint16_t>(data, at, is_big)
+                        : count_of(static_cast<double>(value_at<float>(data, at, is_big)), unit);
+    }
+  }
+  return frame;
+}
+
+Result<DepthFrame> read_compressed_depth(std::string_view message, double unit) {
+  // Before the PNG: the kind of compression, and the two numbers of a depth that was turned into
+  // counts as count = a / depth + b.
+  struct Config {
+    std::int32_t kind;
+    float a, b;
+  };
+  CdrReader from(message);
+  const double stamp = read_header(from);
+  const std::string_view format = from.text();
+  const std::string_view data = from.bytes();
+  if (!from.is_good() || data.size() < sizeof(Config)) return damaged("a compressed depth image");
+  if (format.find("compressedDepth") == std::string_view::npos ||
+      format.find("rvl") != std::string_view::npos) {
+    return Error{Errc::bad_input, "an image is of the format '" +
+                                      std::string(format.substr(0, 60)) +
+                                      "'; depth is 'compressedDepth png'"};
+  }
+  Config config;
+  std::memcpy(&config, data.data(), sizeof config);
+  auto frame =
+      decode_depth_png(data.substr(sizeof config), "a compressed depth image", kMillimetre);
+  if (!frame) return frame.error();
+  frame->timestamp = stamp;
+  if (format.starts_with("32FC1")) {
+    for (std::uint16_t& count : frame->pixels) {
+      const double depth =
+          count == 0 ? 0.0
+                     : static_cast<double>(config.a) / (count - static_cast<double>(config.b));
+      count = count_of(depth, unit);
+    }
+    frame->unit = unit;
+  }
+  return frame;
+}
+
+Result<RosCameraModel> read_camera_model(std::string_view message) {
+  CdrReader from(message);
+  read_header(from);
+  RosCameraModel camera;
+  camera.height = static_cast<int>(from.number<std::uint32_t>());
+  camera.width = static_cast<int>(from.number<std::uint32_t>());
+  const std::string model(from.text());
+  const auto num = from.number<std::uint32_t>();
+  if (!from.is_good() || num > 64) return damaged("a camera_info");
+  std::vector<double> d;
+  for (std::uint32_t i = 0; i < num; ++i) d.push_back(from.number<double>());
+  const auto read_numbers = [&](std::size_t count) {
+    std::vector<double> numbers(count);
+    for (double& number : numbers) number = from.number<double>();
+    return numbers;
+  };
+  const auto k = read_numbers(9), r = read_numbers(9), p = read_numbers(12);
+  if (!from.is_good()) return damaged("a camera_info");
+  camera.raw = {k[0], k[4], k[2], k[5]};
+  camera.rectified = {p[0], p[5], p[2], p[6]};
+  const bool is_bent = std::any_of(d.begin(), d.end(), [](double c) { return c != 0; });
+  if (!is_bent) return camera;
+  const bool is_known = model == "plumb_bob" || model == "rational_polynomial";
+  const bool is_long =
+      d.size() > 8 && std::any_of(d.begin() + 8, d.end(), [](double c) { return c != 0; });
+  if (!is_known || is_long) {
+    return Error{Errc::bad_input, "a camera_info has the distortion model '" + model.substr(0, 40) +
+                                      "' with " + std::to_string(d.size()) +
+                                      " coefficients; known are plumb_bob and rational_polynomial"};
+  }
+  d.resize(8);
+  camera.distortion = {d[0], d[1], d[2], d[3], d[4], d[5], d[6], d[7]};
+  return camera;
+}
+
+}  // namespace palpate

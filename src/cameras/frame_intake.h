@@ -1,0 +1,81 @@
+// Where frames of a live camera arrive, from whatever thread, and are taken by the run.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/core/latency_histogram.h"
+#include "src/cameras/capture_clock.h"
+#include "src/cameras/rectifier.h"
+
+namespace palpate {
+
+/// The newest frame wins. Frames without any measurement and frames from the past are left out, so
+/// that what the hand feels gets old and fades, as with a camera that sends nothing.
+class FrameIntake {
+ public:
+  struct Options {
+    CameraModel pinhole;           ///< of the frames that come out
+    double rate = 30;              ///< frames per second
+    bool has_time_stamps = false;  ///< else a frame is captured when it arrives
+    double latency = 0;            ///< s, from the exposure to the time stamp, or to the arrival
+    std::string name;
+  };
+  explicit FrameIntake(const Options& options);
+
+  // The camera's side, any thread.
+
+  /// Takes the frame's memory and gives other memory back. Waits at most while another thread swaps
+  /// two vectors. `arrival`: s, monotonic.
+  void give(DepthFrame& frame, const CameraModel& model, double arrival);
+  /// No more frames come: they have ended, or why not.
+  void end(Result<bool> how);
+  void add_note(std::string text);
+  /// The camera has been opened again: its clock may have started anew.
+  void restart();
+
+  // The run's side.
+
+  /// One thread; see DepthSource. Error: no frame within the first ten seconds.
+  Result<bool> next(DepthFrame& frame);
+  void cancel();
+  bool is_cancelled() const;
+  /// False if cancelled.
+  bool sleep_for(double seconds);
+  std::vector<std::string> take_notes();
+
+ private:
+  struct Arrived {
+    DepthFrame frame;
+    CameraModel model;
+    double capture_time = 0;
+  };
+  bool accept(const DepthFrame& frame, const CameraModel& model, double arrival, bool is_black);
+  void note_change(const CameraModel& model, double unit);
+  void note(std::string text);
+  std::string closing_words() const;
+
+  const Options options_;
+  Rectifier rectifier_;  // of the run's side
+  DepthFrame taken_;
+  CameraModel taken_model_;
+
+  mutable std::mutex mutex_;  // of all that follows
+  std::condition_variable changed_;
+  Arrived newest_;
+  std::optional<CameraModel> last_model_;
+  double last_unit_ = 0, last_stamp_ = 0, last_capture_ = 0;
+  bool has_new_ = false, has_ended_ = false, is_cancelled_ = false, has_last_ = false;
+  Result<bool> ending_ = false;
+  CaptureClock clock_;
+  std::vector<std::string> notes_;
+  LatencyHistogram lateness_;  // ns after the earliest that the clock expects
+  std::uint64_t num_arrived_ = 0, num_missing_ = 0, num_left_out_ = 0, num_from_past_ = 0;
+  std::uint64_t num_black_ = 0, num_black_in_a_row_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,68 @@
+#include "palpate/cameras/open_camera.h"
+
+#include <algorithm>
+#include <future>
+#include <system_error>
+
+#include "src/cameras/camera_kinds.h"
+
+namespace palpate {
+namespace {
+
+struct Kind {
+  std::string_view name, usage;
+  OpenKind& open;
+  FindKind& find;
+};
+
+constexpr Kind kKinds[] = {
+    {"scene", "scene:NAME", open_scene_camera, find_scene_cameras},
+    {"folder", "folder:DIR", open_folder_camera, find_folder_cameras},
+    {"bag", "bag:FILE.mcap[?topic=/T]", open_bag_camera, find_bag_cameras},
+    {"openni2", "openni2[:NAME|FILE.oni]", open_openni2_camera, find_openni2_cameras},
+    {"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", open_realsense_camera,
+     find_realsense_cameras},
+    {"pipe", "pipe:[FILE|-]", open_pipe_camera, find_pipe_cameras},
+};
+
+Error no_such_kind(const CameraUri& uri) {
+  std::string known;
+  for (const Kind& kind : kKinds) known += (known.empty() ? "" : ", ") + std::string(kind.usage);
+  return {Errc::invalid_argument,
+          "no kind of camera is called '" + uri.kind.substr(0, 40) + "'; give one of " + known};
+}
+
+}  // namespace
+
+std::vector<FoundCameras> find_cameras() {
+  // All at once: most of the time goes into waiting for answers.
+  std::vector<std::future<FoundCameras>> answers;
+  for (const Kind& kind : kKinds) {
+    try {
+      answers.push_back(std::async(std::launch::async, kind.find));
+    } catch (const std::system_error&) {  // no thread to be had
+      answers.push_back(std::async(std::launch::deferred, kind.find));
+    }
+  }
+  std::vector<FoundCameras> found;
+  for (auto& answer : answers) found.push_back(answer.get());
+  return found;
+}
+
+Result<std::unique_ptr<DepthSource>> open_camera(std::string_view text,
+                                                 const CameraOpening& opening) {
+  const auto uri = parse_camera_uri(text);
+  if (!uri) return uri.error();
+  const auto kind = std::ranges::find(kKinds, std::string_view(uri->kind), &Kind::name);
+  if (kind == std::end(kKinds)) return no_such_kind(*uri);
+  auto raw = kind->open(*uri, opening);
+  if (!raw) return raw.error();
+  if (!raw->source->info().is_live) return make_rectified(std::move(raw->source), *uri);
+  OpenRaw again;
+  if (raw->can_come_back) {
+    again = [open = &kind->open, uri = *uri, opening] { return open(uri, opening); };
+  }
+  return make_live(*std::move(raw), std::move(again), *uri);
+}
+
+}  // namespace palpate

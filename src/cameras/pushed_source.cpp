@@ -1,0 +1,67 @@
+#include "palpate/cameras/pushed_source.h"
+
+#include "src/cameras/frame_intake.h"
+#include "src/core/monotonic_clock.h"
+
+namespace palpate {
+namespace {
+
+class Pushed final : public PushedSource {
+ public:
+  Pushed(const DepthStreamInfo& info, const Options& options)
+      : info_(info),
+        truth_{{}, {}, {}, {info.width, info.height}},
+        intake_({{info.width, info.height, info.intrinsics, {}},
+                 info.rate,
+                 options.has_time_stamps,
+                 options.latency,
+                 info.name.empty() ? "the pushed camera" : info.name}),
+        raw_info_(info) {
+    truth_.intrinsics = info.intrinsics;
+    info_.is_live = true;
+    info_.num_frames = {};
+    info_.distortion = {};
+  }
+
+  void push(DepthFrame& frame) override {
+    const double now = monotonic_now();
+    if (frame.width < 1 || frame.height < 1 || frame.width > kMaxImageWidth ||
+        frame.height > kMaxImageHeight ||
+        frame.pixels.size() !=
+            static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height)) {
+      intake_.add_note("was given a frame whose pixels do not fit its size; it is left out");
+      return;
+    }
+    intake_.give(frame, truth_.model_of(raw_info_, frame.width, frame.height), now);
+  }
+  void end() override { intake_.end(false); }
+
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override { return intake_.next(frame); }
+  void cancel() noexcept override { intake_.cancel(); }
+  std::vector<std::string> take_notes() override { return intake_.take_notes(); }
+
+ private:
+  DepthStreamInfo info_;
+  CameraTruth truth_;
+  FrameIntake intake_;
+  const DepthStreamInfo raw_info_;  // with its distortion
+};
+
+}  // namespace
+
+Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo& info,
+                                                           const Options& options) {
+  if (info.width < 8 || info.height < 8 || info.width > kMaxImageWidth ||
+      info.height > kMaxImageHeight || !(info.intrinsics.fx > 0) || !(info.intrinsics.fy > 0)) {
+    return Error{Errc::invalid_argument,
+                 "pushed frames need a size from 8x8 to 4096x4096 and focal lengths above 0"};
+  }
+  return std::unique_ptr<PushedSource>(std::make_unique<Pushed>(info, options));
+}
+
+Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo& info) {
+  return create(info, {});
+}
+
+}  // namespace palpate

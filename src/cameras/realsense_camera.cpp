@@ -1,0 +1,290 @@
+// RealSense cameras and their recordings (.db3, .bag) by librealsense2.
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <utility>
+
+#include "src/cameras/camera_kinds.h"
+#include "src/cameras/realsense_api.h"
+#include "src/core/monotonic_clock.h"
+
+namespace palpate {
+namespace {
+
+using namespace realsense;
+
+constexpr unsigned kWaitMilliseconds = 100;
+constexpr double kLongestSilence = 2;  // s
+constexpr int kQueueCapacity = 4;
+
+/// The library tells errors through a last argument.
+class Check {
+ public:
+  explicit Check(const Api& api) : api_(api) {}
+  ~Check() {
+    if (error_ != nullptr) api_.free_error(error_);
+  }
+  operator Failure**() { return &error_; }
+  bool is_fine() const { return error_ == nullptr; }
+  std::string message() const { return error_ == nullptr ? "" : api_.message(error_); }
+
+ private:
+  const Api& api_;
+  Failure* error_ = nullptr;
+};
+
+struct Mode {
+  const Profile* profile = nullptr;
+  int width = 0, height = 0, rate = 0;
+};
+
+class RealsenseSource final : public DepthSource {
+ public:
+  /// Takes the device over.
+  RealsenseSource(const Api& api, Device* device, std::string file)
+      : api_(api), device_(device), file_(std::move(file)) {}
+  ~RealsenseSource() override {
+    if (is_started_) api_.stop(sensor_, Check(api_));
+    if (is_open_) api_.close(sensor_, Check(api_));
+    if (queue_ != nullptr) api_.delete_queue(queue_);
+    if (profiles_ != nullptr) api_.delete_profiles(profiles_);
+    if (sensor_ != nullptr) api_.delete_sensor(sensor_);
+    if (device_ != nullptr) api_.delete_device(device_);
+    if (!file_.empty()) api_.remove_file(api_.context, file_.c_str(), Check(api_));
+  }
+
+  Status open(const CameraUri& uri) {
+    info_.name = uri.target.empty() ? "realsense" : "realsense:" + uri.target;
+    info_.is_live = file_.empty();
+    if (!file_.empty()) api_.set_real_time(device_, 0, Check(api_));
+    std::string all;
+    const Mode mode = choose_mode(uri, all);
+    if (mode.profile == nullptr) {
+      return Error{Errc::invalid_argument,
+                   info_.name + " has no such depth mode; it has " + (all.empty() ? "none" : all)};
+    }
+    set_image(mode.profile, mode.width, mode.height);
+    info_.rate = uri.rate.value_or(mode.rate > 0 ? mode.rate : 30);
+    Check check(api_);
+    if (api_.supports_option(sensor_, kEmitter, Check(api_)) != 0 && info_.is_live) {
+      api_.set_option(sensor_, kEmitter, 1, Check(api_));
+    }
+    queue_ = api_.create_queue(kQueueCapacity, check);
+    if (check.is_fine()) api_.open(sensor_, mode.profile, check);
+    is_open_ = check.is_fine();
+    if (check.is_fine()) api_.start(sensor_, queue_, check);
+    is_started_ = check.is_fine();
+    if (!check.is_fine()) {
+      return Error{Errc::unavailable, info_.name + " does not start: " + check.message()};
+    }
+    return Done{};
+  }
+
+  const DepthStreamInfo& info() const override { return info_; }
+  void cancel() noexcept override { is_cancelled_ = true; }
+
+  Result<bool> next(DepthFrame& frame) override {
+    const double begin = monotonic_now();
+    while (!is_cancelled_) {
+      Frame* raw = nullptr;
+      const int got = api_.wait(queue_, kWaitMilliseconds, &raw, Check(api_));
+      if (got != 0 && raw != nullptr) {
+        const Status copied = copy(raw, frame);
+        api_.release(raw);
+        if (!copied) return copied.error();
+        return true;
+      }
+      if (!file_.empty()) {
+        if (api_.playback_status(device_, Check(api_)) == kStopped) return false;
+        continue;
+      }
+      if (monotonic_now() - begin > kLongestSilence) {
+        return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
+      }
+    }
+    return false;
+  }
+
+ private:
+  /// Of the sensor with depth, which becomes `sensor_`: the mode that is asked for, else the
+  /// largest one up to 848 x 480, preferably at 30 Hz.
+  Mode choose_mode(const CameraUri& uri, std::string& all) {
+    Mode best;
+    const auto merit = [&](const Mode& mode) {
+      const bool is_usual = mode.width <= 848 && mode.height <= 480;
+      return std::array{is_usual ? mode.width * mode.height : -mode.width * mode.height,
+                        -std::abs(mode.rate - static_cast<int>(uri.rate.value_or(30)))};
+    };
+    SensorList* const sensors = api_.query_sensors(device_, Check(api_));
+    const int num = sensors == nullptr ? 0 : api_.sensor_count(sensors, Check(api_));
+    for (int i = 0; i < num && best.profile == nullptr; ++i) {
+      Sensor* const sensor = api_.create_sensor(sensors, i, Check(api_));
+      ProfileList* const profiles =
+          sensor == nullptr ? nullptr : api_.profiles(sensor, Check(api_));
+      const int count = profiles == nullptr ? 0 : api_.profile_count(profiles, Check(api_));
+      for (int k = 0; k < count; ++k) {
+        Mode mode;
+        mode.profile = api_.profile(profiles, k, Check(api_));
+        int stream = 0, format = 0, index = 0, id = 0;
+        api_.profile_data(mode.profile, &stream, &format, &index, &id, &mode.rate, Check(api_));
+        if (stream != kDepthStream || format != kZ16) continue;
+        CameraIntrinsics camera{};
+        api_.intrinsics(mode.profile, &camera, Check(api_));
+        mode.width = camera.width;
+        mode.height = camera.height;
+        all += (all.empty() ? "" : ", ") + std::to_string(mode.width) + "x" +
+               std::to_string(mode.height) + " at " + std::to_string(mode.rate) + " Hz";
+        if (uri.size && !(*uri.size == ImageSize{mode.width, mode.height})) continue;
+        if (best.profile == nullptr || merit(mode) > merit(best)) best = mode;
+      }
+      if (best.profile != nullptr) {
+        sensor_ = sensor;
+        profiles_ = profiles;
+        continue;
+      }
+      if (profiles != nullptr) api_.delete_profiles(profiles);
+      if (sensor != nullptr) api_.delete_sensor(sensor);
+    }
+    if (sensors != nullptr) api_.delete_sensors(sensors);
+    return best;
+  }
+
+  void set_image(const Profile* profile, int width, int height) {
+    CameraIntrinsics camera{};
+    Check check(api_);
+    api_.intrinsics(profile, &camera, check);
+    info_.width = width;
+    info_.height = height;
+    if (!check.is_fine()) return;  // people may tell them
+    const auto d = [](float value) { return static_cast<double>(value); };
+    info_.intrinsics = {d(camera.fx), d(camera.fy), d(camera.ppx), d(camera.ppy)};
+    const float* const c = camera.coefficients;
+    const bool is_bent = std::any_of(c, c + 5, [](float value) { return value != 0; });
+    if (is_bent && camera.model == kBrownConrady) {
+      info_.distortion = {d(c[0]), d(c[1]), d(c[2]), d(c[3]), d(c[4]), 0, 0, 0};
+    }
+  }
+
+  Status copy(const Frame* raw, DepthFrame& frame) {
+    Check check(api_);
+    const int width = api_.width(raw, check);
+    const int height = check.is_fine() ? api_.height(raw, check) : 0;
+    const int stride = check.is_fine() ? api_.stride(raw, check) : 0;
+    const void* const data = check.is_fine() ? api_.data(raw, check) : nullptr;
+    if (!check.is_fine() || data == nullptr || width < 1 || height < 1 || stride < 2 * width) {
+      return Error{Errc::unavailable, info_.name + " gives a damaged frame: " + check.message()};
+    }
+    if (width != info_.width || height != info_.height) {
+      set_image(api_.frame_profile(raw, Check(api_)), width, height);
+    }
+    frame.width = width;
+    frame.height = height;
+    frame.timestamp = 1e-3 * api_.milliseconds(raw, Check(api_));
+    Check has_unit(api_);
+    const float unit = api_.unit(raw, has_unit);
+    // Told in single precision: 0.001 is meant.
+    if (has_unit.is_fine() && unit > 0) {
+      info_.unit = std::round(static_cast<double>(unit) * 1e9) * 1e-9;
+    }
+    frame.unit = info_.unit;
+    frame.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+    for (int v = 0; v < height; ++v) {
+      std::memcpy(frame.pixels.data() + static_cast<std::ptrdiff_t>(v) * width,
+                  static_cast<const char*>(data) + static_cast<std::ptrdiff_t>(v) * stride,
+                  2 * static_cast<std::size_t>(width));
+    }
+    return Done{};
+  }
+
+  const Api& api_;
+  Device* const device_;
+  const std::string file_;  // empty: a camera
+  Sensor* sensor_ = nullptr;
+  ProfileList* profiles_ = nullptr;
+  Queue* queue_ = nullptr;
+  DepthStreamInfo info_;
+  bool is_open_ = false, is_started_ = false;
+  std::atomic<bool> is_cancelled_ = false;
+};
+
+std::string info_of(const Api& api, const Device* device, int what) {
+  Check check(api);
+  const char* const text = api.device_info(device, what, check);
+  return check.is_fine() && text != nullptr ? text : "";
+}
+
+/// The cameras; `keep` is called with each and says whether it takes the device over.
+template <class Keep>
+void for_each_device(const Api& api, const Keep& keep) {
+  DeviceList* const list = api.query_devices(api.context, Check(api));
+  const int num = list == nullptr ? 0 : api.device_count(list, Check(api));
+  for (int i = 0; i < num; ++i) {
+    Device* const device = api.create_device(list, i, Check(api));
+    if (device != nullptr && !keep(device)) api.delete_device(device);
+  }
+  if (list != nullptr) api.delete_list(list);
+}
+
+}  // namespace
+
+Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpening&) {
+  if (const Status status = uri.check_extras(); !status) return status.error();
+  const bool is_file = uri.target.ends_with(".db3") || uri.target.ends_with(".bag");
+  std::error_code ignored;
+  if (is_file && !std::filesystem::is_regular_file(uri.target, ignored)) {
+    return Error{Errc::not_found, "no such file: " + uri.target + "; check its name"};
+  }
+  const Result<Api>& loaded = api();
+  if (!loaded) return loaded.error();
+  Device* device = nullptr;
+  if (is_file) {
+    Check check(*loaded);
+    device = loaded->add_file(loaded->context, uri.target.c_str(), check);
+    if (!check.is_fine() || device == nullptr) {
+      return Error{Errc::bad_input, uri.target + " cannot be played: " + check.message()};
+    }
+  } else {
+    for_each_device(*loaded, [&](Device* each) {
+      const bool is_wanted = device == nullptr &&
+                             (uri.target.empty() || info_of(*loaded, each, kSerial) == uri.target);
+      if (is_wanted) device = each;
+      return is_wanted;
+    });
+    if (device == nullptr) {
+      return Error{Errc::not_found,
+                   loaded->path + " sees no camera" +
+                       (uri.target.empty() ? "" : " with the serial number " + uri.target) +
+                       "; plug it in, and see that you may use it (udev rules of librealsense2)"};
+    }
+  }
+  auto source = std::make_unique<RealsenseSource>(*loaded, device, is_file ? uri.target : "");
+  if (const Status status = source->open(uri); !status) return status.error();
+  return RawStream{std::move(source), true, true};
+}
+
+FoundCameras find_realsense_cameras() {
+  FoundCameras found{"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", false, "", "", {}, ""};
+  const Result<Api>& loaded = api();
+  if (!loaded) {
+    found.reason = loaded.error().message;
+    return found;
+  }
+  found.is_usable = true;
+  found.library = loaded->path;
+  const int version = loaded->version_number;
+  found.version = std::to_string(version / 10000) + "." + std::to_string(version / 100 % 100) +
+                  "." + std::to_string(version % 100);
+  for_each_device(*loaded, [&](const Device* device) {
+    found.devices.push_back("realsense:" + info_of(*loaded, device, kSerial));
+    return false;
+  });
+  found.reason = found.devices.empty() ? "no camera is plugged in; recordings can be played"
+                                       : "RealSense cameras; recordings";
+  return found;
+}
+
+}  // namespace palpate

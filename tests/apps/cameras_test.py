@@ -1,0 +1,353 @@
+"""Drives the real program with depth streams from elsewhere: --camera and palpate cameras.
+
+Usage: cameras_test.py PATH_OF_PALPATE"""
+
+import json
+import math
+import os
+import pathlib
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+PALPATE = None
+WIDTH, HEIGHT = 160, 120
+INTRINSICS = "200,200,79.5,59.5"
+
+
+def palpate(*arguments, timeout=300, **more):
+    return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, timeout=timeout,
+                          **more)
+
+
+def wall(number=0):
+    """A wall at half a metre, bent a little, as counts of a millimetre."""
+    return struct.pack(f"<{WIDTH * HEIGHT}H", *(500 + (u - 80) ** 2 // 400 + (v + number) % 2
+                                                for v in range(HEIGHT) for u in range(WIDTH)))
+
+
+def header(time_stamp, unit=0.001):
+    return struct.pack("<8sIIdd", b"PALPDEP1", WIDTH, HEIGHT, time_stamp, unit)
+
+
+class Cameras(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="palpate_cameras_"))
+        cls.tool = cls.folder / "tool.palp"
+        mesh = cls.folder / "box.stl"
+        cls.check(palpate("shape", "box", "--size", 0.06, "-o", mesh))
+        cls.check(palpate("pack", mesh, "--spheres", 200, "-o", cls.tool))
+        cls.path = cls.folder / "path.txt"
+        cls.path.write_text("0 0 0 0.45 0 0 0 1\n0.5 0 0 0.49 0 0 0 1\n1 0 0 0.49 0 0 0 1\n")
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    @staticmethod
+    def check(done):
+        if done.returncode != 0:
+            raise AssertionError(done.stderr.decode())
+        return done
+
+    def refused(self, words, *arguments, status=1, **more):
+        done = palpate(*arguments, **more)
+        self.assertEqual(done.returncode, status, done.stderr)
+        message = done.stderr.decode()
+        self.assertEqual(message.count("\n"), 1, message)
+        self.assertIn(words, message)
+        self.assertEqual(done.stdout, b"")
+
+    def run_folder(self):
+        return self.folder / self.id().rsplit(".", 1)[1]
+
+    def summary(self, run):
+        return json.loads((run / "summary.json").read_text())
+
+    def test_list(self):
+        for verb in ("cameras", "sensors"):
+            found = json.loads(self.check(palpate(verb, "--json")).stdout)
+            kinds = {each["kind"]: each for each in found}
+            self.assertLessEqual({"scene", "folder", "pipe"}, set(kinds))
+            for each in found:
+                self.assertLessEqual({"kind", "usable", "library", "version", "devices", "reason"},
+                                     set(each))
+                self.assertTrue(each["reason"])
+        self.assertIn(b"pipe:[FILE|-]", self.check(palpate("cameras")).stdout)
+
+    def test_wrong_usage(self):
+        touch = ["touch", self.tool, "-o", self.run_folder()]
+        self.refused("give one of --camera", *touch, status=2)
+        self.refused("give one of --camera", *touch, "--camera", "pipe:-", "--scene", "hand",
+                     status=2)
+        self.refused("several cameras", *touch, "--camera", "scene:hand", "--camera", "scene:hand",
+                     status=2)
+        self.refused("'size' must be", *touch, "--camera", "pipe:-?size=big", status=2)
+        self.refused("goes with --depth-sequence", *touch, "--camera", "pipe:-", "--intrinsics",
+                     INTRINSICS, status=2)
+        self.refused("no kind of camera is called 'webcam'", *touch, "--camera", "webcam:0")
+        self.refused("no such folder", *touch, "--camera",
+                     f"folder:{self.folder}/none?intrinsics={INTRINSICS}")
+        self.refused("?size=", *touch, "--camera", f"pipe:-?intrinsics={INTRINSICS}", input=wall())
+        self.refused("holds no frame", *touch, "--camera",
+                     f"pipe:-?size=160x120&intrinsics={INTRINSICS}", input=b"")
+        self.assertFalse(self.run_folder().exists())
+
+    def test_a_scene_is_the_same_by_both_names(self):
+        a, b = self.folder / "scene_a", self.folder / "scene_b"
+        for run, source in ((a, ("--scene", "wall")), (b, ("--camera", "scene:wall"))):
+            self.check(palpate("touch", self.tool, *source, "--duration", 0.3, "-o", run))
+        self.assertEqual((a / "wrench.csv").read_bytes(), (b / "wrench.csv").read_bytes())
+
+    def test_every_frame_of_a_pipe_counts_along_a_path(self):
+        run = self.run_folder()
+        frames = b"".join(wall(k) for k in range(31))
+        self.check(palpate("touch", self.tool, "--camera",
+                           f"pipe:-?size=160x120&intrinsics={INTRINSICS}&rate=30", "--path",
+                           self.path, "-o", run, input=frames))
+        summary = self.summary(run)
+        self.assertEqual(summary["frames"], 30)
+        self.assertGreater(summary["peaks"]["volume_m3"], 0)
+        self.assertEqual(palpate("replay", run).returncode, 0)
+        # Without a path, a place is chosen among the first frames.
+        probe = self.folder / "probe"
+        done = self.check(palpate("touch", self.tool, "--camera",
+                                  f"pipe:-?size=160x120&intrinsics={INTRINSICS}", "-o", probe,
+                                  input=frames))
+        self.assertIn(b"probed the pixel", done.stdout)
+        self.assertGreater(self.summary(probe)["peaks"]["volume_m3"], 0)
+
+    def test_ffmpeg(self):
+        if shutil.which("ffmpeg") is None:
+            self.skipTest("there is no ffmpeg; scripts/setup.sh --test installs it")
+        run = self.run_folder()
+        # What ffmpeg reads from one file and writes into the pipe is the wall to the last count.
+        raw = self.folder / "wall.raw"
+        raw.write_bytes(b"".join(wall(k) for k in range(31)))
+        by_ffmpeg = subprocess.run(
+            ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", "gray16le", "-s", "160x120",
+             "-r", "30", "-i", raw, "-pix_fmt", "gray16le", "-f", "rawvideo", "-"],
+            capture_output=True, check=True).stdout
+        camera = f"size=160x120&intrinsics={INTRINSICS}"
+        self.check(palpate("touch", self.tool, "--camera", f"pipe:-?{camera}", "--path", self.path,
+                           "-o", run, input=by_ffmpeg))
+        other = self.folder / "ffmpeg_file"
+        self.check(palpate("touch", self.tool, "--camera", f"pipe:{raw}?{camera}", "--path",
+                           self.path, "-o", other))
+        self.assertEqual((run / "wrench.csv").read_bytes(), (other / "wrench.csv").read_bytes())
+
+    def live_run(self, run, frames, *options, uri="header=on", duration=60):
+        """Frames: (seconds to wait, bytes). Ends with the frames."""
+        pipe = self.folder / f"{run.name}.fifo"
+        os.mkfifo(pipe)
+
+        def write():
+            with open(pipe, "wb", buffering=0) as to:
+                for seconds, data in frames:
+                    time.sleep(seconds)
+                    try:
+                        to.write(data)
+                    except BrokenPipeError:
+                        return
+
+        writer = threading.Thread(target=write)
+        writer.start()
+        done = palpate("touch", self.tool, "--camera", f"pipe:{pipe}?{uri}", "--device",
+                       f"replay:{self.path}", "--duration", duration, "--set",
+                       "loop.real_time=false", "--set", "safety.max_contact_age=0.5",
+                       "--set", "safety.max_sensor_age=0.5", "-o", run, *options)
+        writer.join()
+        return self.check(done)
+
+    def test_live(self):
+        run = self.run_folder()
+        frames = [(1 / 30, header(5e4 + k / 30) + wall(k)) for k in range(60)]
+        # A black frame, one from the past, and a gap that fades the force.
+        frames[20] = (1 / 30, header(5e4 + 20 / 30) + bytes(2 * WIDTH * HEIGHT))
+        frames[30] = (1 / 30, header(5e4 + 25 / 30) + wall(30))
+        frames[45] = (1.5, header(5e4 + 45 / 30 + 1.5) + wall(45))
+        for k in range(46, 60):
+            frames[k] = (1 / 30, header(5e4 + k / 30 + 1.5) + wall(k))
+        # The path lasts longer than the frames last.
+        self.path.write_text("0 0 0 0.45 0 0 0 1\n0.5 0 0 0.49 0 0 0 1\n30 0 0 0.49 0 0 0 1\n")
+        self.live_run(run, frames, uri=f"intrinsics={INTRINSICS}&rate=30&latency=0.02")
+        summary = self.summary(run)
+        warnings = "\n".join(summary["warnings"])
+        self.assertIn("frames from the past", warnings)
+        self.assertIn("1 had no measurement", warnings)
+        self.assertIn("capture times are from its clock", warnings)
+        self.assertGreater(summary["peaks"]["volume_m3"], 0)
+        self.assertTrue(summary["faults"], summary)
+        self.assertEqual(palpate("replay", run).returncode, 0)
+
+    def test_live_without_time_stamps(self):
+        run = self.run_folder()
+        frames = [(1 / 30, wall(k)) for k in range(30)]
+        self.live_run(run, frames, uri=f"size=160x120&intrinsics={INTRINSICS}", duration=20)
+        self.assertIn("tells no times", "\n".join(self.summary(run)["warnings"]))
+
+    def test_wrong_by_a_factor_is_told(self):
+        run = self.run_folder()
+        fivefold = struct.pack(f"<{WIDTH * HEIGHT}H", *(
+            5 * int(500 + 150 * math.sin(u / 9) * math.cos(v / 7)) for v in range(HEIGHT)
+            for u in range(WIDTH)))
+        done = self.check(palpate("touch", self.tool, "--camera",
+                                  "pipe:-?size=160x120&intrinsics=525,525,319.5,239.5", "--path",
+                                  self.path, "-o", run, input=5 * fivefold))
+        self.assertIn("unit=0.0002", done.stderr.decode())
+        self.assertIn("131.25,131.25,79.5,59.5", done.stderr.decode())
+
+
+    def test_record_and_play(self):
+        raw = self.folder / "record.raw"
+        raw.write_bytes(b"".join(header(5 + k / 15, 0.0002) + wall(k) for k in range(20)))
+        bag = self.folder / "record.mcap"
+        done = json.loads(self.check(palpate(
+            "record", "--camera", f"pipe:{raw}?intrinsics={INTRINSICS}", "-o", bag,
+            "--json")).stdout)
+        self.assertEqual(done["frames"], 20)
+        self.assertAlmostEqual(done["seconds"], 19 / 15)
+        runs = self.folder / "of_raw", self.folder / "of_bag"
+        for run, camera in zip(runs, (f"pipe:{raw}?intrinsics={INTRINSICS}", f"bag:{bag}")):
+            self.check(palpate("touch", self.tool, "--camera", camera, "--path", self.path,
+                               "--align", "starts", "-o", run))
+        first, second = (self.summary(run) for run in runs)
+        for key in ("width", "height", "fx", "fy", "cx", "cy", "unit"):
+            self.assertEqual(first["stream"][key], second["stream"][key])
+        self.assertEqual(first["frames"], second["frames"])
+        self.assertAlmostEqual(first["peaks"]["force_N"] / second["peaks"]["force_N"], 1, places=6)
+        self.refused("cannot open", "record", "--camera",
+                     f"pipe:{self.folder}/none?size=8x8&intrinsics={INTRINSICS}", "-o",
+                     self.folder / "none.mcap")
+        self.assertFalse((self.folder / "none.mcap").exists())
+        self.refused("several cameras", "record", "--camera", "scene:hand", "--camera",
+                     "scene:hand", "-o", bag, status=2)
+
+    def test_rosbags_reads_a_recording(self):
+        try:
+            import rosbags.highlevel
+        except ImportError:
+            self.skipTest("there is no rosbags; scripts/setup.sh --test installs it")
+        folder = self.folder / "scene_bag"
+        folder.mkdir()
+        bag = folder / "scene.mcap"
+        self.check(palpate("record", "--camera", "scene:wall?noise=off&unit=0.001", "--duration",
+                           0.5, "-o", bag))
+        with rosbags.highlevel.AnyReader([bag]) as reader:
+            topics = {each.topic: each.msgcount for each in reader.connections}
+            self.assertEqual(topics["/camera/depth/image_rect_raw"],
+                             topics["/camera/depth/camera_info"])
+            for connection, stamp, data in reader.messages():
+                if connection.topic == "/camera/depth/image_rect_raw":
+                    image = reader.deserialize(data, connection.msgtype)
+                    self.assertEqual((image.width, image.height, image.encoding),
+                                     (640, 480, "16UC1"))
+                    break
+
+    def write_bag(self, name, encoding="16UC1", topic="/cam/depth/image_raw", model="plumb_bob",
+                  d=(0.1, -0.05, 0.001, 0.002, 0.0), compressed=False, num=31, extra=None,
+                  info=True):
+        """By rosbags, as ROS 2 would."""
+        import numpy
+        import rosbags.rosbag2
+        import rosbags.typesys
+        store = rosbags.typesys.get_typestore(rosbags.typesys.Stores.ROS2_HUMBLE)
+        types = store.types
+        make = {key.rsplit("/", 1)[1]: value for key, value in types.items()}
+        path = self.folder / name
+        with rosbags.rosbag2.Writer(path, version=9,
+                                    storage_plugin=rosbags.rosbag2.StoragePlugin.MCAP) as writer:
+            def connect(topic, kind):
+                return writer.add_connection(topic, kind, typestore=store)
+
+            def send(connection, kind, stamp, message):
+                writer.write(connection, stamp, store.serialize_cdr(message, kind))
+
+            image_type = f"sensor_msgs/msg/{'CompressedImage' if compressed else 'Image'}"
+            info_type = "sensor_msgs/msg/CameraInfo"
+            image = connect(topic, image_type)
+            camera = connect(topic.rsplit("/", 1)[0] + "/camera_info", info_type) if info else None
+            other = connect(extra, "sensor_msgs/msg/Image") if extra else None
+            for k in range(num):
+                stamp = 1_700_000_000_000_000_000 + k * 33_333_333
+                header = make["Header"](make["Time"](stamp // 10**9, stamp % 10**9), "cam")
+                counts = numpy.frombuffer(wall(k), dtype="<u2").reshape(HEIGHT, WIDTH)
+                if compressed:
+                    png = self.folder / "frame.png"
+                    import cli_test
+                    cli_test.write_depth_png(png, WIDTH, HEIGHT, lambda u, v: int(counts[v, u]))
+                    data = struct.pack("<iff", 0, 0, 0) + png.read_bytes()
+                    message = make["CompressedImage"](header, f"{encoding}; compressedDepth png",
+                                                      numpy.frombuffer(data, dtype="u1"))
+                else:
+                    pixels = {"16UC1": counts, "32FC1": counts.astype("f4") / 1000,
+                              "8UC1": counts.astype("u1")}[encoding]
+                    rows = numpy.frombuffer(pixels.tobytes(), dtype="u1")
+                    message = make["Image"](header, HEIGHT, WIDTH, encoding, 0,
+                                            pixels.itemsize * WIDTH, rows)
+                send(image, image_type, stamp, message)
+                if other:
+                    send(other, "sensor_msgs/msg/Image", stamp, message)
+                if camera:
+                    f, c = numpy.float64, numpy.array
+                    send(camera, info_type, stamp, make["CameraInfo"](
+                        header, HEIGHT, WIDTH, model, c(d, f),
+                        c([200, 0, 79.5, 0, 200, 59.5, 0, 0, 1], f), c(numpy.eye(3).ravel(), f),
+                        c([210, 0, 80, 0, 0, 210, 60, 0, 0, 0, 1, 0], f), 0, 0,
+                        make["RegionOfInterest"](0, 0, 0, 0, False)))
+        return path
+
+    def test_bags_of_ros(self):
+        try:
+            import rosbags.rosbag2  # noqa: F401
+        except ImportError:
+            self.skipTest("there is no rosbags; scripts/setup.sh --test installs it")
+
+        def touched(bag, parameters=""):
+            run = self.folder / f"run_{bag.name}"
+            self.check(palpate("touch", self.tool, "--camera", f"bag:{bag}{parameters}", "--path",
+                               self.path, "--align", "starts", "-o", run))
+            return self.summary(run)
+
+        plain = touched(self.write_bag("plain", d=(0, 0, 0, 0, 0)))
+        self.assertEqual((plain["stream"]["fx"], plain["stream"]["cx"]), (200, 79.5))
+        self.assertEqual(plain["stream"]["unit"], 0.001)
+        self.assertAlmostEqual(plain["stream"]["rate"], 30, places=3)
+        for name, options in (("float", {"encoding": "32FC1"}), ("png", {"compressed": True})):
+            other = touched(self.write_bag(name, d=(0, 0, 0, 0, 0), **options))
+            self.assertEqual(other["frames"], plain["frames"])
+            self.assertAlmostEqual(other["peaks"]["volume_m3"] / plain["peaks"]["volume_m3"], 1,
+                                   places=6)
+        # A rectified topic has the intrinsics of P, and no distortion any more.
+        rectified = touched(self.write_bag("rectified", topic="/cam/depth/image_rect_raw"))
+        self.assertEqual((rectified["stream"]["fx"], rectified["stream"]["cx"]), (210, 80))
+        bent = touched(self.write_bag("bent", d=(20, 0, 0, 0, 0)))
+        self.assertNotEqual(bent["peaks"]["volume_m3"], plain["peaks"]["volume_m3"])
+        touched(self.write_bag("rational", model="rational_polynomial",
+                               d=(0.1, 0.01, 0, 0, 0.001, 0.1, 0.01, 0.001)))
+
+        touch = ["touch", self.tool, "--path", self.path, "-o", self.folder / "never"]
+        self.refused("equidistant", *touch, "--camera", "bag:" + str(self.write_bag(
+            "fisheye", model="equidistant", d=(0.1, 0, 0, 0), num=2)))
+        self.refused("several depth streams", *touch, "--camera", "bag:" + str(self.write_bag(
+            "two", extra="/other/depth", num=2)))
+        self.refused("no depth images", *touch, "--camera", "bag:" + str(self.write_bag(
+            "colour", encoding="8UC1", num=2)))
+        self.refused("no depth images on /x", *touch, "--camera",
+                     f"bag:{self.folder}/colour?topic=/x")
+        self.refused("intrinsics=", *touch, "--camera", "bag:" + str(self.write_bag(
+            "bare", info=False, num=2)))
+        (self.folder / "no.mcap").write_bytes(b"no recording")
+        self.refused("not an MCAP file", *touch, "--camera", f"bag:{self.folder}/no.mcap")
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+    PALPATE = sys.argv.pop(1)
+    unittest.main()

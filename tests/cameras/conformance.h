@@ -1,0 +1,118 @@
+// What every source of depth promises, whatever is behind it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <thread>
+
+#include "palpate/cloud/depth_source.h"
+#include "tests/cameras/camera_fakes.h"
+
+namespace palpate::test {
+
+using OpenSource = std::function<Result<std::unique_ptr<DepthSource>>()>;
+
+/// Resident memory of this process, bytes.
+inline std::int64_t resident_bytes() {
+  std::ifstream file("/proc/self/statm");
+  std::int64_t all = 0, resident = 0;
+  file >> all >> resident;
+  return resident * sysconf(_SC_PAGESIZE);
+}
+
+/// A recording of `num` frames of the pattern, from `first` on: all of them, exact to the count, in
+/// order, with times that grow; then the end.
+inline void expect_recording(const OpenSource& open, int num, int width, int height,
+                             int first = 0) {
+  auto source = open();
+  ASSERT_TRUE(source) << source.error().message;
+  const DepthStreamInfo& info = (*source)->info();
+  EXPECT_FALSE(info.is_live);
+  EXPECT_EQ(info.width, width);
+  EXPECT_EQ(info.height, height);
+  EXPECT_GT(info.intrinsics.fx, 0);
+  EXPECT_EQ(info.distortion, Distortion{});
+  DepthFrame frame;
+  double last = -1e300;
+  for (int k = 0; k < num; ++k) {
+    const auto got = (*source)->next(frame);
+    ASSERT_TRUE(got) << k << ": " << got.error().message;
+    ASSERT_TRUE(*got) << "ended after " << k << " of " << num;
+    EXPECT_TRUE(frame.pixels == pattern(width, height, first + k)) << k;
+    EXPECT_GT(frame.timestamp, last);
+    last = frame.timestamp;
+  }
+  const auto end = (*source)->next(frame);
+  EXPECT_TRUE(end && !*end);
+}
+
+/// A camera that sends the pattern: each frame that is taken is exact to the count and newer than
+/// the one before, in number and time; a cancelled `next` returns.
+inline void expect_camera(const OpenSource& open, int num, int width, int height) {
+  auto source = open();
+  ASSERT_TRUE(source) << source.error().message;
+  const DepthStreamInfo& info = (*source)->info();
+  EXPECT_TRUE(info.is_live);
+  EXPECT_EQ(info.width, width);
+  EXPECT_EQ(info.height, height);
+  EXPECT_GT(info.intrinsics.fx, 0);
+  DepthFrame frame;
+  double last = -1e300;
+  int last_number = -1;
+  for (int k = 0; k < num; ++k) {
+    const auto got = (*source)->next(frame);
+    ASSERT_TRUE(got) << k << ": " << got.error().message;
+    ASSERT_TRUE(*got);
+    int number = last_number + 1;
+    while (number < last_number + 4000 && frame.pixels != pattern(width, height, number)) ++number;
+    EXPECT_LT(number, last_number + 4000) << "no frame that was sent";
+    EXPECT_GT(frame.timestamp, last);
+    last = frame.timestamp;
+    last_number = number;
+  }
+  std::thread other([&] { (*source)->cancel(); });
+  for (int k = 0; k < 100; ++k) {
+    const auto got = (*source)->next(frame);
+    ASSERT_TRUE(got);
+    if (!*got) break;
+  }
+  other.join();
+  EXPECT_FALSE(*(*source)->next(frame));
+}
+
+/// Memory after so many frames is that after the first tenth of them, give or take 4 MB.
+inline void expect_no_growth(DepthSource& source, int num) {
+  DepthFrame frame;
+  std::int64_t before = 0;
+  for (int k = 0; k < num; ++k) {
+    const auto got = source.next(frame);
+    ASSERT_TRUE(got) << got.error().message;
+    ASSERT_TRUE(*got) << k;
+    if (k == num / 10) before = resident_bytes();
+  }
+  EXPECT_LT(resident_bytes(), before + (4 << 20));
+}
+
+/// Calls `next` until `is_done`, at most so many times.
+inline bool next_until(DepthSource& source, DepthFrame& frame, const std::function<bool()>& is_done,
+                       int most = 100000) {
+  for (int k = 0; k < most; ++k) {
+    const auto got = source.next(frame);
+    if (!got || !*got) return false;
+    if (is_done()) return true;
+  }
+  return false;
+}
+
+inline std::string all_notes(DepthSource& source) {
+  std::string all;
+  for (const std::string& note : source.take_notes()) all += note + "\n";
+  return all;
+}
+
+}  // namespace palpate::test

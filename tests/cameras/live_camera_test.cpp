@@ -1,0 +1,320 @@
+// Cameras that come and go, stall, change their mind and block for ever.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <limits>
+#include <memory>
+#include <thread>
+
+#include "palpate/cameras/pushed_source.h"
+#include "src/cameras/camera_source.h"
+#include "src/cameras/plausibility.h"
+#include "src/core/monotonic_clock.h"
+#include "tests/cameras/camera_fakes.h"
+
+namespace palpate {
+namespace {
+
+using test::ScriptedCamera;
+using test::stream_info;
+
+constexpr int kWidth = 32, kHeight = 24;
+
+std::string joined(const std::vector<std::string>& notes) {
+  std::string all;
+  for (const std::string& note : notes) all += note + "\n";
+  return all;
+}
+bool has(const std::string& text, const std::string& words) {
+  return text.find(words) != std::string::npos;
+}
+
+std::unique_ptr<DepthSource> live(ScriptedCamera::Script script, OpenRaw again = {},
+                                  const char* uri = "test", bool has_time_stamps = false) {
+  RawStream raw{std::make_unique<ScriptedCamera>(stream_info(kWidth, kHeight), std::move(script)),
+                has_time_stamps, true};
+  return make_live(std::move(raw), std::move(again), parse_camera_uri(uri).value()).value();
+}
+
+/// Ten milliseconds for each frame.
+Result<bool> give(DepthFrame& frame, int number, double stamp) {
+  test::sleep_seconds(0.01);
+  frame = test::pattern_frame(kWidth, kHeight, number, stamp);
+  return true;
+}
+
+/// Until cancelled, as a good driver waits.
+Result<bool> wait(const std::atomic<bool>& is_cancelled) {
+  while (!is_cancelled) test::sleep_seconds(0.005);
+  return false;
+}
+
+TEST(LiveCamera, GivesFramesAsTheyComeWithTheTimeOfTheirArrival) {
+  const auto camera = live([](int number, DepthFrame& frame, DepthStreamInfo&, const auto&) {
+    return give(frame, number, 77);
+  });
+  EXPECT_TRUE(camera->info().is_live);
+  DepthFrame frame;
+  double last = monotonic_now() - 1;
+  int last_number = -1;
+  for (int k = 0; k < 20; ++k) {
+    ASSERT_TRUE(*camera->next(frame));
+    const int number = test::number_of(frame, 4000);
+    EXPECT_GT(number, last_number);
+    EXPECT_GT(frame.timestamp, last);
+    EXPECT_LE(frame.timestamp, monotonic_now());
+    last = frame.timestamp;
+    last_number = number;
+  }
+}
+
+TEST(LiveCamera, TheNewestFrameWins) {
+  std::atomic<int> num_given = 0;
+  const auto camera = live([&](int number, DepthFrame& frame, DepthStreamInfo&,
+                               const auto& is_cancelled) -> Result<bool> {
+    if (number == 10) return wait(is_cancelled);
+    frame = test::pattern_frame(kWidth, kHeight, number, number);
+    num_given = number + 1;
+    return true;
+  });
+  while (num_given < 10) test::sleep_seconds(0.001);
+  test::sleep_seconds(0.05);
+  DepthFrame frame;
+  ASSERT_TRUE(*camera->next(frame));
+  EXPECT_EQ(test::number_of(frame, 20), 9);
+  camera->cancel();
+  EXPECT_TRUE(has(joined(camera->take_notes()), "9 were left out for newer ones"));
+}
+
+TEST(LiveCamera, ComesBackAfterItWasUnplugged) {
+  std::atomic<int> num_opened = 0;
+  const auto script = [&](int number, DepthFrame& frame, DepthStreamInfo&,
+                          const auto&) -> Result<bool> {
+    if (number == 5 && num_opened < 3) return Error{Errc::unavailable, "the cable is out"};
+    return give(frame, number, 0);
+  };
+  const OpenRaw again = [&]() -> Result<RawStream> {
+    if (++num_opened < 3) return Error{Errc::not_found, "no camera"};
+    return RawStream{std::make_unique<ScriptedCamera>(stream_info(kWidth, kHeight), script), false,
+                     true};
+  };
+  const auto camera = live(script, again);
+  DepthFrame frame;
+  double last = 0;
+  for (int k = 0; k < 20; ++k) {
+    ASSERT_TRUE(*camera->next(frame));
+    EXPECT_GT(frame.timestamp, last);
+    last = frame.timestamp;
+  }
+  EXPECT_EQ(num_opened, 3);
+  const std::string notes = joined(camera->take_notes());
+  EXPECT_TRUE(has(notes, "was lost: the cable is out")) << notes;
+  EXPECT_TRUE(has(notes, "is back after")) << notes;
+}
+
+TEST(LiveCamera, WithoutASecondChanceTheErrorIsTold) {
+  const auto camera =
+      live([](int number, DepthFrame& frame, DepthStreamInfo&, const auto&) -> Result<bool> {
+        if (number == 3) return Error{Errc::io_failure, "gone for good"};
+        return give(frame, number, 0);
+      });
+  DepthFrame frame;
+  Result<bool> got = true;
+  while (got && *got) got = camera->next(frame);
+  ASSERT_FALSE(got);
+  EXPECT_EQ(got.error().message, "gone for good");
+}
+
+TEST(LiveCamera, ACancelledNextReturnsAtOnce) {
+  const auto camera =
+      live([](int, DepthFrame&, DepthStreamInfo&, const auto& is_cancelled) -> Result<bool> {
+        return wait(is_cancelled);
+      });
+  std::thread other([&] {
+    test::sleep_seconds(0.1);
+    camera->cancel();
+  });
+  DepthFrame frame;
+  EXPECT_FALSE(*camera->next(frame));
+  EXPECT_FALSE(*camera->next(frame));
+  other.join();
+}
+
+TEST(LiveCamera, ACallThatNeverReturnsHoldsUpNobody) {
+  static std::atomic<bool> is_over = false, has_left = false;
+  {
+    const auto camera = live([](int, DepthFrame&, DepthStreamInfo&, const auto&) -> Result<bool> {
+      while (!is_over) test::sleep_seconds(0.01);  // deaf to cancel
+      has_left = true;
+      return false;
+    });
+    DepthFrame frame;
+    std::thread other([&] { camera->cancel(); });
+    EXPECT_FALSE(*camera->next(frame));
+    other.join();
+  }
+  EXPECT_FALSE(has_left);
+  is_over = true;
+  while (!has_left) test::sleep_seconds(0.01);
+}
+
+TEST(LiveCamera, AnotherSizeAndUnitAreFollowed) {
+  const auto camera =
+      live([](int number, DepthFrame& frame, DepthStreamInfo& info, const auto&) -> Result<bool> {
+        if (number < 5) return give(frame, number, 0);
+        test::sleep_seconds(0.01);
+        info = stream_info(kWidth / 2, kHeight / 2);
+        info.is_live = true;
+        frame = test::pattern_frame(kWidth / 2, kHeight / 2, number, 0, 0.0001);
+        return true;
+      });
+  DepthFrame frame;
+  do {
+    ASSERT_TRUE(*camera->next(frame));
+    EXPECT_EQ(frame.width, kWidth);
+    EXPECT_EQ(frame.pixels.size(), std::size_t{kWidth * kHeight});
+  } while (frame.unit == 0.001);
+  EXPECT_EQ(frame.unit, 0.0001);
+  const std::string notes = joined(camera->take_notes());
+  EXPECT_TRUE(has(notes, "from 32 x 24 to 16 x 12 pixels")) << notes;
+  EXPECT_TRUE(has(notes, "from 0.001 to 0.0001 m")) << notes;
+  // Each pixel of the old view shows the nearest one of the new.
+  const int number = [&] {
+    for (int k = 5; k < 4000; ++k) {
+      if (frame.pixels[0] == test::count_at(0, 0, k) &&
+          frame.pixels[31] == test::count_at(15, 0, k))
+        return k;
+    }
+    return -1;
+  }();
+  ASSERT_GE(number, 5);
+  EXPECT_EQ(frame.pixels[17], test::count_at(8, 0, number));
+}
+
+TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {
+  const auto camera = live(
+      [](int number, DepthFrame& frame, DepthStreamInfo&, const auto&) -> Result<bool> {
+        const bool is_late = number % 7 == 3, is_black = number % 7 == 5;
+        const auto got = give(frame, number, (number - (is_late ? 2.5 : 0)) / 100.0);
+        if (is_black) frame.pixels.assign(frame.pixels.size(), number % 2 == 0 ? 0 : 65535);
+        return got;
+      },
+      {}, "test?rate=100", true);
+  DepthFrame frame;
+  for (int k = 0; k < 30; ++k) {
+    ASSERT_TRUE(*camera->next(frame));
+    const int number = test::number_of(frame, 4000);
+    ASSERT_GE(number, 0);
+    EXPECT_NE(number % 7, 3);
+    EXPECT_NE(number % 7, 5);
+  }
+  camera->cancel();
+  const std::string notes = joined(camera->take_notes());
+  EXPECT_TRUE(has(notes, "frames from the past")) << notes;
+  EXPECT_TRUE(has(notes, "had no measurement")) << notes;
+}
+
+TEST(LiveCamera, CountsWhatIsMissingAndDeclaresLatency) {
+  std::atomic<double> sent = 0;
+  const auto camera = live(
+      [&](int number, DepthFrame& frame, DepthStreamInfo&,
+          const auto& is_cancelled) -> Result<bool> {
+        if (number == 20) return wait(is_cancelled);
+        // Every second frame does not come.
+        const auto got = give(frame, number, 1e6 + 2 * number / 100.0);
+        sent = monotonic_now();
+        return got;
+      },
+      {}, "test?rate=100&latency=0.5", true);
+  DepthFrame frame;
+  int num = 0;
+  while (num < 1000 && test::number_of(frame, 20) != 19) {
+    ASSERT_TRUE(*camera->next(frame));
+    ++num;
+  }
+  EXPECT_LT(frame.timestamp, sent - 0.5 + 1e-3);
+  EXPECT_GT(frame.timestamp, sent - 2);
+  camera->cancel();
+  const std::string notes = joined(camera->take_notes());
+  EXPECT_TRUE(has(notes, "has sent 20 frames; 19 are missing")) << notes;
+  EXPECT_TRUE(has(notes, "ppm")) << notes;
+}
+
+TEST(PushedSource, TheNewestOfManyPushersWinsAndNobodyWaits) {
+  const auto camera = PushedSource::create(stream_info(kWidth, kHeight)).value();
+  std::atomic<bool> is_over = false;
+  std::atomic<int> num_pushed = 0;
+  const auto push = [&](int first) {
+    DepthFrame frame;
+    for (int k = first; !is_over; k += 2) {
+      frame.width = kWidth;
+      frame.height = kHeight;
+      frame.unit = 0.001;
+      frame.pixels = test::pattern(kWidth, kHeight, k);
+      camera->push(frame);
+      ++num_pushed;
+      test::sleep_seconds(0.002);
+    }
+  };
+  std::thread even(push, 0), odd(push, 1);
+  DepthFrame frame;
+  double last = 0;
+  for (int k = 0; k < 50; ++k) {
+    ASSERT_TRUE(*camera->next(frame));
+    EXPECT_GE(test::number_of(frame, 100000), 0);
+    EXPECT_GT(frame.timestamp, last);
+    last = frame.timestamp;
+  }
+  // Nobody takes frames any more, and pushing goes on.
+  const int before = num_pushed;
+  while (num_pushed < before + 20) test::sleep_seconds(0.001);
+  is_over = true;
+  even.join();
+  odd.join();
+  camera->end();
+  while (*camera->next(frame)) {
+  }
+}
+
+TEST(PushedSource, RemovesDistortionAndRefusesWhatDoesNotFit) {
+  DepthStreamInfo info = stream_info(kWidth, kHeight);
+  info.distortion.k1 = 0.3;
+  const auto camera = PushedSource::create(info).value();
+  EXPECT_EQ(camera->info().distortion, Distortion{});
+  DepthFrame odd = test::pattern_frame(kWidth, kHeight, 0, 0);
+  odd.pixels.pop_back();
+  camera->push(odd);
+  DepthFrame whole = test::pattern_frame(kWidth, kHeight, 1, 0);
+  camera->push(whole);
+  DepthFrame frame;
+  ASSERT_TRUE(*camera->next(frame));
+  EXPECT_EQ(frame.pixels.size(), std::size_t{kWidth * kHeight});
+  EXPECT_EQ(frame.pixels[0], 0);  // a corner that the lens does not show
+  EXPECT_EQ(frame.pixels[12 * kWidth + 16], test::count_at(16, 12, 1));
+  EXPECT_TRUE(has(joined(camera->take_notes()), "do not fit"));
+  EXPECT_FALSE(PushedSource::create(stream_info(2, 2)));
+}
+
+TEST(Plausibility, DoubtsUnitsAndIntrinsicsThatCannotBe) {
+  const CameraModel model{
+      kWidth * 4, kHeight * 4, stream_info(kWidth * 4, kHeight * 4).intrinsics, {}};
+  DepthFrame good = test::pattern_frame(kWidth * 4, kHeight * 4, 0, 0);
+  EXPECT_EQ(Plausibility().look(good, model), "");
+  // Millimetres in counts of 1/5000 m, read as millimetres.
+  DepthFrame fivefold = good;
+  for (auto& count : fivefold.pixels) count = static_cast<std::uint16_t>(5 * count);
+  EXPECT_EQ(common_divisor(fivefold), 5);
+  EXPECT_EQ(common_divisor(good), 1);
+  EXPECT_TRUE(has(Plausibility().look(fivefold, model), "unit=0.0002"));
+  fivefold.unit = 0.0002;
+  EXPECT_EQ(Plausibility().look(fivefold, model), "");
+  DepthFrame tenfold = good;
+  tenfold.unit = 0.01;
+  EXPECT_TRUE(has(Plausibility().look(tenfold, model), "the right unit?"));
+  CameraModel wrong = model;
+  wrong.intrinsics = {256, 256, 127.5, 95.5};  // of 256 x 192 pixels
+  EXPECT_TRUE(has(Plausibility().look(good, wrong), "128,128,63.5,47.5"));
+}
+
+}  // namespace
+}  // namespace palpate

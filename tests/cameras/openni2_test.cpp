@@ -1,0 +1,178 @@
+// OpenNI2's own library with a driver of the tests, and .oni files that its own recorder wrote.
+#include <dlfcn.h>
+#include <gtest/gtest.h>
+
+#include <OniCAPI.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+
+#include "palpate/cameras/open_camera.h"
+#include "src/cameras/camera_kinds.h"
+#include "src/cameras/openni2_api.h"
+#include "tests/cameras/conformance.h"
+#include "tests/cameras/fake_openni2.h"
+
+namespace palpate {
+namespace {
+
+using test::FakeOpenni2;
+
+class Openni2 : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    setenv("OPENNI2_REDIST", OPENNI2_TEST_REDIST, 1);
+    ASSERT_TRUE(openni2::api()) << openni2::api().error().message;
+    void* const driver = dlopen(OPENNI2_TEST_DRIVER, RTLD_NOW | RTLD_NOLOAD);
+    ASSERT_NE(driver, nullptr) << "OpenNI2 has not loaded the driver";
+    control_ = reinterpret_cast<FakeOpenni2* (*)()>(dlsym(driver, "palpate_fake_openni2"))();
+  }
+  void SetUp() override {
+    if (!control_->is_plugged) control_->plug(true);
+    control_->is_stalled = false;
+    control_->microseconds = 5000;
+    control_->num_frames = -1;
+    control_->num_sent = 0;
+  }
+
+  template <class Function>
+  static Function* function(const char* name) {
+    void* const library = dlopen(openni2::api()->path.c_str(), RTLD_NOW | RTLD_NOLOAD);
+    return reinterpret_cast<Function*>(dlsym(library, name));
+  }
+
+  /// `num` frames of the camera, by the recorder of OpenNI2.
+  static void record(const std::string& file, int num) {
+    control_->num_frames = num;
+    OniDeviceHandle device = nullptr;
+    ASSERT_EQ(function<decltype(oniDeviceOpen)>("oniDeviceOpen")("fake:0", &device), 0);
+    OniStreamHandle stream = nullptr;
+    ASSERT_EQ(function<decltype(oniDeviceCreateStream)>("oniDeviceCreateStream")(
+                  device, ONI_SENSOR_DEPTH, &stream),
+              0);
+    OniRecorderHandle recorder = nullptr;
+    ASSERT_EQ(function<decltype(oniCreateRecorder)>("oniCreateRecorder")(file.c_str(), &recorder),
+              0);
+    ASSERT_EQ(
+        function<decltype(oniRecorderAttachStream)>("oniRecorderAttachStream")(recorder, stream, 0),
+        0);
+    ASSERT_EQ(function<decltype(oniRecorderStart)>("oniRecorderStart")(recorder), 0);
+    ASSERT_EQ(function<decltype(oniStreamStart)>("oniStreamStart")(stream), 0);
+    while (control_->num_sent < num) test::sleep_seconds(0.005);
+    test::sleep_seconds(0.2);  // the recorder has a thread of its own
+    function<decltype(oniRecorderStop)>("oniRecorderStop")(recorder);
+    function<decltype(oniRecorderDestroy)>("oniRecorderDestroy")(&recorder);
+    function<decltype(oniStreamStop)>("oniStreamStop")(stream);
+    function<decltype(oniStreamDestroy)>("oniStreamDestroy")(stream);
+    function<decltype(oniDeviceClose)>("oniDeviceClose")(device);
+  }
+
+  inline static FakeOpenni2* control_ = nullptr;
+};
+
+TEST_F(Openni2, IsFoundWithItsVersionAndCamera) {
+  for (const FoundCameras& found : find_cameras()) {
+    if (found.kind != "openni2") continue;
+    EXPECT_TRUE(found.is_usable);
+    EXPECT_TRUE(found.version.starts_with("2.")) << found.version;
+    EXPECT_EQ(found.devices, std::vector<std::string>{"openni2:fake:0"});
+    return;
+  }
+  FAIL();
+}
+
+TEST_F(Openni2, ACameraConforms) {
+  test::expect_camera([] { return open_camera("openni2?size=64x48"); }, 30, 64, 48);
+  const auto camera = open_camera("openni2:fake:0?size=320x240").value();
+  // Of the field of view that the driver tells.
+  EXPECT_NEAR(camera->info().intrinsics.fx, 160 / std::tan(1.0145 / 2), 1e-3);
+  EXPECT_NEAR(camera->info().intrinsics.fy, 120 / std::tan(0.7898 / 2), 1e-3);
+  EXPECT_EQ(camera->info().intrinsics.cx, 159.5);
+  EXPECT_EQ(camera->info().rate, 30);
+}
+
+TEST_F(Openni2, TheUsualModeIsTheDefaultAndOthersAreTold) {
+  EXPECT_EQ(open_camera("openni2").value()->info().width, 640);
+  const auto refused = open_camera("openni2?size=100x100");
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("640x480 at 30 Hz"), std::string::npos)
+      << refused.error().message;
+}
+
+TEST_F(Openni2, ItsRecordingsConform) {
+  const std::string file =
+      (std::filesystem::temp_directory_path() / ("palpate_" + std::to_string(getpid()) + ".oni"))
+          .string();
+  control_->width = 64;
+  control_->height = 48;
+  control_->microseconds = 10000;
+  record(file, 30);
+  for (int round = 0; round < 2; ++round) {
+    test::expect_recording([&] { return open_camera("openni2:" + file); }, 30, 64, 48);
+  }
+  std::filesystem::remove(file);
+  EXPECT_NE(open_camera("openni2:" + file).error().message.find("no such file"), std::string::npos);
+  std::ofstream(file) << "not a recording";
+  EXPECT_FALSE(open_camera("openni2:" + file));
+  std::filesystem::remove(file);
+}
+
+TEST_F(Openni2, ComesBackAfterItWasUnplugged) {
+  const auto camera = open_camera("openni2?size=64x48").value();
+  DepthFrame frame;
+  ASSERT_TRUE(*camera->next(frame));
+  control_->plug(false);
+  EXPECT_NE(open_camera("openni2").error().message.find("no camera"), std::string::npos);
+  std::thread other([&] {
+    test::sleep_seconds(4);
+    control_->plug(true);
+  });
+  EXPECT_TRUE(test::next_until(*camera, frame, [&] { return control_->is_plugged.load(); }));
+  other.join();
+  EXPECT_TRUE(*camera->next(frame));
+  const std::string notes = test::all_notes(*camera);
+  EXPECT_NE(notes.find("was lost"), std::string::npos) << notes;
+  EXPECT_NE(notes.find("is back"), std::string::npos) << notes;
+}
+
+TEST_F(Openni2, AStalledCameraIsOpenedAgain) {
+  const auto camera = open_camera("openni2?size=64x48").value();
+  DepthFrame frame;
+  ASSERT_TRUE(*camera->next(frame));
+  control_->is_stalled = true;
+  std::thread other([&] {
+    test::sleep_seconds(3.5);
+    control_->is_stalled = false;
+  });
+  EXPECT_TRUE(test::next_until(*camera, frame, [&] { return !control_->is_stalled; }));
+  other.join();
+  EXPECT_NE(test::all_notes(*camera).find("sends no frames"), std::string::npos);
+}
+
+TEST_F(Openni2, AnotherImageSizeIsFollowed) {
+  const auto camera = open_camera("openni2?size=64x48").value();
+  DepthFrame frame;
+  ASSERT_TRUE(*camera->next(frame));
+  control_->width = 32;
+  control_->height = 24;
+  std::string notes;
+  EXPECT_TRUE(test::next_until(
+      *camera, frame,
+      [&] { return (notes += test::all_notes(*camera)).find("64 x 48 to 32 x 24") != notes.npos; },
+      2000))
+      << notes;
+  EXPECT_EQ(frame.width, 64);
+}
+
+TEST_F(Openni2, TenThousandFramesTakeNoMemory) {
+  control_->microseconds = 0;
+  const auto raw = open_openni2_camera(parse_camera_uri("openni2?size=64x48").value(), {});
+  ASSERT_TRUE(raw);
+  test::expect_no_growth(*raw->source, 10000);
+}
+
+}  // namespace
+}  // namespace palpate

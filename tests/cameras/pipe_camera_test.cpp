@@ -1,0 +1,179 @@
+// Raw frames through files, named pipes and sockets.
+#include <gtest/gtest.h>
+
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <thread>
+
+#include "palpate/cameras/open_camera.h"
+#include "tests/cameras/camera_fakes.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kWidth = 32, kHeight = 24;
+const std::string kSize = "?size=32x24&intrinsics=32,32,15.5,11.5";
+const std::string kNoSize = "?intrinsics=32,32,15.5,11.5";
+
+class PipeCamera : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("pipe_camera_" + std::to_string(getpid()) + "_" +
+               testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::string path(const char* name) const { return (folder_ / name).string(); }
+
+  std::filesystem::path folder_;
+};
+
+std::string raw(int number, int width = kWidth, int height = kHeight) {
+  const auto pixels = test::pattern(width, height, number);
+  return {reinterpret_cast<const char*>(pixels.data()), 2 * pixels.size()};
+}
+
+std::string header(double time, double unit, std::uint32_t width = kWidth,
+                   std::uint32_t height = kHeight) {
+  std::string bytes(32, '\0');
+  std::memcpy(bytes.data(), "PALPDEP1", 8);
+  std::memcpy(bytes.data() + 8, &width, 4);
+  std::memcpy(bytes.data() + 12, &height, 4);
+  std::memcpy(bytes.data() + 16, &time, 8);
+  std::memcpy(bytes.data() + 24, &unit, 8);
+  return bytes;
+}
+
+void write(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+TEST_F(PipeCamera, AFileGivesEveryFrameAtTheRate) {
+  std::string bytes;
+  for (int k = 0; k < 5; ++k) bytes += raw(k);
+  write(path("raw"), bytes);
+  const auto camera = open_camera("pipe:" + path("raw") + kSize + "&rate=10&unit=0.0002").value();
+  EXPECT_FALSE(camera->info().is_live);
+  EXPECT_EQ(camera->info().unit, 0.0002);
+  DepthFrame frame;
+  for (int k = 0; k < 5; ++k) {
+    ASSERT_TRUE(*camera->next(frame));
+    EXPECT_EQ(frame.pixels, test::pattern(kWidth, kHeight, k));
+    EXPECT_DOUBLE_EQ(frame.timestamp, k / 10.0);
+    EXPECT_EQ(frame.unit, 0.0002);
+  }
+  EXPECT_FALSE(*camera->next(frame));
+}
+
+TEST_F(PipeCamera, HeadersTellSizeTimeAndUnit) {
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  write(path("raw"), header(5.25, 0.0001) + raw(0) + header(5.5, none) + raw(1) +
+                         header(6, 0.0005, 16, 12) + raw(2, 16, 12));
+  const auto camera = open_camera("pipe:" + path("raw") + kNoSize).value();
+  DepthFrame frame;
+  ASSERT_TRUE(*camera->next(frame));
+  EXPECT_EQ(frame.timestamp, 5.25);
+  EXPECT_EQ(frame.unit, 0.0001);
+  EXPECT_EQ(frame.pixels, test::pattern(kWidth, kHeight, 0));
+  ASSERT_TRUE(*camera->next(frame));
+  EXPECT_EQ(frame.timestamp, 5.5);
+  EXPECT_EQ(frame.pixels, test::pattern(kWidth, kHeight, 1));
+  ASSERT_TRUE(*camera->next(frame));
+  EXPECT_EQ(frame.width, kWidth);  // as before
+  EXPECT_EQ(frame.unit, 0.0005);
+  EXPECT_EQ(frame.pixels[2 * kWidth + 4], test::count_at(2, 1, 2));
+  EXPECT_FALSE(*camera->next(frame));
+}
+
+TEST_F(PipeCamera, SaysWhatIsWrong) {
+  const auto opened = [&](const std::string& bytes, const std::string& parameters) {
+    write(path("raw"), bytes);
+    auto camera = open_camera("pipe:" + path("raw") + parameters);
+    if (!camera) return camera.error().message;
+    DepthFrame frame;
+    Result<bool> got = true;
+    while (got && *got) got = (*camera)->next(frame);
+    return got ? std::string() : got.error().message;
+  };
+  const auto has = [](const std::string& text, const char* words) {
+    return text.find(words) != std::string::npos;
+  };
+  EXPECT_EQ(opened(raw(0), kSize), "");
+  EXPECT_TRUE(has(opened("", kSize), "holds no frame"));
+  EXPECT_TRUE(has(opened("abc", kSize), "cut off"));
+  EXPECT_TRUE(has(opened(raw(0) + "ab", kSize), "cut off within a frame"));
+  EXPECT_TRUE(has(opened(raw(0), kNoSize), "?size="));
+  EXPECT_TRUE(has(opened(raw(0), "?size=32x24"), "?intrinsics="));
+  EXPECT_TRUE(has(opened(header(0, 0.001).substr(0, 20), kNoSize), "cut off"));
+  EXPECT_TRUE(has(opened(header(0, 0.001), kNoSize), "cut off"));
+  EXPECT_TRUE(has(opened(header(0, 0.001, 5000, 5), kNoSize), "damaged"));
+  EXPECT_TRUE(has(opened(header(0, -1), kNoSize), "damaged"));
+  EXPECT_TRUE(has(opened(header(0, 1) + raw(0) + raw(1), kNoSize), "damaged"));
+  EXPECT_TRUE(has(open_camera("pipe:" + path("nothing") + kSize).error().message, "cannot open"));
+  EXPECT_TRUE(has(open_camera("pipe:" + folder_.string() + kSize).error().message, "a folder"));
+}
+
+TEST_F(PipeCamera, ANamedPipeIsLiveOrEveryFrameCounts) {
+  for (const bool in_real_time : {true, false}) {
+    const std::string name = path(in_real_time ? "live" : "all");
+    ASSERT_EQ(mkfifo(name.c_str(), 0600), 0);
+    std::thread writer([&] {
+      test::sleep_seconds(0.1);  // the reader may be first
+      std::ofstream pipe(name, std::ios::binary);
+      for (int k = 0; k < 40; ++k) pipe << raw(k) << std::flush;
+    });
+    const auto camera = open_camera("pipe:" + name + kSize, {in_real_time, {}}).value();
+    EXPECT_EQ(camera->info().is_live, in_real_time);
+    DepthFrame frame;
+    int num = 0, last = -1;
+    while (*camera->next(frame)) {
+      const int number = test::number_of(frame, 40);
+      EXPECT_GT(number, last);
+      last = number;
+      ++num;
+    }
+    EXPECT_EQ(last, 39);
+    EXPECT_TRUE(in_real_time || num == 40);
+    writer.join();
+  }
+}
+
+TEST_F(PipeCamera, ASocketIsReadToo) {
+  const std::string name = path("socket");
+  const int server = socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strncpy(address.sun_path, name.c_str(), sizeof address.sun_path - 1);
+  ASSERT_EQ(bind(server, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ASSERT_EQ(listen(server, 1), 0);
+  std::thread writer([&] {
+    const int client = accept(server, nullptr, nullptr);
+    for (int k = 0; k < 10; ++k) {
+      const std::string bytes = header(k, 0.001) + raw(k);
+      EXPECT_EQ(::write(client, bytes.data(), bytes.size()), ssize_t(bytes.size()));
+    }
+    close(client);
+  });
+  const auto camera = open_camera("pipe:" + name + kNoSize, {false, {}}).value();
+  DepthFrame frame;
+  for (int k = 0; k < 10; ++k) {
+    ASSERT_TRUE(*camera->next(frame));
+    EXPECT_EQ(frame.pixels, test::pattern(kWidth, kHeight, k));
+    EXPECT_EQ(frame.timestamp, k);
+  }
+  EXPECT_FALSE(*camera->next(frame));
+  writer.join();
+  close(server);
+}
+
+}  // namespace
+}  // namespace palpate

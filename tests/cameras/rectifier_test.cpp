@@ -1,0 +1,118 @@
+// Undistorted images against OpenCV's formulas, pixel by pixel.
+#include "src/cameras/rectifier.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/cameras/camera_fakes.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kWidth = 160, kHeight = 120;
+const Intrinsics kCamera{140, 142, 79.3, 60.1};
+
+/// As the documentation of OpenCV's calib3d writes it, term by term.
+void project(const Distortion& d, const Intrinsics& camera, double x, double y, double& u,
+             double& v) {
+  const double r2 = x * x + y * y, r4 = r2 * r2, r6 = r2 * r2 * r2;
+  const double radial =
+      (1 + d.k1 * r2 + d.k2 * r4 + d.k3 * r6) / (1 + d.k4 * r2 + d.k5 * r4 + d.k6 * r6);
+  u = camera.fx * (x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x)) + camera.cx;
+  v = camera.fy * (y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y) + camera.cy;
+}
+
+/// Every pixel that comes out is the raw one nearest to where its ray is seen.
+void expect_nearest(const Distortion& distortion, const CameraModel& raw) {
+  Rectifier rectifier({kWidth, kHeight, kCamera, {}});
+  DepthFrame frame;
+  frame.width = raw.width;
+  frame.height = raw.height;
+  for (int i = 0; i < raw.width * raw.height; ++i) {
+    frame.pixels.push_back(static_cast<std::uint16_t>(i + 1));
+  }
+  CameraModel model = raw;
+  model.distortion = distortion;
+  rectifier.apply(model, frame);
+  ASSERT_EQ(frame.width, kWidth);
+  ASSERT_EQ(frame.pixels.size(), std::size_t{kWidth * kHeight});
+  int num_seen = 0;
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      double u_raw, v_raw;
+      project(distortion, raw.intrinsics, (u - kCamera.cx) / kCamera.fx,
+              (v - kCamera.cy) / kCamera.fy, u_raw, v_raw);
+      const bool is_inside =
+          u_raw > -0.5 && v_raw > -0.5 && u_raw < raw.width - 0.5 && v_raw < raw.height - 0.5;
+      const int got = frame.pixels[static_cast<std::size_t>(v * kWidth + u)];
+      if (!is_inside) {
+        EXPECT_EQ(got, 0) << u << " " << v;
+        continue;
+      }
+      ASSERT_GT(got, 0) << u << " " << v;
+      EXPECT_NEAR((got - 1) % raw.width, u_raw, 0.5 + 1e-6);
+      EXPECT_NEAR((got - 1) / raw.width, v_raw, 0.5 + 1e-6);
+      ++num_seen;
+    }
+  }
+  EXPECT_GT(num_seen, kWidth * kHeight / 2);
+}
+
+TEST(Rectifier, BrownConrady) {
+  expect_nearest({-0.28, 0.09, 0.001, -0.002, -0.01, 0, 0, 0}, {kWidth, kHeight, kCamera, {}});
+  expect_nearest({0.12, -0.03, -0.003, 0.001, 0, 0, 0, 0}, {kWidth, kHeight, kCamera, {}});
+}
+
+TEST(Rectifier, Rational) {
+  // The wide-angle numbers of an Azure Kinect's depth camera.
+  expect_nearest({5.9, 3.4, 1e-5, 3e-5, 0.17, 6.2, 5.1, 0.9}, {kWidth, kHeight, kCamera, {}});
+}
+
+TEST(Rectifier, AnotherSizeIsTheSameView) {
+  expect_nearest({}, {80, 60, {70, 71, 39.4, 29.8}, {}});
+  expect_nearest({-0.1, 0, 0, 0, 0, 0, 0, 0}, {200, 150, {175, 177.5, 99.25, 75.25}, {}});
+}
+
+TEST(Rectifier, APinholeIsLeftAlone) {
+  Rectifier rectifier({kWidth, kHeight, kCamera, {}});
+  DepthFrame frame = test::pattern_frame(kWidth, kHeight, 3, 0);
+  const auto* const memory = frame.pixels.data();
+  rectifier.apply({kWidth, kHeight, kCamera, {}}, frame);
+  EXPECT_EQ(frame.pixels, test::pattern(kWidth, kHeight, 3));
+  EXPECT_EQ(frame.pixels.data(), memory);
+}
+
+TEST(Rectifier, NothingIsSeenTwiceWhereThePolynomialTurnsBack) {
+  // r (1 - r^2) grows up to r = 1 / sqrt(3) and then turns back.
+  const Distortion back{-1, 0, 0, 0, 0, 0, 0, 0};
+  EXPECT_NEAR(largest_radius(back, 2), 1 / std::sqrt(3.0), 1e-3);
+  EXPECT_EQ(largest_radius({0.1, 0, 0, 0, 0, 0, 0, 0}, 2), 2);
+  const Intrinsics wide{40, 40, 79.5, 59.5};
+  Rectifier rectifier({kWidth, kHeight, wide, {}});
+  DepthFrame frame = test::pattern_frame(kWidth, kHeight, 0, 0);
+  rectifier.apply({kWidth, kHeight, wide, back}, frame);
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      const double r = std::hypot((u - 79.5) / 40, (v - 59.5) / 40);
+      const bool is_seen = frame.pixels[static_cast<std::size_t>(v * kWidth + u)] != 0;
+      EXPECT_TRUE(is_seen || r > 0.57);
+      EXPECT_TRUE(!is_seen || r < 0.585);
+    }
+  }
+}
+
+TEST(CameraTruth, WinsOverTheStreamAndFollowsItsSize) {
+  DepthStreamInfo stream = test::stream_info(320, 240);
+  stream.distortion.k1 = 0.5;
+  const CameraTruth truth{Intrinsics{300, 300, 159.5, 119.5}, Distortion{}, {}, {320, 240}};
+  const CameraModel same = truth.model_of(stream, 320, 240);
+  EXPECT_EQ(same.intrinsics, *truth.intrinsics);
+  EXPECT_EQ(same.distortion, Distortion{});
+  const CameraModel half = truth.model_of(stream, 160, 120);
+  EXPECT_EQ(half.intrinsics, (Intrinsics{150, 150, 79.5, 59.5}));
+  EXPECT_EQ((CameraTruth{{}, {}, {}, {320, 240}}.model_of(stream, 320, 240).distortion.k1), 0.5);
+}
+
+}  // namespace
+}  // namespace palpate
