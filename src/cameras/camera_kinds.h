@@ -11,8 +11,8 @@ using OpenKind = Result<RawStream>(const CameraUri& uri, const CameraOpening& op
 using FindKind = FoundCameras();
 
 OpenKind open_folder_camera, open_scene_camera, open_pipe_camera, open_bag_camera,
-    open_openni2_camera, open_realsense_camera;
+    open_openni2_camera, open_realsense_camera, open_k4a_camera;
 FindKind find_folder_cameras, find_scene_cameras, find_pipe_cameras, find_bag_cameras,
-    find_openni2_cameras, find_realsense_cameras;
+    find_openni2_cameras, find_realsense_cameras, find_k4a_cameras;
 
 }  // namespace palpate

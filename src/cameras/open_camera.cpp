@@ -1,7 +1,9 @@
 #include "palpate/cameras/open_camera.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <future>
+#include <mutex>
 #include <system_error>
 
 #include "src/cameras/camera_kinds.h"
@@ -22,8 +24,15 @@ constexpr Kind kKinds[] = {
     {"openni2", "openni2[:NAME|FILE.oni]", open_openni2_camera, find_openni2_cameras},
     {"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", open_realsense_camera,
      find_realsense_cameras},
+    {"k4a", "k4a[:NUMBER|FILE.mkv]", open_k4a_camera, find_k4a_cameras},
     {"pipe", "pipe:[FILE|-]", open_pipe_camera, find_pipe_cameras},
 };
+
+/// libk4a logs to the standard output, which may be somebody's JSON. Before any thread of ours.
+void keep_libraries_quiet() {
+  static std::once_flag once;
+  std::call_once(once, [] { setenv("K4A_ENABLE_LOG_TO_STDOUT", "0", 0); });
+}
 
 Error no_such_kind(const CameraUri& uri) {
   std::string known;
@@ -35,6 +44,7 @@ Error no_such_kind(const CameraUri& uri) {
 }  // namespace
 
 std::vector<FoundCameras> find_cameras() {
+  keep_libraries_quiet();
   // All at once: most of the time goes into waiting for answers.
   std::vector<std::future<FoundCameras>> answers;
   for (const Kind& kind : kKinds) {
@@ -51,6 +61,7 @@ std::vector<FoundCameras> find_cameras() {
 
 Result<std::unique_ptr<DepthSource>> open_camera(std::string_view text,
                                                  const CameraOpening& opening) {
+  keep_libraries_quiet();
   const auto uri = parse_camera_uri(text);
   if (!uri) return uri.error();
   const auto kind = std::ranges::find(kKinds, std::string_view(uri->kind), &Kind::name);

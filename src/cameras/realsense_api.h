@@ -1,9 +1,11 @@
 // What of librealsense2 is called, with declarations of our own (rs.h, version 2.x).
 #pragma once
 
+#include <memory>
 #include <string>
 
-#include "palpate/core/result.h"
+#include "palpate/cameras/camera_uri.h"
+#include "palpate/cloud/depth_source.h"
 
 namespace palpate::realsense {
 
@@ -85,5 +87,9 @@ struct Api {
 /// Loads it, once: librealsense2.so, or the one in the Python package pyrealsense2. Errors: every
 /// place that was tried.
 const Result<Api>& api();
+
+/// The depth of a device, which it takes over. `file`: of a recording; empty: a camera.
+Result<std::unique_ptr<DepthSource>> open_device(Device* device, const CameraUri& uri,
+                                                 const std::string& file);
 
 }  // namespace palpate::realsense

@@ -231,6 +231,13 @@ void for_each_device(const Api& api, const Keep& keep) {
 
 }  // namespace
 
+Result<std::unique_ptr<DepthSource>> realsense::open_device(Device* device, const CameraUri& uri,
+                                                            const std::string& file) {
+  auto source = std::make_unique<RealsenseSource>(*api(), device, file);
+  if (const Status status = source->open(uri); !status) return status.error();
+  return std::unique_ptr<DepthSource>(std::move(source));
+}
+
 Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpening&) {
   if (const Status status = uri.check_extras(); !status) return status.error();
   const bool is_file = uri.target.ends_with(".db3") || uri.target.ends_with(".bag");
@@ -261,9 +268,9 @@ Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpenin
                        "; plug it in, and see that you may use it (udev rules of librealsense2)"};
     }
   }
-  auto source = std::make_unique<RealsenseSource>(*loaded, device, is_file ? uri.target : "");
-  if (const Status status = source->open(uri); !status) return status.error();
-  return RawStream{std::move(source), true, true};
+  auto source = realsense::open_device(device, uri, is_file ? uri.target : "");
+  if (!source) return source.error();
+  return RawStream{*std::move(source), true, true};
 }
 
 FoundCameras find_realsense_cameras() {
