@@ -1,8 +1,13 @@
 // palpate cameras: which depth cameras can be used here.
 
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "apps/options.h"
 #include "apps/tool_info.h"
@@ -41,6 +46,72 @@ Status run(bool json) {
   return Done{};
 }
 
+/// What a camera sends in a few seconds, for whoever owns it to tell us.
+Status try_camera(const std::string& uri) {
+  constexpr int kMostFrames = 300;
+  constexpr std::chrono::seconds kTime{5};
+  auto source = open_camera(uri);
+  if (!source) return source.error();
+  const DepthStreamInfo& info = (*source)->info();
+  const auto& [fx, fy, cx, cy] = info.intrinsics;
+  std::printf("%s: %d x %d at %g Hz, intrinsics %.6g,%.6g,%.6g,%.6g, %g m per count\n", uri.c_str(),
+              info.width, info.height, info.rate, fx, fy, cx, cy, info.unit);
+  DepthFrame frame;
+  int num_frames = 0;
+  double first = 0, last = 0;
+  std::vector<std::uint16_t> measured;
+  const auto end = std::chrono::steady_clock::now() + kTime;
+  while (num_frames < kMostFrames && std::chrono::steady_clock::now() < end) {
+    const auto got = (*source)->next(frame);
+    if (!got) return got.error();
+    if (!*got) break;
+    if (num_frames++ == 0) first = frame.timestamp;
+    last = frame.timestamp;
+  }
+  for (const std::uint16_t count : frame.pixels) {
+    if (count != 0 && count != 65535) measured.push_back(count);
+  }
+  if (num_frames == 0 || measured.empty()) {
+    return Error{Errc::bad_input, uri + " has sent no measurement"};
+  }
+  const auto middle = measured.begin() + static_cast<std::ptrdiff_t>(measured.size() / 2);
+  std::nth_element(measured.begin(), middle, measured.end());
+  std::printf(
+      "  %d frames in %.2f s by their time stamps; the last one: %.1f %% measured, %.3f m "
+      "away in the middle\n",
+      num_frames, last - first,
+      100.0 * static_cast<double>(measured.size()) / static_cast<double>(frame.pixels.size()),
+      *middle * frame.unit);
+  (*source)->cancel();
+  for (const std::string& note : (*source)->take_notes()) std::printf("  %s\n", note.c_str());
+  return Done{};
+}
+
+/// Every camera that is there, or those that are named; all of them, whatever one says.
+Status self_test(std::vector<std::string> uris) {
+  std::cout << "palpate " PALPATE_VERSION "\n";
+  for (const FoundCameras& found : find_cameras()) {
+    if (!found.library.empty()) {
+      std::cout << found.kind << ": " << found.library << ", version " << found.version << "\n";
+    }
+    if (!found.library.empty() && uris.empty()) {
+      uris.insert(uris.end(), found.devices.begin(), found.devices.end());
+    }
+  }
+  std::cout.flush();
+  if (uris.empty()) {
+    return Error{Errc::not_found, "no camera is plugged in; palpate cameras says what was tried"};
+  }
+  std::string failed;
+  for (const std::string& uri : uris) {
+    const Status tried = try_camera(uri);
+    if (!tried) failed += (failed.empty() ? "" : "; ") + tried.error().message;
+  }
+  std::fflush(stdout);
+  if (!failed.empty()) return Error{Errc::unavailable, failed};
+  return Done{};
+}
+
 }  // namespace
 
 void add_cameras(CLI::App& program, Action& action) {
@@ -49,8 +120,18 @@ void add_cameras(CLI::App& program, Action& action) {
       "cameras", "List depth cameras; '-' marks kinds that cannot be used, and says why.");
   app.alias("sensors");
   app.add_flag("--json", *json, "print the list as JSON");
-  app.footer("Example: palpate cameras");
-  app.callback([json, &action] { action = [json] { return run(*json); }; });
+  const auto uris = std::make_shared<std::vector<std::string>>();
+  const auto tests = std::make_shared<bool>(false);
+  CLI::Option* const self =
+      app.add_flag("--selftest", *tests,
+                   "take frames from every camera for a few seconds and say what "
+                   "they are like: please tell us");
+  app.add_option("uri", *uris, "--selftest: only these")->type_name("URI")->needs(self);
+  app.footer("Example: palpate cameras --selftest");
+  app.callback([json, uris, tests, &action] {
+    if (*tests && *json) usage_error("cameras: --json goes with the list, not with --selftest");
+    action = [json, uris, tests] { return *tests ? self_test(*uris) : run(*json); };
+  });
 }
 
 }  // namespace palpate::apps

@@ -85,7 +85,8 @@ install_python_packages() {
       return 0
     fi
   fi
-  if "$python" -m pip show -q "${camera_packages[@]}" 2>/dev/null; then return 0; fi
+  if "$python" -c "import sys; from importlib.util import find_spec
+sys.exit(None in map(find_spec, ('pyrealsense2', 'k4a_module')))" 2>/dev/null; then return 0; fi
   echo "setup: installing ${camera_packages[*]} into build/python"
   if ! "$python" -m pip install -q --no-deps "${camera_packages[@]}"; then
     echo "setup: could not install ${camera_packages[*]}: see the message above. The tests of these" >&2

@@ -81,6 +81,20 @@ class Cameras(unittest.TestCase):
                 self.assertTrue(each["reason"])
         self.assertIn(b"pipe:[FILE|-]", self.check(palpate("cameras")).stdout)
 
+    def test_self_test(self):
+        raw = self.folder / "self.raw"
+        raw.write_bytes(b"".join(header(k / 30) + wall(k) for k in range(31)))
+        camera = f"pipe:{raw}?intrinsics={INTRINSICS}"
+        said = self.check(palpate("cameras", "--selftest", camera)).stdout.decode()
+        self.assertIn("160 x 120 at 30 Hz, intrinsics 200,200,79.5,59.5", said)
+        self.assertIn("31 frames in 1.00 s", said)
+        self.assertIn("100.0 % measured, 0.504 m away", said)
+        done = palpate("cameras", "--selftest", camera, f"pipe:{self.folder}/no?size=8x8")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(b"31 frames", done.stdout)
+        self.assertIn(b"cannot open", done.stderr)
+        self.refused("--json goes with the list", "cameras", "--selftest", "--json", status=2)
+
     def test_wrong_usage(self):
         touch = ["touch", self.tool, "-o", self.run_folder()]
         self.refused("give one of --camera", *touch, status=2)
