@@ -64,6 +64,8 @@ std::string sharing(const char* method, const char* image, const char* how) {
 constexpr const char* kMethods[] = {"field", "simplified"};
 constexpr const char* kImages[] = {"640x480", "1920x1080"};
 
+constexpr const char* kItsFrames = "; its frames";
+
 std::string in_parts(int num) {
   return num == 1 ? std::string("whole frames; equal priority")
                   : words("%d parts spread over the frame time; equal priority", num);
@@ -119,8 +121,28 @@ Result<FigureResult> figure_4_2(Context& context) {
        words("p99.9 of a query %.0f µs beside whole frames at low priority, %.0f beside 16 parts.",
              calm->p999, parts->p999),
        is_better(calm->p999, parts->p999), Source::ours});
-  result.notes.push_back(
-      "A frame takes 0.1 ms on this GPU instead of 3 ms, so there is little to spread.");
+  const Row* whole_frames = gpu->find(sharing(method, image, low_priority.c_str()) + kItsFrames);
+  const Row* frames_in_parts = gpu->find(sharing(method, image, in_parts(16).c_str()) + kItsFrames);
+  if (whole_frames != nullptr && frames_in_parts != nullptr) {
+    const double waits = 1e-3 * (frames_in_parts->median - whole_frames->median);
+    result.claims.push_back(
+        {"Leaving out the pauses of eq. 4.19 is right: they delay what is felt by more than they "
+         "spare a query.",
+         words(
+             "In 16 parts a frame is finished %.1f ms later than as a whole at low priority (%.2f "
+             "ms); the p99.9 of a query is %.3f ms with parts and %.3f ms with whole frames.",
+             waits, 1e-3 * whole_frames->median, 1e-3 * parts->p999, 1e-3 * calm->p999),
+         waits > 1e-3 * (calm->p999 - parts->p999) ? Verdict::holds : Verdict::fails});
+    result.numbers.push_back({"parts.delay", waits, "ms"});
+  }
+  result.notes.push_back(words(
+      "A frame takes %.2f ms on this GPU instead of 3 ms, so there is little to spread. Parts "
+      "begin "
+      "at fixed shares of the frame time; eq. 4.19 finds these times by a moving average of the "
+      "work's, clamped. The program does not use it: frames are made whole, at low priority. "
+      "Drawing "
+      "on the same GPU at the same time was not measured.",
+      whole_frames != nullptr ? 1e-3 * whole_frames->median : 0.2));
   result.notes.push_back("Rows of commit " + gpu->commit + ".");
   result.tables.push_back(std::move(table));
   return result;

@@ -366,7 +366,7 @@ Status add_plane(FigureResult& result, const Tool& tool, int num_poses) {
 }
 
 Result<FigureResult> figure_silhouettes(Context& context) {
-  const auto tool = context.tool(kSilhouetteTool, kSilhouetteToolSize, spheres_of_tools(context));
+  const auto tool = context.tool(kSilhouetteTool, kSilhouetteToolSize, kSilhouetteSpheres);
   if (!tool) return tool.error();
   FigureResult result;
   Steps steps;

@@ -19,7 +19,9 @@ inline constexpr double kBound = 1.05;               // times V: no force is lon
 inline constexpr double kRounding = 1e-6;
 inline constexpr double kCalm = 1.05, kLong = 1.1;  // times V
 
-inline int spheres_of_tools(const Context& context) { return context.choose(2000, 300); }
+/// In the quick form too: with few spheres the volume of a large one is bent at its centre alone,
+/// and the stiffness of a tool of 300 is up to twice as large.
+inline constexpr int kSilhouetteSpheres = 2000;
 
 /// |F| / V of contacts.
 struct Ratios {

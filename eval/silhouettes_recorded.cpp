@@ -154,9 +154,9 @@ Verdict verdict_of_calm(double share, double worst) {
 constexpr const char* kClaimOfBound =
     "On recorded frames no force of the field is longer than 1.05 V.";
 constexpr const char* kClaimOfStiffness =
-    "On recorded frames no eigenvalue of the force's stiffness is larger than "
-    "12 "
-    "sections of the tool (the largest face of its box).";
+    "On recorded frames no eigenvalue of the force's stiffness is larger than 12 sections of the "
+    "tool "
+    "(the largest face of its box), with 2,000 spheres.";
 constexpr const char* kClaimOfCalm =
     "Where nothing steps under the tool the force is no longer than the volume.";
 
@@ -209,7 +209,7 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
   std::vector<std::shared_ptr<const Tool>> tools;
   std::vector<Feeler> feelers;  // [frame][tool]
   for (const auto& [shape, size] : kTools) {
-    auto tool = context.tool(shape, size, spheres_of_tools(context));
+    auto tool = context.tool(shape, size, kSilhouetteSpheres);
     if (!tool) return tool.error();
     tools.push_back(*std::move(tool));
   }
@@ -264,7 +264,7 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
       "of %d spheres "
       "each; contacts above 2 %% of the tool. Nothing steps: all pixels of the rectangle around "
       "the tool are valid, and no neighbour is more than 1.5 %% of the depth away.",
-      num_poses, spheres_of_tools(context)));
+      num_poses, kSilhouetteSpheres));
   return Done{};
 }
 
