@@ -61,21 +61,19 @@ Patch patch_at(const PointCloudView& cloud, int u0, int v0, double radius) {
 }
 
 /// Moves around a place; `depth` m behind it on average, `swing` m more or less.
-Pose pose_at(const Place& place, const Vec3d& centre_T, double depth, double swing, double phase) {
-  const double a = 2 * kPi * phase;
+Pose pose_at(const Place& place, const Vec3d& centre_T, double depth, double swing,
+             const HandShift& at) {
   const Vec3d side = normalized(cross(place.into_W, Vec3d{0, 1, 0.3}));
   const Vec3d up = cross(place.into_W, side);
-  const Vec3d p = place.p_W + 0.012 * std::sin(2 * a) * side + 0.02 * std::sin(3 * a) * up +
-                  (depth + swing * std::sin(7 * a)) * place.into_W;
-  const Vec3d turn = 0.08 * std::sin(a) * side + 0.06 * std::sin(2 * a + 1) * up +
-                     0.1 * std::sin(3 * a + 2) * place.into_W;
+  const Vec3d p = place.p_W + at.side * side + at.up * up + (depth + swing * at.in) * place.into_W;
+  const Vec3d turn = at.turn.x * side + at.turn.y * up + at.turn.z * place.into_W;
   const Quaternion R_WT = rotation_by(turn);
   return {p - rotate(R_WT, centre_T), R_WT};
 }
 
 }  // namespace
 
-Result<Place> calm_place(const PointCloudView& cloud, double radius) {
+Result<Place> calm_place(const PointCloudView& cloud, double radius, double farthest) {
   Place best;
   double least = INFINITY;
   for (int v = kCellPixels; v < cloud.height - kCellPixels; v += kCellPixels) {
@@ -85,7 +83,7 @@ Result<Place> calm_place(const PointCloudView& cloud, double radius) {
       const double off = std::hypot((u - cloud.width / 2.0) / cloud.width,
                                     (v - cloud.height / 2.0) / cloud.height);
       const double cost = patch.unevenness + 0.01 * off + 0.002 * patch.point.z;
-      if (cost < least) {
+      if (cost < least && patch.point.z < farthest) {
         least = cost;
         best = {patch.point, -1.0 * patch.normal};
       }
@@ -95,10 +93,44 @@ Result<Place> calm_place(const PointCloudView& cloud, double radius) {
   return Error{Errc::bad_input, "the frame shows no surface that is large enough for the tool"};
 }
 
+HandShift figure_of_eight(double phase) {
+  const double a = 2 * kPi * phase;
+  return {0.012 * std::sin(2 * a),
+          0.02 * std::sin(3 * a),
+          std::sin(7 * a),
+          {0.08 * std::sin(a), 0.06 * std::sin(2 * a + 1), 0.1 * std::sin(3 * a + 2)}};
+}
+
+HandMotion recorded_hand(std::vector<TimedPose> poses) {
+  constexpr double kAcross = 0.015;       // m, rms
+  const double of_sine = std::sqrt(0.5);  // rms
+  Vec3d middle, turned, squares;
+  const auto num = static_cast<double>(poses.size());
+  const Quaternion first = poses.front().X_WT.rotation;
+  for (const TimedPose& at : poses) {
+    middle += 1 / num * at.X_WT.translation;
+    turned += 1 / num * turn_between(first, at.X_WT.rotation);
+  }
+  for (const TimedPose& at : poses) {
+    const Vec3d d = at.X_WT.translation - middle;
+    squares += 1 / num * Vec3d{d.x * d.x, d.y * d.y, d.z * d.z};
+  }
+  const double across = kAcross / std::sqrt((squares.x + squares.y) / 2);
+  const double in = of_sine / std::sqrt(squares.z);
+  return [=, poses = std::move(poses)](double phase) {
+    const double from = poses.front().time, to = poses.back().time;
+    const Pose at = palpate::pose_at(poses, from + phase * (to - from));
+    const Vec3d d = at.translation - middle;
+    return HandShift{across * d.x, across * d.y, in * d.z,
+                     turn_between(first, at.rotation) - turned};
+  };
+}
+
 Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean_depth,
-                           std::size_t num_poses, double swing) {
+                           std::size_t num_poses, double swing, const HandMotion& motion,
+                           double farthest) {
   const double radius = radius_of(tool);
-  const auto place = calm_place(frame.cloud(), radius);
+  const auto place = calm_place(frame.cloud(), radius, farthest);
   if (!place) return place.error();
   const auto feeler =
       tool.prefix(static_cast<int>(std::min<std::size_t>(1000, tool.spheres().size())));
@@ -114,7 +146,8 @@ Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean
   const auto feel = [&](double depth) {
     path.mean_depth = path.most_depth = 0;
     for (int i = 0; i < kProbes; ++i) {
-      const Pose X_WT = pose_at(*place, centre_T, depth, way, static_cast<double>(i) / kProbes);
+      const Pose X_WT =
+          pose_at(*place, centre_T, depth, way, motion(static_cast<double>(i) / kProbes));
       const double share = (*query)->measure(frame.surfaces(), X_WT).penetration.volume / whole;
       path.mean_depth += share / kProbes;
       path.most_depth = std::max(path.most_depth, share);
@@ -129,7 +162,7 @@ Result<HandPath> hand_path(const SeenFrame& frame, const Tool& tool, double mean
   feel((low + high) / 2);
   for (std::size_t i = 0; i < num_poses; ++i) {
     path.X_WT.push_back(pose_at(*place, centre_T, (low + high) / 2, way,
-                                static_cast<double>(i) / static_cast<double>(num_poses)));
+                                motion(static_cast<double>(i) / static_cast<double>(num_poses))));
   }
   return path;
 }

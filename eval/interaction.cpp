@@ -29,6 +29,26 @@ Result<Interaction> recorded_interaction(Context& context) {
   return Interaction{"recorded table, bunny", *std::move(frame), bunny, kToolSize};
 }
 
+Result<Interaction> hand_interaction(Context& context) {
+  constexpr double kPerson = 1.2;  // m: the wall behind is farther
+  DepthStreamInfo stream;
+  const auto frames = context.recorded("frames/pcl_person.png", stream);
+  if (!frames) return frames.error();
+  const auto file = context.settings().data / "trajectories/tum_fr1_xyz_handheld_100hz.txt";
+  if (!*frames || !std::filesystem::exists(file)) return simulated_interaction(context);
+  auto hand = load_trajectory(file);
+  if (!hand) return hand.error();
+  auto frame = SeenFrame::create(stream, (*frames)->front());
+  if (!frame) return frame.error();
+  const std::string bunny = (context.settings().data / "meshes_good/bunny_3k.off").string();
+  return Interaction{"recorded person, bunny, recorded hand",
+                     *std::move(frame),
+                     bunny,
+                     kToolSize,
+                     recorded_hand(*std::move(hand)),
+                     kPerson};
+}
+
 Result<SeenFrame> seen_scene(Context& context, const scenes::Scene& scene, bool with_noise) {
   scenes::SimulatedCameraOptions camera;
   camera.noise.enabled = with_noise;

@@ -11,17 +11,22 @@
 
 namespace palpate::eval {
 
-/// One frame to interact with, and the tool that goes with it.
+/// One frame to interact with, the tool that goes with it, and how a hand moves it.
 struct Interaction {
   std::string name;  ///< for captions: what is touched, with what
   SeenFrame frame;
   std::string shape;  ///< for Context::tool
   double size = 0;    ///< m
+  HandMotion motion = figure_of_eight;
+  double farthest = std::numeric_limits<double>::infinity();  ///< m: what is meant is nearer
 };
 
 /// A table that a Kinect recorded, touched with the bunny, if the data are there; else what
 /// simulated_interaction gives.
 Result<Interaction> recorded_interaction(Context& context);
+/// A person that a Kinect recorded, touched with the bunny by a recorded hand, if the data are
+/// there; else what simulated_interaction gives.
+Result<Interaction> hand_interaction(Context& context);
 /// A simulated mannequin with Kinect noise, touched with a torus. Needs no data.
 Result<Interaction> simulated_interaction(Context& context);
 

@@ -191,6 +191,7 @@ std::vector<FigureSpec> option_figures() {
       {"continuity", "Points that enter and leave a sphere", "Quality", figure_continuity},
       {"bodies", "Two packings that overlap", "Quality", figure_bodies},
       {"fill", "How full a packing is", "Quality", figure_fill},
+      {"priorities", "What makes a boundary sphere a good lender", "Quality", figure_priorities},
   };
 }
 
