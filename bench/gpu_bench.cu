@@ -278,8 +278,8 @@ void measure_sharing(int width, int height) {
         for (auto start = Clock::now(); goes_on; start += period) {
           std::this_thread::sleep_until(start);
           const auto begin = Clock::now();
-          // As with the pauses of eq. 4.19, but at fixed times instead of a moving average's: a part
-          // begins when its share of the frame time has come.
+          // As with the pauses of eq. 4.19, but at fixed times instead of a moving average's: a
+          // part begins when its share of the frame time has come.
           for (int part = 0; part < way.num_parts; ++part) {
             std::this_thread::sleep_until(start + part * period / way.num_parts);
             sensing.surface.enqueue(stream, part, way.num_parts);

@@ -234,11 +234,28 @@ Result<FigureResult> boundary(Context& context) {
     plot.curves.push_back({"as fast as ours", "exact", {x.front(), x.back()}, {1, 1}});
     result.plots.push_back(std::move(plot));
   }
+  Table short_table{"Other libraries, time over ours, over all sizes and depths",
+                    {"library", "asked", "least", "most", "its tree, ms per frame"},
+                    {}};
+  for (const std::string& peer : all.peers) {
+    for (const Question& question : kQuestions) {
+      double least = std::numeric_limits<double>::infinity(), most = 0, build = 0;
+      for (const Row& row : all.of(peer)) {
+        if (row.word("ask") != question.word) continue;
+        least = std::min(least, row.ratio()), most = std::max(most, row.ratio());
+        build = std::max(build, row.build);
+      }
+      if (most == 0) continue;
+      short_table.rows.push_back({peer, question.text, words("%.2f", least), words("%.1f", most),
+                                  words("%.1f", build / 1000)});
+    }
+  }
   for (const std::string& peer : all.peers) {
     const double build = all.of(peer).front().build;
     result.numbers.push_back({key_of(peer) + ".tree_share_of_frame", build / kFrame, ""});
   }
   result.tables.push_back(std::move(table));
+  result.tables.push_back(std::move(short_table));
   result.notes = all.notes;
   result.notes.push_back(
       "Ours adds up points and normals in both questions and needs no tree; the libraries get the "

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <ctime>
 #include <exception>
 #include <new>
@@ -142,6 +143,40 @@ Status make_missing(std::span<const FigureSpec> chosen, const EvaluationOptions&
 
 }  // namespace
 
+namespace {
+
+/// What the folder of data holds, for who has nothing but the folder.
+std::string data_readme(const Evaluation& evaluation) {
+  std::string text =
+      "# Data of the evaluation\n\n"
+      "Made by `" +
+      evaluation.command + "`" +
+      (evaluation.commit.empty() ? "" : ", commit " + evaluation.commit) + ", " +
+      evaluation.finished + " UTC, on " + evaluation.key.processor + ", " + evaluation.key.isa +
+      "; real frames " + evaluation.key.data +
+      ".\n\n"
+      "Of each figure:\n\n"
+      "* `ID.json`: all of it, with what it was made with, its claims, what was measured and the "
+      "verdicts.\n"
+      "* `ID-numbers.csv`: key, value, unit of every number; keys are the same in every run.\n"
+      "* `ID-plotN.csv`: the curves of plot N, one point a line.\n"
+      "* `ID-tableN.csv`: table N as it is on the page.\n\n"
+      "An empty value was not measured. Volumes and forces in % are shares of the whole tool; the "
+      "notes in the JSON say how a figure was made. The same program, form, machine and recorded "
+      "frames give the same numbers, but for times.\n\n"
+      "| figure | title | made | seconds |\n|---|---|---|---|\n";
+  for (const ReportFigure& figure : evaluation.figures) {
+    if (!figure.stored) continue;
+    char seconds[32];
+    std::snprintf(seconds, sizeof seconds, "%.0f", figure.stored->seconds);
+    text += "| " + std::string(figure.spec.id) + " | " + figure.spec.title + " | " +
+            figure.stored->made + " | " + seconds + " |\n";
+  }
+  return text;
+}
+
+}  // namespace
+
 Result<Evaluation> run_evaluation(std::span<const FigureSpec> all,
                                   std::span<const FigureSpec> chosen,
                                   const EvaluationOptions& options, const Watcher& watcher) {
@@ -165,10 +200,13 @@ Result<Evaluation> run_evaluation(std::span<const FigureSpec> all,
   }
   evaluation.finished = utc_now();
   std::error_code ignored;
-  fs::create_directories(options.output, ignored);
+  fs::create_directories(options.output / kDataFolder, ignored);
   const Status written =
       write_file_atomically(options.output / kReportPage, report_page(evaluation));
   if (!written) return written.error();
+  const Status described =
+      write_file_atomically(options.output / kDataFolder / "README.md", data_readme(evaluation));
+  if (!described) return described.error();
   return evaluation;
 }
 

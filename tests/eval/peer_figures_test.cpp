@@ -99,7 +99,7 @@ TEST_F(Peers, BoundaryRatiosAndVerdicts) {
   ASSERT_EQ(result.plots.size(), 2u);
   EXPECT_EQ(result.plots[0].curves[0].x, (std::vector<double>{1000, 17000}));
   EXPECT_EQ(result.plots[0].curves[0].y, (std::vector<double>{2, 25}));
-  ASSERT_EQ(result.tables.size(), 1u);
+  ASSERT_EQ(result.tables.size(), 2u);
   EXPECT_EQ(result.tables[0].rows.size(), 5u);
   EXPECT_TRUE(says(result.notes, "a machine, commit abc, one thread; 3 passes; load 0.1."));
   EXPECT_FALSE(says(result.notes, "damaged"));
