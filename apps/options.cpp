@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <iostream>
 #include <sstream>
 #include <string_view>
@@ -151,6 +152,12 @@ void add_threads_option(CLI::App& app, int& num_threads, const std::string& help
 void note_backend(const std::string& why_not_cuda) {
   if (why_not_cuda.empty()) return;
   std::cerr << "palpate: note: backend cpu is used: " << why_not_cuda << '\n';
+}
+
+void print_report(const std::string& run_folder) {
+  const auto report = std::filesystem::path(run_folder) / "report.html";
+  std::error_code ignored;
+  if (std::filesystem::exists(report, ignored)) std::cout << "report: " << report.string() << '\n';
 }
 
 void add_camera_options(CLI::App& app, CameraOptions& options) {

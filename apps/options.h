@@ -86,6 +86,8 @@ inline constexpr SettingOption kPackLimits[] = {{"--max-radius", "packing.max_ra
                                                 {"--max-seconds", "packing.max_seconds"}};
 /// Tells people on stderr that --backend auto did not find a GPU, if so.
 void note_backend(const std::string& why_not_cuda);
+/// Says on stdout where the report of a run is, if it has one.
+void print_report(const std::string& run_folder);
 /// --intrinsics fx,fy,cx,cy and --depth-unit.
 struct CameraOptions {
   std::optional<Intrinsics> intrinsics;

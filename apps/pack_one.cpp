@@ -192,8 +192,9 @@ Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,
 }
 
 Status write_page(const PackedTool& packed, const std::string& path) {
-  return write_file_atomically(
-      path, packing_page(packed.tool, packing_statistics(packed.tool), packed.notes));
+  const auto page = packing_page(packed.tool, packing_statistics(packed.tool), packed.notes);
+  if (!page) return page.error();
+  return write_file_atomically(path, *page);
 }
 
 }  // namespace palpate::apps

@@ -155,11 +155,7 @@ Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& out
   } else if (!options.json) {
     print_result(tool, outcome);
     if (probe) print_probe(*probe);
-    const auto report = std::filesystem::path(options.output) / "report.html";
-    std::error_code ignored;
-    if (std::filesystem::exists(report, ignored)) {
-      std::cout << "report: " << report.string() << "\n";
-    }
+    print_report(options.output);
   }
   if (!outcome.not_kept.empty()) {
     return Error{Errc::io_failure, "not all of the run could be kept: " + outcome.not_kept +

@@ -26,8 +26,9 @@ Status run(const Options& options) {
   const auto tool = load_tool(options.tool);
   if (!tool) return tool.error();
   if (!options.page.empty()) {
-    const std::string page = packing_page(*tool, packing_statistics(*tool));
-    if (const Status status = write_file_atomically(options.page, page); !status) return status;
+    const auto page = packing_page(*tool, packing_statistics(*tool));
+    if (!page) return page.error();
+    if (const Status status = write_file_atomically(options.page, *page); !status) return status;
   }
   const Standoff gap = standoff(*tool);
   warn_of_empty_part(options.tool, *tool, gap);

@@ -142,9 +142,8 @@ Status retry(const Options& options) {
                   "largest force %.4g N before, %.4g N now\n",
                   forces.num_ticks, forces.rms, forces.max, forces.max_time, forces.peak_before,
                   forces.peak_after);
-    std::cout << text
-              << "report: " << (std::filesystem::path(options.output) / "report.html").string()
-              << "\n";
+    std::cout << text;
+    print_report(options.output);
   }
   if (!outcome->run.not_kept.empty()) {
     return Error{Errc::io_failure, "not all of the run could be kept: " + outcome->run.not_kept};

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bench/stopwatch.h"
+#include "palpate/core/result.h"
 
 namespace palpate::bench {
 
@@ -64,7 +65,7 @@ std::string finding(const PackingComparison& comparison);
 std::string to_csv(const PackingComparison& comparison);
 /// The summary table as Markdown.
 std::string to_markdown(const PackingComparison& comparison);
-/// The report: one HTML page with everything in it.
-std::string to_html(const PackingComparison& comparison);
+/// The report: one HTML page with everything in it. Error: this build has no pages.
+Result<std::string> to_html(const PackingComparison& comparison);
 
 }  // namespace palpate::bench

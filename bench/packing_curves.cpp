@@ -206,7 +206,11 @@ int run(const Settings& settings) {
   }
   const std::filesystem::path out = settings.out;
   write(out / "packing-curves.csv", to_csv(comparison));
-  write(out / "index.html", to_html(comparison));
+  if (const auto page = to_html(comparison)) {
+    write(out / "index.html", *page);
+  } else {
+    std::fprintf(stderr, "%s\n", page.error().message.c_str());
+  }
   std::printf("%s\n%s\n", finding(comparison).c_str(), to_markdown(comparison).c_str());
   return 0;
 }

@@ -1,7 +1,7 @@
-# The page of the viewer (web/) as a source file of the program.
+# The pages of web/ as a source file of the program.
 
-# palpate_page(ROOM): adds the definition of page_files() to a room: the page, made by
-# web/make_page.mjs, or none (no_page.cpp beside the caller) where it is not wanted or cannot be made.
+# palpate_page(ROOM): adds the definitions of src/pages/page_files.h to a room: the pages, made by
+# web/make_page.mjs, or none (no_page.cpp beside the caller) where they are not wanted or cannot be made.
 function(palpate_page room)
   if(PALPATE_PAGE)
     find_program(PALPATE_NODE NAMES node nodejs)
@@ -15,12 +15,12 @@ function(palpate_page room)
     if(PALPATE_NPM AND version VERSION_GREATER_EQUAL 18)
       file(GLOB_RECURSE sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/web/src/*"
            "${PROJECT_SOURCE_DIR}/web/public/*")
-      foreach(name index.html package.json package-lock.json tsconfig.json vite.config.ts make_page.mjs)
+      foreach(name index.html report_template.html package.json package-lock.json tsconfig.json vite.config.ts make_page.mjs)
         list(APPEND sources "${PROJECT_SOURCE_DIR}/web/${name}")
       endforeach()
       set(page "${CMAKE_CURRENT_BINARY_DIR}/page_files.cpp")
       add_custom_command(
-        OUTPUT "${page}" DEPENDS ${sources} VERBATIM COMMENT "Building the viewer's page"
+        OUTPUT "${page}" DEPENDS ${sources} VERBATIM COMMENT "Building the pages of viewer and reports"
         COMMAND "${PALPATE_NODE}" "${PROJECT_SOURCE_DIR}/web/make_page.mjs" "${CMAKE_CURRENT_BINARY_DIR}")
       target_sources(palpate_${room} PRIVATE "${page}")
       if(PALPATE_TESTS)
@@ -29,7 +29,7 @@ function(palpate_page room)
       endif()
       return()
     endif()
-    message(STATUS "The viewer's page is left out: it needs node 18 or newer and npm "
+    message(STATUS "The pages of viewer and reports are left out: they need node 18 or newer and npm "
                    "(node: ${PALPATE_NODE} ${version}, npm: ${PALPATE_NPM}); 'make setup' installs them")
   endif()
   target_sources(palpate_${room} PRIVATE no_page.cpp)

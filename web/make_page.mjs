@@ -1,8 +1,8 @@
-// Builds the page and writes it down as C++: the function page_files() of src/viewer/page_files.h.
-// usage: node make_page.mjs FOLDER    writes FOLDER/page_files.cpp and FOLDER/page/
+// Builds the pages and writes them down as C++: the functions of src/pages/page_files.h.
+// usage: node make_page.mjs FOLDER    writes FOLDER/page_files.cpp, FOLDER/page/ and FOLDER/report/
 //
 // The packages are installed first if package-lock.json asks for others than are there. Where npm
-// cannot get them, the program is built without its page, and the next build tries again.
+// cannot get them, the program is built without its pages, and the next build tries again.
 import { spawnSync } from 'node:child_process';
 import { mkdirSync, readdirSync, readFileSync, utimesSync, writeFileSync } from 'node:fs';
 import { dirname, extname, join, resolve } from 'node:path';
@@ -46,8 +46,18 @@ function bytes(buffer) {
   return lines.join('\n');
 }
 
-/// `files`: [{name, gzip}].
-function cpp(files) {
+/// All reports: report_template.html with style and script, which is compressed: so a report of a
+/// few seconds is smaller than a photograph.
+function reportTemplate(folder) {
+  const parts = {
+    style: read(join(folder, 'report.css')).trim(),
+    script: gzipSync(readFileSync(join(folder, 'report.js')), { level: 9 }).toString('base64'),
+  };
+  return read(join(web, 'report_template.html')).replace(/{{(style|script)}}/g, (_, name) => parts[name]);
+}
+
+/// `files`: [{name, gzip}]; `report`: the template, empty without pages.
+function cpp(files, report) {
   const arrays = files.map(
     ({ gzip }, i) => `constexpr unsigned char kFile${i}[] = {\n${bytes(gzip)}\n};\n`,
   );
@@ -55,17 +65,23 @@ function cpp(files) {
     const path = name === 'index.html' ? '/' : `/${name}`;
     return `    {"${path}", "${TYPES[extname(name)]}", {kFile${i}, ${gzip.length}}},\n`;
   });
-  const list = `constexpr PageFile kFiles[] = {\n${rows.join('')}};\n`;
+  if (files.length > 0) {
+    arrays.push(`constexpr PageFile kFiles[] = {\n${rows.join('')}};\n`);
+    // ASCII, so that every number fits a char.
+    const ascii = Buffer.from(report.replace(/[^\0-\x7f]/g, (c) => `&#${c.codePointAt(0)};`));
+    arrays.push(`constexpr char kReport[] = {\n${bytes(ascii)}\n};\n`);
+  }
   return `// Made by web/make_page.mjs.
-#include "src/viewer/page_files.h"
+#include "src/pages/page_files.h"
 
 namespace palpate {
 namespace {
 
-${files.length > 0 ? [...arrays, list].join('\n') : ''}
+${arrays.join('\n')}
 }  // namespace
 
 std::span<const PageFile> page_files() { return ${files.length > 0 ? 'kFiles' : '{}'}; }
+std::string_view report_template() { return ${files.length > 0 ? '{kReport, sizeof kReport}' : '{}'}; }
 
 }  // namespace palpate
 `;
@@ -78,21 +94,29 @@ mkdirSync(folder, { recursive: true });
 if (!install()) {
   console.log(
     'warning: npm could not install what web/package-lock.json names (see its message above): this ' +
-      'build has no page for --view. Build again once npm works, or configure with -DPALPATE_PAGE=OFF.',
+      'build has no page for --view and writes no reports. Build again once npm works, or configure ' +
+      'with -DPALPATE_PAGE=OFF.',
   );
-  writeFileSync(source, cpp([]));
+  writeFileSync(source, cpp([], ''));
   utimesSync(source, 0, 0); // older than its sources, so that the next build tries again
   process.exit(0);
 }
 
-const page = join(folder, 'page');
-const vite = join('node_modules', 'vite', 'bin', 'vite.js');
-if (!run(process.execPath, vite, 'build', '--outDir', page, '--emptyOutDir', '--logLevel', 'warn')) {
-  process.exit(1);
+/// Returns the folder.
+function build(name) {
+  const page = join(folder, name);
+  const vite = join('node_modules', 'vite', 'bin', 'vite.js');
+  const options = ['--mode', name, '--outDir', page, '--emptyOutDir', '--logLevel', 'warn'];
+  if (!run(process.execPath, vite, 'build', ...options)) process.exit(1);
+  return page;
 }
+
+const page = build('page');
 const files = readdirSync(page)
   .sort()
   .map((name) => ({ name, gzip: gzipSync(readFileSync(join(page, name)), { level: 9 }) }));
-writeFileSync(source, cpp(files));
+const report = reportTemplate(build('report'));
+writeFileSync(source, cpp(files, report));
 const size = files.reduce((sum, { gzip }) => sum + gzip.length, 0);
-console.log(`page: ${files.length} files, ${Math.round(size / 1024)} KiB compressed`);
+console.log(`page: ${files.length} files, ${Math.round(size / 1024)} KiB compressed; ` +
+  `report: ${Math.round(report.length / 1024)} KiB beside its data`);

@@ -11,23 +11,30 @@ const withoutFonts: Plugin = {
 /// `npx vite` serves the page as it is being written, with all else from a running `palpate view`.
 const program = 'http://127.0.0.1:8787';
 
-// One script and one style sheet, named without hashes: they are built into the program.
-export default defineConfig({
-  base: './',
-  plugins: [withoutFonts],
-  server: { proxy: { '/api': program, '/ws': { target: program, ws: true } } },
-  build: {
-    target: 'es2022',
-    modulePreload: false,
-    cssCodeSplit: false,
-    assetsInlineLimit: 0,
-    chunkSizeWarningLimit: 1500, // kB
-    rollupOptions: {
-      output: {
-        inlineDynamicImports: true,
-        entryFileNames: 'page.js',
-        assetFileNames: (asset) => (asset.names[0]?.endsWith('.css') ? 'page.css' : '[name][extname]'),
+// The viewer's page, or with --mode report the script of all reports. One script and one style
+// sheet each, named without hashes: they are built into the program.
+export default defineConfig(({ mode }) => {
+  const name = mode === 'report' ? 'report' : 'page';
+  return {
+    base: './',
+    plugins: [withoutFonts],
+    publicDir: name === 'page' ? 'public' : false,
+    server: { proxy: { '/api': program, '/ws': { target: program, ws: true } } },
+    build: {
+      target: 'es2022',
+      modulePreload: false,
+      cssCodeSplit: false,
+      assetsInlineLimit: 0,
+      chunkSizeWarningLimit: 1500, // kB
+      rollupOptions: {
+        input: name === 'report' ? 'src/report/main.ts' : 'index.html',
+        output: {
+          format: name === 'report' ? 'iife' : 'es',
+          inlineDynamicImports: true,
+          entryFileNames: `${name}.js`,
+          assetFileNames: (asset) => (asset.names[0]?.endsWith('.css') ? `${name}.css` : '[name][extname]'),
+        },
       },
     },
-  },
+  };
 });

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "src/session/report_style.h"
-#include "src/session/svg_plot.h"
+#include "src/session/svg_parts.h"
 
 namespace palpate {
 

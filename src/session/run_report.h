@@ -1,6 +1,7 @@
-// What a run tells: as JSON, and as a page for people.
+// What a run reports: as JSON, and as a page for people.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,8 +43,14 @@ struct RunLog {
   bool has_hand() const { return coupling.kind != CouplingKind::none; }
 };
 
-std::string summary_json(const Tool& tool, const RunLog& log, const LoopTimes& times);
-/// One self-contained HTML page.
-std::string run_page(const Tool& tool, const RunLog& log, const LoopTimes& times);
+/// What summary.json holds.
+nlohmann::ordered_json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times);
+/// JSON as a file.
+std::string file_text(const nlohmann::ordered_json& json);
+
+/// One self-contained HTML page with the summary, the course of the run and its deepest moment.
+/// Error: this build has no pages.
+Result<std::string> run_page(const nlohmann::ordered_json& summary, const Tool& tool,
+                             const RunLog& log, const LoopTimes& times);
 
 }  // namespace palpate

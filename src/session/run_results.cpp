@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "palpate/io/atomic_file.h"
@@ -70,11 +71,9 @@ void RunResults::add_tick(const TickRecord& tick) {
   const auto& [p, q] = tick.step.X_WT;
   // Nothing was measured: not zero.
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  const bool is_lost = tick.safety.fault == Fault::backend && !tick.safety.is_engaged() &&
-                       tick.penetration.status.has(StepStatus::backend_failed);
   Penetration all = tick.penetration;
   Wrench on_tool = tick.step.contact_W;
-  if (is_lost) {
+  if (is_contact_lost(tick)) {
     all.volume = kNone;
     all.measure_W = on_tool = {{kNone, kNone, kNone}, {kNone, kNone, kNone}};
   }
@@ -82,8 +81,6 @@ void RunResults::add_tick(const TickRecord& tick) {
   const auto& [force, torque] = on_tool;
   const auto& [hand_force, hand_torque] = tick.F_H_B;
   const auto& [of, ot] = tick.objects.measure_W;
-  // That the force fades at the end is no fault.
-  const Fault fault = tick.safety.fault == Fault::stopped ? Fault::none : tick.safety.fault;
   line_.clear();
   append_row(line_, ',', tick.time, time_origin_ + tick.time, p.x, p.y, p.z, q.x, q.y, q.z, q.w,
              all.volume, all.volume / full_volume_, mf.x, mf.y, mf.z, mt.x, mt.y, mt.z, force.x,
@@ -92,7 +89,7 @@ void RunResults::add_tick(const TickRecord& tick) {
              all.num_boundary_spheres, all.num_inside_spheres, all.num_points,
              tick.num_object_pairs, tick.objects.volume, of.x, of.y, of.z, ot.x, ot.y, ot.z,
              tick.contact_number, tick.frame_number, all.status.bits, tick.contact_age,
-             tick.sensor_age, tick.safety.gain, static_cast<int>(fault));
+             tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)));
   csv_ << line_;
   series_.add(tick);
   if (!has_ticked_ || all.volume > peaks_.volume) keep_deepest(tick);
@@ -174,14 +171,20 @@ std::string RunResults::write(const fs::path& folder, const Tool& tool, const Lo
                               RunLog& log) {
   move_to(log);
   finish_csv(folder, log);
-  std::string summary = summary_json(tool, log, times);
-  const std::pair<const char*, std::string> files[] = {{"summary.json", summary},
-                                                       {"report.html", run_page(tool, log, times)}};
-  for (const auto& [file, text] : files) {
+  auto summary = run_summary(tool, log, times);
+  const auto page = run_page(summary, tool, log, times);
+  if (!page) {
+    log.warnings.push_back(page.error().message);
+    summary["warnings"] = log.warnings;
+  }
+  const auto keep = [&](const char* file, const std::string& text) {
     const Status status = write_file_atomically(folder / file, text);
     if (!status) log.add_not_kept(status.error().message);
-  }
-  return summary;
+  };
+  std::string text = file_text(summary);
+  keep("summary.json", text);
+  if (page) keep("report.html", *page);
+  return text;
 }
 
 }  // namespace palpate

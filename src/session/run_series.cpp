@@ -55,4 +55,13 @@ void RunPeaks::add(const TickRecord& tick) {
   num_in_objects += tick.num_object_pairs > 0 ? 1 : 0;
 }
 
+bool is_contact_lost(const TickRecord& tick) {
+  return tick.safety.fault == Fault::backend && !tick.safety.is_engaged() &&
+         tick.penetration.status.has(StepStatus::backend_failed);
+}
+
+Fault told_fault(const TickRecord& tick) {
+  return tick.safety.fault == Fault::stopped ? Fault::none : tick.safety.fault;
+}
+
 }  // namespace palpate

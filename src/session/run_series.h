@@ -20,4 +20,9 @@ class RunSeries {
   std::size_t group_size_ = 1, num_in_group_ = 0;  // the last of ticks_ stands for the open group
 };
 
+/// Nothing was measured: not zero.
+bool is_contact_lost(const TickRecord& tick);
+/// That the force fades at the end is none.
+Fault told_fault(const TickRecord& tick);
+
 }  // namespace palpate

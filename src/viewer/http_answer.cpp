@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "src/pages/page_files.h"
 #include "src/viewer/access.h"
-#include "src/viewer/page_files.h"
 
 namespace palpate {
 namespace {

@@ -13,6 +13,7 @@ export function withoutScene(): SceneView {
     setTree: nothing,
     setFrame: nothing,
     setContact: nothing,
+    setCut: nothing,
     setNormals: nothing,
     setEdges: nothing,
     addSamples: nothing,

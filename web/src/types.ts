@@ -108,6 +108,8 @@ export interface SceneView {
   setTree(tree: Tree): void;
   setFrame(frame: Frame): void;
   setContact(contact: Contact): void;
+  /// Cuts a tool alone open: what lies where n . p <= d in T stays. After its spheres and mesh.
+  setCut(n: readonly number[], d: number): void;
   setNormals(normals: Normals): void;
   setEdges(edges: Edges): void;
   addSamples(samples: Sample[]): void;

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/core/result.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {
@@ -62,8 +63,10 @@ struct PackingNotes {
   std::vector<std::pair<std::string, double>> step_seconds;  ///< name and time taken
 };
 
-/// One self-contained HTML page: cut-away pictures, fill, radii, standoff, graph and mass.
-std::string packing_page(const Tool& tool, const PackingStatistics& statistics,
-                         const PackingNotes& notes = {});
+/// One self-contained HTML page: the tool cut open in 3-D, fill, radii, standoff, graph and mass.
+/// Of the spheres the first 200000, and the mesh only if it has as few triangles. Error: this build
+/// has no pages.
+Result<std::string> packing_page(const Tool& tool, const PackingStatistics& statistics,
+                                 const PackingNotes& notes = {});
 
 }  // namespace palpate

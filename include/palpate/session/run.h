@@ -4,7 +4,8 @@
 //                   half second even if the program is killed; ROS 2 tools and Foxglove read it
 //   wrench.csv      one line per tick, units in its first line; no compute times
 //   summary.json    settings, counts, peaks, percentiles of every stage, faults
-//   report.html     the same for people, with plots and pictures
+//   report.html     the same for people, with plots and the deepest moment in 3-D; not in a build
+//                   without pages
 #pragma once
 
 #include <filesystem>

@@ -161,8 +161,8 @@ const shown = new Set(); // pages, for pictures of them when a test fails
 /// Opens the page. `page.problems` collects what must not happen: errors on the console, exceptions,
 /// requests to other hosts. `bare`: without panels, and drawn in full detail however long that takes.
 export async function openPage(
-  url, { width = 800, height = 500, expectErrors = false, bare = false } = {}) {
-  const page = await browser.newPage({ viewport: { width, height }, colorScheme: 'dark' });
+  url, { width = 800, height = 500, expectErrors = false, bare = false, colorScheme = 'dark' } = {}) {
+  const page = await browser.newPage({ viewport: { width, height }, colorScheme });
   page.problems = [];
   page.expectsErrors = expectErrors; // the server will go away
   const origin = new URL(url).host;
@@ -231,7 +231,11 @@ let decoder; // a blank page, for its PNG reader
 /// The canvas of the scene alone, as the browser shows it.
 export async function look(page) {
   const style = 'body * { visibility: hidden !important } canvas.scene { visibility: visible !important }';
-  const png = await page.locator('canvas.scene').screenshot({ style });
+  return decoded(await page.locator('canvas.scene').screenshot({ style }));
+}
+
+/// A PNG as pixels.
+export async function decoded(png) {
   decoder ??= await browser.newPage();
   const { width, height, text } = await decoder.evaluate(async (base64) => {
     const bytes = await (await fetch(`data:image/png;base64,${base64}`)).blob();

@@ -10,6 +10,7 @@ import { Arrows } from './arrows';
 import { Cameras } from './cameras';
 import { Cloud } from './cloud';
 import { THEMES } from './colours';
+import { CutOutline } from './cut_outline';
 import { DepthImage } from './depth_image';
 import { EdgeMarks } from './edges';
 import { framing } from './framing';
@@ -48,6 +49,7 @@ class View implements SceneView {
   private readonly graph = new LeafGraph();
   private readonly tree = new TreeNodes();
   private readonly mesh = new ToolMesh();
+  private readonly outline = new CutOutline();
   private readonly ghost = new Ghost(this.mesh);
   private readonly arrows = new Arrows();
   private readonly trace = new Trace();
@@ -66,7 +68,8 @@ class View implements SceneView {
     this.renderer = createRenderer(canvas);
     this.cameras = new Cameras(canvas);
     this.governor = new Governor(this.renderer.getContext() as WebGL2RenderingContext);
-    this.tool.add(this.spheres.object, this.mesh.object, this.graph.object, this.tree.object);
+    this.tool.add(this.spheres.object, this.mesh.object, this.graph.object, this.tree.object,
+      this.outline.object);
     this.scene.add(this.cloud.object, this.normals.object, this.edges.needles, this.edges.panes, this.tool,
       this.ghost.object, this.arrows.object, this.trace.object, this.landmarks.object);
     this.resize(canvas.clientWidth, canvas.clientHeight, 1);
@@ -102,6 +105,7 @@ class View implements SceneView {
 
   setMesh(mesh: Mesh): void {
     this.mesh.setMesh(mesh);
+    this.outline.setMesh(mesh);
   }
 
   setTree(tree: Tree): void {
@@ -119,6 +123,11 @@ class View implements SceneView {
     this.setToolPose(contact.X_WT);
     // A tool alone touches nothing: its spheres are not outside, there is nothing to be outside of.
     if (this.hello?.stream && this.spheres.setContact(contact)) this.graph.statesChanged();
+  }
+
+  setCut(n: readonly number[], d: number): void {
+    this.spheres.cut(n, d);
+    this.outline.setPlane(n, d);
   }
 
   setNormals(normals: Normals): void {
@@ -181,7 +190,7 @@ class View implements SceneView {
 
   dispose(): void {
     for (const part of [this.image, this.cloud, this.normals, this.edges, this.spheres, this.graph, this.tree,
-      this.mesh, this.ghost, this.arrows, this.trace, this.landmarks, this.cameras, this.renderer]) {
+      this.mesh, this.outline, this.ghost, this.arrows, this.trace, this.landmarks, this.cameras, this.renderer]) {
       part.dispose();
     }
   }

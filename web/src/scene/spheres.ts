@@ -125,6 +125,19 @@ export class ToolSpheres {
     return true;
   }
 
+  /// Cut open: what of them lies where n . p <= d in T counts as inside, the rest as outside.
+  cut(n: readonly number[], d: number): void {
+    const spheres = this.object.geometry.attributes.sphere.array;
+    for (let i = 0; i < this.count; ++i) {
+      const height = n[0] * spheres[4 * i] + n[1] * spheres[4 * i + 1] + n[2] * spheres[4 * i + 2] - d;
+      const r = spheres[4 * i + 3];
+      this.states[i] = height >= r ? 0 : height <= -r ? 2 : 1 + 4;
+      this.planes.set([n[0], n[1], n[2], d], 4 * i);
+    }
+    this.object.geometry.attributes.state.needsUpdate = true;
+    this.object.geometry.attributes.plane.needsUpdate = true;
+  }
+
   update(options: SceneOptions): void {
     this.object.visible = this.count > 0 && (options.toolLook === 'spheres' || options.toolLook === 'caps');
     this.material.uniforms.caps.value = options.toolLook === 'caps';

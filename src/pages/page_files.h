@@ -1,4 +1,4 @@
-// The files of the page, as the build of web/ left them in the program.
+// The files of the viewer's page, as the build of web/ left them in the program.
 #pragma once
 
 #include <span>
@@ -14,5 +14,8 @@ struct PageFile {
 
 /// None in a build without the page.
 std::span<const PageFile> page_files();
+
+/// The page of all reports without their data, HTML; empty in a build without pages.
+std::string_view report_template();
 
 }  // namespace palpate

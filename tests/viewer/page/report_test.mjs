@@ -1,0 +1,156 @@
+// Reports in a real browser, as a double click opens them: their numbers are those of the files
+// beside them, plots zoom, and they are readable on a phone, in the dark and on paper.
+import assert from 'node:assert/strict';
+import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { after } from 'node:test';
+import { pathToFileURL } from 'node:url';
+
+import { colour, isJust, isLit, isPale } from './colours.mjs';
+import { decoded, openPage, pageTest, runProgram, until } from './harness.mjs';
+
+const folder = mkdtempSync(join(tmpdir(), 'palpate-report-'));
+after(() => rmSync(folder, { recursive: true, force: true }));
+const address = (...parts) => pathToFileURL(join(folder, ...parts)).href;
+
+async function finished(args) {
+  const run = await runProgram(args);
+  assert.equal(await run.ended, 0, `palpate ${args.join(' ')}\n${run.errors}`);
+}
+
+const tool = join(folder, 'tool.palp');
+let isMade = false;
+/// A tool with its page, and two runs with theirs: along a path, and with a hand.
+async function make() {
+  if (isMade) return;
+  isMade = true;
+  const mesh = join(folder, 'shape.ply');
+  await finished(['shape', 'stylus', '-o', mesh]);
+  await finished(['pack', mesh, '-o', tool, '--spheres', '1000', '--report', join(folder, 'packing.html')]);
+  await finished(['touch', tool, '--scene', 'hand', '--duration', '4', '-o', join(folder, 'path')]);
+  await finished(['touch', tool, '--scene', 'hand', '--device', 'sim', '--duration', '3', '-o', join(folder, 'hand')]);
+}
+
+/// Opens a report and waits until it is drawn.
+async function openReport(where, how = {}) {
+  const page = await openPage(address(...where), { width: 1200, height: 900, ...how });
+  await until('a footer', () => page.locator('footer').count());
+  await until('all plots', () => page.evaluate(() =>
+    [...document.querySelectorAll('.plot .area')].every((area) => area.querySelector('canvas'))));
+  return page;
+}
+
+/// How many of the canvases of a kind show one colour only.
+const empty = (page, selector) => page.evaluate((wanted) =>
+  [...document.querySelectorAll(wanted)].filter((canvas) => {
+    const { width, height } = canvas;
+    if (width === 0 || height === 0) return true;
+    const data = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, width, height).data.buffer);
+    return new Set(data).size < 4;
+  }).length, selector);
+
+/// Whether its 3-D picture shows these colours of the scene.
+async function seen(page, names) {
+  const picture = await decoded(await page.locator('canvas.scene').screenshot());
+  const found = new Set();
+  for (let v = 0; v < picture.height; ++v) {
+    for (let u = 0; u < picture.width; ++u) {
+      for (const name of names) {
+        const rgb = picture.at(u, v);
+        if (!found.has(name) && (isLit(rgb, colour(name)) || isPale(rgb, colour(name)))) found.add(name);
+      }
+    }
+  }
+  return names.every((name) => found.has(name));
+}
+
+const cardTexts = (page) => page.locator('.card b').allInnerTexts();
+const lastX = (page) => page.evaluate(() => document.querySelectorAll('.plot canvas')[0].toDataURL());
+
+pageTest('a run: its numbers are those of summary.json', async () => {
+  await make();
+  const page = await openReport(['path', 'report.html']);
+  const summary = JSON.parse(readFileSync(join(folder, 'path', 'summary.json')));
+  const [volume, force] = await cardTexts(page);
+  const [value, unit] = volume.split(/\s/);
+  const factor = { 'mm³': 1e9, 'cm³': 1e6 }[unit];
+  assert.ok(Math.abs(Number(value) / (factor * summary.peaks.volume_m3) - 1) < 6e-3, `${volume}, ${summary.peaks.volume_m3}`);
+  assert.ok(Math.abs(parseFloat(force) / summary.peaks.force_N - 1) < 6e-3, `${force}, ${summary.peaks.force_N}`);
+  const text = await page.locator('main').innerText();
+  for (const words of [summary.tool.source, `of ${summary.ticks} ticks`, 'the path has ended',
+    'What the tool felt', 'How long it took', 'The deepest moment, at', '640 × 480']) {
+    assert.ok(text.includes(words), words);
+  }
+  assert.ok(!text.includes('What the hand felt'));
+  assert.ok(!/NaN|undefined|null/.test(text), text.match(/.*(NaN|undefined|null).*/)?.[0]);
+  assert.equal(await empty(page, '.plot canvas'), 0);
+  assert.equal(await page.locator('.plot').count(), 4);
+});
+
+pageTest('a run: the deepest moment shows cloud, tool and wrench', async () => {
+  await make();
+  const page = await openReport(['path', 'report.html'], { colorScheme: 'light' });
+  await until('force, torque and the inside of the tool', () => seen(page, ['force', 'torque', 'inside']));
+  await page.getByRole('button', { name: 'no cloud' }).click();
+  await until('a picture without a cloud', async () => {
+    const picture = await decoded(await page.locator('canvas.scene').screenshot());
+    let ground = 0;
+    for (let v = 0; v < picture.height; v += 4) {
+      for (let u = 0; u < picture.width; u += 4) ground += isJust(picture.at(u, v), [244, 245, 247]) ? 1 : 0;
+    }
+    return ground > 0.7 * (picture.width / 4) * (picture.height / 4);
+  });
+});
+
+pageTest('a run: dragging zooms all plots of time, a double click shows all again', async () => {
+  await make();
+  const page = await openReport(['hand', 'report.html']);
+  assert.ok((await page.locator('main').innerText()).includes('What the hand felt'));
+  assert.equal(await empty(page, '.plot canvas'), 0);
+  const plots = page.locator('.plot');
+  const before = await lastX(page);
+  const whole = page.locator('.whole:visible');
+  assert.equal(await whole.count(), 0);
+  // Across the second plot; the first follows.
+  const box = await plots.nth(1).locator('.u-over').boundingBox();
+  await plots.nth(1).scrollIntoViewIfNeeded();
+  const at = await plots.nth(1).locator('.u-over').boundingBox();
+  assert.equal(at.width, box.width);
+  await page.mouse.move(at.x + 0.4 * at.width, at.y + 40);
+  await page.mouse.down();
+  await page.mouse.move(at.x + 0.6 * at.width, at.y + 60, { steps: 5 });
+  await page.mouse.up();
+  const numTime = (await plots.count()) - 1; // all but the one of latencies
+  await until('zoomed plots', async () => (await whole.count()) === numTime);
+  assert.notEqual(await lastX(page), before);
+  assert.equal(await empty(page, '.plot canvas'), 0);
+  await page.mouse.dblclick(at.x + 0.5 * at.width, at.y + 50);
+  await until('all again', async () => (await whole.count()) === 0);
+});
+
+for (const name of ['path/report.html', 'hand/report.html', 'packing.html']) {
+  pageTest(`${name}: on a phone, in the dark and on paper`, async () => {
+    await make();
+    const phone = await openReport([name], { width: 390, height: 844 });
+    const widths = await phone.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+    assert.ok(widths[0] <= widths[1], `${widths[0]} of ${widths[1]} pixels`);
+    const ground = (page) => page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+    assert.equal(await ground(phone), 'rgb(20, 23, 31)');
+    await phone.emulateMedia({ colorScheme: 'light' });
+    await until('light', async () => (await ground(phone)) === 'rgb(252, 252, 250)');
+    await phone.emulateMedia({ colorScheme: 'dark' });
+    await until('dark', async () => (await ground(phone)) === 'rgb(20, 23, 31)');
+
+    // What happens when a person prints.
+    await phone.evaluate(() => dispatchEvent(new Event('beforeprint')));
+    assert.equal(await ground(phone), 'rgb(252, 252, 250)');
+    await until('plots on paper', async () => (await empty(phone, '.plot canvas')) === 0);
+    assert.equal(await empty(phone, 'canvas.still'), 0);
+    await phone.evaluate(() => dispatchEvent(new Event('afterprint')));
+    assert.equal(await ground(phone), 'rgb(20, 23, 31)');
+    const pdf = await phone.pdf({ format: 'A4' });
+    assert.equal(pdf.subarray(0, 5).toString(), '%PDF-');
+    assert.ok(pdf.length > 30000, `${pdf.length} bytes`);
+  });
+}

@@ -1,0 +1,13 @@
+// A report: the data that the program left in the page, drawn by what their kind says.
+import './style.css';
+import { comparisonReport } from './comparison';
+import { packingReport } from './packing';
+import { runReport } from './run';
+
+const REPORTS = { run: runReport, packing: packingReport, comparison: comparisonReport };
+
+const data = JSON.parse(document.getElementById('data')!.textContent!);
+const show = REPORTS[data.kind as keyof typeof REPORTS];
+const main = document.createElement('main');
+document.body.append(main);
+void show(main, data);

@@ -1,0 +1,144 @@
+// The deepest moment of a run in 3-D, and the depth image of that moment.
+
+import { element } from '../dom';
+import { STATE_COLOURS, ARROW_COLOURS } from '../scene/colours';
+import type { Pose, Sample } from '../types';
+import { bytes, floats, unpackDepth, type Depth } from './bytes';
+import { captioned, heading, key, paragraph, warning } from './parts';
+import { hello, picture } from './picture';
+import { newtons, short, VOLUME, withUnit } from './numbers';
+
+export interface Moment {
+  time_s: number;
+  X_WT: number[]; // tx ty tz qx qy qz qw
+  volume_m3: number;
+  force_N: number[];
+  torque_Nm: number[];
+  centre_of_mass_m: number[];
+  radius_m: number;
+  spheres: string; // base64 of floats: x y z r in T
+  states: string; // base64 of bytes: 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
+  planes: string; // base64 of floats: nx ny nz d in T, for each sphere with 4
+  spheres_left_out: number;
+  image: { width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number };
+  depth: string; // unpackDepth()
+}
+
+/// Of the depth image at that moment, if it is known.
+export async function depthOf(moment: Moment | null): Promise<Depth | null> {
+  return moment ? unpackDepth(moment.depth, moment.image.width, moment.image.height) : null;
+}
+
+export function momentSection(moment: Moment, depth: Depth): HTMLElement[] {
+  const touches = moment.volume_m3 > 0;
+  const parts: HTMLElement[] = [heading(touches ?
+    `The deepest moment, at ${short(moment.time_s)} s` : 'The tool never touched the surface')];
+  if (!touches) parts.push(paragraph('The picture shows the start.'));
+  if (!moment.X_WT.every((x) => typeof x === 'number')) return [...parts, warning('The pose of the tool was no pose.')];
+  const [fx, fy, fz] = moment.force_N;
+  const caption = touches ?
+    `${withUnit(moment.volume_m3, VOLUME)} of the tool behind the surface, pushed out with ` +
+    `${newtons(Math.hypot(fx, fy, fz))}. Drag to turn, scroll or pinch to zoom. Where the tool is, the cloud is thinner, so ` +
+    'that one sees what of it is inside.' : 'Drag to turn, scroll or pinch to zoom.';
+  const { root } = picture('the deepest moment in 3-D', caption, [
+    [['free', { view: 'free' }], ['camera', { view: 'camera' }], ['above', { view: 'bird' }], ['tool', { view: 'tool' }]],
+    [['cut spheres', { toolLook: 'caps' }], ['whole spheres', { toolLook: 'spheres' }]],
+    [['shaded', { cloud: true, cloudColour: 'shaded' }], ['by depth', { cloud: true, cloudColour: 'depth' }],
+      ['no cloud', { cloud: false }]],
+  ], (scene) => {
+    scene.setHello(hello(moment, { ...moment.image, rate: 0 }));
+    scene.options.ghost = false;
+    const data = floats(moment.spheres);
+    scene.setSpheres({ count: data.length / 4, data });
+    scene.setFrame({ number: 0, time: moment.time_s, width: depth.width, height: depth.height, depth: depth.values });
+    scene.setContact({
+      number: 0, time: moment.time_s, X_WT: poseOf(moment.X_WT), states: bytes(moment.states),
+      planes: floats(moment.planes),
+    });
+    if (touches) scene.addSamples([sampleOf(moment)]);
+  });
+  parts.push(root, key([
+    [STATE_COLOURS.inside, 'inside: behind the surface'], [STATE_COLOURS.boundary, 'boundary: at the surface'],
+    [STATE_COLOURS.outside, 'outside: free'],
+    ...(touches ? [[ARROW_COLOURS.force, 'force on the tool'], [ARROW_COLOURS.torque, 'torque on the tool']] : []),
+  ] as [string, string][]));
+  if (moment.spheres_left_out > 0) {
+    parts.push(paragraph(`The ${moment.spheres_left_out} smallest spheres are not in this page.`));
+  }
+  return parts;
+}
+
+function poseOf(n: number[]): Pose {
+  return { position: [n[0], n[1], n[2]], quaternion: [n[3], n[4], n[5], n[6]] };
+}
+
+function sampleOf(moment: Moment): Sample {
+  const sample: Sample = { time: moment.time_s };
+  'xyz'.split('').forEach((axis, i) => {
+    sample[`contact_force_${axis}`] = moment.force_N[i];
+    sample[`contact_torque_${axis}`] = moment.torque_Nm[i];
+    sample[`force_${axis}`] = 0;
+  });
+  return sample;
+}
+
+export interface Probe {
+  pixel: number[]; point: number[]; time: number; why_place: string; tip: number[]; why_tip: string;
+  note: string; how_to_aim: string;
+}
+
+/// About a path that nobody gave; `scale`: depth is that of every so many pixels.
+export function probeSection(probe: Probe, depth: Depth | null, scale: number): HTMLElement[] {
+  const at = (values: number[], digits: number) => values.map((value) => value.toFixed(digits)).join(', ');
+  const parts: HTMLElement[] = [heading('Where it probes')];
+  if (probe.note) parts.push(warning(`${probe.note}.`));
+  parts.push(paragraph(
+    `Nobody gave a path, so the program made one. It probes the pixel ${at(probe.pixel, 0)}, where the surface is at ` +
+    `${at(probe.point, 3)} m when the tool arrives after ${short(probe.time, 3)} s: ${probe.why_place}. It leads with ` +
+    `the tool's point ${at(probe.tip, 4)} m: ${probe.why_tip}. To choose otherwise, ${probe.how_to_aim}.`));
+  if (depth) {
+    parts.push(captioned(depthPicture(depth, probe.pixel, scale),
+      'The depth image at the deepest moment, near is bright, with the probed pixel. The numbers in the corners are ' +
+      'pixels u, v for --probe.'));
+  }
+  return parts;
+}
+
+function depthPicture(depth: Depth, pixel: number[], scale: number): HTMLElement {
+  const { width, height, values } = depth;
+  const canvas = element('canvas', 'depth');
+  [canvas.width, canvas.height] = [width, height];
+  const context = canvas.getContext('2d')!;
+  const image = context.createImageData(width, height);
+  const measured = values.filter((value) => value > 0 && value < 65535).sort();
+  const low = measured[Math.floor(0.01 * (measured.length - 1))] ?? 0;
+  const high = Math.max(measured[Math.floor(0.95 * (measured.length - 1))] ?? 1, low + 1);
+  values.forEach((value, i) => {
+    const far = Math.min(1, Math.max(0, (value - low) / (high - low)));
+    image.data.fill(60 + 180 * (1 - far), 4 * i, 4 * i + 3);
+    image.data[4 * i + 3] = value > 0 && value < 65535 ? 255 : 0;
+  });
+  context.putImageData(image, 0, 0);
+  const [u, v] = pixel.map((x) => x / scale + 0.5), unit = width / 40;
+  for (const [colour, thick] of [['#000', 0.5], ['#ffb000', 0.22]] as const) {
+    context.strokeStyle = colour;
+    context.lineWidth = thick * unit;
+    context.beginPath();
+    context.arc(u, v, unit, 0, 2 * Math.PI);
+    context.stroke();
+  }
+  context.font = `${0.9 * unit}px system-ui, sans-serif`;
+  const write = (words: string, x: number, y: number, align: CanvasTextAlign) => {
+    context.textAlign = align;
+    context.lineWidth = 0.25 * unit;
+    context.strokeStyle = '#000';
+    context.strokeText(words, x, y);
+    context.fillStyle = '#fff';
+    context.fillText(words, x, y);
+  };
+  const atRight = u > 0.7 * width;
+  write(pixel.map((x) => x.toFixed(0)).join(', '), u + (atRight ? -1.6 : 1.6) * unit, v, atRight ? 'right' : 'left');
+  write('0, 0', 0.3 * unit, unit, 'left');
+  write(`${Math.round(width * scale) - 1}, ${Math.round(height * scale) - 1}`, width - 0.3 * unit, height - 0.4 * unit, 'right');
+  return canvas;
+}

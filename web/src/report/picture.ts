@@ -1,0 +1,77 @@
+// A 3-D picture of a report, drawn as the viewer draws, with what can be turned about it.
+
+import { button, element } from '../dom';
+import { Drawing } from '../drawing';
+import { createScene } from '../scene/scene_view';
+import type { Hello, SceneOptions, SceneView } from '../types';
+import { isDark, onInk, onPaper } from './ink';
+
+const PAPER_SIZE = [680, 420]; // CSS pixels
+
+type Choice = [words: string, wish: Partial<SceneOptions>];
+
+/// `fill` gives the scene what it shows, once; `choices` are rows of buttons, the first of each is how
+/// it begins. `tools` is where more of them go.
+export function picture(
+  name: string, caption: string, choices: Choice[][], fill: (scene: SceneView) => void,
+): { root: HTMLElement; tools: HTMLElement; ask: () => void } {
+  const canvas = element('canvas', 'scene'), still = element('canvas', 'still');
+  canvas.setAttribute('aria-label', name);
+  const stage = element('div', 'stage', canvas, still);
+  const tools = element('div', 'tools');
+  const root = element('figure', 'picture', stage, tools, element('figcaption', '', caption));
+  let scene: SceneView;
+  try {
+    scene = createScene(canvas);
+  } catch (error) {
+    root.replaceChildren(element('p', 'warning', `This browser shows no 3-D picture (${(error as Error).message}).`));
+    return { root, tools, ask: () => {} };
+  }
+  const drawing = new Drawing(canvas, () => scene.render(), () => {});
+  for (const row of choices) {
+    const made = row.map(([words, wish]) => button('', words, () => choose(wish, words), words));
+    const choose = (wish: Partial<SceneOptions>, words: string) => {
+      Object.assign(scene.options, wish);
+      for (const one of made) one.setAttribute('aria-pressed', String(one.textContent === words));
+      drawing.glide();
+    };
+    choose(row[0][1], row[0][0]);
+    tools.append(element('div', 'choice', ...made));
+  }
+  tools.append(button('', 'as at first', () => {
+    scene.resetView();
+    drawing.glide();
+  }, 'reset view'));
+  fill(scene);
+  const fit = () => {
+    const [width, height] = onPaper() ? PAPER_SIZE : [stage.clientWidth, stage.clientHeight];
+    if (width === 0 || height === 0) return;
+    scene.resize(width, height, onPaper() ? 2 : Math.min(devicePixelRatio, 2));
+    drawing.ask();
+  };
+  new ResizeObserver(fit).observe(stage);
+  onInk(() => {
+    scene.options.dark = isDark();
+    fit();
+    if (!onPaper()) return;
+    // What a graphics card draws is gone when the printer comes: a copy stays.
+    scene.render();
+    [still.width, still.height] = [canvas.width, canvas.height];
+    still.getContext('2d')!.drawImage(canvas, 0, 0);
+  });
+  addEventListener('beforeunload', () => scene.dispose());
+  return { root, tools, ask: () => drawing.ask() };
+}
+
+/// What the scene wants to know of a tool before all else.
+export function hello(
+  tool: { centre_of_mass_m: number[]; radius_m: number }, stream: Hello['stream'],
+): Hello {
+  return {
+    protocol: 0, version: '', kind: stream ? 'recording' : 'tool', title: '', stream, columns: [], controls: [],
+    tool: {
+      spheres: 0, volume: 0, radius: tool.radius_m,
+      centre_of_mass: tool.centre_of_mass_m as [number, number, number],
+    },
+  };
+}

@@ -1,0 +1,231 @@
+// A plot of a report: drag across it or pinch it to zoom, double-click to see all again.
+
+import uPlot from 'uplot';
+import 'uplot/dist/uPlot.min.css';
+import { button, element } from '../dom';
+import { NOTHING } from './histogram';
+import { ink, onInk, onPaper } from './ink';
+import { short } from './numbers';
+import { pinchToZoom } from './pinch';
+
+export interface Line {
+  name: string;
+  colour?: string; // of the style sheet; left out: that of its number
+  values: (number | null)[]; // beside `x`; null: a gap
+  marks?: (i: number) => boolean; // which values have one
+  joined?: boolean; // across gaps
+}
+
+export interface Plot {
+  x: number[]; // ascending
+  lines: Line[];
+  xWords: string;
+  yWords: string;
+  xLogarithmic?: boolean; // then positive
+  yLogarithmic?: boolean;
+  yFrom?: number; // the axis begins there; left out: at zero or lower
+  bars?: boolean; // each value holds from its x to the next
+  strokes?: number[]; // at the top, at these x
+  limit?: { value: number; words: string };
+  markers?: { x: number; words: string }[]; // dashed, from top to bottom
+  right?: { factor: number; words: string }; // a second axis: y times this
+  together?: string; // plots of one name are zoomed together
+}
+
+const COLOURS = ['--series-1', '--series-2', '--series-3', '--series-4'];
+const HEIGHT = 250;
+const PAPER_WIDTH = 680; // CSS pixels
+
+export function plot(spec: Plot, caption: string): HTMLElement {
+  return new ZoomedPlot(spec, caption).root;
+}
+
+const groups = new Map<string, Set<ZoomedPlot>>();
+
+class ZoomedPlot {
+  readonly root = element('figure', 'plot');
+  private readonly area = element('div', 'area');
+  private readonly whole = button('whole', 'see all of it again', () => this.zoom(null), 'see all');
+  private readonly peers: Set<ZoomedPlot>;
+  private chart: uPlot | null = null;
+  private range: [number, number] | null = null; // null: everything
+  private isFollowing = false;
+
+  constructor(private readonly spec: Plot, caption: string) {
+    this.whole.hidden = true;
+    this.root.append(this.area, element('figcaption', '', caption), this.whole);
+    const name = spec.together;
+    this.peers = (name && groups.get(name)) || new Set();
+    if (name) groups.set(name, this.peers);
+    this.peers.add(this);
+    new ResizeObserver(() => this.fit()).observe(this.area);
+    onInk(() => this.restyle());
+  }
+
+  private get width(): number {
+    return onPaper() ? PAPER_WIDTH : this.area.clientWidth;
+  }
+
+  private fit(): void {
+    if (this.width < 60) return;
+    if (!this.chart) this.restyle();
+    else if (this.chart.width !== this.width) this.chart.setSize({ width: this.width, height: HEIGHT });
+  }
+
+  /// Colours are taken from the style sheet when a plot is made.
+  private restyle(): void {
+    if (this.width < 60) return;
+    this.chart?.destroy();
+    const { x, lines } = this.spec;
+    this.chart = new uPlot(this.look(), [x, ...lines.map(({ values }) => values)] as uPlot.AlignedData, this.area);
+    this.show();
+  }
+
+  private all(): [number, number] {
+    const { x, bars } = this.spec;
+    return [x[0], x[x.length - 1] > x[0] || bars ? x[x.length - 1] : x[0] + 1];
+  }
+
+  private show(): void {
+    const [min, max] = this.range ?? this.all();
+    this.isFollowing = true;
+    this.chart?.batch(() => this.chart!.setScale('x', { min, max }));
+    this.isFollowing = false;
+    this.whole.hidden = this.range === null;
+  }
+
+  private zoom(range: [number, number] | null): void {
+    const [first, last] = this.all();
+    const isAll = !range || (range[0] <= first && range[1] >= last);
+    for (const peer of this.peers) {
+      peer.range = isAll ? null : [Math.max(first, range[0]), Math.min(last, range[1])];
+      peer.show();
+    }
+  }
+
+  private look(): uPlot.Options {
+    const { spec } = this;
+    const isNarrow = this.width < 520;
+    const quiet = ink('--quiet');
+    const axis: uPlot.Axis = {
+      stroke: quiet, grid: { stroke: ink('--grid'), width: 1 }, ticks: { show: false },
+      font: '11px system-ui, sans-serif', labelFont: '12px system-ui, sans-serif', labelGap: 0,
+      values: (_, ticks) => ticks.map((tick) => (tick === null ? '' : short(tick))),
+    };
+    const y = spec.lines.flatMap(({ values }) => values).filter((v): v is number => v !== null && v !== NOTHING);
+    const low = y.reduce((a, b) => Math.min(a, b), Infinity), high = y.reduce((a, b) => Math.max(a, b), -Infinity);
+    const factor = spec.right?.factor ?? 1;
+    const axes: uPlot.Axis[] = [
+      { ...axis, label: spec.xWords, labelSize: 18, size: 26, space: isNarrow ? 60 : 70 },
+      { ...axis, label: spec.yWords, labelSize: 18, size: isNarrow ? 44 : 54, space: 32 },
+    ];
+    if (spec.right) {
+      axes.push({
+        ...axis, scale: 'right', side: 1, label: spec.right.words, labelSize: 18, size: 44, space: 32,
+        grid: { show: false },
+      });
+    }
+    return {
+      width: this.width, height: HEIGHT, axes,
+      padding: [12, spec.right ? 0 : 16, 0, 0],
+      legend: { show: spec.lines.length > 1 || !onPaper(), live: !onPaper(), markers: { width: 2 } },
+      cursor: {
+        drag: { x: true, y: false, dist: 6, setScale: false },
+        ...(spec.together ? { sync: { key: spec.together, setSeries: false } } : {}),
+        points: { size: 6 },
+      },
+      scales: {
+        x: { time: false, distr: spec.xLogarithmic ? 3 : 1 },
+        ...(spec.right ? { right: { from: 'y', range: (_, from, to) => [from * factor, to * factor] } } : {}),
+        y: {
+          distr: spec.yLogarithmic ? 3 : 1,
+          range: spec.yLogarithmic ? () => [low / 1.3, high * 1.3] : () => span(low, high, spec.yFrom),
+        },
+      },
+      series: [
+        { label: spec.xWords, value: (_, value) => (value === null ? '–' : short(value, 6)) },
+        ...spec.lines.map((line, i): uPlot.Series => {
+          const colour = ink(line.colour ?? COLOURS[i % COLOURS.length]);
+          return {
+            label: line.name, stroke: colour, width: 1.5,
+            spanGaps: line.joined ?? false,
+            points: { show: Boolean(line.marks), size: 6, fill: ink('--ground'), filter: (_, __, show) => (show ? marked(line) : null) },
+            value: (_, value) => (value === null ? '–' : short(value === NOTHING ? 0 : value)),
+            ...(spec.bars ? { paths: uPlot.paths.stepped!({ align: 1 }), fill: `${colour}44` } : {}),
+          };
+        }),
+      ],
+      hooks: {
+        draw: [(chart) => this.drawSigns(chart)],
+        setSelect: [(chart) => {
+          const { left, width } = chart.select;
+          if (width < 6) return;
+          const range: [number, number] = [chart.posToVal(left, 'x'), chart.posToVal(left + width, 'x')];
+          chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+          this.zoom(range);
+        }],
+        ready: [(chart) => {
+          chart.over.addEventListener('dblclick', () => this.zoom(null));
+          pinchToZoom(chart, (range) => this.zoom(range));
+        }],
+        // uPlot's own double-click sets the scale itself.
+        setScale: [(_, name) => { if (name === 'x' && !this.isFollowing) this.whole.hidden = this.range === null; }],
+      },
+    };
+  }
+
+  /// Strokes, limit and markers.
+  private drawSigns(chart: uPlot): void {
+    const { spec } = this;
+    const { ctx, bbox } = chart;
+    const size = devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.font = `${11 * size}px system-ui, sans-serif`;
+    const line = (colour: string, dash: number[], x1: number, y1: number, x2: number, y2: number) => {
+      ctx.strokeStyle = ink(colour);
+      ctx.lineWidth = size;
+      ctx.setLineDash(dash.map((d) => d * size));
+      ctx.beginPath();
+      ctx.moveTo(x1, y1);
+      ctx.lineTo(x2, y2);
+      ctx.stroke();
+    };
+    const bottom = bbox.top + bbox.height;
+    for (const stroke of spec.strokes ?? []) {
+      const x = chart.valToPos(stroke, 'x', true);
+      line('--quiet', [], x, bbox.top, x, bbox.top + 6 * size);
+    }
+    let row = 0;
+    for (const { x: value, words } of spec.markers ?? []) {
+      const x = chart.valToPos(value, 'x', true);
+      line('--quiet', [2, 4], x, bbox.top, x, bottom);
+      ctx.fillStyle = ink('--text');
+      ctx.textAlign = x > bbox.left + 0.7 * bbox.width ? 'right' : 'left';
+      ctx.fillText(words, x + (ctx.textAlign === 'right' ? -5 : 5) * size, bbox.top + (14 + 14 * row++) * size);
+    }
+    if (spec.limit) {
+      const y = chart.valToPos(spec.limit.value, 'y', true);
+      line('--warning', [7, 4], bbox.left, y, bbox.left + bbox.width, y);
+      ctx.fillStyle = ink('--warning');
+      ctx.textAlign = 'right';
+      ctx.fillText(spec.limit.words, bbox.left + bbox.width - 6 * size, y - 4 * size);
+    }
+    ctx.restore();
+  }
+}
+
+/// Which values have a mark.
+function marked({ marks, values }: Line): number[] | null {
+  return marks ? values.flatMap((value, i) => (value !== null && marks(i) ? [i] : [])) : null;
+}
+
+/// An axis that holds zero and some room at the ends that are not zero.
+function span(low: number, high: number, from?: number): [number, number] {
+  if (from !== undefined) return [from, high + 0.06 * (high - from)];
+  const below = Math.min(0, low), above = Math.max(0, high);
+  const room = 0.06 * (above - below || 1);
+  return [below < 0 ? below - room : 0, above > 0 || below === 0 ? above + room : 0];
+}

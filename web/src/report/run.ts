@@ -1,0 +1,273 @@
+// The report of a run. Its numbers are those of summary.json and wrench.csv.
+
+import { element } from '../dom';
+import { depthOf, momentSection, probeSection, type Moment, type Probe } from './moment';
+import { LENGTH, list, microseconds, newtons, percent, short, TIME, unitFor, VOLUME, withUnit } from './numbers';
+import { cards, columns, folded, footer, heading, paragraph, table, title, warning, type Row } from './parts';
+import { plot, type Line, type Plot } from './plot';
+
+type Value = string | number | boolean | number[];
+type Settings = Record<string, Record<string, Value>>;
+interface Times { p50: number; p99: number; p999: number; max: number; mean: number; num: number }
+
+/// As summary.json has it, as far as it is shown.
+interface Summary {
+  program: string;
+  tool: { source: string; spheres: number; sphere_volume_m3: number; mesh_volume_m3: number };
+  full_volume_m3: number;
+  device: { kind: string; name: string; max_force_N: number; max_torque_Nm: number };
+  rate: number;
+  stream: { name: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number };
+  objects: { source: string; spheres: number; position_m: number[] }[];
+  seconds: number; ticks: number; contacts: number; frames: number; missed: number; lost_records: number;
+  interrupted: boolean; ending: string; failure: string; not_kept: string;
+  faults: { time_s: number; fault: string; meaning: string; seconds: number | null }[];
+  newtons_per_m3: number;
+  peaks: {
+    volume_m3: number; fraction: number; volume_time_s: number; force_N: number;
+    hand_force_N?: number; wanted_force_N?: number; stretch_m?: number;
+  };
+  limited_ticks: number;
+  microseconds?: Record<string, Times>;
+  why_not_cuda?: string;
+  warnings: string[];
+  settings: Settings;
+  probe?: Probe;
+  changes: Settings[];
+}
+
+interface RunData {
+  summary: Summary;
+  defaults: Settings;
+  series: Record<string, (number | null)[]>; // columns of wrench.csv; rows of the largest forces
+  frame_times_s: number[];
+  latencies: Record<string, [number, number][]>; // microseconds, count
+  moment: Moment | null;
+  moment_trouble: string;
+}
+
+const STAGES: Record<string, string> = {
+  haptic_compute: 'haptic tick: computing',
+  haptic_cpu: 'haptic tick: computing, without what others ran on its core meanwhile',
+  haptic_period: 'haptic tick: from one to the next',
+  contact_compute: 'contact query: computing',
+  surface_compute: 'surface of a depth frame: computing',
+  contact_age: 'age of the contact at a tick',
+  sensor_to_force: 'from the depth frame to the force',
+};
+
+export async function runReport(main: HTMLElement, data: RunData): Promise<void> {
+  const { summary, moment } = data;
+  const { tool, stream } = summary;
+  const seconds = `${short(summary.seconds, 3)} s`;
+  title(main, `${tool.source} in ${stream.name}`, `A tool of ${tool.spheres} spheres on ` +
+    `${summary.device.name}, felt against a stream of depth images for ${seconds}.`);
+  if (summary.interrupted) {
+    main.append(warning(`This run was interrupted after ${seconds}. What is shown is complete up to there.`));
+  }
+  if (summary.failure) main.append(warning(`The run ended early: ${summary.failure}`));
+  if (summary.not_kept) main.append(warning(`Not all of the run is kept: ${summary.not_kept}`));
+  main.append(headline(summary));
+  // What comes later is laid out at once, so that nothing jumps.
+  const pictures = element('section'), rest = element('section');
+  main.append(pictures, rest);
+  rest.append(...plots(data), ...times(data), ...notes(summary), ...settings(data),
+    footer(`Palpate ${summary.program}. All of it is in recording.mcap, which ROS 2 tools and Foxglove open; the numbers ` +
+      'are in wrench.csv and summary.json, too; palpate replay repeats it.'));
+
+  const depth = await depthOf(moment).catch((error: Error) => {
+    pictures.append(warning(`The depth image could not be read: ${error.message}`));
+    return null;
+  });
+  if (moment && depth) pictures.append(...momentSection(moment, depth));
+  if (data.moment_trouble) pictures.append(warning(data.moment_trouble));
+  if (summary.probe) pictures.append(...probeSection(summary.probe, depth, depth ? stream.width / depth.width : 1));
+}
+
+const hasHand = (summary: Summary) => summary.settings.coupling.kind !== 'none';
+
+function headline(summary: Summary): HTMLElement {
+  const { peaks, microseconds: stages } = summary;
+  const made: [string, string][] = [
+    [withUnit(peaks.volume_m3, VOLUME), `deepest penetration, ${percent(peaks.fraction)} of the tool`],
+    [newtons(peaks.force_N), 'largest force on the tool'],
+  ];
+  if (hasHand(summary)) {
+    made.push([newtons(peaks.hand_force_N!), `largest force on the hand; wanted ${newtons(peaks.wanted_force_N!)}`]);
+  }
+  const median = (key: string, words: string, rest = '') => {
+    const stage = stages?.[key];
+    if (stage) made.push([microseconds(stage.p50), `median of ${words}; 99 %: ${microseconds(stage.p99)}${rest}`]);
+  };
+  if (hasHand(summary)) median('sensor_to_force', 'the way from depth frame to force');
+  median('haptic_compute', 'a tick');
+  made.push([String(summary.missed),
+    `of ${summary.ticks} ticks computed longer than ${withUnit(1 / summary.rate, TIME)}`]);
+  median('contact_compute', 'a query');
+  median('surface_compute', 'a surface', `; ${summary.frames} depth frames`);
+  return cards(made);
+}
+
+// Plots.
+
+function plots(data: RunData): HTMLElement[] {
+  const { summary, series } = data;
+  const x = series.time_s as number[];
+  if (x.length === 0) return [];
+  const column = (name: string, factor = 1) => series[name].map((value) => (value === null ? null : factor * value));
+  const base = { x, xWords: 'time in s', strokes: data.frame_times_s, together: 'time' };
+  const simple = (yWords: string, lines: Line[], caption: string, more: Partial<Plot> = {}) =>
+    plot({ ...base, yWords, lines, ...more }, caption);
+  /// Components and length.
+  const vector = (prefix: string, unit: string, symbol: string, yWords: string, caption: string, more = {}) => {
+    const axes = ['x', 'y', 'z'].map((axis) => column(`${prefix}_${axis}_${unit}`));
+    const size = axes[0].map((_, i) => {
+      const parts = axes.map((axis) => axis[i]);
+      return parts.includes(null) ? null : Math.hypot(...(parts as number[]));
+    });
+    const lines = ['x', 'y', 'z'].map((axis, i) => ({ name: `${symbol} ${axis}`, values: axes[i] }));
+    return simple(yWords, [...lines, { name: `|${symbol}|`, values: size }], caption, more);
+  };
+
+  const { peaks, settings, device } = summary;
+  const unit = unitFor(peaks.volume_m3, VOLUME);
+  const volumes = [{ name: 'penetration volume', values: column('volume_m3', unit.factor) }];
+  const hasObjects = summary.objects.length > 0;
+  if (hasObjects) volumes.push({ name: 'in objects', values: column('objects_volume_m3', unit.factor) });
+  const made = [
+    heading('What the tool felt'),
+    paragraph('Drag across a plot, or pinch it, to zoom all of them in time; double-click to see all again.'),
+    simple(`volume in ${unit.name}`, volumes, `How much of the tool lies behind the surface${
+      hasObjects ? ' or in an object' : ''}. At each stroke on the top edge a depth frame was captured.`, {
+      right: { factor: 100 / (summary.full_volume_m3 * unit.factor), words: '% of the tool' },
+      markers: peaks.volume_m3 > 0 ? [{ x: peaks.volume_time_s, words: 'deepest' }] : [],
+    }),
+    vector('force', 'N', 'F', 'force in N', 'Force on the tool in camera axes (x right, y down, z away from the ' +
+      `camera): volume times direction, times the volume stiffness of ${stiffness(summary)}.`),
+    vector('torque', 'Nm', 'M', 'torque in N m', "Torque of the same forces about the tool's centre of mass."),
+  ];
+  if (!hasHand(summary)) return made;
+
+  const most = device.max_force_N * (settings.safety.force_share as number);
+  const limit = peaks.hand_force_N! > 0.3 * most ? { limit: { value: most, words: 'most that the device gives' } } : {};
+  const length = unitFor(peaks.stretch_m!, LENGTH);
+  made.push(heading('What the hand felt'), vector('hand_force', 'N', 'F', 'force in N',
+    "Force at the handle after the safety filter, in the axes of the device's base.", limit));
+  if (device.max_torque_Nm > 0) {
+    made.push(vector('hand_torque', 'Nm', 'M', 'torque in N m', 'Torque at the handle.'));
+  }
+  made.push(
+    heading('Between hand and tool'),
+    simple(`stretch in ${length.name}`, [{ name: 'stretch', values: column('stretch_m', length.factor) }],
+      'How far the tool stays behind where the hand holds it: the surface keeps it out.'),
+    simple('energy in mJ', [{ name: 'given to the hand', values: column('energy_given_J', 1e3) },
+      { name: 'in the coupling', values: column('energy_coupling_J', 1e3) }],
+    'What the passivity observer counts: above zero the device has given the hand more than it took.'),
+    heading('Safety'),
+    simple('share', [{ name: 'force let through', values: column('gain') },
+      { name: 'fault', values: column('fault').map((fault) => (fault ? 1 : 0)) }],
+    'The ramp after engaging, and the fade after a fault or at the end.'),
+    simple('age in ms', [{ name: 'depth frame', values: positive(column('sensor_age_s', 1e3)) },
+      { name: 'contact', values: positive(column('contact_age_s', 1e3)) }],
+    'How old what a force rests on was, at each tick.', { yLogarithmic: true }));
+  if (summary.faults.length > 0) {
+    made.push(heading('Times without force'), table(summary.faults.map(({ time_s, meaning, seconds }) => [
+      `${short(time_s)} s`, `${meaning}; ${seconds === null ? 'it did not come back' : `back after ${short(seconds, 3)} s`}`])));
+  }
+  return made;
+}
+
+/// For a logarithmic axis.
+const positive = (values: (number | null)[]) => values.map((value) => (value && value > 0 ? value : null));
+
+// Times.
+
+function times({ summary, latencies }: RunData): HTMLElement[] {
+  const stages = Object.entries(summary.microseconds ?? {});
+  if (stages.length === 0) return [];
+  const rows: Row[] = stages.map(([key, { p50, p99, p999, max }]) =>
+    [STAGES[key] ?? key, ...[p50, p99, p999, max].map(microseconds)]);
+  const shown = Object.entries({ haptic_compute: 'tick', haptic_period: 'tick to tick', contact_compute: 'query',
+    surface_compute: 'surface' }).filter(([key]) => (latencies[key]?.length ?? 0) > 0);
+  const all = shown.flatMap(([key]) => latencies[key].map(([time]) => time)).filter((time) => time > 0);
+  const x = [...new Set(all)].sort((a, b) => a - b);
+  const lines = shown.map(([key, name]) => ({ name, values: sharesAbove(latencies[key], x) }));
+  const made: HTMLElement[] = [heading('How long it took')];
+  if (x.length > 1) {
+    made.push(plot({ x, lines, xWords: 'time in µs', yWords: '% that took longer', xLogarithmic: true, yLogarithmic: true },
+      'How often each stage took longer than the time below: 1 % is the 99th percentile. Both axes are logarithmic.'));
+  }
+  return [...made, table(rows, ['stage', 'median', '99 %', '99.9 %', 'largest'])];
+}
+
+/// How many percent lie at or above each x; null where none do.
+function sharesAbove(histogram: [number, number][], x: number[]): (number | null)[] {
+  const num = histogram.reduce((sum, [, count]) => sum + count, 0);
+  let below = 0, i = 0;
+  return x.map((time) => {
+    for (; i < histogram.length && histogram[i][0] < time; ++i) below += histogram[i][1];
+    return below < num ? (100 * (num - below)) / num : null;
+  });
+}
+
+// Words.
+
+function notes({ warnings }: Summary): HTMLElement[] {
+  return warnings.length > 0 ? [heading('Notes'), ...warnings.map(warning)] : [];
+}
+
+/// Which newtons a cubic metre gives.
+function stiffness({ newtons_per_m3, settings }: Summary): string {
+  return `${short(1e-6 * newtons_per_m3)} N/cm³, which is ${short(settings.coupling.force_at_eighth as number)} N at an ` +
+    "eighth of the tool's volume";
+}
+
+const words = (value: Value) => (Array.isArray(value) ? list(value) :
+  typeof value === 'boolean' ? (value ? 'on' : 'off') : typeof value === 'number' ? short(value, 6) : value);
+
+/// [section, key, value] of all.
+const each = (settings: Settings): [string, string, Value][] => Object.entries(settings).flatMap(
+  ([section, keys]) => Object.entries(keys).map(([key, value]): [string, string, Value] => [section, key, value]));
+
+function settings({ summary, defaults }: RunData): HTMLElement[] {
+  const { tool, stream, device } = summary;
+  const facts: Row[] = [
+    ['tool', tool.source], ['spheres', tool.spheres],
+    ['sphere volume / mesh volume', `${withUnit(tool.sphere_volume_m3, VOLUME)} / ${withUnit(tool.mesh_volume_m3, VOLUME)}`],
+    ['volume stiffness', stiffness(summary)],
+    ...summary.objects.map(({ source, spheres, position_m }): Row =>
+      ['object', `${source}, ${spheres} spheres, at ${list(position_m)} m`]),
+    ['device', device.name], ['rate', `${short(summary.rate)} Hz`],
+    ...(['contact.method', 'coupling.kind', 'time.mode', 'loop.backend'].map((key): Row => {
+      const [section, name] = key.split('.');
+      return [key, words(summary.settings[section][name])];
+    })),
+  ];
+  if (hasHand(summary)) {
+    facts.push(['most force, torque', `${short(device.max_force_N)} N, ${short(device.max_torque_Nm)} N m`],
+      ['ticks bent by a limit', summary.limited_ticks]);
+  }
+  const more: Row[] = [
+    ['depth frames from', stream.name], ['image', `${stream.width} × ${stream.height}`],
+    ['fx, fy, cx, cy', list([stream.fx, stream.fy, stream.cx, stream.cy], 6)],
+    ['depth unit', `${short(stream.unit, 6)} m`],
+    ['ticks', summary.ticks], ['queries', summary.contacts], ['depth frames', summary.frames],
+    ['records lost', summary.lost_records], ['duration', `${short(summary.seconds)} s`],
+  ];
+  if (summary.ending) more.push(['ended because', summary.ending]);
+  if (summary.why_not_cuda) more.push(['not on a GPU because', summary.why_not_cuda]);
+  const all = each(summary.settings);
+  const differing = all.filter(([section, key, value]) =>
+    JSON.stringify(value) !== JSON.stringify(defaults[section]?.[key]));
+  const made = [heading('What it was'), columns(table(facts), table(more)), heading('Settings')];
+  if (differing.length > 0) {
+    made.push(table(differing.map(([section, key, value]) =>
+      [`${section}.${key}`, words(value), words(defaults[section]?.[key] ?? '–')]), ['other than usual', 'here', 'usual']));
+  }
+  made.push(folded('all settings', table(all.map(([section, key, value]) => [`${section}.${key}`, words(value)]))));
+  if (summary.changes.length > 0) {
+    made.push(heading('Changed while it ran'), table(summary.changes.map((change, i) => [String(i + 1),
+      each(change).map(([section, key, value]) => `${section}.${key} = ${words(value)}`).join(', ')])));
+  }
+  return made;
+}
