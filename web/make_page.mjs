@@ -46,14 +46,16 @@ function bytes(buffer) {
   return lines.join('\n');
 }
 
-/// All reports: report_template.html with style and script, which is compressed: so a report of a
+/// All reports: report_template.html with style, licenses and script, which is compressed: so a report of a
 /// few seconds is smaller than a photograph.
 function reportTemplate(folder) {
   const parts = {
     style: read(join(folder, 'report.css')).trim(),
     script: gzipSync(readFileSync(join(folder, 'report.js')), { level: 9 }).toString('base64'),
+    licenses: ['three', 'uplot'].map((name) => `${name}: ${read(join(web, 'node_modules', name, 'LICENSE')).trim()}`)
+      .join('\n\n').replaceAll('--', '-'),
   };
-  return read(join(web, 'report_template.html')).replace(/{{(style|script)}}/g, (_, name) => parts[name]);
+  return read(join(web, 'report_template.html')).replace(/{{(style|script|licenses)}}/g, (_, name) => parts[name]);
 }
 
 /// `files`: [{name, gzip}]; `report`: the template, empty without pages.

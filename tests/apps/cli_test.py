@@ -376,7 +376,7 @@ class CommandLine(unittest.TestCase):
         self.assertIn(f"at {place} the nearest sphere is "
                       f"{1000 * info['standoff']['max']:.4g} mm off", warning)
         self.assertIn(f"palpate: warning: {mesh}: {warning}", far.stderr)
-        self.expect_page(page, warning)
+        self.expect_page(page, warning=warning)
         told = palpate("info", tool)
         self.assertIn(f"worst place   {place}, ", told.stdout)
         self.assertIn(f"palpate: warning: {tool}: {warning}", told.stderr)
@@ -387,7 +387,7 @@ class CommandLine(unittest.TestCase):
         info = json.loads(near.stdout)
         self.assertEqual((info["warnings"], near.stderr), ([], ""))
         self.assertLess(info["standoff"]["max"], 4 * info["standoff"]["p95"])
-        self.assertNotIn("stays empty", read(page))
+        self.expect_page(page, warning="")
         # ... unless they would be too small for the camera.
         self.assertIn("stays empty", palpate("pack", mesh, "-o", tool, "--spheres", 1500,
                                              "--min-radius", 0.0008).stderr)
@@ -501,7 +501,7 @@ class CommandLine(unittest.TestCase):
 
         # Pages are wanted or not.
         self.assertEqual(self.pack_folder(0, folder, tools, "--report"), (both, [], []))
-        self.expect_page(os.path.join(tools, "b.html"), "b.ply")
+        self.expect_page(os.path.join(tools, "b.html"), source="b.ply")
         self.assertEqual(self.pack_folder(0, folder, tools, "--report"), ([], both, []))
         self.assertEqual(self.pack_folder(0, folder, tools), ([], both, []))
         os.remove(os.path.join(tools, "b.html"))

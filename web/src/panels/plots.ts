@@ -26,18 +26,19 @@ const XYZ: Curve[] = [
 ];
 const SIZE: Curve = { name: 'size', colour: '--text', width: 1.75 };
 
+/// What the tool feels: it is there in every run, also while the hand is given no force.
 const PLOTS: Plot[] = [
   {
-    title: 'Force, N',
+    title: 'Force on the tool, N',
     curves: [...XYZ, SIZE],
-    values: ({ force_x: x, force_y: y, force_z: z }) => [x, y, z, norm(x, y, z)],
+    values: ({ contact_force_x: x, contact_force_y: y, contact_force_z: z }) => [x, y, z, norm(x, y, z)],
     floor: 0.5,
   },
   {
-    title: 'Torque, N mm',
+    title: 'Torque on the tool, N mm',
     curves: [...XYZ, SIZE],
     values: (s) => {
-      const [x, y, z] = [1000 * s.torque_x, 1000 * s.torque_y, 1000 * s.torque_z];
+      const [x, y, z] = [1000 * s.contact_torque_x, 1000 * s.contact_torque_y, 1000 * s.contact_torque_z];
       return [x, y, z, norm(x, y, z)];
     },
     floor: 5,

@@ -36,14 +36,29 @@ float slope_at(ivec2 pixel, float z, ivec2 e, int k) {
   return abs(both) < 0.05 * z * float(k) ? both / float(k) : 0.0;
 }
 
+// The same, over a few distances on this row and those beside it: depth noise, which is of single
+// pixels, must not be seen as speckle.
+float calm_slope_at(ivec2 pixel, float z, ivec2 e) {
+  float sum = 0.0;
+  int num = 0;
+  for (int row = -1; row <= 1; ++row) {
+    ivec2 beside = pixel + 3 * row * e.yx;
+    float z_beside = row == 0 ? z : depth_at(beside);
+    if (abs(z_beside - z) > 0.02 * z) continue;  // of something else, or nothing
+    sum += slope_at(beside, z_beside, e, 3) + slope_at(beside, z_beside, e, 7);
+    num += 2;
+  }
+  return sum / float(num);
+}
+
 // Unit normal in W, to the camera; 0 0 0: none.
 vec3 normal_at(ivec2 pixel, float z) {
   if (has_normals) {
     vec3 n = vec3(texelFetch(normal_image, pixel, 0).xyz);
     return n == vec3(0.0) ? n : normalize(n);
   }
-  float zu = 0.5 * (slope_at(pixel, z, ivec2(1, 0), 2) + slope_at(pixel, z, ivec2(1, 0), 5));
-  float zv = 0.5 * (slope_at(pixel, z, ivec2(0, 1), 2) + slope_at(pixel, z, ivec2(0, 1), 5));
+  float zu = calm_slope_at(pixel, z, ivec2(1, 0));
+  float zv = calm_slope_at(pixel, z, ivec2(0, 1));
   // p = (a z, b z, z) with a, b the slopes of the ray: the normal is across dp/du and dp/dv.
   vec2 ray = (vec2(pixel) - intrinsics.zw) / intrinsics.xy;
   return normalize(vec3(zu * intrinsics.x, zv * intrinsics.y, -z - dot(vec2(zu, zv) * intrinsics.xy, ray)));
