@@ -37,11 +37,26 @@ void add_note(std::string& note, const std::string& more) {
   if (!more.empty()) note += (note.empty() ? "" : "; ") + more;
 }
 
+/// Shortly before the first contact, s: there a run becomes worth a look. It is looked for in the
+/// first minute; the beginning if there is none.
+double opening_time(RecordedRun& run) {
+  constexpr double kLead = 0.5, kSearched = 60, kStep = 0.5;  // s
+  const double end = std::min(run.duration(), kSearched);
+  for (double after = -1; after < end; after += kStep) {
+    const auto samples = run.samples(after, after + kStep);
+    if (!samples) return 0;
+    const auto touches = [](const ViewSample& sample) { return sample.volume > 0; };
+    const auto first = std::find_if(samples->begin(), samples->end(), touches);
+    if (first != samples->end()) return std::max(0.0, first->time - kLead);
+  }
+  return 0;
+}
+
 }  // namespace
 
 RunPlayer::RunPlayer(std::unique_ptr<RecordedRun> run) : run_(std::move(run)), repetition_(*run_) {
   clock_.pause();
-  clock_.set(0);
+  clock_.set(opening_time(*run_));
   shown_.settings = run_->settings(0);
   shown_.duration = run_->duration();
   thread_ = std::thread([this] { work(); });

@@ -26,7 +26,7 @@ struct RunShown {
 
 class RunPlayer {
  public:
-  /// Stands at the beginning until somebody looks.
+  /// Stands shortly before the first contact until somebody looks, then plays.
   explicit RunPlayer(std::unique_ptr<RecordedRun> run);
   ~RunPlayer();
 

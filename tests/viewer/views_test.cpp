@@ -322,6 +322,32 @@ TEST(Repetition, LooksBackAsFarAsTheTimeOptionsDo) {
   EXPECT_EQ(num_lead_frames(time), 0);
 }
 
+TEST(RunView, OpensHalfASecondBeforeTheFirstContact) {
+  const TemporaryFolder folder;
+  SyntheticStream stream(60);
+  const auto late = [](double time) {
+    const Pose X_WT = pressing_pose(0);
+    return time < 1.2 ? Pose{X_WT.translation - Vec3d{0, 0, 0.2}, X_WT.rotation}
+                      : pressing_pose(time - 1.2);
+  };
+  auto device = test::path_device(late, kRate);
+  ASSERT_TRUE(record_run(small_tool(), stream, **device, path_settings(), folder.path() / "run"));
+  auto run = open_recorded_run(folder.path() / "run");
+  ASSERT_TRUE(run);
+  double first = -1;
+  const auto ticks = (*run)->samples(-1, 10);
+  ASSERT_TRUE(ticks);
+  for (const ViewSample& tick : *ticks) {
+    if (first < 0 && tick.volume > 0) first = tick.time;
+  }
+  ASSERT_GE(first, 1.2);
+  auto view = view_run(folder.path() / "run");
+  ASSERT_TRUE(view);
+  Watcher watcher(**view);
+  EXPECT_NEAR(watcher.state()["time"].get<double>(), first - 0.5, 1e-9);
+  ASSERT_TRUE(watcher.until([&] { return watcher.state()["time"] >= first; }));
+}
+
 TEST(RunView, BeginsWhenSomebodyLooksAndStopsAtTheEnd) {
   const TemporaryFolder folder;
   record_path(folder.path() / "run", path_settings());
