@@ -36,7 +36,10 @@ class Random {
       if (length > 0.1 && length < 1) return v / length;
     }
   }
-  Quaternion rotation(double max_angle) { return axis_angle(direction(), uniform(0, max_angle)); }
+  Quaternion rotation(double max_angle) {
+    const double angle = uniform(0, max_angle);  // compilers differ in the order of arguments
+    return axis_angle(direction(), angle);
+  }
 
  private:
   std::uint64_t state_;

@@ -2,11 +2,12 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--peers] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--arm64] [--peers] [--list]
 #   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python
 #   --fuzz    also what only make fuzz needs
 #   --packages also what making and trying packages needs
+#   --arm64   also what building and testing for 64-bit Arm needs
 #   --peers   also what the benchmark against other libraries needs
 #   --list    only print the names of all packages
 set -euo pipefail
@@ -20,10 +21,11 @@ for argument in "$@"; do
     --test) groups="$groups test " ;;
     --fuzz) groups="$groups fuzz " ;;
     --packages) groups="$groups packages " ;;
+    --arm64) groups="$groups arm64 " ;;
     --peers) groups="$groups peers " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--peers] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--arm64] [--peers] [--list]" >&2
       exit 2
       ;;
   esac
