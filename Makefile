@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 packages try-packages try-demo clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 packages try-packages try-demo clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -123,6 +123,11 @@ cuda:  ## compile the library with the CUDA backend; needs nvcc, no GPU
 
 gpu-check:  ## on a machine with a GPU: build, test, compute-sanitizer, benchmark
 	scripts/gpu_check.sh
+
+soak: setup  ## a live run with faults, changes, pages and a recording in parts: make soak [HOURS=24]
+	cmake --preset release
+	cmake --build --preset release -j $(JOBS) --target soak
+	build/release/bin/soak --minutes $$(awk 'BEGIN { print 60 * $(or $(HOURS),24) }')
 
 view-soak: setup  ## ten minutes of the viewer in a browser: does its memory stand still?
 	cmake --preset release

@@ -11,6 +11,7 @@
 #include "apps/options.h"
 #include "palpate/io/trajectory_file.h"
 #include "palpate/session/probing_path.h"
+#include "palpate/session/run.h"
 #include "palpate/viewer/view_server.h"
 
 namespace palpate::apps {
@@ -48,6 +49,7 @@ struct TouchOptions {
   PathFrame path_frame = PathFrame::world;
   int num_spheres = 0;  ///< 0: all
   bool json = false;
+  RecordingOptions recording;
   bool has_page = false;
   ViewServerOptions page;
 

@@ -182,6 +182,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
 
   RunOptions run;
   run.probe = input.probe;
+  run.recording = options.recording;
   run.time_origin = input.time_origin;
   double expected = std::numeric_limits<double>::infinity();
   Result<std::unique_ptr<HapticDevice>> device = Error{};

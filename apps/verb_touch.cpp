@@ -122,6 +122,53 @@ void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
       ->group(group);
 }
 
+/// "10min" or "1.5 GB" in the first unit; 0: it is not that. Units: name and factor.
+double parse_amount(const std::string& text,
+                    std::initializer_list<std::pair<std::string_view, double>> units) {
+  std::istringstream stream(text);
+  double number = 0;
+  std::string unit;
+  if (!(stream >> number) || !std::isfinite(number) || number <= 0) return 0;
+  stream >> unit;
+  if (!(stream >> std::ws).eof()) return 0;
+  for (const auto& [name, factor] : units) {
+    if (unit == name) return number * factor;
+  }
+  return 0;
+}
+
+/// How much of a long run is kept.
+void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) {
+  const std::string group = "Recording";
+  const auto refuse = [](const char* option, const std::string& text, const char* wanted) {
+    usage_error(std::string("touch: ") + option + ": " + wanted + ", not '" + text + "'");
+  };
+  app.add_option_function<std::string>(
+         "--record-keep",
+         [options, refuse](const std::string& text) {
+           const double seconds = parse_amount(text, {{"", 1}, {"s", 1}, {"min", 60}, {"h", 3600}});
+           if (seconds < 1)
+             refuse("--record-keep", text, "a time of 1s or more, as 90s, 10min, 2h");
+           options->recording.keep_seconds = seconds;
+         },
+         "keep only so much of the end of the run, e.g. 10min: the recording comes in parts, and "
+         "older ones are removed")
+      ->type_name("TIME")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--record-split",
+         [options, refuse](const std::string& text) {
+           const double bytes = parse_amount(
+               text, {{"", 1}, {"B", 1}, {"kB", 1e3}, {"MB", 1e6}, {"GB", 1e9}, {"TB", 1e12}});
+           if (bytes < 1e6) refuse("--record-split", text, "a size of 1MB or more, as 500MB, 1GB");
+           options->recording.split_bytes = bytes;
+         },
+         "begin another file of the recording when one is so large, e.g. 1GB; each can be repeated "
+         "and shown by itself")
+      ->type_name("SIZE")
+      ->group(group);
+}
+
 /// Of the page that is shown meanwhile.
 void add_view_options(CLI::App& app, Options& options) {
   app.add_flag(
@@ -288,6 +335,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_set_option(app, table);
   add_aim_options(app, options);
   add_hand_options(app, options);
+  add_record_options(app, options);
   add_view_options(app, *options);
   app.add_flag("--json", options->json, "print the summary as JSON");
   app.footer(

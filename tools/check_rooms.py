@@ -44,6 +44,7 @@ READ_EVERYTHING = ("tests", "bench")
 SHARED_PRIVATE = {
     "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras"),
     "src/core/shared_library.h": ("devices", "cameras"),
+    "src/core/thread_rank.h": ("run", "viewer"),
     "src/io/cdr.h": ("session", "cameras"),
     "src/io/text_scanner.h": ("cameras",),
     "src/pages/page_files.h": ("viewer",),
@@ -51,6 +52,7 @@ SHARED_PRIVATE = {
     "src/session/settings_json.h": ("viewer",),
     "src/session/run_reader.h": ("viewer",),
     "src/session/run_messages.h": ("viewer",),
+    "src/session/lead_frames.h": ("viewer",),
     "src/session/html_page.h": ("eval",),
     "src/session/base64.h": ("eval",),
     "src/session/cut_picture.h": ("eval",),

@@ -17,6 +17,7 @@ struct SlotSettings {
   TimeOptions time;
   int num_spare = 0;
   bool wants_depth_change = true;
+  int binning = 1;  ///< `stream` is the binned one
 
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }

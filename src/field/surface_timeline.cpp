@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "palpate/cloud/cloud_blend.h"
+#include "palpate/cloud/depth_binning.h"
 #include "src/field/frame_slots.h"
 
 namespace palpate {
@@ -35,6 +36,9 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& setting
 
 struct SurfaceTimeline::Impl {
   std::unique_ptr<FrameSlots> slots;
+  DepthStreamInfo stream;
+  int binning;
+  DepthFrame small;  // of the last frame, if binned
   TimeMode mode;
   int num_slots;
   double period;  // expected time to the next frame
@@ -59,8 +63,15 @@ Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
   if (const Status status = check(settings); !status) return status.error();
   const TimeOptions& time = settings.time;
   const double period = time.first_period != 0 ? time.first_period : 1 / settings.stream.rate;
+  // Pushes allocate nothing.
+  DepthFrame small;
+  if (settings.binning > 1) {
+    small.pixels.resize(static_cast<std::size_t>(settings.stream.width) *
+                        static_cast<std::size_t>(settings.stream.height));
+  }
   return SurfaceTimeline(std::make_unique<SurfaceTimeline::Impl>(
-      SurfaceTimeline::Impl{std::move(slots), time.mode, settings.num_slots(), period}));
+      SurfaceTimeline::Impl{std::move(slots), settings.stream, settings.binning, std::move(small),
+                            time.mode, settings.num_slots(), period}));
 }
 
 Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
@@ -68,8 +79,14 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
                                                 const std::optional<DepthFieldOptions>& field,
                                                 const TimeOptions& options,
                                                 const SensingPlace& place, int num_spare,
-                                                bool wants_depth_change) {
-  const SlotSettings settings{stream, surface, field, options, num_spare, wants_depth_change};
+                                                bool wants_depth_change, int binning) {
+  if (binning < 1 || binning > kMaxBinning) {
+    return Error{Errc::invalid_argument, "depth images are binned by 1 to " +
+                                             std::to_string(kMaxBinning) + " pixels, not " +
+                                             std::to_string(binning)};
+  }
+  const SlotSettings settings{binned(stream, binning), surface, field, options, num_spare,
+                              wants_depth_change,      binning};
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
   return make_timeline(*std::move(slots), settings);
@@ -92,7 +109,8 @@ SurfaceStats SurfaceTimeline::push(const DepthFrame& frame, double time, ThreadP
   }
   d.newest = (d.newest + 1) % d.num_slots;
   ++d.num_frames;
-  return d.slots->take(d.newest, frame, motion, asked, pool);
+  if (d.binning > 1) bin_depth(frame, d.binning, d.small);
+  return d.slots->take(d.newest, d.binning > 1 ? d.small : frame, motion, asked, pool);
 }
 
 SurfaceMoment SurfaceTimeline::at(double time) const {
@@ -106,6 +124,8 @@ SurfaceMoment SurfaceTimeline::at(double time) const {
 PointCloud SurfaceTimeline::newest_cloud(ThreadPool& pool) {
   return impl_->slots->seen_cloud(impl_->newest, pool);
 }
+
+const DepthStreamInfo& SurfaceTimeline::stream() const { return impl_->stream; }
 
 double SurfaceTimeline::period() const { return impl_->period; }
 

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "palpate/haptics/state_numbers.h"
 #include "src/haptics/matrix6.h"
 #include "src/haptics/turned.h"
 
@@ -17,6 +18,9 @@ class Approach {
   void begin(const Pose& from) noexcept {
     from_ = from;
     has_begun_ = false;
+  }
+  void remember(StateNumbers& numbers) noexcept {
+    numbers(from_, offset_.linear, offset_.angular, has_begun_);
   }
   /// Where the tool is, `dt` after the last time, if it belongs to X_WT.
   Pose at(const Pose& X_WT, double dt) noexcept {

@@ -28,6 +28,10 @@ class DirectCoupling final : public Coupling {
     return {hand_.X_BH(), held.X_WT, X_WT_, {held.velocity.linear, held.velocity.angular}};
   }
 
+  void remember(StateNumbers& numbers) noexcept override {
+    numbers(hand_, contact_, approach_, X_WT_);
+  }
+
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);
@@ -60,6 +64,7 @@ class NoCoupling final : public Coupling {
     const HeldTool& held = hand_.held();
     return {hand_.X_BH(), held.X_WT, held.X_WT, {held.velocity.linear, held.velocity.angular}};
   }
+  void remember(StateNumbers& numbers) noexcept override { numbers(hand_); }
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double) noexcept override {
     CouplingStep step;

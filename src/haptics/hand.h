@@ -29,6 +29,11 @@ class Hand {
   /// What a wrench on the held tool, about its centre of mass, is at the handle in B.
   Wrench at_handle(const Wrench& F_C_W) const noexcept;
 
+  void remember(StateNumbers& numbers) noexcept {
+    numbers(held_.X_WT, held_.p_WC, held_.p_WH, held_.velocity.linear, held_.velocity.angular,
+            X_BH_, shift_W_);
+  }
+
   const HeldTool& held() const noexcept { return held_; }
   /// The last usable one.
   const Pose& X_BH() const noexcept { return X_BH_; }

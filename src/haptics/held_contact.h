@@ -15,6 +15,10 @@ class HeldContact {
   /// What is known at this tick, `dt` after the last one.
   void update(const LocalContact& contact, double dt) noexcept;
 
+  void remember(StateNumbers& numbers) noexcept {
+    numbers(contact_, stiffness_.m, is_there_, from_, elapsed_, interval_);
+  }
+
   /// On the tool at this pose, in newtons. Beyond the end of the contact it goes on along the line
   /// and pulls, so that a solver finds the end: see `pushes`.
   Wrench wrench(const Pose& X_WT) const noexcept;

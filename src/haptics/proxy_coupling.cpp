@@ -42,6 +42,10 @@ class ProxyCoupling final : public Coupling {
     return {hand_.X_BH(), hand_.held().X_WT, X_WT_shown_, {velocity_.linear, velocity_.angular}};
   }
 
+  void remember(StateNumbers& numbers) noexcept override {
+    numbers(hand_, contact_, approach_, X_WT_, X_WT_shown_, velocity_.linear, velocity_.angular);
+  }
+
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);

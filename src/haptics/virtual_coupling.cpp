@@ -63,6 +63,10 @@ class VirtualCoupling final : public Coupling {
     return {hand_.X_BH(), hand_.held().X_WT, X_WT_, {velocity_.linear, velocity_.angular}};
   }
 
+  void remember(StateNumbers& numbers) noexcept override {
+    numbers(hand_, contact_, X_WT_, p_WC_, velocity_.linear, velocity_.angular);
+  }
+
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);

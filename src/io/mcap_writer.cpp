@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <new>
 #include <utility>
 
 #include "palpate/io/mcap_file.h"
@@ -67,7 +68,9 @@ struct McapWriter::Impl {
   Status end_chunk();
 };
 
+/// All or nothing: a part of a record would only take space from what can still be kept.
 Status McapWriter::Impl::put(std::string_view bytes) {
+  const std::uint64_t begin = size;
   while (status && !bytes.empty()) {
     const ssize_t written = ::write(file, bytes.data(), bytes.size());
     if (written < 0 && errno == EINTR) continue;
@@ -75,6 +78,7 @@ Status McapWriter::Impl::put(std::string_view bytes) {
       status =
           Error{Errc::io_failure, "cannot write " + path.string() + ": " + std::strerror(errno) +
                                       "; what was recorded before is kept; free some space"};
+      if (::ftruncate(file, static_cast<off_t>(begin)) == 0) size = begin;
       break;
     }
     bytes.remove_prefix(static_cast<std::size_t>(written));
@@ -123,7 +127,12 @@ McapWriter::McapWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 McapWriter::McapWriter(McapWriter&&) noexcept = default;
 McapWriter& McapWriter::operator=(McapWriter&&) noexcept = default;
 McapWriter::~McapWriter() {
-  if (impl_ != nullptr) (void)finish();
+  if (impl_ == nullptr) return;
+  try {
+    (void)finish();
+  } catch (const std::bad_alloc&) {
+    // What was written stays readable.
+  }
 }
 
 Result<McapWriter> McapWriter::create(const std::filesystem::path& path,

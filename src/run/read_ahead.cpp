@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <condition_variable>
 #include <mutex>
+#include <new>
 #include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
+
+#include "palpate/run/pipeline.h"
+#include "src/core/thread_rank.h"
 
 namespace palpate {
 namespace {
@@ -58,10 +62,19 @@ class ReadAhead final : public DepthSource {
  private:
   DepthFrame& place(std::size_t number) { return frames_[number % frames_.size()]; }
 
+  Result<bool> read(DepthFrame& frame) {
+    try {
+      return source_->next(frame);
+    } catch (const std::bad_alloc&) {
+      return out_of_memory();
+    }
+  }
+
   void read_all() {
+    take_rank(ThreadRank::frames);
     DepthFrame frame;
     for (;;) {
-      const auto got = source_->next(frame);
+      const auto got = read(frame);
       std::unique_lock lock(mutex_);
       if (!got || !*got) {
         end_ = got;

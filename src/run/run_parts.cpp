@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -22,6 +23,19 @@ Status check(const RunSettings& settings, const DeviceInfo& device) {
   return Done{};
 }
 
+/// Of the first spheres alone, with torques about the point that the whole tool has them about.
+Result<std::shared_ptr<const ToolIndex>> thinned_index(const Tool& tool, int num_spheres) {
+  struct Thinned {
+    Tool tool;
+    std::shared_ptr<const ToolIndex> index;
+  };
+  auto prefix = tool.thinned(num_spheres);
+  if (!prefix) return prefix.error();
+  const auto thinned = std::make_shared<Thinned>(Thinned{*std::move(prefix), nullptr});
+  thinned->index = ToolIndex::create(thinned->tool);
+  return std::shared_ptr<const ToolIndex>(thinned, thinned->index.get());
+}
+
 }  // namespace
 
 Error lost_backend() {
@@ -30,13 +44,19 @@ Error lost_backend() {
           "use the CPU (--backend cpu)"};
 }
 
+Error out_of_memory() {
+  return {Errc::unavailable,
+          "out of memory: use fewer spheres, a smaller image or a shorter run, or end other "
+          "programs"};
+}
+
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
                                       int num_spare) {
   std::optional<DepthFieldOptions> field;
   if (settings.contact.method == InsideMethod::field) field = settings.field;
   return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
                                  {backend_of(settings), settings.sensing_gpu}, num_spare,
-                                 needs_depth_change(settings));
+                                 needs_depth_change(settings), settings.binning);
 }
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
@@ -48,6 +68,12 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
   capacities.pool = threads;
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
+  if (const auto num = static_cast<std::size_t>(std::max(settings.num_spheres, 0));
+      num > 0 && num < index->tool().spheres().size()) {
+    auto thinned = thinned_index(index->tool(), settings.num_spheres);
+    if (!thinned) return thinned.error();
+    index = *std::move(thinned);
+  }
   const Tool& tool = index->tool();
   auto query = make_contact_query(backend_of(settings), std::move(index), *method, capacities);
   if (!query) return query.error();
@@ -80,7 +106,7 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
     parts.timeline.emplace(*std::move(timeline));
   }
   if (before == nullptr || before->backend != settings.backend ||
-      before->contact != settings.contact) {
+      before->contact != settings.contact || before->num_spheres != settings.num_spheres) {
     auto contact = make_contact_part(index, settings, parts.scale, options.query_threads);
     if (!contact) return contact.error();
     parts.contact = *std::move(contact);

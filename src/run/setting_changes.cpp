@@ -7,9 +7,15 @@ namespace palpate {
 namespace {
 
 /// Sections and settings that a running loop keeps.
-constexpr std::string_view kFixed[] = {
-    "safety",           "window",         "loop.threads",           "loop.sensing_gpu",
-    "loop.contact_gpu", "loop.real_time", "coupling.base_in_scene", "coupling.tool_in_hand"};
+constexpr std::string_view kFixed[] = {"safety",
+                                       "window",
+                                       "loop.threads",
+                                       "loop.sensing_gpu",
+                                       "loop.contact_gpu",
+                                       "loop.real_time",
+                                       "loop.thin_out",
+                                       "coupling.base_in_scene",
+                                       "coupling.tool_in_hand"};
 
 bool has_field(const RunSettings& settings) {
   return settings.contact.method == InsideMethod::field;
@@ -41,7 +47,8 @@ Status check_change(const RunSettings& before, const RunSettings& after) {
 }
 
 bool keeps_surfaces(const RunSettings& before, const RunSettings& after) {
-  return before.backend == after.backend && has_field(before) == has_field(after) &&
+  return before.backend == after.backend && before.binning == after.binning &&
+         has_field(before) == has_field(after) &&
          needs_depth_change(before) == needs_depth_change(after) &&
          has_same_settings(before.surface, after.surface) &&
          has_same_settings(before.time, after.time) &&

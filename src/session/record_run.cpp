@@ -26,6 +26,10 @@ class Keeper {
 
   RunObserver observer() {
     RunObserver observer;
+    observer.on_moment = [this](const HandMoment& moment) {
+      recorder_->add_moment(moment);
+      tell(&RunObserver::on_moment, moment);
+    };
     observer.on_settings = [this](std::uint32_t revision, const RunSettings& settings) {
       recorder_->add_settings(revision, settings);
       results_->add_settings(settings);
@@ -45,6 +49,11 @@ class Keeper {
       add_marks();
       add_source_notes(ticks.back().time);
       tell(&RunObserver::on_ticks, ticks);
+    };
+    observer.on_note = [this](std::string_view text) {
+      recorder_->add_note(text);
+      say(time_, text);
+      tell(&RunObserver::on_note, text);
     };
     return observer;
   }
@@ -77,6 +86,7 @@ class Keeper {
   void add(const TickRecord& tick) {
     recorder_->add_tick(tick);
     results_->add_tick(tick);
+    time_ = tick.time;
     // That the force comes up at the beginning and fades at the end needs no words.
     const std::string_view change =
         describe_change(std::exchange(safety_, tick.safety), tick.safety);
@@ -84,10 +94,7 @@ class Keeper {
       recorder_->add_note(change);
       say(tick.time, change);
     }
-    if (const std::string& trouble = recorder_->trouble(); !trouble.empty() && !has_told_trouble_) {
-      has_told_trouble_ = true;
-      say(tick.time, trouble);
-    }
+    for (const std::string& text : recorder_->take_news()) say(tick.time, text);
   }
   void say(double time, std::string_view text) const {
     if (say_) say_(time, text);
@@ -102,7 +109,7 @@ class Keeper {
   RunMonitor* monitor_;
   std::function<void(double, std::string_view)> say_;
   SafetyStatus safety_;  // of the last tick
-  bool has_told_trouble_ = false;
+  double time_ = 0;      // likewise, s
 };
 
 /// False if somebody wants the run to end.
@@ -195,16 +202,18 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
         std::chrono::system_clock::now().time_since_epoch();
     log.setup.time_origin = since_1970.count();
   }
-  auto recorder =
-      RunRecorder::create(folder->partial() / kRecordingFile, tool, log.setup, is_simulated);
+  auto recorder = RunRecorder::create(folder->partial() / kRecordingFile, tool, log.setup,
+                                      is_simulated, options.recording);
   if (!recorder) return recorder.error();
-  keeper.begin(*std::move(recorder), RunResults(folder->partial(), tool, log.setup));
+  keeper.begin(*std::move(recorder),
+               RunResults(folder->partial(), tool, log.setup, !options.recording.is_bounded()));
   if (const Status status = loop.start(); !status) return status.error();
   // From here on a folder of this name is kept, whatever happens to the program.
   if (const Status status = folder->commit(); !status) {
     loop.stop();
     return status.error();
   }
+  keeper.recorder().has_moved_to(folder->target());
 
   const auto tell_of = [&](RunLoop* running) {
     if (options.monitor != nullptr && options.monitor->on_loop) {

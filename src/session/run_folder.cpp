@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <cstdio>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -19,11 +20,23 @@ namespace palpate {
 namespace fs = std::filesystem;
 namespace {
 
+/// Of "recording.mcap" and "recording-0002.mcap"; 0: it is no such name.
+int part_number(std::string_view name) {
+  constexpr std::string_view kBegin = "recording-", kEnd = ".mcap";
+  if (name == kRecordingFile) return 1;
+  if (!name.starts_with(kBegin) || !name.ends_with(kEnd)) return 0;
+  name = name.substr(kBegin.size(), name.size() - kBegin.size() - kEnd.size());
+  int number = 0;
+  const auto [end, bad] = std::from_chars(name.data(), name.data() + name.size(), number);
+  return bad == std::errc{} && end == name.data() + name.size() && number > 1 ? number : 0;
+}
+
 /// Whether a run has a file of this name.
 bool is_our_file(const std::string& name) {
   constexpr std::string_view kNames[] = {"wrench.csv", "wrench.csv.part", "summary.json",
-                                         "report.html", kRecordingFile};
-  return std::find(std::begin(kNames), std::end(kNames), name) != std::end(kNames);
+                                         "report.html"};
+  return part_number(name) > 0 ||
+         std::find(std::begin(kNames), std::end(kNames), name) != std::end(kNames);
 }
 
 /// The first thing in the folder that no run has there; empty if there is none.
@@ -38,10 +51,10 @@ fs::path find_foreign(const fs::path& folder, std::error_code& error) {
   return {};
 }
 
-/// The recording of a run, locked against every other program that writes a run; -1: there is none,
+/// The folder of a run, locked against every other program that writes a run; -1: there is none,
 /// or `is_taken`. File systems that know no locks have none.
 int lock_recording(const fs::path& folder, bool& is_taken) {
-  const int file = open((folder / kRecordingFile).c_str(), O_RDONLY | O_CLOEXEC);
+  const int file = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   is_taken = file >= 0 && flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
   if (is_taken) close(file);
   return is_taken ? -1 : file;
@@ -97,6 +110,27 @@ Error failure(const char* what, const fs::path& folder, const std::error_code& e
 }
 
 }  // namespace
+
+std::string part_file(int number) {
+  if (number <= 1) return kRecordingFile;
+  char name[40];
+  std::snprintf(name, sizeof name, "recording-%04d.mcap", number);
+  return name;
+}
+
+std::vector<fs::path> recording_parts(const fs::path& folder) {
+  std::vector<std::pair<int, fs::path>> found;
+  std::error_code error;
+  for (auto entry = fs::directory_iterator(folder, error);
+       !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    const int number = part_number(entry->path().filename().string());
+    if (number > 0) found.emplace_back(number, entry->path());
+  }
+  std::sort(found.begin(), found.end());
+  std::vector<fs::path> parts;
+  for (auto& [number, path] : found) parts.push_back(std::move(path));
+  return parts;
+}
 
 RunFolder::RunFolder(fs::path target, fs::path partial)
     : target_(std::move(target)), partial_(std::move(partial)) {}

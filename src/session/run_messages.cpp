@@ -33,6 +33,25 @@ void visit_fields(T& settings, auto&& visit) {
   visit("json", settings.json);
 }
 
+/// A sequence of numbers.
+using Numbers = std::vector<double>;
+
+struct PartText {
+  PartStart part;
+  Numbers hand;
+};
+template <Of<PartText> T>
+void visit_fields(T& text, auto&& visit) {
+  visit("number", text.part.number);
+  visit("revision", text.part.revision);
+  visit("first_frame", text.part.first_frame);
+  visit("period", text.part.period);
+  visit("has_surfaces", text.part.has_surfaces);
+  visit("tick", text.part.hand.tick);
+  visit("tick_revision", text.part.hand.revision);
+  visit("hand", text.hand);
+}
+
 struct Note {
   std::string text;
 };
@@ -53,6 +72,9 @@ struct Writer {
       to.number(value);
     } else if constexpr (std::same_as<T, std::string>) {
       to.text(value);
+    } else if constexpr (std::same_as<T, Numbers>) {
+      to.number(static_cast<std::uint32_t>(value.size()));
+      for (const double number : value) to.number(number);
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (const auto& row : value.m) {
         for (const double number : row) to.number(number);
@@ -74,6 +96,12 @@ struct Reader {
       value = from.number<T>();
     } else if constexpr (std::same_as<T, std::string>) {
       value = std::string(from.text());
+    } else if constexpr (std::same_as<T, Numbers>) {
+      const std::size_t num = from.number<std::uint32_t>();
+      value.clear();
+      for (std::size_t i = 0; i < num && from.is_good(); ++i) {
+        value.push_back(from.number<double>());
+      }
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (auto& row : value.m) {
         for (double& number : row) number = from.number<double>();
@@ -95,6 +123,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, std::int32_t>) return "int32";
   if constexpr (std::same_as<T, Fault> || std::same_as<T, ForceState>) return "uint8";
   if constexpr (std::same_as<T, std::string>) return "string";
+  if constexpr (std::same_as<T, Numbers>) return "float64[]";
   if constexpr (std::same_as<T, Stiffness>) return "float64[36]";
   if constexpr (std::same_as<T, Vec3d>) return "geometry_msgs/Vector3";
   if constexpr (std::same_as<T, Quaternion>) return "geometry_msgs/Quaternion";
@@ -114,6 +143,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, DeviceLimits>) return "palpate_msgs/DeviceLimits";
   if constexpr (std::same_as<T, DeviceInfo>) return "palpate_msgs/DeviceInfo";
   if constexpr (std::same_as<T, SettingsText>) return "palpate_msgs/Settings";
+  if constexpr (std::same_as<T, PartText>) return "palpate_msgs/Part";
   if constexpr (std::same_as<T, Note>) return "palpate_msgs/Note";
 }
 
@@ -126,8 +156,8 @@ struct Describer {
   void operator()(const char* name, const T& value) const {
     const std::string type = type_name<T>();
     text += type + " " + name + "\n";
-    constexpr bool is_plain =
-        Scalar<T> || std::same_as<T, std::string> || std::same_as<T, Stiffness>;
+    constexpr bool is_plain = Scalar<T> || std::same_as<T, std::string> ||
+                              std::same_as<T, Stiffness> || std::same_as<T, Numbers>;
     if constexpr (!is_plain) {
       if (type.starts_with("palpate_msgs/") && texts.count(type) == 0) describe(value);
     }
@@ -256,6 +286,7 @@ std::string object_file(std::size_t index) {
   return name;
 }
 
+McapChannel part_channel() { return channel_of<PartText>(kPartTopic); }
 McapChannel settings_channel() { return channel_of<SettingsText>(kSettingsTopic); }
 McapChannel frame_channel() { return channel_of<FrameRecord>(kFrameTopic); }
 McapChannel contact_channel() { return channel_of<ContactRecord>(kContactTopic); }
@@ -273,6 +304,10 @@ std::string settings_message(const RunSetup& setup) {
   return message_of(SettingsText{setup.revision, setup.time_origin, setup.device,
                                  json.dump(-1, ' ', false, Json::error_handler_t::replace)});
 }
+std::string part_message(const PartStart& part) {
+  const auto hand = part.hand.numbers.numbers();
+  return message_of(PartText{part, {hand.begin(), hand.end()}});
+}
 std::string frame_message(const FrameRecord& frame) { return message_of(frame); }
 std::string contact_message(const ContactRecord& contact) { return message_of(contact); }
 std::string tick_message(const TickRecord& tick) { return message_of(tick); }
@@ -287,6 +322,12 @@ Result<RunSetup> read_settings(std::string_view message) {
     return Error{Errc::bad_input,
                  "a message does not hold the settings of a run; record the run again"};
   }
+}
+Result<PartStart> read_part(std::string_view message) {
+  auto text = read<PartText>(message);
+  if (!text) return text.error();
+  text->part.hand.numbers = StateNumbers(text->hand);
+  return text->part;
 }
 Result<FrameRecord> read_frame(std::string_view message) { return read<FrameRecord>(message); }
 Result<ContactRecord> read_contact(std::string_view message) {

@@ -25,6 +25,16 @@ struct RunSetup {
   std::optional<ProbeChoice> probe = {};  ///< where the hand was led, if nobody gave a path
 };
 
+/// How a part of a recording begins that is not the first one, before its settings.
+struct PartStart {
+  std::int32_t number = 0;        ///< of the part
+  std::uint32_t revision = 0;     ///< of the first settings that follow
+  std::uint64_t first_frame = 0;  ///< the first depth frame that follows, which looks back no more
+  double period = 0;              ///< s, FrameRecord::period of that one
+  bool has_surfaces = true;       ///< frames and contacts that follow can be repeated from here
+  HandMoment hand;                ///< how the hand's side stands
+};
+
 /// A depth frame with all that it takes to repeat its surface.
 struct RecordedDepth {
   FrameRecord record;
@@ -35,6 +45,7 @@ inline constexpr const char* kRunFormat = "palpate run";
 inline constexpr int kRunVersion = 1;
 
 // Topics.
+inline constexpr const char* kPartTopic = "/part";
 inline constexpr const char* kSettingsTopic = "/settings";
 inline constexpr const char* kFrameTopic = "/frame";  ///< palpate_msgs/Frame, before its image
 inline constexpr const char* kDepthTopic = "/depth";  ///< sensor_msgs/Image
@@ -46,12 +57,14 @@ inline constexpr const char* kNoteTopic = "/note";
 inline constexpr const char* kToolFile = "tool.palp";
 std::string object_file(std::size_t index);
 
+McapChannel part_channel();
 McapChannel settings_channel();
 McapChannel frame_channel();
 McapChannel contact_channel();
 McapChannel tick_channel();
 McapChannel note_channel();
 
+std::string part_message(const PartStart& part);
 std::string settings_message(const RunSetup& setup);
 std::string frame_message(const FrameRecord& frame);
 std::string contact_message(const ContactRecord& contact);
@@ -60,6 +73,7 @@ std::string note_message(std::string_view text);
 
 /// Errors: not such a message, one of another version. Objects come without their shapes.
 Result<RunSetup> read_settings(std::string_view message);
+Result<PartStart> read_part(std::string_view message);
 Result<FrameRecord> read_frame(std::string_view message);
 Result<ContactRecord> read_contact(std::string_view message);
 Result<TickRecord> read_tick(std::string_view message);

@@ -146,6 +146,7 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   if (tick.revision > 0) settings = log.changes[tick.revision - 1];
   settings.backend = Backend::cpu;
   settings.time.mode = TimeMode::latest;
+  settings.num_spheres = 0;  // one state for each
   auto surfaces = make_surfaces(log.setup.stream, settings);
   if (!surfaces) return surfaces.error();
   auto part = make_contact_part(ToolIndex::create(tool), settings, {});

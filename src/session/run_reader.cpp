@@ -3,33 +3,94 @@
 #include <utility>
 
 #include "palpate/io/tool_file.h"
+#include "palpate/session/run_folder.h"
 #include "src/session/ros_messages.h"
 
 namespace palpate {
+namespace fs = std::filesystem;
 
-RunReader::RunReader(std::filesystem::path path, McapReader reader, RunSetup setup)
-    : path_(std::move(path)), reader_(std::move(reader)), setup_(std::move(setup)) {}
+RunReader::RunReader(std::vector<fs::path> parts, McapReader reader, RunSetup setup)
+    : parts_(std::move(parts)), reader_(std::move(reader)), setup_(std::move(setup)) {}
 
 Error RunReader::in_file(const Error& error) const {
-  return {error.code, path_.string() + ": " + error.message};
+  return {error.code, path().string() + ": " + error.message};
 }
 
-Result<RunReader> RunReader::open(const std::filesystem::path& path) {
+Result<RunReader> RunReader::open(const fs::path& place) {
+  std::error_code ignored;
+  std::vector<fs::path> parts{place};
+  if (fs::is_directory(place, ignored)) {
+    parts = recording_parts(place);
+    if (parts.empty()) parts = {place / kRecordingFile};
+  }
+  const fs::path path = parts.front();
+  const auto in_path = [&](const Error& error) {
+    return Error{error.code, path.string() + ": " + error.message};
+  };
   auto reader = McapReader::open(path);
   if (!reader) return reader.error();
-  const auto first = reader->next();
+  std::optional<PartStart> start;
+  auto first = reader->next();
   if (!first) return first.error();
-  if (!*first || reader->channels().at((*first)->channel).topic != kSettingsTopic) {
+  const auto topic = [&] { return reader->channels().at((*first)->channel).topic; };
+  if (*first && topic() == kPartTopic) {
+    const auto part = read_part((*first)->data);
+    if (!part) return in_path(part.error());
+    start = *part;
+    first = reader->next();
+    if (!first) return first.error();
+  }
+  if (!*first || topic() != kSettingsTopic) {
     return Error{Errc::bad_input,
                  path.string() + " is not the recording of a run; give another folder"};
   }
   auto setup = read_settings((*first)->data);
-  if (!setup) return Error{setup.error().code, path.string() + ": " + setup.error().message};
+  if (!setup) return in_path(setup.error());
   if (!(setup->device.rate > 0)) {
     return Error{Errc::bad_input,
                  path.string() + ": the recording tells no rate of ticks; record the run again"};
   }
-  return RunReader(path, *std::move(reader), *std::move(setup));
+  RunReader run(std::move(parts), *std::move(reader), *std::move(setup));
+  run.start_ = std::move(start);
+  return run;
+}
+
+Status RunReader::open_part(std::size_t part) {
+  auto reader = McapReader::open(parts_[part]);
+  if (!reader) return reader.error();
+  reader_ = *std::move(reader);
+  part_ = part;
+  return Done{};
+}
+
+// A place is the number of a part before that of a byte.
+constexpr int kPlaceBits = 48;
+
+std::uint64_t RunReader::chunk_place() const {
+  return static_cast<std::uint64_t>(part_) << kPlaceBits | reader_.chunk_place();
+}
+
+Status RunReader::seek(std::uint64_t chunk_place) {
+  const auto part = static_cast<std::size_t>(chunk_place >> kPlaceBits);
+  if (part != part_) {
+    if (const Status opened = open_part(part); !opened) return opened;
+  }
+  reader_.seek(chunk_place & ((std::uint64_t{1} << kPlaceBits) - 1));
+  return Done{};
+}
+
+std::uint64_t RunReader::num_bytes() const {
+  return num_bytes_before(static_cast<std::uint64_t>(parts_.size()) << kPlaceBits);
+}
+
+std::uint64_t RunReader::num_bytes_before(std::uint64_t chunk_place) const {
+  std::uint64_t num = chunk_place & ((std::uint64_t{1} << kPlaceBits) - 1);
+  for (std::size_t part = 0; part < chunk_place >> kPlaceBits; ++part) {
+    std::error_code error;
+    const std::uintmax_t size = fs::file_size(parts_[part], error);
+    if (!error) num += size;
+  }
+  return num;
 }
 
 Result<Tool> RunReader::load_tools() {
@@ -50,11 +111,16 @@ Result<Tool> RunReader::load_tools() {
 }
 
 Result<std::optional<RunReader::Message>> RunReader::next() {
-  const auto message = reader_.next();
-  if (!message) return message.error();
-  if (!*message) return std::optional<Message>();
-  return std::optional(Message{reader_.channels().at((*message)->channel).topic, (*message)->data,
-                               (*message)->time});
+  for (;;) {
+    const auto message = reader_.next();
+    if (!message) return message.error();
+    if (*message) {
+      return std::optional(Message{reader_.channels().at((*message)->channel).topic,
+                                   (*message)->data, (*message)->time});
+    }
+    if (part_ + 1 == parts_.size()) return std::optional<Message>();
+    if (const Status opened = open_part(part_ + 1); !opened) return opened.error();
+  }
 }
 
 Result<bool> RunReader::next_frame(RecordedDepth& frame) {
@@ -65,8 +131,9 @@ Result<bool> RunReader::next_frame(RecordedDepth& frame) {
     if (!*message) return false;
     auto joined = joiner.take((*message)->topic, (*message)->data);
     if (!joined) return in_file(joined.error());
-    if (!*joined) continue;
+    if (!*joined || (last_frame_ && (*joined)->record.number <= *last_frame_)) continue;
     frame = **std::move(joined);
+    last_frame_ = frame.record.number;
     return true;
   }
 }

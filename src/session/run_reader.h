@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "palpate/tool/tool.h"
 #include "src/session/run_messages.h"
@@ -14,8 +15,12 @@ namespace palpate {
 
 class RunReader {
  public:
-  /// Reads the first settings. Errors: no such file, not the recording of a run.
+  /// `path`: the folder of a run, with all parts of its recording, or one of these files. Reads the
+  /// first settings. Errors: no such file, not the recording of a run.
   static Result<RunReader> open(const std::filesystem::path& path);
+
+  /// How the first file begins, if it is not the first part of its run.
+  const std::optional<PartStart>& start() const { return start_; }
 
   /// With `load_tools`, objects have their shapes.
   const RunSetup& setup() const { return setup_; }
@@ -26,22 +31,36 @@ class RunReader {
     std::string_view topic, data;  ///< valid until the next call
     std::uint64_t time = 0;        ///< ns
   };
-  /// The next one after the first settings; none at the end. Errors: name the file.
+  /// The next one after the first settings; none at the end of the last part. A part begins with
+  /// what the one before ended with: its messages come twice. Errors: name the file.
   Result<std::optional<Message>> next();
-  /// The next frame or tick, whatever lies between; false at the end.
+  /// The next frame or tick, whatever lies between, each once; false at the end.
   Result<bool> next_frame(RecordedDepth& frame);
   Result<bool> next_tick(TickRecord& tick);
 
+  /// The last part.
   bool was_cut_off() const { return reader_.was_cut_off(); }
-  McapReader& file() { return reader_; }
+
+  /// Where the chunk of the last message begins, in which part; 0 before the first one.
+  std::uint64_t chunk_place() const;
+  /// The next message is the first one of the chunk there. Error: the part is gone.
+  Status seek(std::uint64_t chunk_place);
+  /// Of all parts, bytes; and of those before that place.
+  std::uint64_t num_bytes() const;
+  std::uint64_t num_bytes_before(std::uint64_t chunk_place) const;
 
  private:
-  RunReader(std::filesystem::path path, McapReader reader, RunSetup setup);
+  RunReader(std::vector<std::filesystem::path> parts, McapReader reader, RunSetup setup);
+  const std::filesystem::path& path() const { return parts_[part_]; }
+  Status open_part(std::size_t part);
   Error in_file(const Error& error) const;
 
-  std::filesystem::path path_;
+  std::vector<std::filesystem::path> parts_;
+  std::size_t part_ = 0;  // that is being read
   McapReader reader_;
   RunSetup setup_;
+  std::optional<PartStart> start_;
+  std::optional<std::uint64_t> last_frame_;
 };
 
 /// Joins a frame's record with its image, which follows it.

@@ -1,13 +1,20 @@
 #include "src/session/run_recorder.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
+#include <limits>
+#include <tuple>
 #include <utility>
 
 #include "palpate/io/tool_file.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/lead_frames.h"
 #include "src/session/ros_messages.h"
 
 namespace palpate {
+namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kTransformPeriod = 10'000'000;  // ns: ticks hold every pose exactly
@@ -25,6 +32,12 @@ double seconds() {
   return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
 }
 
+std::string at(double seconds) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.2f s", seconds);
+  return text;
+}
+
 McapChannel ros_channel(const char* topic, std::string type) {
   const std::string schema = message_schema(type);
   type.insert(type.find('/'), "/msg");
@@ -38,24 +51,15 @@ Wrench turned_into(const Quaternion& q_AB, const Wrench& wrench_A) {
 
 }  // namespace
 
-RunRecorder::RunRecorder(McapWriter writer, const Tool& tool, const RunSetup& setup,
-                         bool is_simulated)
-    : writer_(std::move(writer)),
-      setup_(setup),
-      centre_of_mass_T_(tool.sphere_mass().centre_of_mass) {
-  settings_ = writer_.add_channel(settings_channel());
-  frame_ = writer_.add_channel(frame_channel());
-  contact_ = writer_.add_channel(contact_channel());
-  tick_ = writer_.add_channel(tick_channel());
-  note_ = writer_.add_channel(note_channel());
-  depth_ = writer_.add_channel(ros_channel(kDepthTopic, "sensor_msgs/Image"));
-  points_ = writer_.add_channel(ros_channel("/depth/points", "sensor_msgs/PointCloud2"));
-  camera_ = writer_.add_channel(ros_channel("/camera_info", "sensor_msgs/CameraInfo"));
-  transforms_ = writer_.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
-  statics_ = writer_.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
-  tool_wrench_ = writer_.add_channel(ros_channel("/tool/wrench", "geometry_msgs/WrenchStamped"));
-  hand_wrench_ = writer_.add_channel(ros_channel("/hand/wrench", "geometry_msgs/WrenchStamped"));
-  marker_ = writer_.add_channel(ros_channel("/tool/marker", "visualization_msgs/Marker"));
+RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup& setup,
+                         bool is_simulated, const RecordingOptions& options)
+    : tool_(&tool),
+      options_(options),
+      place_(std::make_unique<Place>()),
+      setups_{setup},
+      centre_of_mass_T_(tool.sphere_mass().centre_of_mass),
+      parts_{{path.filename(), 0}} {
+  place_->folder = path.parent_path();
   if (is_simulated) {
     wall_offset_ = setup.time_origin;
     last_time_ = wall_time(0);
@@ -66,38 +70,182 @@ RunRecorder::RunRecorder(McapWriter writer, const Tool& tool, const RunSetup& se
   }
 }
 
-Result<RunRecorder> RunRecorder::create(const std::filesystem::path& path, const Tool& tool,
-                                        const RunSetup& setup, bool is_simulated) {
+Result<RunRecorder> RunRecorder::create(const fs::path& path, const Tool& tool,
+                                        const RunSetup& setup, bool is_simulated,
+                                        const RecordingOptions& options) {
+  RunRecorder recorder(path, tool, setup, is_simulated, options);
+  auto writer = recorder.make_file(path);
+  if (!writer) return writer.error();
+  recorder.writer_ = *std::move(writer);
+  if (const Status status = recorder.begin(nullptr); !status) return status.error();
+  return recorder;
+}
+
+void RunRecorder::has_moved_to(const fs::path& folder) {
+  const std::lock_guard lock(place_->mutex);
+  place_->folder = folder;
+}
+
+fs::path RunRecorder::folder() const {
+  const std::lock_guard lock(place_->mutex);
+  return place_->folder;
+}
+
+/// With tool and objects on the disk: without them nothing else can be understood.
+Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   auto writer = McapWriter::create(path);
   if (!writer) return writer.error();
-  // On the disk before the run: without them nothing else can be understood.
   const auto attach = [&](const std::string& name, const Tool& shape) -> Status {
     const auto bytes = tool_to_bytes(shape);
     if (!bytes) return bytes.error();
     return writer->attach(name, "application/x-palpate-tool", *bytes);
   };
-  if (const Status status = attach(kToolFile, tool); !status) return status.error();
-  for (std::size_t i = 0; i < setup.settings.objects.size(); ++i) {
-    const Status status = attach(object_file(i), *setup.settings.objects[i].shape);
+  if (const Status status = attach(kToolFile, *tool_); !status) return status.error();
+  const auto& objects = setups_.back().settings.objects;
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const Status status = attach(object_file(i), *objects[i].shape);
     if (!status) return status.error();
   }
-  RunRecorder recorder(*std::move(writer), tool, setup, is_simulated);
-  if (const Status status = recorder.begin(tool); !status) return status.error();
-  return recorder;
+  McapWriter& w = *writer;
+  channels_.part = w.add_channel(part_channel());
+  channels_.settings = w.add_channel(settings_channel());
+  channels_.frame = w.add_channel(frame_channel());
+  channels_.contact = w.add_channel(contact_channel());
+  channels_.tick = w.add_channel(tick_channel());
+  channels_.note = w.add_channel(note_channel());
+  channels_.depth = w.add_channel(ros_channel(kDepthTopic, "sensor_msgs/Image"));
+  channels_.points = w.add_channel(ros_channel("/depth/points", "sensor_msgs/PointCloud2"));
+  channels_.camera = w.add_channel(ros_channel("/camera_info", "sensor_msgs/CameraInfo"));
+  channels_.transforms = w.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
+  channels_.statics = w.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
+  channels_.tool_wrench = w.add_channel(ros_channel("/tool/wrench", "geometry_msgs/WrenchStamped"));
+  channels_.hand_wrench = w.add_channel(ros_channel("/hand/wrench", "geometry_msgs/WrenchStamped"));
+  channels_.marker = w.add_channel(ros_channel("/tool/marker", "visualization_msgs/Marker"));
+  return writer;
 }
 
-Status RunRecorder::begin(const Tool& tool) {
-  write(settings_, last_time_, settings_message(setup_));
+/// What every part begins with; one that is not the first has its `moment`.
+Status RunRecorder::begin(const HandMoment* moment) {
+  PartStart start;
+  if (moment != nullptr) {
+    std::uint32_t first = std::min(moment->revision, setups_.back().revision);
+    if (!frames_.empty()) first = std::min(first, frames_.front().record.revision);
+    if (!contacts_.empty()) first = std::min(first, contacts_.front().revision);
+    while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
+    start.number = num_parts_;
+    start.revision = setups_.front().revision;
+    start.has_surfaces = has_whole_lead(setups_.back().settings.time);
+    start.first_frame = next_frame_;
+    if (!frames_.empty()) {
+      start.first_frame = frames_.front().record.number;
+      start.period = frames_.front().record.period;
+    }
+    start.hand = *moment;
+    write(channels_.part, last_time_, part_message(start));
+  }
+  for (const RunSetup& setup : setups_) {
+    write(channels_.settings, last_time_, settings_message(setup));
+  }
+  const RunSetup& setup = setups_.back();
   const RosTransform fixed[] = {{kWorld, kCamera, {}},
-                                {kWorld, kBase, setup_.settings.coupling.X_WB}};
-  write(statics_, last_time_, transform_message(last_time_, fixed));
-  write(camera_, last_time_, camera_info_message({last_time_, kCamera}, setup_.stream));
-  write(marker_, last_time_, tool_marker_message({last_time_, kToolFrame}, tool.mesh()));
-  return writer_.flush();
+                                {kWorld, kBase, setup.settings.coupling.X_WB}};
+  write(channels_.statics, last_time_, transform_message(last_time_, fixed));
+  write(channels_.camera, last_time_, camera_info_message({last_time_, kCamera}, setup.stream));
+  write(channels_.marker, last_time_, tool_marker_message({last_time_, kToolFrame}, tool_->mesh()));
+  if (moment != nullptr) {
+    for (const auto& [record, frame] : frames_) write_frame(record, frame);
+    for (const ContactRecord& contact : contacts_) {
+      write(channels_.contact, wall_time(contact.contact.time), contact_message(contact));
+    }
+  }
+  if (!writer_) return Error{Errc::io_failure, reason_};
+  return writer_->flush();
 }
 
-void RunRecorder::end_with(const Error& error) {
-  trouble_ = "the recording ended before the run: " + error.message;
+/// Another part, whose first tick is the one that the moment names.
+Status RunRecorder::begin_after(const HandMoment& moment) {
+  const fs::path name = part_file(num_parts_ + 1), path = folder() / name;
+  const Channels before = channels_;
+  auto file = make_file(path);
+  std::error_code ignored;
+  if (!file) {
+    channels_ = before;
+    fs::remove(path, ignored);
+    return file.error();
+  }
+  std::optional<McapWriter> last = std::exchange(writer_, *std::move(file));
+  const auto before_it = std::tuple(paused_at_, next_try_, reason_, news_);
+  ++num_parts_;
+  if (const Status begun = begin(&moment); !begun) {
+    writer_ = std::move(last);
+    channels_ = before;
+    std::tie(paused_at_, next_try_, reason_, news_) = before_it;
+    --num_parts_;
+    fs::remove(path, ignored);
+    return begun;
+  }
+  if (last) (void)last->finish();
+  if (!parts_.empty()) parts_.back().end = time_;
+  parts_.push_back({name, time_});
+  part_start_ = time_;
+  return Done{};
+}
+
+void RunRecorder::add_moment(const HandMoment& moment) {
+  constexpr double kMostReserve = 1 << 30, kShare = 0.02, kLongestPatience = 60,
+                   kTolerance = 0.1;  // moments are not quite a second apart
+  std::error_code error;
+  const fs::space_info space = fs::space(folder(), error);
+  const double reserve = options_.reserve_bytes.value_or(
+      std::min(kMostReserve, kShare * static_cast<double>(space.capacity)));
+  const bool has_space = error || static_cast<double>(space.available) >= reserve;
+  if (writer_ && !has_space) {
+    const auto left = static_cast<std::uint64_t>(space.available >> 20);
+    pause({Errc::io_failure, "only " + std::to_string(left) + " MiB are free on the disk of " +
+                                 folder().string() + "; free some space"});
+    return;
+  }
+  if (!writer_) {
+    if (time_ < next_try_ || !has_space) return;
+    const std::string gap =
+        "nothing was recorded from " + at(paused_at_) + " to " + at(time_) + ": " + reason_;
+    if (begin_after(moment)) {
+      patience_ = 1;
+      trouble_ += (trouble_.empty() ? "" : "; ") + gap;
+      news_.push_back("the recording goes on");
+      add_note(gap);
+    } else {
+      patience_ = std::min(2 * patience_, kLongestPatience);
+      next_try_ = time_ + patience_;
+    }
+    return;
+  }
+  // Ten or more parts in the time that is kept, but none of less than some seconds.
+  const double longest = options_.is_bounded() ? std::max(options_.keep_seconds / 10, 2.0)
+                                               : std::numeric_limits<double>::infinity();
+  if (static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
+      time_ - part_start_ >= longest - kTolerance) {
+    // Where that fails, the part that there is goes on.
+    (void)begin_after(moment);
+  }
+  remove_old();
+}
+
+void RunRecorder::remove_old() {
+  while (parts_.size() > 1 && parts_.front().end < time_ - options_.keep_seconds) {
+    std::error_code ignored;
+    fs::remove(folder() / parts_.front().file, ignored);
+    parts_.pop_front();
+  }
+}
+
+void RunRecorder::pause(const Error& error) {
+  reason_ = error.message;
+  writer_.reset();
+  if (!parts_.empty()) parts_.back().end = time_;
+  paused_at_ = time_;
+  next_try_ = time_ + patience_;
+  news_.push_back("the recording pauses: " + reason_);
 }
 
 std::uint64_t RunRecorder::wall_time(double time) {
@@ -107,46 +255,73 @@ std::uint64_t RunRecorder::wall_time(double time) {
 }
 
 void RunRecorder::write(std::uint16_t channel, std::uint64_t time, std::string_view message) {
-  if (!trouble_.empty()) return;
-  if (const Status status = writer_.write(channel, time, message); !status) {
-    end_with(status.error());
-  }
+  if (!writer_) return;
+  if (const Status status = writer_->write(channel, time, message); !status) pause(status.error());
 }
 
 void RunRecorder::add_settings(std::uint32_t revision, const RunSettings& settings) {
-  setup_.revision = revision;
-  setup_.settings = settings;
-  write(settings_, last_time_, settings_message(setup_));
+  setups_.push_back(setups_.back());
+  setups_.back().revision = revision;
+  setups_.back().settings = settings;
+  write(channels_.settings, last_time_, settings_message(setups_.back()));
 }
 
 void RunRecorder::add_frame(const FrameRecord& record, const DepthFrame& frame) {
-  if (!trouble_.empty()) return;
+  write_frame(record, frame);
+  frames_.push_back({record, frame});
+  next_frame_ = record.number + 1;
+}
+
+void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame) {
+  if (!writer_) return;
   const std::uint64_t time = wall_time(record.capture_time);
-  write(frame_, time, frame_message(record));
-  write(depth_, time, image_message({time, kCamera}, frame));
-  write(camera_, time, camera_info_message({time, kCamera}, setup_.stream));
+  const DepthStreamInfo& stream = setups_.back().stream;
+  write(channels_.frame, time, frame_message(record));
+  write(channels_.depth, time, image_message({time, kCamera}, frame));
+  write(channels_.camera, time, camera_info_message({time, kCamera}, stream));
   if (time < next_points_) return;
   next_points_ = time + kPointsPeriod;
-  write(points_, time, points_message({time, kCamera}, frame, setup_.stream.intrinsics));
+  write(channels_.points, time, points_message({time, kCamera}, frame, stream.intrinsics));
 }
 
 void RunRecorder::add_contact(const ContactRecord& contact) {
-  if (trouble_.empty()) write(contact_, wall_time(contact.contact.time), contact_message(contact));
+  write(channels_.contact, wall_time(contact.contact.time), contact_message(contact));
+  contacts_.push_back(contact);
 }
 
 void RunRecorder::add_tick(const TickRecord& tick) {
-  if (!trouble_.empty()) return;
+  time_ = tick.time;
+  forget(tick);
+  if (!writer_) return;
   const std::uint64_t time = wall_time(tick.device.time);
-  write(tick_, time, tick_message(tick));
+  write(channels_.tick, time, tick_message(tick));
   // At the origins of their frames, in their axes.
   const Pose& X_WT = tick.step.X_WT;
   Wrench on_tool_W = tick.step.contact_W;
   on_tool_W.torque += cross(rotate(X_WT.rotation, centre_of_mass_T_), on_tool_W.force);
-  write(tool_wrench_, time,
+  write(channels_.tool_wrench, time,
         wrench_message({time, kToolFrame}, turned_into(X_WT.rotation, on_tool_W)));
-  write(hand_wrench_, time,
+  write(channels_.hand_wrench, time,
         wrench_message({time, kHand}, turned_into(tick.device.X_BH.rotation, tick.F_H_B)));
   if (time >= next_transforms_) add_transforms(tick, time);
+}
+
+/// What no part that begins later needs: ticks rest on the contact of this one or on later ones,
+/// contacts on the frame of the first of these or on later ones, and frames on those in their lead.
+void RunRecorder::forget(const TickRecord& tick) {
+  constexpr std::uint64_t kMostUnfelt = 4;  // frames, while nothing is measured
+  while (!contacts_.empty() && contacts_.front().number < tick.contact_number) {
+    contacts_.pop_front();
+  }
+  if (frames_.empty()) return;
+  const TimeOptions& time = setups_.back().settings.time;
+  const auto lead = static_cast<std::uint64_t>(has_whole_lead(time) ? num_lead_frames(time) : 2);
+  const std::uint64_t newest = frames_.back().record.number;
+  const std::uint64_t needed = !contacts_.empty()     ? contacts_.front().frame_number
+                               : newest > kMostUnfelt ? newest - kMostUnfelt
+                                                      : 0;
+  // A contact may be told before its frame.
+  while (!frames_.empty() && frames_.front().record.number + lead < needed) frames_.pop_front();
 }
 
 void RunRecorder::add_transforms(const TickRecord& tick, std::uint64_t time) {
@@ -154,18 +329,24 @@ void RunRecorder::add_transforms(const TickRecord& tick, std::uint64_t time) {
   const RosTransform moving[] = {{kWorld, kToolFrame, tick.step.X_WT},
                                  {kBase, kHand, tick.device.X_BH},
                                  {kWorld, "tool_in_hand", tick.step.X_WT_hand}};
-  write(transforms_, time, transform_message(time, moving));
+  write(channels_.transforms, time, transform_message(time, moving));
 }
 
-void RunRecorder::add_note(std::string_view text) { write(note_, last_time_, note_message(text)); }
+void RunRecorder::add_note(std::string_view text) {
+  write(channels_.note, last_time_, note_message(text));
+}
 
 void RunRecorder::add_note(std::string_view text, double time) {
-  write(note_, wall_time(time), note_message(text));
+  write(channels_.note, wall_time(time), note_message(text));
 }
 
 void RunRecorder::finish() {
-  const Status status = writer_.finish();
-  if (!status && trouble_.empty()) end_with(status.error());
+  if (writer_) {
+    if (const Status status = writer_->finish(); !status) pause(status.error());
+  }
+  if (writer_) return;
+  trouble_ += (trouble_.empty() ? "" : "; ") +
+              ("nothing was recorded from " + at(paused_at_) + " on: " + reason_);
 }
 
 }  // namespace palpate

@@ -1,28 +1,41 @@
-// Writing a run down while it goes on: one MCAP file that ROS 2 tools, Foxglove and `palpate
-// replay` read.
+// Writing a run down while it goes on: MCAP files that ROS 2 tools, Foxglove and `palpate replay`
+// read.
 #pragma once
 
+#include <deque>
 #include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
 #include "src/session/run_messages.h"
 
 namespace palpate {
 
-/// For the publishing thread of a loop. When the file cannot be written any more, the recording
-/// ends and says so; everything else goes on.
+/// For the publishing thread of a loop. When a file cannot be written any more, or the disk is
+/// nearly full, the recording pauses and says so; everything else goes on. It goes on in another
+/// part once there is space again.
 class RunRecorder {
  public:
-  /// `is_simulated`: times are not monotonic ones, but s since setup.time_origin. Errors: the file
-  /// cannot be made.
+  /// `path`: the first file. `is_simulated`: times are not monotonic ones, but s since
+  /// setup.time_origin. `tool` must outlive it. Errors: the file cannot be made.
   static Result<RunRecorder> create(const std::filesystem::path& path, const Tool& tool,
-                                    const RunSetup& setup, bool is_simulated);
+                                    const RunSetup& setup, bool is_simulated,
+                                    const RecordingOptions& options = {});
+
+  /// The folder has got this name. Any thread.
+  void has_moved_to(const std::filesystem::path& folder);
 
   /// Of a later revision; its first ones are those of the setup.
   void add_settings(std::uint32_t revision, const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
   void add_contact(const ContactRecord& contact);
+  /// Before the tick that it names: here a part can end and another one begin.
+  void add_moment(const HandMoment& moment);
   void add_tick(const TickRecord& tick);
   void add_note(std::string_view text);
   /// Of that moment, s, monotonic.
@@ -30,26 +43,61 @@ class RunRecorder {
 
   /// Makes the file whole.
   void finish();
-  /// Why the recording has ended before the run; else empty.
+  /// What was not recorded and why; else empty.
   const std::string& trouble() const { return trouble_; }
+  /// What people should know that has happened since the last call.
+  std::vector<std::string> take_news() { return std::exchange(news_, {}); }
 
  private:
-  RunRecorder(McapWriter writer, const Tool& tool, const RunSetup& setup, bool is_simulated);
-  Status begin(const Tool& tool);
+  struct Part {
+    std::filesystem::path file;  // its name in the folder
+    double end = 0;              // s, of its last tick
+  };
+  struct Channels {
+    std::uint16_t part, settings, frame, depth, points, camera, contact, tick, note, transforms,
+        statics, tool_wrench, hand_wrench, marker;
+  };
+  RunRecorder(const std::filesystem::path& path, const Tool& tool, const RunSetup& setup,
+              bool is_simulated, const RecordingOptions& options);
+  Result<McapWriter> make_file(const std::filesystem::path& path);
+  Status begin(const HandMoment* moment);
+  Status begin_after(const HandMoment& moment);
+  void write_frame(const FrameRecord& record, const DepthFrame& frame);
   std::uint64_t wall_time(double time);
   void write(std::uint16_t channel, std::uint64_t time, std::string_view message);
   void add_transforms(const TickRecord& tick, std::uint64_t time);
-  void end_with(const Error& error);
+  void pause(const Error& error);
+  void forget(const TickRecord& tick);
+  void remove_old();
+  std::filesystem::path folder() const;
 
-  McapWriter writer_;
-  RunSetup setup_;
+  const Tool* tool_;
+  RecordingOptions options_;
+  struct Place {
+    std::mutex mutex;
+    std::filesystem::path folder;
+  };
+  std::unique_ptr<Place> place_;
+  std::optional<McapWriter> writer_;  // none: paused
+  Channels channels_{};
+  std::deque<RunSetup> setups_;  // the newest last; those before that the next part may need
   Vec3d centre_of_mass_T_;
-  std::uint16_t settings_, frame_, depth_, points_, camera_, contact_, tick_, note_, transforms_,
-      statics_, tool_wrench_, hand_wrench_, marker_;
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
   std::uint64_t next_transforms_ = 0, next_points_ = 0;
+
+  // What the next part would begin with.
+  std::deque<RecordedDepth> frames_;
+  std::uint64_t next_frame_ = 0;  // the number of the one that is told next
+  std::deque<ContactRecord> contacts_;
+  // Parts.
+  std::deque<Part> parts_;  // that are there; the last is being written
+  int num_parts_ = 1;
+  double time_ = 0, part_start_ = 0;  // s: of the last tick, of the part
+  double paused_at_ = 0, next_try_ = 0, patience_ = 1;
+  std::string reason_;  // of the pause
   std::string trouble_;
+  std::vector<std::string> news_;
 };
 
 }  // namespace palpate

@@ -1,5 +1,6 @@
 #include "src/session/run_repetition.h"
 
+#include <cstring>
 #include <utility>
 
 namespace palpate {
@@ -53,11 +54,29 @@ void TickRepetition::add(const RunSetup& setup, RunParts& parts) {
   }
 }
 
-TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecord& contact) {
-  while (!couplings_.empty() && couplings_.begin()->first <= recorded.revision) {
+void TickRepetition::use_couplings(std::uint32_t revision) {
+  while (!couplings_.empty() && couplings_.begin()->first <= revision) {
     hand_->change(couplings_.begin()->first, couplings_.begin()->second);
     couplings_.erase(couplings_.begin());
   }
+}
+
+bool TickRepetition::is_at(const HandMoment& moment) {
+  // A change that the last tick has taken is known by the next one only.
+  use_couplings(moment.revision);
+  const HandMoment now = hand_->moment();
+  const auto a = now.numbers.numbers(), b = moment.numbers.numbers();
+  return now.tick == moment.tick && a.size() == b.size() &&
+         std::memcmp(a.data(), b.data(), a.size_bytes()) == 0;
+}
+
+TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecord& contact) {
+  if (start_) {
+    use_couplings(start_->hand.revision);
+    hand_->remember(start_->hand.numbers);
+    start_.reset();
+  }
+  use_couplings(recorded.revision);
   if (hand_->num_ticks() == 0) hand_->set_start_time(recorded.device.time - recorded.time);
   TickRecord tick;
   hand_->tick(recorded.device, contact,

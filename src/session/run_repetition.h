@@ -16,7 +16,10 @@ namespace palpate {
 /// The contact side: frames to surfaces, poses to contacts.
 class ContactRepetition {
  public:
-  explicit ContactRepetition(int num_threads) : pool_(std::make_unique<ThreadPool>(num_threads)) {}
+  /// With `start` the first frame is that one.
+  ContactRepetition(int num_threads, const std::optional<PartStart>& start)
+      : pool_(std::make_unique<ThreadPool>(num_threads)),
+        num_pushed_(start ? start->first_frame : 0) {}
 
   /// In order, the first one before all else.
   void add(const RunSetup& setup, RunParts& parts);
@@ -46,7 +49,7 @@ class ContactRepetition {
   std::unique_ptr<ContactPart> part_;
   std::unique_ptr<ThreadPool> pool_;
   std::deque<RecordedDepth> frames_;  // not yet pushed
-  std::uint64_t num_pushed_ = 0;
+  std::uint64_t num_pushed_;
   SurfaceMoment moment_;
   double capture_time_ = 0;
 };
@@ -54,17 +57,23 @@ class ContactRepetition {
 /// The hand's side: device states and contacts to wrenches.
 class TickRepetition {
  public:
-  explicit TickRepetition(SafetyFilter safety)
-      : safety_(std::make_unique<SafetyFilter>(std::move(safety))) {}
+  /// With `start` the hand's side goes on from there.
+  TickRepetition(SafetyFilter safety, const std::optional<PartStart>& start)
+      : safety_(std::make_unique<SafetyFilter>(std::move(safety))), start_(start) {}
 
   /// In order, the first one before all else.
   void add(const RunSetup& setup, RunParts& parts);
   TickRecord repeat(const TickRecord& recorded, const ContactRecord& contact);
+  /// Whether the hand's side stands as a part says that it did.
+  bool is_at(const HandMoment& moment);
 
  private:
+  void use_couplings(std::uint32_t revision);
+
   std::map<std::uint32_t, std::unique_ptr<Coupling>> couplings_;  // by revision, not yet used
   std::unique_ptr<SafetyFilter> safety_;                          // of the hand to be
   std::unique_ptr<HandPart> hand_;
+  std::optional<PartStart> start_;  // until the first tick
 };
 
 }  // namespace palpate

@@ -18,25 +18,59 @@ namespace {
 /// order by a few milliseconds, so each side waits for what it needs.
 class Repetition {
  public:
-  Repetition(const Tool& tool, const RunSetup& first, SafetyFilter safety, int num_threads)
-      : index_(ToolIndex::create(tool)),
+  /// From the beginning of a run, or of a part of it. `first` has the shapes of all objects.
+  Repetition(std::shared_ptr<const ToolIndex> index, const RunSetup& first, SafetyFilter safety,
+             int num_threads, const std::optional<PartStart>& start)
+      : index_(std::move(index)),
         first_(first),
-        contacts_(num_threads),
-        ticks_(std::move(safety)) {}
+        start_(start),
+        contacts_(num_threads, start),
+        ticks_(std::move(safety), start),
+        num_settings_(start ? start->revision : 0),
+        num_seen_(start ? start->hand.tick : 0),
+        can_repeat_contacts_(!start || start->has_surfaces) {
+    if (!can_repeat_contacts_) {
+      add_note("the depth images of part " + std::to_string(start->number) +
+               " rest on averages with earlier ones: its queries are not repeated");
+    }
+  }
 
   /// The settings of the run, then those that followed while it went on.
   Status take(RunSetup setup) {
+    if (has_settings_ && setup.revision < num_settings_) return Done{};  // a part begins with them
     if (setup.revision != num_settings_) return missing_settings();
     setup.settings.objects = first_.settings.objects;  // with their shapes
     RunPartsOptions options;
-    if (num_settings_ > 0) options.before = &settings_;
-    auto parts = make_run_parts(index_, setup.stream, setup.device, setup.settings, options);
+    if (has_settings_) options.before = &settings_;
+    RunSettings made_with = setup.settings;
+    if (!has_settings_ && start_ && start_->period > 0) {
+      made_with.time.first_period = start_->period;
+    }
+    auto parts = make_run_parts(index_, setup.stream, setup.device, made_with, options);
     if (!parts) return parts.error();
+    has_settings_ = true;
     contacts_.add(setup, *parts);
     ticks_.add(setup, *parts);
     settings_ = setup.settings;
     ++num_settings_;
     return Done{};
+  }
+
+  /// Whether a part goes on where the one before has ended: then what it begins with is known. Else
+  /// it has to be repeated by itself.
+  bool goes_on_with(const PartStart& part) {
+    repeat_contacts();
+    repeat_ticks();
+    if (part.hand.tick != num_seen_ || !can_repeat_ticks_ || !can_repeat_contacts_) return false;
+    if (waiting_ticks_.empty() && outcome_.num_ticks > 0 && !ticks_.is_at(part.hand)) {
+      outcome_.difference = "the state of the hand before tick " + std::to_string(num_seen_);
+    }
+    return true;
+  }
+  /// What comes next does not go on from here.
+  void break_off() {
+    if (!waiting_contacts_.empty()) end_contacts("a depth frame");
+    if (!waiting_ticks_.empty()) end_ticks("a contact");
   }
 
   const ReplayOutcome& outcome() const { return outcome_; }
@@ -48,6 +82,8 @@ class Repetition {
     if (*joined) {
       RecordedDepth& frame = **joined;
       if (frame.record.revision >= num_settings_) return missing_settings();
+      if (last_frame_ && frame.record.number <= *last_frame_) return Done{};
+      last_frame_ = frame.record.number;
       if (can_repeat_contacts_) contacts_.add(std::move(frame));
       if (contacts_.has_gap()) end_contacts("a depth frame");
     } else if (topic == kSettingsTopic) {
@@ -58,6 +94,8 @@ class Repetition {
       const auto contact = read_contact(message);
       if (!contact) return contact.error();
       if (contact->revision >= num_settings_) return missing_settings();
+      if (contact->number <= last_contact_) return Done{};
+      last_contact_ = contact->number;
       known_[contact->number] = *contact;
       if (can_repeat_contacts_) waiting_contacts_.push_back(*contact);
     } else if (topic == kTickTopic && can_repeat_ticks_) {
@@ -134,16 +172,20 @@ class Repetition {
 
   std::shared_ptr<const ToolIndex> index_;
   const RunSetup& first_;
+  const std::optional<PartStart> start_;
   FrameJoiner joiner_;
   ContactRepetition contacts_;
   TickRepetition ticks_;
-  RunSettings settings_;  // the newest
-  std::uint32_t num_settings_ = 0;
+  RunSettings settings_;        // the newest
+  std::uint32_t num_settings_;  // the revision that comes next
+  bool has_settings_ = false;
+  std::optional<std::uint64_t> last_frame_;
+  std::uint64_t last_contact_ = 0;
   std::map<std::uint64_t, ContactRecord> known_;  // by number
   std::deque<ContactRecord> waiting_contacts_;
   std::deque<TickRecord> waiting_ticks_;
-  std::uint64_t num_seen_ = 0;
-  bool can_repeat_contacts_ = true, can_repeat_ticks_ = true;
+  std::uint64_t num_seen_;
+  bool can_repeat_contacts_, can_repeat_ticks_ = true;
   ReplayOutcome outcome_;
 };
 
@@ -225,48 +267,73 @@ void compare(const TickRecord& before, const TickRecord& after, ForceComparison&
 
 }  // namespace
 
-bool is_run(const fs::path& folder) { return RunReader::open(folder / kRecordingFile).has_value(); }
+bool is_run(const fs::path& folder) { return RunReader::open(folder).has_value(); }
 
 Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& options) {
-  const fs::path path = folder / kRecordingFile;
-  auto reader = RunReader::open(path);
+  auto reader = RunReader::open(folder);
   if (!reader) return reader.error();
   const auto tool = reader->load_tools();
   if (!tool) return tool.error();
   const RunSetup& setup = reader->setup();
-  auto safety = SafetyFilter::create(setup.device.limits, setup.settings.safety);
-  if (!safety) return safety.error();
-  Repetition repetition(*tool, setup, *std::move(safety),
-                        options.num_threads.value_or(setup.settings.num_threads));
-  if (const Status status = repetition.take(setup); !status) return status.error();
+  const auto index = ToolIndex::create(*tool);
+  ReplayOutcome all;
+  const auto begin =
+      [&](const std::optional<PartStart>& start) -> Result<std::unique_ptr<Repetition>> {
+    auto safety = SafetyFilter::create(setup.device.limits, setup.settings.safety);
+    if (!safety) return safety.error();
+    return std::make_unique<Repetition>(index, setup, *std::move(safety),
+                                        options.num_threads.value_or(setup.settings.num_threads),
+                                        start);
+  };
+  const auto add = [&](const ReplayOutcome& part) {
+    all.num_ticks += part.num_ticks;
+    all.num_contacts += part.num_contacts;
+    all.difference = part.difference;
+    if (!part.note.empty()) all.note += (all.note.empty() ? "" : "; ") + part.note;
+  };
+  const auto in_run = [&](const Error& error) {
+    return Error{error.code, folder.string() + ": " + error.message};
+  };
+  auto repetition = begin(reader->start());
+  if (!repetition) return repetition.error();
+  if (const Status status = (*repetition)->take(setup); !status) return in_run(status.error());
 
-  while (!repetition.has_differed()) {
+  while (!(*repetition)->has_differed()) {
     if (options.keep_going && !options.keep_going()) {
       return Error{Errc::cancelled, "the replay was interrupted before its end"};
     }
     const auto message = reader->next();
     if (!message) return message.error();
     if (!*message) break;
-    if (const Status status = repetition.take((*message)->topic, (*message)->data); !status) {
-      return Error{status.error().code, path.string() + ": " + status.error().message};
+    if ((*message)->topic == kPartTopic) {
+      const auto part = read_part((*message)->data);
+      if (!part) return in_run(part.error());
+      if ((*repetition)->goes_on_with(*part)) continue;
+      (*repetition)->break_off();
+      add((*repetition)->outcome());
+      repetition = begin(*part);
+      if (!repetition) return repetition.error();
+      continue;
+    }
+    if (const Status status = (*repetition)->take((*message)->topic, (*message)->data); !status) {
+      return in_run(status.error());
     }
   }
-  if (!repetition.has_differed()) repetition.end(reader->was_cut_off());
-  ReplayOutcome outcome = repetition.outcome();
-  if (outcome.difference.empty() && outcome.num_ticks == 0) {
-    const std::string why = outcome.note.empty() ? "record the run again" : outcome.note;
-    return Error{Errc::bad_input, path.string() + " holds no tick that can be repeated: " + why};
+  if (!(*repetition)->has_differed()) (*repetition)->end(reader->was_cut_off());
+  add((*repetition)->outcome());
+  if (all.difference.empty() && all.num_ticks == 0) {
+    const std::string why = all.note.empty() ? "record the run again" : all.note;
+    return Error{Errc::bad_input, folder.string() + " holds no tick that can be repeated: " + why};
   }
-  return outcome;
+  return all;
 }
 
 Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
                                const std::function<Status(RunSettings&)>& change,
                                const RunOptions& options) {
-  const fs::path path = folder / kRecordingFile;
-  const auto start = start_of(path);
+  const auto start = start_of(folder);
   if (!start) return start.error();
-  auto ticks = RunReader::open(path), images = RunReader::open(path);
+  auto ticks = RunReader::open(folder), images = RunReader::open(folder);
   if (!ticks || !images) return ticks ? images.error() : ticks.error();
   const auto tool = ticks->load_tools();
   if (!tool) return tool.error();

@@ -119,6 +119,9 @@ Json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times) {
             {"lost_records", log.loop.num_lost_records},
             {"frames_left_out", log.loop.num_left_out},
             {"stiffness_left_out", log.loop.num_spared_stiffnesses},
+            {"page_thinned_s", log.loop.page_thinned},
+            {"image_thinned_s", log.loop.image_thinned},
+            {"spheres_thinned_s", log.loop.spheres_thinned},
             {"interrupted", log.was_interrupted},
             {"ending", log.loop.ending},
             {"fault", name_of(fault_of(log))},
@@ -137,6 +140,7 @@ Json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times) {
     json["microseconds"][stage.name] = {{"p50", s.p50}, {"p99", s.p99},   {"p999", s.p999},
                                         {"max", s.max}, {"mean", s.mean}, {"num", s.num}};
   }
+  for (const auto& [thread, how] : log.loop.scheduling) json["scheduling"][thread] = how;
   if (!log.why_not_cuda.empty()) json["why_not_cuda"] = log.why_not_cuda;
   json["warnings"] = log.warnings;
   RunSettings used = log.setup.settings;

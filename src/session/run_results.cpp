@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "palpate/io/atomic_file.h"
+#include "src/session/run_reader.h"
 #include "src/session/text.h"
 
 namespace palpate {
@@ -15,7 +16,8 @@ namespace {
 constexpr const char* kCsv = "wrench.csv";
 constexpr const char* kUnfinishedCsv = "wrench.csv.part";
 constexpr std::size_t kMostFaultPeriods = 1000;
-constexpr std::size_t kNumRecent = 3;  // frames; contacts are at most one behind
+constexpr std::size_t kMostCaptures = 100'000;  // drawn in plots: an hour of frames
+constexpr std::size_t kNumRecent = 3;           // frames; contacts are at most one behind
 
 /// `measure` is the contact's volume times direction, before the volume stiffness makes newtons.
 constexpr const char* kHeader =
@@ -31,11 +33,14 @@ constexpr const char* kHeader =
 
 }  // namespace
 
-RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup& setup)
+RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup& setup,
+                       bool all_ticks)
     : tool_(tool),
       full_volume_(full_volume(tool, setup.settings.contact)),
       time_origin_(setup.time_origin),
-      csv_(folder / kUnfinishedCsv, std::ios::binary) {
+      all_ticks_(all_ticks) {
+  if (!all_ticks_) return;
+  csv_.open(folder / kUnfinishedCsv, std::ios::binary);
   csv_ << kHeader;
 }
 
@@ -45,7 +50,7 @@ void RunResults::add_settings(const RunSettings& settings) {
 }
 
 void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
-  captures_.push_back(record.capture_time);
+  if (captures_.size() < kMostCaptures) captures_.push_back(record.capture_time);
   ++num_frames_;
   // Where only a window was made, the measurements are those of the whole image all the same.
   const bool has_all = record.asked.has_all(frame.width, frame.height);
@@ -68,6 +73,16 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
 }
 
 void RunResults::add_tick(const TickRecord& tick) {
+  if (all_ticks_) add_row(tick);
+  series_.add(tick);
+  if (!has_ticked_ || tick.penetration.volume > peaks_.volume) keep_deepest(tick);
+  peaks_.add(tick);
+  add_fault(tick);
+  has_ticked_ = true;
+  start_ = tick.device.time - tick.time;
+}
+
+void RunResults::add_row(const TickRecord& tick) {
   const auto& [p, q] = tick.step.X_WT;
   // Nothing was measured: not zero.
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -91,12 +106,22 @@ void RunResults::add_tick(const TickRecord& tick) {
              tick.contact_number, tick.frame_number, all.status.bits, tick.contact_age,
              tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)));
   csv_ << line_;
-  series_.add(tick);
-  if (!has_ticked_ || all.volume > peaks_.volume) keep_deepest(tick);
-  peaks_.add(tick);
-  add_fault(tick);
-  has_ticked_ = true;
-  start_ = tick.device.time - tick.time;
+}
+
+/// As long as the volume of the tool is counted as in the last settings.
+void RunResults::write_kept_rows(const fs::path& folder, RunLog& log) {
+  csv_.open(folder / kUnfinishedCsv, std::ios::binary);
+  csv_ << kHeader;
+  auto reader = RunReader::open(folder);
+  TickRecord tick;
+  Result<bool> got = true;
+  while (reader && got && *got && csv_) {
+    got = reader->next_tick(tick);
+    if (got && *got) add_row(tick);
+  }
+  if (!reader || !got) {
+    log.add_not_kept("wrench.csv is not whole: " + (reader ? got.error() : reader.error()).message);
+  }
 }
 
 void RunResults::add_fault(const TickRecord& tick) {
@@ -154,6 +179,7 @@ void RunResults::move_to(RunLog& log) {
 }
 
 void RunResults::finish_csv(const fs::path& folder, RunLog& log) {
+  if (!all_ticks_) write_kept_rows(folder, log);
   csv_.close();
   const fs::path unfinished = folder / kUnfinishedCsv;
   if (!csv_) {

@@ -13,8 +13,10 @@ namespace palpate {
 
 class RunResults {
  public:
-  /// Begins wrench.csv, under another name until it is finished.
-  RunResults(const std::filesystem::path& folder, const Tool& tool, const RunSetup& setup);
+  /// Begins wrench.csv, under another name until it is finished; or, where not `all_ticks` are
+  /// kept, writes it at the end, of the ticks that the recording has then.
+  RunResults(const std::filesystem::path& folder, const Tool& tool, const RunSetup& setup,
+             bool all_ticks = true);
 
   void add_settings(const RunSettings& settings);
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
@@ -28,6 +30,8 @@ class RunResults {
 
  private:
   void move_to(RunLog& log);
+  void add_row(const TickRecord& tick);
+  void write_kept_rows(const std::filesystem::path& folder, RunLog& log);
   void finish_csv(const std::filesystem::path& folder, RunLog& log);
   void add_fault(const TickRecord& tick);
   void keep_deepest(const TickRecord& tick);
@@ -40,6 +44,7 @@ class RunResults {
 
   const Tool& tool_;
   double full_volume_, time_origin_;
+  const bool all_ticks_;
   std::ofstream csv_;
   std::string line_;
   std::vector<RunSettings> changes_;

@@ -129,4 +129,10 @@ Result<Tool> Tool::prefix(int num_spheres, int num_threads) const {
   return build(mesh_, std::move(packing), gap_rule(), source_, num_threads);
 }
 
+Result<Tool> Tool::thinned(int num_spheres, int num_threads) const {
+  auto tool = prefix(num_spheres, num_threads);
+  if (tool) tool->sphere_mass_.centre_of_mass = sphere_mass_.centre_of_mass;
+  return tool;
+}
+
 }  // namespace palpate

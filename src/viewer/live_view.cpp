@@ -18,6 +18,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kPicturePeriod = 1.0 / 60;  // s
+constexpr double kSparePeriod = 0.25;        // s, where the computer is short of time
 constexpr std::size_t kNumContacts = 4096;   // whose times are known
 constexpr std::size_t kLongestMark = 1000;
 constexpr double kMostSteps = 1000;
@@ -125,7 +126,7 @@ class LiveViewImpl final : public LiveView {
   LoopReport report_;
   Json stages_ = Json::array();
   Json fault_;
-  double next_picture_ = 0;  // s, monotonic
+  double next_picture_ = 0, last_poll_ = 0;  // s, monotonic
   Recycler<ViewContact> contacts_;
   Recycler<ViewSurface> surfaces_;
 };
@@ -151,6 +152,13 @@ void LiveViewImpl::look_at_loop() {
 }
 
 void LiveViewImpl::poll(const ViewWishes& wishes, ViewUpdate& update) {
+  {
+    // All at once, and seldom: what is not sent is not drawn either.
+    const std::lock_guard lock(mutex_);
+    const double now = monotonic_now();
+    if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return;
+    last_poll_ = now;
+  }
   if (wishes.frames) update.frame = news_.take_frame();
   if (wishes.samples) news_.take_samples(update.samples);
   const std::lock_guard lock(mutex_);

@@ -15,12 +15,12 @@ Error no_run(const std::filesystem::path& path, const std::string& why) {
 
 }  // namespace
 
-McapIndex::McapIndex(RunReader reader, std::uint64_t file_size)
+McapIndex::McapIndex(RunReader reader)
     : reader_(std::move(reader)),
       setup_(reader_.setup()),
-      file_size_(file_size),
+      file_size_(reader_.num_bytes()),
       periods_(setup_.stream, setup_.settings.time) {
-  settings_[0] = setup_.settings;
+  settings_[setup_.revision] = setup_.settings;
 }
 
 McapIndex::~McapIndex() {
@@ -34,9 +34,7 @@ McapIndex::~McapIndex() {
 Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& path) {
   auto reader = RunReader::open(path);
   if (!reader) return reader.error();
-  std::error_code ignored;
-  const std::uint64_t size = std::filesystem::file_size(path, ignored);
-  std::unique_ptr<McapIndex> index(new McapIndex(*std::move(reader), size));
+  std::unique_ptr<McapIndex> index(new McapIndex(*std::move(reader)));
   // Until there is something to see; then in the background.
   while (index->frames_.empty() || index->chunks_.empty()) {
     const auto got = index->read_next();
@@ -78,7 +76,7 @@ Result<bool> McapIndex::read_next() {
 
 Status McapIndex::take(const RunReader::Message& message) {
   const std::string_view topic = message.topic;
-  const std::uint64_t place = reader_.file().chunk_place();
+  const std::uint64_t place = reader_.chunk_place();
   if (topic == kFrameTopic) {
     const auto frame = read_frame(message.data);
     if (!frame) return frame.error();
@@ -115,7 +113,7 @@ Status McapIndex::take(const RunReader::Message& message) {
 void McapIndex::take_moment(std::uint64_t wall_time) {
   const double time =
       1e-9 * static_cast<double>(static_cast<std::int64_t>(wall_time - wall_start_));
-  const std::uint64_t place = reader_.file().chunk_place();
+  const std::uint64_t place = reader_.chunk_place();
   const std::lock_guard lock(mutex_);
   if (chunks_.empty() || chunks_.back().place != place) chunks_.push_back({place, time, time});
   chunks_.back().first = std::min(chunks_.back().first, time);
@@ -130,7 +128,8 @@ double McapIndex::duration() const {
 
 RunSettings McapIndex::settings(std::uint32_t revision) const {
   const std::lock_guard lock(mutex_);
-  return std::prev(settings_.upper_bound(revision))->second;
+  const auto next = settings_.upper_bound(revision);
+  return (next == settings_.begin() ? next : std::prev(next))->second;
 }
 
 std::vector<RecordedMark> McapIndex::marks() const {
@@ -147,7 +146,7 @@ std::vector<RecordedMark> McapIndex::marks() const {
 std::string McapIndex::note() const {
   const std::lock_guard lock(mutex_);
   if (is_complete_) return trouble_;
-  const double share = static_cast<double>(chunks_.back().place) /
+  const double share = static_cast<double>(reader_.num_bytes_before(chunks_.back().place)) /
                        static_cast<double>(std::max<std::uint64_t>(file_size_, 1));
   return "the recording is still being read: " + std::to_string(static_cast<int>(100 * share)) +
          " %";

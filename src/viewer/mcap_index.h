@@ -32,8 +32,8 @@ struct IndexedFrame {
 /// meanwhile, from one thread.
 class McapIndex {
  public:
-  /// Returns when it is known how the run begins, or all is known. Errors: no such file, not a
-  /// recording of a run, nothing happens in it.
+  /// `path`: as of RunReader::open. Returns when it is known how the run begins, or all is known.
+  /// Errors: no such file, not a recording of a run, nothing happens in it.
   static Result<std::unique_ptr<McapIndex>> open(const std::filesystem::path& path);
   ~McapIndex();
 
@@ -57,7 +57,7 @@ class McapIndex {
   IndexedChunk chunk(std::size_t index) const;
 
  private:
-  McapIndex(RunReader reader, std::uint64_t file_size);
+  explicit McapIndex(RunReader reader);
   void read_all();
   Result<bool> read_next();
   Status take(const RunReader::Message& message);

@@ -30,7 +30,7 @@ struct ChunkContent {
 
 class RunInFile final : public RecordedRun {
  public:
-  RunInFile(Tool tool, std::unique_ptr<McapIndex> index, McapReader reader, std::string note)
+  RunInFile(Tool tool, std::unique_ptr<McapIndex> index, RunReader reader, std::string note)
       : tool_(std::move(tool)),
         index_(std::move(index)),
         reader_(std::move(reader)),
@@ -59,19 +59,19 @@ class RunInFile final : public RecordedRun {
 
   Tool tool_;
   std::unique_ptr<McapIndex> index_;
-  McapReader reader_;
+  RunReader reader_;
   std::string note_;
   std::list<std::pair<std::size_t, ChunkContent>> contents_;  // the one used last in front
 };
 
 Result<ChunkContent> RunInFile::read_content(std::uint64_t place) {
   ChunkContent content;
-  reader_.seek(place);
+  if (const Status found = reader_.seek(place); !found) return found.error();
   for (;;) {
     const auto message = reader_.next();
     if (!message) return message.error();
     if (!*message || reader_.chunk_place() != place) return content;
-    const std::string& topic = reader_.channels().at((*message)->channel).topic;
+    const std::string_view topic = (*message)->topic;
     if (topic == kTickTopic) {
       const auto tick = read_tick((*message)->data);
       if (!tick) return tick.error();
@@ -104,14 +104,14 @@ Result<const ChunkContent*> RunInFile::content(std::size_t chunk) {
 Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
   const IndexedFrame wanted = index_->frame(index);
   FrameJoiner joiner;
-  reader_.seek(wanted.place);
+  if (const Status found = reader_.seek(wanted.place); !found) return found.error();
   for (;;) {
     const auto message = reader_.next();
     if (!message) return message.error();
     if (!*message) {
       return Error{Errc::bad_input, "a depth frame of the recording is gone; was it changed?"};
     }
-    auto joined = joiner.take(reader_.channels().at((*message)->channel).topic, (*message)->data);
+    auto joined = joiner.take((*message)->topic, (*message)->data);
     if (!joined) return joined.error();
     if (!*joined || (*joined)->record.number != wanted.number) continue;
     DepthFrame& frame = (*joined)->frame;
@@ -184,19 +184,18 @@ Result<std::vector<ViewSample>> RunInFile::samples(double after, double until) {
 }  // namespace
 
 Result<std::unique_ptr<RecordedRun>> open_recorded_run(const fs::path& folder) {
-  const fs::path path = folder / kRecordingFile;
-  auto reader = RunReader::open(path);
+  auto reader = RunReader::open(folder);
   if (!reader) return reader.error();
   auto tool = reader->load_tools();
   if (!tool) return tool.error();
-  auto index = McapIndex::open(path);
+  auto index = McapIndex::open(folder);
   if (!index) return index.error();
   std::string note;
   if (!reader->setup().settings.objects.empty()) {
     note = "the run felt objects too, which the scene does not show";
   }
   return std::unique_ptr<RecordedRun>(std::make_unique<RunInFile>(
-      *std::move(tool), *std::move(index), std::move(reader->file()), std::move(note)));
+      *std::move(tool), *std::move(index), *std::move(reader), std::move(note)));
 }
 
 }  // namespace palpate

@@ -15,26 +15,11 @@ bool makes_same_surfaces(const RunSettings& a, const RunSettings& b) {
     return settings.contact.method == InsideMethod::field;
   };
   return has_same_settings(a.surface, b.surface) && has_same_settings(a.field, b.field) &&
-         has_same_settings(a.time, b.time) && has_field(a) == has_field(b);
+         has_same_settings(a.time, b.time) && has_field(a) == has_field(b) &&
+         a.binning == b.binning;
 }
 
 }  // namespace
-
-int num_lead_frames(const TimeOptions& time) {
-  const int blended = time.mode == TimeMode::latest        ? 0
-                      : time.mode == TimeMode::interpolate ? 1
-                                                           : 2;
-  const DepthAverageOptions& average = time.average;
-  double averaged = 0;
-  if (average.kind == DepthAverage::moving) {
-    averaged = average.frames * (1 + average.keep_frames);
-  } else if (average.kind == DepthAverage::exponential) {
-    constexpr double kForgotten = 1e-6;  // share of what was measured
-    averaged = average.weight < 1 ? std::log(kForgotten) / std::log1p(-average.weight) : 0;
-    averaged = std::ceil(averaged) + average.keep_frames;
-  }
-  return blended + static_cast<int>(std::min<double>(averaged, kMostLead));
-}
 
 Repetition::Repetition(RecordedRun& run)
     : run_(run), frames_(run), pool_(0), index_(ToolIndex::create(run.tool())) {}
@@ -51,6 +36,7 @@ Status Repetition::make_part(RunSettings settings) {
   if (!part) return part.error();
   part_ = *std::move(part);
   options_ = settings.contact;
+  num_spheres_ = settings.num_spheres;
   return Done{};
 }
 
@@ -68,7 +54,7 @@ Status Repetition::prepare(std::size_t first, const RunSettings& settings) {
 
 Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& settings,
                                const std::function<bool()>& keep_going) {
-  if (part_ == nullptr || options_ != settings.contact) {
+  if (part_ == nullptr || options_ != settings.contact || num_spheres_ != settings.num_spheres) {
     if (const Status status = make_part(settings); !status) return status.error();
   }
   const int lead = num_lead_frames(settings.time);

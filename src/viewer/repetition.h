@@ -7,15 +7,10 @@
 #include <string>
 
 #include "palpate/run/pipeline.h"
+#include "src/session/lead_frames.h"
 #include "src/viewer/frame_cache.h"
 
 namespace palpate {
-
-/// How many frames before it decide what the surface of a frame is like: those that it is blended
-/// with or predicted from, and those in its average. What is further back is not seen in an average
-/// with 8 bits, or too long ago to be made up for (kMostLead).
-int num_lead_frames(const TimeOptions& time);
-inline constexpr int kMostLead = 128;
 
 class Repetition {
  public:
@@ -49,6 +44,7 @@ class Repetition {
   std::unique_ptr<ContactPart> part_;
   Backend backend_ = Backend::cpu;  // of the part
   ContactOptions options_;          // likewise
+  int num_spheres_ = 0;             // likewise
   std::string note_;
 
   std::optional<SurfaceTimeline> timeline_;

@@ -99,7 +99,8 @@ Result<std::string> RunView::command(std::string_view json) {
 
 Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder) {
   std::error_code error;
-  const bool is_there = std::filesystem::exists(folder / kRecordingFile, error);
+  const bool is_there = !recording_parts(folder).empty();
+  (void)std::filesystem::exists(folder, error);
   if (error) {
     return Error{Errc::io_failure, "cannot look into " + folder.string() + ": " + error.message() +
                                        "; check its name and permissions"};

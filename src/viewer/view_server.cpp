@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "src/core/monotonic_clock.h"
+#include "src/core/thread_rank.h"
 #include "src/viewer/http_connection.h"
 
 namespace palpate {
@@ -90,6 +91,7 @@ class Server : public ViewServer {
   }
 
   void run() {
+    take_rank(ThreadRank::viewer);
     for (;;) {
       try {
         context_.run();

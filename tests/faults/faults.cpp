@@ -4,7 +4,7 @@
 // PALPATE_FAULTS lists them with commas, each with the call at which it begins (from 1):
 //   short          reads and writes of files take at most 7 bytes at a time, or a third
 //   interrupted    every third read or write is interrupted (EINTR)
-//   full@N         from the N-th write on the disk is full (ENOSPC)
+//   full@N         from the N-th write on the disk is full (ENOSPC); full@N-M: up to the M-th
 //   broken@N       from the N-th write on the disk is broken (EIO)
 //   unreadable@N   from the N-th read on it is (EIO)
 //   slow           every write takes 200 ms
@@ -23,6 +23,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <new>
 
 namespace {
@@ -36,18 +37,34 @@ long begin_of(const char* name) {
   return *end == '@' ? std::atol(end + 1) : 1;
 }
 
+/// The last call that it concerns.
+long end_of(const char* name) {
+  const char* const faults = std::getenv("PALPATE_FAULTS");
+  const char* const found = faults == nullptr ? nullptr : std::strstr(faults, name);
+  const char* const from = found == nullptr ? nullptr : found + std::strlen(name);
+  if (from == nullptr || *from != '@') return std::numeric_limits<long>::max();
+  char* rest = nullptr;
+  std::strtol(from + 1, &rest, 10);
+  return *rest == '-' ? std::atol(rest + 1) : std::numeric_limits<long>::max();
+}
+
 /// Counts calls and says whether the fault has begun.
 class Fault {
  public:
   explicit Fault(const char* name) : name_(name) {}
   bool comes() {
-    if (begin_ < 0) begin_ = begin_of(name_);
-    return begin_ > 0 && ++calls_ >= begin_;
+    if (begin_ < 0) {
+      end_ = end_of(name_);
+      begin_ = begin_of(name_);
+    }
+    if (begin_ == 0) return false;
+    const long call = ++calls_;
+    return call >= begin_ && call <= end_;
   }
 
  private:
   const char* name_;
-  std::atomic<long> begin_ = -1, calls_ = 0;
+  std::atomic<long> begin_ = -1, end_ = 0, calls_ = 0;
 };
 
 template <class Function>

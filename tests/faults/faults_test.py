@@ -55,6 +55,7 @@ class Faults(unittest.TestCase):
     def check(self, arguments, faults, may_fail=True):
         """Runs it; returns the exit status."""
         result = run(*arguments, faults=faults)
+        self.last_error = result.stderr
         self.assertNotIn("LD_PRELOAD", result.stderr)  # the library is there
         told = f"{arguments[0]} under {faults}: {result.returncode}, {result.stderr}"
         self.assertIn(result.returncode, (0, 1) if may_fail else (0,), told)
@@ -73,7 +74,7 @@ class Faults(unittest.TestCase):
             self.assertTrue((folder / "report.html").read_text().rstrip().endswith("</html>"))
         if (folder / "wrench.csv").exists():
             self.assertTrue((folder / "wrench.csv").read_text().endswith("\n"))
-        if not (folder / "recording.mcap").exists():
+        if not list(folder.glob("recording*.mcap")):
             return 0
         replay = run("replay", folder, "--json")
         if replay.returncode == 0:
@@ -128,6 +129,24 @@ class Faults(unittest.TestCase):
             self.check(self.path_run(output, 0.05), f"memoryless@{begin}")
             if output.exists():
                 self.check_run(output)
+
+    def test_memory_that_ends_in_the_middle_of_a_run(self):
+        num_ended = 0
+        for run_of in (self.path_run, self.live_run):
+            for begin in (30, 45, 60, 80, 100, 130, 170):
+                output = self.folder / f"{run_of.__name__}-{begin}"
+                num_ended += self.check(run_of(output, 2), f"memoryless@{begin}")
+                if output.exists():
+                    self.check_run(output)
+        self.assertGreater(num_ended, 0)
+
+    def test_a_recording_goes_on_when_the_disk_has_space_again(self):
+        output = self.folder / "gap"
+        self.assertEqual(self.check(self.live_run(output, 5), "full@60-61"), 1)
+        self.assertIn("nothing was recorded from", self.last_error)
+        self.assertGreaterEqual(len(list(output.glob("recording*.mcap"))), 2)
+        self.assertGreater(self.check_run(output), 1000)
+        self.check_viewable(output)
 
     def test_a_calendar_that_jumps_is_not_felt(self):
         plain, jumped = self.folder / "plain", self.folder / "jumped"

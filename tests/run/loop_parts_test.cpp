@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <random>
 #include <thread>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/blend_clock.h"
 #include "src/run/loop/contact_stage.h"
+#include "src/run/loop/load_minder.h"
 #include "src/run/loop/paced_source.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/record_queue.h"
@@ -111,6 +113,127 @@ TEST(StiffnessSchedule, TakesNoMoreTimeThanIsLeft) {
   EXPECT_EQ(share_of(1e-4, 5e-4), 1000);
   EXPECT_NEAR(share_of(1e-4, 2e-3), 333, 5);
   EXPECT_GE(share_of(5e-3, 1), 30);  // now and then, whatever it takes
+}
+
+// What a loop leaves out when time is short.
+
+LoadWindow late_frames() { return {.old_frames = 0.5, .ageing = 0.6}; }
+LoadWindow late_contacts() { return {.old_contacts = 0.5, .ageing = 0.6}; }
+int total(const ReliefSteps& steps) { return steps.page + steps.image + steps.spheres; }
+
+TEST(LoadRelief, GivesThePageFirstThenWhatIsLate) {
+  LoadRelief relief(2, 3);
+  LoadWindow window = late_frames();
+  window.has_page = true;
+  EXPECT_TRUE(relief.look(window));
+  EXPECT_EQ(relief.steps(), (ReliefSteps{1, 0, 0}));
+  EXPECT_TRUE(relief.look(window));
+  EXPECT_EQ(relief.steps(), (ReliefSteps{1, 1, 0}));
+  EXPECT_TRUE(relief.look(late_contacts()));
+  EXPECT_EQ(relief.steps(), (ReliefSteps{1, 1, 1}));
+  // No smaller than that.
+  for (int i = 0; i < 9; ++i) relief.look(late_frames());
+  for (int i = 0; i < 9; ++i) relief.look(late_contacts());
+  EXPECT_EQ(relief.steps(), (ReliefSteps{1, 2, 3}));
+  EXPECT_FALSE(relief.look(late_frames()));
+}
+
+TEST(LoadRelief, APageThatIsOnlyLateMakingCostsNothingElse) {
+  LoadRelief relief(2, 3);
+  const LoadWindow window{.ageing = 0.1, .has_page = true};
+  for (int i = 0; i < 50; ++i) relief.look(window);
+  EXPECT_EQ(relief.steps(), (ReliefSteps{1, 0, 0}));
+  // Nobody looks on: then nothing is late enough.
+  LoadRelief alone(2, 3);
+  for (int i = 0; i < 50; ++i) alone.look({.ageing = 0.1});
+  EXPECT_FALSE(alone.steps().any());
+}
+
+TEST(LoadRelief, ACameraThatSendsNothingIsNotHelpedBySmallerImages) {
+  LoadRelief relief(2, 3);
+  LoadWindow window = late_frames();
+  window.has_frames = false;
+  for (int i = 0; i < 50; ++i) EXPECT_FALSE(relief.look(window));
+}
+
+// A load that only the smaller image can bear: the tries to come back get rarer and rarer, and
+// end once the load is gone.
+TEST(LoadRelief, ComesBackByItselfAndDoesNotHunt) {
+  LoadRelief relief(2, 3);
+  int num_changes = 0;
+  for (int i = 0; i < 3600; ++i) {
+    num_changes += relief.look(relief.steps().image == 0 ? late_frames() : LoadWindow{});
+  }
+  // Every 160 s in the end: forth and back again.
+  EXPECT_GT(num_changes, 20);
+  EXPECT_LT(num_changes, 2 * (3600 / 160 + 8));
+  int needed = 0;
+  while (relief.steps().any() && ++needed < 1000) relief.look({});
+  EXPECT_LE(needed, LoadRelief::kMostCalm);
+  for (int i = 0; i < 100; ++i) EXPECT_FALSE(relief.look({}));
+}
+
+// Whatever comes: one step at a time and kind, within bounds, further only if something was late,
+// back only if nothing was for as long as it takes; and all the way back when it is over.
+TEST(LoadRelief, AnyLoadIsAnsweredWithinBoundsAndForgotten) {
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> share(0, 1);
+    const int most_image = static_cast<int>(seed % 3), most_spheres = static_cast<int>(seed % 4);
+    LoadRelief relief(most_image, most_spheres);
+    double calm = 0;
+    for (int i = 0; i < 2000; ++i) {
+      const bool is_bad = std::fmod(i, 200) < 200 * share(random) * share(random);
+      LoadWindow window;
+      window.seconds = 0.5 + share(random);
+      window.has_page = share(random) < 0.5;
+      window.has_frames = share(random) < 0.9;
+      if (is_bad) {
+        window.old_frames = share(random) < 0.5 ? share(random) : 0;
+        window.old_contacts = share(random) < 0.3 ? share(random) : 0;
+        window.ageing = std::max({window.old_frames, window.old_contacts, 0.1 * share(random)});
+      }
+      const bool is_late = window.old_frames > LoadRelief::kFew ||
+                           window.old_contacts > LoadRelief::kFew ||
+                           (window.has_page && window.ageing > LoadRelief::kFew);
+      const ReliefSteps before = relief.steps();
+      const double patience = relief.patience();
+      calm = is_late ? 0 : calm + window.seconds;
+      const bool has_changed = relief.look(window);
+      const ReliefSteps& after = relief.steps();
+      ASSERT_EQ(has_changed, before != after);
+      ASSERT_LE(after.page, 1);
+      ASSERT_LE(after.image, most_image);
+      ASSERT_LE(after.spheres, most_spheres);
+      ASSERT_GE(std::min({after.page, after.image, after.spheres}), 0);
+      if (total(after) > total(before)) {
+        ASSERT_TRUE(is_late);
+        if (after.page > before.page) {
+          ASSERT_EQ(total(after), total(before) + 1);
+        }
+        ASSERT_LE(after.image - before.image, window.old_frames > 0 ? 1 : 0);
+        ASSERT_LE(after.spheres - before.spheres, window.old_contacts > 0 ? 1 : 0);
+      } else if (has_changed) {
+        ASSERT_EQ(total(after), total(before) - 1);
+        ASSERT_GE(calm, patience);
+        calm = 0;
+      }
+      ASSERT_LE(relief.patience(), LoadRelief::kMostCalm);
+    }
+    for (int i = 0; i < 2000; ++i) relief.look({});
+    ASSERT_FALSE(relief.steps().any());
+  }
+}
+
+TEST(LoadRelief, SaysWhatIsLessAndWhatIsBack) {
+  EXPECT_EQ(describe_relief({}, {1, 0, 0}, 1, 1000),
+            "the computer is short of time: pages are drawn less often from now on");
+  EXPECT_EQ(describe_relief({1, 0, 0}, {1, 1, 1}, 1, 1000),
+            "the computer is short of time: surfaces are made of images 2 times smaller, 500 of "
+            "1000 spheres are asked from now on");
+  EXPECT_EQ(describe_relief({1, 1, 0}, {1, 0, 0}, 1, 1000),
+            "there is time again: surfaces are made of whole images from now on");
+  EXPECT_EQ(describe_relief({}, {}, 1, 1000), "");
 }
 
 TEST(PacedSource, KeepsTheDistancesOfTheTimeStamps) {

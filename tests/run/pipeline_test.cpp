@@ -153,6 +153,39 @@ TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   EXPECT_NE(refused.error().message.find("safety.max_slew"), std::string::npos);
 }
 
+// Fewer spheres: the forces of the coarser tool, about the same point.
+TEST(Pipeline, FewerSpheresAreThoseOfThePrefixAboutTheSamePoint) {
+  const WallSource source({});
+  RunSettings settings = patient_settings();
+  settings.num_spheres = 20;
+  const auto index = ToolIndex::create(box_tool());
+  const auto part = make_contact_part(index, settings, {}).value();
+  const Tool prefix = box_tool().prefix(20).value();
+  settings.num_spheres = 0;
+  const auto expected = make_contact_part(ToolIndex::create(prefix), settings, {}).value();
+
+  auto surfaces = make_surfaces(source.info(), settings).value();
+  WallSource frames({});
+  DepthFrame frame;
+  ASSERT_TRUE(frames.next(frame).value());
+  ThreadPool pool;
+  surfaces.push(frame, 0, pool);
+  ContactRecord few, same;
+  few.X_WT = same.X_WT = {{0.002, -0.001, 0.49}, axis_angle({1, 2, 3}, 0.4)};
+  part->measure(surfaces.at(0), false, few);
+  expected->measure(surfaces.at(0), false, same);
+  ASSERT_GT(few.penetration.volume, 0);
+  const Wrench &a = few.penetration.measure_W, &b = same.penetration.measure_W;
+  EXPECT_NEAR(few.penetration.volume, same.penetration.volume, 1e-6 * same.penetration.volume);
+  EXPECT_LT(norm(a.force - b.force), 1e-6 * norm(b.force));
+  // From the centre of mass of the prefix to that of the tool.
+  const Vec3d shift_W = rotate(few.X_WT.rotation, prefix.sphere_mass().centre_of_mass -
+                                                      box_tool().sphere_mass().centre_of_mass);
+  ASSERT_GT(norm(shift_W), 1e-6);
+  EXPECT_LT(norm(a.torque - (b.torque + cross(shift_W, b.force))),
+            1e-4 * norm(cross(shift_W, b.force)) + 1e-6 * norm(b.torque));
+}
+
 TEST(Pipeline, ATickAllocatesNothing) {
   auto pipeline = make(patient_settings());
   ASSERT_TRUE(pipeline);

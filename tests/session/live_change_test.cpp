@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -46,7 +47,8 @@ constexpr Edit kEdits[] = {
 };
 
 /// Runs, makes the changes one after the other, and ends.
-Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMonitor& monitor) {
+Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMonitor& monitor,
+                                    const RecordingOptions& recording = {}, int pause_ms = 120) {
   const Tool tool = small_tool();
   SyntheticStream stream(1000);
   const auto device = pressing_device(depth_in_the_wall);
@@ -58,7 +60,7 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMoni
       return;
     }
     person = std::thread([&, loop] {
-      const auto pause = [] { std::this_thread::sleep_for(std::chrono::milliseconds(120)); };
+      const auto pause = [&] { std::this_thread::sleep_for(std::chrono::milliseconds(pause_ms)); };
       pause();
       for (const Edit edit : kEdits) {
         RunSettings settings = loop->settings();
@@ -79,6 +81,7 @@ Result<RunOutcome> run_with_changes(const std::filesystem::path& folder, RunMoni
   options.duration = 60;
   options.keep_going = [&] { return !is_done.load(); };
   options.monitor = &monitor;
+  options.recording = recording;
   return record_run(tool, stream, *device, patient_settings(), folder, options);
 }
 
@@ -172,6 +175,106 @@ TEST(HapticChange, RunsWithChangesAreRecordedAndRepeatedBitForBit) {
   const auto missing = replay_run(run);
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().message.find("revision 2"), std::string::npos);
+}
+
+// Each part has the settings, frames and contacts that it goes on from, and how the hand stood.
+TEST(LiveRun, InPartsIsRepeatedWholeAndPartByPart) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  RunMonitor monitor;
+  const auto outcome = run_with_changes(run, monitor, {.split_bytes = 1}, 500);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->not_kept, "");
+  const auto parts = recording_parts(run);
+  EXPECT_GE(parts.size(), 3u);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->note, "");
+  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
+  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
+  std::size_t num_ticks = 0;
+  for (const auto& part : parts) {
+    const auto alone = replay_run(part);
+    ASSERT_TRUE(alone) << alone.error().message;
+    EXPECT_EQ(alone->difference, "") << part;
+    num_ticks += alone->num_ticks;
+  }
+  EXPECT_EQ(num_ticks, outcome->loop.num_ticks);
+}
+
+// Contacts are felt one tick later, which is too late for a limit of a hundredth more: half of the
+// limit is exceeded at every tick, and so it is for frames that come less often than they say.
+TEST(LiveRun, LeavesOutWhatItHasNoTimeForAndIsRepeated) {
+  class SlowStream final : public SyntheticStream {
+   public:
+    SlowStream() : SyntheticStream(100000, 100) {}
+    Result<bool> next(DepthFrame& frame) override {
+      std::this_thread::sleep_for(std::chrono::milliseconds(80));
+      return SyntheticStream::next(frame);
+    }
+  };
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  RunSettings settings = patient_settings();
+  settings.safety.max_contact_age = 0.00101;
+  settings.safety.max_sensor_age = 0.1;
+  std::atomic<int> num_settings = 0, num_notes = 0;
+  RunMonitor monitor;
+  monitor.observer.on_settings = [&](std::uint32_t, const RunSettings&) { ++num_settings; };
+  monitor.observer.on_note = [&](std::string_view) { ++num_notes; };
+  const Tool tool = small_tool();
+  SlowStream stream;
+  const auto device = pressing_device();
+  const auto begin = std::chrono::steady_clock::now();
+  RunOptions options;
+  options.monitor = &monitor;
+  options.keep_going = [&] {
+    const bool is_late = std::chrono::steady_clock::now() - begin > std::chrono::minutes(5);
+    return num_settings < 2 && !is_late;
+  };
+  const auto outcome = record_run(tool, stream, *device, settings, run, options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->failure, "");
+  EXPECT_GE(num_settings, 2);
+  EXPECT_EQ(num_notes, num_settings);
+
+  std::vector<RunSettings> told;
+  int num_told_notes = 0;
+  std::set<std::uint32_t> contact_revisions;
+  for (const Message& message : messages(run)) {
+    const std::string& topic = message.channel.topic;
+    if (topic == kSettingsTopic) told.push_back(read_settings(message.data)->settings);
+    if (topic == kContactTopic) contact_revisions.insert(read_contact(message.data)->revision);
+    if (topic == kNoteTopic)
+      num_told_notes += read_note(message.data)->find("short of time") != std::string::npos;
+  }
+  ASSERT_GE(told.size(), 3u);
+  EXPECT_EQ(told[0].binning, 1);
+  EXPECT_EQ(told[0].num_spheres, 0);
+  EXPECT_EQ(told.back().binning, 2);  // no smaller: 96 x 72
+  EXPECT_TRUE(told.back().num_spheres == 100 || told.back().num_spheres == 50);
+  EXPECT_GE(contact_revisions.size(), 2u);
+  EXPECT_GE(num_told_notes, 2);
+
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->note, "");
+  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
+  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
+  const auto summary = nlohmann::json::parse(*read_file(run / "summary.json"));
+  EXPECT_GT(summary["image_thinned_s"], 0.0);
+  EXPECT_GT(summary["spheres_thinned_s"], 0.0);
+
+  // Nobody wants it: then it does not.
+  settings.may_thin = false;
+  num_settings = 0;
+  SlowStream again;
+  const auto other = pressing_device();
+  ASSERT_TRUE(record_run(tool, again, *other, settings, folder.path() / "whole",
+                         {.duration = 3, .monitor = &monitor}));
+  EXPECT_EQ(num_settings, 0);
 }
 
 TEST(RunMarks, AnyThreadAddsAndNoneIsLost) {

@@ -69,15 +69,20 @@ class SurfaceTimeline {
   /// with `newest_cloud`. Errors: see SurfaceEstimator, DepthField and
   /// DepthAverager; max_jump or first_period negative; the place is not in this build or on this
   /// machine, or has too little memory. With `num_spare` more surfaces in memory the views of `at`
-  /// outlive so many pushes more: a thread can look at them while another one pushes.
+  /// outlive so many pushes more: a thread can look at them while another one pushes. With
+  /// `binning` above 1 surfaces are those of smaller images, see depth_binning.h.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,
                                         const TimeOptions& options, const SensingPlace& place = {},
-                                        int num_spare = 0, bool wants_depth_change = true);
+                                        int num_spare = 0, bool wants_depth_change = true,
+                                        int binning = 1);
   SurfaceTimeline(SurfaceTimeline&&) noexcept;
   SurfaceTimeline& operator=(SurfaceTimeline&&) noexcept;
   ~SurfaceTimeline();
+
+  /// Of the images that surfaces are made of: the frames', or smaller ones. Windows are in theirs.
+  const DepthStreamInfo& stream() const;
 
   /// Takes the frame that became current at `time` (s, later than the one before). With a field it
   /// is made for queries inside of `asked`, which Surfaces::field says, and there is no cloud

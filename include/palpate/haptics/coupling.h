@@ -7,6 +7,7 @@
 
 #include "palpate/haptics/device.h"
 #include "palpate/haptics/local_contact.h"
+#include "palpate/haptics/state_numbers.h"
 #include "palpate/mesh/mass_properties.h"
 
 namespace palpate {
@@ -96,6 +97,8 @@ class Coupling {
   virtual CouplingState state() const noexcept = 0;
   virtual CouplingStep step(const DeviceState& state, const LocalContact& contact,
                             double dt) noexcept = 0;
+  /// All that it knows of the ticks before, for another one with the same options.
+  virtual void remember(StateNumbers& numbers) noexcept = 0;
   /// Whether the device is given a wrench at all.
   virtual bool is_felt() const noexcept { return true; }
 };

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string_view>
 
+#include "palpate/haptics/state_numbers.h"
 #include "palpate/settings/setting_table.h"
 
 namespace palpate {
@@ -74,6 +75,11 @@ class ForceGate {
     bool is_asked_for = false;  ///< somebody wants the force back: also in contact
   };
   void step(const Input& input) noexcept;
+
+  void remember(StateNumbers& numbers) noexcept {
+    numbers(state_, fault_, fault_time_, num_faults_, gain_, fade_, fade_gain_, waiting_since_,
+            well_since_, budget_, num_quiet_, has_begun_, is_after_fault_, is_asked_for_);
+  }
 
   ForceState state() const noexcept { return state_; }
   /// Why there is no force; none in `waiting` and `engaged`.

@@ -78,6 +78,9 @@ struct SafetyStatus {
   double damping = 0;             ///< N s/m, of the passivity controller at this tick
   std::uint64_t num_limited = 0;  ///< ticks at which a limit bent the wrench
   bool is_engaged() const { return state == ForceState::engaged; }
+  void remember(StateNumbers& numbers) noexcept {
+    numbers(state, fault, fault_time, num_faults, gain, energy, damping, num_limited);
+  }
 };
 
 /// One sentence about what has changed between two ticks, for people; empty if nothing has.
@@ -98,6 +101,11 @@ class SafetyFilter {
   /// Force and torque keep their direction when they are limited, each by itself.
   Wrench filter(const Wrench& wanted, const SafetyInput& input) noexcept;
   const SafetyStatus& status() const { return status_; }
+  /// All that it knows of the ticks before, for another one with the same limits and options.
+  void remember(StateNumbers& numbers) noexcept {
+    numbers(gate_, status_, last_, fade_from_, last_time_, last_valid_time_, last_buttons_,
+            last_X_BH_, motion_, has_ticked_, has_pose_, is_stopping_);
+  }
   void stop() noexcept { is_stopping_ = true; }  ///< from the next tick on: Fault::stopped
 
  private:

@@ -70,6 +70,19 @@ class HandPart {
   /// the one before; null: the one that there is stays.
   void change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept;
 
+  /// All that it knows of the ticks before, but for the kind of its coupling: see StateNumbers.
+  void remember(StateNumbers& numbers) noexcept {
+    coupling_->remember(numbers);
+    numbers(unfelt_, safety_, revision_, num_ticks_, has_tool_, is_stopping_, last_state_time_,
+            first_tick_);
+  }
+
+  HandMoment moment() noexcept {
+    HandMoment moment{num_ticks_, revision_, {}};
+    remember(moment.numbers);
+    return moment;
+  }
+
   bool has_tool() const { return has_tool_; }
   std::uint64_t num_ticks() const { return num_ticks_; }
 
@@ -87,8 +100,16 @@ class HandPart {
   double start_time_ = 0, last_state_time_ = 0, first_tick_ = 0;
 };
 
+/// Once a second.
+inline bool is_moment(std::uint64_t num_ticks, double tick_seconds) {
+  const auto period = static_cast<std::uint64_t>(1 / tick_seconds + 0.5);
+  return num_ticks > 0 && num_ticks % (period > 0 ? period : 1) == 0;
+}
+
 /// What StepStatus::backend_failed means.
 Error lost_backend();
+/// What a run ends with whose threads get no memory any more.
+Error out_of_memory();
 
 /// By the backend, the GPU and the options of the settings.
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
@@ -150,6 +171,8 @@ class Pipeline {
   /// An error once the backend has failed.
   Status status() const;
 
+  /// Of the hand, before the next tick.
+  HandMoment hand_moment() noexcept { return hand_->moment(); }
   const ContactRecord& contact() const { return contact_; }
   const ContactQuery& query() const { return contacts_->query(); }
   /// For pictures.

@@ -6,6 +6,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/haptics/coupling.h"
 #include "palpate/haptics/safety.h"
+#include "palpate/haptics/state_numbers.h"
 
 namespace palpate {
 
@@ -19,6 +20,14 @@ struct FrameRecord {
   SurfaceStats surface;
   PixelWindow asked;  ///< as DepthFieldView: where its surface can be asked
   std::int64_t compute_nanoseconds = 0;
+  double period = 0;  ///< s, to the next frame as the timeline expects it; not recorded with it
+};
+
+/// The hand's side between two ticks: where a recording, and a repetition, can begin.
+struct HandMoment {
+  std::uint64_t tick = 0;      ///< number of the next one
+  std::uint32_t revision = 0;  ///< of the settings that the last one was computed with
+  StateNumbers numbers;        ///< HandPart::remember
 };
 
 /// One tick of the haptic thread, as it is published.

@@ -15,6 +15,8 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
@@ -28,11 +30,15 @@ namespace palpate {
 /// What is recorded or shown while the loop runs. Called from the publishing thread alone; may take
 /// its time: what does not fit into the queues meanwhile is counted as lost, and the loop goes on.
 struct RunObserver {
-  std::function<void(const FrameRecord&, const DepthFrame&)> on_frame;
-  std::function<void(const ContactRecord&)> on_contact;
-  std::function<void(std::span<const TickRecord>)> on_ticks;
+  std::function<void(const FrameRecord&, const DepthFrame&)> on_frame = {};
+  std::function<void(const ContactRecord&)> on_contact = {};
+  std::function<void(std::span<const TickRecord>)> on_ticks = {};
+  /// Once a second of ticks, before the tick that it names.
+  std::function<void(const HandMoment&)> on_moment = {};
   /// Before the first frame, contact or tick of a new revision; not for revision 0.
-  std::function<void(std::uint32_t revision, const RunSettings&)> on_settings;
+  std::function<void(std::uint32_t revision, const RunSettings&)> on_settings = {};
+  /// What the loop has done by itself, for people.
+  std::function<void(std::string_view)> on_note = {};
 };
 
 /// Stages, each with what it took and how late it was.
@@ -50,9 +56,13 @@ struct LoopReport {
   std::uint64_t num_left_out = 0;  ///< frames that came while the one before was being worked on
   std::uint64_t num_spared_stiffnesses = 0;  ///< contacts that came with an older stiffness
   std::vector<std::string> notes;  ///< e.g. that the scheduler refused real time, and what to do
-  Fault fault = Fault::none;       ///< the lasting one that has ended the loop
-  std::uint32_t num_faults = 0;    ///< that the safety filter has found, passing ones too
-  double seconds = 0;              ///< on the run's clock
+  /// Who was run how, e.g. "surface", "nice -5"; empty on a simulated clock.
+  std::vector<std::pair<std::string, std::string>> scheduling;
+  /// s, of the run, with a page drawn less, smaller images, fewer spheres: see loop.thin_out.
+  double page_thinned = 0, image_thinned = 0, spheres_thinned = 0;
+  Fault fault = Fault::none;     ///< the lasting one that has ended the loop
+  std::uint32_t num_faults = 0;  ///< that the safety filter has found, passing ones too
+  double seconds = 0;            ///< on the run's clock
   std::string ending;  ///< what has ended the run by itself, e.g. "the depth frames have ended"
 };
 
@@ -104,7 +114,9 @@ class RunLoop {
   /// Returns when every stage has taken them, within two frames. Errors: as of create(), or a
   /// setting that cannot change: then nothing has changed; the loop has ended.
   virtual Status change(const RunSettings& settings) = 0;
-  /// As they are now: those of create() or of the last change.
+  /// Whoever looks on is to do so less often: the computer is short of time.
+  virtual bool is_short_of_time() const noexcept { return false; }
+  /// As they are now: those of create() or of the last change, be it by the loop itself.
   virtual RunSettings settings() const = 0;
   /// While frames are held, the last one is seen again and again: the scene stands still, the hand
   /// goes on. On a simulated clock the hand stands still too. `step_frame` lets one more through.

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "palpate/cloud/depth_binning.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/haptics/coupling.h"
@@ -45,6 +46,9 @@ struct RunSettings {
   std::optional<Backend> backend = Backend::cpu;
   int sensing_gpu = 0, contact_gpu = 0;
   int num_threads = 0;         ///< for surfaces
+  int binning = 1;             ///< surfaces are made of images so many times smaller
+  int num_spheres = 0;         ///< queries ask so many of the tool's spheres; 0: all
+  bool may_thin = true;        ///< live: less is computed before the force is lost
   double contact_rate = 1000;  ///< queries per second, at most
   CouplingOptions coupling;    ///< checked by the loop
   SafetyOptions safety;
@@ -64,6 +68,13 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
   t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: which GPU computes queries");
   t.add("threads", s.num_threads, {0, 256, "threads"},
         "for surfaces, and at most so many for queries of large tools; 0: one per core");
+  t.add("binning", s.binning, {1, kMaxBinning, "pixels"},
+        "of the depth image become one, along each side, before its surface is made");
+  t.add("spheres", s.num_spheres, {0, 1 << 30, "spheres"},
+        "of the tool, the first ones, are asked by queries; 0: all");
+  t.add("thin_out", s.may_thin,
+        "live: before the force is lost because the computer cannot keep up, draw the page less, "
+        "then make images smaller (binning) or ask fewer spheres, until it can");
   t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "queries per second, at most");
   t.add("real_time", s.wants_real_time,
         "real-time scheduling and locked memory where they are allowed");

@@ -1,6 +1,7 @@
 // A run with everything that is kept of it, and its repetition.
 //
-//   recording.mcap  settings, tool, depth frames, contacts, ticks and notes: whole up to the last
+//   recording.mcap  (and recording-0002.mcap ... of long runs) settings, tool, depth frames,
+//   contacts, ticks and notes: whole up to the last
 //                   half second even if the program is killed; ROS 2 tools and Foxglove read it
 //   wrench.csv      one line per tick, units in its first line; no compute times
 //   summary.json    settings, counts, peaks, percentiles of every stage, faults
@@ -12,6 +13,7 @@
 #include <functional>
 #include <limits>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -64,6 +66,18 @@ struct RunMonitor {
   RunMarks marks;
 };
 
+/// How a recording is kept that would become too large: in parts that can each be repeated and
+/// shown by themselves, and all together.
+struct RecordingOptions {
+  /// s of the run; what is older is removed, and wrench.csv has the rest.
+  double keep_seconds = std::numeric_limits<double>::infinity();
+  double split_bytes = std::numeric_limits<double>::infinity();  ///< a part is about so large
+  /// Nothing is recorded while less is free on the disk; none: 1 GiB, or 2 % of a smaller disk.
+  std::optional<double> reserve_bytes = {};
+
+  bool is_bounded() const { return keep_seconds < std::numeric_limits<double>::infinity(); }
+};
+
 struct RunOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, of the computer's clock
   /// Asked ten times a second; false ends the run, which is kept.
@@ -72,6 +86,7 @@ struct RunOptions {
   /// From the thread that records.
   std::function<void(double time, std::string_view text)> say = {};
   RunMonitor* monitor = nullptr;
+  RecordingOptions recording = {};
   std::optional<ProbeChoice> probe = {};  ///< told in the report; decides nothing
   // For a SteppedDevice:
   SimulatedClock clock = {};
@@ -92,9 +107,9 @@ struct RunOutcome {
 };
 
 /// Runs live, or on the clock of a SteppedDevice, until the device or the source ends, a fault, or
-/// as the options say. What was recorded is kept in any case; a disk that is full or slow ends or
-/// thins the recording, says so, and never disturbs the loop. Errors: settings, source, device,
-/// folder: nothing has run then.
+/// as the options say. What was recorded is kept in any case; a disk that is full or slow
+/// interrupts or thins the recording, says so, and never disturbs the loop. Errors: settings,
+/// source, device, folder: nothing has run then.
 Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevice& device,
                               const RunSettings& settings, const std::filesystem::path& folder,
                               const RunOptions& options = {});

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "palpate/core/result.h"
 
@@ -10,6 +12,12 @@ namespace palpate {
 
 /// The recording inside the folder of its run, which marks it as ours.
 inline constexpr const char* kRecordingFile = "recording.mcap";
+
+/// The recording of a long run comes in parts: this one, then recording-0002.mcap and so on. Each
+/// can be read by itself.
+std::string part_file(int number);
+/// Those that are in the folder of a run, in order. Empty: there is none.
+std::vector<std::filesystem::path> recording_parts(const std::filesystem::path& folder);
 
 /// Whether `path` is `folder` or lies in it, so that replacing the folder would remove it.
 bool lies_inside(const std::filesystem::path& path, const std::filesystem::path& folder);

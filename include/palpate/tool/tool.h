@@ -36,6 +36,10 @@ class Tool {
   /// Error: fewer than one, or more than there are.
   Result<Tool> prefix(int num_spheres, int num_threads = 0) const;
 
+  /// The same, but torques are about the same point as this tool's: a stand-in for it in a run that
+  /// has no time for all spheres.
+  Result<Tool> thinned(int num_spheres, int num_threads = 1) const;
+
   const TriangleMesh& mesh() const { return mesh_; }
   std::span<const Sphere> spheres() const { return packing_.spheres; }
   const SpherePacking& packing() const { return packing_; }

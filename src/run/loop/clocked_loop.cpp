@@ -3,6 +3,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -73,7 +74,7 @@ class ClockedLoop final : public RunLoop {
   Pipeline pipeline_;
   LoopReport report_;
   Status status_ = Done{};
-  bool has_ended_ = false, is_held_ = false;
+  bool has_ended_ = false, is_held_ = false, is_out_of_memory_ = false;
   int num_steps_ = 0;
   double wall_offset_ = 0;  // s, monotonic, at time 0
   std::uint64_t contact_number_ = 0;
@@ -105,11 +106,17 @@ void ClockedLoop::stop() noexcept {
 }
 
 void ClockedLoop::work() {
-  while (!is_stopping_) {
-    Lock lock(mutex_);
-    if (!wait_for_turn(lock)) break;
-    if (!device_.step() && !has_ended_) end("the path has ended");
-    if (has_ended_) break;
+  try {
+    while (!is_stopping_) {
+      Lock lock(mutex_);
+      if (!wait_for_turn(lock)) break;
+      if (!device_.step() && !has_ended_) end("the path has ended");
+      if (has_ended_) break;
+    }
+  } catch (const std::bad_alloc&) {
+    const Lock lock(mutex_);
+    has_ended_ = true;
+    is_out_of_memory_ = true;
   }
   is_running_ = false;
 }
@@ -161,6 +168,7 @@ bool ClockedLoop::take_frame(double time) {
   const double took = monotonic_now() - begin;
   record.revision = pipeline_.surface_revision();
   record.compute_nanoseconds = nanoseconds(took);
+  record.period = pipeline_.period();
   times_.surface_compute.record(record.compute_nanoseconds);
   if (observer_.on_frame) observer_.on_frame(record, frame);
   if (num_steps_ > 0) --num_steps_;
@@ -171,6 +179,9 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
   if (!take_frame(state.time)) {
     has_ended_ = true;
     return {};
+  }
+  if (observer_.on_moment && is_moment(report_.num_ticks, 1 / device_.info().rate)) {
+    observer_.on_moment(pipeline_.hand_moment());
   }
   const double begin = monotonic_now();
   TickRecord& record = newest_.draft();
@@ -235,6 +246,7 @@ LoopReport ClockedLoop::report() const {
 
 Status ClockedLoop::status() const {
   const std::lock_guard lock(mutex_);
+  if (is_out_of_memory_) return out_of_memory();
   return status_;
 }
 

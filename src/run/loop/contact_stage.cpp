@@ -10,7 +10,7 @@ namespace palpate {
 namespace {
 
 constexpr int kPriority = 70;              // below the haptic thread
-constexpr std::size_t kNumRecords = 4096;  // some seconds
+constexpr std::size_t kNumRecords = 8192;  // some seconds
 /// Of a tick, from its begin on: by then it has published where the tool is.
 constexpr double kAfterTick = 0.05;
 
@@ -144,6 +144,9 @@ void ContactStage::make_picture(const SurfaceMoment& moment, const ToolMoment& t
   picture.contact_number = num_contacts();
   picture.frame_number = surfaces_.taken().frame_number;
   picture.X_WT = tool.X_WT;
+  const std::size_t num_spheres = part_->query().index()->tool().spheres().size();
+  picture.states.resize(num_spheres);  // no more than there was room for at the start
+  picture.planes.resize(num_spheres);
   part_->query().measure(moment.to, tool.X_WT,
                          {.states = picture.states, .planes = picture.planes});
   pictures_.publish();

@@ -58,6 +58,8 @@ class HapticStage {
   bool latest(TickRecord& record) noexcept;
   /// Publishing thread; empty unless records are kept.
   RecordQueue<TickRecord>& records() noexcept { return records_; }
+  /// Likewise, one a second.
+  RecordQueue<HandMoment>& moments() noexcept { return moments_; }
 
  private:
   /// When a tick began: by the clock, and by what the thread has computed until then.
@@ -80,6 +82,7 @@ class HapticStage {
   Handover<HapticChange> changes_;
   TripleBuffer<TickRecord> newest_;
   RecordQueue<TickRecord> records_;
+  RecordQueue<HandMoment> moments_;
   std::atomic<std::uint64_t> num_ticks_ = 0, num_missed_ = 0;
   std::atomic<Fault> fault_ = Fault::none;
   std::atomic<std::uint32_t> num_faults_ = 0;

@@ -1,18 +1,23 @@
 #include "palpate/run/run_loop.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <deque>
 #include <mutex>
+#include <new>
 #include <system_error>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 #include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
+#include "src/core/thread_rank.h"
 #include "src/run/loop/bell.h"
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/haptic_stage.h"
+#include "src/run/loop/load_minder.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/surface_stage.h"
 #include "src/run/setting_changes.h"
@@ -22,6 +27,7 @@ namespace {
 
 constexpr std::size_t kBatch = 256;          // records given to the observer at a time
 constexpr double kPublishingPeriod = 0.005;  // s
+constexpr double kMindingPeriod = 0.02;      // s
 constexpr double kFirstTickTimeout = 2;      // s
 constexpr double kFadeTimeout = 0.5;         // s, beyond the fade itself
 constexpr double kChangeTimeout = 10;        // s: longer than any usual sensor is silent
@@ -72,6 +78,7 @@ class LiveLoop final : public RunLoop {
         query_threads_(std::move(query_threads)),
         settings_(settings),
         notes_(std::move(parts.notes)),
+        minder_(stream_, settings, index_->tool().spheres().size()),
         surfaces_(source, *std::move(parts.timeline), settings, ball_of(index_->tool()),
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
         contacts_(std::move(parts.contact), surfaces_,
@@ -103,8 +110,15 @@ class LiveLoop final : public RunLoop {
   }
   void hold_frames(bool is_held) noexcept override { surfaces_.hold(is_held); }
   void step_frame() noexcept override { surfaces_.step(); }
-  void ask_for_contact_picture() noexcept override { contacts_.ask_for_picture(); }
-  void ask_for_surface_picture() noexcept override { surfaces_.ask_for_picture(); }
+  bool is_short_of_time() const noexcept override { return is_page_thinned_.load(); }
+  void ask_for_contact_picture() noexcept override {
+    num_pictures_.fetch_add(1);
+    contacts_.ask_for_picture();
+  }
+  void ask_for_surface_picture() noexcept override {
+    num_pictures_.fetch_add(1);
+    surfaces_.ask_for_picture();
+  }
   const ContactPicture* new_contact_picture() noexcept override { return contacts_.new_picture(); }
   const SurfacePicture* new_surface_picture() noexcept override { return surfaces_.new_picture(); }
 
@@ -116,11 +130,18 @@ class LiveLoop final : public RunLoop {
   bool is_change_taken();
   Status finish_change();
   void end_change();
+  void mind_all();
+  bool may_begin_change();
   void look_after_backend();
+  void look_after_load();
+  LoadCounts count_load(double contact_rate) const;
+  void add_note(std::string text);
   void publish_all();
   void drain_queues();
   void tell_settings(std::uint32_t revision);
+  void tell_moment(std::uint64_t tick);
   void fade_out() noexcept;
+  std::vector<std::pair<std::string, std::string>> scheduling() const;
 
   const std::shared_ptr<const ToolIndex> index_;
   HapticDevice& device_;
@@ -138,12 +159,19 @@ class LiveLoop final : public RunLoop {
   RunSettings settings_;            // as all stages have them
   std::deque<RunSettings> untold_;  // those after `told_revision_`
   std::vector<std::string> notes_;
+  std::vector<std::string> untold_notes_;
+  std::array<double, 3> thinned_{};  // s: page, image, spheres
   // Of the publishing thread.
   std::uint32_t told_revision_ = 0;
-  bool is_changing_backend_ = false;
   std::vector<TickRecord> batch_;
+  // Of the minding thread.
+  bool is_changing_backend_ = false;
+  LoadMinder minder_;
 
-  std::atomic<bool> is_running_ = false, is_backend_lost_ = false;
+  std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
+  std::atomic<bool> is_out_of_memory_ = false;
+  std::atomic<std::uint64_t> num_pictures_ = 0;  // asked for
+  std::atomic<int> recorder_nice_ = 0;
   std::atomic<double> start_time_ = 0, end_time_ = 0;
   std::atomic<std::uint64_t> num_before_ticks_ = 0;  // frames that nobody could feel yet
   std::uint32_t revision_ = 0;
@@ -153,7 +181,7 @@ class LiveLoop final : public RunLoop {
   SurfaceStage surfaces_;
   ContactStage contacts_;
   HapticStage haptic_;
-  std::thread publishing_thread_;
+  std::thread publishing_thread_, minding_thread_;
 };
 
 Status LiveLoop::start() {
@@ -176,6 +204,7 @@ Status LiveLoop::start_all() {
     haptic_.set_start_time(start_time_);
     contacts_.start(start_time_);
     publishing_thread_ = std::thread([this] { publish_all(); });
+    minding_thread_ = std::thread([this] { mind_all(); });
   } catch (const std::system_error& error) {
     return Error{Errc::unavailable, std::string("the system gives no thread for the loop: ") +
                                         error.what() + "; end other programs and try again"};
@@ -225,6 +254,7 @@ void LiveLoop::stop() noexcept {
   surfaces_.stop();
   stop_publishing_.stop();
   if (publishing_thread_.joinable()) publishing_thread_.join();
+  if (minding_thread_.joinable()) minding_thread_.join();
   if (std::exchange(has_locked_memory_, false)) unlock_memory();
 }
 
@@ -309,15 +339,74 @@ void LiveLoop::end_change() {
   change_.reset();
 }
 
-/// A GPU that is lost has a CPU beside it. Never waits: whoever changes settings comes first.
+/// Changes settings where nobody has asked for it. A thread of its own, because new parts may take
+/// long to make, and what is to be recorded must not wait for them.
+void LiveLoop::mind_all() {
+  if (first_settings_.wants_real_time) take_rank(ThreadRank::recorder);
+  while (!stop_publishing_.sleep_for(kMindingPeriod)) {
+    // Whoever changes settings comes first.
+    const std::unique_lock lock(changing_, std::try_to_lock);
+    if (!lock || !is_running()) continue;
+    try {
+      look_after_backend();
+      if (first_settings_.may_thin) look_after_load();
+    } catch (const std::bad_alloc&) {
+      is_out_of_memory_ = true;
+      haptic_.ask_to_stop();
+      return;
+    }
+  }
+}
+
+/// The last change has gone through all stages.
+bool LiveLoop::may_begin_change() {
+  if (change_ && !is_change_taken()) return false;
+  if (change_) end_change();
+  return true;
+}
+
+void LiveLoop::add_note(std::string text) {
+  const std::lock_guard lock(mutex_);
+  untold_notes_.push_back(std::move(text));
+}
+
+LoadCounts LiveLoop::count_load(double contact_rate) const {
+  LoadCounts counts;
+  counts.ticks = haptic_.num_ticks();
+  counts.frames = surfaces_.num_read();
+  counts.pictures = num_pictures_.load();
+  counts.count_ages(times_, first_settings_.safety, stream_.rate, contact_rate);
+  return counts;
+}
+
+/// Less, if there is too little time; later more again.
+void LiveLoop::look_after_load() {
+  if (!may_begin_change()) return;
+  const RunSettings present = settings();
+  LoadMinder::Decision decision =
+      minder_.look(monotonic_now(), present, count_load(present.contact_rate));
+  Status done = Done{};
+  if (decision.settings) done = begin_change(*decision.settings);
+  if (!done) {
+    minder_.give_up(present);
+    decision.note = "less could not be computed: " + done.error().message;
+  }
+  is_page_thinned_ = minder_.steps().page > 0;
+  const std::lock_guard lock(mutex_);
+  thinned_ = {minder_.page_seconds(), minder_.image_seconds(), minder_.spheres_seconds()};
+  if (decision.note.empty()) return;
+  untold_notes_.push_back(std::move(decision.note));
+  // What follows is judged by itself.
+  minder_.begin_window(monotonic_now(), count_load(present.contact_rate));
+}
+
+/// A GPU that is lost has a CPU beside it.
 void LiveLoop::look_after_backend() {
   const auto has_failed = [&] {
     return surfaces_.has_backend_failed() || contacts_.has_backend_failed();
   };
   if (!has_failed() && !is_changing_backend_) return;
-  const std::unique_lock lock(changing_, std::try_to_lock);
-  if (!lock || (change_ && !is_change_taken())) return;
-  if (change_) end_change();
+  if (!may_begin_change()) return;
   is_changing_backend_ = false;
   if (!has_failed()) return;
   RunSettings settings = this->settings();
@@ -328,8 +417,11 @@ void LiveLoop::look_after_backend() {
   }
   is_changing_backend_ = begun.has_value();
   if (begun) {
+    const char* const text =
+        "the GPU is lost: surfaces and queries are computed on the CPU from now on";
+    add_note(text);
     const std::lock_guard lock_others(mutex_);
-    notes_.push_back("the GPU is lost: surfaces and queries are computed on the CPU from now on");
+    notes_.push_back(text);
     return;
   }
   is_backend_lost_ = true;
@@ -338,11 +430,17 @@ void LiveLoop::look_after_backend() {
 
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
 void LiveLoop::publish_all() {
+  if (first_settings_.wants_real_time) recorder_nice_ = take_rank(ThreadRank::recorder);
   bool is_last = false;
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
-    drain_queues();
-    if (!is_last) look_after_backend();
+    try {
+      if (!is_out_of_memory_) drain_queues();
+    } catch (const std::bad_alloc&) {
+      // Who is told may have kept half of it. The hand needs no memory to fade out.
+      is_out_of_memory_ = true;
+      haptic_.ask_to_stop();
+    }
     const bool has_ended = haptic_.has_faded() || !device_.status();
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();
   }
@@ -362,13 +460,34 @@ void LiveLoop::drain_queues() {
   RecordQueue<TickRecord>& ticks = haptic_.records();
   while (ticks.front() != nullptr) {
     batch_.clear();
+    tell_moment(ticks.front()->number);
+    const HandMoment* const next = haptic_.moments().front();
     for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
          tick = ticks.front()) {
+      if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
       batch_.push_back(*tick);
       ticks.pop();
     }
     tell_settings(batch_.back().revision);
     observer_.on_ticks(batch_);
+  }
+  std::vector<std::string> notes;
+  {
+    const std::lock_guard lock(mutex_);
+    notes.swap(untold_notes_);
+  }
+  for (const std::string& text : notes) {
+    if (observer_.on_note) observer_.on_note(text);
+  }
+}
+
+/// Before the tick of this number. A moment comes before its tick, and may have lost it.
+void LiveLoop::tell_moment(std::uint64_t tick) {
+  RecordQueue<HandMoment>& moments = haptic_.moments();
+  for (const HandMoment* now = moments.front(); now != nullptr && now->tick <= tick;
+       now = moments.front()) {
+    if (now->tick == tick && observer_.on_moment) observer_.on_moment(*now);
+    moments.pop();
   }
 }
 
@@ -386,6 +505,18 @@ void LiveLoop::tell_settings(std::uint32_t revision) {
   }
 }
 
+std::vector<std::pair<std::string, std::string>> LiveLoop::scheduling() const {
+  const bool is_wanted = first_settings_.wants_real_time;
+  const auto nice = [](int value) { return "nice " + std::to_string(value); };
+  const auto real_time = [&](int refused) {
+    return std::string(is_wanted && refused == 0 ? "real time" : "as other programs");
+  };
+  return {{"haptic", real_time(haptic_.real_time_error())},
+          {"contact", real_time(contacts_.real_time_error())},
+          {"surface", nice(surfaces_.nice())},
+          {"recorder", nice(recorder_nice_)}};
+}
+
 LoopReport LiveLoop::report() const {
   LoopReport report;
   report.num_ticks = haptic_.num_ticks();
@@ -396,7 +527,10 @@ LoopReport LiveLoop::report() const {
   {
     const std::lock_guard lock(mutex_);
     report.notes = notes_;
+    std::tie(report.page_thinned, report.image_thinned, report.spheres_thinned) =
+        std::tie(thinned_[0], thinned_[1], thinned_[2]);
   }
+  report.scheduling = scheduling();
   report.fault = haptic_.fault();
   report.num_faults = haptic_.num_faults();
   if (surfaces_.has_source_ended()) report.ending = "the depth frames have ended";
@@ -411,6 +545,7 @@ LoopReport LiveLoop::report() const {
     note(frames_left_out(report.num_left_out, surfaces_.num_late(), times_.surface_compute,
                          stream_.rate > 0 ? 1 / stream_.rate : 1.0 / 30));
   }
+  if (std::string text = time_thinned(report); !text.empty()) note(std::move(text));
   if (const auto outside = contacts_.num_outside_window()) {
     note("at " + std::to_string(outside) + " of " + std::to_string(report.num_contacts) +
          " contacts the tool was so fast that it had left the part of the image that surfaces were "
@@ -429,6 +564,7 @@ Status LiveLoop::status() const {
   if (const Status device = device_.status(); !device) return device;
   if (const Status surfaces = surfaces_.status(); !surfaces) return surfaces;
   if (is_backend_lost_) return lost_backend();
+  if (is_out_of_memory_) return out_of_memory();
   switch (const Fault fault = haptic_.fault()) {
     case Fault::none:
     case Fault::stopped: return Done{};

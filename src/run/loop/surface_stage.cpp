@@ -3,23 +3,27 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <new>
 #include <string>
 #include <utility>
 
 #include "palpate/field/asked_window.h"
 #include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
+#include "src/core/thread_rank.h"
 
 namespace palpate {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;        // s
-constexpr std::size_t kNumFramesToPublish = 16;  // half a second
+constexpr std::size_t kNumFramesToPublish = 32;  // a second
 constexpr double kUsualPeriod = 1.0 / 30;        // s, where the stream says none
 /// Frame periods from the begin of a surface to the moment when nobody looks at it any more: until
 /// the next one is made, or that one has been blended in and the one after that is made.
 constexpr double kMostPeriods = 3;
 constexpr double kLaterThanAll = std::numeric_limits<double>::infinity();
+
+void take_surface_rank() { take_rank(ThreadRank::surface); }
 
 DepthFrame blank_frame(const DepthStreamInfo& stream) {
   DepthFrame frame;
@@ -47,9 +51,10 @@ SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline,
                            LatencyHistogram& surface_compute)
     : source_(source),
       timeline_(std::move(timeline)),
-      pool_(settings.num_threads),
+      pool_(settings.num_threads, settings.wants_real_time ? take_surface_rank : nullptr),
       surface_compute_(surface_compute),
       keeps_frames_(keeps_frames),
+      wants_real_time_(settings.wants_real_time),
       period_(source.info().rate > 0 ? 1 / source.info().rate : kUsualPeriod),
       window_(settings.window),
       tool_(tool),
@@ -57,7 +62,13 @@ SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline,
       seen_(keeps_frames ? kNumFramesToPublish : 0, SeenFrame{blank_frame(source.info())}) {}
 
 Status SurfaceStage::start() {
-  sensor_thread_ = std::thread([this] { read_frames(); });
+  sensor_thread_ = std::thread([this] {
+    try {
+      read_frames();
+    } catch (const std::bad_alloc&) {
+      fail(out_of_memory(), source_failed_);
+    }
+  });
   surface_thread_ = std::thread([this] { make_surfaces(); });
   const double begin = monotonic_now();
   while (num_frames() == 0) {
@@ -163,11 +174,12 @@ PixelWindow SurfaceStage::next_window(double time) {
   tool_time_ = time;
   if (!window_.enabled) return {};
   const double way = speed * kMostPeriods * std::max(period_, timeline_.period());
-  const DepthStreamInfo& stream = source_.info();
+  const DepthStreamInfo& stream = timeline_.stream();
   return asked_window(stream.intrinsics, stream.width, stream.height, p_WC, tool_.reach + way);
 }
 
 void SurfaceStage::make_surfaces() {
+  if (wants_real_time_) nice_.store(take_rank(ThreadRank::surface));
   for (std::uint64_t number = 0;;) {
     const TimedFrame* const newest = next_frame();
     if (newest == nullptr) return;
@@ -191,7 +203,8 @@ void SurfaceStage::make_surfaces() {
                       newest->frame.unit,
                       stats,
                       moment.to.field.asked,
-                      static_cast<std::int64_t>(1e9 * (end - begin))};
+                      static_cast<std::int64_t>(1e9 * (end - begin)),
+                      timeline_.period()};
       seen_.push();
     }
     num_made_.store(number + 1, std::memory_order_release);
@@ -212,8 +225,12 @@ std::uint32_t SurfaceStage::take_change() {
 }
 
 void SurfaceStage::make_picture(std::uint64_t number) {
-  make_surface_picture(timeline_.newest_cloud(pool_), number, pictures_.draft());
-  pictures_.publish();
+  try {
+    make_surface_picture(timeline_.newest_cloud(pool_), number, pictures_.draft());
+    pictures_.publish();
+  } catch (const std::bad_alloc&) {
+    // There is no picture, then.
+  }
 }
 
 bool SurfaceStage::take() noexcept {

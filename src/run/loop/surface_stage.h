@@ -94,7 +94,10 @@ class SurfaceStage {
   }
   Status status() const;
 
+  /// The nice value of the threads that make surfaces.
+  int nice() const noexcept { return nice_.load(); }
   std::uint64_t num_frames() const noexcept { return num_made_.load(std::memory_order_acquire); }
+  std::uint64_t num_read() const noexcept { return num_read_.load(std::memory_order_acquire); }
   /// Frames that came while the one before was still being worked on, and were left out.
   std::uint64_t num_skipped() const noexcept;
   /// Frames that the source gave too late.
@@ -122,7 +125,7 @@ class SurfaceStage {
   SurfaceTimeline timeline_;
   ThreadPool pool_;
   LatencyHistogram& surface_compute_;
-  const bool keeps_frames_;
+  const bool keeps_frames_, wants_real_time_;
   const double period_;  // s, of frames, as the stream says
   const WindowOptions window_;
   const ToolBall tool_;
@@ -142,6 +145,7 @@ class SurfaceStage {
   std::atomic<std::uint64_t> num_read_ = 0, num_made_ = 0, num_taken_ = 0;
   std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;
   std::uint32_t num_stepped_ = 0;  // of the sensor thread
+  std::atomic<int> nice_ = 0;
   std::atomic<bool> is_held_ = false, wants_picture_ = false;
   std::atomic<bool> source_ended_ = false, source_failed_ = false, backend_failed_ = false;
   mutable std::mutex error_mutex_;

@@ -1,0 +1,99 @@
+// What a live loop does about too little computing time, before it costs the force: step by step
+// less, and back again by itself.
+//
+//   somebody looks on        -> pages are drawn less
+//   depth frames get old     -> images are made smaller, by 2, then by 4
+//   contacts get old         -> half of the spheres are asked, then a quarter, then an eighth
+//
+// A step is taken back when all has been well for a while. If that was too early, the while
+// doubles.
+#pragma once
+
+#include <algorithm>
+
+namespace palpate {
+
+/// How far it went; each from 0.
+struct ReliefSteps {
+  int page = 0, image = 0, spheres = 0;
+
+  bool any() const { return page > 0 || image > 0 || spheres > 0; }
+  friend bool operator==(const ReliefSteps&, const ReliefSteps&) = default;
+};
+
+/// What a window of time looked like. An age is "old" beyond half of the limit of the safety
+/// filter, "getting old" beyond a quarter of it.
+struct LoadWindow {
+  double seconds = 1;
+  /// Share of the ticks that had to do with ...
+  double old_frames = 0, old_contacts = 0, ageing = 0;
+  bool has_frames = true;  ///< the source sent some: else nothing here helps
+  bool has_page = false;   ///< somebody looks on
+};
+
+/// Judges window after window. No clock, no thread: the same windows give the same steps.
+class LoadRelief {
+ public:
+  static constexpr double kFew = 0.02;      ///< share of ticks that may be late
+  static constexpr double kCalm = 5;        ///< s, all well, before a step is taken back
+  static constexpr double kMostCalm = 160;  ///< s, the longest that this becomes
+  static constexpr double kRelapse = 30;    ///< s after taking back: then it was too early
+
+  /// The most steps that image and tool have to give.
+  LoadRelief(int most_image, int most_spheres) : most_{1, most_image, most_spheres} {}
+
+  const ReliefSteps& steps() const { return steps_; }
+  double patience() const { return patience_; }
+
+  /// True if the steps have changed: then the next window is to begin once that is done.
+  bool look(const LoadWindow& window) {
+    since_back_ += window.seconds;
+    const ReliefSteps before = steps_;
+    if (is_late(window)) {
+      calm_ = 0;
+      go_on(window);
+    } else if (calm_ += window.seconds; calm_ >= patience_) {
+      if (steps_.any()) {
+        take_back();
+      } else {
+        // It was not too early.
+        patience_ = std::max(patience_ / 2, kCalm);
+        calm_ = 0;
+      }
+    }
+    return steps_ != before;
+  }
+
+ private:
+  bool is_late(const LoadWindow& w) const {
+    return w.old_frames > kFew || w.old_contacts > kFew || (w.has_page && w.ageing > kFew);
+  }
+
+  /// The page first, which nobody feels.
+  void go_on(const LoadWindow& w) {
+    ReliefSteps next = steps_;
+    if (w.has_page && steps_.page < most_.page) {
+      ++next.page;
+    } else {
+      if (w.old_frames > kFew && w.has_frames) next.image = std::min(next.image + 1, most_.image);
+      if (w.old_contacts > kFew) next.spheres = std::min(next.spheres + 1, most_.spheres);
+    }
+    if (next == steps_) return;
+    steps_ = next;
+    if (since_back_ < kRelapse) patience_ = std::min(2 * patience_, kMostCalm);
+    since_back_ = kRelapse;
+  }
+
+  /// In the other order: what is felt comes back first.
+  void take_back() {
+    int& step = steps_.spheres > 0 ? steps_.spheres : steps_.image > 0 ? steps_.image : steps_.page;
+    --step;
+    calm_ = since_back_ = 0;
+  }
+
+  ReliefSteps most_;
+  ReliefSteps steps_;
+  double calm_ = 0, patience_ = kCalm, since_back_ = kRelapse;
+};
+
+}  // namespace palpate

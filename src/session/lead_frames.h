@@ -1,0 +1,38 @@
+// How far back the surface of a depth frame looks.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "palpate/field/surface_timeline.h"
+
+namespace palpate {
+
+inline constexpr int kMostLead = 128;
+
+/// How many frames before it decide what the surface of a frame is like: those that it is blended
+/// with or predicted from, and those in its average. What is further back is not seen in an average
+/// with 8 bits, or too long ago to be made up for (kMostLead).
+inline int num_lead_frames(const TimeOptions& time) {
+  const int blended = time.mode == TimeMode::latest        ? 0
+                      : time.mode == TimeMode::interpolate ? 1
+                                                           : 2;
+  const DepthAverageOptions& average = time.average;
+  double averaged = 0;
+  if (average.kind == DepthAverage::moving) {
+    averaged = average.frames * (1 + average.keep_frames);
+  } else if (average.kind == DepthAverage::exponential) {
+    constexpr double kForgotten = 1e-6;  // share of what was measured
+    averaged = average.weight < 1 ? std::log(kForgotten) / std::log1p(-average.weight) : 0;
+    averaged = std::ceil(averaged) + average.keep_frames;
+  }
+  return blended + static_cast<int>(std::min<double>(averaged, kMostLead));
+}
+
+/// Whether that gives the same bits: an exponential average never forgets.
+inline bool has_whole_lead(const TimeOptions& time) {
+  return time.average.kind == DepthAverage::none ||
+         (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMostLead);
+}
+
+}  // namespace palpate

@@ -1,0 +1,216 @@
+// Recordings in parts: each and all together are repeated to the bit, old ones go, a full disk
+// interrupts.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+
+#include "palpate/io/atomic_file.h"
+#include "palpate/session/run.h"
+#include "palpate/session/run_folder.h"
+#include "src/session/run_reader.h"
+#include "tests/session/path_run.h"
+#include "tests/session/recorded_messages.h"
+#include "tests/session/synthetic_stream.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using test::path_settings;
+using test::pressing_pose;
+using test::small_tool;
+using test::SyntheticStream;
+using test::TemporaryFolder;
+
+constexpr double kRate = 200;  // of ticks, 1/s
+constexpr int kFrameRate = 10;
+
+/// The wall comes nearer by 2 cm a second.
+Result<RunOutcome> record(const fs::path& run, const RunSettings& settings,
+                          const RecordingOptions& recording, double seconds = 6) {
+  static const Tool tool = small_tool();
+  SyntheticStream stream(static_cast<int>(seconds * kFrameRate), kFrameRate);
+  auto device = test::path_device(pressing_pose, kRate);
+  RunOptions options;
+  options.recording = recording;
+  return record_run(tool, stream, **device, settings, run, options);
+}
+
+RunSettings settings_with(TimeMode mode, CouplingKind kind) {
+  RunSettings settings = path_settings(kRate);
+  settings.time.mode = mode;
+  settings.coupling.kind = kind;
+  settings.safety.max_contact_age = settings.safety.max_sensor_age = 60;
+  settings.safety.max_tick = settings.safety.max_device_silence = 60;
+  settings.safety.energy_tank = 100;
+  return settings;
+}
+
+void expect_parts_repeat(const fs::path& run, const RunOutcome& outcome) {
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->note, "");
+  EXPECT_EQ(replay->num_ticks, outcome.loop.num_ticks);
+  EXPECT_EQ(replay->num_contacts, outcome.loop.num_contacts);
+  std::size_t num_ticks = 0;
+  for (const fs::path& part : recording_parts(run)) {
+    const auto alone = replay_run(part);
+    ASSERT_TRUE(alone) << alone.error().message;
+    EXPECT_EQ(alone->difference, "") << part;
+    EXPECT_EQ(alone->note, "") << part;
+    num_ticks += alone->num_ticks;
+  }
+  EXPECT_EQ(num_ticks, outcome.loop.num_ticks);
+}
+
+TEST(RecordingParts, AreRepeatedEachAndAllForEveryCouplingAndTime) {
+  for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate, TimeMode::predict}) {
+    for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling,
+                                    CouplingKind::direct, CouplingKind::proxy}) {
+      const TemporaryFolder folder;
+      const auto run = folder.path() / "run";
+      const auto outcome = record(run, settings_with(mode, kind), {.split_bytes = 1});
+      ASSERT_TRUE(outcome) << outcome.error().message;
+      EXPECT_EQ(recording_parts(run).size(), 6u);  // every second
+      EXPECT_GT(outcome->peaks.volume, 0);
+      expect_parts_repeat(run, *outcome);
+    }
+  }
+}
+
+TEST(RecordingParts, MovingAveragesAreRepeatedAndEndlessOnesSayThatTheyAreNot) {
+  RunSettings settings = settings_with(TimeMode::interpolate, CouplingKind::virtual_coupling);
+  settings.time.average = {DepthAverage::moving, 4, 0.5, 0.02, 1};
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  const auto outcome = record(run, settings, {.split_bytes = 1});
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  expect_parts_repeat(run, *outcome);
+
+  settings.time.average.kind = DepthAverage::exponential;
+  const auto endless = record(folder.path() / "endless", settings, {.split_bytes = 1});
+  ASSERT_TRUE(endless) << endless.error().message;
+  const auto replay = replay_run(folder.path() / "endless");
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->num_contacts, endless->loop.num_contacts);  // from the beginning on they are
+  const auto alone = replay_run(recording_parts(folder.path() / "endless")[2]);
+  ASSERT_TRUE(alone) << alone.error().message;
+  EXPECT_EQ(alone->difference, "");
+  EXPECT_EQ(alone->num_contacts, 0u);
+  EXPECT_GT(alone->num_ticks, 100u);
+  EXPECT_NE(alone->note.find("averages"), std::string::npos);
+}
+
+// Where the tool was taken along by the hand, where it is, and how it moves and turns.
+TEST(RecordingParts, TheStateOfTheHandDecides) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  ASSERT_TRUE(record(run, settings_with(TimeMode::latest, CouplingKind::virtual_coupling),
+                     {.split_bytes = 1}, 3));
+  const fs::path part = recording_parts(run)[1], other = folder.path() / "other" / kRecordingFile;
+  fs::create_directories(other.parent_path());
+  int num_found = 0;
+  for (const std::size_t changed : {26, 139, 142, 145}) {
+    fs::copy_file(part, other, fs::copy_options::overwrite_existing);
+    auto all = test::messages(other.parent_path());
+    for (auto& message : all) {
+      if (message.channel.topic != kPartTopic) continue;
+      PartStart start = *read_part(message.data);
+      std::vector<double> numbers(start.hand.numbers.numbers().begin(),
+                                  start.hand.numbers.numbers().end());
+      numbers.at(changed) += 1e-3;
+      start.hand.numbers = StateNumbers(numbers);
+      message.data = part_message(start);
+    }
+    test::rewrite(other.parent_path(), all);
+    const auto replay = replay_run(other.parent_path());
+    num_found += !replay || !replay->difference.empty();
+  }
+  EXPECT_EQ(num_found, 4);
+  // In its run it is not what the part before has ended with.
+  fs::copy_file(other, part, fs::copy_options::overwrite_existing);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_NE(replay->difference.find("the state of the hand"), std::string::npos);
+}
+
+TEST(RecordingParts, WhatIsOlderGoesAndTheRestIsWhole) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  const auto outcome = record(run, settings_with(TimeMode::interpolate, CouplingKind::proxy),
+                              {.keep_seconds = 4, .split_bytes = 1e9}, 15);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  const auto parts = recording_parts(run);
+  EXPECT_FALSE(fs::exists(run / kRecordingFile));
+  ASSERT_GE(parts.size(), 3u);
+  ASSERT_LE(parts.size(), 5u);
+  EXPECT_TRUE(is_run(run));
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_GE(replay->num_ticks, 4 * kRate);
+  EXPECT_LE(replay->num_ticks, 7 * kRate);
+  // One row for each of them.
+  std::istringstream csv(*read_file(run / "wrench.csv"));
+  std::string line;
+  std::size_t num_lines = 0;
+  double first = 0;
+  for (; std::getline(csv, line); ++num_lines) {
+    if (num_lines == 1) first = std::stod(line);
+  }
+  EXPECT_EQ(num_lines, replay->num_ticks + 1);
+  EXPECT_GE(first, 8);
+  EXPECT_LE(first, 11);
+  // Other settings, and a page.
+  const auto retry = retry_run(run, folder.path() / "retry", [](RunSettings&) { return Done{}; });
+  ASSERT_TRUE(retry) << retry.error().message;
+  EXPECT_EQ(retry->forces.num_ticks, replay->num_ticks);
+  // A new run takes its place.
+  ASSERT_TRUE(record(run, settings_with(TimeMode::latest, CouplingKind::none), {}, 1));
+  EXPECT_EQ(recording_parts(run).size(), 1u);
+}
+
+TEST(RecordingParts, AGapIsToldAndBothSidesOfItAreRepeated) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  const auto outcome =
+      record(run, settings_with(TimeMode::interpolate, CouplingKind::virtual_coupling),
+             {.split_bytes = 1});
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  fs::remove(recording_parts(run)[2]);
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks - static_cast<std::size_t>(kRate));
+}
+
+TEST(RecordingParts, PauseBeforeTheDiskIsFull) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  std::vector<std::string> said;
+  RunOptions options;
+  options.recording.reserve_bytes = 1e18;
+  options.say = [&](double, std::string_view text) { said.emplace_back(text); };
+  const Tool tool = small_tool();
+  SyntheticStream stream(30, kFrameRate);
+  auto device = test::path_device(pressing_pose, kRate);
+  const auto outcome = record_run(
+      tool, stream, **device, settings_with(TimeMode::latest, CouplingKind::none), run, options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_EQ(outcome->loop.num_ticks, 3 * kRate);
+  EXPECT_NE(outcome->not_kept.find("nothing was recorded from 0.99 s on: only "), std::string::npos)
+      << outcome->not_kept;
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_NE(said[0].find("the recording pauses: only "), std::string::npos) << said[0];
+  const auto replay = replay_run(run);
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->num_ticks, static_cast<std::size_t>(kRate));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,379 @@
+// A run for as long as wanted, while all that can happen to it does: faults by a plan, settings
+// that change, pages that come and go, a recording in parts of which the old ones go.
+//
+//   soak [--minutes 10] [--simulated] [--seed 1]
+//
+// Simulated: on a simulated clock, as fast as it can be computed; else live, with a simulated hand.
+// Afterwards: memory has stood still, every planned fault was found and passed, the recording is no
+// longer than it may be, and random parts of it repeat to the bit.
+#include <malloc.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <optional>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "palpate/devices/simulated_device.h"
+#include "palpate/session/run.h"
+#include "palpate/session/run_folder.h"
+#include "palpate/viewer/view_server.h"
+#include "palpate/viewer/views.h"
+#include "src/core/monotonic_clock.h"
+#include "tests/session/path_run.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/temporary_folder.h"
+#include "tests/viewer/page_client.h"
+
+namespace palpate {
+namespace {
+
+struct Options {
+  double minutes = 10;
+  bool is_simulated = false;
+  unsigned seed = 1;
+};
+
+// What goes wrong, and when: one thing every twelve seconds or so.
+
+enum class Trouble { silent_device, nonsense, stalled_camera };
+struct Planned {
+  double time = 0;  // s of the run
+  Trouble trouble = Trouble::nonsense;
+};
+
+std::vector<Planned> make_plan(double seconds, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> gap(10, 14);
+  std::vector<Planned> plan;
+  for (double time = 5; (time += gap(random)) < seconds - 5;) {
+    plan.push_back({time, static_cast<Trouble>(random() % 3)});
+  }
+  return plan;
+}
+
+/// The trouble at this time, each for as long as it takes to be one.
+std::optional<Trouble> trouble_at(const std::vector<Planned>& plan, double time) {
+  constexpr double kSeconds[] = {0.05, 0.02, 0.9};
+  const auto next = std::upper_bound(plan.begin(), plan.end(), time,
+                                     [](double t, const Planned& p) { return t < p.time; });
+  if (next == plan.begin()) return std::nullopt;
+  const Planned& last = *std::prev(next);
+  if (time - last.time > kSeconds[static_cast<int>(last.trouble)]) return std::nullopt;
+  return last.trouble;
+}
+
+/// A wall with bumps that breathes, seen 30 times a second; on the computer's clock a stalled
+/// camera sends nothing, on a simulated one its time stamps jump.
+class Camera final : public DepthSource {
+ public:
+  explicit Camera(const std::vector<Planned>& plan) : plan_(plan) {
+    info_.width = 80;
+    info_.height = 60;
+    info_.intrinsics = {75, 75, 39.5, 29.5};
+    info_.unit = 0.0005;
+    info_.name = "a wall that breathes";
+  }
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override {
+    double time = number_++ / info_.rate;
+    while (trouble_at(plan_, time) == Trouble::stalled_camera) time = number_++ / info_.rate;
+    frame.width = info_.width;
+    frame.height = info_.height;
+    frame.unit = info_.unit;
+    frame.timestamp = time;
+    frame.pixels.clear();
+    const double depth = 0.45 + 0.01 * std::sin(0.7 * time);
+    for (int v = 0; v < frame.height; ++v) {
+      for (int u = 0; u < frame.width; ++u) {
+        const double z = depth + 0.004 * std::sin(0.2 * u + 0.3 * time) * std::cos(0.17 * v);
+        const bool is_hole = (u * 7 + v * 3 + number_) % 41 == 0;
+        frame.pixels.push_back(is_hole ? 0 : static_cast<std::uint16_t>(z / info_.unit));
+      }
+    }
+    return true;
+  }
+
+ private:
+  const std::vector<Planned>& plan_;
+  DepthStreamInfo info_;
+  int number_ = 0;
+};
+
+/// In and out of the wall every two seconds.
+Pose hand_at(double time) {
+  return {{0.005 * std::sin(0.3 * time), 0.004 * std::sin(0.5 * time),
+           0.41 + 0.03 * std::sin(3 * time)},
+          axis_angle({1, 2, 3}, 0.2 * std::sin(time))};
+}
+
+/// A device whose states are what the plan makes of them.
+template <class Base>
+class Troubled final : public Base {
+ public:
+  Troubled(std::unique_ptr<Base> device, const std::vector<Planned>& plan)
+      : device_(std::move(device)), plan_(plan) {}
+  const DeviceInfo& info() const override { return device_->info(); }
+  Status start(DeviceTick tick) override {
+    return device_->start([this, tick = std::move(tick)](const DeviceState& state) {
+      if (!has_begun_.exchange(true)) start_ = state.time;
+      DeviceState told = state;
+      const auto trouble = trouble_at(plan_, state.time - start_);
+      if (trouble == Trouble::silent_device) told.is_valid = false;
+      if (trouble == Trouble::nonsense) told.X_BH.translation.x = std::nan("");
+      const Wrench felt = tick(told);
+      largest_ = std::max(largest_.load(), norm(felt.force));
+      return felt;
+    });
+  }
+  void stop() noexcept override { device_->stop(); }
+  Status status() const override { return device_->status(); }
+  bool step() { return static_cast<SteppedDevice&>(*device_).step(); }
+  double largest_force() const { return largest_; }
+
+ private:
+  std::unique_ptr<Base> device_;
+  const std::vector<Planned>& plan_;
+  std::atomic<bool> has_begun_ = false;
+  double start_ = 0;
+  std::atomic<double> largest_ = 0;
+};
+
+// What people do meanwhile.
+
+/// Somebody who turns settings, and pages that come, look, and go without a word.
+class People {
+ public:
+  People(LiveView& view, int port, unsigned seed)
+      : turning_([this, &view, seed] { turn(view, seed); }),
+        looking_([this, port, seed] { look(port, seed); }) {}
+  ~People() {
+    is_done_ = true;
+    turning_.join();
+    looking_.join();
+  }
+  int num_changes() const { return num_changes_; }
+  int num_pages() const { return num_pages_; }
+
+ private:
+  void turn(LiveView& view, unsigned seed) {
+    static constexpr const char* kCommands[] = {
+        R"({"command":"set","key":"coupling.stiffness","value":300})",
+        R"({"command":"set","key":"coupling.stiffness","value":600})",
+        R"({"command":"set","key":"time.mode","value":"predict"})",
+        R"({"command":"set","key":"time.mode","value":"interpolate"})",
+        R"({"command":"set","key":"coupling.kind","value":"proxy"})",
+        R"({"command":"set","key":"coupling.kind","value":"virtual"})",
+        R"({"command":"set","key":"loop.binning","value":2})",
+        R"({"command":"set","key":"loop.binning","value":1})",
+        R"({"command":"set","key":"loop.spheres","value":60})",
+        R"({"command":"set","key":"loop.spheres","value":0})",
+        R"({"command":"mark","text":"somebody was here"})"};
+    std::mt19937 random(seed);
+    while (!is_done_) {
+      if (view.command(kCommands[random() % std::size(kCommands)])) ++num_changes_;
+      (void)view.command(R"({"command":"force"})");  // after the tool has been let go of in contact
+      std::this_thread::sleep_for(std::chrono::milliseconds(200 + random() % 300));
+    }
+  }
+  void look(int port, unsigned seed) {
+    std::mt19937 random(seed + 1);
+    while (!is_done_) {
+      test::PageClient page(port);
+      if (page.status() == 101) ++num_pages_;
+      page.send(R"({"command":"show","what":["frame","contact","normals","samples"]})");
+      test::Received message;
+      for (unsigned i = random() % 40; i > 0 && !is_done_; --i) page.receive(message, 0.1);
+    }
+  }
+
+  std::atomic<bool> is_done_ = false;
+  std::atomic<int> num_changes_ = 0, num_pages_ = 0;
+  std::thread turning_, looking_;
+};
+
+struct Memory {
+  double resident = 0, heap = 0;  // MiB
+};
+Memory memory_now() {
+  std::ifstream file("/proc/self/statm");
+  long total = 0, resident = 0;
+  file >> total >> resident;
+  return {static_cast<double>(resident * sysconf(_SC_PAGESIZE)) / (1 << 20),
+          static_cast<double>(mallinfo2().uordblks) / (1 << 20)};
+}
+
+/// Between the means of the first and the last third of what came after it had settled.
+double growth(const std::vector<Memory>& rows, double Memory::*which) {
+  const std::size_t begin = rows.size() / 4, third = (rows.size() - begin) / 3;
+  const auto mean = [&](std::size_t from) {
+    double sum = 0;
+    for (std::size_t i = from; i < from + third; ++i) sum += rows[i].*which;
+    return sum / static_cast<double>(third);
+  };
+  return third == 0 ? 0 : mean(rows.size() - third) - mean(begin);
+}
+
+RunSettings soak_settings(bool is_simulated) {
+  RunSettings settings;
+  settings.coupling.kind = CouplingKind::virtual_coupling;
+  settings.num_threads = 1;
+  settings.safety.energy_tank = 100;  // changes of settings give the hand energy
+  settings.safety.max_recoveries = 60;
+  settings.safety.recover_seconds = 0.2;
+  if (is_simulated) settings.wants_real_time = false;
+  return settings;
+}
+
+int num_failures = 0;
+void expect(bool is_good, const std::string& what) {
+  std::printf("%s: %s\n", is_good ? "ok" : "FAILED", what.c_str());
+  num_failures += !is_good;
+}
+
+template <class Device>
+Result<RunOutcome> run(const Options& options, const Tool& tool, Camera& camera, Device& device,
+                       LiveView& view, const std::filesystem::path& folder,
+                       std::vector<Memory>& memory) {
+  RunOptions run;
+  run.monitor = &view.monitor();
+  run.recording = {.keep_seconds = 120, .split_bytes = 2e7};
+  const double seconds = 60 * options.minutes;
+  if (options.is_simulated) {
+    run.clock = {.zero = 0, .ends_with_frames = false};
+  } else {
+    run.duration = seconds;
+  }
+  // A row for each sixtieth of the run, by the time of its ticks.
+  std::atomic<double> time = 0;
+  RunObserver& observer = view.monitor().observer;
+  observer.on_moment = [&](const HandMoment& moment) {
+    time = static_cast<double>(moment.tick) / device.info().rate;
+  };
+  run.keep_going = [&] {
+    if (time >= seconds / 60 * static_cast<double>(memory.size() + 1)) {
+      memory.push_back(memory_now());
+    }
+    return true;
+  };
+  return record_run(tool, camera, device, soak_settings(options.is_simulated), folder, run);
+}
+
+int soak(const Options& options) {
+  const double seconds = 60 * options.minutes, begin = monotonic_now();
+  const std::vector<Planned> plan = make_plan(seconds, options.seed);
+  const test::TemporaryFolder root;
+  const auto folder = root.path() / "run";
+  const Tool tool = test::random_tool(120, 0.02, 7);
+  Camera camera(plan);
+  const auto view = LiveView::create(tool, camera.info(), "soak");
+  ViewServerOptions server_options;
+  server_options.port = 0;
+  auto server = ViewServer::start(*view, server_options);
+  if (!server) {
+    std::printf("FAILED: %s\n", server.error().message.c_str());
+    return 1;
+  }
+  const std::string url = (*server)->url();
+  std::vector<Memory> memory;
+  Result<RunOutcome> outcome = Error{};
+  double largest = 0, most = 0;
+  int num_changes = 0, num_pages = 0;
+  {
+    People people(*view, std::atoi(url.substr(url.rfind(':') + 1).c_str()), options.seed);
+    if (options.is_simulated) {
+      auto hand = test::path_device(hand_at, 1000, seconds);
+      Troubled<SteppedDevice> device(*std::move(hand), plan);
+      outcome = run(options, tool, camera, device, *view, folder, memory);
+      largest = device.largest_force();
+      most = device.info().limits.max_force;
+    } else {
+      SimulatedDeviceOptions simulated;
+      simulated.model = device_models().front();
+      simulated.target = hand_at;
+      Troubled<HapticDevice> device(*SimulatedDevice::create(simulated), plan);
+      outcome = run(options, tool, camera, device, *view, folder, memory);
+      largest = device.largest_force();
+      most = device.info().limits.max_force;
+    }
+    num_changes = people.num_changes();
+    num_pages = people.num_pages();
+  }
+  if (!outcome) {
+    std::printf("FAILED: %s\n", outcome.error().message.c_str());
+    return 1;
+  }
+  const LoopReport& loop = outcome->loop;
+  std::printf("%.0f s in %.0f s: %llu ticks, %u faults of %zu planned, %d changes, %d pages\n",
+              loop.seconds, monotonic_now() - begin,
+              static_cast<unsigned long long>(loop.num_ticks), loop.num_faults, plan.size(),
+              num_changes, num_pages);
+  expect(outcome->failure.empty() && outcome->not_kept.empty(),
+         "the run ended as it should: " + outcome->failure + outcome->not_kept);
+  expect(loop.seconds >= seconds - 2, "it went on to its end");
+  expect(
+      loop.num_faults >= plan.size() && (!options.is_simulated || loop.num_faults == plan.size()),
+      "every planned fault was found, " + std::to_string(loop.num_faults) + " in all");
+  expect(outcome->peaks.num_engaged > 0.7 * static_cast<double>(loop.num_ticks),
+         "the force came back: it was there at " + std::to_string(outcome->peaks.num_engaged) +
+             " ticks");
+  expect(largest > 0.1 && largest <= most, "the force kept its limit: " + std::to_string(largest));
+  expect(num_changes > 10 && num_pages > 3, "settings changed and pages came");
+  char text[160];
+  std::snprintf(text, sizeof text, "memory stood still: resident %+.2f MiB, heap %+.2f MiB",
+                growth(memory, &Memory::resident), growth(memory, &Memory::heap));
+  expect(memory.size() >= 20 && growth(memory, &Memory::resident) < 8 &&
+             growth(memory, &Memory::heap) < 8,
+         text);
+
+  auto parts = recording_parts(folder);
+  std::uintmax_t bytes = 0;
+  for (const auto& part : parts) bytes += std::filesystem::file_size(part);
+  expect(parts.size() >= 3 && parts.size() <= 40, std::to_string(parts.size()) +
+                                                      " parts of the recording, " +
+                                                      std::to_string(bytes >> 20) + " MiB");
+  std::mt19937 random(options.seed);
+  std::shuffle(parts.begin(), parts.end(), random);
+  parts.resize(std::min<std::size_t>(parts.size(), 4));
+  parts.push_back(folder);
+  for (const auto& part : parts) {
+    const auto replay = replay_run(part);
+    const bool is_lossy = !options.is_simulated && loop.num_lost_records > 0;
+    expect(replay && replay->difference.empty() && (replay->note.empty() || is_lossy),
+           part.filename().string() + " repeats to the bit: " +
+               (replay ? std::to_string(replay->num_ticks) + " ticks " + replay->difference +
+                             replay->note
+                       : replay.error().message));
+  }
+  return num_failures == 0 ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace palpate
+
+int main(int argc, char** argv) {
+  palpate::Options options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool has_value = i + 1 < argc;
+    if (word == "--simulated") {
+      options.is_simulated = true;
+    } else if (word == "--minutes" && has_value) {
+      options.minutes = std::atof(argv[++i]);
+    } else if (word == "--seed" && has_value) {
+      options.seed = static_cast<unsigned>(std::atoi(argv[++i]));
+    } else {
+      std::fprintf(stderr, "soak: unknown option %s\n", argv[i]);
+      return 2;
+    }
+  }
+  return palpate::soak(options);
+}
