@@ -142,7 +142,7 @@ class Faults(unittest.TestCase):
 
     def test_a_recording_goes_on_when_the_disk_has_space_again(self):
         output = self.folder / "gap"
-        self.assertEqual(self.check(self.live_run(output, 5), "full@60-61"), 1)
+        self.assertEqual(self.check(self.live_run(output, 8), "full@8-9"), 1)
         self.assertIn("nothing was recorded from", self.last_error)
         self.assertGreaterEqual(len(list(output.glob("recording*.mcap"))), 2)
         self.assertGreater(self.check_run(output), 1000)
