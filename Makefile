@@ -30,10 +30,10 @@ test:  ## set up, lint, build, and run all tests
 	tools/check_kernel_objects.sh build/release
 	scripts/test.sh release
 
-quick-test:  ## only rebuild and test: make quick-test [ROOM=contact]
+quick-test:  ## only rebuild and test: make quick-test [MODULE=contact]
 	cmake --preset release
-	cmake --build --preset release -j $(JOBS) $(if $(ROOM),--target tests/$(ROOM)/all)
-	scripts/test.sh release $(ROOM)
+	cmake --build --preset release -j $(JOBS) $(if $(MODULE),--target tests/$(MODULE)/all)
+	scripts/test.sh release $(MODULE)
 
 golden:  ## write tests/contact/golden.txt anew: the bits of a few fixed measurements; says what moved
 	cmake --preset release
@@ -54,6 +54,10 @@ live-figures: setup  ## the live program and how late everything is, into bench/
 	cmake --preset bench $(if $(filter cuda,$(BACKEND)),-DPALPATE_CUDA=ON)
 	cmake --build --preset bench -j $(JOBS) --target palpate recorded_query
 	bench/live_figures.py build/bench $(if $(DATA),--data $(DATA)) $(if $(BACKEND),--backend $(BACKEND))
+
+docs:  ## guides and the C++ reference as a site, into build/docs/site
+	scripts/setup.sh --docs
+	scripts/docs.sh
 
 packing-curves:  ## the packing comparison page, into build/packing-curves
 	scripts/setup.sh

@@ -2,10 +2,11 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--arm64] [--peers] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]
 #   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python
 #   --fuzz    also what only make fuzz needs
+#   --docs    also what only make docs needs
 #   --packages also what making and trying packages needs
 #   --arm64   also what building and testing for 64-bit Arm needs
 #   --peers   also what the benchmark against other libraries needs
@@ -20,12 +21,13 @@ for argument in "$@"; do
     --program) groups=" build " ;;
     --test) groups="$groups test " ;;
     --fuzz) groups="$groups fuzz " ;;
+    --docs) groups="$groups docs " ;;
     --packages) groups="$groups packages " ;;
     --arm64) groups="$groups arm64 " ;;
     --peers) groups="$groups peers " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--fuzz] [--packages] [--arm64] [--peers] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]" >&2
       exit 2
       ;;
   esac

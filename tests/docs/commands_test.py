@@ -1,0 +1,157 @@
+#!/usr/bin/env python3
+"""Runs every command of README and guides as a reader would, page by page in an empty folder.
+
+usage: tests/docs/commands_test.py PALPATE [PAGE ...]
+
+A fenced block is run unless the line before it is `<!-- not run: WHY -->`; then WHY is printed. A
+block in python or c++ is not a command. What a reader brings (meshes, frames, recordings of pages
+before) is made by the program itself; runs of a minute are cut to two seconds, and pages are
+served until they answer. Every command has to end with 0.
+"""
+import gzip
+import os
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+import zlib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
+NOT_RUN = re.compile(r"<!-- not run: (.+) -->\s*\Z")
+SERVES = re.compile(r"\bpalpate view\b|--view\b")
+
+
+def pages():
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")),
+            *sorted((ROOT / "docs/guide").glob("*.md"))]
+
+
+def blocks(text):
+    """(first line, commands, why they are not run) of the blocks that hold commands."""
+    for match in FENCE.finditer(text):
+        language, body = match.groups()
+        line = text.count("\n", 0, match.start()) + 2
+        why = NOT_RUN.search(text[:match.start()])
+        if language in ("", "sh", "bash") and (why or re.search(r"^(\S*/)?(palpate|make|cmake|scripts/|bench/|ssh) ?", body, re.M)):
+            yield line, body, why.group(1) if why else None
+
+
+def write_frame(path, depth_of, width=640, height=480):
+    """A 16-bit PNG, millimetres."""
+    rows = b"".join(b"\0" + b"".join(struct.pack(">H", depth_of(u, v)) for u in range(width))
+                    for v in range(height))
+    def chunk(kind, data):
+        return (struct.pack(">I", len(data)) + kind + data +
+                struct.pack(">I", zlib.crc32(kind + data)))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" +
+                     chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)) +
+                     chunk(b"IDAT", zlib.compress(rows, 1)) + chunk(b"IEND", b""))
+
+
+def draw_in_millimetres(path):
+    """A binary STL file of metres."""
+    data = bytearray(path.read_bytes())
+    for begin in range(84, len(data), 50):
+        for at in range(begin + 12, begin + 48, 4):
+            struct.pack_into("<f", data, at, 1000 * struct.unpack_from("<f", data, at)[0])
+    path.write_bytes(data)
+
+
+def bring(folder, palpate, text):
+    """What a page takes for granted: meshes in millimetres, frames of a camera, a tool, a run."""
+    def run(*words):
+        subprocess.run([palpate, *words], cwd=folder, check=True, stdout=subprocess.DEVNULL,
+                       stderr=subprocess.DEVNULL)
+    for name in ("part.stl", "probe.stl"):
+        run("shape", "stylus", "--size", "0.12", "-o", name)
+        draw_in_millimetres(folder / name)
+    run("shape", "box", "--size", "0.05", "-o", "box.stl")
+    run("pack", "box.stl", "--spheres", "500", "-o", "box.palp")
+    frames = folder / "frames"
+    frames.mkdir()
+    for number in range(1, 31):
+        write_frame(frames / f"{number:04}.png",
+                    lambda u, v: 700 + (u - 320) // 16 + ((u // 8 + v // 8 + number) % 2))
+    shutil.copy(frames / "0001.png", folder / "frame.png")
+    if "palpate replay run/" in text and "-o run/" not in text:
+        run("touch", "box.palp", "--scene", "wall", "--duration", "1", "-o", "run")
+
+
+def shortened(command):
+    return re.sub(r"--duration (\d+)", lambda m: f"--duration {min(int(m.group(1)), 2)}", command)
+
+
+def serve(command, folder, environment):
+    """Starts what serves a page, asks for the page, and ends it as Ctrl-C does."""
+    process = subprocess.Popen(["bash", "-c", "exec " + command], cwd=folder, env=environment,
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    text = ""
+    try:
+        for line in process.stdout:
+            text += line
+            address = re.search(r"http://127\.0\.0\.1:\d+\S*", text)
+            if address:
+                page = urllib.request.urlopen(urllib.request.Request(
+                    address.group(0), headers={"Accept-Encoding": "gzip"}), timeout=120)
+                assert b"<html" in gzip.decompress(page.read()).lower(), "there is no page"
+                process.send_signal(signal.SIGINT)
+                break
+        text += process.stdout.read()
+        status = process.wait(timeout=600)
+    finally:
+        process.kill()
+    return (0 if "http://" in text and status in (0, 130, -signal.SIGINT) else status or 1), text
+
+
+def run_page(page, palpate):
+    """The number of commands that failed, and of those that were run."""
+    num_failed = num_run = 0
+    name = page.relative_to(ROOT)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        text = page.read_text()
+        bring(folder, palpate, text)
+        (folder / "build/release/bin").mkdir(parents=True)
+        (folder / "build/release/bin/palpate").symlink_to(palpate)
+        environment = dict(os.environ, PATH=f"{folder}/build/release/bin:{os.environ['PATH']}")
+        for line, body, why in blocks(text):
+            if why:
+                print(f"SKIPPED: {name}:{line}: {why}")
+                continue
+            for command in re.sub(r"\\\n\s*", "", body).splitlines():
+                command = shortened(command.split("  #")[0].strip())
+                if not command or command.startswith(("#", "alias ")):
+                    continue
+                begin = time.monotonic()
+                if SERVES.search(command):
+                    status, said = serve(command, folder, environment)
+                else:
+                    run = subprocess.run(["bash", "-c", command], cwd=folder, env=environment,
+                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+                    status, said = run.returncode, run.stdout
+                num_run += 1
+                print(f"{name}:{line}: {command}: {status}, {time.monotonic() - begin:.1f} s",
+                      flush=True)
+                if status != 0:
+                    num_failed += 1
+                    print(said[-3000:])
+    return num_failed, num_run
+
+
+def main():
+    palpate = Path(sys.argv[1]).resolve()
+    chosen = [Path(page).resolve() for page in sys.argv[2:]] or pages()
+    failed, run = map(sum, zip(*(run_page(page, palpate) for page in chosen)))
+    print(f"{run} commands, {failed} failed")
+    sys.exit(failed != 0 or run == 0)
+
+
+if __name__ == "__main__":
+    main()
