@@ -26,8 +26,8 @@ struct InsideParts {
 };
 
 InsideParts inside_parts(std::span<const Sphere> spheres, const ContactQuery& query,
-                         const Surfaces& surface, const Pose& X_WT) {
-  // The graph counts spheres that it reaches whole, whatever plane they have borrowed.
+                         const SurfaceView& surface, const Pose& X_WT) {
+  // The graph counts spheres that it reaches whole, whatever plane they have taken.
   const auto* const graph = std::get_if<GraphMethod>(&query.method());
   const bool reached_are_whole = graph != nullptr && graph->inside == InsideVolume::full;
   std::vector<SphereState> states(spheres.size());
@@ -72,7 +72,7 @@ void check_caps_options(const CapsOptions& options) {
 }
 
 Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,
-                               const ContactQuery& query, const Surfaces& surface,
+                               const ContactQuery& query, const SurfaceView& surface,
                                const Pose& X_WT) {
   const InsideParts parts = inside_parts(tool.spheres(), query, surface, X_WT);
   const std::size_t num_parts = parts.cut.spheres.size() + parts.whole.spheres.size();

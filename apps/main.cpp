@@ -6,6 +6,7 @@
 
 #include "apps/manual.h"
 #include "apps/verbs.h"
+#include "palpate/version.h"
 
 namespace {
 

@@ -21,6 +21,7 @@
 #include "palpate/io/atomic_file.h"
 #include "palpate/io/tool_file.h"
 #include "palpate/session/checksum.h"
+#include "palpate/version.h"
 
 namespace palpate::apps {
 namespace {

@@ -127,7 +127,7 @@ Result<SpherePacking> pack(const TriangleMesh& solid, const PackRequest& request
   return pack_spheres(solid, options);
 }
 
-/// The options that shaped the packing, as rows for people.
+/// The options that shaped the packing, as rows for humans.
 std::vector<std::pair<std::string, std::string>> option_rows(const PackRequest& request) {
   const PackOptions& pack = request.pack;
   const PackOptions defaults;

@@ -13,6 +13,7 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/cameras/open_camera.h"
+#include "palpate/version.h"
 
 namespace palpate::apps {
 namespace {

@@ -153,7 +153,7 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   const auto method = contact_method(settings.contact);
   if (!method) return method.error();
   const auto index = ToolIndex::create(tool);
-  ContactCapacities capacities;
+  ExecutionOptions capacities;
   capacities.gpu = settings.contact_gpu;
   if (settings.num_threads > 1) capacities.pool = &pool;
   Backend backend = settings.backend.value_or(Backend::cuda);
@@ -203,7 +203,7 @@ Status run(const Options& options) {
   if (!chosen) return chosen.error();
   auto cloud = read_cloud(options, pool);
   if (!cloud) return cloud.error();
-  if (options.settings.contact.method == InsideMethod::field) {
+  if (options.settings.contact.method == MethodKind::field) {
     if (const Status status = add_field(options, *cloud, pool); !status) return status;
   }
 
@@ -217,7 +217,7 @@ Status run(const Options& options) {
     });
     if (!status) return status.error();
   }
-  Surfaces surface{cloud->view(), {}};
+  SurfaceView surface{cloud->view(), {}};
   if (cloud->field) surface.field = cloud->field->view();
   std::vector<Measurement> measurements;
   for (const Pose& X_WT : poses) {

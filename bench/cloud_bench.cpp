@@ -18,14 +18,14 @@ void stage(benchmark::State& state) {
   const WallFrame wall(static_cast<int>(state.range(1)), static_cast<int>(state.range(2)));
   ThreadPool pool(static_cast<int>(state.range(3)));
   SurfaceStages stages(wall.width, wall.height, wall.intrinsics, {}, best_isa());
-  stages.read(wall.depth, pool);
+  stages.read(wall.image(), pool);
   stages.filter(pool);
   stages.estimate_normals(pool);
   Latency latency(state);
   for (auto _ : state) {
     latency.time([&] {
       switch (state.range(0)) {
-        case kRead: stages.read(wall.depth, pool); break;
+        case kRead: stages.read(wall.image(), pool); break;
         case kFilter: stages.filter(pool); break;
         case kNormals: stages.estimate_normals(pool); break;
         default: stages.find_depth_change(pool); break;
@@ -51,7 +51,7 @@ void normals(benchmark::State& state) {
   options.filter.enabled = state.range(1) != 0;
   ThreadPool pool(static_cast<int>(state.range(2)));
   SurfaceStages stages(wall.width, wall.height, wall.intrinsics, options, best_isa());
-  stages.read(wall.depth, pool);
+  stages.read(wall.image(), pool);
   stages.filter(pool);
   {
     Latency latency(state);

@@ -12,10 +12,10 @@ enum Method { kWeighted, kSimplified, kGraph, kGraphCap };
 
 ContactOptions options_of(int method) {
   switch (method) {
-    case kWeighted: return {InsideMethod::weighted, Priority::distance, InsideVolume::full};
-    case kGraph: return {InsideMethod::graph, Priority::distance, InsideVolume::full};
-    case kGraphCap: return {InsideMethod::graph, Priority::distance, InsideVolume::cap};
-    default: return {InsideMethod::simplified, Priority::distance, InsideVolume::full};
+    case kWeighted: return {MethodKind::weighted, Priority::distance, InsideVolume::full};
+    case kGraph: return {MethodKind::graph, Priority::distance, InsideVolume::full};
+    case kGraphCap: return {MethodKind::graph, Priority::distance, InsideVolume::cap};
+    default: return {MethodKind::simplified, Priority::distance, InsideVolume::full};
   }
 }
 
@@ -51,7 +51,7 @@ void query(benchmark::State& state) {
   ThreadPool pool(static_cast<int>(state.range(3)));
   const ContactMethod method = contact_method(options_of(static_cast<int>(state.range(0)))).value();
   const auto contact = make_contact_query(Backend::cpu, tool, method, {best_isa(), &pool}).value();
-  const Surfaces surface{bumpy_wall().view(), {}};
+  const SurfaceView surface{bumpy_wall().view(), {}};
   std::size_t i = 0;
   double num_boundary = 0, num_inside = 0;
   {

@@ -33,7 +33,7 @@ void field_query(benchmark::State& state) {
   field.update(bumpy_wall().view(), pool);
   const auto contact =
       make_contact_query(Backend::cpu, tool, FieldMethod{}, {best_isa(), &pool}).value();
-  const Surfaces surface{{}, field.view()};
+  const SurfaceView surface{{}, field.view()};
   std::size_t i = 0;
   double num_inside = 0;
   {
@@ -71,7 +71,7 @@ void field_live(benchmark::State& state) {
   to.update(bumpy_wall().view(), pool);
   const auto contact =
       make_contact_query(Backend::cpu, tool, FieldMethod{}, {best_isa(), &pool}).value();
-  const Surfaces old_surface{{}, from.view()}, new_surface{{}, to.view()};
+  const SurfaceView old_surface{{}, from.view()}, new_surface{{}, to.view()};
   std::size_t i = 0;
   Latency latency(state);
   for (auto _ : state) {

@@ -135,10 +135,10 @@ void measure_queries(int num_spheres) {
   eval::MethodQueries queries(Backend::cuda, tool, {.gpu = options.gpu});
   queries.set_cloud(cloud);
   queries.set_field(field.view());
-  const std::pair<const char*, InsideMethod> methods[] = {{"field", InsideMethod::field},
-                                                          {"simplified", InsideMethod::simplified},
-                                                          {"weighted", InsideMethod::weighted},
-                                                          {"graph", InsideMethod::graph}};
+  const std::pair<const char*, MethodKind> methods[] = {{"field", MethodKind::field},
+                                                        {"simplified", MethodKind::simplified},
+                                                        {"weighted", MethodKind::weighted},
+                                                        {"graph", MethodKind::graph}};
   for (const auto& [name, method] : methods) {
     queries.by({.method = method});
     for (const int depth : {10, 50, 100}) {
@@ -155,7 +155,7 @@ void measure_queries(int num_spheres) {
     }
   }
   if (num_spheres <= 100000) {
-    queries.query(random_poses(0.5)[0], {.method = InsideMethod::field});
+    queries.query(random_poses(0.5)[0], {.method = MethodKind::field});
     Stiffness stiffness;
     measure("stiffness/spheres:" + std::to_string(num_spheres),
             [&] { stiffness = queries.stiffness(); });
@@ -260,8 +260,8 @@ void measure_sharing(int width, int height) {
   queries.set_cloud(cloud);
   queries.set_field(field.view());
   const std::vector<Pose> poses = random_poses(0.5);
-  for (const auto& [method_name, method] : {std::pair{"field", InsideMethod::field},
-                                            std::pair{"simplified", InsideMethod::simplified}}) {
+  for (const auto& [method_name, method] :
+       {std::pair{"field", MethodKind::field}, std::pair{"simplified", MethodKind::simplified}}) {
     queries.by({.method = method});
     for (const Way& way : ways) {
       const std::string name = "sharing: " + std::string(method_name) + " at 1 kHz; " +
@@ -317,8 +317,8 @@ void measure_two_gpus() {
   ThreadPool pool(0);
   const std::vector<Pose> poses = random_poses(0.5);
   for (const int sensing_gpu : {0, 1}) {
-    for (const auto& [method_name, method] : {std::pair{"field", InsideMethod::field},
-                                              std::pair{"simplified", InsideMethod::simplified}}) {
+    for (const auto& [method_name, method] :
+         {std::pair{"field", MethodKind::field}, std::pair{"simplified", MethodKind::simplified}}) {
       const std::string name = "two GPUs: " + std::string(method_name) + "; sensing on GPU " +
                                std::to_string(sensing_gpu) + "; contact on GPU 0";
       if (!is_wanted(name)) continue;
@@ -332,7 +332,7 @@ void measure_two_gpus() {
         const auto begin = Clock::now();
         timeline.push(frame, time += 1.0 / 30, pool);
         pushes.push_back(microseconds_since(begin));
-        const Surfaces surfaces = timeline.at(time).to;
+        const SurfaceView surfaces = timeline.at(time).to;
         queries.set_cloud(surfaces.cloud);
         queries.set_field(surfaces.field);
         for (int i = 0; i < 20; ++i) {

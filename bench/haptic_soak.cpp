@@ -18,7 +18,7 @@
 #include "palpate/devices/simulated_device.h"
 #include "palpate/run/run_loop.h"
 #include "src/core/monotonic_clock.h"
-#include "src/devices/tick_thread.h"
+#include "src/devices/periodic_thread.h"
 #include "src/run/loop/real_time.h"
 #include "tests/test_util/allocation_counter.h"
 
@@ -119,7 +119,7 @@ Status measure_floor(double seconds, double rate, Floor& floor) {
   std::thread busy([&] {
     while (!is_done.load()) work(10000);
   });
-  TickThread ticks;
+  PeriodicThread ticks;
   double last = 0;
   const Status started = ticks.start(
       rate,
@@ -146,7 +146,7 @@ Status measure_floor(double seconds, double rate, Floor& floor) {
 }
 
 Status soak(const Options& options, const std::string& command) {
-  const auto method = value_named<InsideMethod>(options.method);
+  const auto method = value_named<MethodKind>(options.method);
   const auto backend = value_named<Backend>(options.backend);
   const auto model = find_device_model(options.device);
   if (!method || !backend || !model) {

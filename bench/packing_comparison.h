@@ -33,7 +33,7 @@ struct PackingCurve {
 
 struct PackingMethod {
   const char* id;    ///< in the CSV file
-  const char* name;  ///< for people
+  const char* name;  ///< for humans
 };
 inline constexpr std::array<PackingMethod, 3> kMethods{
     {{"palpate", "Palpate"}, {"prototypes", "prototype placement"}, {"fixed-grid", "fixed grid"}}};

@@ -275,7 +275,7 @@ void time_normals(bool is_filtered, const Settings& settings, Rows& rows) {
   options.filter.enabled = is_filtered;
   ThreadPool pool(1);
   SurfaceStages stages(kWidth, kHeight, wall.intrinsics, options, best_isa());
-  stages.read(wall.depth, pool);
+  stages.read(wall.image(), pool);
   stages.filter(pool);
   const PointCloud points = points_of(stages.depth(), wall.intrinsics);
   std::vector<std::unique_ptr<NormalsPeer>> peers = pcl_normals(points);
@@ -302,7 +302,7 @@ void time_filter(const Settings& settings, Rows& rows) {
   const WallFrame wall(kWidth, kHeight);
   ThreadPool pool(1);
   SurfaceStages stages(kWidth, kHeight, wall.intrinsics, {}, best_isa());
-  stages.read(wall.depth, pool);
+  stages.read(wall.image(), pool);
   const auto peer = opencv_bilateral(wall.depth, kWidth, kHeight);
   const std::vector<Summary> times =
       time_in_turn({[&](int) { stages.filter(pool); }, [&](int) { peer->run(); }}, settings.frames,

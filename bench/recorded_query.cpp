@@ -58,7 +58,7 @@ Status time_queries(const std::filesystem::path& folder) {
     if (!got) return got.error();
     if (!*got) break;
     parts->timeline->push(frame.frame, frame.record.capture_time, pool);
-    const Surfaces newest = parts->timeline->at(frame.record.capture_time).to;
+    const SurfaceView newest = parts->timeline->at(frame.record.capture_time).to;
     for (; next < contacts.size() && contacts[next].frame_number <= frame.record.number; ++next) {
       const auto begin = std::chrono::steady_clock::now();
       const ContactResult result = query.measure(newest, contacts[next].X_WT);

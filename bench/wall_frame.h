@@ -5,7 +5,7 @@
 #include <numbers>
 #include <vector>
 
-#include "palpate/cloud/intrinsics.h"
+#include "palpate/cloud/depth_source.h"
 #include "palpate/math/vec3.h"
 #include "tests/test_util/random.h"
 
@@ -24,6 +24,8 @@ struct WallFrame {
       depth.push_back(static_cast<float>(1.0 + 0.0015 * random.normal()));
     }
   }
+
+  DepthImageView image() const { return {width, height, depth.data()}; }
 
   /// The hard case: a pillar every 40 columns, and a hole of 6 by 6 pixels in every 32 by 32.
   void add_edges_and_holes() {

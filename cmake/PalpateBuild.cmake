@@ -70,21 +70,21 @@ if(PALPATE_SANITIZE)
   target_link_options(palpate_flags INTERFACE -fsanitize=${PALPATE_SANITIZE})
 endif()
 
-# palpate_room(NAME [COMPONENT core] SOURCES a.cpp ... DEPENDS other rooms ... LIBRARIES private libraries ...)
-# One static library per room, palpate_NAME, for our own programs and tests. Others link components
+# palpate_module(NAME [COMPONENT core] SOURCES a.cpp ... DEPENDS other modules ... LIBRARIES private libraries ...)
+# One static library per module, palpate_NAME, for our own programs and tests. Others link components
 # (PalpateComponent.cmake), which are made of the same objects.
-function(palpate_room name)
-  cmake_parse_arguments(ROOM "" "COMPONENT" "SOURCES;DEPENDS;LIBRARIES" ${ARGN})
-  if(NOT ROOM_COMPONENT)
-    set(ROOM_COMPONENT core)
+function(palpate_module name)
+  cmake_parse_arguments(MODULE "" "COMPONENT" "SOURCES;DEPENDS;LIBRARIES" ${ARGN})
+  if(NOT MODULE_COMPONENT)
+    set(MODULE_COMPONENT core)
   endif()
-  add_library(palpate_${name} STATIC ${ROOM_SOURCES})
-  list(TRANSFORM ROOM_DEPENDS PREPEND palpate_)
-  target_link_libraries(palpate_${name} PUBLIC palpate_flags ${ROOM_DEPENDS} PRIVATE ${ROOM_LIBRARIES})
-  set_property(GLOBAL APPEND PROPERTY PALPATE_ROOMS_${ROOM_COMPONENT} palpate_${name})
+  add_library(palpate_${name} STATIC ${MODULE_SOURCES})
+  list(TRANSFORM MODULE_DEPENDS PREPEND palpate_)
+  target_link_libraries(palpate_${name} PUBLIC palpate_flags ${MODULE_DEPENDS} PRIVATE ${MODULE_LIBRARIES})
+  set_property(GLOBAL APPEND PROPERTY PALPATE_MODULES_${MODULE_COMPONENT} palpate_${name})
   # A library that was found as a file is linked by its name: its place may differ where ours is
   # installed. Libraries of headers alone are in the objects already.
-  foreach(library IN LISTS ROOM_LIBRARIES)
+  foreach(library IN LISTS MODULE_LIBRARIES)
     set(type "")
     if(TARGET ${library})
       get_target_property(type ${library} TYPE)
@@ -93,18 +93,18 @@ function(palpate_room name)
       string(REGEX REPLACE "^lib" "" library "${library}")
     endif()
     if(NOT type STREQUAL INTERFACE_LIBRARY)
-      set_property(GLOBAL APPEND PROPERTY PALPATE_LIBRARIES_${ROOM_COMPONENT} ${library})
+      set_property(GLOBAL APPEND PROPERTY PALPATE_LIBRARIES_${MODULE_COMPONENT} ${library})
     endif()
   endforeach()
 endfunction()
 
-# palpate_kernel(ROOM file.cpp) compiles one kernel text once per vector instruction set. The file
+# palpate_kernel(MODULE file.cpp) compiles one kernel text once per vector instruction set. The file
 # uses the macro PALPATE_ISA_NAMESPACE for its namespace and PALPATE_LANES for the vector width. Such
 # objects must hold no weak symbols: the linker could pick a copy of an inline function with wide
 # instructions for everybody (tools/check_kernel_objects.sh). Three warnings are off: vectors in
 # internal signatures (psabi), vectors as template arguments (ignored-attributes) and one that GCC's
 # own AVX-512 header raises.
-function(palpate_kernel room source)
+function(palpate_kernel module source)
   set(variants baseline)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     list(APPEND variants avx2 avx512)
@@ -120,7 +120,7 @@ function(palpate_kernel room source)
     set(copy "${CMAKE_CURRENT_BINARY_DIR}/${stem}_${variant}.cpp")
     file(CONFIGURE OUTPUT "${copy}" CONTENT
          "#include \"${CMAKE_CURRENT_SOURCE_DIR}/${source}\"\n" @ONLY)
-    target_sources(palpate_${room} PRIVATE "${copy}")
+    target_sources(palpate_${module} PRIVATE "${copy}")
     set_source_files_properties(
       "${copy}" PROPERTIES
       OBJECT_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}"
@@ -129,12 +129,12 @@ function(palpate_kernel room source)
   endforeach()
 endfunction()
 
-# palpate_device_code(ROOM a.cu ...) adds files with kernels to a room: compiled by nvcc in a build
+# palpate_device_code(MODULE a.cu ...) adds files with kernels to a module: compiled by nvcc in a build
 # with CUDA. In one without, the tests get them compiled for the emulator (src/gpu/emulator.h), as
 # the library palpate_emulated.
-function(palpate_device_code room)
+function(palpate_device_code module)
   if(PALPATE_CUDA)
-    target_sources(palpate_${room} PRIVATE ${ARGN})
+    target_sources(palpate_${module} PRIVATE ${ARGN})
     return()
   endif()
   foreach(source IN LISTS ARGN)
@@ -143,10 +143,10 @@ function(palpate_device_code room)
     file(CONFIGURE OUTPUT "${copy}" CONTENT
          "#include \"${CMAKE_CURRENT_SOURCE_DIR}/${source}\"\n" @ONLY)
     if(PALPATE_EMULATE_CUDA)
-      target_sources(palpate_${room} PRIVATE "${copy}")
+      target_sources(palpate_${module} PRIVATE "${copy}")
     else()
       set_property(GLOBAL APPEND PROPERTY PALPATE_EMULATED_SOURCES "${copy}")
-      set_property(GLOBAL APPEND PROPERTY PALPATE_EMULATED_ROOMS palpate_${room})
+      set_property(GLOBAL APPEND PROPERTY PALPATE_EMULATED_MODULES palpate_${module})
     endif()
   endforeach()
 endfunction()

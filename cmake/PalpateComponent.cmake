@@ -1,4 +1,4 @@
-# The library as others link it: components, each one library made of the objects of its rooms, and
+# The library as others link it: components, each one library made of the objects of its modules, and
 # how they are installed.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
@@ -26,7 +26,7 @@ set(palpate_install_runtime COMPONENT library)
 set(palpate_install_dev COMPONENT development)
 
 # palpate_component(NAME [DEPENDS components ...] [HEADERS folders and files below include/palpate ...])
-# The library palpate::NAME (core: palpate::palpate) out of the rooms of that component so far, static
+# The library palpate::NAME (core: palpate::palpate) out of the modules of that component so far, static
 # or shared as BUILD_SHARED_LIBS says. Headers that no component names belong to core.
 function(palpate_component name)
   cmake_parse_arguments(COMPONENT "" "" "DEPENDS;HEADERS" ${ARGN})
@@ -39,8 +39,8 @@ function(palpate_component name)
     list(PREPEND COMPONENT_DEPENDS palpate)
   endif()
   set(target palpate_component_${exported})
-  get_property(rooms GLOBAL PROPERTY PALPATE_ROOMS_${name})
-  list(TRANSFORM rooms REPLACE "(.+)" "$<TARGET_OBJECTS:\\1>" OUTPUT_VARIABLE objects)
+  get_property(modules GLOBAL PROPERTY PALPATE_MODULES_${name})
+  list(TRANSFORM modules REPLACE "(.+)" "$<TARGET_OBJECTS:\\1>" OUTPUT_VARIABLE objects)
   add_library(${target} ${objects})
   add_library(palpate::${exported} ALIAS ${target})
   set_target_properties(

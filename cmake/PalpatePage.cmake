@@ -1,8 +1,8 @@
 # The pages of web/ as a source file of the program.
 
-# palpate_page(ROOM): adds the definitions of src/pages/page_files.h to a room: the pages, made by
+# palpate_page(MODULE): adds the definitions of src/pages/page_files.h to a module: the pages, made by
 # web/make_page.mjs, or none (no_page.cpp beside the caller) where they are not wanted or cannot be made.
-function(palpate_page room)
+function(palpate_page module)
   if(PALPATE_PAGE)
     find_program(PALPATE_NODE NAMES node nodejs)
     find_program(PALPATE_NPM npm)
@@ -22,7 +22,7 @@ function(palpate_page room)
       add_custom_command(
         OUTPUT "${page}" DEPENDS ${sources} VERBATIM COMMENT "Building the pages of viewer and reports"
         COMMAND "${PALPATE_NODE}" "${PROJECT_SOURCE_DIR}/web/make_page.mjs" "${CMAKE_CURRENT_BINARY_DIR}")
-      target_sources(palpate_${room} PRIVATE "${page}")
+      target_sources(palpate_${module} PRIVATE "${page}")
       if(PALPATE_TESTS)
         add_test(NAME page_types COMMAND "${PALPATE_NODE}" "${PROJECT_SOURCE_DIR}/web/check_types.mjs")
         set_tests_properties(page_types PROPERTIES SKIP_RETURN_CODE 77)
@@ -32,5 +32,5 @@ function(palpate_page room)
     message(STATUS "The pages of viewer and reports are left out: they need node 18 or newer and npm "
                    "(node: ${PALPATE_NODE} ${version}, npm: ${PALPATE_NPM}); 'make setup' installs them")
   endif()
-  target_sources(palpate_${room} PRIVATE no_page.cpp)
+  target_sources(palpate_${module} PRIVATE no_page.cpp)
 endfunction()

@@ -165,12 +165,12 @@ SeenScene see(const scenes::Scene& scene, DepthNoise noise) {
 
 Measure query_measure(const Tool& tool, const SeenScene& scene, const ContactOptions& options,
                       ThreadPool* pool) {
-  ContactCapacities capacities;
+  ExecutionOptions capacities;
   capacities.pool = pool;
   const ContactMethod method = contact_method(options).value();
   const std::shared_ptr<const ContactQuery> query =
       make_contact_query(Backend::cpu, tool, method, capacities).value();
-  const Surfaces surface{scene.surface.cloud(), scene.field.view()};
+  const SurfaceView surface{scene.surface.cloud(), scene.field.view()};
   return {full_volume(tool, options),
           [query, surface](const Pose& X_WT) { return query->measure(surface, X_WT).penetration; }};
 }
@@ -256,8 +256,8 @@ WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
   WrenchError result;
   Vec3d force_before, exact_before;
   for (std::size_t i = 0; i < steps.size(); ++i) {
-    const Wrench measured = measure.at(steps[i].X_WT).measure_W;
-    const Wrench& exact = steps[i].exact.measure_C_W;
+    const VolumeWrench measured = measure.at(steps[i].X_WT).measure_W;
+    const VolumeWrench& exact = steps[i].exact.measure_C_W;
     const Vec3d force = measured.force / measure.whole, exact_force = exact.force / mesh_volume;
     if (i > 0) {
       result.jump = std::max(result.jump, norm(force - force_before));
@@ -284,7 +284,7 @@ double loop_work(const ContactCase& contact_case, const Tool& tool, const Measur
   for (int i = 0; i < num_steps; ++i) {
     const LoopPoint point = loop_point(middle, tool.sphere_mass().centre_of_mass,
                                        contact_case.tool_size, 2 * kPi * i / num_steps);
-    const Wrench wrench = measure.at(point.X_WT).measure_W;
+    const VolumeWrench wrench = measure.at(point.X_WT).measure_W;
     const double power =
         dot(wrench.force, point.twist.linear) + dot(wrench.torque, point.twist.angular);
     net += power;

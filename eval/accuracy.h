@@ -19,7 +19,7 @@ namespace palpate::eval {
 /// A tool goes straight along z into a solid, from first contact (0 %) until its rear has passed
 /// z = 1 m (100 %).
 struct ContactCase {
-  std::string name;   ///< for people
+  std::string name;   ///< for humans
   std::string scene;  ///< for make_scene
   scenes::Environment environment;
   std::string tool_shape;  ///< for make_shape

@@ -21,7 +21,7 @@ class PointMixer {
                       max_jump);
   }
   /// The views are valid until the next call.
-  SurfaceMoment mix(const SurfaceMoment& moment, ThreadPool& pool) {
+  SurfaceBlend mix(const SurfaceBlend& moment, ThreadPool& pool) {
     if (moment.progress >= 1) return moment;
     blend_clouds(moment.from.cloud, moment.to.cloud, moment.progress, max_jump_, pool, cloud_);
     field_.update(cloud_.view(), pool);
@@ -58,7 +58,7 @@ Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>
       work.step();
       is_arrival = next > 0;
     }
-    SurfaceMoment moment = timeline->at(now);
+    SurfaceBlend moment = timeline->at(now);
     if (trial.mixing == Mixing::points) moment = mixer->mix(moment, pool);
     queries.set_moment(moment);
     for (std::size_t m = 0; m < methods.size(); ++m) {

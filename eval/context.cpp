@@ -70,8 +70,8 @@ Result<std::vector<DepthFrame>> read_all(DepthSource& source, Context& context) 
 
 std::vector<Method> all_methods() {
   std::vector<Method> methods = thesis_methods();
-  methods.push_back({"graph-cap", {.method = InsideMethod::graph, .inside = InsideVolume::cap}});
-  methods.push_back({"field", {.method = InsideMethod::field}});
+  methods.push_back({"graph-cap", {.method = MethodKind::graph, .inside = InsideVolume::cap}});
+  methods.push_back({"field", {.method = MethodKind::field}});
   return methods;
 }
 
@@ -82,9 +82,9 @@ std::vector<Method> all_methods_alike() {
 }
 
 std::vector<Method> thesis_methods() {
-  return {{"weighted", {.method = InsideMethod::weighted}},
-          {"simplified", {.method = InsideMethod::simplified}},
-          {"graph", {.method = InsideMethod::graph}}};
+  return {{"weighted", {.method = MethodKind::weighted}},
+          {"simplified", {.method = MethodKind::simplified}},
+          {"graph", {.method = MethodKind::graph}}};
 }
 
 std::vector<std::string> recording_names() {

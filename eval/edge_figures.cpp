@@ -94,16 +94,16 @@ Result<FigureResult> figure_3_14(Context& context) {
   plot.curves.push_back(curve_of("exact", "exact", X_WT, exact));
   struct Try {
     const char* name;
-    InsideMethod method;
+    MethodKind method;
     Edges edges;
     const char *words, *style;
   };
-  const Try tries[] = {{"graph", InsideMethod::graph, Edges::none, "none", "graph"},
-                       {"graph", InsideMethod::graph, Edges::strict, "strict", "other1"},
-                       {"graph", InsideMethod::graph, Edges::cut, "cut", "other2"},
-                       {"simplified", InsideMethod::simplified, Edges::none, "none", "simplified"},
-                       {"simplified", InsideMethod::simplified, Edges::cut, "cut", "other3"},
-                       {"field", InsideMethod::field, Edges::none, "of its own", "field"}};
+  const Try tries[] = {{"graph", MethodKind::graph, Edges::none, "none", "graph"},
+                       {"graph", MethodKind::graph, Edges::strict, "strict", "other1"},
+                       {"graph", MethodKind::graph, Edges::cut, "cut", "other2"},
+                       {"simplified", MethodKind::simplified, Edges::none, "none", "simplified"},
+                       {"simplified", MethodKind::simplified, Edges::cut, "cut", "other3"},
+                       {"field", MethodKind::field, Edges::none, "of its own", "field"}};
   double worst_none = 0, worst_strict = 0, worst_cut = 0, worst_field = 0;
   for (const Try& t : tries) {
     ContactOptions options;
@@ -117,10 +117,10 @@ Result<FigureResult> figure_3_14(Context& context) {
         curve_of(words("%s, edges: %s", t.name, t.words), t.style, X_WT, volumes));
     table.rows.push_back({t.name, t.words, words("%.2f", 100 * error.rms), words("%.2f", worst)});
     result.numbers.push_back({words("%s.%s.worst", t.name, t.words), worst, "%"});
-    if (t.method == InsideMethod::graph && t.edges == Edges::none) worst_none = worst;
-    if (t.method == InsideMethod::graph && t.edges == Edges::strict) worst_strict = worst;
-    if (t.method == InsideMethod::graph && t.edges == Edges::cut) worst_cut = worst;
-    if (t.method == InsideMethod::field) worst_field = worst;
+    if (t.method == MethodKind::graph && t.edges == Edges::none) worst_none = worst;
+    if (t.method == MethodKind::graph && t.edges == Edges::strict) worst_strict = worst;
+    if (t.method == MethodKind::graph && t.edges == Edges::cut) worst_cut = worst;
+    if (t.method == MethodKind::field) worst_field = worst;
   }
   plot.caption = words(
       "Without edge planes the graph is wrong by up to %.0f %% of the box, cut by them "
@@ -157,7 +157,7 @@ struct MethodOnWay {
   std::vector<std::vector<double>> volumes;
   std::vector<WayError> errors;
 
-  bool is_field() const { return method.options.method == InsideMethod::field; }
+  bool is_field() const { return method.options.method == MethodKind::field; }
 };
 
 /// One camera at one side of the pillar.

@@ -19,7 +19,7 @@ Result<Touch> touch_moving_box(Context& context);
 /// and in the quick form.
 Result<std::optional<Touch>> touch_recording(Context& context);
 
-/// How they are touched, one sentence for people.
+/// How they are touched, one sentence for humans.
 extern const char* const kFrameScenesNote;
 
 /// The force of the moving wall, -z, in shares of the whole tool's.

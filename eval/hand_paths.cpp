@@ -109,7 +109,7 @@ HandMotion recorded_hand(std::vector<TimedPose> poses) {
   const Quaternion first = poses.front().X_WT.rotation;
   for (const TimedPose& at : poses) {
     middle += 1 / num * at.X_WT.translation;
-    turned += 1 / num * turn_between(first, at.X_WT.rotation);
+    turned += 1 / num * rotation_between(first, at.X_WT.rotation);
   }
   for (const TimedPose& at : poses) {
     const Vec3d d = at.X_WT.translation - middle;
@@ -122,7 +122,7 @@ HandMotion recorded_hand(std::vector<TimedPose> poses) {
     const Pose at = palpate::pose_at(poses, from + phase * (to - from));
     const Vec3d d = at.translation - middle;
     return HandShift{across * d.x, across * d.y, in * d.z,
-                     turn_between(first, at.rotation) - turned};
+                     rotation_between(first, at.rotation) - turned};
   };
 }
 

@@ -24,14 +24,14 @@ class MethodQueries {
         states_(index_->tool().spheres().size()),
         planes_(states_.size()) {}
   /// `tool` must outlive it.
-  MethodQueries(Backend backend, const Tool& tool, const ContactCapacities& capacities = {})
+  MethodQueries(Backend backend, const Tool& tool, const ExecutionOptions& capacities = {})
       : MethodQueries(ToolIndex::create(tool),
                       [=](std::shared_ptr<const ToolIndex> index, const ContactMethod& method) {
                         return make_contact_query(backend, std::move(index), method, capacities);
                       }) {}
-  MethodQueries(Backend, const Tool&&, const ContactCapacities& = {}) = delete;
+  MethodQueries(Backend, const Tool&&, const ExecutionOptions& = {}) = delete;
 
-  void set_moment(const SurfaceMoment& moment) { moment_ = moment; }
+  void set_moment(const SurfaceBlend& moment) { moment_ = moment; }
   void set_cloud(const PointCloudView& cloud) {
     moment_.to.cloud = cloud;
     moment_.progress = 1;
@@ -75,7 +75,7 @@ class MethodQueries {
   MakeQuery make_;
   std::vector<std::pair<ContactOptions, std::unique_ptr<ContactQuery>>> queries_;
   const ContactQuery* last_ = nullptr;
-  SurfaceMoment moment_;
+  SurfaceBlend moment_;
   Pose X_WT_;
   std::vector<SphereState> states_;
   std::vector<Plane<float>> planes_;

@@ -36,7 +36,7 @@ Result<std::vector<Sinking>> sink(Context& context, const NoisySolid& solid, dou
   const Measure exact = exact_measure(tool, solid.environment);
   std::vector<Sinking> all{{solid.name, "exact", {force_steps(exact)}}};
   for (const Method& method : all_methods()) {
-    const bool has_choice = method.options.method != InsideMethod::field;
+    const bool has_choice = method.options.method != MethodKind::field;
     Sinking sinking{solid.name, method.name, {}};
     for (std::size_t c = 0; c < (has_choice ? kNumContinuities : 1); ++c) {
       ContactOptions options = method.options;
@@ -191,7 +191,7 @@ std::vector<FigureSpec> option_figures() {
       {"continuity", "Points that enter and leave a sphere", "Quality", figure_continuity},
       {"bodies", "Two packings that overlap", "Quality", figure_bodies},
       {"fill", "How full a packing is", "Quality", figure_fill},
-      {"priorities", "What makes a boundary sphere a good lender", "Quality", figure_priorities},
+      {"priorities", "What makes a boundary sphere a good donor", "Quality", figure_priorities},
   };
 }
 

@@ -7,7 +7,7 @@
 namespace palpate::eval {
 
 Result<FigureResult> figure_bodies(Context& context);      ///< two packings that overlap
-Result<FigureResult> figure_priorities(Context& context);  ///< what makes a good lender
+Result<FigureResult> figure_priorities(Context& context);  ///< what makes a good donor
 Result<FigureResult> figure_fill(Context& context);        ///< how full a packing is
 
 }  // namespace palpate::eval

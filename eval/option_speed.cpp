@@ -44,7 +44,7 @@ Result<std::vector<MethodCost>> costs_of(Context& context, int num_spheres) {
   const auto X_WT = pillar_way(PillarSide::right, context.choose(0.0002, 0.001));
   std::vector<MethodCost> costs;
   for (const Method& method : all_methods()) {
-    const bool has_choice = method.options.method != InsideMethod::field;
+    const bool has_choice = method.options.method != MethodKind::field;
     MethodCost cost{method.name, {}};
     for (std::size_t c = 0; c < (has_choice ? std::size(kChoices) : 1); ++c) {
       ContactOptions options = method.options;
@@ -83,7 +83,7 @@ Result<FigureResult> figure_options(Context& context) {
   constexpr double kTick = 1;  // ms
   result.claims.push_back(
       {"With tools of thousands of spheres entry costs less with weighted than "
-       "with simplified, which then looks at every lender for every sphere.",
+       "with simplified, which then looks at every donor for every sphere.",
        "Weighted " + rounded(weighted) + " ms, simplified " + rounded(simplified) + " ms.",
        weighted < simplified ? Verdict::holds : Verdict::fails});
   result.claims.push_back(

@@ -139,7 +139,7 @@ std::string range(double low, double high) {
 
 // ---- Which points are in which sphere ----
 
-/// What the spheres are asked for: the word in the file, and for people.
+/// What the spheres are asked for: the word in the file, and for humans.
 struct Question {
   const char* word;
   const char* text;

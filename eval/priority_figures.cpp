@@ -1,11 +1,11 @@
-// priorities: what else could make a boundary sphere a good one to borrow from (an open question of
-// the thesis, sections 3.2.2 and 6): errors and smoothness by each priority, against the exact
-// wrench.
+// priorities: what else could make a boundary sphere a good one to take a plane from (an open
+// question of the thesis, sections 3.2.2 and 6): errors and smoothness by each priority, against
+// the exact wrench.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 
-#include "eval/borrowing.h"
+#include "eval/assignment.h"
 #include "eval/context.h"
 #include "eval/option_figures.h"
 #include "eval/parallel.h"
@@ -20,7 +20,7 @@ constexpr int kSpheres = 1000;
 struct Row {
   std::string method, key, priority;
   bool is_average = true;
-  BorrowPriority by = BorrowPriority::distance;
+  AssignPriority by = AssignPriority::distance;
   double volume = 0, direction = 0, torque = 0;  ///< % rms, degrees rms, % rms
   double jump = 0;                               ///< exact = 1, rms over the scenes
   double seconds = 0;                            ///< of a query, here
@@ -31,14 +31,14 @@ std::vector<Row> all_rows() {
                                    "gaussian", "agreement", "along"};
   std::vector<Row> rows;
   for (std::size_t p = 0; p < std::size(kKeys); ++p) {
-    const auto by = static_cast<BorrowPriority>(p);
+    const auto by = static_cast<AssignPriority>(p);
     rows.push_back({"weighted", words("weighted.%s", kKeys[p]), name_of(by), true, by});
   }
   for (const auto by :
-       {BorrowPriority::distance, BorrowPriority::agreement, BorrowPriority::along}) {
+       {AssignPriority::distance, AssignPriority::agreement, AssignPriority::along}) {
     rows.push_back(
         {"simplified", words("simplified.%s", kKeys[static_cast<std::size_t>(by)]),
-         by == BorrowPriority::distance ? "nearest (1 / d, 1 / d², Gaussian)" : name_of(by), false,
+         by == AssignPriority::distance ? "nearest (1 / d, 1 / d², Gaussian)" : name_of(by), false,
          by});
   }
   return rows;
@@ -68,7 +68,7 @@ Result<FigureResult> figure_priorities(Context& context) {
               const double fine = num_fine / static_cast<double>(num_steps_over(cases[i], 1, 5e-5));
               const auto steps = exact_steps(cases[i], tool, 0.3, 0.3 + fine, num_fine);
               for (Row& row : by_case[i]) {
-                const Measure measure = borrowing_measure(tool, seen, row.by, row.is_average);
+                const Measure measure = assignment_measure(tool, seen, row.by, row.is_average);
                 const auto start = std::chrono::steady_clock::now();
                 row.volume = volume_error(tool, coarse, measure).rms;
                 const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;

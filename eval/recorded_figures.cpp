@@ -536,7 +536,7 @@ Result<FigureResult> figure_5_16(Context& context) {
     table.rows.push_back({method.name, words("%.2f", difference), words("%.1f", cost)});
     result.numbers.push_back({std::string(method.name) + ".difference", difference, "%"});
     result.numbers.push_back({std::string(method.name) + ".cost", cost, "1"});
-    if (method.options.method == InsideMethod::weighted) {
+    if (method.options.method == MethodKind::weighted) {
       weighted_difference = difference, weighted_cost = cost;
       for (int axis = 0; axis < 3; ++axis) {
         result.plots.push_back({scene->name + ", weighted, 28 % deep",

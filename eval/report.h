@@ -1,4 +1,4 @@
-// The report for people: one page, self-contained; and its summary as Markdown.
+// The report for humans: one page, self-contained; and its summary as Markdown.
 #pragma once
 
 #include <map>

@@ -19,8 +19,8 @@ struct EvaluationOptions {
   std::filesystem::path output;      ///< new, empty, or an earlier report
   std::filesystem::path gpu_report;  ///< data of a report made with Backend::cuda; may be empty
   bool fresh = false;                ///< make figures again that are there
-  std::string commit;                ///< of the source, for people; may be empty
-  std::string command;               ///< that makes this report, for people
+  std::string commit;                ///< of the source, for humans; may be empty
+  std::string command;               ///< that makes this report, for humans
 };
 
 /// A figure of the report and what is there of it.

@@ -18,7 +18,7 @@ class SeenFrame {
 
   PointCloudView cloud() const { return surface_.cloud(); }
   DepthFieldView field() const { return field_.view(); }
-  Surfaces surfaces() const { return {cloud(), field()}; }
+  SurfaceView surfaces() const { return {cloud(), field()}; }
 
  private:
   SeenFrame(SurfaceEstimator surface, DepthField field)

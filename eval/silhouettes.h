@@ -81,7 +81,7 @@ class Feeler {
   }
 
  private:
-  ContactOptions options_{.method = InsideMethod::field};
+  ContactOptions options_{.method = MethodKind::field};
   std::unique_ptr<MethodQueries> query_;
   static double section_of(const Tool& tool) {
     const Bounds box = bounds(tool.mesh());

@@ -25,7 +25,7 @@ struct SpeedSweep {
 Plot speed_plot(const SpeedSweep& sweep, const std::string& title, const std::string& x_label);
 /// The same medians as a table, a row for each x (a number of spheres).
 Table time_table(const SpeedSweep& sweep, const std::string& title);
-/// A time (µs) for people: two digits and more.
+/// A time (µs) for humans: two digits and more.
 std::string time_words(double microseconds);
 /// Median, p99 and largest of every method at every x, as numbers `prefix.method.x.median_us`.
 void add_numbers(FigureResult& result, const SpeedSweep& sweep, const std::string& prefix);

@@ -28,7 +28,7 @@ Key key_of(const Settings& settings);
 struct StoredFigure {
   std::string id;
   Key key;
-  std::string commit;   ///< for people; may be empty
+  std::string commit;   ///< for humans; may be empty
   std::string made;     ///< UTC, "2026-11-21 23:10"
   double seconds = 0;   ///< that it took
   std::string failure;  ///< why there is no result; empty: there is one

@@ -257,7 +257,7 @@ void add_smoothness(FigureResult& result, Context& context, const ContactCase& c
     row.push_back(words("%.2g", loops[0]));
     row.push_back(words("%.2g", loops[1]));
     table.rows.push_back(std::move(row));
-    if (method.options.method == InsideMethod::field) {
+    if (method.options.method == MethodKind::field) {
       field_jump = jumps[1], field_loop = loops[1];
     } else {
       worst_jump = std::max(worst_jump, jumps[1]);

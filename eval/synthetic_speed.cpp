@@ -148,7 +148,7 @@ Result<FigureResult> more_spheres(Context& context) {
   for (const Method& method : all_methods()) {
     // Weighted takes too long for so many, and capped the graph takes as long as not.
     const bool is_capped = method.options.inside == InsideVolume::cap;
-    if (method.options.method == InsideMethod::weighted || is_capped) continue;
+    if (method.options.method == MethodKind::weighted || is_capped) continue;
     sweep.methods.push_back(method);
   }
   sweep.times.resize(sweep.methods.size());

@@ -88,7 +88,7 @@ Result<FigureResult> moving(Context& context, const char* title, const Touch& to
           {words("%s.%s.arrival", method.name, mode.name), steps.arrival, "%"});
       if (mode.mode == TimeMode::latest) latest_steps.push_back(steps.arrival);
       if (mode.mode == TimeMode::interpolate) interpolated_steps.push_back(steps.arrival);
-      if (method.options.method != InsideMethod::field) continue;
+      if (method.options.method != MethodKind::field) continue;
       Curve curve{mode.name, mode.style, {}, force};
       for (std::size_t k = 0; k < force.size(); ++k) {
         curve.x.push_back(static_cast<double>(k) * kTick);
@@ -244,8 +244,8 @@ Result<FigureResult> figure_3_16(Context& context) {
     for (const DepthFrame& frame : frames) {
       timeline->push(frame, frame.timestamp, pool);
       for (int k = 0; k < 4; ++k) {
-        const SurfaceMoment moment = timeline->at(frame.timestamp + k * 0.008);
-        for (const Surfaces& surfaces : {moment.from, moment.to}) {
+        const SurfaceBlend moment = timeline->at(frame.timestamp + k * 0.008);
+        for (const SurfaceView& surfaces : {moment.from, moment.to}) {
           for (std::size_t i = 0; i < surfaces.cloud.size(); ++i) {
             const auto z = static_cast<double>(surfaces.cloud.z[i]);
             if (!std::isfinite(z)) continue;

@@ -4,8 +4,8 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/contact/contact_query.h"
 #include "palpate/mesh/shapes.h"
+#include "palpate/palpate.h"
 
 using namespace palpate;
 
@@ -22,21 +22,17 @@ int main() {
   const Tool tool = Tool::build(mesh, packing, GapRule::relative, "a cylinder").value();
 
   // All memory is allocated here; the loop below allocates nothing but the driver's images.
-  const int width = 640, height = 480;
-  ThreadPool threads(0);
-  SurfaceEstimator estimator =
-      SurfaceEstimator::create(width, height, {525, 525, 319.5, 239.5}).value();
-  DepthField field = DepthField::create(width, height).value();
-  const auto query = make_contact_query(Backend::cpu, tool).value();
+  const Camera camera{640, 480, {525, 525, 319.5, 239.5}};
+  Sensor sensor = Sensor::create(camera).value();
+  const Contact contact = Contact::create(tool).value();
   const Pose X_WT{.translation = {0, 0, 0.5}};
 
   for (int image = 0; image <= 10; ++image) {
-    const std::vector<float> depth = read_camera(image, width, height);
-    estimator.update(std::span<const float>(depth), threads);
-    field.update(estimator.cloud(), threads);
-    const Penetration contact = query->measure({estimator.cloud(), field.view()}, X_WT).penetration;
-    if (contact.status.is_unmeasured()) return 1;
+    const std::vector<float> depth = read_camera(image, camera.width, camera.height);
+    const SurfaceView surface = sensor.update({camera.width, camera.height, depth.data()});
+    if (!sensor.status()) return 1;  // sensor.status().error().message says why
+    const Penetration measured = contact.measure(surface, X_WT).penetration;
     std::printf("wall at %.2f m, inside: %.1f %%\n", 0.6 - 0.01 * image,
-                100 * contact.volume / tool.mesh_mass().volume);
+                100 * contact.fraction(measured));
   }
 }

@@ -105,7 +105,7 @@ Side in_front(const Plane<double>& plane) { return {plane, true}; }
 /// Adds the pressure on the part of the tool on the given sides.
 template <class Field>
 void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::span<const Side> sides,
-                  const Field& field, const Vec3d& centre, Wrench& sum) {
+                  const Field& field, const Vec3d& centre, VolumeWrench& sum) {
   for_each_face(tool, X_WT, [&](const Triangle& face) {
     Polygon polygon(face);
     for (const Side& side : sides) {
@@ -123,7 +123,7 @@ void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::span<const Si
 
 template <class Field>
 void add_pressure(const TriangleMesh& tool, const Pose& X_WT, std::initializer_list<Side> sides,
-                  const Field& field, const Vec3d& centre, Wrench& sum) {
+                  const Field& field, const Vec3d& centre, VolumeWrench& sum) {
   add_pressure(tool, X_WT, std::span<const Side>(sides.begin(), sides.size()), field, centre, sum);
 }
 
@@ -133,20 +133,20 @@ Plane<double> through_edge(const Plane<double>& a, const Plane<double>& b, doubl
 }
 
 /// Within a ridge the nearer plane counts.
-Wrench ridge_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                    const Vec3d& centre) {
+VolumeWrench ridge_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
+                          const Vec3d& centre) {
   const Plane<double> halfway = through_edge(e.a, e.b, 1);
-  Wrench sum;
+  VolumeWrench sum;
   add_pressure(tool, X_WT, {behind(e.a), behind(e.b), in_front(halfway)}, e.a, centre, sum);
   add_pressure(tool, X_WT, {behind(e.a), behind(e.b), behind(halfway)}, e.b, centre, sum);
   return sum;
 }
 
 /// Within a box the nearest face counts: it is cut into six parts.
-Wrench box_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                  const Vec3d& centre) {
+VolumeWrench box_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
+                        const Vec3d& centre) {
   const auto faces = e.faces();
-  Wrench sum;
+  VolumeWrench sum;
   for (std::size_t i = 0; i < faces.size(); ++i) {
     std::array<Side, 6> sides{behind(faces[i])};
     std::size_t num = 1;
@@ -162,12 +162,12 @@ Wrench box_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment&
 
 /// Behind a corner the nearest point of free space is the foot of the perpendicular on either plane
 /// where it exists, and else on the edge (compare wedge_distance in environment.cpp).
-Wrench corner_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                     const Vec3d& centre) {
+VolumeWrench corner_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
+                           const Vec3d& centre) {
   const double c = dot(e.a.normal, e.b.normal);
   const Plane<double> off_b = through_edge(e.a, e.b, c), off_a = through_edge(e.b, e.a, c);
   const Line edge{foot(e.a, e.b, centre), normalized(cross(e.a.normal, e.b.normal))};
-  Wrench sum;
+  VolumeWrench sum;
   add_pressure(tool, X_WT, {behind(e.a), in_front(off_a)}, e.a, centre, sum);
   add_pressure(tool, X_WT, {behind(e.b), in_front(off_b)}, e.b, centre, sum);
   add_pressure(tool, X_WT, {behind(off_a), behind(off_b)}, edge, centre, sum);
@@ -222,8 +222,8 @@ class BallPressure {
 };
 
 /// Every n points along a line through the ball's centre, so there the torque is zero.
-Wrench ball_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                   const Vec3d& centre) {
+VolumeWrench ball_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
+                         const Vec3d& centre) {
   const bool outside = e.kind == Environment::Kind::ball_outside;
   Vec3d force;
   for_each_face(tool, X_WT, [&](const Triangle& face) {
@@ -239,11 +239,11 @@ Wrench ball_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment
   return {force, cross(e.centre - centre, force)};
 }
 
-Wrench exact_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
-                    const Vec3d& centre) {
+VolumeWrench exact_wrench(const TriangleMesh& tool, const Pose& X_WT, const Environment& e,
+                          const Vec3d& centre) {
   switch (e.kind) {
     case Environment::Kind::half_space: {
-      Wrench sum;
+      VolumeWrench sum;
       add_pressure(tool, X_WT, {behind(e.a)}, e.a, centre, sum);
       return sum;
     }

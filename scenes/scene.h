@@ -27,7 +27,7 @@ struct Body {
 /// A world seen by a depth camera at the origin of W (x right, y down, z forward).
 struct Scene {
   std::string name;
-  std::string title;                       ///< one line for people
+  std::string title;                       ///< one line for humans
   std::optional<Environment> environment;  ///< the part that is known exactly; it never moves
   std::vector<Body> bodies;                ///< the rest
   Intrinsics intrinsics{575.8157, 575.8157, 319.5, 239.5};

@@ -24,8 +24,8 @@ double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environm
 /// quadrature; errors below 1e-10 of the tool's volume (times its size, for the torque about a C
 /// within it), below 1e-9 in corners. O(triangles).
 struct ExactPenetration {
-  double volume = 0;   ///< m3
-  Wrench measure_C_W;  ///< force m3, torque m4 about C
+  double volume = 0;         ///< m3
+  VolumeWrench measure_C_W;  ///< force m3, torque m4 about C
 };
 ExactPenetration exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
                                    const Vec3d& centre_W, const Environment& environment);

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Runs the tests of a build preset and ends with one line of counts.
 #
-# usage: scripts/test.sh PRESET [ROOM] [ctest options ...]
-#   ROOM   only the tests of one room, e.g. contact
+# usage: scripts/test.sh PRESET [MODULE] [ctest options ...]
+#   MODULE   only the tests of one module, e.g. contact
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-preset=${1:?usage: scripts/test.sh PRESET [ROOM] [ctest options ...]}
+preset=${1:?usage: scripts/test.sh PRESET [MODULE] [ctest options ...]}
 shift
 folder=build/$preset
 case "${1:-}" in

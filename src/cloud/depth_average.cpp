@@ -54,14 +54,13 @@ DepthAverager::DepthAverager(DepthAverager&&) noexcept = default;
 DepthAverager& DepthAverager::operator=(DepthAverager&&) noexcept = default;
 DepthAverager::~DepthAverager() = default;
 
-std::span<const float> DepthAverager::update(const DepthFrame& frame, ThreadPool& pool) {
+std::span<const float> DepthAverager::update(const DepthImageView& image, ThreadPool& pool) {
   Impl& d = *impl_;
-  PALPATE_ASSERT(frame.width == d.width && frame.height == d.height &&
-                 frame.pixels.size() == d.depth.size());
+  PALPATE_ASSERT(image.width == d.width && image.height == d.height && image.counts != nullptr);
   pool.parallel_for(d.height, [&](int v) {
     const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(d.width);
     for (std::size_t i = begin; i < begin + static_cast<std::size_t>(d.width); ++i) {
-      d.depth[i] = d.update(i, frame.pixels[i], frame.unit);
+      d.depth[i] = d.update(i, image.counts[i], image.unit);
     }
   });
   return d.depth;

@@ -18,20 +18,19 @@ DepthStreamInfo binned(const DepthStreamInfo& stream, int binning) {
   return small;
 }
 
-void bin_depth(const DepthFrame& frame, int binning, DepthFrame& small) {
-  small.width = frame.width / binning;
-  small.height = frame.height / binning;
-  small.unit = frame.unit;
-  small.timestamp = frame.timestamp;
+void bin_depth(const DepthImageView& image, int binning, DepthFrame& small) {
+  small.width = image.width / binning;
+  small.height = image.height / binning;
+  small.unit = image.unit;
   small.pixels.resize(static_cast<std::size_t>(small.width) *
                       static_cast<std::size_t>(small.height));
   std::array<std::uint32_t, kMaxBinning * kMaxBinning> counts{};
-  const auto width = static_cast<std::size_t>(frame.width),
+  const auto width = static_cast<std::size_t>(image.width),
              side = static_cast<std::size_t>(binning);
   std::uint16_t* out = small.pixels.data();
   for (int v = 0; v < small.height; ++v) {
     for (int u = 0; u < small.width; ++u) {
-      const std::uint16_t* const corner = frame.pixels.data() +
+      const std::uint16_t* const corner = image.counts +
                                           static_cast<std::size_t>(v) * side * width +
                                           static_cast<std::size_t>(u) * side;
       auto end = counts.begin();

@@ -1,4 +1,4 @@
-// What the numbers of a raw depth frame say. One text for host and device.
+// What the numbers of a raw depth frame say. shared by host and device.
 #pragma once
 
 #include "palpate/core/hostdev.h"

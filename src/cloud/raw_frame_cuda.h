@@ -36,6 +36,11 @@ class RawFrameCuda {
     const std::size_t begin = rows.begin == 0 ? 0 : row_start(rows.begin);
     stream.copy(device_ + begin, host_ + begin, row_start(rows.end) - begin);
   }
+  /// The unit that was set, and pixels that are on this GPU already.
+  void enqueue_copy_of(gpu::Stream& stream, const std::uint16_t* pixels) {
+    stream.copy(device_, host_, kPixels);
+    stream.copy(device_ + kPixels, pixels, 2 * num_pixels_);
+  }
   RawFrameView view() const {
     return {reinterpret_cast<const double*>(device_),
             reinterpret_cast<const std::uint16_t*>(device_ + kPixels)};

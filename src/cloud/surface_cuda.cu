@@ -156,6 +156,11 @@ void SurfaceCuda::enqueue(gpu::Stream& stream, int part, int num_parts) {
   enqueue_depth(stream, nullptr, part, num_parts);
 }
 
+void SurfaceCuda::enqueue_counts(gpu::Stream& stream, const std::uint16_t* counts) {
+  impl_->raw.enqueue_copy_of(stream, counts);
+  enqueue_depth(stream, nullptr);
+}
+
 void SurfaceCuda::enqueue_depth(gpu::Stream& stream, const float* depth, int part, int num_parts) {
   impl_->enqueue(stream, depth, {(impl_->height + kStripRows - 1) / kStripRows, part, num_parts});
 }

@@ -35,6 +35,8 @@ class SurfaceCuda {
   /// in parts, spread over the time between frames so that queries never wait for long (thesis
   /// section 4.2): all parts 0 ... num_parts - 1, in order. The bits do not depend on the number.
   void enqueue(gpu::Stream& stream, int part = 0, int num_parts = 1);
+  /// The same of a whole frame whose counts are on this GPU; the unit is the one that was set.
+  void enqueue_counts(gpu::Stream& stream, const std::uint16_t* counts);
   /// The same from depth in metres (NaN or 0: no measurement), width * height values on this GPU.
   void enqueue_depth(gpu::Stream& stream, const float* depth, int part = 0, int num_parts = 1);
   /// The rows of its input that a part is the first to read.

@@ -12,10 +12,9 @@ struct SurfaceEstimator::Impl {
   SurfaceParts made;
   std::uint64_t stamp = 0;
 
-  template <class Depth>
-  SurfaceStats update(const Depth& depth, ThreadPool& pool, const SurfaceParts& parts) {
+  SurfaceStats update(const DepthImageView& image, ThreadPool& pool, const SurfaceParts& parts) {
     SurfaceStats stats;
-    stats.num_valid = stages.read(depth, pool);
+    stats.num_valid = stages.read(image, pool);
     stats.num_points = make_points(parts.points, pool);
     if (parts.depth_change) stages.find_depth_change(pool);
     made = parts;
@@ -42,14 +41,17 @@ Result<SurfaceEstimator> SurfaceEstimator::create(int width, int height,
       std::unique_ptr<Impl>(new Impl{{width, height, intrinsics, options, isa}, {}, 0}));
 }
 
-SurfaceStats SurfaceEstimator::update(const DepthFrame& frame, ThreadPool& pool,
+SurfaceStats SurfaceEstimator::update(const DepthImageView& image, ThreadPool& pool,
                                       const SurfaceParts& parts) {
-  return impl_->update(frame, pool, parts);
+  return impl_->update(image, pool, parts);
 }
 
 SurfaceStats SurfaceEstimator::update(std::span<const float> depth, ThreadPool& pool,
                                       const SurfaceParts& parts) {
-  return impl_->update(depth, pool, parts);
+  const PointCloud& cloud = impl_->stages.cloud();
+  const DepthImageView image(cloud.width(), cloud.height(), depth.data());
+  PALPATE_ASSERT(depth.size() == image.num_pixels());
+  return impl_->update(image, pool, parts);
 }
 
 void SurfaceEstimator::complete(ThreadPool& pool) {

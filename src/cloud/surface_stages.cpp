@@ -104,19 +104,13 @@ int SurfaceStages::sum_over_strips(ThreadPool& pool, const PixelWindow& window, 
   return std::accumulate(strip_counts_.begin(), strip_counts_.begin() + num_strips, 0);
 }
 
-int SurfaceStages::read(const DepthFrame& frame, ThreadPool& pool) {
-  PALPATE_ASSERT(frame.width == width_ && frame.height == height_ &&
-                 frame.pixels.size() == num_pixels());
+int SurfaceStages::read(const DepthImageView& image, ThreadPool& pool) {
+  PALPATE_ASSERT(image.width == width_ && image.height == height_ && image.gpu == kHostMemory &&
+                 (image.counts != nullptr || image.metres != nullptr));
   RawPass pass = raw_pass_;
-  pass.counts = frame.pixels.data();
-  pass.unit = frame.unit;
-  return read(pass, pool);
-}
-
-int SurfaceStages::read(std::span<const float> depth, ThreadPool& pool) {
-  PALPATE_ASSERT(depth.size() == num_pixels());
-  RawPass pass = raw_pass_;
-  pass.metres = depth.data();
+  pass.counts = image.counts;
+  pass.metres = image.counts == nullptr ? image.metres : nullptr;
+  pass.unit = image.unit;
   return read(pass, pool);
 }
 

@@ -20,8 +20,7 @@ class SurfaceStages {
   SurfaceStages& operator=(const SurfaceStages&) = delete;
 
   /// Depth in metres with kNoDepth for what is no measurement; returns the number of the others.
-  int read(const DepthFrame& frame, ThreadPool& pool);
-  int read(std::span<const float> depth, ThreadPool& pool);
+  int read(const DepthImageView& image, ThreadPool& pool);
   void filter(ThreadPool& pool, const PixelWindow& wanted = {});
   int estimate_normals(ThreadPool& pool, const PixelWindow& wanted = {});  ///< number of points
   void find_depth_change(ThreadPool& pool);

@@ -14,7 +14,7 @@ std::vector<std::string> drop_foreign_options(ContactOptions& o) {
   const auto drop = [&](const char* name, auto& option, auto plain) {
     if (std::exchange(option, plain) != plain) dropped.push_back(name);
   };
-  const bool is_field = o.method == InsideMethod::field, is_graph = o.method == InsideMethod::graph;
+  const bool is_field = o.method == MethodKind::field, is_graph = o.method == MethodKind::graph;
   if (is_field || is_graph) drop("priority", o.priority, defaults.priority);
   if (!is_graph) drop("inside", o.inside, defaults.inside);
   if (is_field) drop("edges", o.edges, defaults.edges);
@@ -30,12 +30,12 @@ Result<ContactMethod> contact_method(const ContactOptions& o) {
                                              ": leave it out, or choose another method"};
   }
   switch (o.method) {
-    case InsideMethod::field: break;
-    case InsideMethod::weighted:
+    case MethodKind::field: break;
+    case MethodKind::weighted:
       return ContactMethod(WeightedMethod{o.priority, o.counted(), o.edges, o.continuity});
-    case InsideMethod::simplified:
+    case MethodKind::simplified:
       return ContactMethod(SimplifiedMethod{o.priority, o.counted(), o.edges, o.continuity});
-    case InsideMethod::graph:
+    case MethodKind::graph:
       return ContactMethod(GraphMethod{o.inside, o.counted(), o.edges, o.continuity});
   }
   return ContactMethod(FieldMethod{o.counted()});
@@ -44,24 +44,24 @@ Result<ContactMethod> contact_method(const ContactOptions& o) {
 ContactOptions contact_options(const ContactMethod& method) {
   struct Options {
     ContactOptions operator()(const FieldMethod& m) const {
-      return {.method = InsideMethod::field, .volumes = m.volumes};
+      return {.method = MethodKind::field, .volumes = m.volumes};
     }
     ContactOptions operator()(const WeightedMethod& m) const {
-      return {.method = InsideMethod::weighted,
+      return {.method = MethodKind::weighted,
               .priority = m.priority,
               .volumes = m.volumes,
               .edges = m.edges,
               .continuity = m.continuity};
     }
     ContactOptions operator()(const SimplifiedMethod& m) const {
-      return {.method = InsideMethod::simplified,
+      return {.method = MethodKind::simplified,
               .priority = m.priority,
               .volumes = m.volumes,
               .edges = m.edges,
               .continuity = m.continuity};
     }
     ContactOptions operator()(const GraphMethod& m) const {
-      return {.method = InsideMethod::graph,
+      return {.method = MethodKind::graph,
               .inside = m.inside,
               .volumes = m.volumes,
               .edges = m.edges,
@@ -74,7 +74,7 @@ ContactOptions contact_options(const ContactMethod& method) {
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
-                                                         const ContactCapacities& capacities) {
+                                                         const ExecutionOptions& capacities) {
   switch (backend) {
     case Backend::cpu: {
       const auto* field = std::get_if<FieldMethod>(&method);
@@ -93,7 +93,7 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
 
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
                                                          const ContactMethod& method,
-                                                         const ContactCapacities& capacities) {
+                                                         const ExecutionOptions& capacities) {
   return make_contact_query(backend, ToolIndex::create(tool), method, capacities);
 }
 

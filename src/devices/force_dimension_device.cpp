@@ -11,10 +11,10 @@
 #include <utility>
 
 #include "palpate/devices/device_models.h"
-#include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/force_dimension_api.h"
 #include "src/devices/motor_wrench.h"
+#include "src/devices/polling_device.h"
 
 namespace palpate {
 namespace {
@@ -67,7 +67,7 @@ const char* describe_force_off(int cause) {
 
 std::string text(const char* said) { return said == nullptr ? "" : said; }
 
-class ForceDimensionDevice final : public AskedDevice {
+class ForceDimensionDevice final : public PolledDevice {
  public:
   /// Takes the open device `id`.
   ForceDimensionDevice(ForceDimensionApi api, char id) : api_(std::move(api)), id_(id) {
@@ -248,7 +248,7 @@ Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_vi
                      "blinking, or run HapticInit of the SDK, which moves the device, and try "
                      "again"};
   }
-  return std::unique_ptr<HapticDevice>(std::make_unique<ClockedDevice>(std::move(device)));
+  return std::unique_ptr<HapticDevice>(std::make_unique<PollingDevice>(std::move(device)));
 }
 
 FoundDevice find_force_dimension_device() {

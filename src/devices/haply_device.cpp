@@ -14,10 +14,10 @@
 #include <utility>
 
 #include "palpate/devices/device_models.h"
-#include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/haply_messages.h"
 #include "src/devices/motor_wrench.h"
+#include "src/devices/polling_device.h"
 #include "src/devices/web_socket.h"
 
 namespace palpate {
@@ -116,7 +116,7 @@ std::string describe(const Inventory& found, const NetAddress& address) {
   return text;
 }
 
-class HaplyDevice final : public AskedDevice {
+class HaplyDevice final : public PolledDevice {
  public:
   HaplyDevice(const HaplyAddress& address, Inventory found)
       : address_(address), found_(std::move(found)) {
@@ -365,7 +365,7 @@ Result<std::unique_ptr<HapticDevice>> open_haply_device_at(const HaplyAddress& a
   Result<Inventory> found = inspect(address.service, kAnswerTimeout);
   if (!found) return with_advice(found.error(), address.service);
   return std::unique_ptr<HapticDevice>(
-      std::make_unique<ClockedDevice>(std::make_unique<HaplyDevice>(address, std::move(*found))));
+      std::make_unique<PollingDevice>(std::make_unique<HaplyDevice>(address, std::move(*found))));
 }
 
 Result<std::unique_ptr<HapticDevice>> open_haply_device(std::string_view address) {

@@ -5,15 +5,15 @@
 #include <vector>
 
 #include "palpate/io/trajectory_file.h"
-#include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/input_only.h"
+#include "src/devices/polling_device.h"
 #include "src/devices/twist_between.h"
 
 namespace palpate {
 namespace {
 
-class Replay final : public AskedDevice {
+class Replay final : public PolledDevice {
  public:
   Replay(std::string file, std::vector<TimedPose> poses)
       : file_(std::move(file)), poses_(std::move(poses)) {
@@ -72,7 +72,7 @@ Result<std::unique_ptr<HapticDevice>> open_replay_device(std::string_view addres
 }
 
 std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<TimedPose> X_BH) {
-  return std::make_unique<ClockedDevice>(
+  return std::make_unique<PollingDevice>(
       std::make_unique<Replay>(std::move(name), std::move(X_BH)));
 }
 

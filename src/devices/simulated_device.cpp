@@ -9,8 +9,8 @@
 
 #include "palpate/core/triple_buffer.h"
 #include "src/devices/device_kinds.h"
+#include "src/devices/periodic_thread.h"
 #include "src/devices/simulated_hand.h"
-#include "src/devices/tick_thread.h"
 #include "src/devices/twist_between.h"
 
 namespace palpate {
@@ -162,7 +162,7 @@ class DeviceInMemory final : public SimulatedDevice {
   std::int64_t num_ticks_ = 0;
   std::atomic<bool> has_refused_ = false, is_running_ = false;
   mutable TripleBuffer<Truth> truth_;
-  TickThread thread_;  // last: stops before anything else goes
+  PeriodicThread thread_;  // last: stops before anything else goes
 };
 
 }  // namespace

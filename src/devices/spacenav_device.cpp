@@ -4,9 +4,9 @@
 #include <string>
 #include <utility>
 
-#include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/input_only.h"
+#include "src/devices/polling_device.h"
 #include "src/devices/spacenav_connection.h"
 #include "src/devices/twist_between.h"
 
@@ -40,7 +40,7 @@ Twist twist_of(const SpacenavConnection::Event& motion) {
           kFastestTurn * Vec3d{axis(4), -axis(5), axis(6)}};
 }
 
-class Spacenav final : public AskedDevice {
+class Spacenav final : public PolledDevice {
  public:
   Spacenav(std::string path, SpacenavConnection connection)
       : path_(std::move(path)), connection_(std::move(connection)) {
@@ -122,7 +122,7 @@ Result<std::unique_ptr<HapticDevice>> open_spacenav_device(std::string_view addr
   std::string path = spacenav_socket_path(address);
   auto connection = SpacenavConnection::open(path);
   if (!connection) return connection.error();
-  return std::unique_ptr<HapticDevice>(std::make_unique<ClockedDevice>(
+  return std::unique_ptr<HapticDevice>(std::make_unique<PollingDevice>(
       std::make_unique<Spacenav>(std::move(path), std::move(*connection))));
 }
 

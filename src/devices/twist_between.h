@@ -8,7 +8,7 @@ namespace palpate {
 /// Constant velocities that lead from one pose to another, both in A, in so many seconds.
 inline Twist twist_between(const Pose& X_AB, const Pose& X_AC, double seconds) {
   return {(X_AC.translation - X_AB.translation) / seconds,
-          turn_between(X_AB.rotation, X_AC.rotation) / seconds};
+          rotation_between(X_AB.rotation, X_AC.rotation) / seconds};
 }
 
 /// The pose after motion at constant velocities, both in A.

@@ -20,9 +20,9 @@
 #include <utility>
 
 #include "palpate/devices/device_models.h"
-#include "src/devices/clocked_device.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/motor_wrench.h"
+#include "src/devices/polling_device.h"
 #include "src/devices/twist_between.h"
 #include "src/devices/vrpn_connection.h"
 
@@ -114,7 +114,7 @@ Result<VrpnConnection> connect(const VrpnAddress& address) {
                                     (names.empty() ? "; see its vrpn.cfg" : ", but: " + names)};
 }
 
-class VrpnDevice final : public AskedDevice {
+class VrpnDevice final : public PolledDevice {
  public:
   explicit VrpnDevice(VrpnAddress address) : address_(std::move(address)) {
     info_.kind = "vrpn";
@@ -284,7 +284,7 @@ Result<std::unique_ptr<HapticDevice>> open_vrpn_device(std::string_view address)
   if (!connection) return connection.error();
   connection->close();
   return std::unique_ptr<HapticDevice>(
-      std::make_unique<ClockedDevice>(std::make_unique<VrpnDevice>(std::move(*parsed))));
+      std::make_unique<PollingDevice>(std::make_unique<VrpnDevice>(std::move(*parsed))));
 }
 
 FoundDevice find_vrpn_device_at(const NetAddress& address) {

@@ -32,7 +32,8 @@ struct DepthField::Impl {
   std::vector<Silhouette> silhouettes;        // two a pixel, likewise
   std::vector<std::uint8_t> near_silhouette;  // likewise
   std::vector<float> found;                   // of `scratch`
-  std::vector<std::uint8_t> has_any, has_edge, any_found;
+  std::vector<std::uint8_t> has_any, any_found;
+  std::vector<std::uint16_t> edges_right, edges_down;
   SilhouetteScratch scratch;
   FieldImage images[DepthFieldView::kMaxLevels];
   FieldRows rows;
@@ -138,11 +139,13 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   d.scratch.num_segments = (layout->stride + kSegment - 1) / kSegment;
   const auto num_segments = static_cast<std::size_t>(d.scratch.num_segments) *
                             static_cast<std::size_t>(height + 2 * kBorder);
-  d.has_edge.resize(num_segments);
+  d.edges_right.resize(num_segments);
+  d.edges_down.resize(num_segments);
   d.any_found.resize(num_segments);
   d.has_any.resize(num_segments * kSegment);
   d.found.resize(6 * num_segments * kSegment);
-  d.scratch.has_edge = d.has_edge.data();
+  d.scratch.edges_right = d.edges_right.data();
+  d.scratch.edges_down = d.edges_down.data();
   d.scratch.any_found = d.any_found.data();
   d.scratch.has_any = d.has_any.data();
   for (std::size_t i = 0; i < 6; ++i) {

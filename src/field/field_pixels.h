@@ -1,5 +1,5 @@
-// The arithmetic of a depth field's pixels: one text for CPU and GPU, whose loops differ, and for
-// single pixels and vectors of them. A plane is anything with `offset` and `slope`, of numbers
+// The arithmetic of a depth field's pixels: shared code for CPU and GPU, whose loops differ, and
+// for single pixels and vectors of them. A plane is anything with `offset` and `slope`, of numbers
 // (TangentPlane) or of vectors of numbers.
 #pragma once
 

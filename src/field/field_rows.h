@@ -30,8 +30,10 @@ struct SilhouetteScratch {
   /// Of each pixel the nearest silhouette of its own row as a way out, and the nearest one of what
   /// stands in front of it: columns to there (0: none), offset and slope of the other surface.
   float* found[6] = {};
-  std::uint8_t* has_any = nullptr;    ///< per pixel: some silhouette is near
-  std::uint8_t* has_edge = nullptr;   ///< per segment: some surface ends there
+  std::uint8_t* has_any = nullptr;  ///< per pixel: some silhouette is near
+  /// Per segment, a bit for each pixel: a surface ends between it and the next one to the right, or
+  /// the one below. Each of these edges is looked at by all pixels within reach.
+  std::uint16_t *edges_right = nullptr, *edges_down = nullptr;
   std::uint8_t* any_found = nullptr;  ///< per segment: has_any anywhere
   int num_segments = 0;               ///< in a row
 
@@ -41,13 +43,16 @@ struct SilhouetteScratch {
   }
   std::ptrdiff_t pixel(int v, int number) const { return segment(v, number) * kSegment; }
   /// Did a surface end in a segment or beside it?
-  bool is_active(int v, int number) const { return is_around(has_edge, v, number); }
+  bool is_active(int v, int number) const {
+    return is_around(edges_right, v, number) || is_around(edges_down, v, number);
+  }
   /// Is some silhouette near in a segment or beside it?
   bool has_found(int v, int number) const { return is_around(any_found, v, number); }
 
  private:
-  bool is_around(const std::uint8_t* segments, int v, int number) const {
-    const std::uint8_t* const at = segments + segment(v, number);
+  template <class Bits>
+  bool is_around(const Bits* segments, int v, int number) const {
+    const Bits* const at = segments + segment(v, number);
     return at[0] != 0 || (number > 0 && at[-1] != 0) || (number + 1 < num_segments && at[1] != 0);
   }
 };

@@ -31,9 +31,9 @@ class FrameSlots {
   /// Fills a slot from the next frame. With `motion` the surface is predicted: each pixel goes from
   /// the frame in the slot before to this one and beyond, to `motion` times the way. A field is
   /// made for what is asked in a window at least.
-  virtual SurfaceStats take(int slot, const DepthFrame& frame, std::optional<double> motion,
+  virtual SurfaceStats take(int slot, const DepthImageView& frame, std::optional<double> motion,
                             const PixelWindow& asked, ThreadPool& pool) = 0;
-  virtual const Surfaces& surfaces(int slot) const = 0;
+  virtual const SurfaceView& surfaces(int slot) const = 0;
   /// The points of a slot's frame as they were seen, in host memory.
   virtual PointCloud seen_cloud(int slot, ThreadPool& pool) = 0;
   /// An error once the GPU has failed.
@@ -44,6 +44,9 @@ class FrameSlots {
 /// it.
 Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& settings);
 Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& settings, int gpu);
+
+Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& settings,
+                                                     const Place& place);
 
 /// A timeline over these slots. Errors: max_jump or first_period.
 Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,

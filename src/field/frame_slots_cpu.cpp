@@ -14,7 +14,7 @@ struct Slot {
   SurfaceEstimator estimator;
   std::optional<PointCloud> predicted;
   std::optional<DepthField> field;
-  Surfaces surfaces;
+  SurfaceView surfaces;
 };
 
 class FrameSlotsCpu final : public FrameSlots {
@@ -26,7 +26,7 @@ class FrameSlotsCpu final : public FrameSlots {
         averager_(std::move(averager)),
         slots_(std::move(slots)) {}
 
-  SurfaceStats take(int number, const DepthFrame& frame, std::optional<double> motion,
+  SurfaceStats take(int number, const DepthImageView& frame, std::optional<double> motion,
                     const PixelWindow& asked, ThreadPool& pool) override {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
     const bool has_all = !slot.field || asked.has_all(frame.width, frame.height);
@@ -49,7 +49,7 @@ class FrameSlotsCpu final : public FrameSlots {
     return stats;
   }
 
-  const Surfaces& surfaces(int slot) const override {
+  const SurfaceView& surfaces(int slot) const override {
     return slots_[static_cast<std::size_t>(slot)].surfaces;
   }
 

@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/core/assert.h"
 #include "palpate/core/stamp.h"
 #include "src/cloud/cloud_blend_cuda.h"
 #include "src/cloud/depth_average_cuda.h"
@@ -37,6 +38,9 @@ class FrameSlotsCuda final : public FrameSlots {
         averager_(std::move(averager)),
         slots_(std::move(slots)),
         surfaces_(slots_.size()),
+        memory_(gpu),
+        metres_(memory_.take<float>(static_cast<std::size_t>(settings.stream.width) *
+                                    static_cast<std::size_t>(settings.stream.height))),
         stream_(gpu, gpu::Priority::low) {
     const Slot* last = &slots_.back();
     for (Slot& slot : slots_) {
@@ -48,23 +52,28 @@ class FrameSlotsCuda final : public FrameSlots {
   }
 
   // The whole image takes a fraction of a millisecond.
-  SurfaceStats take(int number, const DepthFrame& frame, std::optional<double> motion,
+  SurfaceStats take(int number, const DepthImageView& frame, std::optional<double> motion,
                     const PixelWindow&, ThreadPool&) override {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
-    const auto put = [&frame](auto& taker) {
-      std::copy(frame.pixels.begin(), frame.pixels.end(), taker.input().begin());
-      taker.set_unit(frame.unit);
-    };
-    if (averager_) {
-      put(*averager_);
-    } else {
-      put(slot.estimator);
-    }
     if (motion) slot.predicted->set_progress(*motion);
-    stream_.launch(motion ? slot.as_predicted : slot.as_seen);
+    if (frame.counts != nullptr && frame.gpu == kHostMemory) {
+      const auto put = [&frame](auto& taker) {
+        std::copy_n(frame.counts, frame.num_pixels(), taker.input().begin());
+        taker.set_unit(frame.unit);
+      };
+      if (averager_) {
+        put(*averager_);
+      } else {
+        put(slot.estimator);
+      }
+      stream_.launch(motion ? slot.as_predicted : slot.as_seen);
+    } else {
+      enqueue_image(slot, frame);
+      enqueue_rest(slot, motion ? &before(number) : nullptr);
+    }
     // What was there before stays, should the GPU have failed.
     if (!stream_.wait()) return {};
-    Surfaces& surfaces = surfaces_[static_cast<std::size_t>(number)];
+    SurfaceView& surfaces = surfaces_[static_cast<std::size_t>(number)];
     surfaces.cloud = motion ? slot.predicted_cloud() : slot.estimator.cloud();
     surfaces.cloud.stamp = next_stamp();
     if (slot.field) {
@@ -74,7 +83,7 @@ class FrameSlotsCuda final : public FrameSlots {
     return slot.estimator.stats();
   }
 
-  const Surfaces& surfaces(int slot) const override {
+  const SurfaceView& surfaces(int slot) const override {
     return surfaces_[static_cast<std::size_t>(slot)];
   }
 
@@ -91,7 +100,9 @@ class FrameSlotsCuda final : public FrameSlots {
     return copy;
   }
 
-  const Status& status() const override { return stream_.status(); }
+  const Status& status() const override {
+    return memory_.status() ? stream_.status() : memory_.status();
+  }
 
  private:
   /// The work of a frame that goes into `slot`, predicted from the frame in `last` if there is one.
@@ -103,19 +114,44 @@ class FrameSlotsCuda final : public FrameSlots {
     } else {
       slot.estimator.enqueue(stream_);
     }
+    enqueue_rest(slot, last);
+    return stream_.end_recording();
+  }
+  /// Prediction and field.
+  void enqueue_rest(Slot& slot, const Slot* last) {
     PointCloudView cloud = slot.estimator.cloud();
     if (last != nullptr) {
       slot.predicted->enqueue(stream_, last->estimator.cloud(), cloud, max_jump_);
       cloud = slot.predicted_cloud();
     }
     if (slot.field) slot.field->enqueue(cloud, stream_);
-    return stream_.end_recording();
+  }
+  /// A frame in metres, or in the memory of this GPU: it has no place of its own in the graphs.
+  void enqueue_image(Slot& slot, const DepthImageView& frame) {
+    PALPATE_ASSERT(!averager_ && (frame.gpu == kHostMemory || frame.gpu == stream_.gpu()));
+    if (frame.counts != nullptr) {
+      slot.estimator.set_unit(frame.unit);
+      slot.estimator.enqueue_counts(stream_, frame.counts);
+      return;
+    }
+    const float* metres = frame.metres;
+    if (frame.gpu == kHostMemory) {
+      stream_.copy(metres_, metres, frame.num_pixels() * sizeof(float));
+      metres = metres_;
+    }
+    slot.estimator.enqueue_depth(stream_, metres);
+  }
+  const Slot& before(int number) const {
+    const std::size_t num = slots_.size();
+    return slots_[(static_cast<std::size_t>(number) + num - 1) % num];
   }
 
   double max_jump_;
   std::optional<DepthAveragerCuda> averager_;
   std::vector<Slot> slots_;
-  std::vector<Surfaces> surfaces_;
+  std::vector<SurfaceView> surfaces_;
+  gpu::Memory memory_;
+  float* metres_;  // of a frame in metres from host memory
   gpu::Stream stream_;
 };
 

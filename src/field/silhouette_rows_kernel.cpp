@@ -46,6 +46,25 @@ inline void for_vectors(const SilhouetteScratch& scratch, int v, int segment, co
   for (int i = 0; i < kSegment; i += kLanes) f(segment * kSegment + i - kBorder, at + i);
 }
 
+/// The lowest bits, one for each lane of a vector.
+struct Lanes {
+  std::uint32_t bits;
+
+  Mask mask() const { return ((splat(static_cast<std::int32_t>(bits)) >> lane_ids()) & 1) != 0; }
+};
+inline Lanes lanes_of(std::uint64_t bits) {
+  return {static_cast<std::uint32_t>(bits & ((std::uint64_t{1} << kLanes) - 1))};
+}
+
+/// SilhouetteScratch::edges_right of the segment before, of the segment and of the one after it.
+inline std::uint64_t edges_around(const SilhouetteScratch& scratch, int v, int segment) {
+  const std::uint16_t* const at = scratch.edges_right + scratch.segment(v, segment);
+  std::uint64_t edges = std::uint64_t{at[0]} << kSegment;
+  if (segment > 0) edges |= at[-1];
+  if (segment + 1 < scratch.num_segments) edges |= std::uint64_t{at[1]} << (2 * kSegment);
+  return edges;
+}
+
 /// The segments [first, end) that have columns of the window, and so many more on both sides.
 struct Segments {
   int first, end;
@@ -85,18 +104,15 @@ void find_edges(const Intrinsics& k, const FieldImage& image, int level, const P
   const TangentPlane* const rows[2] = {image.row(v), image.row(v + 1)};
   const Segments segments(image, window, 1);
   for (int segment = segments.first; segment < segments.end; ++segment) {
-    std::uint32_t edges = 0;
-    for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t) {
+    std::uint32_t right = 0, down = 0;
+    const std::ptrdiff_t first = scratch.pixel(v, segment);
+    for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t at) {
       const RulePlane own = load_plane(rows[0] + u);
-      const auto is_edge = [&](const RulePlane& other, float width) {
-        const Mask own_is_near = is_nearer(own, other);
-        return ends_between(chosen(own_is_near, own, other), chosen(own_is_near, other, own),
-                            width);
-      };
-      edges |= mask_bits(is_edge(load_plane(rows[0] + u + 1), rules.width_u) |
-                         is_edge(load_plane(rows[1] + u), rules.width_v));
+      right |= mask_bits(is_edge(own, load_plane(rows[0] + u + 1), rules.width_u)) << (at - first);
+      down |= mask_bits(is_edge(own, load_plane(rows[1] + u), rules.width_v)) << (at - first);
     });
-    scratch.has_edge[scratch.segment(v, segment)] = edges != 0;
+    scratch.edges_right[scratch.segment(v, segment)] = static_cast<std::uint16_t>(right);
+    scratch.edges_down[scratch.segment(v, segment)] = static_cast<std::uint16_t>(down);
   }
 }
 
@@ -107,17 +123,21 @@ void find_in_row(const Intrinsics& k, const FieldImage& image, int level, const 
   const Segments segments(image, window);
   for (int segment = segments.first; segment < segments.end; ++segment) {
     if (!scratch.is_active(v, segment)) continue;
+    const std::uint64_t edges = edges_around(scratch, v, segment);
+    const std::ptrdiff_t first = scratch.pixel(v, segment);
     for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t at) {
       const RulePlane own = load_plane(row + u);
       PixelSilhouettes found;
-      RulePlane left = own, right = own;
+      // The edge between pixels u + from and u + from + 1.
+      const auto take = [&](int from) {
+        const Lanes is_any = lanes_of(edges >> (kSegment + (at - first) + from));
+        if (is_any.bits == 0) return;
+        take_edge(own, load_plane(row + u + from), load_plane(row + u + from + 1), is_any.mask(),
+                  splat(static_cast<float>(from) + 0.5f), splat(0.0f), rules.width_u, found);
+      };
       for (int n = 1; n <= kReach; ++n) {
-        const float away = static_cast<float>(n) - 0.5f;
-        const RulePlane next_right = load_plane(row + u + n), next_left = load_plane(row + u - n);
-        take_edge(own, right, next_right, splat(away), splat(0.0f), rules.width_u, found);
-        take_edge(own, next_left, left, splat(-away), splat(0.0f), rules.width_u, found);
-        right = next_right;
-        left = next_left;
+        take(n - 1);
+        take(-n);
       }
       store_found(scratch, at, found);
     });
@@ -142,19 +162,23 @@ void find_silhouettes(const Intrinsics& k, const FieldImage& image, int level,
       continue;
     }
     std::uint32_t any_found = 0;
+    const std::ptrdiff_t first = scratch.pixel(v, segment);
     for_vectors(scratch, v, segment, [&](int u, std::ptrdiff_t at) {
       const RulePlane own = load_plane(image.row(v) + u);
       PixelSilhouettes found;
       if (scratch.is_active(v, segment)) found = load_found(scratch, at);
-      RulePlane up = own, down = own;
+      // The edge between rows v + from and v + from + 1.
+      const auto take = [&](int from) {
+        const Lanes is_any =
+            lanes_of(scratch.edges_down[scratch.segment(v + from, segment)] >> (at - first));
+        if (is_any.bits == 0) return;
+        take_edge(own, load_plane(image.row(v + from) + u), load_plane(image.row(v + from + 1) + u),
+                  is_any.mask(), splat(0.0f), splat(static_cast<float>(from) + 0.5f), rules.width_v,
+                  found);
+      };
       for (int n = 1; n <= kReach; ++n) {
-        const float away = static_cast<float>(n);
-        const RulePlane next_down = load_plane(image.row(v + n) + u),
-                        next_up = load_plane(image.row(v - n) + u);
-        take_edge(own, down, next_down, splat(0.0f), splat(away - 0.5f), rules.width_v, found);
-        take_edge(own, next_up, up, splat(0.0f), splat(0.5f - away), rules.width_v, found);
-        down = next_down;
-        up = next_up;
+        take(n - 1);
+        take(-n);
         for (const int row : {n, -n}) {
           if (!scratch.is_active(v + row, segment)) continue;
           take_found(own, load_found(scratch, at + row * scratch.stride()),

@@ -115,15 +115,27 @@ PALPATE_FORMULA void take_occluder(const RulePlane& own, const RulePlane& near, 
   take(occluder, fits, du, dv, near);
 }
 
-/// The edge between two pixels side by side, if there is one.
+/// Does a surface end between two pixels side by side?
+PALPATE_FORMULA Mask is_edge(const RulePlane& a, const RulePlane& b, float width) {
+  const Mask a_is_near = is_nearer(a, b);
+  return ends_between(chosen(a_is_near, a, b), chosen(a_is_near, b, a), width);
+}
+
+/// The edge between two pixels side by side, where there is one.
 PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const RulePlane& b,
-                               VecF du, VecF dv, float width, PixelSilhouettes& found) {
+                               Mask is_any, VecF du, VecF dv, float width,
+                               PixelSilhouettes& found) {
   const Mask a_is_near = is_nearer(a, b);
   const RulePlane near = chosen(a_is_near, a, b), far = chosen(a_is_near, b, a);
-  const Mask is_any = ends_between(near, far, width);
-  if (!is_any_set(is_any)) return;
   take_exit(own, far, is_any, du, dv, width, found.exit);
   take_occluder(own, near, is_any, du, dv, width, found.occluder);
+}
+
+/// The same for whoever does not know yet where there is one.
+PALPATE_FORMULA void take_edge(const RulePlane& own, const RulePlane& a, const RulePlane& b,
+                               VecF du, VecF dv, float width, PixelSilhouettes& found) {
+  const Mask is_any = is_edge(a, b, width);
+  if (is_any_set(is_any)) take_edge(own, a, b, is_any, du, dv, width, found);
 }
 
 /// What was found at another pixel of the same column.

@@ -22,8 +22,10 @@ Status check(const SlotSettings& settings) {
   return Done{};
 }
 
+}  // namespace
+
 Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& settings,
-                                                     const SensingPlace& place) {
+                                                     const Place& place) {
   if (place.backend == Backend::cpu) return make_frame_slots_cpu(settings);
 #if defined(PALPATE_CUDA)
   return make_frame_slots_cuda(settings, place.gpu);
@@ -31,8 +33,6 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& setting
   return find_gpus().error();
 #endif
 }
-
-}  // namespace
 
 struct SurfaceTimeline::Impl {
   std::unique_ptr<FrameSlots> slots;
@@ -77,9 +77,9 @@ Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
 Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
                                                 const SurfaceOptions& surface,
                                                 const std::optional<DepthFieldOptions>& field,
-                                                const TimeOptions& options,
-                                                const SensingPlace& place, int num_spare,
-                                                bool wants_depth_change, int binning) {
+                                                const TimeOptions& options, const Place& place,
+                                                int num_spare, bool wants_depth_change,
+                                                int binning) {
   if (binning < 1 || binning > kMaxBinning) {
     return Error{Errc::invalid_argument, "depth images are binned by 1 to " +
                                              std::to_string(kMaxBinning) + " pixels, not " +
@@ -97,7 +97,7 @@ SurfaceTimeline::SurfaceTimeline(SurfaceTimeline&&) noexcept = default;
 SurfaceTimeline& SurfaceTimeline::operator=(SurfaceTimeline&&) noexcept = default;
 SurfaceTimeline::~SurfaceTimeline() = default;
 
-SurfaceStats SurfaceTimeline::push(const DepthFrame& frame, double time, ThreadPool& pool,
+SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, ThreadPool& pool,
                                    const PixelWindow& asked) {
   Impl& d = *impl_;
   const double interval = time - d.time;
@@ -113,9 +113,9 @@ SurfaceStats SurfaceTimeline::push(const DepthFrame& frame, double time, ThreadP
   return d.slots->take(d.newest, d.binning > 1 ? d.small : frame, motion, asked, pool);
 }
 
-SurfaceMoment SurfaceTimeline::at(double time) const {
+SurfaceBlend SurfaceTimeline::at(double time) const {
   const Impl& d = *impl_;
-  const Surfaces& to = d.slots->surfaces(d.newest);
+  const SurfaceView& to = d.slots->surfaces(d.newest);
   if (d.num_frames < 2 || d.mode == TimeMode::latest) return {to, to, 1};
   const int last = (d.newest + d.num_slots - 1) % d.num_slots;
   return {d.slots->surfaces(last), to, frame_progress(time, d.time, d.period)};

@@ -5,7 +5,7 @@
 
 #include "palpate/haptics/state_numbers.h"
 #include "src/haptics/matrix6.h"
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 
 namespace palpate {
 
@@ -25,14 +25,14 @@ class Approach {
   /// Where the tool is, `dt` after the last time, if it belongs to X_WT.
   Pose at(const Pose& X_WT, double dt) noexcept {
     if (!std::exchange(has_begun_, true)) {
-      offset_ = {from_ * c_T_ - X_WT * c_T_, turn_between(X_WT.rotation, from_.rotation)};
+      offset_ = {from_ * c_T_ - X_WT * c_T_, rotation_between(X_WT.rotation, from_.rotation)};
     } else {
       offset_ = kTime / (kTime + dt) * offset_;
     }
     if (norm(offset_.linear) + norm(offset_.angular) < kThere) offset_ = {};
     if (offset_.linear == Vec3d{} && offset_.angular == Vec3d{}) return X_WT;
     Pose X_WT_now;
-    X_WT_now.rotation = turned(X_WT.rotation, offset_.angular);
+    X_WT_now.rotation = rotated(X_WT.rotation, offset_.angular);
     X_WT_now.translation = X_WT * c_T_ + offset_.linear - rotate(X_WT_now.rotation, c_T_);
     return X_WT_now;
   }

@@ -4,7 +4,7 @@
 
 #include "src/haptics/contact_line.h"
 #include "src/haptics/matrix6.h"
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 
 namespace palpate {
 namespace {
@@ -50,7 +50,7 @@ double largest_eigenvalue(const Stiffness& k) {
 Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now) {
   const Vec3d c_T = inverse(contact.X_WT) * contact.p_WC;
   const Vec6 motion{X_WT_now * c_T - contact.p_WC,
-                    turn_between(contact.X_WT.rotation, X_WT_now.rotation)};
+                    rotation_between(contact.X_WT.rotation, X_WT_now.rotation)};
   Mat6 k;
   std::copy(&contact.stiffness.m[0][0], &contact.stiffness.m[0][0] + 36, &k.m[0][0]);
   return to_wrench(to_vec6(contact.F_C_W) - k * motion);
@@ -72,14 +72,14 @@ Wrench LocalContact::at(const Pose& X_WT_now) const {
   return limit_contact(*this, contact_line(*this, X_WT_now));
 }
 
-ForceScale thesis_force_scale(double max_force, double tool_volume) {
+VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume) {
   const double scale = max_force / (tool_volume / 8);
   return {scale > 0 && std::isfinite(scale) ? scale : 0};
 }
 
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
-                           const Pose& X_WT, const Vec3d& centre_of_mass_T, const ForceScale& scale,
-                           double time, double surface_age) {
+                           const Pose& X_WT, const Vec3d& centre_of_mass_T,
+                           const VolumeStiffness& scale, double time, double surface_age) {
   LocalContact contact;
   contact.time = time;
   contact.X_WT = X_WT;
@@ -88,7 +88,7 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
   contact.status = penetration.status;
   contact.volume = penetration.volume;
   const double gain = scale.newtons_per_cubic_metre;
-  contact.F_C_W = {gain * penetration.measure_W.force, gain * penetration.measure_W.torque};
+  contact.F_C_W = scale * penetration.measure_W;
   bool finite = is_finite(X_WT) && is_finite(contact.F_C_W);
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) {

@@ -8,7 +8,7 @@ namespace {
 constexpr int kMaxSweeps = 12;  // Jacobi's method converges quadratically: five or six do
 
 /// One rotation of Jacobi's method: makes a[p][q] zero and turns the columns of `vectors` along.
-void rotate_away(Mat6& a, Mat6& vectors, int p, int q) {
+void jacobi_rotation(Mat6& a, Mat6& vectors, int p, int q) {
   const double apq = a.m[p][q];
   if (apq == 0) return;
   const double theta = (a.m[q][q] - a.m[p][p]) / (2 * apq);
@@ -96,7 +96,7 @@ Mat6 positive_part(const Stiffness& stiffness, double length) {
     }
     if (rest <= 1e-14 * scale) break;
     for (int p = 0; p < 6; ++p) {
-      for (int q = p + 1; q < 6; ++q) rotate_away(a, vectors, p, q);
+      for (int q = p + 1; q < 6; ++q) jacobi_rotation(a, vectors, p, q);
     }
   }
 

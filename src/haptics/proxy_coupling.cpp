@@ -3,7 +3,7 @@
 // spring.
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 
 namespace palpate {
 namespace {
@@ -69,7 +69,7 @@ class ProxyCoupling final : public Coupling {
   void show(const Pose& X_WT, double dt) {
     if (dt > 0) {
       velocity_ = (1 / dt) * Vec6{X_WT * c_T_ - X_WT_shown_ * c_T_,
-                                  turn_between(X_WT_shown_.rotation, X_WT.rotation)};
+                                  rotation_between(X_WT_shown_.rotation, X_WT.rotation)};
     }
     X_WT_shown_ = X_WT;
   }
@@ -83,7 +83,7 @@ class ProxyCoupling final : public Coupling {
         return;
       }
       const Vec3d p_WC = X_WT_ * c_T_ + move.linear;
-      X_WT_.rotation = turned(X_WT_.rotation, move.angular);
+      X_WT_.rotation = rotated(X_WT_.rotation, move.angular);
       X_WT_.translation = p_WC - rotate(X_WT_.rotation, c_T_);
       if (norm(move.linear) + radius_ * norm(move.angular) < kSmallestStep) return;
     }

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "src/haptics/matrix6.h"
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 
 namespace palpate {
 namespace {
@@ -131,7 +131,7 @@ void SafetyFilter::observe(const DeviceState& state, double dt) noexcept {
   if (has_pose_ && dt > 0) {
     const Vec3d way = limited(state.X_BH.translation - last_X_BH_.translation, kFastestHand * dt);
     const Vec3d turn =
-        limited(turn_between(normalized(last_X_BH_.rotation), normalized(state.X_BH.rotation)),
+        limited(rotation_between(normalized(last_X_BH_.rotation), normalized(state.X_BH.rotation)),
                 kFastestTurn * dt);
     status_.energy += dot(last_.force, way) + dot(last_.torque, turn);
     motion_ = {way / dt, turn / dt};

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 
 namespace palpate {
 namespace {
@@ -38,7 +38,7 @@ Spring make_spring(const CouplingOptions& options, const DeviceLimits& limits) {
 }
 
 Vec6 stretch_between(const Pose& X_WT, const Vec3d& p_WC, const HeldTool& held) {
-  return {held.p_WC - p_WC, turn_between(X_WT.rotation, held.X_WT.rotation)};
+  return {held.p_WC - p_WC, rotation_between(X_WT.rotation, held.X_WT.rotation)};
 }
 
 }  // namespace palpate

@@ -12,7 +12,7 @@
 #include <algorithm>
 
 #include "src/haptics/couplings.h"
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 
 namespace palpate {
 namespace {
@@ -130,7 +130,7 @@ class VirtualCoupling final : public Coupling {
     }
     velocity_ = velocity;
     p_WC_ += dt * velocity.linear;
-    X_WT_.rotation = turned(X_WT_.rotation, dt * velocity.angular);
+    X_WT_.rotation = rotated(X_WT_.rotation, dt * velocity.angular);
     X_WT_.translation = p_WC_ - rotate(X_WT_.rotation, c_T_);
     if (!is_finite(X_WT_) || !(norm(held.p_WC - p_WC_) < kLost)) rest_at(held);
   }

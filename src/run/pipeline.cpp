@@ -15,7 +15,7 @@ constexpr int kToolBody = 0;
 // From a pose to a contact.
 
 ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
-                         const ForceScale& scale, const std::vector<SceneObject>& objects)
+                         const VolumeStiffness& scale, const std::vector<SceneObject>& objects)
     : query_(query.get()), centre_of_mass_T_(tool.sphere_mass().centre_of_mass), scale_(scale) {
   world_.add_tool(tool, std::move(query));
   for (const SceneObject& object : objects) world_.add_object(*object.shape, object.X_WB);
@@ -27,7 +27,7 @@ Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
       [&](const auto& a, const auto& b) { return make_body_pair_query(backend, a, b, gpu); });
 }
 
-void ContactPart::measure(const SurfaceMoment& moment, bool with_stiffness,
+void ContactPart::measure(const SurfaceBlend& moment, bool with_stiffness,
                           ContactRecord& record) noexcept {
   world_.set_pose(kToolBody, record.X_WT);
   world_.set_wants(kToolBody, {.stiffness = with_stiffness});

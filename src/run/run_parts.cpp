@@ -53,7 +53,7 @@ Error out_of_memory() {
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
                                       int num_spare) {
   std::optional<DepthFieldOptions> field;
-  if (settings.contact.method == InsideMethod::field) field = settings.field;
+  if (settings.contact.method == MethodKind::field) field = settings.field;
   return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
                                  {backend_of(settings), settings.sensing_gpu}, num_spare,
                                  needs_depth_change(settings), settings.binning);
@@ -61,9 +61,9 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSe
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const RunSettings& settings,
-                                                       const ForceScale& scale,
+                                                       const VolumeStiffness& scale,
                                                        ThreadPool* threads) {
-  ContactCapacities capacities;
+  ExecutionOptions capacities;
   capacities.gpu = settings.contact_gpu;
   capacities.pool = threads;
   const auto method = contact_method(settings.contact);
@@ -94,8 +94,8 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   const RunSettings* const before = options.before;
   RunParts parts;
   parts.checked_coupling = coupling->options;
-  parts.scale =
-      thesis_force_scale(coupling->options.force_at_eighth, full_volume(tool, settings.contact));
+  parts.scale = thesis_volume_stiffness(coupling->options.force_at_eighth,
+                                        full_volume(tool, settings.contact));
   if (before == nullptr || !keeps_coupling(*before, settings)) {
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);

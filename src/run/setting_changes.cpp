@@ -17,9 +17,7 @@ constexpr std::string_view kFixed[] = {"safety",
                                        "coupling.base_in_scene",
                                        "coupling.tool_in_hand"};
 
-bool has_field(const RunSettings& settings) {
-  return settings.contact.method == InsideMethod::field;
-}
+bool has_field(const RunSettings& settings) { return settings.contact.method == MethodKind::field; }
 
 }  // namespace
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "palpate/version.h"
 #include "src/session/report_style.h"
 #include "src/session/svg_parts.h"
 

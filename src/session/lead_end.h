@@ -10,7 +10,7 @@ namespace palpate {
 struct LeadEnd {
   Vec3d direction_T;  ///< unit: the tool is moved along it
   Vec3d tip_T;        ///< its foremost point
-  std::string why;    ///< for people
+  std::string why;    ///< for humans
 };
 
 /// The thinnest end of the tool: of both ends of its principal axes and of the axes of its frame,

@@ -3,6 +3,7 @@
 #include <map>
 
 #include "palpate/session/packing_report.h"
+#include "palpate/version.h"
 #include "src/pages/report_page.h"
 #include "src/session/compact_json.h"
 

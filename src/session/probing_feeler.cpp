@@ -86,7 +86,7 @@ class Feeler {
         field_(std::move(field)) {}
 
   double fraction(const ProbingMotion& motion, double time, double distance) {
-    const Surfaces surface{{}, field_.view()};
+    const SurfaceView surface{{}, field_.view()};
     return query_->measure(surface, motion.pose(time, distance)).penetration.volume /
            full_volume(*coarse_, FieldMethod{}.volumes);
   }

@@ -194,7 +194,7 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
   if (!coupling) return coupling.error();
   log.coupling = coupling->options;
   log.newtons_per_cubic_metre =
-      thesis_force_scale(log.coupling.force_at_eighth, full_volume(tool, used.contact))
+      thesis_volume_stiffness(log.coupling.force_at_eighth, full_volume(tool, used.contact))
           .newtons_per_cubic_metre;
   const bool is_simulated = dynamic_cast<SteppedDevice*>(&device) != nullptr;
   if (!is_simulated) {

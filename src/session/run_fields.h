@@ -66,6 +66,12 @@ void visit_fields(T& F, auto&& visit) {
   visit("torque", F.torque);
 }
 
+template <Of<VolumeWrench> T>
+void visit_fields(T& F, auto&& visit) {
+  visit("force", F.force);
+  visit("torque", F.torque);
+}
+
 template <Of<Twist> T>
 void visit_fields(T& V, auto&& visit) {
   visit("linear", V.linear);

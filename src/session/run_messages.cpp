@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "palpate/version.h"
 #include "src/io/cdr.h"
 #include "src/session/ros_messages.h"
 #include "src/session/run_fields.h"
@@ -129,6 +130,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, Quaternion>) return "geometry_msgs/Quaternion";
   if constexpr (std::same_as<T, Pose>) return "geometry_msgs/Pose";
   if constexpr (std::same_as<T, Wrench>) return "geometry_msgs/Wrench";
+  if constexpr (std::same_as<T, VolumeWrench>) return "palpate_msgs/VolumeWrench";
   if constexpr (std::same_as<T, Twist>) return "geometry_msgs/Twist";
   if constexpr (std::same_as<T, SurfaceStats>) return "palpate_msgs/SurfaceStats";
   if constexpr (std::same_as<T, PixelWindow>) return "palpate_msgs/PixelWindow";

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uint64_t kTransformPeriod = 10'000'000;  // ns: ticks hold every pose exactly
-constexpr std::uint64_t kPointsPeriod = 500'000'000;    // ns: for people; depth holds every pixel
+constexpr std::uint64_t kPointsPeriod = 500'000'000;    // ns: for humans; depth holds every pixel
 
 // Frames, as ROS names them: world = camera, base of the device, handle, tool.
 constexpr const char* kWorld = "world";

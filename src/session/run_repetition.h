@@ -39,7 +39,7 @@ class ContactRepetition {
 
  private:
   struct Measuring {
-    ForceScale scale;
+    VolumeStiffness scale;
     std::unique_ptr<ContactPart> part;
   };
   void push_next();
@@ -50,7 +50,7 @@ class ContactRepetition {
   std::unique_ptr<ThreadPool> pool_;
   std::deque<RecordedDepth> frames_;  // not yet pushed
   std::uint64_t num_pushed_;
-  SurfaceMoment moment_;
+  SurfaceBlend moment_;
   double capture_time_ = 0;
 };
 

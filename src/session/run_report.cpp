@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "palpate/version.h"
 #include "src/session/run_stages.h"
 #include "src/session/settings_json.h"
 

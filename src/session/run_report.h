@@ -1,4 +1,4 @@
-// What a run reports: as JSON, and as a page for people.
+// What a run reports: as JSON, and as a page for humans.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -33,7 +33,7 @@ struct RunLog {
   TickRecord deepest;                 ///< the tick with the largest volume, or the first one
   DepthFrame deepest_frame;           ///< that was felt then; no pixels if it is not known
   std::vector<double> frame_times;    ///< s since the run began
-  std::vector<std::string> warnings;  ///< for people
+  std::vector<std::string> warnings;  ///< for humans
   std::string why_not_cuda;           ///< as RunOutcome
   std::string failure;                ///< why it ended early; else empty
   std::string not_kept;               ///< as RunOutcome

@@ -90,7 +90,9 @@ void RunResults::add_row(const TickRecord& tick) {
   Wrench on_tool = tick.step.contact_W;
   if (is_contact_lost(tick)) {
     all.volume = kNone;
-    all.measure_W = on_tool = {{kNone, kNone, kNone}, {kNone, kNone, kNone}};
+    const Vec3d none{kNone, kNone, kNone};
+    all.measure_W = {none, none};
+    on_tool = {none, none};
   }
   const auto& [mf, mt] = all.measure_W;
   const auto& [force, torque] = on_tool;

@@ -30,7 +30,7 @@ void append_line(std::string& svg, const char* css_class, double x1, double y1, 
 void append_curve(std::string& svg, const std::string& css_class, const std::vector<double>& x,
                   const std::vector<double>& y, const Axis& x_axis, const Axis& y_axis);
 
-/// A number for people: at most `digits` significant digits, no trailing zeros.
+/// A number for humans: at most `digits` significant digits, no trailing zeros.
 std::string short_number(double value, int digits = 4);
 /// Text with &, <, > and quotes escaped.
 std::string escape_html(const std::string& text);

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <type_traits>
 #include <utility>
+#include "palpate/version.h"
 
 namespace palpate {
 namespace {

@@ -12,7 +12,7 @@ namespace {
 /// Are surfaces made alike with these?
 bool makes_same_surfaces(const RunSettings& a, const RunSettings& b) {
   const auto has_field = [](const RunSettings& settings) {
-    return settings.contact.method == InsideMethod::field;
+    return settings.contact.method == MethodKind::field;
   };
   return has_same_settings(a.surface, b.surface) && has_same_settings(a.field, b.field) &&
          has_same_settings(a.time, b.time) && has_field(a) == has_field(b) &&

@@ -26,7 +26,7 @@ class Repetition {
   const Penetration& measure();
   const ContactQuery& query() const { return part_->query(); }
   /// The newer ones of what is measured.
-  const Surfaces& surfaces() const { return moment_.to; }
+  const SurfaceView& surfaces() const { return moment_.to; }
   ViewSurface surface(std::uint64_t frame_number);
 
   FrameCache& frames() { return frames_; }
@@ -51,7 +51,7 @@ class Repetition {
   RunSettings made_with_;             // the settings of the timeline
   std::size_t first_ = 0, next_ = 0;  // frames: pushed from, up to
   ContactRecord asked_;
-  SurfaceMoment moment_;
+  SurfaceBlend moment_;
 };
 
 }  // namespace palpate

@@ -2,7 +2,7 @@
 
 namespace palpate {
 
-ViewContact contact_shown(const ContactQuery& query, const Surfaces& surface, const Pose& X_WT,
+ViewContact contact_shown(const ContactQuery& query, const SurfaceView& surface, const Pose& X_WT,
                           double time, std::uint64_t frame_number) {
   const std::size_t num_spheres = query.index()->tool().spheres().size();
   ViewContact contact{time, frame_number, X_WT, {}, {}};

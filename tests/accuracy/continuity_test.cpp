@@ -30,7 +30,7 @@ TEST_P(ForceSteps, OfPointsThatEnterAreSmoothedByEntry) {
     std::printf("%s, %-10s: none %6.3f %%, kernel %6.3f %%, entry %6.3f %%, both %6.3f %%\n",
                 solid.name, method.name, 100 * largest[0], 100 * largest[1], 100 * largest[2],
                 100 * largest[3]);
-    if (method.options.method == InsideMethod::graph) continue;  // whole spheres come and go
+    if (method.options.method == MethodKind::graph) continue;  // whole spheres come and go
     // The way a wall enters this cube changes the force by 0.1 % a step.
     EXPECT_LT(largest[2], 0.0014);
     EXPECT_LT(largest[3], 0.0014);

@@ -65,7 +65,7 @@ TEST(FieldAtThePillar, DoesNotTunnel) {
   for (const bool with_noise : {false, true}) {
     for (const PillarSide side : {PillarSide::right, PillarSide::left}) {
       const WayError error =
-          error_past_edge(context, with_noise, side, {.method = InsideMethod::field});
+          error_past_edge(context, with_noise, side, {.method = MethodKind::field});
       print("field", with_noise, side, "", error);
       EXPECT_LT(error.worst, 0.1);
       EXPECT_LT(error.largest_step, 0.03);

@@ -13,7 +13,7 @@ namespace palpate::test {
 inline std::vector<eval::Method> point_methods() {
   std::vector<eval::Method> methods = eval::all_methods();
   std::erase_if(methods, [](const eval::Method& method) {
-    return method.options.method == InsideMethod::field;
+    return method.options.method == MethodKind::field;
   });
   return methods;
 }

@@ -40,14 +40,14 @@ TEST(RealEdges, EqualBruteForce) {
     for (const Continuity continuity : {Continuity::none, Continuity::entry}) {
       const test::BoundaryTruth touched =
           test::boundary_truth(tool_truth.spheres, cloud, X_WT, continuity);
-      for (const InsideMethod method :
-           {InsideMethod::weighted, InsideMethod::simplified, InsideMethod::graph}) {
+      for (const MethodKind method :
+           {MethodKind::weighted, MethodKind::simplified, MethodKind::graph}) {
         double without = 0;
         for (const Edges edges : {Edges::none, Edges::strict, Edges::cut}) {
           const ContactOptions options{
               method,
               Priority::distance,
-              method == InsideMethod::graph ? InsideVolume::cap : InsideVolume::full,
+              method == MethodKind::graph ? InsideVolume::cap : InsideVolume::full,
               SphereVolumes::own,
               edges,
               continuity};

@@ -34,7 +34,7 @@ constexpr double kStiffness = 1e-4;
 constexpr double kExact = 1e-10;
 
 std::unique_ptr<eval::MethodQueries> cpu_query(const Tool& tool, ThreadPool* pool = nullptr) {
-  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ContactCapacities{.pool = pool});
+  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ExecutionOptions{.pool = pool});
 }
 std::unique_ptr<eval::MethodQueries> cuda_query(const Tool& tool) {
   return std::make_unique<eval::MethodQueries>(test::cuda_queries(tool));
@@ -133,24 +133,24 @@ Feature by(std::string name, std::vector<ContactOptions> options) {
           [options = std::move(options)](double allowed) { Pair().compare(options, allowed); }};
 }
 
-const std::vector<InsideMethod> kPointMethods{InsideMethod::weighted, InsideMethod::simplified,
-                                              InsideMethod::graph};
-const std::vector<InsideMethod> kAllMethods{InsideMethod::field, InsideMethod::weighted,
-                                            InsideMethod::simplified, InsideMethod::graph};
+const std::vector<MethodKind> kPointMethods{MethodKind::weighted, MethodKind::simplified,
+                                            MethodKind::graph};
+const std::vector<MethodKind> kAllMethods{MethodKind::field, MethodKind::weighted,
+                                          MethodKind::simplified, MethodKind::graph};
 
-std::vector<ContactOptions> by_each(const std::vector<InsideMethod>& methods,
+std::vector<ContactOptions> by_each(const std::vector<MethodKind>& methods,
                                     ContactOptions options = {}) {
   std::vector<ContactOptions> all;
-  for (const InsideMethod method : methods) {
+  for (const MethodKind method : methods) {
     all.push_back(options);
-    if (method == InsideMethod::field) all.back() = {.volumes = options.volumes};
+    if (method == MethodKind::field) all.back() = {.volumes = options.volumes};
     all.back().method = method;
   }
   return all;
 }
 
 FeatureGroup methods() {
-  using enum InsideMethod;
+  using enum MethodKind;
   return {
       "Methods",
       {
@@ -211,7 +211,7 @@ void compare_planes(double allowed) {
 
 void compare_stiffness(double allowed) {
   const Pair pair;
-  pair.compare({{.method = InsideMethod::field}}, kMeasure,
+  pair.compare({{.method = MethodKind::field}}, kMeasure,
                [&] { expect_near(pair.cuda->stiffness(), pair.cpu->stiffness(), allowed); });
 }
 
@@ -265,7 +265,7 @@ void compare_unorganised_by_field(double allowed) {
   const PointCloud image = std::move(make_pinhole_cloud(scattered_points().view())).value();
   const DepthField field = field_of(image.view());
   pair.show(image.view(), field.view());
-  pair.compare(by_each({InsideMethod::field}), allowed);
+  pair.compare(by_each({MethodKind::field}), allowed);
 }
 
 void compare_host_memory(double allowed) {
@@ -311,7 +311,7 @@ void compare_from_depth_image(double allowed) {
       const Penetration want = cpu.query(X_WT, options);
       expect_near(cuda.query(X_WT, options), want, allowed);
       volume += want.volume;
-      if (options.method == InsideMethod::field && want.volume > 0) {
+      if (options.method == MethodKind::field && want.volume > 0) {
         expect_near(cuda.stiffness(), cpu.stiffness(), kStiffness);
       }
     }
@@ -378,7 +378,7 @@ void expect_same_bits_again(double) {
     EXPECT_TRUE(same_bits(threaded->query(X_WT, options), on_cpu));
     const Penetration on_cuda = pair.cuda->query(X_WT, options);
     in_all_orders([&] {
-      pair.cuda->query(elsewhere, {.method = InsideMethod::graph});
+      pair.cuda->query(elsewhere, {.method = MethodKind::graph});
       EXPECT_TRUE(same_bits(pair.cuda->query(X_WT, options), on_cuda));
     });
   }

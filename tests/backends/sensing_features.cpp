@@ -36,7 +36,7 @@ SurfaceTimeline timeline(Result<std::unique_ptr<FrameSlots>> slots, const SlotSe
   return std::move(make_timeline(*std::move(slots), settings)).value();
 }
 
-void expect_same(const Surfaces& got, const Surfaces& want, gpu::Stream& stream) {
+void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& stream) {
   expect_same_cloud(got.cloud, want.cloud, stream);
   if (want.field.num_levels > 0) expect_same_field(got.field, want.field, stream);
 }
@@ -59,7 +59,7 @@ void compare(const SlotSettings& settings) {
     EXPECT_GT(want.num_points, 300);
     EXPECT_EQ(got.num_valid, want.num_valid);
     EXPECT_EQ(got.num_points, want.num_points);
-    const SurfaceMoment a = cuda.at(time + kPeriod / 4), b = cpu.at(time + kPeriod / 4);
+    const SurfaceBlend a = cuda.at(time + kPeriod / 4), b = cpu.at(time + kPeriod / 4);
     EXPECT_EQ(a.progress, b.progress);
     expect_same(a.from, b.from, stream);
     expect_same(a.to, b.to, stream);

@@ -61,7 +61,6 @@ TEST(DepthBinning, PlanesStayWhereTheyAre) {
     DepthFrame out;
     bin_depth(frame, binning, out);
     ASSERT_EQ(out.pixels.size(), static_cast<std::size_t>(small.width * small.height));
-    EXPECT_EQ(out.timestamp, frame.timestamp);
     EXPECT_EQ(out.unit, unit);
     for (int v = 0; v < small.height; ++v) {
       for (int u = 0; u < small.width; ++u) {

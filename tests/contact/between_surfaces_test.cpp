@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kWidth = 96, kHeight = 72;
 const Intrinsics kCamera{100, 100, 47.5, 35.5};
-const InsideMethod kAllMethods[] = {InsideMethod::weighted, InsideMethod::simplified,
-                                    InsideMethod::graph, InsideMethod::field};
+const MethodKind kAllMethods[] = {MethodKind::weighted, MethodKind::simplified, MethodKind::graph,
+                                  MethodKind::field};
 
 /// A wall at some depth, with everything that queries ask.
 class Wall {
@@ -31,7 +31,7 @@ class Wall {
     ThreadPool pool(1);
     field_.update(cloud_.view(), pool);
   }
-  Surfaces surfaces() const { return {cloud_.view(), field_.view()}; }
+  SurfaceView surfaces() const { return {cloud_.view(), field_.view()}; }
 
  private:
   PointCloud cloud_;
@@ -49,7 +49,7 @@ std::unique_ptr<eval::MethodQueries> plain_query() {
 
 Pose pose_at(double z) { return {{0.003, -0.002, z}, axis_angle({1, 2, 3}, 0.4)}; }
 
-ContactOptions options_of(InsideMethod method) {
+ContactOptions options_of(MethodKind method) {
   ContactOptions options;
   options.method = method;
   options.volumes = SphereVolumes::own;
@@ -60,7 +60,7 @@ TEST(BetweenSurfaces, WeighsBothSurfaces) {
   const Wall old_wall(0.5), new_wall(0.495);
   const auto plain = plain_query();
   eval::MethodQueries blended(Backend::cpu, tool());
-  for (const InsideMethod method : kAllMethods) {
+  for (const MethodKind method : kAllMethods) {
     const ContactOptions options = options_of(method);
     const auto on = [&](const Wall& wall) {
       plain->set_cloud(wall.surfaces().cloud);
@@ -99,7 +99,7 @@ TEST(BetweenSurfaces, FollowsAMovingWall) {
     for (const Sphere& s : tool().spheres()) {
       expected += cap_volume(static_cast<double>(s.radius), depth - (X_WT * to_double(s.centre)).z);
     }
-    const Penetration got = query.query(X_WT, options_of(InsideMethod::field));
+    const Penetration got = query.query(X_WT, options_of(MethodKind::field));
     EXPECT_NEAR(got.volume, expected, 0.005 * expected) << t;
     // Deep spheres are pushed by up to 5 % more (kSteepening).
     EXPECT_NEAR(-got.measure_W.force.z, expected, 0.05 * expected) << t;
@@ -109,7 +109,7 @@ TEST(BetweenSurfaces, FollowsAMovingWall) {
 TEST(BetweenSurfaces, IsTheGradientOfOnePotentialAtEveryInstant) {
   const Wall old_wall(0.5), new_wall(0.48);
   eval::MethodQueries query(Backend::cpu, tool());
-  const ContactOptions options = options_of(InsideMethod::field);
+  const ContactOptions options = options_of(MethodKind::field);
   for (const double t : {0.2, 0.5, 0.9}) {
     query.set_moment({old_wall.surfaces(), new_wall.surfaces(), t});
     constexpr double kStep = 1e-4;
@@ -134,10 +134,10 @@ TEST(BetweenSurfaces, WhatAppearsFadesIn) {
   ThreadPool pool(1);
   DepthField empty = std::move(DepthField::create(kWidth, kHeight)).value();
   empty.update(nothing.view(), pool);
-  const Surfaces none{nothing.view(), empty.view()};
+  const SurfaceView none{nothing.view(), empty.view()};
   eval::MethodQueries query(Backend::cpu, tool());
-  for (const InsideMethod method : kAllMethods) {
-    const auto volume = [&](const Surfaces& from, const Surfaces& to, double t) {
+  for (const MethodKind method : kAllMethods) {
+    const auto volume = [&](const SurfaceView& from, const SurfaceView& to, double t) {
       query.set_moment({from, to, t});
       return query.query(pose_at(0.5), options_of(method)).volume;
     };
@@ -159,7 +159,7 @@ TEST(BetweenSurfaces, SettingOneSurfaceLeavesNothingToBlend) {
   const auto plain = plain_query();
   plain->set_cloud(new_wall.surfaces().cloud);
   plain->set_field(new_wall.surfaces().field);
-  for (const InsideMethod method : kAllMethods) {
+  for (const MethodKind method : kAllMethods) {
     EXPECT_EQ(query.query(pose_at(0.49), options_of(method)).volume,
               plain->query(pose_at(0.49), options_of(method)).volume);
   }
@@ -168,10 +168,10 @@ TEST(BetweenSurfaces, SettingOneSurfaceLeavesNothingToBlend) {
 TEST(BetweenSurfaces, DoesNotAllocate) {
   const Wall old_wall(0.5), new_wall(0.49);
   eval::MethodQueries query(Backend::cpu, tool());
-  const SurfaceMoment moment{old_wall.surfaces(), new_wall.surfaces(), 0.5};
-  for (const InsideMethod method : kAllMethods) query.by(options_of(method));
+  const SurfaceBlend moment{old_wall.surfaces(), new_wall.surfaces(), 0.5};
+  for (const MethodKind method : kAllMethods) query.by(options_of(method));
   const test::AllocationCounter counter;
-  for (const InsideMethod method : kAllMethods) {
+  for (const MethodKind method : kAllMethods) {
     query.set_moment(moment);
     query.query(pose_at(0.49), options_of(method));
     query.stiffness();

@@ -25,7 +25,7 @@ using test::same_bits;
 
 std::unique_ptr<eval::MethodQueries> make_query(const Tool& tool, Isa isa = best_isa(),
                                                 ThreadPool* pool = nullptr) {
-  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ContactCapacities{isa, pool});
+  return std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ExecutionOptions{isa, pool});
 }
 
 class EveryIsa : public testing::TestWithParam<Isa> {
@@ -168,8 +168,8 @@ TEST(ContactQuery, DoesNotAllocate) {
   for (ThreadPool* threads : {static_cast<ThreadPool*>(nullptr), &pool}) {
     const auto query = make_query(tool, best_isa(), threads);
     std::vector<ContactOptions> all;
-    for (const InsideMethod method :
-         {InsideMethod::weighted, InsideMethod::simplified, InsideMethod::graph}) {
+    for (const MethodKind method :
+         {MethodKind::weighted, MethodKind::simplified, MethodKind::graph}) {
       for (const Edges edges : {Edges::none, Edges::cut}) {
         for (const Continuity continuity : {Continuity::none, Continuity::both}) {
           all.push_back({.method = method,
@@ -231,7 +231,7 @@ TEST(ContactQuery, RepresentedVolumesOfAnImmersedToolAreTheMesh) {
     const Penetration result = query->query({}, options);
     ASSERT_EQ(result.num_boundary_spheres, 1);
     if (result.num_inside_spheres + 1 < static_cast<int>(tool.spheres().size())) {
-      EXPECT_EQ(options.method, InsideMethod::graph);  // it may not reach all of them
+      EXPECT_EQ(options.method, MethodKind::graph);  // it may not reach all of them
       continue;
     }
     const double full = full_volume(tool, options);
@@ -246,7 +246,7 @@ TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {
   const auto query = make_query(tool);
   query->set_cloud(cloud.view());
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const Penetration result = query->query({{0, nan, 0.7}, {}}, {InsideMethod::simplified});
+  const Penetration result = query->query({{0, nan, 0.7}, {}}, {MethodKind::simplified});
   EXPECT_EQ(result.status, StepStatus::non_finite_pose);
   EXPECT_EQ(result.volume, 0);
 }
@@ -260,9 +260,9 @@ TEST(ContactQuery, WithoutASurfaceItSaysSo) {
   ThreadPool pool(1);
   field.update(cloud.view(), pool);
   const Pose X_WT{{0, 0, 0.7}, {}};
-  for (const InsideMethod method : {InsideMethod::weighted, InsideMethod::simplified,
-                                    InsideMethod::graph, InsideMethod::field}) {
-    const bool asks_field = method == InsideMethod::field;
+  for (const MethodKind method :
+       {MethodKind::weighted, MethodKind::simplified, MethodKind::graph, MethodKind::field}) {
+    const bool asks_field = method == MethodKind::field;
     const auto query = make_query(tool);
     EXPECT_EQ(query->query(X_WT, {method}).status, StepStatus::no_surface);
     if (asks_field) query->set_cloud(cloud.view());
@@ -282,7 +282,7 @@ TEST(ContactQuery, EdgesWantACloudThatTellsThem) {
   const test::CloudWithEdges scene = test::l_shape(0, 3);
   const auto query = make_query(tool);
   const Pose X_WT{{0, 0, 0.6}, {}};
-  ContactOptions options{InsideMethod::simplified};
+  ContactOptions options{MethodKind::simplified};
   query->set_cloud(scene.cloud.view());
   const Penetration without = query->query(X_WT, options);
   EXPECT_FALSE(without.status.has(StepStatus::no_edge_vectors));
@@ -310,7 +310,7 @@ TEST(ContactQuery, SixteenMillionPointsInOneSphere) {
   cloud.nx = one.data();
   const auto query = make_query(tool);
   query->set_cloud(cloud);
-  const Penetration result = query->query({}, {InsideMethod::simplified});
+  const Penetration result = query->query({}, {MethodKind::simplified});
   EXPECT_EQ(result.num_points, kNum);
   EXPECT_EQ(result.status, ContactStatus{});
   const double cap = cap_volume(0.5, -0.125);
@@ -346,7 +346,7 @@ TEST(ContactQuery, OpposedNormalsAreAmbiguousAndLendNoPlane) {
   cloud.set(1, c, {0, 0, -1});
   const auto query = make_query(tool);
   query->set_cloud(cloud.view());
-  const Penetration result = query->query({}, {InsideMethod::simplified});
+  const Penetration result = query->query({}, {MethodKind::simplified});
   EXPECT_EQ(result.num_boundary_spheres, 1);
   EXPECT_EQ(result.status, StepStatus::ambiguous_normals);
   EXPECT_EQ(result.volume, 0);
@@ -363,7 +363,7 @@ TEST(ContactQuery, PointOnTheRimCountsAsInside) {
   for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
     const auto query = make_query(tool, isa);
     query->set_cloud(cloud.view());
-    EXPECT_EQ(query->query({}, {InsideMethod::simplified}).num_points, 1);
+    EXPECT_EQ(query->query({}, {MethodKind::simplified}).num_points, 1);
   }
 }
 

@@ -47,7 +47,7 @@ class Seen {
     estimator_.update(frame_of(shift), pool);
     field_.update(estimator_.cloud(), pool);
   }
-  Surfaces surfaces() const { return {estimator_.cloud(), field_.view()}; }
+  SurfaceView surfaces() const { return {estimator_.cloud(), field_.view()}; }
 
  private:
   static SurfaceOptions with_edges() {
@@ -96,7 +96,7 @@ struct Case {
 };
 
 std::vector<Case> cases() {
-  using enum InsideMethod;
+  using enum MethodKind;
   std::vector<Case> all{
       {"weighted", {.method = weighted}},
       {"weighted-count", {.method = weighted, .priority = Priority::count}},
@@ -112,7 +112,7 @@ std::vector<Case> cases() {
       {"blended-graph", {.method = graph}, true},
       {"blended-field", {.method = field}, true},
   };
-  const std::pair<const char*, InsideMethod> methods[] = {
+  const std::pair<const char*, MethodKind> methods[] = {
       {"weighted", weighted}, {"simplified", simplified}, {"graph", graph}};
   for (const auto& [name, method] : methods) {
     for (const auto& [ending, edges] :

@@ -1,4 +1,4 @@
-#include "src/devices/clocked_device.h"
+#include "src/devices/polling_device.h"
 
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ struct Diary {
   double written = 0;
 };
 
-class ScriptedDevice final : public AskedDevice {
+class ScriptedDevice final : public PolledDevice {
  public:
   explicit ScriptedDevice(Diary& diary) : diary_(diary) { info_.rate = 2000; }
 
@@ -54,9 +54,9 @@ class ScriptedDevice final : public AskedDevice {
   DeviceInfo info_;
 };
 
-TEST(ClockedDevice, ReadsTicksAndWritesInTurnWithoutAllocating) {
+TEST(PollingDevice, ReadsTicksAndWritesInTurnWithoutAllocating) {
   Diary diary;
-  ClockedDevice device(std::make_unique<ScriptedDevice>(diary));
+  PollingDevice device(std::make_unique<ScriptedDevice>(diary));
   std::atomic<int> num_ticks = 0;
   std::size_t first_allocations = 0, allocations = 0;
   double last_time = 0;
@@ -83,10 +83,10 @@ TEST(ClockedDevice, ReadsTicksAndWritesInTurnWithoutAllocating) {
   EXPECT_EQ(diary.num_ended, 1);
 }
 
-TEST(ClockedDevice, DoesNotStartWhatDoesNotAnswer) {
+TEST(PollingDevice, DoesNotStartWhatDoesNotAnswer) {
   Diary diary;
   diary.begins = false;
-  ClockedDevice device(std::make_unique<ScriptedDevice>(diary));
+  PollingDevice device(std::make_unique<ScriptedDevice>(diary));
   const Status started = device.start([](const DeviceState&) { return Wrench{}; });
   ASSERT_FALSE(started.has_value());
   EXPECT_EQ(started.error().message, "unplugged");
@@ -94,11 +94,11 @@ TEST(ClockedDevice, DoesNotStartWhatDoesNotAnswer) {
   EXPECT_EQ(diary.num_ended, 0);
 }
 
-TEST(ClockedDevice, ALostDeviceTurnsItsMotorsOffAndSaysWhy) {
+TEST(PollingDevice, ALostDeviceTurnsItsMotorsOffAndSaysWhy) {
   for (const bool at_read : {true, false}) {
     Diary diary;
     (at_read ? diary.lost_at_read : diary.lost_at_write) = 10;
-    ClockedDevice device(std::make_unique<ScriptedDevice>(diary));
+    PollingDevice device(std::make_unique<ScriptedDevice>(diary));
     ASSERT_TRUE(device.start([](const DeviceState&) { return Wrench{}; }));
     EXPECT_TRUE(wait_for([&] { return diary.num_ended == 1; }));
     ASSERT_FALSE(device.status().has_value());
@@ -114,9 +114,9 @@ TEST(ClockedDevice, ALostDeviceTurnsItsMotorsOffAndSaysWhy) {
   }
 }
 
-TEST(ClockedDevice, CanBeStoppedFromATick) {
+TEST(PollingDevice, CanBeStoppedFromATick) {
   Diary diary;
-  ClockedDevice device(std::make_unique<ScriptedDevice>(diary));
+  PollingDevice device(std::make_unique<ScriptedDevice>(diary));
   ASSERT_TRUE(device.start([&](const DeviceState&) {
     device.stop();
     return Wrench{};
@@ -125,8 +125,8 @@ TEST(ClockedDevice, CanBeStoppedFromATick) {
   EXPECT_EQ(diary.num_read, 1);
 }
 
-TEST(TickThread, LeavesOversleptBeatsOutAndCountsThem) {
-  TickThread thread;
+TEST(PeriodicThread, LeavesOversleptBeatsOutAndCountsThem) {
+  PeriodicThread thread;
   std::vector<int> all_periods;
   all_periods.reserve(100);
   std::atomic<bool> is_over = false;
@@ -155,8 +155,8 @@ TEST(TickThread, LeavesOversleptBeatsOutAndCountsThem) {
   EXPECT_GE(last_time - first_time, 1e-3 * (sum - 1) - 1e-3);
 }
 
-TEST(TickThread, RunsOneThingAtATime) {
-  TickThread thread;
+TEST(PeriodicThread, RunsOneThingAtATime) {
+  PeriodicThread thread;
   const auto round = [](double, int) { return true; };
   ASSERT_TRUE(thread.start(1000, round, [] {}));
   EXPECT_FALSE(thread.start(1000, round, [] {}));

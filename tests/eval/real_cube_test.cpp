@@ -71,7 +71,7 @@ TEST(RealCube, IsFoundAgainFromAGuessTwoCentimetresOff) {
               normalized(random.rotation(0.05) * truth.rotation)};
     ASSERT_TRUE(lay_on(stream, picture(stream, truth), kHalf, X_CB));
     EXPECT_LT(norm(X_CB.translation - truth.translation), 1e-3);
-    EXPECT_LT(norm(turn_between(truth.rotation, X_CB.rotation)), 0.01);
+    EXPECT_LT(norm(rotation_between(truth.rotation, X_CB.rotation)), 0.01);
   }
 }
 

@@ -60,7 +60,7 @@ SurfaceTimeline timeline_on_cpu(const SlotSettings& settings) {
       .value();
 }
 
-void expect_same(const Surfaces& got, const Surfaces& want, gpu::Stream& stream) {
+void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& stream) {
   EXPECT_EQ(got.cloud.gpu, 0);
   EXPECT_EQ(want.cloud.gpu, kHostMemory);
   test::expect_same_cloud(got.cloud, want.cloud, stream);
@@ -81,11 +81,11 @@ void compare(const SlotSettings& settings) {
     ASSERT_TRUE(on_gpu.status()) << on_gpu.status().error().message;
     EXPECT_EQ(got.num_valid, want.num_valid);
     EXPECT_EQ(got.num_points, want.num_points);
-    const SurfaceMoment a = on_gpu.at(time + 0.01), b = on_cpu.at(time + 0.01);
+    const SurfaceBlend a = on_gpu.at(time + 0.01), b = on_cpu.at(time + 0.01);
     EXPECT_EQ(a.progress, b.progress);
     expect_same(a.from, b.from, stream);
     expect_same(a.to, b.to, stream);
-    for (const Surfaces& surfaces : {a.to, b.to}) {
+    for (const SurfaceView& surfaces : {a.to, b.to}) {
       for (const std::uint64_t stamp : {surfaces.cloud.stamp, surfaces.field.stamp}) {
         EXPECT_EQ(std::count(stamps.begin(), stamps.end(), stamp), 0);
         if (stamp != 0) stamps.push_back(stamp);
@@ -107,6 +107,39 @@ TEST(SurfaceTimelineCuda, HasTheBitsOfTheCpuInAllModes) {
       SCOPED_TRACE("mode " + std::to_string(static_cast<int>(mode)) + ", average " +
                    std::to_string(static_cast<int>(average)));
       compare(settings_with(mode, average));
+    }
+  }
+}
+
+TEST(SurfaceTimelineCuda, TakesCountsAndMetresFromHostAndGpu) {
+  PALPATE_GPU_OR_SKIP();
+  const SlotSettings settings = settings_with(TimeMode::predict, DepthAverage::none);
+  ThreadPool pool(1);
+  for (const bool as_metres : {false, true}) {
+    for (const bool on_gpu : {false, true}) {
+      SCOPED_TRACE(std::string(as_metres ? "metres" : "counts") + (on_gpu ? " on the GPU" : ""));
+      gpu::Stream stream(0, gpu::Priority::low);
+      gpu::Memory memory(0);
+      SurfaceTimeline got = timeline_on_gpu(settings), want = timeline_on_cpu(settings);
+      for (int k = 0; k < 3; ++k) {
+        const DepthFrame counts = frame(k);
+        std::vector<float> metres;
+        for (const std::uint16_t count : counts.pixels) {
+          metres.push_back(static_cast<float>(count * counts.unit));
+        }
+        DepthImageView image = counts;
+        if (as_metres) image = {kWidth, kHeight, metres.data()};
+        DepthImageView shown = image;
+        if (on_gpu) {
+          shown.gpu = 0;
+          if (as_metres) shown.metres = memory.copy_of(metres);
+          if (!as_metres) shown.counts = memory.copy_of(counts.pixels);
+        }
+        got.push(shown, 0.04 * k, pool);
+        want.push(image, 0.04 * k, pool);
+        ASSERT_TRUE(got.status()) << got.status().error().message;
+        expect_same(got.at(0.04 * k).to, want.at(0.04 * k).to, stream);
+      }
     }
   }
 }

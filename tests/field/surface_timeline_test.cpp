@@ -50,7 +50,7 @@ SurfaceTimeline make_timeline(const TimeOptions& options, int num_spare = 0) {
 }
 
 /// Depth of the wall in the middle of the image, as points and as field say.
-void expect_wall(const Surfaces& surfaces, double depth) {
+void expect_wall(const SurfaceView& surfaces, double depth) {
   const std::size_t middle = 20 * kWidth + 23;
   EXPECT_NEAR(surfaces.cloud.z[middle], depth, kUnit);
   EXPECT_NEAR(surfaces.cloud.nz[middle], -1, 1e-6);
@@ -73,7 +73,7 @@ TEST(SurfaceTimeline, InterpolatesFromTheLastFrameToTheNewestOne) {
   for (int k = 0; k < 5; ++k) wall.show(k * kPeriod);
   const double start = 4 * kPeriod;
   for (const double share : {0.0, 0.3, 0.75}) {
-    const SurfaceMoment moment = wall.timeline.at(start + share * kPeriod);
+    const SurfaceBlend moment = wall.timeline.at(start + share * kPeriod);
     EXPECT_NEAR(moment.progress, share, 1e-9);
     expect_wall(moment.from, wall_depth(3 * kPeriod));
     expect_wall(moment.to, wall_depth(4 * kPeriod));
@@ -84,7 +84,7 @@ TEST(SurfaceTimeline, LatestHasNothingToBlend) {
   Wall wall(options_of(TimeMode::latest));
   for (int k = 0; k < 3; ++k) {
     wall.show(k * kPeriod);
-    const SurfaceMoment moment = wall.timeline.at(k * kPeriod);
+    const SurfaceBlend moment = wall.timeline.at(k * kPeriod);
     EXPECT_EQ(moment.progress, 1);
     expect_wall(moment.to, wall_depth(k * kPeriod));
   }
@@ -95,7 +95,7 @@ TEST(SurfaceTimeline, LatestHasNothingToBlend) {
 TEST(SurfaceTimeline, PredictsTheWallAtConstantSpeed) {
   Wall wall(options_of(TimeMode::predict));
   for (int k = 0; k < 5; ++k) wall.show(k * kPeriod);
-  const SurfaceMoment moment = wall.timeline.at(4.5 * kPeriod);
+  const SurfaceBlend moment = wall.timeline.at(4.5 * kPeriod);
   expect_wall(moment.from, wall_depth(4 * kPeriod));
   expect_wall(moment.to, wall_depth(5 * kPeriod));
 }
@@ -126,11 +126,11 @@ TEST(SurfaceTimeline, MomentsJoinWhenFramesArrive) {
     Wall wall(options_of(mode));
     wall.timeline.push(wall_frame(0.5), 0, wall.pool);
     for (int k = 1; k < 6; ++k) {
-      const SurfaceMoment before = wall.timeline.at(k * kPeriod);
+      const SurfaceBlend before = wall.timeline.at(k * kPeriod);
       EXPECT_NEAR(before.progress, 1, 1e-9);
       const double felt = before.to.cloud.z[500];
       wall.timeline.push(wall_frame(0.5 + 0.005 * std::sin(k)), k * kPeriod, wall.pool);
-      const SurfaceMoment after = wall.timeline.at(k * kPeriod);
+      const SurfaceBlend after = wall.timeline.at(k * kPeriod);
       EXPECT_EQ(after.progress, 0);
       EXPECT_EQ(after.from.cloud.z[500], static_cast<float>(felt)) << k;
     }
@@ -194,14 +194,14 @@ TEST(SurfaceTimeline, SpareSurfacesKeepTheViewsOverAPush) {
     wall.show(0);
     bare.show(0);
     for (int k = 1; k < 8; ++k) {
-      const SurfaceMoment before = wall.timeline.at(k * kPeriod);
+      const SurfaceBlend before = wall.timeline.at(k * kPeriod);
       const float from = before.from.cloud.z[500], to = before.to.cloud.z[500];
       wall.show(k * kPeriod);
       bare.show(k * kPeriod);
       EXPECT_EQ(before.from.cloud.z[500], from);
       EXPECT_EQ(before.to.cloud.z[500], to);
-      const SurfaceMoment after = wall.timeline.at(k * kPeriod),
-                          same = bare.timeline.at(k * kPeriod);
+      const SurfaceBlend after = wall.timeline.at(k * kPeriod),
+                         same = bare.timeline.at(k * kPeriod);
       EXPECT_EQ(after.from.cloud.z[500], same.from.cloud.z[500]);
       EXPECT_EQ(after.to.cloud.z[500], same.to.cloud.z[500]);
       EXPECT_EQ(after.progress, same.progress);

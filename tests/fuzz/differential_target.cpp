@@ -67,12 +67,12 @@ SurfaceOptions any_surface(Choices& choices) {
 }
 
 ContactMethod any_method(Choices& choices) {
-  ContactOptions options{choices.any<InsideMethod>(), choices.any<Priority>(),
+  ContactOptions options{choices.any<MethodKind>(),   choices.any<Priority>(),
                          choices.any<InsideVolume>(), choices.any<SphereVolumes>(),
                          choices.any<Edges>(),        choices.any<Continuity>()};
-  if (options.method != InsideMethod::graph) options.inside = InsideVolume::full;
-  if (options.method == InsideMethod::graph) options.priority = Priority::distance;
-  if (options.method == InsideMethod::field) options = {.volumes = options.volumes};
+  if (options.method != MethodKind::graph) options.inside = InsideVolume::full;
+  if (options.method == MethodKind::graph) options.priority = Priority::distance;
+  if (options.method == MethodKind::field) options = {.volumes = options.volumes};
   const auto method = contact_method(options);
   require(method.has_value(), "options that belong to a method are taken");
   return *method;
@@ -90,7 +90,7 @@ struct Seen {
     estimator.update(frame, pool);
     field.update(estimator.cloud(), pool);
   }
-  Surfaces surfaces() const { return {estimator.cloud(), field.view()}; }
+  SurfaceView surfaces() const { return {estimator.cloud(), field.view()}; }
 };
 
 struct Answer {
@@ -101,12 +101,12 @@ struct Answer {
 using MadeQuery = Result<std::unique_ptr<ContactQuery>>;
 
 MadeQuery cpu_query(const Tool& tool, const ContactMethod& method, Isa isa) {
-  ContactCapacities capacities;
+  ExecutionOptions capacities;
   capacities.isa = isa;
   return make_contact_query(Backend::cpu, tool, method, capacities);
 }
 
-Answer ask(const MadeQuery& query, const Surfaces& from, const Surfaces& to, double alpha,
+Answer ask(const MadeQuery& query, const SurfaceView& from, const SurfaceView& to, double alpha,
            const Pose& X_WT) {
   require(query.has_value(), "there is a query of every backend");
   Answer answer{{}, std::vector<SphereState>((*query)->index()->tool().spheres().size())};

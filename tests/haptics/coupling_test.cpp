@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "src/haptics/matrix6.h"
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 
@@ -383,7 +383,7 @@ TEST(VirtualCoupling, TurnsTheShortWay) {
     double last = angle, largest = 0;
     for (int i = 0; i < 3000; ++i) {
       const CouplingStep step = coupling->step(hand_at(goal), {}, kTick);
-      const Vec3d rest = turn_between(step.X_WT.rotation, goal.rotation);
+      const Vec3d rest = rotation_between(step.X_WT.rotation, goal.rotation);
       if (i < 20) {
         EXPECT_LE(norm(rest), last + 1e-12) << degrees << " " << i;
         EXPECT_GT(std::abs(dot(rest, axis)), 0.9 * norm(rest));
@@ -401,7 +401,7 @@ double total_energy(const CouplingOptions& options, const CouplingStep& before,
   const MassProperties tool = box_tool();
   const Vec3d v = (after.X_WT * tool.centre_of_mass - before.X_WT * tool.centre_of_mass) / dt;
   const Vec3d w_T = rotate(conjugate(after.X_WT.rotation),
-                           turn_between(before.X_WT.rotation, after.X_WT.rotation) / dt);
+                           rotation_between(before.X_WT.rotation, after.X_WT.rotation) / dt);
   return options.tool_mass * (dot(v, v) + dot(w_T, tool.inertia * w_T) / tool.volume) / 2 +
          after.energy + potential;
 }
@@ -550,7 +550,7 @@ TEST(DirectCoupling, DoesTheWorkOfTheContactAtTheHandle) {
 
     const Vec3d shift = random.direction(), turn = 20 * random.direction();
     const auto potential = [&](double s) {
-      const Pose moved{X_BH.translation + s * shift, turned(X_BH.rotation, s * turn)};
+      const Pose moved{X_BH.translation + s * shift, rotated(X_BH.rotation, s * turn)};
       return scene.potential(coupling->step(hand_at(moved), {}, kTick).X_WT);
     };
     const double slope = (potential(1e-6) - potential(-1e-6)) / 2e-6;

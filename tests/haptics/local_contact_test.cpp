@@ -7,7 +7,7 @@
 
 #include "palpate/math/sphere.h"
 #include "src/haptics/matrix6.h"
-#include "src/haptics/turned.h"
+#include "src/haptics/rotated.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 
@@ -37,9 +37,10 @@ struct BallOnWall {
       Vec6 motion;
       motion[j] = step;
       const auto moved = [&](double s) {
-        Pose X{{}, turned(X_WT.rotation, s * motion.angular)};
+        Pose X{{}, rotated(X_WT.rotation, s * motion.angular)};
         X.translation = C + s * motion.linear - rotate(X.rotation, centre_of_mass_T);
-        return to_vec6(measure(X).measure_W);
+        const VolumeWrench measured = measure(X).measure_W;
+        return to_vec6(Wrench{measured.force, measured.torque});
       };
       const Vec6 slope = (1 / (2 * step)) * (moved(1) - moved(-1));
       for (int i = 0; i < 6; ++i) k.m[i][j] = -slope[i];
@@ -91,10 +92,11 @@ TEST(LocalContact, IsFirstOrderAroundItsPose) {
     double force_error[2], torque_error[2];
     for (int half = 0; half < 2; ++half) {
       const double s = half == 0 ? 4e-5 : 2e-5;
-      Pose X{{}, turned(X_WT.rotation, s * turn)};
+      Pose X{{}, rotated(X_WT.rotation, s * turn)};
       X.translation =
           X_WT * scene.centre_of_mass_T + s * shift - rotate(X.rotation, scene.centre_of_mass_T);
-      const Wrench truth = scene.measure(X).measure_W, model = contact.at(X);
+      const VolumeWrench truth = scene.measure(X).measure_W;
+      const Wrench model = contact.at(X);
       force_error[half] = norm(model.force - kGain * truth.force);
       torque_error[half] = norm(model.torque - kGain * truth.torque);
     }
@@ -193,12 +195,13 @@ TEST(LocalContact, LargestStiffnessIsTheLargestEigenvalue) {
 
 TEST(LocalContact, ThesisScaleReachesTheDevicesForceAtAnEighth) {
   const double volume = 3e-5;
-  const ForceScale scale = thesis_force_scale(10, volume);
+  const VolumeStiffness scale = thesis_volume_stiffness(10, volume);
   EXPECT_DOUBLE_EQ(scale.newtons_per_cubic_metre * volume / 8, 10);
-  EXPECT_EQ(thesis_force_scale(10, 0).newtons_per_cubic_metre, 0);
-  EXPECT_EQ(thesis_force_scale(10, -1).newtons_per_cubic_metre, 0);
-  EXPECT_EQ(thesis_force_scale(std::numeric_limits<double>::quiet_NaN(), 1).newtons_per_cubic_metre,
-            0);
+  EXPECT_EQ(thesis_volume_stiffness(10, 0).newtons_per_cubic_metre, 0);
+  EXPECT_EQ(thesis_volume_stiffness(10, -1).newtons_per_cubic_metre, 0);
+  EXPECT_EQ(
+      thesis_volume_stiffness(std::numeric_limits<double>::quiet_NaN(), 1).newtons_per_cubic_metre,
+      0);
 }
 
 TEST(LocalContact, DoesNotAllocate) {

@@ -16,7 +16,7 @@ namespace {
 
 using Triangle = std::array<std::uint32_t, 3>;
 
-TriangleMesh turned(TriangleMesh mesh) {
+TriangleMesh rotated(TriangleMesh mesh) {
   for (Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
   return mesh;
 }
@@ -139,7 +139,7 @@ TEST(CheckSolid, SplitsTheFaceBesideANeedleThatClosesTheSurface) {
 }
 
 TEST(CheckSolid, TurnsInsideOut) {
-  const SolidMesh solid = expect_accepted(turned(make_octahedron(0.1)), 4.0 / 3 * 1.25e-4, 1);
+  const SolidMesh solid = expect_accepted(rotated(make_octahedron(0.1)), 4.0 / 3 * 1.25e-4, 1);
   EXPECT_NE(solid.warnings.at(0).find("inside out"), std::string::npos);
 }
 
@@ -213,21 +213,21 @@ TEST(CheckSolid, RefusesSelfIntersection) {
 
 TEST(CheckSolid, AcceptsSeparatePartsAndCavities) {
   expect_accepted(joined(cube(0.1), shifted(cube(0.1), {0.2, 0, 0})), 2e-3);
-  const TriangleMesh hollow = joined(cube(0.2), turned(cube(0.1)));
+  const TriangleMesh hollow = joined(cube(0.2), rotated(cube(0.1)));
   expect_accepted(hollow, 7e-3);
-  expect_accepted(joined(hollow, cube(0.05)), 7e-3 + 1.25e-4);  // A solid in the cavity.
-  expect_accepted(joined(turned(cube(0.1)), cube(0.2)), 7e-3);  // Whatever the order.
+  expect_accepted(joined(hollow, cube(0.05)), 7e-3 + 1.25e-4);   // A solid in the cavity.
+  expect_accepted(joined(rotated(cube(0.1)), cube(0.2)), 7e-3);  // Whatever the order.
 }
 
 TEST(CheckSolid, TurnsWholeBodiesWithTheirCavities) {
-  expect_accepted(turned(joined(cube(0.2), turned(cube(0.1)))), 7e-3, 1);
-  expect_accepted(joined(cube(0.1), turned(shifted(cube(0.1), {0.2, 0, 0}))), 2e-3, 1);
+  expect_accepted(rotated(joined(cube(0.2), rotated(cube(0.1)))), 7e-3, 1);
+  expect_accepted(joined(cube(0.1), rotated(shifted(cube(0.1), {0.2, 0, 0}))), 2e-3, 1);
 }
 
 TEST(CheckSolid, RefusesWrongNesting) {
   expect_refused(joined(cube(0.2), cube(0.1)), "same orientation");
-  const TriangleMesh hollow = joined(cube(0.2), turned(cube(0.1)));
-  expect_refused(joined(hollow, turned(cube(0.05))), "same orientation");
+  const TriangleMesh hollow = joined(cube(0.2), rotated(cube(0.1)));
+  expect_refused(joined(hollow, rotated(cube(0.05))), "same orientation");
 }
 
 TEST(CheckSolid, RefusesOverlappingOrTouchingParts) {

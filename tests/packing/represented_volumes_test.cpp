@@ -30,7 +30,7 @@ double sum(const std::vector<float>& volumes) {
   return std::accumulate(volumes.begin(), volumes.end(), 0.0);
 }
 
-TriangleMesh turned(TriangleMesh mesh) {
+TriangleMesh rotated(TriangleMesh mesh) {
   const Quaternion q = axis_angle({1, -2, 0.5}, 0.8);
   for (Vec3d& p : mesh.vertices) p = rotate(q, p) + Vec3d{0.3, -0.2, 0.1};
   return mesh;
@@ -120,7 +120,7 @@ TEST(RepresentedVolumes, SumToTheMeshAndHoldTheirSpheres) {
   ThreadPool pool(2);
   for (const std::string& name : shape_names()) {
     SCOPED_TRACE(name);
-    const TriangleMesh mesh = turned(make_shape(name, 0.1).value());
+    const TriangleMesh mesh = rotated(make_shape(name, 0.1).value());
     const auto spheres = pack(mesh, 500);
     const auto volumes = represented_volumes(mesh, spheres, pool).value();
     ASSERT_EQ(volumes.size(), spheres.size());

@@ -95,11 +95,11 @@ struct Touching {
 
 using Edit = void (*)(RunSettings&);
 constexpr Edit kEdits[] = {
-    [](auto& s) { s.contact.method = InsideMethod::graph; },
+    [](auto& s) { s.contact.method = MethodKind::graph; },
     [](auto& s) { s.coupling.stiffness = 300; },
     [](auto& s) { s.time.mode = TimeMode::latest; },
     [](auto& s) { s.coupling.kind = CouplingKind::proxy; },
-    [](auto& s) { s.contact.method = InsideMethod::field; },
+    [](auto& s) { s.contact.method = MethodKind::field; },
     [](auto& s) { s.surface.filter.enabled = false; },
     [](auto& s) { s.coupling.motion_scale = 1.5; },
     [](auto& s) { s.coupling.kind = CouplingKind::direct; },
@@ -178,13 +178,13 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
       if (num_pushed == 0 ||
           !keeps_surfaces(seen.settings[seen.frames[num_pushed - 1].revision], now)) {
         std::optional<DepthFieldOptions> field;
-        if (now.contact.method == InsideMethod::field) field = now.field;
+        if (now.contact.method == MethodKind::field) field = now.field;
         timeline.emplace(
             SurfaceTimeline::create(touching.source.info(), now.surface, field, now.time).value());
       }
       timeline->push(frame, time, pool);
     }
-    SurfaceMoment moment = timeline->at(1e12);
+    SurfaceBlend moment = timeline->at(1e12);
     moment.progress = contact.progress;
     query.set_moment(moment);
     const Penetration again = query.query(contact.X_WT, seen.settings[contact.revision].contact);
@@ -199,7 +199,7 @@ TEST(LiveLoopChange, WhatIsRefusedChangesNothing) {
   const auto refusal = [&](auto edit) {
     RunSettings settings = touching.loop->settings();
     settings.coupling.stiffness = 123;
-    settings.contact.method = InsideMethod::weighted;
+    settings.contact.method = MethodKind::weighted;
     edit(settings);
     const Status changed = touching.loop->change(settings);
     return changed ? std::string() : changed.error().message;
@@ -250,7 +250,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   WallSource source({.rate = 200});
   const RunSettings settings = patient_settings();
   RunSettings other = settings;
-  other.contact.method = InsideMethod::graph;
+  other.contact.method = MethodKind::graph;
   other.coupling.kind = CouplingKind::proxy;
   ScriptedDevice device({});
   const auto parts_of = [&](const RunSettings& some) {
@@ -313,7 +313,7 @@ class LostQuery final : public ContactQuery {
  public:
   using ContactQuery::measure;
   explicit LostQuery(const ContactQuery& like) : ContactQuery(like.index(), like.method()) {}
-  ContactResult measure(const Surfaces&, const Surfaces&, double, const Pose&,
+  ContactResult measure(const SurfaceView&, const SurfaceView&, double, const Pose&,
                         const ContactWants&) const noexcept override {
     ContactResult nothing;
     nothing.penetration.status = StepStatus::backend_failed;
@@ -471,7 +471,7 @@ TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
 
   // Settings change meanwhile too.
   RunSettings settings = touching.loop->settings();
-  settings.contact.method = InsideMethod::graph;
+  settings.contact.method = MethodKind::graph;
   EXPECT_TRUE(touching.loop->change(settings));
 
   touching.loop->hold_frames(false);
@@ -491,7 +491,7 @@ TEST(LiveLoopHold, TheSceneStandsStillAndTheHandGoesOn) {
 // Pictures
 
 TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
-  for (const InsideMethod method : {InsideMethod::field, InsideMethod::graph}) {
+  for (const MethodKind method : {MethodKind::field, MethodKind::graph}) {
     RunSettings settings = patient_settings();
     settings.contact.method = method;
     Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }}, settings);
@@ -516,7 +516,7 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     EXPECT_EQ(contact.X_WT, picture->X_WT);
     ThreadPool pool(1);
     std::optional<DepthFieldOptions> field;
-    if (method == InsideMethod::field) field = settings.field;
+    if (method == MethodKind::field) field = settings.field;
     auto timeline =
         SurfaceTimeline::create(touching.source.info(), settings.surface, field, settings.time)
             .value();
@@ -537,7 +537,7 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
         }
       }
       if (k != picture->frame_number) continue;
-      SurfaceMoment moment = timeline.at(1e12);
+      SurfaceBlend moment = timeline.at(1e12);
       moment.progress = contact.progress;
       query.set_moment(moment);
       query.query(picture->X_WT, settings.contact);

@@ -124,7 +124,7 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
       const auto& [time, frame] = seen.frames[num_pushed];
       timeline.push(frame, num_pushed == 0 ? 0 : time + 1, pool);
     }
-    SurfaceMoment moment = timeline.at(1e9);
+    SurfaceBlend moment = timeline.at(1e9);
     moment.progress = contact.progress;
     query.set_moment(moment);
     const Penetration again = query.query(contact.X_WT, settings.contact);

@@ -361,7 +361,7 @@ class SpoiltQuery final : public ContactQuery {
  public:
   explicit SpoiltQuery(int good) : good_(good) {}
   using ContactQuery::measure;
-  ContactResult measure(const Surfaces&, const Surfaces&, double, const Pose&,
+  ContactResult measure(const SurfaceView&, const SurfaceView&, double, const Pose&,
                         const ContactWants&) const noexcept override {
     Penetration result;
     if (good_-- > 0) {
@@ -385,9 +385,10 @@ TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
   ASSERT_TRUE(surfaces.start());
   ContactStage::Settings settings;
   settings.wants_real_time = false;
-  ContactStage contacts(std::make_unique<ContactPart>(
-                            test::box_tool(), std::make_unique<SpoiltQuery>(10), ForceScale{1e6}),
-                        surfaces, settings, contact_times);
+  ContactStage contacts(
+      std::make_unique<ContactPart>(test::box_tool(), std::make_unique<SpoiltQuery>(10),
+                                    VolumeStiffness{1e6}),
+      surfaces, settings, contact_times);
   contacts.start(monotonic_now());
   const double begin = monotonic_now();
   while (!contacts.has_backend_failed() && monotonic_now() - begin < 10) {

@@ -129,7 +129,7 @@ TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   ASSERT_TRUE(pipeline);
   run(*pipeline, 700);
   RunSettings other = patient_settings();
-  other.contact.method = InsideMethod::graph;
+  other.contact.method = MethodKind::graph;
   other.coupling.kind = CouplingKind::direct;
   ASSERT_TRUE(pipeline->change(other));
   EXPECT_EQ(pipeline->revision(), 1u);
@@ -175,7 +175,7 @@ TEST(Pipeline, FewerSpheresAreThoseOfThePrefixAboutTheSamePoint) {
   part->measure(surfaces.at(0), false, few);
   expected->measure(surfaces.at(0), false, same);
   ASSERT_GT(few.penetration.volume, 0);
-  const Wrench &a = few.penetration.measure_W, &b = same.penetration.measure_W;
+  const VolumeWrench &a = few.penetration.measure_W, &b = same.penetration.measure_W;
   EXPECT_NEAR(few.penetration.volume, same.penetration.volume, 1e-6 * same.penetration.volume);
   EXPECT_LT(norm(a.force - b.force), 1e-6 * norm(b.force));
   // From the centre of mass of the prefix to that of the tool.

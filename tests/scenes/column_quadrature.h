@@ -139,9 +139,10 @@ void for_each_column_point(const TriangleMesh& tool_T, const Pose& X_WT,
 }
 
 /// Integrals of n and of (x - C) x n over the common part, n from signed_distance.
-inline Wrench column_wrench(const TriangleMesh& tool_T, const Pose& X_WT, const Vec3d& centre_W,
-                            const scenes::Environment& environment, int n) {
-  Wrench sum;
+inline VolumeWrench column_wrench(const TriangleMesh& tool_T, const Pose& X_WT,
+                                  const Vec3d& centre_W, const scenes::Environment& environment,
+                                  int n) {
+  VolumeWrench sum;
   for_each_column_point(tool_T, X_WT, environment, n, [&](const Vec3d& x, double weight) {
     const Vec3d force = scenes::signed_distance(environment, x).gradient * weight;
     sum.force += force;

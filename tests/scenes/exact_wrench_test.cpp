@@ -14,7 +14,7 @@ using test::Random;
 
 double volume(const TriangleMesh& mesh) { return mass_properties(mesh).volume; }
 
-double difference(const Wrench& a, const Wrench& b, double length) {
+double difference(const VolumeWrench& a, const VolumeWrench& b, double length) {
   return std::max(norm(a.force - b.force), norm(a.torque - b.torque) / length);
 }
 
@@ -51,7 +51,7 @@ TEST(ExactPenetration, NextToOnePlaneTheMeasureIsVolumeTimesNormal) {
       const Vec3d centre = X_WT.translation + random.in_box(0.05);
       const ExactPenetration exact = exact_penetration(cube, X_WT, centre, e);
       const Vec3d force = e.a.normal * volume(cube);
-      const Wrench expected{force, cross(X_WT.translation - centre, force)};
+      const VolumeWrench expected{force, cross(X_WT.translation - centre, force)};
       EXPECT_LT(difference(exact.measure_C_W, expected, 0.1), 1e-10 * volume(cube)) << name;
     }
   }
@@ -63,7 +63,7 @@ TEST(ExactPenetration, BehindTheEdgeOfARightCornerMatchesTheClosedForm) {
   const TriangleMesh cube = make_box({0.1, 0.1, 0.1});
   const Environment e = *environment_of("corner-270");
   const Pose X_WT{{0, 0.02, 1 + 0.1 / std::sqrt(2.0)}, axis_angle({0, 1, 0}, kPi / 4)};
-  const Wrench measure = exact_penetration(cube, X_WT, X_WT.translation, e).measure_C_W;
+  const VolumeWrench measure = exact_penetration(cube, X_WT, X_WT.translation, e).measure_C_W;
   const double side = 0.001 * (std::sqrt(2.0) - 1 + std::asinh(1.0)) / 2;
   EXPECT_LT(norm(measure.force - Vec3d{0, 0, -side * std::sqrt(2.0)}), 1e-9 * 0.001);
   EXPECT_LT(norm(measure.torque), 1e-9 * 0.0001);
@@ -85,7 +85,7 @@ TEST(ExactPenetration, SmallBallsInsideTheToolMatchClosedForms) {
     const double r = random.uniform(0.001, 0.02);
     const auto force_in_tool = [&](const Vec3d& centre_T) {
       const Environment e = ball(Environment::Kind::ball_outside, X_WT * centre_T, r);
-      const Wrench measure = exact_penetration(cube, X_WT, X_WT * centre_T, e).measure_C_W;
+      const VolumeWrench measure = exact_penetration(cube, X_WT, X_WT * centre_T, e).measure_C_W;
       EXPECT_EQ(norm(measure.torque), 0);
       return rotate(conjugate(X_WT.rotation), measure.force) / (r * r * r);
     };
@@ -106,11 +106,11 @@ TEST(ExactPenetration, PartsInsideAndOutsideOfABallAddUp) {
     const auto measure = [&](Environment::Kind kind, double radius) {
       return exact_penetration(tool, X_WT, {0, 0, 1}, ball(kind, centre, radius)).measure_C_W;
     };
-    const Wrench whole = measure(Environment::Kind::ball_outside, 10);
+    const VolumeWrench whole = measure(Environment::Kind::ball_outside, 10);
     for (double radius : {0.1, 0.2, 0.3}) {
-      const Wrench in = measure(Environment::Kind::ball_outside, radius);
-      const Wrench out = measure(Environment::Kind::ball_inside, radius);
-      const Wrench sum{in.force - out.force, in.torque - out.torque};
+      const VolumeWrench in = measure(Environment::Kind::ball_outside, radius);
+      const VolumeWrench out = measure(Environment::Kind::ball_inside, radius);
+      const VolumeWrench sum{in.force - out.force, in.torque - out.torque};
       EXPECT_LT(difference(sum, whole, 0.1), 1e-10 * volume(tool));
     }
   }
@@ -130,8 +130,8 @@ TEST(ExactPenetration, DoesNotDependOnHowFacesAreSplit) {
     const Environment e = *environment_of(name);
     for (int i = 0; i < 20; ++i) {
       const Pose X_WT{Vec3d{0, 0, 1} + random.in_box(0.05), random.rotation(kPi)};
-      const Wrench a = exact_penetration(box, X_WT, X_WT.translation, e).measure_C_W;
-      const Wrench b = exact_penetration(split, X_WT, X_WT.translation, e).measure_C_W;
+      const VolumeWrench a = exact_penetration(box, X_WT, X_WT.translation, e).measure_C_W;
+      const VolumeWrench b = exact_penetration(split, X_WT, X_WT.translation, e).measure_C_W;
       EXPECT_LT(difference(a, b, 0.1), 1e-9 * volume(box)) << name;
     }
   }
@@ -200,7 +200,7 @@ TEST(ExactPenetration, ColumnQuadratureConvergesToIt) {
   const Pose X_WT{{0.01, 0.02, 1.013}, {}};
   for (const char* name : {"sphere-out-160", "sphere-in-160", "corner-225"}) {
     const Environment e = *environment_of(name);
-    const Wrench columns = test::column_wrench(cube, X_WT, {0, 0, 1}, e, 1000);
+    const VolumeWrench columns = test::column_wrench(cube, X_WT, {0, 0, 1}, e, 1000);
     EXPECT_LT(difference(exact_penetration(cube, X_WT, {0, 0, 1}, e).measure_C_W, columns, 0.1),
               1e-5 * volume(cube))
         << name;
@@ -220,7 +220,7 @@ TEST(ExactPenetration, IsMinusTheGradientOfTheEnergy) {
       const Pose X_WM = Pose{centre + moved.translation, moved.rotation} * Pose{-centre, {}} * X_WT;
       return test::column_energy(cube, X_WM, e, 100);
     };
-    const Wrench measure = exact_penetration(cube, X_WT, centre, e).measure_C_W;
+    const VolumeWrench measure = exact_penetration(cube, X_WT, centre, e).measure_C_W;
     for (int axis = 0; axis < 3; ++axis) {
       Vec3d step;
       step[axis] = kStep;
@@ -237,7 +237,7 @@ TEST(ExactPenetration, IsMinusTheGradientOfTheEnergy) {
 TEST(ExactPenetration, ZeroInFreeSpace) {
   const TriangleMesh tool = make_torus(0.04, 0.015, 24, 12);
   for (const std::string& name : environment_names()) {
-    const Wrench measure =
+    const VolumeWrench measure =
         exact_penetration(tool, {{0, 0, 0.9}, {}}, {0, 0, 0.9}, *environment_of(name)).measure_C_W;
     EXPECT_LT(difference(measure, {}, 0.1), 1e-10 * volume(tool)) << name;
   }

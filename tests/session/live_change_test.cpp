@@ -34,12 +34,12 @@ double depth_in_the_wall(double time) { return 0.07 + 0.02 * std::sin(7 * time);
 
 using Edit = void (*)(RunSettings&);
 constexpr Edit kEdits[] = {
-    [](auto& s) { s.contact.method = InsideMethod::graph; },
+    [](auto& s) { s.contact.method = MethodKind::graph; },
     [](auto& s) { s.coupling.stiffness = 200; },
     [](auto& s) { s.time.mode = TimeMode::predict; },
     [](auto& s) { s.coupling.kind = CouplingKind::proxy; },
     [](auto& s) {
-      s.contact.method = InsideMethod::field;
+      s.contact.method = MethodKind::field;
       s.coupling.kind = CouplingKind::direct;
       s.coupling.force_at_eighth = 3;
     },

@@ -265,7 +265,7 @@ TEST(LiveRun, IsRecordedAndRepeatedBitForBit) {
 TEST(LiveRun, PointMethodsAndPredictionAreRepeatedToo) {
   const TemporaryFolder folder;
   RunSettings settings = patient_settings();
-  settings.contact.method = InsideMethod::graph;
+  settings.contact.method = MethodKind::graph;
   settings.time.mode = TimeMode::predict;
   settings.coupling.hold = ContactHold::interpolation;
   const auto outcome = run_for(1, folder.path() / "run", settings);

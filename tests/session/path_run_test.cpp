@@ -20,8 +20,8 @@ void expect_same(const std::vector<TickRecord>& a, const std::vector<TickRecord>
 
 TEST(PathRun, SameNumbersTwiceAndForAnyNumberOfThreads) {
   const Tool tool = test::small_tool();
-  for (const InsideMethod method : {InsideMethod::weighted, InsideMethod::simplified,
-                                    InsideMethod::graph, InsideMethod::field}) {
+  for (const MethodKind method :
+       {MethodKind::weighted, MethodKind::simplified, MethodKind::graph, MethodKind::field}) {
     for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
       std::vector<TickRecord> first;
       for (const int num_threads : {1, 1, 2, 3}) {
@@ -120,7 +120,7 @@ TEST(PathRun, AnotherContactRateIsRefusedMeanwhile) {
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("loop.contact_rate"), std::string::npos);
   settings.contact_rate = 500;
-  settings.contact.method = InsideMethod::graph;
+  settings.contact.method = MethodKind::graph;
   EXPECT_TRUE((*loop)->change(settings));
   (*loop)->stop();
 }

@@ -29,7 +29,7 @@ std::string read(const fs::path& path) { return read_file(path).value(); }
 class RecordRun : public ::testing::Test {
  protected:
   RecordRun() {
-    settings_.contact.method = InsideMethod::graph;
+    settings_.contact.method = MethodKind::graph;
     settings_.contact.inside = InsideVolume::cap;
     settings_.contact.volumes = SphereVolumes::represented;
     settings_.contact.edges = Edges::cut;
@@ -109,7 +109,7 @@ TEST_F(RecordRun, RepeatsWithACouplingToo) {
   for (const CouplingKind kind :
        {CouplingKind::virtual_coupling, CouplingKind::direct, CouplingKind::proxy}) {
     settings_.coupling.kind = kind;
-    settings_.contact = {.method = InsideMethod::field};
+    settings_.contact = {.method = MethodKind::field};
     const auto outcome = record(run());
     ASSERT_TRUE(outcome) << outcome.error().message;
     EXPECT_EQ(outcome->failure, "");
@@ -132,7 +132,7 @@ TEST_F(RecordRun, RetriesWithOtherSettings) {
   EXPECT_EQ(read(again / "wrench.csv"), read(run() / "wrench.csv"));
 
   const auto edit = [](RunSettings& settings) -> Status {
-    settings.contact = {.method = InsideMethod::weighted};
+    settings.contact = {.method = MethodKind::weighted};
     settings.time.mode = TimeMode::latest;
     settings.time.average.kind = DepthAverage::none;
     return Done{};
@@ -235,7 +235,7 @@ TEST_F(RecordRun, SettingsFramesAndPosesSurviveTheRecording) {
   auto reader = RunReader::open(run() / kRecordingFile);
   ASSERT_TRUE(reader) << reader.error().message;
   const RunSetup& setup = reader->setup();
-  EXPECT_EQ(setup.settings.contact.method, InsideMethod::graph);
+  EXPECT_EQ(setup.settings.contact.method, MethodKind::graph);
   EXPECT_EQ(setup.settings.contact.edges, Edges::cut);
   EXPECT_EQ(setup.settings.time.average.frames, 5);
   EXPECT_EQ(setup.settings.time.average.max_jump, 0.02);

@@ -41,7 +41,7 @@ TEST(Report, HasTheNumbersOfTheFilesBesideIt) {
   for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
     RunSettings settings = test::path_settings();
     settings.coupling.kind = kind;
-    settings.contact.method = InsideMethod::graph;
+    settings.contact.method = MethodKind::graph;
     settings.time.mode = TimeMode::latest;
     const test::TemporaryFolder folder;
     const auto outcome = record(folder.path(), test::pressing_pose, 10, settings);

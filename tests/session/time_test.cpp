@@ -22,7 +22,7 @@ Pose held(double) { return {{0.002, 0.005, 0.49}, axis_angle({1, 2, 3}, 0.2)}; }
 RunSettings settings_with(TimeMode mode) {
   RunSettings settings = test::path_settings();
   settings.time.mode = mode;
-  settings.contact.method = InsideMethod::field;
+  settings.contact.method = MethodKind::field;
   return settings;
 }
 

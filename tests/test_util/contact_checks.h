@@ -16,12 +16,12 @@ namespace palpate::test {
 inline std::vector<ContactOptions> all_options() {
   std::vector<ContactOptions> all;
   for (SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
-    for (InsideMethod method : {InsideMethod::weighted, InsideMethod::simplified}) {
+    for (MethodKind method : {MethodKind::weighted, MethodKind::simplified}) {
       all.push_back({method, Priority::distance, InsideVolume::full, volumes});
       all.push_back({method, Priority::count, InsideVolume::full, volumes});
     }
-    all.push_back({InsideMethod::graph, Priority::distance, InsideVolume::full, volumes});
-    all.push_back({InsideMethod::graph, Priority::distance, InsideVolume::cap, volumes});
+    all.push_back({MethodKind::graph, Priority::distance, InsideVolume::full, volumes});
+    all.push_back({MethodKind::graph, Priority::distance, InsideVolume::cap, volumes});
   }
   return all;
 }

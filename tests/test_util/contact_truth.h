@@ -21,7 +21,7 @@ struct Truth {
 
 /// What the points say about each sphere: the same for every method.
 struct BoundaryTruth {
-  struct Lender {
+  struct Donor {
     Vec3d p, n;
     bool valid = false;
     double count = 0;     ///< points, or their weights
@@ -29,7 +29,7 @@ struct BoundaryTruth {
   };
   std::vector<Vec3d> c_W;
   std::vector<int> count;
-  std::vector<Lender> plane;
+  std::vector<Donor> plane;
   std::vector<std::size_t> boundary;  ///< spheres with a plane, ascending
   struct Edge {
     Vec3d p, n;
@@ -182,9 +182,9 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
   const std::size_t n = spheres.size();
   const std::vector<Vec3d>& c_W = touched.c_W;
   const std::vector<int>& count = touched.count;
-  const std::vector<BoundaryTruth::Lender>& plane = touched.plane;
+  const std::vector<BoundaryTruth::Donor>& plane = touched.plane;
   const std::vector<std::size_t>& boundary = touched.boundary;
-  using Lender = BoundaryTruth::Lender;
+  using Donor = BoundaryTruth::Donor;
   const Vec3d C_W = X_WT * tool.centre_T;
   Truth truth;
   truth.penetration.num_points = touched.num_points;
@@ -212,28 +212,28 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
     return nearest;
   };
   // An edge leaves the planes of what lies beyond it alone.
-  const auto matters_to = [&](const BoundaryTruth::Edge& edge, const Lender& lender) {
-    return dot(edge.n, lender.p - edge.p) <= 0 || norm(lender.p) <= norm(edge.p) + 0.02;
+  const auto matters_to = [&](const BoundaryTruth::Edge& edge, const Donor& donor) {
+    return dot(edge.n, donor.p - edge.p) <= 0 || norm(donor.p) <= norm(edge.p) + 0.02;
   };
-  const auto is_beyond = [&](std::size_t s, const Lender& lender) {
+  const auto is_beyond = [&](std::size_t s, const Donor& donor) {
     const BoundaryTruth::Edge* edge = edge_of(s);
-    if (edge == nullptr || !matters_to(*edge, lender)) return false;
+    if (edge == nullptr || !matters_to(*edge, donor)) return false;
     const double r = spheres[s].radius;
     const double margin = options.edges == Edges::centre ? 0 : options.edges == Edges::cut ? r : -r;
     return dot(edge->n, c_W[s] - edge->p) >= margin;
   };
   // Signed distance of the centre from the edge that cuts the sphere, far behind it if none does.
-  const auto edge_distance = [&](std::size_t s, const Lender& lender) {
+  const auto edge_distance = [&](std::size_t s, const Donor& donor) {
     const BoundaryTruth::Edge* edge = edge_of(s);
-    if (options.edges != Edges::cut || edge == nullptr || !matters_to(*edge, lender)) return -1e9;
+    if (options.edges != Edges::cut || edge == nullptr || !matters_to(*edge, donor)) return -1e9;
     return dot(edge->n, c_W[s] - edge->p);
   };
-  const auto volume_behind = [&](std::size_t s, const Lender& lender) {
-    // A boundary sphere's own plane is not borrowed.
-    if (&lender != &plane[s] && is_beyond(s, lender)) return 0.0;
-    const double r = spheres[s].radius, d = dot(lender.n, c_W[s] - lender.p);
-    const double e = edge_distance(s, lender);
-    const double cosine = e > -r ? dot(lender.n, edge_of(s)->n) : 0;
+  const auto volume_behind = [&](std::size_t s, const Donor& donor) {
+    // A boundary sphere's own plane is not taken.
+    if (&donor != &plane[s] && is_beyond(s, donor)) return 0.0;
+    const double r = spheres[s].radius, d = dot(donor.n, c_W[s] - donor.p);
+    const double e = edge_distance(s, donor);
+    const double cosine = e > -r ? dot(donor.n, edge_of(s)->n) : 0;
     return scale(s) * (e > -r ? two_plane_cut(r, d, e, cosine).volume : true_cap(r, d));
   };
   const auto add = [&](std::size_t s, double volume, const Vec3d& force) {
@@ -248,7 +248,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
   const bool fades_in =
       options.continuity == Continuity::entry || options.continuity == Continuity::both;
   // What all boundary spheres but s itself say about s.
-  const auto borrowed = [&](std::size_t s) {
+  const auto assigned = [&](std::size_t s) {
     struct Offer {
       double priority, presence;
       std::size_t from;
@@ -260,7 +260,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
       offers.push_back({options.priority == Priority::count ? plane[b].count : 1.0 / norm(d),
                         plane[b].presence, b});
     }
-    if (options.method != InsideMethod::weighted) {
+    if (options.method != MethodKind::weighted) {
       // The best four, each as far as those before it leave it visible.
       std::sort(offers.begin(), offers.end(), [](const Offer& a, const Offer& b) {
         return a.priority != b.priority ? a.priority > b.priority : a.from < b.from;
@@ -290,7 +290,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
     Vec3d force = volume * plane[s].n;
     if (fades_in) {
       const double presence = plane[s].valid ? plane[s].presence : 0;
-      const auto [state_volume, state_force] = borrowed(s);
+      const auto [state_volume, state_force] = assigned(s);
       volume = presence * volume + (1 - presence) * state_volume;
       force = presence * force + (1 - presence) * state_force;
     }
@@ -298,7 +298,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
   }
   if (boundary.empty()) return truth;
 
-  if (options.method == InsideMethod::graph) {
+  if (options.method == MethodKind::graph) {
     // Rounds of the corrected Algs. 3.5/3.6.
     std::vector<std::vector<std::size_t>> neighbours(n);
     for (const auto& [a, b] : tool.edges) {
@@ -321,11 +321,11 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
         Label best;
         for (std::size_t i : neighbours[j]) {
           if (label[i].round != round - 1) continue;
-          const Lender& lender = plane[label[i].reference];
-          if (!lender.valid) continue;
-          const Vec3d n_T = rotate(conjugate(X_WT.rotation), lender.n);
+          const Donor& donor = plane[label[i].reference];
+          if (!donor.valid) continue;
+          const Vec3d n_T = rotate(conjugate(X_WT.rotation), donor.n);
           const Vec3d step = to_double(spheres[j].centre) - to_double(spheres[i].centre);
-          if (!(dot(step, n_T) < 0) || is_beyond(j, lender)) continue;
+          if (!(dot(step, n_T) < 0) || is_beyond(j, donor)) continue;
           const double length = label[i].length + norm(step);
           if (best.round < 0 || length < best.length ||
               (length == best.length && label[i].reference < best.reference)) {
@@ -338,18 +338,18 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
     }
     for (std::size_t s = 0; s < n; ++s) {
       if (label[s].round <= 0) continue;
-      const Lender& lender = plane[label[s].reference];
+      const Donor& donor = plane[label[s].reference];
       const double volume = options.inside == InsideVolume::full
-                                ? scale(s) * true_cap(spheres[s].radius, edge_distance(s, lender))
-                                : volume_behind(s, lender);
-      add(s, volume, volume * lender.n);
+                                ? scale(s) * true_cap(spheres[s].radius, edge_distance(s, donor))
+                                : volume_behind(s, donor);
+      add(s, volume, volume * donor.n);
     }
     return truth;
   }
 
   for (std::size_t s = 0; s < n; ++s) {
     if (count[s] > 0) continue;
-    const auto [volume, force] = borrowed(s);
+    const auto [volume, force] = assigned(s);
     add(s, volume, force);
   }
   return truth;

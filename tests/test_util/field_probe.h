@@ -15,7 +15,7 @@ class FieldProbe {
 
   void set_field(const DepthFieldView& field) { queries_.set_field(field); }
   Penetration measure(const Pose& X_WT, SphereVolumes volumes) {
-    return queries_.query(X_WT, {.method = InsideMethod::field, .volumes = volumes});
+    return queries_.query(X_WT, {.method = MethodKind::field, .volumes = volumes});
   }
   Penetration measure(const Pose& X_WT, SphereVolumes volumes, const DepthFieldView& from,
                       const DepthFieldView& to, double t) {
@@ -34,7 +34,7 @@ class FieldProbe {
 
 /// `tool` and `pool` must outlive it.
 inline FieldProbe cpu_probe(const Tool& tool, ThreadPool& pool, Isa isa) {
-  return FieldProbe(eval::MethodQueries(Backend::cpu, tool, ContactCapacities{isa, &pool}));
+  return FieldProbe(eval::MethodQueries(Backend::cpu, tool, ExecutionOptions{isa, &pool}));
 }
 
 inline eval::MethodQueries cuda_queries(const Tool& tool) {

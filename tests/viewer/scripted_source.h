@@ -34,7 +34,7 @@ struct ScriptedScene {
   std::vector<Sphere> spheres = {{{-0.06f, 0, 0}, 0.025f},  // outside
                                  {{0, 0, 0}, 0.025f},       // boundary, its lower half is in
                                  {{0.06f, 0, 0}, 0.025f},   // inside
-                                 {{0, 0.06f, 0}, 0.02f}};   // inside, cut by a borrowed plane
+                                 {{0, 0.06f, 0}, 0.02f}};   // inside, cut by a taken plane
   std::vector<SphereState> states = {SphereState::outside, SphereState::boundary,
                                      SphereState::inside, SphereState::inside};
   std::vector<Plane<float>> planes = {{{0, 0, 0}, 0},

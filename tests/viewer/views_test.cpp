@@ -268,13 +268,13 @@ TEST(RunView, ASeekShowsWhatTheRunFeltWithTheNewestFrame) {
 
 TEST(RunView, ASeekShowsWhatTheRunFeltWhenItPredicts) {
   RunSettings settings = path_settings(TimeMode::predict);
-  settings.contact.method = InsideMethod::graph;
+  settings.contact.method = MethodKind::graph;
   expect_exact_seeks(settings, 12);
 }
 
 TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
   RunSettings settings = path_settings();
-  settings.contact.method = InsideMethod::simplified;
+  settings.contact.method = MethodKind::simplified;
   settings.contact.edges = Edges::strict;
   settings.surface.depth_change.enabled = true;
   settings.time.average.kind = DepthAverage::moving;
@@ -433,7 +433,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   watcher.contact = nullptr;
   ASSERT_TRUE(watcher.until([&] { return watcher.contact != nullptr; }));
   RunSettings other = path_settings();
-  other.contact.method = InsideMethod::graph;
+  other.contact.method = MethodKind::graph;
   play_to(40, other, 12, [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
   EXPECT_NE(watcher.contact->states, recorded->states);
   EXPECT_NE(watcher.state()["note"].get<std::string>().find("contact.method"), std::string::npos);
@@ -665,7 +665,7 @@ TEST_F(LiveRunTest, IsTurnedAndHeld) {
   const auto last = (*run)->query_at(1e9);
   ASSERT_TRUE(last);
   EXPECT_EQ(last->revision, 4u);
-  EXPECT_EQ((*run)->settings(last->revision).contact.method, InsideMethod::weighted);
+  EXPECT_EQ((*run)->settings(last->revision).contact.method, MethodKind::weighted);
   EXPECT_EQ((*run)->settings(last->revision).coupling.damping_ratio, 0.7);
 }
 

@@ -22,7 +22,7 @@ struct ImageSize {
 ///   intrinsics=fx,fy,cx,cy  distortion=k1,k2,p1,p2[,k3[,k4,k5,k6]]  size=WIDTHxHEIGHT
 ///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  pose=tx,ty,tz,qx,qy,qz,qw
 struct CameraUri {
-  std::string text;          ///< as it was given, for people
+  std::string text;          ///< as it was given, for humans
   std::string kind, target;  ///< "folder" and "frames/"
   std::optional<Intrinsics> intrinsics;
   std::optional<Distortion> distortion;

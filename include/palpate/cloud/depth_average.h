@@ -51,7 +51,7 @@ class DepthAverager {
   /// Takes one more frame, of the size given at construction and of one unit over the stream.
   /// Returns metres, NaN where there is no measurement; valid until the next update. The same bits
   /// for any number of threads.
-  std::span<const float> update(const DepthFrame& frame, ThreadPool& pool);
+  std::span<const float> update(const DepthImageView& counts, ThreadPool& pool);
 
  private:
   struct Impl;

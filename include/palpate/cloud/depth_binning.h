@@ -13,7 +13,8 @@ DepthStreamInfo binned(const DepthStreamInfo& stream, int binning);
 
 /// Each pixel is the rounded mean of those of its square that show the same surface: measurements
 /// that are within 1/32 of their (lower) median. So no pixel floats between two surfaces. None
-/// where nothing was measured. Allocates only if `small` is too small. O(pixels).
-void bin_depth(const DepthFrame& frame, int binning, DepthFrame& small);
+/// where nothing was measured. Of counts in host memory. Allocates only if `small` is too small.
+/// O(pixels).
+void bin_depth(const DepthImageView& image, int binning, DepthFrame& small);
 
 }  // namespace palpate

@@ -9,6 +9,7 @@
 
 #include "palpate/cloud/intrinsics.h"
 #include "palpate/core/result.h"
+#include "palpate/gpu/devices.h"
 
 namespace palpate {
 
@@ -27,6 +28,33 @@ struct DepthFrame {
   double timestamp = 0;
 };
 
+/// One depth image to look at, not owning: `counts` times `unit` metres (0 and 65535: no
+/// measurement), or `metres` (0 and NaN: no measurement). Row-major, width * height values, in host
+/// memory or in that of a GPU.
+struct DepthImageView {
+  int width = 0, height = 0;
+  const std::uint16_t* counts = nullptr;
+  const float* metres = nullptr;  ///< looked at if there are no counts
+  double unit = 0.001;            ///< metres per count
+  int gpu = kHostMemory;          ///< whose memory the values are in
+
+  DepthImageView() = default;
+  /// Without any values unless the frame has as many as its size says.
+  DepthImageView(const DepthFrame& frame)
+      : width(frame.width), height(frame.height), unit(frame.unit) {
+    if (frame.pixels.size() == num_pixels()) counts = frame.pixels.data();
+  }
+  DepthImageView(int wide, int high, const std::uint16_t* values, double metres_per_count,
+                 int on_gpu = kHostMemory)
+      : width(wide), height(high), counts(values), unit(metres_per_count), gpu(on_gpu) {}
+  DepthImageView(int wide, int high, const float* values, int on_gpu = kHostMemory)
+      : width(wide), height(high), metres(values), gpu(on_gpu) {}
+
+  std::size_t num_pixels() const {
+    return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  }
+};
+
 /// What stays the same over a stream.
 struct DepthStreamInfo {
   int width = 0, height = 0;
@@ -34,7 +62,7 @@ struct DepthStreamInfo {
   double unit = 0.001;            ///< metres per count
   double rate = 30;               ///< nominal frames per second
   std::optional<int> num_frames;  ///< nullopt for an endless stream
-  std::string name;               ///< for people
+  std::string name;               ///< for humans
   bool is_live = false;           ///< frames come when they are captured, not when asked for
   Distortion distortion = {};  ///< none where surfaces are made: what cameras/ opens has it removed
 };

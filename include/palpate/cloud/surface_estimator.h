@@ -126,9 +126,11 @@ class SurfaceEstimator {
   SurfaceEstimator& operator=(SurfaceEstimator&&) noexcept;
   ~SurfaceEstimator();
 
-  /// Computes cloud and depth-change vectors of a frame of the size given at construction. The same
-  /// bits for any number of threads in `pool`, and for any parts where they are. No allocation.
-  SurfaceStats update(const DepthFrame& frame, ThreadPool& pool, const SurfaceParts& parts = {});
+  /// Computes cloud and depth-change vectors of an image in host memory, of the size given at
+  /// construction. The same bits for any number of threads in `pool`, and for any parts where they
+  /// are. No allocation.
+  SurfaceStats update(const DepthImageView& image, ThreadPool& pool,
+                      const SurfaceParts& parts = {});
   /// The same from depth in metres (NaN or 0: no measurement), width * height values.
   SurfaceStats update(std::span<const float> depth, ThreadPool& pool,
                       const SurfaceParts& parts = {});

@@ -53,9 +53,9 @@ class BodyWorld {
 
   /// Measures every tool against the surface and every pair of bodies once, except two objects. No
   /// allocation; the same bits for the same poses and surface.
-  void measure(const Surfaces& surface) noexcept { measure(surface, surface, 1); }
+  void measure(const SurfaceView& surface) noexcept { measure(surface, surface, 1); }
   /// Between two surfaces, as ContactQuery.
-  void measure(const Surfaces& from, const Surfaces& to, double alpha) noexcept;
+  void measure(const SurfaceView& from, const SurfaceView& to, double alpha) noexcept;
   /// Of the last `measure`.
   const BodyMeasure& measured(int body) const { return at(body).measured; }
 

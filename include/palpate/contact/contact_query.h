@@ -18,17 +18,17 @@
 namespace palpate {
 
 /// How spheres that no point touches get their plane.
-enum class InsideMethod {
+enum class MethodKind {
   weighted,    ///< average over all boundary spheres (Alg. 3.3)
   simplified,  ///< the best boundary sphere only (Alg. 3.4)
   graph,       ///< along the leaf graph, away from the surface (Algs. 3.5-3.7)
   field,       ///< no points at all: every sphere asks the depth field (field/depth_field.h)
 };
-constexpr auto names_of(InsideMethod) {
+constexpr auto names_of(MethodKind) {
   return std::array{"weighted", "simplified", "graph", "field"};
 }
 
-/// What makes a boundary sphere a good one to borrow from.
+/// What makes a boundary sphere a good one to take a plane from.
 enum class Priority {
   distance,  ///< inverse distance of the centres
   count,     ///< number of points inside the boundary sphere
@@ -54,7 +54,7 @@ constexpr auto names_of(SphereVolumes) { return std::array{"spheres", "represent
 /// surface from reaching beyond it. Needs a cloud with depth-change vectors.
 enum class Edges {
   none,
-  centre,  ///< nothing is borrowed by spheres with their centre beyond the edge
+  centre,  ///< nothing is taken by spheres with their centre beyond the edge
   strict,  ///< nor by spheres that the edge plane cuts
   cut,     ///< every sphere is cut by its surface plane and by the edge plane: continuous
 };
@@ -65,7 +65,7 @@ constexpr auto names_of(Edges) { return std::array{"none", "centre", "strict", "
 enum class Continuity {
   none,
   kernel,  ///< planes through weighted means; the priority `count` is the sum of the weights W
-  /// A boundary sphere counts as one by W / (W + 1/4) only, as lender and for its own volume; for
+  /// A boundary sphere counts as one by W / (W + 1/4) only, as donor and for its own volume; for
   /// the rest it is as if no point touched it.
   entry,
   both,
@@ -75,7 +75,7 @@ constexpr auto names_of(Continuity) { return std::array{"none", "kernel", "entry
 /// The method and its options as settings: files and command lines name them one by one. See
 /// contact_method.
 struct ContactOptions {
-  InsideMethod method = InsideMethod::field;
+  MethodKind method = MethodKind::field;
   Priority priority = Priority::distance;
   InsideVolume inside = InsideVolume::full;
   /// `represented` scales every V_s by represented / own volume of its sphere. nullopt: as fits the
@@ -87,7 +87,7 @@ struct ContactOptions {
   /// The field measures the tool, the methods of the thesis measure its spheres.
   SphereVolumes counted() const {
     if (volumes) return *volumes;
-    return method == InsideMethod::field ? SphereVolumes::represented : SphereVolumes::own;
+    return method == MethodKind::field ? SphereVolumes::represented : SphereVolumes::own;
   }
   friend bool operator==(const ContactOptions&, const ContactOptions&) = default;
 };
@@ -180,13 +180,23 @@ struct ContactStatus {
   friend constexpr bool operator==(ContactStatus, ContactStatus) = default;
 };
 
+/// Newtons per volume times direction. The thesis: the device's largest force at an eighth of the
+/// tool's volume.
+struct VolumeStiffness {
+  double newtons_per_cubic_metre = 0;
+
+  /// N and N m.
+  friend constexpr Wrench operator*(VolumeStiffness k, const VolumeWrench& measure) {
+    return {measure.force * k.newtons_per_cubic_metre, measure.torque * k.newtons_per_cubic_metre};
+  }
+};
+
 /// The measure for one pose.
 struct Penetration {
   double volume = 0;  ///< m3: sum of V_s, kept apart from |force|
-  /// force: sum V_s n_s (m3); torque: sum (c_s - C) x V_s n_s (m4) about the tool's centre of mass
-  /// C; both in W, before any stiffness. |force| <= volume for the point methods, 1.05 volume for
-  /// field.
-  Wrench measure_W;
+  /// force: sum V_s n_s; torque: sum (c_s - C) x V_s n_s about the tool's centre of mass C; both in
+  /// W. |force| <= volume for the point methods, 1.05 volume for field.
+  VolumeWrench measure_W;
   /// field: U with measure_W = -dU/dpose where no gradient had to be shortened, m4; else 0
   double potential = 0;
   int num_boundary_spheres = 0;  ///< spheres that contain at least one point
@@ -231,7 +241,7 @@ class ContactQuery {
   /// gives the same bits, whatever was asked before and for any number of threads. A GPU may be
   /// given views of host memory and of other GPUs: they are copied once for each stamp, with memory
   /// for the first ones of their size.
-  ContactResult measure(const Surfaces& surface, const Pose& X_WT,
+  ContactResult measure(const SurfaceView& surface, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return measure(surface, surface, 1, X_WT, wants);
   }
@@ -239,7 +249,7 @@ class ContactQuery {
   /// against `to`, whose are counts, states and planes. Whatever changed between the two, the force
   /// so goes from the one to the other, and with `field` it is at every alpha the exact gradient of
   /// one potential. With alpha = 1 `from` is not looked at; else it takes up to twice as long.
-  virtual ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha,
+  virtual ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
                                 const Pose& X_WT,
                                 const ContactWants& wants = {}) const noexcept = 0;
 
@@ -257,7 +267,7 @@ class ContactQuery {
   ContactMethod method_;
 };
 
-struct ContactCapacities {
+struct ExecutionOptions {
   Isa isa = best_isa();
   /// Threads used inside one query; null runs on the caller's thread alone.
   ThreadPool* pool = nullptr;
@@ -269,13 +279,13 @@ struct ContactCapacities {
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
-                                                         const ContactCapacities& capacities = {});
+                                                         const ExecutionOptions& capacities = {});
 /// The same with an index of its own. `tool` must outlive the query.
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
                                                          const ContactMethod& method = {},
-                                                         const ContactCapacities& capacities = {});
+                                                         const ExecutionOptions& capacities = {});
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend, const Tool&&,
                                                          const ContactMethod& = {},
-                                                         const ContactCapacities& = {}) = delete;
+                                                         const ExecutionOptions& = {}) = delete;
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// One text for host and device: a function marked PALPATE_HOSTDEV is compiled by the C++ compiler
+// shared by host and device: a function marked PALPATE_HOSTDEV is compiled by the C++ compiler
 // and by nvcc from the same lines.
 #pragma once
 

@@ -28,7 +28,7 @@ std::vector<FoundDevice> find_devices();
 Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri);
 
 /// A path that is played in real time: the handle goes where it says, in B, and feels nothing.
-/// `name` is for people.
+/// `name` is for humans.
 std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<TimedPose> X_BH);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// The value and gradient of a depth field at a point: one text for host and device, for single
+// The value and gradient of a depth field at a point: shared by host and device, for single
 // numbers and for vectors of numbers.
 //
 // Each pixel has a value at depth z: near one smooth surface the distance from its ray at that
@@ -194,9 +194,28 @@ PALPATE_FORMULA Real deep_limit(Real radius) {
   return (kDeep - kDeepCorner) * kFootprint * radius;
 }
 
+/// By how much the maximum of `deepened` is deeper than -depth where fine and wide pixels both say
+/// depth: steepening makes it so, and it stays behind by the corner of the maximum. By the depth of
+/// the maximum; a cubic, off by less than a thousandth of the depth.
+template <class Real>
+PALPATE_FORMULA Curved<Real> deep_excess(Real depth, Real footprint, Real per_footprint) {
+  constexpr float kEnd = 2.0f * kDeepCorner / kSteepening + kDeepCorner;  // from there on constant
+  constexpr float kGrowth = kSteepening / (1.0f + kSteepening);           // at the beginning
+  constexpr float kBulge = 6.0f * kDeepCorner / (kGrowth * kEnd) - 3.0f;
+  const Real zero{}, one = zero + 1.0f, per_end = per_footprint * (1.0f / kEnd);
+  const Curved<Real> e = even_corner(depth - kDeep * footprint, 0.5f * kDeep * footprint,
+                                     per_footprint * (2.0f / kDeep));
+  const Real y = e.value * per_end, s = y > one ? one : y;
+  const Real left = one - s, bulge = one + kBulge * s, growth = kGrowth * left * bulge;
+  const Real bend = e.slope * e.slope * per_end * kGrowth * (kBulge * left - bulge);
+  const auto is_bent = s == y;
+  return {kGrowth * kEnd * footprint * s * (one - 0.5f * s + kBulge * s * (0.5f - (1.0f / 3) * s)),
+          growth * e.slope, growth * e.bend + (is_bent ? bend : zero)};
+}
+
 /// What a sphere of this radius is told, and the next wider one: the maximum of both, where the
-/// wider one knows only of what is deeper than kDeep footprints. `Told` is an ImageGradient or an
-/// ImageCurvature.
+/// wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
+/// both say where they agree. `Told` is an ImageGradient or an ImageCurvature.
 template <class Told, class Real>
 PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi, Real wide_phi,
                               Real radius) {
@@ -214,9 +233,11 @@ PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi,
   const Curved<Real> c = even_corner(-wide_phi - depth + 2.0f * k, k, per_k);
   const Real capped_phi = k - depth - c.value;
   const Told capped = composed<Real>({capped_phi, c.slope, -c.bend}, wide);
-  // The maximum of both; where both are the same, no less and no more.
   const Curved<Real> m = even_corner(capped_phi - steep_phi, k, per_k);
-  return sum(steep, composed<Real>(m, difference(capped, steep)));
+  const Told most = sum(steep, composed<Real>(m, difference(capped, steep)));
+  const Real depth_of_most = -steep_phi - m.value;
+  const Curved<Real> excess = deep_excess(depth_of_most, footprint, per_footprint);
+  return composed<Real>({excess.value - depth_of_most, one - excess.slope, excess.bend}, most);
 }
 
 /// `blend` of the next wider level; it changes with z by `by_z`.

@@ -39,8 +39,8 @@ inline void add_settings(SettingTable& t, TimeOptions& o) {
   add_settings(t, o.average);
 }
 
-/// What queries look at.
-struct Surfaces {
+/// What queries look at; not owning, trivially copyable.
+struct SurfaceView {
   PointCloudView cloud;
   DepthFieldView field;  ///< no levels if there is none
 };
@@ -48,15 +48,9 @@ struct Surfaces {
 /// A moment between two surfaces: the measure is (1 - progress) times that of `from` and progress
 /// times that of `to` (contact/contact_query.h). So whatever appears or vanishes fades in or out,
 /// be it a pixel or a wall.
-struct SurfaceMoment {
-  Surfaces from, to;
+struct SurfaceBlend {
+  SurfaceView from, to;
   double progress = 1;
-};
-
-/// Where surfaces are made, and where their arrays are.
-struct SensingPlace {
-  Backend backend = Backend::cpu;
-  int gpu = 0;  ///< for the CUDA backend
 };
 
 class FrameSlots;  // how the surfaces of frames are made, see src/field/frame_slots.h
@@ -74,7 +68,7 @@ class SurfaceTimeline {
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,
-                                        const TimeOptions& options, const SensingPlace& place = {},
+                                        const TimeOptions& options, const Place& place = {},
                                         int num_spare = 0, bool wants_depth_change = true,
                                         int binning = 1);
   SurfaceTimeline(SurfaceTimeline&&) noexcept;
@@ -85,14 +79,14 @@ class SurfaceTimeline {
   const DepthStreamInfo& stream() const;
 
   /// Takes the frame that became current at `time` (s, later than the one before). With a field it
-  /// is made for queries inside of `asked`, which Surfaces::field says, and there is no cloud
+  /// is made for queries inside of `asked`, which SurfaceView::field says, and there is no cloud
   /// unless that is the whole image; a GPU always makes the whole one. No allocation; the same bits
   /// for any number of threads, at every place and for any window. Waits for the GPU.
-  SurfaceStats push(const DepthFrame& frame, double time, ThreadPool& pool,
+  SurfaceStats push(const DepthImageView& frame, double time, ThreadPool& pool,
                     const PixelWindow& asked = {});
   /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
   /// waited for. The views stay valid until the next push, or longer with spare surfaces. O(1).
-  SurfaceMoment at(double time) const;
+  SurfaceBlend at(double time) const;
 
   /// A copy in host memory of the newest frame's points as they were seen, not predicted, with
   /// depth-change vectors if they are found on the CPU; before the first push, without any points.

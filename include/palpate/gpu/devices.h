@@ -14,6 +14,16 @@ namespace palpate {
 enum class Backend { cpu, cuda };
 constexpr auto names_of(Backend) { return std::array{"cpu", "cuda"}; }
 
+/// Where surfaces are made and queries computed, and where their arrays are.
+struct Place {
+  Backend backend = Backend::cpu;
+  int gpu = 0;  ///< of the CUDA backend: GpuInfo::index
+
+  static constexpr Place cpu() { return {}; }
+  static constexpr Place cuda(int gpu = 0) { return {Backend::cuda, gpu}; }
+  friend constexpr bool operator==(const Place&, const Place&) = default;
+};
+
 /// Where arrays are: in host memory, or in that of a GPU.
 inline constexpr int kHostMemory = -1;
 

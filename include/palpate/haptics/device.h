@@ -27,7 +27,7 @@ struct DeviceLimits {
 
 struct DeviceInfo {
   std::string kind;  ///< as on the command line: sim, replay, spacenav, haply, ...
-  std::string name;  ///< for people: model and serial number or address
+  std::string name;  ///< for humans: model and serial number or address
   DeviceLimits limits;
   double rate = 1000;  ///< ticks per second, nominal
   bool senses_orientation = true;

@@ -25,16 +25,11 @@ struct LocalContact {
   Wrench at(const Pose& X_WT_now) const;
 };
 
-/// Contact force per measured volume times direction. The thesis: the device's largest force at an
-/// eighth of the tool's volume.
-struct ForceScale {
-  double newtons_per_cubic_metre = 0;
-};
-ForceScale thesis_force_scale(double max_force, double tool_volume);
+VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume);
 
 /// `measure_W` and `stiffness` in m3 ... as a contact of that scale.
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
-                           const Pose& X_WT, const Vec3d& centre_of_mass_T, const ForceScale& scale,
-                           double time, double surface_age);
+                           const Pose& X_WT, const Vec3d& centre_of_mass_T,
+                           const VolumeStiffness& scale, double time, double surface_age);
 
 }  // namespace palpate

@@ -83,7 +83,7 @@ struct SafetyStatus {
   }
 };
 
-/// One sentence about what has changed between two ticks, for people; empty if nothing has.
+/// One sentence about what has changed between two ticks, for humans; empty if nothing has.
 std::string_view describe_change(const SafetyStatus& before, const SafetyStatus& after);
 
 /// One per device, one thread at a time. No allocation, no throw; O(1).

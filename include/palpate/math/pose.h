@@ -96,8 +96,15 @@ inline Pose interpolate(const Pose& a, const Pose& b, double t) {
 
 /// Force and torque about a stated point in a stated frame, e.g. F_To_W: at To, expressed in W.
 struct Wrench {
-  Vec3d force;
-  Vec3d torque;
+  Vec3d force;   ///< N
+  Vec3d torque;  ///< N m
+};
+
+/// Volumes times directions: a wrench before any stiffness, about a stated point and in a stated
+/// frame.
+struct VolumeWrench {
+  Vec3d force;   ///< m3
+  Vec3d torque;  ///< m4
 };
 
 /// Linear velocity of a stated point and angular velocity.

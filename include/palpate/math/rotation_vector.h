@@ -22,7 +22,7 @@ inline Quaternion rotation_by(const Vec3d& turn) {
 }
 
 /// What turns `from` into `to`, in the frame that both are in: to = exp(result) from.
-inline Vec3d turn_between(const Quaternion& from, const Quaternion& to) {
+inline Vec3d rotation_between(const Quaternion& from, const Quaternion& to) {
   return rotation_vector(to * conjugate(from));
 }
 

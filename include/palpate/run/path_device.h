@@ -14,7 +14,7 @@ struct PathDeviceOptions {
   double duration = 0;                    ///< s; ticks at times before it
   double rate = 1000;                     ///< ticks per second
   DeviceLimits limits;                    ///< what forces are computed for
-  std::string name;                       ///< for people
+  std::string name;                       ///< for humans
 };
 
 /// Feels nothing. Errors: rate or duration out of range.

@@ -1,4 +1,4 @@
-// Pictures of a run for people who look on: how the spheres are, and the surface.
+// Pictures of a run for humans who look on: how the spheres are, and the surface.
 #pragma once
 
 #include <cstdint>

@@ -21,17 +21,17 @@ namespace palpate {
 class ContactPart {
  public:
   /// `tool` must outlive it, and so must the shapes of `objects`.
-  ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ForceScale& scale,
+  ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const VolumeStiffness& scale,
               const std::vector<SceneObject>& objects = {});
   /// Where pairs of tool and objects are measured, too. Error: too little memory there.
   Status measure_pairs_at(Backend backend, int gpu);
 
   /// From the next measurement on.
-  void use(const ForceScale& scale) { scale_ = scale; }
+  void use(const VolumeStiffness& scale) { scale_ = scale; }
 
   /// What the tool meets at record.X_WT: fills in penetration, objects and, with the stiffness that
   /// was measured last, `contact`, whose time is the record's `contact.time`. No allocation.
-  void measure(const SurfaceMoment& moment, bool with_stiffness, ContactRecord& record) noexcept;
+  void measure(const SurfaceBlend& moment, bool with_stiffness, ContactRecord& record) noexcept;
   /// Whether contacts have a stiffness that can be measured; if not, that of `measure` is right.
   bool has_stiffness() const noexcept;
 
@@ -44,7 +44,7 @@ class ContactPart {
   BodyWorld world_;            // the tool, then the objects
   const ContactQuery* query_;  // the tool's, owned by the world
   Vec3d centre_of_mass_T_;
-  ForceScale scale_;
+  VolumeStiffness scale_;
   Stiffness stiffness_;  // measured last
 };
 
@@ -117,7 +117,7 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSe
 /// The same, with `threads` for queries too, which may be null and must outlive it.
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const RunSettings& settings,
-                                                       const ForceScale& scale,
+                                                       const VolumeStiffness& scale,
                                                        ThreadPool* threads = nullptr);
 
 /// The parts of a run, made from its settings.
@@ -126,8 +126,8 @@ struct RunParts {
   std::optional<SurfaceTimeline> timeline;
   std::unique_ptr<ContactPart> contact;
   CouplingOptions checked_coupling;
-  ForceScale scale;
-  std::vector<std::string> notes;  ///< for people
+  VolumeStiffness scale;
+  std::vector<std::string> notes;  ///< for humans
 };
 struct RunPartsOptions {
   /// What a running loop has: what it keeps of that is left out.
@@ -178,7 +178,7 @@ class Pipeline {
   /// For pictures.
   PointCloud newest_cloud() { return timeline_->newest_cloud(*pool_); }
   /// What was measured last.
-  const SurfaceMoment& moment() const { return moment_; }
+  const SurfaceBlend& moment() const { return moment_; }
   double period() const { return timeline_->period(); }
 
  private:
@@ -187,7 +187,7 @@ class Pipeline {
     std::uint32_t revision = 0;
     std::optional<SurfaceTimeline> timeline;
     std::unique_ptr<ContactPart> contact;
-    ForceScale scale;
+    VolumeStiffness scale;
   };
   Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo& stream,
            const DeviceInfo& device, const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
@@ -209,7 +209,7 @@ class Pipeline {
   std::uint64_t num_frames_ = 0;
   double capture_time_ = 0, start_time_ = 0;
   bool has_begun_ = false, has_backend_failed_ = false;
-  SurfaceMoment moment_;
+  SurfaceBlend moment_;
   ContactRecord contact_;
   TickRecord record_;
 };

@@ -37,7 +37,7 @@ struct RunObserver {
   std::function<void(const HandMoment&)> on_moment = {};
   /// Before the first frame, contact or tick of a new revision; not for revision 0.
   std::function<void(std::uint32_t revision, const RunSettings&)> on_settings = {};
-  /// What the loop has done by itself, for people.
+  /// What the loop has done by itself, for humans.
   std::function<void(std::string_view)> on_note = {};
 };
 
@@ -72,7 +72,7 @@ struct SimulatedClock {
   /// frame.
   std::optional<double> zero = {};
   bool ends_with_frames = true;  ///< one period after the last one; else that one stays
-  bool keeps_pace = false;       ///< no tick comes before its time, for people who look on
+  bool keeps_pace = false;       ///< no tick comes before its time, for humans who look on
 };
 
 class RunLoop {

@@ -59,7 +59,7 @@ PackingStatistics packing_statistics(const Tool& tool);
 /// What a page tells beside the tool itself; empty parts are left out.
 struct PackingNotes {
   std::string stopped;                                       ///< why there are no more spheres
-  std::vector<std::pair<std::string, std::string>> options;  ///< name and value, for people
+  std::vector<std::pair<std::string, std::string>> options;  ///< name and value, for humans
   std::vector<std::pair<std::string, double>> step_seconds;  ///< name and time taken
 };
 

@@ -1,4 +1,4 @@
-// A tool path for people who have a scene but no path.
+// A tool path for humans who have a scene but no path.
 #pragma once
 
 #include <functional>

@@ -5,7 +5,7 @@
 //                   half second even if the program is killed; ROS 2 tools and Foxglove read it
 //   wrench.csv      one line per tick, units in its first line; no compute times
 //   summary.json    settings, counts, peaks, percentiles of every stage, faults
-//   report.html     the same for people, with plots and the deepest moment in 3-D; not in a build
+//   report.html     the same for humans, with plots and the deepest moment in 3-D; not in a build
 //                   without pages
 #pragma once
 
@@ -99,7 +99,7 @@ struct RunOutcome {
   RunPeaks peaks;
   RunSettings settings;  ///< as used
   std::string summary_json;
-  std::vector<std::string> warnings;  ///< for people
+  std::vector<std::string> warnings;  ///< for humans
   std::string why_not_cuda;           ///< if the fastest backend was asked for and it is another
   std::string failure;                ///< why it ended early; else empty
   std::string not_kept;               ///< what could not be written, and why; else empty

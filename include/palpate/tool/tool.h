@@ -53,7 +53,7 @@ class Tool {
   const MassProperties& sphere_mass() const { return sphere_mass_; }
   /// Of the solid itself at density 1, exact.
   const MassProperties& mesh_mass() const { return mesh_mass_; }
-  /// Where the mesh came from, for people.
+  /// Where the mesh came from, for humans.
   const std::string& source() const { return source_; }
 
  private:

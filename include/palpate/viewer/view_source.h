@@ -20,7 +20,7 @@ namespace palpate {
 /// What stays the same while it is looked at.
 struct ViewContent {
   std::string kind;   ///< "live", "recording" or "tool"
-  std::string title;  ///< for people, e.g. the file or device
+  std::string title;  ///< for humans, e.g. the file or device
   const Tool* tool = nullptr;
   std::optional<DepthStreamInfo> stream;  ///< none: there is no scene
 };

@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
-#include "src/contact/cuda/device_cloud.h"
 #include "src/contact/cuda/finish_measure.cuh"
+#include "src/contact/cuda/gpu_cloud.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_contact_cuda.h"
 #include "src/contact/index/tool_parts.h"
-#include "src/contact/points/donors/borrow_stage.cuh"
+#include "src/contact/points/donors/assignment_stage.cuh"
 #include "src/contact/points/edges/edge_stage.cuh"
 #include "src/contact/points/graph/graph_memory.h"
 #include "src/contact/points/graph/graph_stage.cuh"
@@ -46,7 +46,7 @@ __device__ void finish(const PointQuery& q, const MeasureOutput& out, const Meas
 }
 
 // All stages of a query; see point_query.h.
-template <InsideMethod kMethod, bool kWithEdges>
+template <MethodKind kMethod, bool kWithEdges>
 __global__ void __launch_bounds__(kQueryThreads, 1)
     point_query(const __grid_constant__ PointQuery q, const __grid_constant__ MeasureOutput out,
                 unsigned long long* barrier) {
@@ -65,11 +65,11 @@ __global__ void __launch_bounds__(kQueryThreads, 1)
   }
   MeasureSums sums;
   int num_rounds = 0;
-  if (kMethod == InsideMethod::graph) {
+  if (kMethod == MethodKind::graph) {
     num_rounds = search_graph(q, barrier, kWithEdges);
     sums = measure_reached(q, kWithEdges);
   } else {
-    sums = borrow_planes(q, kMethod, kWithEdges);
+    sums = assign_planes(q, kMethod, kWithEdges);
   }
   sums.add(measure_boundary_spheres(q, kMethod, kWithEdges));
   finish(q, out, sums, num_rounds);
@@ -78,15 +78,15 @@ __global__ void __launch_bounds__(kQueryThreads, 1)
 using PointKernel = void (*)(PointQuery, MeasureOutput, unsigned long long*);
 
 constexpr std::size_t kSharedBytes =
-    std::max({sizeof(FinishScratch), kBoundarySharedBytes, kEdgeSharedBytes, kBorrowSharedBytes,
+    std::max({sizeof(FinishScratch), kBoundarySharedBytes, kEdgeSharedBytes, kAssignmentSharedBytes,
               kGraphSharedBytes});
 
 constexpr PointKernel kKernels[3][2] = {
-    {point_query<InsideMethod::weighted, false>, point_query<InsideMethod::weighted, true>},
-    {point_query<InsideMethod::simplified, false>, point_query<InsideMethod::simplified, true>},
-    {point_query<InsideMethod::graph, false>, point_query<InsideMethod::graph, true>}};
+    {point_query<MethodKind::weighted, false>, point_query<MethodKind::weighted, true>},
+    {point_query<MethodKind::simplified, false>, point_query<MethodKind::simplified, true>},
+    {point_query<MethodKind::graph, false>, point_query<MethodKind::graph, true>}};
 
-PointKernel kernel_for(InsideMethod method, bool with_edges) {
+PointKernel kernel_for(MethodKind method, bool with_edges) {
   return kKernels[static_cast<int>(method)][with_edges];
 }
 
@@ -146,7 +146,7 @@ class PointMeasurementCuda {
   const Bounds& box_T_;
   gpu::Memory memory_;
   gpu::Stream stream_;
-  DeviceClouds clouds_;
+  GpuClouds clouds_;
   AnswerBox answers_;
 
   PointQuery query_;  // of the last query, or what all have in common
@@ -194,12 +194,12 @@ void PointMeasurementCuda::take_scratch() {
   q.touched_before = memory_.take<std::uint32_t>((n + 31) / 32);
   BoundaryList& b = q.boundary;
   b.num = memory_.take<std::int32_t>(1);
-  b.num_lenders = memory_.take<std::int32_t>(1);
+  b.num_donors = memory_.take<std::int32_t>(1);
   b.num_points = memory_.take<std::int32_t>(1);
   b.status = memory_.take<std::uint32_t>(1);
   b.heaviest = memory_.take<unsigned long long>(1);
   b.sphere_id = memory_.take<std::int32_t>(n);
-  b.lenders = memory_.take<Lender>(n);
+  b.donors = memory_.take<Donor>(n);
   for (float** channel :
        {&b.x, &b.y, &b.z, &b.nx, &b.ny, &b.nz, &b.offset, &b.weight, &b.presence}) {
     *channel = memory_.take<float>(n);
@@ -216,13 +216,13 @@ void PointMeasurementCuda::take_scratch() {
   }
   q.num_pieces = memory_.take<std::int32_t>(1);
   q.num_edge_candidates = memory_.take<std::int32_t>(1);
-  if (options_.method == InsideMethod::graph) {
+  if (options_.method == MethodKind::graph) {
     const SortedGraph& graph = index_.parts().graph();
     q.graph = sorted_graph_on_gpu(memory_, graph, clusters_);
     q.search = graph_search_on_gpu(memory_, q.graph, num_places, graph.neighbours.size());
   }
-  q.lender = memory_.take<std::int32_t>(num_places);
-  q.borrowed_volume = memory_.take<float>(num_places);
+  q.donor = memory_.take<std::int32_t>(num_places);
+  q.assigned_volume = memory_.take<float>(num_places);
   barrier_ = memory_.take<unsigned long long>(1);
 }
 
@@ -308,31 +308,31 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
   if (!is_measured_) return;
   const auto num_boundary =
       static_cast<std::size_t>(answers_.answer().penetration().num_boundary_spheres);
-  const auto lenders = fetch(query_.boundary.lenders, num_boundary);
+  const auto donors = fetch(query_.boundary.donors, num_boundary);
   const auto boundary_ids = fetch(query_.boundary.sphere_id, num_boundary);
-  const auto lender_of_place = fetch(query_.lender, clusters_.x.size());
-  const auto volumes = fetch(query_.borrowed_volume, clusters_.x.size());
+  const auto donor_of_place = fetch(query_.donor, clusters_.x.size());
+  const auto volumes = fetch(query_.assigned_volume, clusters_.x.size());
   const bool has_references =
-      options_.method == InsideMethod::graph ||
-      (options_.method == InsideMethod::simplified && !query_.plane_rule.fades_in);
+      options_.method == MethodKind::graph ||
+      (options_.method == MethodKind::simplified && !query_.plane_rule.fades_in);
   const auto set_state = [&](std::int32_t id, SphereState state) {
     if (!wants.states.empty()) wants.states[static_cast<std::size_t>(id)] = state;
   };
-  const auto set_plane = [&](std::int32_t id, const Lender& lender) {
-    if (wants.planes.empty() || lender.sphere_id < 0) return;
-    wants.planes[static_cast<std::size_t>(id)] = {to_float(lender.plane_T.normal),
-                                                  static_cast<float>(lender.plane_T.offset)};
+  const auto set_plane = [&](std::int32_t id, const Donor& donor) {
+    if (wants.planes.empty() || donor.sphere_id < 0) return;
+    wants.planes[static_cast<std::size_t>(id)] = {to_float(donor.plane_T.normal),
+                                                  static_cast<float>(donor.plane_T.offset)};
   };
   for (std::size_t place = 0; place < volumes.size(); ++place) {
-    const std::int32_t id = clusters_.sphere_id[place], lender = lender_of_place[place];
+    const std::int32_t id = clusters_.sphere_id[place], donor = donor_of_place[place];
     if (id < 0 || num_boundary == 0 || !(volumes[place] > 0)) continue;
     set_state(id, SphereState::inside);
-    if (has_references && lender >= 0) set_plane(id, lenders[static_cast<std::size_t>(lender)]);
+    if (has_references && donor >= 0) set_plane(id, donors[static_cast<std::size_t>(donor)]);
   }
   for (std::size_t b = 0; b < num_boundary; ++b) {
     set_state(boundary_ids[b], SphereState::boundary);
     if (!wants.planes.empty()) wants.planes[static_cast<std::size_t>(boundary_ids[b])] = {};
-    set_plane(boundary_ids[b], lenders[b]);
+    set_plane(boundary_ids[b], donors[b]);
   }
 }
 
@@ -340,7 +340,7 @@ void PointMeasurementCuda::describe(const ContactWants& wants) noexcept {
 
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
     std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
-    const ContactCapacities& capacities) {
+    const ExecutionOptions& capacities) {
   const int gpu = capacities.gpu;
   if (const Status status = gpu::check_gpu(gpu); !status) return status.error();
   if (const auto* field = std::get_if<FieldMethod>(&method)) {

@@ -9,6 +9,6 @@ namespace palpate {
 /// Errors: no such GPU, or not enough memory on it.
 Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
     std::shared_ptr<const ToolIndex> index, const ContactMethod& method,
-    const ContactCapacities& capacities);
+    const ExecutionOptions& capacities);
 
 }  // namespace palpate

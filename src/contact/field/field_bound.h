@@ -1,5 +1,5 @@
 // What the tiles of a depth field say about all spheres in a ball at once: that they lie wholly in
-// front of the surface, mostly. One text for host and device.
+// front of the surface, mostly. shared by host and device.
 #pragma once
 
 #include "palpate/field/asked_window.h"
@@ -35,7 +35,7 @@ inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& c
 }
 
 /// Is something asked that one of two surfaces does not know? `from` counts below alpha = 1.
-inline bool is_outside_window(const Surfaces& from, const Surfaces& to, double alpha,
+inline bool is_outside_window(const SurfaceView& from, const SurfaceView& to, double alpha,
                               const Vec3d& p_WC, double reach) {
   const auto is_outside = [&](const DepthFieldView& field) {
     return field.num_levels > 0 && !is_known_around(field, p_WC, reach);

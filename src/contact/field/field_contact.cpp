@@ -29,7 +29,7 @@ bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
 }  // namespace
 
 FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-                           const ContactCapacities& capacities)
+                           const ExecutionOptions& capacities)
     : ContactQuery(std::move(index), method),
       elements_(&this->index()->parts().elements(method.volumes)),
       p_TC_(this->index()->tool().sphere_mass().centre_of_mass),
@@ -50,7 +50,7 @@ MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose&
   return asked;
 }
 
-ContactResult FieldContact::measure(const Surfaces& from, const Surfaces& to, double alpha,
+ContactResult FieldContact::measure(const SurfaceView& from, const SurfaceView& to, double alpha,
                                     const Pose& X_WT, const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};

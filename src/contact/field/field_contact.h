@@ -64,14 +64,14 @@ struct FieldContactKernels {
 class FieldContact final : public ContactQuery {
  public:
   FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-               const ContactCapacities& capacities);
+               const ExecutionOptions& capacities);
 
   using ContactQuery::measure;
   /// U = sum f_s G(phi(c_s)), G the integral of the cap volume over depth and f_s what the element
   /// counts over what it is; force and torque are minus its derivatives, exactly:
   /// F = sum f_s V_cap(phi) grad phi, torque = sum (c_s - C) x that. O(elements).
-  ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha, const Pose& X_WT,
-                        const ContactWants& wants) const noexcept override;
+  ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
+                        const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
  private:
   // At a pose that is finite, with a unit quaternion.

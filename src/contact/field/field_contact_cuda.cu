@@ -383,8 +383,8 @@ const Status& FieldContactCuda::status() const {
   return stream_.status();
 }
 
-ContactResult FieldContactCuda::measure(const Surfaces& from, const Surfaces& to, double alpha,
-                                        const Pose& X_WT,
+ContactResult FieldContactCuda::measure(const SurfaceView& from, const SurfaceView& to,
+                                        double alpha, const Pose& X_WT,
                                         const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   FieldQuestion question;

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "src/contact/cuda/device_field.h"
+#include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/field_bound.h"
 #include "src/contact/index/tool_parts.h"
@@ -48,8 +48,8 @@ class FieldContactCuda final : public ContactQuery {
   using ContactQuery::measure;
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
   /// stiffness other blocks add up: what is measured then differs by rounding.
-  ContactResult measure(const Surfaces& from, const Surfaces& to, double alpha, const Pose& X_WT,
-                        const ContactWants& wants) const noexcept override;
+  ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
+                        const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
   /// The first failure.
   const Status& status() const;
@@ -68,7 +68,7 @@ class FieldContactCuda final : public ContactQuery {
   FeltTool felt_tool_;
   // Scratch.
   mutable gpu::Stream stream_;
-  mutable DeviceFields fields_;
+  mutable GpuFields fields_;
   mutable AnswerBox answers_, stiffness_answers_;
   SphereState* states_;
   Plane<float>* planes_;

@@ -1,4 +1,4 @@
-// What one element of the tool adds to the field measure: one text for host and device, for single
+// What one element of the tool adds to the field measure: shared by host and device, for single
 // numbers and for vectors of them.
 #pragma once
 

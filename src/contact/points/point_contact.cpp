@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "src/contact/index/tool_parts.h"
-#include "src/contact/points/donors/lenders.h"
-#include "src/contact/points/donors/plane_borrowing.h"
+#include "src/contact/points/donors/donors.h"
+#include "src/contact/points/donors/plane_assignment.h"
 #include "src/contact/points/edges/edge_planes.h"
 #include "src/contact/points/graph/graph_rule.h"
 #include "src/contact/points/graph/graph_traversal.h"
@@ -24,14 +24,14 @@ namespace palpate {
 namespace {
 
 constexpr ScanPoints kScanPoints[] = PALPATE_BY_ISA(scan_points);
-constexpr BorrowNearest kBorrowNearest[] = PALPATE_BY_ISA(borrow_nearest);
-constexpr BorrowWeighted kBorrowWeighted[] = PALPATE_BY_ISA(borrow_weighted);
+constexpr AssignNearest kAssignNearest[] = PALPATE_BY_ISA(assign_nearest);
+constexpr AssignWeighted kAssignWeighted[] = PALPATE_BY_ISA(assign_weighted);
 
 // One measurement after the other, each with the memory of the one before.
 class PointMeasurement {
  public:
   PointMeasurement(const ToolIndex& index, const ContactOptions& options,
-                   const ContactCapacities& capacities);
+                   const ExecutionOptions& capacities);
 
   /// `X_WT` is finite, its quaternion unit.
   Penetration measure(const PointCloudView& cloud, const Pose& X_WT);
@@ -43,7 +43,7 @@ class PointMeasurement {
   void find_boundary_points(const Pose& X_WT);
   Penetration find_boundary_planes(const Pose& X_WT);
   MeasureSums measure_boundary_spheres();
-  MeasureSums measure_by_borrowing();
+  MeasureSums measure_by_assignment();
   MeasureSums measure_one_by_one();
   MeasureSums measure_along_graph();
   Candidates candidates(int which);
@@ -52,14 +52,14 @@ class PointMeasurement {
     return static_cast<double>(scales_.of_sphere[static_cast<std::size_t>(id)]);
   }
   bool uses_edges() const { return options_.edges != Edges::none && cloud_.edge_x != nullptr; }
-  BorrowRule borrow_rule() const {
-    return {options_.method == InsideMethod::weighted, options_.priority == Priority::count,
+  AssignmentRule assignment_rule() const {
+    return {options_.method == MethodKind::weighted, options_.priority == Priority::count,
             found_edges()};
   }
   const EdgesView* found_edges() const { return edges_.empty() ? nullptr : &edges_view_; }
   const Vec3d& origin() const { return index_.tool().sphere_mass().centre_of_mass; }
-  // Whether the spheres that no point touches lay lenders over each other.
-  bool overlays() const { return fades_in_ && options_.method == InsideMethod::simplified; }
+  // Whether the spheres that no point touches lay donors over each other.
+  bool overlays() const { return fades_in_ && options_.method == MethodKind::simplified; }
 
   const ToolIndex& index_;
   const ContactOptions options_;
@@ -67,8 +67,8 @@ class PointMeasurement {
   std::span<const Sphere> spheres_;
   ThreadPool own_pool_{1};
   ThreadPool* pool_;
-  BorrowNearest borrow_nearest_;
-  BorrowWeighted borrow_weighted_;
+  AssignNearest assign_nearest_;
+  AssignWeighted assign_weighted_;
   // Of the index.
   const SphereGrid& grid_;
   const SphereClusters& clusters_;
@@ -83,35 +83,35 @@ class PointMeasurement {
   double sum_scale_ = 1;  // of the last query
 
   // Boundary spheres of the last query.
-  std::vector<GraphTraversal::Seed> seeds_;   // all, ascending; zero normal: no plane
-  std::vector<std::int32_t> lender_of_seed_;  // index into the lenders, or -1
+  std::vector<GraphTraversal::Seed> seeds_;  // all, ascending; zero normal: no plane
+  std::vector<std::int32_t> donor_of_seed_;  // index into the donors, or -1
   struct SeedMoment {
     double volume = 0;
     Vec3d first;  // sum of V_s (c_s - C)
   };
   std::vector<SeedMoment> seed_moments_;  // graph: of the spheres that a seed reached
-  Lenders lenders_;                       // those with a plane
+  Donors donors_;                         // those with a plane
   // Per place of clusters_.
-  std::vector<std::int32_t> touched_places_, skipped_places_, lender_places_;
-  std::vector<float> borrowed_volume_;
+  std::vector<std::int32_t> touched_places_, skipped_places_, donor_places_;
+  std::vector<float> assigned_volume_;
   std::vector<MeasureSums> group_sums_;
   std::vector<float> candidate_floats_;
-  std::vector<std::int32_t> candidate_lenders_;
+  std::vector<std::int32_t> candidate_donors_;
   std::vector<std::int32_t> numbers_;  // 0, 1, 2, ...
-  std::vector<Borrowed> borrowed_;     // of spheres that are measured one by one
+  std::vector<Assigned> assigned_;     // of spheres that are measured one by one
 
   std::span<const GraphTraversal::Visit> reached_;  // graph
 };
 
 PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions& options,
-                                   const ContactCapacities& capacities)
+                                   const ExecutionOptions& capacities)
     : index_(index),
       options_(options),
       fades_in_(options.continuity == Continuity::entry || options.continuity == Continuity::both),
       spheres_(index.tool().spheres()),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
-      borrow_nearest_(select_isa(kBorrowNearest, capacities.isa)),
-      borrow_weighted_(select_isa(kBorrowWeighted, capacities.isa)),
+      assign_nearest_(select_isa(kAssignNearest, capacities.isa)),
+      assign_weighted_(select_isa(kAssignWeighted, capacities.isa)),
       grid_(index.parts().grid()),
       clusters_(index.parts().clusters()),
       scales_(index.parts().scales(options.counted())),
@@ -119,32 +119,32 @@ PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions&
       points_(spheres_.size(), *pool_, select_isa(kScanPoints, capacities.isa),
               options.edges != Edges::none),
       edges_(spheres_, clusters_, options.edges != Edges::none),
-      lenders_(spheres_) {
+      donors_(spheres_) {
   const std::size_t n = spheres_.size(), num_slots = clusters_.x.size();
   seeds_.reserve(n);
-  lender_of_seed_.reserve(n);
-  if (options.method == InsideMethod::graph) {
+  donor_of_seed_.reserve(n);
+  if (options.method == MethodKind::graph) {
     traversal_.emplace(spheres_, index.parts().graph());
     seed_moments_.reserve(n);
     return;
   }
-  touched_places_.assign(num_slots, PlaneBorrowing::kNone);
+  touched_places_.assign(num_slots, PlaneAssignment::kNone);
   for (std::size_t slot = 0; slot < num_slots; ++slot) {
-    if (clusters_.sphere_id[slot] < 0) touched_places_[slot] = PlaneBorrowing::kTouched;
+    if (clusters_.sphere_id[slot] < 0) touched_places_[slot] = PlaneAssignment::kTouched;
   }
-  borrowed_volume_.assign(num_slots, 0.0f);
+  assigned_volume_.assign(num_slots, 0.0f);
   group_sums_.resize(static_cast<std::size_t>(clusters_.num_groups()));
-  numbers_.resize(n + Lenders::kPadding);
+  numbers_.resize(n + Donors::kPadding);
   std::iota(numbers_.begin(), numbers_.end(), 0);
-  lender_places_.assign(num_slots, PlaneBorrowing::kNone);
-  if (options.method == InsideMethod::simplified) {
+  donor_places_.assign(num_slots, PlaneAssignment::kNone);
+  if (options.method == MethodKind::simplified) {
     const auto num_tasks = static_cast<std::size_t>(pool_->num_threads());
-    candidate_floats_.resize(8 * num_tasks * (n + Lenders::kPadding));
-    candidate_lenders_.resize(2 * num_tasks * (n + Lenders::kPadding));
+    candidate_floats_.resize(8 * num_tasks * (n + Donors::kPadding));
+    candidate_donors_.resize(2 * num_tasks * (n + Donors::kPadding));
   }
   if (overlays() || options.edges != Edges::none) {
     skipped_places_ = touched_places_;
-    borrowed_.resize(n);
+    assigned_.resize(n);
   }
 }
 
@@ -160,7 +160,7 @@ Penetration PointMeasurement::measure(const PointCloudView& cloud, const Pose& X
   result = find_boundary_planes(X_WT);
   if (options_.edges != Edges::none && !uses_edges()) result.status |= StepStatus::no_edge_vectors;
   MeasureSums sums = measure_boundary_spheres();
-  sums.add(options_.method == InsideMethod::graph ? measure_along_graph() : measure_by_borrowing());
+  sums.add(options_.method == MethodKind::graph ? measure_along_graph() : measure_by_assignment());
   result.volume = sums.volume;
   result.num_inside_spheres = sums.num_inside;
   result.measure_W = {rotate(X_WT.rotation, sums.force), rotate(X_WT.rotation, sums.torque)};
@@ -171,13 +171,13 @@ void PointMeasurement::forget_last_query() {
   for (const GraphTraversal::Seed& seed : seeds_) {
     const auto id = static_cast<std::size_t>(seed.sphere_id);
     if (!traversal_) {
-      touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kNone;
+      touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneAssignment::kNone;
     }
   }
   seeds_.clear();
-  lender_of_seed_.clear();
+  donor_of_seed_.clear();
   edges_.clear();
-  lenders_.clear();
+  donors_.clear();
   reached_ = {};
 }
 
@@ -209,20 +209,20 @@ Penetration PointMeasurement::find_boundary_planes(const Pose& X_WT) {
     if (sphere.is_ambiguous) {
       result.status |= StepStatus::ambiguous_normals;
     }
-    const Lender& lender = sphere.lender;
-    seeds_.push_back({sphere.sphere_id, lender.plane_T.normal, lender.point});
-    lender_of_seed_.push_back(sphere.has_plane() ? lenders_.size() : -1);
-    if (sphere.has_plane()) lenders_.add(lender);
+    const Donor& donor = sphere.donor;
+    seeds_.push_back({sphere.sphere_id, donor.plane_T.normal, donor.point});
+    donor_of_seed_.push_back(sphere.has_plane() ? donors_.size() : -1);
+    if (sphere.has_plane()) donors_.add(donor);
     if (!traversal_) {
-      touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneBorrowing::kTouched;
+      touched_places_[static_cast<std::size_t>(clusters_.place_of[id])] = PlaneAssignment::kTouched;
     }
     if (uses_edges()) edges_.add_pieces(edge_sums, sum_scale_, R_TW, X_WT.translation);
     result.num_points += sphere.num_points;
   });
   if (uses_edges()) edges_.find_nearest(X_WT, options_.edges);
-  for (std::int32_t l = 0; l < lenders_.size(); ++l) edges_.note(lenders_[l].point);
+  for (std::int32_t l = 0; l < donors_.size(); ++l) edges_.note(donors_[l].point);
   edges_view_ = edges_.view();
-  lenders_.pad();
+  donors_.pad();
   result.num_boundary_spheres = static_cast<int>(seeds_.size());
   return result;
 }
@@ -232,15 +232,15 @@ Penetration PointMeasurement::find_boundary_planes(const Pose& X_WT) {
 // untouched: V = (1 - presence) V_state + presence V_cap.
 MeasureSums PointMeasurement::measure_boundary_spheres() {
   MeasureSums sums;
-  BorrowRule own_rule = borrow_rule();
+  AssignmentRule own_rule = assignment_rule();
   if (options_.edges != Edges::cut) own_rule.edges = nullptr;
   for (std::size_t s = 0; s < seeds_.size(); ++s) {
-    const std::int32_t id = seeds_[s].sphere_id, l = lender_of_seed_[s];
-    Borrowed measured;
-    if (l >= 0) measured = lenders_.lenders().borrow_from(lenders_[l], id, own_rule);
+    const std::int32_t id = seeds_[s].sphere_id, l = donor_of_seed_[s];
+    Assigned measured;
+    if (l >= 0) measured = donors_.donors().assign_from(donors_[l], id, own_rule);
     if (fades_in_) {
-      const double presence = l >= 0 ? lenders_[l].presence : 0;
-      const Borrowed state = lenders_.lenders().borrow(id, borrow_rule());
+      const double presence = l >= 0 ? donors_[l].presence : 0;
+      const Assigned state = donors_.donors().assign(id, assignment_rule());
       measured.volume = presence * measured.volume + (1 - presence) * state.volume;
       measured.force = presence * measured.force + (1 - presence) * state.force;
     }
@@ -255,31 +255,31 @@ MeasureSums PointMeasurement::measure_boundary_spheres() {
 }
 
 Candidates PointMeasurement::candidates(int which) {
-  const std::size_t size = spheres_.size() + Lenders::kPadding;
+  const std::size_t size = spheres_.size() + Donors::kPadding;
   float* floats = candidate_floats_.data() + static_cast<std::size_t>(which) * 4 * size;
   return {0,
           floats,
           floats + size,
           floats + 2 * size,
           floats + 3 * size,
-          candidate_lenders_.data() + static_cast<std::size_t>(which) * size};
+          candidate_donors_.data() + static_cast<std::size_t>(which) * size};
 }
 
 // Weighted and simplified: groups of clusters in any order, added up in group order.
-MeasureSums PointMeasurement::measure_by_borrowing() {
+MeasureSums PointMeasurement::measure_by_assignment() {
   MeasureSums sums;
-  if (lenders_.empty()) return sums;
-  PlaneBorrowing job;
+  if (donors_.empty()) return sums;
+  PlaneAssignment job;
   job.clusters = &clusters_;
   job.spheres = spheres_.data();
-  job.boundary = lenders_.view(fades_in_);
+  job.boundary = donors_.view(fades_in_);
   job.origin = origin();
   job.by_count = options_.priority == Priority::count;
-  job.num_lenders = job.boundary.num;
+  job.num_donors = job.boundary.num;
   if (job.by_count) {
-    // One lender for all: most points, ties to the lowest sphere id.
-    job.first_lender = lenders_.heaviest();
-    job.num_lenders = 1;
+    // One donor for all: most points, ties to the lowest sphere id.
+    job.first_donor = donors_.heaviest();
+    job.num_donors = 1;
   }
   job.numbers = numbers_.data();
   job.touched = touched_places_.data();
@@ -289,24 +289,24 @@ MeasureSums PointMeasurement::measure_by_borrowing() {
     for (std::size_t id = 0; id < spheres_.size(); ++id) {
       if (overlays() || edges_view_.concerns(static_cast<std::int32_t>(id))) {
         skipped_places_[static_cast<std::size_t>(clusters_.place_of[id])] =
-            PlaneBorrowing::kTouched;
+            PlaneAssignment::kTouched;
       }
     }
     job.touched = skipped_places_.data();
   }
   job.volume_scale = scales_.of_place.data();
-  job.lender = lender_places_.data();
-  job.borrowed_volume = borrowed_volume_.data();
+  job.donor = donor_places_.data();
+  job.assigned_volume = assigned_volume_.data();
 
-  const bool is_weighted = options_.method == InsideMethod::weighted;
+  const bool is_weighted = options_.method == MethodKind::weighted;
   const int num_groups = clusters_.num_groups();
   const int num_tasks = pool_->num_threads();
   pool_->parallel_for(num_tasks, [&](int t) {
-    BorrowingScratch scratch;
+    AssignmentScratch scratch;
     if (!is_weighted) scratch = {candidates(2 * t), candidates(2 * t + 1)};
     for (int group = t; group < num_groups; group += num_tasks) {
       group_sums_[static_cast<std::size_t>(group)] =
-          is_weighted ? borrow_weighted_(job, group) : borrow_nearest_(job, group, scratch);
+          is_weighted ? assign_weighted_(job, group) : assign_nearest_(job, group, scratch);
     }
   });
   for (const MeasureSums& group : group_sums_) sums.add(group);
@@ -314,14 +314,14 @@ MeasureSums PointMeasurement::measure_by_borrowing() {
   return sums;
 }
 
-// Untouched spheres that an edge concerns, or that lay lenders over each other: those that the
+// Untouched spheres that an edge concerns, or that lay donors over each other: those that the
 // kernels left out.
 MeasureSums PointMeasurement::measure_one_by_one() {
-  const BorrowRule rule = borrow_rule();
-  const bool from_nearest = options_.method == InsideMethod::simplified && !overlays();
+  const AssignmentRule rule = assignment_rule();
+  const bool from_nearest = options_.method == MethodKind::simplified && !overlays();
   const auto is_one_of_them = [&](std::size_t place) {
-    return touched_places_[place] != PlaneBorrowing::kTouched &&
-           skipped_places_[place] == PlaneBorrowing::kTouched;
+    return touched_places_[place] != PlaneAssignment::kTouched &&
+           skipped_places_[place] == PlaneAssignment::kTouched;
   };
   const int num_tasks = pool_->num_threads();
   pool_->parallel_for(num_tasks, [&](int t) {
@@ -329,13 +329,13 @@ MeasureSums PointMeasurement::measure_one_by_one() {
     const auto num = static_cast<std::size_t>(num_tasks);
     for (auto place = static_cast<std::size_t>(t); place < touched_places_.size(); place += num) {
       if (!is_one_of_them(place)) continue;
-      const std::int32_t id = clusters_.sphere_id[place], nearest = lender_places_[place];
-      Borrowed& borrowed = borrowed_[static_cast<std::size_t>(id)];
+      const std::int32_t id = clusters_.sphere_id[place], nearest = donor_places_[place];
+      Assigned& assigned = assigned_[static_cast<std::size_t>(id)];
       if (!from_nearest) {
-        borrowed = lenders_.lenders().borrow(id, rule);
+        assigned = donors_.donors().assign(id, rule);
       } else {
-        borrowed =
-            nearest < 0 ? Borrowed{} : lenders_.lenders().borrow_from(lenders_[nearest], id, rule);
+        assigned =
+            nearest < 0 ? Assigned{} : donors_.donors().assign_from(donors_[nearest], id, rule);
       }
     }
   });
@@ -344,9 +344,9 @@ MeasureSums PointMeasurement::measure_one_by_one() {
     const auto place = static_cast<std::size_t>(clusters_.place_of[id]);
     if (!is_one_of_them(place)) continue;
     const double scale = volume_scale(static_cast<std::int32_t>(id));
-    const double volume = scale * borrowed_[id].volume;
-    const Vec3d force = scale * borrowed_[id].force;
-    borrowed_volume_[place] = static_cast<float>(volume);
+    const double volume = scale * assigned_[id].volume;
+    const Vec3d force = scale * assigned_[id].force;
+    assigned_volume_[place] = static_cast<float>(volume);
     sums.volume += volume;
     sums.force += force;
     sums.torque += cross(to_double(spheres_[id].centre) - origin(), force);
@@ -356,8 +356,8 @@ MeasureSums PointMeasurement::measure_one_by_one() {
 }
 
 double PointMeasurement::reached_volume(const GraphTraversal::Visit& visit) const {
-  const std::int32_t l = lender_of_seed_[static_cast<std::size_t>(visit.seed)];
-  return volume_scale(visit.sphere_id) * palpate::reached_volume(lenders_.lenders(), lenders_[l],
+  const std::int32_t l = donor_of_seed_[static_cast<std::size_t>(visit.seed)];
+  return volume_scale(visit.sphere_id) * palpate::reached_volume(donors_.donors(), donors_[l],
                                                                  visit.sphere_id, options_.inside,
                                                                  found_edges());
 }
@@ -388,9 +388,9 @@ void PointMeasurement::describe(const ContactWants& wants) const {
   const auto set_state = [&](std::int32_t id, SphereState state) {
     if (!wants.states.empty()) wants.states[static_cast<std::size_t>(id)] = state;
   };
-  const auto set_plane = [&](std::int32_t id, std::int32_t lender) {
-    if (wants.planes.empty() || lender < 0) return;
-    const Plane<double>& plane = lenders_[lender].plane_T;
+  const auto set_plane = [&](std::int32_t id, std::int32_t donor) {
+    if (wants.planes.empty() || donor < 0) return;
+    const Plane<double>& plane = donors_[donor].plane_T;
     wants.planes[static_cast<std::size_t>(id)] = {to_float(plane.normal),
                                                   static_cast<float>(plane.offset)};
   };
@@ -399,18 +399,18 @@ void PointMeasurement::describe(const ContactWants& wants) const {
   for (const GraphTraversal::Visit& visit : reached_) {
     if (!(reached_volume(visit) > 0)) continue;
     set_state(visit.sphere_id, SphereState::inside);
-    set_plane(visit.sphere_id, lender_of_seed_[static_cast<std::size_t>(visit.seed)]);
+    set_plane(visit.sphere_id, donor_of_seed_[static_cast<std::size_t>(visit.seed)]);
   }
-  const bool has_references = options_.method == InsideMethod::simplified && !overlays();
-  for (std::size_t slot = 0; !lenders_.empty() && slot < borrowed_volume_.size(); ++slot) {
-    if (!(borrowed_volume_[slot] > 0) || clusters_.sphere_id[slot] < 0) continue;
+  const bool has_references = options_.method == MethodKind::simplified && !overlays();
+  for (std::size_t slot = 0; !donors_.empty() && slot < assigned_volume_.size(); ++slot) {
+    if (!(assigned_volume_[slot] > 0) || clusters_.sphere_id[slot] < 0) continue;
     set_state(clusters_.sphere_id[slot], SphereState::inside);
-    if (has_references) set_plane(clusters_.sphere_id[slot], lender_places_[slot]);
+    if (has_references) set_plane(clusters_.sphere_id[slot], donor_places_[slot]);
   }
   for (std::size_t s = 0; s < seeds_.size(); ++s) {
     set_state(seeds_[s].sphere_id, SphereState::boundary);
     if (!wants.planes.empty()) wants.planes[static_cast<std::size_t>(seeds_[s].sphere_id)] = {};
-    set_plane(seeds_[s].sphere_id, lender_of_seed_[s]);
+    set_plane(seeds_[s].sphere_id, donor_of_seed_[s]);
   }
 }
 
@@ -418,7 +418,7 @@ void PointMeasurement::describe(const ContactWants& wants) const {
 
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
-                                                 const ContactCapacities& capacities) {
+                                                 const ExecutionOptions& capacities) {
   auto measurement =
       std::make_unique<PointMeasurement>(*index, contact_options(method), capacities);
   return std::make_unique<PointContactOf<PointMeasurement>>(std::move(index), method,

@@ -10,6 +10,6 @@ namespace palpate {
 /// `method` is none of the field.
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
-                                                 const ContactCapacities& capacities);
+                                                 const ExecutionOptions& capacities);
 
 }  // namespace palpate

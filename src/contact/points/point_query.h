@@ -7,7 +7,7 @@
 //                       edge points -> edge sums per sphere
 //   boundary_stage.cuh  sums -> boundary spheres with planes, in order; pieces of edges
 //   edge_stage.cuh      which piece of which edge cuts which sphere         (if edges matter)
-//   borrow_stage.cuh    weighted, simplified: planes for untouched spheres -> measure
+//   assignment_stage.cuh    weighted, simplified: planes for untouched spheres -> measure
 //   graph_stage.cuh     graph: the same along the leaf graph
 //   (contact_query_cuda.cu adds the measures up in a fixed order and hands them to the host)
 //
@@ -19,7 +19,7 @@
 
 #include "palpate/contact/contact_query.h"
 #include "src/contact/index/sphere_clusters.h"
-#include "src/contact/points/donors/lender.h"
+#include "src/contact/points/donors/donor.h"
 #include "src/contact/points/graph/graph_rule.h"
 #include "src/contact/points/scan/boundary_plane.h"
 #include "src/contact/points/scan/image_window.h"
@@ -68,20 +68,20 @@ struct SortedGraphView {
 };
 
 /// Boundary spheres of a query, ascending by sphere id. Entry i of all arrays is the same one; one
-/// without plane has lenders[i].sphere_id < 0, lies far away (x = y = z = 1e12) and has normal,
+/// without plane has donors[i].sphere_id < 0, lies far away (x = y = z = 1e12) and has normal,
 /// offset, weight and presence 0.
 struct BoundaryList {
-  std::int32_t* num = nullptr;          ///< of all
-  std::int32_t* num_lenders = nullptr;  ///< of those with a plane
+  std::int32_t* num = nullptr;         ///< of all
+  std::int32_t* num_donors = nullptr;  ///< of those with a plane
   std::int32_t* sphere_id = nullptr;
-  Lender* lenders = nullptr;
+  Donor* donors = nullptr;
   /// The same in single precision, for hot loops.
   float *x = nullptr, *y = nullptr, *z = nullptr;  ///< centres
   float *nx = nullptr, *ny = nullptr, *nz = nullptr, *offset = nullptr;
   float *weight = nullptr, *presence = nullptr;
   std::int32_t* num_points = nullptr;  ///< sum
   std::uint32_t* status = nullptr;     ///< StepStatus bits
-  /// The lender with most weight, ties to the lowest index: the greatest of (bits of the weight as
+  /// The donor with most weight, ties to the lowest index: the greatest of (bits of the weight as
   /// float) << 32 | (0xffffffff - index). 0: none.
   unsigned long long* heaviest = nullptr;
 };
@@ -128,7 +128,7 @@ struct PointQuery {
   PointScan scan;
   Mat3d R_WT;
   Vec3d origin;  ///< centre of mass: torques are about it
-  InsideMethod method = InsideMethod::simplified;
+  MethodKind method = MethodKind::simplified;
   Priority priority = Priority::distance;
   InsideVolume inside = InsideVolume::full;
   Edges edges = Edges::none;            ///< `none` if the cloud has no depth-change vectors
@@ -158,16 +158,16 @@ struct PointQuery {
 
   // Kept for states and planes, by place: index into BoundaryList or -1 (of boundary spheres: their
   // own), and V_s of untouched spheres, else 0. An untouched sphere with V_s = 0 may have -1 or the
-  // lender in front of whose plane it lies.
-  std::int32_t* lender = nullptr;
-  float* borrowed_volume = nullptr;
+  // donor in front of whose plane it lies.
+  std::int32_t* donor = nullptr;
+  float* assigned_volume = nullptr;
 
   PALPATE_HOSTDEV EdgesView edges_view() const {
     return {scan.spheres, pieces, piece_of, edge_distance, edge_side};
   }
   /// To be asked after the boundary stage.
-  PALPATE_HOSTDEV LendersView lenders_view() const {
-    return {scan.spheres, boundary.lenders, *boundary.num};
+  PALPATE_HOSTDEV DonorsView donors_view() const {
+    return {scan.spheres, boundary.donors, *boundary.num};
   }
   PALPATE_HOSTDEV double scale(std::int32_t id) const {
     return static_cast<double>(volume_scale[id]);

@@ -82,11 +82,11 @@ bool ContactStage::is_due(double time) {
   return true;
 }
 
-SurfaceMoment ContactStage::moment_at(double time) {
+SurfaceBlend ContactStage::moment_at(double time) {
   if (blend_.is_complete(time) && surfaces_.take() && surfaces_.taken().moment.progress < 1) {
     blend_.begin(time, surfaces_.taken().ready_time, surfaces_.taken().period);
   }
-  SurfaceMoment moment = surfaces_.taken().moment;
+  SurfaceBlend moment = surfaces_.taken().moment;
   if (moment.progress < 1) moment.progress = blend_.progress(time);
   return moment;
 }
@@ -109,7 +109,7 @@ void ContactStage::take_change() {
 
 void ContactStage::measure(const ToolMoment& tool) {
   const double begin = monotonic_now();
-  const SurfaceMoment moment = moment_at(begin);
+  const SurfaceBlend moment = moment_at(begin);
   take_change();
   const LiveSurfaces& surfaces = surfaces_.taken();
   ContactRecord contact;
@@ -139,7 +139,7 @@ void ContactStage::measure(const ToolMoment& tool) {
   if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(moment, tool);
 }
 
-void ContactStage::make_picture(const SurfaceMoment& moment, const ToolMoment& tool) {
+void ContactStage::make_picture(const SurfaceBlend& moment, const ToolMoment& tool) {
   ContactPicture& picture = pictures_.draft();
   picture.contact_number = num_contacts();
   picture.frame_number = surfaces_.taken().frame_number;

@@ -26,7 +26,7 @@ struct ContactChange {
   std::uint32_t revision = 0;
   std::uint32_t surface_revision = 0;  ///< is taken with the first surfaces of this revision
   double rate = 1000;
-  ForceScale scale;
+  VolumeStiffness scale;
   std::unique_ptr<ContactPart> part;
 };
 
@@ -56,7 +56,7 @@ class ContactStage {
   const ContactRecord& newest() noexcept;
 
   /// Must be offered before the surfaces that it waits for.
-  Handover<ContactChange>& changes() noexcept { return changes_; }
+  Mailbox<ContactChange>& changes() noexcept { return changes_; }
 
   void ask_for_picture() noexcept { wants_picture_.store(true); }
   /// The newest one, if it is new; one reader.
@@ -85,9 +85,9 @@ class ContactStage {
   double next_look(double now) const;
   bool is_due(double time);
   void measure(const ToolMoment& tool);
-  SurfaceMoment moment_at(double time);
+  SurfaceBlend moment_at(double time);
   void take_change();
-  void make_picture(const SurfaceMoment& moment, const ToolMoment& tool);
+  void make_picture(const SurfaceBlend& moment, const ToolMoment& tool);
 
   std::unique_ptr<ContactPart> part_;
   SurfaceStage& surfaces_;
@@ -104,7 +104,7 @@ class ContactStage {
   TripleBuffer<ContactRecord> contacts_;  // and back
   RecordQueue<ContactRecord> records_;    // to the publishing thread
   TripleBuffer<ContactPicture> pictures_;
-  Handover<ContactChange> changes_;
+  Mailbox<ContactChange> changes_;
   std::atomic<bool> wants_picture_ = false;
   std::atomic<bool> is_stopping_ = false, backend_failed_ = false;
   std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0, num_outside_ = 0;

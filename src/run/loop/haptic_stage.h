@@ -9,7 +9,7 @@
 #include "palpate/run/pipeline.h"
 #include "palpate/run/run_loop.h"
 #include "src/run/loop/contact_stage.h"
-#include "src/run/loop/handover.h"
+#include "src/run/loop/mailbox.h"
 #include "src/run/loop/record_queue.h"
 #include "src/run/loop/surface_stage.h"
 
@@ -45,7 +45,7 @@ class HapticStage {
   void ask_for_force() noexcept { wants_force_.store(true, std::memory_order_release); }
   /// For good.
   bool has_faded() const noexcept { return has_faded_.load(std::memory_order_acquire); }
-  Handover<HapticChange>& changes() noexcept { return changes_; }
+  Mailbox<HapticChange>& changes() noexcept { return changes_; }
   /// The lasting one, if there is one.
   Fault fault() const noexcept { return fault_; }
   std::uint32_t num_faults() const noexcept { return num_faults_; }
@@ -79,7 +79,7 @@ class HapticStage {
   double last_begin_ = 0;
 
   // Between the haptic thread and others.
-  Handover<HapticChange> changes_;
+  Mailbox<HapticChange> changes_;
   TripleBuffer<TickRecord> newest_;
   RecordQueue<TickRecord> records_;
   RecordQueue<HandMoment> moments_;

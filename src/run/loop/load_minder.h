@@ -28,7 +28,7 @@ class LoadMinder {
 
   struct Decision {
     std::optional<RunSettings> settings;  ///< other ones that are to be used now
-    std::string note;                     ///< what has been decided, for people; else empty
+    std::string note;                     ///< what has been decided, for humans; else empty
   };
   /// `present`: the settings as they are; if they are not those that were decided last, somebody
   /// has chosen otherwise, and these are the whole ones. Decides at most once a second.

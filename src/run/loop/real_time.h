@@ -16,7 +16,7 @@ int ask_for_real_time(int priority) noexcept;
 int lock_memory() noexcept;
 void unlock_memory() noexcept;
 
-/// One sentence for people: what was refused, and what to do.
+/// One sentence for humans: what was refused, and what to do.
 std::string scheduler_refused(const char* which_thread, int error_number);
 std::string memory_lock_refused(int error_number);
 /// Why depth frames were left out: `num_late` came too late by themselves; `period`, s, is the time

@@ -192,7 +192,7 @@ void SurfaceStage::make_surfaces() {
     // It may pass: another timeline comes by a change.
     backend_failed_.store(!timeline_.status(), std::memory_order_release);
     if (!timeline_.status()) continue;
-    const SurfaceMoment moment = timeline_.at(newest->capture_time);
+    const SurfaceBlend moment = timeline_.at(newest->capture_time);
     surfaces_.publish({moment, end, newest->capture_time, timeline_.period(), number, revision});
     if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
       seen->frame = newest->frame;

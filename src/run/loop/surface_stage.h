@@ -10,8 +10,8 @@
 
 #include "palpate/core/triple_buffer.h"
 #include "palpate/run/run_loop.h"
-#include "src/run/loop/bell.h"
-#include "src/run/loop/handover.h"
+#include "src/run/loop/event.h"
+#include "src/run/loop/mailbox.h"
 #include "src/run/loop/paced_source.h"
 #include "src/run/loop/record_queue.h"
 
@@ -19,7 +19,7 @@ namespace palpate {
 
 /// What the contact thread looks at until it takes the next ones.
 struct LiveSurfaces {
-  SurfaceMoment moment;                     ///< progress 1: there is nothing to blend
+  SurfaceBlend moment;                      ///< progress 1: there is nothing to blend
   double ready_time = 0, capture_time = 0;  ///< s, monotonic
   double period = 1;                        ///< s, expected until the next ones
   std::uint64_t frame_number = 0;           ///< of `moment.to`, from 0; `from` is the one before
@@ -71,7 +71,7 @@ class SurfaceStage {
 
   /// The next frame goes into another timeline. The surfaces of the one before are looked at until
   /// the contact thread takes newer ones.
-  Handover<SurfaceChange>& changes() noexcept { return changes_; }
+  Mailbox<SurfaceChange>& changes() noexcept { return changes_; }
   /// Of settings that do not concern surfaces.
   void set_revision(std::uint32_t revision) noexcept { revision_.store(revision); }
 
@@ -139,8 +139,8 @@ class SurfaceStage {
   TripleBuffer<LiveSurfaces> surfaces_;  // surface thread to contact thread
   RecordQueue<SeenFrame> seen_;          // surface thread to publishing thread
   TripleBuffer<SurfacePicture> pictures_;
-  Handover<SurfaceChange> changes_;
-  Bell bell_;  // for the surface thread
+  Mailbox<SurfaceChange> changes_;
+  Event bell_;  // for the surface thread
   StopSignal stop_;
   std::atomic<std::uint64_t> num_read_ = 0, num_made_ = 0, num_taken_ = 0;
   std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;

@@ -67,7 +67,7 @@ void expect_same_bits(const BodyPenetration& got, const BodyPenetration& want) {
   EXPECT_EQ(got.num_pairs, want.num_pairs);
   for (const auto& [g, w] : {std::pair{&got.on_a, &want.on_a}, std::pair{&got.on_b, &want.on_b}}) {
     EXPECT_EQ(g->volume, w->volume);
-    EXPECT_EQ(std::memcmp(&g->measure_W, &w->measure_W, sizeof(Wrench)), 0);
+    EXPECT_EQ(std::memcmp(&g->measure_W, &w->measure_W, sizeof(VolumeWrench)), 0);
     EXPECT_EQ(g->num_boundary_spheres, w->num_boundary_spheres);
   }
 }

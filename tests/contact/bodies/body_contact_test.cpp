@@ -60,7 +60,7 @@ void expect_near(const Vec3d& got, const Vec3d& want, double tolerance) {
 }
 
 /// The wrench as coordinates: force, then torque about A's centre of mass.
-std::array<double, 6> coordinates(const Wrench& w) {
+std::array<double, 6> coordinates(const VolumeWrench& w) {
   return {w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z};
 }
 
@@ -171,7 +171,7 @@ TEST(BodyContact, TotalMomentAboutAnyPointIsZero) {
     const BodyPenetration result = contact.measure(X_WA, X_WB);
     ASSERT_GT(result.num_pairs, 0);
     const Vec3d P = random.in_box(1);
-    const auto moment = [&](const Wrench& w, const Vec3d& C) {
+    const auto moment = [&](const VolumeWrench& w, const Vec3d& C) {
       return w.torque + cross(C - P, w.force);
     };
     const Vec3d total = moment(result.on_a.measure_W, X_WA * a.sphere_mass().centre_of_mass) +
@@ -201,7 +201,7 @@ TEST(BodyContact, WrenchIsTheGradientOfThePotential) {
     const Pose X_WB = random_pose(random, 0.1), X_WA = X_WB * random_pose(random, 0.05);
     const BodyPenetration result = contact.measure(X_WA, X_WB);
     ASSERT_GT(result.num_pairs, 0);
-    const auto check = [&](const Wrench& wrench, auto potential_of_step) {
+    const auto check = [&](const VolumeWrench& wrench, auto potential_of_step) {
       const std::array<double, 6> got = coordinates(wrench);
       for (int k = 0; k < 6; ++k) {
         const double slope =
@@ -247,7 +247,7 @@ TEST(BodyContact, ClosedPathsDoNoWork) {
                    (after.z - before.z) / (2 * e), (after.w - before.w) / (2 * e)} *
         conjugate(q);
     const Vec3d spin{2 * rate.x, 2 * rate.y, 2 * rate.z};
-    const Wrench w = contact.measure(pose(t), {}).on_a.measure_W;
+    const VolumeWrench w = contact.measure(pose(t), {}).on_a.measure_W;
     const double power = dot(w.force, velocity) + dot(w.torque, spin);
     work += power * h;
     absolute += std::abs(power) * h;
@@ -289,8 +289,8 @@ TEST(BodyContact, SameBitsEveryTimeWithoutAllocation) {
   (void)contact.potential(X_WA, X_WB);
   const BodyPenetration second = contact.measure(X_WA, X_WB);
   EXPECT_EQ(counter.count(), 0u);
-  EXPECT_EQ(std::memcmp(&first.on_a.measure_W, &second.on_a.measure_W, sizeof(Wrench)), 0);
-  EXPECT_EQ(std::memcmp(&first.on_b.measure_W, &second.on_b.measure_W, sizeof(Wrench)), 0);
+  EXPECT_EQ(std::memcmp(&first.on_a.measure_W, &second.on_a.measure_W, sizeof(VolumeWrench)), 0);
+  EXPECT_EQ(std::memcmp(&first.on_b.measure_W, &second.on_b.measure_W, sizeof(VolumeWrench)), 0);
   EXPECT_EQ(first.on_a.volume, second.on_a.volume);
   EXPECT_EQ(first.on_a.num_boundary_spheres, second.on_a.num_boundary_spheres);
 }

@@ -25,7 +25,7 @@ class SeveralBodies : public testing::Test {
   Tool first_ = test::random_tool(120, 0.05, 1), second_ = test::random_tool(150, 0.05, 2),
        object_ = test::random_tool(200, 0.06, 3);
   PointCloud cloud_ = test::noisy_wall(160, 120, 140, 0.6, 0.001, 5);
-  Surfaces surface() const { return {cloud_.view(), {}}; }
+  SurfaceView surface() const { return {cloud_.view(), {}}; }
   Pose X_WF_{{-0.03, 0, 0.57}, axis_angle({0, 0, 1}, 0.4)},
       X_WS_{{0.04, 0.01, 0.58}, axis_angle({1, 0, 1}, 0.2)}, X_WO_{{0, 0.07, 0.55}, {}};
 };

@@ -116,9 +116,8 @@ struct Comparison {
   test::CloudWithEdges scene = l_shape(0.0015, 5);
   DepthField field = std::move(DepthField::create(160, 120)).value();
   std::vector<Pose> poses;
-  std::vector<ContactOptions> options{
-      {.method = InsideMethod::field},
-      {.method = InsideMethod::field, .volumes = SphereVolumes::own}};
+  std::vector<ContactOptions> options{{.method = MethodKind::field},
+                                      {.method = MethodKind::field, .volumes = SphereVolumes::own}};
 
   explicit Comparison(int num_poses) {
     ThreadPool pool(1);
@@ -173,7 +172,7 @@ TEST(ContactQueryCuda, EqualsTheCpu) {
     EXPECT_TRUE(std::equal(states.begin(), states.end(), want_states.begin()));
     const auto planes = cuda->planes(), want_planes = cpu->planes();
     // Of the field, the GPU finds them in double precision.
-    const bool is_field = options.method == InsideMethod::field;
+    const bool is_field = options.method == MethodKind::field;
     const float tolerance = is_field ? 4e-4f : 1e-5f, far = is_field ? 4e-5f : 1e-5f;
     int num_wrong = 0;
     for (std::size_t i = 0; i < planes.size(); ++i) {
@@ -192,7 +191,7 @@ TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
   DepthField other = std::move(DepthField::create(160, 120)).value();
   ThreadPool pool(1);
   other.update(l_shape(0.0015, 6).view(), pool);
-  SurfaceMoment moment;
+  SurfaceBlend moment;
   moment.from = {comparison.scene.view(), comparison.field.view()};
   moment.to = {comparison.scene.view(), other.view()};
   moment.progress = 0.3;
@@ -200,7 +199,7 @@ TEST(ContactQueryCuda, EqualsTheCpuBetweenTwoFrames) {
                       cpu = std::move(*make_cpu_query(comparison.tool));
   cuda.set_moment(moment);
   cpu.set_moment(moment);
-  for (const InsideMethod method : {InsideMethod::field, InsideMethod::simplified}) {
+  for (const MethodKind method : {MethodKind::field, MethodKind::simplified}) {
     for (const Pose& X_WT : comparison.poses) {
       const Penetration got = cuda.query(X_WT, {.method = method});
       const Penetration want = cpu.query(X_WT, {.method = method});
@@ -249,8 +248,8 @@ TEST(ContactQueryCuda, MeasuresNothingWithoutCloudOrFinitePose) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(40, 0.05, 1);
   const auto query = make_cuda_query(tool);
-  for (const InsideMethod method : {InsideMethod::weighted, InsideMethod::simplified,
-                                    InsideMethod::graph, InsideMethod::field}) {
+  for (const MethodKind method :
+       {MethodKind::weighted, MethodKind::simplified, MethodKind::graph, MethodKind::field}) {
     const Penetration nothing = query->query({}, {.method = method});
     EXPECT_EQ(nothing.volume, 0);
     EXPECT_EQ(nothing.status, StepStatus::no_surface);
@@ -265,7 +264,7 @@ TEST(ContactQueryCuda, SeesThatAHostCloudHasChanged) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(100, 0.05, 1);
   const auto query = make_cuda_query(tool);
-  const ContactOptions options{.method = InsideMethod::simplified};
+  const ContactOptions options{.method = MethodKind::simplified};
   PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, 0, 5);
   query->set_cloud(cloud.view());
   const Pose X_WT{{0, 0, 0.6}, {}};
@@ -291,7 +290,7 @@ TEST(ContactQueryCuda, ALostGpuMeasuresNothingAndSaysSo) {
   comparison.show_to(*query);
   EXPECT_EQ(query->query(comparison.poses[0], {}).status.bits, 0u);
   emulator::lose_gpu(true);
-  for (const InsideMethod method : {InsideMethod::field, InsideMethod::simplified}) {
+  for (const MethodKind method : {MethodKind::field, MethodKind::simplified}) {
     const Penetration lost = query->query(comparison.poses[0], {.method = method});
     EXPECT_EQ(lost.status, StepStatus::backend_failed);
     EXPECT_EQ(lost.volume, 0);

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/core/stamp.h"
-#include "src/contact/cuda/device_field.h"
+#include "src/contact/cuda/gpu_field.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/field_probe.h"
 #include "tests/test_util/frozen_field.h"
@@ -230,7 +230,7 @@ TEST(FieldContactCuda, GivesTheSameBitsWhereverTheFieldIsAndWhateverWasAskedBefo
   stamped.stamp = next_stamp();
   unstamped.stamp = 0;
   gpu::Stream stream(0, gpu::Priority::low);
-  DeviceFields fields(0);
+  GpuFields fields(0);
   const DepthFieldView on_gpu = fields.on_gpu(stamped, stream);
   ASSERT_TRUE(stream.wait());
   ASSERT_EQ(on_gpu.gpu, 0);

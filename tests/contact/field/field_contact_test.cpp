@@ -27,8 +27,8 @@ std::vector<Isa> isas() {
   return all;
 }
 
-constexpr ContactOptions kOwn{.method = InsideMethod::field, .volumes = SphereVolumes::own};
-constexpr ContactOptions kRepresented{.method = InsideMethod::field,
+constexpr ContactOptions kOwn{.method = MethodKind::field, .volumes = SphereVolumes::own};
+constexpr ContactOptions kRepresented{.method = MethodKind::field,
                                       .volumes = SphereVolumes::represented};
 
 // The longest gradient that a force follows.
@@ -65,7 +65,7 @@ FrozenField plane(const Plane<double>& plane) {
 std::unique_ptr<eval::MethodQueries> make_query(const Tool& tool, const FrozenField& scene,
                                                 Isa isa = best_isa(), ThreadPool* pool = nullptr) {
   auto query =
-      std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ContactCapacities{isa, pool});
+      std::make_unique<eval::MethodQueries>(Backend::cpu, tool, ExecutionOptions{isa, pool});
   query->set_field(scene.field.view());
   return query;
 }
@@ -195,7 +195,7 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
         moved.translation = X_WT * C_T + shift - rotate(moved.rotation, C_T);
         return brute_force(tool, scene, moved, SphereVolumes::own).measure_W;
       };
-      const Wrench low = wrench(-kStep), high = wrench(kStep);
+      const VolumeWrench low = wrench(-kStep), high = wrench(kStep);
       for (int axis = 0; axis < 3; ++axis) {
         const double force = -(high.force[axis] - low.force[axis]) / (2 * kStep);
         const double torque = -(high.torque[axis] - low.torque[axis]) / (2 * kStep);
@@ -351,7 +351,7 @@ TEST(FieldContact, AnyThreadsAndInstructionSetsGiveTheSameBits) {
         const auto query = make_query(tool, scene, isa, &pool);
         query->query({{0, 0, 0.6}, {}}, kOwn);  // what was asked before does not matter
         const Penetration got = query->query(X_WT, kRepresented);
-        EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(Wrench)), 0);
+        EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(VolumeWrench)), 0);
         EXPECT_EQ(got.volume, want.volume);
         EXPECT_EQ(got.potential, want.potential);
       }
@@ -390,7 +390,7 @@ TEST(FieldContact, OnePassBetweenTwoFramesGivesTheBitsOfTwo) {
   for (const Isa isa : isas()) {
     const auto query = make_contact_query(Backend::cpu, index, FieldMethod{}, {isa}).value();
     for (const TwoFrames& pair : pairs) {
-      const Surfaces from{{}, pair.from.field.view()}, to{{}, pair.to.field.view()};
+      const SurfaceView from{{}, pair.from.field.view()}, to{{}, pair.to.field.view()};
       for (int i = 0; i < 20; ++i) {
         const Pose X_WT = random_pose(random);
         const double alpha = random.uniform(0, 1);
@@ -431,12 +431,12 @@ TEST(FieldContact, StiffnessChangesNoBitOfTheMeasure) {
   Random random(47);
   for (int i = 0; i < 40; ++i) {
     const Pose X_WT = random_pose(random);
-    const Surfaces surface{{}, scene.field.view()};
+    const SurfaceView surface{{}, scene.field.view()};
     const Penetration plain = query->measure(surface, X_WT).penetration;
     const Penetration with = query->measure(surface, X_WT, {.stiffness = true}).penetration;
     EXPECT_EQ(plain.volume, with.volume);
     EXPECT_EQ(plain.potential, with.potential);
-    EXPECT_EQ(std::memcmp(&plain.measure_W, &with.measure_W, sizeof(Wrench)), 0);
+    EXPECT_EQ(std::memcmp(&plain.measure_W, &with.measure_W, sizeof(VolumeWrench)), 0);
   }
 }
 
@@ -444,7 +444,7 @@ TEST(FieldContact, OneFrameWithoutSurfaceSaysSo) {
   const Tool tool = test::random_tool(100, 0.06, 13);
   const FrozenField scene = rough_wall(48);
   const auto query = make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
-  const Surfaces none, wall{{}, scene.field.view()};
+  const SurfaceView none, wall{{}, scene.field.view()};
   const Pose X_WT{{0, 0, 0.6}, {}};
   const double whole = query->measure(wall, X_WT).penetration.volume;
   for (const auto& [from, to] : {std::pair(none, wall), std::pair(wall, none)}) {

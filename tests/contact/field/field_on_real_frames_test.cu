@@ -96,9 +96,9 @@ std::vector<Isa> isas() {
 }
 
 /// Force and torque (about the centre of mass) of gradients that are not shortened, in double.
-Wrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
-                        const DepthFieldView& field, const Pose& X_WT) {
-  Wrench sum;
+VolumeWrench unbounded_wrench(const Tool& tool, const FieldElements& elements,
+                              const DepthFieldView& field, const Pose& X_WT) {
+  VolumeWrench sum;
   const SphereClusters& at = elements.clusters;
   for (std::size_t i = 0; i < elements.factor.size(); ++i) {
     if (at.sphere_id[i] < 0) continue;
@@ -133,7 +133,7 @@ TEST(FieldOnRealFrames, NoForceIsLongerThanTheBoundOnAnyInstructionSet) {
       const Penetration want = contacts[0].measure(X_WT, volumes);
       for (test::FieldProbe& contact : contacts) {
         const Penetration got = contact.measure(X_WT, volumes);
-        EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(Wrench)), 0);
+        EXPECT_EQ(std::memcmp(&got.measure_W, &want.measure_W, sizeof(VolumeWrench)), 0);
         EXPECT_EQ(got.volume, want.volume);
         EXPECT_EQ(got.potential, want.potential);
       }
@@ -159,9 +159,9 @@ struct Work {
 template <class PoseAt, class WrenchAt>
 Work work_of(int num_steps, const Vec3d& C_T, const PoseAt& pose, const WrenchAt& wrench) {
   Work work;
-  Wrench last = wrench(pose(0));
+  VolumeWrench last = wrench(pose(0));
   for (int k = 1; k <= num_steps; ++k) {
-    const Wrench next = wrench(pose(k));
+    const VolumeWrench next = wrench(pose(k));
     const Quaternion turn = pose(k).rotation * conjugate(pose(k - 1).rotation);
     const Vec3d shift = pose(k) * C_T - pose(k - 1) * C_T;
     const double step = 0.5 * dot(last.force + next.force, shift) +

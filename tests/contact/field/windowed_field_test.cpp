@@ -50,8 +50,8 @@ class BothWays {
     windowed_.push(frame, time_, two_threads_, asked);
     EXPECT_EQ(windowed_.at(time_).to.field.asked, asked);
   }
-  SurfaceMoment whole() const { return whole_.at(time_ + 0.01); }
-  SurfaceMoment windowed() const { return windowed_.at(time_ + 0.01); }
+  SurfaceBlend whole() const { return whole_.at(time_ + 0.01); }
+  SurfaceBlend windowed() const { return windowed_.at(time_ + 0.01); }
   PixelWindow window_of(const Vec3d& p_C, double reach) const {
     return asked_window(stream_.intrinsics, stream_.width, stream_.height, p_C, reach);
   }
@@ -68,7 +68,7 @@ struct Answer {
   std::vector<SphereState> states;
   std::vector<Plane<float>> planes;
 };
-Answer ask(const ContactQuery& query, const SurfaceMoment& moment, const Pose& X_WT) {
+Answer ask(const ContactQuery& query, const SurfaceBlend& moment, const Pose& X_WT) {
   const std::size_t num = query.index()->tool().spheres().size();
   Answer answer{{}, std::vector<SphereState>(num), std::vector<Plane<float>>(num)};
   answer.result = query.measure(moment.from, moment.to, moment.progress, X_WT,
@@ -81,7 +81,7 @@ void expect_same(const Answer& got, const Answer& want) {
   EXPECT_EQ(a.status.bits, b.status.bits);
   EXPECT_EQ(a.volume, b.volume);
   EXPECT_EQ(a.potential, b.potential);
-  EXPECT_EQ(std::memcmp(&a.measure_W, &b.measure_W, sizeof(Wrench)), 0);
+  EXPECT_EQ(std::memcmp(&a.measure_W, &b.measure_W, sizeof(VolumeWrench)), 0);
   EXPECT_EQ(a.num_boundary_spheres, b.num_boundary_spheres);
   EXPECT_EQ(a.num_inside_spheres, b.num_inside_spheres);
   EXPECT_EQ(std::memcmp(&*got.result.stiffness, &*want.result.stiffness, sizeof(Stiffness)), 0);
@@ -138,7 +138,7 @@ void compare(BothWays& seen, const DepthStreamInfo& stream, const std::vector<De
           middle + (is_away ? 4 * probe.reach : random.uniform(0, 0.9) * room) * random.direction();
       Pose X_WT{{}, random.rotation(kPi)};
       X_WT.translation = C_W - X_WT * probe.tool->sphere_mass().centre_of_mass;
-      SurfaceMoment whole = seen.whole(), windowed = seen.windowed();
+      SurfaceBlend whole = seen.whole(), windowed = seen.windowed();
       if (!has_both) whole.progress = windowed.progress = 1;
       const Answer got = ask(*probe.query, windowed, X_WT);
       if (got.result.penetration.status.has(StepStatus::outside_window)) {

@@ -56,7 +56,7 @@ TEST(ToolIndex, QueriesThatShareItHaveTheBitsOfThoseThatDoNot) {
   DepthField field = DepthField::create(160, 120).value();
   ThreadPool pool(1);
   field.update(cloud.view(), pool);
-  const Surfaces surface{cloud.view(), field.view()};
+  const SurfaceView surface{cloud.view(), field.view()};
   const Pose X_WT{{0.01, 0.02, 0.58}, axis_angle({1, 2, 3}, 0.7)};
   const auto index = ToolIndex::create(tool);
   const ContactMethod methods[] = {FieldMethod{}, WeightedMethod{}, SimplifiedMethod{},
@@ -91,7 +91,7 @@ TEST(ContactWants, LeaveTheMeasureAlone) {
   DepthField field = DepthField::create(160, 120).value();
   ThreadPool pool(1);
   field.update(cloud.view(), pool);
-  const Surfaces surface{cloud.view(), field.view()};
+  const SurfaceView surface{cloud.view(), field.view()};
   std::vector<SphereState> states(200);
   std::vector<Plane<float>> planes(200);
   for (const ContactMethod& method :
@@ -122,7 +122,7 @@ TEST(ContactMethod, RefusesOptionsThatItDoesNotHave) {
     const auto method = contact_method(options);
     return method ? std::string() : method.error().message;
   };
-  using enum InsideMethod;
+  using enum MethodKind;
   EXPECT_EQ(message({.method = field, .edges = Edges::cut}),
             "edges does not go with the method field: leave it out, or choose another method");
   EXPECT_NE(message({.method = field, .priority = Priority::count}), "");

@@ -75,7 +75,7 @@ class Searched {
     }
     const auto num_places = clusters_.x.size();
     job_.scan.spheres = memory_.copy_of(spheres_);
-    job_.method = InsideMethod::graph;
+    job_.method = MethodKind::graph;
     job_.origin = {0.01, -0.02, 0.03};
     job_.volume_scale = memory_.copy_of(scales_);
     job_.num_spheres = static_cast<std::int32_t>(spheres_.size());
@@ -84,8 +84,8 @@ class Searched {
     job_.clusters.num_clusters = clusters_.num_clusters();
     job_.graph = sorted_graph_on_gpu(memory_, *sorted_, clusters_);
     job_.search = graph_search_on_gpu(memory_, job_.graph, num_places, graph_.neighbours().size());
-    job_.lender = memory_.take<std::int32_t>(num_places);
-    job_.borrowed_volume = memory_.take<float>(num_places);
+    job_.donor = memory_.take<std::int32_t>(num_places);
+    job_.assigned_volume = memory_.take<float>(num_places);
     barrier_ = memory_.take<unsigned long long>(1);
     sums_ = memory_.take_pinned<MeasureSums>(kBlocks * kQueryThreads);
     num_rounds_ = memory_.take_pinned<int>(1);
@@ -97,24 +97,23 @@ class Searched {
     const std::size_t n = spheres_.size();
     Found found{
         std::vector<std::int32_t>(n, -1), std::vector<double>(n), std::vector<float>(n), {}};
-    const std::vector<Lender> lenders = lenders_of(scene);
+    const std::vector<Donor> donors = donors_of(scene);
     const EdgesView edges{spheres_.data(), scene.pieces.data(), scene.piece_of.data(),
                           scene.distance.data(), scene.side.data()};
     const EdgesView* const used = scene.pieces.empty() ? nullptr : &edges;
-    const LendersView view{spheres_.data(), lenders.data(),
-                           static_cast<std::int32_t>(lenders.size())};
+    const DonorsView view{spheres_.data(), donors.data(), static_cast<std::int32_t>(donors.size())};
     for (const GraphTraversal::Visit& visit : traversal_.run(scene.seeds, used)) {
       const auto id = static_cast<std::size_t>(visit.sphere_id);
-      const Lender& lender = lenders[static_cast<std::size_t>(visit.seed)];
+      const Donor& donor = donors[static_cast<std::size_t>(visit.seed)];
       const double volume = static_cast<double>(scales_[id]) *
-                            reached_volume(view, lender, visit.sphere_id, inside, used);
+                            reached_volume(view, donor, visit.sphere_id, inside, used);
       found.seed[id] = visit.seed;
       found.path_length[id] = visit.path_length;
       found.volume[id] = static_cast<float>(volume);
       found.sums.volume += volume;
-      found.sums.force += volume * lender.plane_T.normal;
+      found.sums.force += volume * donor.plane_T.normal;
       found.sums.torque +=
-          cross(to_double(spheres_[id].centre) - job_.origin, volume * lender.plane_T.normal);
+          cross(to_double(spheres_[id].centre) - job_.origin, volume * donor.plane_T.normal);
       found.sums.num_inside += volume > 0;
     }
     return found;
@@ -126,17 +125,17 @@ class Searched {
     q.inside = inside;
     q.search.first_round = first_round_;
     std::vector<std::int32_t> ids;
-    std::vector<std::int32_t> boundary_lender(clusters_.x.size(), 1000000);  // of earlier queries
+    std::vector<std::int32_t> boundary_donor(clusters_.x.size(), 1000000);  // of earlier queries
     for (const GraphTraversal::Seed& seed : scene.seeds) {
       const auto place = clusters_.place_of[static_cast<std::size_t>(seed.sphere_id)];
-      boundary_lender[static_cast<std::size_t>(place)] =
+      boundary_donor[static_cast<std::size_t>(place)] =
           norm(seed.normal) > 0 ? static_cast<std::int32_t>(ids.size()) : -1;
       ids.push_back(seed.sphere_id);
     }
-    stream_.copy(q.lender, boundary_lender.data(), boundary_lender.size() * sizeof(std::int32_t));
+    stream_.copy(q.donor, boundary_donor.data(), boundary_donor.size() * sizeof(std::int32_t));
     q.boundary.num = memory.copy_of(std::vector{static_cast<std::int32_t>(ids.size())});
     q.boundary.sphere_id = memory.copy_of(ids);
-    q.boundary.lenders = memory.copy_of(lenders_of(scene));
+    q.boundary.donors = memory.copy_of(donors_of(scene));
     if (!scene.pieces.empty()) {
       q.edges = Edges::cut;
       q.pieces = memory.copy_of(scene.pieces);
@@ -154,12 +153,12 @@ class Searched {
     const auto num_places = static_cast<std::size_t>(q.clusters.num_places());
     std::vector<PlaceState> places(num_places);
     std::vector<double> path_length(num_places);
-    std::vector<std::int32_t> lender(num_places), num_listed(3);
+    std::vector<std::int32_t> donor(num_places), num_listed(3);
     std::vector<float> volume(num_places);
     stream_.copy(places.data(), q.search.places, num_places * sizeof(PlaceState));
     stream_.copy(path_length.data(), q.search.path_length, num_places * sizeof(double));
-    stream_.copy(lender.data(), q.lender, num_places * sizeof(std::int32_t));
-    stream_.copy(volume.data(), q.borrowed_volume, num_places * sizeof(float));
+    stream_.copy(donor.data(), q.donor, num_places * sizeof(std::int32_t));
+    stream_.copy(volume.data(), q.assigned_volume, num_places * sizeof(float));
     stream_.copy(num_listed.data(), q.search.num_listed, 3 * sizeof(std::int32_t));
     EXPECT_TRUE(stream_.wait()) << stream_.status().error().message;
     EXPECT_EQ(num_listed, std::vector<std::int32_t>(3)) << "for the next query";
@@ -172,14 +171,14 @@ class Searched {
       EXPECT_EQ(state.num_offers, 0) << "for the next query";
       EXPECT_LE(state.round, first_round_ + *num_rounds_);
       if (state.round == first_round_) {
-        EXPECT_EQ(lender[place], boundary_lender[place]);
+        EXPECT_EQ(donor[place], boundary_donor[place]);
         EXPECT_EQ(volume[place], 0);
       } else if (state.round < first_round_) {
-        EXPECT_EQ(lender[place], -1);
+        EXPECT_EQ(donor[place], -1);
         EXPECT_EQ(volume[place], 0);
       } else {
         const auto id = static_cast<std::size_t>(clusters_.sphere_id[place]);
-        found.seed[id] = lender[place];
+        found.seed[id] = donor[place];
         found.path_length[id] = path_length[place];
         found.volume[id] = volume[place];
       }
@@ -206,16 +205,16 @@ class Searched {
  private:
   static constexpr int kBlocks = 2;
 
-  static std::vector<Lender> lenders_of(const Scene& scene) {
-    std::vector<Lender> lenders;
+  static std::vector<Donor> donors_of(const Scene& scene) {
+    std::vector<Donor> donors;
     for (const GraphTraversal::Seed& seed : scene.seeds) {
-      Lender lender;
+      Donor donor;
       if (norm(seed.normal) > 0) {
-        lender = {seed.sphere_id, {seed.normal, dot(seed.normal, seed.point.p_T)}, seed.point};
+        donor = {seed.sphere_id, {seed.normal, dot(seed.normal, seed.point.p_T)}, seed.point};
       }
-      lenders.push_back(lender);
+      donors.push_back(donor);
     }
-    return lenders;
+    return donors;
   }
 
   std::vector<Sphere> spheres_;

@@ -10,7 +10,7 @@
 
 #include "src/contact/index/sphere_clusters.h"
 #include "src/contact/index/sphere_grid.h"
-#include "src/contact/points/donors/lenders.h"
+#include "src/contact/points/donors/donors.h"
 #include "src/contact/points/edges/edge_planes.h"
 #include "src/contact/points/edges/edge_stage.cuh"
 #include "src/contact/points/scan/boundary_points.h"
@@ -97,8 +97,8 @@ struct Found {
   std::vector<PointSums> sums;  // of boundary spheres
   std::vector<EdgeSums> edge_sums;
   std::vector<std::int32_t> ids;
-  std::vector<Lender> lenders;
-  int num_lenders = 0, num_points = 0;
+  std::vector<Donor> donors;
+  int num_donors = 0, num_points = 0;
   std::uint32_t status = 0;
   std::vector<EdgePiece> pieces;  // that exist
   std::vector<EdgePiece> piece_of_sphere;
@@ -122,8 +122,8 @@ Found ask_cpu(const Scene& scene, const Question& question) {
         boundary_sphere(static_cast<std::int32_t>(id), sums, scan.sum_scale, question.plane_rule(),
                         scan.R_TW, scan.translation_W);
     found.ids.push_back(sphere.sphere_id);
-    found.lenders.push_back(sphere.lender);
-    found.num_lenders += sphere.has_plane();
+    found.donors.push_back(sphere.donor);
+    found.num_donors += sphere.has_plane();
     found.num_points += sphere.num_points;
     if (sphere.is_ambiguous) {
       found.status |= static_cast<std::uint32_t>(StepStatus::ambiguous_normals);
@@ -137,8 +137,8 @@ Found ask_cpu(const Scene& scene, const Question& question) {
   });
   if (edges.empty()) return found;
   edges.find_nearest(question.X_WT, question.edges);
-  for (const Lender& lender : found.lenders) {
-    if (lender.sphere_id >= 0) edges.note(lender.point);
+  for (const Donor& donor : found.donors) {
+    if (donor.sphere_id >= 0) edges.note(donor.point);
   }
   const EdgesView view = edges.view();
   found.pieces.assign(view.pieces, view.pieces + found.pieces.size());
@@ -194,13 +194,13 @@ class OnGpu {
     q.touched_before = memory_.take<std::uint32_t>(num_words);
     q.edge_candidates = memory_.take<EdgeCandidate>(cloud.size());
     for (std::int32_t** counter : {&q.num_edge_candidates, &q.num_pieces, &q.boundary.num,
-                                   &q.boundary.num_lenders, &q.boundary.num_points}) {
+                                   &q.boundary.num_donors, &q.boundary.num_points}) {
       *counter = memory_.take<std::int32_t>(1);
     }
     q.boundary.status = memory_.take<std::uint32_t>(1);
     q.boundary.heaviest = memory_.take<unsigned long long>(1);
     q.boundary.sphere_id = memory_.take<std::int32_t>(n);
-    q.boundary.lenders = memory_.take<Lender>(n);
+    q.boundary.donors = memory_.take<Donor>(n);
     BoundaryList& list = q.boundary;
     for (float** values : {&list.x, &list.y, &list.z, &list.nx, &list.ny, &list.nz, &list.offset,
                            &list.weight, &list.presence}) {
@@ -213,8 +213,8 @@ class OnGpu {
     q.piece_of = memory_.take<std::int32_t>(n);
     q.edge_distance = memory_.take<double>(n);
     q.edge_side = memory_.take<EdgeSide>(n);
-    q.lender = memory_.take<std::int32_t>(scene.clusters.sphere_id.size());
-    q.borrowed_volume = memory_.take<float>(scene.clusters.sphere_id.size());
+    q.donor = memory_.take<std::int32_t>(scene.clusters.sphere_id.size());
+    q.assigned_volume = memory_.take<float>(scene.clusters.sphere_id.size());
     barrier_ = memory_.take<unsigned long long>(1);
   }
 
@@ -281,12 +281,12 @@ class OnGpu {
     Found found;
     const auto num = static_cast<std::size_t>(value(q.boundary.num));
     found.ids = values(q.boundary.sphere_id, num);
-    found.lenders = values(q.boundary.lenders, num);
+    found.donors = values(q.boundary.donors, num);
     for (const std::int32_t id : found.ids) {
       found.sums.push_back(sums[static_cast<std::size_t>(id)]);
       found.edge_sums.push_back(edge_sums[static_cast<std::size_t>(id)]);
     }
-    found.num_lenders = value(q.boundary.num_lenders);
+    found.num_donors = value(q.boundary.num_donors);
     found.num_points = value(q.boundary.num_points);
     found.status = value(q.boundary.status);
     check_floats(found);
@@ -305,18 +305,18 @@ class OnGpu {
     return found;
   }
 
-  // The list in single precision, and what each place knows, follow from the lenders.
+  // The list in single precision, and what each place knows, follow from the donors.
   void check_floats(const Found& found) {
     const BoundaryList& list = q_.boundary;
-    const std::size_t num = found.lenders.size();
+    const std::size_t num = found.donors.size();
     const float* const channels[] = {list.x,  list.y,      list.z,      list.nx,      list.ny,
                                      list.nz, list.offset, list.weight, list.presence};
     std::vector<float> lists[9];
     for (int k = 0; k < 9; ++k) lists[k] = values(channels[k], num);
-    const std::vector<std::int32_t> lender = values(q_.lender, scene_->clusters.sphere_id.size());
+    const std::vector<std::int32_t> donor = values(q_.donor, scene_->clusters.sphere_id.size());
     std::int32_t heaviest = -1;
     for (std::size_t i = 0; i < num; ++i) {
-      const Lender& l = found.lenders[i];
+      const Donor& l = found.donors[i];
       const auto id = static_cast<std::size_t>(found.ids[i]);
       const bool lends = l.sphere_id >= 0;
       const Vec3f c = lends ? scene_->spheres[id].centre : Vec3f{1e12f, 1e12f, 1e12f};
@@ -331,7 +331,7 @@ class OnGpu {
                                  static_cast<float>(l.weight),
                                  lends ? static_cast<float>(l.presence) : 0.0f};
       for (int k = 0; k < 9; ++k) ASSERT_EQ(lists[k][i], expected[k]) << k << " of " << i;
-      ASSERT_EQ(lender[static_cast<std::size_t>(scene_->clusters.place_of[id])],
+      ASSERT_EQ(donor[static_cast<std::size_t>(scene_->clusters.place_of[id])],
                 lends ? static_cast<std::int32_t>(i) : -1);
       if (lends && (heaviest < 0 || lists[7][i] > lists[7][static_cast<std::size_t>(heaviest)])) {
         heaviest = static_cast<std::int32_t>(i);
@@ -394,7 +394,7 @@ void expect_near(const EdgePiece& a, const EdgePiece& b) {
 
 void expect_same(const Found& got, const Found& want) {
   ASSERT_EQ(got.ids, want.ids);
-  EXPECT_EQ(got.num_lenders, want.num_lenders);
+  EXPECT_EQ(got.num_donors, want.num_donors);
   EXPECT_EQ(got.num_points, want.num_points);
   EXPECT_EQ(got.status, want.status);
   for (std::size_t i = 0; i < want.ids.size(); ++i) {
@@ -403,7 +403,7 @@ void expect_same(const Found& got, const Found& want) {
     for (int k = 0; k < EdgeSums::kDirections; ++k) {
       expect_same(got.edge_sums[i].towards[k], want.edge_sums[i].towards[k]);
     }
-    const Lender &a = got.lenders[i], &b = want.lenders[i];
+    const Donor &a = got.donors[i], &b = want.donors[i];
     EXPECT_EQ(a.sphere_id, b.sphere_id);
     expect_near(a.plane_T, b.plane_T);
     EXPECT_NEAR(norm(a.point.p_T - b.point.p_T), 0, 1e-12);

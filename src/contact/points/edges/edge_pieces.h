@@ -1,9 +1,9 @@
-// Where the surface ends: planes along viewing rays that keep the tool's spheres from borrowing
-// beyond it (thesis section 3.5, eq. 3.17 corrected). One text for host and device.
+// Where the surface ends: planes along viewing rays that keep the tool's spheres from taking
+// beyond it (thesis section 3.5, eq. 3.17 corrected). shared by host and device.
 //
 // A boundary sphere has up to four pieces of edge, one for each side of the image. What matters to
 // a sphere is the piece nearest to it *in the image*, whoever found it: so an edge may bend and
-// turn corners. An edge says nothing about surfaces behind it: planes of lenders that lie beyond
+// turn corners. An edge says nothing about surfaces behind it: planes of donors that lie beyond
 // the edge and farther away are not cut by it.
 #pragma once
 
@@ -16,8 +16,8 @@
 
 namespace palpate {
 
-/// The points behind a lender's plane, as the edges need them.
-struct LenderPoint {
+/// The points behind a donor's plane, as the edges need them.
+struct DonorPoint {
   Vec3d p_T;         ///< mean
   double range = 0;  ///< from the camera, m
 };
@@ -27,12 +27,12 @@ struct EdgePiece {
   double u = 0, v = 0;      ///< of their mean, in the image of a camera with focal length 1
   double range = 0;         ///< of their mean from the camera, m; 0: there is no such piece
   Plane<double> plane_T;    ///< contains the viewing ray; the surface is behind it
-  bool has_beyond = false;  ///< some lender lies beyond it
+  bool has_beyond = false;  ///< some donor lies beyond it
 
   PALPATE_HOSTDEV bool exists() const { return range > 0; }
-  PALPATE_HOSTDEV bool is_before(const LenderPoint& lender) const {
-    return dot(plane_T.normal, lender.p_T) > plane_T.offset &&
-           lender.range > range + EdgeSums::kSameSurface;
+  PALPATE_HOSTDEV bool is_before(const DonorPoint& donor) const {
+    return dot(plane_T.normal, donor.p_T) > plane_T.offset &&
+           donor.range > range + EdgeSums::kSameSurface;
   }
 };
 
@@ -72,35 +72,35 @@ struct EdgesView {
 
   /// False if the sphere lies behind its edge with all that counts: it is as without edges.
   PALPATE_HOSTDEV bool concerns(std::int32_t id) const { return side[id] != EdgeSide::behind; }
-  /// True if a sphere may not use the plane of a lender at all.
-  PALPATE_HOSTDEV bool forbids(std::int32_t id, const LenderPoint& lender) const {
-    return side[id] == EdgeSide::beyond && !piece(id).is_before(lender);
+  /// True if a sphere may not use the plane of a donor at all.
+  PALPATE_HOSTDEV bool forbids(std::int32_t id, const DonorPoint& donor) const {
+    return side[id] == EdgeSide::beyond && !piece(id).is_before(donor);
   }
-  /// True if a sphere may use no lender's plane.
+  /// True if a sphere may use no donor's plane.
   PALPATE_HOSTDEV bool cuts_off(std::int32_t id) const {
     return side[id] == EdgeSide::beyond && !piece(id).has_beyond;
   }
-  /// Volume of the sphere behind the lender's plane and, as far as the rule says, its edge.
+  /// Volume of the sphere behind the donor's plane and, as far as the rule says, its edge.
   PALPATE_HOSTDEV double volume(std::int32_t id, const Plane<double>& plane_T,
-                                const LenderPoint& lender) const {
+                                const DonorPoint& donor) const {
     const double radius = static_cast<double>(spheres[id].radius);
     const double d = dot(plane_T.normal, to_double(spheres[id].centre)) - plane_T.offset;
-    if (is_as_without(id, lender)) return cap_volume(radius, d);
+    if (is_as_without(id, donor)) return cap_volume(radius, d);
     if (side[id] == EdgeSide::beyond) return 0;
     const Vec3d& edge_normal = piece(id).plane_T.normal;
     return two_plane_cut(radius, d, distance[id], dot(plane_T.normal, edge_normal)).volume;
   }
   /// The same of a sphere that would be inside as a whole.
-  PALPATE_HOSTDEV double full_volume(std::int32_t id, const LenderPoint& lender) const {
+  PALPATE_HOSTDEV double full_volume(std::int32_t id, const DonorPoint& donor) const {
     const double radius = static_cast<double>(spheres[id].radius);
-    if (is_as_without(id, lender)) return sphere_volume(radius);
+    if (is_as_without(id, donor)) return sphere_volume(radius);
     return side[id] == EdgeSide::beyond ? 0 : cap_volume(radius, distance[id]);
   }
 
  private:
   PALPATE_HOSTDEV const EdgePiece& piece(std::int32_t id) const { return pieces[piece_of[id]]; }
-  PALPATE_HOSTDEV bool is_as_without(std::int32_t id, const LenderPoint& lender) const {
-    return side[id] == EdgeSide::behind || piece(id).is_before(lender);
+  PALPATE_HOSTDEV bool is_as_without(std::int32_t id, const DonorPoint& donor) const {
+    return side[id] == EdgeSide::behind || piece(id).is_before(donor);
   }
 };
 

@@ -85,8 +85,8 @@ void EdgePlanes::find_nearest(const Pose& X_WT, Edges rule) {
   }
 }
 
-void EdgePlanes::note(const LenderPoint& lender) {
-  for (EdgePiece& piece : pieces_) piece.has_beyond |= piece.is_before(lender);
+void EdgePlanes::note(const DonorPoint& donor) {
+  for (EdgePiece& piece : pieces_) piece.has_beyond |= piece.is_before(donor);
 }
 
 }  // namespace palpate

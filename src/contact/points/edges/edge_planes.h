@@ -23,8 +23,8 @@ class EdgePlanes {
                   const Vec3d& translation_W);
   /// After all of them: finds the piece of every sphere. `rule` is not `none`.
   void find_nearest(const Pose& X_WT, Edges rule);
-  /// After that, for every lender: lets the edges know which of them they cannot cut off.
-  void note(const LenderPoint& lender);
+  /// After that, for every donor: lets the edges know which of them they cannot cut off.
+  void note(const DonorPoint& donor);
 
   bool empty() const { return pieces_.empty(); }
   /// After all of that.

@@ -13,9 +13,9 @@ namespace palpate {
 /// Run by all threads of blocks of kQueryThreads.
 class EdgeStage {
  public:
-  /// Shared memory of a block: lenders that are shown to all pieces.
+  /// Shared memory of a block: donors that are shown to all pieces.
   struct Scratch {
-    LenderPoint lenders[kQueryThreads];
+    DonorPoint donors[kQueryThreads];
   };
 
   __device__ explicit EdgeStage(const PointQuery& q)
@@ -28,7 +28,7 @@ class EdgeStage {
          cluster < q_.clusters.num_clusters; cluster += warps) {
       find_nearest(cluster);
     }
-    note_lenders();
+    note_donors();
   }
 
  private:
@@ -115,9 +115,9 @@ class EdgeStage {
         edge_side(distance, static_cast<double>(q_.scan.spheres[id].radius), q_.edges);
   }
 
-  // Lets the pieces know which lenders they cannot cut off: each block shows its share of the
-  // lenders to all pieces. Several may find one for the same piece and write the same.
-  __device__ void note_lenders() const {
+  // Lets the pieces know which donors they cannot cut off: each block shows its share of the
+  // donors to all pieces. Several may find one for the same piece and write the same.
+  __device__ void note_donors() const {
     const std::int64_t num = *q_.boundary.num;
     const auto begin = static_cast<int>(num * blockIdx.x / gridDim.x);
     const auto end = static_cast<int>(num * (blockIdx.x + 1) / gridDim.x);
@@ -125,7 +125,7 @@ class EdgeStage {
     for (int first = begin; first < end; first += kQueryThreads) {
       // One without plane has range 0: no piece is before it.
       if (first + thread < end) {
-        shared_.lenders[thread] = q_.boundary.lenders[first + thread].point;
+        shared_.donors[thread] = q_.boundary.donors[first + thread].point;
       }
       __syncthreads();
       const int shown = end - first < kQueryThreads ? end - first : kQueryThreads;
@@ -133,7 +133,7 @@ class EdgeStage {
         const std::int32_t number = q_.seen_pieces.number[i];
         const EdgePiece piece = q_.pieces[number];
         bool found = false;
-        for (int l = 0; l < shown && !found; ++l) found = piece.is_before(shared_.lenders[l]);
+        for (int l = 0; l < shown && !found; ++l) found = piece.is_before(shared_.donors[l]);
         if (found) q_.pieces[number].has_beyond = true;
       }
       __syncthreads();
@@ -146,7 +146,7 @@ class EdgeStage {
 };
 
 /// After find_boundary and a barrier, if q.edges is not `none`: the piece that matters to each
-/// sphere, and which pieces have lenders beyond. Does nothing if *q.num_pieces is 0: then edges
+/// sphere, and which pieces have donors beyond. Does nothing if *q.num_pieces is 0: then edges
 /// concern no sphere. Shared memory: kEdgeSharedBytes.
 __device__ inline void find_edges(const PointQuery& q) { EdgeStage(q).run(); }
 

@@ -1,10 +1,10 @@
 // How the search along the leaf graph decides (thesis section 3.3.2; Algs. 3.5 and 3.6 corrected).
-// One text for host and device.
+// shared by host and device.
 #pragma once
 
 #include <cstdint>
 
-#include "src/contact/points/donors/lender.h"
+#include "src/contact/points/donors/donor.h"
 
 namespace palpate {
 
@@ -25,16 +25,16 @@ struct alignas(16) Offer {
   }
 };
 
-/// V_s of a sphere that the graph reached from this lender: whole (Alg. 3.7), or cut by its plane
+/// V_s of a sphere that the graph reached from this donor: whole (Alg. 3.7), or cut by its plane
 /// (footnote).
-PALPATE_HOSTDEV inline double reached_volume(const LendersView& lenders, const Lender& lender,
+PALPATE_HOSTDEV inline double reached_volume(const DonorsView& donors, const Donor& donor,
                                              std::int32_t sphere_id, InsideVolume inside,
                                              const EdgesView* edges) {
   if (inside == InsideVolume::cap) {
-    return lenders.borrow_from(lender, sphere_id, {false, false, edges}).volume;
+    return donors.assign_from(donor, sphere_id, {false, false, edges}).volume;
   }
-  if (edges != nullptr) return edges->full_volume(sphere_id, lender.point);
-  return sphere_volume(static_cast<double>(lenders.spheres[sphere_id].radius));
+  if (edges != nullptr) return edges->full_volume(sphere_id, donor.point);
+  return sphere_volume(static_cast<double>(donors.spheres[sphere_id].radius));
 }
 
 }  // namespace palpate

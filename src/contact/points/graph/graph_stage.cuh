@@ -15,7 +15,7 @@
 
 #include <cstdint>
 
-#include "src/contact/points/donors/plane_borrowing.h"
+#include "src/contact/points/donors/plane_assignment.h"
 #include "src/contact/points/graph/graph_rule.h"
 #include "src/contact/points/point_query.h"
 #include "src/gpu/team.cuh"
@@ -35,7 +35,7 @@ class GraphStage {
         search_(q.search),
         boundary_(q.boundary),
         place_of_(q.clusters.place_of),
-        reference_(q.lender),
+        reference_(q.donor),
         sphere_ids_(q.clusters.sphere_id),
         edges_(q.edges_view()),
         with_edges_(with_edges && *q.num_pieces > 0) {}
@@ -233,8 +233,8 @@ class GraphStage {
   __device__ void walk(RowPart part, const Lanes& lanes, const Offer& from, Ahead ahead,
                        const Reached& reached) const {
     const bool has_seed = from.seed >= 0;
-    const Lender& lender = boundary_.lenders[has_seed ? from.seed : 0];
-    const Vec3d c = graph_.spheres[part.place].centre(), normal = lender.plane_T.normal;
+    const Donor& donor = boundary_.donors[has_seed ? from.seed : 0];
+    const Vec3d c = graph_.spheres[part.place].centre(), normal = donor.plane_T.normal;
     for (;;) {
       bool walks[kBatch];
       int slot[kBatch], num_slots = 0;
@@ -245,7 +245,7 @@ class GraphStage {
         walks[b] = has_seed &&
                    (ahead.round[b] < search_.first_round || ahead.round[b] == reached.round) &&
                    leads_inside(ahead.sphere[b].centre() - c, normal) &&
-                   !(with_edges_ && edges_.forbids(sphere_ids_[ahead.place[b]], lender.point));
+                   !(with_edges_ && edges_.forbids(sphere_ids_[ahead.place[b]], donor.point));
         const unsigned all = __ballot_sync(gpu::kWholeWarp, walks[b]);
         slot[b] = num_slots + __popc(all & ((1u << gpu::lane_id()) - 1));
         num_slots += __popc(all);
@@ -314,9 +314,9 @@ __device__ inline int search_graph(const PointQuery& q, unsigned long long* barr
 }
 
 /// This thread's part of the measure of what was reached: V_s n_s, with the sphere's centre as
-/// lever. Fills in lender and borrowed_volume of all spheres that no point touches.
+/// lever. Fills in donor and assigned_volume of all spheres that no point touches.
 __device__ inline MeasureSums measure_reached(const PointQuery& q, bool with_edges) {
-  const LendersView lenders = q.lenders_view();
+  const DonorsView donors = q.donors_view();
   const EdgesView edges = q.edges_view();
   const bool has_pieces = with_edges && *q.num_pieces > 0;
   MeasureSums sums;
@@ -327,18 +327,18 @@ __device__ inline MeasureSums measure_reached(const PointQuery& q, bool with_edg
     if (state.round > q.search.first_round) {
       q.search.places[place].num_offers = 0;  // for the next query
       const std::int32_t id = q.clusters.sphere_id[place];
-      const Lender& lender = lenders.lenders[q.lender[place]];
-      volume = q.scale(id) * (has_pieces ? reached_volume(lenders, lender, id, q.inside, &edges)
-                                         : reached_volume(lenders, lender, id, q.inside, nullptr));
-      const Vec3d force = volume * lender.plane_T.normal;
+      const Donor& donor = donors.donors[q.donor[place]];
+      volume = q.scale(id) * (has_pieces ? reached_volume(donors, donor, id, q.inside, &edges)
+                                         : reached_volume(donors, donor, id, q.inside, nullptr));
+      const Vec3d force = volume * donor.plane_T.normal;
       sums.volume += volume;
       sums.force += force;
       sums.torque += cross(q.graph.spheres[place].centre() - q.origin, force);
       sums.num_inside += volume > 0;
     } else if (state.round < q.search.first_round) {
-      q.lender[place] = -1;
+      q.donor[place] = -1;
     }
-    q.borrowed_volume[place] = static_cast<float>(volume);
+    q.assigned_volume[place] = static_cast<float>(volume);
   }
   return sums;
 }

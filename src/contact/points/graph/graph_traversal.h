@@ -29,7 +29,7 @@ class GraphTraversal {
   struct Seed {
     std::int32_t sphere_id;
     Vec3d normal;
-    LenderPoint point{};
+    DonorPoint point{};
   };
 
   /// A sphere that the search found, the seed whose plane is its reference (an index into the

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "src/contact/points/donors/lender.h"
+#include "src/contact/points/donors/donor.h"
 
 namespace palpate {
 
@@ -12,17 +12,17 @@ namespace palpate {
 struct BoundaryPlaneRule {
   bool weighted = false;    ///< the sums carry kernel weights (Continuity)
   bool fades_in = false;    ///< a boundary sphere counts as one only as far as points are in it
-  bool with_range = false;  ///< LenderPoint::range is wanted
+  bool with_range = false;  ///< DonorPoint::range is wanted
 };
 
-/// A sphere that contains points. Without a plane its normal is 0 and it lends nothing.
+/// A sphere that contains points. Without a plane its normal is 0 and it gives nothing.
 struct BoundarySphere {
   std::int32_t sphere_id = -1;
-  Lender lender;  ///< unit mean normal, plane through the mean point, tool frame
+  Donor donor;  ///< unit mean normal, plane through the mean point, tool frame
   std::int32_t num_points = 0;
   bool is_ambiguous = false;  ///< StepStatus::ambiguous_normals
 
-  PALPATE_HOSTDEV bool has_plane() const { return lender.sphere_id >= 0; }
+  PALPATE_HOSTDEV bool has_plane() const { return donor.sphere_id >= 0; }
 };
 
 /// Sum of kernel weights at which a boundary sphere counts by half as one (Continuity::entry).
@@ -47,14 +47,14 @@ PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, co
   // Normals that cancel out say nothing: such a sphere has no plane.
   if (!(length > 1e-6)) return result;
   const Vec3d p_T = R_TW * offset_W, n_T = R_TW * (mean_normal_W / length);
-  Lender& lender = result.lender;
-  lender.sphere_id = sphere_id;
-  lender.plane_T = {n_T, dot(n_T, p_T)};
-  lender.point = {p_T, rule.with_range ? norm(translation_W + offset_W) : 0};
-  lender.weight = weight;
+  Donor& donor = result.donor;
+  donor.sphere_id = sphere_id;
+  donor.plane_T = {n_T, dot(n_T, p_T)};
+  donor.point = {p_T, rule.with_range ? norm(translation_W + offset_W) : 0};
+  donor.weight = weight;
   if (rule.fades_in) {
     const double sum = sums.weight(sum_scale);
-    lender.presence = sum / (sum + kHalfPresence);
+    donor.presence = sum / (sum + kHalfPresence);
   }
   return result;
 }

@@ -132,25 +132,25 @@ class BoundaryStage {
     const BoundarySphere sphere = boundary_sphere(id, sums, q_.scan.sum_scale, q_.plane_rule,
                                                   q_.scan.R_TW, q_.scan.translation_W);
     const BoundaryList& list = q_.boundary;
-    const Lender& lender = sphere.lender;
+    const Donor& donor = sphere.donor;
     const bool lends = sphere.has_plane();
     const Vec3f centre = lends ? its_centre : Vec3f{1e12f, 1e12f, 1e12f};
-    const Vec3f normal = to_float(lender.plane_T.normal);
-    const float weight = static_cast<float>(lender.weight);
+    const Vec3f normal = to_float(donor.plane_T.normal);
+    const float weight = static_cast<float>(donor.weight);
     list.sphere_id[i] = id;
-    list.lenders[i] = lender;
+    list.donors[i] = donor;
     list.x[i] = centre.x;
     list.y[i] = centre.y;
     list.z[i] = centre.z;
     list.nx[i] = normal.x;
     list.ny[i] = normal.y;
     list.nz[i] = normal.z;
-    list.offset[i] = static_cast<float>(lender.plane_T.offset);
+    list.offset[i] = static_cast<float>(donor.plane_T.offset);
     list.weight[i] = weight;
-    list.presence[i] = lends ? static_cast<float>(lender.presence) : 0.0f;
-    q_.lender[place] = lends ? i : -1;
-    q_.borrowed_volume[place] = 0;
-    if (q_.method == InsideMethod::graph) {
+    list.presence[i] = lends ? static_cast<float>(donor.presence) : 0.0f;
+    q_.donor[place] = lends ? i : -1;
+    q_.assigned_volume[place] = 0;
+    if (q_.method == MethodKind::graph) {
       q_.search.places[place].round = q_.search.first_round;
     }
 
@@ -158,7 +158,7 @@ class BoundaryStage {
     ambiguous_ |= sphere.is_ambiguous;
     num_points_ += sphere.num_points;
     if (!lends) return;
-    ++num_lenders_;
+    ++num_donors_;
     const auto bits = static_cast<std::uint32_t>(__float_as_int(weight));
     const unsigned long long rank =
         static_cast<unsigned long long>(bits) << 32 | (0xffffffffu - static_cast<std::uint32_t>(i));
@@ -182,7 +182,7 @@ class BoundaryStage {
   // What the threads of a warp counted goes to the list's counters.
   __device__ void hand_in() {
     if (!__any_sync(gpu::kWholeWarp, any_)) return;
-    const std::int32_t num_lenders = gpu::warp_sum(num_lenders_);
+    const std::int32_t num_donors = gpu::warp_sum(num_donors_);
     const std::int32_t num_points = gpu::warp_sum(num_points_);
     const bool ambiguous = __any_sync(gpu::kWholeWarp, ambiguous_);
     for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
@@ -190,7 +190,7 @@ class BoundaryStage {
       if (other > heaviest_) heaviest_ = other;
     }
     if (gpu::lane_id() != 0) return;
-    atomicAdd(q_.boundary.num_lenders, num_lenders);
+    atomicAdd(q_.boundary.num_donors, num_donors);
     atomicAdd(q_.boundary.num_points, num_points);
     atomicMax(q_.boundary.heaviest, heaviest_);
     if (ambiguous) {
@@ -203,7 +203,7 @@ class BoundaryStage {
   const int thread_, num_parts_;
   // Of the spheres that this thread took.
   bool any_ = false, ambiguous_ = false;
-  std::int32_t num_lenders_ = 0, num_points_ = 0;
+  std::int32_t num_donors_ = 0, num_points_ = 0;
   unsigned long long heaviest_ = 0;
 };
 
@@ -218,7 +218,7 @@ inline constexpr std::size_t kBoundarySharedBytes = sizeof(BoundaryStage::Scratc
 
 /// By one thread, before the barrier that find_boundary waits for: counters of the query before.
 __device__ inline void reset_counters(const PointQuery& q) {
-  *q.boundary.num_lenders = 0;
+  *q.boundary.num_donors = 0;
   *q.boundary.num_points = 0;
   *q.boundary.status = 0;
   *q.boundary.heaviest = 0;

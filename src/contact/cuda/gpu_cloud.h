@@ -1,0 +1,35 @@
+// Clouds that lie elsewhere, in the memory of one GPU.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "palpate/cloud/point_cloud.h"
+#include "src/contact/cuda/copy_slots.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+
+/// Keeps copies of the last two clouds: the surfaces of a moment between two frames. Memory grows
+/// with the first cloud of its size.
+class GpuClouds {
+ public:
+  explicit GpuClouds(int gpu) : gpu_(gpu) {}
+
+  /// The cloud itself if it is on this GPU, else a copy, made in `stream` unless there is one with
+  /// its stamp. A failure goes to the stream.
+  PointCloudView on_gpu(const PointCloudView& cloud, gpu::Stream& stream);
+
+ private:
+  struct Copy {
+    std::optional<gpu::Memory> memory;
+    float* data = nullptr;
+    std::size_t capacity = 0;  ///< points of each array
+  };
+
+  int gpu_;
+  Copy copies_[CopySlots::kNum];
+  CopySlots slots_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,40 @@
+// Depth fields that lie elsewhere, in the memory of one GPU.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "palpate/field/depth_field.h"
+#include "src/contact/cuda/copy_slots.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+
+/// Keeps copies of the last two fields: the surfaces of a moment between two frames. Memory grows
+/// with the first field of its size.
+class GpuFields {
+ public:
+  explicit GpuFields(int gpu) : gpu_(gpu) {}
+
+  /// The field itself if it is on this GPU, else a copy, made in `stream` unless there is one with
+  /// its stamp. A failure goes to the stream.
+  DepthFieldView on_gpu(const DepthFieldView& field, gpu::Stream& stream) noexcept;
+
+ private:
+  struct Copy {
+    std::optional<gpu::Memory> memory;
+    float* planes = nullptr;
+    Silhouette* silhouettes = nullptr;
+    std::uint8_t* near_silhouette = nullptr;
+    DepthTile* tiles = nullptr;
+    std::size_t num_pixels = 0, num_tiles = 0;  ///< that there is room for
+  };
+
+  bool grow(Copy& copy, std::size_t num_pixels, std::size_t num_tiles, gpu::Stream& stream);
+
+  int gpu_;
+  Copy copies_[CopySlots::kNum];
+  CopySlots slots_;
+};
+
+}  // namespace palpate

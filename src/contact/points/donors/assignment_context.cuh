@@ -1,0 +1,142 @@
+// What the parts of the take stage share: how spheres take in this query, which places have
+// been touched, and how measures are added up.
+#pragma once
+
+#include <cstdint>
+
+#include "src/contact/points/donors/assignment_rule.h"
+#include "src/contact/points/donors/plane_assignment.h"
+#include "src/contact/points/point_query.h"
+#include "src/gpu/team.cuh"
+
+namespace palpate {
+
+/// Warps are numbered so that neighbouring numbers are in different blocks: work lies together.
+__device__ inline int spread_warp() {
+  return gpu::warp_id() * static_cast<int>(gridDim.x) + static_cast<int>(blockIdx.x);
+}
+__device__ inline int num_grid_warps() { return gpu::grid_threads() / gpu::kWarpSize; }
+
+class AssignmentContext {
+ public:
+  __device__ AssignmentContext(const PointQuery& query, MethodKind its_method, bool with_edges)
+      : q(query),
+        method(its_method),
+        donors(query.donors_view()),
+        edges(query.edges_view()),
+        has_edges(with_edges && query.edges != Edges::none && *query.num_pieces > 0) {}
+  AssignmentContext(const AssignmentContext&) = delete;
+
+  const PointQuery& q;
+  const MethodKind method;
+  const DonorsView donors;
+  const EdgesView edges;
+  const bool has_edges;
+
+  __device__ AssignmentRule rule() const {
+    return {method == MethodKind::weighted, q.priority == Priority::count,
+            has_edges ? &edges : nullptr};
+  }
+  __device__ bool fades_in() const { return q.plane_rule.fades_in; }
+  /// Do untouched spheres lay donors over each other?
+  __device__ bool overlays() const { return fades_in() && method == MethodKind::simplified; }
+  __device__ bool is_at_edge(std::int32_t id) const { return has_edges && edges.concerns(id); }
+  /// Untouched spheres for which a warp looks at all donors in double.
+  __device__ bool is_one_by_one(std::int32_t id) const {
+    return overlays() || (method == MethodKind::weighted && is_at_edge(id));
+  }
+
+  /// The word of PointQuery::touched that tells about a sphere, and what it tells.
+  __device__ std::uint32_t touched_word(std::int32_t id) const {
+    return id < 0 ? 0 : q.touched[id / 32];
+  }
+  __device__ static bool is_untouched(std::int32_t id, std::uint32_t word) {
+    return id >= 0 && (word >> (id % 32) & 1u) == 0;
+  }
+
+  /// Adds V_s n_s; the lever is the centre of the sphere.
+  __device__ void add(MeasureSums& sums, const Vec3f& centre, const Assigned& measured) const {
+    sums.volume += measured.volume;
+    sums.force += measured.force;
+    sums.torque += cross(to_double(centre) - q.origin, measured.force);
+  }
+  /// The same for an untouched sphere, and keeps its volume.
+  __device__ void add_untouched(MeasureSums& sums, std::int32_t place, const Vec3f& centre,
+                                const Assigned& assigned) const {
+    q.assigned_volume[place] = static_cast<float>(assigned.volume);
+    if (!(assigned.volume > 0)) return;
+    add(sums, centre, assigned);
+    ++sums.num_inside;
+  }
+  __device__ Assigned scaled(std::int32_t id, const Assigned& assigned) const {
+    const double scale = q.scale(id);
+    return {scale * assigned.volume, scale * assigned.force};
+  }
+
+  /// Untouched spheres of places [first, last) have nothing inside. By threads of the block, or of
+  /// the grid.
+  __device__ void leave_outside(std::int32_t first, std::int32_t last, int thread,
+                                int num_threads) const {
+    for (std::int32_t place = first + thread; place < last; place += num_threads) {
+      const std::int32_t id = q.clusters.sphere_id[place];
+      if (!is_untouched(id, touched_word(id))) continue;
+      q.donor[place] = -1;
+      if (!overlays()) q.assigned_volume[place] = 0;
+    }
+  }
+
+  /// DonorsView::take by a warp, all lanes of which ask the same and get the answer.
+  __device__ Assigned assign_by_warp(std::int32_t id) const {
+    const AssignmentRule asked = rule();
+    if (has_edges && edges.cuts_off(id)) return {};
+    if (asked.average) {
+      DonorAverage sum;
+      for (std::int32_t l = gpu::lane_id(); l < donors.num; l += gpu::kWarpSize) {
+        donors.add_to(sum, l, id, asked);
+      }
+      sum.weights = gpu::warp_sum(sum.weights);
+      sum.sum.volume = gpu::warp_sum(sum.sum.volume);
+      for (int axis = 0; axis < 3; ++axis) sum.sum.force[axis] = gpu::warp_sum(sum.sum.force[axis]);
+      return sum.value();
+    }
+    DonorChoices mine;
+    for (std::int32_t l = gpu::lane_id(); l < donors.num; l += gpu::kWarpSize) {
+      donors.offer_to(mine, l, id, asked);
+    }
+    return donors.laid_over(best_of_warp(mine), id, asked);
+  }
+
+ private:
+  // The best of all lanes' choices, the same in all lanes. Ties go to the lowest index.
+  __device__ static DonorChoices best_of_warp(DonorChoices mine) {
+    constexpr int kMost = DonorChoices::kMost;
+    DonorChoices best;
+#pragma unroll
+    for (int place = 0; place < kMost; ++place) {
+      double badness = mine.badness[0];
+      std::int32_t donor = mine.donor[0];
+      for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
+        const double other_badness = __shfl_xor_sync(gpu::kWholeWarp, badness, step);
+        const std::int32_t other = __shfl_xor_sync(gpu::kWholeWarp, donor, step);
+        if (other_badness < badness || (other_badness == badness && other < donor)) {
+          badness = other_badness;
+          donor = other;
+        }
+      }
+      best.badness[place] = badness;
+      best.donor[place] = donor;
+      if (donor < 0 || donor != mine.donor[0]) continue;
+        // It was this lane's: its next one comes up.
+#pragma unroll
+      for (int i = 0; i + 1 < kMost; ++i) {
+        mine.badness[i] = mine.badness[i + 1];
+        mine.donor[i] = mine.donor[i + 1];
+      }
+      mine.badness[kMost - 1] = 1e300;
+      mine.donor[kMost - 1] = -1;
+    }
+    return best;
+  }
+};
+
+}  // namespace palpate

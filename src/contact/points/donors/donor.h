@@ -1,0 +1,144 @@
+// What a boundary sphere gives, and what one sphere gets from all of them. One text for host and
+// device.
+#pragma once
+
+#include <cstdint>
+
+#include "src/contact/points/edges/edge_pieces.h"
+
+namespace palpate {
+
+struct Donor {
+  std::int32_t sphere_id = -1;  ///< -1: gives nothing
+  Plane<double> plane_T;
+  DonorPoint point;
+  double weight = 0;    ///< points inside, or the sum of their kernel weights: priority `count`
+  double presence = 1;  ///< 0 for a sphere that a point is about to enter; see Continuity
+};
+
+/// V_s and V_s n_s.
+struct Assigned {
+  double volume = 0;
+  Vec3d force;
+};
+
+/// How a sphere takes.
+struct AssignmentRule {
+  bool average = false;  ///< over all donors; otherwise from the best one
+  bool by_count = false;
+  const EdgesView* edges = nullptr;  ///< null: there are none
+};
+
+/// An average of what donors give, in the making.
+struct DonorAverage {
+  double weights = 0;
+  Assigned sum;
+
+  PALPATE_HOSTDEV void add(double weight, const Assigned& part) {
+    weights += weight;
+    sum.volume += weight * part.volume;
+    sum.force += weight * part.force;
+  }
+  PALPATE_HOSTDEV Assigned value() const {
+    if (!(weights > 0)) return {};
+    return {sum.volume / weights, sum.force / weights};
+  }
+};
+
+/// The best donors for a sphere, best first; ties to the lowest index.
+struct DonorChoices {
+  static constexpr int kMost = 4;
+  double badness[kMost] = {1e300, 1e300, 1e300, 1e300};
+  std::int32_t donor[kMost] = {-1, -1, -1, -1};
+
+  /// To be called with ascending `l`.
+  PALPATE_HOSTDEV void offer(double its_badness, std::int32_t l) {
+    if (!(its_badness < badness[kMost - 1])) return;
+    // Up from the end, to behind those that are as good.
+    for (int place = kMost - 1; place > 0; --place) {
+      if (!(its_badness < badness[place - 1])) {
+        badness[place] = its_badness;
+        donor[place] = l;
+        return;
+      }
+      badness[place] = badness[place - 1];
+      donor[place] = donor[place - 1];
+    }
+    badness[0] = its_badness;
+    donor[0] = l;
+  }
+};
+
+/// Ascending by sphere id; not owning.
+struct DonorsView {
+  const Sphere* spheres = nullptr;
+  const Donor* donors = nullptr;
+  std::int32_t num = 0;
+
+  /// What one donor gives to a sphere.
+  PALPATE_HOSTDEV Assigned assign_from(const Donor& donor, std::int32_t sphere_id,
+                                       const AssignmentRule& rule) const {
+    const Sphere& sphere = spheres[sphere_id];
+    const Plane<double>& plane = donor.plane_T;
+    const double volume =
+        rule.edges != nullptr
+            ? rule.edges->volume(sphere_id, plane, donor.point)
+            : cap_volume(static_cast<double>(sphere.radius),
+                         dot(plane.normal, to_double(sphere.centre)) - plane.offset);
+    return {volume, volume * plane.normal};
+  }
+
+  /// What all donors but the sphere itself give to it. The best one covers those behind it, but
+  /// only as far as it is present: up to four are laid over each other, nearest first. So a donor
+  /// that appears or vanishes changes nothing suddenly.
+  PALPATE_HOSTDEV Assigned assign(std::int32_t sphere_id, const AssignmentRule& rule) const {
+    if (rule.edges != nullptr && rule.edges->cuts_off(sphere_id)) return {};
+    if (rule.average) {
+      DonorAverage average;
+      for (std::int32_t l = 0; l < num; ++l) add_to(average, l, sphere_id, rule);
+      return average.value();
+    }
+    DonorChoices best;
+    for (std::int32_t l = 0; l < num; ++l) offer_to(best, l, sphere_id, rule);
+    return laid_over(best, sphere_id, rule);
+  }
+
+  // The steps of `assign`, for those who share the donors among them.
+  PALPATE_HOSTDEV void add_to(DonorAverage& average, std::int32_t l, std::int32_t sphere_id,
+                              const AssignmentRule& rule) const {
+    const Donor& donor = donors[l];
+    if (!may_lend(donor, sphere_id)) return;
+    const double weight =
+        donor.presence * (rule.by_count ? donor.weight : 1.0 / norm(between(donor, sphere_id)));
+    average.add(weight, assign_from(donor, sphere_id, rule));
+  }
+  PALPATE_HOSTDEV void offer_to(DonorChoices& best, std::int32_t l, std::int32_t sphere_id,
+                                const AssignmentRule& rule) const {
+    const Donor& donor = donors[l];
+    if (!may_lend(donor, sphere_id)) return;
+    const Vec3d d = between(donor, sphere_id);
+    best.offer(rule.by_count ? -donor.weight : dot(d, d), l);
+  }
+  PALPATE_HOSTDEV Assigned laid_over(const DonorChoices& best, std::int32_t sphere_id,
+                                     const AssignmentRule& rule) const {
+    DonorAverage sum;
+    double uncovered = 1;
+    for (const std::int32_t l : best.donor) {
+      if (l < 0) break;
+      const double weight = uncovered * donors[l].presence;
+      sum.add(weight, assign_from(donors[l], sphere_id, rule));
+      uncovered -= weight;
+    }
+    return sum.value();
+  }
+
+ private:
+  PALPATE_HOSTDEV bool may_lend(const Donor& donor, std::int32_t sphere_id) const {
+    return donor.sphere_id >= 0 && donor.sphere_id != sphere_id;
+  }
+  PALPATE_HOSTDEV Vec3d between(const Donor& donor, std::int32_t sphere_id) const {
+    return to_double(spheres[donor.sphere_id].centre) - to_double(spheres[sphere_id].centre);
+  }
+};
+
+}  // namespace palpate

@@ -1,0 +1,49 @@
+// The boundary spheres that have a plane to give.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "src/contact/points/donors/donor.h"
+#include "src/contact/points/donors/plane_assignment.h"
+
+namespace palpate {
+
+/// Ascending by sphere id. All memory is allocated at construction.
+class Donors {
+ public:
+  /// Places behind the last donor, for whole vectors: far away, no weight.
+  static constexpr std::size_t kPadding = 16;
+
+  /// Keeps the view of the spheres.
+  explicit Donors(std::span<const Sphere> spheres);
+
+  void clear();
+  void add(const Donor& donor);
+  /// After the last one.
+  void pad();
+
+  bool empty() const { return donors_.empty(); }
+  int size() const { return static_cast<int>(donors_.size()); }
+  const Donor& operator[](std::int32_t i) const { return donors_[static_cast<std::size_t>(i)]; }
+
+  /// For the kernels. With presences only if they are asked for: they cost time.
+  BoundaryPlanes view(bool with_presence) const;
+  /// Most weight, ties to the lowest sphere id. There must be one.
+  std::int32_t heaviest() const;
+
+  DonorsView donors() const { return {spheres_.data(), donors_.data(), size()}; }
+
+ private:
+  enum Channel { kX, kY, kZ, kNx, kNy, kNz, kOffset, kWeight, kPresence, kNumChannels };
+
+  std::span<const Sphere> spheres_;
+  std::vector<Donor> donors_;
+  // The same as the kernels want it.
+  std::vector<std::int32_t> ids_;
+  std::vector<Plane<double>> planes_;
+  std::vector<float> channels_[kNumChannels];
+};
+
+}  // namespace palpate

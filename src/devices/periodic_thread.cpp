@@ -1,0 +1,57 @@
+#include "src/devices/periodic_thread.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <system_error>
+#include <utility>
+
+#include "src/core/monotonic_clock.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
+
+std::int64_t now() noexcept {
+  return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+Status PeriodicThread::start(double rate, Round round, std::function<void()> finish) {
+  if (thread_.joinable())
+    return Error{Errc::invalid_argument, "the device is running already; stop it first"};
+  wants_stop_.store(false);
+  const auto period = std::llround(static_cast<double>(kNanosecondsPerSecond) / rate);
+  auto run = [this, period, round = std::move(round), finish = std::move(finish)] {
+    running_.store(std::this_thread::get_id());
+    std::int64_t due = now(), last = due - period;
+    while (!wants_stop_.load(std::memory_order_acquire)) {
+      const auto periods = static_cast<int>((due - last) / period);
+      if (!round(1e-9 * static_cast<double>(now()), periods)) break;
+      last = due;
+      // The next beat that lies ahead.
+      due += period * std::max<std::int64_t>(1, (now() - due) / period + 1);
+      sleep_until(1e-9 * static_cast<double>(due));
+    }
+    finish();
+    running_.store({});
+  };
+  try {
+    thread_ = std::thread(std::move(run));
+  } catch (const std::system_error& error) {
+    return Error{Errc::unavailable, std::string("the system gives no thread for the device: ") +
+                                        error.what() + "; end other programs and try again"};
+  }
+  return Done{};
+}
+
+void PeriodicThread::stop() noexcept {
+  wants_stop_.store(true, std::memory_order_release);
+  if (running_.load() == std::this_thread::get_id()) return;
+  if (thread_.joinable()) thread_.join();
+}
+
+}  // namespace palpate

@@ -1,0 +1,39 @@
+// A thread with a metronome: the clock of devices that do not bring their own.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <thread>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// Runs rounds at absolute times of the monotonic clock, so that lateness does not add up. Beats
+/// that were overslept are left out, never made up for in a burst. Nothing is allocated between
+/// start and the end.
+class PeriodicThread {
+ public:
+  /// `time`: s, monotonic; `periods`: beats since the last round, 1 when in time. False: was the
+  /// last round.
+  using Round = std::function<bool(double time, int periods)>;
+
+  PeriodicThread() = default;
+  ~PeriodicThread() { stop(); }
+  PeriodicThread(const PeriodicThread&) = delete;
+  PeriodicThread& operator=(const PeriodicThread&) = delete;
+
+  /// `rate` rounds a second from now on. `finish` runs in the same thread after the last round, for
+  /// whichever reason it was the last. Errors: runs already; the system gives no thread.
+  Status start(double rate, Round round, std::function<void()> finish);
+  /// No round runs or comes any more, and `finish` has run. From within a round: this one is the
+  /// last.
+  void stop() noexcept;
+
+ private:
+  std::thread thread_;
+  std::atomic<std::thread::id> running_;  // of thread_ while it runs: what rounds may read
+  std::atomic<bool> wants_stop_ = false;
+};
+
+}  // namespace palpate

@@ -1,0 +1,13 @@
+// Turning a pose by a rotation vector.
+#pragma once
+
+#include "palpate/math/rotation_vector.h"
+
+namespace palpate {
+
+/// exp(turn) q.
+inline Quaternion rotated(const Quaternion& q, const Vec3d& turn) {
+  return norm(turn) > 0 ? normalized(rotation_by(turn) * q) : q;
+}
+
+}  // namespace palpate

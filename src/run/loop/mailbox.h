@@ -1,0 +1,25 @@
+// Something new for a thread that never waits, from one that may.
+#pragma once
+
+#include <atomic>
+
+namespace palpate {
+
+/// One giver, one taker. What is offered belongs to the taker until it is settled: it exchanges
+/// what it has for what is new, and the giver finds there what was replaced, to keep or to destroy.
+template <class T>
+class Mailbox {
+ public:
+  /// Giver: only when the last one is settled; it must live until then.
+  void offer(T& news) noexcept { offered_.store(&news, std::memory_order_release); }
+  bool is_settled() const noexcept { return offered_.load(std::memory_order_acquire) == nullptr; }
+
+  /// Taker: what is offered, or null; and back it goes.
+  T* look() const noexcept { return offered_.load(std::memory_order_acquire); }
+  void settle() noexcept { offered_.store(nullptr, std::memory_order_release); }
+
+ private:
+  std::atomic<T*> offered_ = nullptr;
+};
+
+}  // namespace palpate

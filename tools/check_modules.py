@@ -1,0 +1,210 @@
+#!/usr/bin/env python3
+"""Modules may include only the modules below them (docs/architecture.md draws the picture).
+
+Also: a private header (src/MODULE/...) is for its own module and that module's tests; public headers
+include nothing but the standard library and each other; every other library has a home.
+
+usage: tools/check_modules.py [ROOT]
+"""
+
+import re
+import sys
+from pathlib import Path
+
+from project_files import ROOT, project_files
+
+# A module may include itself and the modules named here, and what these may include.
+BELOW = {
+    "core": (),
+    "math": ("core",),
+    "settings": ("math",),
+    "gpu": ("core",),
+    "mesh": ("math",),
+    "packing": ("mesh", "settings"),
+    "ist": ("math",),
+    "tool": ("mesh", "packing", "ist"),
+    "cloud": ("settings", "gpu"),
+    "field": ("cloud",),
+    "contact": ("field", "tool"),
+    "io": ("contact",),
+    "front": ("io",),
+    "haptics": ("contact",),
+    "run": ("haptics",),
+    "devices": ("haptics", "io"),
+    "cameras": ("io", "scenes"),
+    "pages": ("core",),
+    "session": ("io", "pages", "run", "devices"),
+    "viewer": ("pages", "session"),
+    "scenes": ("mesh", "cloud"),
+    "eval": ("session", "scenes"),
+    "apps": ("session", "viewer", "eval", "cameras"),
+}
+READ_EVERYTHING = ("tests", "bench")
+# Public headers that lie in no folder of a module.
+FRONT_DOOR = {"palpate/palpate.h": "front", "palpate/version.h": "core"}
+
+# Private headers that more than one module may include.
+SHARED_PRIVATE = {
+    "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras"),
+    "src/core/shared_library.h": ("devices", "cameras"),
+    "src/core/thread_rank.h": ("run", "viewer"),
+    "src/io/cdr.h": ("session", "cameras"),
+    "src/io/text_scanner.h": ("cameras",),
+    "src/pages/page_files.h": ("viewer",),
+    "src/pages/report_page.h": ("session",),
+    "src/session/settings_json.h": ("viewer",),
+    "src/session/run_reader.h": ("viewer",),
+    "src/session/run_messages.h": ("viewer",),
+    "src/session/lead_frames.h": ("viewer",),
+    "src/session/html_page.h": ("eval",),
+    "src/session/base64.h": ("eval",),
+    "src/session/cut_picture.h": ("eval",),
+    "src/session/scene_picture.h": ("eval",),
+    "src/session/svg_parts.h": ("eval",),
+    "src/core/simd.h": ("cloud", "contact", "field"),
+    "src/core/one_lane.h": ("cloud", "contact"),
+    "src/core/lanes.h": ("cloud", "contact", "field"),
+    "src/core/select_isa.h": ("cloud", "contact", "field"),
+    # The evaluation times the stages of a query one by one.
+    "src/contact/points/scan/image_window.h": ("eval",),
+    "src/contact/points/scan/point_scan.h": ("eval",),
+    "src/contact/index/sphere_grid.h": ("eval",),
+    "src/gpu/runtime.h": ("cloud", "field", "contact"),
+    "src/gpu/device_code.cuh": ("cloud", "field", "contact"),
+    "src/gpu/team.cuh": ("cloud", "field", "contact"),
+    "src/gpu/emulator.h": ("cloud", "field", "contact"),
+    "src/cloud/surface_cuda.h": ("field",),
+    "src/cloud/depth_average_cuda.h": ("field",),
+    "src/cloud/cloud_blend_cuda.h": ("field",),
+    "src/cloud/image_rows.h": ("field",),
+}
+
+# Libraries and where they are at home, beside tests and bench.
+LIBRARIES = (
+    (r"assimp/", ("io",)),
+    (r"png\.h", ("io", "session")),
+    (r"(lib)?lzf\.h", ("io",)),
+    (r"xxhash\.h", ("session",)),
+    (r"zlib\.h", ("io", "session")),
+    (r"zstd\.h", ("io",)),
+    (r"nlohmann/", ("io", "devices", "session", "viewer", "eval", "apps")),
+    (r"boost/(beast|asio)", ("devices", "viewer")),
+    (r"toml\+\+/", ("session",)),
+    (r"CLI/", ("apps",)),
+    (r"embree\d*/", ("scenes",)),
+    (r"boost/context/", ("gpu",)),
+    (r"(gtest|gmock|benchmark|pcl|opencv\d*|Eigen)/|nanoflann\.hpp", ()),
+)
+CUDA = re.compile(r"(cuda|cub/|thrust/|cooperative_groups|nv)")
+IS_CUDA_FILE = re.compile(r"(\.cuh?|_cuda\.(h|cpp))$")
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*(?:<([^>]+)>|"([^"]+)")')
+SOURCE = {".h", ".cpp", ".cu", ".cuh"}
+
+
+def allowed_modules(module):
+    """The module itself and everything it may include."""
+    modules = {module}
+    for below in BELOW[module]:
+        modules |= allowed_modules(below)
+    return modules
+
+
+def module_of(name):
+    """The module of a path relative to the root, or None for a file outside all modules."""
+    if name.removeprefix("include/") in FRONT_DOOR:
+        return FRONT_DOOR[name.removeprefix("include/")]
+    parts = Path(name).parts
+    if parts[:2] == ("include", "palpate") and len(parts) > 3:
+        return parts[2]
+    if parts[0] == "palpate" and len(parts) > 2:  # as written in an include line
+        return parts[1]
+    if parts[0] == "src" and len(parts) > 2:
+        return parts[1]
+    if parts[0] in ("scenes", "eval", "apps") + READ_EVERYTHING:
+        return parts[0]
+    return None
+
+
+def is_public(name):
+    return name.startswith("include/") or name == "scenes/scene.h"
+
+
+def check_project_include(name, target):
+    """What is wrong with the file `name` including "target"; None if nothing is."""
+    module, target_module = module_of(name), module_of(target)
+    if target_module is None:
+        return f'write the path from the root, e.g. "palpate/{module}/..." or "src/{module}/..."'
+    if target_module not in BELOW and target_module not in READ_EVERYTHING:
+        return f"there is no module {target_module}: name it in tools/check_modules.py"
+    if module in READ_EVERYTHING:
+        tested = Path(name).parts[1]
+        if target.startswith("src/") and module == "tests" and tested in BELOW:
+            if target_module != tested and tested not in SHARED_PRIVATE.get(target, ()):
+                return f"tests of {tested} may not read the private headers of {target_module}"
+        return None
+    if target_module in READ_EVERYTHING or target_module not in allowed_modules(module):
+        below = ", ".join(sorted(allowed_modules(module) - {module})) or "no other module"
+        return f"{module} may not include {target_module} (only {below})"
+    if target.startswith("src/"):
+        if is_public(name):
+            return "a public header may not include a private one"
+        if target_module != module and module not in SHARED_PRIVATE.get(target, ()):
+            return f"{target} is private to {target_module}"
+    return None
+
+
+def check_library_include(name, target):
+    """The same for <target>."""
+    module = module_of(name)
+    if is_public(name):
+        if "/" in target or "." in target:
+            return "public headers include only the C++ standard library and each other"
+        return None
+    if CUDA.match(target) and not IS_CUDA_FILE.search(name):
+        return "CUDA headers belong into *.cu, *.cuh and *_cuda.* files"
+    if module in READ_EVERYTHING:
+        return None
+    for pattern, homes in LIBRARIES:
+        if re.match(pattern, target) and module not in homes:
+            return f"<{target}> may be included only in {', '.join(homes + READ_EVERYTHING)}"
+    return None
+
+
+def check_text(name, text):
+    """Yields (line number, what is wrong)."""
+    module = module_of(name)
+    if module is None:
+        return
+    if module not in BELOW and module not in READ_EVERYTHING:
+        yield 1, f"there is no module {module}: name it in tools/check_modules.py"
+        return
+    for number, line in enumerate(text.splitlines(), start=1):
+        match = INCLUDE.match(line)
+        if not match:
+            continue
+        library, target = match.groups()
+        if target is not None:
+            problem = check_project_include(name, target)
+        else:
+            problem = check_library_include(name, library)
+        if problem:
+            yield number, problem
+
+
+def main(root=ROOT):
+    num_files = num_problems = 0
+    for path in project_files(root):
+        if path.suffix not in SOURCE:
+            continue
+        num_files += 1
+        text = (root / path).read_text(encoding="utf-8", errors="replace")
+        for number, problem in check_text(path.as_posix(), text):
+            num_problems += 1
+            print(f"{path.as_posix()}:{number}: {problem}")
+    print(f"check_modules: {num_files} files, {num_problems} problems")
+    return 1 if num_problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]).resolve()) if len(sys.argv) > 1 else main())

@@ -1,0 +1,68 @@
+"""The module checker itself: what it must refuse and what it must let pass."""
+
+import unittest
+
+from check_modules import BELOW, allowed_modules, check_text
+
+
+def problems(name, *lines):
+    return [problem for _, problem in check_text(name, "\n".join(lines))]
+
+
+class CheckRoomsTest(unittest.TestCase):
+    def assert_refused(self, name, line, part):
+        found = problems(name, line)
+        self.assertEqual(len(found), 1, f"{name}: {line}")
+        self.assertIn(part, found[0])
+
+    def assert_passes(self, name, line):
+        self.assertEqual(problems(name, line), [], f"{name}: {line}")
+
+    def test_no_room_is_above_itself(self):
+        for module in BELOW:
+            for below in allowed_modules(module) - {module}:
+                self.assertNotIn(module, allowed_modules(below), f"{module} and {below} form a cycle")
+
+    def test_downward_passes(self):
+        self.assert_passes("src/contact/a.cpp", '#include "palpate/cloud/point_cloud.h"')
+        self.assert_passes("src/contact/a.cpp", '#include "palpate/core/result.h"')
+        self.assert_passes("include/palpate/io/a.h", '#include "palpate/tool/tool.h"')
+        self.assert_passes("apps/a.cpp", '#include "scenes/scene.h"')
+
+    def test_upward_is_refused(self):
+        self.assert_refused("src/math/a.cpp", '#include "palpate/contact/b.h"', "may not include")
+        self.assert_refused("src/cloud/a.cpp", '#include "palpate/ist/b.h"', "may not include")
+        self.assert_refused("src/contact/a.cpp", '#include "palpate/io/b.h"', "may not include")
+        self.assert_refused("scenes/a.cpp", '#include "palpate/io/b.h"', "may not include")
+        self.assert_refused("src/core/a.cpp", '#include "tests/test_util/b.h"', "may not include")
+
+    def test_line_number_and_spacing(self):
+        text = '// first\n#  include   "palpate/io/b.h"'
+        self.assertEqual([number for number, _ in check_text("src/mesh/a.cpp", text)], [2])
+
+    def test_private_headers(self):
+        self.assert_passes("src/mesh/a.cpp", '#include "src/mesh/b.h"')
+        self.assert_passes("tests/mesh/a.cpp", '#include "src/mesh/b.h"')
+        self.assert_passes("src/contact/a.cpp", '#include "src/core/simd.h"')
+        self.assert_refused("src/contact/a.cpp", '#include "src/mesh/b.h"', "private to mesh")
+        self.assert_refused("src/mesh/a.cpp", '#include "src/core/simd.h"', "private to core")
+        self.assert_refused("tests/mesh/a.cpp", '#include "src/ist/b.h"', "private headers of ist")
+        self.assert_refused("include/palpate/mesh/a.h", '#include "src/mesh/b.h"', "public header")
+
+    def test_libraries(self):
+        self.assert_passes("src/io/a.cpp", "#include <assimp/Importer.hpp>")
+        self.assert_passes("tests/cloud/a.cpp", "#include <gtest/gtest.h>")
+        self.assert_passes("src/contact/a_cuda.cu", "#include <cuda_runtime.h>")
+        self.assert_refused("src/mesh/a.cpp", "#include <assimp/Importer.hpp>", "only in io")
+        self.assert_refused("src/io/a.cpp", "#include <embree3/rtcore.h>", "only in scenes")
+        self.assert_refused("src/contact/a.cpp", "#include <cuda_runtime.h>", "CUDA headers")
+        self.assert_refused("include/palpate/io/a.h", "#include <png.h>", "public headers")
+        self.assert_refused("scenes/scene.h", "#include <embree3/rtcore.h>", "public headers")
+
+    def test_unknown_places(self):
+        self.assert_refused("src/mesh/a.cpp", '#include "b.h"', "path from the root")
+        self.assert_refused("src/attic/a.cpp", "#include <vector>", "no module attic")
+
+
+if __name__ == "__main__":
+    unittest.main()
