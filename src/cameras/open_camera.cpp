@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <future>
 #include <mutex>
-#include <system_error>
 
 #include "src/cameras/camera_kinds.h"
+#include "src/core/all_at_once.h"
 
 namespace palpate {
 namespace {
@@ -45,18 +44,7 @@ Error no_such_kind(const CameraUri& uri) {
 
 std::vector<FoundCameras> find_cameras() {
   keep_libraries_quiet();
-  // All at once: most of the time goes into waiting for answers.
-  std::vector<std::future<FoundCameras>> answers;
-  for (const Kind& kind : kKinds) {
-    try {
-      answers.push_back(std::async(std::launch::async, kind.find));
-    } catch (const std::system_error&) {  // no thread to be had
-      answers.push_back(std::async(std::launch::deferred, kind.find));
-    }
-  }
-  std::vector<FoundCameras> found;
-  for (auto& answer : answers) found.push_back(answer.get());
-  return found;
+  return find_all_at_once(kKinds);
 }
 
 Result<std::unique_ptr<DepthSource>> open_camera(std::string_view text,

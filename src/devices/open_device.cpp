@@ -1,10 +1,9 @@
 #include "palpate/devices/open_device.h"
 
 #include <algorithm>
-#include <future>
-#include <system_error>
 
 #include "palpate/devices/device_models.h"
+#include "src/core/all_at_once.h"
 #include "src/devices/device_kinds.h"
 
 namespace palpate {
@@ -41,20 +40,7 @@ constexpr Kind kKinds[] = {
 
 }  // namespace
 
-std::vector<FoundDevice> find_devices() {
-  // All at once: most of the time goes into waiting for answers.
-  std::vector<std::future<FoundDevice>> answers;
-  for (const Kind& kind : kKinds) {
-    try {
-      answers.push_back(std::async(std::launch::async, kind.find));
-    } catch (const std::system_error&) {  // no thread to be had
-      answers.push_back(std::async(std::launch::deferred, kind.find));
-    }
-  }
-  std::vector<FoundDevice> found;
-  for (auto& answer : answers) found.push_back(answer.get());
-  return found;
-}
+std::vector<FoundDevice> find_devices() { return find_all_at_once(kKinds); }
 
 Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri) {
   const std::size_t colon = std::min(uri.find(':'), uri.size());
