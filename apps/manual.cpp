@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {
 namespace {

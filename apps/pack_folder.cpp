@@ -18,10 +18,10 @@
 #include "apps/options.h"
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/tool_file.h"
-#include "palpate/session/checksum.h"
 #include "palpate/version.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/session/internal/checksum.h"
 
 namespace palpate::apps {
 namespace {

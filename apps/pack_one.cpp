@@ -9,9 +9,9 @@
 
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/mesh_file.h"
 #include "palpate/mesh/mesh_check.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {
 namespace {

@@ -9,8 +9,8 @@
 #include "palpate/core/result.h"
 #include "palpate/mesh/triangle_mesh.h"
 #include "palpate/packing/packer.h"
-#include "palpate/session/packing_report.h"
 #include "palpate/tool/tool.h"
+#include "src/session/internal/packing_report.h"
 
 namespace palpate::apps {
 

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "palpate/session/packing_report.h"
+#include "src/session/internal/packing_report.h"
 
 namespace palpate::apps {
 

@@ -10,9 +10,9 @@
 #include "apps/objects.h"
 #include "apps/options.h"
 #include "palpate/io/trajectory_file.h"
-#include "palpate/session/probing_path.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/view_server.h"
+#include "src/session/internal/probing_path.h"
 
 namespace palpate::apps {
 

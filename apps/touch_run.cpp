@@ -14,10 +14,10 @@
 #include "apps/touch.h"
 #include "palpate/devices/open_device.h"
 #include "palpate/devices/simulated_device.h"
-#include "palpate/run/path_device.h"
-#include "palpate/run/read_ahead.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/views.h"
+#include "src/run/internal/path_device.h"
+#include "src/run/internal/read_ahead.h"
 
 namespace palpate::apps {
 namespace {

@@ -7,9 +7,9 @@
 
 #include "apps/options.h"
 #include "apps/verbs.h"
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/mesh_file.h"
 #include "palpate/io/tool_file.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {
 namespace {

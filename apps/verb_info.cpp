@@ -7,9 +7,9 @@
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/tool_file.h"
-#include "palpate/session/packing_report.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/session/internal/packing_report.h"
 
 namespace palpate::apps {
 namespace {

@@ -14,11 +14,11 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/contact/body_world.h"
-#include "palpate/core/stamp.h"
-#include "palpate/field/pinhole_cloud.h"
 #include "palpate/io/depth_files.h"
 #include "palpate/io/trajectory_file.h"
-#include "palpate/run/pipeline.h"
+#include "src/core/internal/stamp.h"
+#include "src/field/internal/pinhole_cloud.h"
+#include "src/run/internal/pipeline.h"
 
 namespace palpate::apps {
 namespace {

@@ -13,7 +13,7 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/cameras/open_camera.h"
-#include "palpate/session/record_stream.h"
+#include "src/session/internal/record_stream.h"
 
 namespace palpate::apps {
 namespace {

@@ -10,8 +10,8 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
 #include "palpate/session/settings_file.h"
+#include "src/session/internal/run_folder.h"
 
 namespace palpate::apps {
 namespace {

@@ -11,9 +11,9 @@
 #include "apps/verbs.h"
 #include "palpate/cameras/camera_uri.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
 #include "palpate/session/settings_file.h"
 #include "scenes/scene.h"
+#include "src/session/internal/run_folder.h"
 
 namespace palpate::apps {
 namespace {

@@ -13,8 +13,8 @@
 #include "bench/run_facts.h"
 #include "bench/wall_frame.h"
 #include "eval/boundary_stage.h"
-#include "palpate/io/atomic_file.h"
 #include "src/cloud/surface_stages.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate::bench {
 namespace {

@@ -14,7 +14,7 @@
 
 #include "palpate/contact/tool_index.h"
 #include "palpate/core/latency_histogram.h"
-#include "palpate/run/pipeline.h"
+#include "src/run/internal/pipeline.h"
 #include "src/run/loop/real_time.h"
 #include "src/session/run_reader.h"
 #include "tests/test_util/allocation_counter.h"

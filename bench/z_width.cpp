@@ -18,8 +18,8 @@
 
 #include "bench/haptic_setup.h"
 #include "palpate/devices/simulated_device.h"
-#include "palpate/run/pipeline.h"
 #include "scenes/environment.h"
+#include "src/run/internal/pipeline.h"
 
 namespace palpate::bench {
 namespace {

@@ -15,7 +15,7 @@ if(PROJECT_IS_TOP_LEVEL)
   endif()
 endif()
 
-# Assertions stay on in every build type except Release (core/assert.h).
+# Assertions stay on in every build type except Release (src/core/internal/assert.h).
 string(REPLACE "-DNDEBUG" "" CMAKE_CXX_FLAGS_RELWITHDEBINFO "${CMAKE_CXX_FLAGS_RELWITHDEBINFO}")
 
 find_package(Threads REQUIRED)

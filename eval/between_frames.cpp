@@ -5,8 +5,8 @@
 
 #include "eval/method_queries.h"
 #include "eval/parallel.h"
-#include "palpate/cloud/cloud_blend.h"
-#include "palpate/run/pipeline.h"
+#include "src/cloud/internal/cloud_blend.h"
+#include "src/run/internal/pipeline.h"
 
 namespace palpate::eval {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "eval/markdown.h"
 #include "eval/report.h"
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate::eval {
 namespace {

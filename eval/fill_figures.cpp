@@ -7,7 +7,7 @@
 #include "eval/option_figures.h"
 #include "eval/range.h"
 #include "eval/speed.h"
-#include "palpate/session/packing_report.h"
+#include "src/session/internal/packing_report.h"
 
 namespace palpate::eval {
 namespace {

@@ -8,8 +8,8 @@
 #include "eval/random.h"
 #include "palpate/io/depth_files.h"
 #include "palpate/math/sphere.h"
-#include "palpate/session/probing_path.h"
 #include "scenes/truth.h"
+#include "src/session/internal/probing_path.h"
 
 namespace palpate::eval {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/math/rotation_vector.h"
 #include "palpate/math/sphere.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate::eval {
 namespace {

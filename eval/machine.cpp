@@ -5,8 +5,8 @@
 #include "eval/store.h"
 #include "palpate/core/isa.h"
 #include "palpate/gpu/devices.h"
-#include "palpate/io/atomic_file.h"
-#include "palpate/session/checksum.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/session/internal/checksum.h"
 
 namespace palpate::eval {
 namespace {

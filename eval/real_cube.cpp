@@ -7,7 +7,7 @@
 
 #include "palpate/io/mesh_file.h"
 #include "palpate/io/trajectory_file.h"
-#include "palpate/math/rotation_vector.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate::eval {
 namespace {

@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "eval/report.h"
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate::eval {
 namespace {

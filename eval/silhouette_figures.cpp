@@ -10,7 +10,7 @@
 #include "eval/random.h"
 #include "eval/range.h"
 #include "eval/silhouettes.h"
-#include "palpate/field/field_sample.h"
+#include "src/field/internal/field_sample.h"
 
 namespace palpate::eval {
 namespace {

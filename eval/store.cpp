@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "palpate/core/isa.h"
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate::eval {
 namespace {

@@ -5,8 +5,8 @@
 #include <limits>
 #include <unordered_map>
 
-#include "palpate/core/assert.h"
 #include "scenes/body_shapes.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate::scenes {
 namespace {

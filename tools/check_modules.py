@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """Modules may include only the modules below them (docs/architecture.md draws the picture).
 
-Also: a private header (src/MODULE/...) is for its own module and that module's tests; public headers
-include nothing but the standard library and each other; every other library has a home.
+Also: a public header (include/palpate/MODULE/...) is for everybody and is installed; an internal one
+(src/MODULE/internal/...) is for the modules above; a private one (src/MODULE/...) is for its own module
+and that module's tests. Public headers include nothing but the standard library and each other; every
+other library has a home.
 
 usage: tools/check_modules.py [ROOT]
 """
@@ -131,6 +133,11 @@ def is_public(name):
     return name.startswith("include/") or name == "scenes/scene.h"
 
 
+def is_internal(name):
+    """Whether a header is for the modules above its own, but not for users."""
+    return re.fullmatch(r"src/\w+/internal/[^/]+", name) is not None
+
+
 def check_project_include(name, target):
     """What is wrong with the file `name` including "target"; None if nothing is."""
     module, target_module = module_of(name), module_of(target)
@@ -141,7 +148,8 @@ def check_project_include(name, target):
     if module in READ_EVERYTHING:
         tested = Path(name).parts[1]
         if target.startswith("src/") and module == "tests" and tested in BELOW:
-            if target_module != tested and tested not in SHARED_PRIVATE.get(target, ()):
+            shared = is_internal(target) or tested in SHARED_PRIVATE.get(target, ())
+            if target_module != tested and not shared:
                 return f"tests of {tested} may not read the private headers of {target_module}"
         return None
     if target_module in READ_EVERYTHING or target_module not in allowed_modules(module):
@@ -150,7 +158,8 @@ def check_project_include(name, target):
     if target.startswith("src/"):
         if is_public(name):
             return "a public header may not include a private one"
-        if target_module != module and module not in SHARED_PRIVATE.get(target, ()):
+        shared = is_internal(target) or module in SHARED_PRIVATE.get(target, ())
+        if target_module != module and not shared:
             return f"{target} is private to {target_module}"
     return None
 

@@ -4,10 +4,10 @@
 #include <map>
 #include <utility>
 
-#include "palpate/io/mcap_file.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
 #include "src/io/cdr.h"
+#include "src/io/internal/mcap_file.h"
 
 namespace palpate {
 namespace {

@@ -1,7 +1,7 @@
-#include "palpate/cloud/cloud_blend.h"
+#include "src/cloud/internal/cloud_blend.h"
 
-#include "palpate/core/assert.h"
 #include "src/cloud/point_blend.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate {
 

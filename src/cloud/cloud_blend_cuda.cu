@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <iterator>
 
-#include "palpate/core/assert.h"
 #include "src/cloud/cloud_arrays_cuda.h"
 #include "src/cloud/point_blend.h"
+#include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate {

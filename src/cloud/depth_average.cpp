@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "palpate/core/assert.h"
 #include "src/cloud/depth_average_options.h"
 #include "src/cloud/pixel_average.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate {
 struct DepthAverager::Impl {

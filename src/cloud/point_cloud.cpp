@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/core/assert.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate {
 

@@ -1,9 +1,9 @@
 #include "palpate/cloud/surface_estimator.h"
 
-#include "palpate/core/assert.h"
-#include "palpate/core/stamp.h"
 #include "src/cloud/surface_options.h"
 #include "src/cloud/surface_stages.h"
+#include "src/core/internal/assert.h"
+#include "src/core/internal/stamp.h"
 
 namespace palpate {
 

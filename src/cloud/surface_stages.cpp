@@ -4,8 +4,8 @@
 #include <limits>
 #include <numeric>
 
-#include "palpate/core/assert.h"
 #include "src/cloud/surface_settings.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate {
 namespace {

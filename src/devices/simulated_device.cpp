@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "palpate/core/triple_buffer.h"
+#include "src/core/internal/triple_buffer.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/periodic_thread.h"
 #include "src/devices/simulated_hand.h"

@@ -1,7 +1,7 @@
 // Constant velocities between poses.
 #pragma once
 
-#include "palpate/math/rotation_vector.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate {
 

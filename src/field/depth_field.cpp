@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "palpate/core/assert.h"
-#include "palpate/core/stamp.h"
+#include "src/core/internal/assert.h"
+#include "src/core/internal/stamp.h"
 #include "src/field/field_rows.h"
 #include "src/field/field_windows.h"
 

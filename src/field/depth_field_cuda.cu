@@ -3,8 +3,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/assert.h"
-#include "palpate/core/stamp.h"
+#include "src/core/internal/assert.h"
+#include "src/core/internal/stamp.h"
 #include "src/field/silhouette_rules.h"
 #include "src/gpu/team.cuh"
 

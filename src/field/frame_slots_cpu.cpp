@@ -3,8 +3,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/cloud/cloud_blend.h"
-#include "palpate/core/stamp.h"
+#include "src/cloud/internal/cloud_blend.h"
+#include "src/core/internal/stamp.h"
 #include "src/field/frame_slots.h"
 
 namespace palpate {

@@ -3,11 +3,11 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/assert.h"
-#include "palpate/core/stamp.h"
 #include "src/cloud/cloud_blend_cuda.h"
 #include "src/cloud/depth_average_cuda.h"
 #include "src/cloud/surface_cuda.h"
+#include "src/core/internal/assert.h"
+#include "src/core/internal/stamp.h"
 #include "src/field/depth_field_cuda.h"
 #include "src/field/frame_slots.h"
 #include "src/gpu/runtime.h"

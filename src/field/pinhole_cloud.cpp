@@ -1,4 +1,4 @@
-#include "palpate/field/pinhole_cloud.h"
+#include "src/field/internal/pinhole_cloud.h"
 
 #include <algorithm>
 #include <cmath>

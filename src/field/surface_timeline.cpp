@@ -4,8 +4,8 @@
 #include <limits>
 #include <utility>
 
-#include "palpate/cloud/cloud_blend.h"
 #include "palpate/cloud/depth_binning.h"
+#include "src/cloud/internal/cloud_blend.h"
 #include "src/field/frame_slots.h"
 
 namespace palpate {

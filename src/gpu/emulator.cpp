@@ -11,7 +11,7 @@
 #include <random>
 #include <vector>
 
-#include "palpate/core/assert.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate::emulator {
 namespace {

@@ -1,7 +1,7 @@
 // Turning a pose by a rotation vector.
 #pragma once
 
-#include "palpate/math/rotation_vector.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate {
 

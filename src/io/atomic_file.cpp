@@ -1,4 +1,4 @@
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

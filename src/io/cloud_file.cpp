@@ -3,9 +3,9 @@
 #include <cmath>
 #include <string>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/depth_files.h"
 #include "src/io/cloud_columns.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate {
 namespace {

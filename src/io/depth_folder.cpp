@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/depth_files.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate {

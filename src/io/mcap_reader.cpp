@@ -4,7 +4,7 @@
 #include <fstream>
 #include <utility>
 
-#include "palpate/io/mcap_file.h"
+#include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
 
 namespace palpate {

@@ -10,7 +10,7 @@
 #include <new>
 #include <utility>
 
-#include "palpate/io/mcap_file.h"
+#include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
 
 namespace palpate {

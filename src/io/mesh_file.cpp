@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/io/mesh_parsers.h"
 
 namespace palpate {

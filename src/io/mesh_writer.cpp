@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/mesh_file.h"
 #include "src/io/glb_content.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate {
 namespace {

@@ -11,8 +11,8 @@
 #include <string>
 #include <utility>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/io/depth_files.h"
+#include "src/io/internal/atomic_file.h"
 
 namespace palpate {
 namespace {

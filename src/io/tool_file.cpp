@@ -14,7 +14,7 @@
 #include <type_traits>
 #include <utility>
 
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/io/xxh3.h"
 
 namespace palpate {

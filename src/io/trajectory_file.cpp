@@ -8,7 +8,7 @@
 #include <span>
 #include <string>
 
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate {

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cstring>
 
-#include "palpate/core/assert.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate {
 namespace {

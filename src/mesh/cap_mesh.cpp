@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/core/assert.h"
+#include "src/core/internal/assert.h"
 #include "src/mesh/rings.h"
 
 namespace palpate {

@@ -7,8 +7,8 @@
 #include <map>
 #include <utility>
 
-#include "palpate/core/assert.h"
 #include "palpate/math/sphere.h"
+#include "src/core/internal/assert.h"
 #include "src/mesh/rings.h"
 
 namespace palpate {

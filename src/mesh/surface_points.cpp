@@ -1,4 +1,4 @@
-#include "palpate/mesh/surface_points.h"
+#include "src/mesh/internal/surface_points.h"
 
 #include <array>
 #include <cmath>

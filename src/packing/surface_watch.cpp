@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/mesh/surface_points.h"
 #include "palpate/packing/packer.h"
+#include "src/mesh/internal/surface_points.h"
 
 namespace palpate {
 namespace {

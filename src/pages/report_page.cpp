@@ -1,7 +1,7 @@
 // A report: the template that web/make_page.mjs made, filled.
 #include "src/pages/report_page.h"
 
-#include "palpate/core/assert.h"
+#include "src/core/internal/assert.h"
 #include "src/pages/page_files.h"
 
 namespace palpate {

@@ -1,10 +1,10 @@
-#include "palpate/run/path_device.h"
+#include "src/run/internal/path_device.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "palpate/math/rotation_vector.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-#include "palpate/run/pipeline.h"
+#include "src/run/internal/pipeline.h"
 
 #include <algorithm>
 #include <utility>

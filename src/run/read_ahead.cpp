@@ -1,4 +1,4 @@
-#include "palpate/run/read_ahead.h"
+#include "src/run/internal/read_ahead.h"
 
 #include <algorithm>
 #include <condition_variable>
@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/run/pipeline.h"
 #include "src/core/thread_rank.h"
+#include "src/run/internal/pipeline.h"
 
 namespace palpate {
 namespace {

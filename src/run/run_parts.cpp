@@ -2,7 +2,7 @@
 #include <cmath>
 #include <utility>
 
-#include "palpate/run/pipeline.h"
+#include "src/run/internal/pipeline.h"
 
 namespace palpate {
 namespace {

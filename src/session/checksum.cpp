@@ -1,4 +1,4 @@
-#include "palpate/session/checksum.h"
+#include "src/session/internal/checksum.h"
 
 #include <xxhash.h>
 

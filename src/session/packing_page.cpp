@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <map>
 
-#include "palpate/session/packing_report.h"
 #include "palpate/version.h"
 #include "src/pages/report_page.h"
 #include "src/session/compact_json.h"
+#include "src/session/internal/packing_report.h"
 
 namespace palpate {
 namespace {

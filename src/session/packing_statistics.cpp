@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <numeric>
 
-#include "palpate/mesh/surface_points.h"
-#include "palpate/session/packing_report.h"
+#include "src/mesh/internal/surface_points.h"
+#include "src/session/internal/packing_report.h"
 #include "src/session/statistics.h"
 
 namespace palpate {

@@ -3,9 +3,9 @@
 #include <thread>
 #include <utility>
 
-#include "palpate/run/pipeline.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
+#include "src/run/internal/pipeline.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_recorder.h"
 #include "src/session/run_results.h"
 

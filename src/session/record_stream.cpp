@@ -1,11 +1,11 @@
-#include "palpate/session/record_stream.h"
+#include "src/session/internal/record_stream.h"
 
 #include <chrono>
 #include <system_error>
 #include <utility>
 
-#include "palpate/io/mcap_file.h"
 #include "src/io/cdr.h"
+#include "src/io/internal/mcap_file.h"
 #include "src/session/ros_messages.h"
 
 namespace palpate {

@@ -5,11 +5,11 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/io/mcap_file.h"
 #include "palpate/run/records.h"
 #include "palpate/run/settings.h"
 #include "palpate/session/probe_choice.h"
-#include "palpate/session/run_folder.h"
+#include "src/io/internal/mcap_file.h"
+#include "src/session/internal/run_folder.h"
 
 namespace palpate {
 

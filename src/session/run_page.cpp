@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "palpate/run/pipeline.h"
 #include "src/pages/report_page.h"
+#include "src/run/internal/pipeline.h"
 #include "src/session/compact_json.h"
 #include "src/session/run_report.h"
 #include "src/session/run_stages.h"

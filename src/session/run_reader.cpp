@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "palpate/io/tool_file.h"
-#include "palpate/session/run_folder.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/ros_messages.h"
 
 namespace palpate {

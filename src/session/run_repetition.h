@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 
-#include "palpate/run/pipeline.h"
+#include "src/run/internal/pipeline.h"
 #include "src/session/run_messages.h"
 
 namespace palpate {

@@ -4,9 +4,9 @@
 #include <memory>
 #include <utility>
 
-#include "palpate/run/pipeline.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
+#include "src/run/internal/pipeline.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_reader.h"
 #include "src/session/run_repetition.h"
 

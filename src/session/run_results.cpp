@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "palpate/io/atomic_file.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/session/run_reader.h"
 #include "src/session/text.h"
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/session/settings_file.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/session/settings_json.h"
 
 namespace palpate {

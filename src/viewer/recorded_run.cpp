@@ -3,7 +3,7 @@
 #include <list>
 #include <utility>
 
-#include "palpate/session/run_folder.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_reader.h"
 #include "src/viewer/mcap_index.h"
 #include "src/viewer/samples.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "palpate/run/pipeline.h"
+#include "src/run/internal/pipeline.h"
 #include "src/session/lead_frames.h"
 #include "src/viewer/frame_cache.h"
 

@@ -2,8 +2,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "palpate/session/run_folder.h"
 #include "palpate/viewer/views.h"
+#include "src/session/internal/run_folder.h"
 #include "src/viewer/command.h"
 #include "src/viewer/run_player.h"
 

@@ -8,11 +8,11 @@
 
 #include "eval/method_queries.h"
 #include "palpate/contact/body_world.h"
-#include "palpate/core/stamp.h"
-#include "palpate/field/pinhole_cloud.h"
 #include "src/contact/bodies/body_contact_cuda.h"
 #include "src/contact/cuda/contact_query_cuda.h"
+#include "src/core/internal/stamp.h"
 #include "src/field/frame_slots.h"
+#include "src/field/internal/pinhole_cloud.h"
 #include "tests/backends/backend_features.h"
 #include "tests/cloud/depth_scenes.h"
 #include "tests/field/device_views.h"

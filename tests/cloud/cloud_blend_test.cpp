@@ -1,4 +1,4 @@
-#include "palpate/cloud/cloud_blend.h"
+#include "src/cloud/internal/cloud_blend.h"
 
 #include <cmath>
 #include <cstring>

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <string>
 
-#include "palpate/cloud/cloud_blend.h"
 #include "src/cloud/cloud_blend_cuda.h"
 #include "src/cloud/depth_average_cuda.h"
+#include "src/cloud/internal/cloud_blend.h"
 #include "src/cloud/surface_cuda.h"
 #include "tests/cloud/depth_scenes.h"
 #include "tests/cloud/gpu_copies.h"

@@ -1,5 +1,5 @@
 // A ball cut by two planes: the closed form against quadrature, limits and finite differences.
-#include "palpate/math/two_plane_cut.h"
+#include "src/math/internal/two_plane_cut.h"
 
 #include <algorithm>
 #include <cmath>

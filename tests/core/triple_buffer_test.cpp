@@ -1,4 +1,4 @@
-#include "palpate/core/triple_buffer.h"
+#include "src/core/internal/triple_buffer.h"
 
 #include <gtest/gtest.h>
 

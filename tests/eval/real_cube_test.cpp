@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "eval/random.h"
-#include "palpate/math/rotation_vector.h"
 #include "scenes/environment.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate::eval {
 namespace {

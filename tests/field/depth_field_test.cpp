@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/field/field_sample.h"
 #include "palpate/math/sphere.h"
+#include "src/field/internal/field_sample.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

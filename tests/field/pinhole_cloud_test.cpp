@@ -1,9 +1,9 @@
-#include "palpate/field/pinhole_cloud.h"
+#include "src/field/internal/pinhole_cloud.h"
 
 #include <gtest/gtest.h>
 
 #include "palpate/field/depth_field.h"
-#include "palpate/field/field_sample.h"
+#include "src/field/internal/field_sample.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

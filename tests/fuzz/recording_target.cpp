@@ -1,5 +1,5 @@
 // Recordings: MCAP files, and the messages in them. The first byte says what the rest is.
-#include "palpate/io/mcap_file.h"
+#include "src/io/internal/mcap_file.h"
 #include "src/session/ros_messages.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_reader.h"

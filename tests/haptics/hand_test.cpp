@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/rotation_vector.h"
+#include "src/math/internal/rotation_vector.h"
 
 namespace palpate {
 namespace {

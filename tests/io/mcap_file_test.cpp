@@ -1,6 +1,6 @@
 // MCAP files: what is written is read, also from files that were cut off or damaged, and by the
 // format's own Python library where that is installed.
-#include "palpate/io/mcap_file.h"
+#include "src/io/internal/mcap_file.h"
 
 #include <cstdio>
 #include <filesystem>

@@ -10,10 +10,10 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/mesh/mass_properties.h"
 #include "palpate/mesh/mesh_check.h"
 #include "palpate/mesh/shapes.h"
+#include "src/io/internal/atomic_file.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/temporary_folder.h"
 

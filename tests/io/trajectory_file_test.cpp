@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/math/sphere.h"
+#include "src/io/internal/atomic_file.h"
 #include "tests/io/files.h"
 #include "tests/test_util/data.h"
 

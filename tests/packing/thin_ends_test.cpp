@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "palpate/mesh/shapes.h"
-#include "palpate/mesh/surface_points.h"
 #include "palpate/packing/packer.h"
+#include "src/mesh/internal/surface_points.h"
 #include "src/packing/surface_watch.h"
 #include "tests/test_util/standoff_truth.h"
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "eval/method_queries.h"
-#include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
+#include "src/run/internal/pipeline.h"
 #include "src/run/loop/haptic_stage.h"
 #include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"

@@ -1,5 +1,5 @@
 // All parts of a run in one thread, on the clock of the test.
-#include "palpate/run/pipeline.h"
+#include "src/run/internal/pipeline.h"
 
 #include <gtest/gtest.h>
 

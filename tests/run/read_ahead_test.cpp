@@ -1,4 +1,4 @@
-#include "palpate/run/read_ahead.h"
+#include "src/run/internal/read_ahead.h"
 
 #include <atomic>
 #include <chrono>

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/session/probing_path.h"
+#include "src/session/internal/probing_path.h"
 
 namespace palpate::test {
 

@@ -9,10 +9,10 @@
 #include <set>
 #include <thread>
 
-#include "palpate/io/atomic_file.h"
-#include "palpate/io/mcap_file.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/io/internal/mcap_file.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "tests/session/live_hand.h"
 #include "tests/session/recorded_messages.h"

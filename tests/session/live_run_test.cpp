@@ -15,9 +15,9 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "palpate/io/atomic_file.h"
-#include "palpate/io/mcap_file.h"
-#include "palpate/session/run_folder.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/io/internal/mcap_file.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/ros_messages.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_series.h"

@@ -4,10 +4,10 @@
 #include <nlohmann/json.hpp>
 
 #include "palpate/contact/body_contact.h"
-#include "palpate/io/atomic_file.h"
-#include "palpate/run/pipeline.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/run/internal/pipeline.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"

@@ -1,4 +1,4 @@
-#include "palpate/session/packing_report.h"
+#include "src/session/internal/packing_report.h"
 
 #include <gtest/gtest.h>
 
@@ -11,8 +11,8 @@
 #include "palpate/io/mesh_file.h"
 #include "palpate/mesh/mesh_check.h"
 #include "palpate/mesh/shapes.h"
-#include "palpate/mesh/surface_points.h"
-#include "palpate/session/checksum.h"
+#include "src/mesh/internal/surface_points.h"
+#include "src/session/internal/checksum.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/report_data.h"
 #include "tests/test_util/standoff_truth.h"

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "palpate/devices/device_models.h"
-#include "palpate/run/path_device.h"
 #include "palpate/run/run_loop.h"
+#include "src/run/internal/path_device.h"
 
 namespace palpate::test {
 

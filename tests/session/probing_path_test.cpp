@@ -1,4 +1,4 @@
-#include "palpate/session/probing_path.h"
+#include "src/session/internal/probing_path.h"
 
 #include <gtest/gtest.h>
 

@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/io/mcap_file.h"
-#include "palpate/session/run_folder.h"
+#include "src/io/internal/mcap_file.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 
 namespace palpate::test {

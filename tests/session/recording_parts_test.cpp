@@ -6,9 +6,9 @@
 #include <fstream>
 #include <sstream>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_reader.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"

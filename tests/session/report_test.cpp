@@ -5,8 +5,8 @@
 #include <cmath>
 #include <filesystem>
 
-#include "palpate/io/atomic_file.h"
 #include "palpate/session/run.h"
+#include "src/io/internal/atomic_file.h"
 #include "src/session/base64.h"
 #include "src/session/compact_json.h"
 #include "src/session/run_series.h"

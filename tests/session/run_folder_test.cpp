@@ -1,4 +1,4 @@
-#include "palpate/session/run_folder.h"
+#include "src/session/internal/run_folder.h"
 
 #include <gtest/gtest.h>
 

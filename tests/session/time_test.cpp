@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/run/pipeline.h"
+#include "src/run/internal/pipeline.h"
 #include "src/session/run_messages.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"

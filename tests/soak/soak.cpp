@@ -24,10 +24,10 @@
 
 #include "palpate/devices/simulated_device.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
 #include "palpate/viewer/view_server.h"
 #include "palpate/viewer/views.h"
 #include "src/core/monotonic_clock.h"
+#include "src/session/internal/run_folder.h"
 #include "tests/session/path_run.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/temporary_folder.h"

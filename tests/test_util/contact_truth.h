@@ -10,7 +10,7 @@
 
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/contact/contact_query.h"
-#include "palpate/math/two_plane_cut.h"
+#include "src/math/internal/two_plane_cut.h"
 
 namespace palpate::test {
 

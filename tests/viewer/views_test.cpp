@@ -13,11 +13,11 @@
 #include <set>
 #include <thread>
 
-#include "palpate/io/atomic_file.h"
-#include "palpate/io/mcap_file.h"
-#include "palpate/run/pipeline.h"
 #include "palpate/session/run.h"
-#include "palpate/session/run_folder.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/io/internal/mcap_file.h"
+#include "src/run/internal/pipeline.h"
+#include "src/session/internal/run_folder.h"
 #include "src/session/run_messages.h"
 #include "src/viewer/controls.h"
 #include "src/viewer/repetition.h"

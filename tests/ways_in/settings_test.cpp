@@ -12,9 +12,9 @@
 
 #include "apps/options.h"
 #include "palpate/packing/packer.h"
-#include "palpate/run/pipeline.h"
 #include "palpate/run/run_loop.h"
 #include "palpate/session/settings_file.h"
+#include "src/run/internal/pipeline.h"
 #include "src/session/settings_json.h"
 #include "src/viewer/controls.h"
 #include "tests/run/live_loop_fixtures.h"

@@ -90,8 +90,8 @@ struct DepthFieldView {
 
   DepthFieldLevel levels[kMaxLevels];
   int num_levels = 0;  ///< 0: no field
-  /// Where the field may be asked (field/asked_window.h): there all levels have the values that
-  /// they have in a field of the whole image; elsewhere they may be anything.
+  /// Where the field may be asked (src/field/internal/asked_window.h): there all levels have the
+  /// values that they have in a field of the whole image; elsewhere they may be anything.
   PixelWindow asked;
   const DepthTile* tiles = nullptr;  ///< row by row; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;

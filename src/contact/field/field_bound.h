@@ -2,10 +2,10 @@
 // front of the surface, mostly. shared by host and device.
 #pragma once
 
-#include "palpate/field/asked_window.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/math/pose.h"
 #include "src/contact/index/sphere_clusters.h"
+#include "src/field/internal/asked_window.h"
 
 namespace palpate {
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "palpate/contact/contact_query.h"
-#include "palpate/field/field_curvature.h"
 #include "palpate/math/sphere.h"
+#include "src/field/internal/field_curvature.h"
 
 namespace palpate {
 

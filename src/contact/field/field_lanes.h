@@ -1,12 +1,12 @@
 // What elements of a tool ask a depth field, as many at once as a vector has lanes: the steps of
-// palpate/field/field_sample.h and field_curvature.h. Included by kernel files only.
+// src/field/internal/field_sample.h and field_curvature.h. Included by kernel files only.
 #pragma once
 
 #include <type_traits>
 
-#include "palpate/field/field_curvature.h"
 #include "src/contact/field/field_contact.h"
 #include "src/core/simd.h"
+#include "src/field/internal/field_curvature.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "palpate/cloud/cloud_blend.h"
+#include "src/cloud/internal/cloud_blend.h"
 
 namespace palpate {
 

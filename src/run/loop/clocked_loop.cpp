@@ -7,10 +7,10 @@
 #include <thread>
 #include <utility>
 
-#include "palpate/core/triple_buffer.h"
-#include "palpate/run/pipeline.h"
 #include "palpate/run/run_loop.h"
+#include "src/core/internal/triple_buffer.h"
 #include "src/core/monotonic_clock.h"
+#include "src/run/internal/pipeline.h"
 #include "src/run/loop/frame_queue.h"
 
 namespace palpate {

@@ -6,8 +6,8 @@
 #include <memory>
 #include <thread>
 
-#include "palpate/run/pipeline.h"
 #include "palpate/run/run_loop.h"
+#include "src/run/internal/pipeline.h"
 #include "src/run/loop/blend_clock.h"
 #include "src/run/loop/record_queue.h"
 #include "src/run/loop/stiffness_schedule.h"

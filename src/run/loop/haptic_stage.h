@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <memory>
 
-#include "palpate/core/triple_buffer.h"
-#include "palpate/run/pipeline.h"
 #include "palpate/run/run_loop.h"
+#include "src/core/internal/triple_buffer.h"
+#include "src/run/internal/pipeline.h"
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/mailbox.h"
 #include "src/run/loop/record_queue.h"

@@ -11,9 +11,9 @@
 #include <tuple>
 #include <utility>
 
-#include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
+#include "src/run/internal/pipeline.h"
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/event.h"
 #include "src/run/loop/haptic_stage.h"

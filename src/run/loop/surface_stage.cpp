@@ -7,10 +7,10 @@
 #include <string>
 #include <utility>
 
-#include "palpate/field/asked_window.h"
-#include "palpate/run/pipeline.h"
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
+#include "src/field/internal/asked_window.h"
+#include "src/run/internal/pipeline.h"
 
 namespace palpate {
 namespace {

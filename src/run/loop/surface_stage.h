@@ -8,8 +8,8 @@
 #include <optional>
 #include <thread>
 
-#include "palpate/core/triple_buffer.h"
 #include "palpate/run/run_loop.h"
+#include "src/core/internal/triple_buffer.h"
 #include "src/run/loop/event.h"
 #include "src/run/loop/mailbox.h"
 #include "src/run/loop/paced_source.h"

@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/core/stamp.h"
 #include "src/contact/cuda/gpu_field.h"
+#include "src/core/internal/stamp.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/field_probe.h"
 #include "tests/test_util/frozen_field.h"

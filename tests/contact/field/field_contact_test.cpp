@@ -8,7 +8,7 @@
 
 #include "eval/method_queries.h"
 #include "palpate/contact/contact_query.h"
-#include "palpate/field/field_sample.h"
+#include "src/field/internal/field_sample.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/frozen_field.h"

@@ -8,11 +8,11 @@
 
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact_query.h"
-#include "palpate/field/asked_window.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/io/depth_files.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "src/contact/index/field_elements.h"
+#include "src/field/internal/asked_window.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/gpu.h"

@@ -11,8 +11,8 @@
 #include <cstdint>
 
 #include "palpate/contact/contact_query.h"
-#include "palpate/math/two_plane_cut.h"
 #include "src/contact/points/scan/point_scan.h"
+#include "src/math/internal/two_plane_cut.h"
 
 namespace palpate {
 

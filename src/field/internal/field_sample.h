@@ -30,7 +30,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "palpate/field/field_values.h"
+#include "src/field/internal/field_values.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
 // Second derivatives of a depth field, for contact stiffness. The field itself: field_sample.h.
 #pragma once
 
-#include "palpate/field/field_sample.h"
+#include "src/field/internal/field_sample.h"
 
 namespace palpate {
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "palpate/field/field_sample.h"
+#include "src/field/internal/field_sample.h"
 
 namespace palpate {
 
