@@ -7,19 +7,21 @@
 #include "palpate/io/depth_files.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/contact_truth.h"
-#include "tests/test_util/data.h"
+#include "tests/test_util/real_frames.h"
 
 namespace palpate {
 namespace {
 
-TEST(RealEdges, EqualBruteForce) {
-  PALPATE_DATA_OR_SKIP(path, "frames/pcl_person.png");
-  const auto frame = load_depth_png(path, 0.001);
-  ASSERT_TRUE(frame);
+PALPATE_ON_ALL_FRAMES(RealEdges);
+
+TEST_P(RealEdges, EqualBruteForce) {
+  PALPATE_FRAMES_OR_SKIP(frames, [](const auto& path) { return load_depth_png(path).value(); },
+                         {"pcl_person"});
+  const DepthFrame& frame = frames[0].frame;
   SurfaceEstimator surface =
-      SurfaceEstimator::create(frame->width, frame->height, {525, 525, 319.5, 239.5}).value();
+      SurfaceEstimator::create(frame.width, frame.height, frames[0].intrinsics).value();
   ThreadPool pool(1);
-  surface.update(*frame, pool);
+  surface.update(frame, pool);
   const PointCloudView cloud = surface.cloud();
   std::vector<std::size_t> edge_points;
   for (std::size_t i = 0; i < cloud.size(); ++i) {

@@ -36,12 +36,14 @@ DepthFrame read_png(const std::filesystem::path& path, double unit) {
   return frame;
 }
 
-TEST(RealFrames, NormalsAreThereAreUnitAndFaceTheCamera) {
-  PALPATE_DATA_OR_SKIP(folder, "frames");
+PALPATE_ON_ALL_FRAMES(RealFrames);
+
+TEST_P(RealFrames, NormalsAreThereAreUnitAndFaceTheCamera) {
+  PALPATE_FRAMES_OR_SKIP(frames, [](const auto& path) { return read_png(path, 0.001); });
   ThreadPool pool(2);
-  for (const test::RealFrame& real : test::kRealFrames) {
+  for (const test::TriedFrame& real : frames) {
     SCOPED_TRACE(real.name);
-    const DepthFrame frame = read_png(folder / (std::string(real.name) + ".png"), 0.001);
+    const DepthFrame& frame = real.frame;
     ASSERT_EQ(frame.pixels.size(), 640u * 480u);
     SurfaceEstimator estimator = SurfaceEstimator::create(640, 480, real.intrinsics).value();
     const SurfaceStats stats = estimator.update(frame, pool);

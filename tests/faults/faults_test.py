@@ -3,7 +3,8 @@
 Whatever happens: an end within its time; exit status 0 with whole results, or 1 with a sentence; no
 file under its final name that is not whole; what was recorded repeats to the bit.
 
-usage: faults_test.py PALPATE FAULTS_LIBRARY    PALPATE_KILLS=200: as many moments to be killed at"""
+usage: faults_test.py PALPATE FAULTS_LIBRARY    PALPATE_KILLS=200: as many moments to be killed at
+                                                PALPATE_KEEP=1: leaves what a failed test worked on"""
 
 import json
 import os
@@ -37,7 +38,8 @@ class Faults(unittest.TestCase):
     def setUp(self):
         self.maxDiff = None
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="palpate-faults-"))
-        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        if not os.environ.get("PALPATE_KEEP"):
+            self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         self.mesh, self.tool = self.folder / "box.ply", self.folder / "box.palp"
         self.settings = self.folder / "patient.toml"
         self.settings.write_text(PATIENT)
@@ -202,11 +204,9 @@ class Faults(unittest.TestCase):
     def check_viewable(self, folder):
         process = subprocess.Popen([PALPATE, "view", str(folder), "--port", "0"], text=True,
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        try:
-            self.assertIn("open http://", process.stdout.readline())
-        finally:
-            process.kill()
-            process.communicate()
+        opened = process.stdout.readline()
+        process.kill()
+        self.assertIn("open http://", opened, process.communicate()[1])
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 // The same measurement by every implementation: on the CPU the vector instruction sets agree to the
-// bit, and the GPU (here its emulator) in counts and states, and in numbers but for the order of
-// sums. The input chooses tool, scene, options and poses.
+// bit, the GPU (here its emulator) in counts and states, and in numbers but for the order of sums,
+// and brute force in double within the rounding of single precision. The input chooses tool, scene,
+// options and poses.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -10,6 +11,8 @@
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "tests/fuzz/target.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/contact_truth.h"
+#include "tests/test_util/field_truth.h"
 
 namespace palpate::fuzz {
 namespace {
@@ -66,16 +69,14 @@ SurfaceOptions any_surface(Choices& choices) {
   return options;
 }
 
-ContactMethod any_method(Choices& choices) {
+ContactOptions any_options(Choices& choices) {
   ContactOptions options{choices.any<MethodKind>(),   choices.any<Priority>(),
                          choices.any<InsideVolume>(), choices.any<SphereVolumes>(),
                          choices.any<Edges>(),        choices.any<Continuity>()};
   if (options.method != MethodKind::graph) options.inside = InsideVolume::full;
   if (options.method == MethodKind::graph) options.priority = Priority::distance;
   if (options.method == MethodKind::field) options = {.volumes = options.volumes};
-  const auto method = contact_method(options);
-  require(method.has_value(), "options that belong to a method are taken");
-  return *method;
+  return options;
 }
 
 /// Surfaces as one instruction set estimates them.
@@ -143,6 +144,35 @@ bool agrees(const Answer& a, const Answer& b) {
          norm(p.measure_W.torque - q.measure_W.torque) <= scale * reach;
 }
 
+/// Every sphere and every point by itself, in double.
+void require_truth(const Tool& tool, const ContactOptions& options, const SurfaceView& seen,
+                   const Pose& X_WT, const Answer& got) {
+  const Penetration& p = got.result.penetration;
+  const double scale = full_volume(tool, options), reach = 0.1;
+  if (options.method == MethodKind::field) {
+    const Penetration want = test::field_truth(tool, seen.field, X_WT, options.counted());
+    require(std::abs(p.volume - want.volume) <= 1e-4 * scale &&
+                std::abs(p.potential - want.potential) <= 1e-4 * scale * reach &&
+                norm(p.measure_W.force - want.measure_W.force) <= 3e-4 * scale &&
+                norm(p.measure_W.torque - want.measure_W.torque) <= 3e-4 * scale * reach,
+            "the field method is its definition");
+    return;
+  }
+  if (options.edges != Edges::none) return;  // of edges equally near either may be taken
+  const test::ToolTruth whole(tool);
+  const test::Truth want = test::contact_truth(
+      whole, test::boundary_truth(whole.spheres, seen.cloud, X_WT, options.continuity), X_WT,
+      options);
+  require(p.num_points == want.penetration.num_points &&
+              p.num_boundary_spheres == want.penetration.num_boundary_spheres &&
+              got.states == want.states,
+          "points are in the spheres that brute force says");
+  require(std::abs(p.volume - want.penetration.volume) <= 2e-5 * scale &&
+              norm(p.measure_W.force - want.penetration.measure_W.force) <= 2e-5 * scale &&
+              norm(p.measure_W.torque - want.penetration.measure_W.torque) <= 2e-5 * scale * reach,
+          "the methods of the thesis are their definitions");
+}
+
 }  // namespace
 
 std::vector<std::string> seeds() {
@@ -164,7 +194,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Choices choices(text_of(data, size));
   const Tool tool =
       test::random_tool(1 + static_cast<int>(choices.below(120)), 0.03, choices.below(16));
-  const ContactMethod method = any_method(choices);
+  const ContactOptions contact = any_options(choices);
+  const auto made = contact_method(contact);
+  require(made.has_value(), "options that belong to a method are taken");
+  const ContactMethod& method = *made;
   const SurfaceOptions options = any_surface(choices);
   const DepthFrame first = any_frame(choices), second = any_frame(choices);
   const bool is_between = choices.below(3) == 0;
@@ -179,6 +212,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Penetration& p = want.result.penetration;
   require(std::isfinite(p.volume) && p.volume >= 0, "a volume is finite and not negative");
   require(norm(p.measure_W.force) <= 1.0500001 * p.volume, "no force is longer than its bound");
+  if (!is_between) require_truth(tool, contact, to.surfaces(), X_WT, want);
   for (const Isa isa : {Isa::avx2, Isa::avx512}) {
     const Seen from_wide(first, options, isa), to_wide(second, options, isa);
     const Answer got =

@@ -106,6 +106,25 @@ TEST(LocalContact, IsFirstOrderAroundItsPose) {
   }
 }
 
+// What a turn adds is bounded by the force at the radius of gyration of the stiffness, four times.
+TEST(LocalContact, TorqueIsLimitedByForceTimesLever) {
+  LocalContact contact;
+  contact.is_valid = true;
+  contact.F_C_W = {{0, 0, 2}, {}};
+  constexpr double kLever = 0.05, kStiffness = 300;
+  for (int i = 0; i < 6; ++i)
+    contact.stiffness.m[i][i] = kStiffness * (i < 3 ? 1 : kLever * kLever);
+  const auto torque_at = [&](double angle) {
+    return norm(contact.at({{}, axis_angle({1, 0, 0}, angle)}).torque);
+  };
+  const double per_angle = kStiffness * kLever * kLever, most = 4 * 2 * kLever;
+  EXPECT_NEAR(torque_at(0.5 * most / per_angle), 0.5 * most, 1e-12);
+  EXPECT_NEAR(torque_at(1.5 * most / per_angle), most, 1e-12);
+  contact.F_C_W.torque = {0, 3 * kLever * 2, 0};  // a measured torque counts where it is larger
+  const Wrench turned = contact.at({{}, axis_angle({0, 1, 0}, -3.0)});
+  EXPECT_NEAR(norm(turned.torque), std::min(3 * most / 4 + per_angle * 3, 3 * most), 1e-12);
+}
+
 TEST(LocalContact, EndsWithoutAJumpAndNeverPulls) {
   const BallOnWall scene;
   const Pose X_WT = at_depth(scene, 0.005, axis_angle({1, 2, 3}, 0.7));

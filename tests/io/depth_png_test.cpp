@@ -13,6 +13,7 @@
 #include "palpate/io/depth_files.h"
 #include "tests/io/files.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/made_frame.h"
 
 namespace palpate {
 namespace {
@@ -144,6 +145,18 @@ TEST(DepthPng, RefusesBadArguments) {
   frame.pixels.pop_back();
   EXPECT_FALSE(save_depth_png(frame, folder / "x.png").has_value());
   EXPECT_FALSE(std::filesystem::exists(folder / "x.png"));
+}
+
+TEST(DepthPng, AMadeFrameComesBackToTheCount) {
+  const test::TemporaryFolder folder;
+  for (int i = 0; i < test::kNumMadeFrames; ++i) {
+    const DepthFrame made = test::made_frame(i);
+    EXPECT_GT(std::set<std::uint16_t>(made.pixels.begin(), made.pixels.end()).size(), 100u);
+    ASSERT_TRUE(save_depth_png(made, folder / "x.png"));
+    const auto read = load_depth_png(folder / "x.png");
+    ASSERT_TRUE(read.has_value()) << read.error().message;
+    EXPECT_EQ(read->pixels, made.pixels);
+  }
 }
 
 TEST(DepthPng, LoadsEveryRealFrame) {

@@ -11,6 +11,8 @@
 #include "tests/session/packed_tool.h"
 #include "tests/session/path_run.h"
 #include "tests/test_util/data.h"
+#include "tests/test_util/made_frame.h"
+#include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
 namespace {
@@ -157,6 +159,13 @@ void expect_slow_in(const std::filesystem::path& folder, const Intrinsics& intri
     expect_slow(open, packed_tool(make_stylus(0.008, 0.14, 0.03, 24), 60), std::nullopt);
     expect_slow(open, packed_tool(make_box({0.1, 0.1, 0.1}), 60), std::nullopt);
   }
+}
+
+TEST(ProbingSpeed, WhereSomebodySways) {
+  const test::TemporaryFolder folder;
+  for (int i = 0; i < test::kNumMadeFrames; ++i)
+    ASSERT_TRUE(save_depth_png(test::made_frame(i), folder / (std::to_string(i) + ".png")));
+  expect_slow_in(folder.path(), test::kMadeIntrinsics, 0.001, {1.5, 30});
 }
 
 TEST(ProbingSpeed, WhereARealHandMoves) {

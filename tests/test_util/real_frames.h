@@ -1,9 +1,17 @@
-// The recorded depth frames of the optional data, with their cameras.
+// The recorded depth frames of the optional data with their cameras, and made ones beside them:
+// tests that ask real frames run with both, the recorded ones skipped by name where there are none.
 #pragma once
 
+#include <algorithm>
+#include <string>
 #include <string_view>
+#include <vector>
+
+#include <gtest/gtest.h>
 
 #include "palpate/cloud/intrinsics.h"
+#include "tests/test_util/data.h"
+#include "tests/test_util/made_frame.h"
 
 namespace palpate::test {
 
@@ -27,11 +35,52 @@ inline constexpr RealFrame kRealFrames[] = {
     {"slambook_desk_1", {518, 519, 325.5, 253.5}},
 };
 
-/// One of them that exists.
-constexpr const RealFrame& real_frame(std::string_view name) {
-  const RealFrame* frame = kRealFrames;
-  while (name != frame->name) ++frame;
-  return *frame;
+/// A frame to try something on.
+struct TriedFrame {
+  std::string name;
+  Intrinsics intrinsics;
+  DepthFrame frame;
+};
+
+enum class Origin { recorded, made };
+
+inline std::string name_of(const testing::TestParamInfo<Origin>& origin) {
+  return origin.param == Origin::recorded ? "recorded" : "made";
 }
+
+/// Recorded: those of `names` (none: all) by load(path) -> DepthFrame, nothing where there are no
+/// data. Made: all made ones.
+template <class Load>
+std::vector<TriedFrame> frames_of(Origin origin, const Load& load,
+                                  const std::vector<std::string_view>& names = {}) {
+  std::vector<TriedFrame> frames;
+  if (origin == Origin::made) {
+    for (int i = 0; i < kNumMadeFrames; ++i)
+      frames.push_back({"made_" + std::to_string(i), kMadeIntrinsics, made_frame(i)});
+    return frames;
+  }
+  const auto folder = data_folder();
+  if (!folder) return frames;
+  for (const RealFrame& real : kRealFrames) {
+    if (!names.empty() && std::find(names.begin(), names.end(), real.name) == names.end()) continue;
+    frames.push_back(
+        {real.name, real.intrinsics, load(*folder / "frames" / (std::string(real.name) + ".png"))});
+  }
+  return frames;
+}
+
+/// `variable` = frames_of(GetParam(), ...); skips the test by name where there are none.
+#define PALPATE_FRAMES_OR_SKIP(variable, ...)               \
+  const std::vector<::palpate::test::TriedFrame> variable = \
+      ::palpate::test::frames_of(GetParam(), __VA_ARGS__);  \
+  if (variable.empty()) GTEST_SKIP() << "SKIPPED: no recorded depth frames (set PALPATE_DATA)"
+
+/// Both kinds of frames for TEST_P(suite, ...).
+#define PALPATE_ON_ALL_FRAMES(suite)                                                     \
+  class suite : public testing::TestWithParam<::palpate::test::Origin> {};               \
+  INSTANTIATE_TEST_SUITE_P(                                                              \
+      Frames, suite,                                                                     \
+      testing::Values(::palpate::test::Origin::recorded, ::palpate::test::Origin::made), \
+      ::palpate::test::name_of)
 
 }  // namespace palpate::test

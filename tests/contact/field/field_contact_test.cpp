@@ -8,9 +8,9 @@
 
 #include "eval/method_queries.h"
 #include "palpate/contact/contact_query.h"
-#include "src/field/internal/field_sample.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/field_truth.h"
 #include "tests/test_util/frozen_field.h"
 
 namespace palpate {
@@ -30,9 +30,6 @@ std::vector<Isa> isas() {
 constexpr ContactOptions kOwn{.method = MethodKind::field, .volumes = SphereVolumes::own};
 constexpr ContactOptions kRepresented{.method = MethodKind::field,
                                       .volumes = SphereVolumes::represented};
-
-// The longest gradient that a force follows.
-constexpr double kLongest = 1.05;
 
 FrozenField rough_wall(std::uint64_t seed, double thickness = kSolidBehind) {
   return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.002, seed), {.thickness = thickness});
@@ -75,32 +72,9 @@ Pose random_pose(Random& random) {
   return {{x, y, random.uniform(0.5, 0.75)}, random.rotation(3.0)};
 }
 
-// U = sum f G(phi) and its parts by their definition, element by element in double; `longest`: the
-// longest gradient that a force follows.
 Penetration brute_force(const Tool& tool, const FrozenField& scene, const Pose& X_WT,
-                        SphereVolumes volumes, double longest = kLongest) {
-  const FieldElements elements(tool, volumes);
-  Penetration sum;
-  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
-    if (elements.clusters.sphere_id[i] < 0) continue;
-    const Vec3d lever = rotate(
-        X_WT.rotation,
-        to_double(Vec3f{elements.clusters.x[i], elements.clusters.y[i], elements.clusters.z[i]}));
-    const Vec3d c = X_WT * tool.sphere_mass().centre_of_mass + lever;
-    const double r = elements.radius[i], factor = elements.factor[i];
-    const FieldSample<double> at = sample_field(scene.field.view(), c, r);
-    const double h = std::clamp(r - at.phi, 0.0, 2 * r);
-    sum.volume += factor * cap_volume(r, at.phi);
-    sum.potential += factor * (kPi / 12 * h * h * h * (4 * r - h) +
-                               sphere_volume(r) * std::max(-at.phi - r, 0.0));
-    const double too_long = std::max(norm(at.gradient) / longest, 1.0);
-    const Vec3d force = factor * cap_volume(r, at.phi) / too_long * at.gradient;
-    sum.measure_W.force += force;
-    sum.measure_W.torque += cross(lever, force);
-    sum.num_inside_spheres += elements.counted[i] > 0 && at.phi <= -r;
-    sum.num_boundary_spheres += elements.counted[i] > 0 && at.phi > -r && at.phi < r;
-  }
-  return sum;
+                        SphereVolumes volumes, double longest = test::kLongest) {
+  return test::field_truth(tool, scene.field.view(), X_WT, volumes, longest);
 }
 
 void expect_equals_brute_force(const FrozenField& scene) {
@@ -183,7 +157,7 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
     const auto force_along = [&](double longest) {
       return brute_force(tool, scene, X_WT, SphereVolumes::own, longest).measure_W.force;
     };
-    if (norm(force_along(kLongest) - force_along(1e9)) > 0) continue;
+    if (norm(force_along(test::kLongest) - force_along(1e9)) > 0) continue;
     ++num_compared;
     for (int column = 0; column < 6; ++column) {
       constexpr double kStep = 1e-7;

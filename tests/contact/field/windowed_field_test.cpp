@@ -231,15 +231,17 @@ TEST(WindowedField, AnswersLikeTheWholeOneOnAGpu) {
   compare_synthetic(Backend::cuda, 4, 8);
 }
 
-TEST(WindowedField, AnswersLikeTheWholeOneOnRealFrames) {
-  PALPATE_DATA_OR_SKIP(folder, "frames");
+PALPATE_ON_ALL_FRAMES(WindowedFieldOn);
+
+TEST_P(WindowedFieldOn, RealFramesAnswersLikeTheWholeOne) {
+  PALPATE_FRAMES_OR_SKIP(frames, [](const auto& path) { return load_depth_png(path).value(); });
   const std::vector<Tool> all_tools = tools();
   const std::vector<Probe> probes = probes_of(all_tools, Backend::cpu);
   Random random(12);
   Counts counts;
-  for (const test::RealFrame& real : test::kRealFrames) {
+  for (const test::TriedFrame& real : frames) {
     SCOPED_TRACE(real.name);
-    const DepthFrame frame = load_depth_png(folder / (std::string(real.name) + ".png")).value();
+    const DepthFrame& frame = real.frame;
     DepthStreamInfo stream;
     stream.width = frame.width;
     stream.height = frame.height;
@@ -248,8 +250,8 @@ TEST(WindowedField, AnswersLikeTheWholeOneOnRealFrames) {
     compare(seen, stream, {frame, random_frame(frame.width, frame.height, random)}, probes, 12, 24,
             random, counts);
   }
-  EXPECT_GT(counts.touching, 500);
-  EXPECT_GT(counts.deep, 100);
+  EXPECT_GT(counts.touching, 40 * static_cast<int>(frames.size()));
+  EXPECT_GT(counts.deep, 8 * static_cast<int>(frames.size()));
 }
 
 // What a window leaves out is not there rather than wrong, and can be had later.
