@@ -28,24 +28,21 @@ bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
 
 }  // namespace
 
+FieldContactKernels field_contact_kernels(Isa isa) { return select_isa(kKernels, isa); }
+
 FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
                            const ExecutionOptions& capacities)
     : ContactQuery(std::move(index), method),
       elements_(&this->index()->parts().elements(method.volumes)),
       p_TC_(this->index()->tool().sphere_mass().centre_of_mass),
-      kernels_(select_isa(kKernels, capacities.isa)),
+      kernels_(field_contact_kernels(capacities.isa)),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
       group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())) {}
 
 MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose& X_WT) const {
-  MeasureJob asked{&elements_->clusters,
-                   elements_->radius.data(),
-                   elements_->factor.data(),
-                   elements_->counted.data(),
-                   elements_->largest_radius.data(),
-                   {},
-                   static_cast<int>(fields.size()),
-                   frame_of(fields.front().intrinsics, X_WT, p_TC_)};
+  MeasureJob asked = measure_job(*elements_);
+  asked.num_fields = static_cast<int>(fields.size());
+  asked.frame = frame_of(fields.front().intrinsics, X_WT, p_TC_);
   std::copy(fields.begin(), fields.end(), asked.fields);
   return asked;
 }
@@ -92,12 +89,7 @@ void FieldContact::ask(std::span<const DepthFieldView> fields, const Pose& X_WT,
       sums.add(group_sums_[i].measure);
       if (with_stiffness) stiffness.add(group_sums_[i].stiffness);
     }
-    Penetration& penetration = results[k].penetration;
-    penetration.volume = sums.volume;
-    penetration.potential = sums.potential;
-    penetration.measure_W = {sums.force, sums.torque};
-    penetration.num_boundary_spheres = static_cast<int>(sums.num_boundary);
-    penetration.num_inside_spheres = static_cast<int>(sums.num_inside);
+    results[k].penetration = sums.penetration();
     if (with_stiffness) results[k].stiffness = stiffness.stiffness();
   }
 }

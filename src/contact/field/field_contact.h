@@ -27,6 +27,15 @@ struct FieldSums {
     num_boundary += other.num_boundary;
     num_inside += other.num_inside;
   }
+  Penetration penetration() const {
+    Penetration result;
+    result.volume = volume;
+    result.potential = potential;
+    result.measure_W = {force, torque};
+    result.num_boundary_spheres = static_cast<int>(num_boundary);
+    result.num_inside_spheres = static_cast<int>(num_inside);
+    return result;
+  }
 };
 
 /// Of one group of clusters against one field.
@@ -45,6 +54,18 @@ struct MeasureJob {
   FieldFrame frame;
 };
 
+/// A job without field and frame.
+inline MeasureJob measure_job(const FieldElements& elements) {
+  return {&elements.clusters,
+          elements.radius.data(),
+          elements.factor.data(),
+          elements.counted.data(),
+          elements.largest_radius.data(),
+          {},
+          1,
+          {}};
+}
+
 /// Where a description goes: a place for each sphere of the tool, by its number.
 struct SphereCuts {
   SphereState* states = nullptr;
@@ -59,6 +80,9 @@ struct FieldContactKernels {
   /// Writes what is cut or inside of the first field; the rest is outside.
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
 };
+
+/// An instruction set that the processor lacks is lowered.
+FieldContactKernels field_contact_kernels(Isa isa);
 
 /// Measures one tool against depth fields.
 class FieldContact final : public ContactQuery {

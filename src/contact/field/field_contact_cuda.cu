@@ -8,51 +8,10 @@
 
 #include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
-#include "src/contact/field/field_element.h"
-#include "src/gpu/team.cuh"
+#include "src/contact/field/field_elements_cuda.cuh"
 
 namespace palpate {
 namespace {
-
-static_assert(SphereClusters::kSize == gpu::kWarpSize);
-
-// A field as the kernel looks at it: what all its levels share, and what differs.
-struct FieldLook {
-  const float* planes = nullptr;  // of level 0; the other levels follow
-  const Silhouette* silhouettes = nullptr;
-  const std::uint8_t* near_silhouette = nullptr;
-  std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
-  std::int32_t stride = 0, last_level = -1;
-  float width = 0, height = 0, thickness = 0;
-  const DepthTile* tiles = nullptr;
-  std::int32_t tiles_wide = 0, tiles_high = 0;
-  FieldFrame frame;
-  float weight = 0;
-};
-
-FieldLook look_of(const DepthFieldView& view, const FieldFrame& frame, double weight) {
-  FieldLook look;
-  look.frame = frame;
-  if (view.num_levels == 0) return look;
-  const DepthFieldLevel& finest = view.levels[0];
-  look.planes = finest.planes;
-  look.silhouettes = finest.silhouettes;
-  look.near_silhouette = finest.near_silhouette;
-  for (int k = 0; k < view.num_levels; ++k) {
-    look.start[k] =
-        static_cast<std::int32_t>(view.levels[k].near_silhouette - finest.near_silhouette);
-  }
-  look.stride = finest.stride;
-  look.last_level = view.num_levels - 1;
-  look.width = static_cast<float>(finest.width);
-  look.height = static_cast<float>(finest.height);
-  look.thickness = view.thickness;
-  look.tiles = view.tiles;
-  look.tiles_wide = view.tiles_wide;
-  look.tiles_high = view.tiles_high;
-  look.weight = static_cast<float>(weight);
-  return look;
-}
 
 // The argument of the kernel.
 template <int kNumFields>
@@ -62,183 +21,18 @@ struct FieldQuery {
   FieldLook fields[kNumFields];
 };
 
-// Sums of one thread, which has few elements.
-struct FieldShare {
-  float volume = 0, potential = 0;
-  float force[3] = {}, torque[3] = {};
-  int num_boundary = 0, num_inside = 0;
-};
-
-// Likewise, of StiffnessSums.
-struct StiffnessShare {
-  float numbers[StiffnessSums::kNum] = {};
-};
-
-__device__ float scale_of(int level) { return __int_as_float((127 - level) << 23); }  // 2^-level
-
-__device__ DepthFieldLevel level_of(const FieldLook& field, int number) {
-  const int start = field.start[number];
-  DepthFieldLevel level;
-  level.planes = field.planes + 2 * std::ptrdiff_t{start};
-  level.silhouettes = field.silhouettes + 2 * std::ptrdiff_t{start};
-  level.near_silhouette = field.near_silhouette + start;
-  level.stride = field.stride;
-  level.scale = scale_of(number);
-  level.last_u = field.width * level.scale + 5.0f;
-  level.last_v = field.height * level.scale + 5.0f;
-  return level;
-}
-
-// Level and blend for a footprint = m 2^e with m in [1, 2), as the vector kernel chooses them:
-// between levels e and e + 1.
-__device__ LevelChoice<float> choose(float footprint, int last_level, float inverse_depth) {
-  const int bits = __float_as_int(footprint < 1.0f ? 1.0f : footprint);
-  const int exponent = (bits >> 23) - 127;
-  const float m = __int_as_float((bits & 0x7fffff) | 0x3f800000);
-  const float x = (m - 1.0f) * (1.0f / (kBlendEnd - 1));
-  const Sloped<float> step = smooth_step(x);
-  LevelChoice<float> choice;
-  choice.level = last_level;
-  if (exponent >= last_level) return choice;
-  const bool is_next = step.value >= 1.0f;
-  choice.level = exponent + is_next;
-  if (!is_next) {
-    const float x_by_z = m * inverse_depth * (-1.0f / (kBlendEnd - 1));
-    choice.blend = {step.value, step.slope * x_by_z};
-    const float bend = x > 0.0f && x < 1.0f ? 6.0f - 12.0f * x : 0.0f;
-    choice.blend_by_zz = x_by_z * (bend * x_by_z - 2.0f * step.slope * inverse_depth);
-  }
-  return choice;
-}
-
-using Gradient = ImageGradient<float>;
-using Curvature = ImageCurvature<float>;
-
-__device__ const Gradient& first_of(const Gradient& g) { return g; }
-__device__ const Gradient& first_of(const Curvature& c) { return c.first; }
-
-// What the one or two levels of its size answer a sphere of this radius. `Sample` is a Gradient or
-// a Curvature.
-template <class Sample>
-__device__ Sample ask_field(const FieldLook& field, float u, float v, float depth,
-                            float inverse_depth, float radius) {
-  const LevelChoice<float> choice =
-      choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
-  Sample answer{};
-  LevelChoice<float> part;  // of what is asked next
-  part.blend = {1, 0};
-#pragma unroll 1
-  for (int number = choice.level;; ++number) {
-    const DepthFieldLevel level = level_of(field, number);
-    const PixelSpot<float> spot = spot_at(level, u, v);
-    Curved<float> values[3][3];
-    values_around(level, spot.pixel, depth, field.thickness, field.frame.fx, values);
-    if constexpr (std::is_same_v<Sample, Curvature>) {
-      answer = blended(answer, curvature_of(values, spot.s, spot.t, level.scale), part.blend.value,
-                       part.blend.slope, part.blend_by_zz);
-    } else {
-      answer = mixed(answer, gradient_of(values, spot.s, spot.t, level.scale), part.blend.value,
-                     part.blend.slope);
-    }
-    if (number > choice.level || !(choice.blend.value > 0)) break;
-    part = choice;
-  }
-  return answer;
-}
-
-// Where an element is, and what it counts.
-struct Element {
-  float lever[3], p[3];  // from C and from the camera, in W
-  float radius, factor;
-  bool is_counted;
-};
-
-// Adds what an element is answered by one field. `sums` is null if Sample is a Gradient.
-template <class Sample>
-__device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
-                            StiffnessShare* sums) {
-  const float depth = e.p[2];
-  if (!(depth > kLeastDepth)) return;
-  const float inverse_depth = 1.0f / depth;
-  const float from_u = field.frame.fx * e.p[0] * inverse_depth,
-              from_v = field.frame.fy * e.p[1] * inverse_depth;
-  const float u = from_u + field.frame.cx, v = from_v + field.frame.cy;
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    // Few elements touch the surface, and only their second derivatives are asked.
-    if (!(ask_field<Gradient>(field, u, v, depth, inverse_depth, e.radius).phi < e.radius)) return;
-  }
-  Sample answer{};
-  float asked = e.radius;
-#pragma unroll 1
-  for (int step = 0;; ++step) {
-    const Sample here = ask_field<Sample>(field, u, v, depth, inverse_depth, asked);
-    if (step > 0) {
-      const float finer = asked * (1.0f / kDeepGrowth);
-      answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
-    } else {
-      answer = here;
-    }
-    if (step == kMostDeepSteps || !(first_of(answer).phi < -deep_limit(asked))) break;
-    asked *= kDeepGrowth;
-  }
-  const Gradient& g = first_of(answer);
-  if (!(g.phi < e.radius)) return;
-  const CutBall<float> cut = cut_ball(e.radius, e.factor, g.phi);
-  const Gradient3<float> gradient =
-      to_space(g, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
-  const float length =
-      sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z);
-  const Gradient3<float> n = bounded(gradient, length);
-  const float force[3] = {cut.volume * n.x, cut.volume * n.y, cut.volume * n.z};
-  sum.volume += cut.volume;
-  sum.potential += cut.potential;
-  for (int a = 0; a < 3; ++a) {
-    const int b = (a + 1) % 3, c = (a + 2) % 3;
-    sum.force[a] += force[a];
-    sum.torque[a] += e.lever[b] * force[c] - e.lever[c] * force[b];
-  }
-  if (e.is_counted) ++(g.phi <= -e.radius ? sum.num_inside : sum.num_boundary);
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    const Symmetric<float> h =
-        hessian_in_space(answer, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
-    const float squared = e.radius * e.radius - g.phi * g.phi;
-    const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
-    float terms[StiffnessSums::kNum];
-    stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, cut.volume, disc, n,
-                           bounded(h, gradient, length), terms);
-#pragma unroll
-    for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];
-  }
-}
-
-// Is no element of a cluster near any surface? Every lane looks at some of the tiles.
+// Is no element of a cluster near any surface?
 template <int kNumFields>
 __device__ bool is_cluster_in_front(const FieldQuery<kNumFields>& query, int cluster) {
   const float radius = query.elements.largest_radius[cluster];
   for (const FieldLook& field : query.fields) {
     if (field.last_level < 0) continue;
-    const BallWindow window = window_of(field.frame, query.elements.clusters[cluster], radius,
-                                        field.tiles_wide, field.tiles_high);
-    if (!window.is_before_camera()) {
-      if (window.farthest < kLeastDepth) continue;
-      return false;
-    }
-    const int wide = window.right - window.left + 1;
-    const int num = wide * (window.bottom - window.top + 1);
-    bool in_front = true;
-    for (int i = gpu::lane_id(); i < num && in_front; i += gpu::kWarpSize) {
-      const DepthTile tile =
-          field.tiles[(window.top + i / wide) * field.tiles_wide + window.left + i % wide];
-      in_front = is_behind(tile, window.farthest, radius);
-    }
-    if (!__all_sync(gpu::kWholeWarp, in_front)) return false;
+    if (!is_in_front(field, query.elements.clusters[cluster], radius)) return false;
   }
   return true;
 }
 
 // What a kernel has for a block.
-template <class Sample>
-constexpr int kThreadsOf = std::is_same_v<Sample, Curvature> ? 128 : 256;
 template <class Sample>
 constexpr std::size_t kSharedBytes = std::is_same_v<Sample, Curvature>
                                          ? sizeof(FinishStiffnessScratch)
@@ -257,19 +51,10 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
   for (int cluster = gpu::grid_thread() / gpu::kWarpSize; cluster < elements.num_clusters;
        cluster += num_warps) {
     if (query.skips_clusters && is_cluster_in_front(query, cluster)) continue;
-    const int slot = cluster * SphereClusters::kSize + gpu::lane_id();
-    const ElementBall ball = elements.balls[slot];
-    const float packed = elements.factors[slot];
-    const float factor = fabsf(packed);
-    const bool is_counted = __float_as_int(packed) >= 0;
-    Element element;
-    element.radius = ball.radius;
-    const FieldFrame& frame = query.fields[0].frame;  // the pose is the same in all
-    for (int row = 0; row < 3; ++row) {
-      const float(&r)[3] = frame.R_WT[row];
-      element.lever[row] = r[0] * ball.x + r[1] * ball.y + r[2] * ball.z;
-      element.p[row] = element.lever[row] + frame.p_WC[row];
-    }
+    // The pose is the same in all.
+    Element element = element_of(elements, cluster, query.fields[0].frame);
+    const float factor = element.factor;
+    const bool is_counted = element.is_counted;
 #pragma unroll
     for (int k = 0; k < kNumFields; ++k) {
       const FieldLook& field = query.fields[k];
@@ -280,14 +65,7 @@ __global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
     }
   }
   MeasureTerms mine;
-  mine.volume = share.volume;
-  mine.potential = share.potential;
-  for (int axis = 0; axis < 3; ++axis) {
-    mine.force[axis] = share.force[axis];
-    mine.torque[axis] = share.torque[axis];
-  }
-  mine.num_boundary = share.num_boundary;
-  mine.num_inside = share.num_inside;
+  add_share(share, mine);
   if constexpr (kWithStiffness) {
     finish_measure(out, mine, stiffness.numbers, gpu::shared_memory<FinishStiffnessScratch>());
   } else {
@@ -347,7 +125,7 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       centre_of_mass_(this->index()->tool().sphere_mass().centre_of_mass),
       num_spheres_(static_cast<int>(this->index()->tool().spheres().size())),
       memory_(gpu),
-      felt_tool_(take(method.volumes)),
+      felt_tool_(felt_tool(*this->index(), method.volumes, memory_)),
       stream_(gpu, gpu::Priority::high),
       fields_(gpu),
       answers_(gpu, measure_blocks<Gradient>(gpu, felt_tool_.elements.num_clusters)),
@@ -355,25 +133,6 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
                          AnswerBox::kMostNumbers),
       states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))) {}
-
-FeltTool FieldContactCuda::take(SphereVolumes volumes) {
-  const Tool& tool = index()->tool();
-  const FieldElements& elements = index()->parts().elements(volumes);
-  const SphereClusters& c = elements.clusters;
-  std::vector<ElementBall> balls(c.x.size());
-  std::vector<float> factors(c.x.size());
-  for (std::size_t slot = 0; slot < balls.size(); ++slot) {
-    balls[slot] = {c.x[slot], c.y[slot], c.z[slot], elements.radius[slot]};
-    const float factor = elements.factor[slot];
-    factors[slot] = elements.counted[slot] > 0 ? factor : -factor;
-  }
-  std::vector<Sphere> spheres(tool.spheres().size());
-  for (std::size_t id = 0; id < spheres.size(); ++id) spheres[id] = felt_ball(tool, id, volumes);
-  return {{memory_.copy_of(balls), memory_.copy_of(factors), memory_.copy_of(c.clusters),
-           memory_.copy_of(elements.largest_radius), c.num_clusters()},
-          memory_.copy_of(spheres),
-          elements.reach};
-}
 
 const Status& FieldContactCuda::status() const {
   for (const Status* status :

@@ -5,32 +5,10 @@
 
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/field_bound.h"
-#include "src/contact/index/tool_parts.h"
+#include "src/contact/field/felt_tool_cuda.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate {
-
-/// An element: its centre from the centre of mass, in T.
-struct alignas(16) ElementBall {
-  float x = 0, y = 0, z = 0, radius = 0;
-};
-
-/// FieldElements on a GPU. A warp takes a cluster of them.
-struct ElementsView {
-  const ElementBall* balls = nullptr;
-  const float* factors = nullptr;  ///< -factor if the element is not counted as a sphere; -0 too
-  const Cluster* clusters = nullptr;
-  const float* largest_radius = nullptr;  ///< per cluster
-  int num_clusters = 0;
-};
-
-/// A tool as it is felt with one way to count volumes, on a GPU.
-struct FeltTool {
-  ElementsView elements;
-  const Sphere* spheres = nullptr;  ///< felt_ball of each sphere of the tool
-  double reach = 0;                 ///< as FieldElements
-};
 
 /// What the field method is asked, on the device.
 struct FieldQuestion {
@@ -55,7 +33,6 @@ class FieldContactCuda final : public ContactQuery {
   const Status& status() const;
 
  private:
-  FeltTool take(SphereVolumes volumes);
   /// `Sample`: with first derivatives of the field, or with second ones for a stiffness.
   template <int kNumFields, class Sample>
   ContactResult ask(const FieldQuestion& question, AnswerBox& answers) const noexcept;

@@ -1,0 +1,62 @@
+// A pose of a batch in the camera that sees its surface, and its answer back in W: shared by host
+// and device.
+#pragma once
+
+#include "palpate/contact/contact_batch.h"
+
+namespace palpate {
+
+/// Where the tool is measured.
+struct BatchPose {
+  Pose X_CT;
+  Mat3d R_WC;  ///< if there is an X_WC
+  bool is_finite = false;
+};
+
+PALPATE_HOSTDEV inline BatchPose pose_in_camera(const Pose& X_WT, const Pose* X_WC) {
+  const auto sum = [](const Pose& X) {
+    const Vec3d& t = X.translation;
+    const Quaternion& q = X.rotation;
+    return t.x + t.y + t.z + q.x + q.y + q.z + q.w;
+  };
+  double total = sum(X_WT);
+  BatchPose pose;
+  pose.X_CT = {X_WT.translation, normalized(X_WT.rotation)};
+  if (X_WC != nullptr) {
+    total += sum(*X_WC);
+    const Pose camera{X_WC->translation, normalized(X_WC->rotation)};
+    pose.R_WC = rotation_matrix(camera.rotation);
+    pose.X_CT = inverse(camera) * pose.X_CT;
+  }
+  pose.is_finite = total - total == 0;
+  return pose;
+}
+
+/// Shift and turn, force and torque turn with the camera.
+PALPATE_HOSTDEV inline void rotate_stiffness(const Mat3d& R, Stiffness& k) {
+  for (int row = 0; row < 6; row += 3) {
+    for (int column = 0; column < 6; column += 3) {
+      double turned[3][3];  // R K
+      for (int i = 0; i < 9; ++i) {
+        double sum = 0;
+        for (int j = 0; j < 3; ++j) sum += R.m[i / 3][j] * k.m[row + j][column + i % 3];
+        turned[i / 3][i % 3] = sum;
+      }
+      for (int i = 0; i < 9; ++i) {
+        double sum = 0;
+        for (int j = 0; j < 3; ++j) sum += turned[i / 3][j] * R.m[i % 3][j];
+        k.m[row + i / 3][column + i % 3] = sum;
+      }
+    }
+  }
+}
+
+/// Against which surface a pose is measured; -1: there is no such surface.
+PALPATE_HOSTDEV inline int surface_of(const std::int32_t* surface_of_pose, int num_surfaces,
+                                      int pose) {
+  if (surface_of_pose == nullptr) return num_surfaces == 1 ? 0 : pose;
+  const int surface = surface_of_pose[pose];
+  return surface >= 0 && surface < num_surfaces ? surface : -1;
+}
+
+}  // namespace palpate

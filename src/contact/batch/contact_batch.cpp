@@ -1,0 +1,30 @@
+#include "palpate/contact/contact_batch.h"
+
+#include <string>
+#include <utility>
+
+#include "src/contact/batch/field_batch.h"
+
+namespace palpate {
+
+Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
+                                                     std::shared_ptr<const ToolIndex> index,
+                                                     const ContactMethod& method,
+                                                     const ExecutionOptions& capacities) {
+  const auto* const field = std::get_if<FieldMethod>(&method);
+  if (field == nullptr) {
+    return Error{Errc::invalid_argument,
+                 std::string("batches are measured by the method field, not by ") +
+                     name_of(contact_options(method).method) +
+                     ": create the contact with FieldMethod, or measure pose by pose"};
+  }
+  switch (backend) {
+    case Backend::cpu:
+      return std::unique_ptr<BatchQuery>(
+          std::make_unique<FieldBatch>(std::move(index), *field, capacities));
+    case Backend::cuda: break;
+  }
+  return Error{Errc::unavailable, "batches are measured on the CPU in this build"};
+}
+
+}  // namespace palpate

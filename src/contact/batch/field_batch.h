@@ -1,0 +1,35 @@
+// Batches by the field method on a CPU.
+#pragma once
+
+#include <memory>
+
+#include "palpate/contact/contact_batch.h"
+#include "src/contact/field/field_contact.h"
+
+namespace palpate {
+
+/// What all backends refuse.
+Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses);
+
+/// Each pose is measured by one thread, as FieldContact does it.
+class FieldBatch final : public BatchQuery {
+ public:
+  FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
+             const ExecutionOptions& capacities);
+
+  Status measure(const SurfaceBatch& surfaces, const PoseBatch& poses, const BatchAnswers& answers,
+                 std::optional<CallerStream> stream) const override;
+  Status reserve(int, int) const override { return Done{}; }
+
+ private:
+  struct Worker;
+
+  std::shared_ptr<const ToolIndex> index_;
+  const FieldElements* elements_;  // of the index
+  Vec3d p_TC_;                     // centre of mass
+  FieldContactKernels kernels_;
+  mutable ThreadPool own_pool_{1};
+  ThreadPool* pool_;
+};
+
+}  // namespace palpate

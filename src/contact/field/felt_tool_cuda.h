@@ -1,0 +1,34 @@
+// A tool as the field method feels it, on a GPU.
+#pragma once
+
+#include "src/contact/field/field_bound.h"
+#include "src/contact/index/tool_parts.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+
+/// An element: its centre from the centre of mass, in T.
+struct alignas(16) ElementBall {
+  float x = 0, y = 0, z = 0, radius = 0;
+};
+
+/// FieldElements on a GPU. A warp takes a cluster of them.
+struct ElementsView {
+  const ElementBall* balls = nullptr;
+  const float* factors = nullptr;  ///< -factor if the element is not counted as a sphere; -0 too
+  const Cluster* clusters = nullptr;
+  const float* largest_radius = nullptr;  ///< per cluster
+  int num_clusters = 0;
+};
+
+/// A tool as it is felt with one way to count volumes, on a GPU.
+struct FeltTool {
+  ElementsView elements;
+  const Sphere* spheres = nullptr;  ///< felt_ball of each sphere of the tool
+  double reach = 0;                 ///< as FieldElements
+};
+
+/// Copies that `memory` owns; it also keeps failures.
+FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory);
+
+}  // namespace palpate

@@ -1,0 +1,257 @@
+// What an element of a tool asks a depth field on a GPU, and what it adds to the measure.
+#pragma once
+
+#include <type_traits>
+
+#include "src/contact/cuda/query_answer.h"
+#include "src/contact/field/felt_tool_cuda.h"
+#include "src/contact/field/field_element.h"
+#include "src/gpu/team.cuh"
+
+namespace palpate {
+namespace {
+
+static_assert(SphereClusters::kSize == gpu::kWarpSize);
+
+// A field as the kernel looks at it: what all its levels share, and what differs.
+struct FieldLook {
+  const float* planes = nullptr;  // of level 0; the other levels follow
+  const Silhouette* silhouettes = nullptr;
+  const std::uint8_t* near_silhouette = nullptr;
+  std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
+  std::int32_t stride = 0, last_level = -1;
+  float width = 0, height = 0, thickness = 0;
+  const DepthTile* tiles = nullptr;
+  std::int32_t tiles_wide = 0, tiles_high = 0;
+  FieldFrame frame;
+  float weight = 0;
+};
+
+inline FieldLook look_of(const DepthFieldView& view, const FieldFrame& frame, double weight) {
+  FieldLook look;
+  look.frame = frame;
+  if (view.num_levels == 0) return look;
+  const DepthFieldLevel& finest = view.levels[0];
+  look.planes = finest.planes;
+  look.silhouettes = finest.silhouettes;
+  look.near_silhouette = finest.near_silhouette;
+  for (int k = 0; k < view.num_levels; ++k) {
+    look.start[k] =
+        static_cast<std::int32_t>(view.levels[k].near_silhouette - finest.near_silhouette);
+  }
+  look.stride = finest.stride;
+  look.last_level = view.num_levels - 1;
+  look.width = static_cast<float>(finest.width);
+  look.height = static_cast<float>(finest.height);
+  look.thickness = view.thickness;
+  look.tiles = view.tiles;
+  look.tiles_wide = view.tiles_wide;
+  look.tiles_high = view.tiles_high;
+  look.weight = static_cast<float>(weight);
+  return look;
+}
+
+using Gradient = ImageGradient<float>;
+using Curvature = ImageCurvature<float>;
+
+/// Threads of a block, at most.
+template <class Sample>
+constexpr int kThreadsOf = std::is_same_v<Sample, Curvature> ? 128 : 256;
+
+// Sums of one thread, which has few elements.
+struct FieldShare {
+  float volume = 0, potential = 0;
+  float force[3] = {}, torque[3] = {};
+  int num_boundary = 0, num_inside = 0;
+};
+
+// Likewise, of StiffnessSums.
+struct StiffnessShare {
+  float numbers[StiffnessSums::kNum] = {};
+};
+
+__device__ inline float scale_of(int level) {
+  return __int_as_float((127 - level) << 23);
+}  // 2^-level
+
+__device__ inline DepthFieldLevel level_of(const FieldLook& field, int number) {
+  const int start = field.start[number];
+  DepthFieldLevel level;
+  level.planes = field.planes + 2 * std::ptrdiff_t{start};
+  level.silhouettes = field.silhouettes + 2 * std::ptrdiff_t{start};
+  level.near_silhouette = field.near_silhouette + start;
+  level.stride = field.stride;
+  level.scale = scale_of(number);
+  level.last_u = field.width * level.scale + 5.0f;
+  level.last_v = field.height * level.scale + 5.0f;
+  return level;
+}
+
+// Level and blend for a footprint = m 2^e with m in [1, 2), as the vector kernel chooses them:
+// between levels e and e + 1.
+__device__ inline LevelChoice<float> choose(float footprint, int last_level, float inverse_depth) {
+  const int bits = __float_as_int(footprint < 1.0f ? 1.0f : footprint);
+  const int exponent = (bits >> 23) - 127;
+  const float m = __int_as_float((bits & 0x7fffff) | 0x3f800000);
+  const float x = (m - 1.0f) * (1.0f / (kBlendEnd - 1));
+  const Sloped<float> step = smooth_step(x);
+  LevelChoice<float> choice;
+  choice.level = last_level;
+  if (exponent >= last_level) return choice;
+  const bool is_next = step.value >= 1.0f;
+  choice.level = exponent + is_next;
+  if (!is_next) {
+    const float x_by_z = m * inverse_depth * (-1.0f / (kBlendEnd - 1));
+    choice.blend = {step.value, step.slope * x_by_z};
+    const float bend = x > 0.0f && x < 1.0f ? 6.0f - 12.0f * x : 0.0f;
+    choice.blend_by_zz = x_by_z * (bend * x_by_z - 2.0f * step.slope * inverse_depth);
+  }
+  return choice;
+}
+
+__device__ inline const Gradient& first_of(const Gradient& g) { return g; }
+__device__ inline const Gradient& first_of(const Curvature& c) { return c.first; }
+
+// What the one or two levels of its size answer a sphere of this radius. `Sample` is a Gradient or
+// a Curvature.
+template <class Sample>
+__device__ Sample ask_field(const FieldLook& field, float u, float v, float depth,
+                            float inverse_depth, float radius) {
+  const LevelChoice<float> choice =
+      choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
+  Sample answer{};
+  LevelChoice<float> part;  // of what is asked next
+  part.blend = {1, 0};
+#pragma unroll 1
+  for (int number = choice.level;; ++number) {
+    const DepthFieldLevel level = level_of(field, number);
+    const PixelSpot<float> spot = spot_at(level, u, v);
+    Curved<float> values[3][3];
+    values_around(level, spot.pixel, depth, field.thickness, field.frame.fx, values);
+    if constexpr (std::is_same_v<Sample, Curvature>) {
+      answer = blended(answer, curvature_of(values, spot.s, spot.t, level.scale), part.blend.value,
+                       part.blend.slope, part.blend_by_zz);
+    } else {
+      answer = mixed(answer, gradient_of(values, spot.s, spot.t, level.scale), part.blend.value,
+                     part.blend.slope);
+    }
+    if (number > choice.level || !(choice.blend.value > 0)) break;
+    part = choice;
+  }
+  return answer;
+}
+
+// Where an element is, and what it counts.
+struct Element {
+  float lever[3], p[3];  // from C and from the camera, in W
+  float radius, factor;
+  bool is_counted;
+};
+
+/// That of this lane in a cluster.
+__device__ inline Element element_of(const ElementsView& elements, int cluster,
+                                     const FieldFrame& frame) {
+  const int slot = cluster * SphereClusters::kSize + gpu::lane_id();
+  const ElementBall ball = elements.balls[slot];
+  const float factor = elements.factors[slot];
+  Element element;
+  element.radius = ball.radius;
+  element.factor = fabsf(factor);
+  element.is_counted = __float_as_int(factor) >= 0;
+  for (int row = 0; row < 3; ++row) {
+    const float(&r)[3] = frame.R_WT[row];
+    element.lever[row] = r[0] * ball.x + r[1] * ball.y + r[2] * ball.z;
+    element.p[row] = element.lever[row] + frame.p_WC[row];
+  }
+  return element;
+}
+
+// Adds what an element is answered by one field. `sums` is null if Sample is a Gradient.
+template <class Sample>
+__device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
+                            StiffnessShare* sums) {
+  const float depth = e.p[2];
+  if (!(depth > kLeastDepth)) return;
+  const float inverse_depth = 1.0f / depth;
+  const float from_u = field.frame.fx * e.p[0] * inverse_depth,
+              from_v = field.frame.fy * e.p[1] * inverse_depth;
+  const float u = from_u + field.frame.cx, v = from_v + field.frame.cy;
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    // Few elements touch the surface, and only their second derivatives are asked.
+    if (!(ask_field<Gradient>(field, u, v, depth, inverse_depth, e.radius).phi < e.radius)) return;
+  }
+  Sample answer{};
+  float asked = e.radius;
+#pragma unroll 1
+  for (int step = 0;; ++step) {
+    const Sample here = ask_field<Sample>(field, u, v, depth, inverse_depth, asked);
+    if (step > 0) {
+      const float finer = asked * (1.0f / kDeepGrowth);
+      answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
+    } else {
+      answer = here;
+    }
+    if (step == kMostDeepSteps || !(first_of(answer).phi < -deep_limit(asked))) break;
+    asked *= kDeepGrowth;
+  }
+  const Gradient& g = first_of(answer);
+  if (!(g.phi < e.radius)) return;
+  const CutBall<float> cut = cut_ball(e.radius, e.factor, g.phi);
+  const Gradient3<float> gradient =
+      to_space(g, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
+  const float length =
+      sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z);
+  const Gradient3<float> n = bounded(gradient, length);
+  const float force[3] = {cut.volume * n.x, cut.volume * n.y, cut.volume * n.z};
+  sum.volume += cut.volume;
+  sum.potential += cut.potential;
+  for (int a = 0; a < 3; ++a) {
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    sum.force[a] += force[a];
+    sum.torque[a] += e.lever[b] * force[c] - e.lever[c] * force[b];
+  }
+  if (e.is_counted) ++(g.phi <= -e.radius ? sum.num_inside : sum.num_boundary);
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    const Symmetric<float> h =
+        hessian_in_space(answer, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
+    const float squared = e.radius * e.radius - g.phi * g.phi;
+    const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
+    float terms[StiffnessSums::kNum];
+    stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, cut.volume, disc, n,
+                           bounded(h, gradient, length), terms);
+#pragma unroll
+    for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];
+  }
+}
+
+/// Adds what a thread has found.
+__device__ inline void add_share(const FieldShare& share, MeasureTerms& to) {
+  to.volume += share.volume;
+  to.potential += share.potential;
+  for (int axis = 0; axis < 3; ++axis) {
+    to.force[axis] += share.force[axis];
+    to.torque[axis] += share.torque[axis];
+  }
+  to.num_boundary += share.num_boundary;
+  to.num_inside += share.num_inside;
+}
+
+/// Is no element in a ball near the surface? Every lane of the warp looks at some of the tiles.
+__device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
+                                   float largest_radius) {
+  const BallWindow window =
+      window_of(field.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
+  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
+  const int wide = window.right - window.left + 1;
+  const int num = wide * (window.bottom - window.top + 1);
+  bool in_front = true;
+  for (int i = gpu::lane_id(); i < num && in_front; i += gpu::kWarpSize) {
+    const DepthTile tile =
+        field.tiles[(window.top + i / wide) * field.tiles_wide + window.left + i % wide];
+    in_front = is_behind(tile, window.farthest, largest_radius);
+  }
+  return __all_sync(gpu::kWholeWarp, in_front);
+}
+
+}  // namespace
+}  // namespace palpate
