@@ -102,6 +102,8 @@ class Graph {
 class Stream {
  public:
   Stream(int gpu, Priority priority);
+  /// One that goes on in queues of others; see `continue_in`.
+  explicit Stream(int gpu);
   Stream(Stream&&) noexcept;
   Stream& operator=(Stream&&) noexcept;
   ~Stream();
@@ -110,9 +112,14 @@ class Stream {
   void copy(void* to, const void* from, std::size_t num_bytes) noexcept;
   /// Sets all bytes to 0.
   void clear(void* data, std::size_t num_bytes) noexcept;
-  /// Waits for all that was asked for so far, but not longer than 2 s: then the device counts as
-  /// lost.
-  const Status& wait() noexcept;
+  /// What is asked for from now on is done in this queue, which somebody else owns and may be
+  /// recording; failures are forgotten. On CUDA `handle` is a cudaStream_t.
+  void continue_in(void* handle) noexcept;
+  void* handle() const noexcept;
+  /// Is what is asked for recorded, not done?
+  bool is_recording() noexcept;
+  /// Waits for all that was asked for so far, but not longer: then the device counts as lost.
+  const Status& wait(double seconds = 2) noexcept;
   /// True if all that was asked for is done. Does not wait.
   bool is_idle() noexcept;
   /// Marks the stream as failed; e.g. when a result has not come in time.

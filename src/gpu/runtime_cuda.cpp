@@ -120,10 +120,11 @@ struct Stream::Impl {
   int gpu = 0;
   cudaStream_t stream = nullptr;
   cudaEvent_t start = nullptr, end = nullptr;
+  bool is_own = true;
 
   ~Impl() {
     cudaSetDevice(gpu);
-    if (stream != nullptr) cudaStreamDestroy(stream);
+    if (stream != nullptr && is_own) cudaStreamDestroy(stream);
     if (start != nullptr) cudaEventDestroy(start);
     if (end != nullptr) cudaEventDestroy(end);
   }
@@ -146,6 +147,27 @@ Stream::Stream(int gpu, Priority priority) : gpu_(gpu), impl_(std::make_unique<I
   if (code != cudaSuccess) fail(failure(code, "to make a stream", gpu));
 }
 
+Stream::Stream(int gpu) : gpu_(gpu), impl_(std::make_unique<Impl>()) {
+  impl_->gpu = gpu;
+  impl_->is_own = false;
+  cudaError_t code = cudaSetDevice(gpu);
+  if (code == cudaSuccess) code = cudaEventCreate(&impl_->start);
+  if (code == cudaSuccess) code = cudaEventCreate(&impl_->end);
+  if (code != cudaSuccess) fail(failure(code, "to make events", gpu));
+}
+
+void Stream::continue_in(void* handle) noexcept {
+  impl_->stream = static_cast<cudaStream_t>(handle);
+  status_ = Done{};
+}
+void* Stream::handle() const noexcept { return impl_->stream; }
+
+bool Stream::is_recording() noexcept {
+  cudaStreamCaptureStatus capture = cudaStreamCaptureStatusNone;
+  return cudaStreamIsCapturing(impl_->stream, &capture) == cudaSuccess &&
+         capture != cudaStreamCaptureStatusNone;
+}
+
 void Stream::copy(void* to, const void* from, std::size_t num_bytes) noexcept {
   if (!status_ || num_bytes == 0) return;
   const cudaError_t code = cudaMemcpyAsync(to, from, num_bytes, cudaMemcpyDefault, impl_->stream);
@@ -166,15 +188,17 @@ bool Stream::is_idle() noexcept {
   return true;
 }
 
-const Status& Stream::wait() noexcept {
+const Status& Stream::wait(double seconds) noexcept {
   using Clock = std::chrono::steady_clock;
-  const Clock::time_point start = Clock::now(), deadline = start + std::chrono::seconds(2);
+  const Clock::time_point start = Clock::now();
+  const Clock::time_point deadline =
+      start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
   while (!is_idle()) {
     const Clock::time_point now = Clock::now();
     if (now > deadline) {
-      fail({Errc::unavailable, "GPU " + std::to_string(gpu_) +
-                                   " has not finished its work in 2 s; check it with nvidia-smi, "
-                                   "or use the CPU (--backend cpu)"});
+      fail({Errc::unavailable, "GPU " + std::to_string(gpu_) + " has not finished its work in " +
+                                   std::to_string(static_cast<int>(seconds)) +
+                                   " s; check it with nvidia-smi, or use the CPU (--backend cpu)"});
     } else if (now > start + std::chrono::milliseconds(1)) {
       std::this_thread::yield();
     }

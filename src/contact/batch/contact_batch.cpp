@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "src/contact/batch/field_batch.h"
+#include "src/contact/batch/field_batch_cuda.h"
 
 namespace palpate {
 
@@ -24,7 +25,11 @@ Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
           std::make_unique<FieldBatch>(std::move(index), *field, capacities));
     case Backend::cuda: break;
   }
-  return Error{Errc::unavailable, "batches are measured on the CPU in this build"};
+#if defined(PALPATE_CUDA)
+  return make_batch_query_cuda(std::move(index), *field, capacities.gpu);
+#else
+  return find_gpus().error();
+#endif
 }
 
 }  // namespace palpate

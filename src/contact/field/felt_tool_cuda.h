@@ -26,6 +26,8 @@ struct FeltTool {
   ElementsView elements;
   const Sphere* spheres = nullptr;  ///< felt_ball of each sphere of the tool
   double reach = 0;                 ///< as FieldElements
+  Cluster whole;                    ///< around all elements
+  float largest_radius = 0;         ///< of them
 };
 
 /// Copies that `memory` owns; it also keeps failures.

@@ -16,13 +16,9 @@ struct FieldFrame {
   float p_WC[3] = {};  ///< of the centre of mass, which centres of elements are relative to
 };
 
-inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& centre_of_mass) {
-  FieldFrame frame{static_cast<float>(k.fx),
-                   static_cast<float>(k.fy),
-                   static_cast<float>(k.cx),
-                   static_cast<float>(k.cy),
-                   {},
-                   {}};
+/// Puts the tool at a pose, a unit quaternion in it.
+PALPATE_HOSTDEV inline void place_tool(const Pose& X_WT, const Vec3d& centre_of_mass,
+                                       FieldFrame& frame) {
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
   const Vec3d p_WC = X_WT * centre_of_mass;
   for (int row = 0; row < 3; ++row) {
@@ -31,6 +27,16 @@ inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& c
     }
     frame.p_WC[row] = static_cast<float>(p_WC[row]);
   }
+}
+
+inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& centre_of_mass) {
+  FieldFrame frame{static_cast<float>(k.fx),
+                   static_cast<float>(k.fy),
+                   static_cast<float>(k.cx),
+                   static_cast<float>(k.cy),
+                   {},
+                   {}};
+  place_tool(X_WT, centre_of_mass, frame);
   return frame;
 }
 

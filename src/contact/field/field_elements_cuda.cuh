@@ -9,20 +9,18 @@
 #include "src/gpu/team.cuh"
 
 namespace palpate {
-namespace {
-
 static_assert(SphereClusters::kSize == gpu::kWarpSize);
 
-// A field as the kernel looks at it: what all its levels share, and what differs.
+// A field as a kernel looks at it: what all its levels share, and what differs.
 struct FieldLook {
   const float* planes = nullptr;  // of level 0; the other levels follow
   const Silhouette* silhouettes = nullptr;
   const std::uint8_t* near_silhouette = nullptr;
-  std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
-  std::int32_t stride = 0, last_level = -1;
-  float width = 0, height = 0, thickness = 0;
   const DepthTile* tiles = nullptr;
   std::int32_t tiles_wide = 0, tiles_high = 0;
+  std::int32_t start[DepthFieldView::kMaxLevels] = {};  // pixel (0, 0) of each level
+  std::int32_t stride = 0, last_level = -1;             // -1: no field
+  float width = 0, height = 0, thickness = 0;
   FieldFrame frame;
   float weight = 0;
 };
@@ -50,6 +48,8 @@ inline FieldLook look_of(const DepthFieldView& view, const FieldFrame& frame, do
   look.weight = static_cast<float>(weight);
   return look;
 }
+
+namespace {
 
 using Gradient = ImageGradient<float>;
 using Curvature = ImageCurvature<float>;
@@ -236,14 +236,16 @@ __device__ inline void add_share(const FieldShare& share, MeasureTerms& to) {
   to.num_inside += share.num_inside;
 }
 
-/// Is no element in a ball near the surface? Every lane of the warp looks at some of the tiles.
+/// Is no element in a ball near the surface? Every lane of the warp looks at some of the tiles; if
+/// there are more than so many, nobody knows.
 __device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
-                                   float largest_radius) {
+                                   float largest_radius, int most_tiles = 1 << 30) {
   const BallWindow window =
       window_of(field.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
   if (!window.is_before_camera()) return window.farthest < kLeastDepth;
   const int wide = window.right - window.left + 1;
   const int num = wide * (window.bottom - window.top + 1);
+  if (num > most_tiles) return false;
   bool in_front = true;
   for (int i = gpu::lane_id(); i < num && in_front; i += gpu::kWarpSize) {
     const DepthTile tile =

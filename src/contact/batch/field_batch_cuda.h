@@ -1,0 +1,67 @@
+// Batches by the field method on a GPU: one launch, in which a block answers a pose.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "palpate/contact/contact_batch.h"
+#include "src/contact/cuda/gpu_field.h"
+#include "src/contact/field/felt_tool_cuda.h"
+
+namespace palpate {
+
+struct BatchJob;  // the argument of the kernel
+
+/// All memory is allocated at construction or by `reserve`, or with the first batch that needs it.
+class FieldBatchCuda final : public BatchQuery {
+ public:
+  /// `num_warps`: of a block, 1 to 8; 0: as fits the tool. The bits depend on it.
+  FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method, int gpu,
+                 int num_warps = 0);
+  ~FieldBatchCuda() override;
+
+  Status measure(const SurfaceBatch& surfaces, const PoseBatch& poses, const BatchAnswers& answers,
+                 std::optional<CallerStream> stream) const override;
+  Status reserve(int num_surfaces, int num_poses) const override;
+
+  const Status& status() const;
+
+ private:
+  /// So many poses from host memory or answers to it are on the GPU at a time.
+  static constexpr int kMostStaged = 1 << 16;
+  /// Arrays on the GPU in place of those in host memory.
+  struct Staged {
+    std::optional<gpu::Memory> memory;
+    int num_poses = 0;  ///< that there is room for
+    Pose* X_WT = nullptr;
+    std::int32_t* surface = nullptr;
+    BatchAnswers answers;
+  };
+  /// What is known of surfaces that do not lie at equal distances.
+  struct Table;
+
+  Status check(const SurfaceBatch& surfaces, const PoseBatch& poses,
+               const BatchAnswers& answers) const;
+  Status grow_staged(int num_poses) const;
+  Status grow_table(int num_surfaces) const;
+  Status look_at(const SurfaceBatch& surfaces, gpu::Stream& stream, BatchJob& job) const;
+  void launch(const BatchJob& job, int num_poses, gpu::Stream& stream) const;
+  void measure_part(const PoseBatch& poses, const BatchAnswers& answers, int first, int num,
+                    BatchJob& job, gpu::Stream& stream) const;
+
+  std::shared_ptr<const ToolIndex> index_;
+  int gpu_, num_warps_[2];  // without stiffness, with one
+  gpu::Memory memory_;
+  FeltTool felt_tool_;
+  Vec3d p_TC_;  // centre of mass
+  mutable gpu::Stream own_stream_, caller_stream_;
+  mutable Staged staged_;
+  mutable std::unique_ptr<Table> table_;
+};
+
+/// Errors: no such GPU, or not enough memory on it.
+Result<std::unique_ptr<BatchQuery>> make_batch_query_cuda(std::shared_ptr<const ToolIndex> index,
+                                                          const FieldMethod& method, int gpu);
+
+}  // namespace palpate
