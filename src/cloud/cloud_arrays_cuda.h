@@ -9,13 +9,14 @@
 
 namespace palpate {
 
-/// The arrays of a cloud, as PointCloudView wants them.
+/// The arrays of a cloud, as PointCloudView wants them, or of several one after the other.
 struct CloudArrays {
   float* channels[6] = {};  ///< x, y, z, nx, ny, nz
   PointCloudView view;      ///< of these
 
   /// All points invalid. Failures are left in `memory`, which owns the arrays.
-  static CloudArrays make(gpu::Memory& memory, int width, int height, const Intrinsics& k) {
+  static CloudArrays make(gpu::Memory& memory, int width, int height, const Intrinsics& k,
+                          int num_clouds = 1) {
     CloudArrays cloud;
     PointCloudView& view = cloud.view;
     view.width = width;
@@ -23,7 +24,8 @@ struct CloudArrays {
     view.pinhole = true;
     view.intrinsics = k;
     view.gpu = memory.gpu();
-    const std::vector<float> none(padded_size(view), std::numeric_limits<float>::quiet_NaN());
+    const std::vector<float> none(static_cast<std::size_t>(num_clouds) * padded_size(view),
+                                  std::numeric_limits<float>::quiet_NaN());
     for (float*& channel : cloud.channels) channel = memory.copy_of(none);
     view.x = cloud.channels[0];
     view.y = cloud.channels[1];

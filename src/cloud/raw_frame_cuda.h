@@ -38,9 +38,11 @@ class RawFrameCuda {
   }
   /// The unit that was set, and pixels that are on this GPU already.
   void enqueue_copy_of(gpu::Stream& stream, const std::uint16_t* pixels) {
-    stream.copy(device_, host_, kPixels);
+    enqueue_unit(stream);
     stream.copy(device_ + kPixels, pixels, 2 * num_pixels_);
   }
+  /// The unit that was set.
+  void enqueue_unit(gpu::Stream& stream) { stream.copy(device_, host_, kPixels); }
   RawFrameView view() const {
     return {reinterpret_cast<const double*>(device_),
             reinterpret_cast<const std::uint16_t*>(device_ + kPixels)};

@@ -58,26 +58,27 @@ struct SurfaceCuda::Impl {
   std::size_t num_tiles;
 
   Impl(int image_width, int image_height, const Intrinsics& k, const SurfaceOptions& options,
-       int gpu);
-  void enqueue(gpu::Stream& stream, const float* metres, const Part& part);
+       int gpu, int num_images);
+  void enqueue(gpu::Stream& stream, const std::uint16_t* counts, const float* metres,
+               const Part& part, int num_images = 1);
 };
 
 SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
-                        const SurfaceOptions& options, int gpu)
+                        const SurfaceOptions& options, int gpu, int num_images)
     : memory(gpu),
       width(image_width),
       height(image_height),
       raw(memory, width, height),
-      cloud(CloudArrays::make(memory, width, height, k)) {
+      cloud(CloudArrays::make(memory, width, height, k, num_images)) {
   const int tiles_per_row = (width + one_lane::kTileWidth - 1) / one_lane::kTileWidth;
   const int num_strips = (height + kStripRows - 1) / kStripRows;
   num_tiles = static_cast<std::size_t>(tiles_per_row) * static_cast<std::size_t>(num_strips);
   const std::size_t padded_size = CloudArrays::padded_size(cloud.view);
 
-  filter.tiling = {width, height, tiles_per_row, 0};
+  filter.tiling = {width, height, tiles_per_row, 0, 0, static_cast<std::ptrdiff_t>(padded_size)};
   filter.raw = raw.view();
-  filter.depth =
-      memory.copy_of(std::vector<float>(padded_size, std::numeric_limits<float>::quiet_NaN()));
+  filter.depth = memory.copy_of(std::vector<float>(
+      static_cast<std::size_t>(num_images) * padded_size, std::numeric_limits<float>::quiet_NaN()));
   filter.num_valid = memory.take_pinned<int>(num_tiles);
   filter.min_depth = static_cast<float>(options.min_depth);
   filter.max_depth = static_cast<float>(options.max_depth);
@@ -103,10 +104,11 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   cloud.view.edge_z = change[2];
 }
 
-void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const float* metres, const Part& part) {
+void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts,
+                                const float* metres, const Part& part, int num_images) {
   const int tiles_per_row = filter.tiling.tiles_per_row;
   const auto shape = [&](ImageRows strips, std::size_t shared_bytes) {
-    return gpu::LaunchShape{.blocks = (strips.end - strips.begin) * tiles_per_row,
+    return gpu::LaunchShape{.blocks = num_images * (strips.end - strips.begin) * tiles_per_row,
                             .threads = one_lane::kTileThreads,
                             .shared_bytes = shared_bytes};
   };
@@ -114,24 +116,27 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const float* metres, const 
   if (filtered.begin < filtered.end) {
     FilterJob job = filter;
     job.metres = metres;
+    if (counts != nullptr) job.raw.pixels = counts;
     job.tiling.first_tile = filtered.begin * tiles_per_row;
+    job.tiling.num_tiles = (filtered.end - filtered.begin) * tiles_per_row;
     gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job.radius), job);
   }
   if (finished.begin < finished.end) {
     NormalJob job = normals;
     job.tiling.first_tile = finished.begin * tiles_per_row;
+    job.tiling.num_tiles = (finished.end - finished.begin) * tiles_per_row;
     gpu::launch(stream, shape(finished, one_lane::normal_shared_bytes(job.pass)),
                 normal_kernel(job.pass), job);
   }
 }
 
 Result<SurfaceCuda> SurfaceCuda::create(int width, int height, const Intrinsics& intrinsics,
-                                        const SurfaceOptions& options, int gpu) {
+                                        const SurfaceOptions& options, int gpu, int num_images) {
   const Status settings = check_surface_settings(width, height, intrinsics, options);
   if (!settings) return settings.error();
   const Status device = gpu::check_gpu(gpu);
   if (!device) return device.error();
-  auto impl = std::make_unique<Impl>(width, height, intrinsics, options, gpu);
+  auto impl = std::make_unique<Impl>(width, height, intrinsics, options, gpu, num_images);
   if (!impl->memory.status()) return impl->memory.status().error();
   return SurfaceCuda(std::move(impl));
 }
@@ -162,9 +167,18 @@ void SurfaceCuda::enqueue_counts(gpu::Stream& stream, const std::uint16_t* count
 }
 
 void SurfaceCuda::enqueue_depth(gpu::Stream& stream, const float* depth, int part, int num_parts) {
-  impl_->enqueue(stream, depth, {(impl_->height + kStripRows - 1) / kStripRows, part, num_parts});
+  const int num_strips = (impl_->height + kStripRows - 1) / kStripRows;
+  impl_->enqueue(stream, nullptr, depth, {num_strips, part, num_parts});
 }
 
+void SurfaceCuda::enqueue_images(gpu::Stream& stream, const std::uint16_t* counts,
+                                 const float* depth, int num) {
+  if (counts != nullptr) impl_->raw.enqueue_unit(stream);
+  const int num_strips = (impl_->height + kStripRows - 1) / kStripRows;
+  impl_->enqueue(stream, counts, depth, {num_strips, 0, 1}, num);
+}
+
+std::ptrdiff_t SurfaceCuda::points_apart() const { return impl_->filter.tiling.points_apart; }
 PointCloudView SurfaceCuda::cloud() const { return impl_->cloud.view; }
 const float* SurfaceCuda::depth() const { return impl_->filter.depth; }
 

@@ -2,6 +2,7 @@
 // bits, on device memory.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -15,13 +16,14 @@ namespace gpu {
 class Stream;
 }
 
-/// Owns all buffers for one image size. Nothing waits or allocates after `create`, and all work may
-/// be recorded in a gpu::Graph: what changes from frame to frame is read from page-locked memory.
+/// Owns all buffers for one image size, and as many images as are made at once. Nothing waits or
+/// allocates after `create`, and all work may be recorded in a gpu::Graph: what changes from frame
+/// to frame is read from page-locked memory.
 class SurfaceCuda {
  public:
   /// Errors: those of SurfaceEstimator::create, no such GPU, not enough memory on it.
   static Result<SurfaceCuda> create(int width, int height, const Intrinsics& intrinsics,
-                                    const SurfaceOptions& options, int gpu);
+                                    const SurfaceOptions& options, int gpu, int num_images = 1);
   SurfaceCuda(SurfaceCuda&&) noexcept;
   SurfaceCuda& operator=(SurfaceCuda&&) noexcept;
   ~SurfaceCuda();
@@ -39,11 +41,18 @@ class SurfaceCuda {
   void enqueue_counts(gpu::Stream& stream, const std::uint16_t* counts);
   /// The same from depth in metres (NaN or 0: no measurement), width * height values on this GPU.
   void enqueue_depth(gpu::Stream& stream, const float* depth, int part = 0, int num_parts = 1);
+  /// The same of `num` images, one after the other in the memory of this GPU: of counts, or of
+  /// depth if they are null. Without depth change.
+  void enqueue_images(gpu::Stream& stream, const std::uint16_t* counts, const float* depth,
+                      int num);
   /// The rows of its input that a part is the first to read.
   ImageRows input_rows(int part, int num_parts) const;
 
-  /// Arrays on the GPU, always the same ones; they hold a frame when its last part is done.
+  /// Arrays on the GPU, always the same ones; they hold a frame when its last part is done. Of
+  /// several images those of the first one.
   PointCloudView cloud() const;
+  /// From one image's points to those of the next.
+  std::ptrdiff_t points_apart() const;
   /// Filtered depth in metres on the GPU, NaN where there is no measurement.
   const float* depth() const;
   /// Of the last frame that is done.

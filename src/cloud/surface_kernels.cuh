@@ -15,11 +15,14 @@
 #include "src/gpu/team.cuh"
 
 namespace palpate::one_lane {
-/// Which tiles a launch does: block b is tile first_tile + b of the image, row by row.
+/// Which tiles a launch does: block b is tile first_tile + b of the image, row by row. Of several
+/// images each has num_tiles of these blocks.
 struct Tiling {
   int width, height;
   int tiles_per_row;
   int first_tile;
+  int num_tiles;
+  std::ptrdiff_t points_apart;  // from one image to the next, of all arrays but what is raw
 };
 
 inline constexpr int kMostTaps = (2 * kMaxWindowRadius + 1) * (2 * kMaxWindowRadius + 1);
@@ -55,11 +58,13 @@ constexpr float kInvalid = std::numeric_limits<float>::quiet_NaN();
 
 /// Where a block is.
 struct Tile {
+  int image;
   int index;   // in the image
   int u0, v0;  // of its first pixel
 
   __device__ explicit Tile(const Tiling& tiling)
-      : index(tiling.first_tile + static_cast<int>(blockIdx.x)) {
+      : image(static_cast<int>(blockIdx.x) / tiling.num_tiles),
+        index(tiling.first_tile + static_cast<int>(blockIdx.x) % tiling.num_tiles) {
     const int strip = index / tiling.tiles_per_row;
     u0 = (index - strip * tiling.tiles_per_row) * kTileWidth;
     v0 = strip * kStripRows;
@@ -110,9 +115,12 @@ __global__ void __launch_bounds__(kTileThreads)
   const int radius = kRadius < 0 ? job.radius : kRadius;
   const int stride = padded(kTileWidth, radius);
   const double unit = *job.raw.unit;
+  const std::ptrdiff_t first_raw =
+      static_cast<std::ptrdiff_t>(tile.image) * job.tiling.width * job.tiling.height;
+  float* const filtered_depth = job.depth + tile.image * job.tiling.points_apart;
   if (threadIdx.x == 0) shared.num_valid = 0;
   load_tile(job.tiling, tile, radius, shared.depths, [&](int at_u, int at_v) {
-    const int i = at_v * job.tiling.width + at_u;
+    const std::ptrdiff_t i = first_raw + at_v * job.tiling.width + at_u;
     const float z = job.metres != nullptr ? job.metres[i] : depth_of(job.raw.pixels[i], unit);
     return is_usable_depth(z, job.min_depth, job.max_depth) ? z : kNoDepth;
   });
@@ -130,12 +138,12 @@ __global__ void __launch_bounds__(kTileThreads)
       ++num_valid;
       result = radius > 0 ? filtered(centre, stride, z, radius, job.space, job.range) : z;
     }
-    job.depth[v * job.tiling.width + u] = result;
+    filtered_depth[v * job.tiling.width + u] = result;
   }
   num_valid = gpu::warp_sum(num_valid);
   if (gpu::lane_id() == 0) atomicAdd(&shared.num_valid, num_valid);
   __syncthreads();
-  if (threadIdx.x == 0) job.num_valid[tile.index] = shared.num_valid;
+  if (threadIdx.x == 0 && tile.image == 0) job.num_valid[tile.index] = shared.num_valid;
 }
 
 // --- Normals and depth change ------------------------------------------------------------------
@@ -218,9 +226,10 @@ __global__ void __launch_bounds__(kTileThreads)
 
   const int column = gpu::lane_id(), u = tile.u0 + column;
   const float ray_x = pass.ray_x[u < width ? u : width - 1];
+  const std::ptrdiff_t first_point = tile.image * job.tiling.points_apart;
   if (threadIdx.x == 0) shared.num_points = shared.num_left = 0;
   load_tile(job.tiling, tile, radius, shared.depths, [&](int u_in, int v_in) {
-    const float z = job.depth[v_in * width + u_in];
+    const float z = job.depth[first_point + v_in * width + u_in];
     return z < kAnyDepth ? z : kNoDepth;  // NaN is not
   });
   __syncthreads();
@@ -243,7 +252,7 @@ __global__ void __launch_bounds__(kTileThreads)
     const int row = gpu::warp_id() * kRowsPerWarp + k, v = tile.v0 + row;
     if (u >= width || row >= num_rows) continue;
     const float* const centre = first + row * stride + column;
-    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(v) * width + u;
+    const std::ptrdiff_t at = first_point + static_cast<std::ptrdiff_t>(v) * width + u;
     const float z = *centre;
     const PixelFrame frame{ray_x, pass.ray_y[v], pass.pixel_x, pass.pixel_y};
     if (job.change[0] != nullptr) {
@@ -285,14 +294,14 @@ __global__ void __launch_bounds__(kTileThreads)
     const Neighbours neighbours = gather_directly(pass, centre, frame, radius);
     const UnitNormal normal = unit_normal(neighbours.e, frame, pass.along_ray);
     const bool valid = neighbours.valid & normal.exists;
-    store_point(pass, static_cast<std::ptrdiff_t>(v) * width + left_u, *centre, frame, normal.n,
-                valid);
+    store_point(pass, first_point + static_cast<std::ptrdiff_t>(v) * width + left_u, *centre, frame,
+                normal.n, valid);
     num_points += valid;
   }
   num_points = gpu::warp_sum(num_points);
   if (gpu::lane_id() == 0) atomicAdd(&shared.num_points, num_points);
   __syncthreads();
-  if (threadIdx.x == 0) job.num_points[tile.index] = shared.num_points;
+  if (threadIdx.x == 0 && tile.image == 0) job.num_points[tile.index] = shared.num_points;
 }
 
 }  // namespace

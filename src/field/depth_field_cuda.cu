@@ -32,14 +32,16 @@ struct SquareLevels {
   }
 };
 
-/// A square of the image and this thread's place in it.
+/// A square of an image and this thread's place in it.
 struct Place {
+  int image;
   int square_u, square_v;  ///< number of the square
   int x, y;                ///< of the thread's pixel of level 1 in the square
 
   __device__ Place(const FieldJob& job)
-      : square_u(static_cast<int>(blockIdx.x) % job.squares_wide),
-        square_v(static_cast<int>(blockIdx.x) / job.squares_wide),
+      : image(static_cast<int>(blockIdx.x) / job.num_squares()),
+        square_u(static_cast<int>(blockIdx.x) % job.num_squares() % job.squares_wide),
+        square_v(static_cast<int>(blockIdx.x) % job.num_squares() / job.squares_wide),
         x(static_cast<int>(threadIdx.x) % kQuads),
         y(static_cast<int>(threadIdx.x) / kQuads) {}
 
@@ -113,19 +115,20 @@ __global__ void __launch_bounds__(kThreads)
   if (threadIdx.x == 0) shared.has_hole = 0;
   __syncthreads();
   const Place place(job);
+  const FieldArrays arrays = job.arrays_of(place.image);
   TangentPlane quad[4];
   bool has_hole = false;
   for_quad(job, place, [&](int k, int u, int v) {
-    const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(cloud.width) +
-                          static_cast<std::size_t>(u);
+    const std::ptrdiff_t i =
+        place.image * job.points_apart + static_cast<std::ptrdiff_t>(v) * cloud.width + u;
     quad[k] = tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i],
                                           cloud.ny[i], cloud.nz[i]);
     has_hole = has_hole || !quad[k].is_surface();
-    *pixel(job, job.planes, 0, u, v) = quad[k];
+    *pixel(job, arrays.planes, 0, u, v) = quad[k];
   });
   if (has_hole) shared.has_hole = 1;
   complete_quad(job, place, quad);
-  widen_square(job, place, quad, job.num_filled, Choice::nearest, job.nearest, shared.levels);
+  widen_square(job, place, quad, job.num_filled, Choice::nearest, arrays.nearest, shared.levels);
   __syncthreads();
   if (threadIdx.x == 0) job.has_hole[blockIdx.x] = shared.has_hole;
 }
@@ -151,8 +154,8 @@ struct Surroundings {
   }
 };
 
-__device__ void fill_quad(const FieldJob& job, const Place& place, TangentPlane (&quad)[4],
-                          Surroundings& around) {
+__device__ void fill_quad(const FieldJob& job, const FieldArrays& arrays, const Place& place,
+                          TangentPlane (&quad)[4], Surroundings& around) {
   // Calls f(u, v, pixel) for this thread's pixels of a level.
   const auto for_pixels = [&](int level, const auto& f) {
     const int size = Surroundings::size(level);
@@ -179,7 +182,7 @@ __device__ void fill_quad(const FieldJob& job, const Place& place, TangentPlane 
   };
   for (int level = 1; level <= job.num_filled; ++level) {
     for_pixels(level, [&](int u, int v, TangentPlane& plane) {
-      plane = *pixel(job, job.nearest, level, u, v);
+      plane = *pixel(job, arrays.nearest, level, u, v);
     });
   }
   __syncthreads();
@@ -192,7 +195,7 @@ __device__ void fill_quad(const FieldJob& job, const Place& place, TangentPlane 
   for_quad(job, place, [&](int k, int u, int v) {
     if (quad[k].is_surface()) return;
     quad[k] = ask(1, u, v);
-    *pixel(job, job.planes, 0, u, v) = quad[k];
+    *pixel(job, arrays.planes, 0, u, v) = quad[k];
   });
 }
 
@@ -208,9 +211,12 @@ struct WidenScratch {
 __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__ FieldJob job) {
   auto& shared = gpu::shared_memory<WidenScratch>();
   const Place place(job);
+  const FieldArrays arrays = job.arrays_of(place.image);
   TangentPlane quad[4];
-  for_quad(job, place, [&](int k, int u, int v) { quad[k] = *pixel(job, job.planes, 0, u, v); });
-  if (job.num_filled > 0 && job.has_hole[blockIdx.x]) fill_quad(job, place, quad, shared.around);
+  for_quad(job, place, [&](int k, int u, int v) { quad[k] = *pixel(job, arrays.planes, 0, u, v); });
+  if (job.num_filled > 0 && job.has_hole[blockIdx.x]) {
+    fill_quad(job, arrays, place, quad, shared.around);
+  }
 
   // A warp has two rows of 16 threads: the left half of each is in one tile.
   DepthTile tile = empty_tile<DepthTile>();
@@ -224,7 +230,7 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   if (lane % 8 == 0 && lane < 16) shared.tiles[gpu::warp_id()][lane / 8] = tile;
 
   complete_quad(job, place, quad);
-  widen_square(job, place, quad, job.layout.num_levels - 1, Choice::majority, job.planes,
+  widen_square(job, place, quad, job.layout.num_levels - 1, Choice::majority, arrays.planes,
                shared.levels);
   __syncthreads();
   if (threadIdx.x < 4) {
@@ -234,7 +240,7 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
     const int u = 2 * place.square_u + side, v = 2 * place.square_v + row;
     const int tiles_wide = (job.layout.levels[0].width + kTile - 1) / kTile;
     const int tiles_high = (job.layout.levels[0].height + kTile - 1) / kTile;
-    if (u < tiles_wide && v < tiles_high) job.tiles[v * tiles_wide + u] = all;
+    if (u < tiles_wide && v < tiles_high) arrays.tiles[v * tiles_wide + u] = all;
   }
 }
 
@@ -272,7 +278,9 @@ __device__ one_lane::PixelSilhouettes load_found(const float (&found)[6]) {
 __global__ void __launch_bounds__(kThreads)
     find_silhouettes(const __grid_constant__ FieldJob job, const __grid_constant__ RimLevels rims) {
   auto& shared = gpu::shared_memory<RimScratch>();
-  const int block = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);
+  const int block = static_cast<int>(blockIdx.x) % job.num_rim_blocks();
+  const int thread = static_cast<int>(threadIdx.x);
+  const FieldArrays arrays = job.arrays_of(static_cast<int>(blockIdx.x) / job.num_rim_blocks());
   int level = 0;
   while (block >= job.first_rim_block[level + 1]) ++level;
   constexpr int kBorder = DepthFieldLevel::kBorder;
@@ -289,7 +297,7 @@ __global__ void __launch_bounds__(kThreads)
     const int inner_u = u < 0 ? 0 : (u >= width ? width - 1 : u);
     const int inner_v = v < 0 ? 0 : (v >= height ? height - 1 : v);
     if (!job.goes_on && (inner_u != u || inner_v != v)) return TangentPlane{};
-    return *pixel(job, job.planes, level, inner_u, inner_v);
+    return *pixel(job, arrays.planes, level, inner_u, inner_v);
   };
   if (thread == 0) shared.has_edge = 0;
   for (int i = thread; i < RimScratch::kWide * RimScratch::kHigh; i += kThreads) {
@@ -300,7 +308,7 @@ __global__ void __launch_bounds__(kThreads)
     const bool is_mine = x >= kHalo && x < kHalo + kRimWide && y >= kHalo && y < kHalo + kRimHigh &&
                          u < width + kBorder && v < height + kBorder;
     if (is_mine && (u < 0 || u >= width || v < 0 || v >= height)) {
-      *pixel(job, job.planes, level, u, v) = plane;
+      *pixel(job, arrays.planes, level, u, v) = plane;
     }
   }
   __syncthreads();
@@ -369,7 +377,7 @@ __global__ void __launch_bounds__(kThreads)
       if (!is_asked) continue;
       // Those just around the tile are written by two blocks, the same by both.
       Silhouette* const to =
-          job.silhouettes +
+          arrays.silhouettes +
           2 * (job.layout.origin(level) + static_cast<std::ptrdiff_t>(v) * job.layout.stride + u);
       to[0] = {has_exit ? -one_lane::side_of(found.exit, at_x, at_y, rules) : 0.0f,
                found.exit.other.offset, found.exit.other.slope, 0};
@@ -386,15 +394,16 @@ __global__ void __launch_bounds__(kThreads)
         v > -kSilhouetteBorder && v < height + kSilhouetteBorder) {
       for (int k = 0; k < 9; ++k) any |= shared.has_any[y + k / 3][x + k % 3] != 0;
     }
-    job.near_silhouette[job.layout.origin(level) +
-                        static_cast<std::ptrdiff_t>(v) * job.layout.stride + u] = any;
+    arrays.near_silhouette[job.layout.origin(level) +
+                           static_cast<std::ptrdiff_t>(v) * job.layout.stride + u] = any;
   }
 }
 
 }  // namespace
 
 Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
-                                              const DepthFieldOptions& options, int gpu) {
+                                              const DepthFieldOptions& options, int gpu,
+                                              int num_fields, int num_at_once) {
   const auto layout = pyramid_layout(width, height, options);
   if (!layout) return layout.error();
   FieldJob job;
@@ -411,39 +420,61 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
         job.first_rim_block[level] + blocks_over(image.width + kBorders, kRimWide) *
                                          blocks_over(image.height + kBorders, kRimHigh);
   }
+  // Any field's arrays are as well aligned as the first one's.
+  constexpr std::size_t kAligned = 64;
+  const std::size_t apart = (layout->num_pixels() + kAligned - 1) / kAligned * kAligned;
+  job.pixels_apart = static_cast<std::ptrdiff_t>(apart);
+  job.tiles_apart = static_cast<std::ptrdiff_t>(layout->num_tiles());
+  const auto more = apart * static_cast<std::size_t>(num_fields - 1);
+  const auto more_at_once = apart * static_cast<std::size_t>(num_at_once - 1);
   gpu::Memory memory(gpu);
-  job.planes = memory.take<TangentPlane>(layout->num_planes());
-  job.nearest = memory.take<TangentPlane>(layout->num_planes());
-  job.silhouettes = memory.take<Silhouette>(2 * layout->num_pixels());
-  job.near_silhouette = memory.take<std::uint8_t>(layout->num_bytes());
-  job.tiles = memory.take<DepthTile>(layout->num_tiles());
-  job.has_hole = memory.take<int>(static_cast<std::size_t>(job.squares_wide) *
-                                  static_cast<std::size_t>(job.squares_high));
+  job.arrays = {memory.take<TangentPlane>(more + layout->num_planes()),
+                memory.take<TangentPlane>(more_at_once + layout->num_planes()),
+                memory.take<Silhouette>(2 * (more + layout->num_pixels())),
+                memory.take<std::uint8_t>(more + layout->num_bytes()),
+                memory.take<DepthTile>(static_cast<std::size_t>(num_fields) * layout->num_tiles())};
+  job.has_hole = memory.take<int>(static_cast<std::size_t>(num_at_once) *
+                                  static_cast<std::size_t>(job.num_squares()));
   if (!memory.status()) return memory.status().error();
   return DepthFieldCuda(std::move(memory), job, options);
 }
 
+std::size_t DepthFieldCuda::num_bytes(const PyramidLayout& layout) {
+  return layout.num_pixels() * (sizeof(TangentPlane) + 2 * sizeof(Silhouette) + 1) +
+         layout.num_tiles() * sizeof(DepthTile);
+}
+
 void DepthFieldCuda::enqueue(const PointCloudView& cloud, gpu::Stream& stream) {
+  enqueue(cloud, 0, 0, 1, stream);
+}
+
+void DepthFieldCuda::enqueue(const PointCloudView& cloud, std::ptrdiff_t points_apart, int first,
+                             int num, gpu::Stream& stream) {
   PALPATE_ASSERT(cloud.pinhole && cloud.gpu == memory_.gpu() &&
                  cloud.width == job_.layout.levels[0].width &&
                  cloud.height == job_.layout.levels[0].height);
-  const int squares = job_.squares_wide * job_.squares_high;
+  FieldJob job = job_;
+  job.points_apart = points_apart;
+  job.arrays = job_.arrays_of(first);
+  job.arrays.nearest = job_.arrays.nearest;
+  const int squares = num * job.num_squares();
   gpu::launch(stream, {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(TakeScratch)},
-              take_planes, job_, cloud);
+              take_planes, job, cloud);
   gpu::launch(stream,
               {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(WidenScratch)},
-              widen_planes, job_);
+              widen_planes, job);
   RimLevels rims{};
-  for (int level = 0; level < job_.layout.num_levels; ++level) {
+  for (int level = 0; level < job.layout.num_levels; ++level) {
     rims.levels[level] = one_lane::rule_level(cloud.intrinsics, level);
   }
   gpu::launch(stream,
-              {.blocks = job_.first_rim_block[job_.layout.num_levels],
+              {.blocks = num * job.num_rim_blocks(),
                .threads = kThreads,
                .shared_bytes = sizeof(RimScratch)},
-              find_silhouettes, job_, rims);
-  view_ =
-      job_.layout.view(job_.planes, job_.silhouettes, job_.near_silhouette, job_.tiles, options_);
+              find_silhouettes, job, rims);
+  const FieldArrays& arrays = job_.arrays;
+  view_ = job.layout.view(arrays.planes, arrays.silhouettes, arrays.near_silhouette, arrays.tiles,
+                          options_);
   view_.intrinsics = cloud.intrinsics;
   view_.gpu = memory_.gpu();
   view_.stamp = next_stamp();

@@ -1,6 +1,7 @@
 // The depth field made on a GPU, with the same bits as DepthField.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <utility>
 
@@ -11,36 +12,62 @@
 
 namespace palpate {
 
-/// What the kernels of a field work on; arrays on the GPU.
-struct FieldJob {
-  PyramidLayout layout;
-  int num_filled = 0;    ///< over so many levels holes are filled
-  bool goes_on = false;  ///< beyond the image: the surface of its outermost pixels, not nothing
+/// Those of one field on the GPU.
+struct FieldArrays {
   TangentPlane* planes = nullptr;   ///< of all levels
   TangentPlane* nearest = nullptr;  ///< likewise, from level 1 on: Choice::nearest, for filling
   Silhouette* silhouettes = nullptr;
   std::uint8_t* near_silhouette = nullptr;
   DepthTile* tiles = nullptr;
-  int* has_hole = nullptr;  ///< of each block's square of level 0
+};
+
+/// What the kernels of some fields work on.
+struct FieldJob {
+  PyramidLayout layout;
+  int num_filled = 0;    ///< over so many levels holes are filled
+  bool goes_on = false;  ///< beyond the image: the surface of its outermost pixels, not nothing
+  FieldArrays arrays;    ///< of the first field
+  std::ptrdiff_t pixels_apart = 0, tiles_apart = 0;  ///< from one field to the next
+  std::ptrdiff_t points_apart = 0;                   ///< from one cloud to the next
+  int* has_hole = nullptr;  ///< of each block's square of level 0, field after field
   int squares_wide = 0, squares_high = 0;
   /// The first block that looks for silhouettes in a level; the last entry is their number.
   int first_rim_block[DepthFieldView::kMaxLevels + 1] = {};
+
+  PALPATE_HOSTDEV int num_squares() const { return squares_wide * squares_high; }
+  PALPATE_HOSTDEV int num_rim_blocks() const { return first_rim_block[layout.num_levels]; }
+  /// Of field `number`; what holes are filled with is that of some fields at a time.
+  PALPATE_HOSTDEV FieldArrays arrays_of(int number) const {
+    const std::ptrdiff_t pixels = number * pixels_apart;
+    return {arrays.planes + pixels, arrays.nearest + pixels, arrays.silhouettes + 2 * pixels,
+            arrays.near_silhouette + pixels, arrays.tiles + number * tiles_apart};
+  }
 };
 
 /// Owns the images on the GPU.
 class DepthFieldCuda {
  public:
-  /// Errors: as DepthField::create; too little memory on the GPU.
+  /// Room for `num_fields`, of which `num_at_once` are made by one `enqueue`. Errors: as
+  /// DepthField::create; too little memory on the GPU.
   static Result<DepthFieldCuda> create(int width, int height, const DepthFieldOptions& options,
-                                       int gpu);
+                                       int gpu, int num_fields = 1, int num_at_once = 1);
 
   /// Rebuilds the field from an organised pinhole cloud in the memory of this GPU, of the size
   /// given at construction. Three kernels, no allocation; can be recorded.
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);
+  /// The same of `num` clouds, `points_apart` points from one to the next, into the fields from
+  /// `first` on.
+  void enqueue(const PointCloudView& cloud, std::ptrdiff_t points_apart, int first, int num,
+               gpu::Stream& stream);
 
-  /// Arrays on the GPU, with the values of the last enqueued update that is done; no levels before
-  /// the first one.
+  /// Of the first field: arrays on the GPU, with the values of the last enqueued update that is
+  /// done; no levels before the first one.
   const DepthFieldView& view() const { return view_; }
+  /// From one field to the next.
+  std::ptrdiff_t pixels_apart() const { return job_.pixels_apart; }
+  std::ptrdiff_t tiles_apart() const { return job_.tiles_apart; }
+  /// Memory that one field takes on the GPU.
+  static std::size_t num_bytes(const PyramidLayout& layout);
 
  private:
   DepthFieldCuda(gpu::Memory memory, const FieldJob& job, const DepthFieldOptions& options)

@@ -3,6 +3,7 @@
 #include <string>
 #include <utility>
 
+#include "src/field/batch_frames.h"
 #include "src/field/frame_slots.h"
 
 namespace palpate {
@@ -10,13 +11,16 @@ namespace palpate {
 struct Sensor::Impl {
   Camera camera;
   Place place;
+  SlotSettings settings;
   std::unique_ptr<FrameSlots> slots;
-  int num_slots;
+  int num_slots = 0;
   std::unique_ptr<ThreadPool> pool;
   int newest = 0;
   Status status = Done{};
+  std::unique_ptr<BatchFrames> batches;  // when the first one comes
 
   Status check(const DepthImageView& image) const;
+  Status make_batches();
 };
 
 Status Sensor::Impl::check(const DepthImageView& image) const {
@@ -42,6 +46,19 @@ Status Sensor::Impl::check(const DepthImageView& image) const {
   return slots->status();
 }
 
+Status Sensor::Impl::make_batches() {
+  if (batches != nullptr) return Done{};
+#if defined(PALPATE_CUDA)
+  auto made = place.backend == Backend::cuda ? make_batch_frames_cuda(settings, place.gpu)
+                                             : make_batch_frames_cpu(settings);
+#else
+  auto made = make_batch_frames_cpu(settings);
+#endif
+  if (!made) return made.error();
+  batches = *std::move(made);
+  return Done{};
+}
+
 Result<Sensor> Sensor::create(const Camera& camera, const Place& place,
                               const SensorOptions& options) {
   constexpr int kMostSurfaces = 64;
@@ -60,8 +77,14 @@ Result<Sensor> Sensor::create(const Camera& camera, const Place& place,
   settings.wants_depth_change = options.surface.depth_change.enabled;
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
-  return Sensor(std::make_unique<Impl>(Impl{camera, place, *std::move(slots), settings.num_slots(),
-                                            std::make_unique<ThreadPool>(options.num_threads)}));
+  auto impl = std::make_unique<Impl>();
+  impl->camera = camera;
+  impl->place = place;
+  impl->settings = settings;
+  impl->slots = *std::move(slots);
+  impl->num_slots = settings.num_slots();
+  impl->pool = std::make_unique<ThreadPool>(options.num_threads);
+  return Sensor(std::move(impl));
 }
 
 Sensor::Sensor(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -79,6 +102,23 @@ SurfaceView Sensor::update(const DepthImageView& image) {
   if (!d.status) return {};
   d.newest = next;
   return d.slots->surfaces(next);
+}
+
+SurfaceBatch Sensor::update_batch(const DepthImageView& first, int num,
+                                  std::optional<CallerStream> stream) {
+  Impl& d = *impl_;
+  d.status = num > 0 ? d.check(first) : Status(Done{});
+  if (d.status) d.status = d.make_batches();
+  if (!d.status || num <= 0) return {};
+  auto made = d.batches->update(first, num, stream, *d.pool);
+  if (made) return *made;
+  d.status = made.error();
+  return {};
+}
+
+Status Sensor::reserve_batch(int num_images) {
+  if (const Status status = impl_->make_batches(); !status) return status;
+  return impl_->batches->reserve(num_images);
 }
 
 const Status& Sensor::status() const { return impl_->status; }

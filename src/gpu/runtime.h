@@ -169,6 +169,9 @@ void launch(Stream& stream, const LaunchShape& shape, void (*kernel)(Parameters.
 /// the kernel's limit of shared memory to `shared_bytes`.
 int resident_blocks(int gpu, const void* kernel, int threads, std::size_t shared_bytes);
 
+/// Bytes that can still be taken on a GPU; 0 after a failure.
+std::size_t free_memory(int gpu);
+
 /// Is there such a GPU, fit for this build? The error says what is missing.
 Status check_gpu(int gpu);
 

@@ -286,6 +286,15 @@ int resident_blocks(int gpu, const void* kernel, int threads, std::size_t shared
   return per_multiprocessor * multiprocessors;
 }
 
+std::size_t free_memory(int gpu) {
+  std::size_t free = 0, total = 0;
+  if (cudaSetDevice(gpu) != cudaSuccess || cudaMemGetInfo(&free, &total) != cudaSuccess) {
+    cudaGetLastError();
+    return 0;
+  }
+  return free;
+}
+
 Status check_gpu(int gpu) {
   const auto num = count_gpus();
   if (!num) return num.error();

@@ -38,7 +38,9 @@ struct FieldBatch::Worker {
   const PoseBatch& poses;
   const BatchAnswers& answers;
   MeasureJob job{};
-  int surface = -1;  // in the job
+  int surface = -1;     // in the job
+  bool has_all = true;  // is its field of the whole image?
+  GroupSums of_group[2]{};
 
   void measure(std::size_t pose);
   ContactResult ask(std::size_t pose, BatchPose& at);
@@ -57,27 +59,30 @@ ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
       poses.surface_of_pose.empty() ? nullptr : poses.surface_of_pose.data();
   const int asked = surface_of(numbers, surfaces.size(), static_cast<int>(pose));
   if (asked < 0) return nothing(StepStatus::no_surface);
-  if (asked != surface) job.fields[0] = surfaces[asked].field;
-  surface = asked;
   const DepthFieldView& field = job.fields[0];
+  if (asked != surface) {
+    job.fields[0] = surfaces[asked].field;
+    has_all = field.asked.has_all(field.levels[0].width, field.levels[0].height);
+    surface = asked;
+  }
   if (field.num_levels == 0) return nothing(StepStatus::no_surface);
   at = pose_in_camera(poses.X_WT[pose], poses.X_WC.empty() ? nullptr : &poses.X_WC[asked]);
   if (!at.is_finite) return nothing(StepStatus::non_finite_pose);
-  if (!is_known_around(field, at.X_CT * query.p_TC_, query.elements_->reach)) {
+  if (!has_all && !is_known_around(field, at.X_CT * query.p_TC_, query.elements_->reach)) {
     return nothing(StepStatus::outside_window);
   }
   job.frame = frame_of(field.intrinsics, at.X_CT, query.p_TC_);
   FieldSums sums;
-  StiffnessSums stiffness;
-  GroupSums of_group[2];
+  std::optional<StiffnessSums> of_all;
+  if (with_stiffness) of_all.emplace();
   for (int group = 0; group < job.clusters->num_groups(); ++group) {
     query.kernels_.measure_group(job, group, with_stiffness, of_group);
     sums.add(of_group[0].measure);
-    if (with_stiffness) stiffness.add(of_group[0].stiffness);
+    if (with_stiffness) of_all->add(of_group[0].stiffness);
   }
   ContactResult result;
   result.penetration = sums.penetration();
-  if (with_stiffness) result.stiffness = stiffness.stiffness();
+  if (with_stiffness) result.stiffness = of_all->stiffness();
   return result;
 }
 

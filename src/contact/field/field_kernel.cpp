@@ -151,9 +151,10 @@ struct Totals {
 }
 
 /// Calls f(slot, lanes, field, sample, which lanes touch, part of the sums) for vectors of elements
-/// that touch the surface of a field.
+/// that touch the surface of a field. Returns false if none can.
 template <class Sample, int kFields, class F>
-[[gnu::always_inline]] inline void for_touching(const MeasureJob& job, int group, const F& f) {
+[[gnu::always_inline]] inline bool for_touching(const MeasureJob& job, int group, const F& f) {
+  if (!is_group_near<kFields>(job, group)) return false;
   const Grid grid(job.fields[0]);
   Pixels fields[kFields];
   for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
@@ -169,6 +170,7 @@ template <class Sample, int kFields, class F>
       }
     }
   });
+  return true;
 }
 
 template <class Sample, int kFields>
@@ -177,7 +179,7 @@ template <class Sample, int kFields>
   const float fx = job.frame.fx, fy = job.frame.fy;
   Totals totals[kFields];
   RowSums numbers[kFields][kWithStiffness ? StiffnessSums::kNum : 1];
-  for_touching<Sample, kFields>(
+  const bool is_near = for_touching<Sample, kFields>(
       job, group,
       [&](std::size_t slot, const Lanes& e, int k, Sample& sample, VecI is_touching, int part) {
         const Gradient& g = first_of(sample);
@@ -198,6 +200,10 @@ template <class Sample, int kFields>
           for (int i = 0; i < StiffnessSums::kNum; ++i) numbers[k][i].add(part, terms[i]);
         }
       });
+  if (!is_near) {
+    std::fill_n(to, kFields, GroupSums{});
+    return;
+  }
   for (int k = 0; k < kFields; ++k) {
     to[k].measure = totals[k].sums();
     if constexpr (kWithStiffness) {

@@ -286,6 +286,18 @@ std::uint32_t fields_near(const MeasureJob& job, const Cluster& ball, float larg
   return near;
 }
 
+/// Is a group not well in front of everything?
+template <int kFields>
+[[gnu::always_inline]] inline bool is_group_near(const MeasureJob& job, int group) {
+  const SphereClusters& clusters = *job.clusters;
+  const int first = group * SphereClusters::kClustersPerGroup;
+  const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
+  const float largest_radius =
+      *std::max_element(job.largest_radius + first, job.largest_radius + last);
+  const Cluster& all = clusters.groups[static_cast<std::size_t>(group)];
+  return fields_near<kFields>(job, all, largest_radius) != 0;
+}
+
 /// Calls f(first slot, which fields) for the clusters of a group that are not well in front of
 /// everything.
 template <int kFields, class F>
@@ -293,10 +305,6 @@ template <int kFields, class F>
   const SphereClusters& clusters = *job.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
-  const float largest_radius =
-      *std::max_element(job.largest_radius + first, job.largest_radius + last);
-  const Cluster& all = clusters.groups[static_cast<std::size_t>(group)];
-  if (fields_near<kFields>(job, all, largest_radius) == 0) return;
   for (int cluster = first; cluster < last; ++cluster) {
     const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
     const std::uint32_t near = fields_near<kFields>(job, ball, job.largest_radius[cluster]);

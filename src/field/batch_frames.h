@@ -1,0 +1,30 @@
+// How the fields of many images of one camera model are made at once.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "palpate/field/surface_batch.h"
+#include "palpate/gpu/caller_stream.h"
+#include "src/field/frame_slots.h"
+
+namespace palpate {
+
+/// Keeps the fields of one batch of images.
+class BatchFrames {
+ public:
+  virtual ~BatchFrames() = default;
+
+  /// Memory for so many images. Errors: there is too little.
+  virtual Status reserve(int num_images) = 0;
+  /// The fields of `num` images, one after the other in the memory that `first` is in.
+  virtual Result<SurfaceBatch> update(const DepthImageView& first, int num,
+                                      std::optional<CallerStream> stream, ThreadPool& pool) = 0;
+};
+
+Result<std::unique_ptr<BatchFrames>> make_batch_frames_cpu(const SlotSettings& settings);
+/// So many pixels at once are enough for any GPU.
+Result<std::unique_ptr<BatchFrames>> make_batch_frames_cuda(const SlotSettings& settings, int gpu,
+                                                            int pixels_at_once = 1 << 22);
+
+}  // namespace palpate
