@@ -14,6 +14,7 @@
 
 #include "bench/contact_setup.h"
 #include "bench/gpu_floor.cuh"
+#include "bench/gpu_rows.h"
 #include "bench/wall_frame.h"
 #include "eval/method_queries.h"
 #include "palpate/contact/contact_query.h"
@@ -25,8 +26,6 @@
 namespace palpate::bench {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 struct Options {
   double seconds = 1.0;  // of each case
   int gpu = 0;
@@ -36,26 +35,7 @@ struct Options {
 
 Options options;
 
-double microseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::micro>(Clock::now() - start).count();
-}
-
 bool is_wanted(const std::string& name) { return name.find(options.only) != std::string::npos; }
-
-/// One row: how the times of single calls are distributed, microseconds.
-void report(const std::string& name, std::vector<double>& times) {
-  std::sort(times.begin(), times.end());
-  const auto at = [&](double share) {
-    return times[static_cast<std::size_t>(share * static_cast<double>(times.size() - 1))];
-  };
-  double mean = 0, squares = 0;
-  for (const double t : times) mean += t / static_cast<double>(times.size());
-  for (const double t : times) squares += (t - mean) * (t - mean);
-  std::printf("%s,%zu,%.2f,%.2f,%.2f,%.2f,%.2f,%.2f\n", name.c_str(), times.size(), at(0.5),
-              at(0.99), at(0.999), times.back(), mean,
-              std::sqrt(squares / static_cast<double>(times.size())));
-  std::fflush(stdout);
-}
 
 /// Calls again and again.
 template <class Call>
@@ -70,17 +50,6 @@ void measure(const std::string& name, const Call& call) {
     times.push_back(microseconds_since(start));
   } while (times.size() < 20000 && microseconds_since(begin) < 1e6 * options.seconds);
   report(name, times);
-}
-
-[[noreturn]] void stop(const Error& error) {
-  std::fprintf(stderr, "gpu_bench: %s\n", error.message.c_str());
-  std::exit(1);
-}
-
-template <class T>
-T value_or_stop(Result<T> result) {
-  if (!result) stop(result.error());
-  return std::move(result).value();
 }
 
 // Launches, barriers and hand-overs without any work.

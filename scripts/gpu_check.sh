@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the core and its CUDA backend on a machine with a GPU, runs all tests on it, the four
-# checkers of compute-sanitizer and the benchmark, and prints a short table. Needs nvcc, CMake, make,
+# checkers of compute-sanitizer and the benchmarks, and prints a short table. Needs nvcc, CMake, make,
 # a C++ compiler and GoogleTest; nothing is downloaded.
 #
 # usage: scripts/gpu_check.sh [--no-sanitizer] [--quick] [BUILD_DIR [RESULTS_DIR]]
@@ -60,15 +60,19 @@ if [ "$sanitizer" -eq 1 ]; then
   [ "$status" -eq 0 ] || { echo "gpu_check: compute-sanitizer found errors, see $build.*.log" >&2; exit 1; }
 fi
 
-echo "== benchmark"
-command_line="$build/bin/gpu_bench ${quick[*]:-}"
-$command_line | tee "$build.bench.csv"
+echo "== benchmarks"
 commit=$(git rev-parse --short HEAD 2>/dev/null || echo unknown)
 machine=$(echo "$gpu" | tr 'A-Z ' 'a-z-')
 mkdir -p "$results"
-awk -v date="$(date +%F)" -v commit="$commit" -v machine="$gpu" -v line="$command_line" -F, '
-  BEGIN { OFS = ","; print "date,commit,machine,isa,program,case,calls,median_us,p99_us,p99.9_us,max_us,cpu_us,facts,load_before,command,note" }
-  /^#|^case/ { next }
-  { print date, commit, "\"" machine "\"", "", "gpu_bench", "\"" $1 "\"", $2, $3, $4, $5, $6, "", "mean_us=" $7 " deviation_us=" $8, "", line, "" }
-' "$build.bench.csv" >"$results/gpu-$machine-$commit.csv"
-echo "== rows in $results/gpu-$machine-$commit.csv"
+rows="$results/gpu-$machine-$commit.csv"
+echo "date,commit,machine,isa,program,case,calls,median_us,p99_us,p99.9_us,max_us,cpu_us,facts,load_before,command,note" >"$rows"
+for program in gpu_bench gpu_batch_bench; do
+  command_line="$build/bin/$program ${quick[*]:-}"
+  $command_line | tee "$build.bench.csv"
+  awk -v date="$(date +%F)" -v commit="$commit" -v machine="$gpu" -v line="$command_line" -v program="$program" -F, '
+    BEGIN { OFS = "," }
+    /^#|^case/ { next }
+    { print date, commit, "\"" machine "\"", "", program, "\"" $1 "\"", $2, $3, $4, $5, $6, "", "mean_us=" $7 " deviation_us=" $8, "", line, "" }
+  ' "$build.bench.csv" >>"$rows"
+done
+echo "== rows in $rows"

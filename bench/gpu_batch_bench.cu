@@ -1,0 +1,208 @@
+// Batches on this machine's GPU: time on the device of a call, one CSV row for each case, and how
+// many spheres that asks in a second. Beside them a distance grid at the same poses.
+//   gpu_batch_bench [--quick] [--gpu N] [--only WORD] [--warps]
+// With --warps every case is tried with 1, 2, 4 and 8 warps a pose.
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "bench/batch_setup.h"
+#include "bench/distance_grid.cuh"
+#include "bench/gpu_rows.h"
+#include "palpate/field/sensor.h"
+#include "palpate/gpu/devices.h"
+#include "src/contact/batch/field_batch_cuda.h"
+
+namespace palpate::bench {
+namespace {
+
+struct Options {
+  int gpu = 0, laps = 60, num_poses = 16384;
+  std::string only;  // cases whose names have this
+  std::vector<int> warps{0};
+};
+
+Options options;
+
+bool is_wanted(const std::string& name) { return name.find(options.only) != std::string::npos; }
+
+/// Times on the device of one call among a few in a row.
+template <class Call>
+void measure(const std::string& name, double evaluations, gpu::Stream& stream, const Call& call) {
+  if (!is_wanted(name)) return;
+  constexpr int kCalls = 5;
+  for (int i = 0; i < 3; ++i) call();
+  stream.wait(60);
+  std::vector<double> times;
+  for (int lap = 0; lap < options.laps; ++lap) {
+    stream.mark();
+    for (int i = 0; i < kCalls; ++i) call();
+    times.push_back(stream.lap() / kCalls);
+  }
+  if (!stream.status()) stop(stream.status().error());
+  report(name, times);
+  std::sort(times.begin(), times.end());
+  std::printf("# %s: %.3g a second\n", name.c_str(), 1e6 * evaluations / times[times.size() / 2]);
+}
+
+/// Depth of bumpy_wall in metres, in images of any size, each a little farther away.
+std::vector<float> wall_images(int width, int height, int num) {
+  std::vector<float> metres;
+  const double f = 525.0 * width / 640;
+  for (int i = 0; i < num; ++i) {
+    for (int v = 0; v < height; ++v) {
+      for (int u = 0; u < width; ++u) {
+        const double a = 26 * (u - width / 2) / f, b = 31 * (v - height / 2) / f;
+        metres.push_back(
+            static_cast<float>(kWallDepth + 0.0001 * i + 0.01 * std::sin(a) * std::cos(b)));
+      }
+    }
+  }
+  return metres;
+}
+Camera camera_of(int width, int height) {
+  const double f = 525.0 * width / 640;
+  return {width, height, {f, f, (width - 1) / 2.0, (height - 1) / 2.0}};
+}
+
+/// Poses and answers on the GPU.
+struct Arrays {
+  gpu::Memory memory{options.gpu};
+  std::vector<Pose> X_WT;
+  PoseBatch poses;
+  BatchAnswers answers;
+
+  explicit Arrays(Where where) : X_WT(finger_poses(options.num_poses, where)) {
+    const auto num = X_WT.size();
+    poses.X_WT = {memory.copy_of(X_WT), num};
+    poses.gpu = options.gpu;
+    answers = {memory.take<double>(num),
+               memory.take<double>(num),
+               memory.take<double>(3 * num),
+               memory.take<double>(3 * num),
+               nullptr,
+               memory.take<std::uint32_t>(num),
+               options.gpu};
+    if (!memory.status()) stop(memory.status().error());
+  }
+};
+
+const char* name_of_where(Where where) {
+  return where == Where::view ? "anywhere in view" : "at the surface";
+}
+
+void measure_poses(int num_spheres, const SurfaceBatch& surfaces, const char* against, Where where,
+                   bool with_stiffness) {
+  const Tool& tool = finger_tool(num_spheres);
+  Arrays arrays(where);
+  const std::size_t num = arrays.X_WT.size();
+  if (with_stiffness) arrays.answers.stiffness = arrays.memory.take<double>(36 * num);
+  if (!arrays.memory.status()) stop(arrays.memory.status().error());
+  gpu::Stream stream(options.gpu, gpu::Priority::low);
+  for (const int warps : options.warps) {
+    const FieldBatchCuda batches(ToolIndex::create(tool), FieldMethod{}, options.gpu, warps);
+    std::string name = "batch: " + std::to_string(num) + " poses " + name_of_where(where) + " x " +
+                       std::to_string(num_spheres) + " spheres; " + against;
+    if (with_stiffness) name += "; stiffness";
+    if (warps > 0) name += "; warps:" + std::to_string(warps);
+    measure(name, static_cast<double>(num) * num_spheres, stream, [&] {
+      const Status status =
+          batches.measure(surfaces, arrays.poses, arrays.answers, CallerStream{stream.handle()});
+      if (!status) stop(status.error());
+    });
+  }
+  std::vector<double> volume(num);
+  stream.copy(volume.data(), arrays.answers.volume, num * sizeof(double));
+  stream.wait();
+  const auto num_touching =
+      std::count_if(volume.begin(), volume.end(), [](double v) { return v > 0; });
+  std::printf("# of these poses %.3f touch\n",
+              static_cast<double>(num_touching) / static_cast<double>(num));
+}
+
+void measure_grid(int num_spheres, double cell, Where where) {
+  const Tool& tool = finger_tool(num_spheres);
+  const Arrays arrays(where);
+  gpu::Memory memory(options.gpu);
+  GridJob job;
+  job.grid = wall_distances(cell, memory);
+  job.spheres = memory.copy_of(std::vector<Sphere>(tool.spheres().begin(), tool.spheres().end()));
+  job.num_spheres = num_spheres;
+  job.X_WT = arrays.poses.X_WT.data();
+  job.answers = memory.take<float>(7 * arrays.X_WT.size());
+  if (!memory.status()) stop(memory.status().error());
+  gpu::Stream stream(options.gpu, gpu::Priority::low);
+  const gpu::LaunchShape shape{
+      .blocks = options.num_poses, .threads = num_spheres <= 256 ? 64 : 256, .shared_bytes = 512};
+  measure("distance grid: " + std::to_string(options.num_poses) + " poses " + name_of_where(where) +
+              " x " + std::to_string(num_spheres) + " spheres; cells of " +
+              std::to_string(static_cast<int>(1000 * cell)) + " mm",
+          static_cast<double>(options.num_poses) * num_spheres, stream,
+          [&] { gpu::launch(stream, shape, ask_grid, job); });
+}
+
+void run() {
+  const auto gpus = value_or_stop(find_gpus());
+  std::printf("# %s\ncase,calls,median_us,p99_us,p99.9_us,max_us,mean_us,deviation_us\n",
+              gpus[static_cast<std::size_t>(options.gpu)].name.c_str());
+  Sensor large = value_or_stop(Sensor::create(camera_of(640, 480), Place::cuda(options.gpu)));
+  const std::vector<float> wall = wall_images(640, 480, 1);
+  const SurfaceView surface = large.update({640, 480, wall.data()});
+  if (!large.status()) stop(large.status().error());
+
+  // As many small images as poses, 128 different ones.
+  Sensor small = value_or_stop(Sensor::create(camera_of(64, 64), Place::cuda(options.gpu)));
+  const std::vector<float> some = wall_images(64, 64, 128);
+  std::vector<std::uint16_t> counts;
+  for (int i = 0; i < options.num_poses; ++i) {
+    for (std::size_t k = 0; k < 64 * 64; ++k) {
+      const float z = some[static_cast<std::size_t>(i % 128) * 64 * 64 + k];
+      counts.push_back(static_cast<std::uint16_t>(1000 * z + 0.5f));
+    }
+  }
+  gpu::Memory memory(options.gpu);
+  gpu::Stream stream(options.gpu, gpu::Priority::low);
+  const DepthImageView images{64, 64, memory.copy_of(counts), 0.001, options.gpu};
+  if (const Status status = small.reserve_batch(options.num_poses); !status) stop(status.error());
+  SurfaceBatch fields;
+  const auto update = [&] {
+    fields = small.update_batch(images, options.num_poses, CallerStream{stream.handle()});
+    if (!small.status()) stop(small.status().error());
+  };
+  update();
+  measure("frames: " + std::to_string(options.num_poses) + " of 64x64; raw counts to fields",
+          options.num_poses, stream, update);
+  stream.wait();
+
+  for (const Where where : {Where::surface, Where::view}) {
+    measure_poses(100, fields, "each its own 64x64 field", where, false);
+    for (const int num_spheres : {100, 1000, 5000}) {
+      measure_poses(num_spheres, surface, "one 640x480 field", where, false);
+      measure_poses(num_spheres, surface, "one 640x480 field", where, true);
+      for (const double cell : {0.005, 0.02}) measure_grid(num_spheres, cell, where);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  using palpate::bench::options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--quick") {
+      options.laps = 10;
+    } else if (word == "--warps") {
+      options.warps = {1, 2, 4, 8};
+    } else if (word == "--gpu" && i + 1 < argc) {
+      options.gpu = std::atoi(argv[++i]);
+    } else if (word == "--only" && i + 1 < argc) {
+      options.only = argv[++i];
+    } else {
+      std::fprintf(stderr, "usage: gpu_batch_bench [--quick] [--gpu N] [--only WORD] [--warps]\n");
+      return 2;
+    }
+  }
+  palpate::bench::run();
+}
