@@ -46,9 +46,9 @@ class Sensor {
   /// `first` shows the first; without clouds, valid until the next batch. On a CPU each image is
   /// made by one thread. On a GPU a few launches make all; if the images are there and a stream is
   /// given, the call only asks for the work, and after one with as many images it may be captured
-  /// in a CUDA graph. Takes memory when it meets more images than before: for each pixel about 41
-  /// bytes times 1.4 for large images, 5 for those of 64 x 64. The values are those of `update`, to
-  /// the bit. A batch that cannot be taken (see status) is empty.
+  /// in a CUDA graph. Takes memory when it meets more images than before: about 95 bytes for each
+  /// pixel of a large image, 190 for each of 64 x 64. The values are those of `update`, to the bit.
+  /// A batch that cannot be taken (see status) is empty.
   SurfaceBatch update_batch(const DepthImageView& first, int num,
                             std::optional<CallerStream> stream = {});
   /// So that the first batch need not. Errors: there is too little memory; it says what fits.

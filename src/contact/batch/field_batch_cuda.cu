@@ -206,9 +206,10 @@ struct FieldBatchCuda::Table {
 };
 
 FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
-                               int gpu, int num_warps)
+                               int gpu, int num_warps, int most_staged)
     : index_(std::move(index)),
       gpu_(gpu),
+      most_staged_(most_staged),
       memory_(gpu),
       felt_tool_(felt_tool(*index_, method.volumes, memory_)),
       p_TC_(index_->tool().sphere_mass().centre_of_mass),
@@ -273,7 +274,7 @@ Status FieldBatchCuda::grow_table(int num_surfaces) const {
 }
 
 Status FieldBatchCuda::grow_staged(int num_poses) const {
-  num_poses = std::min(num_poses, kMostStaged);
+  num_poses = std::min(num_poses, most_staged_);
   if (num_poses <= staged_.num_poses) return Done{};
   staged_ = {};
   // Less at a time where there is no room for more.

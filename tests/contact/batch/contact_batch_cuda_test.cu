@@ -262,8 +262,8 @@ TEST(ContactBatchCuda, SurfacesAtEqualDistancesAreThoseOfATable) {
   PALPATE_GPU_OR_SKIP();
   // Two fields of one size in one memory: the second one's arrays so far behind the first one's.
   const test::FrozenField scenes[] = {
-      test::FrozenField(test::noisy_wall(64, 48, 60, 0.6, 0.002, 1)),
-      test::FrozenField(test::noisy_wall(64, 48, 60, 0.65, 0.002, 2))};
+      test::FrozenField(test::noisy_wall(64, 48, 60, 0.75, 0.002, 1)),
+      test::FrozenField(test::noisy_wall(64, 48, 60, 0.55, 0.002, 2))};
   gpu::Stream stream(0, gpu::Priority::low);
   gpu::Memory memory(0);
   const DepthFieldLevel& finest = scenes[0].field.view().levels[0];
@@ -309,6 +309,28 @@ TEST(ContactBatchCuda, SurfacesAtEqualDistancesAreThoseOfATable) {
   const Answers got = answered_by(batches, SurfaceBatch(first, 2, num, num_tiles), poses);
   for (std::size_t i = 0; i < 30; ++i) EXPECT_TRUE(got.is_same(i, want, i, true)) << i;
   EXPECT_GT(*std::max_element(got.volume.begin(), got.volume.end()), 0);
+}
+
+TEST(ContactBatchCuda, PosesInHostMemoryComeSomeAtATime) {
+  PALPATE_GPU_OR_SKIP();
+  const auto scenes = test::batch_scenes();
+  const Tool tool = test::random_tool(40, 0.05, 24);
+  const AskedPoses poses(23, 4, 25);
+  // Each its own, or numbered.
+  std::vector<SurfaceView> surfaces;
+  for (const std::int32_t number : poses.surface) {
+    surfaces.push_back({{}, scenes[static_cast<std::size_t>(number)].field.view()});
+  }
+  const FieldBatchCuda whole = batches_of(tool);
+  const FieldBatchCuda parts(ToolIndex::create(tool), FieldMethod{SphereVolumes::own}, 0, 0, 7);
+  const Answers want = answered_by(whole, test::surfaces_of(scenes), poses);
+  const Answers numbered = answered_by(parts, test::surfaces_of(scenes), poses);
+  Answers own(23);
+  ASSERT_TRUE(parts.measure(surfaces, {poses.X_WT, {}, {}}, own.all(), {}));
+  for (std::size_t i = 0; i < 23; ++i) {
+    EXPECT_TRUE(numbered.is_same(i, want, i, true)) << i;
+    EXPECT_TRUE(own.is_same(i, want, i, true)) << i;
+  }
 }
 
 TEST(ContactBatchCuda, LooksAgainAtSurfacesThatChanged) {
