@@ -9,7 +9,7 @@
 #include "src/contact/batch/field_batch.h"
 #include "src/contact/batch/field_batch_cuda.h"
 #include "tests/contact/batch/batch_cases.h"
-#include "tests/test_util/field_by_definition.h"
+#include "tests/test_util/field_truth.h"
 #include "tests/test_util/gpu.h"
 
 namespace palpate {
@@ -139,7 +139,7 @@ TEST(ContactBatchCuda, IsTheDefinition) {
   for (std::size_t i = 0; i < poses.X_WT.size(); ++i) {
     const auto& field = surfaces[static_cast<std::size_t>(poses.surface[i])].field;
     const Penetration want =
-        test::field_by_definition(tool, field, poses.X_WT[i], SphereVolumes::represented);
+        test::field_truth(tool, field, poses.X_WT[i], SphereVolumes::represented);
     EXPECT_NEAR(got.volume[i], want.volume, 2e-5 * scale);
     EXPECT_NEAR(got.potential[i], want.potential, 2e-6 * scale);
     EXPECT_LT(norm(got.force_of(i) - want.measure_W.force), 1e-4 * scale);
