@@ -218,8 +218,7 @@ FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const Fie
       table_(std::make_unique<Table>()) {
   // Fewer warps share less between them, more of them are done sooner.
   const int num_clusters = felt_tool_.elements.num_clusters;
-  const int fitting =
-      num_clusters <= 8 ? 1 : (num_clusters <= 32 ? 2 : (num_clusters <= 96 ? 4 : 8));
+  const int fitting = num_clusters <= 8 ? 1 : (num_clusters <= 96 ? 4 : 8);
   for (int& warps : num_warps_) warps = num_warps > 0 ? num_warps : fitting;
   num_warps_[1] = std::min(num_warps_[1], kThreadsOf<Curvature> / gpu::kWarpSize);
   num_warps_[0] = std::min(num_warps_[0], kThreadsOf<Gradient> / gpu::kWarpSize);
