@@ -16,12 +16,12 @@ namespace palpate {
 /// What is asked: P poses of the tool, each against one surface.
 struct PoseBatch {
   /// P poses: 7 doubles each, the translation x y z (m) and the unit quaternion x y z w.
-  std::span<const Pose> X_WT;
+  std::span<const Pose> X_WT = {};
   /// P numbers of surfaces. Empty: there is one surface, or each pose has its own. A number that no
   /// surface has gives StepStatus::no_surface.
-  std::span<const std::int32_t> surface_of_pose;
+  std::span<const std::int32_t> surface_of_pose = {};
   /// Of each surface, where its camera is in W. Empty: W is the camera's frame C for all.
-  std::span<const Pose> X_WC;
+  std::span<const Pose> X_WC = {};
   int gpu = kHostMemory;  ///< whose memory all three are in
 };
 
