@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 packages try-packages try-demo clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 packages try-packages try-demo ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -157,6 +157,9 @@ try-packages: packages
 try-demo:  ## make demo in a fresh Debian 12, with the seconds of every step
 	scripts/setup.sh --packages
 	scripts/try_fresh.sh demo
+
+ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang and fuzzing, Arm, packages; hours
+	for check in test asan tsan fuzz arm64 try-packages; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo
