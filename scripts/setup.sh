@@ -77,7 +77,7 @@ fi
 # Python packages go into a folder of the build: Debian keeps pip away from the system's Python.
 python_packages=(mcap mcap-ros2-support rosbags)
 # Libraries of camera makers inside of Python packages: what these need of Python is not needed.
-camera_packages=(pyrealsense2 pyk4a-bundle)
+camera_packages=(pyrealsense2 pyk4a-bundle pyorbbecsdk2)
 install_python_packages() {
   case "$groups" in *" test "*) ;; *) return 0 ;; esac
   local python=build/python/bin/python
@@ -90,7 +90,7 @@ install_python_packages() {
     fi
   fi
   if "$python" -c "import sys; from importlib.util import find_spec
-sys.exit(None in map(find_spec, ('pyrealsense2', 'k4a_module')))" 2>/dev/null; then return 0; fi
+sys.exit(None in map(find_spec, ('pyrealsense2', 'k4a_module', 'pyorbbecsdk')))" 2>/dev/null; then return 0; fi
   echo "setup: installing ${camera_packages[*]} into build/python"
   if ! "$python" -m pip install -q --no-deps "${camera_packages[@]}"; then
     echo "setup: could not install ${camera_packages[*]}: see the message above. The tests of these" >&2

@@ -48,6 +48,7 @@ FRONT_DOOR = {"palpate/palpate.h": "front", "palpate/version.h": "core"}
 # Private headers that more than one module may include.
 SHARED_PRIVATE = {
     "src/core/all_at_once.h": ("cameras", "devices"),
+    "src/core/lasting_thread.h": ("cameras",),
     "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras"),
     "src/core/shared_library.h": ("devices", "cameras"),
     "src/core/thread_rank.h": ("run", "viewer"),

@@ -6,6 +6,7 @@
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
+#include "src/cameras/raw_frames.h"
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
 
@@ -118,9 +119,7 @@ void set_camera(const RosCameraModel& camera, const std::string& topic, DepthStr
                             camera.rectified.fx > 0;
   info.intrinsics = is_rectified ? camera.rectified : camera.raw;
   if (!is_rectified) info.distortion = camera.distortion;
-  if (camera.width == info.width || camera.width < 1 || camera.height < 1) return;
-  const CameraTruth scaled{info.intrinsics, {}, {}, {camera.width, camera.height}};
-  info.intrinsics = scaled.model_of(info, info.width, info.height).intrinsics;
+  scale_camera({camera.width, camera.height}, info);
 }
 
 class BagSource final : public DepthSource {

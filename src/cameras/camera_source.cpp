@@ -216,7 +216,7 @@ Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, con
   DepthStreamInfo info = pinhole_info(raw.source->info(), *truth, uri);
   info.is_live = true;
   info.num_frames = {};
-  const FrameIntake::Options options{pinhole_of(info), info.rate, raw.has_time_stamps, uri.latency,
+  const FrameIntake::Options options{pinhole_of(info), info.rate, raw.stamps, uri.latency,
                                      info.name};
   auto source = std::make_unique<LiveSource>(
       std::make_shared<LiveCamera>(std::move(raw), std::move(again), *truth, options), info);

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "palpate/cameras/open_camera.h"
+#include "src/cameras/capture_clock.h"
 #include "src/cameras/rectifier.h"
 
 namespace palpate {
@@ -13,8 +14,8 @@ namespace palpate {
 /// in it, time stamps are the camera's own.
 struct RawStream {
   std::unique_ptr<DepthSource> source;
-  bool has_time_stamps = true;  ///< it has a clock at all
-  bool can_come_back = true;    ///< once it is lost; live ones only
+  StampClock stamps = StampClock::cameras;
+  bool can_come_back = true;  ///< once it is lost; live ones only
 };
 using OpenRaw = std::function<Result<RawStream>()>;
 

@@ -8,6 +8,9 @@
 
 namespace palpate {
 
+/// Whose clock time stamps are by: nobody's (there are none), the camera's own, this computer's.
+enum class StampClock { none, cameras, ours };
+
 /// A frame arrives later than it was captured by a delay that is never below a smallest one, and
 /// often near it. So in the plane of time stamps and arrivals the clock of the camera is the line
 /// that touches the points from below: an edge of their lower convex hull. Of every half second the

@@ -49,18 +49,26 @@ void FrameIntake::give(DepthFrame& frame, const CameraModel& model, double arriv
   changed_.notify_all();
 }
 
+/// Of a time stamp, which may show that the camera has started its clock anew.
+double FrameIntake::capture_time_of(double stamp, double arrival) {
+  if (options_.stamps == StampClock::cameras) return clock_.add(stamp, arrival);
+  // What says to be of this computer's clock is believed as far as it can be.
+  constexpr double kOldest = 1;  // s
+  return stamp > arrival || stamp < arrival - kOldest ? arrival : stamp;
+}
+
 /// Sets last_capture_ if the frame is to be felt.
 bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, double arrival,
                          bool black) {
   double capture = arrival;
-  if (options_.has_time_stamps) {
+  if (options_.stamps != StampClock::none) {
     const int num_restarts = clock_.num_restarts();
     const double stamp = frame.timestamp;
     if (!std::isfinite(stamp)) {
       ++num_from_past_;
       return false;
     }
-    const double earliest = clock_.add(stamp, arrival);
+    const double earliest = capture_time_of(stamp, arrival);
     if (clock_.num_restarts() > num_restarts) {
       note("has started its clock anew");
     } else if (has_last_ && !(stamp > last_stamp_)) {
@@ -185,12 +193,16 @@ std::string FrameIntake::closing_words() const {
   add(num_left_out_, "were left out for newer ones");
   add(num_from_past_, "were from the past");
   add(num_black_, "had no measurement");
-  if (!options_.has_time_stamps) {
+  if (options_.stamps == StampClock::none) {
     return text + "; it tells no times: a frame counts as captured when it arrives";
   }
+  const std::string late = number("%.1f", lateness_.summary().p99 * 1e-3) + " ms of ";
+  if (options_.stamps == StampClock::ours) {
+    return text + "; capture times are by this computer's clock; 99 % came within " + late +
+           "their capture";
+  }
   return text + "; capture times are from its clock, which drifts by " +
-         number("%+.0f", 1e6 * clock_.drift()) + " ppm; 99 % came within " +
-         number("%.1f", lateness_.summary().p99 * 1e-3) + " ms of the earliest";
+         number("%+.0f", 1e6 * clock_.drift()) + " ppm; 99 % came within " + late + "the earliest";
 }
 
 std::vector<std::string> FrameIntake::take_notes() {

@@ -19,10 +19,10 @@ namespace palpate {
 class FrameIntake {
  public:
   struct Options {
-    CameraModel pinhole;           ///< of the frames that come out
-    double rate = 30;              ///< frames per second
-    bool has_time_stamps = false;  ///< else a frame is captured when it arrives
-    double latency = 0;            ///< s, from the exposure to the time stamp, or to the arrival
+    CameraModel pinhole;                   ///< of the frames that come out
+    double rate = 30;                      ///< frames per second
+    StampClock stamps = StampClock::none;  ///< without, a frame is captured when it arrives
+    double latency = 0;  ///< s, from the exposure to the time stamp, or to the arrival
     std::string name;
   };
   explicit FrameIntake(const Options& options);
@@ -54,6 +54,7 @@ class FrameIntake {
     CameraModel model;
     double capture_time = 0;
   };
+  double capture_time_of(double stamp, double arrival);
   bool accept(const DepthFrame& frame, const CameraModel& model, double arrival, bool is_black);
   void note_change(const CameraModel& model, double unit);
   void note(std::string text);

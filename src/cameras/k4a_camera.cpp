@@ -3,23 +3,21 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <utility>
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/python_packages.h"
+#include "src/cameras/raw_frames.h"
 #include "src/core/monotonic_clock.h"
 #include "src/core/shared_library.h"
 
 namespace palpate {
 namespace {
 
-constexpr int kWaitMilliseconds = 100;
-constexpr double kLongestSilence = 2;  // s
-constexpr int kSucceeded = 0;          // of every call
-constexpr int kNone = 2;               // of a wait: time is over; of a recording: its end
-constexpr int kNarrowUnbinned = 2;     // depth mode: 640 x 576
+constexpr int kSucceeded = 0;       // of every call
+constexpr int kNone = 2;            // of a wait: time is over; of a recording: its end
+constexpr int kNarrowUnbinned = 2;  // depth mode: 640 x 576
 
 struct Handle;  // of a device, recording, capture or image
 
@@ -198,9 +196,7 @@ class K4aSource final : public DepthSource {
     const auto v = [&](int i) { return static_cast<double>(camera.intrinsic.v[i]); };
     info_.intrinsics = {v(2), v(3), v(0), v(1)};
     info_.distortion = {v(4), v(5), v(13), v(12), v(6), v(7), v(8), v(9)};
-    if (camera.width == info_.width || camera.width < 1 || camera.height < 1) return;
-    const CameraTruth scaled{info_.intrinsics, {}, {}, {camera.width, camera.height}};
-    info_.intrinsics = scaled.model_of(info_, info_.width, info_.height).intrinsics;
+    scale_camera({camera.width, camera.height}, info_);
   }
 
   /// The next depth image into `held_`; false at the end, or when cancelled.
@@ -228,18 +224,9 @@ class K4aSource final : public DepthSource {
   }
 
   void copy(DepthFrame& frame) {
-    frame.width = api_.width(held_);
-    frame.height = api_.height(held_);
     frame.unit = info_.unit;
     frame.timestamp = 1e-6 * static_cast<double>(api_.microseconds(held_));
-    const int stride = api_.stride(held_);
-    frame.pixels.resize(static_cast<std::size_t>(frame.width) *
-                        static_cast<std::size_t>(frame.height));
-    for (int v = 0; v < frame.height; ++v) {
-      std::memcpy(frame.pixels.data() + static_cast<std::ptrdiff_t>(v) * frame.width,
-                  api_.buffer(held_) + static_cast<std::ptrdiff_t>(v) * stride,
-                  2 * static_cast<std::size_t>(frame.width));
-    }
+    copy_rows(api_.buffer(held_), api_.stride(held_), api_.width(held_), api_.height(held_), frame);
   }
 
   const Api& api_;
@@ -251,16 +238,6 @@ class K4aSource final : public DepthSource {
   std::atomic<bool> is_cancelled_ = false;
 };
 
-/// The number that `k4a:1` names.
-std::optional<std::uint32_t> index_of(const std::string& target) {
-  if (target.empty()) return 0;
-  const bool is_number = target.size() < 4 && std::all_of(target.begin(), target.end(), [](char c) {
-                           return c >= '0' && c <= '9';
-                         });
-  if (!is_number) return {};
-  return static_cast<std::uint32_t>(std::stoul(target));
-}
-
 }  // namespace
 
 Result<RawStream> open_k4a_camera(const CameraUri& uri, const CameraOpening&) {
@@ -270,7 +247,7 @@ Result<RawStream> open_k4a_camera(const CameraUri& uri, const CameraOpening&) {
   if (is_file && !std::filesystem::is_regular_file(uri.target, ignored)) {
     return Error{Errc::not_found, "no such file: " + uri.target + "; check its name"};
   }
-  const auto index = index_of(uri.target);
+  const auto index = camera_number(uri.target);
   if (!is_file && !index) {
     return Error{Errc::invalid_argument,
                  "camera " + uri.text + ": give k4a, k4a:NUMBER or k4a:FILE.mkv"};
@@ -283,8 +260,8 @@ Result<RawStream> open_k4a_camera(const CameraUri& uri, const CameraOpening&) {
     if (loaded->open_file(uri.target.c_str(), &handle) != kSucceeded) {
       return Error{Errc::bad_input, uri.target + " cannot be played: it is no recording of libk4a"};
     }
-  } else if (loaded->device_count() <= *index ||
-             loaded->open_device(*index, &handle) != kSucceeded) {
+  } else if (const auto at = static_cast<std::uint32_t>(*index);
+             loaded->device_count() <= at || loaded->open_device(at, &handle) != kSucceeded) {
     return Error{Errc::not_found, loaded->path + " sees no camera of the number " +
                                       std::to_string(*index) +
                                       "; plug it in, and see that you may use it (udev rules of "
@@ -292,7 +269,7 @@ Result<RawStream> open_k4a_camera(const CameraUri& uri, const CameraOpening&) {
   }
   auto source = std::make_unique<K4aSource>(*loaded, handle, is_file);
   if (const Status status = source->open(uri); !status) return status.error();
-  return RawStream{std::move(source), true, true};
+  return RawStream{std::move(source)};
 }
 
 FoundCameras find_k4a_cameras() {
@@ -304,9 +281,7 @@ FoundCameras find_k4a_cameras() {
   }
   found.is_usable = true;
   found.library = loaded->path;
-  // The library tells no version; its file does.
-  const std::size_t at = loaded->path.rfind(".so.");
-  if (at != std::string::npos) found.version = loaded->path.substr(at + 4);
+  found.version = version_of_file(loaded->path);  // the library tells none
   const std::uint32_t num = loaded->device_count();
   for (std::uint32_t i = 0; i < num; ++i) found.devices.push_back("k4a:" + std::to_string(i));
   found.reason = num > 0 ? "Azure Kinect and Femto; recordings"

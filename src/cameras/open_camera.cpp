@@ -24,6 +24,9 @@ constexpr Kind kKinds[] = {
     {"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", open_realsense_camera,
      find_realsense_cameras},
     {"k4a", "k4a[:NUMBER|FILE.mkv]", open_k4a_camera, find_k4a_cameras},
+    {"freenect", "freenect[:NUMBER]", open_freenect_camera, find_freenect_cameras},
+    {"orbbec", "orbbec[:SERIAL]", open_orbbec_camera, find_orbbec_cameras},
+    {"v4l2", "v4l2[:/dev/videoN]?intrinsics=", open_v4l2_camera, find_v4l2_cameras},
     {"pipe", "pipe:[FILE|-]", open_pipe_camera, find_pipe_cameras},
 };
 

@@ -54,8 +54,13 @@ Result<Api> load() {
 
 }  // namespace
 
+LastingThread& caller() {
+  static LastingThread& thread = *new LastingThread;
+  return thread;
+}
+
 const Result<Api>& api() {
-  static const Result<Api> loaded = load();
+  static const Result<Api> loaded = caller().call([] { return load(); });
   return loaded;
 }
 

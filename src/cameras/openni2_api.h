@@ -5,6 +5,7 @@
 #include <string>
 
 #include "palpate/core/result.h"
+#include "src/core/lasting_thread.h"
 
 namespace palpate::openni2 {
 
@@ -66,7 +67,12 @@ struct Api {
   std::string path;  ///< of the library
 };
 
-/// Loads and initialises it, once. Errors: every place that was tried; what it says itself.
+/// Whoever calls the library does it here: it remembers every thread that has called it and asks
+/// the system later on whether that still exists, which is fatal if it does not.
+LastingThread& caller();
+
+/// Loads and initialises it, once. On the thread of `caller`. Errors: every place that was tried;
+/// what it says itself.
 const Result<Api>& api();
 
 }  // namespace palpate::openni2

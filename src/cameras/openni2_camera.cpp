@@ -7,18 +7,17 @@
 #include <cstring>
 #include <filesystem>
 #include <utility>
+#include <vector>
 
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/openni2_api.h"
+#include "src/cameras/raw_frames.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate {
 namespace {
 
 using namespace openni2;
-
-constexpr int kWaitMilliseconds = 100;
-constexpr double kLongestSilence = 2;  // s
 
 double unit_of(const VideoMode& mode) { return mode.format == kTenths ? 0.0001 : 0.001; }
 
@@ -27,9 +26,11 @@ class Openni2Source final : public DepthSource {
  public:
   Openni2Source(const Api& api, bool is_file) : api_(api), is_file_(is_file) {}
   ~Openni2Source() override {
-    if (is_started_) api_.stop(stream_);
-    if (stream_ != nullptr) api_.destroy_stream(stream_);
-    if (device_ != nullptr) api_.close(device_);
+    caller().call([&] {
+      if (is_started_) api_.stop(stream_);
+      if (stream_ != nullptr) api_.destroy_stream(stream_);
+      return device_ == nullptr ? kOk : api_.close(device_);
+    });
   }
 
   Status open(const CameraUri& uri, const std::string& device_uri) {
@@ -72,12 +73,7 @@ class Openni2Source final : public DepthSource {
   Result<bool> next(DepthFrame& frame) override {
     if (info_.num_frames && num_read_ == *info_.num_frames) return false;
     if (const auto got = wait(); !got || !*got) return got;
-    Frame* raw = nullptr;
-    if (api_.read(stream_, &raw) != kOk || raw == nullptr) return failed("gives no frame").error();
-    ++num_read_;
-    copy(*raw, frame);
-    api_.release(raw);
-    return true;
+    return caller().call([&] { return read(frame); });
   }
 
  private:
@@ -88,31 +84,28 @@ class Openni2Source final : public DepthSource {
     return Error{Errc::unavailable, info_.name + " " + what + (why.empty() ? "" : ": " + why)};
   }
 
-  /// The mode that is asked for, else the largest one up to 640 x 480, preferably at 30 Hz in mm.
+  /// Preferably in millimetres.
   Status choose_mode(const CameraUri& uri) {
     const SensorInfo* const sensor = api_.sensor_info(device_, kDepth);
     if (sensor == nullptr) return failed("tells no modes");
-    const VideoMode* best = nullptr;
-    const auto merit = [&](const VideoMode& mode) {
-      const bool is_usual = mode.width <= 640 && mode.height <= 480;
-      return std::array{is_usual ? mode.width * mode.height : -mode.width * mode.height,
-                        -std::abs(mode.rate - static_cast<int>(uri.rate.value_or(30))),
-                        mode.format == kMillimetres ? 1 : 0};
-    };
-    std::string all;
-    for (int i = 0; i < sensor->num_modes; ++i) {
-      const VideoMode& mode = sensor->modes[i];
-      if (mode.format != kMillimetres && mode.format != kTenths) continue;
-      all += (all.empty() ? "" : ", ") + std::to_string(mode.width) + "x" +
-             std::to_string(mode.height) + " at " + std::to_string(mode.rate) + " Hz";
-      if (uri.size && !(*uri.size == ImageSize{mode.width, mode.height})) continue;
-      if (best == nullptr || merit(mode) > merit(*best)) best = &mode;
+    std::vector<const VideoMode*> modes;
+    std::vector<ImageMode> choices;
+    for (const int format : {kMillimetres, kTenths}) {
+      for (int i = 0; i < sensor->num_modes; ++i) {
+        const VideoMode& mode = sensor->modes[i];
+        if (mode.format != format) continue;
+        modes.push_back(&mode);
+        choices.push_back({mode.width, mode.height, mode.rate});
+      }
     }
-    if (best == nullptr) {
+    const auto best = palpate::choose_mode(choices, uri, {640, 480});
+    if (!best) {
       return Error{Errc::invalid_argument,
-                   info_.name + " has no such mode; it has " + (all.empty() ? "none" : all)};
+                   info_.name + " has no such mode; it has " + listed(choices)};
     }
-    if (api_.set(stream_, kVideoMode, best, sizeof *best) != kOk) return failed("refuses its mode");
+    if (api_.set(stream_, kVideoMode, modes[*best], sizeof(VideoMode)) != kOk) {
+      return failed("refuses its mode");
+    }
     return Done{};
   }
 
@@ -135,15 +128,27 @@ class Openni2Source final : public DepthSource {
     crop_ = {crop_x, crop_y};
   }
 
+  Result<bool> read(DepthFrame& frame) {
+    Frame* raw = nullptr;
+    if (api_.read(stream_, &raw) != kOk || raw == nullptr) return failed("gives no frame").error();
+    ++num_read_;
+    copy(*raw, frame);
+    api_.release(raw);
+    return true;
+  }
+
   /// False when cancelled.
   Result<bool> wait() {
     if (is_file_) return !is_cancelled_;
     const double begin = monotonic_now();
     while (!is_cancelled_) {
       int index = 0;
-      const int status = api_.wait(&stream_, 1, &index, kWaitMilliseconds);
+      const int status =
+          caller().call([&] { return api_.wait(&stream_, 1, &index, kWaitMilliseconds); });
       if (status == kOk) return true;
-      if (status != kTimeOut) return failed("has been lost").error();
+      if (status != kTimeOut) {
+        return caller().call([&] { return failed("has been lost"); }).error();
+      }
       if (monotonic_now() - begin > kLongestSilence) {
         return Error{Errc::unavailable, info_.name + " sends no frames; check its cable"};
       }
@@ -158,18 +163,12 @@ class Openni2Source final : public DepthSource {
         std::memcmp(&raw.mode, &mode_, sizeof mode_) != 0) {
       set_image(raw.mode, raw.width, raw.height, crop[0], crop[1]);
     }
-    frame.width = raw.width;
-    frame.height = raw.height;
     frame.unit = unit_of(raw.mode);
     frame.timestamp = 1e-6 * static_cast<double>(raw.microseconds);
-    const auto width = static_cast<std::size_t>(raw.width);
-    const auto height = static_cast<std::size_t>(raw.height);
-    frame.pixels.resize(width * height);
-    for (std::size_t v = 0; v < height; ++v) {
-      const char* const from = static_cast<const char*>(raw.data) + v * std::size_t(raw.stride);
-      std::uint16_t* const to = frame.pixels.data() + v * width;
-      std::memcpy(to, from, 2 * width);
-      if (is_mirrored_ != 0) std::reverse(to, to + width);
+    copy_rows(raw.data, raw.stride, raw.width, raw.height, frame);
+    for (auto row = frame.pixels.begin(); is_mirrored_ != 0 && row != frame.pixels.end();
+         row += raw.width) {
+      std::reverse(row, row + raw.width);
     }
   }
 
@@ -197,12 +196,7 @@ std::vector<DeviceInfo> list_devices(const Api& api) {
   return all;
 }
 
-}  // namespace
-
-Result<RawStream> open_openni2_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras(); !status) return status.error();
-  const Result<Api>& loaded = api();
-  if (!loaded) return loaded.error();
+Result<RawStream> open_here(const Api& api, const CameraUri& uri) {
   std::error_code ignored;
   const bool is_file = uri.target.ends_with(".oni");
   std::string device = uri.target;
@@ -210,21 +204,30 @@ Result<RawStream> open_openni2_camera(const CameraUri& uri, const CameraOpening&
     return Error{Errc::not_found, "no such file: " + uri.target + "; check its name"};
   }
   if (!is_file) {
-    const auto devices = list_devices(*loaded);
+    const auto devices = list_devices(api);
     const auto found = std::find_if(devices.begin(), devices.end(), [&](const DeviceInfo& each) {
       return uri.target.empty() || std::string_view(each.uri).find(uri.target) != std::string::npos;
     });
     if (found == devices.end()) {
       return Error{Errc::not_found,
-                   loaded->path + " sees no camera" +
+                   api.path + " sees no camera" +
                        (uri.target.empty() ? "" : " called " + uri.target) +
                        "; plug it in, and see that you may use it (udev rules of OpenNI2)"};
     }
     device = found->uri;
   }
-  auto source = std::make_unique<Openni2Source>(*loaded, is_file);
+  auto source = std::make_unique<Openni2Source>(api, is_file);
   if (const Status status = source->open(uri, device); !status) return status.error();
-  return RawStream{std::move(source), true, true};
+  return RawStream{std::move(source)};
+}
+
+}  // namespace
+
+Result<RawStream> open_openni2_camera(const CameraUri& uri, const CameraOpening&) {
+  if (const Status status = uri.check_extras(); !status) return status.error();
+  const Result<Api>& loaded = api();
+  if (!loaded) return loaded.error();
+  return caller().call([&] { return open_here(*loaded, uri); });
 }
 
 FoundCameras find_openni2_cameras() {
@@ -234,12 +237,12 @@ FoundCameras find_openni2_cameras() {
     found.reason = loaded.error().message;
     return found;
   }
-  const Version version = loaded->version();
+  const Version version = caller().call([&] { return loaded->version(); });
   found.is_usable = true;
   found.library = loaded->path;
   found.version = std::to_string(version.major) + "." + std::to_string(version.minor) + "." +
                   std::to_string(version.maintenance) + "." + std::to_string(version.build);
-  for (const DeviceInfo& device : list_devices(*loaded)) {
+  for (const DeviceInfo& device : caller().call([&] { return list_devices(*loaded); })) {
     found.devices.push_back("openni2:" + std::string(device.uri));
   }
   found.reason = found.devices.empty() ? "no camera is plugged in; .oni files can be played"

@@ -241,7 +241,8 @@ Result<RawStream> open_pipe_camera(const CameraUri& uri, const CameraOpening& op
   auto source = std::make_unique<PipeSource>(std::move(input->descriptor), info, input->is_fifo);
   if (const Status begun = source->begin(uri.size.has_value()); !begun) return begun.error();
   const bool has_time_stamps = source->has_time_stamps();
-  return RawStream{std::move(source), has_time_stamps, false};
+  return RawStream{std::move(source), has_time_stamps ? StampClock::cameras : StampClock::none,
+                   false};
 }
 
 FoundCameras find_pipe_cameras() {

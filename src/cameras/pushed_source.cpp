@@ -13,7 +13,7 @@ class Pushed final : public PushedSource {
         truth_{{}, {}, {}, {info.width, info.height}},
         intake_({{info.width, info.height, info.intrinsics, {}},
                  info.rate,
-                 options.has_time_stamps,
+                 options.has_time_stamps ? StampClock::cameras : StampClock::none,
                  options.latency,
                  info.name.empty() ? "the pushed camera" : info.name}),
         raw_info_(info) {

@@ -1,14 +1,13 @@
 // RealSense cameras and their recordings (.db3, .bag) by librealsense2.
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
-#include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <utility>
+#include <vector>
 
 #include "src/cameras/camera_kinds.h"
+#include "src/cameras/raw_frames.h"
 #include "src/cameras/realsense_api.h"
 #include "src/core/monotonic_clock.h"
 
@@ -17,8 +16,6 @@ namespace {
 
 using namespace realsense;
 
-constexpr unsigned kWaitMilliseconds = 100;
-constexpr double kLongestSilence = 2;  // s
 constexpr int kQueueCapacity = 4;
 
 /// The library tells errors through a last argument.
@@ -35,11 +32,6 @@ class Check {
  private:
   const Api& api_;
   Failure* error_ = nullptr;
-};
-
-struct Mode {
-  const Profile* profile = nullptr;
-  int width = 0, height = 0, rate = 0;
 };
 
 class RealsenseSource final : public DepthSource {
@@ -61,20 +53,20 @@ class RealsenseSource final : public DepthSource {
     info_.name = uri.target.empty() ? "realsense" : "realsense:" + uri.target;
     info_.is_live = file_.empty();
     if (!file_.empty()) api_.set_real_time(device_, 0, Check(api_));
-    std::string all;
-    const Mode mode = choose_mode(uri, all);
-    if (mode.profile == nullptr) {
+    ImageMode mode;
+    const Profile* const profile = choose_profile(uri, mode);
+    if (profile == nullptr) {
       return Error{Errc::invalid_argument,
-                   info_.name + " has no such depth mode; it has " + (all.empty() ? "none" : all)};
+                   info_.name + " has no such depth mode; it has " + listed(all_modes_)};
     }
-    set_image(mode.profile, mode.width, mode.height);
+    set_image(profile, mode.width, mode.height);
     info_.rate = uri.rate.value_or(mode.rate > 0 ? mode.rate : 30);
     Check check(api_);
     if (api_.supports_option(sensor_, kEmitter, Check(api_)) != 0 && info_.is_live) {
       api_.set_option(sensor_, kEmitter, 1, Check(api_));
     }
     queue_ = api_.create_queue(kQueueCapacity, check);
-    if (check.is_fine()) api_.open(sensor_, mode.profile, check);
+    if (check.is_fine()) api_.open(sensor_, profile, check);
     is_open_ = check.is_fine();
     if (check.is_fine()) api_.start(sensor_, queue_, check);
     is_started_ = check.is_fine();
@@ -91,7 +83,7 @@ class RealsenseSource final : public DepthSource {
     const double begin = monotonic_now();
     while (!is_cancelled_) {
       Frame* raw = nullptr;
-      const int got = api_.wait(queue_, kWaitMilliseconds, &raw, Check(api_));
+      const int got = api_.wait(queue_, unsigned{kWaitMilliseconds}, &raw, Check(api_));
       if (got != 0 && raw != nullptr) {
         const Status copied = copy(raw, frame);
         api_.release(raw);
@@ -110,38 +102,35 @@ class RealsenseSource final : public DepthSource {
   }
 
  private:
-  /// Of the sensor with depth, which becomes `sensor_`: the mode that is asked for, else the
-  /// largest one up to 848 x 480, preferably at 30 Hz.
-  Mode choose_mode(const CameraUri& uri, std::string& all) {
-    Mode best;
-    const auto merit = [&](const Mode& mode) {
-      const bool is_usual = mode.width <= 848 && mode.height <= 480;
-      return std::array{is_usual ? mode.width * mode.height : -mode.width * mode.height,
-                        -std::abs(mode.rate - static_cast<int>(uri.rate.value_or(30)))};
-    };
+  /// Of the sensor with depth, which becomes `sensor_`. Null: there is no such mode.
+  const Profile* choose_profile(const CameraUri& uri, ImageMode& chosen) {
+    const Profile* best = nullptr;
     SensorList* const sensors = api_.query_sensors(device_, Check(api_));
     const int num = sensors == nullptr ? 0 : api_.sensor_count(sensors, Check(api_));
-    for (int i = 0; i < num && best.profile == nullptr; ++i) {
+    for (int i = 0; i < num && best == nullptr; ++i) {
       Sensor* const sensor = api_.create_sensor(sensors, i, Check(api_));
       ProfileList* const profiles =
           sensor == nullptr ? nullptr : api_.profiles(sensor, Check(api_));
+      std::vector<const Profile*> depth;
+      std::vector<ImageMode> modes;
       const int count = profiles == nullptr ? 0 : api_.profile_count(profiles, Check(api_));
       for (int k = 0; k < count; ++k) {
-        Mode mode;
-        mode.profile = api_.profile(profiles, k, Check(api_));
+        const Profile* const profile = api_.profile(profiles, k, Check(api_));
+        ImageMode mode;
         int stream = 0, format = 0, index = 0, id = 0;
-        api_.profile_data(mode.profile, &stream, &format, &index, &id, &mode.rate, Check(api_));
+        api_.profile_data(profile, &stream, &format, &index, &id, &mode.rate, Check(api_));
         if (stream != kDepthStream || format != kZ16) continue;
         CameraIntrinsics camera{};
-        api_.intrinsics(mode.profile, &camera, Check(api_));
+        api_.intrinsics(profile, &camera, Check(api_));
         mode.width = camera.width;
         mode.height = camera.height;
-        all += (all.empty() ? "" : ", ") + std::to_string(mode.width) + "x" +
-               std::to_string(mode.height) + " at " + std::to_string(mode.rate) + " Hz";
-        if (uri.size && !(*uri.size == ImageSize{mode.width, mode.height})) continue;
-        if (best.profile == nullptr || merit(mode) > merit(best)) best = mode;
+        depth.push_back(profile);
+        modes.push_back(mode);
+        all_modes_.push_back(mode);
       }
-      if (best.profile != nullptr) {
+      if (const auto found = choose_mode(modes, uri, {848, 480})) {
+        best = depth[*found];
+        chosen = modes[*found];
         sensor_ = sensor;
         profiles_ = profiles;
         continue;
@@ -181,8 +170,6 @@ class RealsenseSource final : public DepthSource {
     if (width != info_.width || height != info_.height) {
       set_image(api_.frame_profile(raw, Check(api_)), width, height);
     }
-    frame.width = width;
-    frame.height = height;
     frame.timestamp = 1e-3 * api_.milliseconds(raw, Check(api_));
     Check has_unit(api_);
     const float unit = api_.unit(raw, has_unit);
@@ -191,12 +178,7 @@ class RealsenseSource final : public DepthSource {
       info_.unit = std::round(static_cast<double>(unit) * 1e9) * 1e-9;
     }
     frame.unit = info_.unit;
-    frame.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-    for (int v = 0; v < height; ++v) {
-      std::memcpy(frame.pixels.data() + static_cast<std::ptrdiff_t>(v) * width,
-                  static_cast<const char*>(data) + static_cast<std::ptrdiff_t>(v) * stride,
-                  2 * static_cast<std::size_t>(width));
-    }
+    copy_rows(data, stride, width, height, frame);
     return Done{};
   }
 
@@ -205,6 +187,7 @@ class RealsenseSource final : public DepthSource {
   const std::string file_;  // empty: a camera
   Sensor* sensor_ = nullptr;
   ProfileList* profiles_ = nullptr;
+  std::vector<ImageMode> all_modes_;
   Queue* queue_ = nullptr;
   DepthStreamInfo info_;
   bool is_open_ = false, is_started_ = false;
@@ -270,7 +253,7 @@ Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpenin
   }
   auto source = realsense::open_device(device, uri, is_file ? uri.target : "");
   if (!source) return source.error();
-  return RawStream{*std::move(source), true, true};
+  return RawStream{*std::move(source)};
 }
 
 FoundCameras find_realsense_cameras() {
@@ -282,9 +265,7 @@ FoundCameras find_realsense_cameras() {
   }
   found.is_usable = true;
   found.library = loaded->path;
-  const int version = loaded->version_number;
-  found.version = std::to_string(version / 10000) + "." + std::to_string(version / 100 % 100) +
-                  "." + std::to_string(version % 100);
+  found.version = dotted_version(loaded->version_number);
   for_each_device(*loaded, [&](const Device* device) {
     found.devices.push_back("realsense:" + info_of(*loaded, device, kSerial));
     return false;

@@ -48,6 +48,12 @@ std::vector<std::string> library_files(const std::string& folder, std::string_vi
   return files;
 }
 
+std::string version_of_file(std::string_view path) {
+  constexpr std::string_view kMark = ".so.";
+  const std::size_t at = path.rfind(kMark);
+  return at == std::string_view::npos ? "" : std::string(path.substr(at + kMark.size()));
+}
+
 std::string environment(const char* variable) {
   const char* value = std::getenv(variable);
   return value == nullptr ? "" : value;

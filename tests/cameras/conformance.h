@@ -51,9 +51,13 @@ inline void expect_recording(const OpenSource& open, int num, int width, int hei
   EXPECT_TRUE(end && !*end);
 }
 
+/// What image of a number a camera sends.
+using PixelsOf = std::function<std::vector<std::uint16_t>(int width, int height, int number)>;
+
 /// A camera that sends the pattern: each frame that is taken is exact to the count and newer than
 /// the one before, in number and time; a cancelled `next` returns.
-inline void expect_camera(const OpenSource& open, int num, int width, int height) {
+inline void expect_camera(const OpenSource& open, int num, int width, int height,
+                          const PixelsOf& sent = pattern) {
   auto source = open();
   ASSERT_TRUE(source) << source.error().message;
   const DepthStreamInfo& info = (*source)->info();
@@ -69,7 +73,7 @@ inline void expect_camera(const OpenSource& open, int num, int width, int height
     ASSERT_TRUE(got) << k << ": " << got.error().message;
     ASSERT_TRUE(*got);
     int number = last_number + 1;
-    while (number < last_number + 4000 && frame.pixels != pattern(width, height, number)) ++number;
+    while (number < last_number + 4000 && frame.pixels != sent(width, height, number)) ++number;
     EXPECT_LT(number, last_number + 4000) << "no frame that was sent";
     EXPECT_GT(frame.timestamp, last);
     last = frame.timestamp;
@@ -83,19 +87,6 @@ inline void expect_camera(const OpenSource& open, int num, int width, int height
   }
   other.join();
   EXPECT_FALSE(*(*source)->next(frame));
-}
-
-/// Memory after so many frames is that after the first tenth of them, give or take 4 MB.
-inline void expect_no_growth(DepthSource& source, int num) {
-  DepthFrame frame;
-  std::int64_t before = 0;
-  for (int k = 0; k < num; ++k) {
-    const auto got = source.next(frame);
-    ASSERT_TRUE(got) << got.error().message;
-    ASSERT_TRUE(*got) << k;
-    if (k == num / 10) before = resident_bytes();
-  }
-  EXPECT_LT(resident_bytes(), before + (4 << 20));
 }
 
 /// Calls `next` until `is_done`, at most so many times.
@@ -113,6 +104,62 @@ inline std::string all_notes(DepthSource& source) {
   std::string all;
   for (const std::string& note : source.take_notes()) all += note + "\n";
   return all;
+}
+
+/// Lost while `trouble` is on, told, and back with newer frames when it is off again.
+inline void expect_outlives(const OpenSource& open, const std::function<void(bool)>& trouble,
+                            double seconds) {
+  const auto camera = open();
+  ASSERT_TRUE(camera) << camera.error().message;
+  DepthFrame frame;
+  ASSERT_TRUE(*(*camera)->next(frame));
+  trouble(true);
+  std::atomic<bool> is_over = false;
+  double last = frame.timestamp;
+  std::thread other([&] {
+    sleep_seconds(seconds);
+    is_over = true;
+    trouble(false);
+  });
+  EXPECT_TRUE(next_until(**camera, frame, [&] {
+    EXPECT_GT(frame.timestamp, last);
+    last = frame.timestamp;
+    return is_over.load();
+  }));
+  other.join();
+  EXPECT_TRUE(*(*camera)->next(frame));
+  EXPECT_GT(frame.timestamp, last);
+  const std::string notes = all_notes(**camera);
+  EXPECT_NE(notes.find("was lost"), std::string::npos) << notes;
+  EXPECT_NE(notes.find("is back"), std::string::npos) << notes;
+}
+/// Meanwhile nobody else can open it.
+inline void expect_outlives_unplugging(const OpenSource& open,
+                                       const std::function<void(bool)>& plug) {
+  const auto unplug = [&](bool is_out) {
+    plug(!is_out);
+    if (is_out) {
+      EXPECT_FALSE(open());
+    }
+  };
+  expect_outlives(open, unplug, 4);
+}
+inline void expect_outlives_a_stall(const OpenSource& open,
+                                    const std::function<void(bool)>& stall) {
+  expect_outlives(open, stall, 3.5);
+}
+
+/// Memory after so many frames is that after the first tenth of them, give or take 4 MB.
+inline void expect_no_growth(DepthSource& source, int num) {
+  DepthFrame frame;
+  std::int64_t before = 0;
+  for (int k = 0; k < num; ++k) {
+    const auto got = source.next(frame);
+    ASSERT_TRUE(got) << got.error().message;
+    ASSERT_TRUE(*got) << k;
+    if (k == num / 10) before = resident_bytes();
+  }
+  EXPECT_LT(resident_bytes(), before + (4 << 20));
 }
 
 }  // namespace palpate::test

@@ -30,9 +30,9 @@ bool has(const std::string& text, const std::string& words) {
 }
 
 std::unique_ptr<DepthSource> live(ScriptedCamera::Script script, OpenRaw again = {},
-                                  const char* uri = "test", bool has_time_stamps = false) {
+                                  const char* uri = "test", StampClock stamps = StampClock::none) {
   RawStream raw{std::make_unique<ScriptedCamera>(stream_info(kWidth, kHeight), std::move(script)),
-                has_time_stamps, true};
+                stamps};
   return make_live(std::move(raw), std::move(again), parse_camera_uri(uri).value()).value();
 }
 
@@ -95,8 +95,8 @@ TEST(LiveCamera, ComesBackAfterItWasUnplugged) {
   };
   const OpenRaw again = [&]() -> Result<RawStream> {
     if (++num_opened < 3) return Error{Errc::not_found, "no camera"};
-    return RawStream{std::make_unique<ScriptedCamera>(stream_info(kWidth, kHeight), script), false,
-                     true};
+    return RawStream{std::make_unique<ScriptedCamera>(stream_info(kWidth, kHeight), script),
+                     StampClock::none};
   };
   const auto camera = live(script, again);
   DepthFrame frame;
@@ -199,7 +199,7 @@ TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {
         if (is_black) frame.pixels.assign(frame.pixels.size(), number % 2 == 0 ? 0 : 65535);
         return got;
       },
-      {}, "test?rate=100", true);
+      {}, "test?rate=100", StampClock::cameras);
   DepthFrame frame;
   for (int k = 0; k < 30; ++k) {
     ASSERT_TRUE(*camera->next(frame));
@@ -225,7 +225,7 @@ TEST(LiveCamera, CountsWhatIsMissingAndDeclaresLatency) {
         sent = monotonic_now();
         return got;
       },
-      {}, "test?rate=100&latency=0.5", true);
+      {}, "test?rate=100&latency=0.5", StampClock::cameras);
   DepthFrame frame;
   int num = 0;
   while (num < 1000 && test::number_of(frame, 20) != 19) {

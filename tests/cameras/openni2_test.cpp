@@ -120,36 +120,22 @@ TEST_F(Openni2, ItsRecordingsConform) {
   std::filesystem::remove(file);
 }
 
-TEST_F(Openni2, ComesBackAfterItWasUnplugged) {
-  const auto camera = open_camera("openni2?size=64x48").value();
-  DepthFrame frame;
-  ASSERT_TRUE(*camera->next(frame));
-  control_->plug(false);
-  EXPECT_NE(open_camera("openni2").error().message.find("no camera"), std::string::npos);
-  std::thread other([&] {
-    test::sleep_seconds(4);
-    control_->plug(true);
-  });
-  EXPECT_TRUE(test::next_until(*camera, frame, [&] { return control_->is_plugged.load(); }));
-  other.join();
-  EXPECT_TRUE(*camera->next(frame));
-  const std::string notes = test::all_notes(*camera);
-  EXPECT_NE(notes.find("was lost"), std::string::npos) << notes;
-  EXPECT_NE(notes.find("is back"), std::string::npos) << notes;
+TEST_F(Openni2, CanBeOpenedAgainWhenTheThreadThatReadItIsGone) {
+  for (int round = 0; round < 3; ++round) {
+    const auto camera = open_camera("openni2?size=64x48").value();
+    DepthFrame frame;
+    ASSERT_TRUE(*camera->next(frame));
+    // The system keeps the memory of threads that have ended for new ones, up to some amount.
+    std::vector<std::thread> others;
+    for (int k = 0; k < 16; ++k) others.emplace_back([] { test::sleep_seconds(0.02); });
+    for (std::thread& other : others) other.join();
+  }
 }
 
-TEST_F(Openni2, AStalledCameraIsOpenedAgain) {
-  const auto camera = open_camera("openni2?size=64x48").value();
-  DepthFrame frame;
-  ASSERT_TRUE(*camera->next(frame));
-  control_->is_stalled = true;
-  std::thread other([&] {
-    test::sleep_seconds(3.5);
-    control_->is_stalled = false;
-  });
-  EXPECT_TRUE(test::next_until(*camera, frame, [&] { return !control_->is_stalled; }));
-  other.join();
-  EXPECT_NE(test::all_notes(*camera).find("sends no frames"), std::string::npos);
+TEST_F(Openni2, OutlivesBeingUnpluggedAndAStall) {
+  const auto open = [] { return open_camera("openni2?size=64x48"); };
+  test::expect_outlives_unplugging(open, [](bool is_plugged) { control_->plug(is_plugged); });
+  test::expect_outlives_a_stall(open, [](bool is_stalled) { control_->is_stalled = is_stalled; });
 }
 
 TEST_F(Openni2, AnotherImageSizeIsFollowed) {

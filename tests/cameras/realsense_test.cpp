@@ -183,7 +183,7 @@ Result<std::unique_ptr<DepthSource>> open_live(SoftwareCamera& software) {
   const CameraUri uri = parse_camera_uri("realsense").value();
   auto raw = realsense::open_device(software.hand_over(), uri, "");
   if (!raw) return raw.error();
-  return make_live({*std::move(raw), true, true}, {}, uri);
+  return make_live({*std::move(raw)}, {}, uri);
 }
 
 TEST_F(Realsense, ACameraConforms) {

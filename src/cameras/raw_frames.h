@@ -1,0 +1,39 @@
+// What cameras of all makers have in common: modes to choose from, rows to copy, how long to wait.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+
+#include "palpate/cameras/camera_uri.h"
+#include "palpate/cloud/depth_source.h"
+
+namespace palpate {
+
+inline constexpr int kWaitMilliseconds = 100;  // so often is asked whether somebody has cancelled
+inline constexpr double kLongestSilence = 2;   // s without a frame, then a camera is lost
+
+struct ImageMode {
+  int width = 0, height = 0;
+  int rate = 0;  ///< Hz
+};
+/// Which of them: of the size that is asked for, else the largest one up to `usual`; of these the
+/// rate nearest to what is asked for, else to 30 Hz; the first one of equals. None: no such size.
+std::optional<std::size_t> choose_mode(std::span<const ImageMode> modes, const CameraUri& uri,
+                                       ImageSize usual);
+/// "640x480 at 30 Hz, ..."; "none" without any.
+std::string listed(std::span<const ImageMode> modes);
+
+/// An image whose rows begin every `stride` bytes.
+void copy_rows(const void* data, std::ptrdiff_t stride, int width, int height, DepthFrame& frame);
+
+/// Intrinsics and distortion that are of the size `of`, for the size that `info` has.
+void scale_camera(ImageSize of, DepthStreamInfo& info);
+
+/// The number in "1", at most three digits; 0 of an empty text.
+std::optional<int> camera_number(const std::string& target);
+
+/// "2.59.1" of 25901.
+std::string dotted_version(int number);
+
+}  // namespace palpate

@@ -1,0 +1,42 @@
+// A thread that ends with the program, for libraries that remember the threads which have called
+// them.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+namespace palpate {
+
+/// Does what it is told, one thing after the other; from itself at once. It lives in memory that is
+/// never freed:
+///
+///   static LastingThread& reader = *new LastingThread;
+///   const int status = reader.call([&] { return library_wait(stream); });
+class LastingThread {
+ public:
+  LastingThread();
+
+  /// Waits for what others have asked for, and then for the answer.
+  template <class Work>
+  auto call(const Work& work) {
+    std::optional<decltype(work())> answer;
+    run([&] { answer.emplace(work()); });
+    return *std::move(answer);
+  }
+
+ private:
+  void run(std::function<void()> work);
+  void serve();
+
+  std::mutex one_at_a_time_;
+  std::mutex mutex_;  // of what follows
+  std::condition_variable changed_;
+  std::function<void()> work_;  // empty: done
+  bool has_thread_ = false;
+  std::thread::id id_;
+};
+
+}  // namespace palpate

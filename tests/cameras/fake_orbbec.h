@@ -1,0 +1,15 @@
+// How a test controls the cameras of the emulated Orbbec SDK.
+#pragma once
+
+#include <atomic>
+
+namespace palpate::test {
+
+struct FakeOrbbec {
+  std::atomic<bool> is_plugged = true, is_stalled = false, is_busy = false;
+  std::atomic<int> width = 64, height = 48, microseconds = 5000;
+  std::atomic<float> millimetres = 0.1f;
+  std::atomic<int> num_objects = 0;  ///< that nobody has deleted
+};
+
+}  // namespace palpate::test
