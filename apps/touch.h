@@ -9,6 +9,7 @@
 
 #include "apps/objects.h"
 #include "apps/options.h"
+#include "palpate/cameras/camera_uri.h"
 #include "palpate/io/trajectory_file.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/view_server.h"
@@ -32,19 +33,16 @@ enum class PathFrame {
 constexpr auto names_of(PathFrame) { return std::array{"world", "base"}; }
 
 struct TouchOptions {
-  std::string tool, depth_sequence, scene, path, output;
-  std::vector<std::string> cameras;  ///< as open_camera takes them
-  CameraOptions camera;
-  double depth_rate = 30;
-  bool noise = true;
-  std::uint64_t seed = 1;
+  std::string tool, path, output;
+  CameraUri camera;  ///< without a kind: the one that is there
   RunSettings settings;
   bool has_kind = false, has_base = false, has_tool_in_hand = false;  ///< somebody gave them
   Status settings_read = Done{};                                      ///< of --settings
   std::vector<ObjectOption> objects;
   std::optional<double> duration;
-  ProbeAim aim;        ///< of a path that is not given
-  std::string device;  ///< empty: the tool follows a path on a simulated clock
+  ProbeAim aim;  ///< of a path that is not given
+  std::string
+      device;  ///< empty: the tool follows a path on a simulated clock; "auto": what is there
   Align align = Align::automatic;
   PathFrame path_frame = PathFrame::world;
   int num_spheres = 0;  ///< 0: all
@@ -66,6 +64,9 @@ struct TouchInput {
   std::optional<double> frame_zero;  ///< on that of the frames; none: with the first one
   double time_origin = 0;            ///< of wrench.csv: when the run begins
 };
+
+/// Finds camera and device, if they are not named. Errors: none, or several.
+Status find_what_is_there(TouchOptions& options);
 
 /// Opens frames and path, makes up the path if there is none, and sets their clocks. Errors: what
 /// cannot be read; clocks that have nothing in common.

@@ -6,8 +6,8 @@
 
 #include "apps/held_frames.h"
 #include "apps/touch.h"
+#include "apps/what_is_there.h"
 #include "palpate/cameras/open_camera.h"
-#include "palpate/io/depth_files.h"
 #include "scenes/scene.h"
 
 namespace palpate::apps {
@@ -18,40 +18,15 @@ bool counts_from_1970(double time) { return time > 1e8; }
 
 bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_T; }
 
-Result<std::unique_ptr<DepthSource>> open_sequence(const TouchOptions& options) {
-  DepthFolderOptions folder;
-  folder.intrinsics = *options.camera.intrinsics;
-  folder.unit = options.camera.unit;
-  folder.rate = options.depth_rate;
-  return open_depth_folder(options.depth_sequence, folder);
-}
-
-/// `duration`: of the stream, nullopt for the scene's.
-Result<std::unique_ptr<DepthSource>> open_scene(const TouchOptions& options,
-                                                std::optional<double> duration) {
-  auto scene = scenes::make_scene(options.scene);
-  if (!scene) return scene.error();
-  scenes::SimulatedCameraOptions camera;
-  camera.noise.enabled = options.noise;
-  camera.seed = options.seed;
-  camera.unit = options.noise ? 0.001 : 0.0001;
-  camera.duration = duration;
-  return scenes::open_simulated_camera(*std::move(scene), camera);
-}
-
 /// The frames that people ask for. `duration`: of simulated ones, nullopt for the scene's.
 Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                                                  std::optional<double> duration) {
-  if (!options.cameras.empty()) {
-    return open_camera(options.cameras.front(), {!options.device.empty(), duration});
-  }
-  return options.depth_sequence.empty() ? open_scene(options, duration) : open_sequence(options);
+  return open_camera(options.camera, {!options.device.empty(), duration});
 }
 
 /// What cannot be opened once more from its first frame: cameras and pipes.
 bool comes_once(const TouchOptions& options, const DepthStreamInfo& stream) {
-  return stream.is_live ||
-         (!options.cameras.empty() && options.cameras.front().starts_with("pipe"));
+  return stream.is_live || options.camera.kind == "pipe";
 }
 
 /// Makes up the path.
@@ -102,9 +77,7 @@ Status add_path_of_scene(const std::string& name, TouchInput& input) {
 
 /// Empty unless the frames are of a scene, which may have a path of its own.
 std::string scene_name(const TouchOptions& options) {
-  if (options.cameras.empty()) return options.scene;
-  const auto uri = parse_camera_uri(options.cameras.front());
-  return uri && uri->kind == "scene" ? uri->target : "";
+  return options.camera.kind == "scene" ? options.camera.target : "";
 }
 
 /// The path that is given, or is led by; else one that is made up.
@@ -193,6 +166,22 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
 }
 
 }  // namespace
+
+Status find_what_is_there(TouchOptions& options) {
+  if (options.camera.kind.empty()) {
+    const auto camera = the_camera_that_is_there();
+    if (!camera) return camera.error();
+    options.camera = *camera;
+    std::cerr << "palpate: note: taking the camera " << camera->text << "\n";
+  }
+  if (options.device == "auto") {
+    const auto device = the_device_that_is_there();
+    if (!device) return device.error();
+    options.device = *device;
+    std::cerr << "palpate: note: taking the device " << *device << "\n";
+  }
+  return Done{};
+}
 
 Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool) {
   TouchInput input;

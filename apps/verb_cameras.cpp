@@ -27,6 +27,7 @@ Status run(bool json) {
                       {"library", found.library},
                       {"version", found.version},
                       {"devices", found.devices},
+                      {"live", found.is_live},
                       {"reason", found.reason},
                       {"usage", found.usage}});
       continue;
@@ -90,12 +91,13 @@ Status try_camera(const std::string& uri) {
 
 /// Every camera that is there, or those that are named; all of them, whatever one says.
 Status self_test(std::vector<std::string> uris) {
+  const bool is_all = uris.empty();
   std::cout << "palpate " PALPATE_VERSION "\n";
   for (const FoundCameras& found : find_cameras()) {
     if (!found.library.empty()) {
       std::cout << found.kind << ": " << found.library << ", version " << found.version << "\n";
     }
-    if (!found.library.empty() && uris.empty()) {
+    if (found.is_live && is_all) {
       uris.insert(uris.end(), found.devices.begin(), found.devices.end());
     }
   }

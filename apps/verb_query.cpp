@@ -13,6 +13,7 @@
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
+#include "palpate/cameras/open_camera.h"
 #include "palpate/contact/body_world.h"
 #include "palpate/io/depth_files.h"
 #include "palpate/io/trajectory_file.h"
@@ -24,7 +25,7 @@ namespace palpate::apps {
 namespace {
 
 struct Options {
-  std::string tool, cloud, depth, pose, poses;
+  std::string tool, cloud, depth, stream, pose, poses;
   CameraOptions camera;
   RunSettings settings;
   std::vector<ObjectOption> objects;
@@ -58,6 +59,24 @@ struct FrozenCloud {
 
 void warn(const std::string& message) { std::cerr << "palpate: warning: " << message << '\n'; }
 
+Result<DepthFrame> read_image(const Options& options) {
+  return std::filesystem::path(options.depth).extension() == ".pcd"
+             ? load_depth_pcd(options.depth, options.camera.unit)
+             : load_depth_png(options.depth, options.camera.unit);
+}
+
+Result<DepthFrame> first_frame(const std::string& stream, Intrinsics& intrinsics) {
+  const auto source = open_camera(stream);
+  if (!source) return source.error();
+  DepthFrame frame;
+  const auto got = (*source)->next(frame);
+  for (const std::string& note : (*source)->take_notes()) warn(note);
+  if (!got) return got.error();
+  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
+  intrinsics = (*source)->info().intrinsics;
+  return frame;
+}
+
 Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
   FrozenCloud result;
   if (!options.cloud.empty()) {
@@ -73,12 +92,12 @@ Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
     }
     return result;
   }
-  const auto frame = std::filesystem::path(options.depth).extension() == ".pcd"
-                         ? load_depth_pcd(options.depth, options.camera.unit)
-                         : load_depth_png(options.depth, options.camera.unit);
+  Intrinsics intrinsics = options.camera.intrinsics.value_or(Intrinsics{});
+  const auto frame =
+      options.stream.empty() ? read_image(options) : first_frame(options.stream, intrinsics);
   if (!frame) return frame.error();
-  auto surface = SurfaceEstimator::create(frame->width, frame->height, *options.camera.intrinsics,
-                                          options.settings.surface);
+  auto surface =
+      SurfaceEstimator::create(frame->width, frame->height, intrinsics, options.settings.surface);
   if (!surface) return surface.error();
   const SurfaceStats stats = surface->update(*frame, pool);
   result.num_usable = static_cast<std::size_t>(stats.num_points);
@@ -90,7 +109,7 @@ Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
                       ? "0 of %zu pixels are usable (%g to %g m); check --depth-unit"
                       : "0 of %zu pixels have a normal (%g to %g m); the image is too sparse",
                   frame->pixels.size(), limits.min_depth, limits.max_depth);
-    warn(options.depth + ": " + text);
+    warn(options.depth + options.stream + ": " + text);
   }
   result.surface = *std::move(surface);
   return result;
@@ -253,8 +272,11 @@ void check(Options& options) {
   if (const auto method = contact_method(options.settings.contact); !method) {
     usage_error("--" + method.error().message);
   }
-  if (options.cloud.empty() == options.depth.empty()) {
-    usage_error("query: give one of --cloud and --depth");
+  if (int(options.cloud.empty()) + int(options.depth.empty()) + int(options.stream.empty()) != 2) {
+    usage_error("query: give one of --cloud, --depth and --camera");
+  }
+  if (!options.stream.empty() && options.camera.intrinsics) {
+    usage_error("query: --intrinsics goes with --depth; a camera takes ?intrinsics=");
   }
   if (!options.depth.empty() && !options.camera.intrinsics) {
     usage_error("query: --depth needs --intrinsics fx,fy,cx,cy");
@@ -288,6 +310,9 @@ void add_query(CLI::App& program, Action& action) {
   app.add_option("--depth", options->depth, "16-bit depth image (PNG; or an organised PCD)")
       ->type_name("FILE");
   add_camera_options(app, options->camera);
+  app.add_option("--camera", options->stream,
+                 "the first frame of a depth stream, as palpate touch takes it")
+      ->type_name("URI");
   app.add_option("--pose", options->pose, "tool in the camera frame")
       ->type_name("'tx ty tz qx qy qz qw'");
   app.add_option("--poses", options->poses, "many poses: lines 't tx ty tz qx qy qz qw'")

@@ -7,12 +7,11 @@
 #include <sstream>
 
 #include "apps/page.h"
+#include "apps/sources.h"
 #include "apps/touch.h"
 #include "apps/verbs.h"
-#include "palpate/cameras/camera_uri.h"
 #include "palpate/session/run.h"
 #include "palpate/session/settings_file.h"
-#include "scenes/scene.h"
 #include "src/session/internal/run_folder.h"
 
 namespace palpate::apps {
@@ -24,11 +23,10 @@ bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_
 
 /// A run must not replace what it reads.
 Status check_inputs(const Options& options) {
-  std::vector<std::string> inputs{options.tool, options.depth_sequence, options.path};
-  for (const std::string& camera : options.cameras) {
-    const auto uri = parse_camera_uri(camera);
-    std::error_code ignored;
-    if (uri && std::filesystem::exists(uri->target, ignored)) inputs.push_back(uri->target);
+  std::vector<std::string> inputs{options.tool, options.path};
+  std::error_code ignored;
+  if (std::filesystem::exists(options.camera.target, ignored)) {
+    inputs.push_back(options.camera.target);
   }
   if (options.is_replay()) inputs.push_back(options.device.substr(7));
   for (const ObjectOption& object : options.objects) inputs.push_back(object.file);
@@ -64,6 +62,7 @@ Status run(const Options& given) {
   if (!given.settings_read) return given.settings_read;
   if (const Status status = check_inputs(given); !status) return status;
   Options options = given;
+  if (const Status status = find_what_is_there(options); !status) return status;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
   if (!tool) return tool.error();
@@ -218,34 +217,6 @@ void check(const Options& options) {
   if (const auto method = contact_method(options.settings.contact); !method) {
     usage_error("--" + method.error().message);
   }
-  const int num_sources = int(!options.depth_sequence.empty()) + int(!options.scene.empty()) +
-                          int(!options.cameras.empty());
-  if (num_sources != 1) usage_error("touch: give one of --camera, --depth-sequence and --scene");
-  if (options.cameras.size() > 1) {
-    usage_error("touch: several cameras cannot be joined yet: give one --camera");
-  }
-  for (const std::string& camera : options.cameras) {
-    if (const auto uri = parse_camera_uri(camera); !uri) usage_error("--" + uri.error().message);
-  }
-  if (!options.cameras.empty() && options.camera.intrinsics) {
-    usage_error("touch: --intrinsics goes with --depth-sequence; a camera takes ?intrinsics=");
-  }
-  if (!options.depth_sequence.empty() && !options.camera.intrinsics) {
-    usage_error("touch: --depth-sequence needs --intrinsics fx,fy,cx,cy");
-  }
-  if (options.scene.empty()) {
-    if (!options.noise) usage_error("touch: --no-noise goes with --scene");
-    return;
-  }
-  std::string names;
-  bool known = false;
-  for (const std::string& name : scenes::scene_names()) {
-    names += (names.empty() ? "" : ", ") + name;
-    known = known || name == options.scene;
-  }
-  if (!known) {
-    usage_error("touch: there is no scene '" + options.scene + "'; choose one of " + names);
-  }
 }
 
 /// The hand, and what is between it and the tool.
@@ -254,8 +225,10 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   app.add_option("--device", options->device,
                  "run live with the tool in the hand: sim[:MODEL], replay:FILE, spacenav, "
                  "haply[:URL], forcedimension, openhaptics, vrpn:NAME@HOST; palpate devices tells "
-                 "what is there; without it the tool follows the path on a simulated clock")
+                 "what is there; --device alone takes the one that is; without it the tool follows "
+                 "the path on a simulated clock")
       ->type_name("DEVICE")
+      ->expected(0, 1)
       ->group(group);
   // Read when it is met, so that all other options win over the file.
   app.add_option_function<std::string>(
@@ -302,25 +275,8 @@ void add_touch(CLI::App& program, Action& action) {
   app.add_option("-o,--output", options->output, "folder of the run: new, empty or an earlier run")
       ->required()
       ->type_name("RUN");
-  app.add_option("--camera", options->cameras,
-                 "depth stream, KIND[:TARGET][?NAME=VALUE&...], e.g. 'folder:frames/?intrinsics="
-                 "525,525,319.5,239.5' or 'pipe:-?size=640x480&intrinsics=...'; palpate cameras "
-                 "tells the kinds")
-      ->type_name("URI");
-  app.add_option("--depth-sequence", options->depth_sequence,
-                 "folder of 16-bit PNGs, with depth.txt of time stamps or in name order")
-      ->type_name("DIR");
-  add_camera_options(app, options->camera);
-  add_number(app, "--depth-rate", options->depth_rate, {0.01, 10000, "Hz"},
-             "frames per second without time stamps");
-  std::string names;
-  for (const std::string& name : scenes::scene_names()) names += (names.empty() ? "" : ", ") + name;
-  app.add_option("--scene", options->scene,
-                 "simulated camera: " + names + "; palpate scenes tells more")
-      ->type_name("NAME");
-  app.add_flag_callback(
-      "--no-noise", [options] { options->noise = false; }, "a perfect simulated camera");
-  add_seed_option(app, options->seed, "of the simulated noise");
+  const auto source = std::make_shared<SourceOptions>();
+  add_source_options(app, *source);
   add_path_options(app, *options);
   app.add_option("--duration", options->duration, "seconds; default: until path or frames end")
       ->check(CLI::Range(1e-3, 86400.0));
@@ -344,7 +300,9 @@ void add_touch(CLI::App& program, Action& action) {
       "Example: palpate touch drill.palp --scene sphere-out-480 --device sim --duration 4 -o "
       "live1\n"
       "Example: palpate touch --print-settings > haptics.toml");
-  app.callback([options, &app, &action] {
+  app.callback([options, source, &app, &action] {
+    options->camera = camera_of(*source, "touch");
+    if (app.count("--device") > 0 && options->device.empty()) options->device = "auto";
     note_given(app, *options);
     check_motion(app, *options);
     check_view(app, *options);

@@ -53,6 +53,7 @@ SHARED_PRIVATE = {
     "src/core/shared_library.h": ("devices", "cameras"),
     "src/core/thread_rank.h": ("run", "viewer"),
     "src/io/cdr.h": ("session", "cameras"),
+    "src/io/ros_image.h": ("session", "cameras"),
     "src/io/text_scanner.h": ("cameras",),
     "src/pages/page_files.h": ("viewer",),
     "src/pages/report_page.h": ("session",),

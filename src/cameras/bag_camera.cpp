@@ -9,6 +9,7 @@
 #include "src/cameras/raw_frames.h"
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
+#include "src/io/ros_image.h"
 
 namespace palpate {
 namespace {

@@ -1,4 +1,4 @@
-// Depth images and camera models as ROS 2 sends them (CDR, little-endian).
+// Compressed depth images and camera models as ROS 2 sends them (CDR, little-endian).
 #pragma once
 
 #include <optional>
@@ -8,9 +8,6 @@
 
 namespace palpate {
 
-/// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (m, in counts of `unit`). DepthFrame::timestamp is the
-/// header's. Errors: another encoding, a damaged message.
-Result<DepthFrame> read_depth_image(std::string_view message, double unit);
 /// sensor_msgs/CompressedImage of the transport compressedDepth: PNG of 16UC1 or 32FC1. Errors:
 /// another format, a damaged image.
 Result<DepthFrame> read_compressed_depth(std::string_view message, double unit);

@@ -260,7 +260,7 @@ Result<RawStream> open_freenect_camera(const CameraUri& uri, const CameraOpening
 }
 
 FoundCameras find_freenect_cameras() {
-  FoundCameras found{"freenect", "freenect[:NUMBER]", false, "", "", {}, ""};
+  FoundCameras found{"freenect", "freenect[:NUMBER]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
   if (!loaded) {
     found.reason = loaded.error().message;

@@ -273,7 +273,7 @@ Result<RawStream> open_k4a_camera(const CameraUri& uri, const CameraOpening&) {
 }
 
 FoundCameras find_k4a_cameras() {
-  FoundCameras found{"k4a", "k4a[:NUMBER|FILE.mkv]", false, "", "", {}, ""};
+  FoundCameras found{"k4a", "k4a[:NUMBER|FILE.mkv]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
   if (!loaded) {
     found.reason = loaded.error().message;

@@ -52,19 +52,24 @@ std::vector<FoundCameras> find_cameras() {
 
 Result<std::unique_ptr<DepthSource>> open_camera(std::string_view text,
                                                  const CameraOpening& opening) {
-  keep_libraries_quiet();
   const auto uri = parse_camera_uri(text);
   if (!uri) return uri.error();
-  const auto kind = std::ranges::find(kKinds, std::string_view(uri->kind), &Kind::name);
-  if (kind == std::end(kKinds)) return no_such_kind(*uri);
-  auto raw = kind->open(*uri, opening);
+  return open_camera(*uri, opening);
+}
+
+Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
+                                                 const CameraOpening& opening) {
+  keep_libraries_quiet();
+  const auto kind = std::ranges::find(kKinds, std::string_view(uri.kind), &Kind::name);
+  if (kind == std::end(kKinds)) return no_such_kind(uri);
+  auto raw = kind->open(uri, opening);
   if (!raw) return raw.error();
-  if (!raw->source->info().is_live) return make_rectified(std::move(raw->source), *uri);
+  if (!raw->source->info().is_live) return make_rectified(std::move(raw->source), uri);
   OpenRaw again;
   if (raw->can_come_back) {
-    again = [open = &kind->open, uri = *uri, opening] { return open(uri, opening); };
+    again = [open = &kind->open, uri, opening] { return open(uri, opening); };
   }
-  return make_live(*std::move(raw), std::move(again), *uri);
+  return make_live(*std::move(raw), std::move(again), uri);
 }
 
 }  // namespace palpate

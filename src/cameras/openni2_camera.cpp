@@ -231,7 +231,7 @@ Result<RawStream> open_openni2_camera(const CameraUri& uri, const CameraOpening&
 }
 
 FoundCameras find_openni2_cameras() {
-  FoundCameras found{"openni2", "openni2[:NAME|FILE.oni]", false, "", "", {}, ""};
+  FoundCameras found{"openni2", "openni2[:NAME|FILE.oni]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
   if (!loaded) {
     found.reason = loaded.error().message;

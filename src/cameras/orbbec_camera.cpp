@@ -212,7 +212,7 @@ Result<RawStream> open_orbbec_camera(const CameraUri& uri, const CameraOpening&)
 }
 
 FoundCameras find_orbbec_cameras() {
-  FoundCameras found{"orbbec", "orbbec[:SERIAL]", false, "", "", {}, ""};
+  FoundCameras found{"orbbec", "orbbec[:SERIAL]", false, "", "", {}, "", true};
   const Result<Api>& loaded = api();
   if (!loaded) {
     found.reason = loaded.error().message;

@@ -257,7 +257,8 @@ Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpenin
 }
 
 FoundCameras find_realsense_cameras() {
-  FoundCameras found{"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", false, "", "", {}, ""};
+  FoundCameras found{"realsense", "realsense[:SERIAL|FILE.db3|FILE.bag]", false, "", "", {}, "",
+                     true};
   const Result<Api>& loaded = api();
   if (!loaded) {
     found.reason = loaded.error().message;

@@ -111,32 +111,6 @@ std::string image_message(const RosHeader& header, const DepthFrame& frame) {
   return to.take();
 }
 
-Result<DepthFrame> read_image(std::string_view message) {
-  CdrReader from(message);
-  from.number<std::int32_t>();
-  from.number<std::uint32_t>();
-  from.text();
-  DepthFrame frame;
-  frame.height = static_cast<int>(from.number<std::uint32_t>());
-  frame.width = static_cast<int>(from.number<std::uint32_t>());
-  const std::string_view encoding = from.text();
-  const bool is_big = from.number<std::uint8_t>() != 0;
-  const auto step = from.number<std::uint32_t>();
-  const std::string_view data = from.bytes();
-  const bool is_sound = from.is_good() && encoding == "16UC1" && !is_big && frame.width > 0 &&
-                        frame.height > 0 && frame.width <= kMaxImageWidth &&
-                        frame.height <= kMaxImageHeight &&
-                        step == 2 * static_cast<std::uint32_t>(frame.width) &&
-                        data.size() == std::size_t{step} * static_cast<std::size_t>(frame.height);
-  if (!is_sound) {
-    return Error{Errc::bad_input,
-                 "a depth image of the recording is damaged; record the run again"};
-  }
-  frame.pixels.resize(data.size() / 2);
-  std::memcpy(frame.pixels.data(), data.data(), data.size());
-  return frame;
-}
-
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream) {
   const auto& [fx, fy, cx, cy] = stream.intrinsics;
   CdrWriter to;

@@ -25,11 +25,8 @@ struct RosHeader {
   std::string_view frame;
 };
 
-/// 16UC1: counts as they were measured.
+/// 16UC1: counts as they were measured. read_depth_image of io/ros_image.h reads it.
 std::string image_message(const RosHeader& header, const DepthFrame& frame);
-/// The counts of such an image; everything else is in palpate_msgs/Frame. Error: not such a
-/// message.
-Result<DepthFrame> read_image(std::string_view message);
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream);
 /// sensor_msgs/PointCloud2 with float32 x, y, z in the camera frame, m: the measured pixels of
 /// every n-th row and column, so that there are at most kMostRecordedPoints.

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "palpate/io/tool_file.h"
+#include "src/io/ros_image.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/ros_messages.h"
 
@@ -158,8 +159,8 @@ Result<std::optional<RecordedDepth>> FrameJoiner::take(std::string_view topic,
     if (!record) return record.error();
     record_ = *record;
   } else if (topic == kDepthTopic && record_) {
-    auto frame = read_image(message);
-    if (!frame) return frame.error();
+    auto frame = read_depth_image(message, record_->unit);
+    if (!frame) return Error{Errc::bad_input, frame.error().message + "; record the run again"};
     frame->unit = record_->unit;
     frame->timestamp = record_->source_time;
     return std::optional(RecordedDepth{*std::exchange(record_, std::nullopt), *std::move(frame)});

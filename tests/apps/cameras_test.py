@@ -97,7 +97,6 @@ class Cameras(unittest.TestCase):
 
     def test_wrong_usage(self):
         touch = ["touch", self.tool, "-o", self.run_folder()]
-        self.refused("give one of --camera", *touch, status=2)
         self.refused("give one of --camera", *touch, "--camera", "pipe:-", "--scene", "hand",
                      status=2)
         self.refused("several cameras", *touch, "--camera", "scene:hand", "--camera", "scene:hand",
@@ -112,6 +111,84 @@ class Cameras(unittest.TestCase):
         self.refused("holds no frame", *touch, "--camera",
                      f"pipe:-?size=160x120&intrinsics={INTRINSICS}", input=b"")
         self.assertFalse(self.run_folder().exists())
+
+    @staticmethod
+    def no_libraries(**more):
+        """An environment in which no library of a maker can be loaded."""
+        folder = Cameras.folder / "no_libraries"
+        folder.mkdir(exist_ok=True)
+        for name in ("libOpenNI2.so.0", "libOpenNI2.so", "librealsense2.so", "librealsense2.so.2",
+                     "libk4a.so", "libk4a.so.1.4", "libk4a.so.1.3", "libfreenect.so.0.5",
+                     "libfreenect.so.0", "libfreenect.so", "libOrbbecSDK.so", "libOrbbecSDK.so.2"):
+            (folder / name).write_bytes(b"no library")
+        return {"PATH": os.environ["PATH"], "HOME": str(folder), "LD_LIBRARY_PATH": str(folder),
+                **more}
+
+    def test_missing_libraries_are_told_with_what_was_tried(self):
+        environment = self.no_libraries(FREENECT_LIBRARY="/nowhere/libfreenect.so")
+        found = {each["kind"]: each for each in json.loads(self.check(
+            palpate("cameras", "--json", env=environment)).stdout)}
+        for kind, words in {"openni2": ("libOpenNI2.so.0", "install libopenni2-0"),
+                            "realsense": ("librealsense2.so", "pip install pyrealsense2"),
+                            "k4a": ("libk4a.so", "pip install pyk4a-bundle"),
+                            "freenect": ("/nowhere/libfreenect.so", "install libfreenect0.5"),
+                            "orbbec": ("libOrbbecSDK.so", "pip install pyorbbecsdk2")}.items():
+            each = found[kind]
+            if each["usable"] and each["library"].startswith("/usr"):
+                continue  # as a Python package of the machine
+            self.assertFalse(each["usable"], each)
+            for word in words:
+                self.assertIn(word, each["reason"])
+            self.refused(words[0], "record", "--camera", kind, "-o", self.folder / "never.mcap",
+                         env=environment)
+
+    def test_nobody_names_a_source(self):
+        touch = ["touch", self.tool, "-o", self.run_folder()]
+        environment = self.no_libraries()
+        self.refused("no camera is plugged in", *touch, env=environment)
+        self.refused("no haptic device is there", *touch, "--scene", "wall", "--device",
+                     env=environment)
+        self.assertFalse(self.run_folder().exists())
+
+    def test_the_camera_that_is_there_is_taken(self):
+        redist = pathlib.Path(PALPATE).parent.parent / "tests/cameras/openni2"
+        if not (redist / "OpenNI2/Drivers/libPalpate.so.0").exists():
+            self.skipTest("there is no libopenni2-dev; scripts/setup.sh --test installs it")
+        raw = self.folder / "plugged.raw"
+        raw.write_bytes(struct.pack("<640H", *(600 + (u - 320) ** 2 // 4000 for u in range(640)))
+                        * 480)
+        run = self.run_folder()
+        environment = self.no_libraries(OPENNI2_REDIST=str(redist), PALPATE_FAKE_OPENNI2=str(raw))
+        done = self.check(palpate("touch", self.tool, "--device", "sim", "--duration", 2, "--set",
+                                  "loop.real_time=false", "-o", run, env=environment))
+        self.assertIn(b"taking the camera openni2:fake:0", done.stderr)
+        summary = self.summary(run)
+        self.assertEqual((summary["stream"]["width"], summary["stream"]["rate"]), (640, 30))
+        self.assertGreater(summary["peaks"]["volume_m3"], 0)
+        said = self.check(palpate("cameras", "--selftest", env=environment)).stdout.decode()
+        self.assertIn("openni2:fake:0: 640 x 480 at 30 Hz", said)
+
+    def test_a_query_takes_the_first_frame_of_a_stream(self):
+        query = ["query", self.tool, "--pose", "0 0 0.49 0 0 0 1", "--json"]
+        frames = self.folder / "query"
+        frames.mkdir()
+        import cli_test
+        cli_test.write_depth_png(frames / "0.png", WIDTH, HEIGHT,
+                                 lambda u, v: 500 + (u - 80) ** 2 // 400 + v % 2)
+        raw = self.folder / "query.raw"
+        raw.write_bytes(wall(0) + wall(1))
+
+        def volume(*source):
+            return json.loads(self.check(palpate(*query, *source)).stdout)["results"][0]["volume"]
+
+        of_image = volume("--depth", frames / "0.png", "--intrinsics", INTRINSICS)
+        self.assertGreater(of_image, 0)
+        self.assertEqual(volume("--camera", f"pipe:{raw}?size=160x120&intrinsics={INTRINSICS}"),
+                         of_image)
+        self.assertEqual(volume("--camera", f"folder:{frames}?intrinsics={INTRINSICS}"), of_image)
+        self.refused("give one of --cloud, --depth and --camera", *query, "--camera", "scene:wall",
+                     "--depth", frames / "0.png", "--intrinsics", INTRINSICS, status=2)
+        self.refused("there is no scene", *query, "--camera", "scene:nowhere")
 
     def test_a_scene_is_the_same_by_both_names(self):
         a, b = self.folder / "scene_a", self.folder / "scene_b"

@@ -1,10 +1,14 @@
 // A driver that the real OpenNI2 loads: one depth camera whose every pixel is known. The test in
-// the same process plugs it in and out, stalls it and changes its image.
+// the same process plugs it in and out, stalls it and changes its image. In other processes it can
+// send the frames of a file, as a camera does: see `Recording`.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <thread>
+#include <vector>
 
 #define XN_NEW(type, arg) new type(arg)
 #define XN_DELETE(object) delete object
@@ -19,6 +23,32 @@ using palpate::test::FakeOpenni2;
 
 FakeOpenni2 control;
 constexpr float kAcross = 1.0145f, kDown = 0.7898f;
+
+/// PALPATE_FAKE_OPENNI2=FILE: raw frames of 640 x 480 pixels of 16 bits, sent again and again,
+/// thirty a second by the clock.
+class Recording {
+ public:
+  static const Recording& get() {
+    static const Recording recording;
+    return recording;
+  }
+  bool is_there() const { return !frames_.empty(); }
+  const std::vector<std::uint16_t>& frame(int number) const {
+    return frames_[static_cast<std::size_t>(number) % frames_.size()];
+  }
+
+ private:
+  Recording() {
+    const char* const name = std::getenv("PALPATE_FAKE_OPENNI2");
+    std::ifstream file(name == nullptr ? "" : name, std::ios::binary);
+    std::vector<std::uint16_t> frame(640 * 480);
+    while (file.read(reinterpret_cast<char*>(frame.data()),
+                     static_cast<std::streamsize>(2 * frame.size()))) {
+      frames_.push_back(frame);
+    }
+  }
+  std::vector<std::vector<std::uint16_t>> frames_;
+};
 
 class Stream : public oni::driver::StreamBase {
  public:
@@ -103,8 +133,14 @@ class Stream : public oni::driver::StreamBase {
   }
 
   void run() {
+    using Clock = std::chrono::steady_clock;
+    const Recording& recording = Recording::get();
+    auto next = Clock::now();
     for (int number = 0; is_running_;) {
-      if (control.microseconds > 0) {
+      if (recording.is_there()) {
+        next += std::chrono::nanoseconds(33333333);
+        std::this_thread::sleep_until(next);
+      } else if (control.microseconds > 0) {
         std::this_thread::sleep_for(std::chrono::microseconds(control.microseconds));
       }
       if (control.is_stalled || !control.is_plugged || number == control.num_frames) {
@@ -113,7 +149,9 @@ class Stream : public oni::driver::StreamBase {
       }
       OniFrame* const frame = getServices().acquireFrame();
       if (frame == nullptr) continue;
-      auto pixels = palpate::test::pattern(control.width, control.height, number);
+      auto pixels = recording.is_there()
+                        ? recording.frame(number)
+                        : palpate::test::pattern(control.width, control.height, number);
       for (auto row = pixels.begin(); is_mirrored_ != 0 && row != pixels.end();
            row += control.width) {
         std::reverse(row, row + control.width);

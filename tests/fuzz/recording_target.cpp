@@ -1,5 +1,6 @@
 // Recordings: MCAP files, and the messages in them. The first byte says what the rest is.
 #include "src/io/internal/mcap_file.h"
+#include "src/io/ros_image.h"
 #include "src/session/ros_messages.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_reader.h"
@@ -91,7 +92,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case kContact: round_trip(message, read_contact, contact_message); break;
     case kTick: round_trip(message, read_tick, tick_message); break;
     case kNote: round_trip(message, read_note, note_message); break;
-    case kImage: (void)read_image(message); break;
+    case kImage: (void)read_depth_image(message, 0.001); break;
     default: break;
   }
   return 0;

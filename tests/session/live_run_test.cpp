@@ -17,6 +17,7 @@
 
 #include "src/io/internal/atomic_file.h"
 #include "src/io/internal/mcap_file.h"
+#include "src/io/ros_image.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/ros_messages.h"
 #include "src/session/run_messages.h"
@@ -105,13 +106,13 @@ TEST(RunMessages, DepthFramesAreImages) {
   DepthFrame frame;
   ASSERT_TRUE(*stream.next(frame));
   const std::string image = image_message({1'500'000'007, "camera"}, frame);
-  const auto back = read_image(image);
+  const auto back = read_depth_image(image, frame.unit);
   ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(back->pixels, frame.pixels);
   EXPECT_EQ(back->width, frame.width);
   for (const std::size_t size :
        {std::size_t(0), std::size_t(3), image.size() / 2, image.size() - 1})
-    EXPECT_FALSE(read_image(image.substr(0, size))) << size;
+    EXPECT_FALSE(read_depth_image(image.substr(0, size), frame.unit)) << size;
 }
 
 TEST(RunMessages, PointsOfLargeImagesAreThinned) {

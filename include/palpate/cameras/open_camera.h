@@ -20,6 +20,8 @@ struct FoundCameras {
   std::string library, version;      ///< of the vendor, if there is one and it was found
   std::vector<std::string> devices;  ///< what to give to open_camera
   std::string reason;                ///< what it is, or every place that was tried and what to do
+  /// Its devices are cameras that are plugged in and can be opened by their names alone.
+  bool is_live = false;
 };
 /// Asks every kind; takes a few seconds at most. Never fails, starts no camera.
 std::vector<FoundCameras> find_cameras();
@@ -37,6 +39,8 @@ struct CameraOpening {
 /// kind or target; the library of the vendor is missing, with every place that was tried; nothing
 /// says what the intrinsics are.
 Result<std::unique_ptr<DepthSource>> open_camera(std::string_view uri,
+                                                 const CameraOpening& opening = {});
+Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
                                                  const CameraOpening& opening = {});
 
 }  // namespace palpate

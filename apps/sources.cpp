@@ -1,0 +1,86 @@
+#include "apps/sources.h"
+
+#include <algorithm>
+
+#include "scenes/scene.h"
+
+namespace palpate::apps {
+namespace {
+
+std::string scene_names() {
+  std::string names;
+  for (const std::string& name : scenes::scene_names()) names += (names.empty() ? "" : ", ") + name;
+  return names;
+}
+
+CameraUri camera_of_sequence(const SourceOptions& options) {
+  CameraUri uri;
+  uri.kind = "folder";
+  uri.target = options.depth_sequence;
+  uri.text = "folder:" + uri.target;
+  uri.intrinsics = options.camera.intrinsics;
+  uri.unit = options.camera.unit;
+  uri.rate = options.rate;
+  return uri;
+}
+
+CameraUri camera_of_scene(const SourceOptions& options) {
+  CameraUri uri;
+  uri.kind = "scene";
+  uri.target = options.scene;
+  uri.text = "scene:" + uri.target;
+  uri.extras["noise"] = options.noise ? "on" : "off";
+  uri.extras["seed"] = std::to_string(options.seed);
+  return uri;
+}
+
+}  // namespace
+
+void add_source_options(CLI::App& app, SourceOptions& options) {
+  app.add_option("--camera", options.cameras,
+                 "depth stream, KIND[:TARGET][?NAME=VALUE&...], e.g. 'folder:frames/?intrinsics="
+                 "525,525,319.5,239.5' or 'pipe:-?size=640x480&intrinsics=...'; palpate cameras "
+                 "tells the kinds; without any source the camera that is plugged in")
+      ->type_name("URI");
+  app.add_option("--depth-sequence", options.depth_sequence,
+                 "folder of 16-bit PNGs, with depth.txt of time stamps or in name order")
+      ->type_name("DIR");
+  add_camera_options(app, options.camera);
+  add_number(app, "--depth-rate", options.rate, {0.01, 10000, "Hz"},
+             "frames per second without time stamps");
+  app.add_option("--scene", options.scene,
+                 "simulated camera: " + scene_names() + "; palpate scenes tells more")
+      ->type_name("NAME");
+  app.add_flag_callback(
+      "--no-noise", [&options] { options.noise = false; }, "a perfect simulated camera");
+  add_seed_option(app, options.seed, "of the simulated noise");
+}
+
+CameraUri camera_of(const SourceOptions& options, const std::string& verb) {
+  const auto refuse = [&](const std::string& why) { usage_error(verb + ": " + why); };
+  const int num_sources = int(!options.depth_sequence.empty()) + int(!options.scene.empty()) +
+                          int(!options.cameras.empty());
+  if (num_sources > 1) refuse("give one of --camera, --depth-sequence and --scene");
+  if (options.cameras.size() > 1) refuse("several cameras cannot be joined yet: give one --camera");
+  if (options.depth_sequence.empty() && options.camera.intrinsics) {
+    refuse("--intrinsics goes with --depth-sequence; a camera takes ?intrinsics=");
+  }
+  if (options.scene.empty() && !options.noise) refuse("--no-noise goes with --scene");
+  if (!options.depth_sequence.empty()) {
+    if (!options.camera.intrinsics) refuse("--depth-sequence needs --intrinsics fx,fy,cx,cy");
+    return camera_of_sequence(options);
+  }
+  if (!options.scene.empty()) {
+    const auto known = scenes::scene_names();
+    if (std::ranges::find(known, options.scene) == known.end()) {
+      refuse("there is no scene '" + options.scene + "'; choose one of " + scene_names());
+    }
+    return camera_of_scene(options);
+  }
+  if (options.cameras.empty()) return {};
+  const auto uri = parse_camera_uri(options.cameras.front());
+  if (!uri) usage_error("--" + uri.error().message);
+  return *uri;
+}
+
+}  // namespace palpate::apps

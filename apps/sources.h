@@ -1,0 +1,27 @@
+// The options that say where depth frames come from.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apps/options.h"
+#include "palpate/cameras/camera_uri.h"
+
+namespace palpate::apps {
+
+/// --camera, and what is shorter for the commonest ones.
+struct SourceOptions {
+  std::vector<std::string> cameras;  ///< as open_camera takes them
+  std::string depth_sequence, scene;
+  CameraOptions camera;  ///< of the sequence
+  double rate = 30;      ///< of the sequence, Hz
+  bool noise = true;     ///< of the scene
+  std::uint64_t seed = 1;
+};
+void add_source_options(CLI::App& app, SourceOptions& options);
+
+/// What they name, all in the one way that open_camera takes; without a kind: nothing. Wrong usage:
+/// more than one, or what does not go with it. `verb` is for messages.
+CameraUri camera_of(const SourceOptions& options, const std::string& verb);
+
+}  // namespace palpate::apps

@@ -1,0 +1,63 @@
+#include "apps/what_is_there.h"
+
+#include <vector>
+
+#include "palpate/cameras/open_camera.h"
+#include "palpate/devices/open_device.h"
+
+namespace palpate::apps {
+namespace {
+
+std::string joined(const std::vector<std::string>& names, const char* between) {
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : between) + name;
+  return all;
+}
+
+}  // namespace
+
+Result<CameraUri> the_camera_that_is_there() {
+  // Without their intrinsics the kernel's cameras cannot be opened, and most are those of a
+  // library.
+  std::vector<std::string> cameras, of_kernel, without_library;
+  for (const FoundCameras& found : find_cameras()) {
+    auto& devices = found.is_live ? cameras : of_kernel;
+    if (found.is_live && !found.is_usable) without_library.push_back(found.kind);
+    if (!found.is_live && found.kind != "v4l2") continue;
+    devices.insert(devices.end(), found.devices.begin(), found.devices.end());
+  }
+  if (cameras.size() == 1) return parse_camera_uri(cameras.front());
+  if (!cameras.empty()) {
+    return Error{Errc::invalid_argument,
+                 "there are several cameras: give one --camera of " + joined(cameras, ", ")};
+  }
+  std::string text = "no source is named, and no camera is plugged in";
+  if (!without_library.empty()) {
+    text += " that could be seen without the libraries for " + joined(without_library, ", ");
+  }
+  if (!of_kernel.empty()) {
+    text += "; give --camera '" + of_kernel.front() + "?intrinsics=fx,fy,cx,cy'";
+  }
+  return Error{Errc::not_found,
+               text +
+                   "; palpate cameras says what was tried; without a camera give --scene NAME, "
+                   "--depth-sequence DIR or --camera URI"};
+}
+
+Result<std::string> the_device_that_is_there() {
+  std::vector<std::string> devices;
+  for (const FoundDevice& found : find_devices()) {
+    const bool is_played = found.kind == "sim" || found.kind == "replay";
+    if (found.is_usable && !is_played) devices.push_back(found.uri);
+  }
+  if (devices.size() == 1) return devices.front();
+  if (!devices.empty()) {
+    return Error{Errc::invalid_argument,
+                 "there are several haptic devices: give one --device of " + joined(devices, ", ")};
+  }
+  return Error{Errc::not_found,
+               "no haptic device is there; palpate devices says what was tried; without one give "
+               "--device sim"};
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,16 @@
+// What is taken when nobody names a camera or a device.
+#pragma once
+
+#include <string>
+
+#include "palpate/cameras/camera_uri.h"
+#include "palpate/core/result.h"
+
+namespace palpate::apps {
+
+/// The one depth camera that is plugged in. Errors: there is none, or several, which are named.
+Result<CameraUri> the_camera_that_is_there();
+/// The one haptic device that is there, other than simulated ones. Errors: as above.
+Result<std::string> the_device_that_is_there();
+
+}  // namespace palpate::apps

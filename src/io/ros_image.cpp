@@ -1,0 +1,83 @@
+#include "src/io/ros_image.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <string>
+
+#include "src/io/cdr.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMillimetre = 0.001;
+
+Error damaged() { return {Errc::bad_input, "a depth image is damaged"}; }
+
+/// Of rows that may be longer than their pixels, in either byte order.
+template <class Number>
+Number value_at(std::string_view data, std::size_t at, bool is_big) {
+  std::array<char, sizeof(Number)> bytes;
+  std::memcpy(bytes.data(), data.data() + at, sizeof(Number));
+  if (is_big) std::reverse(bytes.begin(), bytes.end());
+  Number value;
+  std::memcpy(&value, bytes.data(), sizeof value);
+  return value;
+}
+
+}  // namespace
+
+double read_ros_header(CdrReader& from) {
+  const auto seconds = from.number<std::int32_t>();
+  const auto nanoseconds = from.number<std::uint32_t>();
+  from.text();
+  return seconds + 1e-9 * nanoseconds;
+}
+
+std::uint16_t count_of(double metres, double unit) {
+  const double count = std::floor(metres / unit + 0.5);
+  return count >= 1 && count < 65535 ? static_cast<std::uint16_t>(count) : std::uint16_t{0};
+}
+
+Result<DepthFrame> read_depth_image(std::string_view message, double unit) {
+  CdrReader from(message);
+  DepthFrame frame;
+  frame.timestamp = read_ros_header(from);
+  const auto height = from.number<std::uint32_t>(), width = from.number<std::uint32_t>();
+  const std::string_view encoding = from.text();
+  const bool is_big = from.number<std::uint8_t>() != 0;
+  const std::size_t step = from.number<std::uint32_t>();
+  const std::string_view data = from.bytes();
+  if (!from.is_good()) return damaged();
+  const bool is_count = encoding == "16UC1" || encoding == "mono16";
+  if (!is_count && encoding != "32FC1") {
+    return Error{Errc::bad_input, "an image is of the encoding '" +
+                                      std::string(encoding.substr(0, 40)) +
+                                      "'; depth is 16UC1 or 32FC1"};
+  }
+  const std::size_t bytes = is_count ? 2 : 4;
+  if (width < 1 || height < 1 || width > kMaxImageWidth || height > kMaxImageHeight ||
+      step < bytes * width || data.size() < step * (height - 1) + bytes * width) {
+    return damaged();
+  }
+  frame.width = static_cast<int>(width);
+  frame.height = static_cast<int>(height);
+  frame.unit = is_count ? kMillimetre : unit;
+  frame.pixels.resize(std::size_t{width} * height);
+  for (std::size_t v = 0; v < height; ++v) {
+    std::uint16_t* const row = frame.pixels.data() + v * width;
+    if (is_count && !is_big) {
+      std::memcpy(row, data.data() + v * step, 2 * std::size_t{width});
+      continue;
+    }
+    for (std::size_t u = 0; u < width; ++u) {
+      const std::size_t at = v * step + u * bytes;
+      row[u] = is_count ? value_at<std::uint16_t>(data, at, is_big)
+                        : count_of(static_cast<double>(value_at<float>(data, at, is_big)), unit);
+    }
+  }
+  return frame;
+}
+
+}  // namespace palpate

@@ -1,0 +1,22 @@
+// Depth images as ROS 2 sends them (CDR, little-endian).
+#pragma once
+
+#include <string_view>
+
+#include "palpate/cloud/depth_source.h"
+
+namespace palpate {
+
+class CdrReader;
+
+/// sensor_msgs/Image, 16UC1 (mm) or 32FC1 (m, in counts of `unit`). DepthFrame::timestamp is the
+/// header's. Errors: another encoding, a damaged message.
+Result<DepthFrame> read_depth_image(std::string_view message, double unit);
+
+/// std_msgs/Header: its time stamp, s.
+double read_ros_header(CdrReader& from);
+
+/// Metres to counts; what cannot be counted is no measurement, 0.
+std::uint16_t count_of(double metres, double unit);
+
+}  // namespace palpate
