@@ -6,7 +6,9 @@
 #include <cstdio>
 #include <iostream>
 #include <limits>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "apps/held_frames.h"
 #include "apps/page.h"
@@ -144,11 +146,16 @@ void print_probe(const ProbeChoice& probe) {
   std::cout << text << kHowToAim << "\n";
 }
 
-/// Says what came out; an error where the run did not end as it should.
+/// Says what came out and was not `said` meanwhile; an error where the run did not end as it
+/// should.
 Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& outcome,
-            const std::optional<ProbeChoice>& probe, bool is_cut_short) {
+            const std::optional<ProbeChoice>& probe, std::span<const std::string> said,
+            bool is_cut_short) {
   note_backend(outcome.why_not_cuda);
-  for (const std::string& text : outcome.warnings) std::cerr << "palpate: note: " << text << '\n';
+  for (const std::string& text : outcome.warnings) {
+    if (std::ranges::find(said, text) != said.end()) continue;
+    std::cerr << "palpate: note: " << text << '\n';
+  }
   const bool is_complete = outcome.failure.empty() && outcome.not_kept.empty() && !is_cut_short;
   if (options.json && is_complete) {
     std::cout << outcome.summary_json;
@@ -233,10 +240,11 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   catch_interrupts();
   Progress bar("touching");
   const auto start = std::chrono::steady_clock::now();
-  run.say = [](double time, std::string_view text) {
+  std::vector<std::string> said;
+  run.say = [&said](double time, std::string_view text) {
     char seconds[32];
     std::snprintf(seconds, sizeof seconds, "%.2f s: ", time);
-    say_beside_progress(seconds + std::string(text));
+    say_beside_progress(seconds + said.emplace_back(text));
   };
   run.keep_going = [&] {
     if (is_live && bar.due()) {
@@ -250,7 +258,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const auto outcome = record_run(tool, *input.source, **device, settings, options.output, run);
   if (page) page->say_goodbye();
   if (!outcome) return outcome.error();
-  return tell(options, tool, *outcome, input.probe, !is_live && interrupted());
+  return tell(options, tool, *outcome, input.probe, said, !is_live && interrupted());
 }
 
 }  // namespace palpate::apps

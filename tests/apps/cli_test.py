@@ -159,7 +159,6 @@ class CommandLine(unittest.TestCase):
             ("query", tool), ("query", tool, "--depth", "x.png", "--pose", "0 0 0 0 0 0 1"),
             ("query", tool, "--cloud", "x.ply", "--pose", "0 0 1"),
             ("query", tool, "--cloud", "x.ply", "--pose", "0 0 0 0 0 0 1", "--poses", "y"),
-            ("touch", tool, "-o", self.path("x")),
             ("touch", tool, "--scene", "paradise", "-o", self.path("x")),
             ("touch", tool, "--depth-sequence", self.frames, "-o", self.path("x")),
             self.sequence("-o", self.path("x"), "--rate", 0),
@@ -1364,7 +1363,8 @@ class CommandLine(unittest.TestCase):
                          self.path("run_unit"), "--duration", 0.01)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("0 of 19200 pixels are usable", result.stderr)
-        self.assertEqual(len(result.stderr.splitlines()), 1)
+        self.assertIn("is 1e-05 m per count the right unit?", result.stderr)
+        self.assertEqual(len(result.stderr.splitlines()), 2)
         self.assertIn("report: " + os.path.join(self.path("run_unit"), "report.html"), result.stdout)
 
     def interrupt(self, arguments, wait_for, how=signal.SIGINT):

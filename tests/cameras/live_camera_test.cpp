@@ -31,9 +31,11 @@ bool has(const std::string& text, const std::string& words) {
 
 std::unique_ptr<DepthSource> live(ScriptedCamera::Script script, OpenRaw again = {},
                                   const char* uri = "test", StampClock stamps = StampClock::none) {
-  RawStream raw{std::make_unique<ScriptedCamera>(stream_info(kWidth, kHeight), std::move(script)),
-                stamps};
-  return make_live(std::move(raw), std::move(again), parse_camera_uri(uri).value()).value();
+  const CameraUri said = parse_camera_uri(uri).value();
+  DepthStreamInfo info = stream_info(kWidth, kHeight);
+  info.rate = said.rate.value_or(info.rate);
+  RawStream raw{std::make_unique<ScriptedCamera>(info, std::move(script)), stamps};
+  return make_live(std::move(raw), std::move(again), said).value();
 }
 
 /// Ten milliseconds for each frame.
