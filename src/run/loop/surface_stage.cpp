@@ -136,7 +136,8 @@ void SurfaceStage::read_frames() {
   }
   // The last frame has its share of time.
   stop_.sleep_for(num_read_.load() > 0 ? period_ : 0);
-  source_ended_.store(true, std::memory_order_release);
+  // One that was cancelled has not ended.
+  if (!stop_.is_stopping()) source_ended_.store(true, std::memory_order_release);
 }
 
 /// Whether the next frame is to come, not the last one again.
