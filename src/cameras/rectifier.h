@@ -40,6 +40,9 @@ class Rectifier {
   const CameraModel& pinhole() const { return pinhole_; }
   /// Turns an image of `model` into one of the pinhole; 0 where the camera sees nothing.
   void apply(const CameraModel& model, DepthFrame& frame);
+  /// For each pixel of the pinhole image the number of the raw one, past the end where the camera
+  /// sees nothing. Valid until the next call.
+  const std::vector<std::uint32_t>& raw_pixels(const CameraModel& model);
 
  private:
   void make_table(const CameraModel& model);

@@ -1,0 +1,13 @@
+"""The program palpate that is inside this package."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+
+def main() -> None:
+    """Becomes the program, with the same arguments."""
+    program = Path(__file__).parent / "bin" / "palpate"
+    os.execv(program, [str(program), *sys.argv[1:]])

@@ -1,0 +1,165 @@
+"""Differentiable contact for PyTorch: palpate.torch.penetration and palpate.torch.wrench.
+
+Everything is computed in double from the depth field of a surface in host memory, element by
+element: the exact derivatives of the field measure, for optimization and learning. For throughput
+without derivatives see Contact.measure_batch.
+"""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any, NamedTuple, Tuple
+
+import numpy as np
+
+try:
+    import torch
+except ImportError as error:
+    raise ImportError("palpate.torch needs PyTorch: pip install torch") from error
+
+from palpate import _core
+
+__all__ = ["Penetration", "penetration", "wrench"]
+
+_differentiated: "weakref.WeakKeyDictionary[_core.Tool, _core.Differentiated]" = weakref.WeakKeyDictionary()
+
+
+class Penetration(NamedTuple):
+    """What `penetration` gives: (P,) each."""
+
+    #: m3 of the tool inside what is seen.
+    volume: torch.Tensor
+    #: m4; its negative gradient by the pose is the wrench.
+    potential: torch.Tensor
+
+
+def _measure(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> Tuple[torch.Tensor, ...]:
+    by_definition = _differentiated.get(tool)
+    if by_definition is None:
+        by_definition = _differentiated[tool] = _core.Differentiated(tool)
+    given = np.ascontiguousarray(poses.detach().to("cpu", torch.float64).numpy())
+    return tuple(torch.from_numpy(array) for array in by_definition(surface, given))
+
+
+def _motions(tool: _core.Tool, poses: torch.Tensor) -> torch.Tensor:
+    """How the tool moves with the numbers of its pose: (P, 6, K), K = 7 or 16.
+
+    Rows: the shift of its centre of mass, and its turn about it, both in W.
+    """
+    num = poses.shape[0]
+    p_TC = torch.as_tensor(np.array(tool.centre_of_mass), dtype=poses.dtype)
+    eye = torch.eye(3, dtype=poses.dtype)
+    if poses.ndim == 2:
+        q = poses[:, 3:]
+        x, y, z, w = q.unbind(1)
+        # turn = 2 vec(dq q*) / |q|^2, whatever the length of q
+        turn = torch.stack(
+            [
+                torch.stack([w, -z, y, -x], 1),
+                torch.stack([z, w, -x, -y], 1),
+                torch.stack([-y, x, w, -z], 1),
+            ],
+            1,
+        ) * (2 / (q * q).sum(1))[:, None, None]
+        lever = _rotated(q, p_TC)
+        shift = _cross_matrix(lever).transpose(1, 2) @ turn
+        top = torch.cat([eye.expand(num, 3, 3), shift], 2)
+        bottom = torch.cat([torch.zeros(num, 3, 3, dtype=poses.dtype), turn], 2)
+        return torch.cat([top, bottom], 1)
+    R = poses[:, :3, :3]
+    motions = torch.zeros(num, 6, 4, 4, dtype=poses.dtype)
+    # turn = vec of the antisymmetric part of dR R^T, for changes that leave R a rotation
+    for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
+        motions[:, 3 + k, i, :3] = R[:, j] / 2
+        motions[:, 3 + k, j, :3] = -R[:, i] / 2
+    lever = R @ p_TC
+    turned = motions[:, 3:].reshape(num, 3, 16)
+    motions[:, :3] = (_cross_matrix(lever).transpose(1, 2) @ turned).reshape(num, 3, 4, 4)
+    for k in range(3):
+        motions[:, k, k, 3] += 1
+    return motions.reshape(num, 6, 16)
+
+
+def _rotated(q: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
+    unit = q / q.norm(dim=1, keepdim=True)
+    axis, w = unit[:, :3], unit[:, 3:]
+    fixed = v.expand(q.shape[0], 3)
+    once = torch.linalg.cross(axis, fixed)
+    return fixed + 2 * (w * once + torch.linalg.cross(axis, once))
+
+
+def _cross_matrix(v: torch.Tensor) -> torch.Tensor:
+    """[v] with [v] a = v x a: (P, 3, 3)."""
+    x, y, z = v.unbind(1)
+    zero = torch.zeros_like(x)
+    rows = [torch.stack(row, 1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
+    return torch.stack(rows, 1)
+
+
+class _Wrench(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: _core.Surface) -> torch.Tensor:
+        *_, wrench_W, stiffness = _measure(tool, surface, poses)
+        ctx.tool, ctx.stiffness = tool, stiffness
+        ctx.save_for_backward(poses)
+        return wrench_W.to(poses.dtype)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
+    def backward(ctx: Any, by_wrench: torch.Tensor) -> Tuple[Any, ...]:
+        (poses,) = ctx.saved_tensors
+        motions = _motions(ctx.tool, poses.detach().to("cpu", torch.float64))
+        by_motion = -(by_wrench.to("cpu", torch.float64)[:, None] @ ctx.stiffness)
+        return (by_motion @ motions).reshape(poses.shape).to(poses), None, None
+
+
+class _Penetration(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, poses: torch.Tensor, tool: _core.Tool, surface: _core.Surface
+    ) -> Tuple[torch.Tensor, torch.Tensor]:
+        volume, potential, volume_gradient, *_ = _measure(tool, surface, poses)
+        ctx.tool, ctx.surface, ctx.volume_gradient = tool, surface, volume_gradient
+        ctx.save_for_backward(poses)
+        return volume.to(poses.dtype), potential.to(poses.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, by_volume: torch.Tensor, by_potential: torch.Tensor) -> Tuple[Any, ...]:
+        (poses,) = ctx.saved_tensors
+        inside = poses.to("cpu", torch.float64)
+        # The wrench is differentiable in its turn, and so is this.
+        wrench_W = _Wrench.apply(inside, ctx.tool, ctx.surface)
+        by_motion = by_volume[:, None] * ctx.volume_gradient - by_potential[:, None] * wrench_W
+        gradient = (by_motion[:, None] @ _motions(ctx.tool, inside)).reshape(poses.shape)
+        return gradient.to(poses), None, None
+
+
+def _checked(poses: torch.Tensor) -> torch.Tensor:
+    if not poses.is_floating_point():
+        raise ValueError(f"poses: numbers of type {poses.dtype} have no gradient; give float64")
+    shape = tuple(poses.shape)
+    if len(shape) not in (2, 3) or shape[1:] not in ((7,), (4, 4)):
+        raise ValueError(f"poses: shape {shape} is not (P, 4, 4) or (P, 7)")
+    return poses
+
+
+def penetration(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> Penetration:
+    """Volume (P,) m3 and potential (P,) m4 of the tool at poses X_WT, differentiable by the poses.
+
+    poses: (P, 7) tx ty tz qx qy qz qw, which need not be of unit length, or (P, 4, 4). The gradient
+    of the potential is minus the wrench, exactly, and its second derivative the stiffness; that of
+    the volume is exact, too, but only once differentiable. Of (P, 4, 4) the gradient is the one
+    along rotations. `surface` has to be in host memory.
+    """
+    volume, potential = _Penetration.apply(_checked(poses), tool, surface)  # type: ignore[no-untyped-call]
+    return Penetration(volume, potential)
+
+
+def wrench(tool: _core.Tool, surface: _core.Surface, poses: torch.Tensor) -> torch.Tensor:
+    """Force and torque (P, 6), m3 and m4, in W about the tool's centre of mass; see `penetration`.
+
+    Its backward is the stiffness in closed form. Where the field's gradient is longer than 1.05,
+    Contact.measure shortens it and this does not: here the wrench is the derivative of the
+    potential everywhere.
+    """
+    return _Wrench.apply(_checked(poses), tool, surface)  # type: ignore[no-untyped-call,no-any-return]

@@ -1,0 +1,166 @@
+#include "python/src/arrays.h"
+
+#include <cmath>
+
+namespace palpate::python {
+namespace {
+
+/// From the largest of the four numbers, which is then at least a half.
+Quaternion quaternion_of(const double* m, std::size_t stride) {
+  const auto at = [&](std::size_t row, std::size_t column) { return m[row * stride + column]; };
+  const double trace = at(0, 0) + at(1, 1) + at(2, 2);
+  Quaternion q;
+  if (trace > 0) {
+    q = {at(2, 1) - at(1, 2), at(0, 2) - at(2, 0), at(1, 0) - at(0, 1), 1 + trace};
+  } else if (at(0, 0) >= at(1, 1) && at(0, 0) >= at(2, 2)) {
+    q = {1 + at(0, 0) - at(1, 1) - at(2, 2), at(0, 1) + at(1, 0), at(0, 2) + at(2, 0),
+         at(2, 1) - at(1, 2)};
+  } else if (at(1, 1) >= at(2, 2)) {
+    q = {at(0, 1) + at(1, 0), 1 - at(0, 0) + at(1, 1) - at(2, 2), at(1, 2) + at(2, 1),
+         at(0, 2) - at(2, 0)};
+  } else {
+    q = {at(0, 2) + at(2, 0), at(1, 2) + at(2, 1), 1 - at(0, 0) - at(1, 1) + at(2, 2),
+         at(1, 0) - at(0, 1)};
+  }
+  return normalized(q);
+}
+
+bool all_finite(const double* values, std::size_t num) {
+  for (std::size_t i = 0; i < num; ++i) {
+    if (!std::isfinite(values[i])) return false;
+  }
+  return true;
+}
+
+[[noreturn]] void refuse_pose(const char* name, const char* why) {
+  throw nb::value_error((std::string(name) + ": " + why).c_str());
+}
+
+Pose pose_of_matrix(const double* m, const char* name) {
+  Pose X{{m[3], m[7], m[11]}, {}};
+  if (!all_finite(m, 16)) {
+    X.rotation.x = NAN;
+    return X;
+  }
+  constexpr double kTolerance = 1e-3;
+  double farthest = std::abs(m[12]) + std::abs(m[13]) + std::abs(m[14]) + std::abs(m[15] - 1);
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      const double product = m[i] * m[j] + m[4 + i] * m[4 + j] + m[8 + i] * m[8 + j];
+      farthest = std::max(farthest, std::abs(product - (i == j ? 1 : 0)));
+    }
+  }
+  const Vec3d x{m[0], m[4], m[8]}, y{m[1], m[5], m[9]}, z{m[2], m[6], m[10]};
+  if (farthest > kTolerance || dot(cross(x, y), z) < 0) {
+    refuse_pose(name,
+                "the (4, 4) matrix is no rigid motion: its 3 x 3 part has to be a rotation and its "
+                "last row 0 0 0 1");
+  }
+  X.rotation = quaternion_of(m, 4);
+  return X;
+}
+
+Pose pose_of_seven(const double* v, const char* name) {
+  Pose X{{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}};
+  if (!all_finite(v, 7)) return X;
+  if (v[3] == 0 && v[4] == 0 && v[5] == 0 && v[6] == 0) {
+    refuse_pose(name, "the quaternion qx qy qz qw is zero");
+  }
+  X.rotation = normalized(X.rotation);
+  return X;
+}
+
+}  // namespace
+
+void raise(const Error& error) {
+  if (error.code == Errc::cancelled && PyErr_Occurred() != nullptr) throw nb::python_error();
+  throw PalpateError(error.message);
+}
+
+std::string shape_text(const std::vector<std::size_t>& shape) {
+  std::string text = "(";
+  for (std::size_t i = 0; i < shape.size(); ++i) {
+    text += (i > 0 ? ", " : "") + std::to_string(shape[i]);
+  }
+  return text + (shape.size() == 1 ? ",)" : ")");
+}
+
+void refuse_shape(const char* name, const std::string& shape, const char* wanted) {
+  throw nb::value_error((std::string(name) + ": shape " + shape + " is not " + wanted).c_str());
+}
+
+template <class T>
+nb::ndarray<const T, nb::c_contig, nb::device::cpu> numbers_of(nb::handle given, const char* name,
+                                                               const char* numpy_type) {
+  using Numbers = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
+  Numbers numbers;
+  if (nb::try_cast<Numbers>(given, numbers, false)) return numbers;
+  // Another type, order or a list: NumPy makes a copy.
+  nb::object copied;
+  try {
+    const nb::module_ numpy = nb::module_::import_("numpy");
+    copied = numpy.attr("ascontiguousarray")(given, numpy_type);
+  } catch (nb::python_error& error) {
+    const std::string why = nb::cast<std::string>(nb::str(error.value()));
+    throw nb::value_error(
+        (std::string(name) + ": not an array of numbers in host memory: " + why).c_str());
+  }
+  if (nb::try_cast<Numbers>(copied, numbers)) return numbers;
+  throw nb::value_error((std::string(name) + ": not an array of numbers").c_str());
+}
+template nb::ndarray<const double, nb::c_contig, nb::device::cpu> numbers_of(nb::handle,
+                                                                             const char*,
+                                                                             const char*);
+template nb::ndarray<const float, nb::c_contig, nb::device::cpu> numbers_of(nb::handle, const char*,
+                                                                            const char*);
+template nb::ndarray<const std::int64_t, nb::c_contig, nb::device::cpu> numbers_of(nb::handle,
+                                                                                   const char*,
+                                                                                   const char*);
+template nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> numbers_of(nb::handle,
+                                                                                   const char*,
+                                                                                   const char*);
+
+Doubles doubles_of(nb::handle given, const char* name) {
+  return numbers_of<double>(given, name, "float64");
+}
+
+Doubles points_of(nb::handle given, const char* name) {
+  Doubles points = doubles_of(given, name);
+  if (points.ndim() != 2 || points.shape(1) != 3) refuse_shape(name, shape_of(points), "(M, 3)");
+  return points;
+}
+
+Pose pose_of(nb::handle given, const char* name) {
+  const Doubles numbers = doubles_of(given, name);
+  if (numbers.ndim() == 1 && numbers.shape(0) == 7) return pose_of_seven(numbers.data(), name);
+  if (numbers.ndim() == 2 && numbers.shape(0) == 4 && numbers.shape(1) == 4) {
+    return pose_of_matrix(numbers.data(), name);
+  }
+  refuse_shape(name, shape_of(numbers), "(4, 4) or (7,)");
+}
+
+std::vector<Pose> poses_of(nb::handle given, const char* name) {
+  const Doubles numbers = doubles_of(given, name);
+  const bool is_seven = numbers.ndim() == 2 && numbers.shape(1) == 7;
+  const bool is_matrix = numbers.ndim() == 3 && numbers.shape(1) == 4 && numbers.shape(2) == 4;
+  if (!is_seven && !is_matrix) refuse_shape(name, shape_of(numbers), "(P, 4, 4) or (P, 7)");
+  std::vector<Pose> poses;
+  poses.reserve(numbers.shape(0));
+  for (std::size_t i = 0; i < numbers.shape(0); ++i) {
+    poses.push_back(is_seven ? pose_of_seven(numbers.data() + 7 * i, name)
+                             : pose_of_matrix(numbers.data() + 16 * i, name));
+  }
+  return poses;
+}
+
+Place place_of(const std::string& word) {
+  if (word == "cpu") return Place::cpu();
+  if (word == "cuda") return Place::cuda();
+  if (word.starts_with("cuda:") && word.size() > 5 && word.size() < 8 &&
+      word.find_first_not_of("0123456789", 5) == std::string::npos) {
+    return Place::cuda(std::stoi(word.substr(5)));
+  }
+  throw nb::value_error(("place: '" + word + "' is not \"cpu\", \"cuda\" or \"cuda:1\"").c_str());
+}
+
+}  // namespace palpate::python

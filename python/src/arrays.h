@@ -1,0 +1,87 @@
+// Arrays and poses on their way into and out of Python, and errors that become exceptions.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "palpate/core/result.h"
+#include "palpate/gpu/devices.h"
+#include "palpate/math/pose.h"
+
+namespace palpate::python {
+
+namespace nb = nanobind;
+
+/// palpate.Error.
+struct PalpateError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// The value, or its error as an exception: KeyboardInterrupt if Ctrl-C is the reason.
+[[noreturn]] void raise(const Error& error);
+template <class T>
+T taken(Result<T> result) {
+  if (!result) raise(result.error());
+  return *std::move(result);
+}
+inline void check(const Status& status) {
+  if (!status) raise(status.error());
+}
+/// Has Ctrl-C been pressed? The exception is set then. With the GIL, in Python's main thread.
+inline bool is_interrupted() { return PyErr_CheckSignals() != 0; }
+
+/// Of any type at any place, as it is.
+using AnyArray = nb::ndarray<nb::ro>;
+using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+
+/// "(3, 4)"
+std::string shape_text(const std::vector<std::size_t>& shape);
+template <class Array>
+std::string shape_of(const Array& array) {
+  std::vector<std::size_t> shape;
+  for (std::size_t i = 0; i < array.ndim(); ++i) shape.push_back(array.shape(i));
+  return shape_text(shape);
+}
+/// ValueError: "NAME: shape (2, 3) is not WANTED".
+[[noreturn]] void refuse_shape(const char* name, const std::string& shape, const char* wanted);
+
+/// Numbers of any array or nested list in host memory, without a copy if they are doubles row by
+/// row already. ValueError: not numbers.
+Doubles doubles_of(nb::handle given, const char* name);
+/// The same as T, for whole numbers and for float32.
+template <class T>
+nb::ndarray<const T, nb::c_contig, nb::device::cpu> numbers_of(nb::handle given, const char* name,
+                                                               const char* numpy_type);
+/// (M, 3). ValueError: another shape.
+Doubles points_of(nb::handle given, const char* name);
+
+/// (4, 4) or (7,) tx ty tz qx qy qz qw, which is normalized. ValueError: another shape, no
+/// rotation, a quaternion of length zero. What is not finite stays so.
+Pose pose_of(nb::handle given, const char* name);
+/// (P, 4, 4) or (P, 7).
+std::vector<Pose> poses_of(nb::handle given, const char* name);
+
+/// "cpu", "cuda" or "cuda:1". ValueError: another word.
+Place place_of(const std::string& word);
+
+/// A NumPy array that owns its numbers.
+template <class T>
+nb::object array_of(std::vector<T> values, std::initializer_list<std::size_t> shape) {
+  auto* const kept = new std::vector<T>(std::move(values));
+  const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), shape, owner));
+}
+/// A NumPy array of numbers that `owner` keeps, to be read only.
+template <class T>
+nb::object view_of(const T* values, std::initializer_list<std::size_t> shape, nb::handle owner) {
+  return nb::cast(nb::ndarray<nb::numpy, const T>(values, shape, owner));
+}
+
+}  // namespace palpate::python

@@ -1,0 +1,229 @@
+// palpate.Contact: how much of a tool is inside a surface, and the wrench that follows.
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <mutex>
+#include <optional>
+
+#include "palpate/contact/contact.h"
+#include "python/src/arrays.h"
+#include "python/src/bindings.h"
+#include "python/src/keywords.h"
+
+namespace palpate::python {
+namespace {
+
+/// palpate.Result: a measurement in W, and of what.
+struct PyResult {
+  double volume = 0, fraction = 0, potential = 0;
+  Vec3d force, torque;
+  std::optional<Stiffness> stiffness;
+  ContactStatus status;
+  std::shared_ptr<const Tool> tool;
+  nb::object surface;
+  Pose X_WT;
+};
+
+/// Is there a measurement where a point is seen?
+bool is_seen(const PointCloudView& cloud, const Vec3d& p_C) {
+  if (!(p_C.z > 0)) return false;
+  const Intrinsics& k = cloud.intrinsics;
+  const double u = std::floor(k.fx * p_C.x / p_C.z + k.cx + 0.5);
+  const double v = std::floor(k.fy * p_C.y / p_C.z + k.cy + 0.5);
+  if (!(u >= 0 && v >= 0 && u < cloud.width && v < cloud.height)) return false;
+  return std::isfinite(cloud.z[static_cast<std::size_t>(v * cloud.width + u)]);
+}
+
+/// The share of the volume of all spheres whose centres are not seen.
+double unseen_share(const PyResult& result) {
+  const auto& surface = nb::cast<PySurface&>(result.surface);
+  const PointCloudView& cloud = surface.view.cloud;
+  if (cloud.x == nullptr || cloud.gpu != kHostMemory) {
+    throw PalpateError("what of the tool is unseen is only known of surfaces in host memory");
+  }
+  const Pose X_CT = surface.X_CW * result.X_WT;
+  double unseen = 0;
+  for (const Sphere& sphere : result.tool->spheres()) {
+    if (!is_seen(cloud, X_CT * to_double(sphere.centre))) {
+      unseen += sphere_volume(double(sphere.radius));
+    }
+  }
+  return unseen / result.tool->sphere_mass().volume;
+}
+
+/// R K R^T, for each of the four blocks.
+Stiffness turned(const Stiffness& K_C, const Mat3d& R_WC) {
+  Stiffness K_W;
+  for (int row = 0; row < 6; row += 3) {
+    for (int column = 0; column < 6; column += 3) {
+      double half[3][3] = {};
+      for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) {
+          for (int k = 0; k < 3; ++k) half[i][j] += R_WC.m[i][k] * K_C.m[row + k][column + j];
+        }
+      }
+      for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) {
+          double& to = K_W.m[row + i][column + j];
+          for (int k = 0; k < 3; ++k) to += half[i][k] * R_WC.m[j][k];
+        }
+      }
+    }
+  }
+  return K_W;
+}
+
+class PyContact {
+ public:
+  PyContact(const PyTool& tool, const ContactMethod& method, const Place& place, int threads)
+      : tool_(tool), place_(place), contact_(make(*tool.tool, method, place, threads)) {}
+
+  PyResult measure(nb::handle given, const Pose& X_WT, bool with_stiffness) {
+    const auto& surface = nb::cast<PySurface&>(given);
+    const ContactWants wants{.stiffness = with_stiffness};
+    ContactResult measured;
+    {
+      const nb::gil_scoped_release no_gil;
+      const std::lock_guard lock(mutex_);
+      measured = surface.is_in_camera_frame
+                     ? contact_.measure(surface.view, X_WT, wants)
+                     : contact_.measure(surface.view, surface.X_CW * X_WT, wants);
+    }
+    const Penetration& p = measured.penetration;
+    PyResult result{p.volume,           contact_.fraction(p),
+                    p.potential,        p.measure_W.force,
+                    p.measure_W.torque, measured.stiffness,
+                    p.status,           tool_.tool,
+                    nb::borrow(given),  X_WT};
+    if (!surface.is_in_camera_frame) {
+      const Mat3d R_WC = rotation_matrix(surface.X_WC.rotation);
+      result.force = R_WC * result.force;
+      result.torque = R_WC * result.torque;
+      if (result.stiffness) result.stiffness = turned(*result.stiffness, R_WC);
+    }
+    return result;
+  }
+
+  std::string method() const {
+    return std::string(name_of(contact_options(contact_.query().method()).method));
+  }
+  const PyTool& tool() const { return tool_; }
+  const Place& place() const { return place_; }
+
+ private:
+  static Contact make(const Tool& tool, const ContactMethod& method, const Place& place,
+                      int threads) {
+    const nb::gil_scoped_release no_gil;
+    auto contact = Contact::create(tool, method, place, threads);
+    if (!contact) {
+      const nb::gil_scoped_acquire gil;
+      raise(contact.error());
+    }
+    return *std::move(contact);
+  }
+
+  PyTool tool_;  // outlives the contact
+  Place place_;
+  Contact contact_;
+  std::mutex mutex_;
+};
+
+/// A surface, or the one of a list.
+nb::object surface_of(nb::handle given) {
+  if (nb::isinstance<PySurface>(given)) return nb::borrow(given);
+  if (nb::isinstance<nb::list>(given) || nb::isinstance<nb::tuple>(given)) {
+    if (nb::len(given) == 1) return surface_of(given[0]);
+    if (nb::len(given) > 1) {
+      throw PalpateError(
+          "a tool is measured against one surface; what several cameras see is not joined");
+    }
+  }
+  throw nb::type_error("surface: a palpate.Surface or a list of one is taken");
+}
+
+nb::object vector_of(const Vec3d& v, nb::handle owner) { return view_of(&v.x, {3}, owner); }
+
+void bind_result(nb::module_& m) {
+  constexpr const char* kFloats = " -> numpy.typing.NDArray[numpy.float64]";
+  nb::class_<PyResult>(
+      m, "Result",
+      R"(A measurement. Volumes times directions: times a stiffness in N/m3 they are newtons.)")
+      .def_ro("volume", &PyResult::volume, "m3 of the tool inside what is seen.")
+      .def_ro("fraction", &PyResult::fraction, "The share of the tool that this is.")
+      .def_prop_ro(
+          "force", [](nb::handle self) { return vector_of(nb::cast<PyResult&>(self).force, self); },
+          nb::sig((std::string("def force(self)") + kFloats).c_str()), "(3,) m3 in W.")
+      .def_prop_ro(
+          "torque",
+          [](nb::handle self) { return vector_of(nb::cast<PyResult&>(self).torque, self); },
+          nb::sig((std::string("def torque(self)") + kFloats).c_str()),
+          "(3,) m4 in W, about the tool's centre of mass.")
+      .def_ro("potential", &PyResult::potential,
+              "m4: its negative gradient by the pose is force and torque. By the method \"field\".")
+      .def_prop_ro(
+          "unseen", unseen_share,
+          R"(The share of the tool, by volume of spheres, that lies where the camera measures nothing:
+outside of its image, behind it, or at pixels without depth. Computed when it is asked for.)")
+      .def_prop_ro(
+          "status", [](const PyResult& self) { return static_cast<StepStatus>(self.status.bits); },
+          "What is to be known about it; OK is false.")
+      .def_prop_ro(
+          "stiffness",
+          [](nb::handle self) -> nb::object {
+            const auto& stiffness = nb::cast<PyResult&>(self).stiffness;
+            return stiffness ? view_of(&stiffness->m[0][0], {6, 6}, self) : nb::none();
+          },
+          nb::sig((std::string("def stiffness(self)") + kFloats + " | None").c_str()),
+          R"((6, 6) in W, if it was asked for: moved by a small shift (m) and turn (rad, about the
+centre of mass), force and torque change by minus this times them.)")
+      .def("__repr__", [](const PyResult& self) {
+        char text[160];
+        std::snprintf(text, sizeof text,
+                      "<palpate.Result: %.4g cm3 (%.3g %%), force %.4g %.4g %.4g m3, status %u>",
+                      self.volume * 1e6, self.fraction * 100, self.force.x, self.force.y,
+                      self.force.z, self.status.bits);
+        return std::string(text);
+      });
+}
+
+}  // namespace
+
+void bind_contact(nb::module_& m) {
+  bind_result(m);
+  nb::class_<PyContact>(m, "Contact", R"(Measures a tool against surfaces.
+
+method: "field" (the default), "weighted", "simplified" or "graph".
+place: "cpu", "cuda" or "cuda:1". threads: on a CPU, for tools of more than about 50,000 spheres.
+options: of docs/settings.md [contact]: volumes, priority, inside, edges, continuity.)")
+      .def(
+          "__init__",
+          [](PyContact* self, const PyTool& tool, const std::string& method,
+             const std::string& place, int threads, nb::kwargs keywords) {
+            ContactOptions options;
+            SettingTable table = settings_of(options);
+            check(table.set("contact.method", method));
+            apply(keywords, table);
+            new (self) PyContact(tool, taken(contact_method(options)), place_of(place), threads);
+          },
+          nb::arg("tool"), nb::arg("method") = "field", nb::kw_only(), nb::arg("place") = "cpu",
+          nb::arg("threads") = 1, nb::arg("options"),
+          nb::sig("def __init__(self, tool: Tool, method: str = 'field', *, place: str = 'cpu', "
+                  "threads: int = 1, **options: str) -> None"))
+      .def(
+          "measure",
+          [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness) {
+            return self.measure(surface_of(surface), pose_of(pose, "pose"), stiffness);
+          },
+          nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
+          nb::sig("def measure(self, surface: Surface | collections.abc.Sequence[Surface], "
+                  "pose: palpate._types.Array, *, stiffness: bool = False) -> Result"),
+          R"(How much of the tool is inside a surface with the tool at a pose, without the GIL.
+
+pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m. stiffness: give it, too (method "field").
+A pose that is not finite, or a surface that is none, is told by Result.status; all is zero then.)")
+      .def_prop_ro("method", &PyContact::method)
+      .def_prop_ro("tool", &PyContact::tool);
+}
+
+}  // namespace palpate::python

@@ -1,0 +1,358 @@
+// What palpate.touch is made of: opening depth streams and devices, and the run itself.
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <limits>
+
+#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/pushed_source.h"
+#include "palpate/devices/open_device.h"
+#include "palpate/devices/simulated_device.h"
+#include "palpate/session/settings_file.h"
+#include "python/src/arrays.h"
+#include "python/src/bindings.h"
+#include "python/src/keywords.h"
+#include "python/src/run_in_thread.h"
+#include "python/src/tick.h"
+#include "scenes/scene.h"
+#include "src/run/internal/path_device.h"
+#include "src/run/internal/read_ahead.h"
+
+namespace palpate::python {
+namespace {
+
+/// Devices have x to the right, y up and z towards the hand; cameras look along z with y down.
+const Quaternion kDeviceInCamera{1, 0, 0, 0};
+
+/// palpate.PushedCamera.
+struct PyPushedCamera {
+  std::shared_ptr<PushedSource> source;
+  PyCamera camera;
+  DepthFrame frame = {};
+
+  void push(nb::handle depth, std::optional<double> time) {
+    const auto counts = counts_of(depth);
+    if (counts.ndim() != 2) refuse_shape("depth", shape_of(counts), "(H, W)");
+    frame.width = static_cast<int>(counts.shape(1));
+    frame.height = static_cast<int>(counts.shape(0));
+    frame.unit = camera.unit;
+    frame.timestamp = time.value_or(0);
+    frame.pixels.assign(counts.data(), counts.data() + counts.size());
+    const nb::gil_scoped_release no_gil;
+    source->push(frame);
+  }
+
+ private:
+  using Counts = nb::ndarray<const std::uint16_t, nb::c_contig, nb::device::cpu>;
+  /// uint16 as they are; metres become counts.
+  Counts counts_of(nb::handle depth) const {
+    Counts counts;
+    if (nb::try_cast<Counts>(depth, counts, false)) return counts;
+    const nb::module_ numpy = nb::module_::import_("numpy");
+    nb::object array = numpy.attr("asarray")(depth);
+    if (nb::cast<std::string>(array.attr("dtype").attr("kind")) == "f") {
+      const nb::object rounded =
+          numpy.attr("rint")(numpy.attr("nan_to_num")(array) / nb::float_(camera.unit));
+      array = numpy.attr("where")(rounded.attr("__lt__")(65535), rounded, 0);
+    } else if (nb::cast<std::string>(array.attr("dtype").attr("name")) != "uint16") {
+      throw nb::value_error("depth: uint16 counts or float32 metres are taken, no other type");
+    }
+    return nb::cast<Counts>(numpy.attr("ascontiguousarray")(array, "uint16"));
+  }
+};
+
+PyPushedCamera make_pushed(const PyCamera& camera, double rate, bool has_time_stamps,
+                           double latency) {
+  DepthStreamInfo info = camera.stream();
+  info.rate = rate;
+  info.is_live = true;
+  info.name = "a camera in Python";
+  return {taken(PushedSource::create(info, {has_time_stamps, latency})), camera};
+}
+
+/// Times and poses, (N, 8), or the trajectory of a file.
+std::vector<TimedPose> path_of(nb::handle given) {
+  if (given.is_none()) return {};
+  if (nb::isinstance<nb::str>(given) || nb::hasattr(given, "__fspath__")) {
+    const auto path = nb::cast<std::filesystem::path>(given);
+    return taken(load_trajectory(path));
+  }
+  const Doubles rows = doubles_of(given, "path");
+  if (rows.ndim() != 2 || rows.shape(1) != 8 || rows.shape(0) == 0) {
+    refuse_shape("path", shape_of(rows), "(N, 8): time tx ty tz qx qy qz qw");
+  }
+  std::vector<TimedPose> path;
+  for (std::size_t i = 0; i < rows.shape(0); ++i) {
+    const double* v = rows.data() + 8 * i;
+    const TimedPose pose{v[0],
+                         {{v[1], v[2], v[3]}, normalized(Quaternion{v[4], v[5], v[6], v[7]})}};
+    const bool is_turned = v[4] != 0 || v[5] != 0 || v[6] != 0 || v[7] != 0;
+    const bool is_later = path.empty() || pose.time >= path.back().time;
+    if (!std::isfinite(pose.time) || !is_finite(pose.X_WT) || !is_turned || !is_later) {
+      throw nb::value_error(("path: row " + std::to_string(i) +
+                             " is not finite, has a zero quaternion, or goes back in time")
+                                .c_str());
+    }
+    path.push_back(pose);
+  }
+  return path;
+}
+
+std::vector<TimedPose> path_of_scene(const std::string& camera) {
+  const auto uri = parse_camera_uri(camera);
+  if (!uri || uri->kind != "scene") return {};
+  const auto scene = scenes::make_scene(uri->target);
+  std::vector<TimedPose> path;
+  for (std::size_t i = 0; scene && i < scene->path_times.size(); ++i) {
+    path.push_back({scene->path_times[i], scene->path_poses[i]});
+  }
+  return path;
+}
+
+/// The handle that holds the tool at X_WT.
+Pose handle_at(const Pose& X_WT, const CouplingOptions& coupling) {
+  Pose X_BH = inverse(coupling.X_WB) * (X_WT * inverse(coupling.X_HT));
+  X_BH.translation = X_BH.translation / coupling.motion_scale;
+  return X_BH;
+}
+
+/// The handle along the path, at times since its beginning.
+HandTarget follow(std::vector<TimedPose> path, const CouplingOptions& coupling) {
+  return [path = std::move(path), coupling](double time) {
+    return handle_at(pose_at(path, path.front().time + time), coupling);
+  };
+}
+
+std::unique_ptr<HapticDevice> simulated_hand(const std::string& uri,
+                                             const std::vector<TimedPose>& path,
+                                             const CouplingOptions& coupling) {
+  const auto model = uri.size() > 4 ? find_device_model(uri.substr(4)) : device_models().front();
+  if (!model || path.empty()) return taken(open_device(uri));
+  SimulatedDeviceOptions simulated;
+  simulated.model = *model;
+  simulated.target = follow(path, coupling);
+  return taken(SimulatedDevice::create(simulated));
+}
+
+struct Touch {
+  RunRequest request;
+  std::vector<TimedPose> path;
+  double duration = std::numeric_limits<double>::infinity();
+  bool was_placed = false;  // somebody said where base or tool are
+
+  double path_length() const { return path.back().time - path.front().time; }
+
+  /// A hand whose middle is where the path begins, with the tool as it is there.
+  void place_hand() {
+    if (was_placed || path.empty()) return;
+    const Pose& X_WT = path.front().X_WT;
+    CouplingOptions& coupling = request.settings.coupling;
+    coupling.X_WB = {X_WT.translation, kDeviceInCamera};
+    coupling.X_HT.rotation = normalized(conjugate(kDeviceInCamera) * X_WT.rotation);
+  }
+
+  void take_device(nb::handle device) {
+    place_hand();
+    if (!nb::isinstance<nb::str>(device)) {
+      PythonDevice made = make_python_device(device);
+      request.device = std::move(made.device);
+      request.raised_by_device = std::move(made.raised);
+    } else {
+      const auto uri = nb::cast<std::string>(device);
+      const bool is_hand = uri == "sim" || uri.starts_with("sim:");
+      const CouplingOptions& coupling = request.settings.coupling;
+      request.device = is_hand ? simulated_hand(uri, path, coupling) : taken(open_device(uri));
+      if (is_hand && path.size() > 1) duration = std::min(duration, path_length());
+    }
+    request.options.duration = duration;
+  }
+
+  /// On a simulated clock.
+  void take_path(bool has_duration) {
+    PathDeviceOptions options;
+    options.X_BH = follow(path, request.settings.coupling);
+    options.duration = has_duration ? duration : path_length();
+    options.rate = request.settings.contact_rate;
+    options.limits = find_device_model("sigma.7")->limits;
+    options.name = "a path";
+    if (!(options.duration > 0)) {
+      if (!request.source->info().num_frames) {
+        throw PalpateError("neither the path nor the frames end by themselves: give duration");
+      }
+      options.duration = std::numeric_limits<double>::infinity();
+    }
+    request.device = taken(make_path_device(std::move(options)));
+    request.options.clock.ends_with_frames = !has_duration;
+    request.options.time_origin = path.front().time;
+  }
+
+  /// In real time, for frames that come when they come.
+  void play_path() {
+    const HandTarget target = follow(path, request.settings.coupling);
+    std::vector<TimedPose> X_BH;
+    for (const TimedPose& pose : path) {
+      X_BH.push_back({pose.time - path.front().time, target(pose.time - path.front().time)});
+    }
+    request.device = make_replay_device("a path", std::move(X_BH));
+    request.options.duration = std::min(duration, path_length());
+  }
+};
+
+/// `camera`: words of open_camera, or a PyPushedCamera.
+std::unique_ptr<RunInThread> start_run(const PyTool& tool, nb::handle camera, nb::handle path,
+                                       nb::handle device, std::optional<double> duration,
+                                       nb::object on_tick, const std::filesystem::path& folder,
+                                       const std::optional<std::filesystem::path>& settings_file,
+                                       const nb::dict& settings) {
+  Touch touch;
+  RunRequest& request = touch.request;
+  request.tool = tool;
+  request.on_tick = std::move(on_tick);
+  request.folder = folder;
+  if (duration && !(*duration > 0)) throw nb::value_error("duration: has to be more than 0 s");
+  touch.duration = duration.value_or(touch.duration);
+  const bool is_live = !device.is_none();
+  request.settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
+  SettingTable table = settings_of(request.settings);
+  if (settings_file) check(read_settings_file(*settings_file, table));
+  apply(settings, table);
+  const CouplingOptions& coupling = request.settings.coupling;
+  touch.was_placed = !(coupling.X_WB == Pose{}) || !(coupling.X_HT == Pose{});
+
+  touch.path = path_of(path);
+  PyPushedCamera* pushed = nullptr;
+  const bool is_pushed = nb::try_cast<PyPushedCamera*>(camera, pushed, false) && pushed != nullptr;
+  if (is_pushed) {
+    request.source = pushed->source;
+  } else {
+    const auto uri = nb::cast<std::string>(camera);
+    constexpr double kLongest = 86400;  // a hand takes its time
+    std::unique_ptr<DepthSource> source =
+        taken(open_camera(uri, {is_live, is_live ? std::optional(kLongest) : duration}));
+    if (touch.path.empty()) touch.path = path_of_scene(uri);
+    if (is_live && !source->info().is_live) source = taken(read_ahead(std::move(source)));
+    request.source = std::move(source);
+  }
+  if (is_live) {
+    touch.take_device(device);
+  } else if (touch.path.empty()) {
+    throw PalpateError("these frames have no path of their own: give a path, or a device");
+  } else if (request.source->info().is_live) {
+    touch.play_path();
+  } else {
+    touch.take_path(duration.has_value());
+  }
+  auto run = std::make_unique<RunInThread>(std::move(request));
+  if (!is_pushed) run->wait_for_ticks();  // else the first image is pushed after this
+  return run;
+}
+
+std::vector<double> six_of(const Wrench& F) {
+  return {F.force.x, F.force.y, F.force.z, F.torque.x, F.torque.y, F.torque.z};
+}
+
+nb::object seven_of(const Pose& X) {
+  const auto seven = seven_numbers(X);
+  return array_of(std::vector<double>(seven.begin(), seven.end()), {7});
+}
+
+void bind_tick(nb::module_& m) {
+  const auto array = [](const char* name) {
+    return std::string("def ") + name + "(self) -> numpy.typing.NDArray[numpy.float64]";
+  };
+  nb::class_<PyTick>(m, "Tick", "One tick of a run.")
+      .def_prop_ro(
+          "number", [](const PyTick& t) { return t.record.number; }, "From 0.")
+      .def_prop_ro(
+          "time", [](const PyTick& t) { return t.record.time; }, "s since the run began.")
+      .def_prop_ro(
+          "pose", [](const PyTick& t) { return seven_of(t.record.step.X_WT); },
+          nb::sig(array("pose").c_str()), "X_WT of the tool: (7,) tx ty tz qx qy qz qw, m.")
+      .def_prop_ro(
+          "hand_pose", [](const PyTick& t) { return seven_of(t.record.device.X_BH); },
+          nb::sig(array("hand_pose").c_str()), "X_BH of the device's handle: (7,), m.")
+      .def_prop_ro(
+          "wrench", [](const PyTick& t) { return array_of(six_of(t.record.step.contact_W), {6}); },
+          nb::sig(array("wrench").c_str()),
+          "(6,) N and N m on the tool, in W about its centre of mass.")
+      .def_prop_ro(
+          "hand_wrench", [](const PyTick& t) { return array_of(six_of(t.record.F_H_B), {6}); },
+          nb::sig(array("hand_wrench").c_str()),
+          "(6,) N and N m that the device was told, at the handle in B.")
+      .def_prop_ro(
+          "volume", [](const PyTick& t) { return t.record.penetration.volume; },
+          "m3 of the tool inside what is seen.")
+      .def_prop_ro(
+          "buttons", [](const PyTick& t) { return t.record.device.buttons; }, "A bit each.")
+      .def_prop_ro(
+          "status",
+          [](const PyTick& t) { return static_cast<StepStatus>(t.record.penetration.status.bits); },
+          "Of the measurement.")
+      .def_prop_ro(
+          "contact_age", [](const PyTick& t) { return t.record.contact_age; }, "s.")
+      .def_prop_ro(
+          "sensor_age", [](const PyTick& t) { return t.record.sensor_age; },
+          "s, from the depth frame to this force.")
+      .def_prop_ro(
+          "frame", [](const PyTick& t) { return t.record.frame_number; },
+          "Number of the depth frame, from 0.");
+}
+
+}  // namespace
+
+void bind_runs(nb::module_& m) {
+  bind_tick(m);
+  nb::class_<PyPushedCamera>(
+      m, "PushedCamera",
+      R"(A live camera that your own code reads: push its images while a run goes on.
+
+camera: the numbers of the images. rate: nominal, frames per second. has_time_stamps: push is told
+times of the camera's own clock, s; else an image is captured when it is pushed. latency: s from the
+exposure to the time stamp.)")
+      .def(
+          "__init__",
+          [](PyPushedCamera* self, const PyCamera& camera, double rate, bool has_time_stamps,
+             double latency) {
+            new (self) PyPushedCamera(make_pushed(camera, rate, has_time_stamps, latency));
+          },
+          nb::arg("camera"), nb::kw_only(), nb::arg("rate") = 30.0,
+          nb::arg("has_time_stamps") = false, nb::arg("latency") = 0.0)
+      .def("push", &PyPushedCamera::push, nb::arg("depth"), nb::kw_only(),
+           nb::arg("time") = nb::none(),
+           nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None) -> "
+                   "None"),
+           R"(depth: (H, W) uint16 counts or float32 metres. Never waits for whoever feels it: the
+newest image wins. From any thread.)")
+      .def(
+          "end", [](PyPushedCamera& self) { self.source->end(); }, "No more images come.");
+
+  nb::class_<RunInThread>(m, "RunInThread", "A run whose loop is in C++; palpate.Run holds one.")
+      .def("stop", &RunInThread::stop, "Fades the force out and ends the run.")
+      .def("wait", &RunInThread::wait, nb::arg("seconds") = nb::none(),
+           "Until it has ended, or so long; has it? Ctrl-C ends it.")
+      .def("mark", &RunInThread::mark, nb::arg("text"), "A note in the recording, now.")
+      .def_prop_ro("is_running", &RunInThread::is_running)
+      .def_prop_ro("notes", &RunInThread::notes)
+      .def_prop_ro("latest", [](const RunInThread& self) -> std::optional<PyTick> {
+        const auto tick = self.latest();
+        return tick ? std::optional(PyTick{*tick}) : std::nullopt;
+      });
+
+  m.def("start_run", start_run, nb::arg("tool"), nb::arg("camera"), nb::arg("path").none(),
+        nb::arg("device").none(), nb::arg("duration").none(), nb::arg("on_tick").none(),
+        nb::arg("folder"), nb::arg("settings_file").none(), nb::arg("settings"),
+        nb::sig("def start_run(tool: Tool, camera: str | PushedCamera, "
+                "path: palpate._types.Array | str | os.PathLike[str] | None, "
+                "device: str | palpate._types.Device | None, duration: float | None, "
+                "on_tick: collections.abc.Callable[[Tick], bool | None] | None, "
+                "folder: str | os.PathLike[str], "
+                "settings_file: str | os.PathLike[str] | None, "
+                "settings: dict[str, typing.Any]) -> RunInThread"),
+        "What palpate.touch starts.");
+}
+
+}  // namespace palpate::python

@@ -1,0 +1,273 @@
+// palpate.Tool: packing meshes, tool files, and what a tool is made of.
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include "palpate/io/mesh_file.h"
+#include "palpate/io/tool_file.h"
+#include "palpate/mesh/mesh_check.h"
+#include "palpate/packing/packer.h"
+#include "python/src/arrays.h"
+#include "python/src/bindings.h"
+#include "python/src/keywords.h"
+
+namespace palpate::python {
+namespace {
+
+constexpr const char* kUnits[] = {"m", "mm", "cm", "in"};
+constexpr double kMetres[] = {1, 0.001, 0.01, 0.0254};
+
+double metres_of(const std::string& unit) {
+  for (std::size_t i = 0; i < std::size(kUnits); ++i) {
+    if (unit == kUnits[i]) return kMetres[i];
+  }
+  throw nb::value_error(("unit: '" + unit + "' is not m, mm, cm or in").c_str());
+}
+
+TriangleMesh mesh_of(nb::handle vertices, nb::handle triangles, double scale) {
+  const Doubles points = doubles_of(vertices, "vertices");
+  if (points.ndim() != 2 || points.shape(1) != 3) {
+    refuse_shape("vertices", shape_of(points), "(V, 3)");
+  }
+  const auto faces = numbers_of<std::int64_t>(triangles, "triangles", "int64");
+  if (faces.ndim() != 2 || faces.shape(1) != 3) {
+    refuse_shape("triangles", shape_of(faces), "(F, 3)");
+  }
+  TriangleMesh mesh;
+  for (std::size_t i = 0; i < points.shape(0); ++i) {
+    const double* p = points.data() + 3 * i;
+    mesh.vertices.push_back({p[0] * scale, p[1] * scale, p[2] * scale});
+  }
+  const auto num_vertices = static_cast<std::int64_t>(mesh.vertices.size());
+  for (std::size_t i = 0; i < faces.shape(0); ++i) {
+    const std::int64_t* f = faces.data() + 3 * i;
+    for (int k = 0; k < 3; ++k) {
+      if (f[k] >= 0 && f[k] < num_vertices) continue;
+      throw nb::value_error(("triangles: row " + std::to_string(i) + " names vertex " +
+                             std::to_string(f[k]) + ", but there are " +
+                             std::to_string(num_vertices) + ", counted from 0")
+                                .c_str());
+    }
+    mesh.triangles.push_back({static_cast<std::uint32_t>(f[0]), static_cast<std::uint32_t>(f[1]),
+                              static_cast<std::uint32_t>(f[2])});
+  }
+  return mesh;
+}
+
+struct PackRequest {
+  PackOptions options;
+  GapRule gap_rule = GapRule::relative;
+};
+
+PackRequest request_of(int spheres, std::uint64_t seed, int threads, const nb::dict& keywords) {
+  PackRequest request;
+  SettingTable table = settings_of(request.options);
+  check(table.set("packing.spheres", double(spheres)));
+  request.options.seed = seed;
+  request.options.num_threads = threads;
+  apply(keywords, table);
+  return request;
+}
+
+/// Warnings about the mesh become warnings of Python.
+void warn(const std::vector<std::string>& warnings) {
+  for (const std::string& text : warnings) {
+    if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 2) != 0) throw nb::python_error();
+  }
+}
+
+/// Without the GIL but where `progress` is told or Ctrl-C asked for.
+PyTool packed(const TriangleMesh& raw, PackRequest request, const nb::object& progress,
+              const std::string& source) {
+  request.options.progress = [&](const PackProgress& now) {
+    const nb::gil_scoped_acquire gil;
+    if (is_interrupted()) return false;
+    if (progress.is_none()) return true;
+    try {
+      return !progress(now.num_spheres, now.fill, now.last_radius).is(nb::bool_(false));
+    } catch (nb::python_error& error) {
+      error.restore();
+      return false;
+    }
+  };
+  Result<SolidMesh> solid = Error{};
+  Result<SpherePacking> packing = Error{};
+  Result<Tool> tool = Error{};
+  {
+    const nb::gil_scoped_release no_gil;
+    solid = check_solid(raw);
+    if (solid) packing = pack_spheres(solid->mesh, request.options);
+    if (solid && packing) {
+      tool = Tool::build(solid->mesh, *std::move(packing), request.gap_rule, source,
+                         request.options.num_threads);
+    }
+  }
+  if (PyErr_Occurred() != nullptr) throw nb::python_error();
+  if (!solid) throw PalpateError(source + ": " + solid.error().message);
+  warn(solid->warnings);
+  if (!packing) throw PalpateError(source + ": " + packing.error().message);
+  PyTool made{std::make_shared<const Tool>(taken(std::move(tool)))};
+  if (is_interrupted()) throw nb::python_error();
+  return made;
+}
+
+nb::object vector_of(const Vec3d& v) { return array_of<double>({v.x, v.y, v.z}, {3}); }
+
+nb::object matrix_of(const Mat3d& m) {
+  std::vector<double> numbers;
+  for (const auto& row : m.m) numbers.insert(numbers.end(), row, row + 3);
+  return array_of(std::move(numbers), {3, 3});
+}
+
+const Tool& tool_of(nb::handle self) { return *nb::cast<PyTool&>(self).tool; }
+
+}  // namespace
+
+void bind_tool(nb::module_& m) {
+  nb::class_<PyTool>(m, "Tool", nb::is_weak_referenceable(),
+                     R"(A rigid tool: its mesh and the spheres that fill it, in the tool frame T.
+
+Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can only be read.)")
+      .def_prop_ro(
+          "spheres",
+          [](nb::handle self) {
+            const auto spheres = tool_of(self).spheres();
+            static_assert(sizeof(Sphere) == 4 * sizeof(float));
+            return view_of(&spheres.data()->centre.x, {spheres.size(), 4}, self);
+          },
+          nb::sig("def spheres(self) -> numpy.typing.NDArray[numpy.float32]"),
+          "(N, 4) float32: centre x y z in T and radius of each sphere, m, in the order of the "
+          "packing.")
+      .def_prop_ro(
+          "edges",
+          [](nb::handle self) {
+            std::vector<std::int32_t> numbers;
+            for (const auto& [a, b] : tool_of(self).graph().edges()) {
+              numbers.insert(numbers.end(), {a, b});
+            }
+            const std::size_t num = numbers.size() / 2;
+            return array_of(std::move(numbers), {num, 2});
+          },
+          nb::sig("def edges(self) -> numpy.typing.NDArray[numpy.int32]"),
+          "(E, 2) int32: which spheres are neighbours, each pair once, the lower index first.")
+      .def_prop_ro(
+          "volume", [](const PyTool& self) { return self.tool->mesh_mass().volume; },
+          "Volume of the mesh, m3.")
+      .def_prop_ro(
+          "sphere_volume", [](const PyTool& self) { return self.tool->sphere_mass().volume; },
+          "Volume of all spheres, m3.")
+      .def_prop_ro(
+          "centre_of_mass",
+          [](nb::handle self) { return vector_of(tool_of(self).sphere_mass().centre_of_mass); },
+          nb::sig("def centre_of_mass(self) -> numpy.typing.NDArray[numpy.float64]"),
+          "(3,) m in T: of the spheres. All torques are about this point.")
+      .def_prop_ro(
+          "inertia", [](nb::handle self) { return matrix_of(tool_of(self).sphere_mass().inertia); },
+          nb::sig("def inertia(self) -> numpy.typing.NDArray[numpy.float64]"),
+          "(3, 3) kg m2 of the spheres at 1 kg/m3, about their centre of mass, axes of T.")
+      .def_prop_ro(
+          "mesh",
+          [](nb::handle self) {
+            const TriangleMesh& mesh = tool_of(self).mesh();
+            return nb::make_tuple(
+                view_of(&mesh.vertices.data()->x, {mesh.vertices.size(), 3}, self),
+                view_of(mesh.triangles.data()->data(), {mesh.triangles.size(), 3}, self));
+          },
+          nb::sig("def mesh(self) -> tuple[numpy.typing.NDArray[numpy.float64], "
+                  "numpy.typing.NDArray[numpy.uint32]]"),
+          "Vertices (V, 3) float64, m in T, and triangles (F, 3) uint32.")
+      .def_prop_ro(
+          "source", [](const PyTool& self) { return self.tool->source(); },
+          "Where the mesh came from.")
+      .def("__len__", [](const PyTool& self) { return self.tool->spheres().size(); })
+      .def("__repr__",
+           [](const PyTool& self) {
+             char text[160];
+             std::snprintf(text, sizeof text, "<palpate.Tool '%.60s': %zu spheres, %.4g cm3>",
+                           self.tool->source().c_str(), self.tool->spheres().size(),
+                           self.tool->mesh_mass().volume * 1e6);
+             return std::string(text);
+           })
+      .def(
+          "prefix",
+          [](const PyTool& self, int num_spheres) {
+            Result<Tool> tool = Error{};
+            {
+              const nb::gil_scoped_release no_gil;
+              tool = self.tool->prefix(num_spheres);
+            }
+            return PyTool{std::make_shared<const Tool>(taken(std::move(tool)))};
+          },
+          nb::arg("spheres"), "The coarser tool of the first so many spheres.")
+      .def(
+          "save",
+          [](const PyTool& self, const std::filesystem::path& path) {
+            check(save_tool(*self.tool, path));
+          },
+          nb::arg("path"), "Writes a tool file (.palp), whole or not at all.");
+
+  m.def(
+      "load_tool",
+      [](const std::filesystem::path& path) {
+        Result<Tool> tool = Error{};
+        {
+          const nb::gil_scoped_release no_gil;
+          tool = load_tool(path);
+        }
+        return PyTool{std::make_shared<const Tool>(taken(std::move(tool)))};
+      },
+      nb::arg("path"), "Reads a tool file (.palp). palpate.Error: not one, damaged, or newer.");
+
+  m.def(
+      "pack",
+      [](nb::handle vertices, nb::handle triangles, int spheres, double scale, std::uint64_t seed,
+         nb::object progress, int threads, nb::kwargs limits) {
+        const TriangleMesh mesh = mesh_of(vertices, triangles, scale);
+        return packed(mesh, request_of(spheres, seed, threads, limits), progress, "mesh");
+      },
+      nb::arg("vertices"), nb::arg("triangles"), nb::arg("spheres") = 5000, nb::kw_only(),
+      nb::arg("scale") = 1.0, nb::arg("seed") = 0, nb::arg("progress") = nb::none(),
+      nb::arg("threads") = 0, nb::arg("limits"),
+      nb::sig("def pack(vertices: palpate._types.Array, triangles: palpate._types.Array, "
+              "spheres: int = 5000, *, scale: float = 1.0, seed: int = 0, "
+              "progress: palpate._types.Progress | None = None, threads: int = 0, "
+              "**limits: float) -> Tool"),
+      R"(Fills a solid with disjoint spheres.
+
+vertices: (V, 3) float; times `scale` they are metres in the tool frame T.
+triangles: (F, 3) int, counter-clockwise seen from outside; they have to enclose a solid.
+spheres: at most so many.
+seed: jitters the starting grid.
+progress: called a few times a second as progress(spheres, fill, last_radius in m); False ends it.
+threads: 0 for one per core; the result has the same bits for any number.
+limits: further ones of docs/settings.md [packing]: standoff, max_radius, min_radius, max_fill, max_seconds.
+
+Without the GIL; Ctrl-C ends it. palpate.Error: no solid, what is wrong with it and where.)");
+
+  m.def(
+      "pack_file",
+      [](const std::filesystem::path& path, int spheres, const std::string& unit, double scale,
+         std::uint64_t seed, nb::object progress, int threads, nb::kwargs limits) {
+        const double metres = metres_of(unit) * scale;
+        Result<TriangleMesh> mesh = Error{};
+        {
+          const nb::gil_scoped_release no_gil;
+          mesh = load_mesh(path, metres);
+        }
+        if (!mesh) raise(mesh.error());
+        return packed(*mesh, request_of(spheres, seed, threads, limits), progress,
+                      path.filename().string());
+      },
+      nb::arg("path"), nb::arg("spheres") = 5000, nb::kw_only(), nb::arg("unit") = "m",
+      nb::arg("scale") = 1.0, nb::arg("seed") = 0, nb::arg("progress") = nb::none(),
+      nb::arg("threads") = 0, nb::arg("limits"),
+      nb::sig("def pack_file(path: str | os.PathLike[str], spheres: int = 5000, *, "
+              "unit: str = 'm', scale: float = 1.0, seed: int = 0, "
+              "progress: palpate._types.Progress | None = None, threads: int = 0, "
+              "**limits: float) -> Tool"),
+      R"(Fills the solid of a mesh file (OBJ, STL, PLY, OFF, glTF, GLB) with disjoint spheres.
+
+unit: what its numbers are: "m", "mm", "cm" or "in". The rest: see `pack`.)");
+}
+
+}  // namespace palpate::python

@@ -1,0 +1,46 @@
+// What each file of bindings adds to the module.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <memory>
+
+#include "palpate/field/sensor.h"
+#include "palpate/tool/tool.h"
+
+namespace palpate::python {
+
+void bind_tool(nanobind::module_& m);
+void bind_sensor(nanobind::module_& m);
+void bind_contact(nanobind::module_& m);
+void bind_penetration(nanobind::module_& m);
+void bind_runs(nanobind::module_& m);
+void bind_recordings(nanobind::module_& m);
+void bind_scenes(nanobind::module_& m);
+
+/// palpate.Tool.
+struct PyTool {
+  std::shared_ptr<const Tool> tool;
+};
+
+/// palpate.Camera: a Camera, how its numbers are to be read, and where it is.
+struct PyCamera {
+  Camera camera;
+  Distortion distortion;
+  double unit = 0.001;  ///< metres per count
+  Pose X_WC;
+
+  DepthStreamInfo stream() const;
+};
+
+/// palpate.Surface. As long as it is held, so are its arrays.
+struct PySurface {
+  std::shared_ptr<Sensor> keeper;
+  SurfaceView view;
+  Pose X_WC, X_CW;
+  bool is_in_camera_frame = true;  ///< X_WC is the identity
+  double time = 0;                 ///< s; NaN: nobody has said
+  Place place;
+};
+
+}  // namespace palpate::python

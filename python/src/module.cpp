@@ -1,0 +1,46 @@
+// The module palpate._core: the public headers for Python. What is better said in Python lies in
+// python/palpate.
+#include <nanobind/nanobind.h>
+
+#include "palpate/contact/contact_query.h"
+#include "palpate/version.h"
+#include "python/src/arrays.h"
+#include "python/src/bindings.h"
+
+namespace nb = nanobind;
+
+NB_MODULE(_core, m) {
+  using namespace palpate;
+  using namespace palpate::python;
+  m.attr("__version__") = PALPATE_VERSION;
+  m.doc() = "The compiled part of palpate.";
+
+  nb::object error = nb::exception<PalpateError>(m, "Error", PyExc_RuntimeError);
+  error.attr("__doc__") =
+      "What went wrong: one sentence that says what, where, and what to do next.";
+
+  nb::enum_<StepStatus>(m, "Status", nb::is_flag(), nb::is_arithmetic(),
+                        "Things to know about a measurement; any number of them.")
+      .value("OK", StepStatus::ok)
+      .value("NON_FINITE_POSE", StepStatus::non_finite_pose,
+             "The pose was not finite: nothing was measured, all zero.")
+      .value("AMBIGUOUS_NORMALS", StepStatus::ambiguous_normals,
+             "The points in a boundary sphere disagree.")
+      .value("BACKEND_FAILED", StepStatus::backend_failed,
+             "The GPU did not answer or is lost: nothing was measured, all zero.")
+      .value("NO_SURFACE", StepStatus::no_surface,
+             "There is no surface of the kind that the method asks: nothing was measured.")
+      .value("NO_EDGE_VECTORS", StepStatus::no_edge_vectors,
+             "Edges are wanted, but the cloud tells none: measured without.")
+      .value(
+          "OUTSIDE_WINDOW", StepStatus::outside_window,
+          "The tool may be seen outside of what the surface was made for: nothing was measured.");
+
+  bind_tool(m);
+  bind_sensor(m);
+  bind_contact(m);
+  bind_penetration(m);
+  bind_runs(m);
+  bind_recordings(m);
+  bind_scenes(m);
+}

@@ -1,0 +1,261 @@
+"""palpate.touch and palpate.Run: what is felt, what is kept, who may interfere."""
+
+import csv
+import gc
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import palpate
+
+#: Into the wall at 1 m, 10 mm deep, in half a second.
+PATH = np.array([[0, 0, 0, 0.95, 0, 0, 0, 1], [0.5, 0, 0, 0.99, 0, 0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def recorded(cube, tmp_path_factory):
+    run = palpate.touch(cube, "scene:wall", PATH, duration=0.5, output=tmp_path_factory.mktemp("run") / "a")
+    run.wait()
+    return run
+
+
+def test_a_path_on_a_simulated_clock(cube, recorded):
+    assert recorded.times == pytest.approx(np.arange(500) / 1000)
+    expected = np.array([np.interp(recorded.times, PATH[:, 0], PATH[:, 3])])
+    assert recorded.poses[:, 2] == pytest.approx(expected[0], abs=1e-12)
+    assert recorded.poses[:, 3:] == pytest.approx(np.tile([0, 0, 0, 1], (500, 1)))
+    # A wall: the part of the cube behind it, and a force back along the camera's axis.
+    inside = np.clip(recorded.poses[:, 2] + 0.02 - 1, 0, 0.04) * 0.04**2
+    deep = inside > 0.1 * cube.volume
+    assert recorded.volume[deep] == pytest.approx(inside[deep], rel=0.1)
+    force = -inside[deep] * recorded.summary["newtons_per_m3"]
+    assert recorded.wrench[deep, 2] == pytest.approx(force, rel=0.1)
+    assert np.abs(recorded.wrench[:, :2]).max() < 0.05 * np.abs(recorded.wrench[:, 2]).max()
+
+
+def test_the_arrays_are_those_of_the_files(recorded):
+    with (recorded.folder / "wrench.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for name in rows[0]:
+        assert np.array_equal(recorded.table[name], [float(row[name]) for row in rows], equal_nan=True)
+    assert recorded.summary == json.loads((recorded.folder / "summary.json").read_text())
+    ticks = recorded.ticks
+    assert np.array_equal(ticks["number"], np.arange(500))
+    assert np.array_equal(ticks["coupling.contact.force.z"], recorded.wrench[:, 2])
+    assert np.array_equal(ticks["penetration.volume"], recorded.volume)
+    assert recorded.contacts["number"].size == recorded.summary["contacts"]
+    assert recorded.frame_records["number"].size == recorded.summary["frames"]
+
+
+def test_frames_and_tool_come_back(cube, recorded):
+    frames = list(recorded.frames())
+    assert len(frames) == recorded.summary["frames"]
+    times = [at for at, _ in frames]
+    assert times == sorted(times)
+    assert all(image.dtype == np.uint16 and image.shape == (480, 640) for _, image in frames)
+    assert 990 < np.median(frames[0][1]) < 1010
+    assert recorded.camera.width == 640 and recorded.camera.fx == pytest.approx(575.8157)
+    assert np.array_equal(recorded.tool.spheres, cube.spheres)
+
+
+def test_the_same_run_by_the_program(cube, recorded, tmp_path):
+    """The program and the module give the same bits."""
+    program = os.environ.get("PALPATE_PROGRAM")
+    if not program:
+        pytest.skip("the program: PALPATE_PROGRAM names none")
+    cube.save(tmp_path / "cube.palp")
+    lines = [" ".join(repr(float(x)) for x in row) for row in PATH]
+    (tmp_path / "path.txt").write_text("\n".join(lines) + "\n")
+    subprocess.run(
+        [program, "touch", tmp_path / "cube.palp", "--camera", "scene:wall", "--path",
+         tmp_path / "path.txt", "--duration", "0.5", "-o", tmp_path / "b"], check=True)
+    run = palpate.Run.open(tmp_path / "b")
+    assert np.array_equal(run.wrench, recorded.wrench, equal_nan=True)
+    assert np.array_equal(run.poses, recorded.poses)
+    subprocess.run([program, "replay", recorded.folder, "--check"], check=True)
+
+
+def test_a_cut_off_recording_is_read(recorded, tmp_path):
+    folder = tmp_path / "cut"
+    folder.mkdir()
+    whole = (recorded.folder / "recording.mcap").read_bytes()
+    (folder / "recording.mcap").write_bytes(whole[: len(whole) - 2000])
+    run = palpate.Run.open(folder)
+    num = run.times.size
+    assert 100 < num <= 500
+    assert np.array_equal(run.wrench, recorded.wrench[:num])
+    assert np.array_equal(run.volume, recorded.volume[:num])
+    with pytest.raises(palpate.Error, match="summary.json"):
+        run.summary
+
+
+def test_pandas(recorded):
+    pandas = pytest.importorskip("pandas")
+    table = recorded.to_dataframe()
+    assert isinstance(table, pandas.DataFrame) and len(table) == 500
+    assert table["force_z_N"].min() == recorded.wrench[:, 2].min()
+
+
+def test_plots(recorded):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    from palpate import plot
+
+    for draw, num in ((plot.wrench, 3), (plot.torque, 3), (plot.volume, 1), (plot.latency, 2)):
+        axes = draw(recorded)
+        assert len(axes.lines) == num
+        assert axes.lines[0].get_xdata() == pytest.approx(recorded.times)
+        assert "time, s" in axes.get_xlabel() and axes.get_ylabel()
+    again = plot.volume(recorded, axes=axes)
+    assert again is axes
+
+
+def test_a_live_run_ends_with_its_block(cube):
+    start = time.monotonic()
+    with palpate.touch(cube, "scene:wall", device="sim", duration=60) as run:
+        assert run.is_running
+        while run.latest.number < 100:
+            time.sleep(0.01)
+        assert run.latest.pose.shape == (7,) and run.latest.wrench.shape == (6,)
+        run.mark("here")
+        folder = run.folder
+    assert not run.is_running and time.monotonic() - start < 50
+    assert run.times.size > 100 and "here" in " ".join(run.notes)
+    assert folder.exists()
+    del run
+    gc.collect()
+    assert not folder.exists()  # a temporary one goes with its run
+
+
+class Plunger:
+    """A device in Python: the handle goes down 30 mm in half a second."""
+
+    rate, max_force = 400, 5.0
+
+    def __init__(self):
+        self.told = []
+
+    def read(self):
+        return [0, 0, -0.03 * min(1, len(self.told) / 200), 0, 0, 0, 1]
+
+    def write(self, wrench):
+        self.told.append(np.array(wrench))
+
+
+def test_a_device_in_python(cube):
+    plunger, heard = Plunger(), []
+    start = [[0, 0, 0, 0.97, 0, 0, 0, 1]]
+    run = palpate.touch(cube, "scene:wall", start, device=plunger, duration=1.5,
+                        on_tick=lambda tick: heard.append((tick.number, tick.hand_wrench)))
+    run.wait()
+    told = np.array(plunger.told)
+    assert told.shape[1] == 6 and np.array_equal(told[-1], np.zeros(6))  # the motors are off
+    # It is pushed out, along z of its base, within its limits.
+    assert told[:, 2].max() > 0.5 and np.linalg.norm(told[:, :3], axis=1).max() <= 5.0 * 1.0001
+    numbers = [number for number, _ in heard]
+    assert numbers == list(range(len(numbers))) and len(numbers) == run.times.size
+    assert np.array_equal(np.array([wrench for _, wrench in heard]), run.hand_wrench)
+    period = run.summary["microseconds"]["haptic_period"]
+    assert period["p50"] >= 2000  # what it really was: 400 Hz were asked for
+
+
+def test_a_camera_in_python(cube):
+    camera = palpate.Camera(160, 120, 140, 140, 79.5, 59.5)
+    pushed = palpate.PushedCamera(camera)
+    is_over = threading.Event()
+
+    def push():
+        while not is_over.wait(0.02):
+            pushed.push(np.full((120, 160), 1000, np.uint16))
+
+    pusher = threading.Thread(target=push)
+    pusher.start()
+    try:
+        run = palpate.touch(cube, pushed, PATH)
+        assert run.wrench[-1, 2] < -1
+        assert run.summary["frames"] > 5
+    finally:
+        is_over.set()
+        pusher.join()
+    assert np.median(next(iter(run.frames()))[1]) == 1000
+    with pytest.raises(ValueError, match="uint16"):
+        pushed.push(np.zeros((120, 160), np.int64))
+
+
+@pytest.mark.parametrize("where", ["read", "write"])
+def test_what_a_device_raises_is_raised(cube, where):
+    class Broken(Plunger):
+        def read(self):
+            if where == "read" and len(self.told) > 20:
+                raise ArithmeticError("the encoder is gone")
+            return super().read()
+
+        def write(self, wrench):
+            if where == "write" and len(self.told) > 20:
+                raise ArithmeticError("the motor is gone")
+            super().write(wrench)
+
+    with pytest.raises(ArithmeticError, match="is gone"):
+        palpate.touch(cube, "scene:wall", Broken(), duration=20).wait()
+
+
+def test_on_tick_ends_a_run_and_its_errors_are_raised(cube):
+    run = palpate.touch(cube, "scene:wall", PATH, on_tick=lambda tick: tick.number < 50)
+    assert run.times.size < 500
+    with pytest.raises(ZeroDivisionError):
+        palpate.touch(cube, "scene:wall", PATH, on_tick=lambda tick: 1 / 0).wait()
+
+
+def test_ctrl_c_ends_a_run_and_keeps_it(cube, tmp_path):
+    run = palpate.touch(cube, "scene:wall", device="sim", duration=60, output=tmp_path / "run")
+    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        run.wait()
+    assert palpate.Run.open(tmp_path / "run").times.size > 0
+
+
+def test_a_run_that_nobody_ends_ends_with_python(tmp_path):
+    code = """
+import numpy as np, sys, palpate
+sys.path.insert(0, sys.argv[1])
+from conftest import CUBE_TRIANGLES, CUBE_VERTICES
+tool = palpate.pack(CUBE_VERTICES, CUBE_TRIANGLES, 20)
+run = palpate.touch(tool, "scene:wall", device="sim", duration=600, output=sys.argv[2])
+"""
+    here = os.path.dirname(__file__)
+    subprocess.run([sys.executable, "-c", code, here, str(tmp_path / "run")], check=True, timeout=120)
+    assert palpate.Run.open(tmp_path / "run").times.size > 0
+
+
+def test_bad_requests(cube, tmp_path):
+    def refused(error, words, *arguments, **keywords):
+        with pytest.raises(error, match=words):
+            palpate.touch(cube, *arguments, **keywords)
+
+    refused(palpate.Error, "no scene 'nowhere'", "scene:nowhere", PATH)
+    refused(ValueError, r"path: shape \(2, 7\) is not \(N, 8\)", "scene:wall", PATH[:, :7])
+    refused(ValueError, "row 1", "scene:wall", PATH[::-1])
+    refused(palpate.Error, "nearest one is 'contact_method'", "scene:wall", PATH, contact_metod="graph")
+    refused(palpate.Error, "no setting 'rate'", "scene:wall", PATH, rate=3)
+    refused(palpate.Error, "contact_rate", "scene:wall", PATH, contact_rate=0)
+    refused(ValueError, "duration", "scene:wall", PATH, duration=0)
+    refused(palpate.Error, "one camera", ["scene:wall", "scene:hand"], PATH)
+    refused(palpate.Error, "no-such", "scene:wall", tmp_path / "no-such.txt")
+    refused(palpate.Error, "one device", "scene:wall", "sim", device="sim")
+    refused(TypeError, "write", "scene:wall", device=object())
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "letter").write_text("mine")
+    refused(palpate.Error, "taken", "scene:wall", PATH, output=tmp_path / "taken")
+    for folder, words in ((tmp_path / "none", "no folder"), (tmp_path, "holds no run")):
+        with pytest.raises(palpate.Error, match=words):
+            palpate.Run.open(folder)
+    (tmp_path / "wrench.csv").write_text("time_s\nfour\n")
+    with pytest.raises(palpate.Error, match="wrench.csv cannot be read"):
+        palpate.Run.open(tmp_path).times

@@ -1,0 +1,123 @@
+"""palpate.torch: gradients by gradcheck in double, against the measurement, and the tensors' types."""
+
+import numpy as np
+import pytest
+from conftest import pose_matrix
+
+import palpate
+
+torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+
+from palpate.torch import penetration, wrench  # noqa: E402
+
+STANDS = [0.3, -0.2, 0.5, 0.1, 0.7, -0.3, 0.6]
+
+
+@pytest.fixture(scope="module", params=["camera", "world"])
+def felt(request):
+    """A surface with edges, and poses in it whose quaternions are not of unit length."""
+    depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
+    surface = palpate.Sensor(camera).update(depth, pose=STANDS if request.param == "world" else None)
+    random = np.random.default_rng(5)
+    pixels = [(60, 70), (50, 90), (70, 80)]
+    poses = [[*surface.points[v, u], *random.normal(size=4) * 1.3] for v, u in pixels]
+    return surface, torch.tensor(np.array(poses, np.float64), requires_grad=True)
+
+
+def scaled(tool, surface):
+    """Of the size of one, so that gradcheck's tolerances mean something."""
+    def numbers(poses):
+        volume, potential = penetration(tool, surface, poses)
+        return volume / tool.volume, potential / (tool.volume * 0.01)
+
+    return numbers
+
+
+def test_the_numbers_are_those_of_the_measurement(cube, felt):
+    surface, poses = felt
+    contact = palpate.Contact(cube)
+    volume, potential = penetration(cube, surface, poses)
+    felt_wrench = wrench(cube, surface, poses)
+    for k, pose in enumerate(poses.detach().numpy()):
+        result = contact.measure(surface, pose)
+        assert volume[k].item() == pytest.approx(result.volume, rel=1e-4)
+        assert potential[k].item() == pytest.approx(result.potential, rel=1e-3)
+        assert felt_wrench[k, :3].numpy(force=True) == pytest.approx(result.force, abs=1e-4 * result.volume)
+
+
+def test_gradcheck(cube, felt):
+    surface, poses = felt
+    assert torch.autograd.gradcheck(scaled(cube, surface), (poses,), eps=1e-7, atol=1e-4, rtol=1e-3)
+
+
+def test_gradcheck_of_the_wrench(cube, felt):
+    surface, poses = felt
+
+    def numbers(given):
+        return wrench(cube, surface, given) / (cube.volume * torch.tensor([1, 1, 1, .01, .01, .01]))
+
+    assert torch.autograd.gradcheck(numbers, (poses,), eps=1e-8, atol=1e-2, rtol=1e-2)
+
+
+def test_the_gradient_of_the_potential_is_the_wrench(cube, felt):
+    surface, poses = felt
+    (gradient,) = torch.autograd.grad(penetration(cube, surface, poses).potential.sum(), poses)
+    expected = -wrench(cube, surface, poses)[:, :3]
+    assert torch.allclose(gradient[:, :3], expected.to(gradient), rtol=1e-12)
+
+
+def test_the_second_derivative_of_the_potential_is_the_stiffness(cube, felt):
+    surface, poses = felt
+    contact = palpate.Contact(cube)
+    K = contact.measure(surface, poses[0].detach().numpy(), stiffness=True).stiffness
+    one = poses[:1].detach().requires_grad_()
+    hessian = torch.autograd.functional.hessian(
+        lambda given: penetration(cube, surface, given).potential.sum(), one)[0, :3, 0, :3]
+    assert hessian.numpy() == pytest.approx(K[:3, :3], abs=1e-3 * np.abs(K[:3, :3]).max())
+
+
+def test_matrices_go_down_to_where_the_tool_is_free(cube, felt):
+    """(P, 4, 4): a few steps along the gradient lower the potential."""
+    surface, poses = felt
+    X = torch.tensor(np.array([pose_matrix(p) for p in poses.detach().numpy()]), requires_grad=True)
+    before = penetration(cube, surface, X)
+    assert torch.allclose(before.volume, penetration(cube, surface, poses).volume, rtol=1e-6)
+    (gradient,) = torch.autograd.grad(before.potential.sum(), X)
+    # Along rotations: turn about the tool's origin by a small vector.
+    step = 1e-6
+    for k in range(3):
+        axis = np.zeros(3)
+        axis[k] = step / 2
+        turn = torch.tensor(pose_matrix([0, 0, 0, *axis, 1]))
+        there = X.detach().clone()
+        there[:, :3, :3] = turn[:3, :3] @ there[:, :3, :3]
+        change = (penetration(cube, surface, there).potential - before.potential).detach()
+        predicted = (gradient * (there - X.detach())).sum((1, 2))
+        assert torch.allclose(change, predicted, atol=2e-2 * float(predicted.abs().max()))
+
+
+def test_single_precision_and_bad_poses(cube, felt):
+    surface, poses = felt
+    single = poses.detach().float().requires_grad_()
+    volume = penetration(cube, surface, single).volume
+    assert volume.dtype == torch.float32
+    volume.sum().backward()
+    assert single.grad.dtype == torch.float32 and torch.isfinite(single.grad).all()
+    with pytest.raises(ValueError, match=r"poses: shape \(3, 6\)"):
+        penetration(cube, surface, poses[:, :6])
+    with pytest.raises(ValueError, match="float64"):
+        wrench(cube, surface, torch.zeros(2, 7, dtype=torch.int64))
+    with pytest.raises(ValueError, match="not finite"):
+        penetration(cube, surface, torch.full((1, 7), float("nan"), dtype=torch.float64))
+
+
+def test_tensors_are_images_and_poses(cube, felt):
+    depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
+    by_numpy = palpate.Sensor(camera).update(depth)
+    by_torch = palpate.Sensor(camera).update(torch.from_numpy(depth))
+    assert np.array_equal(by_numpy.points, by_torch.points, equal_nan=True)
+    pose = [*by_numpy.points[60, 70], 0, 0, 0, 1.0]
+    contact = palpate.Contact(cube)
+    a, b = contact.measure(by_numpy, pose), contact.measure(by_numpy, torch.tensor(pose, dtype=torch.float64))
+    assert a.volume == b.volume > 0
+    assert torch.from_dlpack(by_numpy.points).shape == (120, 160, 3)

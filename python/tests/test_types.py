@@ -1,0 +1,42 @@
+"""The stubs: mypy --strict over a program that uses everything, and stubtest against the module."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mypy")
+HERE = Path(__file__).parent
+
+
+def run(*command, cwd):
+    result = subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True,
+                            cwd=cwd, env={**os.environ, "MYPYPATH": ""})
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_a_program_that_uses_the_types(tmp_path):
+    run("mypy", "--strict", str(HERE / "typed_program.py"), cwd=tmp_path)
+
+
+def test_a_wrong_program_is_refused(tmp_path):
+    (tmp_path / "wrong.py").write_text(
+        "import palpate\n"
+        "tool: int = palpate.load_tool('a.palp')\n"
+        "palpate.Sensor(palpate.Camera(8, 8, 1.0, 1.0, 1.0, 1.0), place=3)\n")
+    result = subprocess.run([sys.executable, "-m", "mypy", "--strict", "wrong.py"],
+                            capture_output=True, text=True, cwd=tmp_path)
+    assert result.returncode != 0
+    assert "wrong.py:2" in result.stdout and "wrong.py:3" in result.stdout
+
+
+def test_the_package_itself(tmp_path):
+    modules = [word for name in ("_run", "_types", "_program", "plot") for word in ("-m", f"palpate.{name}")]
+    run("mypy", "--strict", "--ignore-missing-imports", *modules, cwd=tmp_path)
+
+
+def test_stubtest(tmp_path):
+    (tmp_path / "allowed").write_text((HERE / "stubtest_allowed.txt").read_text())
+    run("mypy.stubtest", "palpate._core", "--allowlist", "allowed", "--ignore-unused-allowlist", cwd=tmp_path)
