@@ -40,6 +40,7 @@ BELOW = {
     "scenes": ("mesh", "cloud"),
     "eval": ("session", "scenes"),
     "apps": ("session", "viewer", "eval", "cameras"),
+    "python": ("front", "session", "cameras"),
 }
 READ_EVERYTHING = ("tests", "bench")
 # Public headers that lie in no folder of a module.
@@ -47,6 +48,12 @@ FRONT_DOOR = {"palpate/palpate.h": "front", "palpate/version.h": "core"}
 
 # Private headers that more than one module may include.
 SHARED_PRIVATE = {
+    "src/cameras/rectifier.h": ("python",),
+    "src/session/run_fields.h": ("python",),
+    "src/contact/field/field_element.h": ("python",),
+    "src/contact/index/field_elements.h": ("python",),
+    "src/devices/polling_device.h": ("python",),
+    "src/devices/twist_between.h": ("python",),
     "src/core/all_at_once.h": ("cameras", "devices"),
     "src/core/lasting_thread.h": ("cameras",),
     "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras"),
@@ -58,7 +65,7 @@ SHARED_PRIVATE = {
     "src/pages/page_files.h": ("viewer",),
     "src/pages/report_page.h": ("session",),
     "src/session/settings_json.h": ("viewer",),
-    "src/session/run_reader.h": ("viewer",),
+    "src/session/run_reader.h": ("viewer", "python"),
     "src/session/run_messages.h": ("viewer",),
     "src/session/lead_frames.h": ("viewer",),
     "src/session/html_page.h": ("eval",),
@@ -74,7 +81,7 @@ SHARED_PRIVATE = {
     "src/contact/points/scan/image_window.h": ("eval",),
     "src/contact/points/scan/point_scan.h": ("eval",),
     "src/contact/index/sphere_grid.h": ("eval",),
-    "src/gpu/runtime.h": ("cloud", "field", "contact"),
+    "src/gpu/runtime.h": ("cloud", "field", "contact", "python"),
     "src/gpu/device_code.cuh": ("cloud", "field", "contact"),
     "src/gpu/team.cuh": ("cloud", "field", "contact"),
     "src/gpu/emulator.h": ("cloud", "field", "contact"),
@@ -97,6 +104,7 @@ LIBRARIES = (
     (r"toml\+\+/", ("session",)),
     (r"CLI/", ("apps",)),
     (r"embree\d*/", ("scenes",)),
+    (r"nanobind/", ("python",)),
     (r"boost/context/", ("gpu",)),
     (r"(gtest|gmock|benchmark|pcl|opencv\d*|Eigen)/|nanoflann\.hpp", ()),
 )
@@ -126,7 +134,7 @@ def module_of(name):
         return parts[1]
     if parts[0] == "src" and len(parts) > 2:
         return parts[1]
-    if parts[0] in ("scenes", "eval", "apps") + READ_EVERYTHING:
+    if parts[0] in ("scenes", "eval", "apps", "python") + READ_EVERYTHING:
         return parts[0]
     return None
 

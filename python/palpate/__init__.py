@@ -12,6 +12,7 @@ arrays of a wrong shape raise ValueError.
 """
 
 from palpate._core import (
+    Batch,
     Camera,
     Contact,
     Error,
@@ -21,6 +22,7 @@ from palpate._core import (
     Sensor,
     Status,
     Surface,
+    Surfaces,
     Tick,
     Tool,
     __version__,
@@ -33,6 +35,7 @@ from palpate._core import (
 from palpate._run import Run, touch
 
 __all__ = [
+    "Batch",
     "Camera",
     "Contact",
     "Error",
@@ -43,6 +46,7 @@ __all__ = [
     "Sensor",
     "Status",
     "Surface",
+    "Surfaces",
     "Tick",
     "Tool",
     "__version__",

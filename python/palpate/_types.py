@@ -22,6 +22,10 @@ Array = Union[numpy.typing.ArrayLike, SupportsDLPack]
 Progress = Callable[[int, float, float], Union[bool, None]]
 
 
+#: A queue of a GPU: cudaStream_t as a number, or torch.cuda.Stream, cupy.cuda.Stream.
+Stream = Any
+
+
 class Device(Protocol):
     """A haptic device in Python: see palpate.touch."""
 

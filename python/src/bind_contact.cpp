@@ -3,12 +3,9 @@
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
-#include <mutex>
 #include <optional>
 
-#include "palpate/contact/contact.h"
-#include "python/src/arrays.h"
-#include "python/src/bindings.h"
+#include "python/src/contact.h"
 #include "python/src/keywords.h"
 
 namespace palpate::python {
@@ -74,60 +71,36 @@ Stiffness turned(const Stiffness& K_C, const Mat3d& R_WC) {
   return K_W;
 }
 
-class PyContact {
- public:
-  PyContact(const PyTool& tool, const ContactMethod& method, const Place& place, int threads)
-      : tool_(tool), place_(place), contact_(make(*tool.tool, method, place, threads)) {}
-
-  PyResult measure(nb::handle given, const Pose& X_WT, bool with_stiffness) {
-    const auto& surface = nb::cast<PySurface&>(given);
-    const ContactWants wants{.stiffness = with_stiffness};
-    ContactResult measured;
-    {
-      const nb::gil_scoped_release no_gil;
-      const std::lock_guard lock(mutex_);
-      measured = surface.is_in_camera_frame
-                     ? contact_.measure(surface.view, X_WT, wants)
-                     : contact_.measure(surface.view, surface.X_CW * X_WT, wants);
-    }
-    const Penetration& p = measured.penetration;
-    PyResult result{p.volume,           contact_.fraction(p),
-                    p.potential,        p.measure_W.force,
-                    p.measure_W.torque, measured.stiffness,
-                    p.status,           tool_.tool,
-                    nb::borrow(given),  X_WT};
-    if (!surface.is_in_camera_frame) {
-      const Mat3d R_WC = rotation_matrix(surface.X_WC.rotation);
-      result.force = R_WC * result.force;
-      result.torque = R_WC * result.torque;
-      if (result.stiffness) result.stiffness = turned(*result.stiffness, R_WC);
-    }
+PyResult measure(PyContact& self, const nb::object& given, const Pose& X_WT, bool with_stiffness) {
+  const auto& surface = nb::cast<PySurface&>(given);
+  const ContactWants wants{.stiffness = with_stiffness};
+  double fraction = 0;
+  const ContactResult measured = self.alone([&](const Contact& contact) {
+    const ContactResult result = surface.is_in_camera_frame
+                                     ? contact.measure(surface.view, X_WT, wants)
+                                     : contact.measure(surface.view, surface.X_CW * X_WT, wants);
+    fraction = contact.fraction(result.penetration);
     return result;
+  });
+  const Penetration& p = measured.penetration;
+  PyResult result{p.volume,
+                  fraction,
+                  p.potential,
+                  p.measure_W.force,
+                  p.measure_W.torque,
+                  measured.stiffness,
+                  p.status,
+                  self.tool().tool,
+                  given,
+                  X_WT};
+  if (!surface.is_in_camera_frame) {
+    const Mat3d R_WC = rotation_matrix(surface.X_WC.rotation);
+    result.force = R_WC * result.force;
+    result.torque = R_WC * result.torque;
+    if (result.stiffness) result.stiffness = turned(*result.stiffness, R_WC);
   }
-
-  std::string method() const {
-    return std::string(name_of(contact_options(contact_.query().method()).method));
-  }
-  const PyTool& tool() const { return tool_; }
-  const Place& place() const { return place_; }
-
- private:
-  static Contact make(const Tool& tool, const ContactMethod& method, const Place& place,
-                      int threads) {
-    const nb::gil_scoped_release no_gil;
-    auto contact = Contact::create(tool, method, place, threads);
-    if (!contact) {
-      const nb::gil_scoped_acquire gil;
-      raise(contact.error());
-    }
-    return *std::move(contact);
-  }
-
-  PyTool tool_;  // outlives the contact
-  Place place_;
-  Contact contact_;
-  std::mutex mutex_;
-};
+  return result;
+}
 
 /// A surface, or the one of a list.
 nb::object surface_of(nb::handle given) {
@@ -213,7 +186,7 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
       .def(
           "measure",
           [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness) {
-            return self.measure(surface_of(surface), pose_of(pose, "pose"), stiffness);
+            return measure(self, surface_of(surface), pose_of(pose, "pose"), stiffness);
           },
           nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
           nb::sig("def measure(self, surface: Surface | collections.abc.Sequence[Surface], "
@@ -222,6 +195,26 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
 
 pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m. stiffness: give it, too (method "field").
 A pose that is not finite, or a surface that is none, is told by Result.status; all is zero then.)")
+      .def("measure_batch", measure_batch, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),
+           nb::arg("surface_of_pose") = nb::none(), nb::arg("stiffness") = false,
+           nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
+           nb::sig(
+               "def measure_batch(self, surfaces: Surface | collections.abc.Sequence[Surface] | "
+               "Surfaces, poses: palpate._types.Array, *, "
+               "surface_of_pose: palpate._types.Array | None = None, stiffness: bool = False, "
+               "out: Batch | None = None, stream: palpate._types.Stream | None = None) -> Batch"),
+           R"(Many poses in one call, over all cores or in one launch on a GPU; method "field".
+
+surfaces: one, a list, or what Sensor.update_batch made.
+poses: X_WT, (P, 4, 4) or (P, 7) tx ty tz qx qy qz qw; on a GPU (P, 7) float64 of unit quaternions.
+surface_of_pose: (P,) int32, the number of the surface of each pose; None: there is one surface, or
+    each pose has its own.
+out: a Batch of as many poses, which is written again. stiffness: give it, too.
+stream: of a GPU, a number or an object of PyTorch or CuPy: what is asked for in it is not waited for
+    and may be captured in a CUDA graph. None: the default stream.
+
+What a pose is answered has the same bits whatever else is in the batch. Poses that are not finite and
+numbers that no surface has are told by Batch.status; all is zero there.)")
       .def_prop_ro("method", &PyContact::method)
       .def_prop_ro("tool", &PyContact::tool);
 }

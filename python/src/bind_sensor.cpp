@@ -11,6 +11,7 @@
 #include "palpate/field/sensor.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
+#include "python/src/gpu_order.h"
 #include "python/src/keywords.h"
 #include "src/cameras/rectifier.h"
 #include "src/field/internal/field_sample.h"
@@ -61,21 +62,35 @@ class PySensor {
     surface.is_in_camera_frame = surface.X_WC == Pose{};
     surface.time = time.value_or(std::numeric_limits<double>::quiet_NaN());
     surface.place = place_;
-    AnyArray image = image_of(given);
-    const bool is_counts = image.dtype() == nb::dtype<std::uint16_t>();
-    const int gpu =
-        image.device_type() == nb::device::cuda::value ? image.device_id() : kHostMemory;
-    const auto& [width, height] = std::tie(camera_.camera.width, camera_.camera.height);
-    const DepthImageView view =
-        is_counts ? DepthImageView(width, height, static_cast<const std::uint16_t*>(image.data()),
-                                   camera_.unit, gpu)
-                  : DepthImageView(width, height, static_cast<const float*>(image.data()), gpu);
+    const AnyArray image = dense_of(given, 2);
+    const DepthImageView view = view_of_image(image);
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
     surface.keeper = free_keeper();
     surface.view = surface.keeper->update(pixel_map_.empty() ? view : rectified(view));
-    check(surface.keeper->status());
+    const Status status = surface.keeper->status();
+    const nb::gil_scoped_acquire gil;
+    check(status);
     return surface;
+  }
+
+  PySurfaces update_batch(nb::handle given) {
+    if (!pixel_map_.empty()) {
+      throw PalpateError(
+          "many images at once are not straightened: give images without distortion");
+    }
+    const AnyArray images = dense_of(given, 3);
+    PySurfaces surfaces{nullptr, {}, camera_.X_WC, place_};
+    const auto num = static_cast<int>(images.shape(0));
+    const DepthImageView first = view_of_image(images);
+    const nb::gil_scoped_release no_gil;
+    const std::lock_guard lock(mutex_);
+    surfaces.keeper = free_keeper();
+    surfaces.batch = surfaces.keeper->update_batch(first, num);
+    const Status status = surfaces.keeper->status();
+    const nb::gil_scoped_acquire gil;
+    check(status);
+    return surfaces;
   }
 
  private:
@@ -92,17 +107,31 @@ class PySensor {
     return keepers_.emplace_back(make());
   }
 
-  /// (H, W) uint16 or float32 row by row, in memory that the sensor reads.
-  AnyArray image_of(nb::handle given) const {
+  DepthImageView view_of_image(const AnyArray& image) const {
+    const auto& [width, height] = std::tie(camera_.camera.width, camera_.camera.height);
+    const int gpu =
+        image.device_type() == nb::device::cuda::value ? image.device_id() : kHostMemory;
+    if (gpu != kHostMemory) wait_for_producers();
+    if (image.dtype() == nb::dtype<std::uint16_t>()) {
+      const auto* counts = static_cast<const std::uint16_t*>(image.data());
+      return {width, height, counts, camera_.unit, gpu};
+    }
+    return {width, height, static_cast<const float*>(image.data()), gpu};
+  }
+
+  /// (H, W), or (F, H, W), uint16 or float32 row by row, in memory that the sensor reads.
+  AnyArray dense_of(nb::handle given, std::size_t num_axes) const {
     AnyArray image;
     if (!nb::try_cast<AnyArray>(given, image, false)) {
-      const auto numbers = numbers_of<float>(given, "depth", "float32");
-      image = AnyArray(numbers);
+      image = AnyArray(numbers_of<float>(given, "depth", "float32"));
     }
-    const std::string wanted = "the camera's (" + std::to_string(camera_.camera.height) + ", " +
-                               std::to_string(camera_.camera.width) + ")";
-    if (image.ndim() != 2 || image.shape(0) != std::size_t(camera_.camera.height) ||
-        image.shape(1) != std::size_t(camera_.camera.width)) {
+    const auto rows = static_cast<std::size_t>(camera_.camera.height);
+    const auto columns = static_cast<std::size_t>(camera_.camera.width);
+    if (image.ndim() != num_axes || image.shape(num_axes - 2) != rows ||
+        image.shape(num_axes - 1) != columns) {
+      const std::string size = shape_text({rows, columns});
+      const std::string wanted =
+          num_axes == 2 ? "the camera's " + size : "(F, H, W) with the camera's " + size;
       refuse_shape("depth", shape_of(image), wanted.c_str());
     }
     const auto type = image.dtype();
@@ -111,7 +140,11 @@ class PySensor {
     if (!is_counts && !is_float) {
       throw nb::value_error("depth: uint16 counts or float32 metres are taken, no other type");
     }
-    const bool is_dense = image.stride(1) == 1 && image.stride(0) == std::int64_t(image.shape(1));
+    bool is_dense = true;
+    std::int64_t stride = 1;
+    for (std::size_t axis = num_axes; axis-- > 0; stride *= std::int64_t(image.shape(axis))) {
+      is_dense = is_dense && image.stride(axis) == stride;
+    }
     if (is_dense && (is_counts || type == nb::dtype<float>())) return image;
     if (image.device_type() != nb::device::cpu::value) {
       throw nb::value_error("depth: an image on a GPU has to be uint16 or float32, row by row");
@@ -434,6 +467,12 @@ depth: (H, W) uint16 counts (0 and 65535: no measurement) or float32 metres (0 a
     library with DLPack or the buffer protocol; on the GPU of this sensor or in host memory.
 time: s, kept with the surface. pose: X_WC of this image, if it is not the camera's.
 Each surface stays as it is while somebody holds it; memory of others is used again.)")
+      .def("update_batch", &PySensor::update_batch, nb::arg("depth"),
+           nb::sig("def update_batch(self, depth: palpate._types.Array) -> Surfaces"),
+           R"(The depth fields of many images at once, for Contact.measure_batch, without the GIL.
+
+depth: (F, H, W) uint16 counts or float32 metres, one image after the other; on the GPU of this
+    sensor or in host memory. The values are those of update, to the bit.)")
       .def_prop_ro("camera", &PySensor::camera);
 }
 

@@ -12,6 +12,7 @@ namespace palpate::python {
 
 void bind_tool(nanobind::module_& m);
 void bind_sensor(nanobind::module_& m);
+void bind_batch(nanobind::module_& m);
 void bind_contact(nanobind::module_& m);
 void bind_penetration(nanobind::module_& m);
 void bind_runs(nanobind::module_& m);
@@ -40,6 +41,14 @@ struct PySurface {
   Pose X_WC, X_CW;
   bool is_in_camera_frame = true;  ///< X_WC is the identity
   double time = 0;                 ///< s; NaN: nobody has said
+  Place place;
+};
+
+/// palpate.Surfaces: those of many images at once. As long as it is held, so are their arrays.
+struct PySurfaces {
+  std::shared_ptr<Sensor> keeper;
+  SurfaceBatch batch;
+  Pose X_WC;
   Place place;
 };
 

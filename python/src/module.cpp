@@ -38,6 +38,7 @@ NB_MODULE(_core, m) {
 
   bind_tool(m);
   bind_sensor(m);
+  bind_batch(m);
   bind_contact(m);
   bind_penetration(m);
   bind_runs(m);

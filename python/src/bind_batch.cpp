@@ -1,0 +1,274 @@
+// palpate.Contact.measure_batch: many poses in one call.
+#include <nanobind/stl/unique_ptr.h>
+
+#include <optional>
+
+#include "python/src/contact.h"
+#ifdef PALPATE_CUDA
+#include "src/gpu/runtime.h"
+#endif
+
+namespace palpate::python {
+namespace {
+
+/// palpate.Batch: the answers, in host memory or on a GPU, in W.
+struct PyBatch {
+  std::size_t num = 0;
+  bool has_stiffness = false;
+  std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness
+  std::vector<std::uint32_t> status;  // host
+#ifdef PALPATE_CUDA
+  std::unique_ptr<gpu::Memory> memory;
+#endif
+  BatchAnswers answers;
+
+  static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36;
+
+  void lay_out(double* at, std::uint32_t* bits, int where) {
+    answers = {at, at + num, at + 2 * num, at + 5 * num, nullptr, bits, where};
+    if (has_stiffness) answers.stiffness = at + kPerPose * num;
+  }
+};
+
+std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gpu) {
+  auto batch = std::make_unique<PyBatch>();
+  batch->num = num;
+  batch->has_stiffness = with_stiffness;
+  const std::size_t size = num * (PyBatch::kPerPose + (with_stiffness ? PyBatch::kStiffness : 0));
+  if (gpu == kHostMemory) {
+    batch->numbers.resize(size);
+    batch->status.resize(num);
+    batch->lay_out(batch->numbers.data(), batch->status.data(), gpu);
+    return batch;
+  }
+#ifdef PALPATE_CUDA
+  batch->memory = std::make_unique<gpu::Memory>(gpu);
+  auto* const numbers = batch->memory->take<double>(size);
+  auto* const status = batch->memory->take<std::uint32_t>(num);
+  check(batch->memory->status());
+  batch->lay_out(numbers, status, gpu);
+#endif
+  return batch;
+}
+
+template <class T>
+nb::object array_in(nb::handle self, const T* at, std::initializer_list<std::size_t> shape) {
+  const int gpu = nb::cast<PyBatch&>(self).answers.gpu;
+  if (gpu == kHostMemory) return view_of(at, shape, self);
+  return nb::cast(nb::ndarray<nb::array_api, const T>(at, shape, self, {}, nb::dtype<T>(),
+                                                      nb::device::cuda::value, gpu));
+}
+
+/// The surfaces of a batch, and what keeps them.
+struct AskedSurfaces {
+  std::vector<SurfaceView> views;
+  std::vector<Pose> X_WC;  // empty: all cameras are at the origin of W
+  SurfaceBatch batch;
+
+  explicit AskedSurfaces(nb::handle given) {
+    PySurfaces* many = nullptr;
+    if (nb::try_cast<PySurfaces*>(given, many, false) && many != nullptr) {
+      batch = many->batch;
+      if (!(many->X_WC == Pose{})) X_WC.assign(static_cast<std::size_t>(batch.size()), many->X_WC);
+      return;
+    }
+    bool is_anywhere = false;
+    const auto add = [&](nb::handle one) {
+      PySurface* surface = nullptr;
+      if (!nb::try_cast<PySurface*>(one, surface, false) || surface == nullptr) {
+        throw nb::type_error(
+            "surfaces: a palpate.Surface, a list of them or palpate.Surfaces is taken");
+      }
+      views.push_back(surface->view);
+      X_WC.push_back(surface->X_WC);
+      is_anywhere = is_anywhere || !surface->is_in_camera_frame;
+    };
+    if (nb::isinstance<nb::list>(given) || nb::isinstance<nb::tuple>(given)) {
+      for (nb::handle one : nb::borrow<nb::sequence>(given)) add(one);
+      if (views.empty()) throw nb::value_error("surfaces: the list is empty");
+    } else {
+      add(given);
+    }
+    if (!is_anywhere) X_WC.clear();
+    batch = SurfaceBatch(views);
+  }
+};
+
+/// Poses and numbers of surfaces, and what keeps them.
+struct AskedPoses {
+  std::vector<Pose> poses;
+  AnyArray poses_on_gpu, surface_of_pose_on_gpu;
+  nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> surface_of_pose;
+  PoseBatch batch;
+
+  AskedPoses(nb::handle given, nb::handle numbers) {
+    static_assert(sizeof(Pose) == 7 * sizeof(double));
+    AnyArray array;
+    const bool is_on_gpu = nb::try_cast<AnyArray>(given, array, false) &&
+                           array.device_type() == nb::device::cuda::value;
+    if (is_on_gpu) {
+      if (array.ndim() != 2 || array.shape(1) != 7) {
+        refuse_shape("poses", shape_of(array), "(P, 7), which it has to be on a GPU");
+      }
+      require_dense(array, "poses", nb::dtype<double>(), "float64");
+      poses_on_gpu = array;
+      batch.gpu = array.device_id();
+      batch.X_WT = {static_cast<const Pose*>(array.data()), array.shape(0)};
+    } else {
+      poses = poses_of(given, "poses");
+      batch.X_WT = poses;
+    }
+    if (!numbers.is_none()) add_numbers(numbers);
+  }
+
+ private:
+  static void require_dense(const AnyArray& array, const char* name, nb::dlpack::dtype type,
+                            const char* type_name) {
+    bool is_dense = array.dtype() == type;
+    std::int64_t stride = 1;
+    for (std::size_t axis = array.ndim(); axis-- > 0; stride *= std::int64_t(array.shape(axis))) {
+      is_dense = is_dense && array.stride(axis) == stride;
+    }
+    if (!is_dense) {
+      throw nb::value_error(
+          (std::string(name) + ": on a GPU it has to be " + type_name + ", row by row").c_str());
+    }
+  }
+
+  void add_numbers(nb::handle given) {
+    std::size_t num = 0;
+    std::string shape;
+    if (batch.gpu == kHostMemory) {
+      surface_of_pose = numbers_of<std::int32_t>(given, "surface_of_pose", "int32");
+      num = surface_of_pose.ndim() == 1 ? surface_of_pose.shape(0) : 0;
+      shape = shape_of(surface_of_pose);
+      batch.surface_of_pose = {surface_of_pose.data(), num};
+    } else {
+      AnyArray& array = surface_of_pose_on_gpu;
+      if (!nb::try_cast<AnyArray>(given, array, false) ||
+          array.device_type() != nb::device::cuda::value || array.device_id() != batch.gpu) {
+        throw nb::value_error("surface_of_pose: has to be on the GPU where the poses are");
+      }
+      require_dense(array, "surface_of_pose", nb::dtype<std::int32_t>(), "int32");
+      num = array.ndim() == 1 ? array.shape(0) : 0;
+      shape = shape_of(array);
+      batch.surface_of_pose = {static_cast<const std::int32_t*>(array.data()), num};
+    }
+    const std::size_t wanted = batch.X_WT.size();
+    if (num == wanted && shape != "()") return;
+    refuse_shape("surface_of_pose", shape, (shape_text({wanted}) + ", one for each pose").c_str());
+  }
+};
+
+std::optional<CallerStream> stream_of(nb::handle given, bool is_on_gpu) {
+  if (given.is_none()) return is_on_gpu ? std::optional(CallerStream{}) : std::nullopt;
+  nb::object number = nb::borrow(given);
+  for (const char* name : {"cuda_stream", "ptr"}) {  // PyTorch, CuPy
+    if (nb::hasattr(given, name)) number = given.attr(name);
+  }
+  return CallerStream{reinterpret_cast<void*>(nb::cast<std::uintptr_t>(number))};
+}
+
+}  // namespace
+
+nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
+                         nb::handle surface_of_pose, bool stiffness, nb::handle out,
+                         nb::handle stream) {
+  const AskedSurfaces asked(surfaces);
+  AskedPoses given(poses, surface_of_pose);
+  const bool is_on_gpu = given.batch.gpu != kHostMemory;
+  if (is_on_gpu && !asked.X_WC.empty()) {
+    throw PalpateError(
+        "cameras with a pose take poses in host memory: give those of the tool there, "
+        "or in the camera's frame");
+  }
+  given.batch.X_WC = asked.X_WC;
+  const std::size_t num = given.batch.X_WT.size();
+  nb::object result;
+  if (out.is_none()) {
+    const bool is_there = self.place().backend == Backend::cuda;
+    result = nb::cast(make_batch(num, stiffness, is_there ? self.place().gpu : kHostMemory));
+  } else {
+    PyBatch* batch = nullptr;
+    if (!nb::try_cast<PyBatch*>(out, batch, false) || batch == nullptr) {
+      throw nb::type_error("out: a palpate.Batch is taken, which an earlier call gave");
+    }
+    if (batch->num != num || batch->has_stiffness != stiffness) {
+      const std::string wanted =
+          shape_text({num}) + (stiffness ? ", with stiffness" : ", without stiffness");
+      refuse_shape("out", shape_text({batch->num}), wanted.c_str());
+    }
+    result = nb::borrow(out);
+  }
+  const BatchAnswers answers = nb::cast<PyBatch&>(result).answers;
+  const auto where = stream_of(stream, is_on_gpu);
+  check(self.alone([&](const Contact& contact) {
+    return contact.measure_batch(asked.batch, given.batch, answers, where);
+  }));
+  return result;
+}
+
+void bind_batch(nb::module_& m) {
+  constexpr const char* kFloats = " -> numpy.typing.NDArray[numpy.float64]";
+  const auto property = [](const char* name, const char* type) {
+    return std::string("def ") + name + "(self)" + type;
+  };
+  nb::class_<PySurfaces>(
+      m, "Surfaces",
+      R"(The depth fields of many images, made by Sensor.update_batch. They stay while it is held.)")
+      .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
+
+  nb::class_<PyBatch>(
+      m, "Batch",
+      R"(The answers of Contact.measure_batch for P poses, where the contact is: NumPy arrays, or arrays with
+DLPack on its GPU. Volumes times directions: times a stiffness in N/m3 they are newtons.)")
+      .def("__len__", [](const PyBatch& self) { return self.num; })
+      .def_prop_ro(
+          "volume",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.volume, {b.num});
+          },
+          nb::sig(property("volume", kFloats).c_str()), "(P,) m3.")
+      .def_prop_ro(
+          "potential",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.potential, {b.num});
+          },
+          nb::sig(property("potential", kFloats).c_str()), "(P,) m4.")
+      .def_prop_ro(
+          "force",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.force, {b.num, 3});
+          },
+          nb::sig(property("force", kFloats).c_str()), "(P, 3) m3 in W.")
+      .def_prop_ro(
+          "torque",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.torque, {b.num, 3});
+          },
+          nb::sig(property("torque", kFloats).c_str()),
+          "(P, 3) m4 in W, about the tool's centre of mass.")
+      .def_prop_ro(
+          "stiffness",
+          [](nb::handle self) -> nb::object {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return b.has_stiffness ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
+                                   : nb::none();
+          },
+          nb::sig((property("stiffness", kFloats) + " | None").c_str()),
+          "(P, 6, 6) in W, if it was asked for; see Result.stiffness.")
+      .def_prop_ro(
+          "status",
+          [](nb::handle self) {
+            const auto& b = nb::cast<PyBatch&>(self);
+            return array_in(self, b.answers.status, {b.num});
+          },
+          nb::sig(property("status", " -> numpy.typing.NDArray[numpy.uint32]").c_str()),
+          "(P,) uint32: the bits of palpate.Status.");
+}
+
+}  // namespace palpate::python

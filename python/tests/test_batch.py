@@ -1,0 +1,129 @@
+"""Contact.measure_batch and Sensor.update_batch: the same bits as one by one, and what is refused."""
+
+import numpy as np
+import pytest
+from conftest import pose_matrix
+
+import palpate
+
+
+@pytest.fixture(scope="module")
+def scene():
+    depth, camera, _ = palpate.render_scene("pillar", 0.0, width=160, height=120)
+    surface = palpate.Sensor(camera).update(depth)
+    random = np.random.default_rng(7)
+    at = surface.points[30:90, 40:120].reshape(-1, 3)
+    poses = np.concatenate([at[random.choice(len(at), 200)], random.normal(size=(200, 4))], axis=1)
+    poses[:, 2] += random.uniform(-0.02, 0.02, 200)
+    return depth, camera, surface, poses
+
+
+def numbers(result):
+    return [result.volume, result.potential, *result.force, *result.torque, *result.stiffness.ravel()]
+
+
+def rows(batch):
+    num = len(batch)
+    return np.concatenate([batch.volume[:, None], batch.potential[:, None], batch.force, batch.torque,
+                           batch.stiffness.reshape(num, 36)], axis=1)
+
+
+def test_a_batch_has_the_bits_of_single_measurements(cube, scene):
+    *_, surface, poses = scene
+    contact = palpate.Contact(cube)
+    batch = contact.measure_batch(surface, poses, stiffness=True)
+    one_by_one = np.array([numbers(contact.measure(surface, pose, stiffness=True)) for pose in poses])
+    assert np.array_equal(rows(batch), one_by_one)
+    assert (one_by_one[:, 0] > 0).sum() > 50
+    assert (batch.status == 0).all() and batch.status.dtype == np.uint32
+    shuffled = np.random.default_rng(8).permutation(200)[:77]
+    assert np.array_equal(rows(contact.measure_batch(surface, poses[shuffled], stiffness=True)),
+                          one_by_one[shuffled])
+    assert contact.measure_batch(surface, poses[:3]).stiffness is None
+
+
+def test_matrices_are_poses_too(cube, scene):
+    *_, surface, poses = scene
+    contact = palpate.Contact(cube)
+    seven = contact.measure_batch(surface, poses)
+    matrices = contact.measure_batch(surface, np.array([pose_matrix(pose) for pose in poses]))
+    assert matrices.volume == pytest.approx(seven.volume, rel=1e-4, abs=1e-12)
+
+
+def test_several_surfaces_of_cameras_anywhere(cube, scene):
+    depth, camera, surface, poses = scene
+    stands = [None, [0.3, -0.2, 0.5, 0.1, 0.7, -0.3, 0.6], [0, 1, 0, 0, 0, 1, 1]]
+    sensor = palpate.Sensor(camera)
+    surfaces = [sensor.update(depth + 0.01 * k, pose=stand) for k, stand in enumerate(stands)]
+    X_WC = [np.eye(4) if stand is None else pose_matrix(stand) for stand in stands]
+    which = np.arange(200, dtype=np.int32) % 3
+    X_WT = np.array([X_WC[k] @ pose_matrix(pose) for k, pose in zip(which, poses)])
+    contact = palpate.Contact(cube)
+    batch = contact.measure_batch(surfaces, X_WT, surface_of_pose=which, stiffness=True)
+    one_by_one = np.array([numbers(contact.measure(surfaces[k], X, stiffness=True))
+                           for k, X in zip(which, X_WT)])
+    scale = np.abs(one_by_one).max(axis=0)
+    assert (np.abs(rows(batch) - one_by_one) < 1e-5 * scale).all()
+    each_its_own = contact.measure_batch(surfaces, X_WT[:3])
+    assert each_its_own.volume == pytest.approx(batch.volume[:3], rel=1e-12)
+
+
+def test_many_images_at_once(cube, scene):
+    depth, camera, _, poses = scene
+    images = np.stack([depth, depth + np.float32(0.02), depth + np.float32(0.04)])
+    sensor = palpate.Sensor(camera)
+    many = sensor.update_batch(images)
+    assert len(many) == 3
+    which = np.arange(200, dtype=np.int64) % 3
+    contact = palpate.Contact(cube)
+    together = contact.measure_batch(many, poses, surface_of_pose=which)
+    alone = contact.measure_batch([sensor.update(image) for image in images], poses, surface_of_pose=which)
+    assert np.array_equal(together.volume, alone.volume)
+    assert np.array_equal(together.torque, alone.torque)
+    sensor.update_batch(images + 1)
+    again = contact.measure_batch(many, poses, surface_of_pose=which)
+    assert np.array_equal(again.volume, together.volume)  # as long as it is held
+    with pytest.raises(ValueError, match=r"depth: shape \(120, 160\) is not \(F, H, W\)"):
+        sensor.update_batch(depth)
+
+
+def test_out_is_written_again(cube, scene):
+    *_, surface, poses = scene
+    contact = palpate.Contact(cube)
+    out = contact.measure_batch(surface, poses)
+    volume, before = out.volume, out.volume.copy()
+    same = contact.measure_batch(surface, poses[::-1], out=out)
+    assert same is out and np.array_equal(volume, before[::-1])
+    assert np.shares_memory(volume, same.volume)
+    with pytest.raises(ValueError, match=r"out: shape \(200,\) is not \(3,\), without stiffness"):
+        contact.measure_batch(surface, poses[:3], out=out)
+    with pytest.raises(ValueError, match="with stiffness"):
+        contact.measure_batch(surface, poses, out=out, stiffness=True)
+
+
+def test_what_cannot_be_measured_is_told_by_pose(cube, scene):
+    *_, surface, poses = scene
+    poses = poses[:4].copy()
+    poses[1, 0] = np.nan
+    contact = palpate.Contact(cube)
+    batch = contact.measure_batch([surface], poses, surface_of_pose=[0, 0, 1, -1])
+    assert list(batch.status) == [0, palpate.Status.NON_FINITE_POSE, palpate.Status.NO_SURFACE,
+                                  palpate.Status.NO_SURFACE]
+    assert (batch.volume[1:] == 0).all()
+
+
+def test_bad_batches(cube, scene):
+    *_, surface, poses = scene
+    contact = palpate.Contact(cube)
+    with pytest.raises(ValueError, match=r"poses: shape \(7,\) is not \(P, 4, 4\) or \(P, 7\)"):
+        contact.measure_batch(surface, poses[0])
+    with pytest.raises(ValueError, match=r"surface_of_pose: shape \(3,\) is not \(200,\)"):
+        contact.measure_batch(surface, poses, surface_of_pose=[0, 0, 0])
+    with pytest.raises(palpate.Error, match="surface"):
+        contact.measure_batch([surface, surface], poses)
+    with pytest.raises(TypeError, match="Surface"):
+        contact.measure_batch([1], poses)
+    with pytest.raises(ValueError, match="empty"):
+        contact.measure_batch([], poses)
+    with pytest.raises(palpate.Error, match="field"):
+        palpate.Contact(cube, "graph").measure_batch(surface, poses)
