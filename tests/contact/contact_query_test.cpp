@@ -17,6 +17,7 @@ namespace {
 using test::all_continuities;
 using test::all_options;
 using test::all_options_with_edges;
+using test::all_other_priorities;
 using test::expect_equals_truth;
 using test::l_shape;
 using test::Random;
@@ -100,6 +101,21 @@ TEST_P(EveryIsa, EqualsBruteForceWithContinuity) {
   }
 }
 
+TEST_P(EveryIsa, EqualsBruteForceByOtherPriorities) {
+  Random random(29);
+  for (const auto& [num_spheres, half_side, noise] :
+       {std::tuple{60, 0.05, 0.0}, std::tuple{250, 0.08, 0.0015}}) {
+    const Tool tool = test::random_tool(num_spheres, half_side, 12);
+    const test::CloudWithEdges scene = l_shape(noise, 6);
+    const auto query = make_query(tool, GetParam());
+    for (int i = 0; i < 40; ++i) {
+      const Pose X_WT = random_pose(random, 0.62, half_side);
+      expect_equals_truth(tool, scene.view(), X_WT, *query, all_other_priorities());
+      if (HasFailure()) FAIL() << "spheres " << num_spheres << ", pose " << i;
+    }
+  }
+}
+
 TEST_P(EveryIsa, GivesTheBitsOfTheBaseline) {
   Random random(9);
   const Tool tool = test::random_tool(800, 0.08, 4);
@@ -119,7 +135,7 @@ TEST_P(EveryIsa, GivesTheBitsOfTheBaseline) {
   narrow->set_cloud(scene.view());
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT = random_pose(random, 0.62, 0.08);
-    for (const auto& all : {all_options_with_edges(), all_continuities()}) {
+    for (const auto& all : {all_options_with_edges(), all_continuities(), all_other_priorities()}) {
       for (const ContactOptions& options : all) {
         EXPECT_TRUE(same_bits(wide->query(X_WT, options), narrow->query(X_WT, options)));
       }
@@ -143,6 +159,9 @@ TEST(ContactQuery, SameBitsForAnyThreadCountAndOrder) {
     for (const ContactOptions& options : all) {
       if (options.volumes == SphereVolumes::own) cases.emplace_back(options, scene.view());
     }
+  }
+  for (const ContactOptions& options : all_other_priorities()) {
+    cases.emplace_back(options, scene.view());
   }
   for (const auto& [options, view] : cases) {
     std::vector<Penetration> expected;
@@ -179,6 +198,10 @@ TEST(ContactQuery, DoesNotAllocate) {
           query->by(all.back());
         }
       }
+    }
+    for (const ContactOptions& options : all_other_priorities()) {
+      all.push_back(options);
+      query->by(all.back());
     }
     const test::AllocationCounter counter;
     for (int i = 0; i < 100; ++i) {
@@ -238,6 +261,36 @@ TEST(ContactQuery, RepresentedVolumesOfAnImmersedToolAreTheMesh) {
     EXPECT_NEAR(result.volume, full, 2e-6 * full);
   }
   EXPECT_NEAR(full_volume(tool, SphereVolumes::represented), 1e-3, 1e-12);
+}
+
+TEST(ContactQuery, SimplifiedTakesTheNearestBySquareAndGaussianToo) {
+  Random random(3);
+  const Tool tool = test::random_tool(300, 0.05, 6);
+  const PointCloud cloud = test::noisy_wall(160, 120, 140, 0.6, 0.0015, 5);
+  const auto query = make_query(tool);
+  query->set_cloud(cloud.view());
+  int num_others = 0;
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT = random_pose(random, 0.6, 0.05);
+    const auto by = [&](Priority priority) {
+      return query->query(X_WT, {.method = MethodKind::simplified, .priority = priority});
+    };
+    const Penetration nearest = by(Priority::distance);
+    EXPECT_TRUE(same_bits(by(Priority::square), nearest));
+    EXPECT_TRUE(same_bits(by(Priority::gaussian), nearest));
+    num_others += !same_bits(by(Priority::agreement), nearest);
+    num_others += !same_bits(by(Priority::path), nearest);
+  }
+  EXPECT_GT(num_others, 10);
+}
+
+TEST(ContactQuery, PathsOfTooManySpheresAreRefused) {
+  const Tool tool = test::block_of_spheres(17);
+  const auto refused =
+      make_contact_query(Backend::cpu, tool, WeightedMethod{.priority = Priority::path});
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("4913"), std::string::npos) << refused.error().message;
+  EXPECT_TRUE(make_contact_query(Backend::cpu, tool, WeightedMethod{}));
 }
 
 TEST(ContactQuery, NonFinitePoseIsReportedAndMeasuresNothing) {

@@ -13,6 +13,24 @@
 
 namespace palpate::test {
 
+/// What each priority beyond those of the thesis does, and with edges and fading donors.
+inline std::vector<ContactOptions> all_other_priorities() {
+  std::vector<ContactOptions> all;
+  for (const MethodKind method : {MethodKind::weighted, MethodKind::simplified}) {
+    for (const Priority priority :
+         {Priority::square, Priority::gaussian, Priority::agreement, Priority::path}) {
+      ContactOptions options{.method = method, .priority = priority};
+      all.push_back(options);
+      options.volumes = SphereVolumes::represented;
+      options.edges = Edges::cut;
+      all.push_back(options);
+      options.continuity = Continuity::both;
+      all.push_back(options);
+    }
+  }
+  return all;
+}
+
 inline std::vector<ContactOptions> all_options() {
   std::vector<ContactOptions> all;
   for (SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {

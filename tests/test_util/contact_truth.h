@@ -168,12 +168,61 @@ struct ToolTruth {
   std::vector<std::pair<int, int>> edges;  ///< of the leaf graph, each once
   Vec3d centre_T;                          ///< of mass of the spheres
   std::vector<float> represented;          ///< volumes
+  double gaussian_width = 0;               ///< a twelfth of the longest side
+  /// Along the leaf graph, of every sphere to every other; filled when the first asks.
+  mutable std::vector<std::vector<double>> ways;
 
   explicit ToolTruth(const Tool& tool)
       : spheres(tool.spheres().begin(), tool.spheres().end()),
         edges(tool.graph().edges()),
         centre_T(tool.sphere_mass().centre_of_mass),
-        represented(tool.represented_volumes().begin(), tool.represented_volumes().end()) {}
+        represented(tool.represented_volumes().begin(), tool.represented_volumes().end()) {
+    for (int axis = 0; axis < 3; ++axis) {
+      double low = 1e300, high = -1e300;
+      for (const Sphere& s : spheres) {
+        low = std::min(low, static_cast<double>(s.centre[axis]) - static_cast<double>(s.radius));
+        high = std::max(high, static_cast<double>(s.centre[axis]) + static_cast<double>(s.radius));
+      }
+      gaussian_width = std::max(gaussian_width, (high - low) / 12);
+    }
+  }
+
+  /// Over every sphere in turn (Floyd and Warshall).
+  void find_ways() const {
+    const std::size_t n = spheres.size();
+    ways.assign(n, std::vector<double>(n, 1e9));
+    for (std::size_t i = 0; i < n; ++i) ways[i][i] = 0;
+    for (const auto& [a, b] : edges) {
+      const auto i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
+      ways[i][j] = ways[j][i] = norm(to_double(spheres[i].centre) - to_double(spheres[j].centre));
+    }
+    for (std::size_t k = 0; k < n; ++k) {
+      for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t j = 0; j < n; ++j) {
+          ways[i][j] = std::min(ways[i][j], ways[i][k] + ways[k][j]);
+        }
+      }
+    }
+  }
+
+  /// How good donor b, its normal given in the tool frame, is for sphere s.
+  double priority(Priority by, std::size_t s, std::size_t b, double count,
+                  const Vec3d& normal_T) const {
+    const Vec3d d = to_double(spheres[b].centre) - to_double(spheres[s].centre);
+    const double square = dot(d, d), sigma = gaussian_width;
+    switch (by) {
+      case Priority::distance: return 1 / std::sqrt(square);
+      case Priority::count: return count;
+      case Priority::square: return 1 / square;
+      case Priority::gaussian: return std::exp(-std::min(40.0, square / (2 * sigma * sigma)));
+      case Priority::agreement:
+        return std::max(0.001, dot(normal_T, d) / std::sqrt(square)) / std::sqrt(square);
+      case Priority::path:
+        if (ways.empty()) find_ways();
+        return 1 / ways[s][b];
+    }
+    return 0;
+  }
 };
 
 inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, const Pose& X_WT,
@@ -256,8 +305,12 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
     std::vector<Offer> offers;
     for (std::size_t b : boundary) {
       if (b == s) continue;
-      const Vec3d d = to_double(spheres[b].centre) - to_double(spheres[s].centre);
-      offers.push_back({options.priority == Priority::count ? plane[b].count : 1.0 / norm(d),
+      // The best one of a Gaussian is the nearest, also where its weights are all as small.
+      const bool picks_nearest =
+          options.method != MethodKind::weighted && options.priority == Priority::gaussian;
+      offers.push_back({tool.priority(picks_nearest ? Priority::distance : options.priority, s, b,
+                                      plane[b].count,
+                                      rotate(conjugate(X_WT.rotation), plane[b].n)),
                         plane[b].presence, b});
     }
     if (options.method != MethodKind::weighted) {

@@ -182,7 +182,9 @@ void PointMeasurementCuda::take_tool() {
                      c.num_groups()};
   query_.volume_scale = memory_.copy_of(parts.scales(options_.counted()).of_sphere);
   query_.method = options_.method;
-  query_.priority = options_.priority;
+  const float* paths = nullptr;
+  if (options_.priority == Priority::path) paths = memory_.copy_of(parts.paths().lengths);
+  query_.priority = parts.priority_rule(options_.priority, paths);
   query_.inside = options_.inside;
 }
 

@@ -1,6 +1,7 @@
 // The parts of a tool's index, each built when it is first asked for.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <mutex>
 #include <optional>
@@ -8,10 +9,12 @@
 #include "palpate/contact/contact_query.h"
 #include "palpate/contact/tool_index.h"
 #include "src/contact/index/field_elements.h"
+#include "src/contact/index/path_lengths.h"
 #include "src/contact/index/sorted_graph.h"
 #include "src/contact/index/sphere_clusters.h"
 #include "src/contact/index/sphere_grid.h"
 #include "src/contact/index/volume_scales.h"
+#include "src/contact/points/donors/donor.h"
 #include "src/contact/points/scan/image_window.h"
 
 namespace palpate {
@@ -50,6 +53,9 @@ struct ToolIndex::Parts {
   const SortedGraph& graph() const {
     return graph_.get([&] { return SortedGraph(tool.graph(), clusters().sphere_id); });
   }
+  const PathLengths& paths() const {
+    return paths_.get([&] { return PathLengths(tool); });
+  }
   const VolumeScales& scales(SphereVolumes volumes) const {
     return scales_[static_cast<int>(volumes)].get(
         [&] { return VolumeScales(tool, clusters(), volumes); });
@@ -59,8 +65,15 @@ struct ToolIndex::Parts {
   }
 
   std::size_t num_bytes() const {
-    return clusters_.num_bytes() + grid_.num_bytes() + graph_.num_bytes() + scales_[0].num_bytes() +
-           scales_[1].num_bytes() + elements_[0].num_bytes() + elements_[1].num_bytes();
+    return clusters_.num_bytes() + grid_.num_bytes() + graph_.num_bytes() + paths_.num_bytes() +
+           scales_[0].num_bytes() + scales_[1].num_bytes() + elements_[0].num_bytes() + elements_[1].num_bytes();
+  }
+
+  /// `paths`: of paths(), where the query runs; needed for Priority::path alone.
+  PriorityRule priority_rule(Priority by, const float* paths) const {
+    const Vec3d size = box_T.high - box_T.low;
+    const double s = std::max({size.x, size.y, size.z}) / 12;
+    return {by, 1 / (2 * s * s), paths, static_cast<std::int32_t>(tool.spheres().size())};
   }
 
   const Tool& tool;
@@ -70,6 +83,7 @@ struct ToolIndex::Parts {
   Lazy<SphereClusters> clusters_;
   Lazy<SphereGrid> grid_;
   Lazy<SortedGraph> graph_;
+  Lazy<PathLengths> paths_;
   Lazy<VolumeScales> scales_[2];     // by SphereVolumes
   Lazy<FieldElements> elements_[2];  // likewise
 };

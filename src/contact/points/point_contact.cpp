@@ -53,13 +53,16 @@ class PointMeasurement {
   }
   bool uses_edges() const { return options_.edges != Edges::none && cloud_.edge_x != nullptr; }
   AssignmentRule assignment_rule() const {
-    return {options_.method == MethodKind::weighted, options_.priority == Priority::count,
-            found_edges()};
+    return {options_.method == MethodKind::weighted, priority_, found_edges()};
   }
   const EdgesView* found_edges() const { return edges_.empty() ? nullptr : &edges_view_; }
   const Vec3d& origin() const { return index_.tool().sphere_mass().centre_of_mass; }
   // Whether the spheres that no point touches lay donors over each other.
   bool overlays() const { return fades_in_ && options_.method == MethodKind::simplified; }
+  // Whether they compare all donors, which the kernels do not.
+  bool compares_all() const {
+    return priority_.compares_all(options_.method == MethodKind::weighted);
+  }
 
   const ToolIndex& index_;
   const ContactOptions options_;
@@ -74,6 +77,7 @@ class PointMeasurement {
   const SphereClusters& clusters_;
   const VolumeScales& scales_;
   const Bounds& box_T_;
+  const PriorityRule priority_;
 
   std::optional<GraphTraversal> traversal_;  // graph
   BoundaryPoints points_;
@@ -116,6 +120,10 @@ PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions&
       clusters_(index.parts().clusters()),
       scales_(index.parts().scales(options.counted())),
       box_T_(index.parts().box_T),
+      priority_(index.parts().priority_rule(options.priority,
+                                            options.priority == Priority::path
+                                                ? index.parts().paths().lengths.data()
+                                                : nullptr)),
       points_(spheres_.size(), *pool_, select_isa(kScanPoints, capacities.isa),
               options.edges != Edges::none),
       edges_(spheres_, clusters_, options.edges != Edges::none),
@@ -142,7 +150,7 @@ PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions&
     candidate_floats_.resize(8 * num_tasks * (n + Donors::kPadding));
     candidate_donors_.resize(2 * num_tasks * (n + Donors::kPadding));
   }
-  if (overlays() || options.edges != Edges::none) {
+  if (overlays() || compares_all() || options.edges != Edges::none) {
     skipped_places_ = touched_places_;
     assigned_.resize(n);
   }
@@ -274,20 +282,22 @@ MeasureSums PointMeasurement::measure_by_assignment() {
   job.spheres = spheres_.data();
   job.boundary = donors_.view(fades_in_);
   job.origin = origin();
-  job.by_count = options_.priority == Priority::count;
+  job.priority = options_.priority;
+  job.doublings_per_square = static_cast<float>(kDoublings * priority_.per_square);
   job.num_donors = job.boundary.num;
-  if (job.by_count) {
+  if (job.priority == Priority::count) {
     // One donor for all: most points, ties to the lowest sphere id.
     job.first_donor = donors_.heaviest();
     job.num_donors = 1;
   }
   job.numbers = numbers_.data();
   job.touched = touched_places_.data();
-  const bool one_by_one = overlays() || !edges_.empty();
+  const bool all_one_by_one = overlays() || compares_all();
+  const bool one_by_one = all_one_by_one || !edges_.empty();
   if (one_by_one) {
     skipped_places_ = touched_places_;
     for (std::size_t id = 0; id < spheres_.size(); ++id) {
-      if (overlays() || edges_view_.concerns(static_cast<std::int32_t>(id))) {
+      if (all_one_by_one || edges_view_.concerns(static_cast<std::int32_t>(id))) {
         skipped_places_[static_cast<std::size_t>(clusters_.place_of[id])] =
             PlaneAssignment::kTouched;
       }
@@ -298,6 +308,10 @@ MeasureSums PointMeasurement::measure_by_assignment() {
   job.donor = donor_places_.data();
   job.assigned_volume = assigned_volume_.data();
 
+  if (compares_all()) {
+    std::fill(assigned_volume_.begin(), assigned_volume_.end(), 0.0f);
+    return measure_one_by_one();
+  }
   const bool is_weighted = options_.method == MethodKind::weighted;
   const int num_groups = clusters_.num_groups();
   const int num_tasks = pool_->num_threads();
@@ -314,8 +328,8 @@ MeasureSums PointMeasurement::measure_by_assignment() {
   return sums;
 }
 
-// Untouched spheres that an edge concerns, or that lay donors over each other: those that the
-// kernels left out.
+// Untouched spheres that an edge concerns, or that lay donors over each other or compare all: those
+// that the kernels left out.
 MeasureSums PointMeasurement::measure_one_by_one() {
   const AssignmentRule rule = assignment_rule();
   const bool from_nearest = options_.method == MethodKind::simplified && !overlays();
@@ -329,7 +343,9 @@ MeasureSums PointMeasurement::measure_one_by_one() {
     const auto num = static_cast<std::size_t>(num_tasks);
     for (auto place = static_cast<std::size_t>(t); place < touched_places_.size(); place += num) {
       if (!is_one_of_them(place)) continue;
-      const std::int32_t id = clusters_.sphere_id[place], nearest = donor_places_[place];
+      const std::int32_t id = clusters_.sphere_id[place];
+      std::int32_t& nearest = donor_places_[place];
+      if (from_nearest && compares_all()) nearest = donors_.donors().choose(id, rule).donor[0];
       Assigned& assigned = assigned_[static_cast<std::size_t>(id)];
       if (!from_nearest) {
         assigned = donors_.donors().assign(id, rule);

@@ -129,7 +129,7 @@ struct PointQuery {
   Mat3d R_WT;
   Vec3d origin;  ///< centre of mass: torques are about it
   MethodKind method = MethodKind::simplified;
-  Priority priority = Priority::distance;
+  PriorityRule priority;
   InsideVolume inside = InsideVolume::full;
   Edges edges = Edges::none;            ///< `none` if the cloud has no depth-change vectors
   BoundaryPlaneRule plane_rule;         ///< fades_in: Continuity `entry` or `both`

@@ -110,6 +110,19 @@ TEST(ContactQueryCuda, EqualsBruteForceWithContinuity) {
   }
 }
 
+TEST(ContactQueryCuda, EqualsBruteForceByOtherPriorities) {
+  PALPATE_GPU_OR_SKIP();
+  Random random(29);
+  const Tool tool = test::random_tool(150, 0.05, 12);
+  const test::CloudWithEdges scene = l_shape(0.0015, 6);
+  const auto query = make_cuda_query(tool);
+  for (int i = 0; i < (kIsShort ? 3 : 60); ++i) {
+    const Pose X_WT = random_pose(random, 0.62, 0.05);
+    test::expect_equals_truth(tool, scene.view(), X_WT, *query, test::all_other_priorities());
+    if (HasFailure()) FAIL() << "pose " << i;
+  }
+}
+
 /// A larger scene for comparisons with the CPU alone.
 struct Comparison {
   Tool tool = test::random_tool(1200, 0.08, 6);
@@ -124,7 +137,8 @@ struct Comparison {
     field.update(scene.view(), pool);
     Random random(4);
     for (int i = 0; i < num_poses; ++i) poses.push_back(random_pose(random, 0.62, 0.08));
-    for (const auto& all : {all_options(), all_options_with_edges(), all_continuities()}) {
+    for (const auto& all : {all_options(), all_options_with_edges(), all_continuities(),
+                            test::all_other_priorities()}) {
       options.insert(options.end(), all.begin(), all.end());
     }
   }

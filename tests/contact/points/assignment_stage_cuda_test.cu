@@ -43,7 +43,9 @@ struct Scene {
   std::vector<double> edge_distance;
   std::vector<EdgeSide> edge_side;
   std::vector<float> volume_scale;
+  std::vector<float> paths;  ///< any numbers do
   Vec3d origin{0.003, -0.002, 0.001};
+  static constexpr double kPerSquare = 1 / (2 * 0.03 * 0.03);
 
   Scene(const Case& c, std::uint64_t seed) {
     test::Random random(seed);
@@ -69,6 +71,29 @@ struct Scene {
       add_boundary_sphere(id, c, random);
     }
     find_edges(c, random);
+    if (c.priority != Priority::path) return;
+    for (std::size_t i = 0; i < spheres.size() * spheres.size(); ++i) {
+      paths.push_back(static_cast<float>(random.uniform(0.01, 0.1)));
+    }
+  }
+
+  PriorityRule priority_rule(const Case& c, const float* its_paths) const {
+    return {c.priority, kPerSquare, its_paths, static_cast<std::int32_t>(spheres.size())};
+  }
+  /// By the definitions.
+  double weight(Priority by, const Donor& donor, std::size_t id, const Vec3d& d) const {
+    switch (by) {
+      case Priority::distance: return 1 / norm(d);
+      case Priority::count: return donor.weight;
+      case Priority::square: return 1 / dot(d, d);
+      case Priority::gaussian: return std::exp(-std::min(40.0, kPerSquare * dot(d, d)));
+      case Priority::agreement:
+        return std::max(0.001, dot(donor.plane_T.normal, d) / norm(d)) / norm(d);
+      case Priority::path:
+        return 1 / static_cast<double>(
+                       paths[static_cast<std::size_t>(donor.sphere_id) * spheres.size() + id]);
+    }
+    return 0;
   }
 
   void add_boundary_sphere(int id, const Case& c, test::Random& random) {
@@ -144,7 +169,8 @@ void add(MeasureSums& sums, const Scene& scene, std::size_t id, const Assigned& 
 Found brute_force(const Case& c, const Scene& scene) {
   const std::size_t n = scene.spheres.size();
   const EdgesView edges = scene.edges();
-  const AssignmentRule rule{c.method == MethodKind::weighted, c.priority == Priority::count,
+  const AssignmentRule rule{c.method == MethodKind::weighted,
+                            scene.priority_rule(c, scene.paths.data()),
                             scene.has_edges(c) ? &edges : nullptr};
   const DonorsView view = scene.donors_view();
   Found found;
@@ -176,12 +202,27 @@ Found brute_force(const Case& c, const Scene& scene) {
       if (donor.sphere_id < 0) continue;
       const Vec3d d = to_double(scene.spheres[static_cast<std::size_t>(donor.sphere_id)].centre) -
                       to_double(scene.spheres[id].centre);
-      const double badness = rule.by_count ? -donor.weight : dot(d, d);
+      // A Gaussian's best is the nearest, also where it is cut off.
+      const Priority by = c.priority == Priority::gaussian ? Priority::distance : c.priority;
+      const double badness = -scene.weight(by, donor, id, d);
       if (badness < least) least = badness, best = &donor;
     }
     if (best == nullptr) continue;
     Assigned assigned;
-    if (c.method == MethodKind::weighted || c.fades_in) {
+    if (c.method == MethodKind::weighted && !scene.has_edges(c)) {
+      double weights = 0;
+      for (const Donor& donor : scene.donors) {
+        if (donor.sphere_id < 0) continue;
+        const Vec3d d = to_double(scene.spheres[static_cast<std::size_t>(donor.sphere_id)].centre) -
+                        to_double(scene.spheres[id].centre);
+        const double weight = donor.presence * scene.weight(c.priority, donor, id, d);
+        const Assigned part = view.assign_from(donor, sphere, rule);
+        weights += weight;
+        assigned.volume += weight * part.volume;
+        assigned.force += weight * part.force;
+      }
+      assigned = {assigned.volume / weights, assigned.force / weights};
+    } else if (c.method == MethodKind::weighted || c.fades_in) {
       assigned = view.assign(sphere, rule);
     } else {
       assigned = view.assign_from(*best, sphere, rule);
@@ -225,9 +266,10 @@ Found cpu_kernels(const Case& c, const Scene& scene) {
   job.spheres = scene.spheres.data();
   job.boundary = donors.view(c.fades_in);
   job.origin = scene.origin;
-  job.by_count = c.priority == Priority::count;
+  job.priority = c.priority;
+  job.doublings_per_square = static_cast<float>(kDoublings * Scene::kPerSquare);
   job.num_donors = job.boundary.num;
-  if (job.by_count) {
+  if (job.priority == Priority::count) {
     job.first_donor = donors.heaviest();
     job.num_donors = 1;
   }
@@ -278,7 +320,7 @@ Found on_gpu(const Case& c, const Scene& scene) {
   q.scan.spheres = memory.copy_of(scene.spheres);
   q.origin = scene.origin;
   q.method = c.method;
-  q.priority = c.priority;
+  q.priority = scene.priority_rule(c, memory.copy_of(scene.paths));
   q.edges = c.edges;
   q.plane_rule.fades_in = c.fades_in;
   q.volume_scale = memory.copy_of(scene.volume_scale);
@@ -439,16 +481,21 @@ void check(const Case& c) {
   expect_alike(got, want, ball);
   if (scene.donors.empty() || scene.has_edges(c)) return;
   if (c.method == MethodKind::simplified && c.fades_in) return;
+  if (scene.priority_rule(c, nullptr).compares_all(c.method == MethodKind::weighted)) return;
   expect_alike(got, cpu_kernels(c, scene), ball);
 }
+
+constexpr Priority kPriorities[] = {Priority::distance, Priority::count,     Priority::square,
+                                    Priority::gaussian, Priority::agreement, Priority::path};
 
 class AssignmentStage : public testing::TestWithParam<MethodKind> {};
 
 TEST_P(AssignmentStage, EqualsCpuAndBruteForce) {
   PALPATE_GPU_OR_SKIP();
   for (const int num : {100, 1000, 5000}) {
-    for (const Priority priority : {Priority::distance, Priority::count}) {
-      check({.name = std::to_string(num) + (priority == Priority::count ? " by count" : ""),
+    for (const Priority priority : kPriorities) {
+      if (priority == Priority::path && num > 1000) continue;
+      check({.name = std::to_string(num) + " by " + name_of(priority),
              .num_spheres = num,
              .method = GetParam(),
              .priority = priority,
@@ -461,10 +508,9 @@ TEST_P(AssignmentStage, WithEdgesAndPresence) {
   PALPATE_GPU_OR_SKIP();
   for (const Edges edges : {Edges::none, Edges::centre, Edges::strict, Edges::cut}) {
     for (const bool fades_in : {false, true}) {
-      for (const Priority priority : {Priority::distance, Priority::count}) {
+      for (const Priority priority : kPriorities) {
         check({.name = "edges " + std::to_string(static_cast<int>(edges)) +
-                       (fades_in ? " fades in" : "") +
-                       (priority == Priority::count ? " by count" : ""),
+                       (fades_in ? " fades in by " : " by ") + name_of(priority),
                .num_spheres = 700,
                .method = GetParam(),
                .priority = priority,

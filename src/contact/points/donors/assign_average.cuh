@@ -26,23 +26,8 @@ class AverageAssignment {
   __device__ explicit AverageAssignment(const AssignmentContext& context)
       : context_(context), q_(context.q) {}
 
-  /// There is at least one donor.
-  __device__ MeasureSums run() {
-    return q_.priority == Priority::count ? run<true>() : run<false>();
-  }
-
- private:
-  static constexpr int kAtOnce = 4;  // spheres
-
-  // What donors give to one sphere, without factors common to all.
-  struct Share {
-    float weight = 0, volume = 0, force_x = 0, force_y = 0, force_z = 0;
-  };
-  struct Ball {
-    float x, y, z, radius;
-  };
-
-  template <bool kByCount>
+  /// There is at least one donor. Any priority but `path`.
+  template <Priority kPriority>
   __device__ MeasureSums run() {
     const std::int32_t num_places = q_.clusters.num_places();
     const int warps = num_grid_warps(), lane = gpu::lane_id();
@@ -64,7 +49,7 @@ class AverageAssignment {
       const bool is_mine = is_untouched && !context_.is_one_by_one(id);
       const unsigned mine = __ballot_sync(gpu::kWholeWarp, is_mine);
       Assigned assigned;
-      if (reached) assigned = average<kByCount>(ball, mine);
+      if (reached) assigned = average<kPriority>(ball, mine);
       if (is_untouched) q_.donor[place] = -1;
       if (is_mine) {
         context_.add_untouched(sums_, place, {ball.x, ball.y, ball.z},
@@ -73,6 +58,17 @@ class AverageAssignment {
     }
     return sums_;
   }
+
+ private:
+  static constexpr int kAtOnce = 4;  // spheres
+
+  // What donors give to one sphere, without factors common to all.
+  struct Share {
+    float weight = 0, volume = 0, force_x = 0, force_y = 0, force_z = 0;
+  };
+  struct Ball {
+    float x, y, z, radius;
+  };
 
   // Does the plane of any donor reach the cluster?
   __device__ bool is_reached(const Cluster& cluster) const {
@@ -97,7 +93,7 @@ class AverageAssignment {
   }
 
   // Of the balls of the lanes in `mine`.
-  template <bool kByCount>
+  template <Priority kPriority>
   __device__ Assigned average(const Ball& ball, unsigned mine) const {
     Assigned result;
     while (mine != 0) {
@@ -113,7 +109,7 @@ class AverageAssignment {
                     __shfl_sync(gpu::kWholeWarp, ball.radius, lanes[k])};
       }
       Share shares[kAtOnce];
-      sum_over_donors<kByCount>(balls, shares);
+      sum_over_donors<kPriority>(balls, shares);
       const Share sums = sum_of_warp(shares);
       // Ball k belongs to lane lanes[k], and lane k has its sums.
       int from = -1;
@@ -154,15 +150,16 @@ class AverageAssignment {
   }
 
   // The donors of this lane. cap_volume without its factor pi / 3, with fused multiply-add.
-  template <bool kByCount>
+  template <Priority kPriority>
   __device__ void sum_over_donors(const Ball (&balls)[kAtOnce], Share (&shares)[kAtOnce]) const {
     const BoundaryList& b = q_.boundary;
     const std::int32_t num = context_.donors.num;
+    const float doublings = static_cast<float>(kDoublings * q_.priority.per_square);
 #pragma unroll 2
     for (std::int32_t l = gpu::lane_id(); l < num; l += gpu::kWarpSize) {
       const float nx = b.nx[l], ny = b.ny[l], nz = b.nz[l], offset = b.offset[l];
       float x = 0, y = 0, z = 0, common = b.presence[l];
-      if (kByCount) {
+      if (kPriority == Priority::count) {
         common *= b.weight[l];
       } else {
         x = b.x[l], y = b.y[l], z = b.z[l];
@@ -172,9 +169,18 @@ class AverageAssignment {
         const Ball& ball = balls[k];
         Share& share = shares[k];
         float weight = common;
-        if (!kByCount) {
+        if (kPriority != Priority::count) {
           const float dx = x - ball.x, dy = y - ball.y, dz = z - ball.z;
-          weight *= inverse_sqrt(fmaf(dx, dx, fmaf(dy, dy, dz * dz)));
+          const float squared = fmaf(dx, dx, fmaf(dy, dy, dz * dz));
+          if (kPriority == Priority::gaussian) {
+            weight *= one_lane::gaussian_weight(squared, doublings);
+          } else {
+            const float inverse = inverse_sqrt(squared);
+            weight *= kPriority == Priority::square ? inverse * inverse
+                      : kPriority == Priority::agreement
+                          ? one_lane::agreement_weight(fmaf(nx, dx, fmaf(ny, dy, nz * dz)), inverse)
+                          : inverse;
+          }
         }
         // The height of the part behind the plane.
         const float in_front = fmaf(nx, ball.x, fmaf(ny, ball.y, fmaf(nz, ball.z, -offset)));

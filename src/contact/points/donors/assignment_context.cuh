@@ -34,16 +34,19 @@ class AssignmentContext {
   const bool has_edges;
 
   __device__ AssignmentRule rule() const {
-    return {method == MethodKind::weighted, q.priority == Priority::count,
-            has_edges ? &edges : nullptr};
+    return {method == MethodKind::weighted, q.priority, has_edges ? &edges : nullptr};
   }
   __device__ bool fades_in() const { return q.plane_rule.fades_in; }
   /// Do untouched spheres lay donors over each other?
   __device__ bool overlays() const { return fades_in() && method == MethodKind::simplified; }
+  /// Do they compare all donors?
+  __device__ bool compares_all() const {
+    return q.priority.compares_all(method == MethodKind::weighted);
+  }
   __device__ bool is_at_edge(std::int32_t id) const { return has_edges && edges.concerns(id); }
   /// Untouched spheres for which a warp looks at all donors in double.
   __device__ bool is_one_by_one(std::int32_t id) const {
-    return overlays() || (method == MethodKind::weighted && is_at_edge(id));
+    return overlays() || compares_all() || (method == MethodKind::weighted && is_at_edge(id));
   }
 
   /// The word of PointQuery::touched that tells about a sphere, and what it tells.
@@ -85,9 +88,11 @@ class AssignmentContext {
     }
   }
 
-  /// DonorsView::take by a warp, all lanes of which ask the same and get the answer.
-  __device__ Assigned assign_by_warp(std::int32_t id) const {
+  /// DonorsView::assign by a warp, all lanes of which ask the same and get the answer. Without an
+  /// average `best_donor` is the donor that counts most, -1 if there is none.
+  __device__ Assigned assign_by_warp(std::int32_t id, std::int32_t& best_donor) const {
     const AssignmentRule asked = rule();
+    best_donor = -1;
     if (has_edges && edges.cuts_off(id)) return {};
     if (asked.average) {
       DonorAverage sum;
@@ -103,7 +108,9 @@ class AssignmentContext {
     for (std::int32_t l = gpu::lane_id(); l < donors.num; l += gpu::kWarpSize) {
       donors.offer_to(mine, l, id, asked);
     }
-    return donors.laid_over(best_of_warp(mine), id, asked);
+    const DonorChoices best = best_of_warp(mine);
+    best_donor = best.donor[0];
+    return donors.laid_over(best, id, asked);
   }
 
  private:

@@ -1,8 +1,9 @@
-// Which donor is nearest to a sphere, decided in single precision as far as that can be: the
-// formulas that the plane stage of host and device share.
+// Which donor is nearest to a sphere, decided in single precision as far as that can be, and how
+// much a donor weighs: the formulas that the plane stage of host and device share.
 #pragma once
 
 #include "src/contact/index/sphere_clusters.h"
+#include "src/contact/points/donors/donor.h"
 #include "src/core/lanes.h"
 
 namespace palpate::PALPATE_ISA_NAMESPACE {
@@ -47,6 +48,17 @@ PALPATE_FORMULA Mask is_close_call(VecF least, VecF second) {
 PALPATE_FORMULA VecF cut_distance(VecF x, VecF y, VecF z, VecF radius) {
   const VecF size = max(max(x, -x), max(max(y, -y), max(z, -z))) + radius;
   return radius + size * kSlack;
+}
+
+/// Weights of a donor, see Priority; `squared` is the squared distance of the centres.
+PALPATE_FORMULA VecF gaussian_weight(VecF squared, float doublings_per_square) {
+  constexpr float kMost = static_cast<float>(kMostOfGaussian * kDoublings);
+  return exp2_negative(max(-(squared * doublings_per_square), splat(-kMost)));
+}
+/// `along` is how far the donor lies along its own normal, as seen from the sphere.
+PALPATE_FORMULA VecF agreement_weight(VecF along, VecF inverse_distance) {
+  return max(along * inverse_distance, splat(static_cast<float>(kLeastAgreement))) *
+         inverse_distance;
 }
 
 }  // namespace palpate::PALPATE_ISA_NAMESPACE

@@ -35,7 +35,8 @@ __device__ __noinline__ inline MeasureSums measure_fading_spheres(const PointQue
   MeasureSums sums;
   for (std::int32_t i = spread_warp(); i < context.donors.num; i += num_grid_warps()) {
     const std::int32_t id = q.boundary.sphere_id[i];
-    const Assigned cap = own_cap(context, i), state = context.assign_by_warp(id);
+    std::int32_t best;
+    const Assigned cap = own_cap(context, i), state = context.assign_by_warp(id, best);
     const Donor& donor = q.boundary.donors[i];
     const double presence = donor.sphere_id >= 0 ? donor.presence : 0;
     const Assigned measured{presence * cap.volume + (1 - presence) * state.volume,
@@ -79,13 +80,26 @@ __device__ __noinline__ inline MeasureSums measure_one_by_one(const PointQuery& 
     unsigned todo = __ballot_sync(gpu::kWholeWarp, mine);
     for (; todo != 0; todo &= todo - 1) {
       const int lane = __ffs(static_cast<int>(todo)) - 1;
-      const Assigned assigned = context.assign_by_warp(__shfl_sync(gpu::kWholeWarp, id, lane));
+      std::int32_t best;
+      const Assigned assigned =
+          context.assign_by_warp(__shfl_sync(gpu::kWholeWarp, id, lane), best);
       if (lane == gpu::lane_id()) {
+        if (context.compares_all()) q.donor[place] = best;
         context.add_untouched(sums, place, q.scan.spheres[id].centre, context.scaled(id, assigned));
       }
     }
   }
   return sums;
+}
+
+/// Weighted by a priority that is not of the thesis. Kept out of the others' way likewise.
+__device__ __noinline__ inline MeasureSums average_by_other_priorities(const PointQuery& q,
+                                                                       bool with_edges) {
+  const AssignmentContext context(q, MethodKind::weighted, with_edges);
+  AverageAssignment assignment(context);
+  if (q.priority.by == Priority::square) return assignment.run<Priority::square>();
+  if (q.priority.by == Priority::gaussian) return assignment.run<Priority::gaussian>();
+  return assignment.run<Priority::agreement>();
 }
 
 /// Weighted and simplified: every untouched sphere takes. Writes PointQuery::donor (-1 where
@@ -98,18 +112,23 @@ __device__ inline MeasureSums assign_planes(const PointQuery& q, MethodKind meth
   const bool is_weighted = method == MethodKind::weighted;
   if (*q.boundary.num_donors == 0) {
     context.leave_outside(0, q.clusters.num_places(), gpu::grid_thread(), gpu::grid_threads());
+  } else if (context.compares_all()) {
+    // One by one.
   } else if (is_weighted) {
-    sums = AverageAssignment(context).run();
+    AverageAssignment assignment(context);
+    sums = q.priority.by == Priority::distance ? assignment.run<Priority::distance>()
+           : q.priority.by == Priority::count  ? assignment.run<Priority::count>()
+                                               : average_by_other_priorities(q, with_edges);
   } else {
     DonorCentres from{nullptr, 0, context.donors.num};
-    if (q.priority == Priority::count) {
+    if (q.priority.by == Priority::count) {
       // One donor for all.
       from.first = static_cast<std::int32_t>(0xffffffffu - (*q.boundary.heaviest & 0xffffffffu));
       from.num = 1;
     }
     sums = NearestAssignment(context).run(from);
   }
-  if (context.overlays() || (is_weighted && context.has_edges)) {
+  if (context.overlays() || context.compares_all() || (is_weighted && context.has_edges)) {
     sums.add(measure_one_by_one(q, method, with_edges));
   }
   return sums;

@@ -2,8 +2,10 @@
 // device.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
+#include "palpate/contact/contact_query.h"
 #include "src/contact/points/edges/edge_pieces.h"
 
 namespace palpate {
@@ -22,10 +24,51 @@ struct Assigned {
   Vec3d force;
 };
 
+/// A Gaussian weight is e^-40 at least, and a cosine 0.001: a sphere far from all donors, or in
+/// front of them, still has one.
+inline constexpr double kMostOfGaussian = 40, kLeastAgreement = 1e-3;
+inline constexpr double kDoublings = 1.4426950408889634;  // 1 / ln 2
+
+/// A priority with what it has to know of the tool.
+struct PriorityRule {
+  Priority by = Priority::distance;
+  double per_square = 0;         ///< gaussian: 1 / 2 s^2, in 1/m2
+  const float* paths = nullptr;  ///< path: PathLengths, a row of num_spheres for each sphere
+  std::int32_t num_spheres = 0;
+
+  /// Does the best donor not follow from the distance or from the number of points? Then all are
+  /// compared for each sphere.
+  PALPATE_HOSTDEV bool compares_all(bool average) const {
+    return by == Priority::path || (by == Priority::agreement && !average);
+  }
+  /// Of a donor with this weight (Donor::weight) and normal to a sphere; `d` is the way from the
+  /// sphere's centre to the donor's.
+  PALPATE_HOSTDEV double weight(double count, const Vec3d& normal, std::int32_t donor_id,
+                                std::int32_t sphere_id, const Vec3d& d) const {
+    switch (by) {
+      case Priority::count: return count;
+      case Priority::square: return 1.0 / dot(d, d);
+      case Priority::gaussian: {
+        const double exponent = per_square * dot(d, d);
+        return std::exp(-(exponent < kMostOfGaussian ? exponent : kMostOfGaussian));
+      }
+      case Priority::agreement: {
+        const double cosine = dot(normal, d) / norm(d);
+        return (cosine > kLeastAgreement ? cosine : kLeastAgreement) / norm(d);
+      }
+      case Priority::path:
+        return 1.0 / static_cast<double>(
+                         paths[static_cast<std::int64_t>(donor_id) * num_spheres + sphere_id]);
+      case Priority::distance: break;
+    }
+    return 1.0 / norm(d);
+  }
+};
+
 /// How a sphere takes.
 struct AssignmentRule {
   bool average = false;  ///< over all donors; otherwise from the best one
-  bool by_count = false;
+  PriorityRule priority;
   const EdgesView* edges = nullptr;  ///< null: there are none
 };
 
@@ -98,9 +141,12 @@ struct DonorsView {
       for (std::int32_t l = 0; l < num; ++l) add_to(average, l, sphere_id, rule);
       return average.value();
     }
+    return laid_over(choose(sphere_id, rule), sphere_id, rule);
+  }
+  PALPATE_HOSTDEV DonorChoices choose(std::int32_t sphere_id, const AssignmentRule& rule) const {
     DonorChoices best;
     for (std::int32_t l = 0; l < num; ++l) offer_to(best, l, sphere_id, rule);
-    return laid_over(best, sphere_id, rule);
+    return best;
   }
 
   // The steps of `assign`, for those who share the donors among them.
@@ -108,16 +154,17 @@ struct DonorsView {
                               const AssignmentRule& rule) const {
     const Donor& donor = donors[l];
     if (!may_lend(donor, sphere_id)) return;
-    const double weight =
-        donor.presence * (rule.by_count ? donor.weight : 1.0 / norm(between(donor, sphere_id)));
-    average.add(weight, assign_from(donor, sphere_id, rule));
+    average.add(donor.presence * weight(donor, sphere_id, rule),
+                assign_from(donor, sphere_id, rule));
   }
   PALPATE_HOSTDEV void offer_to(DonorChoices& best, std::int32_t l, std::int32_t sphere_id,
                                 const AssignmentRule& rule) const {
     const Donor& donor = donors[l];
     if (!may_lend(donor, sphere_id)) return;
     const Vec3d d = between(donor, sphere_id);
-    best.offer(rule.by_count ? -donor.weight : dot(d, d), l);
+    const bool by_weight =
+        rule.priority.by == Priority::count || rule.priority.compares_all(rule.average);
+    best.offer(by_weight ? -weight(donor, sphere_id, rule) : dot(d, d), l);
   }
   PALPATE_HOSTDEV Assigned laid_over(const DonorChoices& best, std::int32_t sphere_id,
                                      const AssignmentRule& rule) const {
@@ -133,6 +180,11 @@ struct DonorsView {
   }
 
  private:
+  PALPATE_HOSTDEV double weight(const Donor& donor, std::int32_t sphere_id,
+                                const AssignmentRule& rule) const {
+    return rule.priority.weight(donor.weight, donor.plane_T.normal, donor.sphere_id, sphere_id,
+                                between(donor, sphere_id));
+  }
   PALPATE_HOSTDEV bool may_lend(const Donor& donor, std::int32_t sphere_id) const {
     return donor.sphere_id >= 0 && donor.sphere_id != sphere_id;
   }

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "palpate/contact/contact_query.h"
 #include "palpate/math/sphere.h"
 #include "src/contact/index/sphere_clusters.h"
 #include "src/core/select_isa.h"
@@ -45,7 +46,9 @@ struct PlaneAssignment {
   const Sphere* spheres = nullptr;
   BoundaryPlanes boundary;
   Vec3d origin;           ///< centre of mass
-  bool by_count = false;  ///< weights: points inside instead of inverse distance
+  /// Weighted: anything but `path`. Simplified: the nearest, or by count, see `first_donor`.
+  Priority priority = Priority::distance;
+  float doublings_per_square = 0;  ///< gaussian: kDoublings * PriorityRule::per_square, in 1/m2
   /// Simplified: only these of `boundary` may give; by count that is the one with the most points.
   std::int32_t first_donor = 0, num_donors = 0;
   const std::int32_t* numbers = nullptr;  ///< 0, 1, 2, ..., as many as `boundary` and 16 more

@@ -131,7 +131,31 @@ VecI nearest_candidates(const PlaneAssignment& job, std::size_t place,
   return best;
 }
 
-template <bool kWithPresence>
+// Of boundary spheres b, b + 1, ... to a sphere at (x, y, z).
+template <Priority kPriority>
+inline VecF weights_of(const PlaneAssignment& job, int b, float x, float y, float z) {
+  const BoundaryPlanes& boundary = job.boundary;
+  const VecF count = load(boundary.count + b);
+  if constexpr (kPriority == Priority::count) return count;
+  const VecF dx = load(boundary.x + b) - x, dy = load(boundary.y + b) - y,
+             dz = load(boundary.z + b) - z;
+  VecF weight;
+  if constexpr (kPriority == Priority::square) {
+    weight = 1.0f / squared_length(dx, dy, dz);
+  } else if constexpr (kPriority == Priority::gaussian) {
+    weight = gaussian_weight(squared_length(dx, dy, dz), job.doublings_per_square);
+  } else {
+    weight = 1.0f / sqrt(squared_length(dx, dy, dz));
+    if constexpr (kPriority == Priority::agreement) {
+      weight = agreement_weight(load(boundary.nx + b) * dx + load(boundary.ny + b) * dy +
+                                    load(boundary.nz + b) * dz,
+                                weight);
+    }
+  }
+  return select(count > 0.0f, weight, VecF{});
+}
+
+template <Priority kPriority, bool kWithPresence>
 MeasureSums average_planes(const PlaneAssignment& job, int group) {
   const SphereClusters& c = *job.clusters;
   const BoundaryPlanes& boundary = job.boundary;
@@ -164,13 +188,7 @@ MeasureSums average_planes(const PlaneAssignment& job, int group) {
 #pragma GCC unroll 4
         for (int part = 0; part < RowSums::kParts; ++part) {
           const int b = row + part * kLanes;
-          const VecF count = load(boundary.count + b);
-          VecF weight = count;
-          if (!job.by_count) {
-            const VecF dx = load(boundary.x + b) - x, dy = load(boundary.y + b) - y,
-                       dz = load(boundary.z + b) - z;
-            weight = select(count > 0.0f, 1.0f / sqrt(dx * dx + dy * dy + dz * dz), VecF{});
-          }
+          VecF weight = weights_of<kPriority>(job, b, x, y, z);
           if (kWithPresence) weight *= load(boundary.presence + b);
           const VecF nx = load(boundary.nx + b), ny = load(boundary.ny + b),
                      nz = load(boundary.nz + b);
@@ -197,6 +215,12 @@ MeasureSums average_planes(const PlaneAssignment& job, int group) {
     }
   }
   return sums;
+}
+
+template <Priority kPriority>
+MeasureSums average_planes(const PlaneAssignment& job, int group) {
+  return job.boundary.presence == nullptr ? average_planes<kPriority, false>(job, group)
+                                          : average_planes<kPriority, true>(job, group);
 }
 
 }  // namespace
@@ -275,8 +299,15 @@ MeasureSums assign_nearest(const PlaneAssignment& job, int group, AssignmentScra
 }
 
 MeasureSums assign_weighted(const PlaneAssignment& job, int group) {
-  return job.boundary.presence == nullptr ? average_planes<false>(job, group)
-                                          : average_planes<true>(job, group);
+  switch (job.priority) {
+    case Priority::count: return average_planes<Priority::count>(job, group);
+    case Priority::square: return average_planes<Priority::square>(job, group);
+    case Priority::gaussian: return average_planes<Priority::gaussian>(job, group);
+    case Priority::agreement: return average_planes<Priority::agreement>(job, group);
+    case Priority::path:
+    case Priority::distance: break;
+  }
+  return average_planes<Priority::distance>(job, group);
 }
 
 }  // namespace palpate::PALPATE_ISA_NAMESPACE

@@ -31,7 +31,7 @@ PALPATE_HOSTDEV inline double reached_volume(const DonorsView& donors, const Don
                                              std::int32_t sphere_id, InsideVolume inside,
                                              const EdgesView* edges) {
   if (inside == InsideVolume::cap) {
-    return donors.assign_from(donor, sphere_id, {false, false, edges}).volume;
+    return donors.assign_from(donor, sphere_id, {false, {}, edges}).volume;
   }
   if (edges != nullptr) return edges->full_volume(sphere_id, donor.point);
   return sphere_volume(static_cast<double>(donors.spheres[sphere_id].radius));
