@@ -73,8 +73,8 @@ GPU ?= $(lastword $(sort $(wildcard bench/results/gpu-*.csv)))
 PEER_TIMES ?= $(shell ls build/peers/peers.csv 2>/dev/null || ls bench/results/peers-*.csv 2>/dev/null | tail -1)
 define evaluate
 cmake --preset release
-cmake --build --preset release -j $(JOBS) --target palpate
-build/release/bin/palpate eval $(FIGURE) -o build/$(1) $(if $(DATA),--data $(DATA)) $(if $(GPU),--gpu $(GPU)) $(if $(GPU_REPORT),--gpu-report $(GPU_REPORT)) \
+cmake --build --preset release -j $(JOBS) --target eval_program
+build/release/bin/palpate_eval $(FIGURE) -o build/$(1) $(if $(DATA),--data $(DATA)) $(if $(GPU),--gpu $(GPU)) $(if $(GPU_REPORT),--gpu-report $(GPU_REPORT)) \
   $(if $(PEER_TIMES),--peers $(PEER_TIMES)) --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"
 endef
 
@@ -83,7 +83,9 @@ peer-times: setup
 	@scripts/setup.sh --peers && cmake --preset peers && \
 	cmake --build --preset peers -j $(JOBS) --target bench_peers && \
 	{ [ build/peers/peers.csv -nt build/peers/bin/bench_peers ] || build/peers/bin/bench_peers --csv build/peers/peers.csv \
-	  --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"; } || \
+	  --commit "$$(git describe --always --dirty=+ --exclude '*' 2>/dev/null || echo unknown)"; } && \
+	{ grep -q ^octree/ build/peers/peers.csv || ! [ -x build/python-peers/bin/python ] || \
+	  build/python-peers/bin/python bench/coal_peer.py build/peers/peers.csv; } || \
 	echo "make: other libraries cannot be measured here; going on without"
 
 eval: setup $(if $(filter file,$(origin PEER_TIMES)),peer-times)  ## make all figures of the thesis again: make eval [FIGURE=5.1] [DATA=DIR]; at most 45 minutes

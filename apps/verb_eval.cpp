@@ -1,221 +1,42 @@
-// palpate eval: the figures of the thesis, made again, in one report.
+// palpate eval: hands its words to the program palpate_eval, which lies beside this one.
 
-#include <cstdio>
-#include <cstdlib>
-#include <iostream>
-#include <memory>
-#include <nlohmann/json.hpp>
+#include <unistd.h>
 
-#include "apps/options.h"
-#include "apps/terminal.h"
-#include "apps/tool_info.h"
+#include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
 #include "apps/verbs.h"
-#include "eval/choose.h"
-#include "eval/doc_tables.h"
-#include "eval/report.h"
-#include "eval/run_evaluation.h"
 
 namespace palpate::apps {
 namespace {
 
-struct Options {
-  std::vector<std::string> words;
-  std::vector<eval::FigureSpec> figures;  ///< those that `words` name
-  eval::EvaluationOptions evaluation;
-  std::vector<std::filesystem::path> write_docs;
-  bool list = false, json = false;
-};
-
-void list_figures(const Options& options) {
-  if (options.json) {
-    nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    for (const eval::FigureSpec& figure : options.figures) {
-      list.push_back({{"id", figure.id},
-                      {"title", figure.title},
-                      {"section", figure.section},
-                      {"thesis_figures", eval::figure_numbers(figure.id)},
-                      {"quick", figure.is_quick}});
-    }
-    print_json(list);
-    return;
-  }
-  std::string section;
-  for (const eval::FigureSpec& figure : options.figures) {
-    if (section != figure.section) std::cout << (section = figure.section) << "\n";
-    char line[200];
-    std::snprintf(line, sizeof line, "  %-14s %s%s\n", figure.id, figure.title,
-                  figure.is_quick ? "" : " (full form only)");
-    std::cout << line;
-  }
-}
-
-/// The command that makes this report again.
-std::string command_of(const Options& options) {
-  std::string text = "palpate eval";
-  for (const std::string& word : options.words) {
-    text += word.find(' ') == std::string::npos ? " " + word : " '" + word + "'";
-  }
-  text += " -o " + options.evaluation.output.string();
-  const eval::Settings& settings = options.evaluation.settings;
-  if (settings.quick) text += " --quick";
-  if (!settings.data.empty()) text += " --data " + settings.data.string();
-  if (settings.backend != Backend::cpu) text += " --backend " + name_of(settings.backend);
-  if (!options.evaluation.gpu_report.empty()) {
-    text += " --gpu-report " + options.evaluation.gpu_report.string();
-  }
-  if (!settings.gpu.empty()) text += " --gpu " + settings.gpu.string();
-  if (!settings.peers.empty()) text += " --peers " + settings.peers.string();
-  return text;
-}
-
-void print_summary(const Options& options, const eval::Evaluation& evaluation) {
-  const std::string report =
-      (options.evaluation.output / eval::kReportPage).lexically_normal().string();
-  if (options.json) {
-    nlohmann::ordered_json json{{"report", report},
-                                {"made", evaluation.num_made},
-                                {"kept", evaluation.num_kept},
-                                {"failed", evaluation.num_failed},
-                                {"figures", nlohmann::ordered_json::array()}};
-    for (const eval::ReportFigure& figure : evaluation.figures) {
-      if (!figure.stored) continue;
-      nlohmann::ordered_json claims = nlohmann::ordered_json::array();
-      for (const eval::Claim& claim : figure.stored->result.claims) {
-        claims.push_back({{"source", name_of(claim.source)},
-                          {"claim", claim.claim},
-                          {"measured", claim.measured},
-                          {"verdict", name_of(claim.verdict)}});
-      }
-      json["figures"].push_back({{"id", figure.spec.id},
-                                 {"current", figure.is_current},
-                                 {"seconds", figure.stored->seconds},
-                                 {"failure", figure.stored->failure},
-                                 {"claims", std::move(claims)}});
-    }
-    print_json(json);
-    return;
-  }
-  std::cout << evaluation.num_made << " figures made, " << evaluation.num_kept << " kept, "
-            << evaluation.num_failed << " failed\n";
-  for (const eval::Source source : eval::kSources) {
-    std::cout << "  " << eval::heading_of(source) << ": " << eval::counts_words(evaluation, source)
-              << "\n";
-  }
-  std::cout << "report: " << report << "\n";
-}
-
-/// What the run left behind, as an error if it is not what was asked for.
-Status outcome(const Options& options, const eval::Evaluation& evaluation) {
-  const std::string folder = options.evaluation.output.string();
-  if (evaluation.interrupted) {
-    return Error{Errc::cancelled, "interrupted; " + std::to_string(evaluation.num_made) +
-                                      " figures were made and are kept in " + folder +
-                                      ": the same command goes on from there"};
-  }
-  for (const eval::ReportFigure& figure : evaluation.figures) {
-    if (evaluation.num_failed == 0 || !figure.stored || !figure.is_current) continue;
-    if (figure.stored->failure.empty()) continue;
-    return Error{Errc::bad_input, std::to_string(evaluation.num_failed) +
-                                      " figures failed, the first is " + figure.spec.id + ": " +
-                                      figure.stored->failure};
-  }
-  return Done{};
-}
-
-Status run(const Options& options) {
-  if (options.list) {
-    list_figures(options);
-    return Done{};
-  }
-  catch_interrupts();
-  Progress bar("evaluating");
-  eval::Watcher watcher;
-  watcher.on_progress = [&](double share, const std::string& words) { bar.update(share, words); };
-  watcher.keep_going = [] { return !interrupted(); };
-  const auto evaluation =
-      eval::run_evaluation(eval::all_figures(), options.figures, options.evaluation, watcher);
-  if (!evaluation) return evaluation.error();
-  for (const std::string& warning : evaluation->warnings)
-    std::cerr << "palpate: " << warning << "\n";
-  print_summary(options, *evaluation);
-  if (!options.write_docs.empty() && !evaluation->interrupted) {
-    const Status written = eval::write_docs(*evaluation, options.write_docs);
-    if (!written) return written;
-  }
-  return outcome(options, *evaluation);
-}
-
-void check(Options& options) {
-  const auto chosen = eval::choose_figures(eval::all_figures(), options.words);
-  if (!chosen) usage_error("eval: " + chosen.error().message);
-  options.figures = *chosen;
-  if (options.list) return;
-  if (options.evaluation.output.empty()) usage_error("eval: give -o REPORT, a folder, or --list");
-  eval::Settings& settings = options.evaluation.settings;
-  if (settings.data.empty()) {
-    if (const char* data = std::getenv("PALPATE_DATA"); data != nullptr) settings.data = data;
-  }
-  if (settings.backend == Backend::cuda) {
-    if (const auto gpus = find_gpus(); !gpus) usage_error("eval: " + gpus.error().message);
-    std::erase_if(options.figures, [](const auto& figure) { return !figure.is_on_gpu; });
-    if (options.figures.empty()) {
-      usage_error("eval: none of these figures times queries; without --backend they are made");
-    }
-  }
-  options.evaluation.command = command_of(options);
+Status become_palpate_eval(const std::vector<std::string>& words) {
+  std::error_code error;
+  const auto here = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  std::string program = (here / "palpate_eval").string();
+  std::vector<char*> arguments{program.data()};
+  std::vector<std::string> kept = words;
+  for (std::string& word : kept) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  execv(program.c_str(), arguments.data());  // returns only if it fails
+  return Error{
+      errno == ENOENT ? Errc::not_found : Errc::unavailable,
+      "the evaluation is the program palpate_eval, which make eval builds from the source; " +
+          program + ": " + std::strerror(errno)};
 }
 
 }  // namespace
 
 void add_eval(CLI::App& program, Action& action) {
-  const auto options = std::make_shared<Options>();
-  eval::Settings& settings = options->evaluation.settings;
   CLI::App& app = *program.add_subcommand(
-      "eval", "Make the figures of the thesis again and report what comes of each claim.");
-  app.add_option("figures", options->words,
-                 "figures (5.1), sections (speed) or studies (noise); default: all")
-      ->type_name("FIGURE");
-  app.add_option("-o,--output", options->evaluation.output,
-                 "folder of the report: new, or an earlier report, of which figures are kept that "
-                 "would come out the same")
-      ->type_name("REPORT");
-  app.add_flag("--quick", settings.quick, "fewer steps: two minutes instead of forty-five");
-  app.add_flag("--fresh", options->evaluation.fresh, "make figures again that are there");
-  app.add_flag("--list", options->list, "tell which figures there are, and do nothing else");
-  app.add_option("--data", settings.data,
-                 "folder of real depth frames; default: the environment variable PALPATE_DATA")
-      ->check(CLI::ExistingDirectory)
-      ->type_name("DIR");
-  app.add_option("--gpu", settings.gpu, "times of a GPU, written by scripts/gpu_check.sh")
-      ->check(CLI::ExistingFile)
-      ->type_name("FILE.csv");
-  app.add_option("--gpu-report", options->evaluation.gpu_report,
-                 "figures made with --backend cuda on a machine with a GPU, to stand beside: the "
-                 "folder data of that report")
-      ->check(CLI::ExistingDirectory)
-      ->type_name("DIR");
-  add_word(app, "--backend", settings.backend,
-           "where the figures that time queries make them; cuda: only those are made");
-  app.add_option("--peers", settings.peers, "times of other libraries")
-      ->check(CLI::ExistingFile)
-      ->type_name("FILE.csv");
-  app.add_option("--threads", settings.num_threads, "for what is not timed; default: one per core")
-      ->check(CLI::Range(0, 1024));
-  app.add_option("--commit", options->evaluation.commit, "of the source, told in the report")
-      ->type_name("NAME");
-  app.add_option(
-         "--write-docs", options->write_docs,
-         "also put the tables into these texts that quote them; of a folder into all its texts, "
-         "with claims and verdicts in its evaluation.md")
-      ->check(CLI::ExistingPath)
-      ->type_name("PATH...");
-  app.add_flag("--json", options->json, "print the summary, or the list, as JSON");
-  app.footer(
-      "Example: palpate eval -o report\n"
-      "Example: palpate eval 5.1 quality -o report --quick --data frames/");
-  app.callback([options, &action] {
-    check(*options);
-    action = [options] { return run(*options); };
+      "eval", "Make the figures of the thesis again: runs the program palpate_eval.");
+  app.set_help_flag();
+  app.prefix_command();
+  app.footer("palpate_eval --help tells its options. Built by make eval; packages are without it.");
+  app.callback([&app, &action] {
+    action = [words = app.remaining()] { return become_palpate_eval(words); };
   });
 }
 

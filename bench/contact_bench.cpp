@@ -3,7 +3,7 @@
 
 #include "bench/contact_setup.h"
 #include "bench/latency.h"
-#include "eval/boundary_stage.h"
+#include "eval/studies/boundary_stage.h"
 
 namespace palpate::bench {
 namespace {

@@ -16,7 +16,7 @@
 #include "bench/gpu_floor.cuh"
 #include "bench/gpu_rows.h"
 #include "bench/wall_frame.h"
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/gpu/devices.h"

@@ -1,6 +1,6 @@
 // Other libraries beside ours in one run: which points of a frame are in which sphere of a tool
 // (the boundary stage), normals, and the filter of depth. Answers are compared before they are
-// timed. Prints a table and writes what `palpate eval --peers` reads.
+// timed. Prints a table and writes what `palpate_eval --peers` reads.
 #include <algorithm>
 #include <cmath>
 #include <ctime>
@@ -12,7 +12,7 @@
 #include "bench/peers.h"
 #include "bench/run_facts.h"
 #include "bench/wall_frame.h"
-#include "eval/boundary_stage.h"
+#include "eval/studies/boundary_stage.h"
 #include "src/cloud/surface_stages.h"
 #include "src/io/internal/atomic_file.h"
 
@@ -315,7 +315,7 @@ void time_filter(const Settings& settings, Rows& rows) {
 Settings parse(int argc, char** argv) {
   Settings settings;
   CLI::App app("Other libraries beside ours in one run");
-  app.add_option("--csv", settings.csv, "write what palpate eval --peers reads");
+  app.add_option("--csv", settings.csv, "write what palpate_eval --peers reads");
   app.add_option("--commit", settings.commit, "of the source, for people");
   app.add_option("--passes", settings.passes)->check(CLI::Range(1, 1000));
   app.add_option("--poses", settings.poses, "of the tool")->check(CLI::Range(1, 100000));

@@ -209,6 +209,21 @@ Result<std::optional<std::vector<DepthFrame>>> Context::recorded(const std::stri
   return std::optional(std::move(frames));
 }
 
+Result<std::vector<FirstFrame>> Context::first_frames(bool of_sequences) {
+  std::vector<FirstFrame> frames;
+  for (const std::string& name : recording_names()) {
+    if (!of_sequences && !name.starts_with("frames/")) continue;
+    DepthStreamInfo stream;
+    auto of_recording = recorded(name, stream);
+    if (!of_recording) return of_recording.error();
+    if (!*of_recording) continue;
+    const std::size_t from = name.find('/') + 1;
+    frames.push_back(
+        {name.substr(from, name.rfind('.') - from), stream, std::move((**of_recording).front())});
+  }
+  return frames;
+}
+
 Result<std::vector<DepthFrame>> Context::simulated(const scenes::Scene& scene,
                                                    const scenes::SimulatedCameraOptions& camera,
                                                    DepthStreamInfo& info) {

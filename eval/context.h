@@ -35,6 +35,13 @@ std::vector<Method> all_methods();  ///< these five
 std::vector<Method> all_methods_alike();
 std::vector<Method> thesis_methods();  ///< weighted, simplified, graph
 
+/// One depth frame of a recording.
+struct FirstFrame {
+  std::string name;  ///< short, for tables
+  DepthStreamInfo stream;
+  DepthFrame frame;
+};
+
 /// What Context::progress throws when the one who waits asks to stop. Figures let it pass;
 /// run_evaluation catches it.
 struct Cancelled {};
@@ -62,6 +69,8 @@ class Context {
   /// A real recording, one of recording_names(), or nullopt if the data are not there.
   Result<std::optional<std::vector<DepthFrame>>> recorded(const std::string& name,
                                                           DepthStreamInfo& info);
+  /// The first frame of each real recording that is there; sequences only if asked for.
+  Result<std::vector<FirstFrame>> first_frames(bool of_sequences);
   /// Frames of a simulated scene.
   Result<std::vector<DepthFrame>> simulated(const scenes::Scene& scene,
                                             const scenes::SimulatedCameraOptions& camera,

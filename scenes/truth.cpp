@@ -11,7 +11,7 @@
 namespace palpate::scenes {
 namespace {
 
-/// Volume of the part of the mesh behind all planes, which must pass through the apex.
+/// Six planes at most.
 double volume_behind(const TriangleMesh& mesh, const Pose& X_WT, const Vec3d& apex,
                      std::span<const Plane<double>> planes) {
   double sum = 0;
@@ -110,6 +110,11 @@ double ball_volume(const TriangleMesh& tool, const Pose& X_WT, const Vec3d& cent
 }
 
 }  // namespace
+
+double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Vec3d& apex,
+                    std::span<const Plane<double>> planes) {
+  return volume_behind(tool_T, X_WT, apex, planes);
+}
 
 double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environment& environment) {
   const Plane<double>&a = environment.a, &b = environment.b;

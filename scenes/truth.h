@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,6 +17,10 @@ namespace palpate::scenes {
 /// balls included; the error is that of double arithmetic, below 1e-10 of the tool's volume for
 /// hand-sized tools within a few metres. O(triangles).
 double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environment& environment);
+
+/// The same with what lies behind all planes, which pass through the point `apex`. O(triangles).
+double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Vec3d& apex,
+                    std::span<const Plane<double>> planes);
 
 /// The common part's volume and the exact counterpart of the wrench sum V_s n_s (thesis
 /// section 3.2): the integral of n over it and of (x - C) x n, n being the gradient of

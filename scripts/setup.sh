@@ -122,9 +122,21 @@ sys.exit(None in map(find_spec, ('pyrealsense2', 'k4a_module', 'pyorbbecsdk')))"
   fi
 }
 
+# coal, a collision library with octrees: one of the peers.
+install_peer_packages() {
+  case "$groups" in *" peers "*) ;; *) return 0 ;; esac
+  local python=build/python-peers/bin/python
+  if "$python" -c "import coal, numpy" 2>/dev/null; then return 0; fi
+  echo "setup: installing coal and numpy into build/python-peers"
+  if ! { python3 -m venv --clear build/python-peers && "$python" -m pip install -q coal numpy; }; then
+    echo "setup: could not install coal: see the message above. It is left out of the peers." >&2
+  fi
+}
+
 if [ ${#missing[@]} -eq 0 ]; then
   echo "setup: all ${#wanted[@]} packages are installed"
   install_python_packages
+  install_peer_packages
   exit 0
 fi
 
@@ -167,4 +179,5 @@ if ! install_missing; then
   fi
 fi
 install_python_packages
+install_peer_packages
 echo "setup: done"

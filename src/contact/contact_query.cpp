@@ -80,7 +80,8 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
     return Error{Errc::invalid_argument,
                  "the priority path keeps the ways between all spheres of a tool, at most " +
                      std::to_string(kMostSpheresOfPaths) + ": this one has " +
-                     std::to_string(num_spheres) + "; pack it with fewer, or choose another priority"};
+                     std::to_string(num_spheres) +
+                     "; pack it with fewer, or choose another priority"};
   }
   switch (backend) {
     case Backend::cpu: {

@@ -351,6 +351,9 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   RunMonitor monitor;
   monitor.observer.on_ticks = [&](std::span<const TickRecord> felt) {
     for (const TickRecord& tick : felt) compare(hand.recorded(), tick, outcome.forces);
+    if (options.monitor != nullptr && options.monitor->observer.on_ticks) {
+      options.monitor->observer.on_ticks(felt);
+    }
   };
   run.monitor = &monitor;
   auto done = record_run(*tool, frames, hand, settings, output, run);

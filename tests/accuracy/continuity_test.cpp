@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/force_steps.h"
+#include "eval/studies/force_steps.h"
 #include "tests/accuracy/point_methods.h"
 
 namespace palpate {

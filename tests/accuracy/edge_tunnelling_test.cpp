@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/interaction.h"
-#include "eval/pillar.h"
+#include "eval/studies/interaction.h"
+#include "eval/studies/pillar.h"
 #include "tests/accuracy/point_methods.h"
 
 namespace palpate {

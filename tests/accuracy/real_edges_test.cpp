@@ -1,7 +1,7 @@
 // Edge planes on real depth images: the query against brute force where people and furniture end.
 #include <gtest/gtest.h>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/io/depth_files.h"

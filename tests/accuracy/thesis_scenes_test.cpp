@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/accuracy.h"
+#include "eval/studies/accuracy.h"
 
 namespace palpate::eval {
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "palpate/contact/body_world.h"
 #include "src/contact/bodies/body_contact_cuda.h"
 #include "src/contact/cuda/contact_query_cuda.h"

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "palpate/contact/body_world.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_checks.h"

@@ -10,7 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "palpate/cloud/surface_estimator.h"
 #include "tests/test_util/contact_scenes.h"
 

@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/doc_tables.h"
-#include "eval/report.h"
+#include "eval/report/doc_tables.h"
+#include "eval/report/report.h"
 #include "tests/test_util/temporary_folder.h"
 
 namespace palpate::eval {
@@ -74,7 +74,7 @@ TEST(DocTables, StayAsTheyAreWhereNothingIsMeasured) {
 
 TEST(DocTables, WrongMarksAreErrorsWithTheirLine) {
   EXPECT_EQ(error_of(quoting("5.9: Median", "")),
-            "line 2: there is no figure '5.9'; palpate eval --list shows all");
+            "line 2: there is no figure '5.9'; palpate_eval --list shows all");
   EXPECT_EQ(error_of(quoting("edges: Volume", "")),
             "line 2: figure edges has no table 'Volume'; it has 'Error, %'");
   EXPECT_NE(error_of(quoting("edges", "")).find("line 2: '<!-- eval edges -->' is not"),

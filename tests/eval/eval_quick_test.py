@@ -1,6 +1,6 @@
 """Makes all figures in their quick form with the real program, and looks at what comes out.
 
-Usage: eval_quick_test.py PATH_OF_PALPATE DATA_FOLDER"""
+Usage: eval_quick_test.py PATH_OF_PALPATE DATA_FOLDER PATH_OF_PALPATE_EVAL"""
 
 import json
 import math
@@ -12,7 +12,7 @@ import sys
 import tempfile
 import unittest
 
-PALPATE, DATA = sys.argv[1], sys.argv[2]
+PALPATE, DATA, PALPATE_EVAL = sys.argv[1:4]
 HERE = os.path.dirname(os.path.abspath(__file__))
 SOURCE = os.path.join(HERE, "..", "..")
 TEXTS = ["docs", "README.md"]
@@ -22,7 +22,7 @@ VERDICTS = {"thesis": {"agrees", "differs", "contradicts", "not comparable", "no
 
 
 def palpate_eval(*arguments):
-    return subprocess.run([PALPATE, "eval", *arguments], capture_output=True, text=True,
+    return subprocess.run([PALPATE_EVAL, *arguments], capture_output=True, text=True,
                           timeout=900)
 
 
@@ -171,6 +171,21 @@ class Errors(unittest.TestCase):
                 file.write("mine")
             self.check(["3.1", "-o", folder], 1, "thesis.txt")
             self.assertEqual(os.listdir(folder), ["thesis.txt"])
+
+    def test_palpate_hands_its_words_on(self):
+        words = ["--list", "--json", "drawings"]
+        run = subprocess.run([PALPATE, "eval", *words], capture_output=True, text=True)
+        self.assertEqual((run.returncode, run.stdout), (0, palpate_eval(*words).stdout))
+        run = subprocess.run([PALPATE, "eval", "--help"], capture_output=True, text=True)
+        self.assertIn("--write-docs", run.stdout)
+        run = subprocess.run([PALPATE, "eval", "5.99", "-o", "x"], capture_output=True, text=True)
+        self.assertEqual((run.returncode, run.stderr.count("\n")), (2, 1), run.stderr)
+        with tempfile.TemporaryDirectory() as folder:
+            alone = os.path.join(folder, "palpate")
+            shutil.copy(PALPATE, alone)
+            run = subprocess.run([alone, "eval", *words], capture_output=True, text=True)
+            self.assertEqual((run.returncode, run.stderr.count("\n")), (1, 1), run.stderr)
+            self.assertIn("make eval", run.stderr)
 
     def test_list(self):
         run = palpate_eval("--list", "drawings")

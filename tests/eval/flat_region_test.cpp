@@ -1,36 +1,23 @@
 // The largest flat region of images made up with a plane in them.
-#include "eval/flat_region.h"
+#include "eval/studies/flat_region.h"
 
 #include <gtest/gtest.h>
 
-#include "eval/random.h"
+#include "tests/eval/noisy_picture.h"
 
 namespace palpate::eval {
 namespace {
 
-/// A plane left of column `border`, a ball beside it, noise of 1 mm.
+/// A plane left of column `border`, a ball beside it.
 DepthFrame picture(const DepthStreamInfo& stream, const Plane<double>& plane, int border) {
-  DepthFrame frame{stream.width, stream.height, stream.unit, {}, 0};
-  Random random(3);
-  const Intrinsics& k = stream.intrinsics;
-  for (int v = 0; v < stream.height; ++v) {
-    for (int u = 0; u < stream.width; ++u) {
-      const Vec3d ray{(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1};
-      const double flat = plane.offset / dot(plane.normal, ray);
-      const double round = 0.8 + 3e-6 * ((u - 280) * (u - 280) + (v - 120) * (v - 120));
-      const double z = (u < border ? flat : round) + 0.001 * random.normal();
-      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(z / stream.unit)));
-    }
-  }
-  return frame;
+  return noisy_picture(stream, [&](int u, int v, const Vec3d& ray) {
+    const double flat = plane.offset / dot(plane.normal, ray);
+    const double round = 0.8 + 3e-6 * ((u - 280) * (u - 280) + (v - 120) * (v - 120));
+    return u < border ? flat : round;
+  });
 }
 
-DepthStreamInfo camera() {
-  DepthStreamInfo stream;
-  stream.width = 320, stream.height = 240, stream.unit = 1e-4;
-  stream.intrinsics = {300, 300, 160, 120};
-  return stream;
-}
+DepthStreamInfo camera() { return made_up_camera(320, 240, 300); }
 
 TEST(FlatRegion, IsThePlaneAndEndsWhereItEnds) {
   const DepthStreamInfo stream = camera();

@@ -1,5 +1,5 @@
 // A recorded hand as the motion of a tool.
-#include "eval/hand_paths.h"
+#include "eval/studies/hand_paths.h"
 
 #include <gtest/gtest.h>
 

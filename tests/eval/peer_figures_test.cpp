@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "eval/context.h"
-#include "eval/csv.h"
 #include "eval/figure.h"
+#include "eval/report/csv.h"
 #include "tests/test_util/temporary_folder.h"
 
 namespace palpate::eval {

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/plot_svg.h"
+#include "eval/report/plot_svg.h"
 
 namespace palpate::eval {
 namespace {

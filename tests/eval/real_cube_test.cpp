@@ -1,39 +1,27 @@
 // The exact cube is found again in a depth image of it.
-#include "eval/real_cube.h"
+#include "eval/studies/real_cube.h"
 
 #include <gtest/gtest.h>
 
-#include "eval/random.h"
 #include "scenes/environment.h"
 #include "src/math/internal/rotation_vector.h"
+#include "tests/eval/noisy_picture.h"
 
 namespace palpate::eval {
 namespace {
 
 constexpr double kHalf = 0.0425;  // m
 
-/// A cube in front of a wall, noisy by 1 mm.
+/// A cube in front of a wall.
 DepthFrame picture(const DepthStreamInfo& stream, const Pose& X_CB) {
   const auto cube = scenes::Environment::box(X_CB, {kHalf, kHalf, kHalf});
-  DepthFrame frame{stream.width, stream.height, stream.unit, {}, 0};
-  Random random(3);
-  for (int v = 0; v < stream.height; ++v) {
-    for (int u = 0; u < stream.width; ++u) {
-      const Intrinsics& k = stream.intrinsics;
-      const double z = scenes::first_hit(cube, {(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1});
-      const double seen = (std::isnan(z) ? 0.9 : z) + 0.001 * random.normal();
-      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(seen / stream.unit)));
-    }
-  }
-  return frame;
+  return noisy_picture(stream, [&](int, int, const Vec3d& ray) {
+    const double z = scenes::first_hit(cube, ray);
+    return std::isnan(z) ? 0.9 : z;
+  });
 }
 
-DepthStreamInfo camera() {
-  DepthStreamInfo stream;
-  stream.width = 640, stream.height = 480, stream.unit = 1e-4;
-  stream.intrinsics = {600, 600, 320, 240};
-  return stream;
-}
+DepthStreamInfo camera() { return made_up_camera(640, 480, 600); }
 
 TEST(RealCube, RaysHitWhereTheClosedFormSays) {
   Random random(1);

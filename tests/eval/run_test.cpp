@@ -9,10 +9,10 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/choose.h"
-#include "eval/report.h"
-#include "eval/run_evaluation.h"
-#include "eval/speed.h"
+#include "eval/report/choose.h"
+#include "eval/report/report.h"
+#include "eval/report/run_evaluation.h"
+#include "eval/studies/speed.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/temporary_folder.h"
 

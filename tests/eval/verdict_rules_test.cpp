@@ -1,5 +1,5 @@
 // Verdict rules on data made up for each outcome, also curves that a careless rule is fooled by.
-#include "eval/verdict_rules.h"
+#include "eval/studies/verdict_rules.h"
 
 #include <cmath>
 

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "src/core/monotonic_clock.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/haptic_stage.h"

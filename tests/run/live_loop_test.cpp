@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/allocation_counter.h"
 

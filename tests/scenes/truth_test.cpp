@@ -174,6 +174,38 @@ TEST(ExactVolume, CornerIsTheUnionOfItsWalls) {
   }
 }
 
+TEST(ExactVolume, BehindThreeSlantedPlanesItAddsUpToTheTool) {
+  // The eight parts of space between three planes through a point.
+  Random random(5);
+  const TriangleMesh tool = make_torus(0.05, 0.02, 16, 10);
+  for (int i = 0; i < 50; ++i) {
+    const Vec3d apex = random.in_box(0.03);
+    const Pose X_WT{random.in_box(0.02), random.rotation(kPi)};
+    const Vec3d normals[] = {random.direction(), random.direction(), random.direction()};
+    double sum = 0;
+    for (int part = 0; part < 8; ++part) {
+      std::vector<Plane<double>> planes;
+      for (int k = 0; k < 3; ++k) {
+        const Vec3d n = (part >> k & 1) != 0 ? -normals[k] : normals[k];
+        planes.push_back({n, dot(n, apex)});
+      }
+      const double in_part = exact_volume(tool, X_WT, apex, planes);
+      EXPECT_GE(in_part, -1e-10 * volume(tool));
+      sum += in_part;
+      // Two of them are a ridge.
+      if (part != 0) continue;
+      Environment ridge;
+      ridge.kind = Environment::Kind::ridge;
+      ridge.a = planes[0], ridge.b = planes[1];
+      std::vector<Plane<double>> other = planes;
+      other[2] = {-planes[2].normal, -planes[2].offset};
+      EXPECT_NEAR(in_part + exact_volume(tool, X_WT, apex, other), exact_volume(tool, X_WT, ridge),
+                  1e-10 * volume(tool));
+    }
+    EXPECT_NEAR(sum / volume(tool), 1, 1e-10);
+  }
+}
+
 TEST(ExactVolume, TurningToolAndBallTogetherChangesNothing) {
   const TriangleMesh tool = make_tetrahedron(0.15);
   Random random(17);

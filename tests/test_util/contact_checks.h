@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/contact_truth.h"
 

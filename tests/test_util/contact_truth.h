@@ -309,8 +309,7 @@ inline Truth contact_truth(const ToolTruth& tool, const BoundaryTruth& touched, 
       const bool picks_nearest =
           options.method != MethodKind::weighted && options.priority == Priority::gaussian;
       offers.push_back({tool.priority(picks_nearest ? Priority::distance : options.priority, s, b,
-                                      plane[b].count,
-                                      rotate(conjugate(X_WT.rotation), plane[b].n)),
+                                      plane[b].count, rotate(conjugate(X_WT.rotation), plane[b].n)),
                         plane[b].presence, b});
     }
     if (options.method != MethodKind::weighted) {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 
 namespace palpate::test {

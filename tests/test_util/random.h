@@ -1,7 +1,7 @@
 // Random numbers that are the same everywhere.
 #pragma once
 
-#include "eval/random.h"
+#include "eval/studies/random.h"
 
 namespace palpate::test {
 

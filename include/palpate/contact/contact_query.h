@@ -29,21 +29,20 @@ constexpr auto names_of(MethodKind) {
 }
 
 /// What makes a boundary sphere a good one to take a plane from; d is the distance of the centres.
-/// `simplified` takes the best one alone: to it distance, square and gaussian are the same. Those
-/// two, the agreement and the path are not of the thesis, which leaves the choice open (section 6).
+/// `simplified` takes the best one: by distance, square and gaussian the same. The thesis has the
+/// first two and leaves the choice open (section 6).
 enum class Priority {
   distance,   ///< 1 / d
   count,      ///< number of points inside the boundary sphere
   square,     ///< 1 / d^2
   gaussian,   ///< exp(-min(d^2 / 2 s^2, 40)), s a twelfth of the longest side of the tool's box
-  agreement,  ///< a / d, a the cosine between the boundary sphere's normal and the way to it, >= 0.001
+  agreement,  ///< a / d, a >= 0.001 the cosine between the sphere's normal and the way to it
   path,       ///< 1 / the shortest way along the leaf graph; tools of at most kMostSpheresOfPaths
 };
 constexpr auto names_of(Priority) {
   return std::array{"distance", "count", "square", "gaussian", "agreement", "path"};
 }
-/// The ways between all spheres of a tool are a table: 64 MB for so many.
-inline constexpr std::size_t kMostSpheresOfPaths = 4096;
+inline constexpr std::size_t kMostSpheresOfPaths = 4096;  ///< a table of 64 MB
 
 /// Volume of a sphere that the graph reaches.
 enum class InsideVolume {

@@ -148,7 +148,7 @@ struct RetryOutcome {
   ForceComparison forces;
 };
 /// What the same hand and the same frames would have given with other settings, on a simulated
-/// clock: writes a run of its own. `change` gets the recorded settings.
+/// clock: writes a run of its own. `change` gets the recorded settings; a monitor hears the ticks.
 Result<RetryOutcome> retry_run(const std::filesystem::path& folder,
                                const std::filesystem::path& output,
                                const std::function<Status(RunSettings&)>& change,

@@ -31,8 +31,8 @@ PathLengths::PathLengths(const Tool& tool) {
       const auto [length, i] = open.top();
       open.pop();
       if (length > way[i]) continue;
-      for (auto e = static_cast<std::size_t>(starts[i]); e < static_cast<std::size_t>(starts[i + 1]);
-           ++e) {
+      for (auto e = static_cast<std::size_t>(starts[i]);
+           e < static_cast<std::size_t>(starts[i + 1]); ++e) {
         const auto j = static_cast<std::size_t>(neighbours[e]);
         if (length + edge_lengths[e] >= way[j]) continue;
         way[j] = length + edge_lengths[e];

@@ -66,7 +66,8 @@ struct ToolIndex::Parts {
 
   std::size_t num_bytes() const {
     return clusters_.num_bytes() + grid_.num_bytes() + graph_.num_bytes() + paths_.num_bytes() +
-           scales_[0].num_bytes() + scales_[1].num_bytes() + elements_[0].num_bytes() + elements_[1].num_bytes();
+           scales_[0].num_bytes() + scales_[1].num_bytes() + elements_[0].num_bytes() +
+           elements_[1].num_bytes();
   }
 
   /// `paths`: of paths(), where the query runs; needed for Priority::path alone.

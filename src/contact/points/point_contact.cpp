@@ -120,10 +120,9 @@ PointMeasurement::PointMeasurement(const ToolIndex& index, const ContactOptions&
       clusters_(index.parts().clusters()),
       scales_(index.parts().scales(options.counted())),
       box_T_(index.parts().box_T),
-      priority_(index.parts().priority_rule(options.priority,
-                                            options.priority == Priority::path
-                                                ? index.parts().paths().lengths.data()
-                                                : nullptr)),
+      priority_(index.parts().priority_rule(
+          options.priority,
+          options.priority == Priority::path ? index.parts().paths().lengths.data() : nullptr)),
       points_(spheres_.size(), *pool_, select_isa(kScanPoints, capacities.isa),
               options.edges != Edges::none),
       edges_(spheres_, clusters_, options.edges != Edges::none),

@@ -12,7 +12,7 @@
 #if defined(PALPATE_EMULATE_CUDA)
 #include "src/gpu/emulator.h"
 #endif
-#include "eval/method_queries.h"
+#include "eval/studies/method_queries.h"
 #include "tests/test_util/contact_checks.h"
 #include "tests/test_util/field_probe.h"
 #include "tests/test_util/gpu.h"

@@ -45,7 +45,7 @@ struct PlaneAssignment {
   const SphereClusters* clusters = nullptr;
   const Sphere* spheres = nullptr;
   BoundaryPlanes boundary;
-  Vec3d origin;           ///< centre of mass
+  Vec3d origin;  ///< centre of mass
   /// Weighted: anything but `path`. Simplified: the nearest, or by count, see `first_donor`.
   Priority priority = Priority::distance;
   float doublings_per_square = 0;  ///< gaussian: kDoublings * PriorityRule::per_square, in 1/m2

@@ -147,9 +147,9 @@ inline VecF weights_of(const PlaneAssignment& job, int b, float x, float y, floa
   } else {
     weight = 1.0f / sqrt(squared_length(dx, dy, dz));
     if constexpr (kPriority == Priority::agreement) {
-      weight = agreement_weight(load(boundary.nx + b) * dx + load(boundary.ny + b) * dy +
-                                    load(boundary.nz + b) * dz,
-                                weight);
+      weight = agreement_weight(
+          load(boundary.nx + b) * dx + load(boundary.ny + b) * dy + load(boundary.nz + b) * dz,
+          weight);
     }
   }
   return select(count > 0.0f, weight, VecF{});

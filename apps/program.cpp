@@ -1,0 +1,108 @@
+#include "apps/program.h"
+
+#include <iostream>
+#include <new>
+
+#include "palpate/version.h"
+
+namespace palpate::apps {
+namespace {
+
+/// Length of the UTF-8 character at `at`, 0 if these bytes are none.
+std::size_t utf8_length(const std::string& text, std::size_t at) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const std::size_t length = byte(at) < 0x80       ? 1
+                             : byte(at) >> 5 == 6  ? 2
+                             : byte(at) >> 4 == 14 ? 3
+                             : byte(at) >> 3 == 30 ? 4
+                                                   : 0;
+  if (at + length > text.size()) return 0;
+  for (std::size_t i = 1; i < length; ++i) {
+    if (byte(at + i) >> 6 != 2) return 0;
+  }
+  return length;
+}
+
+}  // namespace
+
+int fail(const std::string& program, const std::string& message, int status) {
+  std::string line = program + ": ";
+  for (std::size_t at = 0; at < message.size();) {
+    const std::size_t length = utf8_length(message, at);
+    const auto first = static_cast<unsigned char>(message[at]);
+    if (length == 0 || (length == 1 && (first < 0x20 || first == 0x7f))) {
+      line += first == '\n' ? ' ' : '?';
+      ++at;
+    } else {
+      line.append(message, at, length);
+      at += length;
+    }
+  }
+  std::cerr << line << std::endl;
+  return status;
+}
+
+namespace {
+
+/// One line for a command line that cannot be understood.
+int fail_usage(const CLI::App& program, const CLI::ParseError& error) {
+  std::string what = error.what(), verb;
+  const std::string name = program.get_name();
+  if (program.get_subcommands({}).empty()) {
+    return fail(name, what + "; see " + name + " --help", kWrongUsage);
+  }
+  if (const auto chosen = program.get_subcommands(); !chosen.empty()) {
+    verb = chosen.front()->get_name() + " ";
+  } else {
+    const auto unknown = program.remaining();
+    std::string verbs;
+    for (const CLI::App* known : program.get_subcommands({})) {
+      verbs += (verbs.empty() ? "" : ", ") + known->get_name();
+    }
+    if (unknown.empty()) {
+      what = "give a verb";
+    } else {
+      const bool is_option = unknown.front().starts_with('-');
+      what = std::string("there is no ") + (is_option ? "option '" : "verb '") + unknown.front() +
+             (is_option ? "' before the verb" : "'");
+    }
+    what += "; the verbs are " + verbs;
+  }
+  return fail(name, what + "; see " + name + " " + verb + "--help", kWrongUsage);
+}
+
+}  // namespace
+
+void add_common_options(CLI::App& program) {
+  program.set_version_flag("--version", program.get_name() + " " PALPATE_VERSION);
+  program
+      .add_flag_callback(
+          "--licenses", [] { throw CLI::CallForVersion(license_notices(), 0); },
+          "Print what others ask us to say about their work in this program and exit")
+      ->configurable(false);
+}
+
+int run_program(CLI::App& program, const Action& action, int argc, char** argv) {
+  const std::string name = program.get_name();
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::Success& help_or_version) {
+    const int status = program.exit(help_or_version);
+    if (!std::cout.flush()) return fail(name, "cannot write to the standard output", kInputAtFault);
+    return status;
+  } catch (const CLI::ParseError& error) {
+    return fail_usage(program, error);
+  }
+  try {
+    if (const Status status = action(); !status) {
+      return fail(name, status.error().message, kInputAtFault);
+    }
+  } catch (const std::bad_alloc&) {
+    return fail(name, "out of memory: use fewer spheres, a smaller image or a shorter run",
+                kInputAtFault);
+  }
+  if (!std::cout.flush()) return fail(name, "cannot write to the standard output", kInputAtFault);
+  return 0;
+}
+
+}  // namespace palpate::apps

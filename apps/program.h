@@ -1,0 +1,26 @@
+// What every program of this folder owes its command line: one line for what went wrong, and the
+// exit status.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "apps/verbs.h"
+
+namespace palpate::apps {
+
+/// Exit status where the input or the environment is at fault, and for wrong usage.
+inline constexpr int kInputAtFault = 1, kWrongUsage = 2;
+
+/// One printable line on stderr, even if the message quotes a file that is not text. Returns
+/// `status`.
+int fail(const std::string& program, const std::string& message, int status);
+
+/// --version, --licenses and the last words of --help.
+void add_common_options(CLI::App& program);
+
+/// Parses the command line and does the work that parsing has put into `action`. Returns the exit
+/// status.
+int run_program(CLI::App& program, const Action& action, int argc, char** argv);
+
+}  // namespace palpate::apps

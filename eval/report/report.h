@@ -1,0 +1,41 @@
+// The report for humans: one page, self-contained; and its summary as Markdown.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "eval/report/run_evaluation.h"
+
+namespace palpate::eval {
+
+inline constexpr const char* kReportPage = "index.html";
+
+/// The whole report. What contradicts the thesis or our documentation comes first.
+std::string report_page(const Evaluation& evaluation);
+
+/// Claims, findings and verdicts as a table for docs/evaluation.md.
+std::string summary_markdown(const Evaluation& evaluation);
+
+inline constexpr Source kSources[] = {Source::thesis, Source::ours, Source::docs};
+/// "Claims of the thesis", ...
+const char* heading_of(Source source);
+/// Claims of a figure and, if it was made on a GPU too, of that; `where` is " (queries on ...)".
+struct PlacedClaim {
+  std::string where;
+  Claim claim;
+};
+std::vector<PlacedClaim> claims_of(const ReportFigure& figure);
+/// How many claims of one source came to each verdict; "12 agrees, 3 differs".
+std::map<Verdict, int> count_verdicts(const Evaluation& evaluation, Source source);
+std::string counts_words(const Evaluation& evaluation, Source source);
+/// What asks for a reader's attention first: it speaks against the thesis or against us.
+constexpr bool is_against(Verdict verdict) {
+  return verdict == Verdict::contradicts || verdict == Verdict::worse || verdict == Verdict::fails;
+}
+
+/// "made on AMD EPYC, 2 cores, avx2", "2026-11-21, commit 0123abc, full form": the same words in
+/// all texts.
+std::string machine_words(const Key& key);
+std::string form_words(const Evaluation& evaluation);
+
+}  // namespace palpate::eval

@@ -1,0 +1,56 @@
+// Makes the figures that are missing, one after the other, and writes the report.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "eval/context.h"
+#include "eval/figure.h"
+#include "eval/report/store.h"
+
+namespace palpate::eval {
+
+struct EvaluationOptions {
+  Settings settings;
+  std::filesystem::path output;      ///< new, empty, or an earlier report
+  std::filesystem::path gpu_report;  ///< data of a report made with Backend::cuda; may be empty
+  bool fresh = false;                ///< make figures again that are there
+  std::string commit;                ///< of the source, for humans; may be empty
+  std::string command;               ///< that makes this report, for humans
+};
+
+/// A figure of the report and what is there of it.
+struct ReportFigure {
+  FigureSpec spec;
+  std::optional<StoredFigure> stored;  ///< nullopt: not made yet
+  bool is_current = false;             ///< made by this program with these settings and data
+  std::optional<StoredFigure> on_gpu;  ///< the same on another machine, whose GPU timed its queries
+};
+
+struct Evaluation {
+  Key key;
+  std::string commit, command, finished;           ///< `finished`: UTC
+  std::vector<ReportFigure> figures;               ///< all there are, in the order of the report
+  int num_made = 0, num_kept = 0, num_failed = 0;  ///< of those that were asked for
+  bool interrupted = false;
+  std::vector<std::string> warnings;  ///< files that could not be used
+};
+
+/// Who waits is told what is made now (`share` of the whole work, words), and may stop it.
+struct Watcher {
+  std::function<void(double share, const std::string& words)> on_progress;
+  std::function<bool()> keep_going;
+};
+
+/// Makes the figures `chosen` of `all`, keeps those whose file is current, and writes
+/// OUTPUT/index.html from everything that is there. A figure that fails is reported as failed and
+/// the others go on. Error: the folder holds something else or cannot be written.
+Result<Evaluation> run_evaluation(std::span<const FigureSpec> all,
+                                  std::span<const FigureSpec> chosen,
+                                  const EvaluationOptions& options, const Watcher& watcher);
+
+}  // namespace palpate::eval

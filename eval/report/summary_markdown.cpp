@@ -1,0 +1,91 @@
+#include <string>
+
+#include "eval/report/markdown.h"
+#include "eval/report/report.h"
+
+namespace palpate::eval {
+namespace {
+
+std::string findings(const Evaluation& evaluation) {
+  std::string text;
+  for (const ReportFigure& figure : evaluation.figures) {
+    if (!figure.stored) continue;
+    for (const auto& [where, claim] : claims_of(figure)) {
+      if (!is_against(claim.verdict)) continue;
+      text += "* **" + markdown_cell(figure.spec.id) + "**, " + name_of(claim.verdict) + ": " +
+              markdown_cell(claim.measured) + " *(" + markdown_cell(claim.claim + where) + ")*\n";
+    }
+  }
+  return text;
+}
+
+/// All claims of one source, by section.
+std::string claim_tables(const Evaluation& evaluation, Source source) {
+  std::string text, section;
+  for (const ReportFigure& figure : evaluation.figures) {
+    if (!figure.stored) continue;
+    for (const auto& [where, claim] : claims_of(figure)) {
+      if (claim.source != source) continue;
+      if (section != figure.spec.section) {
+        section = figure.spec.section;
+        text += "\n### " + section +
+                "\n\n| figure | claim | we measure | verdict |\n|---|---|---|---|\n";
+      }
+      text += "| " + markdown_cell(figure.spec.id) + " | " + markdown_cell(claim.claim + where) +
+              " | " + markdown_cell(claim.measured) + " | " + name_of(claim.verdict) + " |\n";
+    }
+  }
+  if (text.empty()) return "";
+  return std::string("\n## ") + heading_of(source) + "\n" + text;
+}
+
+}  // namespace
+
+std::string summary_markdown(const Evaluation& evaluation) {
+  std::string text =
+      "# Evaluation\n\n"
+      "Every figure of *A Volume-Based Penetration Measure for 6DOF Haptic Rendering of Streaming "
+      "Point Clouds*, made\nagain with this program. `make eval` makes the report with all plots "
+      "(`build/eval/index.html`, at most 45 minutes on\ntwo cores) and rewrites this page; "
+      "`palpate "
+      "eval FIGURE -o REPORT` makes one figure, `--quick` all of them in two\nminutes. Sentences, "
+      "numbers and verdicts below are computed from the measurements, not written by hand.\n\n"
+      "**From:** " +
+      markdown_cell(machine_words(evaluation.key)) + "; " + markdown_cell(form_words(evaluation)) +
+      "; real frames " + evaluation.key.data +
+      ".\n\n**Claims of the thesis** (do its methods, built as printed and corrected, show what it "
+      "says?): " +
+      counts_words(evaluation, Source::thesis) +
+      ".\n\n**Is ours better** than those methods and than other libraries? " +
+      counts_words(evaluation, Source::ours) + ".\n\n**Is ours as we say, or as we wanted it?** " +
+      counts_words(evaluation, Source::docs) +
+      ".\n\nTimes are of single calls on one thread: compare them within one report. All else is "
+      "the same on every machine.\n";
+  std::string missing;
+  int num_earlier = 0;
+  for (const ReportFigure& figure : evaluation.figures) {
+    if (!figure.stored) {
+      missing += (missing.empty() ? "" : ", ") + markdown_cell(figure.spec.id);
+    } else if (!figure.is_current) {
+      ++num_earlier;
+    }
+  }
+  if (!missing.empty()) text += "\nNot made: " + missing + ".\n";
+  if (num_earlier > 0) {
+    text += "\n" + std::to_string(num_earlier) +
+            " figures are from earlier runs, of another program or with other inputs.\n";
+  }
+  for (const ReportFigure& figure : evaluation.figures) {
+    if (!figure.stored || figure.stored->failure.empty()) continue;
+    text += "\nFailed: " + markdown_cell(figure.spec.id) + ": " +
+            markdown_cell(figure.stored->failure) + "\n";
+  }
+  const std::string against = findings(evaluation);
+  if (!against.empty()) {
+    text += "\n## What speaks against the thesis, or against us\n\n" + against;
+  }
+  for (const Source source : kSources) text += claim_tables(evaluation, source);
+  return text;
+}
+
+}  // namespace palpate::eval

@@ -1,0 +1,97 @@
+#include "eval/studies/between_frames.h"
+
+#include <optional>
+#include <utility>
+
+#include "eval/studies/method_queries.h"
+#include "eval/studies/parallel.h"
+#include "src/cloud/internal/cloud_blend.h"
+#include "src/run/internal/pipeline.h"
+
+namespace palpate::eval {
+namespace {
+
+/// Makes of a moment one surface between the two.
+class PointMixer {
+ public:
+  static Result<PointMixer> create(const DepthStreamInfo& stream, double max_jump) {
+    auto field = DepthField::create(stream.width, stream.height);
+    if (!field) return field.error();
+    return PointMixer(PointCloud(stream.width, stream.height, stream.intrinsics), *std::move(field),
+                      max_jump);
+  }
+  /// The views are valid until the next call.
+  SurfaceBlend mix(const SurfaceBlend& moment, ThreadPool& pool) {
+    if (moment.progress >= 1) return moment;
+    blend_clouds(moment.from.cloud, moment.to.cloud, moment.progress, max_jump_, pool, cloud_);
+    field_.update(cloud_.view(), pool);
+    return {{}, {cloud_.view(), field_.view()}, 1};
+  }
+
+ private:
+  PointMixer(PointCloud cloud, DepthField field, double max_jump)
+      : cloud_(std::move(cloud)), field_(std::move(field)), max_jump_(max_jump) {}
+  PointCloud cloud_;
+  DepthField field_;
+  double max_jump_;
+};
+
+Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>& methods,
+                                   Work& work) {
+  const Touch& touch = *trial.touch;
+  RunSettings settings;  // with a field and points, for all methods
+  settings.time = trial.time;
+  auto timeline = make_surfaces(touch.stream, settings);
+  if (!timeline) return timeline.error();
+  auto mixer = PointMixer::create(touch.stream, trial.time.max_jump);
+  if (!mixer) return mixer.error();
+  MethodQueries queries(Backend::cpu, *touch.tool);
+  ThreadPool pool(1);
+  std::vector<Felt> felt(methods.size());
+  const double begin = touch.frames.front().timestamp, end = touch.frames.back().timestamp;
+  std::size_t next = 0;
+  for (int k = 0; begin + k * kTick < end; ++k) {
+    const double now = begin + k * kTick;
+    bool is_arrival = false;
+    for (; next < touch.frames.size() && touch.frames[next].timestamp <= now; ++next) {
+      timeline->push(touch.frames[next], touch.frames[next].timestamp, pool);
+      work.step();
+      is_arrival = next > 0;
+    }
+    SurfaceBlend moment = timeline->at(now);
+    if (trial.mixing == Mixing::points) moment = mixer->mix(moment, pool);
+    queries.set_moment(moment);
+    for (std::size_t m = 0; m < methods.size(); ++m) {
+      const ContactOptions& options = methods[m].options;
+      const Penetration penetration = queries.query(touch.X_WT(k * kTick), options);
+      felt[m].force.push_back(penetration.measure_W.force / full_volume(*touch.tool, options));
+      felt[m].is_arrival.push_back(is_arrival);
+    }
+  }
+  return felt;
+}
+
+}  // namespace
+
+Result<std::vector<std::vector<Felt>>> feel(Context& context, const std::vector<Trial>& trials,
+                                            const std::vector<Method>& methods) {
+  double num_frames = 0;
+  for (const Trial& trial : trials) num_frames += static_cast<double>(trial.touch->frames.size());
+  std::vector<std::vector<Felt>> all(trials.size());
+  std::vector<std::optional<Error>> errors(trials.size());
+  run_tasks(context, static_cast<int>(trials.size()), num_frames, [&](int i, Work& work) {
+    const auto at = static_cast<std::size_t>(i);
+    auto felt = feel_one(trials[at], methods, work);
+    if (!felt) {
+      errors[at] = felt.error();
+      return;
+    }
+    all[at] = *std::move(felt);
+  });
+  for (const auto& error : errors) {
+    if (error) return *error;
+  }
+  return all;
+}
+
+}  // namespace palpate::eval

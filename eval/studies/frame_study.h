@@ -1,0 +1,78 @@
+// The study of frames: what is felt of several scenes in several ways of going from frame to frame,
+// and what is read from it.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "eval/studies/frame_scenes.h"
+
+namespace palpate::eval {
+
+/// A way of going from frame to frame.
+struct Way {
+  const char *key, *name;
+  TimeMode mode;
+  DepthAverage average = DepthAverage::none;
+  Mixing mixing = Mixing::measures;
+};
+inline constexpr Way kLatest{"latest", "latest", TimeMode::latest};
+inline constexpr Way kInterpolate{"interpolate", "interpolate", TimeMode::interpolate};
+inline constexpr Way kPredict{"predict", "predict", TimeMode::predict};
+inline constexpr Way kMean{"latest_mean", "latest, mean of 8", TimeMode::latest,
+                           DepthAverage::moving};
+inline constexpr Way kExponential{"latest_exponential", "latest, exponential", TimeMode::latest,
+                                  DepthAverage::exponential};
+inline constexpr Way kPredictExponential{"predict_exponential", "predict, exponential",
+                                         TimeMode::predict, DepthAverage::exponential};
+inline constexpr Way kPoints{"points", "interpolate points", TimeMode::interpolate,
+                             DepthAverage::none, Mixing::points};
+
+inline constexpr const Way* kModes[] = {&kLatest, &kInterpolate, &kPredict};
+inline constexpr const Way* kAverages[] = {&kLatest,      &kMean,    &kExponential,
+                                           &kInterpolate, &kPredict, &kPredictExponential};
+
+/// How far a force is from that of the moving wall.
+struct Lateness {
+  /// By how much (s) it comes behind what the same method feels of a wall that it sees at every
+  /// instant: where the two correlate best.
+  double lag = 0;
+  double error = 0;  ///< rms distance from the exact force of the instant, share of the largest
+};
+
+/// A touch and what is felt of it in every way that is tried.
+struct Feeling {
+  const char *key = nullptr, *name = nullptr;
+  Touch touch;
+  std::vector<const Way*> ways;
+  std::vector<std::vector<Felt>> felt = {};          ///< [way][method]
+  std::vector<std::vector<Lateness>> lateness = {};  ///< likewise; of the moving wall only
+
+  const Felt& by(const Way& way, std::size_t method) const;
+  const Lateness& late_by(const Way& way, std::size_t method) const;
+};
+
+struct Study {
+  std::vector<Method> methods;  ///< the field, then those of the thesis
+  /// The wall with 1.5 mm noise (and kPoints), with Kinect noise (all averages), at rest with
+  /// Kinect noise (all averages); the moving box; the recording, if the data are there.
+  Feeling gaussian, kinect, resting, box;
+  std::optional<Feeling> recorded;
+  WallForces wall;
+
+  std::vector<const Feeling*> moving() const;  ///< all but the wall at rest
+
+  // What follows leaves out the beginning, until averages have settled.
+
+  /// Median step at the ticks when a frame arrives, over that at all ticks; both in contact only.
+  double step_ratio(const Feeling& feeling, const Way& way, std::size_t method) const;
+  /// How far off the newest frame's force the predicted one is when that frame arrives, as a share
+  /// of what the frame changes: 1 if nothing is predicted, 0 if all is.
+  double surprise(const Feeling& feeling, std::size_t method) const;
+  /// Standard deviation of the force of the wall at rest over its mean.
+  double noise(const Way& way, std::size_t method) const;
+};
+
+Result<Study> make_study(Context& context);
+
+}  // namespace palpate::eval

@@ -1,0 +1,67 @@
+// What else one would use to feel a depth image, as published, to stand beside ours: a look-up in a
+// voxel grid of distances, and a god-object (proxy) on the cloud.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "eval/studies/accuracy.h"
+
+namespace palpate::eval {
+
+/// Euclidean signed distances on a grid (as of Voxblox, Oleynikova et al. 2017): the nearest point
+/// of the cloud by a vector distance transform (Danielsson 1980, six sweeps with 26 neighbours),
+/// the sign from the camera. Looked up with trilinear weights.
+class DistanceGrid {
+ public:
+  /// The cube of this side around `middle`. O(voxels + points).
+  DistanceGrid(const PointCloudView& cloud, const Vec3d& middle, double side, double voxel);
+
+  /// Distance (negative behind the surface) and its unit gradient; free space beyond the grid.
+  scenes::SignedDistance at(const Vec3d& p) const;
+  std::size_t num_bytes() const { return distances_.capacity() * sizeof(float); }
+
+ private:
+  std::size_t place(int x, int y, int z) const {
+    return (static_cast<std::size_t>(z) * static_cast<std::size_t>(num_) +
+            static_cast<std::size_t>(y)) *
+               static_cast<std::size_t>(num_) +
+           static_cast<std::size_t>(x);
+  }
+  Vec3d centre(int x, int y, int z) const {
+    return low_ + voxel_ * Vec3d{x + 0.5, y + 0.5, z + 0.5};
+  }
+  void spread(std::vector<Vec3f>& nearest) const;
+
+  Vec3d low_;
+  double voxel_;
+  int num_;
+  std::vector<float> distances_;
+};
+
+/// A point that follows the tool and stays in front of the cloud (Zilles & Salisbury 1995 on the
+/// surface through noisy points of Leeper, Chan & Salisbury 2012). The tool is that one point: no
+/// volume, no torque.
+class GodObject {
+ public:
+  /// Points within `reach` of the proxy count, nearer ones more. The cloud has to outlive it.
+  GodObject(const PointCloudView& cloud, double reach) : cloud_(cloud), reach_(reach) {}
+
+  /// From the point to the proxy, m: zero where the point is in front. Remembers the proxy.
+  Vec3d pull(const Vec3d& p_W);
+
+ private:
+  struct Surface {
+    double distance = 0;
+    Vec3d normal;  ///< zero: no point near
+  };
+  Surface at(const Vec3d& p) const;
+
+  PointCloudView cloud_;
+  double reach_;
+  Vec3d proxy_;
+  bool is_held_ = false;
+};
+
+}  // namespace palpate::eval

@@ -1,0 +1,187 @@
+#include "eval/studies/real_cube.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "palpate/io/mesh_file.h"
+#include "palpate/io/trajectory_file.h"
+#include "src/math/internal/rotation_vector.h"
+
+namespace palpate::eval {
+namespace {
+
+constexpr const char* kRecording = "sequences/visp_rbt";
+/// Where a person sees it in the first picture.
+const Pose kFirstGuess{{-0.05, 0.05, 0.5}, normalized(Quaternion{-0.36, 0.63, -0.62, -0.29})};
+
+constexpr double kMargin = 0.006;  // m from edges, where depth is a mixture
+constexpr double kLeastSlant = 0.25;
+constexpr double kTypical = 0.003;  // m: residuals beyond it count less and less
+constexpr std::size_t kLeastPixels = 100;
+
+using Vec6 = std::array<double, 6>;
+
+/// Solves a x = b for a symmetric, positive a (Gauss-Jordan; the largest pivots are on the
+/// diagonal).
+Vec6 solved(std::array<Vec6, 6> a, Vec6 b) {
+  for (std::size_t i = 0; i < 6; ++i) {
+    for (std::size_t row = 0; row < 6; ++row) {
+      if (row == i) continue;
+      const double factor = a[row][i] / a[i][i];
+      for (std::size_t k = i; k < 6; ++k) a[row][k] -= factor * a[i][k];
+      b[row] -= factor * b[i];
+    }
+  }
+  for (std::size_t i = 0; i < 6; ++i) b[i] /= a[i][i];
+  return b;
+}
+
+/// Moves the cube along the axis of which least is seen, to where most pixels that look at it
+/// agree: two planes leave it free to slide along their edge, but not where they end.
+void slide(const DepthStreamInfo& stream, const DepthFrame& frame, double half, std::size_t axis,
+           Pose& X_CB) {
+  constexpr int kStep = 3;
+  constexpr double kReach = 0.02, kShift = 0.001, kAgrees = 0.005;  // m
+  int most = -1000000;
+  Pose best = X_CB;
+  for (double shift = -kReach; shift < kReach; shift += kShift) {
+    Vec3d moved;
+    moved[axis] = shift;
+    const Pose X_CM = X_CB * Pose{moved, {}};
+    int score = 0;
+    for_each_cube_pixel(stream, X_CM, half, kStep, [&](std::size_t pixel, const CubeHit& hit) {
+      if (frame.pixels[pixel] == 0) return;
+      score += std::abs(frame.pixels[pixel] * stream.unit - hit.z) < kAgrees ? 1 : -1;
+    });
+    if (score > most) most = score, best = X_CM;
+  }
+  X_CB = best;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+bool lay_on(const DepthStreamInfo& stream, const DepthFrame& frame, double half, Pose& X_CB) {
+  constexpr int kRounds = 30, kSlideEvery = 10, kStep = 2;
+  constexpr double kDamping = 1e-7;
+  for (int round = 0; round < kRounds; ++round) {
+    const double limit = round < 12 ? 0.03 : round < 20 ? 0.012 : 0.008;  // m
+    const Pose X_BC = inverse(X_CB);
+    std::array<std::array<Vec6, 6>, 6> squares{};  // by face
+    std::array<Vec6, 6> products{};
+    std::array<std::size_t, 6> num{};
+    for_each_cube_pixel(stream, X_CB, half, kStep, [&](std::size_t pixel, const CubeHit& hit) {
+      const double z = frame.pixels[pixel] * stream.unit;
+      if (frame.pixels[pixel] == 0 || std::abs(z - hit.z) > limit) return;
+      if (hit.border < kMargin || hit.slant < kLeastSlant) return;
+      const Intrinsics& k = stream.intrinsics;
+      const auto u = static_cast<double>(pixel % static_cast<std::size_t>(stream.width));
+      const auto v = static_cast<double>(pixel / static_cast<std::size_t>(stream.width));
+      const Vec3d p = X_BC * Vec3d{(u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z};
+      const auto face = static_cast<std::size_t>(hit.face);
+      Vec3d n;
+      n[face / 2] = face % 2 == 0 ? -1 : 1;
+      const double distance = dot(p, n) - half;
+      const double weight = 1 / (1 + distance * distance / (kTypical * kTypical));
+      const Vec3d turning = cross(p, n);
+      const Vec6 slope{turning.x, turning.y, turning.z, n.x, n.y, n.z};
+      for (std::size_t i = 0; i < 6; ++i) {
+        products[face][i] += weight * slope[i] * distance;
+        for (std::size_t j = 0; j < 6; ++j) squares[face][i][j] += weight * slope[i] * slope[j];
+      }
+      ++num[face];
+    });
+    std::array<Vec6, 6> a{};
+    Vec6 b{};
+    std::size_t all = 0;
+    for (std::size_t face = 0; face < 6; ++face) {
+      all += num[face];
+      if (num[face] < kLeastPixels) continue;
+      const auto count = static_cast<double>(num[face]);
+      for (std::size_t i = 0; i < 6; ++i) {
+        b[i] += products[face][i] / count;
+        for (std::size_t j = 0; j < 6; ++j) a[i][j] += squares[face][i][j] / count;
+      }
+    }
+    if (all < 10 * kLeastPixels) return false;
+    for (std::size_t i = 0; i < 6; ++i) a[i][i] += kDamping;
+    const Vec6 step = solved(a, b);
+    X_CB = X_CB * Pose{{step[3], step[4], step[5]}, rotation_by({step[0], step[1], step[2]})};
+    X_CB.rotation = normalized(X_CB.rotation);
+    if (round % kSlideEvery == kSlideEvery - 1 && round + 1 < kRounds) {
+      std::size_t axis = 0;
+      const auto seen_of = [&](std::size_t i) { return num[2 * i] + num[2 * i + 1]; };
+      for (std::size_t i = 1; i < 3; ++i) axis = seen_of(i) < seen_of(axis) ? i : axis;
+      slide(stream, frame, half, axis, X_CB);
+    }
+  }
+  return true;
+}
+
+std::optional<CubeHit> hit_cube(const Pose& X_CB, double half_size, const Vec3d& ray_C) {
+  const Quaternion R_BC = conjugate(X_CB.rotation);
+  const Vec3d from = rotate(R_BC, -X_CB.translation), ray = rotate(R_BC, ray_C);
+  double enter = 0, leave = INFINITY;
+  std::size_t axis = 3;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double a = (-half_size - from[i]) / ray[i], b = (half_size - from[i]) / ray[i];
+    if (std::min(a, b) > enter) enter = std::min(a, b), axis = i;
+    leave = std::min(leave, std::max(a, b));
+  }
+  if (axis == 3 || enter >= leave) return std::nullopt;
+  const Vec3d p = from + enter * ray;
+  CubeHit hit{enter * ray_C.z, static_cast<int>(2 * axis + (ray[axis] < 0)), half_size,
+              std::abs(ray[axis]) / norm(ray)};
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (i != axis) hit.border = std::min(hit.border, half_size - std::abs(p[i]));
+  }
+  return hit;
+}
+
+Result<std::optional<RealCube>> real_cube(Context& context, std::size_t stride) {
+  RealCube cube;
+  auto frames = context.recorded(kRecording, cube.stream);
+  if (!frames) return frames.error();
+  if (!*frames) return std::optional<RealCube>();
+  const auto& data = context.settings().data;
+  const auto board = load_trajectory(data / kRecording / "camera_T_grid_tum.txt");
+  if (!board) return board.error();
+  const auto mesh = load_mesh(data / "meshes_good/visp_cube.obj");
+  if (!mesh) return mesh.error();
+  cube.half_size = bounds(*mesh).high.x;
+
+  Pose X_GB;  // G: the board
+  for (std::size_t i = 0; i < (*frames)->size() && i < board->size(); ++i) {
+    const Pose X_CG = (*board)[i].X_WT;
+    CubeFrame seen{std::move((**frames)[i]), i == 0 ? kFirstGuess : X_CG * X_GB, {}};
+    if (!lay_on(cube.stream, seen.frame, cube.half_size, seen.X_CB)) {
+      return Error{Errc::bad_input, std::string(kRecording) + ", frame " + std::to_string(i) +
+                                        ": the cube cannot be found in it"};
+    }
+    X_GB = inverse(X_CG) * seen.X_CB;
+    seen.tracked_shift = X_GB;  // for now
+    if (i % stride == 0) cube.frames.push_back(std::move(seen));
+    context.progress(0.2 * static_cast<double>(i) / static_cast<double>((*frames)->size()));
+  }
+  Vec3d middle;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (const CubeFrame& f : cube.frames) values.push_back(f.tracked_shift.translation[axis]);
+    middle[axis] = median(std::move(values));
+  }
+  for (CubeFrame& f : cube.frames) {
+    const Pose X_GB_here = f.tracked_shift;
+    f.tracked_shift = {rotate(conjugate(X_GB_here.rotation), middle - X_GB_here.translation),
+                       conjugate(X_GB_here.rotation) * cube.frames.front().tracked_shift.rotation};
+  }
+  return std::optional(std::move(cube));
+}
+
+}  // namespace palpate::eval

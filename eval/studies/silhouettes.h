@@ -1,0 +1,103 @@
+// What the parts of the figure `silhouettes` share: a tool that feels the field, and how long its
+// forces are.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "eval/figure.h"
+#include "eval/studies/speed.h"
+
+namespace palpate::eval {
+
+inline constexpr const char* kSilhouetteTool = "box";
+inline constexpr double kSilhouetteToolSize = 0.06;  // m
+inline constexpr double kBound = 1.05;               // times V: no force is longer, by construction
+inline constexpr double kRounding = 1e-6;
+inline constexpr double kCalm = 1.05, kLong = 1.1;  // times V
+
+/// In the quick form too: with few spheres the volume of a large one is bent at its centre alone,
+/// and the stiffness of a tool of 300 is up to twice as large.
+inline constexpr int kSilhouetteSpheres = 2000;
+
+/// |F| / V of contacts.
+struct Ratios {
+  std::vector<double> values;
+
+  double worst() const { return values.empty() ? 0 : std::ranges::max(values); }
+  double share_above(double limit) const {
+    const auto num = std::ranges::count_if(values, [&](double x) { return x > limit + kRounding; });
+    return values.empty() ? 0 : static_cast<double>(num) / static_cast<double>(values.size());
+  }
+  void add(const Ratios& other) {
+    values.insert(values.end(), other.values.begin(), other.values.end());
+  }
+};
+
+/// Force and volume of the field method.
+class Feeler {
+ public:
+  static constexpr double kLeastShare = 0.02;  ///< of the tool: less is no contact
+
+  Feeler(std::unique_ptr<MethodQueries> query, const Tool& tool)
+      : query_(std::move(query)), whole_(full_volume(tool, options_)), section_(section_of(tool)) {}
+
+  /// nullopt: no contact.
+  struct Felt {
+    Vec3d force;
+    double volume;
+    double ratio() const { return norm(force) / volume; }
+  };
+  std::optional<Felt> operator()(const Pose& X_WT) {
+    const Penetration at = query_->query(X_WT, options_);
+    if (at.volume <= kLeastShare * whole_) return std::nullopt;
+    return Felt{at.measure_W.force, at.volume};
+  }
+
+  /// At the last pose: the largest eigenvalue of the force's stiffness, by size, over the section
+  /// of the tool, which is the largest face of its box.
+  double stiffness() const {
+    const Stiffness k = query_->stiffness();
+    // Of a symmetric matrix S the powers (S S)^n turn any vector to the axis of that eigenvalue.
+    Vec3d axis{0.6, 0.48, 0.64};
+    const auto times = [&](const Vec3d& v) {
+      Vec3d out;
+      for (int row = 0; row < 3; ++row) {
+        for (int i = 0; i < 3; ++i) out[row] += 0.5 * (k.m[row][i] + k.m[i][row]) * v[i];
+      }
+      return out;
+    };
+    double largest = 0;
+    for (int i = 0; i < 60; ++i) {
+      const Vec3d next = times(axis);
+      largest = norm(next);
+      if (!(largest > 0)) return 0;
+      axis = 1 / largest * next;
+    }
+    return largest / section_;
+  }
+
+ private:
+  ContactOptions options_{.method = MethodKind::field};
+  std::unique_ptr<MethodQueries> query_;
+  static double section_of(const Tool& tool) {
+    const Bounds box = bounds(tool.mesh());
+    const Vec3d size = box.high - box.low;
+    return std::max({size.x * size.y, size.y * size.z, size.z * size.x});
+  }
+
+  double whole_, section_;
+};
+
+inline Result<Feeler> feeler_on(const SeenFrame& frame, const Tool& tool) {
+  auto query = query_on(frame, tool);
+  return Feeler(std::move(query), tool);
+}
+
+/// Adds tables, numbers and claims of contacts with recorded frames.
+Status add_recorded_contacts(FigureResult& result, Context& context);
+
+}  // namespace palpate::eval
