@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -54,6 +54,11 @@ live-figures: setup  ## the live program and how late everything is, into bench/
 	cmake --preset bench $(if $(filter cuda,$(BACKEND)),-DPALPATE_CUDA=ON)
 	cmake --build --preset bench -j $(JOBS) --target palpate recorded_query
 	bench/live_figures.py build/bench $(if $(DATA),--data $(DATA)) $(if $(BACKEND),--backend $(BACKEND))
+
+camera-figures: setup  ## a camera through OpenNI2's own stack, cost and frames lost: make camera-figures [DURATION=600]
+	scripts/setup.sh --test
+	$(call build_preset,release) --target palpate fake_openni2_driver
+	bench/camera_figures.py build/release --seconds $(or $(DURATION),600)
 
 docs:  ## guides and the C++ reference as a site, into build/docs/site
 	scripts/setup.sh --docs

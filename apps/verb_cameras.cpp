@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <ctime>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -48,10 +49,11 @@ Status run(bool json) {
   return Done{};
 }
 
+/// Of the whole program, s of one core.
+double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
 /// What a camera sends in a few seconds, for whoever owns it to tell us.
-Status try_camera(const std::string& uri) {
-  constexpr int kMostFrames = 300;
-  constexpr std::chrono::seconds kTime{5};
+Status try_camera(const std::string& uri, double seconds) {
   auto source = open_camera(uri);
   if (!source) return source.error();
   const DepthStreamInfo& info = (*source)->info();
@@ -62,14 +64,20 @@ Status try_camera(const std::string& uri) {
   int num_frames = 0;
   double first = 0, last = 0;
   std::vector<std::uint16_t> measured;
-  const auto end = std::chrono::steady_clock::now() + kTime;
-  while (num_frames < kMostFrames && std::chrono::steady_clock::now() < end) {
+  using Clock = std::chrono::steady_clock;
+  const auto since = [](Clock::time_point begin) {
+    return std::chrono::duration<double>(Clock::now() - begin).count();
+  };
+  const auto begin = Clock::now();
+  const double cpu_begin = cpu_seconds();
+  while (since(begin) < seconds) {
     const auto got = (*source)->next(frame);
     if (!got) return got.error();
     if (!*got) break;
     if (num_frames++ == 0) first = frame.timestamp;
     last = frame.timestamp;
   }
+  const double share = (cpu_seconds() - cpu_begin) / since(begin);
   for (const std::uint16_t count : frame.pixels) {
     if (count != 0 && count != 65535) measured.push_back(count);
   }
@@ -84,13 +92,14 @@ Status try_camera(const std::string& uri) {
       num_frames, last - first,
       100.0 * static_cast<double>(measured.size()) / static_cast<double>(frame.pixels.size()),
       *middle * frame.unit);
+  if (info.is_live) std::printf("  reading it takes %.1f %% of a core\n", 100 * share);
   (*source)->cancel();
   for (const std::string& note : (*source)->take_notes()) std::printf("  %s\n", note.c_str());
   return Done{};
 }
 
 /// Every camera that is there, or those that are named; all of them, whatever one says.
-Status self_test(std::vector<std::string> uris) {
+Status self_test(std::vector<std::string> uris, double seconds) {
   const bool is_all = uris.empty();
   std::cout << "palpate " PALPATE_VERSION "\n";
   for (const FoundCameras& found : find_cameras()) {
@@ -107,7 +116,7 @@ Status self_test(std::vector<std::string> uris) {
   }
   std::string failed;
   for (const std::string& uri : uris) {
-    const Status tried = try_camera(uri);
+    const Status tried = try_camera(uri, seconds);
     if (!tried) failed += (failed.empty() ? "" : "; ") + tried.error().message;
   }
   std::fflush(stdout);
@@ -130,10 +139,16 @@ void add_cameras(CLI::App& program, Action& action) {
                    "take frames from every camera for a few seconds and say what "
                    "they are like: please tell us");
   app.add_option("uri", *uris, "--selftest: only these")->type_name("URI")->needs(self);
+  const auto seconds = std::make_shared<double>(5);
+  app.add_option("--seconds", *seconds, "--selftest: how long each is read")
+      ->check(CLI::Range(0.1, 86400.0))
+      ->needs(self);
   app.footer("Example: palpate cameras --selftest");
-  app.callback([json, uris, tests, &action] {
+  app.callback([json, uris, tests, seconds, &action] {
     if (*tests && *json) usage_error("cameras: --json goes with the list, not with --selftest");
-    action = [json, uris, tests] { return *tests ? self_test(*uris) : run(*json); };
+    action = [json, uris, tests, seconds] {
+      return *tests ? self_test(*uris, *seconds) : run(*json);
+    };
   });
 }
 

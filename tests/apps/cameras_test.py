@@ -165,8 +165,10 @@ class Cameras(unittest.TestCase):
         summary = self.summary(run)
         self.assertEqual((summary["stream"]["width"], summary["stream"]["rate"]), (640, 30))
         self.assertGreater(summary["peaks"]["volume_m3"], 0)
-        said = self.check(palpate("cameras", "--selftest", env=environment)).stdout.decode()
+        said = self.check(palpate("cameras", "--selftest", "--seconds", 1,
+                                  env=environment)).stdout.decode()
         self.assertIn("openni2:fake:0: 640 x 480 at 30 Hz", said)
+        self.assertIn("% of a core", said)
 
     def test_a_query_takes_the_first_frame_of_a_stream(self):
         query = ["query", self.tool, "--pose", "0 0 0.49 0 0 0 1", "--json"]

@@ -206,6 +206,32 @@ TEST_F(Realsense, TellsItsIntrinsicsUnitAndSilence) {
   EXPECT_NE(got.error().message.find("sends no frames"), std::string::npos);
 }
 
+TEST_F(Realsense, ComesBackAsAnotherDevice) {
+  SoftwareCamera first(api(), library()), second(api(), library());
+  const CameraUri uri = parse_camera_uri("realsense").value();
+  std::atomic<bool> is_plugged = true;
+  const auto open = [&](SoftwareCamera& software) -> Result<RawStream> {
+    if (!is_plugged) return Error{Errc::not_found, "no camera"};
+    auto raw = realsense::open_device(software.hand_over(), uri, "");
+    if (!raw) return raw.error();
+    return RawStream{*std::move(raw)};
+  };
+  first.start(0.005);
+  second.start(0.005);
+  const auto open_both = [&]() -> Result<std::unique_ptr<DepthSource>> {
+    auto raw = open(first);
+    if (!raw) return raw.error();
+    return make_live(*std::move(raw), [&] { return open(second); }, uri);
+  };
+  test::expect_outlives(
+      open_both,
+      [&](bool is_out) {
+        first.stall(true);
+        is_plugged = !is_out;
+      },
+      3.5);
+}
+
 TEST_F(Realsense, ItsRecordingsConform) {
   const std::string file =
       (std::filesystem::temp_directory_path() / ("palpate_" + std::to_string(getpid()) + ".db3"))
