@@ -19,7 +19,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-WIDTH, HEIGHT, NUM_FRAMES = 640, 480, 30
+WIDTH, HEIGHT, NUM_FRAMES = 640, 480, 450
 # Of the field of view that the driver tells.
 INTRINSICS = f"{320 / math.tan(1.0145 / 2):.6f},{240 / math.tan(0.7898 / 2):.6f},319.5,239.5"
 
@@ -27,7 +27,7 @@ INTRINSICS = f"{320 / math.tan(1.0145 / 2):.6f},{240 / math.tan(0.7898 / 2):.6f}
 def write_frames(path):
     with path.open("wb") as file:
         for number in range(NUM_FRAMES):
-            depth = 600 + 4 * math.sin(2 * math.pi * number / NUM_FRAMES)
+            depth = 600 + 4 * math.sin(2 * math.pi * number / 30)
             row = array.array("H", (int(depth + 3 * math.sin(0.05 * u)) for u in range(WIDTH)))
             file.write(row.tobytes() * HEIGHT)
 
@@ -67,7 +67,7 @@ def main():
         for source, words in {"live": ("--camera", "openni2"),
                               "recorded": ("--camera", f"pipe:{frames}?size={WIDTH}x{HEIGHT}&intrinsics="
                                                        f"{INTRINSICS}&rate=30")}.items():
-            seconds = min(options.seconds, 60)
+            seconds = NUM_FRAMES / 30 - 1  # a file has an end
             run("touch", "box.palp", *words, "--device", "sim", "--probe", "320,240", "--duration", seconds,
                 "-o", source)
             summary = json.loads((work / source / "summary.json").read_text())

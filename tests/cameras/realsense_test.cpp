@@ -221,7 +221,8 @@ TEST_F(Realsense, ComesBackAsAnotherDevice) {
   const auto open_both = [&]() -> Result<std::unique_ptr<DepthSource>> {
     auto raw = open(first);
     if (!raw) return raw.error();
-    return make_live(*std::move(raw), [&] { return open(second); }, uri);
+    return make_live(
+        *std::move(raw), [&] { return open(second); }, uri);
   };
   test::expect_outlives(
       open_both,
