@@ -27,12 +27,13 @@ for file in "${json_files[@]}"; do
   python3 -m json.tool "$file" >/dev/null || problem "$file:1: not JSON"
 done
 
-# A link in the documentation leads to a file that is there.
+# A link in the documentation, outside of its code, leads to a file that is there.
 mapfile -t documents < <(python3 tools/project_files.py .md)
 for file in "${documents[@]}"; do
   while IFS=: read -r number target; do
     [ -e "$(dirname "$file")/${target%%#*}" ] || problem "$file:$number: broken link to $target"
-  done < <(grep -noE '\]\([^)#][^)]*\)' "$file" | sed -E 's/\]\((.*)\)$/\1/' | grep -vE '^[0-9]+:(https?|mailto):' || true)
+  done < <(awk '/^```/ { is_code = !is_code } { print is_code ? "" : $0 }' "$file" |
+    grep -noE '\]\([^)#][^)]*\)' | sed -E 's/\]\((.*)\)$/\1/' | grep -vE '^[0-9]+:(https?|mailto):' || true)
 done
 
 echo "check_scripts: $((${#shell_files[@]} + ${#python_files[@]} + ${#json_files[@]} + ${#documents[@]})) files, $problems problems"
