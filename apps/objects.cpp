@@ -1,5 +1,6 @@
 #include "apps/objects.h"
 
+#include <charconv>
 #include <map>
 #include <memory>
 #include <string_view>
@@ -12,15 +13,37 @@
 namespace palpate::apps {
 namespace {
 
+constexpr std::string_view kFriction = ",friction=";
+
+double parse_friction(const std::string& object, std::string_view text) {
+  double friction = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), friction);
+  if (error != std::errc{} || end != text.data() + text.size() ||
+      !(friction >= 0 && friction <= 10)) {
+    usage_error("--object " + object + ": friction must be a number from 0 to 10, not '" +
+                std::string(text) + "'");
+  }
+  return friction;
+}
+
 /// The pose follows the last @, so that file names may have some too.
 ObjectOption parse_object(const std::string& text) {
   const std::size_t at = text.rfind('@');
   if (at == std::string::npos || at == 0) {
-    usage_error("--object: must be TOOL.palp@'tx ty tz qx qy qz qw', not '" + text + "'");
+    usage_error("--object: must be TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU], not '" + text +
+                "'");
   }
-  const auto pose = parse_pose(std::string_view(text).substr(at + 1));
-  if (!pose) usage_error("--object " + text.substr(0, at) + ": " + pose.error().message);
-  return {text.substr(0, at), *pose};
+  const std::string name = text.substr(0, at);
+  std::string_view rest = std::string_view(text).substr(at + 1);
+  ObjectOption object{name, {}, {}};
+  if (const std::size_t comma = rest.find(kFriction); comma != std::string_view::npos) {
+    object.friction = parse_friction(name, rest.substr(comma + kFriction.size()));
+    rest = rest.substr(0, comma);
+  }
+  const auto pose = parse_pose(rest);
+  if (!pose) usage_error("--object " + name + ": " + pose.error().message);
+  object.X_WB = *pose;
+  return object;
 }
 
 }  // namespace
@@ -32,9 +55,9 @@ void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects) {
            for (const std::string& text : texts) objects.push_back(parse_object(text));
          },
          "a rigid object to feel beside the depth images, where it stays in the camera frame; may "
-         "be given several times")
+         "be given several times; with friction=MU it has its own")
       ->allow_extra_args(false)
-      ->type_name("TOOL.palp@'tx ty tz qx qy qz qw'");
+      ->type_name("TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU]");
 }
 
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options) {
@@ -47,7 +70,7 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
       if (!tool) return tool.error();
       shape = std::make_shared<const Tool>(*std::move(tool));
     }
-    objects.push_back({shape, option.X_WB});
+    objects.push_back({shape, option.X_WB, option.friction});
   }
   return objects;
 }

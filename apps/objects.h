@@ -1,7 +1,8 @@
-// Rigid objects beside the cloud: --object TOOL2.palp@'tx ty tz qx qy qz qw'.
+// Rigid objects beside the cloud: --object TOOL2.palp@'tx ty tz qx qy qz qw'[,friction=MU].
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@ namespace palpate::apps {
 struct ObjectOption {
   std::string file;
   Pose X_WB;
+  std::optional<double> friction;
 };
 
 /// --object, as often as there are objects.

@@ -76,8 +76,10 @@ inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--average-weight", "time.average_weight"}};
 inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"},
                                                  {"--sensing-gpu", "loop.sensing_gpu"}};
-/// Live, with a haptic device.
+/// Between tool, surface and hand.
 inline constexpr SettingOption kHandOptions[] = {{"--coupling", "coupling.kind"},
+                                                 {"--friction", "friction.coefficient"},
+                                                 {"--texture", "texture.kind"},
                                                  {"--dead-man", "safety.dead_man"}};
 /// Of `pack`: the limits of a packing but for --spheres, which takes a word too.
 inline constexpr SettingOption kPackLimits[] = {{"--max-radius", "packing.max_radius"},

@@ -48,6 +48,7 @@ class MethodQueries {
   }
   /// Of the last query, measured again; zero if the method has none.
   Stiffness stiffness() { return ask({.stiffness = true}).stiffness.value_or(Stiffness{}); }
+  VolumeMoments moments() { return ask({.stiffness = true}).moments; }
   std::span<const SphereState> states() {
     ask({.states = states_});
     return states_;

@@ -24,6 +24,13 @@ inline ContactResult blend(const ContactResult& from, const ContactResult& to, d
       k = s * from.stiffness->m[row][column] + t * k;
     }
   }
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      double& moment = both.moments.first[row][column];
+      moment = s * from.moments.first[row][column] + t * moment;
+    }
+  }
+  both.moments.polar = s * from.moments.polar + t * both.moments.polar;
   return both;
 }
 

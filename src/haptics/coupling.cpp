@@ -21,7 +21,7 @@ double radius_of_gyration(const MassProperties& tool) {
 std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,
                                         const MassProperties& tool) {
   switch (options.kind) {
-    case CouplingKind::direct: return make_direct_coupling(options, tool);
+    case CouplingKind::direct: return make_direct_coupling(options, limits, tool);
     case CouplingKind::proxy: return make_proxy_coupling(options, limits, tool);
     case CouplingKind::none: return make_no_coupling(options, tool);
     case CouplingKind::virtual_coupling: break;

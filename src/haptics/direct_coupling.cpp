@@ -2,45 +2,117 @@
 // contact), or nothing.
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
+#include "src/haptics/friction.h"
+#include "src/haptics/rotated.h"
 
 namespace palpate {
 namespace {
 
+/// A spring that is held over a tick gives back more than it took, see check_coupling: as long as
+/// ticks are no longer than this (s), the damping of what sticks takes it.
+constexpr double kDampingTime = 1e-3;
+
+/// Friction of a tool that is moved, whatever it meets.
+class MovedFriction {
+ public:
+  MovedFriction(const CouplingOptions& options, const DeviceLimits& limits, double share,
+                const MassProperties& tool)
+      : friction_(options, share * options.stiffness / options.motion_scale, kDampingTime),
+        max_damping_(limits.max_damping > 0 ? limits.max_damping / options.motion_scale
+                                            : std::numeric_limits<double>::infinity()),
+        c_T_(tool.centre_of_mass) {}
+
+  void reset(const Pose& X_WT) noexcept {
+    friction_.reset();
+    X_WT_ = X_WT;
+  }
+  void take_over(const CouplingState& state) noexcept {
+    friction_.take_over(state.friction);
+    X_WT_ = state.X_WT;
+  }
+  const FrictionState& state() const noexcept { return friction_.state(); }
+  void remember(StateNumbers& numbers) noexcept { numbers(friction_, X_WT_); }
+
+  /// What is added to a contact with this wrench, once per tick.
+  Wrench step(const LocalContact& contact, const Wrench& contact_W, const Pose& X_WT,
+              double dt) noexcept {
+    const Vec6 motion{X_WT * c_T_ - X_WT_ * c_T_, rotation_between(X_WT_.rotation, X_WT.rotation)};
+    X_WT_ = X_WT;
+    TouchedPatch patch;
+    if (!friction_.is_on(contact) || !friction_.touch(contact, contact_W, dt, patch)) return {};
+    Vec6 wrench;
+    if (dt > 0) {
+      const Vec3d& n = patch.approach.linear;
+      const double speed =
+          (dot(n, motion.linear) + dot(patch.approach.angular, motion.angular)) / dt;
+      const double damping =
+          std::min(friction_.contact_damping(patch.normal_force, speed), max_damping_);
+      wrench = -damping * speed * patch.approach;
+      const double share = 1 - damping * speed / patch.normal_force;
+      patch.limit *= share;
+      patch.slope *= share;
+    }
+    const PatchFriction::Grip grip = friction_.hold(patch, patch.slid_by(motion), {}, dt);
+    friction_.keep(patch, grip, dt);
+    return to_wrench(wrench + patch.wrench(grip.force));
+  }
+
+ private:
+  PatchFriction friction_;
+  double max_damping_;  // N s/m
+  Vec3d c_T_;
+  Pose X_WT_;  // at the last tick
+};
+
+Wrench operator+(const Wrench& a, const Wrench& b) {
+  return {a.force + b.force, a.torque + b.torque};
+}
+
 class DirectCoupling final : public Coupling {
  public:
-  DirectCoupling(const CouplingOptions& options, const MassProperties& tool)
+  DirectCoupling(const CouplingOptions& options, const DeviceLimits& limits,
+                 const MassProperties& tool)
       : hand_(options, tool.centre_of_mass),
         contact_(options.hold, radius_of_gyration(tool)),
+        friction_(options, limits, 1, tool),
         approach_(tool.centre_of_mass) {}
 
   void reset(const DeviceState& state) noexcept override {
     X_WT_ = hand_.follow(state).X_WT;
     contact_.reset();
+    friction_.reset(X_WT_);
   }
   void take_over(const CouplingState& state) noexcept override {
     hand_.take_over(state);
     contact_.reset();
     X_WT_ = state.X_WT;
+    friction_.take_over(state);
     approach_.begin(X_WT_);
   }
   CouplingState state() const noexcept override {
     const HeldTool& held = hand_.held();
-    return {hand_.X_BH(), held.X_WT, X_WT_, {held.velocity.linear, held.velocity.angular}};
+    return {hand_.X_BH(),
+            held.X_WT,
+            X_WT_,
+            {held.velocity.linear, held.velocity.angular},
+            friction_.state()};
   }
 
   void remember(StateNumbers& numbers) noexcept override {
-    numbers(hand_, contact_, approach_, X_WT_);
+    numbers(hand_, contact_, friction_, approach_, X_WT_);
   }
 
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
                     double dt) noexcept override {
     const HeldTool& held = hand_.follow(state);
-    contact_.update(contact, step_length(dt));
-    X_WT_ = approach_.at(held.X_WT, step_length(dt));
+    const double h = step_length(dt);
+    contact_.update(contact, h);
+    X_WT_ = approach_.at(held.X_WT, h);
     CouplingStep step;
     step.X_WT = X_WT_;
     step.X_WT_hand = held.X_WT;
-    step.contact_W = contact_.felt(X_WT_);
+    const Wrench felt = contact_.felt(X_WT_);
+    step.contact_W = felt + friction_.step(contact, felt, X_WT_, h);
     step.F_H_B = hand_.at_handle(step.contact_W);
     return step;
   }
@@ -48,6 +120,7 @@ class DirectCoupling final : public Coupling {
  private:
   Hand hand_;
   HeldContact contact_;
+  MovedFriction friction_;
   Approach approach_;
   Pose X_WT_;
 };
@@ -56,26 +129,37 @@ class DirectCoupling final : public Coupling {
 class NoCoupling final : public Coupling {
  public:
   NoCoupling(const CouplingOptions& options, const MassProperties& tool)
-      : hand_(options, tool.centre_of_mass) {}
+      : hand_(options, tool.centre_of_mass), friction_(options, {}, kStiffer, tool) {}
 
-  void reset(const DeviceState& state) noexcept override { hand_.follow(state); }
-  void take_over(const CouplingState& state) noexcept override { hand_.take_over(state); }
+  void reset(const DeviceState& state) noexcept override {
+    friction_.reset(hand_.follow(state).X_WT);
+  }
+  void take_over(const CouplingState& state) noexcept override {
+    hand_.take_over(state);
+    friction_.take_over(state);
+  }
   CouplingState state() const noexcept override {
     const HeldTool& held = hand_.held();
-    return {hand_.X_BH(), held.X_WT, held.X_WT, {held.velocity.linear, held.velocity.angular}};
+    return {hand_.X_BH(),
+            held.X_WT,
+            held.X_WT,
+            {held.velocity.linear, held.velocity.angular},
+            friction_.state()};
   }
-  void remember(StateNumbers& numbers) noexcept override { numbers(hand_); }
+  void remember(StateNumbers& numbers) noexcept override { numbers(hand_, friction_); }
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
-                    double) noexcept override {
+                    double dt) noexcept override {
     CouplingStep step;
     step.X_WT = step.X_WT_hand = hand_.follow(state).X_WT;
-    step.contact_W = contact.at(step.X_WT);
+    const Wrench met = contact.at(step.X_WT);
+    step.contact_W = met + friction_.step(contact, met, step.X_WT, step_length(dt));
     return step;
   }
   bool is_felt() const noexcept override { return false; }
 
  private:
   Hand hand_;
+  MovedFriction friction_;
 };
 
 }  // namespace
@@ -90,8 +174,9 @@ std::unique_ptr<Coupling> make_no_coupling(const CouplingOptions& options,
 }
 
 std::unique_ptr<Coupling> make_direct_coupling(const CouplingOptions& options,
+                                               const DeviceLimits& limits,
                                                const MassProperties& tool) {
-  return std::make_unique<DirectCoupling>(options, tool);
+  return std::make_unique<DirectCoupling>(options, limits, tool);
 }
 
 }  // namespace palpate

@@ -27,6 +27,8 @@ class HeldContact {
   /// Whether a wrench that a solver has arrived at is still one of contact.
   bool pushes(const Wrench& wrench) const noexcept;
   bool is_there() const noexcept { return is_there_; }
+  /// The newest one.
+  const LocalContact& newest() const noexcept { return contact_; }
 
   /// How it resists motion: symmetric, without negative eigenvalues.
   const Mat6& stiffness() const noexcept { return stiffness_; }

@@ -79,8 +79,10 @@ VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume) {
 
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
                            const Pose& X_WT, const Vec3d& centre_of_mass_T,
-                           const VolumeStiffness& scale, double time, double surface_age) {
+                           const VolumeStiffness& scale, double time, double surface_age,
+                           const ContactPatch& patch) {
   LocalContact contact;
+  contact.patch = patch;
   contact.time = time;
   contact.X_WT = X_WT;
   contact.p_WC = X_WT * centre_of_mass_T;
@@ -89,7 +91,8 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
   contact.volume = penetration.volume;
   const double gain = scale.newtons_per_cubic_metre;
   contact.F_C_W = scale * penetration.measure_W;
-  bool finite = is_finite(X_WT) && is_finite(contact.F_C_W);
+  bool finite = is_finite(X_WT) && is_finite(contact.F_C_W) && is_finite(patch.lever_W) &&
+                std::isfinite(patch.torsion_radius);
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) {
       contact.stiffness.m[i][j] = gain * stiffness.m[i][j];

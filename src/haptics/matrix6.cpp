@@ -48,29 +48,41 @@ Mat6 sum(const Mat6& a, double s, const Mat6& b) {
   return result;
 }
 
-bool solve(const Mat6& a, const Vec6& b, Vec6& x) {
-  double l[6][6];
-  Vec6 y;
+bool Factor6::set(const Mat6& a) {
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j <= i; ++j) {
       double value = a.m[i][j];
-      for (int k = 0; k < j; ++k) value -= l[i][k] * l[j][k];
+      for (int k = 0; k < j; ++k) value -= l_[i][k] * l_[j][k];
       if (i != j) {
-        l[i][j] = value / l[j][j];
+        l_[i][j] = value / l_[j][j];
       } else if (value > 0) {
-        l[i][i] = std::sqrt(value);
+        l_[i][i] = std::sqrt(value);
       } else {
         return false;
       }
     }
+  }
+  return true;
+}
+
+Vec6 Factor6::solve(const Vec6& b) const {
+  Vec6 y;
+  for (int i = 0; i < 6; ++i) {
     y[i] = b[i];
-    for (int k = 0; k < i; ++k) y[i] -= l[i][k] * y[k];
-    y[i] /= l[i][i];
+    for (int k = 0; k < i; ++k) y[i] -= l_[i][k] * y[k];
+    y[i] /= l_[i][i];
   }
   for (int i = 5; i >= 0; --i) {
-    for (int k = i + 1; k < 6; ++k) y[i] -= l[k][i] * y[k];
-    y[i] /= l[i][i];
+    for (int k = i + 1; k < 6; ++k) y[i] -= l_[k][i] * y[k];
+    y[i] /= l_[i][i];
   }
+  return y;
+}
+
+bool solve(const Mat6& a, const Vec6& b, Vec6& x) {
+  Factor6 factor;
+  if (!factor.set(a)) return false;
+  const Vec6 y = factor.solve(b);
   if (!is_finite(y)) return false;
   x = y;
   return true;

@@ -37,6 +37,18 @@ Vec6 operator*(const Mat6& a, const Vec6& v);
 /// a + s b.
 Mat6 sum(const Mat6& a, double s, const Mat6& b);
 
+/// The triangular factor of a symmetric positive definite matrix (Cholesky).
+class Factor6 {
+ public:
+  /// False if the matrix is not positive definite.
+  bool set(const Mat6& a);
+  /// x of a x = b.
+  Vec6 solve(const Vec6& b) const;
+
+ private:
+  double l_[6][6] = {};
+};
+
 /// x of a x = b for a symmetric positive definite `a` (Cholesky). False if it is not: x is as it
 /// was.
 bool solve(const Mat6& a, const Vec6& b, Vec6& x);

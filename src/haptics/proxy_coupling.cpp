@@ -3,6 +3,7 @@
 // spring.
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
+#include "src/haptics/friction.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate {
@@ -22,12 +23,14 @@ class ProxyCoupling final : public Coupling {
         spring_(make_spring(options, limits)),
         hand_(options, tool.centre_of_mass),
         contact_(ContactHold::local_model, radius_of_gyration(tool)),
+        friction_(options, kStiffer * spring_.stiffness, 0),
         approach_(tool.centre_of_mass),
         c_T_(tool.centre_of_mass),
         radius_(radius_of_gyration(tool)) {}
 
   void reset(const DeviceState& state) noexcept override {
     contact_.reset();
+    friction_.reset();
     X_WT_ = X_WT_shown_ = hand_.follow(state).X_WT;
     velocity_ = {};
   }
@@ -36,14 +39,20 @@ class ProxyCoupling final : public Coupling {
     hand_.take_over(state);
     X_WT_ = X_WT_shown_ = state.X_WT;
     velocity_ = {state.V_WT.linear, state.V_WT.angular};
+    friction_.take_over(state.friction);
     approach_.begin(X_WT_);
   }
   CouplingState state() const noexcept override {
-    return {hand_.X_BH(), hand_.held().X_WT, X_WT_shown_, {velocity_.linear, velocity_.angular}};
+    return {hand_.X_BH(),
+            hand_.held().X_WT,
+            X_WT_shown_,
+            {velocity_.linear, velocity_.angular},
+            friction_.state()};
   }
 
   void remember(StateNumbers& numbers) noexcept override {
-    numbers(hand_, contact_, approach_, X_WT_, X_WT_shown_, velocity_.linear, velocity_.angular);
+    numbers(hand_, contact_, friction_, approach_, X_WT_, X_WT_shown_, velocity_.linear,
+            velocity_.angular);
   }
 
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
@@ -51,13 +60,14 @@ class ProxyCoupling final : public Coupling {
     const HeldTool& held = hand_.follow(state);
     const double h = step_length(dt);
     contact_.update(contact, h);
-    balance(held);
+    balance(held, h);
     show(approach_.at(X_WT_, h), h);
 
     CouplingStep step;
     step.X_WT = X_WT_shown_;
     step.X_WT_hand = held.X_WT;
-    step.contact_W = contact_.felt(X_WT_shown_);
+    const Wrench felt = contact_.felt(X_WT_shown_);
+    step.contact_W = {felt.force + along_surface_.linear, felt.torque + along_surface_.angular};
     const Vec6 stretch = stretch_between(X_WT_shown_, X_WT_shown_ * c_T_, held);
     step.F_H_B = hand_.at_handle(to_wrench(-1 * (spring_.rates(stretch) * stretch)));
     step.stretch = norm(stretch.linear);
@@ -75,22 +85,38 @@ class ProxyCoupling final : public Coupling {
   }
 
   /// Newton's method on spring + contact = 0, from where the tool was.
-  void balance(const HeldTool& held) {
+  void balance(const HeldTool& held, double dt) {
+    along_surface_ = {};
+    Vec6 moved;  // since the last tick
+    PatchFriction::Grip grip;
+    const bool has_friction = contact_.is_there() && friction_.is_on(contact_.newest());
+    TouchedPatch patch;
+    const bool touches =
+        has_friction && friction_.touch(contact_.newest(), contact_.felt(X_WT_), dt, patch);
+    if (!contact_.is_there()) friction_.reset();
     for (int i = 0; i < kMaxIterations; ++i) {
       Vec6 move;
-      if (!find_move(held, move) || !(norm(move.linear) < kLost)) {
+      if (!find_move(held, touches ? &patch : nullptr, moved, dt, grip, move) ||
+          !(norm(move.linear) < kLost)) {
+        friction_.reset();
+        along_surface_ = {};
         X_WT_ = held.X_WT;
         return;
       }
+      moved = moved + move;
       const Vec3d p_WC = X_WT_ * c_T_ + move.linear;
       X_WT_.rotation = rotated(X_WT_.rotation, move.angular);
       X_WT_.translation = p_WC - rotate(X_WT_.rotation, c_T_);
-      if (norm(move.linear) + radius_ * norm(move.angular) < kSmallestStep) return;
+      if (norm(move.linear) + radius_ * norm(move.angular) < kSmallestStep) break;
     }
+    if (!touches) return;
+    friction_.keep(patch, grip, dt);
+    along_surface_ = patch.wrench(grip.force);
   }
 
   /// False: nothing holds the tool, it is at the hand.
-  bool find_move(const HeldTool& held, Vec6& move) const {
+  bool find_move(const HeldTool& held, const TouchedPatch* patch, const Vec6& moved, double dt,
+                 PatchFriction::Grip& grip, Vec6& move) const {
     if (!contact_.is_there()) return false;
     const Vec6 stretch = stretch_between(X_WT_, X_WT_ * c_T_, held);
     const Spring::Rates rates = spring_.rates(stretch);
@@ -100,14 +126,26 @@ class ProxyCoupling final : public Coupling {
       a.m[i][i] += rates.linear;
       a.m[i + 3][i + 3] += rates.angular;
     }
-    return solve(a, rates * stretch + wrench, move) &&
-           contact_.pushes(to_wrench(wrench - contact_.stiffness() * move));
+    Factor6 factor;
+    if (!factor.set(a)) return false;
+    move = factor.solve(rates * stretch + wrench);
+    if (!is_finite(move) || !contact_.pushes(to_wrench(wrench - contact_.stiffness() * move))) {
+      return false;
+    }
+    if (patch == nullptr) return true;
+    Vec6 motions[3];
+    const Mat3s compliance = patch->compliance(factor, motions);
+    grip = friction_.hold(*patch, patch->slid_by(moved + move), compliance, dt);
+    move = move + grip.force.x * motions[0] + grip.force.y * motions[1] + grip.force.z * motions[2];
+    return true;
   }
 
   double scale_;
   Spring spring_;
   Hand hand_;
   HeldContact contact_;
+  PatchFriction friction_;
+  Vec6 along_surface_;  // friction of the last tick, on the tool
   Approach approach_;
   Vec3d c_T_;
   double radius_;

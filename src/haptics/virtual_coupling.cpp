@@ -8,10 +8,11 @@
 // second derivatives (secant of the saturating spring, positive part of the contact stiffness), so
 // a step adds no energy of its own, whatever dt and stiffness are. Terms in the velocity products
 // are left out: the inertia turns with the tool about its own angular velocity, which alone keeps
-// its energy.
+// its energy. Friction is found in the same step, for the v that results.
 #include <algorithm>
 
 #include "src/haptics/couplings.h"
+#include "src/haptics/friction.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate {
@@ -32,7 +33,8 @@ class VirtualCoupling final : public Coupling {
         hand_(options, tool.centre_of_mass),
         contact_(options.hold, radius_of_gyration(tool)),
         c_T_(tool.centre_of_mass),
-        mass_(options.tool_mass / options.motion_scale) {
+        mass_(options.tool_mass / options.motion_scale),
+        friction_(friction_of(options, spring_, mass_)) {
     const double radius = radius_of_gyration(tool), mean = mass_ * radius * radius;
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
@@ -50,6 +52,7 @@ class VirtualCoupling final : public Coupling {
 
   void reset(const DeviceState& state) noexcept override {
     contact_.reset();
+    friction_.reset();
     rest_at(hand_.follow(state));
   }
   void take_over(const CouplingState& state) noexcept override {
@@ -58,13 +61,18 @@ class VirtualCoupling final : public Coupling {
     X_WT_ = state.X_WT;
     p_WC_ = X_WT_ * c_T_;
     velocity_ = {state.V_WT.linear, state.V_WT.angular};
+    friction_.take_over(state.friction);
   }
   CouplingState state() const noexcept override {
-    return {hand_.X_BH(), hand_.held().X_WT, X_WT_, {velocity_.linear, velocity_.angular}};
+    return {hand_.X_BH(),
+            hand_.held().X_WT,
+            X_WT_,
+            {velocity_.linear, velocity_.angular},
+            friction_.state()};
   }
 
   void remember(StateNumbers& numbers) noexcept override {
-    numbers(hand_, contact_, X_WT_, p_WC_, velocity_.linear, velocity_.angular);
+    numbers(hand_, contact_, friction_, X_WT_, p_WC_, velocity_.linear, velocity_.angular);
   }
 
   CouplingStep step(const DeviceState& state, const LocalContact& contact,
@@ -77,7 +85,8 @@ class VirtualCoupling final : public Coupling {
     CouplingStep step;
     step.X_WT = X_WT_;
     step.X_WT_hand = held.X_WT;
-    step.contact_W = contact_.felt(X_WT_);
+    const Wrench felt = contact_.felt(X_WT_);
+    step.contact_W = to_wrench(to_vec6(felt) + along_surface_ + damping_wrench(norm(felt.force)));
     const Vec6 stretch = stretch_between(X_WT_, p_WC_, held);
     const Spring::Rates rates = spring_.rates(stretch);
     const Vec6 on_tool = rates * stretch + damping(rates) * (held.velocity - velocity_);
@@ -88,6 +97,14 @@ class VirtualCoupling final : public Coupling {
   }
 
  private:
+  /// What sticks does not ring with the tool's mass.
+  static PatchFriction friction_of(const CouplingOptions& options, const Spring& spring,
+                                   double mass) {
+    const double wanted = options.friction.stiffness / options.motion_scale;
+    const double stiffness = wanted > 0 ? wanted : kStiffer * spring.stiffness;
+    return {options, stiffness, 2 * std::sqrt(mass / stiffness)};
+  }
+
   void rest_at(const HeldTool& held) {
     X_WT_ = held.X_WT;
     p_WC_ = held.p_WC;
@@ -124,6 +141,8 @@ class VirtualCoupling final : public Coupling {
       a.m[i + 3][i + 3] += dt * (dampers.angular + dt * rates.angular);
     }
     Vec6 velocity;
+    along_surface_ = damped_ = {};
+    if (!contact_.is_there()) friction_.reset();
     if (!(contact_.is_there() && solve_in_contact(a, b, dt, velocity)) && !solve(a, b, velocity)) {
       rest_at(held);
       return;
@@ -136,11 +155,11 @@ class VirtualCoupling final : public Coupling {
   }
 
   /// False: the tool leaves the contact within the step and moves as if there were none.
-  bool solve_in_contact(const Mat6& a, const Vec6& b, double dt, Vec6& velocity) const {
+  bool solve_in_contact(const Mat6& a, const Vec6& b, double dt, Vec6& velocity) {
+    const LocalContact& contact = contact_.newest();
+    if (friction_.is_on(contact)) return solve_with_friction(a, b, dt, velocity);
     const Vec6 wrench = to_vec6(contact_.wrench(X_WT_));
-    const double k_max = contact_.max_stiffness();
-    const double damping_time = k_max > 0 ? 2 * kContactDampingRatio * std::sqrt(mass_ / k_max) : 0;
-    const double resistance = dt + damping_time;  // (dt K_c + D_c) v
+    const double resistance = dt + contact_damping_time();  // (dt K_c + D_c) v
     if (!solve(sum(a, dt * resistance, contact_.stiffness()), b + dt * wrench, velocity)) {
       return false;
     }
@@ -148,12 +167,74 @@ class VirtualCoupling final : public Coupling {
     return contact_.pushes(to_wrench(end));
   }
 
+  /// The same with friction and damping of the contact.
+  bool solve_with_friction(const Mat6& a, const Vec6& b, double dt, Vec6& velocity) {
+    const Vec6 wrench = to_vec6(contact_.wrench(X_WT_));
+    const double resistance = dt + contact_damping_time();
+    Mat6 sums = sum(a, dt * resistance, contact_.stiffness());
+    TouchedPatch patch;
+    const bool touches = friction_.touch(contact_.newest(), contact_.felt(X_WT_), dt, patch);
+    if (touches) damp(dt, patch, sums);
+    Factor6 factor;
+    if (!factor.set(sums)) return false;
+    velocity = factor.solve(b + dt * wrench);
+    const Vec6 end = wrench - resistance * (contact_.stiffness() * velocity);
+    if (!is_finite(velocity) || !contact_.pushes(to_wrench(end))) {
+      friction_.reset();
+      return false;
+    }
+    if (!touches) return true;
+    Vec6 motions[3];
+    Mat3s compliance = patch.compliance(factor, motions);
+    for (double* number : {&compliance.xx, &compliance.xy, &compliance.xz, &compliance.yy,
+                           &compliance.yz, &compliance.zz}) {
+      *number *= dt * dt;
+    }
+    const auto grip = friction_.hold(patch, dt * patch.slid_by(velocity), compliance, dt);
+    friction_.keep(patch, grip, dt);
+    velocity = velocity + dt * (grip.force.x * motions[0] + grip.force.y * motions[1] +
+                                grip.force.z * motions[2]);
+    along_surface_ = patch.wrench(grip.force);
+    return is_finite(velocity);
+  }
+
+  /// Damping along the normal, as much as the speed before allows.
+  void damp(double dt, TouchedPatch& patch, Mat6& sums) {
+    const Vec6& n = patch.approach;
+    const double speed = dot(n.linear, velocity_.linear) + dot(n.angular, velocity_.angular);
+    const double damping = friction_.contact_damping(patch.normal_force, speed);
+    if (!(damping > 0)) return;
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j < 6; ++j) sums.m[i][j] += dt * damping * n[i] * n[j];
+    }
+    const double share = 1 - damping * speed / patch.normal_force;
+    patch.limit *= share;
+    patch.slope *= share;
+    damping_ = damping;
+    damped_ = n;
+  }
+  /// What that did; at most it takes away the contact's own force.
+  Vec6 damping_wrench(double normal_force) const {
+    const double speed =
+        dot(damped_.linear, velocity_.linear) + dot(damped_.angular, velocity_.angular);
+    return std::max(-damping_ * speed, -normal_force) * damped_;
+  }
+
+  double contact_damping_time() const {
+    const double k_max = contact_.max_stiffness();
+    return k_max > 0 ? 2 * kContactDampingRatio * std::sqrt(mass_ / k_max) : 0;
+  }
+
   double scale_;
   Spring spring_;
   Hand hand_;
   HeldContact contact_;
   Vec3d c_T_;
-  double mass_;      // in the tool's world, as all that follows
+  double mass_;  // in the tool's world, as all that follows
+  PatchFriction friction_;
+  Vec6 along_surface_;  // friction of the last step, on the tool
+  Vec6 damped_;         // direction in which the contact was damped then, and how much, N s/m
+  double damping_ = 0;
   Mat3d inertia_T_;  // kg m2
   double time_ = 0, angular_time_ = 0;
   Pose X_WT_;

@@ -16,9 +16,12 @@ constexpr int kToolBody = 0;
 
 ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
                          const VolumeStiffness& scale, const std::vector<SceneObject>& objects)
-    : query_(query.get()), centre_of_mass_T_(tool.sphere_mass().centre_of_mass), scale_(scale) {
+    : query_(query.get()), tool_mass_(tool.sphere_mass()), scale_(scale) {
   world_.add_tool(tool, std::move(query));
-  for (const SceneObject& object : objects) world_.add_object(*object.shape, object.X_WB);
+  for (const SceneObject& object : objects) {
+    world_.add_object(*object.shape, object.X_WB);
+    object_frictions_.push_back(object.friction);
+  }
 }
 
 Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
@@ -41,7 +44,40 @@ void ContactPart::measure(const SurfaceBlend& moment, bool with_stiffness,
   record.has_new_stiffness = has_contact && measured.stiffness;
   if (!has_contact) stiffness_ = {};
   if (record.has_new_stiffness) stiffness_ = *measured.stiffness;
+  if (!(record.penetration.volume > 0)) {
+    patch_ = {};
+  } else if (record.has_new_stiffness || !has_stiffness()) {
+    patch_ = patch_at(record.X_WT);
+  }
   set_contact(record);
+}
+
+/// Of what was measured just now.
+ContactPatch ContactPart::patch_at(const Pose& X_WT) const noexcept {
+  const BodyMeasure& measured = world_.measured(kToolBody);
+  const VolumeWrench &of_cloud = measured.cloud.measure_W, &of_bodies = measured.bodies.measure_W;
+  const ContactPatch cloud =
+      measured.stiffness
+          ? contact_patch(of_cloud, measured.cloud.volume, *measured.stiffness, measured.moments)
+          : guessed_patch(of_cloud, measured.cloud.volume, tool_mass_, X_WT.rotation);
+  if (measured.num_pairs == 0) return cloud;
+
+  ContactPatch objects =
+      guessed_patch(of_bodies, measured.bodies.volume, tool_mass_, X_WT.rotation);
+  double all = 0, with_own = 0, weighted = 0;
+  for (std::size_t i = 0; i < object_frictions_.size(); ++i) {
+    const BodyMeasure& object = world_.measured(kToolBody + 1 + static_cast<int>(i));
+    const double force = norm(object.bodies.measure_W.force);
+    all += force;
+    if (!object_frictions_[i]) continue;
+    with_own += force;
+    weighted += force * *object_frictions_[i];
+  }
+  if (all > 0) {
+    objects.share = 1 - with_own / all;
+    objects.own_friction = weighted / all;
+  }
+  return joined(cloud, norm(of_cloud.force), objects, norm(of_bodies.force));
 }
 
 bool ContactPart::has_stiffness() const noexcept {
@@ -50,8 +86,9 @@ bool ContactPart::has_stiffness() const noexcept {
 
 void ContactPart::set_contact(ContactRecord& record) const noexcept {
   const double time = record.contact.time;
-  record.contact = local_contact(record.penetration, stiffness_, record.X_WT, centre_of_mass_T_,
-                                 scale_, time, time - record.capture_time);
+  record.contact =
+      local_contact(record.penetration, stiffness_, record.X_WT, tool_mass_.centre_of_mass, scale_,
+                    time, time - record.capture_time, patch_);
 }
 
 // From a state to a wrench.
@@ -186,7 +223,8 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   contact.frame_number = num_frames_ - 1;
   contact.capture_time = capture_time_;
   contact.contact.time = time;
-  contacts_->measure(moment_, settings_.coupling.kind != CouplingKind::none, contact);
+  const bool is_coupled = settings_.coupling.kind != CouplingKind::none;
+  contacts_->measure(moment_, is_coupled || has_friction(settings_), contact);
   if (contact.penetration.status.has(StepStatus::backend_failed) || !timeline_->status()) {
     has_backend_failed_ = true;
     return contact_;

@@ -19,6 +19,10 @@ Status check(const RunSettings& settings, const DeviceInfo& device) {
     if (object.shape == nullptr || !is_finite(object.X_WB)) {
       return Error{Errc::invalid_argument, "every object needs a shape and a finite pose"};
     }
+    if (const double friction = object.friction.value_or(0); !(friction >= 0 && friction <= 10)) {
+      return Error{Errc::invalid_argument,
+                   "the friction of an object must be a number from 0 to 10"};
+    }
   }
   return Done{};
 }

@@ -21,6 +21,13 @@ bool has_field(const RunSettings& settings) { return settings.contact.method == 
 
 }  // namespace
 
+bool has_friction(const RunSettings& settings) {
+  const FrictionOptions& friction = settings.coupling.friction;
+  return friction.coefficient > 0 || friction.contact_damping > 0 ||
+         std::any_of(settings.objects.begin(), settings.objects.end(),
+                     [](const SceneObject& object) { return object.friction.value_or(0) > 0; });
+}
+
 bool needs_depth_change(const RunSettings& settings) {
   return !has_field(settings) && settings.contact.edges != Edges::none;
 }

@@ -144,6 +144,14 @@ void visit_fields(T& tick, auto&& visit) {
   visit("revision", tick.revision);
 }
 
+template <Of<ContactPatch> T>
+void visit_fields(T& patch, auto&& visit) {
+  visit("lever", patch.lever_W);
+  visit("torsion_radius", patch.torsion_radius);
+  visit("share", patch.share);
+  visit("own_friction", patch.own_friction);
+}
+
 template <Of<LocalContact> T>
 void visit_fields(T& contact, auto&& visit) {
   visit("time", contact.time);
@@ -151,6 +159,7 @@ void visit_fields(T& contact, auto&& visit) {
   visit("centre_of_mass", contact.p_WC);
   visit("wrench", contact.F_C_W);
   visit("stiffness", contact.stiffness);
+  visit("patch", contact.patch);
   visit("volume", contact.volume);
   visit("max_stiffness", contact.max_stiffness);
   visit("surface_age", contact.surface_age);

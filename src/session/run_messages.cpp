@@ -136,6 +136,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, PixelWindow>) return "palpate_msgs/PixelWindow";
   if constexpr (std::same_as<T, FrameRecord>) return "palpate_msgs/Frame";
   if constexpr (std::same_as<T, Penetration>) return "palpate_msgs/Penetration";
+  if constexpr (std::same_as<T, ContactPatch>) return "palpate_msgs/ContactPatch";
   if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";
   if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/Contact";
   if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
@@ -242,18 +243,20 @@ std::string difference_of(const T& recorded, const T& repeated) {
 
 Json json_of(const std::vector<SceneObject>& objects) {
   Json list = Json::array();
-  for (const auto& [shape, X_WB] : objects) {
-    const auto& [p, q] = X_WB;
-    list.push_back({p.x, p.y, p.z, q.x, q.y, q.z, q.w});
+  for (const SceneObject& object : objects) {
+    list.push_back({{"pose", seven_numbers(object.X_WB)}});
+    if (object.friction) list.back()["friction"] = *object.friction;
   }
   return list;
 }
 
 std::vector<SceneObject> objects_from(const Json& list) {
   std::vector<SceneObject> objects;
-  for (const Json& pose : list) {
-    const auto v = pose.get<std::array<double, 7>>();
-    objects.push_back({nullptr, {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}}});
+  for (const Json& json : list) {
+    const auto v = json.at("pose").get<std::array<double, 7>>();
+    SceneObject object{nullptr, {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}}};
+    if (json.contains("friction")) object.friction = json["friction"].get<double>();
+    objects.push_back(object);
   }
   return objects;
 }

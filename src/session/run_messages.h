@@ -42,7 +42,7 @@ struct RecordedDepth {
 };
 
 inline constexpr const char* kRunFormat = "palpate run";
-inline constexpr int kRunVersion = 1;
+inline constexpr int kRunVersion = 2;
 
 // Topics.
 inline constexpr const char* kPartTopic = "/part";

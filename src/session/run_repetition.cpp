@@ -40,6 +40,7 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
     // Kept from an earlier contact, which may not have been recorded.
     repeated.contact.stiffness = recorded.contact.stiffness;
     repeated.contact.max_stiffness = recorded.contact.max_stiffness;
+    repeated.contact.patch = recorded.contact.patch;
   }
   return repeated;
 }

@@ -82,11 +82,12 @@ Json faults_json(const RunLog& log) {
 
 Json objects_json(const std::vector<SceneObject>& objects) {
   Json list = Json::array();
-  for (const auto& [shape, X_WB] : objects) {
-    const Vec3d& p = X_WB.translation;
-    list.push_back({{"source", shape->source()},
-                    {"spheres", shape->spheres().size()},
+  for (const SceneObject& object : objects) {
+    const Vec3d& p = object.X_WB.translation;
+    list.push_back({{"source", object.shape->source()},
+                    {"spheres", object.shape->spheres().size()},
                     {"position_m", {p.x, p.y, p.z}}});
+    if (object.friction) list.back()["friction"] = *object.friction;
   }
   return list;
 }

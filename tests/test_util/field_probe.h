@@ -23,6 +23,7 @@ class FieldProbe {
     return measure(X_WT, volumes);
   }
   Stiffness stiffness() { return queries_.stiffness(); }
+  VolumeMoments moments() { return queries_.moments(); }
   void describe(std::span<SphereState> states, std::span<Plane<float>> planes) {
     std::ranges::copy(queries_.states(), states.begin());
     std::ranges::copy(queries_.planes(), planes.begin());

@@ -169,7 +169,8 @@ TEST(Settings, ThroughThePartsOfTheLibrary) {
       if (setting.section == "time") {
         note(SurfaceTimeline::create(source.info(), {}, std::nullopt, s.time));
       }
-      if (setting.section == "coupling") {
+      if (setting.section == "coupling" || setting.section == "friction" ||
+          setting.section == "texture") {
         note(
             check_coupling(s.coupling, device.info().limits, 1e-3, test::box_tool().sphere_mass()));
       }

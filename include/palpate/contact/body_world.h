@@ -17,6 +17,7 @@ namespace palpate {
 struct BodyMeasure {
   Penetration cloud;
   std::optional<Stiffness> stiffness;  ///< of `cloud`, if it was wanted
+  VolumeMoments moments;               ///< likewise
   Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
   std::int64_t num_pairs = 0;          ///< overlapping pairs of spheres with other bodies
 

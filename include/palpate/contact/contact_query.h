@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "palpate/contact/tool_index.h"
+#include "palpate/contact/volume_moments.h"
 #include "palpate/core/isa.h"
 #include "palpate/core/result.h"
 #include "palpate/core/thread_pool.h"
@@ -226,7 +227,7 @@ enum class SphereState : std::uint8_t { outside, boundary, inside };
 
 /// What a measurement is to give beside the penetration, and where it goes.
 struct ContactWants {
-  /// By `field`, in closed form; the other measures are not differentiable.
+  /// By `field`, in closed form, with VolumeMoments; the other measures are not differentiable.
   bool stiffness = false;
   /// Of each sphere; empty if not wanted, else as many as the tool has spheres.
   std::span<SphereState> states{};
@@ -238,6 +239,7 @@ struct ContactWants {
 struct ContactResult {
   Penetration penetration;
   std::optional<Stiffness> stiffness;  ///< if it was wanted and the method has one
+  VolumeMoments moments;               ///< with the stiffness; else zero
 };
 
 /// Measures one tool by one method. All memory is allocated at construction. One thread at a time.

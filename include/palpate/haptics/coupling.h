@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/haptics/device.h"
+#include "palpate/haptics/friction.h"
 #include "palpate/haptics/local_contact.h"
 #include "palpate/haptics/state_numbers.h"
 #include "palpate/mesh/mass_properties.h"
@@ -39,6 +40,8 @@ struct CouplingOptions {
   double motion_scale = 1;       ///< metres of tool per metre of hand
   Pose X_WB;                     ///< where the device's base is in the scene
   Pose X_HT;                     ///< where the tool is in the hand
+  FrictionOptions friction;
+  TextureOptions texture;
 };
 inline void add_settings(SettingTable& t, CouplingOptions& o) {
   t.section("coupling");
@@ -55,6 +58,8 @@ inline void add_settings(SettingTable& t, CouplingOptions& o) {
   t.add("base_in_scene", o.X_WB,
         "X_WB: x y z in m, quaternion x y z w; identity: left out, poses are those of the device");
   t.add("tool_in_hand", o.X_HT, "X_HT: x y z in m, quaternion x y z w");
+  add_settings(t, o.friction);
+  add_settings(t, o.texture);
 }
 
 /// The options that result for a device, its tick and a tool of this shape, with the zeros filled
@@ -72,7 +77,7 @@ struct CouplingStep {
   Wrench F_H_B;        ///< what the hand feels, before the safety filter: at the handle, in B
   Pose X_WT;           ///< of the simulated tool
   Pose X_WT_hand;      ///< where the hand holds it: apart from X_WT in contact
-  Wrench contact_W;    ///< contact wrench on the tool, about its centre of mass
+  Wrench contact_W;    ///< contact and friction on the tool, about its centre of mass
   double stretch = 0;  ///< m, between the two
   double energy = 0;   ///< J, in the spring
 };
@@ -83,6 +88,7 @@ struct CouplingState {
   Pose X_WT_hand;  ///< where the hand holds the tool
   Pose X_WT;       ///< where the simulated tool is
   Twist V_WT;      ///< of its centre of mass, in W
+  FrictionState friction;
 };
 
 /// One state per loop. No allocation, no throw.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "palpate/contact/contact_query.h"
+#include "palpate/haptics/contact_patch.h"
 
 namespace palpate {
 
@@ -13,6 +14,7 @@ struct LocalContact {
   Vec3d p_WC;                ///< the tool's centre of mass: the wrench is about it
   Wrench F_C_W;              ///< N, N m
   Stiffness stiffness;       ///< N/m, N, N m: see Stiffness, times the gain
+  ContactPatch patch;        ///< of the query that the stiffness is of
   double volume = 0;         ///< m3
   double max_stiffness = 0;  ///< N/m: largest eigenvalue of the force-translation block, 0 or more
   double surface_age = 0;    ///< s, of the depth frame that was measured, at `time`
@@ -30,6 +32,7 @@ VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume);
 /// `measure_W` and `stiffness` in m3 ... as a contact of that scale.
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
                            const Pose& X_WT, const Vec3d& centre_of_mass_T,
-                           const VolumeStiffness& scale, double time, double surface_age);
+                           const VolumeStiffness& scale, double time, double surface_age,
+                           const ContactPatch& patch = {});
 
 }  // namespace palpate

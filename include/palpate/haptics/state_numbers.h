@@ -82,8 +82,9 @@ class StateNumbers {
     }
   }
   void one(LocalContact& c) {
-    (*this)(c.time, c.X_WT, c.p_WC, c.F_C_W, c.stiffness.m, c.volume, c.max_stiffness,
-            c.surface_age, c.status.bits, c.is_valid);
+    (*this)(c.time, c.X_WT, c.p_WC, c.F_C_W, c.stiffness.m, c.patch.lever_W, c.patch.torsion_radius,
+            c.patch.share, c.patch.own_friction, c.volume, c.max_stiffness, c.surface_age,
+            c.status.bits, c.is_valid);
   }
 
   std::array<double, kMost> numbers_{};

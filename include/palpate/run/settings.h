@@ -18,6 +18,7 @@ namespace palpate {
 struct SceneObject {
   std::shared_ptr<const Tool> shape;
   Pose X_WB;
+  std::optional<double> friction = std::nullopt;  ///< its own coefficient; none: as everything
 };
 
 /// Live on a CPU, by the field: a frame is made into a surface where the tool can be until the next
@@ -86,6 +87,8 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
 /// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
 bool keeps_surfaces(const RunSettings& before, const RunSettings& after);
 bool keeps_coupling(const RunSettings& before, const RunSettings& after);
+/// Does anything that the tool may touch have friction or damping?
+bool has_friction(const RunSettings& settings);
 /// Do queries read depth-change vectors?
 bool needs_depth_change(const RunSettings& settings);
 /// Can this setting not change while the loop runs?

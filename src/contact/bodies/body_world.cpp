@@ -61,6 +61,7 @@ void BodyWorld::measure(const SurfaceView& from, const SurfaceView& to, double a
     const ContactResult result = body.cloud_query->measure(from, to, alpha, body.X_WB, body.wants);
     body.measured.cloud = result.penetration;
     body.measured.stiffness = result.stiffness;
+    body.measured.moments = result.moments;
   }
   for (Pair& pair : pairs_) {
     Body &a = at(pair.a), &b = at(pair.b);

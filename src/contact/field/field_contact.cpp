@@ -90,7 +90,9 @@ void FieldContact::ask(std::span<const DepthFieldView> fields, const Pose& X_WT,
       if (with_stiffness) stiffness.add(group_sums_[i].stiffness);
     }
     results[k].penetration = sums.penetration();
-    if (with_stiffness) results[k].stiffness = stiffness.stiffness();
+    if (!with_stiffness) continue;
+    results[k].stiffness = stiffness.stiffness();
+    results[k].moments = stiffness.moments();
   }
 }
 

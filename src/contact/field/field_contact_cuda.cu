@@ -193,9 +193,13 @@ ContactResult FieldContactCuda::ask(const FieldQuestion& question,
       {.blocks = answers.num_blocks(), .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},
       measure_elements<kNumFields, Sample>, query, answers.next());
   if (!answers.await(stream_)) return unmeasured(StepStatus::backend_failed, wants, true);
-  ContactResult result{answers.answer().penetration(), {}};
+  ContactResult result{answers.answer().penetration(), {}, {}};
   if (num_missing > 0) result.penetration.status |= StepStatus::no_surface;
-  if (kWithStiffness) result.stiffness = answers.stiffness().stiffness();
+  if (kWithStiffness) {
+    const StiffnessSums sums = answers.stiffness();
+    result.stiffness = sums.stiffness();
+    result.moments = sums.moments();
+  }
   return result;
 }
 

@@ -62,13 +62,25 @@ PALPATE_FORMULA CutBall<Real> cut_ball(Real radius, Real factor, Real phi) {
       factor * (static_cast<float>(kPi / 12) * h * h * h * (4.0f * radius - h)) + whole * deeper};
 }
 
+/// Second moment of that volume about the axis along which the ball is cut: discs of the radius rho
+/// have pi / 2 rho^4 each.
+template <class Real>
+PALPATE_FORMULA Real polar_moment(Real radius, Real factor, Real phi) {
+  Real h = radius - phi;
+  h = h < Real{} ? Real{} : h;
+  h = h > radius + radius ? radius + radius : h;
+  return factor * (static_cast<float>(kPi / 2) * h * h * h *
+                   (static_cast<float>(4.0 / 3) * radius * radius - h * (radius - 0.2f * h)));
+}
+
 /// What all elements together say about the stiffness, as sums over them. F = sum f V(phi) n with n
 /// = grad phi, so dF = sum S dc with S = f (V H - A n n^T): A is the area of the cut disc, H holds
 /// the second derivatives of phi. A motion of the tool by `shift` and a small `turn` about C moves
 /// the element at lever l by dc = shift + turn x l, and its torque l x F changes with both factors.
 struct StiffnessSums {
   // S: 6 numbers (xx, xy, xz, yy, yz, zz); L S with L w = l x w: 9, row by row; L S L: 6; l F^T: 9.
-  static constexpr int kS = 0, kLS = 6, kLSL = 15, kLF = 21, kNum = 30;
+  // And V |l x n|^2 with what a cut ball has about its own axis, for VolumeMoments.
+  static constexpr int kS = 0, kLS = 6, kLSL = 15, kLF = 21, kPolar = 30, kNum = 31;
   double numbers[kNum] = {};
 
   PALPATE_HOSTDEV void add(const StiffnessSums& other) {
@@ -93,11 +105,22 @@ struct StiffnessSums {
     }
     return k;
   }
+
+  PALPATE_HOSTDEV VolumeMoments moments() const {
+    VolumeMoments moments;
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        moments.first[row][column] = numbers[kLF + 3 * row + column];
+      }
+    }
+    moments.polar = numbers[kPolar];
+    return moments;
+  }
 };
 
-/// An element's terms; volume and disc include its factor.
+/// An element's terms; volume, disc and the polar moment of the cut ball include its factor.
 template <class Real>
-PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real disc,
+PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real disc, Real polar,
                                      const Gradient3<Real>& n, const Symmetric<Real>& h,
                                      Real (&terms)[StiffnessSums::kNum]) {
   const Real nx = disc * n.x, ny = disc * n.y, nz = disc * n.z;
@@ -120,6 +143,8 @@ PALPATE_FORMULA void stiffness_terms(const Gradient3<Real>& l, Real volume, Real
   for (int k = 0; k < 9; ++k) terms[StiffnessSums::kLS + k] = LS[k];
   for (int k = 0; k < 6; ++k) terms[StiffnessSums::kLSL + k] = LSL[k];
   for (int k = 0; k < 9; ++k) terms[StiffnessSums::kLF + k] = LF[k];
+  const Real cx = l.y * n.z - l.z * n.y, cy = l.z * n.x - l.x * n.z, cz = l.x * n.y - l.y * n.x;
+  terms[StiffnessSums::kPolar] = volume * (cx * cx + cy * cy + cz * cz) + polar;
 }
 
 }  // namespace palpate

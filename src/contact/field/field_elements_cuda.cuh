@@ -217,7 +217,8 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
     const float squared = e.radius * e.radius - g.phi * g.phi;
     const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
     float terms[StiffnessSums::kNum];
-    stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, cut.volume, disc, n,
+    stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, cut.volume, disc,
+                           polar_moment<float>(e.radius, e.factor, g.phi), n,
                            bounded(h, gradient, length), terms);
 #pragma unroll
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];

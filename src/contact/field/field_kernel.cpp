@@ -195,8 +195,9 @@ template <class Sample, int kFields>
           const VecF disc =
               factor * (static_cast<float>(kPi) * max(e.radius * e.radius - phi * phi, VecF{}));
           VecF terms[StiffnessSums::kNum];
-          stiffness_terms<VecF>({e.lx, e.ly, e.lz}, volume, disc, shortened, bounded(h, n, length),
-                                terms);
+          stiffness_terms<VecF>({e.lx, e.ly, e.lz}, volume, disc,
+                                polar_moment<VecF>(e.radius, factor, phi), shortened,
+                                bounded(h, n, length), terms);
           for (int i = 0; i < StiffnessSums::kNum; ++i) numbers[k][i].add(part, terms[i]);
         }
       });

@@ -22,7 +22,7 @@ class PointContactOf final : public ContactQuery {
     const Pose X{X_WT.translation, normalized(X_WT.rotation)};
     ContactResult older;
     if (alpha < 1) older.penetration = measurement_->measure(from.cloud, X);
-    const ContactResult newer{measurement_->measure(to.cloud, X), {}};
+    const ContactResult newer{measurement_->measure(to.cloud, X), {}, {}};
     measurement_->describe(wants);
     return alpha < 1 ? blend(older, newer, alpha) : newer;
   }

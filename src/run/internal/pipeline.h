@@ -40,12 +40,15 @@ class ContactPart {
 
  private:
   void set_contact(ContactRecord& record) const noexcept;
+  ContactPatch patch_at(const Pose& X_WT) const noexcept;
 
-  BodyWorld world_;            // the tool, then the objects
-  const ContactQuery* query_;  // the tool's, owned by the world
-  Vec3d centre_of_mass_T_;
+  BodyWorld world_;                                      // the tool, then the objects
+  const ContactQuery* query_;                            // the tool's, owned by the world
+  std::vector<std::optional<double>> object_frictions_;  // of each
+  MassProperties tool_mass_;
   VolumeStiffness scale_;
   Stiffness stiffness_;  // measured last
+  ContactPatch patch_;   // likewise, or of this measurement if there is no stiffness
 };
 
 /// What a tick cannot see by itself.

@@ -208,6 +208,12 @@ TEST(FieldContactCuda, StiffnessAndDescriptionEqualTheCpu) {
           EXPECT_NEAR(got.m[row][column], want.m[row][column], 1e-3 * largest[row / 3][column / 3]);
         }
       }
+      const VolumeMoments m = cpu.moments(), n = gpu.moments();
+      EXPECT_NEAR(n.polar, m.polar, 1e-4 * m.polar + 1e-15);
+      for (int k = 0; k < 9; ++k) {
+        const double scale = full_volume(tool, volumes) * 0.1;
+        EXPECT_NEAR(n.first[k / 3][k % 3], m.first[k / 3][k % 3], 1e-4 * scale);
+      }
       std::vector<SphereState> states(300), want_states(300);
       std::vector<Plane<float>> planes(300), want_planes(300);
       cpu.describe(want_states, want_planes);

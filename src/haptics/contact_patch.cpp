@@ -1,0 +1,98 @@
+#include "palpate/haptics/contact_patch.h"
+
+#include <algorithm>
+
+#include "src/haptics/tangents.h"
+
+namespace palpate {
+namespace {
+
+Vec3d times(const double (&a)[3][3], const Vec3d& v) {
+  return {a[0][0] * v.x + a[0][1] * v.y + a[0][2] * v.z,
+          a[1][0] * v.x + a[1][1] * v.y + a[1][2] * v.z,
+          a[2][0] * v.x + a[2][1] * v.y + a[2][2] * v.z};
+}
+
+/// Mean distance from the middle of an even ellipse with these variances along its axes: the
+/// circumference over 3 pi (Ramanujan's, 4e-3 off at most, exact for a circle).
+double mean_distance(double variance, double other) {
+  const double a = 2 * std::sqrt(variance), b = 2 * std::sqrt(other);
+  return a + b - std::sqrt((3 * a + b) * (a + 3 * b)) / 3;
+}
+
+/// How much of the spread of the cut area lies along its long axis, 1/2 to 1.
+///
+/// With S = -A n n^T, a stiffness about C has in its torques A (l x n)(l x n)^T + (l.F) 1 - l F^T.
+/// The moments say the rest, so what is left are the second moments of the area, turned by 90
+/// degrees; about its own middle after what A (l x n) of all of it has is taken off.
+double elongation(const Vec3d& n, const Stiffness& k, const VolumeMoments& moments) {
+  const Vec3d t[2] = {first_tangent(n), cross(n, first_tangent(n))};
+  double force[3][3], turning[3][3], torque[3][3];
+  const auto& first = moments.first;
+  const double virial = first[0][0] + first[1][1] + first[2][2];
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      force[i][j] = k.m[i][j];
+      turning[i][j] = k.m[i + 3][j];
+      torque[i][j] = k.m[i + 3][j + 3] + first[i][j] - (i == j ? virial : 0);
+    }
+  }
+  const double area = dot(n, times(force, n));
+  if (!(area > 0)) return 0.5;
+  const Vec3d middle = times(turning, n);
+  const auto spread = [&](int i, int j) {
+    return dot(t[i], times(torque, t[j])) - dot(t[i], middle) * dot(t[j], middle) / area;
+  };
+  const double sum = spread(0, 0) + spread(1, 1);
+  const double difference = std::hypot(spread(0, 0) - spread(1, 1), spread(0, 1) + spread(1, 0));
+  return sum > 0 && std::isfinite(difference) ? 0.5 + 0.5 * std::min(difference / sum, 1.0) : 0.5;
+}
+
+}  // namespace
+
+ContactPatch contact_patch(const VolumeWrench& measure_W, double volume, const Stiffness& stiffness,
+                           const VolumeMoments& moments) {
+  ContactPatch patch;
+  const double force = norm(measure_W.force);
+  if (!(force > 0 && volume > 0)) return patch;
+  const Vec3d n = measure_W.force / force;
+  patch.lever_W = times(moments.first, n) / force;
+  const Vec3d off = cross(patch.lever_W, n);
+  const double variance = std::max(moments.polar / volume - dot(off, off), 0.0);
+  const double along = elongation(n, stiffness, moments);
+  patch.torsion_radius = mean_distance(along * variance, (1 - along) * variance);
+  return patch;
+}
+
+ContactPatch guessed_patch(const VolumeWrench& measure_W, double volume, const MassProperties& tool,
+                           const Quaternion& q_WT) {
+  ContactPatch patch;
+  const double force = norm(measure_W.force);
+  if (!(force > 0 && volume > 0 && tool.volume > 0)) return patch;
+  const Vec3d n = measure_W.force / force, n_T = rotate(conjugate(q_WT), n);
+  // An ellipsoid with this inertia reaches sqrt(5) standard deviations far along n.
+  const Mat3d& i = tool.inertia;
+  const double half = (i.m[0][0] + i.m[1][1] + i.m[2][2]) / 2;
+  const double reach = std::sqrt(std::max(5 * (half - dot(n_T, i * n_T)) / tool.volume, 0.0));
+  const double widest = std::sqrt(5 * half / tool.volume);
+  Vec3d aside = cross(n, measure_W.torque) / force;
+  const double length = norm(aside);
+  if (length > widest) aside = aside * (widest / length);
+  patch.lever_W = aside - n * reach;
+  // A cap is cut at an area of about 6 V^(2/3), see HeldContact; two thirds of that disc's radius.
+  patch.torsion_radius = 0.92 * std::cbrt(volume);
+  return patch;
+}
+
+ContactPatch joined(const ContactPatch& a, double force_a, const ContactPatch& b, double force_b) {
+  const double sum = force_a + force_b;
+  if (!(sum > 0)) return a;
+  const double s = force_a / sum, t = force_b / sum;
+  const Vec3d apart = b.lever_W - a.lever_W;
+  const double inner =
+      s * a.torsion_radius * a.torsion_radius + t * b.torsion_radius * b.torsion_radius;
+  return {s * a.lever_W + t * b.lever_W, std::sqrt(inner + s * t * dot(apart, apart)),
+          s * a.share + t * b.share, s * a.own_friction + t * b.own_friction};
+}
+
+}  // namespace palpate

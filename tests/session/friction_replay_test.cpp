@@ -1,0 +1,95 @@
+// Runs with friction and texture, recorded and repeated to the bit.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "palpate/session/run.h"
+#include "src/io/internal/atomic_file.h"
+#include "src/session/internal/run_folder.h"
+#include "tests/session/path_run.h"
+#include "tests/session/synthetic_stream.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using test::SyntheticStream;
+
+/// Presses and slides to and fro.
+Pose sliding_pose(double time) {
+  return {{0.02 * std::sin(9 * time), 0.005, 0.44 + 0.06 * std::min(1.0, 8 * time)},
+          axis_angle({0, 0, 1}, 0.4 * std::sin(5 * time))};
+}
+
+class FrictionRun : public ::testing::Test {
+ protected:
+  FrictionRun() {
+    settings_.coupling.friction.coefficient = 0.4;
+    settings_.coupling.friction.static_ratio = 1.2;
+    settings_.coupling.texture.kind = TextureKind::grain;
+  }
+  Result<RunOutcome> record(const fs::path& name) {
+    SyntheticStream stream(8);
+    auto device = test::path_device(sliding_pose, settings_.contact_rate);
+    return record_run(tool_, stream, **device, settings_, name);
+  }
+  void expect_repeats() {
+    const auto replay = replay_run(run());
+    ASSERT_TRUE(replay) << replay.error().message;
+    EXPECT_EQ(replay->difference, "");
+    EXPECT_EQ(replay->note, "");
+    EXPECT_GT(replay->num_ticks, 200u);
+  }
+  fs::path run() const { return folder_.path() / "run"; }
+
+  test::TemporaryFolder folder_;
+  Tool tool_ = test::small_tool();
+  RunSettings settings_ = test::path_settings();
+};
+
+TEST_F(FrictionRun, RepeatsToTheBitByEveryCoupling) {
+  for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling,
+                                  CouplingKind::direct, CouplingKind::proxy}) {
+    settings_.coupling.kind = kind;
+    ASSERT_TRUE(record(run()));
+    expect_repeats();
+    const auto summary = nlohmann::json::parse(read_file(run() / "summary.json").value());
+    EXPECT_EQ(summary.at("settings").at("friction").at("coefficient"), 0.4);
+    EXPECT_EQ(summary.at("settings").at("texture").at("kind"), "grain");
+  }
+}
+
+TEST_F(FrictionRun, RepeatsToTheBitByMethodsWithoutStiffness) {
+  settings_.contact.method = MethodKind::weighted;
+  settings_.coupling.kind = CouplingKind::virtual_coupling;
+  ASSERT_TRUE(record(run()));
+  expect_repeats();
+}
+
+TEST_F(FrictionRun, ObjectsKeepTheirOwn) {
+  const auto shape = std::make_shared<const Tool>(test::random_tool(150, 0.04, 9));
+  settings_.coupling.friction.coefficient = 0;
+  settings_.objects = {{shape, {{0.05, 0, 0.47}, {}}, 0.6}, {shape, {{-0.05, 0, 0.47}, {}}}};
+  ASSERT_TRUE(record(run()));
+  expect_repeats();
+  const auto summary = nlohmann::json::parse(read_file(run() / "summary.json").value());
+  EXPECT_EQ(summary.at("objects").at(0).at("friction"), 0.6);
+  EXPECT_FALSE(summary.at("objects").at(1).contains("friction"));
+  settings_.objects[1].friction = -1;
+  EXPECT_FALSE(record(folder_.path() / "other"));
+}
+
+// The same hand and frames with another friction.
+TEST_F(FrictionRun, IsTriedWithOtherFriction) {
+  ASSERT_TRUE(record(run()));
+  const auto again =
+      retry_run(run(), folder_.path() / "again", [](RunSettings& settings) -> Status {
+        settings.coupling.friction.coefficient = 0;
+        return Done{};
+      });
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_GT(again->forces.max, 0.1);
+}
+
+}  // namespace
+}  // namespace palpate
