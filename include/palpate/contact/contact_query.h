@@ -239,7 +239,7 @@ struct ContactWants {
 struct ContactResult {
   Penetration penetration;
   std::optional<Stiffness> stiffness;  ///< if it was wanted and the method has one
-  VolumeMoments moments;               ///< with the stiffness; else zero
+  VolumeMoments moments = {};          ///< with the stiffness; else zero
 };
 
 /// Measures one tool by one method. All memory is allocated at construction. One thread at a time.
@@ -280,10 +280,8 @@ class ContactQuery {
 
 struct ExecutionOptions {
   Isa isa = best_isa();
-  /// Threads used inside one query; null runs on the caller's thread alone.
-  ThreadPool* pool = nullptr;
-  /// Which GPU, for the CUDA backend.
-  int gpu = 0;
+  ThreadPool* pool = nullptr;  ///< used inside one query; null: the caller's thread alone
+  int gpu = 0;                 ///< which one, for the CUDA backend
 };
 
 /// Errors: the backend is not in this build or on this machine.
