@@ -17,7 +17,7 @@ void* Memory::take_bytes(std::size_t num_bytes, bool pinned) {
 }
 
 void Memory::upload(void* to, const void* from, std::size_t num_bytes) {
-  std::memcpy(to, from, num_bytes);
+  if (num_bytes > 0) std::memcpy(to, from, num_bytes);
 }
 
 void Memory::release() {

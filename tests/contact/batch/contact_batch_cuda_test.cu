@@ -272,7 +272,7 @@ TEST(ContactBatchCuda, SurfacesAtEqualDistancesAreThoseOfATable) {
   constexpr std::ptrdiff_t kBorder = DepthFieldLevel::kBorder;
   const std::ptrdiff_t before = kBorder * (finest.stride + 1);
   const std::ptrdiff_t num = before + (widest.near_silhouette - finest.near_silhouette) +
-                             (widest.height + kBorder) * finest.stride;
+                             (widest.height + kBorder) * finest.stride - kBorder;
   const std::ptrdiff_t num_tiles =
       scenes[0].field.view().tiles_wide * scenes[0].field.view().tiles_high;
   const auto size = static_cast<std::size_t>(num);
