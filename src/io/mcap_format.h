@@ -46,11 +46,16 @@ class Bytes {
   Bytes& text(std::string_view value) {
     return number(static_cast<std::uint32_t>(value.size())).raw(value);
   }
+  /// All of it, or, where memory ends, nothing.
   Bytes& record(Op op, std::string_view contents) {
+    make_room(9 + contents.size());
     return number(static_cast<std::uint8_t>(op))
         .number(static_cast<std::uint64_t>(contents.size()))
         .raw(contents);
   }
+
+  /// What is added next, up to so many bytes, needs no memory.
+  void make_room(std::size_t num_bytes) { text_.reserve(text_.size() + num_bytes); }
 
   const std::string& str() const { return text_; }
   std::size_t size() const { return text_.size(); }

@@ -193,10 +193,14 @@ Status McapWriter::write(std::uint16_t channel, std::uint64_t time, std::string_
   d.chunk_end = std::max(d.chunk_end, time);
   d.first_time = std::min(d.first_time, time);
   d.last_time = std::max(d.last_time, time);
-  d.chunk_index[channel].number(time).number(static_cast<std::uint64_t>(d.chunk.size()));
-  Bytes contents;
-  contents.number(channel).number(d.sequence[channel]++).number(time).number(time).raw(message);
+  // Where memory ends, neither the record nor its place in the index is half there.
+  const std::size_t begin = d.chunk.size();
+  Bytes contents, &index = d.chunk_index[channel];
+  contents.number(channel).number(d.sequence[channel]).number(time).number(time).raw(message);
+  index.make_room(16);
   d.chunk.record(Op::message, contents.str());
+  index.number(time).number(static_cast<std::uint64_t>(begin));
+  ++d.sequence[channel];
   ++d.num_messages[channel];
   const std::chrono::duration<double> age = now - d.chunk_began;
   if (d.chunk.size() < d.options.chunk_bytes && age.count() < d.options.chunk_seconds) {
