@@ -174,7 +174,13 @@ Result<std::optional<McapMessage>> McapReader::next() {
       d.is_over = true;
       return d.damaged("a record is longer than its chunk");
     }
-    if (const auto message = d.take(op, contents)) return message;
+    const auto message = d.take(op, contents);
+    if (!message) continue;
+    if (!d.channels.contains(message->channel)) {
+      d.is_over = true;
+      return d.damaged("a message is of a channel that was not told before");
+    }
+    return message;
   }
   return std::optional<McapMessage>();
 }

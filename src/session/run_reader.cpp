@@ -75,6 +75,8 @@ Status RunReader::seek(std::uint64_t chunk_place) {
   const auto part = static_cast<std::size_t>(chunk_place >> kPlaceBits);
   if (part != part_) {
     if (const Status opened = open_part(part); !opened) return opened;
+    // What the part calls its channels stands before its first message.
+    if (const auto first = reader_.next(); !first) return first.error();
   }
   reader_.seek(chunk_place & ((std::uint64_t{1} << kPlaceBits) - 1));
   return Done{};

@@ -205,6 +205,9 @@ class Faults(unittest.TestCase):
         process = subprocess.Popen([PALPATE, "view", str(folder), "--port", "0"], text=True,
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         opened = process.stdout.readline()
+        if not opened:  # it has ended: with what status, and what it said
+            told = process.communicate()[1]
+            self.fail(f"{process.args} ended with {process.returncode} and said '{told}'")
         process.kill()
         self.assertIn("open http://", opened, process.communicate()[1])
 

@@ -170,6 +170,19 @@ TEST_F(McapFile, DamageIsFoundAndSaid) {
   EXPECT_GT(num_found, 20);
 }
 
+TEST_F(McapFile, AMessageOfAChannelThatNobodyToldIsDamage) {
+  write_some();
+  auto all = std::move(McapReader::open(path_)).value();
+  std::uint64_t last = 0;
+  for (auto message = all.next(); *message; message = all.next()) last = all.chunk_place();
+  auto late = std::move(McapReader::open(path_)).value();
+  late.seek(last);
+  const auto message = late.next();
+  ASSERT_FALSE(message);
+  EXPECT_NE(message.error().message.find("channel"), std::string::npos) << message.error().message;
+  EXPECT_FALSE(*late.next());
+}
+
 TEST_F(McapFile, SaysWhatCannotBeOpened) {
   EXPECT_FALSE(McapReader::open("/nowhere/x.mcap"));
   replace("no such thing");

@@ -284,6 +284,28 @@ TEST(RunView, ASeekShowsWhatTheRunFeltWithAnAverage) {
 }
 
 /// Blends between frames: what the states do not show.
+TEST(RunView, ASeekGoesIntoAnyPartOfARecording) {
+  const TemporaryFolder folder;
+  SyntheticStream stream(120);
+  auto device = test::path_device(pressing_pose, kRate);
+  RunOptions options;
+  options.recording.split_bytes = 1;  // another part every second
+  ASSERT_TRUE(
+      record_run(small_tool(), stream, **device, path_settings(), folder.path() / "run", options));
+  ASSERT_GT(recording_parts(folder.path() / "run").size(), 2u);
+  auto run = open_recorded_run(folder.path() / "run");
+  ASSERT_TRUE(run) << run.error().message;
+  const double end = (*run)->duration();
+  for (const double time : {end, 0.1, end / 2, 0.3}) {
+    const auto query = (*run)->query_at(time);
+    ASSERT_TRUE(query) << query.error().message;
+    EXPECT_NEAR(query->time, time, 1 / kRate);
+    const auto frame = (*run)->read_frame(query->frame);
+    ASSERT_TRUE(frame) << frame.error().message;
+    EXPECT_EQ(frame->shown.number, (*run)->frame_number(query->frame));
+  }
+}
+
 TEST(Repetition, GivesTheSameBitsFromAnywhere) {
   const TemporaryFolder folder;
   const RunSettings settings = path_settings(TimeMode::predict);
