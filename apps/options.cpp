@@ -117,6 +117,20 @@ void add_set_option(CLI::App& app, const SettingTable& table) {
       ->type_name("KEY=VALUE");
 }
 
+std::vector<std::string> given_settings(const CLI::App& app,
+                                        std::initializer_list<std::span<const SettingOption>> all) {
+  std::vector<std::string> keys;
+  for (const auto options : all) {
+    for (const auto& [flag, key] : options) {
+      if (app.count(flag) > 0) keys.emplace_back(key);
+    }
+  }
+  for (const std::string& word : app["--set"]->results()) {
+    keys.push_back(word.substr(0, word.find('=')));
+  }
+  return keys;
+}
+
 void add_seed_option(CLI::App& app, std::uint64_t& seed, const std::string& help) {
   const auto take = [&seed](const std::string& text) {
     const auto number = parse_number<std::uint64_t>(text);
@@ -178,6 +192,19 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
       ->expected(4)
       ->type_name("fx,fy,cx,cy");
   add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "of a count of the depth images");
+}
+
+void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor) {
+  add_word(app, "--sensor", sensor,
+           "kind of depth camera, which chooses settings of surfaces that nobody gives; auto: as "
+           "the camera says");
+}
+
+void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface) {
+  if (sensor == SensorKind::none) return;
+  copy_settings(settings_of(surface_options_for(sensor)), settings_of(surface), given);
+  std::cerr << "palpate: note: surfaces are made as for a camera of the kind " << name_of(sensor)
+            << "; --sensor none is without\n";
 }
 
 void add_prefix_option(CLI::App& app, int& num_spheres) {

@@ -4,9 +4,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "palpate/run/settings.h"
 
@@ -38,8 +40,8 @@ CLI::Option* add_number(CLI::App& app, const std::string& flag, Number& value,
   table.add(flag, value, range, help);
   return add_setting(app, flag, *table.begin());
 }
-template <NamedEnum Enum>
-CLI::Option* add_word(CLI::App& app, const std::string& flag, Enum& value,
+template <class Word>
+CLI::Option* add_word(CLI::App& app, const std::string& flag, Word& value,
                       const std::string& help) {
   SettingTable table;
   table.add(flag, value, help);
@@ -47,6 +49,9 @@ CLI::Option* add_word(CLI::App& app, const std::string& flag, Enum& value,
 }
 /// --set KEY=VALUE for any setting of the table, as a settings file names it.
 void add_set_option(CLI::App& app, const SettingTable& table);
+/// The keys of settings that the command line gives, by options of their own or by --set.
+std::vector<std::string> given_settings(const CLI::App& app,
+                                        std::initializer_list<std::span<const SettingOption>> all);
 /// A whole number below 2^64.
 void add_seed_option(CLI::App& app, std::uint64_t& seed, const std::string& help);
 
@@ -96,6 +101,11 @@ struct CameraOptions {
   double unit = 0.001;
 };
 void add_camera_options(CLI::App& app, CameraOptions& options);
+
+/// --sensor: the kind of depth camera; none: as the camera says.
+void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);
+/// Gives surfaces what this kind of camera asks for, but for the settings `given`, and says so.
+void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface);
 
 /// --spheres: how many spheres of a tool file to use; 0: all.
 void add_prefix_option(CLI::App& app, int& num_spheres);

@@ -54,9 +54,12 @@ void add_source_options(CLI::App& app, SourceOptions& options) {
   app.add_flag_callback(
       "--no-noise", [&options] { options.noise = false; }, "a perfect simulated camera");
   add_seed_option(app, options.seed, "of the simulated noise");
+  add_sensor_option(app, options.sensor);
 }
 
-CameraUri camera_of(const SourceOptions& options, const std::string& verb) {
+namespace {
+
+CameraUri named_camera(const SourceOptions& options, const std::string& verb) {
   const auto refuse = [&](const std::string& why) { usage_error(verb + ": " + why); };
   const int num_sources = int(!options.depth_sequence.empty()) + int(!options.scene.empty()) +
                           int(!options.cameras.empty());
@@ -81,6 +84,14 @@ CameraUri camera_of(const SourceOptions& options, const std::string& verb) {
   const auto uri = parse_camera_uri(options.cameras.front());
   if (!uri) usage_error("--" + uri.error().message);
   return *uri;
+}
+
+}  // namespace
+
+CameraUri camera_of(const SourceOptions& options, const std::string& verb) {
+  CameraUri uri = named_camera(options, verb);
+  if (options.sensor) uri.sensor = options.sensor;
+  return uri;
 }
 
 }  // namespace palpate::apps

@@ -17,6 +17,7 @@ struct SourceOptions {
   double rate = 30;      ///< of the sequence, Hz
   bool noise = true;     ///< of the scene
   std::uint64_t seed = 1;
+  std::optional<SensorKind> sensor;
 };
 void add_source_options(CLI::App& app, SourceOptions& options);
 

@@ -1,10 +1,12 @@
 // What palpate touch is asked for, and what it opens.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "apps/objects.h"
@@ -36,8 +38,8 @@ struct TouchOptions {
   std::string tool, path, output;
   CameraUri camera;  ///< without a kind: the one that is there
   RunSettings settings;
-  bool has_kind = false, has_base = false, has_tool_in_hand = false;  ///< somebody gave them
-  Status settings_read = Done{};                                      ///< of --settings
+  std::vector<std::string> given;  ///< keys of settings that somebody gave
+  Status settings_read = Done{};   ///< of --settings
   std::vector<ObjectOption> objects;
   std::optional<double> duration;
   ProbeAim aim;  ///< of a path that is not given
@@ -51,6 +53,7 @@ struct TouchOptions {
   bool has_page = false;
   ViewServerOptions page;
 
+  bool is_given(std::string_view key) const { return std::ranges::find(given, key) != given.end(); }
   bool is_replay() const { return device.starts_with("replay:"); }
   bool is_simulated_hand() const { return device == "sim" || device.starts_with("sim:"); }
 };

@@ -171,7 +171,9 @@ Status find_what_is_there(TouchOptions& options) {
   if (options.camera.kind.empty()) {
     const auto camera = the_camera_that_is_there();
     if (!camera) return camera.error();
+    const auto sensor = options.camera.sensor;
     options.camera = *camera;
+    if (sensor) options.camera.sensor = sensor;
     std::cerr << "palpate: note: taking the camera " << camera->text << "\n";
   }
   if (options.device == "auto") {

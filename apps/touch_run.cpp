@@ -32,7 +32,9 @@ const Quaternion kDeviceInCamera{1, 0, 0, 0};
 void place(const TouchOptions& options, const std::vector<TimedPose>& path,
            CouplingOptions& coupling) {
   const bool has_hand = !options.device.empty() && !options.is_replay();
-  if (!has_hand || path.empty() || options.has_base || options.has_tool_in_hand) return;
+  const bool is_placed =
+      options.is_given("coupling.base_in_scene") || options.is_given("coupling.tool_in_hand");
+  if (!has_hand || path.empty() || is_placed) return;
   const Pose& X_WT = path.front().X_WT;
   coupling.X_WB = {X_WT.translation, kDeviceInCamera};
   coupling.X_HT.rotation = normalized(conjugate(kDeviceInCamera) * X_WT.rotation);
@@ -182,9 +184,10 @@ Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& out
 Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const bool is_live = !options.device.empty();
   RunSettings settings = options.settings;
-  if (!options.has_kind) {
+  if (!options.is_given("coupling.kind")) {
     settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
   }
+  use_sensor(input.source->info().sensor, options.given, settings.surface);
   place(options, input.path, settings.coupling);
 
   RunOptions run;

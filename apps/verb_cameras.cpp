@@ -58,8 +58,9 @@ Status try_camera(const std::string& uri, double seconds) {
   if (!source) return source.error();
   const DepthStreamInfo& info = (*source)->info();
   const auto& [fx, fy, cx, cy] = info.intrinsics;
-  std::printf("%s: %d x %d at %g Hz, intrinsics %.6g,%.6g,%.6g,%.6g, %g m per count\n", uri.c_str(),
-              info.width, info.height, info.rate, fx, fy, cx, cy, info.unit);
+  std::printf("%s: %d x %d at %g Hz, intrinsics %.6g,%.6g,%.6g,%.6g, %g m per count, sensor %s\n",
+              uri.c_str(), info.width, info.height, info.rate, fx, fy, cx, cy, info.unit,
+              name_of(info.sensor).c_str());
   DepthFrame frame;
   int num_frames = 0;
   double first = 0, last = 0;

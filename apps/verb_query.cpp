@@ -27,7 +27,9 @@ namespace {
 struct Options {
   std::string tool, cloud, depth, stream, pose, poses;
   CameraOptions camera;
+  std::optional<SensorKind> sensor;  ///< none: as the camera says
   RunSettings settings;
+  std::vector<std::string> given;  ///< keys of settings
   std::vector<ObjectOption> objects;
   CapsOptions caps;
   int num_spheres = 0;  ///< of the tool file; 0: all
@@ -65,7 +67,8 @@ Result<DepthFrame> read_image(const Options& options) {
              : load_depth_png(options.depth, options.camera.unit);
 }
 
-Result<DepthFrame> first_frame(const std::string& stream, Intrinsics& intrinsics) {
+Result<DepthFrame> first_frame(const std::string& stream, Intrinsics& intrinsics,
+                               SensorKind& sensor) {
   const auto source = open_camera(stream);
   if (!source) return source.error();
   DepthFrame frame;
@@ -74,6 +77,7 @@ Result<DepthFrame> first_frame(const std::string& stream, Intrinsics& intrinsics
   if (!got) return got.error();
   if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
   intrinsics = (*source)->info().intrinsics;
+  sensor = (*source)->info().sensor;
   return frame;
 }
 
@@ -93,11 +97,13 @@ Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
     return result;
   }
   Intrinsics intrinsics = options.camera.intrinsics.value_or(Intrinsics{});
-  const auto frame =
-      options.stream.empty() ? read_image(options) : first_frame(options.stream, intrinsics);
+  SensorKind sensor = SensorKind::none;
+  const auto frame = options.stream.empty() ? read_image(options)
+                                            : first_frame(options.stream, intrinsics, sensor);
   if (!frame) return frame.error();
-  auto surface =
-      SurfaceEstimator::create(frame->width, frame->height, intrinsics, options.settings.surface);
+  SurfaceOptions made = options.settings.surface;
+  use_sensor(options.sensor.value_or(sensor), options.given, made);
+  auto surface = SurfaceEstimator::create(frame->width, frame->height, intrinsics, made);
   if (!surface) return surface.error();
   const SurfaceStats stats = surface->update(*frame, pool);
   result.num_usable = static_cast<std::size_t>(stats.num_points);
@@ -313,6 +319,7 @@ void add_query(CLI::App& program, Action& action) {
   app.add_option("--camera", options->stream,
                  "the first frame of a depth stream, as palpate touch takes it")
       ->type_name("URI");
+  add_sensor_option(app, options->sensor);
   app.add_option("--pose", options->pose, "tool in the camera frame")
       ->type_name("'tx ty tz qx qy qz qw'");
   app.add_option("--poses", options->poses, "many poses: lines 't tx ty tz qx qy qz qw'")
@@ -332,7 +339,8 @@ void add_query(CLI::App& program, Action& action) {
   app.footer(
       "Example: palpate query drill.palp --depth frame.png --intrinsics 525,525,319.5,239.5 "
       "--pose '0 0 0.8 0 0 0 1' --method graph");
-  app.callback([options, &action] {
+  app.callback([options, &app, &action] {
+    options->given = given_settings(app, {kSurfaceOptions});
     check(*options);
     action = [options] { return run(*options); };
   });

@@ -29,7 +29,7 @@ void add_all_settings(CLI::App& app, RunSettings& settings) {
   app.add_option_function<std::string>(
          "--settings",
          [&settings](const std::string& path) {
-           const Status read = read_settings_file(path, settings_of(settings));
+           const auto read = read_settings_file(path, settings_of(settings));
            if (!read) throw CLI::ValidationError(read.error().message);
          },
          "settings as of palpate touch; other options win over it")

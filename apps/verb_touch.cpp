@@ -40,21 +40,10 @@ Status check_inputs(const Options& options) {
   return Done{};
 }
 
-/// What the file says is what does not depend on the defaults.
 Status read_settings(const std::string& path, Options& options) {
-  RunSettings other = options.settings;
-  other.coupling.kind = options.settings.coupling.kind == CouplingKind::none
-                            ? CouplingKind::virtual_coupling
-                            : CouplingKind::none;
-  other.coupling.X_WB.translation.x += 1;
-  other.coupling.X_HT.translation.x += 1;
-  const auto read = load_settings(path, options.settings);
-  const auto again = load_settings(path, other);
-  if (!read || !again) return read ? again.error() : read.error();
-  options.has_kind = options.has_kind || read->coupling.kind == again->coupling.kind;
-  options.has_base = read->coupling.X_WB == again->coupling.X_WB;
-  options.has_tool_in_hand = read->coupling.X_HT == again->coupling.X_HT;
-  options.settings = *read;
+  const auto read = read_settings_file(path, settings_of(options.settings));
+  if (!read) return read.error();
+  options.given.insert(options.given.end(), read->begin(), read->end());
   return Done{};
 }
 
@@ -184,18 +173,6 @@ void check_view(const CLI::App& app, const Options& options) {
   }
 }
 
-/// What somebody has said, so that no default takes its place.
-void note_given(const CLI::App& app, Options& options) {
-  const auto is_set = [&](const std::string& key) {
-    const auto words = app["--set"]->results();
-    return std::any_of(words.begin(), words.end(),
-                       [&](const std::string& word) { return word.starts_with(key + "="); });
-  };
-  options.has_kind = options.has_kind || app.count("--coupling") > 0 || is_set("coupling.kind");
-  options.has_base = options.has_base || is_set("coupling.base_in_scene");
-  options.has_tool_in_hand = options.has_tool_in_hand || is_set("coupling.tool_in_hand");
-}
-
 /// What goes with a device and what with a path.
 void check_motion(const CLI::App& app, const Options& options) {
   if ((!options.path.empty() || options.is_replay()) && is_aimed(options.aim)) {
@@ -303,7 +280,9 @@ void add_touch(CLI::App& program, Action& action) {
   app.callback([options, source, &app, &action] {
     options->camera = camera_of(*source, "touch");
     if (app.count("--device") > 0 && options->device.empty()) options->device = "auto";
-    note_given(app, *options);
+    for (std::string& key : given_settings(app, {kSurfaceOptions, kHandOptions})) {
+      options->given.push_back(std::move(key));
+    }
     check_motion(app, *options);
     check_view(app, *options);
     check(*options);

@@ -216,13 +216,6 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, nb::handle camera, nb
   if (duration && !(*duration > 0)) throw nb::value_error("duration: has to be more than 0 s");
   touch.duration = duration.value_or(touch.duration);
   const bool is_live = !device.is_none();
-  request.settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
-  SettingTable table = settings_of(request.settings);
-  if (settings_file) check(read_settings_file(*settings_file, table));
-  apply(settings, table);
-  const CouplingOptions& coupling = request.settings.coupling;
-  touch.was_placed = !(coupling.X_WB == Pose{}) || !(coupling.X_HT == Pose{});
-
   touch.path = path_of(path);
   PyPushedCamera* pushed = nullptr;
   const bool is_pushed = nb::try_cast<PyPushedCamera*>(camera, pushed, false) && pushed != nullptr;
@@ -237,6 +230,13 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, nb::handle camera, nb
     if (is_live && !source->info().is_live) source = taken(read_ahead(std::move(source)));
     request.source = std::move(source);
   }
+  request.settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
+  request.settings.surface = surface_options_for(request.source->info().sensor);
+  SettingTable table = settings_of(request.settings);
+  if (settings_file) taken(read_settings_file(*settings_file, table));
+  apply(settings, table);
+  const CouplingOptions& coupling = request.settings.coupling;
+  touch.was_placed = !(coupling.X_WB == Pose{}) || !(coupling.X_HT == Pose{});
   if (is_live) {
     touch.take_device(device);
   } else if (touch.path.empty()) {

@@ -4,6 +4,7 @@
 #include <map>
 #include <utility>
 
+#include "palpate/core/names.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
 #include "src/cameras/raw_frames.h"
@@ -21,6 +22,7 @@ constexpr double kFloatUnit = 0.00025;
 constexpr std::string_view kImage = "sensor_msgs/msg/Image";
 constexpr std::string_view kCompressed = "sensor_msgs/msg/CompressedImage";
 constexpr std::string_view kCameraInfo = "sensor_msgs/msg/CameraInfo";
+constexpr std::string_view kText = "std_msgs/msg/String";
 constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
 
 /// "/camera/depth" of "/camera/depth/image_rect_raw".
@@ -39,6 +41,7 @@ struct Contents {
   std::map<std::string, Topic> images;
   std::map<std::string, RosCameraModel> cameras;
   std::optional<double> unit;
+  std::map<std::string, SensorKind> sensors;
 };
 
 Result<DepthFrame> read_frame(const std::string& schema, const McapMessage& message, double unit) {
@@ -59,6 +62,10 @@ Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
       CdrReader from((*message)->data);
       const double unit = from.number<double>();
       if (from.is_good() && unit > 0 && std::isfinite(unit)) contents.unit = unit;
+    } else if (channel.schema_name == kText && channel.topic.ends_with("/sensor")) {
+      CdrReader from((*message)->data);
+      const auto sensor = value_named<SensorKind>(from.text());
+      if (from.is_good() && sensor) contents.sensors[channel.topic] = *sensor;
     } else if (channel.schema_name == kCameraInfo && !contents.cameras.contains(channel.topic)) {
       const auto camera = read_camera_model((*message)->data);
       if (camera) contents.cameras[channel.topic] = *camera;
@@ -207,6 +214,9 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   }
   info.rate = uri.rate.value_or(info.rate);
   info.name = "bag:" + uri.target;
+  for (const auto& [name, sensor] : contents->sensors) {
+    if (parent(name) == parent(*topic)) info.sensor = sensor;
+  }
   if (const auto* camera = find_camera(*contents, *topic)) set_camera(*camera, *topic, info);
   auto again = McapReader::open(*file);
   if (!again) return again.error();

@@ -19,11 +19,13 @@ constexpr double kRetryPeriod = 0.5;                   // s
 constexpr std::chrono::seconds kLongestVendorCall{2};  // at the end
 
 /// What comes out: the first image's size and intrinsics, without distortion.
-DepthStreamInfo pinhole_info(const DepthStreamInfo& stream, const CameraTruth& truth) {
+DepthStreamInfo pinhole_info(const DepthStreamInfo& stream, const CameraTruth& truth,
+                             const CameraUri& uri) {
   DepthStreamInfo info = stream;
   info.intrinsics = truth.model_of(stream, stream.width, stream.height).intrinsics;
   info.distortion = {};
   if (truth.unit) info.unit = *truth.unit;
+  info.sensor = uri.sensor.value_or(stream.sensor);
   return info;
 }
 
@@ -203,7 +205,7 @@ Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource>
                                                     const CameraUri& uri) {
   const auto truth = truth_of(uri, raw->info());
   if (!truth) return truth.error();
-  DepthStreamInfo info = pinhole_info(raw->info(), *truth);
+  DepthStreamInfo info = pinhole_info(raw->info(), *truth, uri);
   return std::unique_ptr<DepthSource>(
       std::make_unique<RectifiedSource>(std::move(raw), *truth, std::move(info)));
 }
@@ -211,7 +213,7 @@ Result<std::unique_ptr<DepthSource>> make_rectified(std::unique_ptr<DepthSource>
 Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, const CameraUri& uri) {
   const auto truth = truth_of(uri, raw.source->info());
   if (!truth) return truth.error();
-  DepthStreamInfo info = pinhole_info(raw.source->info(), *truth);
+  DepthStreamInfo info = pinhole_info(raw.source->info(), *truth, uri);
   info.is_live = true;
   info.num_frames = {};
   const FrameIntake::Options options{pinhole_of(info), info.rate, raw.stamps, uri.latency,

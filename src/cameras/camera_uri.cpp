@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
+#include "palpate/core/names.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate {
@@ -47,6 +48,7 @@ class Parameters {
     if (name == "rate") return set_positive(uri_.rate, 0.01, 10000, "frames per second");
     if (name == "latency") return set_latency();
     if (name == "pose") return set_pose();
+    if (name == "sensor") return set_sensor();
     uri_.extras[std::string(name)] = value;
     return Done{};
   }
@@ -106,6 +108,12 @@ class Parameters {
                                         "leave 'pose' out, or give 0,0,0,0,0,0,1"};
   }
 
+  Status set_sensor() {
+    uri_.sensor = value_named<SensorKind>(value_);
+    return uri_.sensor ? Status(Done{})
+                       : bad("one of none, structured_light, active_stereo and tof");
+  }
+
   CameraUri& uri_;
   std::string_view name_, value_;
   std::vector<double> numbers_;
@@ -138,7 +146,7 @@ Result<CameraUri> parse_camera_uri(std::string_view text) {
 Status CameraUri::check_extras(std::string_view known_name, std::string_view other_name) const {
   for (const auto& [name, value] : extras) {
     if (name == known_name || name == other_name) continue;
-    std::string known = "intrinsics, distortion, size, unit, rate, latency, pose";
+    std::string known = "intrinsics, distortion, size, unit, rate, latency, pose, sensor";
     for (const std::string_view more : {known_name, other_name}) {
       if (!more.empty()) known += ", " + std::string(more);
     }

@@ -156,6 +156,7 @@ class K4aSource final : public DepthSource {
     info_.name = uri.target.empty() ? "k4a" : "k4a:" + uri.target;
     info_.rate = uri.rate.value_or(30);
     info_.is_live = !is_file_;
+    info_.sensor = SensorKind::tof;
     Calibration calibration{};
     if (!is_file_) {
       const DeviceConfiguration configuration{0, 0, kNarrowUnbinned, 2, false, 0, 0, 0, false};

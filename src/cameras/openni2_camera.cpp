@@ -62,6 +62,7 @@ class Openni2Source final : public DepthSource {
     set_image(mode, mode.width, mode.height, 0, 0);
     info_.rate = uri.rate.value_or(mode.rate > 0 ? mode.rate : 30);
     info_.is_live = !is_file_;
+    info_.sensor = SensorKind::structured_light;
     if (api_.start(stream_) != kOk) return failed("does not start");
     is_started_ = true;
     return Done{};

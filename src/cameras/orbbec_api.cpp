@@ -31,6 +31,7 @@ void find_functions(SharedLibrary& library, Api& api) {
   library.require("ob_query_device_list", api.query_devices);
   library.require("ob_device_list_get_count", api.device_count);
   library.require("ob_device_list_get_device", api.device);
+  library.require("ob_device_list_get_device_name", api.name);
   library.require("ob_device_list_get_device_serial_number", api.serial_number);
   library.require("ob_delete_device_list", api.delete_list);
   library.require("ob_delete_device", api.delete_device);

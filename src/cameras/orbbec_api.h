@@ -45,6 +45,7 @@ struct Api {
   DeviceList* (*query_devices)(Context* context, Failure** error);
   std::uint32_t (*device_count)(const DeviceList* list, Failure** error);
   Device* (*device)(const DeviceList* list, std::uint32_t index, Failure** error);
+  const char* (*name)(const DeviceList* list, std::uint32_t index, Failure** error);
   const char* (*serial_number)(const DeviceList* list, std::uint32_t index, Failure** error);
   void (*delete_list)(DeviceList* list, Failure** error);
   void (*delete_device)(Device* device, Failure** error);

@@ -50,9 +50,10 @@ class OrbbecSource final : public DepthSource {
     if (is_started_) api_.stop(pipeline_.get(), Check());
   }
 
-  Status open(const CameraUri& uri, Device* device) {
+  Status open(const CameraUri& uri, Device* device, SensorKind sensor) {
     info_.name = uri.target.empty() ? "orbbec" : "orbbec:" + uri.target;
     info_.is_live = true;
+    info_.sensor = sensor;
     device_ = own(device, api_.delete_device);
     Check check;
     pipeline_ = own(api_.create_pipeline(device, check), api_.delete_pipeline);
@@ -192,12 +193,15 @@ Result<RawStream> open_orbbec_camera(const CameraUri& uri, const CameraOpening&)
   const Result<Api>& loaded = api();
   if (!loaded) return loaded.error();
   Device* device = nullptr;
+  SensorKind sensor = SensorKind::none;
   std::string why;
   for_each_device(*loaded, [&](const DeviceList& list, const std::string& serial, std::uint32_t i) {
     if (device != nullptr || (!uri.target.empty() && serial != uri.target)) return;
     Check check;
     device = loaded->device(&list, i, check);
     why = check.message();
+    const char* const name = loaded->name(&list, i, check);
+    if (name != nullptr) sensor = sensor_of_model(name);
   });
   if (device == nullptr) {
     return Error{Errc::not_found,
@@ -207,7 +211,7 @@ Result<RawStream> open_orbbec_camera(const CameraUri& uri, const CameraOpening&)
                      "; plug it in, and see that you may use it (udev rules of the Orbbec SDK)"};
   }
   auto source = std::make_unique<OrbbecSource>(*loaded);
-  if (const Status status = source->open(uri, device); !status) return status.error();
+  if (const Status status = source->open(uri, device, sensor); !status) return status.error();
   return RawStream{std::move(source)};
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 #include "src/cameras/rectifier.h"
 #include "src/io/text_scanner.h"
@@ -54,6 +55,24 @@ std::optional<int> camera_number(const std::string& target) {
   if (target.empty()) return 0;
   const auto number = parse_number<int>(target);
   return number && *number >= 0 && *number < 1000 ? number : std::nullopt;
+}
+
+SensorKind sensor_of_model(std::string_view name) {
+  // The first one that fits.
+  constexpr std::pair<std::string_view, SensorKind> kModels[] = {
+      {"SR30", SensorKind::structured_light},
+      {"F200", SensorKind::structured_light},
+      {"L515", SensorKind::tof},
+      {"RealSense", SensorKind::active_stereo},
+      {"Femto", SensorKind::tof},
+      {"Azure Kinect", SensorKind::tof},
+      {"Gemini", SensorKind::active_stereo},
+      {"Astra", SensorKind::structured_light},
+  };
+  for (const auto& [model, kind] : kModels) {
+    if (name.find(model) != name.npos) return kind;
+  }
+  return SensorKind::none;
 }
 
 std::string dotted_version(int number) {

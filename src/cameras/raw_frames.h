@@ -4,6 +4,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "palpate/cameras/camera_uri.h"
 #include "palpate/cloud/depth_source.h"
@@ -32,6 +33,10 @@ void scale_camera(ImageSize of, DepthStreamInfo& info);
 
 /// The number in "1", at most three digits; 0 of an empty text.
 std::optional<int> camera_number(const std::string& target);
+
+/// How a camera with this name of its maker measures: "Intel RealSense D435" is active stereo.
+/// None: the name says nothing.
+SensorKind sensor_of_model(std::string_view name);
 
 /// "2.59.1" of 25901.
 std::string dotted_version(int number);

@@ -34,6 +34,12 @@ class Check {
   Failure* error_ = nullptr;
 };
 
+std::string info_of(const Api& api, const Device* device, int what) {
+  Check check(api);
+  const char* const text = api.device_info(device, what, check);
+  return check.is_fine() && text != nullptr ? text : "";
+}
+
 class RealsenseSource final : public DepthSource {
  public:
   /// Takes the device over.
@@ -52,6 +58,7 @@ class RealsenseSource final : public DepthSource {
   Status open(const CameraUri& uri) {
     info_.name = uri.target.empty() ? "realsense" : "realsense:" + uri.target;
     info_.is_live = file_.empty();
+    info_.sensor = sensor_of_model("RealSense " + info_of(api_, device_, kName));
     if (!file_.empty()) api_.set_real_time(device_, 0, Check(api_));
     ImageMode mode;
     const Profile* const profile = choose_profile(uri, mode);
@@ -193,12 +200,6 @@ class RealsenseSource final : public DepthSource {
   bool is_open_ = false, is_started_ = false;
   std::atomic<bool> is_cancelled_ = false;
 };
-
-std::string info_of(const Api& api, const Device* device, int what) {
-  Check check(api);
-  const char* const text = api.device_info(device, what, check);
-  return check.is_fine() && text != nullptr ? text : "";
-}
 
 /// The cameras; `keep` is called with each and says whether it takes the device over.
 template <class Keep>

@@ -120,7 +120,9 @@ class V4l2Source final : public DepthSource {
     info_.name = "v4l2:" + file_;
     info_.is_live = true;
     if (device_.id() < 0) return failed("cannot be opened");
-    if (device_.depth_camera().empty()) {
+    const std::string model = device_.depth_camera();
+    info_.sensor = sensor_of_model(model);
+    if (model.empty()) {
       return Error{Errc::bad_input, info_.name +
                                         " sends no depth (Z16); palpate cameras lists "
                                         "those that do"};

@@ -2,6 +2,7 @@
 #include <limits>
 
 #include "src/cloud/bilateral.h"
+#include "src/cloud/flying_pixel.h"
 #include "src/cloud/raw_depth.h"
 #include "src/cloud/surface_kernels.h"
 #include "src/core/simd.h"
@@ -31,17 +32,19 @@ template <class ToDepth>
 [[gnu::always_inline]] inline void filter_rows(const FilterPass& pass, const PixelWindow& part,
                                                int radius) {
   const VecF nan = splat(std::numeric_limits<float>::quiet_NaN());
+  const VecF none = splat(kNoDepth);
   for (int v = part.top; v < part.bottom; ++v) {
     const float* in = pass.in.row(v);
     float* out = pass.out + v * pass.in.stride;
     float* depth = pass.depth + static_cast<std::ptrdiff_t>(v) * pass.in.width;
     for (int u = part.left; u < part.right; u += kLanes) {
       const VecF z = load(in + u);
-      const VecI valid = z < kAnyDepth;
-      VecF result = z;
-      if (radius > 0 && mask_bits(valid) != 0) {
-        result =
-            select(valid, filtered(in + u, pass.in.stride, z, radius, pass.space, pass.range), z);
+      Mask valid = z < kAnyDepth;
+      if (pass.flying_gap > 0) valid &= ~is_flying(in + u, pass.in.stride, z, pass.flying_gap);
+      VecF result = select(valid, z, none);
+      if (radius > 0 && is_any_set(valid)) {
+        result = select(valid, filtered(in + u, pass.in.stride, z, radius, pass.space, pass.range),
+                        none);
       }
       store(out + u, result);  // lanes beyond the width are margin and stay kNoDepth
       store_first(depth + u, select(valid, result, nan), pass.in.width - u);

@@ -34,9 +34,9 @@ struct Part {
 };
 static_assert(kMaxWindowRadius <= kStripRows);
 
-void (*filter_kernel(int radius))(FilterJob) {
-  if (radius == 2) return one_lane::read_and_filter<2>;
-  return radius == 0 ? one_lane::read_and_filter<0> : one_lane::read_and_filter<-1>;
+void (*filter_kernel(const FilterJob& job))(FilterJob) {
+  if (job.radius == 2) return one_lane::read_and_filter<2>;
+  return job.margin() == 0 ? one_lane::read_and_filter<0> : one_lane::read_and_filter<-1>;
 }
 
 void (*normal_kernel(const NormalPass& pass))(NormalJob) {
@@ -82,9 +82,10 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   filter.num_valid = memory.take_pinned<int>(num_tiles);
   filter.min_depth = static_cast<float>(options.min_depth);
   filter.max_depth = static_cast<float>(options.max_depth);
-  const FilterPass settings = filter_settings(options.filter);
+  const FilterPass settings = filter_settings(options);
   filter.radius = settings.radius;
   filter.range = settings.range;
+  filter.flying_gap = settings.flying_gap;
   std::fill(std::begin(filter.space), std::end(filter.space), 0.0f);
   std::ranges::copy(space_exponents(options.filter), filter.space);
 
@@ -119,7 +120,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
     if (counts != nullptr) job.raw.pixels = counts;
     job.tiling.first_tile = filtered.begin * tiles_per_row;
     job.tiling.num_tiles = (filtered.end - filtered.begin) * tiles_per_row;
-    gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job.radius), job);
+    gpu::launch(stream, shape(filtered, sizeof(FilterShared)), filter_kernel(job), job);
   }
   if (finished.begin < finished.end) {
     NormalJob job = normals;

@@ -9,6 +9,7 @@
 
 #include "src/cloud/bilateral.h"
 #include "src/cloud/depth_change.h"
+#include "src/cloud/flying_pixel.h"
 #include "src/cloud/raw_depth.h"
 #include "src/cloud/raw_frame_cuda.h"
 #include "src/cloud/window_moments.h"
@@ -36,7 +37,11 @@ struct FilterJob {
   float min_depth, max_depth;
   int radius;  // 0: no filter
   float range;
+  float flying_gap;
   float space[kMostTaps];
+
+  /// Of a tile: what is looked at around a pixel.
+  PALPATE_HOSTDEV int margin() const { return radius == 0 && flying_gap > 0 ? 1 : radius; }
 };
 
 struct NormalJob {
@@ -106,20 +111,21 @@ struct FilterShared {
   float depths[kMostDepths];
 };
 
-/// kRadius < 0: job.radius.
+/// kRadius < 0: job.radius. 0: nothing is looked at around a pixel.
 template <int kRadius>
 __global__ void __launch_bounds__(kTileThreads)
     read_and_filter(const __grid_constant__ FilterJob job) {
   FilterShared& shared = gpu::shared_memory<FilterShared>();
   const Tile tile(job.tiling);
   const int radius = kRadius < 0 ? job.radius : kRadius;
-  const int stride = padded(kTileWidth, radius);
+  const int margin = kRadius < 0 ? job.margin() : kRadius;
+  const int stride = padded(kTileWidth, margin);
   const double unit = *job.raw.unit;
   const std::ptrdiff_t first_raw =
       static_cast<std::ptrdiff_t>(tile.image) * job.tiling.width * job.tiling.height;
   float* const filtered_depth = job.depth + tile.image * job.tiling.points_apart;
   if (threadIdx.x == 0) shared.num_valid = 0;
-  load_tile(job.tiling, tile, radius, shared.depths, [&](int at_u, int at_v) {
+  load_tile(job.tiling, tile, margin, shared.depths, [&](int at_u, int at_v) {
     const std::ptrdiff_t i = first_raw + at_v * job.tiling.width + at_u;
     const float z = job.metres != nullptr ? job.metres[i] : depth_of(job.raw.pixels[i], unit);
     return is_usable_depth(z, job.min_depth, job.max_depth) ? z : kNoDepth;
@@ -131,11 +137,11 @@ __global__ void __launch_bounds__(kTileThreads)
   for (int k = 0; k < kRowsPerWarp; ++k) {
     const int row = gpu::warp_id() * kRowsPerWarp + k, v = tile.v0 + row;
     if (u >= job.tiling.width || v >= job.tiling.height) continue;
-    const float* const centre = shared.depths + (row + radius) * stride + column + radius;
+    const float* const centre = shared.depths + (row + margin) * stride + column + margin;
     const float z = *centre;
     float result = kInvalid;
-    if (z < kAnyDepth) {
-      ++num_valid;
+    num_valid += z < kAnyDepth;
+    if (z < kAnyDepth && !(job.flying_gap > 0 && is_flying(centre, stride, z, job.flying_gap))) {
       result = radius > 0 ? filtered(centre, stride, z, radius, job.space, job.range) : z;
     }
     filtered_depth[v * job.tiling.width + u] = result;

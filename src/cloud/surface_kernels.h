@@ -41,7 +41,8 @@ struct RawPass {
 
 /// Bilateral filter (eq. 3.12): z_p' = sum w z_q / sum w over the valid q of the window,
 /// w = exp(-(du^2 + dv^2) / (2 sigma_space^2)) exp(-(z_q - z_p)^2 / (2 s^2)), s = sigma_depth
-/// z_p^2. Invalid pixels stay invalid.
+/// z_p^2. Invalid pixels stay invalid, and flying ones become so; to others they still are
+/// neighbours, too far off to count.
 struct FilterPass {
   PaddedDepth in;
   float* out = nullptr;          ///< padded like `in`
@@ -49,6 +50,7 @@ struct FilterPass {
   int radius = 0;                ///< 0: copy
   const float* space = nullptr;  ///< -(du^2 + dv^2) / (2 sigma_space^2 ln 2), row-major window
   float range = 0;               ///< 1 / (2 sigma_depth^2 ln 2)
+  float flying_gap = 0;          ///< SurfaceOptions::flying_pixel_gap
 };
 
 /// Unprojection and plane fit (eqs. 3.7-3.11). Neighbours of p: the valid pixels q of the window

@@ -12,6 +12,25 @@ Status check(const SurfaceOptions& options) {
                    shortest_decimal(options.min_depth) + " m"};
 }
 
+SurfaceOptions surface_options_for(SensorKind sensor) {
+  SurfaceOptions options;
+  switch (sensor) {
+    case SensorKind::none: break;
+    case SensorKind::structured_light:
+      options.filter.radius = 3;
+      options.filter.sigma_space = 2.5;
+      break;
+    case SensorKind::active_stereo:
+      options.filter.radius = 3;
+      options.filter.sigma_space = 2.5;
+      options.filter.sigma_depth = 0.02;
+      options.flying_pixel_gap = 0.03;
+      break;
+    case SensorKind::tof: options.flying_pixel_gap = 0.015; break;
+  }
+  return options;
+}
+
 Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
                               const SurfaceOptions& options) {
   Intrinsics k = intrinsics;

@@ -30,10 +30,11 @@ std::vector<float> space_exponents(const DepthFilterOptions& options) {
   return exponents;
 }
 
-FilterPass filter_settings(const DepthFilterOptions& options) {
+FilterPass filter_settings(const SurfaceOptions& options) {
   FilterPass pass;
-  pass.radius = options.enabled ? options.radius : 0;
-  pass.range = static_cast<float>(gauss_scale(options.sigma_depth));
+  pass.radius = options.filter.enabled ? options.filter.radius : 0;
+  pass.range = static_cast<float>(gauss_scale(options.filter.sigma_depth));
+  pass.flying_gap = static_cast<float>(options.flying_pixel_gap);
   return pass;
 }
 

@@ -15,7 +15,7 @@ std::vector<float> ray_table(int num, double f, double c);
 std::vector<float> space_exponents(const DepthFilterOptions& options);
 
 /// All but the pointers and the image.
-FilterPass filter_settings(const DepthFilterOptions& options);
+FilterPass filter_settings(const SurfaceOptions& options);
 NormalPass normal_settings(const NormalOptions& options, const Intrinsics& k);
 
 }  // namespace palpate

@@ -68,7 +68,7 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   raw_pass_.stride = stride_;
   raw_pass_.width = width;
 
-  filter_pass_ = filter_settings(options.filter);
+  filter_pass_ = filter_settings(options);
   filter_pass_.in = {first_pixel(raw_, stride_), stride_, width, height};
   filter_pass_.out = first_pixel(filtered_, stride_);
   filter_pass_.depth = depth_.data();

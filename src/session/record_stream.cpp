@@ -1,6 +1,7 @@
 #include "src/session/internal/record_stream.h"
 
 #include <chrono>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -17,6 +18,12 @@ McapChannel ros_channel(const char* topic, std::string type) {
   const std::string schema = message_schema(type);
   type.insert(type.find('/'), "/msg");
   return {topic, type, schema};
+}
+
+std::string text_message(std::string_view text) {
+  CdrWriter to;
+  to.text(text);
+  return to.take();
 }
 
 std::string unit_message(double unit) {
@@ -54,6 +61,9 @@ class StreamFile {
       if (const Status status = writer_.write(statics_, time, transform_message(time, fixed));
           !status)
         return status;
+      if (const Status status = writer_.write(sensors_, time, text_message(name_of(info_.sensor)));
+          !status)
+        return status;
     }
     if (const Status status = writer_.write(infos_, time, camera_info_message(header, info_));
         !status)
@@ -72,12 +82,14 @@ class StreamFile {
     statics_ = writer_.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
     units_ = writer_.add_channel(
         {"/camera/depth/unit", "palpate_msgs/msg/DepthUnit", "float64 metres_per_count\n"});
+    sensors_ =
+        writer_.add_channel({"/camera/depth/sensor", "std_msgs/msg/String", "string data\n"});
   }
 
   McapWriter writer_;
   DepthStreamInfo info_;
   double offset_ = 0, unit_ = 0;
-  std::uint16_t images_ = 0, infos_ = 0, statics_ = 0, units_ = 0;
+  std::uint16_t images_ = 0, infos_ = 0, statics_ = 0, units_ = 0, sensors_ = 0;
   std::uint64_t num_frames_ = 0;
 };
 

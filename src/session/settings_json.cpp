@@ -116,12 +116,15 @@ ProbeChoice probe_from_json(const Json& json) {
 Json to_json(const DepthStreamInfo& stream) {
   Json json;
   visit_stream(stream, writer(json));
+  json["sensor"] = name_of(stream.sensor);
   return json;
 }
 
 DepthStreamInfo stream_from_json(const Json& json) {
   DepthStreamInfo stream;
   visit_stream(stream, reader(json));
+  stream.sensor =
+      value_named<SensorKind>(json.at("sensor").get<std::string>()).value_or(SensorKind::none);
   return stream;
 }
 

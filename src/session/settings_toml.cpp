@@ -70,15 +70,17 @@ class Reader {
  public:
   Reader(std::string file, SettingTable& table) : file_(std::move(file)), table_(table) {}
 
-  Status read(const toml::table& document) {
+  /// The keys that it names.
+  Result<std::vector<std::string>> read(const toml::table& document) {
     for (const auto& [name, node] : document) {
       const std::vector<std::string> names = names_in(name.str());
       if (node.as_table() == nullptr || names.empty()) return no_section(name);
       for (const auto& [key, value] : *node.as_table()) {
-        if (Status status = set(std::string(name.str()), names, key, value); !status) return status;
+        const Status status = set(std::string(name.str()), names, key, value);
+        if (!status) return status.error();
       }
     }
-    return Done{};
+    return std::move(keys_);
   }
 
  private:
@@ -109,7 +111,9 @@ class Reader {
       return refuse(node.source(), setting->key() + " must be " + setting->accepted());
     }
     const Status status = setting->set(*value);
-    return status ? status : refuse(node.source(), status.error().message);
+    if (!status) return refuse(node.source(), status.error().message);
+    keys_.push_back(setting->key());
+    return Done{};
   }
   Error refuse(const toml::source_region& where, const std::string& what) const {
     return {Errc::bad_input, file_ + " line " + std::to_string(where.begin.line) + ": " + what +
@@ -118,6 +122,7 @@ class Reader {
 
   std::string file_;
   SettingTable& table_;
+  std::vector<std::string> keys_;
 };
 
 /// With a point so that they stay decimals.
@@ -144,7 +149,8 @@ std::string toml_value(const Setting& setting) {
 
 }  // namespace
 
-Status read_settings_file(const std::filesystem::path& path, SettingTable table) {
+Result<std::vector<std::string>> read_settings_file(const std::filesystem::path& path,
+                                                    SettingTable table) {
   auto read = read_file(path, kLargestFile);
   if (!read) return read.error();
   const auto text = harmless(*std::move(read), path.string());

@@ -251,8 +251,9 @@ const Setting* first_difference(const SettingTable& a, const SettingTable& b) {
   return nullptr;
 }
 
-void copy_settings(const SettingTable& from, SettingTable to) {
+void copy_settings(const SettingTable& from, SettingTable to, std::span<const std::string> except) {
   for (Setting& setting : to) {
+    if (std::ranges::find(except, setting.key()) != except.end()) continue;
     const Setting* const source = from.find(setting.key());
     if (source != nullptr) (void)setting.set(source->get());
   }

@@ -164,6 +164,8 @@ class Cameras(unittest.TestCase):
         self.assertIn(b"taking the camera openni2:fake:0", done.stderr)
         summary = self.summary(run)
         self.assertEqual((summary["stream"]["width"], summary["stream"]["rate"]), (640, 30))
+        self.assertEqual(summary["stream"]["sensor"], "structured_light")
+        self.assertIn(b"of the kind structured_light", done.stderr)
         self.assertGreater(summary["peaks"]["volume_m3"], 0)
         said = self.check(palpate("cameras", "--selftest", "--seconds", 1,
                                   env=environment)).stdout.decode()
@@ -215,6 +217,37 @@ class Cameras(unittest.TestCase):
                                   input=frames))
         self.assertIn(b"probed the pixel", done.stdout)
         self.assertGreater(self.summary(probe)["peaks"]["volume_m3"], 0)
+
+    def test_the_kind_of_sensor_chooses_what_nobody_gives(self):
+        raw = self.folder / "sensor.raw"
+        raw.write_bytes(b"".join(wall(k) for k in range(31)))
+        file = self.folder / "sensor.toml"
+        file.write_text("[surface]\nfilter_radius = 2\n")
+
+        def surface(sensor, *options, uri=""):
+            run = self.folder / "sensor_run"
+            done = self.check(palpate("touch", self.tool, "--camera",
+                                      f"pipe:{raw}?size=160x120&intrinsics={INTRINSICS}{uri}", "--path",
+                                      self.path, "-o", run, *options))
+            self.assertEqual(b"of the kind" in done.stderr, sensor != "none", done.stderr)
+            summary = self.summary(run)
+            self.assertEqual(summary["stream"]["sensor"], sensor)
+            self.assertEqual(palpate("replay", run).returncode, 0)
+            made = summary["settings"]["surface"]
+            return made["flying_pixel_gap"], made["filter_radius"]
+
+        self.assertEqual(surface("none"), (0, 2))
+        self.assertEqual(surface("tof", uri="&sensor=tof"), (0.015, 2))
+        self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", uri="&sensor=tof"),
+                         (0.03, 3))
+        self.assertEqual(surface("none", "--sensor", "none", uri="&sensor=tof"), (0, 2))
+        # What people give counts, even if it is a default.
+        self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", "--set",
+                                 "surface.filter_radius=2"), (0.03, 2))
+        self.assertEqual(surface("active_stereo", "--sensor", "active_stereo", "--settings", file),
+                         (0.03, 2))
+        self.refused("must be one of none, structured_light", "touch", self.tool, "--camera",
+                     "pipe:-?sensor=laser", "-o", self.folder / "never", status=2)
 
     def test_ffmpeg(self):
         if shutil.which("ffmpeg") is None:
@@ -302,16 +335,17 @@ class Cameras(unittest.TestCase):
         raw.write_bytes(b"".join(header(5 + k / 15, 0.0002) + wall(k) for k in range(20)))
         bag = self.folder / "record.mcap"
         done = json.loads(self.check(palpate(
-            "record", "--camera", f"pipe:{raw}?intrinsics={INTRINSICS}", "-o", bag,
+            "record", "--camera", f"pipe:{raw}?intrinsics={INTRINSICS}&sensor=tof", "-o", bag,
             "--json")).stdout)
         self.assertEqual(done["frames"], 20)
         self.assertAlmostEqual(done["seconds"], 19 / 15)
         runs = self.folder / "of_raw", self.folder / "of_bag"
-        for run, camera in zip(runs, (f"pipe:{raw}?intrinsics={INTRINSICS}", f"bag:{bag}")):
+        for run, camera in zip(runs, (f"pipe:{raw}?intrinsics={INTRINSICS}&sensor=tof", f"bag:{bag}")):
             self.check(palpate("touch", self.tool, "--camera", camera, "--path", self.path,
                                "--align", "starts", "-o", run))
         first, second = (self.summary(run) for run in runs)
-        for key in ("width", "height", "fx", "fy", "cx", "cy", "unit"):
+        self.assertEqual(first["stream"]["sensor"], "tof")
+        for key in ("width", "height", "fx", "fy", "cx", "cy", "unit", "sensor"):
             self.assertEqual(first["stream"][key], second["stream"][key])
         self.assertEqual(first["frames"], second["frames"])
         self.assertAlmostEqual(first["peaks"]["force_N"] / second["peaks"]["force_N"], 1, places=6)

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/cameras/open_camera.h"
+#include "src/cameras/raw_frames.h"
 
 namespace palpate {
 namespace {
@@ -10,7 +11,7 @@ namespace {
 TEST(CameraUri, ReadsEveryParameter) {
   const auto uri = parse_camera_uri(
       "pipe:/tmp/a:b?intrinsics=525,526.5,319.5,239.5&distortion=0.1,-0.2,0.001,0.002,0.3,0.4,0.5,"
-      "0.6&size=640x480&unit=0.0002&rate=15&latency=0.03&pose=0,0,0,0,0,0,1&header=1");
+      "0.6&size=640x480&unit=0.0002&rate=15&latency=0.03&pose=0,0,0,0,0,0,1&sensor=tof&header=1");
   ASSERT_TRUE(uri) << uri.error().message;
   EXPECT_EQ(uri->kind, "pipe");
   EXPECT_EQ(uri->target, "/tmp/a:b");
@@ -20,6 +21,7 @@ TEST(CameraUri, ReadsEveryParameter) {
   EXPECT_EQ(*uri->unit, 0.0002);
   EXPECT_EQ(*uri->rate, 15);
   EXPECT_EQ(uri->latency, 0.03);
+  EXPECT_EQ(uri->sensor, SensorKind::tof);
   EXPECT_EQ(uri->extras.at("header"), "1");
 }
 
@@ -44,6 +46,7 @@ TEST(CameraUri, NamesWhatIsWrong) {
       "a?unit=nan",
       "a?rate=-1",
       "a?latency=2",
+      "a?sensor=laser",
       "a?pose=1,2,3",
       "a?pose=1,0,0,0,0,0,1",
       "a?intrinsics",
@@ -55,6 +58,16 @@ TEST(CameraUri, NamesWhatIsWrong) {
     ASSERT_FALSE(uri) << text;
     EXPECT_NE(uri.error().message.find("camera a"), std::string::npos) << uri.error().message;
   }
+}
+
+TEST(CameraModels, TellHowTheyMeasure) {
+  EXPECT_EQ(sensor_of_model("Intel RealSense D435I"), SensorKind::active_stereo);
+  EXPECT_EQ(sensor_of_model("Intel RealSense SR305"), SensorKind::structured_light);
+  EXPECT_EQ(sensor_of_model("Intel RealSense L515"), SensorKind::tof);
+  EXPECT_EQ(sensor_of_model("Orbbec Femto Bolt"), SensorKind::tof);
+  EXPECT_EQ(sensor_of_model("Orbbec Gemini 335"), SensorKind::active_stereo);
+  EXPECT_EQ(sensor_of_model("Astra Pro Plus"), SensorKind::structured_light);
+  EXPECT_EQ(sensor_of_model("HD Webcam"), SensorKind::none);
 }
 
 TEST(OpenCamera, SaysWhichKindsThereAreAndWhatIsMissing) {

@@ -65,6 +65,9 @@ Object* ob_device_list_get_device(const Object*, std::uint32_t index, Error erro
   if (control.is_busy) return fail(error, "Device is in use"), nullptr;
   return is_there(error) ? new Object : nullptr;
 }
+const char* ob_device_list_get_device_name(const Object*, std::uint32_t, Error) {
+  return "Orbbec Femto Bolt";
+}
 const char* ob_device_list_get_device_serial_number(const Object*, std::uint32_t, Error) {
   return "AY123";
 }

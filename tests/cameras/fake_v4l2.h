@@ -90,7 +90,8 @@ class FakeV4l2 final : public v4l2::System {
   static constexpr std::size_t kPage = 1 << 24;
 
   static int tell_capability(int device, v4l2_capability& to) {
-    std::strcpy(reinterpret_cast<char*>(to.card), device == kDepthId ? "Depth 435" : "Colour");
+    std::strcpy(reinterpret_cast<char*>(to.card),
+                device == kDepthId ? "RealSense Depth 435" : "Colour");
     to.capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_DEVICE_CAPS;
     to.device_caps =
         device == 11 ? V4L2_CAP_META_CAPTURE : V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;

@@ -83,6 +83,7 @@ TEST(Freenect, ARecordingThatFakenectPlaysConforms) {
   // Fifty frames a second by the camera's clock, also where its 32 bits overflow.
   const auto raw = open_freenect_camera(parse_camera_uri("freenect").value(), {}).value();
   EXPECT_NEAR(raw.source->info().intrinsics.fx, 575.8, 0.1);
+  EXPECT_EQ(raw.source->info().sensor, SensorKind::structured_light);
   DepthFrame frame;
   double last = -1;
   for (int k = 0; k < 4000; ++k) {

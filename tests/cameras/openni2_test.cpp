@@ -91,6 +91,7 @@ TEST_F(Openni2, ACameraConforms) {
   EXPECT_NEAR(camera->info().intrinsics.fx, 160 / std::tan(1.0145 / 2), 1e-3);
   EXPECT_NEAR(camera->info().intrinsics.fy, 120 / std::tan(0.7898 / 2), 1e-3);
   EXPECT_EQ(camera->info().intrinsics.cx, 159.5);
+  EXPECT_EQ(camera->info().sensor, SensorKind::structured_light);
   EXPECT_EQ(camera->info().rate, 30);
 }
 

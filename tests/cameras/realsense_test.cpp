@@ -197,6 +197,7 @@ TEST_F(Realsense, TellsItsIntrinsicsUnitAndSilence) {
   software.start(0.005);
   const auto camera = open_live(software).value();
   EXPECT_EQ(camera->info().intrinsics, (Intrinsics{60, 61, 31.5, 23.5}));
+  EXPECT_EQ(camera->info().sensor, SensorKind::active_stereo);
   DepthFrame frame;
   ASSERT_TRUE(*camera->next(frame));
   EXPECT_DOUBLE_EQ(frame.unit, kUnit);

@@ -39,7 +39,7 @@ class V4l2 : public testing::Test {
 TEST_F(V4l2, IsFoundAmongOtherDevices) {
   const FoundCameras found = v4l2::find_cameras(kernel_);
   EXPECT_EQ(found.devices, std::vector<std::string>{"v4l2:/dev/video2"});
-  EXPECT_EQ(found.reason, "Depth 435");
+  EXPECT_EQ(found.reason, "RealSense Depth 435");
   kernel_.is_plugged = false;
   EXPECT_TRUE(v4l2::find_cameras(kernel_).devices.empty());
   expect_refused("v4l2?intrinsics=60,60,31.5,23.5", "no camera that sends depth");
@@ -55,6 +55,7 @@ TEST_F(V4l2, RefusesWhatItCannotDo) {
   const auto usual = raw("v4l2:2?intrinsics=400,400,423.5,239.5").value();
   EXPECT_EQ(usual.source->info().width, 848);
   EXPECT_EQ(usual.source->info().rate, 30);
+  EXPECT_EQ(usual.source->info().sensor, SensorKind::active_stereo);
 }
 
 TEST_F(V4l2, Conforms) {

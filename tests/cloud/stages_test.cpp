@@ -1,4 +1,6 @@
 // Each stage against its definition in double (surface_truth.h).
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -24,20 +26,28 @@ SurfaceEstimator estimate(const DepthScene& scene, const SurfaceOptions& options
   return estimator;
 }
 
-void check_filter(const DepthScene& scene, const SurfaceOptions& options) {
+/// Returns the number of flying pixels.
+int check_filter(const DepthScene& scene, const SurfaceOptions& options) {
   const SurfaceEstimator estimator = estimate(scene, options);
   const TrueDepth raw{scene.depth, scene.width, scene.height};
   const TrueDepth filtered{estimator.depth(), scene.width, scene.height};
+  int num_flying = 0;
   for (int v = 0; v < scene.height; ++v) {
     for (int u = 0; u < scene.width; ++u) {
-      const bool valid = raw(u, v) >= options.min_depth && raw(u, v) <= options.max_depth;
-      ASSERT_EQ(std::isfinite(filtered(u, v)), valid) << u << " " << v;
+      bool valid = raw(u, v) >= options.min_depth && raw(u, v) <= options.max_depth;
+      if (valid && options.flying_pixel_gap > 0 &&
+          true_flying(raw, options.flying_pixel_gap, u, v)) {
+        valid = false;
+        ++num_flying;
+      }
+      EXPECT_EQ(std::isfinite(filtered(u, v)), valid) << u << " " << v;
       if (!valid) continue;
       const double expected =
           options.filter.enabled ? true_filtered(raw, options.filter, u, v) : raw(u, v);
-      ASSERT_NEAR(filtered(u, v), expected, 3e-7 * expected) << u << " " << v;
+      EXPECT_NEAR(filtered(u, v), expected, 3e-7 * expected) << u << " " << v;
     }
   }
+  return num_flying;
 }
 
 // Returns the number of normals whose direction was compared.
@@ -113,6 +123,57 @@ TEST(SurfaceStages, FilterFollowsItsDefinition) {
   SurfaceOptions unfiltered;
   unfiltered.filter.enabled = false;
   check_filter(test::cluttered_scene(61, 47, 60, 1.3, 3), unfiltered);
+}
+
+TEST(SurfaceStages, FlyingPixelsFollowTheirDefinition) {
+  for (const double gap : {0.004, 0.015, 0.04}) {
+    for (const int radius : {0, 1, 2, 3}) {
+      SurfaceOptions options;
+      options.filter.enabled = radius > 0;
+      options.filter.radius = std::max(radius, 1);
+      options.flying_pixel_gap = gap;
+      SCOPED_TRACE("gap " + std::to_string(gap) + " radius " + std::to_string(radius));
+      EXPECT_GT(check_filter(test::cluttered_scene(61, 47, 60, 1.3, 3), options), 5);
+    }
+  }
+}
+
+// Seen by a camera of time of flight: where a pixel sees both sides, it tells a depth between.
+TEST(SurfaceStages, WhatFliesBetweenTwoSurfacesIsRemovedAndNothingElse) {
+  SurfaceOptions options;
+  options.flying_pixel_gap = 0.015;
+  DepthScene scene = test::empty_scene(48, 32, 50);
+  const auto is_mixed = [](int u, int v) { return u == 20 + v / 4; };
+  for (int v = 0; v < scene.height; ++v) {
+    for (int u = 0; u < scene.width; ++u) {
+      const double share = 0.1 + 0.8 * v / 31;  // of the near surface
+      scene.at(u, v) = is_mixed(u, v)   ? static_cast<float>(share * 0.8 + (1 - share) * 1.1)
+                       : u < 20 + v / 4 ? 0.8f
+                                        : 1.1f;
+    }
+  }
+  const SurfaceEstimator estimator = estimate(scene, options);
+  const TrueDepth depth{estimator.depth(), scene.width, scene.height};
+  for (int v = 0; v < scene.height; ++v) {
+    for (int u = 0; u < scene.width; ++u) {
+      EXPECT_EQ(std::isnan(depth(u, v)), is_mixed(u, v)) << u << " " << v;
+    }
+  }
+}
+
+TEST(SurfaceStages, SteepSurfacesStayAsFarAsTheGapSays) {
+  constexpr double kFocal = 50;
+  SurfaceOptions options;
+  options.flying_pixel_gap = 0.05;
+  // On the axis a pixel's neighbours are z tan(angle) / f deeper and nearer.
+  const double limit = std::atan(options.flying_pixel_gap * kFocal);
+  for (const bool is_steeper : {false, true}) {
+    const double angle = limit + (is_steeper ? 0.05 : -0.05);
+    const Vec3d n{std::sin(angle), 0, -std::cos(angle)};
+    const DepthScene scene = test::plane_scene(9, 9, kFocal, n, {0, 0, 1});
+    const SurfaceEstimator estimator = estimate(scene, options);
+    EXPECT_EQ(std::isnan(estimator.depth()[4 * 9 + 4]), is_steeper);
+  }
 }
 
 TEST(SurfaceStages, NormalsFollowTheirDefinitionWithEveryOption) {

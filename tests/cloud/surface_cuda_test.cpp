@@ -63,6 +63,7 @@ TEST(SurfaceCuda, EqualsTheCpuWithEveryOption) {
       options.normals.anchoring = (flags & 1) != 0;
       options.normals.weighting = (flags & 2) != 0;
       options.normals.normalization = (flags & 4) != 0;
+      options.flying_pixel_gap = flags % 3 == 0 ? 0.015 : 0;
       SCOPED_TRACE("flags " + std::to_string(flags) + " radius " + std::to_string(radius));
       const DepthScene scene = test::cluttered_scene(45, 37, 60, 1.5, ++seed);
       Pair pair(scene, options);

@@ -43,6 +43,7 @@ SurfaceOptions with_all_options(PlaneFit fit = PlaneFit::along_ray) {
   SurfaceOptions options;
   options.normals.fit = fit;
   options.normals.anchoring = options.normals.weighting = options.normals.normalization = true;
+  options.flying_pixel_gap = 0.01;
   return options;
 }
 
@@ -242,6 +243,7 @@ TEST(SurfaceEstimator, RefusesSettingsOutOfRangeByName) {
   refuse("surface.depth_change_min_step",
          [](SurfaceOptions& o) { o.depth_change.min_step = -0.1; });
   refuse("surface.min_depth", [](SurfaceOptions& o) { o.min_depth = 0; });
+  refuse("surface.flying_pixel_gap", [](SurfaceOptions& o) { o.flying_pixel_gap = -0.01; });
   refuse("surface.max_depth", [](SurfaceOptions& o) { o.max_depth = 0.05; });
 }
 

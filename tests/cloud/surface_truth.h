@@ -2,6 +2,7 @@
 // no code with the library. Input depth is NaN where there is no measurement.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -42,6 +43,17 @@ inline double true_filtered(const TrueDepth& depth, const DepthFilterOptions& op
     }
   }
   return sum / sum_weights;
+}
+
+/// Between two opposite neighbours and on neither: SurfaceOptions::flying_pixel_gap.
+inline bool true_flying(const TrueDepth& depth, double gap, int u, int v) {
+  const double z = depth(u, v);
+  for (const auto& [du, dv] : {std::pair(1, 0), {0, 1}, {1, 1}, {1, -1}}) {
+    const double a = depth(u + du, v + dv), b = depth(u - du, v - dv);
+    if (!(a > 0 && b > 0)) continue;
+    if (z - std::min(a, b) > gap * z && std::max(a, b) - z > gap * z) return true;
+  }
+  return false;
 }
 
 struct TrueNormal {

@@ -29,6 +29,7 @@ std::vector<Options> all_options() {
   all[3].surface.filter.radius = 5;
   all[4].surface.normals.radius = 7;
   all[4].surface.filter.enabled = false;
+  all[4].surface.flying_pixel_gap = 0.01;
   return all;
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "palpate/cloud/intrinsics.h"
+#include "palpate/cloud/sensor_kind.h"
 #include "palpate/core/result.h"
 #include "palpate/math/pose.h"
 
@@ -20,7 +21,7 @@ struct ImageSize {
 
 /// What such a text says. Parameters win over what the stream says of itself:
 ///   intrinsics=fx,fy,cx,cy  distortion=k1,k2,p1,p2[,k3[,k4,k5,k6]]  size=WIDTHxHEIGHT
-///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  pose=tx,ty,tz,qx,qy,qz,qw
+///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  pose=tx,ty,tz,qx,qy,qz,qw  sensor=KIND
 struct CameraUri {
   std::string text;          ///< as it was given, for humans
   std::string kind, target;  ///< "folder" and "frames/"
@@ -28,6 +29,7 @@ struct CameraUri {
   std::optional<Distortion> distortion;
   std::optional<ImageSize> size;
   std::optional<double> unit, rate;
+  std::optional<SensorKind> sensor;
   double latency = 0;                         ///< s, from the exposure to the time stamp
   Pose X_WC;                                  ///< of the camera in the world
   std::map<std::string, std::string> extras;  ///< parameters that only some kinds know

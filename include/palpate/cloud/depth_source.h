@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "palpate/cloud/intrinsics.h"
+#include "palpate/cloud/sensor_kind.h"
 #include "palpate/core/result.h"
 #include "palpate/gpu/devices.h"
 
@@ -65,6 +66,7 @@ struct DepthStreamInfo {
   std::string name;               ///< for humans
   bool is_live = false;           ///< frames come when they are captured, not when asked for
   Distortion distortion = {};  ///< none where surfaces are made: what cameras/ opens has it removed
+  SensorKind sensor = SensorKind::none;  ///< see surface_options_for
 };
 
 /// A source is read by one thread, oldest frame first. A live one gives the newest frame and leaves

@@ -91,21 +91,32 @@ struct SurfaceOptions {
   DepthChangeOptions depth_change;
   double min_depth = 0.1;   ///< metres; nearer pixels are no measurement
   double max_depth = 10.0;  ///< metres; farther pixels are no measurement
+  /// A pixel between the depths of two opposite neighbours and farther from both than this share of
+  /// its own depth lies on neither of the surfaces at an edge: it is no measurement. Surfaces
+  /// steeper than atan(this * focal length in pixels) are lost with them. 0: all pixels count.
+  double flying_pixel_gap = 0;
 };
 inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   t.section("surface");
   t.add("min_depth", o.min_depth, {1e-3, 1e3, "m"}, "nearer pixels are no measurement");
   t.add("max_depth", o.max_depth, {1e-3, 1e3, "m"}, "farther pixels are no measurement");
+  t.add(
+      "flying_pixel_gap", o.flying_pixel_gap, {0, 1},
+      "share of the depth; a pixel between the depths of two opposite neighbours and farther from "
+      "both is no measurement; 0: all count");
   add_settings(t, o.filter);
   add_settings(t, o.normals);
   add_settings(t, o.depth_change);
 }
 /// Errors: a setting out of range; min_depth beyond max_depth.
 Status check(const SurfaceOptions& options);
+/// What the noise and the edges of such a camera ask for (docs/guide/cameras.md, "By kind of
+/// sensor"). Of none: the defaults.
+SurfaceOptions surface_options_for(SensorKind sensor);
 
 /// Counts of one update.
 struct SurfaceStats {
-  int num_valid = 0;   ///< pixels with a usable depth
+  int num_valid = 0;   ///< pixels with a usable depth, flying ones among them
   int num_points = 0;  ///< of these, points with a normal
 };
 

@@ -115,8 +115,10 @@ const SettingTable settings_of(const Options& options) {
 Status check_settings(const SettingTable& table);
 /// The first setting whose values differ, or null. The tables are of one type of options.
 const Setting* first_difference(const SettingTable& a, const SettingTable& b);
-/// Gives every setting of `to` that `from` has too the value it has there, if it accepts that.
-void copy_settings(const SettingTable& from, SettingTable to);
+/// Gives every setting of `to` that `from` has too, but those of the keys `except`, the value it
+/// has there, if it accepts that.
+void copy_settings(const SettingTable& from, SettingTable to,
+                   std::span<const std::string> except = {});
 
 template <class Options>
 Status check_settings(const Options& options) {

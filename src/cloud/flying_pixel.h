@@ -1,0 +1,31 @@
+// Pixels at an edge that lie on neither of its surfaces. One text for vectors and for single
+// numbers (core/lanes.h).
+#pragma once
+
+#include <cstddef>
+
+#include "src/cloud/surface_kernels.h"
+#include "src/core/lanes.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+/// Does `z` lie between the depths of two opposite neighbours, farther than `gap` z from both?
+/// Where a neighbour was not measured there is nothing to lie between.
+PALPATE_FORMULA Mask lies_between(const float* one, const float* other, VecF z, VecF gap) {
+  const VecF a = load(one), b = load(other);
+  const VecF nearer = min(a, b), farther = max(a, b);
+  return (z - nearer > gap) & (farther - z > gap) & (farther < splat(kAnyDepth));
+}
+
+/// See SurfaceOptions::flying_pixel_gap.
+PALPATE_FORMULA Mask is_flying(const float* here, std::ptrdiff_t stride, VecF z, float gap_share) {
+  const VecF gap = gap_share * z;
+  return lies_between(here - 1, here + 1, z, gap) |
+         lies_between(here - stride, here + stride, z, gap) |
+         lies_between(here - stride - 1, here + stride + 1, z, gap) |
+         lies_between(here - stride + 1, here + stride - 1, z, gap);
+}
+
+}  // namespace
+}  // namespace palpate::PALPATE_ISA_NAMESPACE
