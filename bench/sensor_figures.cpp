@@ -16,6 +16,7 @@
 #include "palpate/core/names.h"
 #include "palpate/field/depth_field.h"
 #include "palpate/io/depth_files.h"
+#include "src/cameras/rectifier.h"
 
 namespace palpate {
 namespace {
@@ -275,6 +276,24 @@ void print_time_of_flight(ThreadPool& pool) {
   }
 }
 
+/// What undoing the distortion of an Azure Kinect's lens costs before a frame is recorded.
+void print_straightening() {
+  const Intrinsics k{504, 504, 319.5, 239.5};
+  Rectifier rectifier({640, 480, k, {}});
+  const CameraModel bent{640, 480, k, {3.13, 2.32, 8e-5, -5e-5, 0.13, 3.46, 3.35, 0.66}};
+  DepthFrame frame{640, 480, 0.001, std::vector<std::uint16_t>(640 * 480, 800), 0};
+  rectifier.apply(bent, frame);  // makes the table
+  std::vector<double> milliseconds;
+  for (int i = 0; i < 300; ++i) {
+    const std::clock_t begin = std::clock();
+    rectifier.apply(bent, frame);
+    milliseconds.push_back(1e3 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+  }
+  std::printf(
+      "\nstraightening 640 x 480 pixels on the CPU: %.2f ms of a core (median), %.2f ms (90 %%)\n",
+      quantile(milliseconds, 0.5), quantile(milliseconds, 0.9));
+}
+
 int run(const std::filesystem::path& data) {
   ThreadPool pool(1);
   std::printf(
@@ -304,6 +323,7 @@ int run(const std::filesystem::path& data) {
     }
   }
   print_time_of_flight(pool);
+  print_straightening();
   return 0;
 }
 

@@ -39,8 +39,7 @@ nb::tuple render_scene(const std::string& name, double time, bool noise, std::ui
   nb::object image = noise ? array_of(std::move(counts), {rows, columns})
                            : array_of(std::move(depth), {rows, columns});
   const auto seven = seven_numbers(Pose{});
-  return nb::make_tuple(image,
-                        PyCamera{{scene.width, scene.height, scene.intrinsics}, {}, kUnit, {}},
+  return nb::make_tuple(image, PyCamera{{scene.width, scene.height, scene.intrinsics}, kUnit, {}},
                         array_of(std::vector<double>(seven.begin(), seven.end()), {7}));
 }
 

@@ -13,13 +13,10 @@
 #include "python/src/bindings.h"
 #include "python/src/gpu_order.h"
 #include "python/src/keywords.h"
-#include "src/cameras/rectifier.h"
 #include "src/field/internal/field_sample.h"
 
 namespace palpate::python {
 namespace {
-
-bool is_none(const Distortion& d) { return d == Distortion{}; }
 
 Distortion distortion_of(nb::handle given) {
   const Doubles k = doubles_of(given, "distortion");
@@ -43,11 +40,6 @@ class PySensor {
  public:
   PySensor(const PyCamera& camera, const Place& place, const SensorOptions& options)
       : camera_(camera), place_(place), options_(options) {
-    if (!is_none(camera.distortion)) {
-      const auto& [width, height, intrinsics] = camera.camera;
-      pixel_map_ = Rectifier({width, height, intrinsics, {}})
-                       .raw_pixels({width, height, intrinsics, camera.distortion});
-    }
     keepers_.push_back(make());
   }
 
@@ -67,7 +59,7 @@ class PySensor {
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
     surface.keeper = free_keeper();
-    surface.view = surface.keeper->update(pixel_map_.empty() ? view : rectified(view));
+    surface.view = surface.keeper->update(view);
     const Status status = surface.keeper->status();
     const nb::gil_scoped_acquire gil;
     check(status);
@@ -75,10 +67,6 @@ class PySensor {
   }
 
   PySurfaces update_batch(nb::handle given) {
-    if (!pixel_map_.empty()) {
-      throw PalpateError(
-          "many images at once are not straightened: give images without distortion");
-    }
     const AnyArray images = dense_of(given, 3);
     PySurfaces surfaces{nullptr, {}, camera_.X_WC, place_};
     const auto num = static_cast<int>(images.shape(0));
@@ -154,35 +142,9 @@ class PySensor {
         numpy.attr("ascontiguousarray")(given, is_counts ? "uint16" : "float32"));
   }
 
-  template <class T>
-  const T* mapped(const T* from, std::vector<T>& to) const {
-    to.resize(pixel_map_.size());
-    for (std::size_t i = 0; i < to.size(); ++i) {
-      to[i] = pixel_map_[i] < to.size() ? from[pixel_map_[i]] : T{};
-    }
-    return to.data();
-  }
-
-  DepthImageView rectified(DepthImageView view) {
-    if (view.gpu != kHostMemory) {
-      throw PalpateError(
-          "images of a camera with distortion are straightened in host memory; copy them there, or "
-          "give images without distortion");
-    }
-    if (view.counts != nullptr) {
-      view.counts = mapped(view.counts, straight_counts_);
-    } else {
-      view.metres = mapped(view.metres, straight_metres_);
-    }
-    return view;
-  }
-
   PyCamera camera_;
   Place place_;
   SensorOptions options_;
-  std::vector<std::uint32_t> pixel_map_;  // raw pixel of each one; empty: the same
-  std::vector<std::uint16_t> straight_counts_;
-  std::vector<float> straight_metres_;
   std::vector<std::shared_ptr<Sensor>> keepers_;
   std::mutex mutex_;
 };
@@ -299,8 +261,8 @@ nb::object gradient_of(const PySurface& surface, nb::handle points, nb::handle r
 
 PyCamera make_camera(int width, int height, double fx, double fy, double cx, double cy, double unit,
                      const nb::object& distortion, const nb::object& pose) {
-  PyCamera made{{width, height, {fx, fy, cx, cy}}, {}, unit, {}};
-  if (!distortion.is_none()) made.distortion = distortion_of(distortion);
+  PyCamera made{{width, height, {fx, fy, cx, cy}}, unit, {}};
+  if (!distortion.is_none()) made.camera.distortion = distortion_of(distortion);
   if (!pose.is_none()) made.X_WC = pose_of(pose, "pose");
   if (!(unit > 0 && unit <= 1)) {
     throw nb::value_error("unit: metres per count, more than 0 and at most 1");
@@ -354,7 +316,7 @@ pose: X_WC, (4, 4) or (7,) tx ty tz qx qy qz qw, where the camera is in the worl
       .def_prop_ro(
           "distortion",
           [](const PyCamera& self) {
-            const Distortion& d = self.distortion;
+            const Distortion& d = self.camera.distortion;
             return array_of<double>({d.k1, d.k2, d.p1, d.p2, d.k3, d.k4, d.k5, d.k6}, {8});
           },
           nb::sig(property("distortion").c_str()), "(8,) k1 k2 p1 p2 k3 k4 k5 k6.")
@@ -429,7 +391,7 @@ DepthStreamInfo PyCamera::stream() const {
   info.height = camera.height;
   info.intrinsics = camera.intrinsics;
   info.unit = unit;
-  info.distortion = distortion;
+  info.distortion = camera.distortion;
   return info;
 }
 

@@ -27,7 +27,6 @@ struct PyTool {
 /// palpate.Camera: a Camera, how its numbers are to be read, and where it is.
 struct PyCamera {
   Camera camera;
-  Distortion distortion;
   double unit = 0.001;  ///< metres per count
   Pose X_WC;
 

@@ -225,11 +225,15 @@ FoundCameras find_orbbec_cameras() {
   found.is_usable = true;
   found.library = loaded->path;
   found.version = dotted_version(loaded->version_number);
-  for_each_device(*loaded, [&](const DeviceList&, const std::string& serial, std::uint32_t) {
+  std::vector<std::string> models;
+  for_each_device(*loaded, [&](const DeviceList& list, const std::string& serial, std::uint32_t i) {
+    const char* const name = loaded->name(&list, i, Check());
+    models.emplace_back(name == nullptr ? "" : name);
     found.devices.push_back("orbbec:" + serial);
   });
-  found.reason = found.devices.empty() ? "no camera is plugged in"
-                                       : "Gemini, Femto, Astra 2 and others of Orbbec";
+  found.reason = found.devices.empty()
+                     ? "no camera is plugged in"
+                     : listed_models(models, "Gemini, Femto, Astra 2 and others of Orbbec");
   return found;
 }
 

@@ -75,6 +75,16 @@ SensorKind sensor_of_model(std::string_view name) {
   return SensorKind::none;
 }
 
+std::string listed_models(std::vector<std::string> models, std::string_view otherwise) {
+  std::ranges::sort(models);
+  const auto same = std::ranges::unique(models);
+  models.erase(same.begin(), same.end());
+  std::erase(models, "");
+  std::string all;
+  for (const std::string& model : models) all += (all.empty() ? "" : ", ") + model;
+  return all.empty() ? std::string(otherwise) : all;
+}
+
 std::string dotted_version(int number) {
   return std::to_string(number / 10000) + "." + std::to_string(number / 100 % 100) + "." +
          std::to_string(number % 100);

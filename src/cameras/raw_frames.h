@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "palpate/cameras/camera_uri.h"
 #include "palpate/cloud/depth_source.h"
@@ -37,6 +38,10 @@ std::optional<int> camera_number(const std::string& target);
 /// How a camera with this name of its maker measures: "Intel RealSense D435" is active stereo.
 /// None: the name says nothing.
 SensorKind sensor_of_model(std::string_view name);
+
+/// What kind of camera it is, "Intel RealSense D435, Intel RealSense SR305", each model once; else
+/// `otherwise`.
+std::string listed_models(std::vector<std::string> models, std::string_view otherwise);
 
 /// "2.59.1" of 25901.
 std::string dotted_version(int number);

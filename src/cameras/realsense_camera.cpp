@@ -268,12 +268,15 @@ FoundCameras find_realsense_cameras() {
   found.is_usable = true;
   found.library = loaded->path;
   found.version = dotted_version(loaded->version_number);
+  std::vector<std::string> models;
   for_each_device(*loaded, [&](const Device* device) {
+    models.push_back(info_of(*loaded, device, kName));
     found.devices.push_back("realsense:" + info_of(*loaded, device, kSerial));
     return false;
   });
-  found.reason = found.devices.empty() ? "no camera is plugged in; recordings can be played"
-                                       : "RealSense cameras; recordings";
+  found.reason = found.devices.empty()
+                     ? "no camera is plugged in; recordings can be played"
+                     : listed_models(models, "RealSense cameras") + "; recordings";
   return found;
 }
 

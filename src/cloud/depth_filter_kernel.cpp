@@ -55,13 +55,19 @@ template <class ToDepth>
 }  // namespace
 
 int read_depth(const RawPass& pass, const PixelWindow& part) {
+  const auto read = [&](const auto& to_depth) {
+    const std::uint32_t* const from = pass.raw_pixels;
+    if (from == nullptr) return read_rows(pass, part, to_depth);
+    return read_rows(pass, part, [&to_depth, from, num = pass.num_pixels](std::ptrdiff_t i) {
+      return from[i] < num ? to_depth(from[i]) : 0.0f;
+    });
+  };
   if (const float* const metres = pass.metres; pass.counts == nullptr) {
-    return read_rows(pass, part, [metres](std::ptrdiff_t i) { return metres[i]; });
+    return read([metres](std::ptrdiff_t i) { return metres[i]; });
   }
   const std::uint16_t* const counts = pass.counts;
   const double unit = pass.unit;
-  return read_rows(pass, part,
-                   [counts, unit](std::ptrdiff_t i) { return depth_of(counts[i], unit); });
+  return read([counts, unit](std::ptrdiff_t i) { return depth_of(counts[i], unit); });
 }
 
 void filter_depth(const FilterPass& pass, const PixelWindow& part) {

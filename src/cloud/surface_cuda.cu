@@ -11,6 +11,7 @@
 #include "src/cloud/surface_kernels.cuh"
 #include "src/cloud/surface_options.h"
 #include "src/cloud/surface_settings.h"
+#include "src/core/internal/assert.h"
 
 namespace palpate {
 namespace {
@@ -58,13 +59,14 @@ struct SurfaceCuda::Impl {
   std::size_t num_tiles;
 
   Impl(int image_width, int image_height, const Intrinsics& k, const SurfaceOptions& options,
-       int gpu, int num_images);
+       int gpu, int num_images, const Distortion& distortion);
   void enqueue(gpu::Stream& stream, const std::uint16_t* counts, const float* metres,
                const Part& part, int num_images = 1);
 };
 
 SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
-                        const SurfaceOptions& options, int gpu, int num_images)
+                        const SurfaceOptions& options, int gpu, int num_images,
+                        const Distortion& distortion)
     : memory(gpu),
       width(image_width),
       height(image_height),
@@ -79,6 +81,8 @@ SurfaceCuda::Impl::Impl(int image_width, int image_height, const Intrinsics& k,
   filter.raw = raw.view();
   filter.depth = memory.copy_of(std::vector<float>(
       static_cast<std::size_t>(num_images) * padded_size, std::numeric_limits<float>::quiet_NaN()));
+  const auto raw_pixels = lens_table_of(width, height, k, distortion);
+  if (!raw_pixels.empty()) filter.raw_pixels = memory.copy_of(raw_pixels);
   filter.num_valid = memory.take_pinned<int>(num_tiles);
   filter.min_depth = static_cast<float>(options.min_depth);
   filter.max_depth = static_cast<float>(options.max_depth);
@@ -114,6 +118,7 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
                             .shared_bytes = shared_bytes};
   };
   const ImageRows filtered = part.strips(1), finished = part.strips(0);
+  PALPATE_ASSERT(filter.raw_pixels == nullptr || part.num_parts == 1);
   if (filtered.begin < filtered.end) {
     FilterJob job = filter;
     job.metres = metres;
@@ -132,12 +137,14 @@ void SurfaceCuda::Impl::enqueue(gpu::Stream& stream, const std::uint16_t* counts
 }
 
 Result<SurfaceCuda> SurfaceCuda::create(int width, int height, const Intrinsics& intrinsics,
-                                        const SurfaceOptions& options, int gpu, int num_images) {
+                                        const SurfaceOptions& options, int gpu, int num_images,
+                                        const Distortion& distortion) {
   const Status settings = check_surface_settings(width, height, intrinsics, options);
   if (!settings) return settings.error();
   const Status device = gpu::check_gpu(gpu);
   if (!device) return device.error();
-  auto impl = std::make_unique<Impl>(width, height, intrinsics, options, gpu, num_images);
+  auto impl =
+      std::make_unique<Impl>(width, height, intrinsics, options, gpu, num_images, distortion);
   if (!impl->memory.status()) return impl->memory.status().error();
   return SurfaceCuda(std::move(impl));
 }

@@ -22,8 +22,10 @@ class Stream;
 class SurfaceCuda {
  public:
   /// Errors: those of SurfaceEstimator::create, no such GPU, not enough memory on it.
+  /// Bent images are straightened as by SurfaceEstimator; then frames are done in one part.
   static Result<SurfaceCuda> create(int width, int height, const Intrinsics& intrinsics,
-                                    const SurfaceOptions& options, int gpu, int num_images = 1);
+                                    const SurfaceOptions& options, int gpu, int num_images = 1,
+                                    const Distortion& distortion = {});
   SurfaceCuda(SurfaceCuda&&) noexcept;
   SurfaceCuda& operator=(SurfaceCuda&&) noexcept;
   ~SurfaceCuda();

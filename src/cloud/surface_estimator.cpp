@@ -34,11 +34,12 @@ SurfaceEstimator::~SurfaceEstimator() = default;
 
 Result<SurfaceEstimator> SurfaceEstimator::create(int width, int height,
                                                   const Intrinsics& intrinsics,
-                                                  const SurfaceOptions& options, Isa isa) {
+                                                  const SurfaceOptions& options, Isa isa,
+                                                  const Distortion& distortion) {
   const Status status = check_surface_settings(width, height, intrinsics, options);
   if (!status) return status.error();
-  return SurfaceEstimator(
-      std::unique_ptr<Impl>(new Impl{{width, height, intrinsics, options, isa}, {}, 0}));
+  return SurfaceEstimator(std::unique_ptr<Impl>(
+      new Impl{{width, height, intrinsics, options, isa, distortion}, {}, 0}));
 }
 
 SurfaceStats SurfaceEstimator::update(const DepthImageView& image, ThreadPool& pool,

@@ -31,9 +31,10 @@ inline constexpr int kMostTaps = (2 * kMaxWindowRadius + 1) * (2 * kMaxWindowRad
 struct FilterJob {
   Tiling tiling;
   RawFrameView raw;
-  const float* metres = nullptr;  // instead of the raw frame, or null
-  float* depth = nullptr;         // filtered, NaN where invalid
-  int* num_valid = nullptr;       // of each tile
+  const float* metres = nullptr;              // instead of the raw frame, or null
+  const std::uint32_t* raw_pixels = nullptr;  // as RawPass
+  float* depth = nullptr;                     // filtered, NaN where invalid
+  int* num_valid = nullptr;                   // of each tile
   float min_depth, max_depth;
   int radius;  // 0: no filter
   float range;
@@ -126,7 +127,13 @@ __global__ void __launch_bounds__(kTileThreads)
   float* const filtered_depth = job.depth + tile.image * job.tiling.points_apart;
   if (threadIdx.x == 0) shared.num_valid = 0;
   load_tile(job.tiling, tile, margin, shared.depths, [&](int at_u, int at_v) {
-    const std::ptrdiff_t i = first_raw + at_v * job.tiling.width + at_u;
+    auto pixel = static_cast<std::uint32_t>(at_v * job.tiling.width + at_u);
+    if (job.raw_pixels != nullptr) {
+      pixel = job.raw_pixels[pixel];
+      if (pixel >= static_cast<std::uint32_t>(job.tiling.width * job.tiling.height))
+        return kNoDepth;
+    }
+    const std::ptrdiff_t i = first_raw + pixel;
     const float z = job.metres != nullptr ? job.metres[i] : depth_of(job.raw.pixels[i], unit);
     return is_usable_depth(z, job.min_depth, job.max_depth) ? z : kNoDepth;
   });

@@ -37,6 +37,8 @@ struct RawPass {
   float* out = nullptr;  ///< padded
   std::ptrdiff_t stride = 0;
   int width = 0;
+  const std::uint32_t* raw_pixels = nullptr;  ///< where each is read; null: where it is
+  std::uint32_t num_pixels = 0;               ///< those from there on see nothing
 };
 
 /// Bilateral filter (eq. 3.12): z_p' = sum w z_q / sum w over the valid q of the window,

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numbers>
 
+#include "src/cloud/internal/lens_table.h"
+
 namespace palpate {
 namespace {
 
@@ -17,6 +19,12 @@ std::vector<float> ray_table(int num, double f, double c) {
     table[i] = static_cast<float>((static_cast<double>(i) - c) / f);
   }
   return table;
+}
+
+std::vector<std::uint32_t> lens_table_of(int width, int height, const Intrinsics& k,
+                                         const Distortion& distortion) {
+  if (distortion == Distortion{}) return {};
+  return lens_table({width, height, k, {}}, {width, height, k, distortion});
 }
 
 std::vector<float> space_exponents(const DepthFilterOptions& options) {

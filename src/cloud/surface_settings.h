@@ -11,6 +11,10 @@ namespace palpate {
 /// (i - c) / f for i = 0 ... num - 1 and a margin of PaddedDepth::kMargin more.
 std::vector<float> ray_table(int num, double f, double c);
 
+/// RawPass::raw_pixels; empty without distortion.
+std::vector<std::uint32_t> lens_table_of(int width, int height, const Intrinsics& k,
+                                         const Distortion& distortion);
+
 /// FilterPass::space.
 std::vector<float> space_exponents(const DepthFilterOptions& options);
 

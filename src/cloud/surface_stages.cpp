@@ -45,12 +45,13 @@ float* first_pixel(std::vector<float>& padded, std::ptrdiff_t stride) {
 }  // namespace
 
 SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
-                             const SurfaceOptions& options, Isa isa)
+                             const SurfaceOptions& options, Isa isa, const Distortion& distortion)
     : options_(options),
       kernels_(kernels_for(std::min(isa, best_isa()))),
       width_(width),
       height_(height),
       stride_(padded_stride(width)),
+      raw_pixels_(lens_table_of(width, height, k, distortion)),
       raw_(padded_image(height, stride_)),
       filtered_(padded_image(height, stride_)),
       ray_x_(ray_table(width, k.fx, k.cx)),
@@ -67,6 +68,8 @@ SurfaceStages::SurfaceStages(int width, int height, const Intrinsics& k,
   raw_pass_.out = first_pixel(raw_, stride_);
   raw_pass_.stride = stride_;
   raw_pass_.width = width;
+  if (!raw_pixels_.empty()) raw_pass_.raw_pixels = raw_pixels_.data();
+  raw_pass_.num_pixels = static_cast<std::uint32_t>(num_pixels);
 
   filter_pass_ = filter_settings(options);
   filter_pass_.in = {first_pixel(raw_, stride_), stride_, width, height};

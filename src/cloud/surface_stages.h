@@ -15,7 +15,7 @@ class SurfaceStages {
  public:
   /// Settings as check_surface_settings accepts them.
   SurfaceStages(int width, int height, const Intrinsics& intrinsics, const SurfaceOptions& options,
-                Isa isa);
+                Isa isa, const Distortion& distortion = {});
   SurfaceStages(const SurfaceStages&) = delete;  // the passes point into the buffers
   SurfaceStages& operator=(const SurfaceStages&) = delete;
 
@@ -39,7 +39,8 @@ class SurfaceStages {
   SurfaceKernels kernels_;
   int width_, height_;
   std::ptrdiff_t stride_;
-  std::vector<float> raw_, filtered_;  // padded
+  std::vector<std::uint32_t> raw_pixels_;  // of the lens; empty: none bends the image
+  std::vector<float> raw_, filtered_;      // padded
   std::vector<float> ray_x_, ray_y_, space_;
   std::vector<float> depth_, change_[3];
   std::vector<int> strip_counts_;

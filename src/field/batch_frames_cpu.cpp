@@ -38,7 +38,8 @@ class BatchFramesCpu final : public BatchFrames {
     if (const Status status = reserve(num); !status) return status.error();
     while (static_cast<int>(workers_.size()) < pool.num_threads()) {
       auto made = SurfaceEstimator::create(settings_.stream.width, settings_.stream.height,
-                                           settings_.stream.intrinsics, settings_.surface);
+                                           settings_.stream.intrinsics, settings_.surface,
+                                           best_isa(), settings_.stream.distortion);
       if (!made) return made.error();
       workers_.push_back({*std::move(made), std::make_unique<ThreadPool>(1)});
     }

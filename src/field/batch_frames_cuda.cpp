@@ -37,7 +37,7 @@ class BatchFramesCuda final : public BatchFrames {
     const int at_once = std::min(num_images, std::max(1, pixels_at_once_ / num_pixels));
     if (const Status status = check_memory(num_images, at_once); !status) return status;
     auto surface = SurfaceCuda::create(stream.width, stream.height, stream.intrinsics,
-                                       settings_.surface, gpu_, at_once);
+                                       settings_.surface, gpu_, at_once, stream.distortion);
     if (!surface) return surface.error();
     auto field = DepthFieldCuda::create(stream.width, stream.height, *settings_.field, gpu_,
                                         num_images, at_once);

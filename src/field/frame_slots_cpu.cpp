@@ -97,8 +97,8 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
   }
   std::vector<Slot> slots;
   for (int i = 0; i < settings.num_slots(); ++i) {
-    auto estimator =
-        SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics, settings.surface);
+    auto estimator = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics,
+                                              settings.surface, best_isa(), stream.distortion);
     if (!estimator) return estimator.error();
     Slot slot{*std::move(estimator), {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {

@@ -70,6 +70,7 @@ Result<Sensor> Sensor::create(const Camera& camera, const Place& place,
   settings.stream.width = camera.width;
   settings.stream.height = camera.height;
   settings.stream.intrinsics = camera.intrinsics;
+  settings.stream.distortion = camera.distortion;
   settings.surface = options.surface;
   settings.field = options.field;
   settings.time.mode = TimeMode::latest;

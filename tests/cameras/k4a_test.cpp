@@ -3,6 +3,8 @@
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -28,6 +30,38 @@ struct Configuration {
   bool no_light;
 };
 
+/// Of a sensor of 1024 x 1024 pixels, of which the narrow mode shows 640 x 576 from (192, 180) on.
+constexpr double kCx = 0.5122, kCy = 0.4945, kFx = 0.4921, kFy = 0.4923;  // shares of the sensor
+const Distortion kLens{3.13, 2.32, 8e-5, -5e-5, 0.13, 3.46, 3.35, 0.66};
+
+/// As a camera gives it, with what the library insists on.
+std::string calibration_json() {
+  const std::string still =
+      R"("Rt": {"Rotation": [1, 0, 0, 0, 1, 0, 0, 0, 1], "Translation": [0, 0, 0]})";
+  const auto camera = [&](const std::string& location, int width, int height) {
+    char numbers[300];
+    std::snprintf(numbers, sizeof numbers,
+                  "[%.9g, %.9g, %.9g, %.9g, %.9g, %.9g, %.9g, %.9g, %.9g, %.9g, 0, 0, %.9g, %.9g]",
+                  kCx, kCy, kFx, kFy, kLens.k1, kLens.k2, kLens.k3, kLens.k4, kLens.k5, kLens.k6,
+                  kLens.p2, kLens.p1);
+    return R"({"Intrinsics": {"ModelParameterCount": 14, "ModelParameters": )" +
+           std::string(numbers) +
+           R"(, "ModelType": "CALIBRATION_LensDistortionModelBrownConrady"}, "Location": )" +
+           R"("CALIBRATION_CameraLocation)" + location + R"(", "MetricRadius": 1.74, )" + still +
+           R"(, "SensorWidth": )" + std::to_string(width) + R"(, "SensorHeight": )" +
+           std::to_string(height) + "}";
+  };
+  const auto inertial = [&](const std::string& type) {
+    return R"({"SensorType": "CALIBRATION_InertialSensorType_)" + type + R"(", )" + still +
+           R"(, "BiasTemperatureModel": [0], "BiasUncertainty": [0, 0, 0], )" +
+           R"("MixingMatrixTemperatureModel": [1], "ModelTypeMask": 16, "Noise": [0], )" +
+           R"("SecondOrderScaling": [0], "TemperatureBounds": [5, 60], "TemperatureC": 25})";
+  };
+  return R"({"CalibrationInformation": {"Cameras": [)" + camera("D0", 1024, 1024) + ", " +
+         camera("PV0", 4096, 3072) + R"(], "InertialSensors": [)" + inertial("Gyro") + ", " +
+         inertial("Accelerometer") + "]}}";
+}
+
 class K4a : public testing::Test {
  protected:
   static void SetUpTestSuite() { setenv("VIRTUAL_ENV", PALPATE_SOURCE_DIR "/build/python", 0); }
@@ -49,12 +83,20 @@ class K4a : public testing::Test {
     throw std::runtime_error(std::string("no ") + name);
   }
 
-  void record(const std::string& path, int num) const {
+  void record(const std::string& path, int num, std::string calibration = "") const {
     const Configuration configuration{0, 0, 2, 2, false, 0, 0, 0, false};
     Handle* recording = nullptr;
     ASSERT_EQ((function<int(const char*, Handle*, Configuration, Handle**)>("k4a_record_create")(
                   path.c_str(), nullptr, configuration, &recording)),
               0);
+    if (!calibration.empty()) {
+      ASSERT_EQ(
+          (function<int(Handle*, const char*, const std::uint8_t*, std::size_t)>(
+              "k4a_record_add_attachment")(
+              recording, "calibration.json",
+              reinterpret_cast<const std::uint8_t*>(calibration.c_str()), calibration.size() + 1)),
+          0);
+    }
     ASSERT_EQ(function<int(Handle*)>("k4a_record_write_header")(recording), 0);
     for (int k = 0; k < num; ++k) {
       constexpr int kDepth16 = 4;
@@ -102,6 +144,61 @@ TEST_F(K4a, ItsRecordingsConform) {
   EXPECT_NE(open_camera("k4a:" + file).error().message.find("no such file"), std::string::npos);
   std::ofstream(file) << "not a recording";
   EXPECT_NE(open_camera("k4a:" + file).error().message.find("cannot be played"), std::string::npos);
+  std::filesystem::remove(file);
+}
+
+// What the library makes of a camera's calibration is what its frames are straightened by.
+TEST_F(K4a, TheCalibrationInARecordingIsTaken) {
+  const std::string file = (std::filesystem::temp_directory_path() /
+                            ("palpate_lens_" + std::to_string(getpid()) + ".mkv"))
+                               .string();
+  record(file, 3, calibration_json());
+  const Intrinsics want{1024 * kFx, 1024 * kFy, 1024 * kCx - 192 - 0.5, 1024 * kCy - 180 - 0.5};
+  {
+    const auto raw = open_k4a_camera(parse_camera_uri("k4a:" + file).value(), {}).value();
+    const Intrinsics& got = raw.source->info().intrinsics;
+    for (const auto member : {&Intrinsics::fx, &Intrinsics::fy, &Intrinsics::cx, &Intrinsics::cy}) {
+      EXPECT_NEAR(got.*member, want.*member, 1e-3);
+    }
+    const Distortion& bent = raw.source->info().distortion;
+    for (const auto member : {&Distortion::k1, &Distortion::k2, &Distortion::p1, &Distortion::p2,
+                              &Distortion::k3, &Distortion::k4, &Distortion::k5, &Distortion::k6}) {
+      EXPECT_NEAR(bent.*member, kLens.*member, 1e-6);
+    }
+    EXPECT_EQ(raw.source->info().sensor, SensorKind::tof);
+  }
+  const auto camera = open_camera("k4a:" + file).value();
+  EXPECT_EQ(camera->info().distortion, Distortion{});
+  DepthFrame frame;
+  for (int number = 0; number < 3; ++number) {
+    ASSERT_TRUE(camera->next(frame).value());
+    const auto sent = test::pattern(kWidth, kHeight, number);
+    int num_seen = 0, num_wrong = 0;
+    for (int v = 0; v < kHeight; ++v) {
+      for (int u = 0; u < kWidth; ++u) {
+        // As the documentation of OpenCV's calib3d writes it.
+        const double x = (u - want.cx) / want.fx, y = (v - want.cy) / want.fy;
+        const double r2 = x * x + y * y, r4 = r2 * r2, r6 = r4 * r2;
+        const Distortion& d = kLens;
+        const double radial =
+            (1 + d.k1 * r2 + d.k2 * r4 + d.k3 * r6) / (1 + d.k4 * r2 + d.k5 * r4 + d.k6 * r6);
+        const double u_raw =
+            want.fx * (x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x)) + want.cx;
+        const double v_raw =
+            want.fy * (y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y) + want.cy;
+        const double du = std::abs(u_raw - std::floor(u_raw) - 0.5),
+                     dv = std::abs(v_raw - std::floor(v_raw) - 0.5);
+        if (du < 1e-3 || dv < 1e-3) continue;  // single precision decides which is nearest
+        const double un = std::round(u_raw), vn = std::round(v_raw);
+        const bool is_inside = un >= 0 && vn >= 0 && un < kWidth && vn < kHeight;
+        const int want_count = is_inside ? sent[static_cast<std::size_t>(vn * kWidth + un)] : 0;
+        num_seen += is_inside;
+        num_wrong += frame.pixels[static_cast<std::size_t>(v * kWidth + u)] != want_count;
+      }
+    }
+    EXPECT_EQ(num_wrong, 0) << number;
+    EXPECT_GT(num_seen, kWidth * kHeight * 3 / 4);
+  }
   std::filesystem::remove(file);
 }
 

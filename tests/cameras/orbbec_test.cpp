@@ -60,6 +60,7 @@ TEST_F(Orbbec, RefusesWhatItCannotDo) {
 TEST_F(Orbbec, Conforms) {
   EXPECT_EQ((*open_camera("orbbec:AY123"))->info().width, 640);
   EXPECT_EQ((*open_camera("orbbec"))->info().sensor, SensorKind::tof);
+  EXPECT_EQ(find_orbbec_cameras().reason, "Orbbec Femto Bolt");
   test::expect_camera(open, 30, 64, 48);
   test::expect_outlives_unplugging(open,
                                    [](bool is_plugged) { control_->is_plugged = is_plugged; });

@@ -161,6 +161,67 @@ TEST(SurfaceStages, WhatFliesBetweenTwoSurfacesIsRemovedAndNothingElse) {
   }
 }
 
+/// As the documentation of OpenCV's calib3d writes it, term by term; (-1, -1) where the ray is not
+/// seen.
+std::pair<int, int> raw_pixel(const Distortion& d, const DepthScene& scene, int u, int v) {
+  const Intrinsics& k = scene.intrinsics;
+  const double x = (u - k.cx) / k.fx, y = (v - k.cy) / k.fy;
+  const double r2 = x * x + y * y, r4 = r2 * r2, r6 = r2 * r2 * r2;
+  const double radial =
+      (1 + d.k1 * r2 + d.k2 * r4 + d.k3 * r6) / (1 + d.k4 * r2 + d.k5 * r4 + d.k6 * r6);
+  const double u_raw = k.fx * (x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x)) + k.cx;
+  const double v_raw = k.fy * (y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y) + k.cy;
+  const bool is_inside =
+      u_raw > -0.5 && v_raw > -0.5 && u_raw < scene.width - 0.5 && v_raw < scene.height - 0.5;
+  return is_inside ? std::pair(static_cast<int>(std::floor(u_raw + 0.5)),
+                               static_cast<int>(std::floor(v_raw + 0.5)))
+                   : std::pair(-1, -1);
+}
+
+TEST(SurfaceStages, BentImagesAreStraightened) {
+  SurfaceOptions options;
+  options.filter.enabled = false;
+  const DepthScene scene = test::cluttered_scene(70, 51, 60, 1.3, 4);
+  const DepthFrame frame = test::as_frame(scene);
+  ThreadPool pool(1);
+  for (const Distortion& bent : {Distortion{-0.28, 0.09, 0.001, -0.002, -0.01, 0, 0, 0},
+                                 Distortion{5.9, 3.4, 1e-5, 3e-5, 0.17, 6.2, 5.1, 0.9}}) {
+    SurfaceEstimator of_metres =
+        SurfaceEstimator::create(70, 51, scene.intrinsics, options, best_isa(), bent).value();
+    SurfaceEstimator of_counts =
+        SurfaceEstimator::create(70, 51, scene.intrinsics, options, best_isa(), bent).value();
+    of_metres.update(scene.depth, pool);
+    of_counts.update(frame, pool);
+    int num_moved = 0, num_unseen = 0;
+    for (int v = 0; v < 51; ++v) {
+      for (int u = 0; u < 70; ++u) {
+        const auto [u_raw, v_raw] = raw_pixel(bent, scene, u, v);
+        const auto i = static_cast<std::size_t>(v * 70 + u),
+                   raw = static_cast<std::size_t>(v_raw * 70 + u_raw);
+        const float want = u_raw < 0 ? NAN : scene.depth[raw];
+        EXPECT_TRUE(of_metres.depth()[i] == want ||
+                    (std::isnan(of_metres.depth()[i]) && std::isnan(want)))
+            << u << " " << v;
+        if (u_raw >= 0 && frame.pixels[raw] != 0) {
+          EXPECT_EQ(of_counts.depth()[i], static_cast<float>(frame.pixels[raw] * frame.unit));
+        }
+        num_moved += u_raw >= 0 && (u_raw != u || v_raw != v);
+        num_unseen += u_raw < 0;
+      }
+    }
+    EXPECT_GT(num_moved, 500);
+    if (bent.k1 > 0) continue;
+    EXPECT_EQ(num_unseen, 0);
+  }
+  // A lens that sees less than the pinhole image shows.
+  const Distortion wide{0.4, 0, 0, 0, 0, 0, 0, 0};
+  SurfaceEstimator cut =
+      SurfaceEstimator::create(70, 51, scene.intrinsics, options, best_isa(), wide).value();
+  cut.update(scene.depth, pool);
+  EXPECT_EQ(raw_pixel(wide, scene, 0, 0).first, -1);
+  EXPECT_TRUE(std::isnan(cut.depth()[0]));
+}
+
 TEST(SurfaceStages, SteepSurfacesStayAsFarAsTheGapSays) {
   constexpr double kFocal = 50;
   SurfaceOptions options;

@@ -21,11 +21,13 @@ struct Pair {
   ThreadPool pool{1};
   SurfaceStats expected{};
 
-  Pair(const DepthScene& scene, const SurfaceOptions& options)
-      : cpu(SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics, options).value()),
+  Pair(const DepthScene& scene, const SurfaceOptions& options, const Distortion& bent = {})
+      : cpu(SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics, options,
+                                     best_isa(), bent)
+                .value()),
         cuda(std::move(
-            SurfaceCuda::create(scene.width, scene.height, scene.intrinsics, options, 0).value())) {
-  }
+            SurfaceCuda::create(scene.width, scene.height, scene.intrinsics, options, 0, 1, bent)
+                .value())) {}
 
   void take(const DepthFrame& frame) {
     std::ranges::copy(frame.pixels, cuda.input().begin());
@@ -108,6 +110,24 @@ TEST(SurfaceCuda, KnowsWhatIsNoMeasurement) {
   pair.cuda.enqueue(pair.stream);
   pair.compare();
   EXPECT_LT(pair.expected.num_valid, 40 * 24);
+}
+
+TEST(SurfaceCuda, StraightensBentImages) {
+  PALPATE_GPU_OR_SKIP();
+  const DepthScene scene = test::cluttered_scene(99, 75, 90, 1.2, 6);
+  SurfaceOptions options = default_options();
+  options.flying_pixel_gap = 0.015;
+  Pair flat(scene, options);
+  flat.take(test::as_frame(scene));
+  for (const Distortion& bent : {Distortion{-0.28, 0.09, 0.001, -0.002, -0.01, 0, 0, 0},
+                                 Distortion{0.4, 0, 0, 0, 0, 0, 0, 0},
+                                 Distortion{5.9, 3.4, 1e-5, 3e-5, 0.17, 6.2, 5.1, 0.9}}) {
+    Pair pair(scene, options, bent);
+    pair.take(test::as_frame(scene));
+    pair.cuda.enqueue(pair.stream);
+    ASSERT_NO_FATAL_FAILURE(pair.compare());
+    EXPECT_NE(pair.expected.num_points, flat.expected.num_points);
+  }
 }
 
 TEST(SurfaceCuda, OrderOfThreadsDoesNotMatter) {

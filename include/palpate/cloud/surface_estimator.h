@@ -131,8 +131,11 @@ class SurfaceEstimator {
  public:
   /// Errors: size out of 8..kMaxImageWidth, intrinsics not positive and finite, options out of
   /// range. All instruction sets give the same bits; one that the processor lacks is lowered.
+  /// Images that a lens has bent by `distortion` are straightened as they are read, each pixel from
+  /// the nearest one.
   static Result<SurfaceEstimator> create(int width, int height, const Intrinsics& intrinsics,
-                                         const SurfaceOptions& options = {}, Isa isa = best_isa());
+                                         const SurfaceOptions& options = {}, Isa isa = best_isa(),
+                                         const Distortion& distortion = {});
   SurfaceEstimator(SurfaceEstimator&&) noexcept;
   SurfaceEstimator& operator=(SurfaceEstimator&&) noexcept;
   ~SurfaceEstimator();

@@ -13,6 +13,7 @@ namespace palpate {
 struct Camera {
   int width = 0, height = 0;  ///< pixels
   Intrinsics intrinsics;
+  Distortion distortion = {};  ///< of its lens: images are straightened, at any place
 };
 
 struct SensorOptions {

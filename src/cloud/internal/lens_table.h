@@ -1,0 +1,29 @@
+// Which pixel of a bent image shows what a pinhole camera would see at each of its pixels.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "palpate/cloud/intrinsics.h"
+
+namespace palpate {
+
+/// How one image was taken.
+struct CameraModel {
+  int width = 0, height = 0;
+  Intrinsics intrinsics;
+  Distortion distortion;
+
+  friend bool operator==(const CameraModel&, const CameraModel&) = default;
+};
+
+/// For each pixel of the pinhole image the number of the raw one that is nearest to where its ray
+/// is seen, never a mixture of two depths; past the end (raw.width * raw.height) where the camera
+/// sees nothing. The distortion of `pinhole` is not looked at. O(pixels): some milliseconds.
+std::vector<std::uint32_t> lens_table(const CameraModel& pinhole, const CameraModel& raw);
+
+/// How far from the optical axis a lens still maps different rays to different pixels: the largest
+/// r (X / Z) up to `limit` below which the radial distortion grows with r.
+double largest_radius(const Distortion& distortion, double limit);
+
+}  // namespace palpate
