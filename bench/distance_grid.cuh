@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bench/contact_setup.h"
+#include "eval/studies/trilinear.h"
 #include "src/gpu/runtime.h"
 #include "src/gpu/team.cuh"
 
@@ -70,33 +71,18 @@ __global__ void __launch_bounds__(256) ask_grid(const __grid_constant__ GridJob 
   for (int i = thread; i < job.num_spheres; i += static_cast<int>(blockDim.x)) {
     const Sphere s = job.spheres[i];
     float lever[3], at[3];
-    int cell[3];
-    bool is_inside = true;
     for (int axis = 0; axis < 3; ++axis) {
       const float(&r)[3] = shared.R[axis];
       lever[axis] = r[0] * s.centre.x + r[1] * s.centre.y + r[2] * s.centre.z;
-      const float p = (lever[axis] + shared.p[axis] - grid.origin[axis]) * grid.cells_per_metre;
-      is_inside = is_inside && p >= 0 && p < static_cast<float>(grid.num[axis] - 1);
-      cell[axis] = static_cast<int>(p);
-      at[axis] = p - static_cast<float>(cell[axis]);
+      at[axis] = (lever[axis] + shared.p[axis] - grid.origin[axis]) * grid.cells_per_metre;
     }
-    if (!is_inside) continue;
-    const int row = grid.num[0], slice = grid.num[0] * grid.num[1];
-    const float* const d = grid.distances + cell[2] * slice + cell[1] * row + cell[0];
-    const float c000 = d[0], c100 = d[1], c010 = d[row], c110 = d[row + 1];
-    const float c001 = d[slice], c101 = d[slice + 1], c011 = d[slice + row],
-                c111 = d[slice + row + 1];
-    const auto mix = [](float a, float b, float t) { return a + t * (b - a); };
-    const float x00 = mix(c000, c100, at[0]), x10 = mix(c010, c110, at[0]);
-    const float x01 = mix(c001, c101, at[0]), x11 = mix(c011, c111, at[0]);
-    const float y0 = mix(x00, x10, at[1]), y1 = mix(x01, x11, at[1]);
-    const float depth = s.radius - mix(y0, y1, at[2]);
+    eval::TrilinearCell<float> cell;
+    if (!cell.find(at, grid.num)) continue;
+    const float depth = s.radius - cell.distance(grid.distances, grid.num);
     if (!(depth > 0)) continue;
-    const float gx =
-        mix(mix(c100 - c000, c110 - c010, at[1]), mix(c101 - c001, c111 - c011, at[1]), at[2]);
-    const float gy = mix(x10 - x00, x11 - x01, at[2]), gz = y1 - y0;
-    const float n[3] = {gx * grid.cells_per_metre, gy * grid.cells_per_metre,
-                        gz * grid.cells_per_metre};
+    float n[3];
+    cell.gradient(n);
+    for (float& component : n) component *= grid.cells_per_metre;
     sums[0] += depth;
     for (int a = 0; a < 3; ++a) {
       const int b = (a + 1) % 3, c = (a + 2) % 3;

@@ -91,6 +91,7 @@ struct FigureResult {
   std::vector<Picture> pictures;
   std::vector<Number> numbers;
   std::vector<std::string> notes;  ///< how it was made, what is missing
+  std::string rows_of;             ///< machine and commit of times from a file; empty: of this run
 };
 
 class Context;

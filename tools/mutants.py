@@ -6,16 +6,18 @@ a little. Which ones are tried follows from --seed alone. A mutant that the test
 notice has survived: it is either equivalent or a missing test. Results are added to the file given by
 --results, line by line, so that a run that was stopped goes on where it was.
 
-usage: tools/mutants.py [--count 200] [--seed 1] [--build build/mutants] [--results build/mutants.tsv]
+usage: tools/mutants.py [--count 200] [--seed 1] [--tree build/mutants] [--results build/mutants.tsv]
 
-Works in a copy of the working tree beside the build, never in the tree itself."""
+Works in --tree, a copy of the working tree, never in the tree itself."""
 
 import argparse
+import os
 import random
 import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from project_files import ROOT
@@ -24,7 +26,8 @@ MODULES = ("contact", "field", "haptics")
 # Test programs of a module; the first that fails kills the mutant.
 TESTS = {
     "contact": ["test_golden", "test_contact_query", "test_contact_parts", "test_field_contact",
-                "test_between_surfaces", "test_body_contact"],
+                "test_between_surfaces", "test_body_contact",
+                "test_contact_batch"],
     "field": ["test_golden", "test_field", "test_field_contact"],
     "haptics": ["test_haptics", "test_run_pipeline"],
 }
@@ -85,8 +88,20 @@ def run(command, cwd, timeout):
         return "timeout"
 
 
-def judge(mutant, copy, build, jobs):
-    """killed by PROGRAM, does not compile, or survived."""
+def seconds_of(programs, build):
+    """How long each takes when nothing is wrong. Error: a test fails before anything was changed."""
+    seconds = {}
+    for program in programs:
+        begin = time.monotonic()
+        if run([str(build / "bin" / program), "--gtest_brief=1"], build, 3600) != 0:
+            sys.exit(f"mutants: {program} fails without a change; run it by hand and mend it first")
+        seconds[program] = time.monotonic() - begin
+    return seconds
+
+
+def judge(mutant, copy, build, jobs, seconds):
+    """killed by PROGRAM, does not compile, or survived. `seconds`: of each program without a change;
+    one that takes twenty times as long does not end."""
     module, name, number, column, before, after = mutant
     path = copy / name
     original = path.read_text()
@@ -98,7 +113,8 @@ def judge(mutant, copy, build, jobs):
         for program in TESTS[module]:
             if run(["ninja", "-C", str(build), f"-j{jobs}", program], copy, 1800) != 0:
                 return "does not compile"
-            status = run([str(build / "bin" / program), "--gtest_brief=1"], copy, 900)
+            status = run([str(build / "bin" / program), "--gtest_brief=1", "--gtest_fail_fast"],
+                         copy, 30 + 20 * seconds[program])
             if status != 0:
                 return f"killed by {program}" + (" (time-out)" if status == "timeout" else "")
         return "survived"
@@ -111,12 +127,14 @@ def main():
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--build", default="build/mutants")
+    parser.add_argument("--tree", default="build/mutants")
     parser.add_argument("--results", default="build/mutants.tsv")
     options = parser.parse_args()
-    build = (ROOT / options.build).resolve()
-    copy, results = build / "tree", (ROOT / options.results).resolve()
+    # As the release lies in its tree: what was compiled there is in the compiler's cache.
+    copy, results = (ROOT / options.tree).resolve(), (ROOT / options.results).resolve()
+    build = copy / "build" / "release"
     build.mkdir(parents=True, exist_ok=True)
+    os.environ["CCACHE_BASEDIR"] = str(copy)
     names = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
                            cwd=ROOT, capture_output=True, check=True).stdout.decode()
     for name in filter(None, names.split("\0")):
@@ -132,6 +150,7 @@ def main():
     programs = sorted({program for module in MODULES for program in TESTS[module]})
     subprocess.run(["ninja", "-C", str(build), f"-j{options.jobs}", *programs], check=True,
                    stdout=subprocess.DEVNULL)
+    seconds = seconds_of(programs, build)
 
     mutants = all_mutants()
     random.Random(options.seed).shuffle(mutants)
@@ -147,7 +166,7 @@ def main():
         module, name, number, column, before, after = mutant
         key = f"{name}\t{number + 1}\t{column + 1}\t{before.strip()} -> {after.strip()}"
         if key not in known:
-            known[key] = judge(mutant, copy, build, options.jobs)
+            known[key] = judge(mutant, copy, build, options.jobs, seconds)
             with open(results, "a") as file:
                 file.write(f"{key}\t{known[key]}\n")
         counts[known[key].split()[0]] += 1

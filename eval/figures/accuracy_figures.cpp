@@ -363,13 +363,13 @@ void add_claims(FigureResult& result, const Study& study) {
        words("Within %g mm at most %.2f times the exact change, over %zu pairs, with and without "
              "noise; of the others up to %.0f times.",
              1e3 * study.effort.fine_step, jump, study.pairs.size(), worst_of_others(kJump)),
-       jump <= kContinuous ? Verdict::holds : Verdict::fails});
+       holds_up_to(jump, kContinuous), Source::docs});
   result.claims.push_back(
       {words("The field has a potential, a closed loop giving "
              "less than %g of its work away.",
              kConservative),
        words("At most %.1e of all work, over %zu pairs.", loop, study.pairs.size()),
-       loop < kConservative ? Verdict::holds : Verdict::fails});
+       holds_below(loop, kConservative), Source::docs});
   const double lost = worst_of_field(kLost);
   result.claims.push_back(
       {"With the field a tool pushed clean through never "
@@ -377,7 +377,7 @@ void add_claims(FigureResult& result, const Study& study) {
        words("Contact is lost in %.1f %% of the steps with the field, in up to %.1f %% with the "
              "others.",
              lost, worst_of_others(kLost)),
-       lost == 0 ? Verdict::holds : Verdict::fails});
+       holds_up_to(lost, 0), Source::docs});
 
   // Of two ways, the least error of each kind.
   const auto least = [](Errors errors, const Errors& other) {

@@ -14,6 +14,7 @@
 #include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/speed.h"
+#include "eval/studies/verdict_rules.h"
 #include "palpate/contact/body_contact.h"
 #include "palpate/mesh/shapes.h"
 #include "scenes/mesh_faces.h"
@@ -364,23 +365,22 @@ void add_claims(FigureResult& result, const std::vector<Row>& rows) {
        "as their fills multiplied.",
        words("%.2f to %.2f times that, with %d to %d spheres in each body.", ratio.low, ratio.high,
              least, most),
-       ratio.low > 1 - kAsTheFills && ratio.high < 1 + kAsTheFills ? Verdict::holds
-                                                                   : Verdict::fails});
+       holds_between(ratio, 1 - kAsTheFills, 1 + kAsTheFills), Source::docs});
   result.claims.push_back(
       {"The force between bodies has a potential, so that a "
        "closed path gives no energy.",
        words("A closed loop gives away at most %.0e of all work.", loop.high),
-       loop.high < kConservative ? Verdict::holds : Verdict::fails});
+       holds_below(loop.high, kConservative), Source::docs});
   result.claims.push_back(
       {"A face of a body is felt as the spheres behind it: "
        "off its normal, however many they are, and much weaker if they are small.",
        words("With %d to %d spheres %.0f to %.0f° rms off the normal, and %.2f to %.2f times as "
              "strong as the volume found; at most %.2f times if the block has no large ones.",
              least, most, direction.low, direction.high, strength.low, strength.high, fine.high),
-       direction.high < kOffNormal && strength.low > 1 - kAboutVolume &&
-               strength.high < 1 + kAboutVolume && fine.high < kMuchWeaker * strength.low
-           ? Verdict::holds
-           : Verdict::fails});
+       holds_with({holds_below(direction.high, kOffNormal),
+                   holds_between(strength, 1 - kAboutVolume, 1 + kAboutVolume),
+                   holds_below(fine.high, kMuchWeaker * strength.low)}),
+       Source::docs});
 }
 
 }  // namespace

@@ -171,9 +171,7 @@ Result<FigureResult> figure_corners(Context& context) {
        "and at a corner: at most half the error without them.",
        words("At most %.1f %% of the tool rms with Kinect noise, without edge planes %.1f %%.", cut,
              none),
-       2 * cut < none ? Verdict::holds
-       : cut < none   ? Verdict::holds_in_part
-                      : Verdict::fails});
+       holds_below(2 * cut, none, 2 * none), Source::docs});
   result.claims.push_back(
       {"Past two edges and corners the field is nearer to the exact volume than any method of the "
        "thesis, with edge planes or without.",

@@ -428,9 +428,7 @@ Result<FigureResult> cube_figure(Context& context) {
       {kClaims[3],
        words("Volume %.2f %% rms of the exact image against %.2f, direction %.2f° against %.2f.",
              own.volume, field.volume, own.direction, field.direction),
-       share < 0.5 ? Verdict::holds
-       : share < 1 ? Verdict::holds_in_part
-                   : Verdict::fails});
+       holds_below(share, 0.5, 1), Source::docs});
   result.notes.push_back(words(
       "A box and an octahedron of 30 mm (%d spheres, volumes that sum to the mesh) go 8 mm deep "
       "into two "

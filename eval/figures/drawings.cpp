@@ -174,7 +174,7 @@ Result<FigureResult> caps(Context&) {
        "With " + std::to_string(kSegments) +
            " segments their volumes are those of the closed form within " +
            short_number(100 * worst, 2) + " %.",
-       worst < 0.01 ? Verdict::holds : Verdict::fails}};
+       holds_below(worst, 0.01), Source::docs}};
   result.numbers = {{"distance", distance, ""}, {"cap.worst_volume_error", 100 * worst, "%"}};
   result.tables = {std::move(table)};
   return result;

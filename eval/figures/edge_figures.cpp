@@ -298,16 +298,15 @@ Result<FigureResult> figure_edges(Context& context) {
        words("Cut: at most %.1f %% of the tool rms and %.1f %% a step; else at least %.1f and "
              "%.1f %%.",
              100 * x.cut_rms, 100 * x.cut_step, 100 * x.other_rms, 100 * x.other_step),
-       5 * x.cut_rms < x.other_rms && 5 * x.cut_step < x.other_step ? Verdict::holds
-       : x.cut_rms < x.other_rms                                    ? Verdict::holds_in_part
-                                                                    : Verdict::fails});
+       holds_with({holds_below(5 * x.cut_rms, x.other_rms, 5 * x.other_rms),
+                   holds_below(5 * x.cut_step, x.other_step, 5 * x.other_step)}),
+       Source::docs});
   result.claims.push_back(
       {"The field needs no edges.",
        words("At most %.1f %% of the tool rms without noise and %.1f %% with it; largest step "
              "%.1f %%.",
              100 * x.field_rms[0], 100 * x.field_rms[1], 100 * x.field_step),
-       2 * std::max(x.field_rms[0], x.field_rms[1]) < x.other_rms ? Verdict::holds
-                                                                  : Verdict::fails});
+       holds_below(2 * std::max(x.field_rms[0], x.field_rms[1]), x.other_rms), Source::docs});
   result.tables.push_back(table_of(ways));
   for (const WayPastEdge& way : ways) add_numbers(result, way);
   result.plots.push_back(plot_of(ways.back()));

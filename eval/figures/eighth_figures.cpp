@@ -134,7 +134,7 @@ Result<FigureResult> figure_eighth(Context& context) {
        "factor of 2.",
        words("%.0f to %.0f N/m: it goes with the force over the tool's length, and with its shape.",
              *least, *most),
-       *most < 2 * *least ? Verdict::holds : Verdict::fails});
+       holds_below(*most, 2 * *least), Source::docs});
   result.plots.push_back(std::move(plot));
   result.tables.push_back(std::move(table));
   result.tables.push_back(std::move(stiffness));

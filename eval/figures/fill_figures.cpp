@@ -7,6 +7,7 @@
 #include "eval/figures/option_figures.h"
 #include "eval/studies/range.h"
 #include "eval/studies/speed.h"
+#include "eval/studies/verdict_rules.h"
 #include "src/session/internal/packing_report.h"
 
 namespace palpate::eval {
@@ -138,33 +139,31 @@ void add_claims(FigureResult& result, const std::vector<Packing>& packings) {
                                  kApollonianExponent),
                            words("%.3f to %.3f over the last decade up to %zu spheres.", law.low,
                                  law.high, packings.front().fill.size()),
-                           law.low > kApollonianExponent - kNearApollonian &&
-                                   law.high < kApollonianExponent + kNearApollonian
-                               ? Verdict::holds
-                               : Verdict::fails});
+                           holds_between(law, kApollonianExponent - kNearApollonian,
+                                         kApollonianExponent + kNearApollonian),
+                           Source::docs});
   result.claims.push_back({words("Half as much empty space "
                                  "takes about %.0f times as many spheres.",
                                  kTimes),
                            words("%.0f to %.0f times.", times.low, times.high),
-                           times.low > kFewestTimes - 0.5 && times.high < kMostTimes + 0.5
-                               ? Verdict::holds
-                               : Verdict::fails});
+                           holds_between(times, kFewestTimes - 0.5, kMostTimes + 0.5),
+                           Source::docs});
   result.claims.push_back(
       {words("The mean standoff is a bit more than half the "
              "smallest radius, which falls as N^-%.1f.",
              kRadiusExponent),
        words("%.2f to %.2f of the smallest radius, which falls as N^-%.2f to N^-%.2f.", gap.low,
              gap.high, radius.low, radius.high),
-       gap.low > 0.5 && gap.high < 0.75 && radius.low > kRadiusExponent - kNearRadiusExponent &&
-               radius.high < kRadiusExponent + kNearRadiusExponent
-           ? Verdict::holds
-           : Verdict::fails});
+       holds_with({holds_between(gap, 0.5, 0.75),
+                   holds_between(radius, kRadiusExponent - kNearRadiusExponent,
+                                 kRadiusExponent + kNearRadiusExponent)}),
+       Source::docs});
   const auto fill = range(packings, [](const Packing& p) { return p.fill[at(kDefault)]; });
   result.claims.push_back(
       {words("Spheres fill %.0f to %.0f %% of a tool.", 100 * kLeastFill, 100 * kMostFill),
        words("With %d, as they are packed by default, %.1f to %.1f %%.", kDefault, 100 * fill.low,
              100 * fill.high),
-       fill.low > kLeastFill && fill.high < kMostFill ? Verdict::holds : Verdict::fails});
+       holds_between(fill, kLeastFill, kMostFill), Source::docs});
 }
 
 void add_numbers(FigureResult& result, const std::vector<Packing>& packings) {
@@ -219,7 +218,7 @@ Status add_thin_ends(Context& context, FigureResult& result) {
        "that of 95 % of the surface, or 1 % of the tool's length if that is more.",
        words("The largest are %.2f to %.2f of that bound.", share_of_bound.low,
              share_of_bound.high),
-       share_of_bound.high <= 1 ? Verdict::holds : Verdict::fails});
+       holds_up_to(share_of_bound.high, 1), Source::docs});
   return Done{};
 }
 

@@ -266,9 +266,7 @@ Result<FigureResult> planes(Context& context) {
   const auto nearer =
       std::count_if(off[kNumOthers].begin(), off[kNumOthers].end(), [](double r) { return r < 1; });
   result.claims.push_back({kThanPoints, words("In %td of %zu frames.", nearer, frames->size()),
-                           nearer == static_cast<std::ptrdiff_t>(frames->size()) ? Verdict::holds
-                           : nearer > 0 ? Verdict::holds_in_part
-                                        : Verdict::fails,
+                           holds_in_all(nearer, static_cast<std::ptrdiff_t>(frames->size())),
                            Source::docs});
   result.notes.push_back(
       "The plane is fitted to the frame itself: what all pixels have wrong in common is no error "

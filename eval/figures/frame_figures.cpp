@@ -8,23 +8,19 @@
 
 #include "eval/studies/frame_study.h"
 #include "eval/studies/speed.h"
+#include "eval/studies/verdict_rules.h"
 
 namespace palpate::eval {
 namespace {
 
 /// The least and the greatest of some values.
-struct Span {
-  double low = INFINITY, high = -INFINITY;
-  void add(double value) { low = std::min(low, value), high = std::max(high, value); }
-};
-
 // -- Tables, each with the claims that it bears out --
 
 void add_steps(FigureResult& result, const Study& study) {
   Table table{"Steps of the force when a frame arrives, usual step = 1",
               {"scene", "method", "latest", "interpolate", "predict", "surprise of predict"},
               {}};
-  Span latest, others, steady, shaken;
+  Range latest, others, steady, shaken;
   for (const Feeling* feeling : study.moving()) {
     const bool is_recorded = study.recorded && feeling == &*study.recorded;
     for (std::size_t m = 0; m < study.methods.size(); ++m) {
@@ -46,7 +42,7 @@ void add_steps(FigureResult& result, const Study& study) {
        words("The step at an arrival is %.0f to %.0f times the usual one with the latest frame, at "
              "most %.1f times it interpolated or predicted.",
              latest.low, latest.high, others.high),
-       latest.low > 10 && others.high < 2 ? Verdict::holds : Verdict::fails});
+       holds_with({holds_above(latest.low, 10), holds_below(others.high, 2)}), Source::docs});
   const char* claim =
       "Predicting is for steady motion; where a hand shakes the camera it does "
       "harm.";
@@ -63,7 +59,7 @@ void add_steps(FigureResult& result, const Study& study) {
   result.claims.push_back(
       {claim,
        simulated + words("; a camera in the hand: by %.2f to %.2f.", shaken.low, shaken.high),
-       steady.high < 1 && shaken.low > 1 ? Verdict::holds : Verdict::holds_in_part});
+       holds_with({holds_below(steady.high, 1), holds_above(shaken.low, 1)}), Source::docs});
 }
 
 void add_lags(FigureResult& result, const Study& study) {
@@ -71,7 +67,7 @@ void add_lags(FigureResult& result, const Study& study) {
               {"noise", "method", "latest, ms", "interpolate, ms", "predict, ms", "latest, %",
                "interpolate, %", "predict, %"},
               {}};
-  Span lags[std::size(kModes)];
+  Range lags[std::size(kModes)];
   for (const Feeling* feeling : {&study.gaussian, &study.kinect}) {
     const char* noise = feeling == &study.kinect ? "Kinect" : "1.5 mm";
     for (std::size_t m = 0; m < study.methods.size(); ++m) {
@@ -91,10 +87,9 @@ void add_lags(FigureResult& result, const Study& study) {
   constexpr double kClose = 4;  // ms
   const double frame = 1e3 / study.kinect.touch.stream.rate;
   const double expected[] = {frame / 2, frame, 0};
-  bool is_as_expected = true;
-  for (std::size_t i = 0; i < std::size(kModes); ++i) {
-    is_as_expected &= lags[i].low > expected[i] - kClose && lags[i].high < expected[i] + kClose;
-  }
+  const auto is_as_expected = [&](std::size_t i) {
+    return holds_between(lags[i], expected[i] - kClose, expected[i] + kClose);
+  };
   result.claims.push_back(
       {"Behind a steady motion the force lags half a frame with the latest "
        "frame, a frame interpolated, not at all predicted.",
@@ -102,7 +97,7 @@ void add_lags(FigureResult& result, const Study& study) {
              "interpolated, %.0f to %.0f ms predicted.",
              frame, lags[0].low, lags[0].high, lags[1].low, lags[1].high, lags[2].low,
              lags[2].high),
-       is_as_expected ? Verdict::holds : Verdict::holds_in_part});
+       holds_with({is_as_expected(0), is_as_expected(1), is_as_expected(2)}), Source::docs});
 }
 
 void add_averages(FigureResult& result, const Study& study) {
@@ -110,7 +105,7 @@ void add_averages(FigureResult& result, const Study& study) {
               {"way", "rest: field, %", "rest: weighted, %", "rest: simplified, %",
                "rest: graph, %", "moving: step ratio", "moving: lag, ms", "moving: error, %"},
               {}};
-  Span plain, calmed, steps, lags;  // with the latest frame; the last three with its averages
+  Range plain, calmed, steps, lags;  // with the latest frame; the last three with its averages
   for (const Way* way : kAverages) {
     const bool is_latest = way->mode == TimeMode::latest, is_plain = way == &kLatest;
     std::vector<std::string> row{way->name};
@@ -136,8 +131,9 @@ void add_averages(FigureResult& result, const Study& study) {
              "%.0f times the usual one.",
              plain.low, plain.high, calmed.low, calmed.high, lags.low, lags.high, steps.low,
              steps.high),
-       calmed.high < plain.low && steps.low > 10 && lags.low > 0 ? Verdict::holds
-                                                                 : Verdict::holds_in_part});
+       holds_with({holds_below(calmed.high, plain.low), holds_above(steps.low, 10),
+                   holds_above(lags.low, 0)}),
+       Source::docs});
 }
 
 void add_mixing(FigureResult& result, const Study& study) {
@@ -145,7 +141,7 @@ void add_mixing(FigureResult& result, const Study& study) {
               {"method", "step ratio: points", "step ratio: measures", "error: points, %",
                "error: measures, %"},
               {}};
-  Span ratios, differences;
+  Range ratios, differences;
   for (std::size_t m = 0; m < study.methods.size(); ++m) {
     const double points = study.step_ratio(study.gaussian, kPoints, m);
     const double measures = study.step_ratio(study.gaussian, kInterpolate, m);
@@ -162,7 +158,8 @@ void add_mixing(FigureResult& result, const Study& study) {
        words("On a moving wall both feel the same: errors differ by at most %.2f %% of the largest "
              "force, steps at an arrival are at most %.2f times the usual one.",
              differences.high, ratios.high),
-       differences.high < 0.2 && ratios.high < 2 ? Verdict::holds : Verdict::holds_in_part});
+       holds_with({holds_below(differences.high, 0.2), holds_below(ratios.high, 2)}),
+       Source::docs});
 }
 
 /// Everything that is read, by scene, method and way.

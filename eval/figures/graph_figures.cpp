@@ -177,19 +177,16 @@ Result<FigureResult> figure_graphs(Context& context) {
            "times, %.1f %%. Each with its best packing: graph %.0f µs, simplified %.0f.",
            best.name().c_str(), best.ratio(), best.jump, plain.ratio(), plain.jump,
            fastest(&Packing::graph), fastest(&Packing::simplified)),
-       best.ratio() * kFew < 1 && best.radius < plain.radius && best.jump < plain.jump
-           ? Verdict::holds
-       : best.ratio() * kFew < 1 || best.jump < plain.jump ? Verdict::holds_in_part
-                                                           : Verdict::fails});
+       holds_with({holds_below(best.ratio() * kFew, 1), holds_below(best.radius, plain.radius),
+                   holds_below(best.jump, plain.jump)}),
+       Source::docs});
   const double by_degree = correlation(degrees, times), by_ways = correlation(ways, times);
   result.claims.push_back(
       {"The graph is the slower the more neighbours a sphere has, and the more edges it is across "
        "the tool.",
        words("Correlation of its time with the neighbours %.2f, with the edges across %.2f.",
              by_degree, by_ways),
-       by_degree > 0.5 && by_ways > 0.5   ? Verdict::holds
-       : by_degree > 0.5 || by_ways > 0.5 ? Verdict::holds_in_part
-                                          : Verdict::fails});
+       holds_with({holds_above(by_degree, 0.5), holds_above(by_ways, 0.5)}), Source::docs});
   result.plots.push_back(std::move(plot));
   result.tables.push_back(std::move(table));
   result.notes.push_back(words(

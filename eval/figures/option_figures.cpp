@@ -9,6 +9,7 @@
 
 #include "eval/studies/force_steps.h"
 #include "eval/studies/speed.h"
+#include "eval/studies/verdict_rules.h"
 
 namespace palpate::eval {
 namespace {
@@ -134,28 +135,24 @@ void add_claims(FigureResult& result, const std::vector<Sinking>& all) {
        "from weighted and simplified.",
        words("Largest step with entry at most %.1f times the exact one, without up to %.1f times.",
              entry, without),
-       entry < kSmooth   ? Verdict::holds
-       : entry < without ? Verdict::holds_in_part
-                         : Verdict::fails});
+       holds_below(entry, kSmooth, without), Source::docs});
   const Range kernel = compare(all, averages, kKernel).to_none;
   result.claims.push_back(
       {"Kernel weights alone make things worse.",
        words("Largest step of weighted and simplified with kernel %.1f to %.1f times that without.",
              kernel.low, kernel.high),
-       kernel.low > 0.9 && kernel.high > 1.1 ? Verdict::holds
-       : kernel.high > 0.9                   ? Verdict::holds_in_part
-                                             : Verdict::fails});
+       holds_with({holds_above(kernel.low, 0.9), holds_above(kernel.high, 1.1)}), Source::docs});
   const double full = compare(all, {"graph"}, kEntry).to_exact.high;
   const double capped = compare(all, {"graph-cap"}, kEntry).to_exact.high;
   result.claims.push_back(
       {"The jumps of whole spheres that come and go remain; the graph needs "
        "caps first.",
        words("Graph with entry up to %.0f times the exact step, capped %.0f times.", full, capped),
-       full > kSmooth && capped < full / 5 ? Verdict::holds : Verdict::fails});
+       holds_with({holds_above(full, kSmooth), holds_below(capped, full / 5)}), Source::docs});
   const double field = compare(all, {"field"}, 0).to_exact.high;
   result.claims.push_back({"The field is smooth without any option.",
                            words("At most %.2f times the exact step.", field),
-                           field < kSmooth ? Verdict::holds : Verdict::fails});
+                           holds_below(field, kSmooth), Source::docs});
 }
 
 Result<FigureResult> figure_continuity(Context& context) {

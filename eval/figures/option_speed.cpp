@@ -5,6 +5,7 @@
 
 #include "eval/studies/pillar.h"
 #include "eval/studies/speed.h"
+#include "eval/studies/verdict_rules.h"
 
 namespace palpate::eval {
 namespace {
@@ -85,11 +86,11 @@ Result<FigureResult> figure_options(Context& context) {
       {"With tools of thousands of spheres entry costs less with weighted than "
        "with simplified, which then looks at every donor for every sphere.",
        "Weighted " + rounded(weighted) + " ms, simplified " + rounded(simplified) + " ms.",
-       weighted < simplified ? Verdict::holds : Verdict::fails});
+       holds_below(weighted, simplified), Source::docs});
   result.claims.push_back(
       {"Weighted and graph with any of these options, and the field, stay "
        "within a haptic tick.",
-       "At most " + rounded(most) + " ms.", most < kTick ? Verdict::holds : Verdict::fails});
+       "At most " + rounded(most) + " ms.", holds_below(most, kTick), Source::docs});
   result.tables.push_back(std::move(table));
   result.notes.push_back(
       words("A box of 8 cm with %d spheres leaves the pillar of the scene of that name to the "

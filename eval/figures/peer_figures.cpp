@@ -8,6 +8,7 @@
 
 #include "eval/report/csv.h"
 #include "eval/studies/speed.h"
+#include "eval/studies/verdict_rules.h"
 
 namespace palpate::eval {
 namespace {
@@ -46,6 +47,7 @@ struct PeerRows {
   std::vector<Row> rows;
   std::vector<std::string> peers;  ///< in the order of the file
   std::vector<std::string> notes;
+  std::string place;  ///< where they were measured
 
   /// Those of one library.
   std::vector<Row> of(const std::string& peer) const {
@@ -106,9 +108,9 @@ PeerRows read(const Context& context, const std::vector<std::string>& stages,
       result.peers.push_back(row.peer);
     }
   }
-  result.notes.push_back(words("Measured on %s of %s, commit %s, one thread; %s.",
-                               file.fact("date").c_str(), file.fact("machine").c_str(),
-                               file.fact("commit").c_str(), file.fact("settings").c_str()));
+  result.place = file.fact("machine") + ", commit " + file.fact("commit");
+  result.notes.push_back(words("Measured on %s, one thread; %s.", file.fact("date").c_str(),
+                               file.fact("settings").c_str()));
   if (const std::string names = file.fact("libraries"); !names.empty()) {
     result.notes.push_back(names + ".");
   }
@@ -168,8 +170,9 @@ Claim boundary_claim(const std::vector<Row>& rows, const std::string& claim) {
     ours += words(", and building its tree takes %.0f ms for each frame, which lasts 33 ms",
                   low->build / 1000);
   }
-  const bool always = low->ratio() > 1, never = high->ratio() <= 1;
-  return {claim, ours + ".", always ? Verdict::better : never ? Verdict::worse : Verdict::even};
+  std::vector<Verdict> verdicts;
+  for (const Row& row : rows) verdicts.push_back(is_better(row.ours, row.theirs));
+  return {claim, ours + ".", is_better_throughout(verdicts), Source::ours};
 }
 
 Result<FigureResult> boundary(Context& context) {
@@ -180,6 +183,7 @@ Result<FigureResult> boundary(Context& context) {
                     "other library.");
   }
   FigureResult result;
+  result.rows_of = all.place;
   Table table{"A cube in a bumpy wall seen by a camera of 640x480, medians over 200 poses",
               {"asked", "library", "spheres", "depth, %", "ours, µs", "theirs, µs", "ratio",
                "its tree, ms per frame"},
@@ -274,16 +278,12 @@ std::string input_of(const Row& row) {
 
 /// Faster and as exact is better; slower and no more exact contradicts.
 Claim surface_claim(const std::vector<Row>& rows) {
-  bool always = true, never = true;
+  std::vector<Verdict> verdicts;
   std::string ours;
   for (const Row& row : rows) {
     const double our_error = row.fact("ours_error"), their_error = row.fact("peer_error");
     const bool is_known = our_error > 0 && their_error > 0;
-    const bool is_faster = row.ratio() > 1;
-    const bool is_worse = is_known && our_error > 1.02 * their_error;
-    const bool is_more_exact = is_known && their_error > 1.02 * our_error;
-    always = always && is_faster && !is_worse;
-    never = never && !is_faster && !is_more_exact;
+    verdicts.push_back(is_faster_and_as_exact({row.ours, our_error}, {row.theirs, their_error}));
     ours += words("%s%s: %.2f times our time (%.2f against %.2f ms)", ours.empty() ? "" : "; ",
                   input_of(row).c_str(), row.ratio(), row.theirs / 1000, row.ours / 1000);
     if (is_known) {
@@ -292,9 +292,7 @@ Claim surface_claim(const std::vector<Row>& rows) {
     }
   }
   return {rows.front().peer + " is slower than ours and no more exact.", ours + ".",
-          always  ? Verdict::better
-          : never ? Verdict::worse
-                  : Verdict::even};
+          is_better_throughout(verdicts), Source::ours};
 }
 
 Result<FigureResult> normals(Context& context) {
@@ -303,6 +301,7 @@ Result<FigureResult> normals(Context& context) {
     return not_here(context, "Normals are estimated faster than by any other library.");
   }
   FigureResult result;
+  result.rows_of = all.place;
   Table table{"Stages of surface estimation, a noisy wall of 640x480, one thread",
               {"work", "library", "ours, ms", "theirs, ms", "ratio", "our error", "their error"},
               {}};

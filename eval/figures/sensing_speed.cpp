@@ -74,7 +74,7 @@ Result<FigureResult> figure_sensing(Context& context) {
       {"One core makes a frame of 640 × 480 pixels ready faster than the camera gives one.",
        words("%.1f ms, of which the field takes %.1f; the camera takes %.0f.", kinect,
              costs[0].field, kFrame),
-       kinect < kFrame ? Verdict::holds : Verdict::fails});
+       holds_below(kinect, kFrame), Source::docs});
 
   result.tables.push_back(std::move(table));
   result.notes.push_back(

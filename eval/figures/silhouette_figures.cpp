@@ -10,6 +10,7 @@
 #include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/silhouettes.h"
+#include "eval/studies/verdict_rules.h"
 #include "src/field/internal/field_sample.h"
 
 namespace palpate::eval {
@@ -240,20 +241,16 @@ struct Steps {
 };
 
 Verdict verdict_of_length(double clean, double noisy) {
-  if (std::max(clean, noisy) > kBound + kRounding) return Verdict::fails;
-  return clean <= kCalm && noisy <= kLong ? Verdict::holds : Verdict::holds_in_part;
+  return holds_with({holds_up_to(clean, kCalm, kBound + kRounding),
+                     holds_up_to(noisy, kLong, kBound + kRounding)});
 }
 Verdict verdict_of_gradient(double longest, double share_long) {
   constexpr double kFew = 0.01;
-  return longest <= kBound + kRounding ? Verdict::holds
-         : share_long <= kFew          ? Verdict::holds_in_part
-                                       : Verdict::fails;
+  return holds_with({holds_up_to(longest, kBound + kRounding), holds_up_to(share_long, kFew)});
 }
 Verdict verdict_of_direction(double least_share) {
-  constexpr double kMost = 0.95, kMore = 0.5;
-  return least_share >= kMost  ? Verdict::holds
-         : least_share > kMore ? Verdict::holds_in_part
-                               : Verdict::fails;
+  constexpr double kFew = 0.05, kHalf = 0.5;
+  return holds_up_to(1 - least_share, kFew, kHalf);
 }
 
 void add_steps(FigureResult& result, const Steps& steps) {
@@ -296,12 +293,12 @@ void add_steps(FigureResult& result, const Steps& steps) {
   const double clean = steps.worst(false), noisy = steps.worst(true);
   result.claims.push_back(
       {"Behind the near surface of a step, next to its edge, the force of the "
-       "field is no longer than the volume, however far behind.",
+       "field is at most 1.05 times the volume (1.1 times with noise), however far behind.",
        words("At most %.3f V without noise, %.3f V with it.", clean, noisy),
        verdict_of_length(clean, noisy)});
   const Ratios &in_shadow = steps.directions[0].ratios, &in_noise = steps.directions[1].ratios;
   result.claims.push_back(
-      {"Nor is it longer anywhere in the shadow of the step.",
+      {"Nor is it longer than that anywhere in the shadow of the step.",
        words("Up to 35 cm from free space at most %.3f V without noise, %.3f V with it; %.1f %% of "
              "the poses above 1.1 V.",
              in_shadow.worst(), in_noise.worst(), 100 * in_shadow.share_above(kLong)),
@@ -359,9 +356,7 @@ Status add_plane(FigureResult& result, const Tool& tool, int num_poses) {
       {"Deep behind a plane with noise the force still points along its normal.",
        words("Up to 50 cm behind it at most %.2f° rms off, with %.1f mm of noise.", worst,
              1e3 * kSigma),
-       worst <= kWanted       ? Verdict::holds
-       : worst <= 3 * kWanted ? Verdict::holds_in_part
-                              : Verdict::fails});
+       holds_up_to(worst, kWanted, 3 * kWanted), Source::docs});
   return Done{};
 }
 

@@ -8,6 +8,7 @@
 #include "eval/studies/random.h"
 #include "eval/studies/range.h"
 #include "eval/studies/silhouettes.h"
+#include "eval/studies/verdict_rules.h"
 
 namespace palpate::eval {
 namespace {
@@ -133,14 +134,9 @@ RealContacts contacts_of(const RealFrame& real, const Tool& tool, Feeler& feel, 
 constexpr std::pair<const char*, double> kTools[] = {
     {kSilhouetteTool, kSilhouetteToolSize}, {"stylus", 0.15}, {"finger", 0.1}};  // m
 
-Verdict verdict_of_bound(double worst) {
-  return worst <= kBound + kRounding ? Verdict::holds : Verdict::fails;
-}
 Verdict verdict_of_calm(double share, double worst) {
   constexpr double kFew = 0.01;
-  return share <= kFew && worst <= kLong ? Verdict::holds
-         : share <= 10 * kFew            ? Verdict::holds_in_part
-                                         : Verdict::fails;
+  return holds_with({holds_up_to(share, kFew, 10 * kFew), holds_up_to(worst, kLong)});
 }
 
 constexpr const char* kClaimOfBound =
@@ -150,7 +146,7 @@ constexpr const char* kClaimOfStiffness =
     "tool "
     "(the largest face of its box), with 2,000 spheres.";
 constexpr const char* kClaimOfCalm =
-    "Where nothing steps under the tool the force is no longer than the volume.";
+    "Where nothing steps under the tool the force is at most 1.05 times the volume.";
 
 std::vector<std::string> row_of(const std::string& name, const RealContacts& contacts) {
   return {name,
@@ -241,10 +237,10 @@ Status add_recorded_contacts(FigureResult& result, Context& context) {
        words("At most %.3f V at %zu contacts with %zu frames; %.2f %% are above 1.1 V.",
              all.all.worst(), all.all.values.size(), frames->size(),
              100 * all.all.share_above(kLong)),
-       verdict_of_bound(all.all.worst())});
+       holds_up_to(all.all.worst(), kBound + kRounding), Source::docs});
   result.claims.push_back({kClaimOfStiffness,
                            words("At most %.1f sections.", all.stiffness.worst()),
-                           all.stiffness.worst() <= kStiffness ? Verdict::holds : Verdict::fails});
+                           holds_up_to(all.stiffness.worst(), kStiffness), Source::docs});
   const double calm = all.calm.share_above(kCalm);
   result.claims.push_back({kClaimOfCalm,
                            words("%.2f %% of %zu such contacts are above 1.05 V, at most %.3f V.",

@@ -263,7 +263,7 @@ Result<FigureResult> figure_3_16(Context& context) {
                            is_clean
                                ? "No point comes between a missing pixel and the wall, in any mode."
                                : "Points appear in front of the wall, see the table.",
-                           is_clean ? Verdict::agrees : Verdict::contradicts});
+                           are_true({is_clean})});
   if (const Status status = add_drop_out(result, context, stream, frames); !status) {
     return status.error();
   }

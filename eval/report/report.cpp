@@ -270,10 +270,14 @@ const char* heading_of(Source source) {
 
 std::vector<PlacedClaim> claims_of(const ReportFigure& figure) {
   std::vector<PlacedClaim> claims;
-  for (const Claim& claim : figure.stored->result.claims) claims.push_back({"", claim});
+  const std::string& rows_of = figure.stored->result.rows_of;
+  for (const Claim& claim : figure.stored->result.claims) {
+    claims.push_back({rows_of.empty() ? "" : " (rows of " + rows_of + ")", claim});
+  }
   if (!figure.on_gpu) return claims;
   for (const Claim& claim : figure.on_gpu->result.claims) {
-    claims.push_back({" (" + figure.on_gpu->key.isa + ")", claim});
+    claims.push_back(
+        {" (" + figure.on_gpu->key.isa + ", commit " + figure.on_gpu->commit + ")", claim});
   }
   return claims;
 }

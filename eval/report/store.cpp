@@ -37,12 +37,20 @@ Json to_json(const Plot& plot) {
 }
 
 Json to_json(const StoredFigure& figure) {
-  Json json{
-      {"format", kFormat},           {"id", figure.id},           {"commit", figure.commit},
-      {"made", figure.made},         {"seconds", figure.seconds}, {"key", to_json(figure.key)},
-      {"failure", figure.failure},   {"claims", Json::array()},   {"numbers", Json::array()},
-      {"plots", Json::array()},      {"tables", Json::array()},   {"pictures", Json::array()},
-      {"notes", figure.result.notes}};
+  Json json{{"format", kFormat},
+            {"id", figure.id},
+            {"commit", figure.commit},
+            {"made", figure.made},
+            {"seconds", figure.seconds},
+            {"key", to_json(figure.key)},
+            {"failure", figure.failure},
+            {"claims", Json::array()},
+            {"numbers", Json::array()},
+            {"plots", Json::array()},
+            {"tables", Json::array()},
+            {"pictures", Json::array()},
+            {"notes", figure.result.notes},
+            {"rows_of", figure.result.rows_of}};
   for (const Claim& claim : figure.result.claims) {
     json["claims"].push_back({{"source", name_of(claim.source)},
                               {"claim", claim.claim},
@@ -121,6 +129,7 @@ std::optional<StoredFigure> figure_from(const Json& json) {
         {picture.at("title"), picture.at("png_base64"), picture.at("caption")});
   }
   figure.result.notes = json.at("notes");
+  figure.result.rows_of = json.value("rows_of", "");
   return figure;
 }
 

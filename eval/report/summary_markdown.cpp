@@ -47,8 +47,8 @@ std::string summary_markdown(const Evaluation& evaluation) {
       "Every figure of *A Volume-Based Penetration Measure for 6DOF Haptic Rendering of Streaming "
       "Point Clouds*, made\nagain with this program. `make eval` makes the report with all plots "
       "(`build/eval/index.html`, at most 45 minutes on\ntwo cores) and rewrites this page; "
-      "`palpate "
-      "eval FIGURE -o REPORT` makes one figure, `--quick` all of them in two\nminutes. Sentences, "
+      "`make eval FIGURE=5.1` makes one figure, `make eval-quick` all of them in two\nminutes. "
+      "Sentences, "
       "numbers and verdicts below are computed from the measurements, not written by hand.\n\n"
       "**From:** " +
       markdown_cell(machine_words(evaluation.key)) + "; " + markdown_cell(form_words(evaluation)) +

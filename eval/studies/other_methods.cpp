@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "eval/studies/trilinear.h"
+
 namespace palpate::eval {
 namespace {
 
@@ -93,22 +95,15 @@ void DistanceGrid::spread(std::vector<Vec3f>& nearest) const {
 
 scenes::SignedDistance DistanceGrid::at(const Vec3d& p) const {
   const Vec3d at = (p - low_) / voxel_ - Vec3d{0.5, 0.5, 0.5};
-  const auto cell = [&](double v) { return static_cast<int>(std::floor(v)); };
-  const int x = cell(at.x), y = cell(at.y), z = cell(at.z);
-  if (std::min({x, y, z}) < 0 || std::max({x, y, z}) + 1 >= num_) return {1e3, {0, 0, -1}};
-  const double f = at.x - x, g = at.y - y, h = at.z - z;
-  scenes::SignedDistance result{0, {}};
-  for (int k = 0; k < 8; ++k) {
-    const int i = k & 1, j = k >> 1 & 1, l = k >> 2;
-    const double wx = i ? f : 1 - f, wy = j ? g : 1 - g, wz = l ? h : 1 - h;
-    const auto d = static_cast<double>(distances_[place(x + i, y + j, z + l)]);
-    result.distance += wx * wy * wz * d;
-    result.gradient +=
-        d * Vec3d{(i ? 1 : -1) * wy * wz, (j ? 1 : -1) * wx * wz, (l ? 1 : -1) * wx * wy};
-  }
-  const double length = norm(result.gradient);
-  result.gradient = length > 0 ? result.gradient / length : Vec3d{0, 0, -1};
-  return result;
+  const int num[] = {num_, num_, num_};
+  TrilinearCell<double> cell;
+  if (!cell.find({at.x, at.y, at.z}, num)) return {1e3, {0, 0, -1}};
+  const double distance = cell.distance(distances_.data(), num);
+  double change[3];
+  cell.gradient(change);
+  const Vec3d gradient{change[0], change[1], change[2]};
+  const double length = norm(gradient);
+  return {distance, length > 0 ? gradient / length : Vec3d{0, 0, -1}};
 }
 
 GodObject::Surface GodObject::at(const Vec3d& p) const {

@@ -2,13 +2,18 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace palpate::eval {
 
+/// Not a number once one of them is none.
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = -low;
-  void add(double x) { low = std::min(low, x), high = std::max(high, x); }
+  void add(double x) {
+    low = std::isnan(x) ? x : std::min(low, x);
+    high = std::isnan(x) ? x : std::max(high, x);
+  }
 };
 
 }  // namespace palpate::eval

@@ -8,6 +8,7 @@ namespace palpate::eval {
 namespace {
 
 constexpr double kAlike = 1.1;      // of two numbers: scatter and luck
+constexpr double kAsExact = 1.02;   // errors of two libraries on the same image
 constexpr double kAsGood = 1.25;    // not worse as far as anybody would say
 constexpr double kFarFrom = 2;      // not as good, whoever looks
 constexpr double kHalfStep = 0.75;  // of the largest step, if it shrinks with the steps
@@ -84,6 +85,20 @@ Verdict is_below_from(const std::vector<double>& x, const std::vector<double>& a
   return before.num_below == 0 && after.num_below == after.num ? Verdict::agrees : Verdict::differs;
 }
 
+Verdict waits_less_and_less(const std::vector<double>& waits) {
+  int num_falling = 0, num_waiting = 0;
+  for (std::size_t i = 0; i < waits.size(); ++i) {
+    if (!std::isfinite(waits[i])) return Verdict::not_measured;
+    num_waiting += waits[i] > 0;
+    num_falling += i > 0 && waits[i] < waits[i - 1];
+  }
+  if (waits.size() < 2) return Verdict::not_measured;
+  if (num_waiting == 0) return Verdict::not_comparable;
+  return num_falling + 1 == static_cast<int>(waits.size()) ? Verdict::agrees
+         : num_falling > 0                                 ? Verdict::differs
+                                                           : Verdict::contradicts;
+}
+
 Verdict begins_at(double measured, double claimed, double tolerance) {
   return std::abs(measured - claimed) <= tolerance ? Verdict::agrees : Verdict::differs;
 }
@@ -106,6 +121,62 @@ Verdict is_better_in_all(std::initializer_list<Verdict> verdicts) {
   return all_better({verdicts.begin(), verdicts.size()});
 }
 Verdict is_better_in_all(const std::vector<Verdict>& verdicts) { return all_better(verdicts); }
+
+Verdict is_better_throughout(const std::vector<Verdict>& verdicts) {
+  const auto are_all = [&](Verdict verdict) {
+    return !verdicts.empty() &&
+           std::all_of(verdicts.begin(), verdicts.end(), [&](Verdict v) { return v == verdict; });
+  };
+  const auto is_missing = [](Verdict v) { return v == Verdict::not_measured; };
+  if (verdicts.empty() || std::any_of(verdicts.begin(), verdicts.end(), is_missing)) {
+    return Verdict::not_measured;
+  }
+  return are_all(Verdict::better)  ? Verdict::better
+         : are_all(Verdict::worse) ? Verdict::worse
+                                   : Verdict::even;
+}
+
+Verdict is_faster_and_as_exact(const Cost& ours, const Cost& theirs) {
+  if (!are_finite(ours.time, theirs.time)) return Verdict::not_measured;
+  const bool is_known = ours.error > 0 && theirs.error > 0;
+  const bool is_less_exact = is_known && ours.error > kAsExact * theirs.error;
+  const bool is_more_exact = is_known && theirs.error > kAsExact * ours.error;
+  if (ours.time < theirs.time && !is_less_exact) return Verdict::better;
+  return ours.time >= theirs.time && !is_more_exact ? Verdict::worse : Verdict::even;
+}
+
+Verdict holds_below(double value, double limit, double in_part) {
+  if (!are_finite(value, limit)) return Verdict::not_measured;
+  return value < limit ? Verdict::holds : value < in_part ? Verdict::holds_in_part : Verdict::fails;
+}
+
+Verdict holds_up_to(double value, double limit, double in_part) {
+  if (!are_finite(value, limit)) return Verdict::not_measured;
+  return value <= limit     ? Verdict::holds
+         : value <= in_part ? Verdict::holds_in_part
+                            : Verdict::fails;
+}
+
+Verdict holds_above(double value, double limit) { return holds_below(limit, value); }
+
+Verdict holds_between(const Range& values, double from, double to) {
+  if (!are_finite(values.low, values.high)) return Verdict::not_measured;
+  return values.low > from && values.high < to ? Verdict::holds : Verdict::fails;
+}
+
+Verdict holds_in_all(std::ptrdiff_t num_true, std::ptrdiff_t num) {
+  if (num == 0) return Verdict::not_measured;
+  return num_true == num ? Verdict::holds : num_true > 0 ? Verdict::holds_in_part : Verdict::fails;
+}
+
+Verdict holds_with(std::initializer_list<Verdict> parts) {
+  const auto num = [&](Verdict v) { return std::count(parts.begin(), parts.end(), v); };
+  if (num(Verdict::not_measured) > 0) return Verdict::not_measured;
+  const auto all = static_cast<std::ptrdiff_t>(parts.size());
+  return num(Verdict::holds) == all   ? Verdict::holds
+         : num(Verdict::fails) == all ? Verdict::fails
+                                      : Verdict::holds_in_part;
+}
 
 double largest_of(const std::vector<double>& values) {
   double largest = -INFINITY;

@@ -2,10 +2,13 @@
 // for every outcome.
 #pragma once
 
+#include <cmath>
+#include <cstddef>
 #include <initializer_list>
 #include <vector>
 
 #include "eval/figure.h"
+#include "eval/studies/range.h"
 
 namespace palpate::eval {
 
@@ -33,6 +36,10 @@ Verdict is_below_until(const std::vector<double>& x, const std::vector<double>& 
 Verdict is_below_from(const std::vector<double>& x, const std::vector<double>& a,
                       const std::vector<double>& b, double from);
 
+/// "One after the other waits less": what each waits for something else. Not comparable where
+/// nobody waits: then there is nothing to lessen.
+Verdict waits_less_and_less(const std::vector<double>& waits);
+
 /// "It begins at about x = `claimed`": within `tolerance`; else differs. NaN: it never begins.
 Verdict begins_at(double measured, double claimed, double tolerance);
 
@@ -47,6 +54,31 @@ Verdict is_better(double ours, double theirs);
 /// The worst of several comparisons: better only if all are at least even and one is better.
 Verdict is_better_in_all(std::initializer_list<Verdict> verdicts);
 Verdict is_better_in_all(const std::vector<Verdict>& verdicts);
+
+/// The same comparison on several occasions: better or worse only if on all of them.
+Verdict is_better_throughout(const std::vector<Verdict>& verdicts);
+
+/// What an answer costs and how wrong it is. Not positive: an error that is not known.
+struct Cost {
+  double time = 0, error = 0;
+};
+/// "Ours is faster and as exact": better; worse if it is slower and no more exact.
+Verdict is_faster_and_as_exact(const Cost& ours, const Cost& theirs);
+
+// Is ours as we say? A number that is not finite was not measured.
+
+/// "It is less than `limit`"; in part where it is less than `in_part`.
+Verdict holds_below(double value, double limit, double in_part = -INFINITY);
+/// "It is at most `limit`"; in part where it is at most `in_part`.
+Verdict holds_up_to(double value, double limit, double in_part = -INFINITY);
+/// "It is more than `limit`."
+Verdict holds_above(double value, double limit);
+/// "All lie between these."
+Verdict holds_between(const Range& values, double from, double to);
+/// "So it is in all `num`"; in part where it is in some.
+Verdict holds_in_all(std::ptrdiff_t num_true, std::ptrdiff_t num);
+/// A claim of several parts: holds if all do, fails if none does.
+Verdict holds_with(std::initializer_list<Verdict> parts);
 
 /// The largest and the least of numbers; NaN if any is.
 double largest_of(const std::vector<double>& values);

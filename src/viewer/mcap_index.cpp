@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <new>
+#include <system_error>
 #include <utility>
 
 namespace palpate {
@@ -41,7 +43,12 @@ Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& 
     if (!got) return no_run(path, got.error().message);
     if (!*got) return no_run(path, "it ends before the tool meets a depth image");
   }
-  index->thread_ = std::thread([i = index.get()] { i->read_all(); });
+  try {
+    index->thread_ = std::thread([i = index.get()] { i->read_all(); });
+  } catch (const std::system_error& error) {
+    return Error{Errc::unavailable, "the system gives no thread to read " + path.string() + ": " +
+                                        error.what() + "; end other programs and try again"};
+  }
   std::unique_lock lock(index->mutex_);
   index->has_grown_.wait_for(lock, kPatience, [&] { return index->is_complete_; });
   lock.unlock();
@@ -49,20 +56,29 @@ Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& 
 }
 
 void McapIndex::read_all() {
-  for (;;) {
-    const auto got = read_next();
-    const std::lock_guard lock(mutex_);
-    if (is_stopping_) return;
-    if (got && *got) continue;
-    if (!got) {
-      trouble_ = "the recording is damaged and shown as far as it goes: " + got.error().message;
-    } else if (reader_.was_cut_off()) {
-      trouble_ = "the recording was cut off; it is shown as far as it goes";
+  std::string trouble;
+  try {
+    for (;;) {
+      const auto got = read_next();
+      {
+        const std::lock_guard lock(mutex_);
+        if (is_stopping_) return;
+      }
+      if (got && *got) continue;
+      if (!got) {
+        trouble = "the recording is damaged and shown as far as it goes: " + got.error().message;
+      } else if (reader_.was_cut_off()) {
+        trouble = "the recording was cut off; it is shown as far as it goes";
+      }
+      break;
     }
-    is_complete_ = true;
-    has_grown_.notify_all();
-    return;
+  } catch (const std::bad_alloc&) {
+    is_short_of_memory_ = true;
   }
+  const std::lock_guard lock(mutex_);
+  trouble_ = std::move(trouble);
+  is_complete_ = true;
+  has_grown_.notify_all();
 }
 
 Result<bool> McapIndex::read_next() {
@@ -145,6 +161,9 @@ std::vector<RecordedMark> McapIndex::marks() const {
 
 std::string McapIndex::note() const {
   const std::lock_guard lock(mutex_);
+  if (is_short_of_memory_) {
+    return "there is no memory to read all of the recording; it is shown as far as it was read";
+  }
   if (is_complete_) return trouble_;
   const double share = static_cast<double>(reader_.num_bytes_before(chunks_.back().place)) /
                        static_cast<double>(std::max<std::uint64_t>(file_size_, 1));

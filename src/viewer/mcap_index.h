@@ -1,6 +1,7 @@
 // Where things are in the recording, without keeping them.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
@@ -33,7 +34,7 @@ struct IndexedFrame {
 class McapIndex {
  public:
   /// `path`: as of RunReader::open. Returns when it is known how the run begins, or all is known.
-  /// Errors: no such file, not a recording of a run, nothing happens in it.
+  /// Errors: no such file, not a recording of a run, nothing happens in it, no thread to be had.
   static Result<std::unique_ptr<McapIndex>> open(const std::filesystem::path& path);
   ~McapIndex();
 
@@ -80,6 +81,7 @@ class McapIndex {
   std::vector<std::pair<std::uint64_t, std::string>> marks_;  // wall time
   double duration_ = 0;
   std::string trouble_;
+  std::atomic<bool> is_short_of_memory_ = false;
   std::thread thread_;
 };
 

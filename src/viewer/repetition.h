@@ -29,6 +29,12 @@ class Repetition {
   const SurfaceView& surfaces() const { return moment_.to; }
   ViewSurface surface(std::uint64_t frame_number);
 
+  /// Begins anew with the next go_to: memory has ended in the middle of one.
+  void forget() {
+    timeline_.reset();
+    part_.reset();
+  }
+
   FrameCache& frames() { return frames_; }
   /// Where it is computed, if not where it was; else empty.
   const std::string& note() const { return note_; }

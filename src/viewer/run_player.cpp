@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <new>
 #include <utility>
 
 #include "src/viewer/shown.h"
@@ -84,6 +85,7 @@ void RunPlayer::poll(const ViewWishes& wishes, ViewUpdate& update) {
 RunShown RunPlayer::shown() const {
   const std::lock_guard lock(mutex_);
   RunShown shown = shown_;
+  if (is_short_of_memory_) shown.note = "there is not enough memory to show all of the run";
   shown.time = std::min(clock_.now(), shown.duration);
   shown.is_paused = clock_.is_paused();
   shown.speed = clock_.speed();
@@ -154,7 +156,12 @@ Result<Json> RunPlayer::set(std::string_view key, const Json& value) {
 void RunPlayer::work() {
   while (!is_stopping_) {
     const auto start = std::chrono::steady_clock::now();
-    show(advance());
+    try {
+      show(advance());
+    } catch (const std::bad_alloc&) {
+      repetition_.forget();
+      is_short_of_memory_ = true;
+    }
     std::unique_lock lock(mutex_);
     const std::uint32_t num_seen = num_orders_;
     has_changed_.wait_until(lock, start + kPeriod,

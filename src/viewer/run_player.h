@@ -27,6 +27,7 @@ struct RunShown {
 class RunPlayer {
  public:
   /// Stands shortly before the first contact until somebody looks, then plays.
+  /// Lets std::system_error out if there is no thread to be had.
   explicit RunPlayer(std::unique_ptr<RecordedRun> run);
   ~RunPlayer();
 
@@ -98,7 +99,7 @@ class RunPlayer {
   SampleQueue samples_;
 
   std::atomic<std::uint32_t> num_orders_ = 0;  // whatever makes a long way to a frame useless
-  std::atomic<bool> is_stopping_ = false;
+  std::atomic<bool> is_stopping_ = false, is_short_of_memory_ = false;
   std::thread thread_;
 };
 

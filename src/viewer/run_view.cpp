@@ -1,5 +1,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <system_error>
 #include <utility>
 
 #include "palpate/viewer/views.h"
@@ -113,7 +114,12 @@ Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder
   if (!run) return run.error();
   const auto name = std::filesystem::absolute(folder).lexically_normal();
   const auto title = name.has_filename() ? name.filename() : name.parent_path().filename();
-  return std::unique_ptr<ViewSource>(std::make_unique<RunView>(*std::move(run), title.string()));
+  try {
+    return std::unique_ptr<ViewSource>(std::make_unique<RunView>(*std::move(run), title.string()));
+  } catch (const std::system_error& problem) {
+    return Error{Errc::unavailable, "the system gives no thread to play " + folder.string() + ": " +
+                                        problem.what() + "; end other programs and try again"};
+  }
 }
 
 }  // namespace palpate

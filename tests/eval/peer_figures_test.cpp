@@ -101,7 +101,8 @@ TEST_F(Peers, BoundaryRatiosAndVerdicts) {
   EXPECT_EQ(result.plots[0].curves[0].y, (std::vector<double>{2, 25}));
   ASSERT_EQ(result.tables.size(), 2u);
   EXPECT_EQ(result.tables[0].rows.size(), 5u);
-  EXPECT_TRUE(says(result.notes, "a machine, commit abc, one thread; 3 passes; load 0.1."));
+  EXPECT_TRUE(says(result.notes, "one thread; 3 passes; load 0.1."));
+  EXPECT_EQ(result.rows_of, "a machine, commit abc");
   EXPECT_FALSE(says(result.notes, "damaged"));
 }
 

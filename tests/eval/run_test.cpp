@@ -50,12 +50,19 @@ Result<FigureResult> make_good(Context& context) {
 }
 Result<FigureResult> make_failing(Context&) { return Error{Errc::bad_input, "there is no <tool>"}; }
 Result<FigureResult> make_throwing(Context&) { throw std::runtime_error("out of spheres"); }
+Result<FigureResult> make_elsewhere(Context&) {
+  FigureResult result;
+  result.claims = {{"fast", "1 ms", Verdict::better}};
+  result.rows_of = "another machine, commit abc";
+  return result;
+}
 Result<FigureResult> make_silent(Context&) { return FigureResult(); }
 
 const FigureSpec kGood{"5.1-5.3", "Times & sizes", "Speed", make_good};
 const FigureSpec kNoise{"noise", "Noise", "Robustness", make_good};
 const FigureSpec kFailing{"5.9", "Failing", "Quality", make_failing};
 const FigureSpec kThrowing{"5.10", "Throwing", "Quality", make_throwing};
+const FigureSpec kElsewhere{"rows", "Rows", "Speed", make_elsewhere};
 const FigureSpec kSilent{"5.11", "Silent", "Quality", make_silent};
 
 std::string text_of(const fs::path& path) {
@@ -239,6 +246,14 @@ TEST_F(Run, TheReportHasEveryClaim) {
   EXPECT_NE(docs.find("wanted it?** 2 not measured."), std::string::npos);
 }
 
+TEST_F(Run, ClaimsSayWhoseRowsTheyAreMadeOf) {
+  run({kElsewhere});
+  const Evaluation again = run({kElsewhere});  // as it was stored
+  EXPECT_EQ(g_num_made, 0);
+  EXPECT_NE(summary_markdown(again).find("fast (rows of another machine, commit abc) | 1 ms"),
+            std::string::npos);
+}
+
 TEST_F(Run, FiguresOfAGpuStandBesideOurs) {
   const fs::path gpu = temporary_ / "gpu";
   Key key;
@@ -256,7 +271,7 @@ TEST_F(Run, FiguresOfAGpuStandBesideOurs) {
   // Only of a figure that times queries.
   EXPECT_EQ(count_verdicts(evaluation, Source::thesis)[Verdict::differs], 1);
   const std::string docs = summary_markdown(evaluation);
-  EXPECT_NE(docs.find("1.7 times faster (queries on a GPU) | 1.0 times | differs"),
+  EXPECT_NE(docs.find("1.7 times faster (queries on a GPU, commit abc) | 1.0 times | differs"),
             std::string::npos);
   EXPECT_NE(text_of(folder_ / kReportPage).find("The same, queries on a GPU"), std::string::npos);
 }

@@ -68,6 +68,17 @@ TEST(VerdictRules, BelowFrom) {
   EXPECT_EQ(is_below_from(sizes, {9, 9, 9, 9, 9}, other, 20000), Verdict::not_measured);
 }
 
+TEST(VerdictRules, WaitsLessAndLessOnlyWhereAnythingWaits) {
+  EXPECT_EQ(waits_less_and_less({30, 12, 3}), Verdict::agrees);
+  EXPECT_EQ(waits_less_and_less({30, 12, 15}), Verdict::differs);
+  EXPECT_EQ(waits_less_and_less({3, 12, 30}), Verdict::contradicts);
+  EXPECT_EQ(waits_less_and_less({3, 1, -1}), Verdict::agrees);
+  // Faster beside the other than alone, whatever is done: nothing was waited for.
+  EXPECT_EQ(waits_less_and_less({-21, -20, -23}), Verdict::not_comparable);
+  EXPECT_EQ(waits_less_and_less({30, kNan, 3}), Verdict::not_measured);
+  EXPECT_EQ(waits_less_and_less({30}), Verdict::not_measured);
+}
+
 TEST(VerdictRules, Begins) {
   EXPECT_EQ(begins_at(75, 80, 10), Verdict::agrees);
   EXPECT_EQ(begins_at(25, 80, 10), Verdict::differs);
@@ -92,6 +103,71 @@ TEST(VerdictRules, Better) {
   EXPECT_EQ(is_better_in_all({Verdict::even, Verdict::even}), Verdict::even);
   EXPECT_EQ(is_better_in_all({Verdict::better, Verdict::worse}), Verdict::worse);
   EXPECT_EQ(is_better_in_all({Verdict::better, Verdict::not_measured}), Verdict::not_measured);
+}
+
+TEST(VerdictRules, BetterThroughoutIsOneOfThreeAnswers) {
+  const Verdict better = Verdict::better, even = Verdict::even, worse = Verdict::worse;
+  EXPECT_EQ(is_better_throughout({better, better}), better);
+  EXPECT_EQ(is_better_throughout({worse, worse}), worse);
+  EXPECT_EQ(is_better_throughout({better, worse}), even);
+  EXPECT_EQ(is_better_throughout({better, even}), even);
+  EXPECT_EQ(is_better_throughout({better, Verdict::not_measured}), Verdict::not_measured);
+  EXPECT_EQ(is_better_throughout({}), Verdict::not_measured);
+}
+
+TEST(VerdictRules, FasterCountsOnlyAsExactlyAnswered) {
+  EXPECT_EQ(is_faster_and_as_exact({1, 0.5}, {2, 0.5}), Verdict::better);
+  EXPECT_EQ(is_faster_and_as_exact({1, 0.6}, {2, 0.5}), Verdict::even);  // by being careless
+  EXPECT_EQ(is_faster_and_as_exact({2, 0.4}, {1, 0.5}), Verdict::even);  // for something
+  EXPECT_EQ(is_faster_and_as_exact({2, 0.5}, {1, 0.5}), Verdict::worse);
+  EXPECT_EQ(is_faster_and_as_exact({2, 0.6}, {1, 0.5}), Verdict::worse);
+  EXPECT_EQ(is_faster_and_as_exact({1, 0}, {2, 0}), Verdict::better);  // errors are not known
+  EXPECT_EQ(is_faster_and_as_exact({kNan, 1}, {2, 1}), Verdict::not_measured);
+}
+
+TEST(VerdictRules, HoldsBelowUpToAndAbove) {
+  EXPECT_EQ(holds_below(1, 2), Verdict::holds);
+  EXPECT_EQ(holds_below(2, 2), Verdict::fails);
+  EXPECT_EQ(holds_below(2, 2, 3), Verdict::holds_in_part);
+  EXPECT_EQ(holds_below(3, 2, 3), Verdict::fails);
+  EXPECT_EQ(holds_below(kNan, 2, 3), Verdict::not_measured);
+  EXPECT_EQ(holds_below(1, INFINITY), Verdict::not_measured);
+  EXPECT_EQ(holds_up_to(2, 2), Verdict::holds);
+  EXPECT_EQ(holds_up_to(2.5, 2), Verdict::fails);
+  EXPECT_EQ(holds_up_to(3, 2, 3), Verdict::holds_in_part);
+  EXPECT_EQ(holds_up_to(3.5, 2, 3), Verdict::fails);
+  EXPECT_EQ(holds_up_to(kNan, 2), Verdict::not_measured);
+  EXPECT_EQ(holds_above(2, 1), Verdict::holds);
+  EXPECT_EQ(holds_above(1, 1), Verdict::fails);
+  EXPECT_EQ(holds_above(kNan, 1), Verdict::not_measured);
+}
+
+TEST(VerdictRules, HoldsBetweenAndAGapIsNoEvidence) {
+  Range range;
+  EXPECT_EQ(holds_between(range, 0, 1), Verdict::not_measured);  // nothing was added
+  range.add(0.2), range.add(0.8);
+  EXPECT_EQ(holds_between(range, 0, 1), Verdict::holds);
+  EXPECT_EQ(holds_between(range, 0.3, 1), Verdict::fails);
+  EXPECT_EQ(holds_between(range, 0, 0.8), Verdict::fails);
+  range.add(kNan), range.add(0.5);
+  EXPECT_EQ(holds_between(range, 0, 1), Verdict::not_measured);
+}
+
+TEST(VerdictRules, HoldsInAllInSomeInNone) {
+  EXPECT_EQ(holds_in_all(14, 14), Verdict::holds);
+  EXPECT_EQ(holds_in_all(13, 14), Verdict::holds_in_part);
+  EXPECT_EQ(holds_in_all(0, 14), Verdict::fails);
+  EXPECT_EQ(holds_in_all(0, 0), Verdict::not_measured);
+}
+
+TEST(VerdictRules, HoldsWithItsParts) {
+  const Verdict holds = Verdict::holds, part = Verdict::holds_in_part, fails = Verdict::fails;
+  EXPECT_EQ(holds_with({holds, holds}), holds);
+  EXPECT_EQ(holds_with({holds, fails}), part);
+  EXPECT_EQ(holds_with({holds, part}), part);
+  EXPECT_EQ(holds_with({part, fails}), part);
+  EXPECT_EQ(holds_with({fails, fails}), fails);
+  EXPECT_EQ(holds_with({holds, Verdict::not_measured}), Verdict::not_measured);
 }
 
 TEST(VerdictRules, ExtremesDoNotHideGaps) {

@@ -6,6 +6,7 @@ file under its final name that is not whole; what was recorded repeats to the bi
 usage: faults_test.py PALPATE FAULTS_LIBRARY    PALPATE_KILLS=200: as many moments to be killed at
                                                 PALPATE_KEEP=1: leaves what a failed test worked on"""
 
+import contextlib
 import json
 import os
 import pathlib
@@ -17,6 +18,7 @@ import sys
 import tempfile
 import time
 import unittest
+import urllib.request
 
 PALPATE = FAULTS = None
 KILLS = int(os.environ.get("PALPATE_KILLS", 6))
@@ -126,11 +128,41 @@ class Faults(unittest.TestCase):
             self.check(self.live_run(output, 0.2), f"threadless@{begin}")
             if output.exists():
                 self.check_run(output)
+        for begin in (1, 2, 3):
+            output = self.folder / f"threadless-path-{begin}"
+            self.check(self.path_run(output, 0.05), f"threadless@{begin}")
+            if output.exists():
+                self.check_run(output)
         for begin in (1, 2, 5, 10, 20):  # while things are set up
             output = self.folder / f"memoryless-{begin}"
             self.check(self.path_run(output, 0.05), f"memoryless@{begin}")
             if output.exists():
                 self.check_run(output)
+
+    def test_a_page_without_threads_or_memory_says_so(self):
+        output = self.folder / "seen"
+        self.assertEqual(run(*self.path_run(output, 1)).returncode, 0)
+        num_refused = 0
+        faults = [f"threadless@{begin}" for begin in (1, 2, 3, 4, 5)]
+        faults += [f"memoryless@{begin}" for begin in (1, 2, 3, 5, 8, 10, 15, 20, 30, 50)]
+        for fault in faults:
+            process = subprocess.Popen(
+                [PALPATE, "view", str(output), "--port", "0"], text=True, stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                env=dict(os.environ, LD_PRELOAD=FAULTS, PALPATE_FAULTS=fault))
+            opened = process.stdout.readline()
+            if opened:  # and it goes on: who asks is answered
+                page = opened.split()[1]
+                with contextlib.suppress(OSError):
+                    urllib.request.urlopen(page, timeout=10).read()
+                self.assertIsNone(process.poll(), fault)
+                process.terminate()
+            said = process.communicate(timeout=120)[1]
+            self.assertEqual(process.returncode, 0 if opened else 1, f"{fault}: {said}")
+            if not opened:
+                num_refused += 1
+                self.assertRegex(said, "^palpate: .{20,}\n$", fault)
+        self.assertGreater(num_refused, 0)
 
     def test_memory_that_ends_in_the_middle_of_a_run(self):
         num_ended = 0

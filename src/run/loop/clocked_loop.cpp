@@ -93,7 +93,14 @@ Status ClockedLoop::start() {
   if (!started) return started;
   wall_offset_ = monotonic_now();
   is_running_ = true;
-  thread_ = std::thread([this] { work(); });
+  try {
+    thread_ = std::thread([this] { work(); });
+  } catch (const std::system_error& error) {
+    is_running_ = false;
+    stop();
+    return Error{Errc::unavailable, std::string("the system gives no thread for the loop: ") +
+                                        error.what() + "; end other programs and try again"};
+  }
   return Done{};
 }
 
