@@ -10,7 +10,7 @@
 #include "src/cameras/camera_source.h"
 #include "src/cameras/plausibility.h"
 #include "src/core/monotonic_clock.h"
-#include "tests/cameras/camera_fakes.h"
+#include "tests/cameras/conformance.h"
 
 namespace palpate {
 namespace {
@@ -276,6 +276,23 @@ TEST(PushedSource, TheNewestOfManyPushersWinsAndNobodyWaits) {
   camera->end();
   while (*camera->next(frame)) {
   }
+}
+
+TEST(PushedSource, TenThousandFramesTakeNoMemory) {
+  const auto camera = PushedSource::create(stream_info(kWidth, kHeight)).value();
+  std::atomic<bool> is_over = false;
+  std::thread pusher([&] {
+    DepthFrame frame;
+    for (int k = 0; !is_over; ++k) {
+      frame.width = kWidth;
+      frame.height = kHeight;
+      frame.pixels = test::pattern(kWidth, kHeight, k);
+      camera->push(frame);
+    }
+  });
+  test::expect_no_growth(*camera, 10000);
+  is_over = true;
+  pusher.join();
 }
 
 TEST(PushedSource, RemovesDistortionAndRefusesWhatDoesNotFit) {

@@ -14,7 +14,8 @@
 #include <thread>
 
 #include "palpate/cameras/open_camera.h"
-#include "tests/cameras/camera_fakes.h"
+#include "src/session/internal/record_stream.h"
+#include "tests/cameras/conformance.h"
 
 namespace palpate {
 namespace {
@@ -173,6 +174,52 @@ TEST_F(PipeCamera, ASocketIsReadToo) {
   EXPECT_FALSE(*camera->next(frame));
   writer.join();
   close(server);
+}
+
+TEST_F(PipeCamera, AnotherSizeInMidStreamIsFollowed) {
+  // The same view with half as many pixels a side: pixel (u, v) shows the one nearest to its ray.
+  write(path("raw"), header(1, 0.001) + raw(0) + header(2, 0.001, kWidth / 2, kHeight / 2) +
+                         raw(1, kWidth / 2, kHeight / 2) + header(3, 0.001) + raw(2));
+  const auto camera = open_camera("pipe:" + path("raw") + kNoSize).value();
+  DepthFrame frame;
+  ASSERT_TRUE(camera->next(frame).value());
+  EXPECT_EQ(frame.pixels, test::pattern(kWidth, kHeight, 0));
+  ASSERT_TRUE(camera->next(frame).value());
+  ASSERT_EQ(frame.width, kWidth);
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      EXPECT_EQ(frame.pixels[static_cast<std::size_t>(v * kWidth + u)],
+                test::count_at(u / 2, v / 2, 1));
+    }
+  }
+  ASSERT_TRUE(camera->next(frame).value());
+  EXPECT_EQ(frame.pixels, test::pattern(kWidth, kHeight, 2));
+  EXPECT_FALSE(camera->next(frame).value());
+}
+
+TEST_F(PipeCamera, TenThousandFramesTakeNoMemoryNorInABag) {
+  std::ofstream file(path("raw"), std::ios::binary);
+  for (int k = 0; k < 10000; ++k) file << header(1 + k / 30.0, 0.001) + raw(k);
+  file.close();
+  const std::string uri = "pipe:" + path("raw") + kNoSize;
+  test::expect_no_growth(*open_camera(uri).value(), 10000);
+  // Read once more from what palpate record makes of it, exact to the count.
+  const auto recorded = record_stream(*open_camera(uri).value(), path("bag.mcap"));
+  ASSERT_TRUE(recorded) << recorded.error().message;
+  const auto open = [&] { return open_camera("bag:" + path("bag.mcap")); };
+  test::expect_recording(open, 10000, kWidth, kHeight);
+  test::expect_no_growth(*open().value(), 10000);
+  // A bag that ends in the middle of a message.
+  std::filesystem::resize_file(path("bag.mcap"), std::filesystem::file_size(path("bag.mcap")) / 2);
+  const auto cut = open();
+  DepthFrame frame;
+  Result<bool> got = true;
+  int num = 0;
+  while (cut && got && *got && num < 10000) {
+    got = (*cut)->next(frame);
+    ++num;
+  }
+  EXPECT_LT(num, 9000) << "frames that are not there";
 }
 
 }  // namespace
