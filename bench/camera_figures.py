@@ -5,11 +5,13 @@ usage: bench/camera_figures.py BUILD_DIR [--seconds S]
 
 The real libOpenNI2 loads the driver of the tests, which sends frames of a wavy wall by the clock. Said are:
 the share of a core that reading takes (of the whole process, so with the library and the driver that fills
-its images), frames lost, and how late forces are, live and with the same frames from a file. BUILD_DIR needs
-the targets palpate and fake_openni2_driver.
+its images), frames lost, how late forces are, live and with the same frames from a file, and when the first
+one is there (the time that the program needs at its end counts too). BUILD_DIR needs the targets palpate and
+fake_openni2_driver.
 """
 import argparse
 import array
+import csv
 import json
 import math
 import os
@@ -17,6 +19,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 WIDTH, HEIGHT, NUM_FRAMES = 640, 480, 450
@@ -66,10 +69,16 @@ def main():
         late = {}
         for source, words in {"live": ("--camera", "openni2"),
                               "recorded": ("--camera", f"pipe:{frames}?size={WIDTH}x{HEIGHT}&intrinsics="
-                                                       f"{INTRINSICS}&rate=30")}.items():
+                                                       f"{INTRINSICS}&rate=30&sensor=structured_light")}.items():
             seconds = NUM_FRAMES / 30 - 1  # a file has an end
+            begin = time.monotonic()
             run("touch", "box.palp", *words, "--device", "sim", "--probe", "320,240", "--duration", seconds,
                 "-o", source)
+            wall = time.monotonic() - begin
+            with (work / source / "wrench.csv").open() as rows:
+                ticks = [(float(row["time_s"]), float(row["gain"])) for row in csv.DictReader(rows)]
+            whole = next((at for at, gain in ticks if gain == 1), math.inf)
+            print(f"{source}: the force is there at most {wall - ticks[-1][0] + whole:.1f} s after the program's start")
             summary = json.loads((work / source / "summary.json").read_text())
             late[source] = summary["microseconds"]["sensor_to_force"]
             print(f'{source}: sensor to force {late[source]["p50"]:.0f} us p50, {late[source]["p99"]:.0f} us p99; '

@@ -30,7 +30,7 @@ struct CameraIntrinsics {
 
 inline constexpr int kDepthStream = 1, kZ16 = 1;
 inline constexpr int kName = 0, kSerial = 1;                // camera info
-inline constexpr int kEmitter = 18;                         // option
+inline constexpr int kPreset = 12, kEmitter = 18;           // options
 inline constexpr int kNoDistortion = 0, kBrownConrady = 4;  // models
 inline constexpr int kStopped = 3;                          // status of a playback
 

@@ -69,7 +69,15 @@ class SoftwareCamera {
         &error);
     call<void(Sensor*, int, float, Failure**)>("rs2_software_sensor_add_read_only_option")(
         sensor_, 28, static_cast<float>(kUnit), &error);
+    call<void(Sensor*, int, float, float, float, float, int, Failure**)>(
+        "rs2_software_sensor_add_option")(sensor_, realsense::kPreset, 0, 5, 1, 1, 1, &error);
     EXPECT_EQ(error, nullptr) << (error != nullptr ? api.message(error) : "");
+  }
+  /// Which visual preset it has been told to use.
+  float preset() const {
+    Failure* error = nullptr;
+    return call<float(const Sensor*, int, Failure**)>("rs2_get_option")(sensor_, realsense::kPreset,
+                                                                        &error);
   }
   ~SoftwareCamera() {
     stop();
@@ -205,6 +213,23 @@ TEST_F(Realsense, TellsItsIntrinsicsUnitAndSilence) {
   Result<bool> got = true;
   while (got) got = camera->next(frame);
   EXPECT_NE(got.error().message.find("sends no frames"), std::string::npos);
+}
+
+TEST_F(Realsense, MeasuresByThePresetThatIsGiven) {
+  SoftwareCamera usual(api(), library()), chosen(api(), library()), refusing(api(), library());
+  const auto open = [](SoftwareCamera& software, const char* text) {
+    return realsense::open_device(software.hand_over(), parse_camera_uri(text).value(), "");
+  };
+  const auto left_alone = open(usual, "realsense");
+  ASSERT_TRUE(left_alone);
+  EXPECT_EQ(usual.preset(), 1);
+  const auto accurate = open(chosen, "realsense?preset=3");
+  ASSERT_TRUE(accurate) << accurate.error().message;
+  EXPECT_EQ(chosen.preset(), 3);
+  const auto refused = open(refusing, "realsense?preset=9");
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("no preset '9'"), std::string::npos)
+      << refused.error().message;
 }
 
 TEST_F(Realsense, ComesBackAsAnotherDevice) {
