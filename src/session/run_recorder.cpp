@@ -129,6 +129,8 @@ Status RunRecorder::begin(const HandMoment* moment) {
   PartStart start;
   if (moment != nullptr) {
     std::uint32_t first = std::min(moment->revision, setups_.back().revision);
+    // Contacts and frames may be told after a tick that knew later settings.
+    first = std::min({first, frame_revision_, contact_revision_});
     if (!frames_.empty()) first = std::min(first, frames_.front().record.revision);
     if (!contacts_.empty()) first = std::min(first, contacts_.front().revision);
     while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
@@ -270,6 +272,7 @@ void RunRecorder::add_frame(const FrameRecord& record, const DepthFrame& frame) 
   write_frame(record, frame);
   frames_.push_back({record, frame});
   next_frame_ = record.number + 1;
+  frame_revision_ = record.revision;
 }
 
 void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame) {
@@ -287,6 +290,7 @@ void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame
 void RunRecorder::add_contact(const ContactRecord& contact) {
   write(channels_.contact, wall_time(contact.contact.time), contact_message(contact));
   contacts_.push_back(contact);
+  contact_revision_ = contact.revision;
 }
 
 void RunRecorder::add_tick(const TickRecord& tick) {

@@ -90,6 +90,7 @@ class RunRecorder {
   std::deque<RecordedDepth> frames_;
   std::uint64_t next_frame_ = 0;  // the number of the one that is told next
   std::deque<ContactRecord> contacts_;
+  std::uint32_t frame_revision_ = 0, contact_revision_ = 0;  // of the newest ones
   // Parts.
   std::deque<Part> parts_;  // that are there; the last is being written
   int num_parts_ = 1;

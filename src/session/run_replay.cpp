@@ -97,7 +97,14 @@ class Repetition {
       if (contact->number <= last_contact_) return Done{};
       last_contact_ = contact->number;
       known_[contact->number] = *contact;
-      if (can_repeat_contacts_) waiting_contacts_.push_back(*contact);
+      if (contact->revision < first_.revision) {
+        if (!std::exchange(lacks_settings_, true)) {
+          add_note("contact " + std::to_string(contact->number) +
+                   " is not repeated: its settings were not recorded");
+        }
+      } else if (can_repeat_contacts_) {
+        waiting_contacts_.push_back(*contact);
+      }
     } else if (topic == kTickTopic && can_repeat_ticks_) {
       const auto tick = read_tick(message);
       if (!tick) return tick.error();
@@ -178,7 +185,7 @@ class Repetition {
   TickRepetition ticks_;
   RunSettings settings_;        // the newest
   std::uint32_t num_settings_;  // the revision that comes next
-  bool has_settings_ = false;
+  bool has_settings_ = false, lacks_settings_ = false;
   std::optional<std::uint64_t> last_frame_;
   std::uint64_t last_contact_ = 0;
   std::map<std::uint64_t, ContactRecord> known_;  // by number

@@ -10,6 +10,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_reader.h"
+#include "src/session/run_recorder.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/synthetic_stream.h"
@@ -103,6 +104,64 @@ TEST(RecordingParts, MovingAveragesAreRepeatedAndEndlessOnesSayThatTheyAreNot) {
   EXPECT_EQ(alone->num_contacts, 0u);
   EXPECT_GT(alone->num_ticks, 100u);
   EXPECT_NE(alone->note.find("averages"), std::string::npos);
+}
+
+// A tick may be told before the contact that it felt, which knew older settings.
+TEST(RecordingParts, HoldTheSettingsOfContactsThatComeLate) {
+  const TemporaryFolder folder;
+  const Tool tool = small_tool();
+  RunSetup setup;
+  setup.settings = settings_with(TimeMode::latest, CouplingKind::none);
+  setup.device.rate = kRate;
+  auto recorder =
+      RunRecorder::create(folder.path() / kRecordingFile, tool, setup, true, {.split_bytes = 1});
+  ASSERT_TRUE(recorder) << recorder.error().message;
+  ContactRecord contact;
+  contact.number = 1;
+  recorder->add_contact(contact);
+  recorder->add_settings(1, setup.settings);
+  TickRecord tick;
+  tick.revision = 1;
+  tick.contact_number = 2;
+  recorder->add_tick(tick);
+  HandMoment moment;
+  moment.tick = moment.revision = 1;
+  recorder->add_moment(moment);
+  contact.number = 2;
+  recorder->add_contact(contact);
+  recorder->finish();
+  const auto part = RunReader::open(folder.path() / part_file(2));
+  ASSERT_TRUE(part) << part.error().message;
+  ASSERT_TRUE(part->start());
+  EXPECT_EQ(part->start()->revision, 0u);
+  EXPECT_EQ(part->setup().revision, 0u);
+}
+
+TEST(RecordingParts, ContactsOfSettingsThatAreNotThereAreNotRepeated) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  ASSERT_TRUE(
+      record(run, settings_with(TimeMode::latest, CouplingKind::none), {.split_bytes = 1}, 3));
+  const fs::path other = folder.path() / "other" / kRecordingFile;
+  fs::create_directories(other.parent_path());
+  fs::copy_file(recording_parts(run)[1], other);
+  auto all = test::messages(other.parent_path());
+  for (auto& message : all) {
+    if (message.channel.topic == kPartTopic) {
+      PartStart start = *read_part(message.data);
+      start.revision = 1;
+      message.data = part_message(start);
+    } else if (message.channel.topic == kSettingsTopic) {
+      RunSetup setup = *read_settings(message.data);
+      setup.revision = 1;
+      message.data = settings_message(setup);
+    }
+  }
+  test::rewrite(other.parent_path(), all);
+  const auto replay = replay_run(other.parent_path());
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->num_contacts, 0u);
+  EXPECT_NE(replay->note.find("is not repeated: its settings"), std::string::npos) << replay->note;
 }
 
 // Where the tool was taken along by the hand, where it is, and how it moves and turns.

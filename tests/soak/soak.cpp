@@ -360,6 +360,7 @@ int soak(const Options& options) {
 }  // namespace palpate
 
 int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);  // what was said stays, whatever happens
   palpate::Options options;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
