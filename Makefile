@@ -9,7 +9,7 @@ cmake --preset $(1)
 cmake --build --preset $(1) -j $(JOBS)
 endef
 
-.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo ci-all clean
+.PHONY: help setup lint format tidy build demo test quick-test golden fuzz mutants bench bench-compare live-figures camera-figures ros2-figures sensor-figures soak packing-curves peer-times eval eval-quick asan tsan cuda gpu-check view-soak arm64 wheel packages try-packages try-demo ci-all clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | expand -t 16
@@ -59,6 +59,11 @@ camera-figures: setup  ## a camera through OpenNI2's own stack, cost and frames 
 	scripts/setup.sh --test
 	$(call build_preset,release) --target palpate fake_openni2_driver
 	bench/camera_figures.py build/release --seconds $(or $(DURATION),600)
+
+ros2-figures: setup  ## palpate ros2 beside a robot on Fast DDS, losses and lateness: make ros2-figures [DURATION=60]
+	scripts/setup.sh --test
+	$(call build_preset,release) --target palpate fastdds_peer
+	bench/ros2_figures.py build/release --seconds $(or $(DURATION),60) --csv build/ros2-figures.csv
 
 sensor-figures: setup  ## presets by kind of sensor on recorded frames: make sensor-figures DATA=FOLDER
 	@[ -n "$(DATA)" ] || { echo "make sensor-figures: say where the recorded frames are: DATA=FOLDER"; exit 2; }

@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
   palpate::apps::add_export(program, action);
   palpate::apps::add_query(program, action);
   palpate::apps::add_touch(program, action);
+  palpate::apps::add_ros2(program, action);
   palpate::apps::add_replay(program, action);
   palpate::apps::add_view(program, action);
   palpate::apps::add_scenes(program, action);

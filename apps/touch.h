@@ -11,6 +11,7 @@
 
 #include "apps/objects.h"
 #include "apps/options.h"
+#include "apps/ros_output.h"
 #include "palpate/cameras/camera_uri.h"
 #include "palpate/io/trajectory_file.h"
 #include "palpate/session/run.h"
@@ -52,9 +53,11 @@ struct TouchOptions {
   RecordingOptions recording;
   bool has_page = false;
   ViewServerOptions page;
+  RosOutputOptions ros;
 
   bool is_given(std::string_view key) const { return std::ranges::find(given, key) != given.end(); }
   bool is_replay() const { return device.starts_with("replay:"); }
+  bool is_robot() const { return device.starts_with("ros2:"); }  ///< which holds the tool
   bool is_simulated_hand() const { return device == "sim" || device.starts_with("sim:"); }
 };
 
@@ -74,6 +77,9 @@ Status find_what_is_there(TouchOptions& options);
 /// Opens frames and path, makes up the path if there is none, and sets their clocks. Errors: what
 /// cannot be read; clocks that have nothing in common.
 Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool);
+
+/// All of it: finds, opens, runs.
+Status run_touch(const TouchOptions& options);
 
 /// Runs and says what came out.
 Status touch(const TouchOptions& options, const Tool& tool, TouchInput input);

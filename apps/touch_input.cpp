@@ -82,6 +82,7 @@ std::string scene_name(const TouchOptions& options) {
 
 /// The path that is given, or is led by; else one that is made up.
 Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input) {
+  if (options.is_robot()) return Done{};  // it moves the tool
   const std::string given = options.is_replay() ? options.device.substr(7) : options.path;
   if (!given.empty()) {
     auto path = load_trajectory(given);

@@ -118,6 +118,10 @@ Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
   if (options.is_simulated_hand() && !input.path.empty()) {
     return make_simulated_hand(options, follow(options, input, settings.coupling));
   }
+  if (options.is_robot() && options.device.find('@') == std::string::npos) {
+    const std::string& frame = input.source->info().frame;
+    return open_device(options.device + (frame.empty() ? "" : "@" + frame));
+  }
   return open_device(options.device);
 }
 
@@ -185,7 +189,8 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const bool is_live = !options.device.empty();
   RunSettings settings = options.settings;
   if (!options.is_given("coupling.kind")) {
-    settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
+    const bool has_hand = is_live && !options.is_robot();
+    settings.coupling.kind = has_hand ? CouplingKind::virtual_coupling : CouplingKind::none;
   }
   use_sensor(input.source->info().sensor, options.given, settings.surface);
   place(options, input.path, settings.coupling);
@@ -239,6 +244,15 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     if (!served) return served.error();
     page = *std::move(served);
     run.monitor = &view->monitor();
+  }
+  RunMonitor listener;
+  std::unique_ptr<RosOutput> output;
+  if (options.ros.is_wanted) {
+    auto made = RosOutput::create(tool, info, options.ros);
+    if (!made) return made.error();
+    output = *std::move(made);
+    if (run.monitor == nullptr) run.monitor = &listener;
+    output->join(*run.monitor);
   }
   catch_interrupts();
   Progress bar("touching");

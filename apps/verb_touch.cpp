@@ -47,7 +47,9 @@ Status read_settings(const std::string& path, Options& options) {
   return Done{};
 }
 
-Status run(const Options& given) {
+}  // namespace
+
+Status run_touch(const TouchOptions& given) {
   if (!given.settings_read) return given.settings_read;
   if (const Status status = check_inputs(given); !status) return status;
   Options options = given;
@@ -62,6 +64,8 @@ Status run(const Options& given) {
   if (!input) return input.error();
   return touch(options, *tool, *std::move(input));
 }
+
+namespace {
 
 /// Numbers with commas between them; none: it is not that.
 std::vector<double> parse_place(const std::string& text) {
@@ -201,7 +205,8 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Hand and settings";
   app.add_option("--device", options->device,
                  "run live with the tool in the hand: sim[:MODEL], replay:FILE, spacenav, "
-                 "haply[:URL], forcedimension, openhaptics, vrpn:NAME@HOST; palpate devices tells "
+                 "haply[:URL], forcedimension, openhaptics, vrpn:NAME@HOST, ros2:/POSE_TOPIC; "
+                 "palpate devices tells "
                  "what is there; --device alone takes the one that is; without it the tool follows "
                  "the path on a simulated clock")
       ->type_name("DEVICE")
@@ -270,6 +275,10 @@ void add_touch(CLI::App& program, Action& action) {
   add_hand_options(app, options);
   add_record_options(app, options);
   add_view_options(app, *options);
+  app.add_flag("--ros2", options->ros.is_wanted,
+               "publish wrench, contact, the tool's pose and points over ROS 2 meanwhile")
+      ->group("ROS 2");
+  add_ros_options(app, options->ros);
   app.add_flag("--json", options->json, "print the summary as JSON");
   app.footer(
       "Example: palpate touch drill.palp --depth-sequence frames/ --intrinsics "
@@ -285,8 +294,11 @@ void add_touch(CLI::App& program, Action& action) {
     }
     check_motion(app, *options);
     check_view(app, *options);
+    if (options->ros.is_wanted && options->device.empty()) {
+      usage_error("touch: --ros2 goes with --device: what is published is of a live run");
+    }
     check(*options);
-    action = [options] { return run(*options); };
+    action = [options] { return run_touch(*options); };
   });
 }
 

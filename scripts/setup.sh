@@ -78,7 +78,7 @@ if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
 fi
 
 # Python packages go into a folder of the build: Debian keeps pip away from the system's Python.
-python_packages=(mcap mcap-ros2-support rosbags)
+python_packages=(mcap mcap-ros2-support rosbags cyclonedds)
 # Libraries of camera makers inside of Python packages: what these need of Python is not needed.
 camera_packages=(pyrealsense2 pyk4a-bundle pyorbbecsdk2)
 # What make wheel needs, and what its wheel is tried with in a clean folder of Python.
@@ -105,7 +105,7 @@ install_python_packages() {
   case "$groups" in *" wheel "* | *" test "*) install_wheel_tools ;; esac
   case "$groups" in *" test "*) ;; *) return 0 ;; esac
   local python=build/python/bin/python
-  if ! "$python" -c "import mcap, mcap_ros2, rosbags" 2>/dev/null; then
+  if ! "$python" -c "import mcap, mcap_ros2, rosbags, cyclonedds" 2>/dev/null; then
     echo "setup: installing ${python_packages[*]} into build/python"
     if ! { python3 -m venv --clear build/python && "$python" -m pip install -q "${python_packages[@]}"; }; then
       echo "setup: could not install ${python_packages[*]}: see the message above. The tests that read" >&2

@@ -7,7 +7,6 @@
 #include "palpate/core/names.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
-#include "src/cameras/raw_frames.h"
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_image.h"
@@ -17,16 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Metres in counts: up to 16 m in steps of 0.25 mm.
-constexpr double kFloatUnit = 0.00025;
 constexpr std::string_view kImage = "sensor_msgs/msg/Image";
 constexpr std::string_view kCompressed = "sensor_msgs/msg/CompressedImage";
 constexpr std::string_view kCameraInfo = "sensor_msgs/msg/CameraInfo";
 constexpr std::string_view kText = "std_msgs/msg/String";
 constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
-
-/// "/camera/depth" of "/camera/depth/image_rect_raw".
-std::string_view parent(std::string_view topic) { return topic.substr(0, topic.rfind('/')); }
 
 double seconds(std::uint64_t nanoseconds) { return 1e-9 * static_cast<double>(nanoseconds); }
 
@@ -69,7 +63,7 @@ Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
     } else if (channel.schema_name == kCameraInfo && !contents.cameras.contains(channel.topic)) {
       const auto camera = read_camera_model((*message)->data);
       if (camera) contents.cameras[channel.topic] = *camera;
-      if (!camera && (wanted.empty() || parent(channel.topic) == parent(wanted))) {
+      if (!camera && (wanted.empty() || ros_parent(channel.topic) == ros_parent(wanted))) {
         return camera.error();
       }
     } else if (channel.schema_name == kImage || channel.schema_name == kCompressed) {
@@ -116,18 +110,9 @@ Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
 /// The camera_info beside the images, or the only one that there is.
 const RosCameraModel* find_camera(const Contents& contents, const std::string& topic) {
   for (const auto& [name, camera] : contents.cameras) {
-    if (parent(name) == parent(topic)) return &camera;
+    if (ros_parent(name) == ros_parent(topic)) return &camera;
   }
   return contents.cameras.size() == 1 ? &contents.cameras.begin()->second : nullptr;
-}
-
-void set_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info) {
-  // Of a rectified topic, P is the image's camera and distortion has been removed.
-  const bool is_rectified = topic.substr(topic.rfind('/') + 1).find("rect") != std::string::npos &&
-                            camera.rectified.fx > 0;
-  info.intrinsics = is_rectified ? camera.rectified : camera.raw;
-  if (!is_rectified) info.distortion = camera.distortion;
-  scale_camera({camera.width, camera.height}, info);
 }
 
 class BagSource final : public DepthSource {
@@ -215,9 +200,9 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   info.rate = uri.rate.value_or(info.rate);
   info.name = "bag:" + uri.target;
   for (const auto& [name, sensor] : contents->sensors) {
-    if (parent(name) == parent(*topic)) info.sensor = sensor;
+    if (ros_parent(name) == ros_parent(*topic)) info.sensor = sensor;
   }
-  if (const auto* camera = find_camera(*contents, *topic)) set_camera(*camera, *topic, info);
+  if (const auto* camera = find_camera(*contents, *topic)) set_ros_camera(*camera, *topic, info);
   auto again = McapReader::open(*file);
   if (!again) return again.error();
   return RawStream{

@@ -12,9 +12,9 @@ using FindKind = FoundCameras();
 
 OpenKind open_folder_camera, open_scene_camera, open_pipe_camera, open_bag_camera,
     open_openni2_camera, open_realsense_camera, open_k4a_camera, open_freenect_camera,
-    open_orbbec_camera, open_v4l2_camera;
+    open_orbbec_camera, open_v4l2_camera, open_ros2_camera;
 FindKind find_folder_cameras, find_scene_cameras, find_pipe_cameras, find_bag_cameras,
     find_openni2_cameras, find_realsense_cameras, find_k4a_cameras, find_freenect_cameras,
-    find_orbbec_cameras, find_v4l2_cameras;
+    find_orbbec_cameras, find_v4l2_cameras, find_ros2_cameras;
 
 }  // namespace palpate

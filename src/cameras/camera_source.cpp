@@ -82,6 +82,9 @@ struct LiveCamera {
 
   void run();
   bool reopen(const Error& why);
+  void take_raw_notes() {
+    for (std::string& note : raw->take_notes()) intake.add_note(std::move(note));
+  }
 
   FrameIntake intake;
   const OpenRaw again;
@@ -99,7 +102,7 @@ void LiveCamera::run() {
   for (;;) {
     const auto got = raw->next(frame);
     const double arrival = monotonic_now();
-    for (std::string& note : raw->take_notes()) intake.add_note(std::move(note));
+    take_raw_notes();
     if (intake.is_cancelled()) break;
     if (!got) {
       if (reopen(got.error())) continue;
@@ -182,7 +185,14 @@ class LiveSource final : public DepthSource {
     const std::lock_guard lock(camera_->mutex);
     if (camera_->raw) camera_->raw->cancel();
   }
-  std::vector<std::string> take_notes() override { return camera_->intake.take_notes(); }
+  std::vector<std::string> take_notes() override {
+    {
+      // Its thread hears of them with the next frame, which may never come.
+      const std::lock_guard lock(camera_->mutex);
+      if (camera_->raw) camera_->take_raw_notes();
+    }
+    return camera_->intake.take_notes();
+  }
 
  private:
   const std::shared_ptr<LiveCamera> camera_;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "palpate/io/depth_files.h"
+#include "src/cameras/raw_frames.h"
 #include "src/io/cdr.h"
 #include "src/io/ros_image.h"
 
@@ -26,7 +27,7 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit) 
     float a, b;
   };
   CdrReader from(message);
-  const double stamp = read_ros_header(from);
+  const double stamp = read_ros_header(from).time;
   const std::string_view format = from.text();
   const std::string_view data = from.bytes();
   if (!from.is_good() || data.size() < sizeof(Config)) return damaged("a compressed depth image");
@@ -87,6 +88,19 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
   d.resize(8);
   camera.distortion = {d[0], d[1], d[2], d[3], d[4], d[5], d[6], d[7]};
   return camera;
+}
+
+void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info) {
+  // Of a rectified topic, P is the image's camera and distortion has been removed.
+  constexpr std::string_view kTransport = "/compressedDepth";
+  std::string_view image = topic;
+  if (image.ends_with(kTransport)) image.remove_suffix(kTransport.size());
+  const bool is_rectified =
+      image.substr(image.rfind('/') + 1).find("rect") != std::string_view::npos &&
+      camera.rectified.fx > 0;
+  info.intrinsics = is_rectified ? camera.rectified : camera.raw;
+  info.distortion = is_rectified ? Distortion{} : camera.distortion;
+  scale_camera({camera.width, camera.height}, info);
 }
 
 }  // namespace palpate

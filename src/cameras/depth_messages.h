@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "palpate/cloud/depth_source.h"
@@ -20,5 +21,15 @@ struct RosCameraModel {
 /// sensor_msgs/CameraInfo. Errors: a distortion model other than plumb_bob and rational_polynomial,
 /// a damaged message.
 Result<RosCameraModel> read_camera_model(std::string_view message);
+/// Intrinsics and distortion of the images on that topic, for the size that `info` has.
+void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info);
+
+/// Of depth in metres, in counts: up to 16 m in steps of 0.25 mm.
+inline constexpr double kFloatUnit = 0.00025;
+
+/// "/camera/depth" of "/camera/depth/image_rect_raw".
+inline std::string_view ros_parent(std::string_view topic) {
+  return topic.substr(0, topic.rfind('/'));
+}
 
 }  // namespace palpate

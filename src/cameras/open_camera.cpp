@@ -27,6 +27,7 @@ constexpr Kind kKinds[] = {
     {"freenect", "freenect[:NUMBER]", open_freenect_camera, find_freenect_cameras},
     {"orbbec", "orbbec[:SERIAL]", open_orbbec_camera, find_orbbec_cameras},
     {"v4l2", "v4l2[:/dev/videoN]?intrinsics=", open_v4l2_camera, find_v4l2_cameras},
+    {"ros2", "ros2:/TOPIC", open_ros2_camera, find_ros2_cameras},
     {"pipe", "pipe:[FILE|-]", open_pipe_camera, find_pipe_cameras},
 };
 

@@ -30,7 +30,7 @@ class CdrWriter {
   /// A sequence of bytes.
   void bytes(const void* data, std::size_t size) {
     number(static_cast<std::uint32_t>(size));
-    bytes_.append(static_cast<const char*>(data), size);
+    if (size > 0) bytes_.append(static_cast<const char*>(data), size);
   }
   std::string take() { return std::move(bytes_); }
 
@@ -64,6 +64,7 @@ class CdrReader {
   }
   std::string_view bytes() { return take(number<std::uint32_t>()); }
   bool is_good() const { return is_good_; }
+  std::size_t num_left() const { return at_ < bytes_.size() ? bytes_.size() - at_ : 0; }
 
  private:
   static constexpr std::size_t kHeader = 4;

@@ -28,11 +28,10 @@ Number value_at(std::string_view data, std::size_t at, bool is_big) {
 
 }  // namespace
 
-double read_ros_header(CdrReader& from) {
+RosStamp read_ros_header(CdrReader& from) {
   const auto seconds = from.number<std::int32_t>();
   const auto nanoseconds = from.number<std::uint32_t>();
-  from.text();
-  return seconds + 1e-9 * nanoseconds;
+  return {seconds + 1e-9 * nanoseconds, from.text()};
 }
 
 std::uint16_t count_of(double metres, double unit) {
@@ -43,7 +42,7 @@ std::uint16_t count_of(double metres, double unit) {
 Result<DepthFrame> read_depth_image(std::string_view message, double unit) {
   CdrReader from(message);
   DepthFrame frame;
-  frame.timestamp = read_ros_header(from);
+  frame.timestamp = read_ros_header(from).time;
   const auto height = from.number<std::uint32_t>(), width = from.number<std::uint32_t>();
   const std::string_view encoding = from.text();
   const bool is_big = from.number<std::uint8_t>() != 0;

@@ -13,8 +13,12 @@ class CdrReader;
 /// header's. Errors: another encoding, a damaged message.
 Result<DepthFrame> read_depth_image(std::string_view message, double unit);
 
-/// std_msgs/Header: its time stamp, s.
-double read_ros_header(CdrReader& from);
+/// std_msgs/Header.
+struct RosStamp {
+  double time = 0;         ///< s
+  std::string_view frame;  ///< of coordinates
+};
+RosStamp read_ros_header(CdrReader& from);
 
 /// Metres to counts; what cannot be counted is no measurement, 0.
 std::uint16_t count_of(double metres, double unit);

@@ -7,7 +7,8 @@
 
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
-#include "src/session/ros_messages.h"
+#include "src/io/ros_messages.h"
+#include "src/io/ros_types.h"
 
 namespace palpate {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "palpate/version.h"
 #include "src/io/cdr.h"
-#include "src/session/ros_messages.h"
+#include "src/io/ros_types.h"
 #include "src/session/run_fields.h"
 #include "src/session/settings_json.h"
 #include "src/session/text.h"
@@ -138,7 +138,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, Penetration>) return "palpate_msgs/Penetration";
   if constexpr (std::same_as<T, ContactPatch>) return "palpate_msgs/ContactPatch";
   if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";
-  if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/Contact";
+  if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/ContactRecord";
   if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
   if constexpr (std::same_as<T, CouplingStep>) return "palpate_msgs/CouplingStep";
   if constexpr (std::same_as<T, SafetyStatus>) return "palpate_msgs/SafetyStatus";

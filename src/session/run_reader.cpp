@@ -4,8 +4,8 @@
 
 #include "palpate/io/tool_file.h"
 #include "src/io/ros_image.h"
+#include "src/io/ros_messages.h"
 #include "src/session/internal/run_folder.h"
-#include "src/session/ros_messages.h"
 
 namespace palpate {
 namespace fs = std::filesystem;

@@ -9,9 +9,10 @@
 #include <utility>
 
 #include "palpate/io/tool_file.h"
+#include "src/io/ros_messages.h"
+#include "src/io/ros_types.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"
-#include "src/session/ros_messages.h"
 
 namespace palpate {
 namespace fs = std::filesystem;

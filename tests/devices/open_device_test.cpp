@@ -44,9 +44,9 @@ TEST(FindDevices, AsksEveryKind) {
   ::setenv("SPNAV_SOCKET", daemon.path().c_str(), 1);
   const auto found = find_devices();
   ::unsetenv("SPNAV_SOCKET");
-  ASSERT_EQ(found.size(), 7u);
+  ASSERT_EQ(found.size(), 8u);
   for (const char* kind :
-       {"sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn"}) {
+       {"sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn", "ros2"}) {
     const auto device = std::ranges::find(found, kind, &FoundDevice::kind);
     ASSERT_NE(device, found.end()) << kind;
     EXPECT_FALSE(device->what.empty()) << kind;

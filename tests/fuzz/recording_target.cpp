@@ -1,7 +1,7 @@
 // Recordings: MCAP files, and the messages in them. The first byte says what the rest is.
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_image.h"
-#include "src/session/ros_messages.h"
+#include "src/io/ros_messages.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_reader.h"
 #include "tests/fuzz/target.h"

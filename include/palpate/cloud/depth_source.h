@@ -67,6 +67,7 @@ struct DepthStreamInfo {
   bool is_live = false;           ///< frames come when they are captured, not when asked for
   Distortion distortion = {};  ///< none where surfaces are made: what cameras/ opens has it removed
   SensorKind sensor = SensorKind::none;  ///< see surface_options_for
+  std::string frame = {};  ///< of coordinates, as a stream names its own C; empty: it does not
 };
 
 /// A source is read by one thread, oldest frame first. A live one gives the newest frame and leaves

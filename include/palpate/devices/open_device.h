@@ -23,8 +23,8 @@ struct FoundDevice {
 std::vector<FoundDevice> find_devices();
 
 /// sim[:MODEL], replay:FILE, spacenav[:SOCKET], haply[:URL], forcedimension[:ID],
-/// openhaptics[:NAME], vrpn:NAME@HOST[:PORT]. Errors: no such kind; nothing there: what was tried,
-/// and what to do.
+/// openhaptics[:NAME], vrpn:NAME@HOST[:PORT], ros2:/POSE_TOPIC[@FRAME], ros2:FRAME@BASE. Errors: no
+/// such kind; nothing there: what was tried, and what to do.
 Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri);
 
 /// A path that is played in real time: the handle goes where it says, in B, and feels nothing.

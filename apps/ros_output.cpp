@@ -1,0 +1,336 @@
+#include "apps/ros_output.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "src/io/ros_messages.h"
+#include "src/ros/ros_node.h"
+
+namespace palpate::apps {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using State = RosContact::State;
+
+constexpr double kDiagnosticsPeriod = 1, kShortestDiagnosticsPeriod = 0.1;  // s
+constexpr double kLongestLag = 0.02;  // s behind the clock; what is later is left out
+
+double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
+double now() { return seconds_of(Clock::now().time_since_epoch()); }
+
+std::string milliseconds(const char* format, double seconds) {
+  char text[120];
+  std::snprintf(text, sizeof text, format, 1e3 * seconds);
+  return text;
+}
+
+/// F_A about A's origin in A's axes, of a wrench about p_W in W's axes.
+Wrench told_in(const Pose& X_WA, const Wrench& F_W, const Vec3d& p_W) {
+  const Quaternion q_AW = conjugate(X_WA.rotation);
+  const Vec3d torque_W = F_W.torque + cross(p_W - X_WA.translation, F_W.force);
+  return {rotate(q_AW, F_W.force), rotate(q_AW, torque_W)};
+}
+
+/// The same of a stiffness: moved to the origin, A K A^T with the wrench's own map A, and turned.
+std::array<double, 36> told_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
+  const Vec3d r = p_W - X_WA.translation;
+  const double lever[3][3] = {{0, -r.z, r.y}, {r.z, 0, -r.x}, {-r.y, r.x, 0}};
+  const Quaternion q_AW = conjugate(X_WA.rotation);
+  const Vec3d axes[3] = {rotate(q_AW, Vec3d{1, 0, 0}), rotate(q_AW, Vec3d{0, 1, 0}),
+                         rotate(q_AW, Vec3d{0, 0, 1})};
+  double map[6][6] = {};  // wrenches about p_W in W to those told in A
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      map[i][j] = map[3 + i][3 + j] = axes[j][i];
+      for (int k = 0; k < 3; ++k) map[3 + i][j] += axes[k][i] * lever[k][j];
+    }
+  }
+  std::array<double, 36> told{};
+  for (std::size_t i = 0; i < 6; ++i) {
+    for (std::size_t j = 0; j < 6; ++j) {
+      for (int k = 0; k < 6; ++k) {
+        for (int l = 0; l < 6; ++l) told[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
+      }
+    }
+  }
+  return told;
+}
+
+class Output final : public RosOutput {
+ public:
+  Output(const Tool& tool, const DepthStreamInfo& stream, RosOutputOptions options)
+      : options_(std::move(options)), tool_(tool), intrinsics_(stream.intrinsics) {
+    if (options_.camera_frame.empty()) options_.camera_frame = stream.frame;
+    if (options_.camera_frame.empty()) options_.camera_frame = "camera";
+  }
+  ~Output() override { end(); }
+
+  Status open() {
+    auto node = RosNode::join();
+    if (!node) return node.error();
+    const auto publish = [&](std::unique_ptr<RosPublisher>& to, const std::string& name,
+                             const char* type, const RosQos& qos) -> Status {
+      auto made = (*node)->publish(full_topic(name, options_.name_space), type, qos);
+      if (!made) return made.error();
+      to = *std::move(made);
+      return Done{};
+    };
+    for (const Status& status :
+         {publish(wrench_, options_.wrench, "geometry_msgs/WrenchStamped", {true, false, 100}),
+          publish(contact_, "contact", "palpate_msgs/Contact", {}),
+          publish(pose_, "tool_pose", "geometry_msgs/PoseStamped", {}),
+          publish(points_, "points", "sensor_msgs/PointCloud2", {true, false, 1}),
+          publish(markers_, "markers", "visualization_msgs/MarkerArray", {true, true, 1}),
+          publish(diagnostics_, "/diagnostics", "diagnostic_msgs/DiagnosticArray", {})}) {
+      if (!status) return status.error();
+    }
+    markers_->publish(tool_markers_message({0, options_.tool_frame}, tool_.mesh()));
+    return Done{};
+  }
+
+  void join(RunMonitor& monitor) override {
+    monitor.on_loop = [this, others = std::move(monitor.on_loop)](RunLoop* loop) {
+      loop != nullptr ? begin(*loop) : end();
+      if (others) others(loop);
+    };
+    RunObserver& observer = monitor.observer;
+    observer.on_contact = [this,
+                           others = std::move(observer.on_contact)](const ContactRecord& contact) {
+      {
+        const std::lock_guard lock(mutex_);
+        newest_ = contact;
+      }
+      if (others) others(contact);
+    };
+    observer.on_frame = [this, others = std::move(observer.on_frame)](const FrameRecord& record,
+                                                                      const DepthFrame& frame) {
+      tell_points(record, frame);
+      if (others) others(record, frame);
+    };
+  }
+
+ private:
+  /// Why there is no wrench now; valid: there is one.
+  struct Verdict {
+    State state = State::valid;
+    std::string reason;
+    double depth_age = 0, contact_age = 0;  // s
+  };
+
+  void begin(RunLoop& loop) {
+    full_volume_ = full_volume(tool_, loop.settings().contact);
+    is_ending_ = false;
+    try {
+      thread_ = std::thread([this, &loop] { go_on(loop); });
+    } catch (const std::system_error&) {
+      say({State::failed, "the system gives no thread to publish from", 0, 0}, now());
+    }
+  }
+
+  void end() {
+    is_ending_ = true;
+    if (!thread_.joinable()) return;
+    thread_.join();
+    // Whoever follows the wrench is not left with the last one.
+    const Verdict verdict{State::failed, "the run has ended", 0, 0};
+    tell(verdict);
+    say(verdict, now());
+  }
+
+  void go_on(RunLoop& loop) {
+    const auto period = std::chrono::duration_cast<Clock::duration>(
+        std::chrono::duration<double>(1 / options_.rate));
+    auto next = Clock::now();
+    double last = 0;
+    while (!is_ending_) {
+      next += period;
+      std::this_thread::sleep_until(next);
+      if (seconds_of(Clock::now() - next) > kLongestLag) next = Clock::now();
+      has_tick_ = loop.latest(tick_) || has_tick_;
+      if (!has_tick_) continue;
+      const double time = now();
+      if (last > 0) periods_.record(static_cast<std::int64_t>(1e9 * (time - last)));
+      last = time;
+      const Verdict verdict = judge(time);
+      tell(verdict);
+      const bool is_news = verdict.state != last_state_;
+      if (time >= next_diagnostics_ ||
+          (is_news && time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
+        say(verdict, time);
+      }
+    }
+  }
+
+  Verdict judge(double time) const {
+    const double since = time - tick_.device.time;
+    Verdict verdict{State::valid, "", tick_.sensor_age + since, tick_.contact_age + since};
+    const auto because = [&](State state, std::string reason) {
+      verdict.state = state;
+      verdict.reason = std::move(reason);
+      return verdict;
+    };
+    if (tick_.has_sensor_failed) return because(State::failed, "the camera is lost");
+    if (tick_.has_backend_failed) return because(State::failed, "the GPU is lost");
+    if (!tick_.device.is_valid || since > options_.max_age) {
+      return because(State::stale, "the tool's pose is too old");
+    }
+    if (tick_.contact_number == 0) return because(State::stale, "nothing has been measured yet");
+    if (!(verdict.depth_age <= options_.max_age)) {
+      return because(State::stale,
+                     milliseconds("the depth image is %.0f ms old", verdict.depth_age));
+    }
+    if (!(verdict.contact_age <= options_.max_age)) {
+      return because(State::stale,
+                     milliseconds("the last measurement is %.0f ms old", verdict.contact_age));
+    }
+    if (tick_.penetration.status.is_unmeasured()) {
+      return because(State::failed, "the tool could not be measured against the image");
+    }
+    return verdict;
+  }
+
+  static std::uint64_t wall_time(double time) {
+    const double since_1970 = seconds_of(std::chrono::system_clock::now().time_since_epoch());
+    return static_cast<std::uint64_t>(1e9 * (since_1970 + time - now()));
+  }
+
+  /// The wrench, and at a lower rate the rest.
+  void tell(const Verdict& verdict) {
+    const std::uint64_t time = wall_time(tick_.device.time);
+    const bool is_valid = verdict.state == State::valid;
+    const Pose& X_WT = tick_.step.X_WT;
+    const Vec3d p_WC = X_WT * tool_.sphere_mass().centre_of_mass;
+    const bool in_tool = options_.frame == WrenchFrame::tool;
+    const std::string& frame = in_tool ? options_.tool_frame : options_.camera_frame;
+    Wrench wrench;
+    if (is_valid) wrench = told_in(in_tool ? X_WT : Pose{}, tick_.step.contact_W, p_WC);
+    count(wrench_->publish(wrench_message({time, frame}, wrench)));
+    const auto contact_period = static_cast<std::uint64_t>(options_.rate / options_.contact_rate);
+    if (num_told_++ % std::max<std::uint64_t>(contact_period, 1) != 0 && is_valid == was_valid_)
+      return;
+    was_valid_ = is_valid;
+    pose_->publish(pose_message({time, options_.camera_frame}, X_WT));
+    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(verdict, p_WC)));
+  }
+
+  RosContact contact_of(const Verdict& verdict, const Vec3d& p_WC) {
+    RosContact contact;
+    contact.state = verdict.state;
+    contact.reason = verdict.reason;
+    contact.depth_age = verdict.depth_age;
+    contact.contact_age = verdict.contact_age;
+    contact.status = tick_.penetration.status.bits;
+    if (verdict.state != State::valid) return contact;
+    contact.volume = tick_.penetration.volume;
+    contact.fraction = full_volume_ > 0 ? contact.volume / full_volume_ : 0;
+    contact.potential = tick_.penetration.potential;
+    contact.wrench = told_in(tick_.step.X_WT, tick_.step.contact_W, p_WC);
+    const std::lock_guard lock(mutex_);
+    contact.max_stiffness = newest_.contact.max_stiffness;
+    contact.stiffness =
+        told_in(newest_.contact.X_WT, newest_.contact.stiffness, newest_.contact.p_WC);
+    return contact;
+  }
+
+  /// From the thread of the observer.
+  void tell_points(const FrameRecord& record, const DepthFrame& frame) {
+    if (!(options_.points_rate > 0) || record.capture_time < next_points_) return;
+    if (points_->num_readers() == 0) return;
+    next_points_ = record.capture_time + 1 / options_.points_rate;
+    points_->publish(points_message({wall_time(record.capture_time), options_.camera_frame}, frame,
+                                    intrinsics_));
+  }
+
+  void say(const Verdict& verdict, double time) {
+    last_state_ = verdict.state;
+    last_diagnostics_ = time;
+    next_diagnostics_ = time + kDiagnosticsPeriod;
+    constexpr RosDiagnostic::Level kLevels[] = {
+        RosDiagnostic::Level::ok, RosDiagnostic::Level::stale, RosDiagnostic::Level::error};
+    const auto periods = periods_.summary();
+    const RosDiagnostic status[] = {
+        {kLevels[static_cast<int>(verdict.state)],
+         "palpate: contact",
+         verdict.reason.empty() ? "the wrench is valid" : verdict.reason,
+         "",
+         {{"age of the depth image, ms", milliseconds("%.1f", verdict.depth_age)},
+          {"age of the measurement, ms", milliseconds("%.1f", verdict.contact_age)},
+          {"wrenches sent", std::to_string(num_sent_)},
+          {"wrenches not sent", std::to_string(num_not_sent_)},
+          {"readers of the wrench", std::to_string(wrench_->num_readers())},
+          {"period of the wrench, p99, us", std::to_string(static_cast<int>(periods.p99))}}}};
+    diagnostics_->publish(diagnostics_message({wall_time(time), ""}, status));
+  }
+
+  void count(bool was_sent) { ++(was_sent ? num_sent_ : num_not_sent_); }
+
+  RosOutputOptions options_;
+  const Tool& tool_;
+  const Intrinsics intrinsics_;
+  std::unique_ptr<RosPublisher> wrench_, contact_, pose_, points_, markers_, diagnostics_;
+  double full_volume_ = 0;
+
+  std::mutex mutex_;
+  ContactRecord newest_;    // under the mutex
+  double next_points_ = 0;  // s, of the observer's thread
+
+  // Of the publishing thread, and of the others while it does not run.
+  TickRecord tick_;
+  bool has_tick_ = false, was_valid_ = false;
+  std::uint64_t num_told_ = 0, num_sent_ = 0, num_not_sent_ = 0;
+  LatencyHistogram periods_;
+  State last_state_ = State::failed;
+  double last_diagnostics_ = 0, next_diagnostics_ = 0;
+
+  std::atomic<bool> is_ending_ = false;
+  std::thread thread_;
+};
+
+}  // namespace
+
+void add_ros_options(CLI::App& app, RosOutputOptions& options) {
+  const std::string group = "ROS 2";
+  app.add_option("--wrench", options.wrench, "the topic of the wrench")
+      ->type_name("TOPIC")
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--ros2-namespace", options.name_space, "of all topics but /diagnostics")
+      ->type_name("NAMESPACE")
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--ros2-camera-frame", options.camera_frame,
+                 "what the camera's frame is called; default: as its images say")
+      ->type_name("FRAME")
+      ->group(group);
+  add_word(app, "--wrench-frame", options.frame,
+           "at whose origin, and in whose axes, the wrench is told")
+      ->group(group);
+  add_number(app, "--wrench-rate", options.rate, {1, 1000, "Hz"}, "wrenches per second")
+      ->group(group);
+  add_number(app, "--contact-message-rate", options.contact_rate, {0.1, 1000, "Hz"},
+             "contacts and poses of the tool per second")
+      ->group(group);
+  add_number(app, "--points-rate", options.points_rate, {0, 30, "Hz"},
+             "point clouds per second, at most; 0: none")
+      ->group(group);
+  add_number(app, "--max-age", options.max_age, {0.001, 10, "s"},
+             "the wrench is zero when the depth image, the measurement or the tool's pose is older")
+      ->group(group);
+}
+
+Result<std::unique_ptr<RosOutput>> RosOutput::create(const Tool& tool,
+                                                     const DepthStreamInfo& stream,
+                                                     const RosOutputOptions& options) {
+  auto output = std::make_unique<Output>(tool, stream, options);
+  if (const Status status = output->open(); !status) return status.error();
+  return std::unique_ptr<RosOutput>(std::move(output));
+}
+
+}  // namespace palpate::apps

@@ -1,0 +1,48 @@
+// What a run tells other programs over ROS 2 while it goes on.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "apps/options.h"
+#include "palpate/session/run.h"
+
+namespace palpate::apps {
+
+/// Which frame a wrench is told in: at its origin, in its axes.
+enum class WrenchFrame { tool, camera };
+constexpr auto names_of(WrenchFrame) { return std::array{"tool", "camera"}; }
+
+struct RosOutputOptions {
+  bool is_wanted = false;
+  std::string name_space = "/palpate";  ///< of the topics
+  std::string wrench = "wrench";        ///< the topic; in the namespace unless it begins with "/"
+  std::string tool_frame = "palpate_tool", camera_frame;
+  WrenchFrame frame = WrenchFrame::tool;
+  double rate = 1000, contact_rate = 100, points_rate = 2;  ///< Hz
+  double max_age = 0.1;                                     ///< s, of what a wrench rests on
+};
+/// Of a verb; their group in its help is "ROS 2".
+void add_ros_options(CLI::App& app, RosOutputOptions& options);
+
+/// Publishes from a thread of its own, which looks at the newest tick: the haptic thread knows
+/// nothing of it. A wrench that rests on what is older than `max_age` is zero, and says why.
+///
+///   NAMESPACE/wrench     geometry_msgs/WrenchStamped, on the tool
+///   NAMESPACE/contact    palpate_msgs/Contact
+///   NAMESPACE/tool_pose  geometry_msgs/PoseStamped, in the camera's frame
+///   NAMESPACE/points     sensor_msgs/PointCloud2, what is felt
+///   NAMESPACE/markers    visualization_msgs/MarkerArray, the tool's mesh
+///   /diagnostics         diagnostic_msgs/DiagnosticArray
+class RosOutput {
+ public:
+  /// `tool` must outlive it. Errors: no Cyclone DDS, what it says.
+  static Result<std::unique_ptr<RosOutput>> create(const Tool& tool, const DepthStreamInfo& stream,
+                                                   const RosOutputOptions& options);
+  virtual ~RosOutput() = default;
+  /// Hears what the monitor hears, before it. Once, before the run.
+  virtual void join(RunMonitor& monitor) = 0;
+};
+
+}  // namespace palpate::apps

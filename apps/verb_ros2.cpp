@@ -1,0 +1,86 @@
+// palpate ros2: a robot's tool in a robot's depth images, as a node of ROS 2.
+
+#include <memory>
+
+#include "apps/page.h"
+#include "apps/touch.h"
+#include "apps/verbs.h"
+
+namespace palpate::apps {
+namespace {
+
+struct Options {
+  TouchOptions touch;
+  std::string depth, camera_info, qos = "best_effort", tool_frame, pose;
+};
+
+/// The same as palpate touch --camera ros2:... --device ros2:... --ros2.
+TouchOptions touch_options(const Options& options) {
+  TouchOptions touch = options.touch;
+  std::string uri = "ros2:" + options.depth + "?qos=" + options.qos;
+  if (!options.camera_info.empty()) uri += "&info=" + options.camera_info;
+  const auto camera = parse_camera_uri(uri);
+  if (!camera) usage_error("ros2: --depth: " + camera.error().message);
+  touch.camera = *camera;
+  if (options.tool_frame.empty() == options.pose.empty()) {
+    usage_error("ros2: say where the tool is: --tool-frame FRAME (of tf) or --pose /TOPIC");
+  }
+  touch.device = "ros2:" + (options.pose.empty() ? options.tool_frame : options.pose);
+  if (!touch.ros.camera_frame.empty()) touch.device += "@" + touch.ros.camera_frame;
+  if (!options.tool_frame.empty()) touch.ros.tool_frame = options.tool_frame;
+  touch.ros.is_wanted = true;
+  return touch;
+}
+
+}  // namespace
+
+void add_ros2(CLI::App& program, Action& action) {
+  const auto options = std::make_shared<Options>();
+  TouchOptions& touch = options->touch;
+  touch.output = "palpate-ros2";
+  touch.recording.keep_seconds = 60;
+  CLI::App& app = *program.add_subcommand(
+      "ros2",
+      "Be a node of ROS 2: depth images and the tool's pose in, the wrench of contact out.");
+  app.add_option("tool", touch.tool, "tool file")->required()->type_name("TOOL.palp");
+  app.add_option("--depth", options->depth, "depth images: Image, or .../compressedDepth")
+      ->required()
+      ->type_name("TOPIC");
+  app.add_option("--camera-info", options->camera_info,
+                 "their CameraInfo; default: camera_info beside the images")
+      ->type_name("TOPIC");
+  app.add_option("--qos", options->qos, "how images are asked for")
+      ->check(CLI::IsMember({"best_effort", "reliable"}))
+      ->capture_default_str();
+  auto* const frame = app.add_option("--tool-frame", options->tool_frame,
+                                     "where the tool is: the frame of its mesh, in tf")
+                          ->type_name("FRAME");
+  app.add_option("--pose", options->pose, "where the tool is: PoseStamped of the frame of its mesh")
+      ->type_name("TOPIC")
+      ->excludes(frame);
+  app.add_option("-o,--output", touch.output, "folder of the run, of which the last minute is kept")
+      ->type_name("RUN")
+      ->capture_default_str();
+  app.add_option("--duration", touch.duration, "seconds; default: until Ctrl-C")
+      ->check(CLI::Range(1e-3, 86400.0));
+  const SettingTable table = settings_of(touch.settings);
+  add_setting_options(app, "", table, kLoopOptions);
+  add_prefix_option(app, touch.num_spheres);
+  add_setting_options(app, "", table, kContactOptions);
+  add_threads_option(app, touch.settings.num_threads, kThreadsHelp);
+  add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
+  add_set_option(app, table);
+  add_ros_options(app, touch.ros);
+  app.add_flag("--view", touch.has_page, "show the run in a browser meanwhile");
+  add_page_options(app, "--view-", touch.page);
+  app.add_flag("--json", touch.json, "print the summary as JSON");
+  app.footer(
+      "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY are heeded; no ROS needs to be installed.\n"
+      "Example: palpate ros2 gripper.palp --depth /camera/depth/image_rect_raw --tool-frame tool0");
+  app.callback([options, &action] {
+    const TouchOptions ready = touch_options(*options);
+    action = [ready] { return run_touch(ready); };
+  });
+}
+
+}  // namespace palpate::apps

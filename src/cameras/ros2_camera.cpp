@@ -1,0 +1,317 @@
+// Depth from a topic of ROS 2: Image or compressedDepth, with its CameraInfo.
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "src/cameras/camera_kinds.h"
+#include "src/cameras/depth_messages.h"
+#include "src/core/monotonic_clock.h"
+#include "src/core/shared_library.h"
+#include "src/io/cdr.h"
+#include "src/io/ros_image.h"
+#include "src/ros/dds_api.h"
+#include "src/ros/ros_node.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double kFirstImage = 10;        // s, while opening
+constexpr double kLongestSilence = 2;     // s without an image that people are told of
+constexpr double kLongestPairing = 0.02;  // s that an image waits for its camera_info
+constexpr std::size_t kNumModels = 32;    // camera_infos that are kept
+
+/// What the subscriptions have heard. Their threads write, one reads.
+class Heard {
+ public:
+  void image(std::string_view message) {
+    CdrReader from(message);
+    const RosStamp stamp = read_ros_header(from);
+    const std::lock_guard lock(mutex_);
+    image_.assign(message);
+    image_stamp_ = stamp.time;
+    image_arrival_ = monotonic_now();
+    frame_ = std::string(stamp.frame);
+    has_image_ = true;
+    changed_.notify_all();
+  }
+
+  void camera_info(std::string_view message) {
+    CdrReader from(message);
+    const double stamp = read_ros_header(from).time;
+    const auto model = read_camera_model(message);
+    const std::lock_guard lock(mutex_);
+    if (!model) {
+      note(model.error().message + "; it is left out");
+      return;
+    }
+    models_.emplace_back(stamp, *model);
+    if (models_.size() > kNumModels) models_.pop_front();
+    changed_.notify_all();
+  }
+
+  struct Image {
+    std::string message, frame;
+    std::optional<RosCameraModel> model;
+  };
+  /// The newest image with the camera_info of its stamp; if none comes with it, with the last one.
+  /// Waits at most a tenth of a second, and a little longer for the camera_info. False: none came.
+  bool take(Image& image) {
+    std::unique_lock lock(mutex_);
+    if (!changed_.wait_for(lock, 100ms, [&] { return has_image_ || is_cancelled_; })) return false;
+    if (is_cancelled_) return false;
+    // Camera_infos that are sent once, or by another clock, are not waited for again and again.
+    if (comes_in_pairs_ && !models_.empty() && model_of_image() == nullptr) {
+      const std::chrono::duration<double> left(image_arrival_ + kLongestPairing - monotonic_now());
+      comes_in_pairs_ = changed_.wait_for(
+          lock, left, [&] { return model_of_image() != nullptr || is_cancelled_; });
+    }
+    const RosCameraModel* const model = model_of_image();
+    comes_in_pairs_ = comes_in_pairs_ || model != nullptr;
+    image.model.reset();
+    if (model != nullptr) {
+      image.model = *model;
+    } else if (!models_.empty()) {
+      image.model = models_.back().second;
+    }
+    std::swap(image.message, image_);
+    image.frame = frame_;
+    has_image_ = false;
+    return true;
+  }
+
+  void cancel() {
+    const std::lock_guard lock(mutex_);
+    is_cancelled_ = true;
+    changed_.notify_all();
+  }
+  bool is_cancelled() const {
+    const std::lock_guard lock(mutex_);
+    return is_cancelled_;
+  }
+  /// Said once.
+  void add_note(const std::string& text) {
+    const std::lock_guard lock(mutex_);
+    note(text);
+  }
+  std::vector<std::string> take_notes() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(notes_, {});
+  }
+
+ private:
+  const RosCameraModel* model_of_image() const {
+    for (auto each = models_.rbegin(); each != models_.rend(); ++each) {
+      if (each->first == image_stamp_) return &each->second;
+    }
+    return nullptr;
+  }
+  void note(const std::string& text) {
+    if (said_.insert(text).second) notes_.push_back(text);
+  }
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::string image_, frame_;
+  double image_stamp_ = 0, image_arrival_ = 0;  // s
+  std::deque<std::pair<double, RosCameraModel>> models_;
+  bool has_image_ = false, comes_in_pairs_ = true, is_cancelled_ = false;
+  std::set<std::string> said_;
+  std::vector<std::string> notes_;
+};
+
+class Ros2Source final : public DepthSource {
+ public:
+  static Result<std::unique_ptr<Ros2Source>> open(const CameraUri& uri) {
+    auto node = RosNode::join();
+    if (!node) return node.error();
+    std::unique_ptr<Ros2Source> source(new Ros2Source(uri, *node));
+    if (const Status status = source->listen(); !status) return status.error();
+    if (const Status status = source->wait_for_first(); !status) return status.error();
+    return source;
+  }
+
+  const DepthStreamInfo& info() const override { return info_; }
+  void cancel() noexcept override { heard_.cancel(); }
+  std::vector<std::string> take_notes() override { return heard_.take_notes(); }
+
+  Result<bool> next(DepthFrame& frame) override {
+    if (has_first_) {
+      has_first_ = false;
+      frame = std::move(first_);
+      return true;
+    }
+    while (!heard_.is_cancelled()) {
+      if (read(frame)) return true;
+      // Whoever sends may come back: DDS finds it again by itself.
+      if (monotonic_now() - last_image_ > kLongestSilence) {
+        heard_.add_note("sends no images any more; they are felt when it does again");
+      }
+    }
+    return false;
+  }
+
+ private:
+  Ros2Source(const CameraUri& uri, std::shared_ptr<RosNode> node)
+      : uri_(uri),
+        topic_(uri.target.starts_with('/') ? uri.target : "/" + uri.target),
+        is_compressed_(topic_.ends_with("/compressedDepth")),
+        node_(std::move(node)) {
+    const auto given = uri.extras.find("info");
+    const std::string image = is_compressed_ ? std::string(ros_parent(topic_)) : topic_;
+    info_topic_ =
+        given == uri.extras.end() ? std::string(ros_parent(image)) + "/camera_info" : given->second;
+    info_.name = "ros2:" + topic_;
+    info_.rate = uri.rate.value_or(30);
+    info_.unit = uri.unit.value_or(info_.unit);
+    info_.is_live = true;
+  }
+
+  Status listen() {
+    RosQos qos = RosQos::sensor();
+    if (const auto given = uri_.extras.find("qos"); given != uri_.extras.end()) {
+      qos.is_reliable = given->second == "reliable";
+      if (!qos.is_reliable && given->second != "best_effort") {
+        return Error{Errc::invalid_argument, "camera " + uri_.text +
+                                                 ": qos is reliable or best_effort, not '" +
+                                                 given->second.substr(0, 40) + "'"};
+      }
+    }
+    auto images = node_->subscribe(
+        topic_, is_compressed_ ? "sensor_msgs/CompressedImage" : "sensor_msgs/Image", qos,
+        [this](std::string_view message) { heard_.image(message); });
+    if (!images) return images.error();
+    images_ = *std::move(images);
+    auto infos =
+        node_->subscribe(info_topic_, "sensor_msgs/CameraInfo", qos,
+                         [this](std::string_view message) { heard_.camera_info(message); });
+    if (!infos) return infos.error();
+    infos_ = *std::move(infos);
+    return Done{};
+  }
+
+  /// Says what the images are like. Error: none has come, or none that is understood.
+  Status wait_for_first() {
+    const double begin = monotonic_now();
+    while (monotonic_now() - begin < kFirstImage) {
+      if (!read(first_)) continue;
+      has_first_ = true;
+      info_.width = first_.width;
+      info_.height = first_.height;
+      info_.unit = first_.unit;
+      if (info_.intrinsics.fx > 0 || uri_.intrinsics) return Done{};
+    }
+    std::string why;
+    for (const std::string& note : heard_.take_notes()) why += ": " + note;
+    if (has_first_) {
+      return Error{Errc::unavailable, info_.name + " sends images, but " + info_topic_ +
+                                          " says nothing of its intrinsics within 10 s" + why +
+                                          "; give ?info=/TOPIC or ?intrinsics=fx,fy,cx,cy"};
+    }
+    return Error{Errc::unavailable, info_.name + " has sent no depth image within 10 s" + why +
+                                        (why.empty() ? "; " + what_there_is() : "")};
+  }
+
+  std::string what_there_is() const {
+    std::vector<std::string> others;
+    for (const RosTopic& topic : node_->topics()) {
+      if (topic.type == "sensor_msgs/Image" || topic.type == "sensor_msgs/CompressedImage") {
+        others.push_back(topic.name);
+      }
+    }
+    if (images_->num_writers() > 0) return "somebody offers the topic and sends nothing";
+    return others.empty() ? "nobody here sends images; check ROS_DOMAIN_ID, the network and "
+                            "ROS_LOCALHOST_ONLY"
+                          : "there are images on " + listed(others);
+  }
+
+  /// False: no image now, or one that is not understood, which people are told once.
+  bool read(DepthFrame& frame) {
+    if (!heard_.take(image_)) return false;
+    last_image_ = monotonic_now();
+    const double unit = uri_.unit.value_or(kFloatUnit);
+    auto got = is_compressed_ ? read_compressed_depth(image_.message, unit)
+                              : read_depth_image(image_.message, unit);
+    if (!got) {
+      heard_.add_note("sends what is left out: " + got.error().message);
+      return false;
+    }
+    frame = *std::move(got);
+    info_.frame = image_.frame;
+    if (image_.model) {
+      info_.width = frame.width;
+      info_.height = frame.height;
+      set_ros_camera(*image_.model, topic_, info_);
+    }
+    return true;
+  }
+
+  const CameraUri uri_;
+  const std::string topic_;
+  const bool is_compressed_;
+  std::string info_topic_;
+  const std::shared_ptr<RosNode> node_;
+  DepthStreamInfo info_;
+  Heard heard_;
+  Heard::Image image_;
+  DepthFrame first_;
+  bool has_first_ = false;
+  double last_image_ = monotonic_now();
+  std::unique_ptr<RosSubscription> images_, infos_;  // last: they speak to what is above
+};
+
+}  // namespace
+
+Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening&) {
+  if (const Status status = uri.check_extras("info", "qos"); !status) return status.error();
+  if (uri.target.empty()) {
+    return Error{Errc::invalid_argument,
+                 "ros2: needs the topic of the depth image, e.g. ros2:/camera/depth/image_raw"};
+  }
+  auto source = Ros2Source::open(uri);
+  if (!source) return source.error();
+  return RawStream{*std::move(source), StampClock::cameras, false};
+}
+
+FoundCameras find_ros2_cameras() {
+  FoundCameras found{"ros2", "ros2:/TOPIC[?info=/TOPIC&qos=reliable]", false, "", "", {}, ""};
+  const auto& api = dds::api();
+  if (!api) {
+    found.reason = api.error().message;
+    return found;
+  }
+  found.is_usable = true;
+  found.library = api->path;
+  found.version = api->version;
+  // Who has nothing to do with ROS is not joined to a network unasked.
+  if (environment("ROS_DOMAIN_ID").empty() && environment("ROS_DISTRO").empty()) {
+    found.reason =
+        "depth images of ROS 2, without a ROS installation; set ROS_DOMAIN_ID to see "
+        "topics here";
+    return found;
+  }
+  const auto node = RosNode::join();
+  if (!node) {
+    found.is_usable = false;
+    found.reason = node.error().message;
+    return found;
+  }
+  std::this_thread::sleep_for(1s);  // others say what they have
+  for (const RosTopic& topic : (*node)->topics()) {
+    const bool is_compressed = topic.type == "sensor_msgs/CompressedImage";
+    if (is_compressed && !topic.name.ends_with("/compressedDepth")) continue;
+    if (is_compressed || topic.type == "sensor_msgs/Image") {
+      found.devices.push_back("ros2:" + topic.name);
+    }
+  }
+  found.reason = found.devices.empty() ? "nobody here sends images over ROS 2 now"
+                                       : "images of ROS 2; not all of them need be of depth";
+  return found;
+}
+
+}  // namespace palpate

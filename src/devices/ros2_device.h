@@ -1,0 +1,19 @@
+// A tool that a robot holds, as a device: where it is comes over ROS 2, and it is not pushed.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// "/topic[@FRAME]": geometry_msgs/PoseStamped, told in FRAME if that is given and the message
+/// names another one. "FRAME@BASE": a frame of tf, in the frame BASE.
+struct Ros2ToolAddress {
+  std::string topic, frame, base;  ///< either a topic or a frame
+};
+/// Error: neither of them.
+Result<Ros2ToolAddress> parse_ros2_tool(std::string_view address);
+
+}  // namespace palpate

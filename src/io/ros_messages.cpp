@@ -1,0 +1,261 @@
+#include "src/io/ros_messages.h"
+
+#include <cmath>
+#include <vector>
+
+#include "src/io/cdr.h"
+#include "src/io/ros_image.h"
+
+namespace palpate {
+namespace {
+
+void put(CdrWriter& to, std::uint64_t time) {
+  constexpr std::uint64_t kSecond = 1'000'000'000;
+  to.number(static_cast<std::int32_t>(time / kSecond));
+  to.number(static_cast<std::uint32_t>(time % kSecond));
+}
+void put(CdrWriter& to, const RosHeader& header) {
+  put(to, header.time);
+  to.text(header.frame);
+}
+void put(CdrWriter& to, const Vec3d& v) {
+  for (int axis = 0; axis < 3; ++axis) to.number(v[axis]);
+}
+void put(CdrWriter& to, const Pose& X) {
+  put(to, X.translation);
+  for (const double value : {X.rotation.x, X.rotation.y, X.rotation.z, X.rotation.w}) {
+    to.number(value);
+  }
+}
+
+/// False: these are no numbers of a pose.
+bool take_pose(CdrReader& from, Pose& X) {
+  for (int axis = 0; axis < 3; ++axis) X.translation[axis] = from.number<double>();
+  Quaternion& q = X.rotation;
+  for (double* part : {&q.x, &q.y, &q.z, &q.w}) *part = from.number<double>();
+  const double size = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
+  if (!from.is_good() || !is_finite(X) || !(std::abs(size - 1) < 0.1)) return false;
+  q = normalized(q);
+  return true;
+}
+
+Error no_pose(const char* what) {
+  return {Errc::bad_input, std::string(what) + " is damaged or holds numbers that are no pose"};
+}
+
+void put_tool_marker(CdrWriter& to, const RosHeader& header, const TriangleMesh& mesh) {
+  constexpr std::size_t kMostTriangles = 20000;
+  constexpr std::int32_t kTriangleList = 11, kAdd = 0;
+  const std::size_t step = (mesh.triangles.size() + kMostTriangles - 1) / kMostTriangles;
+  put(to, header);
+  to.text("tool");
+  for (const std::int32_t number : {0, kTriangleList, kAdd}) to.number(number);
+  put(to, Pose{});
+  put(to, Vec3d{1, 1, 1});
+  for (const float color : {0.35f, 0.6f, 0.85f, 1.0f}) to.number(color);
+  put(to, std::uint64_t{0});  // for ever
+  to.number(true);            // in its frame, wherever that goes
+  std::vector<std::size_t> shown;
+  for (std::size_t i = 0; i < mesh.triangles.size(); i += step) shown.push_back(i);
+  to.number(static_cast<std::uint32_t>(3 * shown.size()));
+  for (const std::size_t i : shown) {
+    for (const auto corner : mesh.triangles[i]) {
+      put(to, mesh.vertices[static_cast<std::size_t>(corner)]);
+    }
+  }
+  to.number(std::uint32_t{0});  // colors
+  to.text("");
+  put(to, RosHeader{});  // texture
+  to.text("");
+  to.number(std::uint32_t{0});
+  to.number(std::uint32_t{0});  // coordinates on it
+  to.text("");
+  to.text("");
+  to.text("");  // mesh file
+  to.number(std::uint32_t{0});
+  to.number(false);
+}
+
+}  // namespace
+
+std::string image_message(const RosHeader& header, const DepthFrame& frame) {
+  CdrWriter to;
+  put(to, header);
+  to.number(static_cast<std::uint32_t>(frame.height));
+  to.number(static_cast<std::uint32_t>(frame.width));
+  to.text("16UC1");
+  to.number(std::uint8_t{0});
+  to.number(static_cast<std::uint32_t>(2 * frame.width));
+  to.bytes(frame.pixels.data(), 2 * frame.pixels.size());
+  return to.take();
+}
+
+std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream) {
+  const auto& [fx, fy, cx, cy] = stream.intrinsics;
+  CdrWriter to;
+  put(to, header);
+  to.number(static_cast<std::uint32_t>(stream.height));
+  to.number(static_cast<std::uint32_t>(stream.width));
+  to.text("plumb_bob");
+  to.number(std::uint32_t{5});
+  for (int i = 0; i < 5; ++i) to.number(0.0);
+  for (const double k : {fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0}) to.number(k);
+  for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) to.number(r);
+  for (const double p : {fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0}) to.number(p);
+  for (int i = 0; i < 6; ++i) to.number(std::uint32_t{0});
+  to.number(false);
+  return to.take();
+}
+
+std::string points_message(const RosHeader& header, const DepthFrame& frame,
+                           const Intrinsics& intrinsics) {
+  constexpr std::uint8_t kFloat32 = 7;
+  const auto [fx, fy, cx, cy] = intrinsics;
+  int step = 1;
+  while (((frame.width + step - 1) / step) * ((frame.height + step - 1) / step) >
+         kMostRecordedPoints) {
+    ++step;
+  }
+  std::vector<Vec3f> points;
+  for (int v = 0; v < frame.height; v += step) {
+    for (int u = 0; u < frame.width; u += step) {
+      const int count = frame.pixels[static_cast<std::size_t>(v * frame.width + u)];
+      if (count == 0 || count == 65535) continue;
+      const double z = count * frame.unit;
+      points.push_back(to_float(Vec3d{(u - cx) / fx * z, (v - cy) / fy * z, z}));
+    }
+  }
+  const auto num_points = static_cast<std::uint32_t>(points.size());
+  CdrWriter to;
+  put(to, header);
+  to.number(std::uint32_t{1});
+  to.number(num_points);
+  to.number(std::uint32_t{3});
+  for (std::uint32_t axis = 0; axis < 3; ++axis) {
+    to.text(std::string_view("xyz").substr(axis, 1));
+    to.number(static_cast<std::uint32_t>(axis * sizeof(float)));
+    to.number(kFloat32);
+    to.number(std::uint32_t{1});
+  }
+  to.number(false);
+  to.number(static_cast<std::uint32_t>(sizeof(Vec3f)));
+  to.number(static_cast<std::uint32_t>(num_points * sizeof(Vec3f)));
+  to.bytes(points.data(), num_points * sizeof(Vec3f));
+  to.number(true);
+  return to.take();
+}
+
+std::string transform_message(std::uint64_t time, std::span<const RosTransform> transforms) {
+  CdrWriter to;
+  to.number(static_cast<std::uint32_t>(transforms.size()));
+  for (const auto& [parent, child, X_PC] : transforms) {
+    put(to, RosHeader{time, parent});
+    to.text(child);
+    put(to, X_PC);
+  }
+  return to.take();
+}
+
+std::string wrench_message(const RosHeader& header, const Wrench& wrench) {
+  CdrWriter to;
+  put(to, header);
+  put(to, wrench.force);
+  put(to, wrench.torque);
+  return to.take();
+}
+
+std::string tool_marker_message(const RosHeader& header, const TriangleMesh& mesh) {
+  CdrWriter to;
+  put_tool_marker(to, header, mesh);
+  return to.take();
+}
+
+std::string tool_markers_message(const RosHeader& header, const TriangleMesh& mesh) {
+  CdrWriter to;
+  to.number(std::uint32_t{1});
+  put_tool_marker(to, header, mesh);
+  return to.take();
+}
+
+std::string pose_message(const RosHeader& header, const Pose& X) {
+  CdrWriter to;
+  put(to, header);
+  put(to, X);
+  return to.take();
+}
+
+std::string diagnostics_message(const RosHeader& header, std::span<const RosDiagnostic> statuses) {
+  CdrWriter to;
+  put(to, header);
+  to.number(static_cast<std::uint32_t>(statuses.size()));
+  for (const RosDiagnostic& status : statuses) {
+    to.number(status.level);
+    for (const std::string& text : {status.name, status.message, status.hardware}) to.text(text);
+    to.number(static_cast<std::uint32_t>(status.values.size()));
+    for (const auto& [key, value] : status.values) {
+      to.text(key);
+      to.text(value);
+    }
+  }
+  return to.take();
+}
+
+std::string ros_contact_message(const RosHeader& header, const RosContact& contact) {
+  CdrWriter to;
+  put(to, header);
+  to.number(contact.state);
+  to.text(contact.reason);
+  for (const double number :
+       {contact.volume, contact.fraction, contact.potential, contact.max_stiffness}) {
+    to.number(number);
+  }
+  put(to, contact.wrench.force);
+  put(to, contact.wrench.torque);
+  for (const double number : contact.stiffness) to.number(number);
+  to.number(contact.depth_age);
+  to.number(contact.contact_age);
+  to.number(contact.status);
+  return to.take();
+}
+
+std::string entities_message(const RosEntities& entities) {
+  CdrWriter to;
+  const auto put_gid = [&](const RosGid& gid) {
+    for (const std::uint8_t byte : gid) to.number(byte);
+  };
+  put_gid(entities.participant);
+  to.number(std::uint32_t{1});
+  to.text(entities.node_namespace);
+  to.text(entities.node_name);
+  for (const auto* gids : {&entities.readers, &entities.writers}) {
+    to.number(static_cast<std::uint32_t>(gids->size()));
+    for (const RosGid& gid : *gids) put_gid(gid);
+  }
+  return to.take();
+}
+
+Result<std::vector<RosStampedTransform>> read_transforms(std::string_view message) {
+  CdrReader from(message);
+  const std::size_t num = from.number<std::uint32_t>();
+  std::vector<RosStampedTransform> transforms;
+  for (std::size_t i = 0; i < num && from.is_good(); ++i) {
+    const auto [time, frame] = read_ros_header(from);
+    RosStampedTransform& transform = transforms.emplace_back();
+    transform.time = time;
+    transform.parent = frame;
+    transform.child = from.text();
+    if (!take_pose(from, transform.X_PC)) return no_pose("a TFMessage");
+  }
+  if (!from.is_good()) return no_pose("a TFMessage");
+  return transforms;
+}
+
+Result<RosStampedPose> read_pose(std::string_view message) {
+  CdrReader from(message);
+  const auto [time, frame] = read_ros_header(from);
+  RosStampedPose pose{time, std::string(frame), {}};
+  if (!take_pose(from, pose.pose)) return no_pose("a PoseStamped");
+  return pose;
+}
+
+}  // namespace palpate

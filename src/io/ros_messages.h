@@ -1,0 +1,103 @@
+// Messages of ROS 2 as bytes (CDR, little-endian): what recordings hold and what goes to other
+// programs. ros_types.h says what they are made of.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/math/pose.h"
+#include "palpate/tool/tool.h"
+
+namespace palpate {
+
+/// When, in ns since 1970 (or since the run began), and in which frame.
+struct RosHeader {
+  std::uint64_t time = 0;
+  std::string_view frame;
+};
+
+/// 16UC1: counts as they were measured. read_depth_image of io/ros_image.h reads it.
+std::string image_message(const RosHeader& header, const DepthFrame& frame);
+std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream);
+/// sensor_msgs/PointCloud2 with float32 x, y, z in the camera frame, m: the measured pixels of
+/// every n-th row and column, so that there are at most kMostRecordedPoints.
+inline constexpr int kMostRecordedPoints = 20000;
+std::string points_message(const RosHeader& header, const DepthFrame& frame,
+                           const Intrinsics& intrinsics);
+
+struct RosTransform {
+  std::string_view parent, child;
+  Pose X_PC;
+};
+std::string transform_message(std::uint64_t time, std::span<const RosTransform> transforms);
+/// Force and torque at the origin of the header's frame, in its axes.
+std::string wrench_message(const RosHeader& header, const Wrench& wrench);
+/// visualization_msgs/Marker: the tool's mesh, at rest in its frame; of large ones every n-th
+/// triangle.
+std::string tool_marker_message(const RosHeader& header, const TriangleMesh& mesh);
+/// visualization_msgs/MarkerArray of that one.
+std::string tool_markers_message(const RosHeader& header, const TriangleMesh& mesh);
+std::string pose_message(const RosHeader& header, const Pose& X);
+
+struct RosDiagnostic {
+  enum class Level : std::uint8_t { ok, warning, error, stale };
+
+  Level level = Level::ok;
+  std::string name, message, hardware;
+  std::vector<std::pair<std::string, std::string>> values;
+};
+/// diagnostic_msgs/DiagnosticArray.
+std::string diagnostics_message(const RosHeader& header, std::span<const RosDiagnostic> statuses);
+
+/// palpate_msgs/Contact: how the tool touches, for robots. Wrench and stiffness are at the origin
+/// of the header's frame, in its axes; the stiffness, row by row, says what the wrench loses with a
+/// small shift and turn of the tool.
+struct RosContact {
+  enum class State : std::uint8_t { valid, stale, failed };
+
+  State state = State::valid;
+  std::string reason;        ///< why it is not valid: then all numbers are 0
+  double volume = 0;         ///< m3
+  double fraction = 0;       ///< of the tool's volume
+  double potential = 0;      ///< m4
+  double max_stiffness = 0;  ///< N/m
+  Wrench wrench;             ///< N, N m
+  std::array<double, 36> stiffness{};
+  double depth_age = 0;      ///< s, of the depth image at the header's time
+  double contact_age = 0;    ///< s, of the query likewise
+  std::uint32_t status = 0;  ///< bits of StepStatus
+};
+std::string ros_contact_message(const RosHeader& header, const RosContact& contact);
+
+/// Identifies an entity of DDS, as ROS 2 tells it to others from Iron on.
+using RosGid = std::array<std::uint8_t, 16>;
+/// rmw_dds_common/ParticipantEntitiesInfo of a participant with one node.
+struct RosEntities {
+  RosGid participant{};
+  std::string node_namespace, node_name;
+  std::vector<RosGid> readers, writers;
+};
+std::string entities_message(const RosEntities& entities);
+
+// Readers. Errors: a damaged message, numbers that are no pose.
+
+struct RosStampedTransform {
+  double time = 0;  ///< s since 1970
+  std::string parent, child;
+  Pose X_PC;
+};
+Result<std::vector<RosStampedTransform>> read_transforms(std::string_view message);
+struct RosStampedPose {
+  double time = 0;  ///< s since 1970
+  std::string frame;
+  Pose pose;
+};
+Result<RosStampedPose> read_pose(std::string_view message);
+
+}  // namespace palpate

@@ -1,0 +1,59 @@
+// What messages of ROS 2 are made of: their definitions, and what follows from them. One text per
+// type serves recordings (the schema), DDS (how a message lies in memory) and the type's hash.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate {
+
+/// The numbers are those of type_description_interfaces/FieldType.
+enum class RosBase : std::uint8_t {
+  nested = 1,
+  int8 = 2,
+  uint8 = 3,
+  int16 = 4,
+  uint16 = 5,
+  int32 = 6,
+  uint32 = 7,
+  int64 = 8,
+  uint64 = 9,
+  float32 = 10,
+  float64 = 11,
+  character = 13,
+  boolean = 15,
+  byte = 16,
+  text = 17,
+};
+
+struct RosField {
+  enum class Shape : std::uint8_t { single, array, sequence };
+
+  std::string name;
+  RosBase base = RosBase::nested;
+  std::string type;  ///< of a nested one: "std_msgs/Header"
+  Shape shape = Shape::single;
+  std::uint32_t count = 0;     ///< of an array
+  std::uint32_t max_text = 0;  ///< bytes of a bounded text; 0: any
+};
+
+/// Of a type as "sensor_msgs/Image"; empty: it is not known here.
+std::vector<RosField> ros_fields(std::string_view type);
+
+/// Definition of a message type with those of all types in it. `more(type)` is the text of a type
+/// that is not known here.
+std::string message_schema(
+    const std::string& type, const std::function<std::string(const std::string&)>& more =
+                                 [](const std::string&) { return std::string(); });
+
+/// "RIHS01_" and 64 digits (REP 2016): peers compare it, and tools find definitions by it.
+std::string ros_type_hash(const std::string& type);
+
+/// "sensor_msgs/msg/Image" and "sensor_msgs::msg::dds_::Image_" of "sensor_msgs/Image".
+std::string ros_interface_name(std::string_view type);
+std::string dds_type_name(std::string_view type);
+
+}  // namespace palpate

@@ -1,0 +1,400 @@
+#include "src/ros/ros_node.h"
+
+#include <algorithm>
+#include <atomic>
+#include <charconv>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <set>
+#include <system_error>
+#include <thread>
+
+#include "src/core/shared_library.h"
+#include "src/io/ros_messages.h"
+#include "src/io/ros_types.h"
+#include "src/ros/dds_api.h"
+#include "src/ros/native_layout.h"
+
+namespace palpate {
+namespace {
+
+constexpr const char* kEntitiesType = "rmw_dds_common/ParticipantEntitiesInfo";
+
+/// A type as Cyclone DDS knows it, for as long as the program runs.
+struct DdsType {
+  explicit DdsType(const std::string& type)
+      : layout(type),
+        program(layout.program()),
+        name(dds_type_name(type)),
+        hash("typehash=" + ros_type_hash(type) + ";") {
+    descriptor.size = static_cast<std::uint32_t>(layout.size());
+    descriptor.align = static_cast<std::uint32_t>(layout.align());
+    descriptor.type_name = name.c_str();
+    descriptor.num_ops = static_cast<std::uint32_t>(program.size());
+    descriptor.ops = program.data();
+  }
+
+  const NativeLayout layout;
+  const std::vector<std::uint32_t> program;
+  const std::string name, hash;
+  dds::TopicDescriptor descriptor;
+};
+
+const DdsType& dds_type(const std::string& type) {
+  static std::mutex mutex;
+  static auto& types = *new std::map<std::string, DdsType>;
+  const std::lock_guard lock(mutex);
+  return types.try_emplace(type, type).first->second;
+}
+
+/// Deletes what it names.
+class DdsEntity {
+ public:
+  explicit DdsEntity(dds::Entity entity = 0) : entity_(entity) {}
+  DdsEntity(DdsEntity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
+  DdsEntity& operator=(DdsEntity&& other) noexcept {
+    std::swap(entity_, other.entity_);
+    return *this;
+  }
+  ~DdsEntity() {
+    if (entity_ > 0) dds::api()->remove(entity_);
+  }
+  dds::Entity get() const { return entity_; }
+  bool is_good() const { return entity_ > 0; }
+
+ private:
+  dds::Entity entity_;
+};
+
+Error trouble(const std::string& what, dds::Entity code) {
+  return {Errc::unavailable, what + ": Cyclone DDS says " + dds::api()->error_text(code)};
+}
+
+struct QosDeleter {
+  void operator()(dds::Qos* qos) const { dds::api()->delete_qos(qos); }
+};
+using QosPointer = std::unique_ptr<dds::Qos, QosDeleter>;
+
+QosPointer make_qos(const RosQos& wanted, std::string_view user_data) {
+  const dds::Api& api = *dds::api();
+  QosPointer qos(api.create_qos());
+  // Who writes does not wait for readers: with so few messages kept there is always room.
+  api.set_reliability(qos.get(), wanted.is_reliable ? dds::kReliable : dds::kBestEffort, 0);
+  api.set_durability(qos.get(), wanted.is_kept ? dds::kTransientLocal : dds::kVolatile);
+  api.set_history(qos.get(), dds::kKeepLast, wanted.depth);
+  api.set_user_data(qos.get(), user_data.data(), user_data.size());
+  api.set_representation(qos.get(), 1, &dds::kXcdr1);
+  return qos;
+}
+
+/// What every topic is called between DDS programs of ROS 2.
+std::string dds_topic(const std::string& topic) { return "rt" + topic; }
+
+/// A topic with its writer or reader.
+struct DdsEndpoint {
+  DdsEntity topic, endpoint;  // the topic goes last
+  const DdsType* type = nullptr;
+
+  RosGid gid() const {
+    dds::Guid guid{};
+    dds::api()->get_guid(endpoint.get(), &guid);
+    RosGid gid{};
+    std::copy(std::begin(guid.bytes), std::end(guid.bytes), gid.begin());
+    return gid;
+  }
+};
+
+Result<DdsEndpoint> make_endpoint(const DdsEntity& participant, const std::string& name,
+                                  const std::string& type, const RosQos& wanted, bool is_writer) {
+  const dds::Api& api = *dds::api();
+  DdsEndpoint made;
+  made.type = &dds_type(type);
+  made.topic = DdsEntity(
+      api.create_topic(participant.get(), &made.type->descriptor, name.c_str(), nullptr, nullptr));
+  if (!made.topic.is_good()) return trouble("cannot open the topic " + name, made.topic.get());
+  const QosPointer qos = make_qos(wanted, made.type->hash);
+  const auto create = is_writer ? api.create_writer : api.create_reader;
+  made.endpoint = DdsEntity(create(participant.get(), made.topic.get(), qos.get(), nullptr));
+  if (!made.endpoint.is_good()) {
+    return trouble(std::string("cannot ") + (is_writer ? "write to " : "read from ") + name,
+                   made.endpoint.get());
+  }
+  return made;
+}
+
+bool write(const DdsEndpoint& writer, std::string_view message) {
+  const auto native = writer.type->layout.to_native(message);
+  return native && dds::api()->write(writer.endpoint.get(), native->get()) == 0;
+}
+
+class Node;
+
+/// Tells the node when it goes.
+class Registration {
+ public:
+  Registration(std::shared_ptr<Node> node, RosGid gid, bool is_writer);
+  ~Registration();
+
+ private:
+  const std::shared_ptr<Node> node_;
+  const RosGid gid_;
+  const bool is_writer_;
+};
+
+class Publisher final : public RosPublisher {
+ public:
+  Publisher(std::shared_ptr<Node> node, DdsEndpoint writer)
+      : registration_(std::move(node), writer.gid(), true), writer_(std::move(writer)) {}
+
+  bool publish(std::string_view message) override { return write(writer_, message); }
+  int num_readers() const override {
+    return dds::api()->matched_readers(writer_.endpoint.get(), nullptr, 0);
+  }
+
+ private:
+  const Registration registration_;  // goes last
+  const DdsEndpoint writer_;
+};
+
+class Subscription final : public RosSubscription {
+ public:
+  Subscription(std::shared_ptr<Node> node, DdsEntity& participant, DdsEndpoint reader,
+               RosNode::Heard heard)
+      : registration_(std::move(node), reader.gid(), false),
+        reader_(std::move(reader)),
+        heard_(std::move(heard)) {
+    const dds::Api& api = *dds::api();
+    ending_ = DdsEntity(api.create_guard_condition(participant.get()));
+    waitset_ = DdsEntity(api.create_waitset(participant.get()));
+    data_ = DdsEntity(api.create_read_condition(reader_.endpoint.get(), dds::kAnyState));
+    api.attach(waitset_.get(), ending_.get(), 0);
+    api.attach(waitset_.get(), data_.get(), 1);
+  }
+  ~Subscription() override {
+    is_ending_ = true;
+    dds::api()->set_guard_condition(ending_.get(), true);
+    if (thread_.joinable()) thread_.join();
+  }
+  /// Error: the system starts no thread.
+  Status start() {
+    try {
+      thread_ = std::thread([this] { listen(); });
+    } catch (const std::system_error& error) {
+      return Error{Errc::unavailable, std::string("cannot start a thread: ") + error.what()};
+    }
+    return Done{};
+  }
+  int num_writers() const override {
+    return dds::api()->matched_writers(reader_.endpoint.get(), nullptr, 0);
+  }
+
+ private:
+  void listen() {
+    while (!is_ending_) {
+      std::intptr_t triggered[2];
+      dds::api()->wait(waitset_.get(), triggered, 2, 1000 * dds::kMillisecond);
+      take();
+    }
+  }
+  void take() {
+    constexpr std::size_t kMost = 16;
+    void* samples[kMost] = {};
+    dds::SampleInfo infos[kMost];
+    const auto num = dds::api()->take(reader_.endpoint.get(), samples, infos, kMost, kMost);
+    for (int i = 0; i < num && !is_ending_; ++i) {
+      if (infos[i].has_data) heard_(reader_.type->layout.from_native(samples[i]));
+    }
+    if (num > 0) dds::api()->return_loan(reader_.endpoint.get(), samples, num);
+  }
+
+  const Registration registration_;  // goes last
+  const DdsEndpoint reader_;
+  const RosNode::Heard heard_;
+  DdsEntity waitset_, ending_, data_;
+  std::atomic<bool> is_ending_ = false;
+  std::thread thread_;
+};
+
+/// Cyclone's own settings come first, from CYCLONEDDS_URI.
+std::string configuration(const RosNodeOptions& options) {
+  std::string text = environment("CYCLONEDDS_URI");
+  if (!options.is_local) return text;
+  return text + (text.empty() ? "" : ",") +
+         "<General><Interfaces><NetworkInterface address=\"127.0.0.1\"/></Interfaces>"
+         "<AllowMulticast>false</AllowMulticast></General>"
+         "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
+         "<MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
+         "<SPDPInterval>1s</SPDPInterval>"  // to those who begin later and only ask by multicast
+         "<Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery>";
+}
+
+class Node final : public RosNode {
+ public:
+  static Result<std::shared_ptr<RosNode>> create(const RosNodeOptions& options) {
+    const auto& api = dds::api();
+    if (!api) return api.error();
+    const auto domain = static_cast<std::uint32_t>(options.domain);
+    // Fails where the program has opened the domain before, in its own way.
+    if (const std::string text = configuration(options); !text.empty()) {
+      api->create_domain(domain, text.c_str());
+    }
+    const QosPointer qos(api->create_qos());
+    constexpr std::string_view kEnclave = "enclave=/;";
+    api->set_user_data(qos.get(), kEnclave.data(), kEnclave.size());
+    DdsEntity participant(api->create_participant(domain, qos.get(), nullptr));
+    if (!participant.is_good()) {
+      return trouble("cannot join the ROS domain " + std::to_string(options.domain),
+                     participant.get());
+    }
+    auto node = std::make_shared<Node>(options, std::move(participant));
+    if (const Status status = node->announce(); !status) return status.error();
+    return std::shared_ptr<RosNode>(std::move(node));
+  }
+
+  Node(const RosNodeOptions& options, DdsEntity participant)
+      : options_(options), participant_(std::move(participant)) {}
+
+  Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic, const std::string& type,
+                                                const RosQos& qos) override {
+    auto writer = make_endpoint(participant_, name_of(topic), type, qos, true);
+    if (!writer) return writer.error();
+    return std::unique_ptr<RosPublisher>(std::make_unique<Publisher>(self(), *std::move(writer)));
+  }
+
+  Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
+                                                     const std::string& type, const RosQos& qos,
+                                                     Heard heard) override {
+    auto reader = make_endpoint(participant_, name_of(topic), type, qos, false);
+    if (!reader) return reader.error();
+    auto made =
+        std::make_unique<Subscription>(self(), participant_, *std::move(reader), std::move(heard));
+    if (const Status status = made->start(); !status) return status.error();
+    return std::unique_ptr<RosSubscription>(std::move(made));
+  }
+
+  std::vector<RosTopic> topics() override;
+
+  /// Into or out of the list that graph tools show.
+  void change_entities(const RosGid& gid, bool is_writer, bool is_there) {
+    const std::lock_guard lock(mutex_);
+    auto& gids = is_writer ? entities_.writers : entities_.readers;
+    if (is_there) gids.push_back(gid);
+    if (!is_there) std::erase(gids, gid);
+    tell_entities();
+  }
+
+ private:
+  std::shared_ptr<Node> self() { return std::static_pointer_cast<Node>(shared_from_this()); }
+  std::string name_of(const std::string& topic) const {
+    return dds_topic(full_topic(topic, options_.node_namespace));
+  }
+
+  Status announce() {
+    dds::Guid guid{};
+    dds::api()->get_guid(participant_.get(), &guid);
+    std::copy(std::begin(guid.bytes), std::end(guid.bytes), entities_.participant.begin());
+    entities_.node_namespace = options_.node_namespace;
+    entities_.node_name = options_.name;
+    // Peers of Humble expect other bytes there; they see topics, and no node.
+    if (environment("ROS_DISTRO") == "humble") return Done{};
+    auto writer = make_endpoint(participant_, "ros_discovery_info", kEntitiesType,
+                                {.is_reliable = true, .is_kept = true, .depth = 1}, true);
+    if (!writer) return writer.error();
+    graph_ = *std::move(writer);
+    const std::lock_guard lock(mutex_);
+    tell_entities();
+    return Done{};
+  }
+  void tell_entities() {
+    if (graph_.endpoint.is_good()) write(graph_, entities_message(entities_));
+  }
+
+  const RosNodeOptions options_;
+  DdsEntity participant_;
+  DdsEndpoint graph_;
+  std::mutex mutex_;
+  RosEntities entities_;
+};
+
+Registration::Registration(std::shared_ptr<Node> node, RosGid gid, bool is_writer)
+    : node_(std::move(node)), gid_(gid), is_writer_(is_writer) {
+  node_->change_entities(gid_, is_writer_, true);
+}
+Registration::~Registration() { node_->change_entities(gid_, is_writer_, false); }
+
+/// "sensor_msgs/Image" of "sensor_msgs::msg::dds_::Image_"; empty: no message of ROS 2.
+std::string ros_type(std::string_view dds_name) {
+  constexpr std::string_view kMiddle = "::msg::dds_::";
+  const std::size_t at = dds_name.find(kMiddle);
+  if (at == std::string_view::npos || !dds_name.ends_with('_')) return {};
+  const std::string_view type = dds_name.substr(at + kMiddle.size());
+  return std::string(dds_name.substr(0, at)) + "/" + std::string(type.substr(0, type.size() - 1));
+}
+
+std::vector<RosTopic> Node::topics() {
+  const dds::Api& api = *dds::api();
+  const DdsEntity reader(
+      api.create_reader(participant_.get(), dds::kPublications, nullptr, nullptr));
+  std::set<RosTopic> found;
+  constexpr std::size_t kMost = 64;
+  for (;;) {
+    void* samples[kMost] = {};
+    dds::SampleInfo infos[kMost];
+    const auto num = api.take(reader.get(), samples, infos, kMost, kMost);
+    for (int i = 0; i < num; ++i) {
+      if (!infos[i].has_data) continue;
+      const auto* const endpoint = static_cast<const dds::Endpoint*>(samples[i]);
+      const std::string_view topic = endpoint->topic;
+      if (topic.starts_with("rt/")) {
+        found.insert({std::string(topic.substr(2)), ros_type(endpoint->type)});
+      }
+    }
+    if (num > 0) api.return_loan(reader.get(), samples, num);
+    if (num < static_cast<int>(kMost)) return {found.begin(), found.end()};
+  }
+}
+
+}  // namespace
+
+Result<RosNodeOptions> RosNodeOptions::of_environment() {
+  constexpr int kMostDomains = 232;  // ports end there
+  RosNodeOptions options;
+  const std::string domain = environment("ROS_DOMAIN_ID");
+  const auto [end, error] =
+      std::from_chars(domain.data(), domain.data() + domain.size(), options.domain);
+  if (!domain.empty() && (error != std::errc() || end != domain.data() + domain.size() ||
+                          options.domain < 0 || options.domain > kMostDomains)) {
+    return Error{Errc::invalid_argument, "ROS_DOMAIN_ID is '" + domain.substr(0, 20) +
+                                             "'; it must be a number from 0 to 232"};
+  }
+  options.is_local = environment("ROS_LOCALHOST_ONLY") == "1" ||
+                     environment("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST";
+  return options;
+}
+
+Result<std::shared_ptr<RosNode>> RosNode::join(const RosNodeOptions& options) {
+  static std::mutex mutex;
+  static auto& nodes = *new std::vector<std::pair<RosNodeOptions, std::weak_ptr<RosNode>>>;
+  const std::lock_guard lock(mutex);
+  std::erase_if(nodes, [](const auto& each) { return each.second.expired(); });
+  for (const auto& [theirs, node] : nodes) {
+    if (const auto there = node.lock(); there && theirs == options) return there;
+  }
+  auto node = Node::create(options);
+  if (node) nodes.emplace_back(options, *node);
+  return node;
+}
+
+Result<std::shared_ptr<RosNode>> RosNode::join() {
+  const auto options = RosNodeOptions::of_environment();
+  if (!options) return options.error();
+  return join(*options);
+}
+
+std::string full_topic(const std::string& topic, const std::string& node_namespace) {
+  if (topic.starts_with("/")) return topic;
+  return node_namespace + (node_namespace.ends_with("/") ? "" : "/") + topic;
+}
+
+}  // namespace palpate

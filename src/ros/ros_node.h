@@ -1,0 +1,84 @@
+// One node of ROS 2 in this process: what it publishes, what it hears, and how it shows in the
+// graph. Messages are bytes as src/io makes and reads them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// What publishers offer and subscribers ask for.
+struct RosQos {
+  bool is_reliable = true;  ///< else best effort, which hears both kinds of publishers
+  bool is_kept = false;     ///< transient local: who comes later gets the last ones too
+  int depth = 10;
+
+  /// As robots send images: what is lost is lost.
+  static RosQos sensor() { return {false, false, 5}; }
+};
+
+struct RosNodeOptions {
+  std::string name = "palpate", node_namespace = "/";
+  int domain = 0;
+  bool is_local = false;  ///< nothing leaves this computer
+
+  /// Domain and reach as ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY and ROS_AUTOMATIC_DISCOVERY_RANGE say.
+  /// Error: a domain that there is not.
+  static Result<RosNodeOptions> of_environment();
+  friend bool operator==(const RosNodeOptions&, const RosNodeOptions&) = default;
+};
+
+class RosPublisher {
+ public:
+  virtual ~RosPublisher() = default;
+  /// Any thread, one at a time. Never waits for readers; false: not sent.
+  virtual bool publish(std::string_view message) = 0;
+  virtual int num_readers() const = 0;
+};
+
+/// Hears in a thread of its own; nothing is heard any more once it is gone.
+class RosSubscription {
+ public:
+  virtual ~RosSubscription() = default;
+  virtual int num_writers() const = 0;
+};
+
+struct RosTopic {
+  std::string name, type;  ///< "/camera/depth/image_raw", "sensor_msgs/Image"
+
+  friend auto operator<=>(const RosTopic&, const RosTopic&) = default;
+};
+
+class RosNode : public std::enable_shared_from_this<RosNode> {
+ public:
+  /// The node with these options: one in this process, as long as somebody has it. Errors: no
+  /// Cyclone DDS here; what it says.
+  static Result<std::shared_ptr<RosNode>> join(const RosNodeOptions& options);
+  static Result<std::shared_ptr<RosNode>> join();  ///< with those of the environment
+  virtual ~RosNode() = default;
+
+  /// Of messages of a type that ros_types.h knows. Names without "/" are in the node's namespace.
+  /// Error: what Cyclone DDS says.
+  virtual Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic,
+                                                        const std::string& type,
+                                                        const RosQos& qos) = 0;
+  using Heard = std::function<void(std::string_view message)>;
+  virtual Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
+                                                             const std::string& type,
+                                                             const RosQos& qos, Heard heard) = 0;
+  /// What others and we publish, as far as it is known by now.
+  virtual std::vector<RosTopic> topics() = 0;
+};
+
+/// "/robot/wrench" of "wrench" in the namespace "/robot"; as it is if it begins with "/".
+std::string full_topic(const std::string& topic, const std::string& node_namespace);
+
+}  // namespace palpate

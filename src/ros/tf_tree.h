@@ -1,0 +1,37 @@
+// Frames of ROS 2 and how they lie to each other, as /tf and /tf_static tell.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "src/io/ros_messages.h"
+
+namespace palpate {
+
+/// The newest transform of every frame to its parent. Any threads.
+class TfTree {
+ public:
+  void add(const RosStampedTransform& transform);
+  struct Found {
+    Pose X_AB;
+    double time =
+        0;  ///< s since 1970: the oldest of the stamps of frames that move; 0 if none does
+  };
+  /// Frame B in frame A. None: nothing joins them yet.
+  std::optional<Found> find(const std::string& a, const std::string& b) const;
+
+ private:
+  struct Link {
+    std::string parent;
+    Pose X_PC;
+    double time = 0;  // s; 0: static
+  };
+  const Link* parent_of(const std::string& frame) const;
+
+  mutable std::mutex mutex_;
+  std::map<std::string, Link> links_;  // by child
+};
+
+}  // namespace palpate

@@ -1,0 +1,31 @@
+// How a tool that a robot holds is named.
+#include "src/devices/ros2_device.h"
+
+#include <gtest/gtest.h>
+
+namespace palpate {
+namespace {
+
+TEST(Ros2Tool, is_a_topic_or_a_frame) {
+  const auto topic = parse_ros2_tool("/arm/tool_pose");
+  ASSERT_TRUE(topic);
+  EXPECT_EQ(topic->topic, "/arm/tool_pose");
+  EXPECT_EQ(topic->base, "");
+  const auto told = parse_ros2_tool("/tool_pose@camera");
+  ASSERT_TRUE(told);
+  EXPECT_EQ(told->topic, "/tool_pose");
+  EXPECT_EQ(told->base, "camera");
+  const auto frame = parse_ros2_tool("tool0@camera");
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->topic, "");
+  EXPECT_EQ(frame->frame, "tool0");
+  EXPECT_EQ(frame->base, "camera");
+  for (const char* wrong : {"", "tool0", "@camera", "/", "tool0@"}) {
+    const auto none = parse_ros2_tool(wrong);
+    ASSERT_FALSE(none) << wrong;
+    EXPECT_NE(none.error().message.find("ros2:/POSE_TOPIC"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,62 @@
+// Names and hashes of message types against what ROS 2 itself prints.
+#include "src/io/ros_types.h"
+
+#include <gtest/gtest.h>
+
+#include "src/io/ros_messages.h"
+#include "src/io/sha256.h"
+
+namespace palpate {
+namespace {
+
+TEST(Sha256, is_that_of_the_standard) {
+  // FIPS 180-4, examples of NIST.
+  EXPECT_EQ(sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(sha256("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+  EXPECT_EQ(sha256(std::string(1000000, 'a')),
+            "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+}
+
+TEST(RosTypes, have_the_hashes_that_ros2_topic_info_prints) {
+  const std::pair<const char*, const char*> printed[] = {
+      {"sensor_msgs/Image", "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"},
+      {"sensor_msgs/CompressedImage",
+       "15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"},
+      {"sensor_msgs/CameraInfo",
+       "b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275"},
+      {"sensor_msgs/JointState",
+       "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"},
+      {"tf2_msgs/TFMessage", "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"},
+      {"geometry_msgs/PoseStamped",
+       "10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"},
+      {"geometry_msgs/WrenchStamped",
+       "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"},
+      {"geometry_msgs/Quaternion",
+       "8a765f66778c8ff7c8ab94afcc590a2ed5325a1d9a076ffff38fbce36f458684"},
+      {"std_msgs/Header", "f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01"},
+  };
+  for (const auto& [type, hash] : printed) {
+    EXPECT_EQ(ros_type_hash(type), std::string("RIHS01_") + hash) << type;
+  }
+}
+
+TEST(RosTypes, have_names_for_ros_and_for_dds) {
+  EXPECT_EQ(dds_type_name("sensor_msgs/Image"), "sensor_msgs::msg::dds_::Image_");
+  EXPECT_EQ(ros_interface_name("sensor_msgs/Image"), "sensor_msgs/msg/Image");
+}
+
+TEST(RosMessages, read_back_what_was_written) {
+  const Pose X{{1, -2, 3}, normalized(Quaternion{0.1, 0.2, 0.3, 0.9})};
+  const auto pose = read_pose(pose_message({2'250'000'000, "camera"}, X));
+  ASSERT_TRUE(pose);
+  EXPECT_EQ(pose->time, 2.25);
+  EXPECT_EQ(pose->frame, "camera");
+  EXPECT_EQ(pose->pose.translation, X.translation);
+  Pose wrong = X;
+  wrong.rotation = {0, 0, 0, 0};
+  EXPECT_FALSE(read_pose(pose_message({0, ""}, wrong)));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,314 @@
+"""A robot on the Python package cyclonedds, another version of Cyclone DDS than the program's, with
+types and bytes of its own. Publishes depth images with camera_info and the tool's pose, reads
+wrench, contact, diagnostics and the graph, and prints what it saw as JSON.
+
+usage: cyclone_peer.py DOMAIN [BEHAVIOR]
+
+It goes on until its standard input ends. BEHAVIOR is what it does from the second after the first
+wrench on: good, silent, flood, wrong_encoding, wrong_size, tomorrow; tf: good, and the tool's pose
+comes by tf.
+"""
+
+import json
+import os
+import select
+import sys
+import time
+from dataclasses import dataclass
+
+os.environ["CYCLONEDDS_URI"] = (
+    '<General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>'
+    "<AllowMulticast>false</AllowMulticast></General><Discovery>"
+    "<ParticipantIndex>auto</ParticipantIndex>"
+    "<MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
+    '<Peers><Peer address="127.0.0.1"/></Peers></Discovery>')
+
+from cyclonedds.core import Policy, Qos  # noqa: E402
+from cyclonedds.domain import DomainParticipant  # noqa: E402
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication  # noqa: E402
+from cyclonedds.internal import InvalidSample  # noqa: E402
+from cyclonedds.idl import IdlStruct  # noqa: E402
+from cyclonedds.idl.types import (array, float64, int32, sequence, uint8, uint32)  # noqa: E402
+from cyclonedds.pub import DataWriter  # noqa: E402
+from cyclonedds.sub import DataReader  # noqa: E402
+from cyclonedds.topic import Topic  # noqa: E402
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
+    x: float64 = 0
+    y: float64 = 0
+    z: float64 = 0
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
+    x: float64 = 0
+    y: float64 = 0
+    z: float64 = 0
+    w: float64 = 1
+
+
+@dataclass
+class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+    position: Vector3
+    orientation: Quaternion
+
+
+@dataclass
+class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
+    header: Header
+    pose: Pose
+
+
+@dataclass
+class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
+    header: Header
+    child_frame_id: str
+    translation: Vector3
+    rotation: Quaternion
+
+
+@dataclass
+class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
+    transforms: sequence[TransformStamped]
+
+
+@dataclass
+class Wrench(IdlStruct, typename="geometry_msgs::msg::dds_::Wrench_"):
+    force: Vector3
+    torque: Vector3
+
+
+@dataclass
+class WrenchStamped(IdlStruct, typename="geometry_msgs::msg::dds_::WrenchStamped_"):
+    header: Header
+    wrench: Wrench
+
+
+@dataclass
+class Image(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
+    header: Header
+    height: uint32
+    width: uint32
+    encoding: str
+    is_bigendian: uint8
+    step: uint32
+    data: sequence[uint8]
+
+
+@dataclass
+class RegionOfInterest(IdlStruct, typename="sensor_msgs::msg::dds_::RegionOfInterest_"):
+    x_offset: uint32 = 0
+    y_offset: uint32 = 0
+    height: uint32 = 0
+    width: uint32 = 0
+    do_rectify: bool = False
+
+
+@dataclass
+class CameraInfo(IdlStruct, typename="sensor_msgs::msg::dds_::CameraInfo_"):
+    header: Header
+    height: uint32
+    width: uint32
+    distortion_model: str
+    d: sequence[float64]
+    k: array[float64, 9]
+    r: array[float64, 9]
+    p: array[float64, 12]
+    binning_x: uint32
+    binning_y: uint32
+    roi: RegionOfInterest
+
+
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
+    level: uint8
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue]
+
+
+@dataclass
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
+    header: Header
+    status: sequence[DiagnosticStatus]
+
+
+@dataclass
+class Contact(IdlStruct, typename="palpate_msgs::msg::dds_::Contact_"):
+    header: Header
+    state: uint8
+    reason: str
+    volume: float64
+    fraction: float64
+    potential: float64
+    max_stiffness: float64
+    wrench: Wrench
+    stiffness: array[float64, 36]
+    depth_age: float64
+    contact_age: float64
+    status: uint32
+
+
+@dataclass
+class Gid(IdlStruct, typename="rmw_dds_common::msg::dds_::Gid_"):
+    data: array[uint8, 16]
+
+
+@dataclass
+class NodeEntitiesInfo(IdlStruct, typename="rmw_dds_common::msg::dds_::NodeEntitiesInfo_"):
+    node_namespace: str
+    node_name: str
+    reader_gid_seq: sequence[Gid]
+    writer_gid_seq: sequence[Gid]
+
+
+@dataclass
+class ParticipantEntitiesInfo(IdlStruct,
+                              typename="rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_"):
+    gid: Gid
+    node_entities_info_seq: sequence[NodeEntitiesInfo]
+
+
+WIDTH, HEIGHT = 80, 60
+
+
+class Robot:
+    def __init__(self, domain):
+        self.participant = DomainParticipant(domain)
+
+    def qos(self, reliable=True, kept=False, depth=10):
+        return Qos(Policy.Reliability.Reliable(0) if reliable else Policy.Reliability.BestEffort,
+                   Policy.Durability.TransientLocal if kept else Policy.Durability.Volatile,
+                   Policy.History.KeepLast(depth),
+                   Policy.DataRepresentation(use_cdrv0_representation=True))
+
+    def writer(self, name, kind, **qos):
+        return DataWriter(self.participant, Topic(self.participant, name, kind), self.qos(**qos))
+
+    def reader(self, name, kind, **qos):
+        return DataReader(self.participant, Topic(self.participant, name, kind), self.qos(**qos))
+
+
+def taken(reader, most):
+    """Without what only says that a writer has gone."""
+    return [sample for sample in reader.take(most) if not isinstance(sample, InvalidSample)]
+
+
+def header(stamp, frame="camera"):
+    return Header(Time(int(stamp), int(stamp % 1 * 1e9)), frame)
+
+
+def image(stamp, depth, encoding="16UC1", cut=0):
+    data = depth.to_bytes(2, "little") * (WIDTH * HEIGHT)
+    return Image(header(stamp), HEIGHT, WIDTH, encoding, 0, 2 * WIDTH, list(data[:len(data) - cut]))
+
+
+def has_ended():
+    return bool(select.select([sys.stdin], [], [], 0)[0])
+
+
+def main(domain, behavior):
+    robot = Robot(domain)
+    images = robot.writer("rt/camera/depth/image_raw", Image, reliable=False, depth=5)
+    infos = robot.writer("rt/camera/depth/camera_info", CameraInfo, reliable=False, depth=5)
+    poses = robot.writer("rt/tool_pose", PoseStamped)
+    moving = robot.writer("rt/tf", TFMessage)
+    fixed = robot.writer("rt/tf_static", TFMessage, kept=True, depth=1)
+    wrenches = robot.reader("rt/palpate/wrench", WrenchStamped, depth=1000)
+    contacts = robot.reader("rt/palpate/contact", Contact)
+    diagnostics = robot.reader("rt/diagnostics", DiagnosticArray)
+    graph = robot.reader("ros_discovery_info", ParticipantEntitiesInfo, kept=True, depth=1)
+    offers = BuiltinDataReader(robot.participant, BuiltinTopicDcpsPublication)
+    model = [64.0, 0, 39.5, 0, 64, 29.5, 0, 0, 1]
+    upright = Quaternion(0, 0, 0, 1)
+    # The camera looks along the base's z from its origin; the tool is 0.5 m before it.
+    fixed.write(TFMessage([TransformStamped(header(time.time(), "base"), "camera", Vector3(),
+                                            upright)]))
+    near, far = image(0, 490), image(0, 700)
+    begin = time.time()
+    seen = {"images": 0, "wrenches": 0, "touching": 0, "frames": [], "states": [], "reasons": [],
+            "nodes": [], "hashes": {}, "contact": None, "wild_touching": 0}
+    next_image = begin
+    wild_from = float("inf")
+    while not has_ended():
+        now = time.time()
+        is_wild = now > wild_from
+        if behavior == "tf":
+            moving.write(TFMessage([TransformStamped(header(now, "base"), "tool0",
+                                                     Vector3(0, 0, 0.5), upright)]))
+        else:
+            poses.write(PoseStamped(header(now), Pose(Vector3(0, 0, 0.5), upright)))
+        is_flood = is_wild and behavior == "flood"
+        if now >= next_image or is_flood:
+            next_image = max(next_image + 1 / 30, now - 1 / 30)
+            stamp = now + (86400 if is_wild and behavior == "tomorrow" else 0)
+            shown = near if seen["images"] // 8 % 2 else far
+            if is_wild and behavior == "wrong_encoding":
+                shown = image(stamp, 490, "rgb8")
+            if is_wild and behavior == "wrong_size":
+                shown = image(stamp, 490, cut=1000)
+            if not (is_wild and behavior == "silent"):
+                shown.header = header(stamp)
+                infos.write(CameraInfo(header(stamp), HEIGHT, WIDTH, "plumb_bob", [0.0] * 5, model,
+                                       [1.0, 0, 0, 0, 1, 0, 0, 0, 1], model[:3] + [0.0] + model[3:6]
+                                       + [0.0] + model[6:] + [0.0], 0, 0, RegionOfInterest()))
+                images.write(shown)
+                seen["images"] += 1
+        for wrench in taken(wrenches, 200):
+            seen["wrenches"] += 1
+            wild_from = min(wild_from, now + 1)
+            seen["touching"] += wrench.wrench.force.z != 0
+            if now > wild_from + 0.5:
+                seen["wild_touching"] += wrench.wrench.force.z != 0
+            if wrench.header.frame_id not in seen["frames"]:
+                seen["frames"].append(wrench.header.frame_id)
+        for contact in taken(contacts, 200):
+            if contact.state == 0 and contact.volume > 0:
+                seen["contact"] = {"volume": contact.volume, "fraction": contact.fraction,
+                                   "force": contact.wrench.force.z,
+                                   "stiffness": contact.stiffness[14],
+                                   "depth_age": contact.depth_age}
+            if contact.state not in seen["states"]:
+                seen["states"].append(contact.state)
+        for message in taken(diagnostics, 20):
+            for status in message.status:
+                words = status.message.split(" is ")[0]
+                if words not in seen["reasons"]:
+                    seen["reasons"].append(words)
+        for entities in taken(graph, 20):
+            for node in entities.node_entities_info_seq:
+                seen["nodes"].append([node.node_namespace + node.node_name,
+                                      len(node.reader_gid_seq), len(node.writer_gid_seq)])
+        for offer in offers.take(50):
+            if (offer.topic_name or "").startswith("rt/palpate"):
+                data = next((policy.data for policy in offer.qos
+                             if isinstance(policy, Policy.Userdata)), b"")
+                seen["hashes"][offer.topic_name] = bytes(data).decode()
+        time.sleep(0.0005 if is_flood else 0.004)
+    seen["nodes"] = seen["nodes"][-1:]
+    print(json.dumps(seen), flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "good")

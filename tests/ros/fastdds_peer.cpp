@@ -1,0 +1,237 @@
+// A robot on another maker's DDS: eProsima Fast DDS, the default of ROS 2. Publishes depth images
+// with camera_info and the tool's pose, and reads the wrench. Prints what it saw as JSON.
+//
+// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND], until the standard input ends
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "src/io/cdr.h"
+#include "src/io/ros_image.h"
+#include "src/io/ros_messages.h"
+#include "src/io/ros_types.h"
+
+namespace fast = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastrtps::rtps;
+using Clock = std::chrono::system_clock;
+
+namespace {
+
+double now() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
+std::uint64_t nanoseconds(double seconds) { return static_cast<std::uint64_t>(1e9 * seconds); }
+
+/// Bytes of a message, as they are.
+class RawType final : public fast::TopicDataType {
+ public:
+  RawType(const std::string& type, std::uint32_t most) {
+    setName(palpate::dds_type_name(type).c_str());
+    m_typeSize = most;
+    m_isGetKeyDefined = false;
+  }
+  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
+    const auto& message = *static_cast<std::string*>(data);
+    if (payload->max_size < message.size()) return false;
+    std::memcpy(payload->data, message.data(), message.size());
+    payload->length = static_cast<std::uint32_t>(message.size());
+    payload->encapsulation = CDR_LE;
+    return true;
+  }
+  bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
+    static_cast<std::string*>(data)->assign(reinterpret_cast<char*>(payload->data),
+                                            payload->length);
+    return true;
+  }
+  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
+    return [data] { return static_cast<std::uint32_t>(static_cast<std::string*>(data)->size()); };
+  }
+  void* createData() override { return new std::string; }
+  void deleteData(void* data) override { delete static_cast<std::string*>(data); }
+  bool getKey(void*, rtps::InstanceHandle_t*, bool) override { return false; }
+};
+
+/// Counts wrenches, and how long one takes from an image that shows contact to the first force.
+class WrenchListener final : public fast::DataReaderListener {
+ public:
+  void on_data_available(fast::DataReader* reader) override {
+    std::string message;
+    fast::SampleInfo info;
+    while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      const double time = now();
+      const auto number = static_cast<long long>(info.sample_identity.sequence_number().to64long());
+      palpate::CdrReader from(message);
+      const double stamp = palpate::read_ros_header(from).time;
+      double force = 0;
+      for (int axis = 0; axis < 3; ++axis) force += std::pow(from.number<double>(), 2);
+      const std::lock_guard lock(mutex_);
+      if (num_ == 0) first_ = number;
+      if (num_ > 0) gaps_.push_back(time - last_time_);
+      delays_.push_back(time - stamp);
+      last_ = std::max(last_, number);
+      last_time_ = time;
+      ++num_;
+      num_touching_ += force > 0 ? 1 : 0;
+      if (force > 0 && shown_ > 0) {
+        latencies_.push_back(time - shown_);
+        shown_ = 0;
+      }
+      is_touching_ = force > 0;
+    }
+  }
+  /// An image is about to be sent that shows contact, or none.
+  void show(bool is_contact) {
+    const std::lock_guard lock(mutex_);
+    shown_ = is_contact && !is_touching_ ? now() : 0;
+  }
+  void print(int num_images) {
+    const std::lock_guard lock(mutex_);
+    std::printf(
+        "{\"images\": %d, \"wrenches\": %lld, \"lost\": %lld, \"touching\": %lld, "
+        "\"seconds\": %.3f, \"gap_ms\": [%.3f, %.3f, %.3f], \"delay_ms\": [%.3f, %.3f, %.3f], "
+        "\"image_to_wrench_ms\": [%.3f, %.3f, %.3f], \"measured\": %zu}\n",
+        num_images, num_, num_ > 0 ? last_ - first_ + 1 - num_ : 0, num_touching_, sum(gaps_),
+        part(gaps_, 0.5), part(gaps_, 0.99), part(gaps_, 1), part(delays_, 0.5),
+        part(delays_, 0.99), part(delays_, 1), part(latencies_, 0.5), part(latencies_, 0.99),
+        part(latencies_, 1), latencies_.size());
+  }
+
+ private:
+  static double sum(const std::vector<double>& values) {
+    double all = 0;
+    for (const double value : values) all += value;
+    return all;
+  }
+  /// ms
+  static double part(std::vector<double> values, double share) {
+    if (values.empty()) return 0;
+    const auto at = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1));
+    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at),
+                     values.end());
+    return 1e3 * values[at];
+  }
+
+  std::mutex mutex_;
+  long long num_ = 0, first_ = 0, last_ = 0, num_touching_ = 0;
+  double last_time_ = 0, shown_ = 0;
+  bool is_touching_ = false;
+  std::vector<double> gaps_, delays_, latencies_;
+};
+
+struct Robot {
+  fast::DomainParticipant* participant = nullptr;
+  fast::Publisher* publisher = nullptr;
+  fast::Subscriber* subscriber = nullptr;
+
+  explicit Robot(std::uint32_t domain) {
+    fast::DomainParticipantQos qos = fast::PARTICIPANT_QOS_DEFAULT;
+    const auto loopback = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+    loopback->interfaceWhiteList.emplace_back("127.0.0.1");
+    loopback->sendBufferSize = loopback->receiveBufferSize = 4 << 20;
+    qos.transport().use_builtin_transports = false;
+    qos.transport().user_transports.push_back(loopback);
+    participant = fast::DomainParticipantFactory::get_instance()->create_participant(domain, qos);
+    publisher = participant->create_publisher(fast::PUBLISHER_QOS_DEFAULT);
+    subscriber = participant->create_subscriber(fast::SUBSCRIBER_QOS_DEFAULT);
+  }
+  fast::Topic* topic(const std::string& name, const std::string& type, std::uint32_t most) {
+    const fast::TypeSupport support(new RawType(type, most));
+    support.register_type(participant);
+    return participant->create_topic("rt" + name, support.get_type_name(), fast::TOPIC_QOS_DEFAULT);
+  }
+  fast::DataWriter* writer(const std::string& name, const std::string& type, std::uint32_t most) {
+    fast::DataWriterQos qos = fast::DATAWRITER_QOS_DEFAULT;
+    qos.reliability().kind = fast::RELIABLE_RELIABILITY_QOS;
+    qos.history().depth = 5;
+    qos.publish_mode().kind = fast::ASYNCHRONOUS_PUBLISH_MODE;
+    qos.endpoint().history_memory_policy = rtps::DYNAMIC_RESERVE_MEMORY_MODE;
+    return publisher->create_datawriter(topic(name, type, most), qos);
+  }
+  fast::DataReader* reader(const std::string& name, const std::string& type, std::uint32_t most,
+                           fast::DataReaderListener* listener) {
+    fast::DataReaderQos qos = fast::DATAREADER_QOS_DEFAULT;
+    qos.reliability().kind = fast::RELIABLE_RELIABILITY_QOS;
+    qos.history().depth = 1000;
+    qos.endpoint().history_memory_policy = rtps::DYNAMIC_RESERVE_MEMORY_MODE;
+    return subscriber->create_datareader(topic(name, type, most), qos, listener);
+  }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 4) {
+    std::fprintf(stderr, "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND]\n");
+    return 2;
+  }
+  const double rate = argc > 4 ? std::atof(argv[4]) : 30;
+  palpate::DepthFrame frame;
+  frame.width = std::atoi(argv[2]);
+  frame.height = std::atoi(argv[3]);
+  palpate::DepthStreamInfo stream;
+  stream.width = frame.width;
+  stream.height = frame.height;
+  stream.intrinsics = {0.8 * frame.width, 0.8 * frame.width, 0.5 * frame.width - 0.5,
+                       0.5 * frame.height - 0.5};
+  const auto num_pixels = static_cast<std::size_t>(frame.width * frame.height);
+
+  Robot robot(static_cast<std::uint32_t>(std::atoi(argv[1])));
+  WrenchListener listener;
+  robot.reader("/palpate/wrench", "geometry_msgs/WrenchStamped", 1024, &listener);
+  auto* const images = robot.writer("/camera/depth/image_raw", "sensor_msgs/Image",
+                                    static_cast<std::uint32_t>(2 * num_pixels + 1024));
+  auto* const infos = robot.writer("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 4096);
+  auto* const poses = robot.writer("/tool_pose", "geometry_msgs/PoseStamped", 1024);
+
+  // The tool stays at 0.5 m; every fourth part of a second the wall comes to it and goes again.
+  std::atomic<bool> has_ended = false;
+  std::thread([&has_ended] {
+    while (std::getchar() != EOF) {
+    }
+    has_ended = true;
+  }).detach();
+  const double begin = now();
+  int num_images = 0;
+  double next_image = begin;
+  for (long long tick = 0; !has_ended; ++tick) {
+    const double time = now();
+    std::string pose = palpate::pose_message({nanoseconds(time), "camera"}, {{0, 0, 0.5}, {}});
+    poses->write(&pose);
+    if (time >= next_image) {
+      next_image = std::max(next_image + 1 / rate, time - 1 / rate);
+      const bool is_contact = num_images / std::max(1, static_cast<int>(rate / 4)) % 2 == 1;
+      frame.pixels.assign(num_pixels, is_contact ? 490 : 700);
+      const palpate::RosHeader header{nanoseconds(time), "camera"};
+      std::string info = palpate::camera_info_message(header, stream);
+      std::string image = palpate::image_message(header, frame);
+      infos->write(&info);
+      if (num_images % std::max(1, static_cast<int>(rate / 4)) == 0) listener.show(is_contact);
+      images->write(&image);
+      ++num_images;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(rate > 200 ? 1 : 5));
+  }
+  listener.print(num_images);
+  std::fflush(stdout);
+  std::_Exit(0);
+}

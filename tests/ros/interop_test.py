@@ -1,0 +1,159 @@
+"""palpate ros2 among real peers on this computer: two versions of Cyclone DDS, and Fast DDS.
+
+usage: interop_test.py PALPATE [FASTDDS_PEER]
+"""
+
+import glob
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(HERE))
+HAS_CYCLONE = importlib.util.find_spec("cyclonedds") is not None
+NO_CYCLONE = "SKIPPED: scripts/setup.sh --test installs the Python package cyclonedds"
+NEWER = glob.glob(f"{ROOT}/build/python/lib/python3*/site-packages/cyclonedds/.libs/libddsc.so")
+
+
+class InteropTest(unittest.TestCase):
+    domain = 10 + os.getpid() % 80
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.tool = os.path.join(cls.folder.name, "ball.palp")
+        mesh = os.path.join(cls.folder.name, "ball.obj")
+        for words in (["shape", "sphere", "--size", "0.05", "-o", mesh],
+                      ["pack", mesh, "-o", cls.tool, "--spheres", "300"]):
+            subprocess.run([PALPATE, *words], check=True, capture_output=True)
+        found = subprocess.run([PALPATE, "cameras", "--json"], check=True, capture_output=True,
+                               env={key: value for key, value in os.environ.items()
+                                    if not key.startswith("ROS_")})
+        cls.reason = next((each["reason"] for each in json.loads(found.stdout)
+                           if each["kind"] == "ros2" and not each["usable"]), None)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def setUp(self):
+        if self.reason:
+            self.skipTest("SKIPPED: " + self.reason)
+        # Runs that overlap by accident do not hear each other.
+        type(self).domain = 10 + (self.domain - 9) % 80
+
+    def converse(self, peer, *options, tool=("--pose", "/tool_pose"), duration=4, **environment):
+        """What the peer saw while palpate ran, and what palpate said."""
+        robot = subprocess.Popen([str(word) for word in peer], stdin=subprocess.PIPE,
+                                 stdout=subprocess.PIPE, text=True)
+        try:
+            run = subprocess.run(
+                [PALPATE, "ros2", self.tool, "--depth", "/camera/depth/image_raw", *tool, "-o",
+                 os.path.join(self.folder.name, "run"), "--duration", str(duration), *options],
+                capture_output=True, text=True, timeout=300,
+                env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1",
+                     **environment})
+        finally:
+            words, _ = robot.communicate(timeout=60)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return json.loads(words), run.stderr
+
+    def cyclone(self, behavior="good"):
+        if not HAS_CYCLONE:
+            self.skipTest(NO_CYCLONE)
+        return [sys.executable, os.path.join(HERE, "cyclone_peer.py"), self.domain, behavior]
+
+    def test_a_robot_on_another_version_of_cyclone_dds(self):
+        seen, _ = self.converse(self.cyclone())
+        self.assertGreater(seen["wrenches"], 1000)
+        self.assertGreater(seen["touching"], 100)
+        self.assertEqual(seen["frames"], ["palpate_tool"])
+        self.assertEqual(seen["hashes"]["rt/palpate/wrench"],
+                         "typehash=RIHS01_"
+                         "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77;")
+        self.assertEqual(seen["nodes"][0][0], "/palpate")
+        self.assertIn("the run has ended", seen["reasons"])
+        # The ball comes to z = 0.5 +- 0.025, the wall to 0.49: closed form of the cap.
+        contact = seen["contact"]
+        self.assertGreater(contact["fraction"], 0)
+        self.assertLess(contact["fraction"], 1)
+        self.assertLess(contact["force"], 0)  # away from the wall, towards the camera
+        self.assertGreater(contact["stiffness"], 0)
+        self.assertLess(contact["depth_age"], 0.1)
+
+    def test_with_the_newer_cyclone_dds_itself(self):
+        if not NEWER:
+            self.skipTest(NO_CYCLONE)
+        seen, _ = self.converse(self.cyclone(), PALPATE_DDSC=NEWER[0])
+        self.assertGreater(seen["touching"], 100)
+
+    def test_a_tool_by_tf_whose_static_part_was_told_before(self):
+        seen, _ = self.converse(self.cyclone("tf"), tool=("--tool-frame", "tool0"))
+        self.assertGreater(seen["touching"], 100)
+        self.assertEqual(seen["frames"], ["tool0"])
+
+    def test_a_robot_on_fast_dds_loses_nothing(self):
+        if FASTDDS_PEER is None:
+            self.skipTest("SKIPPED: scripts/setup.sh --test installs libfastrtps-dev")
+        for options in ((), ("--qos", "reliable")):
+            seen, _ = self.converse([FASTDDS_PEER, self.domain, 640, 480], *options)
+            self.assertGreater(seen["wrenches"], 1000)
+            self.assertGreater(seen["touching"], 100)
+            self.assertEqual(seen["lost"], 0)
+
+    def expect_one_note(self, words, said):
+        self.assertEqual(said.count(words), 1, said)
+
+    def test_a_camera_that_falls_silent_is_zero_and_says_why(self):
+        seen, said = self.converse(self.cyclone("silent"), duration=6)
+        self.assertEqual(seen["wild_touching"], 0)
+        self.assertIn(1, seen["states"])
+        self.assertIn("the depth image", seen["reasons"])
+        self.expect_one_note("sends no images any more", said)
+
+    def test_images_that_are_none_are_told_once(self):
+        for behavior, words in (("wrong_encoding", "encoding 'rgb8'"),
+                                ("wrong_size", "a depth image is damaged")):
+            seen, said = self.converse(self.cyclone(behavior))
+            self.assertEqual(seen["wild_touching"], 0)
+            self.expect_one_note(words, said)
+
+    def test_stamps_from_tomorrow_are_told_once(self):
+        seen, said = self.converse(self.cyclone("tomorrow"))
+        self.assertGreater(seen["wild_touching"], 10)
+        self.expect_one_note("has started its clock anew", said)
+
+    def test_a_flood_of_images_is_thinned(self):
+        seen, _ = self.converse(self.cyclone("flood"))
+        self.assertGreater(seen["images"], 500)
+        self.assertGreater(seen["wild_touching"], 10)
+
+    def test_nobody_there_is_one_clear_error(self):
+        for options, words in ((["--pose", "/tool_pose"], "has sent no depth image within 10 s"),):
+            run = subprocess.run(
+                [PALPATE, "ros2", self.tool, "--depth", "/nothing", *options, "-o",
+                 os.path.join(self.folder.name, "none")], capture_output=True, text=True,
+                timeout=120,
+                env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1"})
+            self.assertEqual(run.returncode, 1)
+            self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
+            self.assertIn(words, run.stderr)
+            self.assertFalse(os.path.exists(os.path.join(self.folder.name, "none")))
+
+    def test_without_cyclone_dds_the_reason_is_told(self):
+        run = subprocess.run([PALPATE, "ros2", self.tool, "--depth", "/d", "--pose", "/p"],
+                             capture_output=True, text=True,
+                             env={**os.environ, "PALPATE_DDSC": "/nowhere/libddsc.so"})
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("/nowhere/libddsc.so", run.stderr)
+        self.assertIn("install libddsc0debian", run.stderr)
+
+
+if __name__ == "__main__":
+    PALPATE = sys.argv.pop(1)
+    FASTDDS_PEER = sys.argv.pop(1) if len(sys.argv) > 1 and "fastdds_peer" in sys.argv[1] else None
+    unittest.main()

@@ -1,0 +1,186 @@
+"""Our messages against rosbags, byte for byte, both ways, for every distribution that it knows.
+
+usage: messages_test.py ROS_PEER
+"""
+
+import random
+import subprocess
+import sys
+import unittest
+
+try:
+    import numpy
+    from rosbags.interfaces import Nodetype
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    HAS_ROSBAGS = True
+except ImportError:
+    HAS_ROSBAGS = False
+
+TYPES = ["sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/CameraInfo",
+         "sensor_msgs/PointCloud2", "sensor_msgs/JointState", "tf2_msgs/TFMessage",
+         "geometry_msgs/PoseStamped", "geometry_msgs/WrenchStamped",
+         "visualization_msgs/Marker", "visualization_msgs/MarkerArray",
+         "diagnostic_msgs/DiagnosticArray", "rmw_dds_common/ParticipantEntitiesInfo"]
+CONTACT = """std_msgs/Header header
+uint8 state
+string reason
+float64 volume
+float64 fraction
+float64 potential
+float64 max_stiffness
+geometry_msgs/Wrench wrench
+float64[36] stiffness
+float64 depth_age
+float64 contact_age
+uint32 status
+"""
+
+
+class Peer:
+    def __init__(self, program):
+        self.process = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                        text=True)
+
+    def ask(self, *words):
+        self.process.stdin.write(" ".join(words) + "\n")
+        self.process.stdin.flush()
+        return self.process.stdout.readline().strip()
+
+    def close(self):
+        self.process.stdin.close()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+def interface(name):
+    package, message = name.split("/")
+    return f"{package}/msg/{message}"
+
+
+@unittest.skipUnless(HAS_ROSBAGS, "SKIPPED: scripts/setup.sh --test installs rosbags")
+class MessagesTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.peer = Peer(PROGRAM)
+        cls.stores = {store.value: get_typestore(store) for store in Stores
+                      if store.value.startswith("ros2") or store.value == "latest"}
+        for store in cls.stores.values():
+            store.register(get_types_from_msg(CONTACT, "palpate_msgs/msg/Contact"))
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.peer.close()
+
+    def new_stores(self):
+        """From the one on in which nodes know type hashes."""
+        return {name: store for name, store in self.stores.items()
+                if name in ("ros2_iron", "ros2_jazzy", "ros2_kilted", "ros2_lyrical", "latest")}
+
+    def made_up(self, store, name, chance):
+        """A message with numbers by chance."""
+        numbers = {"int8": 8, "int16": 16, "int32": 32, "int64": 64}
+
+        def number(kind):
+            if kind == "bool":
+                return chance.random() < 0.5
+            if kind.startswith("float"):
+                return float(numpy.float32(chance.uniform(-1e3, 1e3)))
+            if kind in ("byte", "char", "octet"):
+                return chance.randrange(128)
+            unsigned = kind.startswith("u")
+            bits = numbers[kind.lstrip("u")]
+            return chance.randrange(2**bits) if unsigned else chance.randrange(-2**(bits - 1), 2**(bits - 1))
+
+        def value(description):
+            node, inner = description
+            if node == Nodetype.NAME:
+                return self.made_up(store, inner, chance)
+            if node == Nodetype.BASE:
+                kind = inner[0]
+                if kind == "string":
+                    return "".join(chance.choice("abc /") for _ in range(chance.randrange(9)))
+                return number(kind)
+            of, count = inner
+            if node == Nodetype.SEQUENCE:
+                count = chance.randrange(4)
+            values = [value(of) for _ in range(count)]
+            if of[0] == Nodetype.BASE and of[1][0] != "string":
+                kind = {"byte": "uint8", "char": "uint8", "octet": "uint8"}.get(of[1][0], of[1][0])
+                return numpy.array(values, dtype=numpy.dtype(kind))
+            return values
+
+        fields = {field: value(description) for field, description in store.fielddefs[name][1]}
+        return store.types[name](**fields)
+
+    def test_hashes_are_those_of_rosbags(self):
+        for name, store in self.new_stores().items():
+            for ours in TYPES + ["palpate_msgs/Contact"]:
+                with self.subTest(store=name, type=ours):
+                    self.assertEqual(self.peer.ask("hash", ours),
+                                     store.hash_rihs01(interface(ours)))
+
+    def test_what_rosbags_writes_we_write_again(self):
+        chance = random.Random(1)
+        for name, store in self.new_stores().items():
+            for ours in TYPES + ["palpate_msgs/Contact"]:
+                for _ in range(8):
+                    message = self.made_up(store, interface(ours), chance)
+                    wire = bytes(store.serialize_cdr(message, interface(ours))).hex()
+                    with self.subTest(store=name, type=ours):
+                        self.assertEqual(self.peer.ask("again", ours, wire), wire)
+
+    def test_rosbags_writes_again_what_we_write(self):
+        for name, store in self.new_stores().items():
+            for ours in TYPES + ["palpate_msgs/Contact"]:
+                if ours in ("sensor_msgs/CompressedImage", "sensor_msgs/JointState"):
+                    continue  # which we only read
+                wire = self.peer.ask("sample", ours.split("/")[1])
+                message = store.deserialize_cdr(bytes.fromhex(wire), interface(ours))
+                with self.subTest(store=name, type=ours):
+                    self.assertEqual(bytes(store.serialize_cdr(message, interface(ours))).hex(),
+                                     wire)
+
+    def test_older_distributions_read_the_same_bytes(self):
+        for name, store in self.stores.items():
+            for ours in ("Image", "CameraInfo", "PointCloud2", "TFMessage", "PoseStamped",
+                         "WrenchStamped", "DiagnosticArray"):
+                kind = interface(next(each for each in TYPES if each.endswith("/" + ours)))
+                wire = self.peer.ask("sample", ours)
+                with self.subTest(store=name, type=ours):
+                    message = store.deserialize_cdr(bytes.fromhex(wire), kind)
+                    self.assertEqual(bytes(store.serialize_cdr(message, kind)).hex(), wire)
+
+    def test_the_numbers_are_where_they_belong(self):
+        store = self.stores["latest"]
+
+        def sample(name):
+            kind = next(each for each in TYPES + ["palpate_msgs/Contact"]
+                        if each.endswith("/" + name))
+            return store.deserialize_cdr(bytes.fromhex(self.peer.ask("sample", name)),
+                                         interface(kind))
+        wrench = sample("WrenchStamped")
+        self.assertEqual(wrench.header.stamp.sec, 1700000000)
+        self.assertEqual(wrench.header.stamp.nanosec, 123456789)
+        self.assertEqual(wrench.header.frame_id, "camera_depth_optical_frame")
+        self.assertEqual((wrench.wrench.force.y, wrench.wrench.torque.z), (2, 6))
+        pose = sample("PoseStamped").pose
+        self.assertEqual((pose.position.y, pose.orientation.y), (-2, -0.5))
+        status = sample("DiagnosticArray").status[0]
+        self.assertEqual((status.level, status.message, status.values[0].key), (3, "no image", "age"))
+        contact = sample("Contact")
+        self.assertEqual((contact.state, contact.reason, contact.volume, contact.stiffness[35],
+                          contact.depth_age, contact.status), (1, "why", 1, 36, 0.25, 7))
+        node = sample("ParticipantEntitiesInfo").node_entities_info_seq[0]
+        self.assertEqual((node.node_name, node.reader_gid_seq[1].data[15], len(node.writer_gid_seq)),
+                         ("palpate", 200, 1))
+
+    def test_damaged_messages_are_refused(self):
+        wire = self.peer.ask("sample", "DiagnosticArray")
+        for length in range(0, len(wire) - 2, 2):
+            self.assertEqual(self.peer.ask("again", "diagnostic_msgs/DiagnosticArray",
+                                           wire[:length] or "00"), "damaged")
+
+
+if __name__ == "__main__":
+    PROGRAM = sys.argv.pop(1)
+    unittest.main()
