@@ -26,13 +26,13 @@ struct InsideParts {
 };
 
 InsideParts inside_parts(std::span<const Sphere> spheres, const ContactQuery& query,
-                         const SurfaceView& surface, const Pose& X_WT) {
+                         std::span<const CameraView> cameras, const Pose& X_WT) {
   // The graph counts spheres that it reaches whole, whatever plane they have taken.
   const auto* const graph = std::get_if<GraphMethod>(&query.method());
   const bool reached_are_whole = graph != nullptr && graph->inside == InsideVolume::full;
   std::vector<SphereState> states(spheres.size());
   std::vector<Plane<float>> planes(spheres.size());
-  query.measure(surface, X_WT, {.states = states, .planes = planes});
+  query.measure(cameras, X_WT, {.states = states, .planes = planes});
   InsideParts parts;
   for (std::size_t id = 0; id < spheres.size(); ++id) {
     const Plane<double> plane{to_double(planes[id].normal), planes[id].offset};
@@ -72,9 +72,9 @@ void check_caps_options(const CapsOptions& options) {
 }
 
 Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,
-                               const ContactQuery& query, const SurfaceView& surface,
+                               const ContactQuery& query, std::span<const CameraView> cameras,
                                const Pose& X_WT) {
-  const InsideParts parts = inside_parts(tool.spheres(), query, surface, X_WT);
+  const InsideParts parts = inside_parts(tool.spheres(), query, cameras, X_WT);
   const std::size_t num_parts = parts.cut.spheres.size() + parts.whole.spheres.size();
   if (num_parts == 0) {
     return Error{Errc::invalid_argument, "cannot write " + options.file +

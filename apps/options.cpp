@@ -174,17 +174,22 @@ void print_report(const std::string& run_folder) {
   if (std::filesystem::exists(report, ignored)) std::cout << "report: " << report.string() << '\n';
 }
 
+Intrinsics checked_intrinsics(const Intrinsics& k) {
+  constexpr double kMost = 1e6;
+  for (const double value : {k.fx, k.fy, k.cx, k.cy}) {
+    if (!(std::abs(value) <= kMost)) {
+      usage_error("--intrinsics: must be fx,fy,cx,cy, numbers of pixels up to a million");
+    }
+  }
+  if (!(k.fx >= 1 && k.fy >= 1)) {
+    usage_error("--intrinsics: must be fx,fy,cx,cy with fx and fy of at least 1 pixel");
+  }
+  return k;
+}
+
 void add_camera_options(CLI::App& app, CameraOptions& options) {
   const auto parse = [&options](const std::vector<double>& k) {
-    constexpr double kMost = 1e6;
-    for (const double value : k) {
-      if (!(std::abs(value) <= kMost)) {
-        usage_error("--intrinsics: must be fx,fy,cx,cy, numbers of pixels up to a million");
-      }
-    }
-    if (!(k[0] >= 1 && k[1] >= 1))
-      usage_error("--intrinsics: must be fx,fy,cx,cy with fx and fy of at least 1 pixel");
-    options.intrinsics = Intrinsics{k[0], k[1], k[2], k[3]};
+    options.intrinsics = checked_intrinsics({k[0], k[1], k[2], k[3]});
   };
   app.add_option_function<std::vector<double>>("--intrinsics", parse,
                                                "of the depth camera, in pixels")

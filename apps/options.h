@@ -101,6 +101,8 @@ struct CameraOptions {
   double unit = 0.001;
 };
 void add_camera_options(CLI::App& app, CameraOptions& options);
+/// What --intrinsics says, if it can be true; else wrong usage.
+Intrinsics checked_intrinsics(const Intrinsics& given);
 
 /// --sensor: the kind of depth camera; none: as the camera says.
 void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);

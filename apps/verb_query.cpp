@@ -1,4 +1,4 @@
-// palpate query: single measurements against one frozen cloud.
+// palpate query: single measurements against frozen views of one or more cameras.
 
 #include <algorithm>
 #include <chrono>
@@ -9,25 +9,21 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/caps.h"
+#include "apps/frozen_views.h"
 #include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/cameras/open_camera.h"
 #include "palpate/contact/body_world.h"
-#include "palpate/io/depth_files.h"
 #include "palpate/io/trajectory_file.h"
-#include "src/core/internal/stamp.h"
-#include "src/field/internal/pinhole_cloud.h"
 #include "src/run/internal/pipeline.h"
 
 namespace palpate::apps {
 namespace {
 
 struct Options {
-  std::string tool, cloud, depth, stream, pose, poses;
-  CameraOptions camera;
-  std::optional<SensorKind> sensor;  ///< none: as the camera says
+  std::string tool, pose, poses;
+  FrozenOptions views;
   RunSettings settings;
   std::vector<std::string> given;  ///< keys of settings
   std::vector<ObjectOption> objects;
@@ -42,84 +38,6 @@ struct Measurement {
   BodyMeasure shares;  ///< of cloud and objects
   double seconds = 0;
 };
-
-/// The cloud to measure against, with whatever owns its memory.
-struct FrozenCloud {
-  PointCloud cloud;
-  std::optional<SurfaceEstimator> surface;
-  std::optional<DepthField> field;  ///< if the method asks one
-  std::size_t num_usable = 0;       ///< points with a normal
-
-  std::uint64_t stamp = next_stamp();
-
-  PointCloudView view() const {
-    PointCloudView seen = surface ? surface->cloud() : cloud.view();
-    seen.stamp = stamp;  // it stays as it is
-    return seen;
-  }
-};
-
-void warn(const std::string& message) { std::cerr << "palpate: warning: " << message << '\n'; }
-
-Result<DepthFrame> read_image(const Options& options) {
-  return std::filesystem::path(options.depth).extension() == ".pcd"
-             ? load_depth_pcd(options.depth, options.camera.unit)
-             : load_depth_png(options.depth, options.camera.unit);
-}
-
-Result<DepthFrame> first_frame(const std::string& stream, Intrinsics& intrinsics,
-                               SensorKind& sensor) {
-  const auto source = open_camera(stream);
-  if (!source) return source.error();
-  DepthFrame frame;
-  const auto got = (*source)->next(frame);
-  for (const std::string& note : (*source)->take_notes()) warn(note);
-  if (!got) return got.error();
-  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
-  intrinsics = (*source)->info().intrinsics;
-  sensor = (*source)->info().sensor;
-  return frame;
-}
-
-Result<FrozenCloud> read_cloud(const Options& options, ThreadPool& pool) {
-  FrozenCloud result;
-  if (!options.cloud.empty()) {
-    auto cloud = load_cloud(options.cloud);
-    if (!cloud) return cloud.error();
-    result.cloud = *std::move(cloud);
-    const float* x = result.cloud.channel(0);
-    result.num_usable = static_cast<std::size_t>(
-        std::count_if(x, x + result.cloud.size(), [](float value) { return !std::isnan(value); }));
-    if (result.num_usable == 0) {
-      warn(options.cloud + ": none of " + std::to_string(result.cloud.size()) +
-           " points is usable; check its coordinates and normals");
-    }
-    return result;
-  }
-  Intrinsics intrinsics = options.camera.intrinsics.value_or(Intrinsics{});
-  SensorKind sensor = SensorKind::none;
-  const auto frame = options.stream.empty() ? read_image(options)
-                                            : first_frame(options.stream, intrinsics, sensor);
-  if (!frame) return frame.error();
-  SurfaceOptions made = options.settings.surface;
-  use_sensor(options.sensor.value_or(sensor), options.given, made);
-  auto surface = SurfaceEstimator::create(frame->width, frame->height, intrinsics, made);
-  if (!surface) return surface.error();
-  const SurfaceStats stats = surface->update(*frame, pool);
-  result.num_usable = static_cast<std::size_t>(stats.num_points);
-  if (stats.num_points == 0) {
-    const SurfaceOptions& limits = options.settings.surface;
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  stats.num_valid == 0
-                      ? "0 of %zu pixels are usable (%g to %g m); check --depth-unit"
-                      : "0 of %zu pixels have a normal (%g to %g m); the image is too sparse",
-                  frame->pixels.size(), limits.min_depth, limits.max_depth);
-    warn(options.depth + options.stream + ": " + text);
-  }
-  result.surface = *std::move(surface);
-  return result;
-}
 
 nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
@@ -139,6 +57,9 @@ void print_results_json(const Options& options, Backend backend, std::size_t num
                                {"points", penetration.num_points},
                                {"compute_us", seconds * 1e6},
                                {"status", penetration.status.bits}});
+    if (options.settings.contact.method == MethodKind::field) {
+      json["results"].back()["unseen"] = penetration.unseen_volume / tool_volume;
+    }
     if (options.objects.empty()) continue;
     const Penetration& objects = shares.bodies;
     json["results"].back()["objects"] = {{"volume", objects.volume},
@@ -191,22 +112,6 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   return ChosenQuery{backend, *std::move(query)};
 }
 
-/// Makes the depth field of a frozen cloud.
-Status add_field(const Options& options, FrozenCloud& frozen, ThreadPool& pool) {
-  PointCloud pinhole;
-  if (!frozen.surface) {
-    auto made = make_pinhole_cloud(frozen.cloud.view());
-    if (!made) return Error{made.error().code, options.cloud + ": " + made.error().message};
-    pinhole = *std::move(made);
-  }
-  const PointCloudView view = frozen.surface ? frozen.surface->cloud() : pinhole.view();
-  auto field = DepthField::create(view.width, view.height, options.settings.field);
-  if (!field) return field.error();
-  frozen.field = *std::move(field);
-  frozen.field->update(view, pool);
-  return Done{};
-}
-
 Status run(const Options& options) {
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
@@ -219,18 +124,17 @@ Status run(const Options& options) {
   }
   const auto objects = load_objects(options.objects);
   if (!objects) return objects.error();
-  for (const std::string& input : {options.tool, options.cloud, options.depth}) {
+  std::vector<std::string> inputs = options.views.depths;
+  for (const std::string& file : {options.tool, options.views.cloud}) inputs.push_back(file);
+  for (const std::string& input : inputs) {
     if (options.caps.file.empty() || input.empty()) continue;
     if (const Status status = check_output_file(options.caps.file, input); !status) return status;
   }
   ThreadPool pool(options.settings.num_threads);
   auto chosen = choose_query(options.settings, *tool, pool);
   if (!chosen) return chosen.error();
-  auto cloud = read_cloud(options, pool);
-  if (!cloud) return cloud.error();
-  if (options.settings.contact.method == MethodKind::field) {
-    if (const Status status = add_field(options, *cloud, pool); !status) return status;
-  }
+  const auto scene = FrozenViews::read(options.views, options.settings, options.given, pool);
+  if (!scene) return scene.error();
 
   BodyWorld world;
   const ContactQuery& query = *chosen->query;
@@ -242,13 +146,11 @@ Status run(const Options& options) {
     });
     if (!status) return status.error();
   }
-  SurfaceView surface{cloud->view(), {}};
-  if (cloud->field) surface.field = cloud->field->view();
   std::vector<Measurement> measurements;
   for (const Pose& X_WT : poses) {
     const auto start = std::chrono::steady_clock::now();
     world.set_pose(body, X_WT);
-    world.measure(surface);
+    world.measure(scene->views());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
     measurements.push_back({measured.total(), measured, elapsed.count()});
@@ -256,13 +158,13 @@ Status run(const Options& options) {
   }
   std::size_t num_caps_triangles = 0;
   if (!options.caps.file.empty()) {
-    const auto written = write_caps(options.caps, *tool, query, surface, poses.back());
+    const auto written = write_caps(options.caps, *tool, query, scene->views(), poses.back());
     if (!written) return written.error();
     num_caps_triangles = *written;
   }
   const double tool_volume = full_volume(*tool, options.settings.contact);
   if (options.json) {
-    print_results_json(options, chosen->backend, cloud->num_usable, tool_volume, measurements);
+    print_results_json(options, chosen->backend, scene->num_usable(), tool_volume, measurements);
   } else {
     print_results_table(options, tool_volume, measurements);
     if (!options.caps.file.empty()) {
@@ -278,15 +180,7 @@ void check(Options& options) {
   if (const auto method = contact_method(options.settings.contact); !method) {
     usage_error("--" + method.error().message);
   }
-  if (int(options.cloud.empty()) + int(options.depth.empty()) + int(options.stream.empty()) != 2) {
-    usage_error("query: give one of --cloud, --depth and --camera");
-  }
-  if (!options.stream.empty() && options.camera.intrinsics) {
-    usage_error("query: --intrinsics goes with --depth; a camera takes ?intrinsics=");
-  }
-  if (!options.depth.empty() && !options.camera.intrinsics) {
-    usage_error("query: --depth needs --intrinsics fx,fy,cx,cy");
-  }
+  check(options.views);
   if (const Status status = check(options.settings.surface); !status) {
     usage_error("query: " + status.error().message);
   }
@@ -309,18 +203,12 @@ void check(Options& options) {
 void add_query(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
-      "query", "Measure a tool against one frozen cloud, once for each pose.");
+      "query", "Measure a tool against frozen views of one or more cameras, once for each pose.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
   add_prefix_option(app, options->num_spheres);
-  app.add_option("--cloud", options->cloud, "points with normals (PLY or PCD)")->type_name("FILE");
-  app.add_option("--depth", options->depth, "16-bit depth image (PNG; or an organised PCD)")
-      ->type_name("FILE");
-  add_camera_options(app, options->camera);
-  app.add_option("--camera", options->stream,
-                 "the first frame of a depth stream, as palpate touch takes it")
-      ->type_name("URI");
-  add_sensor_option(app, options->sensor);
-  app.add_option("--pose", options->pose, "tool in the camera frame")
+  add_frozen_options(app, options->views);
+  app.add_option("--pose", options->pose,
+                 "tool in the world, which is the frame of a single camera")
       ->type_name("'tx ty tz qx qy qz qw'");
   app.add_option("--poses", options->poses, "many poses: lines 't tx ty tz qx qy qz qw'")
       ->type_name("FILE");

@@ -15,6 +15,7 @@
 #include "bench/contact_setup.h"
 #include "bench/gpu_floor.cuh"
 #include "bench/gpu_rows.h"
+#include "bench/hull_setup.h"
 #include "bench/wall_frame.h"
 #include "eval/studies/method_queries.h"
 #include "palpate/contact/contact_query.h"
@@ -128,6 +129,33 @@ void measure_queries(int num_spheres) {
     Stiffness stiffness;
     measure("stiffness/spheres:" + std::to_string(num_spheres),
             [&] { stiffness = queries.stiffness(); });
+  }
+}
+
+// Several cameras that look at a wall: views of the field in host memory, copied once.
+void measure_hull(int num_spheres) {
+  const Tool& tool = cube_tool(num_spheres);
+  const auto query =
+      value_or_stop(make_contact_query(Backend::cuda, tool, FieldMethod{}, {.gpu = options.gpu}));
+  const std::vector<Pose> poses = random_poses(0.1);
+  for (const bool with_stiffness : {false, true}) {
+    for (const int num_cameras : {1, 2, 3, 4}) {
+      const test::HullScene scene =
+          scene_of(solids().front(), cameras_around(num_cameras), 0.0015, 1);
+      std::vector<CameraView> views = scene.views;
+      // Alone, a camera is not asked what it has seen to be free.
+      if (num_cameras == 1) views[0].surface.to.seen_free = views[0].surface.from.seen_free = {};
+      std::size_t i = 0;
+      ContactStatus status;
+      measure("hull/spheres:" + std::to_string(num_spheres) +
+                  "/cameras:" + std::to_string(num_cameras) + (with_stiffness ? "/stiffness" : ""),
+              [&] {
+                status |=
+                    query->measure(views, poses[i++ % poses.size()], {.stiffness = with_stiffness})
+                        .penetration.status;
+              });
+      if (status.is_unmeasured()) stop({Errc::unavailable, "a query failed on the GPU"});
+    }
   }
 }
 
@@ -325,6 +353,7 @@ void run() {
   measure_sensing(640, 480);
   measure_sensing(1920, 1080);
   for (const int size : options.sizes) measure_queries(size);
+  for (const int size : {5000, 17000}) measure_hull(size);
   measure_sharing(640, 480);
   measure_sharing(1920, 1080);
   if (gpus.size() > 1) measure_two_gpus();

@@ -18,8 +18,9 @@ struct PyResult {
   std::optional<Stiffness> stiffness;
   ContactStatus status;
   std::shared_ptr<const Tool> tool;
-  nb::object surface;
+  nb::object surface;  ///< the first one
   Pose X_WT;
+  std::optional<double> unseen;  ///< as the library says, of joined surfaces
 };
 
 /// Is there a measurement where a point is seen?
@@ -34,6 +35,7 @@ bool is_seen(const PointCloudView& cloud, const Vec3d& p_C) {
 
 /// The share of the volume of all spheres whose centres are not seen.
 double unseen_share(const PyResult& result) {
+  if (result.unseen) return *result.unseen;
   const auto& surface = nb::cast<PySurface&>(result.surface);
   const PointCloudView& cloud = surface.view.cloud;
   if (cloud.x == nullptr || cloud.gpu != kHostMemory) {
@@ -49,37 +51,54 @@ double unseen_share(const PyResult& result) {
   return unseen / result.tool->sphere_mass().volume;
 }
 
-/// R K R^T, for each of the four blocks.
-Stiffness turned(const Stiffness& K_C, const Mat3d& R_WC) {
-  Stiffness K_W;
-  for (int row = 0; row < 6; row += 3) {
-    for (int column = 0; column < 6; column += 3) {
-      double half[3][3] = {};
-      for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j < 3; ++j) {
-          for (int k = 0; k < 3; ++k) half[i][j] += R_WC.m[i][k] * K_C.m[row + k][column + j];
-        }
-      }
-      for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j < 3; ++j) {
-          double& to = K_W.m[row + i][column + j];
-          for (int k = 0; k < 3; ++k) to += half[i][k] * R_WC.m[j][k];
-        }
-      }
+/// A surface, or a list of them.
+std::vector<nb::object> surfaces_of(nb::handle given) {
+  if (nb::isinstance<PySurface>(given)) return {nb::borrow(given)};
+  std::vector<nb::object> surfaces;
+  if (nb::isinstance<nb::list>(given) || nb::isinstance<nb::tuple>(given)) {
+    for (nb::handle one : given) {
+      if (!nb::isinstance<PySurface>(one)) break;
+      surfaces.push_back(nb::borrow(one));
     }
+    if (!surfaces.empty() && surfaces.size() == nb::len(given)) return surfaces;
   }
-  return K_W;
+  throw nb::type_error("surface: a palpate.Surface or a list of them is taken");
 }
 
-PyResult measure(PyContact& self, const nb::object& given, const Pose& X_WT, bool with_stiffness) {
-  const auto& surface = nb::cast<PySurface&>(given);
-  const ContactWants wants{.stiffness = with_stiffness};
-  double fraction = 0;
+/// Several can be joined.
+void check_joined(const std::vector<nb::object>& surfaces, const PyContact& contact) {
+  if (surfaces.size() < 2) return;
+  if (surfaces.size() > kMostCameras) {
+    throw nb::value_error("surface: at most 16 surfaces are joined");
+  }
+  if (contact.method() != "field") {
+    throw PalpateError("surfaces of several cameras are joined by the method \"field\" alone");
+  }
+  for (const nb::object& one : surfaces) {
+    const SurfaceView& view = nb::cast<PySurface&>(one).view;
+    if (view.field.num_levels > 0 && view.seen_free.num_levels == 0) {
+      throw PalpateError(
+          "surfaces of several cameras are joined by what each has seen to be free: make them with "
+          "Sensor(camera, joined=True)");
+    }
+  }
+}
+
+PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_stiffness) {
+  const std::vector<nb::object> surfaces = surfaces_of(given);
+  check_joined(surfaces, self);
+  std::vector<CameraView> cameras;
+  for (const nb::object& one : surfaces) {
+    const auto& surface = nb::cast<PySurface&>(one);
+    cameras.push_back({{surface.view, surface.view, 1}, surface.X_WC});
+  }
+  double fraction = 0, of_whole = 0;
   const ContactResult measured = self.alone([&](const Contact& contact) {
-    const ContactResult result = surface.is_in_camera_frame
-                                     ? contact.measure(surface.view, X_WT, wants)
-                                     : contact.measure(surface.view, surface.X_CW * X_WT, wants);
+    const ContactResult result = contact.measure(cameras, X_WT, {.stiffness = with_stiffness});
     fraction = contact.fraction(result.penetration);
+    Penetration unseen;
+    unseen.volume = result.penetration.unseen_volume;
+    of_whole = contact.fraction(unseen);
     return result;
   });
   const Penetration& p = measured.penetration;
@@ -91,28 +110,11 @@ PyResult measure(PyContact& self, const nb::object& given, const Pose& X_WT, boo
                   measured.stiffness,
                   p.status,
                   self.tool().tool,
-                  given,
-                  X_WT};
-  if (!surface.is_in_camera_frame) {
-    const Mat3d R_WC = rotation_matrix(surface.X_WC.rotation);
-    result.force = R_WC * result.force;
-    result.torque = R_WC * result.torque;
-    if (result.stiffness) result.stiffness = turned(*result.stiffness, R_WC);
-  }
+                  surfaces.front(),
+                  X_WT,
+                  {}};
+  if (cameras[0].surface.to.seen_free.num_levels > 0) result.unseen = of_whole;
   return result;
-}
-
-/// A surface, or the one of a list.
-nb::object surface_of(nb::handle given) {
-  if (nb::isinstance<PySurface>(given)) return nb::borrow(given);
-  if (nb::isinstance<nb::list>(given) || nb::isinstance<nb::tuple>(given)) {
-    if (nb::len(given) == 1) return surface_of(given[0]);
-    if (nb::len(given) > 1) {
-      throw PalpateError(
-          "a tool is measured against one surface; what several cameras see is not joined");
-    }
-  }
-  throw nb::type_error("surface: a palpate.Surface or a list of one is taken");
 }
 
 nb::object vector_of(const Vec3d& v, nb::handle owner) { return view_of(&v.x, {3}, owner); }
@@ -134,10 +136,12 @@ void bind_result(nb::module_& m) {
           "(3,) m4 in W, about the tool's centre of mass.")
       .def_ro("potential", &PyResult::potential,
               "m4: its negative gradient by the pose is force and torque. By the method \"field\".")
-      .def_prop_ro(
-          "unseen", unseen_share,
-          R"(The share of the tool, by volume of spheres, that lies where the camera measures nothing:
-outside of its image, behind it, or at pixels without depth. Computed when it is asked for.)")
+      .def_prop_ro("unseen", unseen_share,
+                   R"(The share of the tool that lies where no camera has seen anything.
+
+Of joined surfaces: more than 20 mm behind all that any camera has seen, or where none looks. Of one
+that is not joined, by volume of spheres: outside of the image, behind the camera, or at pixels
+without depth; computed when it is asked for.)")
       .def_prop_ro(
           "status", [](const PyResult& self) { return static_cast<StepStatus>(self.status.bits); },
           "What is to be known about it; OK is false.")
@@ -186,13 +190,15 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
       .def(
           "measure",
           [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness) {
-            return measure(self, surface_of(surface), pose_of(pose, "pose"), stiffness);
+            return measure(self, surface, pose_of(pose, "pose"), stiffness);
           },
           nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
           nb::sig("def measure(self, surface: Surface | collections.abc.Sequence[Surface], "
                   "pose: palpate._types.Array, *, stiffness: bool = False) -> Result"),
           R"(How much of the tool is inside a surface with the tool at a pose, without the GIL.
 
+surface: one, or those of several cameras: a sphere is then as deep as the camera says that has it
+    least deep. Each is where its pose says; their sensors are made with joined=True.
 pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m. stiffness: give it, too (method "field").
 A pose that is not finite, or a surface that is none, is told by Result.status; all is zero then.)")
       .def("measure_batch", measure_batch, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),

@@ -402,13 +402,15 @@ void bind_sensor(nb::module_& m) {
 
 place: "cpu", "cuda" or "cuda:1", where it works and where its surfaces are.
 threads: on a CPU; 0 for one per core. The same bits for any number.
+joined: its surfaces are measured together with those of other cameras; twice the work.
 options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown="solid".)")
       .def(
           "__init__",
           [](PySensor* self, const PyCamera& camera, const std::string& place, int threads,
-             nb::kwargs keywords) {
+             bool joined, nb::kwargs keywords) {
             SensorOptions options;
             options.num_threads = threads;
+            options.field.one_of_several = joined;
             SettingTable table;
             add_settings(table, options.surface);
             add_settings(table, options.field);
@@ -416,9 +418,9 @@ options: of docs/settings.md [surface] and [field], e.g. max_depth=3.0, unknown=
             new (self) PySensor(camera, place_of(place), options);
           },
           nb::arg("camera"), nb::kw_only(), nb::arg("place") = "cpu", nb::arg("threads") = 0,
-          nb::arg("options"),
+          nb::arg("joined") = false, nb::arg("options"),
           nb::sig("def __init__(self, camera: Camera, *, place: str = 'cpu', threads: int = 0, "
-                  "**options: bool | float | str) -> None"))
+                  "joined: bool = False, **options: bool | float | str) -> None"))
       .def("update", &PySensor::update, nb::arg("depth"), nb::kw_only(),
            nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(),
            nb::sig("def update(self, depth: palpate._types.Array, *, time: float | None = None, "

@@ -180,7 +180,7 @@ def test_bad_arguments(cube, slanted):
         contact.measure(surface, np.eye(3))
     with pytest.raises(TypeError, match="Surface"):
         contact.measure(np.eye(4), np.eye(4))
-    with pytest.raises(palpate.Error, match="one surface"):
+    with pytest.raises(palpate.Error, match="joined=True"):
         contact.measure([surface, surface], np.eye(4))
     with pytest.raises(palpate.Error, match="one of weighted"):
         palpate.Contact(cube, "feeling")

@@ -101,11 +101,10 @@ class Parameters {
   Status set_pose() {
     const auto& n = numbers_;
     if (n.size() != 7) return bad("tx,ty,tz,qx,qy,qz,qw");
-    uri_.X_WC = {{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}};
-    if (uri_.X_WC == Pose{}) return Done{};
-    return Error{Errc::unavailable, "camera " + uri_.text.substr(0, kMostShown) +
-                                        ": with one camera the world is the camera's own frame; "
-                                        "leave 'pose' out, or give 0,0,0,0,0,0,1"};
+    const double length = std::sqrt(n[3] * n[3] + n[4] * n[4] + n[5] * n[5] + n[6] * n[6]);
+    if (!(std::abs(length - 1) < 0.01)) return bad("tx,ty,tz,qx,qy,qz,qw with a quaternion 1 long");
+    uri_.X_WC = {{n[0], n[1], n[2]}, normalized(Quaternion{n[3], n[4], n[5], n[6]})};
+    return Done{};
   }
 
   Status set_sensor() {

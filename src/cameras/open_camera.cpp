@@ -63,6 +63,11 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
   keep_libraries_quiet();
   const auto kind = std::ranges::find(kKinds, std::string_view(uri.kind), &Kind::name);
   if (kind == std::end(kKinds)) return no_such_kind(uri);
+  if (!(uri.X_WC == Pose{})) {
+    return Error{Errc::unavailable, "camera " + uri.text +
+                                        ": with one camera the world is the camera's own frame; "
+                                        "leave 'pose' out, or give 0,0,0,0,0,0,1"};
+  }
   auto raw = kind->open(uri, opening);
   if (!raw) return raw.error();
   if (!raw->source->info().is_live) return make_rectified(std::move(raw->source), uri);

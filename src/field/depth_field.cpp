@@ -49,6 +49,7 @@ struct DepthField::Impl {
   void take_planes(const PointCloudView& cloud, const PixelWindow& window, ThreadPool& pool);
   void widen(int level, Choice choice, const PixelWindow& window, ThreadPool& pool);
   void fill_holes(const FieldWindows& windows, ThreadPool& pool);
+  void block_holes(const PixelWindow& window, ThreadPool& pool);
   void extend_border(int level) const;
   void find_silhouettes(const Intrinsics& k, int level, const PixelWindow& window,
                         ThreadPool& pool);
@@ -86,8 +87,18 @@ void DepthField::Impl::fill_holes(const FieldWindows& windows, ThreadPool& pool)
   }
 }
 
-/// Around the image: the surface of the outermost pixels going on, or nothing, which is so from the
-/// beginning on.
+/// What could not be filled.
+void DepthField::Impl::block_holes(const PixelWindow& window, ThreadPool& pool) {
+  if (options.unknown != UnknownSpace::blocked) return;
+  for_rows(pool, window.top, window.bottom, [&](int v) {
+    if (!row_has_hole[static_cast<std::size_t>(v)]) return;
+    TangentPlane* const row = image(0).row(v);
+    for (int u = window.left; u < window.right; ++u) row[u] = completed(row[u], options.unknown);
+  });
+}
+
+/// Around the image: the surface of the outermost pixels going on, or what is so from the beginning
+/// on.
 void DepthField::Impl::extend_border(int level) const {
   if (options.unknown != UnknownSpace::solid) return;
   const int w = image(level).width, h = image(level).height;
@@ -131,7 +142,7 @@ Result<DepthField> DepthField::create(int width, int height, const DepthFieldOpt
   Impl& d = *impl;
   d.options = options;
   d.layout = *layout;
-  d.planes.resize(layout->num_planes());
+  d.planes.resize(layout->num_planes(), completed({}, options.unknown));
   d.silhouettes.resize(2 * layout->num_pixels());
   d.near_silhouette.resize(layout->num_bytes());
   d.rows = field_rows(isa);
@@ -180,6 +191,7 @@ void DepthField::update(const PointCloudView& cloud, ThreadPool& pool, const Pix
   const FieldWindows windows = d.windows_for(asked);
   d.take_planes(cloud, windows.points, pool);
   d.fill_holes(windows, pool);
+  d.block_holes(windows.planes[0], pool);
   d.find_tiles(windows.planes[0], pool);
   for (int level = 0; level < d.view.num_levels; ++level) {
     if (level > 0) d.widen(level, Choice::majority, windows.planes[level], pool);

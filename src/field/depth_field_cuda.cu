@@ -217,6 +217,12 @@ __global__ void __launch_bounds__(kThreads) widen_planes(const __grid_constant__
   if (job.num_filled > 0 && job.has_hole[blockIdx.x]) {
     fill_quad(job, arrays, place, quad, shared.around);
   }
+  if (job.unknown == UnknownSpace::blocked && job.has_hole[blockIdx.x]) {
+    for_quad(job, place, [&](int k, int u, int v) {
+      quad[k] = completed(quad[k], job.unknown);
+      *pixel(job, arrays.planes, 0, u, v) = quad[k];
+    });
+  }
 
   // A warp has two rows of 16 threads: the left half of each is in one tile.
   DepthTile tile = empty_tile<DepthTile>();
@@ -291,12 +297,14 @@ __global__ void __launch_bounds__(kThreads)
   const int first_v = number / blocks_wide * kRimHigh - kBorder;
   const one_lane::RuleLevel& rules = rims.levels[level];
 
-  // Outside of the image: nothing, or the surface of the outermost pixels going on. The border in
-  // memory is not read here.
+  // Outside of the image: nothing, what blocks the view, or the surface of the outermost pixels
+  // going on. The border in memory is not read here.
   const auto plane_at = [&](int u, int v) {
     const int inner_u = u < 0 ? 0 : (u >= width ? width - 1 : u);
     const int inner_v = v < 0 ? 0 : (v >= height ? height - 1 : v);
-    if (!job.goes_on && (inner_u != u || inner_v != v)) return TangentPlane{};
+    if (job.unknown != UnknownSpace::solid && (inner_u != u || inner_v != v)) {
+      return completed({}, job.unknown);
+    }
     return *pixel(job, arrays.planes, level, inner_u, inner_v);
   };
   if (thread == 0) shared.has_edge = 0;
@@ -409,7 +417,7 @@ Result<DepthFieldCuda> DepthFieldCuda::create(int width, int height,
   FieldJob job;
   job.layout = *layout;
   job.num_filled = layout->num_filled(options);
-  job.goes_on = options.unknown == UnknownSpace::solid;
+  job.unknown = options.unknown;
   const auto blocks_over = [](int size, int part) { return (size + part - 1) / part; };
   job.squares_wide = blocks_over(width, kSquare);
   job.squares_high = blocks_over(height, kSquare);

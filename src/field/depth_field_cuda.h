@@ -24,9 +24,9 @@ struct FieldArrays {
 /// What the kernels of some fields work on.
 struct FieldJob {
   PyramidLayout layout;
-  int num_filled = 0;    ///< over so many levels holes are filled
-  bool goes_on = false;  ///< beyond the image: the surface of its outermost pixels, not nothing
-  FieldArrays arrays;    ///< of the first field
+  int num_filled = 0;  ///< over so many levels holes are filled
+  UnknownSpace unknown = UnknownSpace::free;
+  FieldArrays arrays;                                ///< of the first field
   std::ptrdiff_t pixels_apart = 0, tiles_apart = 0;  ///< from one field to the next
   std::ptrdiff_t points_apart = 0;                   ///< from one cloud to the next
   int* has_hole = nullptr;  ///< of each block's square of level 0, field after field

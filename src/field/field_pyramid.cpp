@@ -15,6 +15,11 @@ Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOpti
                                              " pixels is not possible; use 8 to 4096 a side"};
   }
   if (const Status status = check_settings(options); !status) return status.error();
+  if (options.unknown == UnknownSpace::blocked && options.thickness < kSolidBehind) {
+    return Error{Errc::invalid_argument,
+                 "unknown blocked says that all is solid which was not seen to be free, thickness "
+                 "that nothing is behind surfaces: leave one of them out"};
+  }
   PyramidLayout layout;
   layout.stride = width + 2 * DepthFieldLevel::kBorder;
   while (layout.num_levels < DepthFieldView::kMaxLevels && std::min(width, height) >= 4) {

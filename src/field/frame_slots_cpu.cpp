@@ -13,7 +13,7 @@ namespace {
 struct Slot {
   SurfaceEstimator estimator;
   std::optional<PointCloud> predicted;
-  std::optional<DepthField> field;
+  std::optional<DepthField> field, seen_free;
   SurfaceView surfaces;
 };
 
@@ -44,6 +44,10 @@ class FrameSlotsCpu final : public FrameSlots {
     if (slot.field) {
       slot.field->update(slot.surfaces.cloud, pool, asked);
       slot.surfaces.field = slot.field->view();
+    }
+    if (slot.seen_free) {
+      slot.seen_free->update(slot.surfaces.cloud, pool, asked);
+      slot.surfaces.seen_free = slot.seen_free->view();
     }
     if (!has_all) slot.surfaces.cloud = {};
     return stats;
@@ -100,7 +104,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
     auto estimator = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics,
                                               settings.surface, best_isa(), stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       slot.predicted.emplace(stream.width, stream.height, stream.intrinsics);
     }
@@ -108,6 +112,12 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
       auto made = DepthField::create(stream.width, stream.height, *settings.field);
       if (!made) return made.error();
       slot.field = *std::move(made);
+    }
+    if (settings.field && settings.field->one_of_several) {
+      auto made =
+          DepthField::create(stream.width, stream.height, options_of_seen_free(*settings.field));
+      if (!made) return made.error();
+      slot.seen_free = *std::move(made);
     }
     slots.push_back(std::move(slot));
   }

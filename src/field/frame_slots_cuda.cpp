@@ -18,7 +18,7 @@ namespace {
 struct Slot {
   SurfaceCuda estimator;
   std::optional<CloudBlendCuda> predicted;
-  std::optional<DepthFieldCuda> field;
+  std::optional<DepthFieldCuda> field, seen_free;
   gpu::Graph as_seen, as_predicted;  // all the work of a frame
 
   PointCloudView predicted_cloud() const {
@@ -80,6 +80,10 @@ class FrameSlotsCuda final : public FrameSlots {
       surfaces.field = slot.field->view();
       surfaces.field.stamp = next_stamp();
     }
+    if (slot.seen_free) {
+      surfaces.seen_free = slot.seen_free->view();
+      surfaces.seen_free.stamp = next_stamp();
+    }
     return slot.estimator.stats();
   }
 
@@ -117,14 +121,16 @@ class FrameSlotsCuda final : public FrameSlots {
     enqueue_rest(slot, last);
     return stream_.end_recording();
   }
-  /// Prediction and field.
+  /// Prediction and fields.
   void enqueue_rest(Slot& slot, const Slot* last) {
     PointCloudView cloud = slot.estimator.cloud();
     if (last != nullptr) {
       slot.predicted->enqueue(stream_, last->estimator.cloud(), cloud, max_jump_);
       cloud = slot.predicted_cloud();
     }
-    if (slot.field) slot.field->enqueue(cloud, stream_);
+    for (auto* field : {&slot.field, &slot.seen_free}) {
+      if (*field) (*field)->enqueue(cloud, stream_);
+    }
   }
   /// A frame in metres, or in the memory of this GPU: it has no place of its own in the graphs.
   void enqueue_image(Slot& slot, const DepthImageView& frame) {
@@ -173,7 +179,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
     auto estimator = SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, surface,
                                          gpu, 1, stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       auto made = CloudBlendCuda::create(stream.width, stream.height, stream.intrinsics, gpu);
       if (!made) return made.error();
@@ -183,6 +189,12 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
       auto made = DepthFieldCuda::create(stream.width, stream.height, *settings.field, gpu);
       if (!made) return made.error();
       slot.field = *std::move(made);
+    }
+    if (settings.field && settings.field->one_of_several) {
+      auto made = DepthFieldCuda::create(stream.width, stream.height,
+                                         options_of_seen_free(*settings.field), gpu);
+      if (!made) return made.error();
+      slot.seen_free = *std::move(made);
     }
     slots.push_back(std::move(slot));
   }

@@ -413,6 +413,35 @@ class CommandLine(unittest.TestCase):
             self.assertLess(abs(result["volume"] - volume), 0.35 * volume, depth)
             self.assertLess(result["force"][2], -0.9 * result["volume"], depth)
 
+    def test_cameras_are_joined(self):
+        """A wall seen from two places, and a hand before it that only one camera sees."""
+        def near(u, v):
+            return 4000 if 100 <= u < 220 and 60 <= v < 180 else 8000
+        front, side = self.path("front.png"), self.path("side.png")
+        write_depth_png(front, 320, 240, near)  # 0.4 m, before 0.8 m
+        write_depth_png(side, 320, 240, lambda u, v: 8000)
+        query = ("query", self.tool, "--intrinsics", "262,262,159.5,119.5", "--depth-unit", "0.0001",
+                 "--json", "--depth", front)
+        behind, beyond = "0 0 0.6 0 0 0 1", "0 0 0.9 0 0 0 1"
+
+        def fraction(*words):
+            return json.loads(self.succeed(*query, *words))["results"][0]
+        alone = fraction("--pose", behind)
+        self.assertAlmostEqual(alone["fraction"], 1, places=3)
+        self.assertGreater(alone["unseen"], 0.5)
+        both = ("--depth", side, "--camera-pose", "0 0 0 0 0 0 1")
+        joined = fraction(*both, "--pose", behind)
+        self.assertEqual((joined["fraction"], joined["unseen"]), (0, 0))
+        self.assertAlmostEqual(fraction(*both, "--pose", beyond)["fraction"], 1, places=3)
+        # Moved together with its camera, all is the same.
+        moved = ("--camera-pose", "1 2 3 0 0 0 1", "--pose", "1 2 3.6 0 0 0 1")
+        self.assertAlmostEqual(fraction(*moved)["fraction"], 1, places=3)
+        for wrong in (("--depth", side, "--pose", behind),
+                      ("--depth", side, "--camera-pose", "0 0 1", "--pose", behind)):
+            self.expect_failure(2, *query, *wrong, mentions="--camera-pose")
+        self.expect_failure(2, *query, "--intrinsics", "1,1,1,1", "--intrinsics", "1,1,1,1",
+                            *both, "--pose", behind, mentions="--intrinsics")
+
     def test_as_many_spheres_as_needed(self):
         mesh, tool = self.path("stylus.ply"), self.path("auto.palp")
         self.succeed("shape", "stylus", "--size", 0.1, "-o", mesh)

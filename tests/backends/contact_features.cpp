@@ -358,7 +358,7 @@ void compare_bodies(double allowed) {
     for (BodyWorld* world : {&cpu, &cuda}) {
       world->set_pose(0, X_WL);
       world->set_pose(1, X_WR);
-      world->measure({});
+      world->measure(SurfaceView{});
     }
     for (const int body : {0, 1, 2}) {
       EXPECT_GT(cpu.measured(body).num_pairs, 0);

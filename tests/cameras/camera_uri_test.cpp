@@ -48,7 +48,7 @@ TEST(CameraUri, NamesWhatIsWrong) {
       "a?latency=2",
       "a?sensor=laser",
       "a?pose=1,2,3",
-      "a?pose=1,0,0,0,0,0,1",
+      "a?pose=1,0,0,0,0,0,2",
       "a?intrinsics",
       "a?=3",
       "a?intrinsics=1,2,3,4,",

@@ -69,7 +69,8 @@ TEST(DepthFieldCuda, HasTheBitsOfTheCpuForAllSizes) {
   for (const auto& [width, height] :
        {std::pair{8, 8}, {9, 31}, {32, 64}, {33, 65}, {97, 40}, {75, 161}}) {
     SCOPED_TRACE(width);
-    for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
+    for (const UnknownSpace unknown :
+         {UnknownSpace::free, UnknownSpace::solid, UnknownSpace::blocked}) {
       compare(rough_cloud(width, height, ++seed, true), {.unknown = unknown});
       compare(rough_cloud(width, height, ++seed, false), {.unknown = unknown});
     }

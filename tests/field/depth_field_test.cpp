@@ -438,7 +438,8 @@ TEST_P(DepthFieldIsa, SameBitsAsBaseline) {
   }
   for (const int width : {8, 9, 31, 64, 161, 203}) {
     const PointCloud cloud = rough_cloud(8, width, 45);
-    for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
+    for (const UnknownSpace unknown :
+         {UnknownSpace::free, UnknownSpace::solid, UnknownSpace::blocked}) {
       for (const int fill_levels : {0, 4}) {
         const DepthFieldOptions options{unknown, fill_levels, kSolidBehind};
         const DepthField narrow = make_field(cloud, options, Isa::baseline);

@@ -22,7 +22,7 @@ struct Options {
 
 /// As many as there are ways through the code.
 std::vector<Options> all_options() {
-  std::vector<Options> all(5);
+  std::vector<Options> all(6);
   all[1].field.unknown = UnknownSpace::solid;
   all[2].field.fill_levels = 0;
   all[3].field.fill_levels = 5;
@@ -30,6 +30,7 @@ std::vector<Options> all_options() {
   all[4].surface.normals.radius = 7;
   all[4].surface.filter.enabled = false;
   all[4].surface.flying_pixel_gap = 0.01;
+  all[5].field.unknown = UnknownSpace::blocked;
   return all;
 }
 

@@ -61,7 +61,8 @@ TEST(SensorBatchCuda, HasTheBitsOfTheCpu) {
   for (const auto& [width, height] : {std::pair{33, 20}, {40, 36}}) {
     test::RoughImages images(width, height, 5, 1);
     if (width == 40) images.camera.distortion = {-0.28, 0.09, 0.001, -0.002, -0.01};
-    for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
+    for (const UnknownSpace unknown :
+         {UnknownSpace::free, UnknownSpace::solid, UnknownSpace::blocked}) {
       Expected want(images.camera, {.unknown = unknown});
       for (const int pixels : {2 * width * height, 1 << 20}) {
         auto frames =

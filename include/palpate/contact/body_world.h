@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -56,7 +57,12 @@ class BodyWorld {
   /// allocation; the same bits for the same poses and surface.
   void measure(const SurfaceView& surface) noexcept { measure(surface, surface, 1); }
   /// Between two surfaces, as ContactQuery.
-  void measure(const SurfaceView& from, const SurfaceView& to, double alpha) noexcept;
+  void measure(const SurfaceView& from, const SurfaceView& to, double alpha) noexcept {
+    const CameraView camera{{from, to, alpha}, {}};
+    measure({&camera, 1});
+  }
+  /// Against cameras, as ContactQuery.
+  void measure(std::span<const CameraView> cameras) noexcept;
   /// Of the last `measure`.
   const BodyMeasure& measured(int body) const { return at(body).measured; }
 

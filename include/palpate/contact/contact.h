@@ -36,6 +36,11 @@ class Contact {
                         const Pose& X_WT, const ContactWants& wants = {}) const noexcept {
     return query_->measure(from, to, alpha, X_WT, wants);
   }
+  /// Against what several cameras know together, each somewhere in the world.
+  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+                        const ContactWants& wants = {}) const noexcept {
+    return query_->measure(cameras, X_WT, wants);
+  }
   /// As BatchQuery::measure: many poses in one call, by FieldMethod. On a CPU over all cores. The
   /// first call takes threads and memory for it.
   Status measure_batch(const SurfaceBatch& surfaces, const PoseBatch& poses,

@@ -8,13 +8,12 @@
 #include <utility>
 #include <variant>
 
+#include "palpate/contact/contact_result.h"
 #include "palpate/contact/tool_index.h"
-#include "palpate/contact/volume_moments.h"
 #include "palpate/core/isa.h"
 #include "palpate/core/result.h"
 #include "palpate/core/thread_pool.h"
-#include "palpate/field/surface_timeline.h"
-#include "palpate/math/pose.h"
+#include "palpate/field/camera_view.h"
 
 namespace palpate {
 
@@ -154,74 +153,6 @@ inline double full_volume(const Tool& tool, const ContactOptions& options) {
   return full_volume(tool, options.counted());
 }
 
-/// Things a caller may want to know about a measurement.
-enum class StepStatus : std::uint32_t {
-  ok = 0,
-  non_finite_pose = 1,    ///< the pose was not finite: nothing was measured, all zero
-  ambiguous_normals = 2,  ///< a boundary sphere's points disagree (|mean normal| < 0.5)
-  /// The GPU did not answer in time or is lost: nothing was measured, all zero. It stays so.
-  backend_failed = 4,
-  /// There is no surface of the kind that the method asks, a cloud or a field: nothing was measured
-  /// against it.
-  no_surface = 8,
-  no_edge_vectors = 16,  ///< edges are wanted, but the cloud tells none: measured without
-  /// Some of the tool may be seen outside of the window that the depth field was made for
-  /// (DepthFieldView::asked): nothing was measured against it.
-  outside_window = 32,
-};
-
-/// Any number of them.
-struct ContactStatus {
-  std::uint32_t bits = 0;
-
-  constexpr ContactStatus() = default;
-  constexpr ContactStatus(StepStatus one) : bits(static_cast<std::uint32_t>(one)) {}
-
-  constexpr bool has(StepStatus one) const { return (bits & static_cast<std::uint32_t>(one)) != 0; }
-  /// Whether the result says nothing about the surface.
-  constexpr bool is_unmeasured() const {
-    return has(StepStatus::non_finite_pose) || has(StepStatus::backend_failed) ||
-           has(StepStatus::no_surface) || has(StepStatus::outside_window);
-  }
-  constexpr ContactStatus& operator|=(ContactStatus other) {
-    bits |= other.bits;
-    return *this;
-  }
-  friend constexpr bool operator==(ContactStatus, ContactStatus) = default;
-};
-
-/// Newtons per volume times direction. The thesis: the device's largest force at an eighth of the
-/// tool's volume.
-struct VolumeStiffness {
-  double newtons_per_cubic_metre = 0;
-
-  /// N and N m.
-  friend constexpr Wrench operator*(VolumeStiffness k, const VolumeWrench& measure) {
-    return {measure.force * k.newtons_per_cubic_metre, measure.torque * k.newtons_per_cubic_metre};
-  }
-};
-
-/// The measure for one pose.
-struct Penetration {
-  double volume = 0;  ///< m3: sum of V_s, kept apart from |force|
-  /// force: sum V_s n_s; torque: sum (c_s - C) x V_s n_s about the tool's centre of mass C; both in
-  /// W. |force| <= volume for the point methods, 1.05 volume for field.
-  VolumeWrench measure_W;
-  /// field: U with measure_W = -dU/dpose where no gradient had to be shortened, m4; else 0
-  double potential = 0;
-  int num_boundary_spheres = 0;  ///< spheres that contain at least one point
-  int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
-  int num_points = 0;            ///< points inside some sphere
-  ContactStatus status;
-};
-
-/// How the measure changes with the pose: moved by `shift` and turned by the small rotation vector
-/// `turn` about C (both in W), (force, torque) becomes (force, torque) - m (shift, turn). Rows and
-/// columns: x, y, z of force / shift, then of torque / turn. m2, m3 and m4.
-struct Stiffness {
-  double m[6][6] = {};
-};
-
 /// State of one sphere after a query, for pictures and tests.
 enum class SphereState : std::uint8_t { outside, boundary, inside };
 
@@ -234,12 +165,6 @@ struct ContactWants {
   /// In T, likewise: the plane that cuts a boundary sphere or that an inside sphere takes from a
   /// donor; normal zero if none or, by `weighted` and Continuity::entry, many.
   std::span<Plane<float>> planes{};
-};
-
-struct ContactResult {
-  Penetration penetration;
-  std::optional<Stiffness> stiffness;  ///< if it was wanted and the method has one
-  VolumeMoments moments = {};          ///< with the stiffness; else zero
 };
 
 /// Measures one tool by one method. All memory is allocated at construction. One thread at a time.
@@ -264,6 +189,16 @@ class ContactQuery {
                                 const Pose& X_WT,
                                 const ContactWants& wants = {}) const noexcept = 0;
 
+  /// Against what all cameras together know: the depth hull (docs/decisions/0029-depth-hull.md). A
+  /// sphere is as deep as the camera says that has it least deep; cameras that do not see it
+  /// abstain. By the field, force and torque still are the exact derivatives of one potential. At
+  /// most K times as long with K cameras, and what one of them sees free in front of its surface
+  /// costs nothing more. One camera is measured against as by the other calls, in its own frame. No
+  /// surface of any camera, more than kMostCameras, several without SurfaceView::seen_free, or
+  /// several by a method of points (which take `joined_clouds`): StepStatus::no_surface.
+  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+                        const ContactWants& wants = {}) const noexcept;
+
   const ContactMethod& method() const { return method_; }
   /// For other queries and bodies of the same tool.
   const std::shared_ptr<const ToolIndex>& index() const { return index_; }
@@ -272,6 +207,10 @@ class ContactQuery {
   ContactQuery() = default;
   ContactQuery(std::shared_ptr<const ToolIndex> index, const ContactMethod& method)
       : index_(std::move(index)), method_(method) {}
+
+  /// More than one camera; the pose is finite.
+  virtual ContactResult measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+                                     const ContactWants& wants) const noexcept;
 
  private:
   std::shared_ptr<const ToolIndex> index_;

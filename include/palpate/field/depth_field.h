@@ -19,8 +19,10 @@ namespace palpate {
 enum class UnknownSpace {
   free,   ///< nothing: contact fades out over the width of a sphere at the border
   solid,  ///< the surface goes on from what is around it, flat, however wide the hole
+  /// Everything, from the camera on: free is only what was seen to be free. Not with a thickness.
+  blocked,
 };
-constexpr auto names_of(UnknownSpace) { return std::array{"free", "solid"}; }
+constexpr auto names_of(UnknownSpace) { return std::array{"free", "solid", "blocked"}; }
 
 /// Thick enough for everything behind a surface to be solid, metres.
 inline constexpr double kSolidBehind = 1e6;
@@ -33,7 +35,17 @@ struct DepthFieldOptions {
   /// How far behind the first surface along its normal a tool is pushed back out of the front,
   /// metres: from there to twice as far it is pushed out of the back, beyond there is nothing.
   double thickness = kSolidBehind;
+  /// Each frame also tells what its camera has seen to be free (SurfaceView::seen_free), at as much
+  /// cost again: what several cameras are joined by.
+  bool one_of_several = false;
 };
+/// Of the field that tells what its camera has seen to be free.
+inline DepthFieldOptions options_of_seen_free(const DepthFieldOptions& options) {
+  DepthFieldOptions seen_free;
+  seen_free.unknown = UnknownSpace::blocked;
+  seen_free.fill_levels = options.fill_levels;
+  return seen_free;
+}
 inline void add_settings(SettingTable& t, DepthFieldOptions& o) {
   t.section("field");
   t.add("unknown", o.unknown, "by the field: what lies where nothing was measured");

@@ -43,6 +43,9 @@ inline void add_settings(SettingTable& t, TimeOptions& o) {
 struct SurfaceView {
   PointCloudView cloud;
   DepthFieldView field;  ///< no levels if there is none
+  /// The frame with UnknownSpace::blocked, positive only in space that the camera has seen to be
+  /// free; with DepthFieldOptions::one_of_several.
+  DepthFieldView seen_free = {};
 };
 
 /// A moment between two surfaces: the measure is (1 - progress) times that of `from` and progress

@@ -53,12 +53,12 @@ Status BodyWorld::measure_pairs_by(const MakePairQuery& make) {
   return Done{};
 }
 
-void BodyWorld::measure(const SurfaceView& from, const SurfaceView& to, double alpha) noexcept {
+void BodyWorld::measure(std::span<const CameraView> cameras) noexcept {
   for (Pair& pair : pairs_) pair.query->start(at(pair.a).X_WB, at(pair.b).X_WB);
   for (Body& body : bodies_) {
     body.measured = {};
     if (body.cloud_query == nullptr) continue;
-    const ContactResult result = body.cloud_query->measure(from, to, alpha, body.X_WB, body.wants);
+    const ContactResult result = body.cloud_query->measure(cameras, body.X_WB, body.wants);
     body.measured.cloud = result.penetration;
     body.measured.stiffness = result.stiffness;
     body.measured.moments = result.moments;

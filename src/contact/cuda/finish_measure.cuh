@@ -72,7 +72,7 @@ __device__ inline double measure_of_warp(const MeasureTerms& mine) {
                                        mine.num_points,
                                        mine.status,
                                        mine.num_rounds,
-                                       0,
+                                       mine.unseen,
                                        0,
                                        0};
   fold_over_warp<MeasureTerms::kNum / 2, 2>(values);

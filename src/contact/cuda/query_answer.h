@@ -20,7 +20,8 @@ struct MeasureTerms {
   double num_boundary = 0, num_inside = 0, num_points = 0;
   double status = 0;      ///< StepStatus bits, of one thread alone
   double num_rounds = 0;  ///< of the graph search, of one thread alone
-  double unused[3] = {};
+  double unseen = 0;      ///< Penetration::unseen_volume
+  double unused[2] = {};
 
   static constexpr int kNum = 16;
   /// StiffnessSums that follow if they are wanted, and as many zeros as make a warp full.
@@ -39,6 +40,7 @@ struct QueryAnswer : MeasureTerms {
     result.num_boundary_spheres = static_cast<int>(num_boundary);
     result.num_inside_spheres = static_cast<int>(num_inside);
     result.num_points = static_cast<int>(num_points);
+    result.unseen_volume = unseen;
     result.status.bits = static_cast<std::uint32_t>(status);
     return result;
   }

@@ -40,6 +40,16 @@ inline FieldFrame frame_of(const Intrinsics& k, const Pose& X_WT, const Vec3d& c
   return frame;
 }
 
+/// Whether elements look at the same pixels of both: as they do at those of two frames of one
+/// camera.
+inline bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
+  const Intrinsics &k = a.intrinsics, &l = b.intrinsics;
+  return a.num_levels == b.num_levels && a.levels[0].width == b.levels[0].width &&
+         a.levels[0].height == b.levels[0].height && a.levels[0].stride == b.levels[0].stride &&
+         a.tiles_wide == b.tiles_wide && a.tiles_high == b.tiles_high &&
+         a.thickness == b.thickness && k.fx == l.fx && k.fy == l.fy && k.cx == l.cx && k.cy == l.cy;
+}
+
 /// Is something asked that one of two surfaces does not know? `from` counts below alpha = 1.
 inline bool is_outside_window(const SurfaceView& from, const SurfaceView& to, double alpha,
                               const Vec3d& p_WC, double reach) {
@@ -53,21 +63,29 @@ inline bool is_outside_window(const SurfaceView& from, const SurfaceView& to, do
 struct BallWindow {
   float nearest = 0, farthest = 0;  ///< depths
   int left = 0, right = 0, top = 0, bottom = 0;
+  float first_u = 0, last_u = 0, first_v = 0, last_v = 0;  ///< pixels, also beyond the image
 
   /// Only then it has tiles.
   PALPATE_FORMULA bool is_before_camera() const { return nearest > kLeastDepth; }
 };
 
-/// First and last of `num` tiles in a row that show what is between x - reach and x + reach, and
-/// `margin` more pixels. Scales: 1 / depth of what is nearest and farthest.
-PALPATE_FORMULA void find_tiles(float x, float reach, float near_scale, float far_scale,
-                                float focal, float middle, float margin, int num, int& first,
-                                int& last) {
+/// The pixels of a row that show what is between x - reach and x + reach, and `margin` more.
+/// Scales: 1 / depth of what is nearest and farthest.
+PALPATE_FORMULA void find_pixels(float x, float reach, float near_scale, float far_scale,
+                                 float focal, float middle, float margin, float& first,
+                                 float& last) {
   const float low = focal * (x - reach) * (x < reach ? near_scale : far_scale) - margin;
   const float high = focal * (x + reach) * (x > -reach ? near_scale : far_scale) + margin;
+  first = low + middle;
+  last = high + middle;
+}
+
+/// First and last of `num` tiles in a row that have pixels from `first_pixel` to `last_pixel`.
+PALPATE_FORMULA void find_tiles(float first_pixel, float last_pixel, int num, int& first,
+                                int& last) {
   const float most = static_cast<float>(num - 1);
-  const float from = (low + middle) * (1.0f / DepthFieldView::kTileSize);
-  const float to = (high + middle) * (1.0f / DepthFieldView::kTileSize);
+  const float from = first_pixel * (1.0f / DepthFieldView::kTileSize);
+  const float to = last_pixel * (1.0f / DepthFieldView::kTileSize);
   first = static_cast<int>(from > 0 ? (from < most ? from : most) : 0.0f);
   last = static_cast<int>(to > 0 ? (to < most ? to : most) : 0.0f);
 }
@@ -89,10 +107,12 @@ PALPATE_FORMULA BallWindow window_of(const FieldFrame& frame, const Cluster& bal
   const float near_scale = 1.0f / window.nearest, far_scale = 1.0f / window.farthest;
   const float margin_u = 2.01f + 5 * kFootprint * largest_radius * frame.fx * near_scale;
   const float margin_v = 2.01f + 5 * kFootprint * largest_radius * frame.fy * near_scale;
-  find_tiles(at[0], reach, near_scale, far_scale, frame.fx, frame.cx, margin_u, tiles_wide,
-             window.left, window.right);
-  find_tiles(at[1], reach, near_scale, far_scale, frame.fy, frame.cy, margin_v, tiles_high,
-             window.top, window.bottom);
+  find_pixels(at[0], reach, near_scale, far_scale, frame.fx, frame.cx, margin_u, window.first_u,
+              window.last_u);
+  find_pixels(at[1], reach, near_scale, far_scale, frame.fy, frame.cy, margin_v, window.first_v,
+              window.last_v);
+  find_tiles(window.first_u, window.last_u, tiles_wide, window.left, window.right);
+  find_tiles(window.first_v, window.last_v, tiles_high, window.top, window.bottom);
   return window;
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "src/contact/blend.h"
+#include "src/contact/hull/depth_hull.h"
 #include "src/core/select_isa.h"
 
 namespace palpate {
@@ -16,16 +17,6 @@ namespace {
 
 constexpr FieldContactKernels kKernels[] = PALPATE_BY_ISA(kFieldContact);
 
-/// Whether elements look at the same pixels of both: as they do at those of two frames of one
-/// camera.
-bool have_one_grid(const DepthFieldView& a, const DepthFieldView& b) {
-  const Intrinsics &k = a.intrinsics, &l = b.intrinsics;
-  return a.num_levels == b.num_levels && a.levels[0].width == b.levels[0].width &&
-         a.levels[0].height == b.levels[0].height && a.levels[0].stride == b.levels[0].stride &&
-         a.tiles_wide == b.tiles_wide && a.tiles_high == b.tiles_high &&
-         a.thickness == b.thickness && k.fx == l.fx && k.fy == l.fy && k.cx == l.cx && k.cy == l.cy;
-}
-
 }  // namespace
 
 FieldContactKernels field_contact_kernels(Isa isa) { return select_isa(kKernels, isa); }
@@ -37,7 +28,15 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
       p_TC_(this->index()->tool().sphere_mass().centre_of_mass),
       kernels_(field_contact_kernels(capacities.isa)),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
-      group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())) {}
+      group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())),
+      hull_(std::make_unique<DepthHull>(*elements_, p_TC_, capacities.isa)) {}
+
+FieldContact::~FieldContact() = default;
+
+ContactResult FieldContact::measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+                                         const ContactWants& wants) const noexcept {
+  return hull_->measure(cameras, X_WT, wants, *pool_);
+}
 
 MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose& X_WT) const {
   MeasureJob asked = measure_job(*elements_);

@@ -18,6 +18,7 @@ struct FieldSums {
   double potential = 0;  ///< m4
   Vec3d force, torque;
   double num_boundary = 0, num_inside = 0;
+  double unseen = 0;  ///< Penetration::unseen_volume
 
   void add(const FieldSums& other) {
     volume += other.volume;
@@ -26,6 +27,7 @@ struct FieldSums {
     torque += other.torque;
     num_boundary += other.num_boundary;
     num_inside += other.num_inside;
+    unseen += other.unseen;
   }
   Penetration penetration() const {
     Penetration result;
@@ -34,6 +36,7 @@ struct FieldSums {
     result.measure_W = {force, torque};
     result.num_boundary_spheres = static_cast<int>(num_boundary);
     result.num_inside_spheres = static_cast<int>(num_inside);
+    result.unseen_volume = unseen;
     return result;
   }
 };
@@ -84,6 +87,8 @@ struct FieldContactKernels {
 /// An instruction set that the processor lacks is lowered.
 FieldContactKernels field_contact_kernels(Isa isa);
 
+class DepthHull;
+
 /// Measures one tool against depth fields.
 class FieldContact final : public ContactQuery {
  public:
@@ -96,6 +101,11 @@ class FieldContact final : public ContactQuery {
   /// F = sum f_s V_cap(phi) grad phi, torque = sum (c_s - C) x that. O(elements).
   ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
                         const Pose& X_WT, const ContactWants& wants) const noexcept override;
+  ~FieldContact() override;
+
+ protected:
+  ContactResult measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+                             const ContactWants& wants) const noexcept override;
 
  private:
   // At a pose that is finite, with a unit quaternion.
@@ -111,6 +121,7 @@ class FieldContact final : public ContactQuery {
   ThreadPool* pool_;
   // Scratch.
   mutable std::vector<GroupSums> group_sums_;  // two a group
+  std::unique_ptr<DepthHull> hull_;
 };
 
 }  // namespace palpate

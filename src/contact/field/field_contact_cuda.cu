@@ -132,11 +132,18 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       stiffness_answers_(gpu, measure_blocks<Curvature>(gpu, felt_tool_.elements.num_clusters),
                          AnswerBox::kMostNumbers),
       states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
-      planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))) {}
+      planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
+      hull_(std::make_unique<DepthHullCuda>(felt_tool_, centre_of_mass_, num_spheres_, gpu)) {}
+
+ContactResult FieldContactCuda::measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+                                             const ContactWants& wants) const noexcept {
+  if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
+  return hull_->measure(cameras, X_WT, wants, {states_, planes_}, stream_);
+}
 
 const Status& FieldContactCuda::status() const {
   for (const Status* status :
-       {&memory_.status(), &answers_.status(), &stiffness_answers_.status()}) {
+       {&memory_.status(), &answers_.status(), &stiffness_answers_.status(), &hull_->status()}) {
     if (!*status) return *status;
   }
   return stream_.status();

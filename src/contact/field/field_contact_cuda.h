@@ -6,6 +6,7 @@
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/cuda/query_answer.h"
 #include "src/contact/field/felt_tool_cuda.h"
+#include "src/contact/hull/depth_hull_cuda.h"
 #include "src/gpu/runtime.h"
 
 namespace palpate {
@@ -32,6 +33,10 @@ class FieldContactCuda final : public ContactQuery {
   /// The first failure.
   const Status& status() const;
 
+ protected:
+  ContactResult measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+                             const ContactWants& wants) const noexcept override;
+
  private:
   /// `Sample`: with first derivatives of the field, or with second ones for a stiffness.
   template <int kNumFields, class Sample>
@@ -49,6 +54,7 @@ class FieldContactCuda final : public ContactQuery {
   mutable AnswerBox answers_, stiffness_answers_;
   SphereState* states_;
   Plane<float>* planes_;
+  std::unique_ptr<DepthHullCuda> hull_;
 };
 
 }  // namespace palpate

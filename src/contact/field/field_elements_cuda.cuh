@@ -62,6 +62,7 @@ constexpr int kThreadsOf = std::is_same_v<Sample, Curvature> ? 128 : 256;
 struct FieldShare {
   float volume = 0, potential = 0;
   float force[3] = {}, torque[3] = {};
+  float unseen = 0;
   int num_boundary = 0, num_inside = 0;
 };
 
@@ -166,25 +167,29 @@ __device__ inline Element element_of(const ElementsView& elements, int cluster,
   return element;
 }
 
-// Adds what an element is answered by one field. `sums` is null if Sample is a Gradient.
+// Where an element is seen.
+struct ElementLook {
+  float depth, inverse_depth, from_u, from_v, u, v;
+};
+__device__ inline ElementLook look_at(const FieldFrame& frame, const float (&p)[3]) {
+  ElementLook look;
+  look.depth = p[2];
+  look.inverse_depth = 1.0f / look.depth;
+  look.from_u = frame.fx * p[0] * look.inverse_depth;
+  look.from_v = frame.fy * p[1] * look.inverse_depth;
+  look.u = look.from_u + frame.cx;
+  look.v = look.from_v + frame.cy;
+  return look;
+}
+
+// What a field answers a sphere of this radius, and wider ones if that lies deep.
 template <class Sample>
-__device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
-                            StiffnessShare* sums) {
-  const float depth = e.p[2];
-  if (!(depth > kLeastDepth)) return;
-  const float inverse_depth = 1.0f / depth;
-  const float from_u = field.frame.fx * e.p[0] * inverse_depth,
-              from_v = field.frame.fy * e.p[1] * inverse_depth;
-  const float u = from_u + field.frame.cx, v = from_v + field.frame.cy;
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    // Few elements touch the surface, and only their second derivatives are asked.
-    if (!(ask_field<Gradient>(field, u, v, depth, inverse_depth, e.radius).phi < e.radius)) return;
-  }
+__device__ Sample ask_deep(const FieldLook& field, const ElementLook& at, float radius) {
   Sample answer{};
-  float asked = e.radius;
+  float asked = radius;
 #pragma unroll 1
   for (int step = 0;; ++step) {
-    const Sample here = ask_field<Sample>(field, u, v, depth, inverse_depth, asked);
+    const Sample here = ask_field<Sample>(field, at.u, at.v, at.depth, at.inverse_depth, asked);
     if (step > 0) {
       const float finer = asked * (1.0f / kDeepGrowth);
       answer = deepened(answer, here, first_of(answer).phi, first_of(here).phi, finer);
@@ -194,11 +199,15 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
     if (step == kMostDeepSteps || !(first_of(answer).phi < -deep_limit(asked))) break;
     asked *= kDeepGrowth;
   }
-  const Gradient& g = first_of(answer);
-  if (!(g.phi < e.radius)) return;
-  const CutBall<float> cut = cut_ball(e.radius, e.factor, g.phi);
-  const Gradient3<float> gradient =
-      to_space(g, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
+  return answer;
+}
+
+// Adds an element that touches a surface: the field is `phi`, with this gradient and, if
+// `kWithStiffness`, these second derivatives in W.
+template <bool kWithStiffness>
+__device__ void add_cut(const Element& e, float phi, const Gradient3<float>& gradient,
+                        const Symmetric<float>& h, FieldShare& sum, StiffnessShare* sums) {
+  const CutBall<float> cut = cut_ball(e.radius, e.factor, phi);
   const float length =
       sqrtf(gradient.x * gradient.x + gradient.y * gradient.y + gradient.z * gradient.z);
   const Gradient3<float> n = bounded(gradient, length);
@@ -210,19 +219,44 @@ __device__ void add_element(const FieldLook& field, const Element& e, FieldShare
     sum.force[a] += force[a];
     sum.torque[a] += e.lever[b] * force[c] - e.lever[c] * force[b];
   }
-  if (e.is_counted) ++(g.phi <= -e.radius ? sum.num_inside : sum.num_boundary);
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    const Symmetric<float> h =
-        hessian_in_space(answer, from_u, from_v, inverse_depth, field.frame.fx, field.frame.fy);
-    const float squared = e.radius * e.radius - g.phi * g.phi;
+  if (e.is_counted) ++(phi <= -e.radius ? sum.num_inside : sum.num_boundary);
+  if constexpr (kWithStiffness) {
+    const float squared = e.radius * e.radius - phi * phi;
     const float disc = e.factor * static_cast<float>(kPi) * (squared > 0.0f ? squared : 0.0f);
     float terms[StiffnessSums::kNum];
     stiffness_terms<float>({e.lever[0], e.lever[1], e.lever[2]}, cut.volume, disc,
-                           polar_moment<float>(e.radius, e.factor, g.phi), n,
+                           polar_moment<float>(e.radius, e.factor, phi), n,
                            bounded(h, gradient, length), terms);
 #pragma unroll
     for (int k = 0; k < StiffnessSums::kNum; ++k) sums->numbers[k] += terms[k];
   }
+}
+
+// Adds what an element is answered by one field. `sums` is null if Sample is a Gradient.
+template <class Sample>
+__device__ void add_element(const FieldLook& field, const Element& e, FieldShare& sum,
+                            StiffnessShare* sums) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  if (!(e.p[2] > kLeastDepth)) return;
+  const ElementLook at = look_at(field.frame, e.p);
+  if constexpr (kWithStiffness) {
+    // Few elements touch the surface, and only their second derivatives are asked.
+    if (!(ask_field<Gradient>(field, at.u, at.v, at.depth, at.inverse_depth, e.radius).phi <
+          e.radius)) {
+      return;
+    }
+  }
+  const Sample answer = ask_deep<Sample>(field, at, e.radius);
+  const Gradient& g = first_of(answer);
+  if (!(g.phi < e.radius)) return;
+  const Gradient3<float> gradient =
+      to_space(g, at.from_u, at.from_v, at.inverse_depth, field.frame.fx, field.frame.fy);
+  Symmetric<float> h{};
+  if constexpr (kWithStiffness) {
+    h = hessian_in_space(answer, at.from_u, at.from_v, at.inverse_depth, field.frame.fx,
+                         field.frame.fy);
+  }
+  add_cut<kWithStiffness>(e, g.phi, gradient, h, sum, sums);
 }
 
 /// Adds what a thread has found.
@@ -233,6 +267,7 @@ __device__ inline void add_share(const FieldShare& share, MeasureTerms& to) {
     to.force[axis] += share.force[axis];
     to.torque[axis] += share.torque[axis];
   }
+  to.unseen += share.unseen;
   to.num_boundary += share.num_boundary;
   to.num_inside += share.num_inside;
 }

@@ -204,8 +204,8 @@ TEST(BodyContactCuda, MeasuresTheBodiesOfAWorld) {
   const Status done = world.measure_pairs_by(
       [](const auto& a, const auto& b) { return make_body_contact_cuda(a, b, 0); });
   ASSERT_TRUE(done) << done.error().message;
-  world.measure({});
-  want.measure({});
+  world.measure(SurfaceView{});
+  want.measure(SurfaceView{});
   for (int body = 0; body < 3; ++body) {
     ASSERT_GT(want.measured(body).num_pairs, 0);
     EXPECT_EQ(world.measured(body).num_pairs, want.measured(body).num_pairs);

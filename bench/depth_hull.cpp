@@ -1,0 +1,155 @@
+// What several cameras gain and cost, one CSV row for each case: mean and rms error of the volume
+// against exact solids, angle of the force, largest step of the volume over the exact one, net work
+// of a closed loop over all work, and the time of a query of one thread.
+//   depth_hull [--quick]
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+
+#include "bench/hull_setup.h"
+#include "palpate/contact/contact.h"
+
+namespace palpate::bench {
+namespace {
+
+constexpr double kToolRadius = 0.03, kNoise = 0.0015;
+
+std::unique_ptr<ContactQuery> query_of(const Tool& tool) {
+  return make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
+}
+
+/// The share of the tool, a ball, that is in a solid.
+double true_share(const Solid& solid, const Vec3d& centre) {
+  int num = 0, num_inside = 0;
+  test::for_points_in_ball(
+      centre, kToolRadius,
+      [&](const Vec3d& p) {
+        ++num;
+        num_inside += solid.is_solid(p);
+      },
+      100000);
+  return static_cast<double>(num_inside) / num;
+}
+
+/// Pressed in along the normal, beside it and back: errors of volume and direction.
+void press(const Solid& solid, const Tool& tool, int num_cameras, int num_frames) {
+  const auto query = query_of(tool);
+  constexpr int kSteps = 60;
+  double sum = 0, squares = 0, angle = 0, jump = 0, true_jump = 0;
+  int num = 0, num_angles = 0;
+  std::vector<double> truths;
+  const auto place = [&](int i) {
+    return solid.touched - kToolRadius * (-1.0 + 1.6 * i / (kSteps - 1)) * solid.normal;
+  };
+  for (int i = 0; i < kSteps; ++i) truths.push_back(true_share(solid, place(i)));
+  for (int frame = 0; frame < num_frames; ++frame) {
+    const test::HullScene scene =
+        scene_of(solid, cameras_around(num_cameras), kNoise, static_cast<std::uint64_t>(frame));
+    double last_felt = 0, last_true = 0;
+    for (int i = 0; i < kSteps; ++i) {
+      const Penetration felt = query->measure(scene.views, {place(i), {}}).penetration;
+      const double share = felt.volume / tool.mesh_mass().volume;
+      const double truth = truths[static_cast<std::size_t>(i)];
+      sum += share - truth;
+      squares += (share - truth) * (share - truth);
+      ++num;
+      if (truth > 0.02) {
+        const double cosine = dot(normalized(felt.measure_W.force), solid.normal);
+        angle += std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / kPi;
+        ++num_angles;
+      }
+      if (i > 0) {
+        jump = std::max(jump, std::abs(share - last_felt));
+        true_jump = std::max(true_jump, std::abs(truth - last_true));
+      }
+      last_felt = share;
+      last_true = truth;
+    }
+  }
+  std::printf("error,%s,%d,%.3f,%.3f,%.3f,%.3f,,,,,\n", solid.name.c_str(), num_cameras,
+              100 * sum / num, 100 * std::sqrt(squares / num), angle / num_angles,
+              jump / true_jump);
+  std::fflush(stdout);
+}
+
+/// Round and round through the surface: net work over all work.
+void loop(const Solid& solid, const Tool& tool, int num_cameras, int num_steps) {
+  const auto query = query_of(tool);
+  const test::HullScene scene = scene_of(solid, cameras_around(num_cameras), kNoise, 7);
+  const Vec3d side = normalized(cross(solid.normal, {0, 1, 0.3}));
+  double net = 0, all = 0;
+  const auto place = [&](int i) {
+    const double a = 2 * kPi * i / num_steps;
+    return solid.touched + 0.02 * std::cos(a) * side - (0.01 + 0.015 * std::sin(a)) * solid.normal;
+  };
+  // Simpson's rule between every second place.
+  for (int i = 0; i < num_steps; i += 2) {
+    const Vec3d way = place(i + 2) - place(i);
+    Vec3d force;
+    for (int k = 0; k < 3; ++k) {
+      const VolumeWrench at = query->measure(scene.views, {place(i + k), {}}).penetration.measure_W;
+      force += (k == 1 ? 4.0 / 6 : 1.0 / 6) * at.force;
+    }
+    net += dot(force, way);
+    all += std::abs(dot(force, way));
+  }
+  std::printf("loop,%s,%d,,,,,%.3g,,,,\n", solid.name.c_str(), num_cameras, std::abs(net) / all);
+  std::fflush(stdout);
+}
+
+/// Microseconds of a query of one thread.
+void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds) {
+  using Clock = std::chrono::steady_clock;
+  const auto query = query_of(tool);
+  const test::HullScene scene = scene_of(solids()[0], cameras_around(num_cameras), kNoise, 1);
+  std::vector<CameraView> views = scene.views;
+  // Alone, a camera is not asked what it has seen to be free.
+  if (num_cameras == 1) views[0].surface.to.seen_free = views[0].surface.from.seen_free = {};
+  test::Random random(3);
+  std::vector<Pose> poses;
+  for (int i = 0; i < 100; ++i) {
+    const double x = random.uniform(-0.1, 0.1), y = random.uniform(-0.1, 0.1);
+    poses.push_back({{x, y, 1 - 0.8 * kToolRadius}, random.rotation(3)});
+  }
+  std::vector<double> times;
+  const auto begin = Clock::now();
+  for (std::size_t i = 0;
+       times.size() < 50 || Clock::now() - begin < std::chrono::duration<double>(seconds); ++i) {
+    const auto start = Clock::now();
+    query->measure(views, poses[i % poses.size()], {.stiffness = with_stiffness});
+    times.push_back(std::chrono::duration<double, std::micro>(Clock::now() - start).count());
+  }
+  std::sort(times.begin(), times.end());
+  const auto at = [&](double share) {
+    return times[static_cast<std::size_t>(share * static_cast<double>(times.size() - 1))];
+  };
+  std::printf("cost,%zu spheres%s,%d,,,,,,%.1f,%.1f,%.1f,%.1f\n", tool.spheres().size(),
+              with_stiffness ? " with stiffness" : "", num_cameras, at(0.5), at(0.99), at(0.999),
+              times.back());
+  std::fflush(stdout);
+}
+
+void run(bool is_quick) {
+  const Tool tool = test::ball_tool(kToolRadius, 5000);
+  std::puts(
+      "kind,case,cameras,volume_mean_percent,volume_rms_percent,direction_degrees,jump_over_exact,"
+      "loop_net_work,median_us,p99_us,p99.9_us,max_us");
+  for (const Solid& solid : solids()) {
+    for (const int num : {1, 2, 3, 4}) press(solid, tool, num, is_quick ? 4 : 10);
+  }
+  for (const Solid& solid : solids()) {
+    for (const int num : {1, 2, 3}) loop(solid, tool, num, is_quick ? 200 : 4000);
+  }
+  for (const bool with_stiffness : {false, true}) {
+    for (const int num : {1, 2, 3, 4}) cost(tool, num, with_stiffness, is_quick ? 0.1 : 2);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  palpate::bench::run(argc > 1 && std::strcmp(argv[1], "--quick") == 0);
+}

@@ -1,0 +1,84 @@
+// What depth fields say to a vector of elements. Included by kernel files only.
+#pragma once
+
+#include "src/contact/field/field_lanes.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+using Gradient = ImageGradient<VecF>;
+using Curvature = ImageCurvature<VecF>;
+
+constexpr int kNumVectors = kSize / kLanes;  // of a cluster
+
+// Where the elements of a vector are.
+struct Lanes {
+  VecF lx, ly, lz;      // from C, in W
+  VecF from_u, from_v;  // pixels of level 0 from the principal point
+  VecF depth, inverse_depth, radius;
+};
+
+[[gnu::always_inline]] inline Lanes aim(const MeasureJob& job, const Grid& grid, std::size_t slot) {
+  const SphereClusters& c = *job.clusters;
+  const VecF x_T = load(&c.x[slot]), y_T = load(&c.y[slot]), z_T = load(&c.z[slot]);
+  const auto rotated = [&](const float(&row)[3]) {
+    return row[0] * x_T + row[1] * y_T + row[2] * z_T;
+  };
+  Lanes e;
+  e.lx = rotated(job.frame.R_WT[0]);
+  e.ly = rotated(job.frame.R_WT[1]);
+  e.lz = rotated(job.frame.R_WT[2]);
+  e.depth = max(e.lz + job.frame.p_WC[2], splat(kLeastDepth));
+  e.inverse_depth = 1.0f / e.depth;
+  e.from_u = grid.fx * (e.lx + job.frame.p_WC[0]) * e.inverse_depth;
+  e.from_v = grid.fy * (e.ly + job.frame.p_WC[1]) * e.inverse_depth;
+  e.radius = load(job.radius + slot);
+  return e;
+}
+
+[[gnu::always_inline]] inline Gradient& first_of(Gradient& g) { return g; }
+[[gnu::always_inline]] inline Gradient& first_of(Curvature& c) { return c.first; }
+
+[[gnu::always_inline]] inline Look look_of(const Grid& grid, const Lanes& e, VecF radius) {
+  return look_at(grid, e.from_u + grid.cx, e.from_v + grid.cy, e.inverse_depth, radius);
+}
+
+// What the fields say to elements of a vector.
+template <class Sample, int kFields>
+struct Answer {
+  Sample samples[kFields];
+  VecI is_touching[kFields];  // before the camera and nearer to the surface than a radius
+
+  [[gnu::always_inline]] bool is_free() const {
+    VecI any = is_touching[0];
+    for (int k = 1; k < kFields; ++k) any |= is_touching[k];
+    return mask_bits(any) == 0;
+  }
+};
+
+// What lies deep asks wider pixels, too.
+template <class Sample, int kFields>
+[[gnu::always_inline]] inline void ask_deeper(const Grid& grid, const Pixels (&fields)[kFields],
+                                              const Lanes& e, Answer<Sample, kFields>& answer) {
+  VecF asked = e.radius;
+  for (int step = 0; step < kMostDeepSteps; ++step) {
+    VecI is_deep[kFields], any{};
+    for (int k = 0; k < kFields; ++k) {
+      is_deep[k] = answer.is_touching[k] & (first_of(answer.samples[k]).phi < -deep_limit(asked));
+      any |= is_deep[k];
+    }
+    if (mask_bits(any) == 0) break;
+    const Look look = look_of(grid, e, asked * kDeepGrowth);
+    for (int k = 0; k < kFields; ++k) {
+      if (kFields > 1 && mask_bits(is_deep[k]) == 0) continue;
+      Sample& known = answer.samples[k];
+      Sample wide = ask_field<Sample>(grid, fields[k], look, e.depth, e.inverse_depth);
+      known = chosen(is_deep[k],
+                     deepened(known, wide, first_of(known).phi, first_of(wide).phi, asked), known);
+    }
+    asked *= kDeepGrowth;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

@@ -1,0 +1,114 @@
+// What the elements of a group add to the measure, and how they are cut, as many at once as a
+// vector has lanes. Included by kernel files only.
+#pragma once
+
+#include "src/contact/field/field_answers.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+// Sums of one group.
+struct Totals {
+  RowSums volume, potential, fx, fy, fz, tx, ty, tz, boundary, inside;
+
+  FieldSums sums() const {
+    return {volume.total(),
+            potential.total(),
+            {fx.total(), fy.total(), fz.total()},
+            {tx.total(), ty.total(), tz.total()},
+            boundary.total(),
+            inside.total()};
+  }
+};
+
+[[gnu::always_inline]] inline VecF length_of(const Gradient3<VecF>& n) {
+  return sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
+}
+
+// Volumes, energies and forces of a vector of elements; returns the volumes.
+[[gnu::always_inline]] inline VecF add_measure(const MeasureJob& job, std::size_t slot,
+                                               const Lanes& e, VecF phi, VecF factor,
+                                               const Gradient3<VecF>& n, int part, Totals& totals) {
+  const CutBall<VecF> cut = cut_ball(e.radius, factor, phi);
+  const VecF x = cut.volume * n.x, y = cut.volume * n.y, z = cut.volume * n.z;
+  totals.volume.add(part, cut.volume);
+  totals.potential.add(part, cut.potential);
+  totals.fx.add(part, x);
+  totals.fy.add(part, y);
+  totals.fz.add(part, z);
+  totals.tx.add(part, e.ly * z - e.lz * y);
+  totals.ty.add(part, e.lz * x - e.lx * z);
+  totals.tz.add(part, e.lx * y - e.ly * x);
+  const VecF counted = load(job.counted + slot);
+  const VecI is_inside = phi <= -e.radius;
+  totals.inside.add(part, select(is_inside, counted, VecF{}));
+  totals.boundary.add(part, select((phi < e.radius) & ~is_inside, counted, VecF{}));
+  return cut.volume;
+}
+
+/// Of one group, with what the stiffness needs if it is wanted.
+template <bool kWithStiffness>
+struct GroupTotals {
+  Totals totals;
+  RowSums numbers[kWithStiffness ? StiffnessSums::kNum : 1];
+
+  /// Adds a vector of elements, of which some touch the surface: there the field is `phi`, with
+  /// this gradient and these second derivatives in W.
+  [[gnu::always_inline]] void add(const MeasureJob& job, std::size_t slot, const Lanes& e,
+                                  VecI is_touching, VecF field, const Gradient3<VecF>& n,
+                                  const Symmetric<VecF>& h, int part) {
+    const VecF phi = select(is_touching, field, e.radius);
+    const VecF factor = load(job.factor + slot);
+    const VecF length = length_of(n);
+    const Gradient3<VecF> shortened = bounded(n, length);
+    const VecF volume = add_measure(job, slot, e, phi, factor, shortened, part, totals);
+    if constexpr (kWithStiffness) {
+      const VecF disc =
+          factor * (static_cast<float>(kPi) * max(e.radius * e.radius - phi * phi, VecF{}));
+      VecF terms[StiffnessSums::kNum];
+      stiffness_terms<VecF>({e.lx, e.ly, e.lz}, volume, disc,
+                            polar_moment<VecF>(e.radius, factor, phi), shortened,
+                            bounded(h, n, length), terms);
+      for (int i = 0; i < StiffnessSums::kNum; ++i) numbers[i].add(part, terms[i]);
+    }
+  }
+
+  void write(GroupSums& to) const {
+    to.measure = totals.sums();
+    if constexpr (kWithStiffness) {
+      for (int i = 0; i < StiffnessSums::kNum; ++i) to.stiffness.numbers[i] = numbers[i].total();
+    }
+  }
+};
+
+/// Writes how the spheres of a vector of elements are cut that touch a surface: at `phi` from their
+/// centres, with the gradient n in W.
+inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, VecI is_touching,
+                     VecF phi, const Gradient3<VecF>& n, const SphereCuts& to) {
+  const SphereClusters& clusters = *job.clusters;
+  const VecF length = max(length_of(n), splat(1e-20f));
+  const VecF c_C[3] = {load(&clusters.x[first]), load(&clusters.y[first]),
+                       load(&clusters.z[first])};
+  VecF along = -phi, n_T[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto& R_WT = job.frame.R_WT;
+    n_T[axis] = (R_WT[0][axis] * n.x + R_WT[1][axis] * n.y + R_WT[2][axis] * n.z) / length;
+    along += n_T[axis] * (c_C[axis] + to.p_TC[axis]);
+  }
+  const VecI is_counted = is_touching & (load(job.counted + first) > VecF{});
+  for (std::uint32_t bits = mask_bits(is_counted); bits != 0; bits &= bits - 1) {
+    const int lane = __builtin_ctz(bits);
+    // An element that is counted has the number of its sphere.
+    const auto id =
+        static_cast<std::size_t>(clusters.sphere_id[first + static_cast<std::size_t>(lane)]);
+    if (to.states != nullptr) {
+      to.states[id] = phi[lane] > -e.radius[lane] ? SphereState::boundary : SphereState::inside;
+    }
+    if (to.planes != nullptr) {
+      to.planes[id] = {{n_T[0][lane], n_T[1][lane], n_T[2][lane]}, along[lane]};
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

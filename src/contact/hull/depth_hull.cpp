@@ -1,0 +1,127 @@
+#include "src/contact/hull/depth_hull.h"
+
+#include <algorithm>
+
+#include "src/contact/blend.h"
+#include "src/core/select_isa.h"
+
+namespace palpate {
+PALPATE_DECLARE_KERNELS(void measure_hull_group(const HullJob&, int group, bool with_stiffness,
+                                                GroupSums* sums);
+                        void describe_hull_group(const HullJob&, int group, const SphereCuts& to);
+                        constexpr DepthHullKernels kDepthHull{measure_hull_group,
+                                                              describe_hull_group};)
+
+namespace {
+
+constexpr DepthHullKernels kKernels[] = PALPATE_BY_ISA(kDepthHull);
+
+bool has_both(const SurfaceView& surface) {
+  return surface.field.num_levels > 0 && surface.seen_free.num_levels > 0;
+}
+
+/// Has the camera measured wherever elements look that are at most `reach` from p_C, also those
+/// that lie deep and ask the widest pixels? There its two fields are one.
+bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double reach) {
+  constexpr int kReach = 6;  // pixels around one that a sphere is seen in, of the widest level
+  const DepthFieldView& field = seen_free.fields[0];
+  const int width = field.levels[0].width, height = field.levels[0].height;
+  if (!(p_C.z - reach > static_cast<double>(kLeastDepth))) return false;
+  const PixelWindow window = asked_window(field.intrinsics, width, height, p_C, reach)
+                                 .grown(kReach << (field.num_levels - 1));
+  if (window.left < 0 || window.top < 0 || window.right > width || window.bottom > height) {
+    return false;
+  }
+  constexpr int kTile = DepthFieldView::kTileSize;
+  for (int v = window.top / kTile; v <= (window.bottom - 1) / kTile; ++v) {
+    for (int u = window.left / kTile; u <= (window.right - 1) / kTile; ++u) {
+      for (int f = 0; f < seen_free.num_fields; ++f) {
+        const DepthTile& tile = seen_free.fields[f].tiles[v * field.tiles_wide + u];
+        if (!(tile.nearest > kLeastDepth)) return false;
+      }
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+DepthHull::DepthHull(const FieldElements& elements, const Vec3d& p_TC, Isa isa)
+    : elements_(&elements),
+      p_TC_(p_TC),
+      kernels_(select_isa(kKernels, isa)),
+      group_sums_(static_cast<std::size_t>(elements.clusters.num_groups())) {}
+
+// Those that show something go into the job.
+ContactStatus DepthHull::take(std::span<const CameraView> cameras, const Pose& X_WT) {
+  HullJob& job = *job_;
+  job.tool = measure_job(*elements_);
+  job.tool.frame = frame_of({}, X_WT, p_TC_);
+  job.num_cameras = 0;
+  job.may_be_unseen = true;
+  for (const CameraView& view : cameras) {
+    const auto& [from, to, progress] = view.surface;
+    if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
+    if (!has_both(to)) return StepStatus::no_surface;
+    const Quaternion q_WC = normalized(view.X_WC.rotation);
+    const Pose X_CT = inverse({view.X_WC.translation, q_WC}) * X_WT;
+    if (is_outside_window(from, to, progress, X_CT * p_TC_, elements_->reach)) {
+      return StepStatus::outside_window;
+    }
+    HullCamera& camera = job.cameras[job.num_cameras++];
+    const bool is_between = progress < 1 && has_both(from) && have_one_grid(from.field, to.field);
+    camera.seen_free = camera.field = measure_job(*elements_);
+    camera.seen_free.fields[0] = to.seen_free;
+    camera.seen_free.fields[1] = from.seen_free;
+    camera.field.fields[0] = to.field;
+    camera.field.fields[1] = from.field;
+    camera.seen_free.num_fields = camera.field.num_fields = is_between ? 2 : 1;
+    camera.progress = static_cast<float>(progress);
+    camera.seen_free.frame = camera.field.frame = frame_of(to.field.intrinsics, X_CT, p_TC_);
+    if (job.may_be_unseen &&
+        has_measured_around(camera.seen_free, X_CT * p_TC_, elements_->reach)) {
+      job.may_be_unseen = false;
+    }
+    const Mat3d R_WC = rotation_matrix(q_WC);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        camera.R_WC[row][column] = static_cast<float>(R_WC.m[row][column]);
+      }
+    }
+  }
+  return job.num_cameras > 0 ? StepStatus::ok : StepStatus::no_surface;
+}
+
+ContactResult DepthHull::measure(std::span<const CameraView> cameras, const Pose& X_WT,
+                                 const ContactWants& wants, ThreadPool& pool) {
+  const ContactStatus status = take(cameras, X_WT);
+  if (status.is_unmeasured()) {
+    ContactResult result = unmeasured(StepStatus::ok, wants, true);
+    result.penetration.status = status;
+    return result;
+  }
+  const int num_groups = elements_->clusters.num_groups();
+  pool.parallel_for(num_groups, [&](int group) {
+    kernels_.measure_group(*job_, group, wants.stiffness,
+                           &group_sums_[static_cast<std::size_t>(group)]);
+  });
+  GroupSums sums;
+  for (const GroupSums& group : group_sums_) {
+    sums.measure.add(group.measure);
+    if (wants.stiffness) sums.stiffness.add(group.stiffness);
+  }
+  ContactResult result{sums.measure.penetration(), {}, {}};
+  if (wants.stiffness) {
+    result.stiffness = sums.stiffness.stiffness();
+    result.moments = sums.stiffness.moments();
+  }
+  if (wants.states.empty() && wants.planes.empty()) return result;
+  std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
+  std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
+  const Vec3f p_TC = to_float(p_TC_);
+  const SphereCuts cuts{wants.states.data(), wants.planes.data(), {p_TC.x, p_TC.y, p_TC.z}};
+  pool.parallel_for(num_groups, [&](int group) { kernels_.describe_group(*job_, group, cuts); });
+  return result;
+}
+
+}  // namespace palpate

@@ -1,0 +1,55 @@
+// The field method against several cameras at once, on a CPU.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "src/contact/field/field_contact.h"
+
+namespace palpate {
+
+/// A camera as the elements of a tool look at it.
+struct HullCamera {
+  /// With the pose of the tool in the camera; both of its fields, the newer one first.
+  MeasureJob seen_free, field;
+  float R_WC[3][3] = {};
+  float progress = 1;  ///< from the older to the newer one
+};
+
+/// What a query asks of each group of clusters.
+struct HullJob {
+  MeasureJob tool;  ///< without fields; the pose in the world
+  HullCamera cameras[kMostCameras];
+  int num_cameras = 0;
+  /// No camera has measured all around the tool: `field` has to be asked, too.
+  bool may_be_unseen = true;
+};
+
+/// As FieldContactKernels.
+struct DepthHullKernels {
+  void (*measure_group)(const HullJob&, int group, bool with_stiffness, GroupSums* sums);
+  void (*describe_group)(const HullJob&, int group, const SphereCuts& to);
+};
+
+/// Measures one tool against several cameras.
+class DepthHull {
+ public:
+  DepthHull(const FieldElements& elements, const Vec3d& p_TC, Isa isa);
+
+  /// See ContactQuery::measure; the pose is finite, with a unit quaternion.
+  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+                        const ContactWants& wants, ThreadPool& pool);
+
+ private:
+  ContactStatus take(std::span<const CameraView> cameras, const Pose& X_WT);
+
+  const FieldElements* elements_;
+  Vec3d p_TC_;  // centre of mass
+  DepthHullKernels kernels_;
+  // Scratch.
+  std::unique_ptr<HullJob> job_ = std::make_unique<HullJob>();
+  std::vector<GroupSums> group_sums_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,389 @@
+#include "src/contact/hull/depth_hull_cuda.h"
+
+#include <algorithm>
+#include <type_traits>
+
+#include "src/contact/blend.h"
+#include "src/contact/cuda/finish_measure.cuh"
+#include "src/contact/field/field_elements_cuda.cuh"
+#include "src/contact/hull/hull_rules.h"
+
+namespace palpate {
+
+// A camera as the kernel looks at it: both of its fields, the newer one first.
+struct HullEye {
+  FieldLook seen_free[2], field[2];
+  float R_WC[3][3] = {};
+  float progress = 1;
+  std::int32_t num_fields = 1;
+};
+
+// The argument of the kernel. Few cameras make it short.
+constexpr int kFewCameras = 4;
+template <int kMost>
+struct HullQuery {
+  ElementsView elements;
+  FieldFrame tool;  ///< its pose in the world
+  std::int32_t num_cameras = 0;
+  bool skips_clusters = false;  ///< those in front: pays if warps have several
+  HullEye eyes[kMost];
+};
+
+namespace {
+
+template <class Sample>
+using InSpace = std::conditional_t<std::is_same_v<Sample, Curvature>, SpaceCurvature<float>,
+                                   SpaceGradient<float>>;
+
+// A point of the tool, from C, in a frame that the tool has a pose in.
+struct Ball {
+  float x, y, z, radius;
+};
+__device__ inline void place(const FieldFrame& frame, const Ball& ball, float (&p)[3]) {
+  for (int row = 0; row < 3; ++row) {
+    const float(&r)[3] = frame.R_WT[row];
+    p[row] = r[0] * ball.x + r[1] * ball.y + r[2] * ball.z + frame.p_WC[row];
+  }
+}
+
+// In the world, limited.
+template <class Sample>
+__device__ InSpace<Sample> in_world(const HullEye& eye, const ElementLook& at, const Sample& sample,
+                                    float radius) {
+  const FieldFrame& frame = eye.field[0].frame;
+  const Gradient& g = first_of(sample);
+  const Gradient3<float> n =
+      turned(eye.R_WC, to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
+  const SpaceGradient<float> first{g.phi, n.x, n.y, n.z};
+  const Curved<float> limit = limited(g.phi, radius);
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    const Symmetric<float> h =
+        hessian_in_space(sample, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
+    return composed(limit, SpaceCurvature<float>{first, turned(eye.R_WC, h)});
+  } else {
+    return composed(limit, first);
+  }
+}
+
+// What a field of a camera says between the camera's two moments; behind the camera all is free.
+template <class Sample>
+__device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
+                                   const float (&p)[3], float radius, bool may_be_deep) {
+  InSpace<Sample> now{};
+  if (!(p[2] > kLeastDepth)) {
+    set(now, SpaceGradient<float>{free_limit(radius)});
+    return now;
+  }
+  const ElementLook at = look_at(eye.field[0].frame, p);
+#pragma unroll 1
+  for (int f = 0; f < eye.num_fields; ++f) {
+    const Sample sample =
+        may_be_deep ? ask_deep<Sample>(fields[f], at, radius)
+                    : ask_field<Sample>(fields[f], at.u, at.v, at.depth, at.inverse_depth, radius);
+    const InSpace<Sample> here = in_world(eye, at, sample, radius);
+    now = f == 0 ? here : plus(here, eye.progress, plus(now, -1.0f, here));
+  }
+  return now;
+}
+
+// What the cameras together say about a ball; false if one of them sees that it is free. As the
+// kernel for CPUs (hull_kernel.cpp).
+template <class Sample, int kMost>
+__device__ bool hull_of(const HullQuery<kMost>& query, const Ball& ball, InSpace<Sample>& hull,
+                        float& seen_phi) {
+  const float radius = ball.radius;
+  const HullWidth<float> width = hull_width(radius);
+  float shallowest = -1e9f;
+  bool is_between = false;
+#pragma unroll 1
+  for (int k = 0; k < query.num_cameras; ++k) {
+    const HullEye& eye = query.eyes[k];
+    float p[3];
+    place(eye.field[0].frame, ball, p);
+    const float phi = between<Gradient>(eye, eye.seen_free, p, radius, false).phi;
+    const float before = p[2] - kLeastDepth, now = phi < before ? phi : before;
+    if (now > radius + free_margin(query.num_cameras, radius)) return false;
+    shallowest = now > shallowest ? now : shallowest;
+    is_between = is_between || eye.num_fields > 1;
+  }
+  // Who is deep and not the least deep one need not look farther: that does not change the maximum.
+  const bool may_be_deep = is_between || shallowest < agreement(radius) - deep_limit(radius);
+#pragma unroll 1
+  for (int k = 0; k < query.num_cameras; ++k) {
+    const HullEye& eye = query.eyes[k];
+    float p[3];
+    place(eye.field[0].frame, ball, p);
+    InSpace<Sample> plane{};
+    set(plane,
+        SpaceGradient<float>{p[2] - kLeastDepth, eye.R_WC[0][2], eye.R_WC[1][2], eye.R_WC[2][2]});
+    const InSpace<Sample> seen =
+        lesser_of(between<Sample>(eye, eye.seen_free, p, radius, may_be_deep), plane, width);
+    hull = k == 0 ? seen : agreed(hull, seen, agreement(radius));
+  }
+  seen_phi = first_of(hull).phi;
+  if (!(seen_phi < radius)) return true;
+  const float later = agreement(radius);
+  InSpace<Sample> least{};
+#pragma unroll 1
+  for (int k = 0; k < query.num_cameras; ++k) {
+    const HullEye& eye = query.eyes[k];
+    float p[3];
+    place(eye.field[0].frame, ball, p);
+    const InSpace<Sample> here = between<Sample>(eye, eye.field, p, radius, true);
+    least = k == 0 ? here : lesser_of(least, here, width);
+    if (!(first_of(least).phi - later > seen_phi - width.w)) return true;
+  }
+  InSpace<Sample> shift{};
+  set(shift, SpaceGradient<float>{-later});
+  hull = greater_of(hull, plus(least, 1.0f, shift), width);
+  return true;
+}
+
+// Does the camera see that all elements in a ball are well in front of everything? The warp
+// together.
+__device__ bool sees_free(const HullEye& eye, const Cluster& ball, float largest_radius) {
+  const FieldLook& newer = eye.seen_free[0];
+  const BallWindow window =
+      window_of(newer.frame, ball, largest_radius, newer.tiles_wide, newer.tiles_high);
+  if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
+      window.last_u > newer.width - 1.0f || window.last_v > newer.height - 1.0f) {
+    return false;
+  }
+  for (int f = 0; f < eye.num_fields; ++f) {
+    if (!is_in_front(eye.seen_free[f], ball, largest_radius)) return false;
+  }
+  return true;
+}
+template <int kMost>
+__device__ bool is_seen_free(const HullQuery<kMost>& query, int cluster) {
+  const float largest = query.elements.largest_radius[cluster];
+  const float radius = largest + free_margin(query.num_cameras, largest);
+  for (int k = 0; k < query.num_cameras; ++k) {
+    if (sees_free(query.eyes[k], query.elements.clusters[cluster], radius)) return true;
+  }
+  return false;
+}
+
+template <class Sample>
+constexpr std::size_t kSharedBytes = std::is_same_v<Sample, Curvature>
+                                         ? sizeof(FinishStiffnessScratch)
+                                         : sizeof(FinishScratch);
+
+template <int kMost, class Sample>
+__global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
+    measure_hull_elements(const __grid_constant__ HullQuery<kMost> query,
+                          const __grid_constant__ MeasureOutput out) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  const ElementsView& elements = query.elements;
+  FieldShare share;
+  StiffnessShare stiffness;
+  const int num_warps = gpu::grid_threads() / gpu::kWarpSize;
+  for (int cluster = gpu::grid_thread() / gpu::kWarpSize; cluster < elements.num_clusters;
+       cluster += num_warps) {
+    if (query.skips_clusters && is_seen_free(query, cluster)) continue;
+    const ElementBall ball = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
+    const Element element = element_of(elements, cluster, query.tool);
+    InSpace<Sample> hull{};
+    float seen_phi = 0;
+    if (!hull_of<Sample>(query, {ball.x, ball.y, ball.z, ball.radius}, hull, seen_phi)) continue;
+    if (seen_phi < -static_cast<float>(kSeenBehind)) {
+      share.unseen += element.factor *
+                      (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
+    }
+    const SpaceGradient<float>& g = first_of(hull);
+    if (!(g.phi < ball.radius)) continue;
+    Symmetric<float> h{};
+    if constexpr (kWithStiffness) h = hull.h;
+    add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, share, &stiffness);
+  }
+  MeasureTerms mine;
+  add_share(share, mine);
+  if constexpr (kWithStiffness) {
+    finish_measure(out, mine, stiffness.numbers, gpu::shared_memory<FinishStiffnessScratch>());
+  } else {
+    finish_measure(out, mine, gpu::shared_memory<FinishScratch>());
+  }
+}
+
+template <int kMost>
+__global__ void describe_hull(const __grid_constant__ HullQuery<kMost> query, const Vec3f p_TC,
+                              const Sphere* spheres, int num, SphereCutsOnGpu to) {
+  for (int id = gpu::grid_thread(); id < num; id += gpu::grid_threads()) {
+    const Sphere sphere = spheres[id];
+    const Vec3f c = sphere.centre - p_TC;
+    SpaceGradient<float> g;
+    float seen_phi = 0;
+    to.states[id] = SphereState::outside;
+    to.planes[id] = {};
+    const bool is_free = !hull_of<Gradient>(query, {c.x, c.y, c.z, sphere.radius}, g, seen_phi);
+    if (is_free || !(g.phi < sphere.radius)) continue;
+    to.states[id] = g.phi > -sphere.radius ? SphereState::boundary : SphereState::inside;
+    const float(&R)[3][3] = query.tool.R_WT;
+    const Vec3f along{R[0][0] * g.x + R[1][0] * g.y + R[2][0] * g.z,
+                      R[0][1] * g.x + R[1][1] * g.y + R[2][1] * g.z,
+                      R[0][2] * g.x + R[1][2] * g.y + R[2][2] * g.z};
+    const float length = norm(along);
+    const Vec3f n = along * (1.0f / (length > 1e-20f ? length : 1e-20f));
+    to.planes[id] = {n, dot(n, sphere.centre) - g.phi};
+  }
+}
+
+int blocks_over(int num_threads, int threads) { return (num_threads + threads - 1) / threads; }
+
+template <class Sample>
+int num_blocks(int gpu, int num_clusters) {
+  constexpr int kThreads = kThreadsOf<Sample>;
+  const auto most = [gpu](auto* kernel) {
+    return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), kThreads,
+                                kSharedBytes<Sample>);
+  };
+  const int resident = std::min(most(measure_hull_elements<kFewCameras, Sample>),
+                                most(measure_hull_elements<kMostCameras, Sample>));
+  return std::max(1,
+                  std::min(blocks_over(num_clusters * SphereClusters::kSize, kThreads), resident));
+}
+
+}  // namespace
+
+// All that a query asks, but the tool.
+struct DepthHullCuda::Views {
+  HullEye eyes[kMostCameras];
+  int num = 0;
+  FieldFrame tool;
+};
+
+DepthHullCuda::DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_spheres, int gpu)
+    : tool_(tool),
+      p_TC_(p_TC),
+      num_spheres_(num_spheres),
+      answers_(gpu, num_blocks<Gradient>(gpu, tool.elements.num_clusters)),
+      stiffness_answers_(gpu, num_blocks<Curvature>(gpu, tool.elements.num_clusters),
+                         AnswerBox::kMostNumbers) {
+  for (int i = 0; i < 2 * kMostCameras; ++i) copies_.emplace_back(gpu);
+}
+
+const Status& DepthHullCuda::status() const {
+  return answers_.status() ? stiffness_answers_.status() : answers_.status();
+}
+
+ContactStatus DepthHullCuda::take(std::span<const CameraView> cameras, const Pose& X_WT,
+                                  gpu::Stream& stream, Views& views) noexcept {
+  views.tool = frame_of({}, X_WT, p_TC_);
+  std::size_t number = 0;
+  for (const CameraView& view : cameras) {
+    GpuFields &seen_free = copies_[2 * number], &field = copies_[2 * number + 1];
+    ++number;
+    const auto& [from, to, progress] = view.surface;
+    if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
+    if (to.seen_free.num_levels == 0) return StepStatus::no_surface;
+    const Quaternion q_WC = normalized(view.X_WC.rotation);
+    const Pose X_CT = inverse({view.X_WC.translation, q_WC}) * X_WT;
+    if (is_outside_window(from, to, progress, X_CT * p_TC_, tool_.reach)) {
+      return StepStatus::outside_window;
+    }
+    const FieldFrame frame = frame_of(to.field.intrinsics, X_CT, p_TC_);
+    const auto look = [&](GpuFields& copies, const DepthFieldView& of) {
+      return look_of(copies.on_gpu(of, stream), frame, 1);
+    };
+    HullEye& eye = views.eyes[views.num++];
+    eye.num_fields =
+        progress < 1 && from.seen_free.num_levels > 0 && have_one_grid(from.field, to.field) ? 2
+                                                                                             : 1;
+    eye.progress = static_cast<float>(progress);
+    if (eye.num_fields == 2) {
+      eye.seen_free[1] = look(seen_free, from.seen_free);
+      eye.field[1] = look(field, from.field);
+    }
+    eye.seen_free[0] = look(seen_free, to.seen_free);
+    eye.field[0] = look(field, to.field);
+    const Mat3d R_WC = rotation_matrix(q_WC);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        eye.R_WC[row][column] = static_cast<float>(R_WC.m[row][column]);
+      }
+    }
+  }
+  return views.num > 0 ? StepStatus::ok : StepStatus::no_surface;
+}
+
+namespace {
+
+template <int kMost, class Views>
+HullQuery<kMost> query_of(const Views& views, const ElementsView& elements) {
+  HullQuery<kMost> query;
+  query.elements = elements;
+  query.tool = views.tool;
+  query.num_cameras = views.num;
+  std::copy_n(views.eyes, views.num, query.eyes);
+  return query;
+}
+
+}  // namespace
+
+template <int kMost, class Sample>
+bool DepthHullCuda::launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept {
+  HullQuery<kMost> query = query_of<kMost>(views, tool_.elements);
+  constexpr int kThreads = kThreadsOf<Sample>;
+  query.skips_clusters =
+      tool_.elements.num_clusters > answers.num_blocks() * kThreads / gpu::kWarpSize;
+  gpu::launch(
+      stream,
+      {.blocks = answers.num_blocks(), .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},
+      measure_hull_elements<kMost, Sample>, query, answers.next());
+  return answers.await(stream);
+}
+
+template <int kMost>
+void DepthHullCuda::describe(const Views& views, const ContactWants& wants,
+                             const SphereCutsOnGpu& cuts, gpu::Stream& stream) noexcept {
+  constexpr int kThreads = 128, kMostBlocks = 1024;
+  const int blocks = std::min(blocks_over(num_spheres_, kThreads), kMostBlocks);
+  gpu::launch(stream, {.blocks = std::max(1, blocks), .threads = kThreads}, describe_hull<kMost>,
+              query_of<kMost>(views, tool_.elements), to_float(p_TC_), tool_.spheres, num_spheres_,
+              cuts);
+  if (!wants.states.empty()) {
+    stream.copy(wants.states.data(), cuts.states, wants.states.size_bytes());
+  }
+  if (!wants.planes.empty()) {
+    stream.copy(wants.planes.data(), cuts.planes, wants.planes.size_bytes());
+  }
+  stream.wait();
+}
+
+ContactResult DepthHullCuda::measure(std::span<const CameraView> cameras, const Pose& X_WT,
+                                     const ContactWants& wants, const SphereCutsOnGpu& cuts,
+                                     gpu::Stream& stream) noexcept {
+  Views views;
+  const ContactStatus status = take(cameras, X_WT, stream, views);
+  if (status.is_unmeasured()) {
+    ContactResult result = unmeasured(StepStatus::ok, wants, true);
+    result.penetration.status = status;
+    return result;
+  }
+  const bool is_few = views.num <= kFewCameras;
+  AnswerBox& answers = wants.stiffness ? stiffness_answers_ : answers_;
+  bool is_answered = false;
+  if (wants.stiffness) {
+    is_answered = is_few ? launch<kFewCameras, Curvature>(views, answers, stream)
+                         : launch<kMostCameras, Curvature>(views, answers, stream);
+  } else {
+    is_answered = is_few ? launch<kFewCameras, Gradient>(views, answers, stream)
+                         : launch<kMostCameras, Gradient>(views, answers, stream);
+  }
+  if (!is_answered) return unmeasured(StepStatus::backend_failed, wants, true);
+  ContactResult result{answers.answer().penetration(), {}, {}};
+  if (wants.stiffness) {
+    const StiffnessSums sums = answers.stiffness();
+    result.stiffness = sums.stiffness();
+    result.moments = sums.moments();
+  }
+  if (wants.states.empty() && wants.planes.empty()) return result;
+  if (is_few) {
+    describe<kFewCameras>(views, wants, cuts, stream);
+  } else {
+    describe<kMostCameras>(views, wants, cuts, stream);
+  }
+  return result;
+}
+
+}  // namespace palpate

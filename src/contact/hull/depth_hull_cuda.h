@@ -1,0 +1,53 @@
+// The field method against several cameras at once, on a GPU: one launch.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "src/contact/cuda/gpu_field.h"
+#include "src/contact/cuda/query_answer.h"
+#include "src/contact/field/felt_tool_cuda.h"
+#include "src/gpu/runtime.h"
+
+namespace palpate {
+
+/// Where a description goes on the GPU, a place for each sphere of the tool.
+struct SphereCutsOnGpu {
+  SphereState* states = nullptr;
+  Plane<float>* planes = nullptr;  ///< in T
+};
+
+/// Measures one tool against several cameras, as DepthHull, to 1e-5 of its results. All memory is
+/// allocated at construction, but that of copies of fields that lie elsewhere.
+class DepthHullCuda {
+ public:
+  DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_spheres, int gpu);
+
+  /// See ContactQuery::measure; the pose is finite, with a unit quaternion.
+  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+                        const ContactWants& wants, const SphereCutsOnGpu& cuts,
+                        gpu::Stream& stream) noexcept;
+
+  /// The first failure.
+  const Status& status() const;
+
+ private:
+  struct Views;
+
+  ContactStatus take(std::span<const CameraView> cameras, const Pose& X_WT, gpu::Stream& stream,
+                     Views& views) noexcept;
+  template <int kMost, class Sample>
+  bool launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept;
+  template <int kMost>
+  void describe(const Views& views, const ContactWants& wants, const SphereCutsOnGpu& cuts,
+                gpu::Stream& stream) noexcept;
+
+  FeltTool tool_;
+  Vec3d p_TC_;  // centre of mass
+  int num_spheres_;
+  // Scratch.
+  std::vector<GpuFields> copies_;  // per camera, of what it has seen to be free and of its field
+  AnswerBox answers_, stiffness_answers_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,303 @@
+// Elements against the depth hull of several cameras, compiled once per instruction set.
+#include <limits>
+
+#include "src/contact/field/group_totals.h"
+#include "src/contact/hull/depth_hull.h"
+#include "src/contact/hull/hull_rules.h"
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+template <class Sample>
+using InSpace = std::conditional_t<std::is_same_v<Sample, Curvature>, SpaceCurvature<VecF>,
+                                   SpaceGradient<VecF>>;
+
+[[gnu::always_inline]] inline SpaceGradient<VecF> chosen(VecI condition,
+                                                         const SpaceGradient<VecF>& a,
+                                                         const SpaceGradient<VecF>& b) {
+  return {select(condition, a.phi, b.phi), select(condition, a.x, b.x), select(condition, a.y, b.y),
+          select(condition, a.z, b.z)};
+}
+[[gnu::always_inline]] inline SpaceCurvature<VecF> chosen(VecI condition,
+                                                          const SpaceCurvature<VecF>& a,
+                                                          const SpaceCurvature<VecF>& b) {
+  return {chosen(condition, a.first, b.first),
+          {select(condition, a.h.xx, b.h.xx), select(condition, a.h.xy, b.h.xy),
+           select(condition, a.h.xz, b.h.xz), select(condition, a.h.yy, b.h.yy),
+           select(condition, a.h.yz, b.h.yz), select(condition, a.h.zz, b.h.zz)}};
+}
+
+// A field of a camera, newer and older.
+struct FieldPair {
+  explicit FieldPair(const MeasureJob& job) : grid(job.fields[0]) {
+    for (int f = 0; f < job.num_fields; ++f) pixels[f] = pixels_of(job.fields[f]);
+  }
+
+  Grid grid;
+  Pixels pixels[2];
+};
+
+// A camera, prepared for a group of clusters.
+struct Eye {
+  explicit Eye(const HullCamera& of)
+      : camera(&of), seen_free(of.seen_free), field(of.field), num_fields(of.field.num_fields) {}
+
+  const HullCamera* camera;
+  FieldPair seen_free, field;
+  int num_fields;
+};
+
+// What one camera says about a vector of elements.
+template <class Sample>
+struct EyeAnswer {
+  Lanes lanes;        // in the camera
+  VecF before;        // how far before the camera
+  Sample samples[2];  // of seen_free, not yet of what lies deep
+};
+
+// In the world, limited; `radius` is that of the elements.
+template <class Sample>
+[[gnu::always_inline]] inline InSpace<Sample> in_world(const HullCamera& camera, const Lanes& e,
+                                                       Sample& sample) {
+  const FieldFrame& frame = camera.field.frame;
+  const Gradient& g = first_of(sample);
+  const Gradient3<VecF> n =
+      turned(camera.R_WC, to_space(g, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy));
+  const SpaceGradient<VecF> first{g.phi, n.x, n.y, n.z};
+  const Curved<VecF> limit = limited(g.phi, e.radius);
+  if constexpr (std::is_same_v<Sample, Curvature>) {
+    const Symmetric<VecF> h =
+        hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy);
+    return composed(limit, SpaceCurvature<VecF>{first, turned(camera.R_WC, h)});
+  } else {
+    return composed(limit, first);
+  }
+}
+
+// Between a camera's two moments.
+template <class Space>
+[[gnu::always_inline]] inline Space between(const Eye& eye, const Space (&moments)[2]) {
+  if (eye.num_fields == 1) return moments[0];
+  const VecF progress = splat(eye.camera->progress);
+  return plus(moments[1], progress, plus(moments[0], splat(-1.0f), moments[1]));
+}
+
+// What lies behind the camera is not seen, and what is near its eye is as free as it is before it.
+template <class Space>
+[[gnu::always_inline]] inline Space before_eye(const HullCamera& camera, const Space& seen,
+                                               VecF before, VecF radius) {
+  const VecI is_before = before > VecF{};
+  Space nowhere, plane;
+  set(nowhere, SpaceGradient<VecF>{free_limit(radius)});
+  set(plane, SpaceGradient<VecF>{before, splat(camera.R_WC[0][2]), splat(camera.R_WC[1][2]),
+                                 splat(camera.R_WC[2][2])});
+  return lesser_of(chosen(is_before, seen, nowhere), plane, hull_width(radius));
+}
+
+// Does the camera see that all elements in a ball are well in front of everything?
+bool sees_free(const MeasureJob& job, const Cluster& ball, float largest_radius, float distance) {
+  const DepthFieldView& field = job.fields[0];
+  const BallWindow window =
+      window_of(job.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
+  const auto last_u = static_cast<float>(field.levels[0].width - 1);
+  const auto last_v = static_cast<float>(field.levels[0].height - 1);
+  if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
+      window.last_u > last_u || window.last_v > last_v) {
+    return false;
+  }
+  for (int v = window.top; v <= window.bottom; ++v) {
+    for (int u = window.left; u <= window.right; ++u) {
+      for (int f = 0; f < job.num_fields; ++f) {
+        const DepthTile& tile = job.fields[f].tiles[v * field.tiles_wide + u];
+        if (!is_behind(tile, window.farthest, distance)) return false;
+      }
+    }
+  }
+  return true;
+}
+bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius) {
+  const float distance = largest_radius + free_margin(job.num_cameras, largest_radius);
+  for (int k = 0; k < job.num_cameras; ++k) {
+    if (sees_free(job.cameras[k].seen_free, ball, largest_radius, distance)) return true;
+  }
+  return false;
+}
+
+// What the cameras together say about a vector of elements.
+template <class Sample>
+class Hull {
+ public:
+  using Space = InSpace<Sample>;
+
+  Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
+
+  // False if some camera sees that all elements are free.
+  bool ask(std::size_t slot) {
+    if (!look(slot)) return false;
+    radius_ = answers_[0].lanes.radius;
+    join_seen_free();
+    seen_phi = first_of(hull).phi;
+    join_fields();
+    return true;
+  }
+
+  Space hull;
+  VecF seen_phi;  // of what was seen to be free alone
+
+ private:
+  // Every camera's first answer, until all elements are free by one.
+  bool look(std::size_t slot) {
+    VecI is_free{};
+    shallowest_ = splat(-1e9f);
+    is_between_ = false;
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      const Eye& eye = eyes_[k];
+      const MeasureJob& seen = eye.camera->seen_free;
+      EyeAnswer<Sample>& answer = answers_[k];
+      Lanes& e = answer.lanes = aim(seen, eye.seen_free.grid, slot);
+      answer.before = e.lz + (seen.frame.p_WC[2] - kLeastDepth);
+      const Look look = look_of(eye.seen_free.grid, e, e.radius);
+      VecF phi[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        answer.samples[f] = ask_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
+                                              e.depth, e.inverse_depth);
+        phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
+      }
+      is_between_ |= eye.num_fields > 1;
+      VecF now = phi[0];
+      if (eye.num_fields > 1) {
+        now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
+      }
+      now = min(now, answer.before);
+      shallowest_ = max(shallowest_, now);
+      // Rounding makes the lesser of two no more than this less.
+      is_free |= now > e.radius + free_margin(job_.num_cameras, e.radius);
+      if (mask_bits(~is_free) == 0) return false;
+    }
+    is_felt_ = ~is_free;
+    return true;
+  }
+
+  // The greatest of what the cameras have seen to be free. Who is deep and not the least deep one
+  // need not look farther: that does not change the maximum.
+  void join_seen_free() {
+    const VecF limit = -deep_limit(radius_);
+    const VecI may_be_deep =
+        is_felt_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      const Eye& eye = eyes_[k];
+      EyeAnswer<Sample>& answer = answers_[k];
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        deepen(eye.seen_free, f, answer.lanes, may_be_deep, answer.samples[f]);
+        moments[f] = in_world(*eye.camera, answer.lanes, answer.samples[f]);
+      }
+      const Space seen = before_eye(*eye.camera, between(eye, moments), answer.before, radius_);
+      hull = k == 0 ? seen : agreed(hull, seen, agreement(radius_));
+    }
+  }
+
+  // What holds where no camera looks, as long as all of them say so.
+  void join_fields() {
+    const HullWidth<VecF> width = hull_width(radius_);
+    const VecI is_felt = is_felt_ & (first_of(hull).phi < radius_);
+    if (!job_.may_be_unseen || mask_bits(is_felt) == 0) return;
+    Space least;
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      const Eye& eye = eyes_[k];
+      const Lanes& e = answers_[k].lanes;
+      const Look look = look_of(eye.field.grid, e, radius_);
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        Sample sample =
+            ask_field<Sample>(eye.field.grid, eye.field.pixels[f], look, e.depth, e.inverse_depth);
+        deepen(eye.field, f, e, is_felt, sample);
+        moments[f] = in_world(*eye.camera, e, sample);
+      }
+      Space nowhere;
+      set(nowhere, SpaceGradient<VecF>{free_limit(radius_)});
+      const Space here = chosen(answers_[k].before > VecF{}, between(eye, moments), nowhere);
+      least = k == 0 ? here : lesser_of(least, here, width);
+      const VecI counts =
+          is_felt & (first_of(least).phi - agreement(radius_) > first_of(hull).phi - width.w);
+      if (mask_bits(counts) == 0) return;
+    }
+    Space later;
+    set(later, SpaceGradient<VecF>{-agreement(radius_)});
+    hull = chosen(is_felt, greater_of(hull, plus(least, splat(1.0f), later), width), hull);
+  }
+
+  void deepen(const FieldPair& field, int f, const Lanes& e, VecI which, Sample& sample) {
+    if (mask_bits(which & (first_of(sample).phi < -deep_limit(e.radius))) == 0) return;
+    const Pixels pixels[1] = {field.pixels[f]};
+    Answer<Sample, 1> answer{{sample}, {which}};
+    ask_deeper<Sample, 1>(field.grid, pixels, e, answer);
+    sample = answer.samples[0];
+  }
+
+  const HullJob& job_;
+  const Eye* eyes_;
+  EyeAnswer<Sample> answers_[kMostCameras];
+  VecF shallowest_, radius_;
+  VecI is_felt_;
+  bool is_between_ = false;
+};
+
+/// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements of which no
+/// camera sees that all are free.
+template <class Sample, class F>
+[[gnu::always_inline]] inline void for_felt(const HullJob& job, int group, const F& f) {
+  const SphereClusters& clusters = *job.tool.clusters;
+  const int first = group * SphereClusters::kClustersPerGroup;
+  const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
+  const float largest =
+      *std::max_element(job.tool.largest_radius + first, job.tool.largest_radius + last);
+  if (is_seen_free(job, clusters.groups[static_cast<std::size_t>(group)], largest)) return;
+  alignas(Eye) std::byte memory[kMostCameras * sizeof(Eye)];
+  Eye* const eyes = reinterpret_cast<Eye*>(memory);
+  for (int k = 0; k < job.num_cameras; ++k) new (eyes + k) Eye(job.cameras[k]);
+  Hull<Sample> hull(job, eyes);
+  for (int cluster = first; cluster < last; ++cluster) {
+    const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
+    if (is_seen_free(job, ball, job.tool.largest_radius[cluster])) continue;
+    for (int i = 0; i < kNumVectors; ++i) {
+      const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
+      if (!hull.ask(slot)) continue;
+      f(slot, aim(job.tool, eyes[0].field.grid, slot), hull, i % RowSums::kParts);
+    }
+  }
+}
+
+template <class Sample>
+[[gnu::always_inline]] inline void measure(const HullJob& job, int group, GroupSums* to) {
+  constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
+  GroupTotals<kWithStiffness> totals;
+  RowSums unseen;
+  for_felt<Sample>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
+    const SpaceGradient<VecF>& g = first_of(at.hull);
+    Symmetric<VecF> h;
+    if constexpr (kWithStiffness) h = at.hull.h;
+    totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
+    const VecF whole = load(job.tool.factor + slot) *
+                       (static_cast<float>(4 * kPi / 3) * e.radius * e.radius * e.radius);
+    unseen.add(part, select(at.seen_phi < splat(-static_cast<float>(kSeenBehind)), whole, VecF{}));
+  });
+  totals.write(*to);
+  to->measure.unseen = unseen.total();
+}
+
+}  // namespace
+
+void measure_hull_group(const HullJob& job, int group, bool with_stiffness, GroupSums* sums) {
+  if (with_stiffness) return measure<Curvature>(job, group, sums);
+  measure<Gradient>(job, group, sums);
+}
+
+void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
+  for_felt<Gradient>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
+    const SpaceGradient<VecF>& g = at.hull;
+    describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to);
+  });
+}
+
+}  // namespace palpate::PALPATE_ISA_NAMESPACE

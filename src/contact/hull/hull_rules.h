@@ -1,0 +1,177 @@
+// How several cameras' fields are joined to one: the depth hull
+// (docs/decisions/0029-depth-hull.md). Shared by host and device, for single numbers and vectors of
+// them.
+//
+// Of each camera there are two fields: `seen_free` is positive only where the camera has seen that
+// there is nothing, `field` also where it does not look (UnknownSpace). With both limited to what
+// is well free,
+//
+//   phi = max( agreed over k of seen_free_k,  min over k of field_k - W )
+//
+// a sphere is as deep as the camera says that has it least deep, and where no camera looks what
+// their fields agree on holds. Two cameras that differ by less than W may see one surface with
+// noise: then `agreed` is between their mean and the greater one. Maximum and minimum are rounded
+// over w = kHullCorner radii to each side. So phi is once continuously differentiable as the fields
+// are, and what is W deeper than another camera says has no influence at all.
+#pragma once
+
+#include "src/contact/field/field_element.h"
+
+namespace palpate {
+
+/// In radii: half the width over which two cameras are joined.
+inline constexpr float kHullCorner = 0.1f;
+/// Cameras that differ by less, m, may see the same surface.
+inline constexpr float kAgreement = 0.003f;
+
+/// A field and its derivatives in space.
+template <class Real>
+struct SpaceGradient {
+  Real phi{}, x{}, y{}, z{};
+};
+template <class Real>
+struct SpaceCurvature {
+  SpaceGradient<Real> first{};
+  Symmetric<Real> h{};
+};
+
+template <class Real>
+PALPATE_FORMULA const SpaceGradient<Real>& first_of(const SpaceGradient<Real>& s) {
+  return s;
+}
+template <class Real>
+PALPATE_FORMULA const SpaceGradient<Real>& first_of(const SpaceCurvature<Real>& s) {
+  return s.first;
+}
+/// A field whose second derivatives are zero.
+template <class Real>
+PALPATE_FORMULA void set(SpaceGradient<Real>& to, const SpaceGradient<Real>& s) {
+  to = s;
+}
+template <class Real>
+PALPATE_FORMULA void set(SpaceCurvature<Real>& to, const SpaceGradient<Real>& s) {
+  to = {s, {}};
+}
+
+/// f(s) for a function f of one number.
+template <class Real>
+PALPATE_FORMULA SpaceGradient<Real> composed(const Curved<Real>& f, const SpaceGradient<Real>& s) {
+  return {f.value, f.slope * s.x, f.slope * s.y, f.slope * s.z};
+}
+template <class Real>
+PALPATE_FORMULA SpaceCurvature<Real> composed(const Curved<Real>& f,
+                                              const SpaceCurvature<Real>& s) {
+  const SpaceGradient<Real>& g = s.first;
+  return {composed(f, g),
+          {f.slope * s.h.xx + f.bend * g.x * g.x, f.slope * s.h.xy + f.bend * g.x * g.y,
+           f.slope * s.h.xz + f.bend * g.x * g.z, f.slope * s.h.yy + f.bend * g.y * g.y,
+           f.slope * s.h.yz + f.bend * g.y * g.z, f.slope * s.h.zz + f.bend * g.z * g.z}};
+}
+/// a + t b for a number t.
+template <class Real>
+PALPATE_FORMULA SpaceGradient<Real> plus(const SpaceGradient<Real>& a, Real t,
+                                         const SpaceGradient<Real>& b) {
+  return {a.phi + t * b.phi, a.x + t * b.x, a.y + t * b.y, a.z + t * b.z};
+}
+template <class Real>
+PALPATE_FORMULA SpaceCurvature<Real> plus(const SpaceCurvature<Real>& a, Real t,
+                                          const SpaceCurvature<Real>& b) {
+  return {plus(a.first, t, b.first),
+          {a.h.xx + t * b.h.xx, a.h.xy + t * b.h.xy, a.h.xz + t * b.h.xz, a.h.yy + t * b.h.yy,
+           a.h.yz + t * b.h.yz, a.h.zz + t * b.h.zz}};
+}
+
+/// Derivatives in the world of a field in a camera.
+template <class Real>
+PALPATE_FORMULA Gradient3<Real> turned(const float (&R_WC)[3][3], const Gradient3<Real>& n) {
+  return {R_WC[0][0] * n.x + R_WC[0][1] * n.y + R_WC[0][2] * n.z,
+          R_WC[1][0] * n.x + R_WC[1][1] * n.y + R_WC[1][2] * n.z,
+          R_WC[2][0] * n.x + R_WC[2][1] * n.y + R_WC[2][2] * n.z};
+}
+template <class Real>
+PALPATE_FORMULA Symmetric<Real> turned(const float (&R_WC)[3][3], const Symmetric<Real>& h) {
+  // The columns of R H, row by row.
+  const Gradient3<Real> x = turned(R_WC, Gradient3<Real>{h.xx, h.xy, h.xz});
+  const Gradient3<Real> y = turned(R_WC, Gradient3<Real>{h.xy, h.yy, h.yz});
+  const Gradient3<Real> z = turned(R_WC, Gradient3<Real>{h.xz, h.yz, h.zz});
+  const Gradient3<Real> first = turned(R_WC, Gradient3<Real>{x.x, y.x, z.x});
+  const Gradient3<Real> second = turned(R_WC, Gradient3<Real>{x.y, y.y, z.y});
+  const Gradient3<Real> third = turned(R_WC, Gradient3<Real>{x.z, y.z, z.z});
+  return {first.x, first.y, first.z, second.y, second.z, third.z};
+}
+
+/// Over what a sphere's cameras are joined, and its inverse.
+template <class Real>
+struct HullWidth {
+  Real w, per_w;
+};
+template <class Real>
+PALPATE_FORMULA HullWidth<Real> hull_width(Real radius) {
+  return {kHullCorner * radius, (1.0f / kHullCorner) / radius};
+}
+/// Within what cameras are taken to say the same: W.
+template <class Real>
+PALPATE_FORMULA Real agreement(Real radius) {
+  return kAgreement + 2.0f * kHullCorner * radius;
+}
+/// What so many cameras agree on is at most this less than what each of them says: a ball that is
+/// by more than that free for one camera is free. `agreed` stays up to W 4 / 27 / 2 below the
+/// greater.
+template <class Real>
+PALPATE_FORMULA Real free_margin(int num_cameras, Real radius) {
+  return static_cast<float>(num_cameras - 1) * 0.0741f * agreement(radius);
+}
+/// From there on all is equally free. So what appears in a frame is felt from the beginning of the
+/// way from the last one on, however far behind it was free.
+template <class Real>
+PALPATE_FORMULA Real free_limit(Real radius) {
+  return 2.0f * radius + agreement(radius);
+}
+
+/// The greater one of two, rounded; `Sample` is a SpaceGradient or a SpaceCurvature.
+template <class Sample, class Real>
+PALPATE_FORMULA Sample greater_of(const Sample& a, const Sample& b, const HullWidth<Real>& width) {
+  const Real one = Real{} + 1.0f;
+  const Sample apart = plus(b, -one, a);
+  return plus(a, one,
+              composed(even_corner(first_of(apart).phi + width.w, width.w, width.per_w), apart));
+}
+/// And the lesser one.
+template <class Sample, class Real>
+PALPATE_FORMULA Sample lesser_of(const Sample& a, const Sample& b, const HullWidth<Real>& width) {
+  const Real one = Real{} + 1.0f;
+  const Sample apart = plus(a, -one, b);
+  return plus(a, -one,
+              composed(even_corner(first_of(apart).phi + width.w, width.w, width.per_w), apart));
+}
+
+/// What two cameras say together: the greater one, and where they differ by less than `wide` less
+/// than that, their mean where they say the same. Noise makes the greater of two too great; cameras
+/// that agree shall be better than one.
+template <class Sample, class Real>
+PALPATE_FORMULA Sample agreed(const Sample& a, const Sample& b, Real wide) {
+  const Real one = Real{} + 1.0f;
+  const Sample apart = plus(b, -one, a);
+  const Real d = first_of(apart).phi, size = d < Real{} ? -d : d, per_wide = one / wide;
+  const Real y = size * per_wide, x = y > one ? one : y;
+  const Real beyond = y > one ? size - wide : Real{};
+  const Real sign = d < Real{} ? -one : one;
+  const auto is_bent = x == y;
+  return plus(a, one,
+              composed<Real>({0.5f * (d + wide * x * x * (2.0f - x) + beyond),
+                              0.5f * (one + sign * x * (4.0f - 3.0f * x)),
+                              is_bent ? (2.0f - 3.0f * x) * per_wide : Real{}},
+                             apart));
+}
+
+/// The lesser one of phi and free_limit, by phi.
+template <class Real>
+PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius) {
+  // Nothing changes below 1.75 radii and W, and a ball is free from 1 on.
+  constexpr float kShare = 0.25f;
+  const Real k = kShare * radius;
+  const Curved<Real> above = even_corner(phi - free_limit(radius) + k, k, (1.0f / kShare) / radius);
+  return {phi - above.value, 1.0f - above.slope, -above.bend};
+}
+
+}  // namespace palpate

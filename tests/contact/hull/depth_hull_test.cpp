@@ -1,0 +1,386 @@
+// Several cameras joined: against the definition in double, against exact solids, and against what
+// one camera measures.
+#include "src/contact/hull/depth_hull.h"
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "palpate/contact/contact.h"
+#include "palpate/field/sensor.h"
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/hull_scenes.h"
+#include "tests/test_util/hull_truth.h"
+#include "tests/test_util/random_frame.h"
+
+namespace palpate {
+namespace {
+
+using test::HullScene;
+using test::Random;
+
+std::vector<Isa> isas() {
+  std::vector<Isa> all;
+  for (Isa isa : {Isa::baseline, Isa::avx2, Isa::avx512}) {
+    if (isa <= best_isa()) all.push_back(isa);
+  }
+  return all;
+}
+
+std::unique_ptr<ContactQuery> make_query(const Tool& tool, SphereVolumes volumes,
+                                         Isa isa = best_isa(), ThreadPool* pool = nullptr) {
+  return make_contact_query(Backend::cpu, tool, FieldMethod{volumes}, {isa, pool}).value();
+}
+
+Pose random_pose(Random& random) {
+  const double x = random.uniform(-0.25, 0.25), y = random.uniform(-0.2, 0.2);
+  return {{x, y, random.uniform(0.7, 1.4)}, random.rotation(3.0)};
+}
+
+void expect_same_bits(const ContactResult& a, const ContactResult& b) {
+  EXPECT_EQ(a.penetration.volume, b.penetration.volume);
+  EXPECT_EQ(a.penetration.potential, b.penetration.potential);
+  EXPECT_EQ(a.penetration.unseen_volume, b.penetration.unseen_volume);
+  EXPECT_EQ(a.penetration.measure_W.force, b.penetration.measure_W.force);
+  EXPECT_EQ(a.penetration.measure_W.torque, b.penetration.measure_W.torque);
+  EXPECT_EQ(a.penetration.status, b.penetration.status);
+  ASSERT_EQ(a.stiffness.has_value(), b.stiffness.has_value());
+  if (!a.stiffness) return;
+  EXPECT_EQ(std::memcmp(a.stiffness->m, b.stiffness->m, sizeof b.stiffness->m), 0);
+}
+
+TEST(DepthHull, EqualsItsDefinition) {
+  Random random(11);
+  for (const int num_cameras : {2, 3, 5}) {
+    for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
+      const HullScene scene = test::rough_scene(num_cameras, {.unknown = unknown}, random);
+      int num_felt = 0;
+      for (const int num_spheres : {1, 33, 400}) {
+        const Tool tool = test::random_tool(num_spheres, 0.06, 3);
+        for (int i = 0; i < 25; ++i) {
+          const Pose X_WT = random_pose(random);
+          for (const SphereVolumes volumes : {SphereVolumes::own, SphereVolumes::represented}) {
+            const Penetration want = test::hull_truth(tool, scene.views, X_WT, volumes);
+            const double scale = full_volume(tool, volumes);
+            num_felt += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+            for (const Isa isa : isas()) {
+              const Penetration got =
+                  make_query(tool, volumes, isa)->measure(scene.views, X_WT).penetration;
+              EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale);
+              EXPECT_NEAR(got.potential, want.potential, 4e-6 * scale);
+              EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
+              EXPECT_NEAR(norm(got.measure_W.torque - want.measure_W.torque), 0, 2e-5 * scale);
+              EXPECT_NEAR(got.num_inside_spheres, want.num_inside_spheres, 1);
+              EXPECT_NEAR(got.num_boundary_spheres, want.num_boundary_spheres, 1);
+              if (num_spheres > 100) {
+                EXPECT_NEAR(got.unseen_volume, want.unseen_volume, 0.02 * scale);
+              }
+            }
+          }
+        }
+      }
+      EXPECT_GT(num_felt, 10);
+    }
+  }
+}
+
+TEST(DepthHull, WrenchIsMinusTheDerivativeOfThePotential) {
+  Random random(12);
+  const HullScene scene = test::rough_scene(3, {}, random);
+  const Tool tool = test::random_tool(150, 0.06, 5);
+  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  const auto truth = [&](const Pose& X_WT) {
+    return test::hull_truth(tool, scene.views, X_WT, SphereVolumes::own, 1e9);
+  };
+  for (int i = 0; i < 25; ++i) {
+    const Pose X_WT = random_pose(random);
+    const Penetration at = truth(X_WT);
+    const auto potential = [&](const Vec3d& shift, const Vec3d& turn) {
+      const Quaternion q{turn.x / 2, turn.y / 2, turn.z / 2, 1};
+      Pose moved{{}, normalized(q) * X_WT.rotation};
+      moved.translation = X_WT * C_T + shift - rotate(moved.rotation, C_T);
+      return truth(moved).potential;
+    };
+    for (int axis = 0; axis < 3; ++axis) {
+      constexpr double kStep = 1e-6;
+      Vec3d step;
+      step[axis] = kStep;
+      const double force = -(potential(step, {}) - potential(-step, {})) / (2 * kStep);
+      const double torque = -(potential({}, step) - potential({}, -step)) / (2 * kStep);
+      EXPECT_NEAR(at.measure_W.force[axis], force, 2e-4 * at.volume + 1e-12);
+      EXPECT_NEAR(at.measure_W.torque[axis], torque, 2e-5 * at.volume + 1e-13);
+    }
+  }
+}
+
+TEST(DepthHull, StiffnessIsMinusTheDerivativeOfTheWrench) {
+  Random random(13);
+  const HullScene scene = test::smooth_scene(3);
+  const Tool tool = test::random_tool(300, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+  int num_felt = 0;
+  std::vector<double> errors;
+  for (int i = 0; i < 30; ++i) {
+    const Pose X_WT{random.in_box(0.08) + Vec3d{0, 0, 0.8}, random.rotation(3.0)};
+    const ContactResult at = query->measure(scene.views, X_WT, {.stiffness = true});
+    ASSERT_TRUE(at.stiffness);
+    expect_same_bits(query->measure(scene.views, X_WT), {at.penetration, {}, {}});
+    if (at.penetration.volume < 0.05 * tool.sphere_mass().volume) continue;
+    ++num_felt;
+    const auto wrench = [&](const Vec3d& shift, const Vec3d& turn) {
+      const Quaternion q{turn.x / 2, turn.y / 2, turn.z / 2, 1};
+      Pose moved{{}, normalized(q) * X_WT.rotation};
+      moved.translation = X_WT * C_T + shift - rotate(moved.rotation, C_T);
+      return query->measure(scene.views, moved).penetration.measure_W;
+    };
+    double largest = 0;
+    for (const auto& row : at.stiffness->m) {
+      for (int k = 0; k < 3; ++k) largest = std::max(largest, std::abs(row[k]));
+    }
+    for (int axis = 0; axis < 6; ++axis) {
+      constexpr double kStep = 2e-4, kReach = 0.06;
+      Vec3d shift, turn;
+      (axis < 3 ? shift : turn)[axis % 3] = axis < 3 ? kStep : kStep / kReach;
+      const VolumeWrench more = wrench(shift, turn), less = wrench(-shift, -turn);
+      const double step = 2 * (axis < 3 ? kStep : kStep / kReach);
+      const double scale = largest * (axis < 3 ? 1 : kReach);
+      for (int k = 0; k < 3; ++k) {
+        const double by_force = -(more.force[k] - less.force[k]) / step;
+        const double by_torque = -(more.torque[k] - less.torque[k]) / step;
+        errors.push_back(std::abs(at.stiffness->m[k][axis] - by_force) / scale);
+        errors.push_back(std::abs(at.stiffness->m[k + 3][axis] - by_torque) / (scale * kReach));
+      }
+    }
+  }
+  // Second derivatives of the field jump between pixels.
+  std::sort(errors.begin(), errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.005);
+  EXPECT_LT(errors[errors.size() * 95 / 100], 0.05);
+  EXPECT_GT(num_felt, 10);
+}
+
+TEST(DepthHull, GivesTheSameBitsWithAnyThreadsAndInstructionSet) {
+  Random random(14);
+  const HullScene scene = test::rough_scene(4, {}, random);
+  const Tool tool = test::random_tool(2000, 0.08, 4);
+  ThreadPool pool(3);
+  const auto first = make_query(tool, SphereVolumes::represented, Isa::baseline);
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT = random_pose(random);
+    for (const bool stiffness : {false, true}) {
+      const ContactWants wants{.stiffness = stiffness};
+      const ContactResult want = first->measure(scene.views, X_WT, wants);
+      for (const Isa isa : isas()) {
+        expect_same_bits(make_query(tool, SphereVolumes::represented, isa, &pool)
+                             ->measure(scene.views, X_WT, wants),
+                         want);
+      }
+      expect_same_bits(first->measure(scene.views, X_WT, wants), want);
+    }
+  }
+}
+
+TEST(DepthHull, OneCameraIsMeasuredInItsOwnFrame) {
+  Random random(15);
+  const HullScene scene = test::rough_scene(1, {}, random);
+  const Tool tool = test::random_tool(300, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const SurfaceBlend& surface = scene.views[0].surface;
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_CT{random.in_box(0.15) + Vec3d{0, 0, 0.8}, random.rotation(3.0)};
+    const ContactWants wants{.stiffness = true};
+    const ContactResult in_C = query->measure(surface.to, X_CT, wants);
+    expect_same_bits(query->measure(std::vector<CameraView>{{surface, {}}}, X_CT, wants), in_C);
+    const Pose X_WC{random.in_box(2), random.rotation(3.0)};
+    const ContactResult in_W =
+        query->measure(std::vector<CameraView>{{surface, X_WC}}, X_WC * X_CT, wants);
+    const double volume = in_C.penetration.volume;
+    EXPECT_NEAR(in_W.penetration.volume, volume, 1e-6 * tool.sphere_mass().volume);
+    EXPECT_NEAR(norm(in_W.penetration.measure_W.force -
+                     rotate(X_WC.rotation, in_C.penetration.measure_W.force)),
+                0, 1e-5 * volume + 1e-12);
+    EXPECT_NEAR(norm(in_W.penetration.measure_W.torque -
+                     rotate(X_WC.rotation, in_C.penetration.measure_W.torque)),
+                0, 1e-6 * volume + 1e-13);
+    // A motion along an axis of the camera changes the force as it does there.
+    Vec3d change_C, change_W;
+    const Vec3d x_W = rotate(X_WC.rotation, {1, 0, 0});
+    for (int row = 0; row < 3; ++row) {
+      change_C[row] = in_C.stiffness->m[row][0];
+      for (int k = 0; k < 3; ++k) change_W[row] += in_W.stiffness->m[row][k] * x_W[k];
+    }
+    EXPECT_NEAR(norm(change_W - rotate(X_WC.rotation, change_C)), 0, 1e-3 * norm(change_C) + 1e-9);
+  }
+}
+
+TEST(DepthHull, WhoSeesNothingAbstains) {
+  Random random(16);
+  const HullScene scene = test::rough_scene(3, {}, random);
+  const Tool tool = test::random_tool(300, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  // A camera that looks the other way, and one that has no frame yet.
+  std::vector<CameraView> more(scene.views.begin(), scene.views.begin() + 2);
+  CameraView away = scene.views[2];
+  away.X_WC = {{0, 0, -5}, axis_angle({0, 1, 0}, kPi)};
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT = random_pose(random);
+    const ContactResult want = query->measure(more, X_WT);
+    const std::vector<CameraView> with_empty{more[0], {}, more[1]};
+    expect_same_bits(query->measure(with_empty, X_WT), want);
+    const std::vector<CameraView> with_away{more[0], more[1], away};
+    EXPECT_NEAR(query->measure(with_away, X_WT).penetration.volume, want.penetration.volume,
+                1e-9 + 1e-4 * want.penetration.volume);
+  }
+}
+
+TEST(DepthHull, BlackPixelsOfOneCameraCarveNothing) {
+  // Both cameras look at a wall; in one of them a patch has no measurement.
+  const HullScene whole = test::wall_scene(2, false), patched = test::wall_scene(2, true);
+  const Tool tool = test::random_tool(300, 0.03, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  for (const double depth : {0.0, 0.01, 0.03, 0.1}) {
+    const Pose X_WT{{0, 0, 0.8 + depth}, {}};
+    const double want = query->measure(whole.views, X_WT).penetration.volume;
+    EXPECT_NEAR(query->measure(patched.views, X_WT).penetration.volume, want, 0.02 * want);
+    // By the one with the patch alone nothing is there.
+    const std::vector<CameraView> alone{patched.views[1]};
+    EXPECT_LT(query->measure(alone, X_WT).penetration.volume, 0.1 * want);
+  }
+}
+
+TEST(DepthHull, NothingIsWhereNoCameraLooks) {
+  const HullScene scene = test::wall_scene(2, false);
+  const Tool tool = test::random_tool(100, 0.03, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  for (const Vec3d& p : {Vec3d{3, 0, 0.8}, {0, -3, 2}, {0, 0, -1}, {0, 0, -0.2}}) {
+    const Penetration at = query->measure(scene.views, {p, {}}).penetration;
+    EXPECT_EQ(at.volume, 0);
+    EXPECT_EQ(norm(at.measure_W.force), 0);
+    EXPECT_NEAR(at.unseen_volume, tool.sphere_mass().volume, 1e-9);
+  }
+}
+
+TEST(DepthHull, RefusesWhatItCannotMeasure) {
+  Random random(17);
+  const HullScene scene = test::rough_scene(2, {}, random);
+  const Tool tool = test::random_tool(50, 0.03, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const Pose X_WT{{0, 0, 0.9}, {}};
+  const auto status = [&](std::vector<CameraView> views, const Pose& pose) {
+    std::vector<SphereState> states(50, SphereState::inside);
+    const ContactResult got = query->measure(views, pose, {.stiffness = true, .states = states});
+    EXPECT_EQ(got.penetration.volume, 0);
+    EXPECT_EQ(states[7], SphereState::outside);
+    EXPECT_TRUE(got.stiffness);
+    return got.penetration.status;
+  };
+  std::vector<CameraView> views = scene.views;
+  EXPECT_EQ(status({}, X_WT), StepStatus::no_surface);
+  EXPECT_EQ(status({CameraView{}, CameraView{}}, X_WT), StepStatus::no_surface);
+  EXPECT_EQ(status(std::vector<CameraView>(kMostCameras + 1, views[0]), X_WT),
+            StepStatus::no_surface);
+  views[1].surface.to.seen_free = {};
+  EXPECT_EQ(status(views, X_WT), StepStatus::no_surface);
+  views = scene.views;
+  EXPECT_EQ(status(views, {{NAN, 0, 0}, {}}), StepStatus::non_finite_pose);
+  views[1].X_WC.translation.x = INFINITY;
+  EXPECT_EQ(status(views, X_WT), StepStatus::non_finite_pose);
+  views = scene.views;
+  for (auto* field : {&views[1].surface.to.field, &views[1].surface.to.seen_free}) {
+    field->asked = {0, 0, 20, 20};
+  }
+  EXPECT_EQ(status(views, X_WT), StepStatus::outside_window);
+}
+
+TEST(DepthHull, BetweenTwoMomentsOfEachCameraItIsThatOfTheirFieldsBetween) {
+  Random random(18);
+  const HullScene first = test::rough_scene(3, {}, random),
+                  second = test::rough_scene(3, {}, random);
+  const Tool tool = test::random_tool(200, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const double scale = tool.sphere_mass().volume;
+  for (int i = 0; i < 30; ++i) {
+    std::vector<CameraView> views = first.views;
+    for (std::size_t k = 0; k < views.size(); ++k) {
+      views[k].surface = {first.views[k].surface.to, second.views[k].surface.to,
+                          k == 0 ? 1.0 : random.uniform(0, 1)};
+    }
+    const Pose X_WT = random_pose(random);
+    const Penetration got = query->measure(views, X_WT).penetration;
+    const Penetration want = test::hull_truth(tool, views, X_WT, SphereVolumes::own);
+    EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale);
+    EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
+    EXPECT_NEAR(got.potential, want.potential, 4e-6 * scale);
+  }
+}
+
+TEST(DepthHull, DescribesItsSpheres) {
+  Random random(19);
+  const HullScene scene = test::rough_scene(2, {}, random);
+  const Tool tool = test::random_tool(200, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  std::vector<SphereState> states(200);
+  std::vector<Plane<float>> planes(200);
+  for (int i = 0; i < 10; ++i) {
+    const Pose X_WT = random_pose(random);
+    query->measure(scene.views, X_WT, {.states = states, .planes = planes});
+    for (std::size_t s = 0; s < states.size(); ++s) {
+      const double r = tool.spheres()[s].radius;
+      const Vec3d c_T = to_double(tool.spheres()[s].centre);
+      const test::HullSample at = test::hull_at(scene.views, X_WT * c_T, r);
+      if (std::abs(std::abs(at.phi) - r) < 1e-5) continue;
+      EXPECT_EQ(states[s], at.phi >= r   ? SphereState::outside
+                           : at.phi > -r ? SphereState::boundary
+                                         : SphereState::inside);
+      if (at.phi >= r || norm(at.gradient) < 0.1) continue;
+      const Vec3d n_T = to_double(planes[s].normal);
+      EXPECT_NEAR(norm(rotate(X_WT.rotation, n_T) - normalized(at.gradient)), 0, 1e-2);
+      EXPECT_NEAR(dot(n_T, c_T) - static_cast<double>(planes[s].offset), at.phi, 2e-5);
+    }
+  }
+}
+
+TEST(DepthHull, AllocatesNothing) {
+  Random random(20);
+  const HullScene scene = test::rough_scene(4, {}, random);
+  const Tool tool = test::random_tool(500, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const Pose X_WT{{0, 0, 0.9}, {}};
+  const test::AllocationCounter counter;
+  query->measure(scene.views, X_WT);
+  query->measure(scene.views, X_WT, {.stiffness = true});
+  EXPECT_EQ(counter.count(), 0);
+}
+
+// How much of a ball is felt behind and beside a ball of 60 mm in front of a wall, and in front of
+// it, in shares of the tool: by exact rays, and measured.
+TEST(DepthHull, FeelsWhatTheExactHullLeavesOver) {
+  const Tool tool = test::ball_tool(0.03);
+  const auto query = make_query(tool, SphereVolumes::represented);
+  for (const int num_cameras : {1, 2, 3, 4}) {
+    const HullScene scene = test::ball_before_wall(num_cameras);
+    for (const auto& [from, to] : {std::pair{Vec3d{0, 0, 1.08}, Vec3d{0, 0, 1.25}},
+                                   {Vec3d{0.05, 0, 1.18}, Vec3d{0.15, 0, 1.18}},
+                                   {Vec3d{0, 0, 0.85}, Vec3d{0, 0, 0.95}}}) {
+      double mean = 0, worst = 0;
+      for (int i = 0; i <= 20; ++i) {
+        const Vec3d p = from + (i / 20.0) * (to - from);
+        const double felt =
+            query->measure(scene.views, {p, {}}).penetration.volume / tool.mesh_mass().volume;
+        const double error = felt - test::exact_hull_share(scene, p, 0.03);
+        mean += error / 21;
+        worst = std::max(worst, std::abs(error));
+      }
+      EXPECT_LT(std::abs(mean), num_cameras > 1 ? 0.005 : 0.015) << num_cameras << " cameras";
+      EXPECT_LT(worst, 0.045) << num_cameras << " cameras";
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,205 @@
+// Scenes that several cameras look at, rendered by exact rays.
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "palpate/field/camera_view.h"
+#include "palpate/field/sensor.h"
+#include "palpate/mesh/shapes.h"
+#include "palpate/packing/packer.h"
+#include "palpate/tool/tool.h"
+#include "tests/test_util/random_frame.h"
+
+namespace palpate::test {
+
+/// Distance along a ray p + t d to what is first hit, infinite if nothing is.
+using Ray = std::function<double(const Vec3d& p, const Vec3d& d)>;
+
+inline double to_ball(const Vec3d& p, const Vec3d& d, const Vec3d& centre, double radius) {
+  const Vec3d o = p - centre;
+  const double a = dot(d, d), b = dot(d, o), c = dot(o, o) - radius * radius;
+  const double root = b * b - a * c;
+  const double t = root > 0 ? (-b - std::sqrt(root)) / a : -1;
+  return t > 0 ? t : std::numeric_limits<double>::infinity();
+}
+/// A wall z = `depth`, seen from below that.
+inline double to_wall(const Vec3d& p, const Vec3d& d, double depth) {
+  const double t = (depth - p.z) / d.z;
+  return t > 0 && std::isfinite(t) ? t : std::numeric_limits<double>::infinity();
+}
+
+/// Cameras with what they show; each has a sensor of its own.
+struct HullScene {
+  std::vector<Sensor> sensors;
+  std::vector<CameraView> views;
+  Ray ray;  ///< the scene, if it is exact
+  std::function<bool(const Vec3d&)> is_solid;
+};
+
+/// A pose of a camera at p_W that looks at `target`, its image upright.
+inline Pose look_at(const Vec3d& p_W, const Vec3d& target) {
+  const Vec3d z = normalized(target - p_W), x = normalized(cross(Vec3d{0, 1, 0}, z));
+  const Vec3d y = cross(z, x);
+  // By the largest part of the quaternion, of which w is positive here.
+  const double w = std::sqrt(std::max(0.0, 1 + x.x + y.y + z.z)) / 2;
+  return {p_W, normalized(Quaternion{(y.z - z.y) / (4 * w), (z.x - x.z) / (4 * w),
+                                     (x.y - y.x) / (4 * w), w})};
+}
+
+inline Camera vga() { return {640, 480, {525, 525, 319.5, 239.5}}; }
+
+/// The depth image that a camera at X_WC takes.
+inline std::vector<float> depth_seen(const Ray& ray, const Camera& camera, const Pose& X_WC) {
+  std::vector<float> metres;
+  const Mat3d R_WC = rotation_matrix(X_WC.rotation);
+  for (int v = 0; v < camera.height; ++v) {
+    for (int u = 0; u < camera.width; ++u) {
+      const Intrinsics& k = camera.intrinsics;
+      const double t = ray(X_WC.translation, R_WC * Vec3d{(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1});
+      metres.push_back(t < 10 ? static_cast<float>(t) : 0.0f);
+    }
+  }
+  return metres;
+}
+
+/// Adds a camera with an image in metres.
+inline void add_view(HullScene& scene, const Camera& camera, const Pose& X_WC,
+                     const std::vector<float>& metres, const DepthFieldOptions& field = {}) {
+  SensorOptions options;
+  options.field = field;
+  options.field.one_of_several = true;
+  options.num_threads = 1;
+  scene.sensors.push_back(Sensor::create(camera, Place::cpu(), options).value());
+  const SurfaceView surface =
+      scene.sensors.back().update({camera.width, camera.height, metres.data()});
+  scene.views.push_back({{surface, surface, 1}, X_WC});
+}
+
+/// Rough frames with holes, seen by cameras side by side.
+inline HullScene rough_scene(int num_cameras, const DepthFieldOptions& field, Random& random) {
+  HullScene scene;
+  const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
+  for (int k = 0; k < num_cameras; ++k) {
+    const DepthFrame frame = random_frame(camera.width, camera.height, random);
+    std::vector<float> metres;
+    for (const std::uint16_t count : frame.pixels) {
+      metres.push_back(static_cast<float>(count) * static_cast<float>(frame.unit));
+    }
+    const Pose X_WC{random.in_box(0.05), random.rotation(0.1)};
+    add_view(scene, camera, X_WC, metres, field);
+  }
+  return scene;
+}
+
+inline HullScene exact_scene(const std::vector<Pose>& cameras, const Camera& camera, Ray ray) {
+  HullScene scene;
+  for (const Pose& X_WC : cameras) {
+    add_view(scene, camera, X_WC, depth_seen(ray, camera, X_WC));
+  }
+  scene.ray = std::move(ray);
+  return scene;
+}
+
+/// A large ball in front of a wall, which looks smooth from everywhere.
+inline HullScene smooth_scene(int num_cameras) {
+  std::vector<Pose> cameras;
+  for (int k = 0; k < num_cameras; ++k) {
+    cameras.push_back(look_at({0.25 * (k - 1), 0.2 * (k % 2), 0.05}, {0, 0, 0.85}));
+  }
+  return exact_scene(cameras, vga(), [](const Vec3d& p, const Vec3d& d) {
+    return std::min(to_ball(p, d, {0, 0, 1.0}, 0.18), to_wall(p, d, 1.3));
+  });
+}
+
+/// A wall 0.8 m away, in the middle of which the second camera measures nothing if it is `patched`.
+inline HullScene wall_scene(int num_cameras, bool patched) {
+  HullScene scene;
+  for (int k = 0; k < num_cameras; ++k) {
+    const Pose X_WC = look_at({0.2 * k, 0, 0}, {0, 0, 0.8});
+    const Camera camera = vga();
+    std::vector<float> metres =
+        depth_seen([](const Vec3d& p, const Vec3d& d) { return to_wall(p, d, 0.8); }, camera, X_WC);
+    for (int v = 140; patched && k == 1 && v < 340; ++v) {
+      std::fill_n(metres.begin() + v * camera.width + 220, 200, 0.0f);
+    }
+    add_view(scene, camera, X_WC, metres);
+  }
+  return scene;
+}
+
+/// A ball of 60 mm radius in front of a wall, seen from the front, from both sides and from above.
+inline HullScene ball_before_wall(int num_cameras) {
+  const Vec3d target{0, 0, 1.05}, ball{0, 0, 1.0};
+  std::vector<Pose> cameras = {{}};
+  for (const auto& [degrees, elevation] : {std::pair{35.0, 0.0}, {-35.0, 0.0}, {0.0, 35.0}}) {
+    const double a = degrees * kPi / 180, e = elevation * kPi / 180;
+    cameras.push_back(look_at(
+        target + 1.05 * Vec3d{std::sin(a) * std::cos(e), -std::sin(e), -std::cos(a) * std::cos(e)},
+        target));
+  }
+  cameras.resize(static_cast<std::size_t>(num_cameras));
+  HullScene scene = exact_scene(cameras, vga(), [ball](const Vec3d& p, const Vec3d& d) {
+    return std::min(to_ball(p, d, ball, 0.06), to_wall(p, d, 1.3));
+  });
+  scene.is_solid = [ball](const Vec3d& p) { return norm(p - ball) < 0.06 || p.z > 1.3; };
+  return scene;
+}
+
+/// Calls f(point) for `num` points that fill a ball evenly, not in layers: those of the sequence of
+/// the number x^4 = x + 1 that lie in the ball.
+template <class F>
+void for_points_in_ball(const Vec3d& centre, double radius, const F& f, int num = 4000) {
+  constexpr double kStep = 1.2207440846057596;
+  Vec3d at{0.5, 0.5, 0.5};
+  for (int i = 0; i < num;) {
+    double step = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+      step /= kStep;
+      at[axis] += step;
+      at[axis] -= std::floor(at[axis]);
+    }
+    const Vec3d p = 2.0 * at - Vec3d{1, 1, 1};
+    if (dot(p, p) >= 1) continue;
+    f(centre + radius * p);
+    ++i;
+  }
+}
+
+/// The share of a ball in which no camera sees that a point is free though some camera looks there,
+/// by exact rays.
+inline double exact_hull_share(const HullScene& scene, const Vec3d& centre, double radius) {
+  const Camera camera = vga();
+  int num = 0, num_solid = 0;
+  for_points_in_ball(centre, radius, [&](const Vec3d& p) {
+    bool is_free = false, is_looked_at = false;
+    for (const CameraView& view : scene.views) {
+      const Vec3d p_C = inverse(view.X_WC) * p;
+      const Intrinsics& k = camera.intrinsics;
+      if (p_C.z < 0.02 || std::abs(p_C.x / p_C.z) * k.fx > 320 ||
+          std::abs(p_C.y / p_C.z) * k.fy > 240) {
+        continue;
+      }
+      is_looked_at = true;
+      const Vec3d eye = view.X_WC.translation;
+      is_free |= scene.ray(eye, (1 / p_C.z) * (p - eye)) > p_C.z;
+    }
+    ++num;
+    num_solid += is_looked_at && !is_free;
+  });
+  return static_cast<double>(num_solid) / num;
+}
+
+/// A ball as tool.
+inline Tool ball_tool(double radius, int num_spheres = 3000) {
+  TriangleMesh mesh = make_icosphere(radius, 4);
+  PackOptions options;
+  options.max_spheres = num_spheres;
+  SpherePacking packing = pack_spheres(mesh, options).value();
+  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "ball").value();
+}
+
+}  // namespace palpate::test

@@ -1,0 +1,109 @@
+// The depth hull by its definition: every element by itself, every camera in turn, in double. The
+// arithmetic of joining cameras is written down here once more.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "palpate/contact/contact_query.h"
+#include "src/contact/index/field_elements.h"
+#include "src/field/internal/field_sample.h"
+
+namespace palpate::test {
+
+/// A field at a point of the world.
+struct HullSample {
+  double phi = 0;
+  Vec3d gradient;
+};
+
+/// max(a, b), rounded where they are less than w apart.
+inline HullSample rounded_max(const HullSample& a, const HullSample& b, double w) {
+  const double apart = b.phi - a.phi;
+  if (apart <= -w) return a;
+  if (apart >= w) return b;
+  const double share = (apart + w) / (2 * w);
+  return {a.phi + w * share * share, a.gradient + share * (b.gradient - a.gradient)};
+}
+inline HullSample rounded_min(const HullSample& a, const HullSample& b, double w) {
+  const HullSample most = rounded_max({-a.phi, -a.gradient}, {-b.phi, -b.gradient}, w);
+  return {-most.phi, -most.gradient};
+}
+
+/// Cameras that agree to a few millimetres: between the mean and the greater one.
+inline double agreement_of(double radius) { return 0.003 + 0.2 * radius; }
+inline HullSample agreed_of(const HullSample& a, const HullSample& b, double wide) {
+  const HullSample &less = a.phi < b.phi ? a : b, &more = a.phi < b.phi ? b : a;
+  const double x = (more.phi - less.phi) / wide;
+  if (x >= 1) return more;
+  // From the mean on: s(x) = W / 2 (2 x^2 - x^3)
+  const double share = 0.5 * (4 * x - 3 * x * x);
+  return {0.5 * (a.phi + b.phi) + 0.5 * wide * x * x * (2 - x),
+          (0.5 + share) * more.gradient + (0.5 - share) * less.gradient};
+}
+
+/// What one camera's fields say at a point of the world to a ball, between its two moments.
+inline HullSample hull_view(const CameraView& view, const Vec3d& p_W, double radius, bool seen) {
+  const Vec3d p_C = inverse(view.X_WC) * p_W;
+  const auto at = [&](const SurfaceView& surface) {
+    const auto [phi, gradient] =
+        sample_field(seen ? surface.seen_free : surface.field, p_C, radius);
+    const HullSample far{2 * radius + agreement_of(radius), {}};
+    return rounded_min({phi, rotate(view.X_WC.rotation, gradient)}, far, 0.25 * radius);
+  };
+  const double t = view.surface.progress;
+  HullSample now = at(view.surface.to);
+  if (t < 1) {
+    const HullSample before = at(view.surface.from);
+    now = {(1 - t) * before.phi + t * now.phi, (1 - t) * before.gradient + t * now.gradient};
+  }
+  if (!seen) return now;
+  const Vec3d z_W = rotate(view.X_WC.rotation, {0, 0, 1});
+  return rounded_min(now, {p_C.z - 0.02, z_W}, 0.1 * radius);
+}
+
+/// And all of them together. `seen_phi`: what they have seen to be free.
+inline HullSample hull_at(std::span<const CameraView> views, const Vec3d& p_W, double radius,
+                          double* seen_phi = nullptr) {
+  const double w = 0.1 * radius;
+  HullSample seen = hull_view(views[0], p_W, radius, true);
+  HullSample least = hull_view(views[0], p_W, radius, false);
+  for (const CameraView& view : views.subspan(1)) {
+    seen = agreed_of(seen, hull_view(view, p_W, radius, true), agreement_of(radius));
+    least = rounded_min(least, hull_view(view, p_W, radius, false), w);
+  }
+  if (seen_phi != nullptr) *seen_phi = seen.phi;
+  return rounded_max(seen, {least.phi - agreement_of(radius), least.gradient}, w);
+}
+
+/// U = sum f G(phi) and its parts; the force follows gradients up to a length of `longest`.
+inline Penetration hull_truth(const Tool& tool, std::span<const CameraView> views, const Pose& X_WT,
+                              SphereVolumes volumes, double longest = 1.05) {
+  const FieldElements elements(tool, volumes);
+  Penetration sum;
+  for (std::size_t i = 0; i < elements.factor.size(); ++i) {
+    if (elements.clusters.sphere_id[i] < 0) continue;
+    const Vec3d lever = rotate(
+        X_WT.rotation,
+        to_double(Vec3f{elements.clusters.x[i], elements.clusters.y[i], elements.clusters.z[i]}));
+    const Vec3d c = X_WT * tool.sphere_mass().centre_of_mass + lever;
+    const double r = elements.radius[i], factor = elements.factor[i];
+    double seen_phi = 0;
+    const HullSample at = hull_at(views, c, r, &seen_phi);
+    const double h = std::clamp(r - at.phi, 0.0, 2 * r);
+    sum.volume += factor * cap_volume(r, at.phi);
+    sum.potential += factor * (kPi / 12 * h * h * h * (4 * r - h) +
+                               sphere_volume(r) * std::max(-at.phi - r, 0.0));
+    const Vec3d force =
+        factor * cap_volume(r, at.phi) / std::max(norm(at.gradient) / longest, 1.0) * at.gradient;
+    sum.measure_W.force += force;
+    sum.measure_W.torque += cross(lever, force);
+    sum.num_inside_spheres += elements.counted[i] > 0 && at.phi <= -r;
+    sum.num_boundary_spheres += elements.counted[i] > 0 && at.phi > -r && at.phi < r;
+    if (seen_phi < -kSeenBehind) sum.unseen_volume += factor * sphere_volume(r);
+  }
+  return sum;
+}
+
+}  // namespace palpate::test
