@@ -19,12 +19,10 @@ struct alignas(8) TangentPlane {
 };
 static_assert(sizeof(TangentPlane) == 2 * sizeof(float));  // read as pairs of numbers
 
-/// A surface right in front of the camera, which it looks at squarely: UnknownSpace::blocked.
-inline constexpr TangentPlane kBlockedPixel{0.02f, 1};
-
-/// A pixel about which nothing is known when all holes are filled.
+/// A pixel about which nothing is known when all holes are filled. With UnknownSpace::blocked it is a
+/// surface right in front of the camera, which it looks at squarely.
 PALPATE_FORMULA TangentPlane completed(const TangentPlane& plane, UnknownSpace unknown) {
-  return unknown == UnknownSpace::blocked && !plane.is_surface() ? kBlockedPixel : plane;
+  return unknown == UnknownSpace::blocked && !plane.is_surface() ? TangentPlane{0.02f, 1} : plane;
 }
 
 /// Of the points at depth z; none where z is not positive. Their planes pass the eye at the
