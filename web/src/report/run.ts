@@ -17,7 +17,8 @@ interface Summary {
   full_volume_m3: number;
   device: { kind: string; name: string; max_force_N: number; max_torque_Nm: number };
   rate: number;
-  stream: { name: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number };
+  stream: { name: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number;
+    sensor: string };
   objects: { source: string; spheres: number; position_m: number[] }[];
   seconds: number; ticks: number; contacts: number; frames: number; missed: number; lost_records: number;
   interrupted: boolean; ending: string; failure: string; not_kept: string;
@@ -250,7 +251,7 @@ function settings({ summary, defaults }: RunData): HTMLElement[] {
   const more: Row[] = [
     ['depth frames from', stream.name], ['image', `${stream.width} × ${stream.height}`],
     ['fx, fy, cx, cy', list([stream.fx, stream.fy, stream.cx, stream.cy], 6)],
-    ['depth unit', `${short(stream.unit, 6)} m`],
+    ['depth unit', `${short(stream.unit, 6)} m`], ['kind of sensor', stream.sensor.replace('_', ' ')],
     ['ticks', summary.ticks], ['queries', summary.contacts], ['depth frames', summary.frames],
     ['records lost', summary.lost_records], ['duration', `${short(summary.seconds)} s`],
   ];
