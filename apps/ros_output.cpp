@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "src/core/thread_rank.h"
 #include "src/io/ros_messages.h"
 #include "src/ros/ros_node.h"
 
@@ -145,6 +146,7 @@ class Output final : public RosOutput {
   }
 
   void go_on(RunLoop& loop) {
+    take_rank(ThreadRank::surface);  // it has little to do, and does it by the clock
     const auto period = std::chrono::duration_cast<Clock::duration>(
         std::chrono::duration<double>(1 / options_.rate));
     auto next = Clock::now();

@@ -62,7 +62,7 @@ SHARED_PRIVATE = {
     "src/ros/dds_api.h": ("cameras", "devices"),
     "src/ros/tf_tree.h": ("devices",),
     "src/ros/ros_node.h": ("devices", "cameras", "apps"),
-    "src/core/thread_rank.h": ("run", "viewer"),
+    "src/core/thread_rank.h": ("run", "viewer", "apps"),
     "src/io/cdr.h": ("ros", "session", "cameras"),
     "src/io/ros_image.h": ("ros", "session", "cameras"),
     "src/io/ros_messages.h": ("ros", "session", "cameras", "devices", "apps"),

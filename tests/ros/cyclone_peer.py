@@ -242,6 +242,7 @@ def main(domain, behavior):
     offers = BuiltinDataReader(robot.participant, BuiltinTopicDcpsPublication)
     model = [64.0, 0, 39.5, 0, 64, 29.5, 0, 0, 1]
     upright = Quaternion(0, 0, 0, 1)
+    turned = Quaternion(0.5**0.5, 0, 0, 0.5**0.5)  # its y is the camera's z
     # The camera looks along the base's z from its origin; the tool is 0.5 m before it.
     fixed.write(TFMessage([TransformStamped(header(time.time(), "base"), "camera", Vector3(),
                                             upright)]))
@@ -256,7 +257,7 @@ def main(domain, behavior):
         is_wild = now > wild_from
         if behavior == "tf":
             moving.write(TFMessage([TransformStamped(header(now, "base"), "tool0",
-                                                     Vector3(0, 0, 0.5), upright)]))
+                                                     Vector3(0, 0, 0.5), turned)]))
         else:
             poses.write(PoseStamped(header(now), Pose(Vector3(0, 0, 0.5), upright)))
         is_flood = is_wild and behavior == "flood"
@@ -278,16 +279,21 @@ def main(domain, behavior):
         for wrench in taken(wrenches, 200):
             seen["wrenches"] += 1
             wild_from = min(wild_from, now + 1)
-            seen["touching"] += wrench.wrench.force.z != 0
+            force = wrench.wrench.force
+            is_touching = force != Vector3()
+            seen["touching"] += is_touching
+            if is_touching:
+                seen["force"] = [force.x, force.y, force.z]
             if now > wild_from + 0.5:
-                seen["wild_touching"] += wrench.wrench.force.z != 0
+                seen["wild_touching"] += is_touching
             if wrench.header.frame_id not in seen["frames"]:
                 seen["frames"].append(wrench.header.frame_id)
         for contact in taken(contacts, 200):
             if contact.state == 0 and contact.volume > 0:
                 seen["contact"] = {"volume": contact.volume, "fraction": contact.fraction,
-                                   "force": contact.wrench.force.z,
-                                   "stiffness": contact.stiffness[14],
+                                   "force": [contact.wrench.force.x, contact.wrench.force.y,
+                                             contact.wrench.force.z],
+                                   "stiffness": [contact.stiffness[7 * i] for i in range(3)],
                                    "depth_age": contact.depth_age}
             if contact.state not in seen["states"]:
                 seen["states"].append(contact.state)
