@@ -39,10 +39,10 @@ void open_browser(const std::string& url) {
 }
 
 Status show(ViewSource& source, const Options& options) {
+  catch_interrupts();  // from the line on that says where the page is
   const auto page = OpenPage::serve(source, options.server, std::cout);
   if (!page) return page.error();
   if (options.opens_browser) open_browser(page->server().url());
-  catch_interrupts();
   while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   return Done{};
 }
