@@ -19,8 +19,8 @@ struct alignas(8) TangentPlane {
 };
 static_assert(sizeof(TangentPlane) == 2 * sizeof(float));  // read as pairs of numbers
 
-/// A pixel about which nothing is known when all holes are filled. With UnknownSpace::blocked it is a
-/// surface right in front of the camera, which it looks at squarely.
+/// A pixel about which nothing is known when all holes are filled. With UnknownSpace::blocked it is
+/// a surface right in front of the camera, which it looks at squarely.
 PALPATE_FORMULA TangentPlane completed(const TangentPlane& plane, UnknownSpace unknown) {
   return unknown == UnknownSpace::blocked && !plane.is_surface() ? TangentPlane{0.02f, 1} : plane;
 }

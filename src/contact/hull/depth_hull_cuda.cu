@@ -25,7 +25,7 @@ struct HullQuery {
   ElementsView elements;
   FieldFrame tool;  ///< its pose in the world
   std::int32_t num_cameras = 0;
-  bool skips_clusters = false;  ///< those in front: pays if warps have several
+  bool skips_clusters = false;  ///< those in front: pays if blocks have several
   HullEye eyes[kMost];
 };
 
@@ -68,7 +68,7 @@ __device__ InSpace<Sample> in_world(const HullEye& eye, const ElementLook& at, c
 // What a field of a camera says between the camera's two moments; behind the camera all is free.
 template <class Sample>
 __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
-                                   const float (&p)[3], float radius, bool may_be_deep) {
+                                   const float (&p)[3], float radius) {
   InSpace<Sample> now{};
   if (!(p[2] > kLeastDepth)) {
     set(now, SpaceGradient<float>{free_limit(radius)});
@@ -77,66 +77,41 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
   const ElementLook at = look_at(eye.field[0].frame, p);
 #pragma unroll 1
   for (int f = 0; f < eye.num_fields; ++f) {
-    const Sample sample =
-        may_be_deep ? ask_deep<Sample>(fields[f], at, radius)
-                    : ask_field<Sample>(fields[f], at.u, at.v, at.depth, at.inverse_depth, radius);
-    const InSpace<Sample> here = in_world(eye, at, sample, radius);
+    const InSpace<Sample> here = in_world(eye, at, ask_deep<Sample>(fields[f], at, radius), radius);
     now = f == 0 ? here : plus(here, eye.progress, plus(now, -1.0f, here));
   }
   return now;
 }
 
-// What the cameras together say about a ball; false if one of them sees that it is free. As the
-// kernel for CPUs (hull_kernel.cpp).
+// A view is one field of one camera: first what each camera has seen to be free, then the fields.
 template <class Sample, int kMost>
-__device__ bool hull_of(const HullQuery<kMost>& query, const Ball& ball, InSpace<Sample>& hull,
-                        float& seen_phi) {
-  const float radius = ball.radius;
+__device__ InSpace<Sample> ask_view(const HullQuery<kMost>& query, int view, const Ball& ball) {
+  const bool is_seen = view < query.num_cameras;
+  const HullEye& eye = query.eyes[is_seen ? view : view - query.num_cameras];
+  float p[3];
+  place(eye.field[0].frame, ball, p);
+  if (!is_seen) return between<Sample>(eye, eye.field, p, ball.radius);
+  InSpace<Sample> plane{};
+  set(plane,
+      SpaceGradient<float>{p[2] - kLeastDepth, eye.R_WC[0][2], eye.R_WC[1][2], eye.R_WC[2][2]});
+  return lesser_of(between<Sample>(eye, eye.seen_free, p, ball.radius), plane,
+                   hull_width(ball.radius));
+}
+
+// What all views together say about a ball of this radius; view(number) is what one says.
+template <class Space, class View>
+__device__ Space join_views(int num_cameras, float radius, const View& view, float& seen_phi) {
   const HullWidth<float> width = hull_width(radius);
-  float shallowest = -1e9f;
-  bool is_between = false;
-#pragma unroll 1
-  for (int k = 0; k < query.num_cameras; ++k) {
-    const HullEye& eye = query.eyes[k];
-    float p[3];
-    place(eye.field[0].frame, ball, p);
-    const float phi = between<Gradient>(eye, eye.seen_free, p, radius, false).phi;
-    const float before = p[2] - kLeastDepth, now = phi < before ? phi : before;
-    if (now > radius + free_margin(query.num_cameras, radius)) return false;
-    shallowest = now > shallowest ? now : shallowest;
-    is_between = is_between || eye.num_fields > 1;
-  }
-  // Who is deep and not the least deep one need not look farther: that does not change the maximum.
-  const bool may_be_deep = is_between || shallowest < agreement(radius) - deep_limit(radius);
-#pragma unroll 1
-  for (int k = 0; k < query.num_cameras; ++k) {
-    const HullEye& eye = query.eyes[k];
-    float p[3];
-    place(eye.field[0].frame, ball, p);
-    InSpace<Sample> plane{};
-    set(plane,
-        SpaceGradient<float>{p[2] - kLeastDepth, eye.R_WC[0][2], eye.R_WC[1][2], eye.R_WC[2][2]});
-    const InSpace<Sample> seen =
-        lesser_of(between<Sample>(eye, eye.seen_free, p, radius, may_be_deep), plane, width);
-    hull = k == 0 ? seen : agreed(hull, seen, agreement(radius));
-  }
-  seen_phi = first_of(hull).phi;
-  if (!(seen_phi < radius)) return true;
   const float later = agreement(radius);
-  InSpace<Sample> least{};
-#pragma unroll 1
-  for (int k = 0; k < query.num_cameras; ++k) {
-    const HullEye& eye = query.eyes[k];
-    float p[3];
-    place(eye.field[0].frame, ball, p);
-    const InSpace<Sample> here = between<Sample>(eye, eye.field, p, radius, true);
-    least = k == 0 ? here : lesser_of(least, here, width);
-    if (!(first_of(least).phi - later > seen_phi - width.w)) return true;
-  }
-  InSpace<Sample> shift{};
+  Space hull = view(0);
+  for (int k = 1; k < num_cameras; ++k) hull = agreed(hull, view(k), later);
+  seen_phi = first_of(hull).phi;
+  if (!(seen_phi < radius)) return hull;
+  Space least = view(num_cameras);
+  for (int k = 1; k < num_cameras; ++k) least = lesser_of(least, view(num_cameras + k), width);
+  Space shift{};
   set(shift, SpaceGradient<float>{-later});
-  hull = greater_of(hull, plus(least, 1.0f, shift), width);
-  return true;
+  return greater_of(hull, plus(least, 1.0f, shift), width);
 }
 
 // Does the camera see that all elements in a ball are well in front of everything? The warp
@@ -164,44 +139,87 @@ __device__ bool is_seen_free(const HullQuery<kMost>& query, int cluster) {
   return false;
 }
 
+// A block has one cluster at a time; each of its warps asks some views about all its elements, and
+// the first one joins what they say.
+constexpr int kHullWarps = 8, kHullThreads = kHullWarps * gpu::kWarpSize;
+
+// What views have said about the elements of a cluster.
+template <int kMost, class Sample>
+struct ViewScratch {
+  static constexpr int kNum = sizeof(InSpace<Sample>) / sizeof(float);
+
+  float numbers[2 * kMost][kNum][gpu::kWarpSize];
+  int is_free;
+
+  __device__ void store(int view, const InSpace<Sample>& said) {
+    const float* const from = reinterpret_cast<const float*>(&said);
+    for (int i = 0; i < kNum; ++i) numbers[view][i][gpu::lane_id()] = from[i];
+  }
+  __device__ InSpace<Sample> load(int view) const {
+    InSpace<Sample> said;
+    float* const to = reinterpret_cast<float*>(&said);
+    for (int i = 0; i < kNum; ++i) to[i] = numbers[view][i][gpu::lane_id()];
+    return said;
+  }
+};
+
 template <class Sample>
-constexpr std::size_t kSharedBytes = std::is_same_v<Sample, Curvature>
-                                         ? sizeof(FinishStiffnessScratch)
-                                         : sizeof(FinishScratch);
+using FinishScratchFor =
+    std::conditional_t<std::is_same_v<Sample, Curvature>, FinishStiffnessScratch, FinishScratch>;
+template <int kMost, class Sample>
+constexpr std::size_t kSharedBytes = std::max(sizeof(ViewScratch<kMost, Sample>),
+                                              sizeof(FinishScratchFor<Sample>));
 
 template <int kMost, class Sample>
-__global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
+__global__ void __launch_bounds__(kHullThreads, 2)
     measure_hull_elements(const __grid_constant__ HullQuery<kMost> query,
                           const __grid_constant__ MeasureOutput out) {
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   const ElementsView& elements = query.elements;
+  auto& views = gpu::shared_memory<ViewScratch<kMost, Sample>>();
   FieldShare share;
   StiffnessShare stiffness;
-  const int num_warps = gpu::grid_threads() / gpu::kWarpSize;
-  for (int cluster = gpu::grid_thread() / gpu::kWarpSize; cluster < elements.num_clusters;
-       cluster += num_warps) {
-    if (query.skips_clusters && is_seen_free(query, cluster)) continue;
-    const ElementBall ball = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
-    const Element element = element_of(elements, cluster, query.tool);
-    InSpace<Sample> hull{};
-    float seen_phi = 0;
-    if (!hull_of<Sample>(query, {ball.x, ball.y, ball.z, ball.radius}, hull, seen_phi)) continue;
-    if (seen_phi < -static_cast<float>(kSeenBehind)) {
-      share.unseen += element.factor *
-                      (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
+  for (int cluster = static_cast<int>(blockIdx.x); cluster < elements.num_clusters;
+       cluster += static_cast<int>(gridDim.x)) {
+    if (query.skips_clusters) {
+      const bool is_free = gpu::warp_id() == 0 && is_seen_free(query, cluster);
+      if (threadIdx.x == 0) views.is_free = is_free;
+      __syncthreads();
+      const bool is_skipped = views.is_free != 0;
+      __syncthreads();
+      if (is_skipped) continue;
     }
-    const SpaceGradient<float>& g = first_of(hull);
-    if (!(g.phi < ball.radius)) continue;
-    Symmetric<float> h{};
-    if constexpr (kWithStiffness) h = hull.h;
-    add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, share, &stiffness);
+    const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
+    const Ball ball{at.x, at.y, at.z, at.radius};
+    for (int view = gpu::warp_id(); view < 2 * query.num_cameras; view += kHullWarps) {
+      views.store(view, ask_view<Sample>(query, view, ball));
+    }
+    __syncthreads();
+    if (gpu::warp_id() == 0) {
+      const Element element = element_of(elements, cluster, query.tool);
+      float seen_phi = 0;
+      const InSpace<Sample> hull = join_views<InSpace<Sample>>(
+          query.num_cameras, ball.radius, [&](int view) { return views.load(view); }, seen_phi);
+      if (seen_phi < -static_cast<float>(kSeenBehind)) {
+        share.unseen += element.factor *
+                        (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
+      }
+      const SpaceGradient<float>& g = first_of(hull);
+      if (g.phi < ball.radius) {
+        Symmetric<float> h{};
+        if constexpr (kWithStiffness) h = hull.h;
+        add_cut<kWithStiffness>(element, g.phi, {g.x, g.y, g.z}, h, share, &stiffness);
+      }
+    }
+    __syncthreads();
   }
   MeasureTerms mine;
   add_share(share, mine);
+  auto& scratch = gpu::shared_memory<FinishScratchFor<Sample>>();
   if constexpr (kWithStiffness) {
-    finish_measure(out, mine, stiffness.numbers, gpu::shared_memory<FinishStiffnessScratch>());
+    finish_measure(out, mine, stiffness.numbers, scratch);
   } else {
-    finish_measure(out, mine, gpu::shared_memory<FinishScratch>());
+    finish_measure(out, mine, scratch);
   }
 }
 
@@ -211,12 +229,14 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMost> query, co
   for (int id = gpu::grid_thread(); id < num; id += gpu::grid_threads()) {
     const Sphere sphere = spheres[id];
     const Vec3f c = sphere.centre - p_TC;
-    SpaceGradient<float> g;
+    const Ball ball{c.x, c.y, c.z, sphere.radius};
     float seen_phi = 0;
+    const SpaceGradient<float> g = join_views<SpaceGradient<float>>(
+        query.num_cameras, ball.radius,
+        [&](int view) { return ask_view<Gradient>(query, view, ball); }, seen_phi);
     to.states[id] = SphereState::outside;
     to.planes[id] = {};
-    const bool is_free = !hull_of<Gradient>(query, {c.x, c.y, c.z, sphere.radius}, g, seen_phi);
-    if (is_free || !(g.phi < sphere.radius)) continue;
+    if (!(g.phi < sphere.radius)) continue;
     to.states[id] = g.phi > -sphere.radius ? SphereState::boundary : SphereState::inside;
     const float(&R)[3][3] = query.tool.R_WT;
     const Vec3f along{R[0][0] * g.x + R[1][0] * g.y + R[2][0] * g.z,
@@ -232,15 +252,14 @@ int blocks_over(int num_threads, int threads) { return (num_threads + threads - 
 
 template <class Sample>
 int num_blocks(int gpu, int num_clusters) {
-  constexpr int kThreads = kThreadsOf<Sample>;
-  const auto most = [gpu](auto* kernel) {
-    return gpu::resident_blocks(gpu, reinterpret_cast<const void*>(kernel), kThreads,
-                                kSharedBytes<Sample>);
-  };
-  const int resident = std::min(most(measure_hull_elements<kFewCameras, Sample>),
-                                most(measure_hull_elements<kMostCameras, Sample>));
-  return std::max(1,
-                  std::min(blocks_over(num_clusters * SphereClusters::kSize, kThreads), resident));
+  const int resident =
+      std::min(gpu::resident_blocks(
+                   gpu, reinterpret_cast<const void*>(&measure_hull_elements<kFewCameras, Sample>),
+                   kHullThreads, kSharedBytes<kFewCameras, Sample>),
+               gpu::resident_blocks(
+                   gpu, reinterpret_cast<const void*>(&measure_hull_elements<kMostCameras, Sample>),
+                   kHullThreads, kSharedBytes<kMostCameras, Sample>));
+  return std::max(1, std::min(num_clusters, resident));
 }
 
 }  // namespace
@@ -323,13 +342,12 @@ HullQuery<kMost> query_of(const Views& views, const ElementsView& elements) {
 template <int kMost, class Sample>
 bool DepthHullCuda::launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept {
   HullQuery<kMost> query = query_of<kMost>(views, tool_.elements);
-  constexpr int kThreads = kThreadsOf<Sample>;
-  query.skips_clusters =
-      tool_.elements.num_clusters > answers.num_blocks() * kThreads / gpu::kWarpSize;
-  gpu::launch(
-      stream,
-      {.blocks = answers.num_blocks(), .threads = kThreads, .shared_bytes = kSharedBytes<Sample>},
-      measure_hull_elements<kMost, Sample>, query, answers.next());
+  query.skips_clusters = tool_.elements.num_clusters > answers.num_blocks();
+  gpu::launch(stream,
+              {.blocks = answers.num_blocks(),
+               .threads = kHullThreads,
+               .shared_bytes = kSharedBytes<kMost, Sample>},
+              measure_hull_elements<kMost, Sample>, query, answers.next());
   return answers.await(stream);
 }
 
