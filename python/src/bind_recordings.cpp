@@ -130,7 +130,10 @@ class RecordedFrames {
 
   PyCamera camera() const {
     const DepthStreamInfo& stream = reader_.setup().stream;
-    return {{stream.width, stream.height, stream.intrinsics}, {}, stream.unit, {}};
+    PyCamera camera;
+    camera.camera = {stream.width, stream.height, stream.intrinsics};
+    camera.unit = stream.unit;
+    return camera;
   }
 
   nb::tuple next() {

@@ -81,8 +81,9 @@ def test_the_order_of_cameras_hardly_matters(views, cube):
     pose = [0.01, 0, 0.93, 0, 0, 0, 1]
     one = contact.measure(surfaces, pose)
     other = contact.measure(surfaces[::-1], pose)
-    assert other.volume == pytest.approx(one.volume, rel=0.01)
-    assert other.force == pytest.approx(one.force, abs=0.01 * one.volume)
+    # Cameras that agree are averaged one after the other.
+    assert other.volume == pytest.approx(one.volume, rel=0.02)
+    assert other.force == pytest.approx(one.force, abs=0.02 * one.volume)
 
 
 def test_the_wrench_is_a_derivative(views, cube):
