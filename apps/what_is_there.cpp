@@ -47,8 +47,9 @@ Result<CameraUri> the_camera_that_is_there() {
 Result<std::string> the_device_that_is_there() {
   std::vector<std::string> devices;
   for (const FoundDevice& found : find_devices()) {
-    const bool is_played = found.kind == "sim" || found.kind == "replay";
-    if (found.is_usable && !is_played) devices.push_back(found.uri);
+    // Nothing is plugged in: these have to be asked for.
+    const bool is_named = found.kind == "sim" || found.kind == "replay" || found.kind == "ros2";
+    if (found.is_usable && !is_named) devices.push_back(found.uri);
   }
   if (devices.size() == 1) return devices.front();
   if (!devices.empty()) {
