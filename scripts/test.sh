@@ -13,7 +13,7 @@ case "${1:-}" in
   '' | -*) ;;
   *)
     folder=$folder/tests/$1
-    [ -d "$folder" ] || { echo "test: no such room: $1 (or not built: $folder)" >&2; exit 2; }
+    [ -d "$folder" ] || { echo "test: no such module: $1 (or not built: $folder)" >&2; exit 2; }
     shift
     ;;
 esac
