@@ -17,6 +17,8 @@ fi
 unset PYTHONPATH
 raw=build/wheel/raw
 rm -rf "$raw"
+# As CMake calls them everywhere else: so the compiler cache knows what it has compiled before.
+export CC=${CC:-cc} CXX=${CXX:-c++}
 options=()
 for option in "$@"; do options+=(-C "cmake.args=$option"); done
 CMAKE_BUILD_PARALLEL_LEVEL=$jobs PATH="$PWD/$tools:$PATH" \
