@@ -46,25 +46,6 @@ __device__ inline void place(const FieldFrame& frame, const Ball& ball, float (&
   }
 }
 
-// In the world, limited.
-template <class Sample>
-__device__ InSpace<Sample> in_world(const HullEye& eye, const ElementLook& at, const Sample& sample,
-                                    float radius) {
-  const FieldFrame& frame = eye.field[0].frame;
-  const Gradient& g = first_of(sample);
-  const Gradient3<float> n =
-      turned(eye.R_WC, to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
-  const SpaceGradient<float> first{g.phi, n.x, n.y, n.z};
-  const Curved<float> limit = limited(g.phi, radius);
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    const Symmetric<float> h =
-        hessian_in_space(sample, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
-    return composed(limit, SpaceCurvature<float>{first, turned(eye.R_WC, h)});
-  } else {
-    return composed(limit, first);
-  }
-}
-
 // What a field of a camera says between the camera's two moments; behind the camera all is free.
 template <class Sample>
 __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
@@ -77,7 +58,8 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
   const ElementLook at = look_at(eye.field[0].frame, p);
 #pragma unroll 1
   for (int f = 0; f < eye.num_fields; ++f) {
-    const InSpace<Sample> here = in_world(eye, at, ask_deep<Sample>(fields[f], at, radius), radius);
+    const InSpace<Sample> here =
+        in_world(eye.R_WC, eye.field[0].frame, at, ask_deep<Sample>(fields[f], at, radius), radius);
     now = f == 0 ? here : plus(here, eye.progress, plus(now, -1.0f, here));
   }
   return now;

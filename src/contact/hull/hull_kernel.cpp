@@ -55,25 +55,6 @@ struct EyeAnswer {
   Sample samples[2];  // of seen_free, not yet of what lies deep
 };
 
-// In the world, limited; `radius` is that of the elements.
-template <class Sample>
-[[gnu::always_inline]] inline InSpace<Sample> in_world(const HullCamera& camera, const Lanes& e,
-                                                       Sample& sample) {
-  const FieldFrame& frame = camera.field.frame;
-  const Gradient& g = first_of(sample);
-  const Gradient3<VecF> n =
-      turned(camera.R_WC, to_space(g, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy));
-  const SpaceGradient<VecF> first{g.phi, n.x, n.y, n.z};
-  const Curved<VecF> limit = limited(g.phi, e.radius);
-  if constexpr (std::is_same_v<Sample, Curvature>) {
-    const Symmetric<VecF> h =
-        hessian_in_space(sample, e.from_u, e.from_v, e.inverse_depth, frame.fx, frame.fy);
-    return composed(limit, SpaceCurvature<VecF>{first, turned(camera.R_WC, h)});
-  } else {
-    return composed(limit, first);
-  }
-}
-
 // Between a camera's two moments.
 template <class Space>
 [[gnu::always_inline]] inline Space between(const Eye& eye, const Space (&moments)[2]) {
@@ -190,7 +171,8 @@ class Hull {
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         deepen(eye.seen_free, f, answer.lanes, may_be_deep, answer.samples[f]);
-        moments[f] = in_world(*eye.camera, answer.lanes, answer.samples[f]);
+        moments[f] = in_world(eye.camera->R_WC, eye.camera->field.frame, answer.lanes,
+                              answer.samples[f], radius_);
       }
       const Space seen = before_eye(*eye.camera, between(eye, moments), answer.before, radius_);
       hull = k == 0 ? seen : agreed(hull, seen, agreement(radius_));
@@ -212,7 +194,7 @@ class Hull {
         Sample sample =
             ask_field<Sample>(eye.field.grid, eye.field.pixels[f], look, e.depth, e.inverse_depth);
         deepen(eye.field, f, e, is_felt, sample);
-        moments[f] = in_world(*eye.camera, e, sample);
+        moments[f] = in_world(eye.camera->R_WC, eye.camera->field.frame, e, sample, radius_);
       }
       Space nowhere;
       set(nowhere, SpaceGradient<VecF>{free_limit(radius_)});

@@ -15,6 +15,7 @@
 // are, and what is W deeper than another camera says has no influence at all.
 #pragma once
 
+#include "src/contact/field/field_bound.h"
 #include "src/contact/field/field_element.h"
 
 namespace palpate {
@@ -172,6 +173,28 @@ PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius) {
   const Real k = kShare * radius;
   const Curved<Real> above = even_corner(phi - free_limit(radius) + k, k, (1.0f / kShare) / radius);
   return {phi - above.value, 1.0f - above.slope, -above.bend};
+}
+
+/// What a camera says at `at` (from_u, from_v, inverse_depth) to balls of this radius, in the world
+/// and limited. `Sample` is an ImageGradient or an ImageCurvature.
+template <class Real, class At>
+PALPATE_FORMULA SpaceGradient<Real> in_world(const float (&R_WC)[3][3], const FieldFrame& frame,
+                                             const At& at, const ImageGradient<Real>& g,
+                                             Real radius) {
+  const Gradient3<Real> n =
+      turned(R_WC, to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
+  return composed(limited(g.phi, radius), SpaceGradient<Real>{g.phi, n.x, n.y, n.z});
+}
+template <class Real, class At>
+PALPATE_FORMULA SpaceCurvature<Real> in_world(const float (&R_WC)[3][3], const FieldFrame& frame,
+                                              const At& at, const ImageCurvature<Real>& c,
+                                              Real radius) {
+  const Gradient3<Real> n =
+      turned(R_WC, to_space(c.first, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
+  const Symmetric<Real> h =
+      hessian_in_space(c, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
+  return composed(limited(c.first.phi, radius),
+                  SpaceCurvature<Real>{{c.first.phi, n.x, n.y, n.z}, turned(R_WC, h)});
 }
 
 }  // namespace palpate
