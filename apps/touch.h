@@ -58,6 +58,7 @@ struct TouchOptions {
   bool is_given(std::string_view key) const { return std::ranges::find(given, key) != given.end(); }
   bool is_replay() const { return device.starts_with("replay:"); }
   bool is_robot() const { return device.starts_with("ros2:"); }  ///< which holds the tool
+  bool is_page() const { return device == "page"; }  ///< of the viewer, which holds the tool
   bool is_simulated_hand() const { return device == "sim" || device.starts_with("sim:"); }
 };
 

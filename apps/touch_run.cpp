@@ -15,6 +15,7 @@
 #include "apps/terminal.h"
 #include "apps/touch.h"
 #include "palpate/devices/open_device.h"
+#include "palpate/devices/page_device.h"
 #include "palpate/devices/simulated_device.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/views.h"
@@ -40,22 +41,13 @@ void place(const TouchOptions& options, const std::vector<TimedPose>& path,
   coupling.X_HT.rotation = normalized(conjugate(kDeviceInCamera) * X_WT.rotation);
 }
 
-/// The handle that holds the tool at X_WT.
-Pose handle_at(const Pose& X_WT, const CouplingOptions& coupling) {
-  const auto& [X_WB, X_HT, scale] = std::tie(coupling.X_WB, coupling.X_HT, coupling.motion_scale);
-  if (X_WB == Pose{} && X_HT == Pose{} && scale == 1) return X_WT;
-  Pose X_BH = inverse(X_WB) * (X_WT * inverse(X_HT));
-  X_BH.translation = X_BH.translation / scale;
-  return X_BH;
-}
-
 /// The handle along the path, at times since the run began.
 HandTarget follow(const TouchOptions& options, const TouchInput& input,
                   const CouplingOptions& coupling) {
   const bool is_handle = options.path_frame == PathFrame::base;
   return [&path = input.path, start = input.path_start, coupling, is_handle](double time) {
     const Pose pose = pose_at(path, start + time);
-    return is_handle ? pose : handle_at(pose, coupling);
+    return is_handle ? pose : handle_at(coupling, pose);
   };
 }
 
@@ -187,7 +179,10 @@ Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& out
 
 Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const bool is_live = !options.device.empty();
+  const auto handle = options.is_page() ? std::make_shared<PageHandle>() : nullptr;
   RunSettings settings = options.settings;
+  // Whoever lets go of the tool on the page feels nothing more.
+  if (handle && !options.is_given("safety.dead_man")) settings.safety.dead_man = true;
   if (!options.is_given("coupling.kind")) {
     const bool has_hand = is_live && !options.is_robot();
     settings.coupling.kind = has_hand ? CouplingKind::virtual_coupling : CouplingKind::none;
@@ -202,7 +197,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   double expected = std::numeric_limits<double>::infinity();
   Result<std::unique_ptr<HapticDevice>> device = Error{};
   if (is_live) {
-    device = make_device(options, input, settings);
+    device = handle ? make_page_device(handle) : make_device(options, input, settings);
     if (options.duration) {
       expected = *options.duration;
     } else if (options.is_simulated_hand() && input.path.size() > 1) {
@@ -237,7 +232,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   }
 
   const DepthStreamInfo& info = input.source->info();
-  const auto view = LiveView::create(tool, info, info.name);
+  const auto view = LiveView::create(tool, info, info.name, handle);
   std::optional<OpenPage> page;
   if (options.has_page) {
     auto served = OpenPage::serve(*view, options.page, std::cerr);

@@ -205,8 +205,8 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Hand and settings";
   app.add_option("--device", options->device,
                  "run live with the tool in the hand: sim[:MODEL], replay:FILE, spacenav, "
-                 "haply[:URL], forcedimension, openhaptics, vrpn:NAME@HOST, ros2:/POSE_TOPIC; "
-                 "palpate devices tells "
+                 "haply[:URL], forcedimension, openhaptics, vrpn:NAME@HOST, ros2:/POSE_TOPIC, "
+                 "page (mouse, finger or gamepad in the page of --view); palpate devices tells "
                  "what is there; --device alone takes the one that is; without it the tool follows "
                  "the path on a simulated clock")
       ->type_name("DEVICE")
@@ -293,6 +293,7 @@ void add_touch(CLI::App& program, Action& action) {
       options->given.push_back(std::move(key));
     }
     check_motion(app, *options);
+    options->has_page = options->has_page || options->is_page();
     check_view(app, *options);
     if (options->ros.is_wanted && options->device.empty()) {
       usage_error("touch: --ros2 goes with --device: what is published is of a live run");

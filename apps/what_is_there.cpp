@@ -48,7 +48,8 @@ Result<std::string> the_device_that_is_there() {
   std::vector<std::string> devices;
   for (const FoundDevice& found : find_devices()) {
     // Nothing is plugged in: these have to be asked for.
-    const bool is_named = found.kind == "sim" || found.kind == "replay" || found.kind == "ros2";
+    const bool is_named = found.kind == "sim" || found.kind == "replay" || found.kind == "ros2" ||
+                          found.kind == "page";
     if (found.is_usable && !is_named) devices.push_back(found.uri);
   }
   if (devices.size() == 1) return devices.front();
@@ -58,7 +59,7 @@ Result<std::string> the_device_that_is_there() {
   }
   return Error{Errc::not_found,
                "no haptic device is there; palpate devices says what was tried; without one give "
-               "--device sim"};
+               "--device page for a mouse, or --device sim"};
 }
 
 }  // namespace palpate::apps

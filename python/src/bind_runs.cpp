@@ -113,17 +113,10 @@ std::vector<TimedPose> path_of_scene(const std::string& camera) {
   return path;
 }
 
-/// The handle that holds the tool at X_WT.
-Pose handle_at(const Pose& X_WT, const CouplingOptions& coupling) {
-  Pose X_BH = inverse(coupling.X_WB) * (X_WT * inverse(coupling.X_HT));
-  X_BH.translation = X_BH.translation / coupling.motion_scale;
-  return X_BH;
-}
-
 /// The handle along the path, at times since its beginning.
 HandTarget follow(std::vector<TimedPose> path, const CouplingOptions& coupling) {
   return [path = std::move(path), coupling](double time) {
-    return handle_at(pose_at(path, path.front().time + time), coupling);
+    return handle_at(coupling, pose_at(path, path.front().time + time));
   };
 }
 

@@ -22,6 +22,7 @@ Result<std::unique_ptr<HapticDevice>> open_force_dimension_device(std::string_vi
 Result<std::unique_ptr<HapticDevice>> open_open_haptics_device(std::string_view address);
 Result<std::unique_ptr<HapticDevice>> open_vrpn_device(std::string_view address);
 Result<std::unique_ptr<HapticDevice>> open_ros2_device(std::string_view address);
+Result<std::unique_ptr<HapticDevice>> open_page_device(std::string_view address);
 
 FoundDevice find_spacenav_device();
 FoundDevice find_haply_device();
@@ -29,5 +30,6 @@ FoundDevice find_force_dimension_device();
 FoundDevice find_open_haptics_device();
 FoundDevice find_vrpn_device();
 FoundDevice find_ros2_device();
+FoundDevice find_page_device();
 
 }  // namespace palpate

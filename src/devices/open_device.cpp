@@ -37,6 +37,7 @@ constexpr Kind kKinds[] = {
     {"openhaptics", "openhaptics[:NAME]", open_open_haptics_device, find_open_haptics_device},
     {"vrpn", "vrpn:NAME@HOST[:PORT]", open_vrpn_device, find_vrpn_device},
     {"ros2", "ros2:/POSE_TOPIC", open_ros2_device, find_ros2_device},
+    {"page", "page", open_page_device, find_page_device},
 };
 
 }  // namespace

@@ -1,5 +1,7 @@
 // The tool is at the hand: which feels the contact itself (a penalty method, as stiff as the
 // contact), or nothing.
+#include <tuple>
+
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
 #include "src/haptics/friction.h"
@@ -166,6 +168,14 @@ class NoCoupling final : public Coupling {
 
 Pose prescribed_pose(const CouplingOptions& options, const DeviceState& state) noexcept {
   return Hand(options, {}).follow(state).X_WT;
+}
+
+Pose handle_at(const CouplingOptions& options, const Pose& X_WT) noexcept {
+  const auto& [X_WB, X_HT, scale] = std::tie(options.X_WB, options.X_HT, options.motion_scale);
+  if (X_WB == Pose{} && X_HT == Pose{} && scale == 1) return X_WT;
+  Pose X_BH = inverse(X_WB) * (X_WT * inverse(X_HT));
+  X_BH.translation = X_BH.translation / scale;
+  return X_BH;
 }
 
 std::unique_ptr<Coupling> make_no_coupling(const CouplingOptions& options,

@@ -85,8 +85,11 @@ class News {
 
 class LiveViewImpl final : public LiveView {
  public:
-  LiveViewImpl(const Tool& tool, const DepthStreamInfo& stream, std::string title)
-      : content_{"live", std::move(title), &tool, stream},
+  LiveViewImpl(const Tool& tool, const DepthStreamInfo& stream, std::string title,
+               std::shared_ptr<PageHandle> handle)
+      : content_{"live", std::move(title), &tool, stream,
+                 handle ? std::optional(PageHandle::limits().max_force) : std::nullopt},
+        handle_(std::move(handle)),
         stale_age_(0.1 + 4 / std::max(stream.rate, 1.0)) {
     RunObserver& observer = monitor_.observer;
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
@@ -104,6 +107,9 @@ class LiveViewImpl final : public LiveView {
   std::string state() override;
   std::string controls() override;
   Result<std::string> command(std::string_view json) override;
+  Status hold(std::uint64_t page) override;
+  Status move(std::uint64_t page, const Pose& X_WT) override;
+  void let_go(std::uint64_t page) override;
 
  private:
   void show(RunLoop* loop);
@@ -113,7 +119,8 @@ class LiveViewImpl final : public LiveView {
   Result<std::string> set(const ViewCommand& command);
 
   const ViewContent content_;
-  const double stale_age_;  // s
+  const std::shared_ptr<PageHandle> handle_;  // the server's thread; null: it is held elsewhere
+  const double stale_age_;                    // s
   RunMonitor monitor_;
   News news_;
   std::atomic<bool> wants_end_ = false;
@@ -221,23 +228,24 @@ std::string LiveViewImpl::state() {
   const TickRecord last = news_.last();
   const std::lock_guard lock(mutex_);
   look_at_loop();
-  return Json{{"time", last.time},
-              {"running", loop_ != nullptr && loop_->is_running()},
-              {"fault", fault_},
-              {"note", note(last)},
-              {"force", name_of(last.safety.state)},
-              {"paused", are_frames_held_},
-              {"revision", revision_},
-              {"settings", control_values(settings_of(settings_), is_live_control)},
-              {"frame_number", last.frame_number},
-              {"ticks", report_.num_ticks},
-              {"missed", report_.num_missed},
-              {"lost", report_.num_lost_records},
-              {"frames", report_.num_frames},
-              {"contacts", report_.num_contacts},
-              {"sensor_age", last.sensor_age},
-              {"stages", stages_}}
-      .dump(-1, ' ', false, Json::error_handler_t::replace);
+  Json state{{"time", last.time},
+             {"running", loop_ != nullptr && loop_->is_running()},
+             {"fault", fault_},
+             {"note", note(last)},
+             {"force", name_of(last.safety.state)},
+             {"paused", are_frames_held_},
+             {"revision", revision_},
+             {"settings", control_values(settings_of(settings_), is_live_control)},
+             {"frame_number", last.frame_number},
+             {"ticks", report_.num_ticks},
+             {"missed", report_.num_missed},
+             {"lost", report_.num_lost_records},
+             {"frames", report_.num_frames},
+             {"contacts", report_.num_contacts},
+             {"sensor_age", last.sensor_age},
+             {"stages", stages_}};
+  if (handle_) state["handle"] = handle_->is_held() ? "held" : "free";
+  return state.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string LiveViewImpl::controls() {
@@ -250,9 +258,14 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
   const auto command = ViewCommand::parse(json);
   if (!command) return command.error();
   const std::string& name = command->name();
-  constexpr const char* kKnown = "show, get, set, pause, resume, step, force, mark and end";
+  constexpr const char* kKnown =
+      "show, get, set, pause, resume, step, force, mark, end, hold and let_go";
   const bool is_known = name == "set" || name == "pause" || name == "resume" || name == "step" ||
                         name == "force" || name == "mark" || name == "end";
+  if (name == "hold" || name == "let_go") {
+    return Error{Errc::invalid_argument,
+                 "the tool is held over a WebSocket, by " + name + " there: its end lets go of it"};
+  }
   if (!is_known) return command->unknown(kKnown);
   const std::lock_guard lock(mutex_);
   if (loop_ == nullptr) {
@@ -285,14 +298,34 @@ Result<std::string> LiveViewImpl::set(const ViewCommand& command) {
   if (!value) return value.error();
   if (const Status status = loop_->change(changed); !status) return status.error();
   ++revision_;
+  if (handle_) handle_->grip_anew();  // what scales motions may have changed
   return Json{{"value", *value}}.dump();
+}
+
+Status LiveViewImpl::hold(std::uint64_t page) {
+  if (!handle_) return ViewSource::hold(page);
+  const std::lock_guard lock(mutex_);
+  if (loop_ == nullptr) {
+    return Error{Errc::unavailable, has_begun_ ? "the run has ended" : "the run has not begun yet"};
+  }
+  return handle_->hold(page, monotonic_now());
+}
+
+Status LiveViewImpl::move(std::uint64_t page, const Pose& X_WT) {
+  if (!handle_) return ViewSource::move(page, X_WT);
+  const std::lock_guard lock(mutex_);
+  return handle_->move(page, handle_at(settings_.coupling, X_WT), monotonic_now());
+}
+
+void LiveViewImpl::let_go(std::uint64_t page) {
+  if (handle_) handle_->let_go(page);
 }
 
 }  // namespace
 
 std::unique_ptr<LiveView> LiveView::create(const Tool& tool, const DepthStreamInfo& stream,
-                                           std::string title) {
-  return std::make_unique<LiveViewImpl>(tool, stream, std::move(title));
+                                           std::string title, std::shared_ptr<PageHandle> handle) {
+  return std::make_unique<LiveViewImpl>(tool, stream, std::move(title), std::move(handle));
 }
 
 }  // namespace palpate

@@ -130,6 +130,17 @@ Json parse_object(std::string_view text) {
 
 Json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
+/// x y z qx qy qz qw, as they come: nobody has looked at the numbers yet.
+std::optional<Pose> pose_from(const Json& json) {
+  if (!json.is_array() || json.size() != 7) return std::nullopt;
+  std::array<double, 7> n;
+  for (std::size_t i = 0; i < n.size(); ++i) {
+    if (!json[i].is_number()) return std::nullopt;
+    n[i] = json[i].get<double>();
+  }
+  return Pose{{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}};
+}
+
 }  // namespace
 
 ViewMessage text_message(std::string text) {
@@ -291,8 +302,10 @@ std::string hello_text(ViewSource& source, double radius) {
                   {"radius", radius},
                   {"volume", tool.mesh_mass().volume}}},
                 {"stream", nullptr},
+                {"handle", nullptr},
                 {"columns", sample_columns()},
                 {"controls", Json::parse(source.controls(), nullptr, false)}};
+  if (content.handle_force) hello["handle"] = {{"max_force", *content.handle_force}};
   if (content.stream) {
     const DepthStreamInfo& s = *content.stream;
     hello["stream"] = {{"width", s.width},      {"height", s.height},    {"fx", s.intrinsics.fx},
@@ -327,7 +340,7 @@ std::string error_text(const Json& id, std::string_view error) {
 }
 
 ViewRequest parse_request(std::string_view text) {
-  ViewRequest request{Json::parse(text, nullptr, false), nullptr, "", ""};
+  ViewRequest request{Json::parse(text, nullptr, false), nullptr, "", {}, ""};
   const Json& json = request.json;
   if (!json.is_object()) {
     request.error = R"(a message is one JSON object, e.g. {"id": 1, "command": "pause"})";
@@ -343,6 +356,9 @@ ViewRequest parse_request(std::string_view text) {
   if (json.contains("command")) {
     if (json["command"].is_string()) request.command = json["command"].get<std::string>();
     if (request.command.empty()) request.error = "\"command\" must be the name of a command";
+  } else if (json.contains("hand")) {
+    request.hand = pose_from(json["hand"]);
+    if (!request.hand) request.error = "\"hand\" must be [x, y, z, qx, qy, qz, qw]";
   } else if (!json.contains("ack")) {
     request.error = "\"command\" is missing";
   } else if (!json["ack"].is_number_unsigned()) {

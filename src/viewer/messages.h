@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -55,8 +56,9 @@ std::vector<std::string> sample_columns();
 struct ViewRequest {
   nlohmann::json json;  ///< all of it, an object
   nlohmann::json id;    ///< a number, or null
-  std::string command;  ///< empty: an acknowledgement
-  std::string error;    ///< what is wrong with it; empty: nothing so far
+  std::string command;  ///< empty: an acknowledgement, or where the hand is
+  std::optional<Pose> hand;
+  std::string error;  ///< what is wrong with it; empty: nothing so far
 };
 ViewRequest parse_request(std::string_view text);
 

@@ -12,15 +12,37 @@ constexpr double kPatience = 1;  // s, for an acknowledgement
 
 PageOutbox::PageOutbox(ViewHub& hub) : hub_(hub) {
   answers_.push_back(text_message(hub_.hello()));
-  hub_.add(this);
+  number_ = hub_.add(this);
+}
+
+/// Whoever goes away lets go of the tool.
+PageOutbox::~PageOutbox() {
+  hub_.let_go(number_);
+  hub_.remove(this);
 }
 
 void PageOutbox::receive(std::string_view text) {
   const ViewRequest request = parse_request(text);
+  if (request.hand) return move(request);
   if (request.error.empty() && request.command.empty()) return acknowledge(request);
+  if (request.error.empty() && request.command == "hold") return say(request, hub_.hold(number_));
+  if (request.error.empty() && request.command == "let_go") {
+    hub_.let_go(number_);
+    return say(request, Done{});
+  }
   if (request.error.empty() && request.command == "show") return show(request);
   if (request.error.empty() && request.command == "get") return get(request);
   answers_.push_back(text_message(hub_.obey(request, text).text));
+}
+
+/// Poses come sixty times a second: only what is wrong with them is answered.
+void PageOutbox::move(const ViewRequest& request) {
+  if (const Status status = hub_.move(number_, *request.hand); !status) say(request, status);
+}
+
+void PageOutbox::say(const ViewRequest& request, const Status& status) {
+  answers_.push_back(text_message(status ? answer_text(request.id, "{}")
+                                         : error_text(request.id, status.error().message)));
 }
 
 void PageOutbox::receive_binary() {

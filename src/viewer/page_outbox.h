@@ -17,7 +17,7 @@ class PageOutbox {
  public:
   /// Begins with hello and state.
   explicit PageOutbox(ViewHub& hub);
-  ~PageOutbox() { hub_.remove(this); }
+  ~PageOutbox();
   PageOutbox(const PageOutbox&) = delete;
   PageOutbox& operator=(const PageOutbox&) = delete;
 
@@ -39,10 +39,13 @@ class PageOutbox {
   void acknowledge(const ViewRequest& request);
   void show(const ViewRequest& request);
   void get(const ViewRequest& request);
+  void move(const ViewRequest& request);
+  void say(const ViewRequest& request, const Status& status);
   bool wants(PicturePart part) const;
   void begin_picture(double now);
 
   ViewHub& hub_;
+  std::uint64_t number_;
   ViewWishes wishes_;
   std::uint64_t poll_of_wishes_ = 0;  // pictures come of later polls than this
   std::deque<ViewMessage> answers_;   // and what was got

@@ -20,6 +20,13 @@ ViewWishes either(const ViewWishes& a, const ViewWishes& b) {
 
 }  // namespace
 
+Status ViewSource::hold(std::uint64_t) {
+  return Error{Errc::unavailable,
+               "no page can hold this tool: that is for palpate touch ... --device page"};
+}
+Status ViewSource::move(std::uint64_t page, const Pose&) { return hold(page); }
+void ViewSource::let_go(std::uint64_t) {}
+
 void ViewHub::poll(double now) {
   ViewWishes wishes;
   for (const PageOutbox* page : pages_) wishes = either(wishes, page->wishes(now));
@@ -125,10 +132,21 @@ ViewHub::Answer ViewHub::obey(const ViewRequest& request, std::string_view text)
   return {true, answer_text(request.id, *said)};
 }
 
-void ViewHub::add(PageOutbox* page) {
+Status ViewHub::hold(std::uint64_t page) {
+  is_state_old_ = true;
+  return source_.hold(page);
+}
+
+void ViewHub::let_go(std::uint64_t page) {
+  is_state_old_ = true;
+  source_.let_go(page);
+}
+
+std::uint64_t ViewHub::add(PageOutbox* page) {
   pages_.push_back(page);
   num_pages_ = static_cast<int>(pages_.size());
   is_state_old_ = true;
+  return ++last_page_;
 }
 
 void ViewHub::remove(PageOutbox* page) {

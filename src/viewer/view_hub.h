@@ -58,7 +58,13 @@ class ViewHub {
   };
   Answer obey(const ViewRequest& request, std::string_view text);
 
-  void add(PageOutbox* page);
+  /// A page takes hold of the tool, moves it, lets go of it.
+  Status hold(std::uint64_t page);
+  Status move(std::uint64_t page, const Pose& X_WT) { return source_.move(page, X_WT); }
+  void let_go(std::uint64_t page);
+
+  /// Returns its number.
+  std::uint64_t add(PageOutbox* page);
   void remove(PageOutbox* page);
   int num_pages() const noexcept { return num_pages_; }
 
@@ -83,6 +89,7 @@ class ViewHub {
   const double tool_radius_;
   std::vector<PageOutbox*> pages_;
   std::atomic<int> num_pages_ = 0;
+  std::uint64_t last_page_ = 0;  // its number
   std::uint64_t num_polls_ = 0;
 
   std::array<Newest, kNumPictureParts> parts_;

@@ -31,7 +31,7 @@ TEST(OpenDevice, KnowsNothingElse) {
     ASSERT_FALSE(device.has_value()) << uri;
     EXPECT_EQ(device.error().code, Errc::invalid_argument);
     for (const char* kind :
-         {"sim[", "replay:", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn:"})
+         {"sim[", "replay:", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn:", "page"})
       EXPECT_NE(device.error().message.find(kind), std::string::npos) << kind;
   }
   EXPECT_LT(open_device(std::string(100000, 'x')).error().message.size(), 400u);
@@ -44,9 +44,9 @@ TEST(FindDevices, AsksEveryKind) {
   ::setenv("SPNAV_SOCKET", daemon.path().c_str(), 1);
   const auto found = find_devices();
   ::unsetenv("SPNAV_SOCKET");
-  ASSERT_EQ(found.size(), 8u);
-  for (const char* kind :
-       {"sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn", "ros2"}) {
+  ASSERT_EQ(found.size(), 9u);
+  for (const char* kind : {"sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics",
+                           "vrpn", "ros2", "page"}) {
     const auto device = std::ranges::find(found, kind, &FoundDevice::kind);
     ASSERT_NE(device, found.end()) << kind;
     EXPECT_FALSE(device->what.empty()) << kind;

@@ -265,11 +265,11 @@ class ScriptedSource : public ViewSource {
       settings_[key] = value;
       ++revision_;
     } else if (name == "pause") {
-      hold(frame_at(now()));
+      hold_frame(frame_at(now()));
     } else if (name == "resume") {
       is_paused_ = false;
     } else if (name == "step") {
-      hold((is_paused_ ? held_frame_ : frame_at(now())) + 1);
+      hold_frame((is_paused_ ? held_frame_ : frame_at(now())) + 1);
     } else if (name == "seek" && scene_.kind == "recording") {
       offset_ += number_of("time", 0) - now();
     } else if (name == "speed" && scene_.kind == "recording") {
@@ -289,7 +289,7 @@ class ScriptedSource : public ViewSource {
   std::uint64_t frame_at(double time) const {
     return static_cast<std::uint64_t>(std::max(0.0, time) * scene_.frame_rate);
   }
-  void hold(std::uint64_t frame) {
+  void hold_frame(std::uint64_t frame) {
     is_paused_ = true;
     held_frame_ = frame;
   }

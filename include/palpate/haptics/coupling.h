@@ -112,6 +112,10 @@ class Coupling {
 /// Where a tool without coupling is; a state that is not usable leaves it at the base.
 Pose prescribed_pose(const CouplingOptions& options, const DeviceState& state) noexcept;
 
+/// The other way: the handle X_BH that holds the tool at X_WT, of a hand whose motion scale was
+/// never changed. Identical where nothing is between the two.
+Pose handle_at(const CouplingOptions& options, const Pose& X_WT) noexcept;
+
 /// `options` are checked ones.
 std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,
                                         const MassProperties& tool);

@@ -23,6 +23,8 @@ struct ViewContent {
   std::string title;  ///< for humans, e.g. the file or device
   const Tool* tool = nullptr;
   std::optional<DepthStreamInfo> stream;  ///< none: there is no scene
+  /// N, the most that a page can feel that holds the tool; none: pages cannot hold it.
+  std::optional<double> handle_force = std::nullopt;
 };
 
 /// The depth image that is felt now, raw.
@@ -87,6 +89,14 @@ class ViewSource {
   /// "graph"}; may take a few milliseconds. The answer is a JSON object, {} if there is nothing to
   /// say. Errors: no such command, what is wrong with it.
   virtual Result<std::string> command(std::string_view json) = 0;
+
+  // A page as the hand, by a number that is no other page's: see PageHandle.
+
+  virtual Status hold(std::uint64_t page);
+  /// `X_WT` as the page would have the tool.
+  virtual Status move(std::uint64_t page, const Pose& X_WT);
+  /// Also of a page that has gone.
+  virtual void let_go(std::uint64_t page);
 };
 
 }  // namespace palpate

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 
+#include "palpate/devices/page_device.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/view_source.h"
 
@@ -23,11 +24,12 @@ Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder
 /// nobody.
 class LiveView : public ViewSource {
  public:
-  /// `tool` must outlive it.
+  /// `tool` must outlive it. With the `handle` of the run's device, pages can hold the tool.
   static std::unique_ptr<LiveView> create(const Tool& tool, const DepthStreamInfo& stream,
-                                          std::string title);
-  static std::unique_ptr<LiveView> create(const Tool&&, const DepthStreamInfo&,
-                                          std::string) = delete;
+                                          std::string title,
+                                          std::shared_ptr<PageHandle> handle = nullptr);
+  static std::unique_ptr<LiveView> create(const Tool&&, const DepthStreamInfo&, std::string,
+                                          std::shared_ptr<PageHandle> = nullptr) = delete;
   /// For record_run. Without a recording: its `observer` for the loop, and `on_loop` when
   /// the loop has started and before it is stopped; the latter waits for a command that is using
   /// it.

@@ -1,0 +1,212 @@
+#include "palpate/devices/page_device.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <utility>
+
+#include "src/core/internal/triple_buffer.h"
+#include "src/devices/device_kinds.h"
+#include "src/devices/page_hand.h"
+#include "src/devices/twist_between.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kMostStep = 0.02;      // s that a handle moves on between two ticks
+constexpr double kUnitWithin = 1e-3;    // of a quaternion's length
+constexpr double kWorkspaceRadius = 1;  // m
+
+Error refused(const char* format, auto... values) {
+  char text[200];
+  std::snprintf(text, sizeof text, format, values...);
+  return {Errc::invalid_argument, text};
+}
+
+/// v, no longer than `limit`.
+Vec3d limited(const Vec3d& v, double limit) {
+  const double length = norm(v);
+  return length > limit ? v * (limit / length) : v;
+}
+
+/// How far a critically damped spring comes in `seconds` towards what is `away`, and its speed
+/// then.
+struct Followed {
+  Vec3d way, velocity;
+};
+Followed followed(const Vec3d& away, const Vec3d& velocity, double fastest, double seconds) {
+  constexpr double w = PageHand::kFollow;
+  const Vec3d y = -limited(away, 2 * fastest / w);
+  const Vec3d rate = velocity + w * y;
+  const double decay = std::exp(-w * seconds);
+  return {(y + rate * seconds) * decay - y, (velocity - rate * (w * seconds)) * decay};
+}
+
+}  // namespace
+
+struct PageHandle::Mailbox {
+  TripleBuffer<News> news;
+};
+
+PageHandle::PageHandle() : mailbox_(std::make_unique<Mailbox>()) {}
+PageHandle::~PageHandle() = default;
+
+DeviceLimits PageHandle::limits() {
+  // At the largest force the spring is as long as a thumb is wide. As of other devices, damping is
+  // what makes that stiffness passive at 1 kHz.
+  return {.max_force = 10,
+          .max_torque = 0.6,
+          .max_stiffness = 400,
+          .max_angular_stiffness = 2,
+          .max_damping = 15,
+          .workspace_radius = kWorkspaceRadius,
+          .damping = 0.2,
+          .angular_damping = 1e-3};
+}
+
+Status PageHandle::hold(PageNumber page, double now) {
+  if (holder_ != 0 && holder_ != page && now - last_time_ <= kPatience) {
+    return Error{Errc::unavailable,
+                 "another page holds the tool: it can be taken when that page lets go of it"};
+  }
+  holder_ = page;
+  last_time_ = now;
+  grip_anew();
+  return Done{};
+}
+
+Status PageHandle::move(PageNumber page, const Pose& X_BH, double now) {
+  if (page != holder_) {
+    return Error{Errc::unavailable, holder_ == 0 ? "the tool is not held: take hold of it first"
+                                                 : "another page holds the tool"};
+  }
+  if (const Status status = check(X_BH, now); !status) return status.error();
+  told_grip_ = grip_;
+  last_time_ = now;
+  last_X_BH_ = {X_BH.translation, normalized(X_BH.rotation)};
+  mailbox_->news.publish({grip_, true, now, last_X_BH_});
+  return Done{};
+}
+
+Status PageHandle::check(const Pose& X_BH, double now) const {
+  const double length = std::hypot(std::hypot(X_BH.rotation.x, X_BH.rotation.y),
+                                   std::hypot(X_BH.rotation.z, X_BH.rotation.w));
+  if (!is_finite(X_BH) || !(norm(X_BH.translation) <= kFarthest)) {
+    return refused("a pose of the hand must be finite and within %g m", kFarthest);
+  }
+  if (!(std::abs(length - 1) <= kUnitWithin)) {
+    return refused("the rotation of the hand must be a unit quaternion; its length is %.4g",
+                   length);
+  }
+  if (told_grip_ != grip_) return Done{};
+  const double seconds = std::max(now - last_time_, 0.0) + kBunch;
+  const double way = norm(X_BH.translation - last_X_BH_.translation);
+  const double turn = norm(rotation_between(last_X_BH_.rotation, normalized(X_BH.rotation)));
+  if (way <= kFastest * seconds && turn <= kFastestTurn * seconds) return Done{};
+  return refused(
+      "the hand has jumped by %.3g m and %.3g rad: it may move by %g m/s and turn by %g rad/s; go "
+      "on from where it was",
+      way, turn, kFastest, kFastestTurn);
+}
+
+void PageHandle::let_go(PageNumber page) {
+  if (page == 0 || page != holder_) return;
+  holder_ = 0;
+  mailbox_->news.publish({grip_, false, last_time_, last_X_BH_});
+}
+
+const PageHandle::News* PageHandle::heard() noexcept {
+  return mailbox_->news.refresh() ? &mailbox_->news.value() : nullptr;
+}
+
+PageHand::PageHand(std::shared_ptr<PageHandle> handle) : handle_(std::move(handle)) {
+  info_.kind = "page";
+  info_.name = "a hand on the page";
+  info_.limits = PageHandle::limits();
+  info_.num_buttons = 1;
+}
+
+Status PageHand::begin() {
+  handle_->heard();
+  news_ = {};  // who held it before has to be heard of again
+  felt_ = {};
+  last_time_ = held_time_ = 0;
+  return Done{};
+}
+
+bool PageHand::read(DeviceState& state) noexcept {
+  const double seconds = last_time_ > 0 ? std::clamp(state.time - last_time_, 0.0, kMostStep) : 0.0;
+  last_time_ = state.time;
+  if (const PageHandle::News* news = handle_->heard()) take(*news, state.X_BH);
+
+  const bool is_held = news_.is_held && state.time - news_.time <= kSilence;
+  if (is_held) held_time_ = state.time;
+  const bool gives_way = held_time_ > 0 && state.time - held_time_ <= kGivesWay;
+  if (is_held) {
+    follow(state, seconds);
+  } else if (gives_way) {
+    give_way(state, seconds);
+  } else {
+    state.V_BH = {};
+  }
+  if (const double far = norm(state.X_BH.translation); far > kWorkspaceRadius) {
+    state.X_BH.translation *= kWorkspaceRadius / far;
+    state.V_BH.linear = {};
+  }
+  state.buttons = is_held || gives_way ? 1 : 0;
+  state.is_valid = true;
+  return true;
+}
+
+void PageHand::take(const PageHandle::News& news, const Pose& X_BH) noexcept {
+  if (news.grip != news_.grip) {
+    shift_ = X_BH.translation - news.X_BH.translation;
+    turn_ = normalized(X_BH.rotation * conjugate(news.X_BH.rotation));
+  }
+  news_ = news;
+  target_ = {news.X_BH.translation + shift_, normalized(turn_ * news.X_BH.rotation)};
+}
+
+void PageHand::follow(DeviceState& state, double seconds) const noexcept {
+  const auto [way, velocity] =
+      followed(target_.translation - state.X_BH.translation, state.V_BH.linear, kFastest, seconds);
+  const auto [turn, angular] = followed(rotation_between(state.X_BH.rotation, target_.rotation),
+                                        state.V_BH.angular, kFastestTurn, seconds);
+  state.X_BH = moved(state.X_BH, {way, turn}, 1);
+  state.V_BH = {velocity, angular};
+}
+
+/// Without mass: a spring that pushes it comes to rest exponentially.
+void PageHand::give_way(DeviceState& state, double seconds) const noexcept {
+  const DeviceLimits& limits = info_.limits;
+  state.V_BH = {limited(felt_.force / (kYield * limits.max_stiffness), kFastest),
+                limited(felt_.torque / (kYield * limits.max_angular_stiffness), kFastestTurn)};
+  state.X_BH = moved(state.X_BH, state.V_BH, seconds);
+}
+
+bool PageHand::write(const Wrench& F_H_B) noexcept {
+  felt_ = F_H_B;
+  return true;
+}
+
+std::unique_ptr<HapticDevice> make_page_device(std::shared_ptr<PageHandle> handle) {
+  return std::make_unique<PollingDevice>(std::make_unique<PageHand>(std::move(handle)));
+}
+
+Result<std::unique_ptr<HapticDevice>> open_page_device(std::string_view address) {
+  if (!address.empty()) {
+    return Error{Errc::invalid_argument, "the device page has no address; give --device page"};
+  }
+  return Error{
+      Errc::unavailable,
+      "the device page is held in the page of a live run: palpate touch ... --device page"};
+}
+
+FoundDevice find_page_device() {
+  return {"page", "page", true,
+          "mouse, finger or gamepad in the page of a live run; shows forces instead of giving them",
+          ""};
+}
+
+}  // namespace palpate

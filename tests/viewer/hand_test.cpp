@@ -1,0 +1,168 @@
+// Pages that hold the tool, over the real server: one at a time, and who goes away lets go.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "palpate/devices/page_device.h"
+#include "palpate/viewer/view_server.h"
+#include "tests/test_util/wait_for.h"
+#include "tests/viewer/page_client.h"
+#include "tests/viewer/scripted_source.h"
+
+namespace palpate {
+namespace {
+
+using test::PageClient;
+using test::Received;
+using test::wait_for;
+using Json = nlohmann::json;
+
+/// A thing to look at whose tool can be held; B is W.
+class HeldSource final : public test::ScriptedSource {
+ public:
+  using ScriptedSource::ScriptedSource;
+
+  Status hold(std::uint64_t page) override { return handle_.hold(page, monotonic_now()); }
+  Status move(std::uint64_t page, const Pose& X_WT) override {
+    const Status status = handle_.move(page, X_WT, monotonic_now());
+    const std::lock_guard lock(mutex_);
+    if (status) poses_.push_back(X_WT);
+    return status;
+  }
+  void let_go(std::uint64_t page) override {
+    handle_.let_go(page);
+    is_held_ = handle_.is_held();
+  }
+
+  bool is_held() const { return is_held_; }
+  std::vector<Pose> poses() const {
+    const std::lock_guard lock(mutex_);
+    return poses_;
+  }
+
+ private:
+  PageHandle handle_;
+  std::atomic<bool> is_held_ = true;  // until somebody lets go
+  mutable std::mutex mutex_;
+  std::vector<Pose> poses_;
+};
+
+template <class Source>
+struct Served {
+  Served() {
+    ViewServerOptions options;
+    options.port = 0;
+    auto started = ViewServer::start(source, options);
+    EXPECT_TRUE(started) << started.error().message;
+    server = *std::move(started);
+    const std::string url = server->url();
+    port = std::stoi(url.substr(url.rfind(':') + 1));
+  }
+  Source source{test::ScriptedScene{}};
+  std::unique_ptr<ViewServer> server;
+  int port = 0;
+};
+
+/// What it is answered.
+Json asked(PageClient& page, const std::string& text) {
+  EXPECT_TRUE(page.send(text));
+  Received message;
+  while (page.receive(message)) {
+    if (!message.is_text) continue;
+    Json json = Json::parse(message.bytes);
+    if (json["type"] == "answer") return json;
+  }
+  ADD_FAILURE() << "no answer to " << text;
+  return {};
+}
+constexpr const char* kHold = R"({"id": 1, "command": "hold"})";
+constexpr const char* kLetGo = R"({"id": 2, "command": "let_go"})";
+constexpr const char* kHand = R"({"hand": [0.1, 0.2, 0.3, 0, 0, 0, 1]})";
+
+TEST(HeldTool, OnePageHoldsItUntilItLetsGo) {
+  Served<HeldSource> served;
+  PageClient first(served.port), second(served.port);
+  EXPECT_EQ(asked(first, kHold), (Json{{"type", "answer"}, {"id", 1}, {"ok", true}}));
+  const Json refused = asked(second, kHold);
+  EXPECT_EQ(refused["ok"], false);
+  EXPECT_NE(refused["error"].get<std::string>().find("another page"), std::string::npos);
+  // A pose of whoever does not hold it is refused by an answer that nobody asked for.
+  const Json unasked = asked(second, kHand);
+  EXPECT_EQ(unasked["ok"], false);
+  EXPECT_TRUE(unasked["id"].is_null());
+
+  ASSERT_TRUE(first.send(kHand));
+  EXPECT_TRUE(wait_for([&] { return served.source.poses().size() == 1; }));
+  const Pose pose{{0.1, 0.2, 0.3}, {}};
+  EXPECT_EQ(served.source.poses()[0], pose);
+  EXPECT_EQ(asked(second, kLetGo)["ok"], true);  // of what it does not hold
+  EXPECT_EQ(asked(second, kHold)["ok"], false);
+  EXPECT_EQ(asked(first, kLetGo)["ok"], true);
+  EXPECT_EQ(asked(second, kHold)["ok"], true);
+  EXPECT_EQ(asked(first, kHold)["ok"], false);
+}
+
+TEST(HeldTool, WhoGoesAwayLetsGo) {
+  Served<HeldSource> served;
+  PageClient second(served.port);
+  {
+    PageClient first(served.port);
+    EXPECT_EQ(asked(first, kHold)["ok"], true);
+    EXPECT_EQ(asked(second, kHold)["ok"], false);
+  }
+  EXPECT_TRUE(wait_for([&] { return !served.source.is_held(); }));
+  EXPECT_EQ(asked(second, kHold)["ok"], true);
+}
+
+TEST(HeldTool, WhatIsNoPoseIsRefusedInWords) {
+  Served<HeldSource> served;
+  PageClient page(served.port);
+  EXPECT_EQ(asked(page, kHold)["ok"], true);
+  for (const char* bad :
+       {R"({"hand": 7})", R"({"hand": []})", R"({"hand": [0,0,0,0,0,0]})",
+        R"({"hand": [0,0,0,0,0,0,1,0]})", R"({"hand": [0,0,"x",0,0,0,1]})",
+        R"({"hand": [0,0,null,0,0,0,1]})", R"({"hand": [0,0,1e308,0,0,0,1]})",
+        R"({"hand": [0,0,0,0,0,0,0]})", R"({"hand": [0,0,0,0,0,1,1]})", R"({"hand": null})"}) {
+    const Json answer = asked(page, bad);
+    EXPECT_EQ(answer["ok"], false) << bad;
+    EXPECT_GT(answer["error"].get<std::string>().size(), 20u) << bad;
+  }
+  EXPECT_TRUE(served.source.poses().empty());
+  ASSERT_TRUE(page.send(kHand));
+  EXPECT_TRUE(wait_for([&] { return served.source.poses().size() == 1; }));
+  const Json leapt = asked(page, R"({"hand": [0.1, 0.2, 9, 0, 0, 0, 1]})");
+  EXPECT_NE(leapt["error"].get<std::string>().find("jumped"), std::string::npos);
+}
+
+TEST(HeldTool, IsHeldOverAWebSocketOfThisOriginOnly) {
+  Served<HeldSource> served;
+  const PageClient stranger(served.port, "/ws", {{"Origin", "http://evil.example"}});
+  EXPECT_EQ(stranger.status(), 403);
+  const PageClient neighbour(served.port, "/ws", {{"Origin", "http://127.0.0.1:1"}});
+  EXPECT_EQ(neighbour.status(), 403);
+  for (const std::string body : {kHold, kHand, kLetGo}) {
+    const std::string answer = test::ask_http(
+        served.port, "POST /api/command HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" +
+                         ("Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body));
+    EXPECT_EQ(test::status_of(answer), 400) << body;
+  }
+  EXPECT_TRUE(served.source.poses().empty());
+}
+
+TEST(HeldTool, OfAnotherRunCannotBeHeld) {
+  Served<test::ScriptedSource> served;
+  PageClient page(served.port);
+  for (const char* text : {kHold, kHand}) {
+    const Json answer = asked(page, text);
+    EXPECT_EQ(answer["ok"], false);
+    EXPECT_NE(answer["error"].get<std::string>().find("--device page"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace palpate
