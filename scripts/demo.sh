@@ -50,3 +50,6 @@ for report in "${reports[@]}"; do
   [ -s "$report" ] || { echo "demo: $report was not written" >&2; exit 1; }
   echo "  $PWD/$report"
 done
+
+say "Your turn: hold the stylus yourself, with a mouse, a finger or a gamepad, in the page that this serves:"
+echo "  $palpate touch demo/stylus.palp --scene hand --device page -o demo/mine"

@@ -25,7 +25,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 NOT_RUN = re.compile(r"<!-- not run: (.+) -->\s*\Z")
-SERVES = re.compile(r"\bpalpate view\b|--view\b")
+SERVES = re.compile(r"\bpalpate view\b|--view\b|--device page\b")
 
 
 def pages():

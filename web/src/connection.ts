@@ -11,7 +11,7 @@ export interface Command {
 }
 
 export interface Answer {
-  id: number;
+  id: number | null; // null: of what is not answered when all is well
   ok: boolean;
   error?: string;
   [member: string]: unknown;
@@ -24,6 +24,8 @@ export interface Listener {
   onBinary(buffer: ArrayBuffer): void;
   /// All binary messages of this picture have come; it wants to be acknowledged once drawn.
   onPicture(number: number): void;
+  /// Something that was told is not taken.
+  onRefusal(error: string): void;
 }
 
 const FIRST_WAIT = 250, LONGEST_WAIT = 4000; // ms
@@ -57,7 +59,12 @@ export class Connection {
   }
 
   acknowledge(number: number): void {
-    if (this.link === 'open') this.socket?.send(JSON.stringify({ ack: number }));
+    this.tell({ ack: number });
+  }
+
+  /// What is answered only if something is wrong with it: by onRefusal.
+  tell(message: object): void {
+    if (this.link === 'open') this.socket?.send(JSON.stringify(message));
   }
 
   private address(path: string): URL {
@@ -99,8 +106,9 @@ export class Connection {
         break;
       case 'answer': {
         const answer = message as unknown as Answer;
-        this.waiting.get(answer.id)?.(answer);
-        this.waiting.delete(answer.id);
+        if (answer.id === null) this.listener.onRefusal(answer.error ?? '');
+        else this.waiting.get(answer.id)?.(answer);
+        this.waiting.delete(answer.id ?? 0);
         break;
       }
     }

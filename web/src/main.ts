@@ -17,5 +17,6 @@ window.palpate = {
   governor,
   get hello() { return page.hello; },
   get state() { return page.state; },
+  get sample() { return page.sample; },
   command: (command: Command) => page.command(command),
 };

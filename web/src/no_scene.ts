@@ -1,3 +1,4 @@
+import { Vector3 } from 'three';
 import { defaultOptions } from './options';
 import type { SceneView } from './types';
 
@@ -22,6 +23,15 @@ export function withoutScene(): SceneView {
     picture: () => Promise.reject(new Error('There is no 3-D picture in this browser.')),
     resetView: nothing,
     project: () => [0, 0],
+    handPose: null,
+    graspAt: () => null,
+    pictureAxes: () => ({
+      right: new Vector3(1, 0, 0), up: new Vector3(0, -1, 0), away: new Vector3(0, 0, 1), perPixel: 0, distance: 0,
+    }),
+    projectHand: () => [0, 0],
+    setHeld: nothing,
+    setGrasp: nothing,
+    setStrain: nothing,
     dispose: nothing,
   };
 }

@@ -4,12 +4,14 @@ import { Connection } from './connection';
 import type { Answer, Command, Link, Listener } from './connection';
 import { element } from './dom';
 import { Drawing } from './drawing';
+import { Handling } from './hand/handling';
 import { decode } from './messages';
 import { withoutScene } from './no_scene';
 import { Banner, notice } from './panels/banner';
 import { CameraImage } from './panels/camera_image';
 import { Controls } from './panels/controls';
 import { Dock } from './panels/dock';
+import type { PanelName } from './panels/dock';
 import { Help } from './panels/help';
 import { hint } from './panels/hint';
 import { Legend } from './panels/legend';
@@ -34,6 +36,7 @@ export class Page implements Listener {
   readonly counters = { pictures: 0, frames: 0, contacts: 0, samples: 0, reconnects: 0, drawn: 0 };
   hello: Hello | null = null;
   state: State | null = null;
+  sample: Sample | null = null; // the newest
   readonly scene: SceneView;
 
   private readonly root = element('div', 'page');
@@ -43,6 +46,7 @@ export class Page implements Listener {
   private readonly banner = new Banner(() => void this.command({ command: 'force' }));
   private readonly readouts = new Readouts();
   private readonly legend = new Legend();
+  private readonly hint = hint(this.canvas);
   private readonly image = new CameraImage();
   private readonly plots = new Plots();
   private readonly help = new Help();
@@ -52,20 +56,23 @@ export class Page implements Listener {
   private readonly theme: Theme;
   private readonly drawing: Drawing;
   private readonly rate = new PictureRate();
+  private readonly handling: Handling;
   private readonly connection: Connection;
 
   private frame: Frame | null = null;
   private contact: Contact | null = null;
-  private sample: Sample | null = null;
   private asked = new Set<string>(); // shapes, of this connection
   private wishes = '';
   private trouble: string | null = null;
   private troubleEnd = 0;
+  private readonly opened: PanelName[]; // at first
+  private readonly hasLook: boolean; // of the tool, by the address
 
   constructor(address: URLSearchParams) {
     this.scene = this.makeScene();
     const { options } = this.scene;
-    const opened = applyAddress(address, options);
+    this.opened = applyAddress(address, options);
+    this.hasLook = address.has('look');
 
     this.theme = new Theme((isDark) => this.onTheme(isDark), address.get('theme'));
     this.dock = new Dock(this.root, () => this.theme.toggle(), () => this.help.toggle());
@@ -75,10 +82,17 @@ export class Page implements Listener {
       savePicture: () => void this.savePicture(),
       resetView: () => this.resetView(),
     });
+    this.handling = new Handling({
+      scene: this.scene,
+      stage: this.stage,
+      send: (command) => this.command(command),
+      tell: (message) => this.connection.tell(message),
+      ask: () => this.drawing?.ask(),
+    });
     this.layOut();
     this.drawing = new Drawing(
-      this.canvas, () => this.scene.render(), (picture) => this.connection.acknowledge(picture));
-    this.dock.begin(opened);
+      this.canvas, () => this.draw(), (picture) => this.connection.acknowledge(picture));
+    this.dock.begin(this.opened);
     this.listen();
     this.connection = new Connection(this, address.get('token'));
     setInterval(() => this.updatePanels(), PANEL_PERIOD);
@@ -96,7 +110,10 @@ export class Page implements Listener {
   onLink(link: Link): void {
     this.bar.setLink(link);
     this.counters.reconnects = this.connection.reconnects;
-    if (link !== 'open') this.drawing.forget();
+    if (link !== 'open') {
+      this.drawing.forget();
+      this.handling.lose();
+    }
     this.updatePanels();
   }
 
@@ -108,15 +125,25 @@ export class Page implements Listener {
     this.rate.begin();
     this.plots.clear();
     this.scene.setHello(hello);
-    for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls]) panel.setHello(hello);
+    if (hello.handle) this.makeRoomForAHand();
+    for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls, this.handling]) panel.setHello(hello);
     this.root.dataset.kind = hello.kind;
     this.dock.hide(hello.kind === 'tool' ? ['plots', 'image'] : hello.stream ? [] : ['image']);
     this.onOptions();
   }
 
+  /// Whoever holds a tool looks at the tool, and needs room for it.
+  private makeRoomForAHand(): void {
+    if (this.connection.reconnects > 0) return;
+    if (!this.hasLook) this.scene.options.toolLook = 'mesh';
+    this.hint.hidden = true; // the hand's card says more
+    this.dock.begin(this.opened.filter((name) => name === 'plots'));
+  }
+
   onState(state: State): void {
     this.state = state;
     this.timeline.update(state);
+    this.handling.setState(state);
     this.controls.update(state);
     this.plots.latencies.update(state.stages);
   }
@@ -161,6 +188,11 @@ export class Page implements Listener {
     }
   }
 
+  onRefusal(error: string): void {
+    this.tell(error);
+    this.handling.hand.refused();
+  }
+
   onPicture(number: number): void {
     ++this.counters.pictures;
     this.rate.count();
@@ -173,6 +205,7 @@ export class Page implements Listener {
     this.sample = samples[samples.length - 1];
     this.scene.addSamples(samples);
     this.plots.add(samples);
+    this.handling.setSample(this.sample);
   }
 
   // What people do.
@@ -201,6 +234,8 @@ export class Page implements Listener {
       'p': () => this.dock.toggle('plots'),
       'i': () => this.dock.toggle('image'),
       'k': () => this.dock.toggle('controls'),
+      't': () => this.handling.toggle(),
+      'escape': () => this.handling.hand.letGo(),
       'm': () => this.timeline.mark(),
       's': () => void this.savePicture(),
       'd': () => this.theme.toggle(),
@@ -270,9 +305,14 @@ export class Page implements Listener {
     const overlay = element('div', 'overlay', this.readouts.root, this.legend.root);
     this.stage.append(this.canvas);
     this.root.append(
-      this.bar.root, this.dock.root, this.banner.root, this.stage, overlay, hint(this.canvas), this.image.root,
+      this.bar.root, this.dock.root, this.banner.root, this.stage, overlay, this.hint, this.handling.card.root, this.image.root,
       this.controls.root, this.timeline.root, this.plots.root, this.help.root);
     document.body.replaceChildren(this.root);
+  }
+
+  private draw(): void {
+    this.scene.render();
+    this.handling.place();
   }
 
   private onResize(): void {
@@ -302,6 +342,7 @@ export class Page implements Listener {
     if (!hello || document.hidden) return;
     this.bar.update(hello, state, this.rate.perSecond);
     this.readouts.update(this.sample, state);
+    this.handling.update();
     if (this.dock.isOpen('plots')) this.plots.draw();
     if (this.dock.isOpen('image')) this.image.draw(this.frame, this.contact);
   }

@@ -1,6 +1,8 @@
 // What the server's messages decode to (docs/viewer-protocol.md), and what the parts of the page
 // say to each other.
 
+import type { Vector3 } from 'three';
+
 export interface Pose {
   position: [number, number, number];
   quaternion: [number, number, number, number]; // x y z w
@@ -15,6 +17,8 @@ export interface Hello {
   stream: {
     width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number; rate: number;
   } | null;
+  /// How hard a page is pushed at most that holds the tool, N; null: none can.
+  handle: { max_force: number } | null;
   columns: string[];
   controls: Control[];
 }
@@ -46,6 +50,7 @@ export interface State {
   fault: string | null;
   note: string | null;
   force?: string; // live: waiting, engaged, fading, off, held_off, ended
+  handle?: 'free' | 'held'; // of runs whose tool a page holds
   paused: boolean;
   revision: number;
   settings: Record<string, Value>;
@@ -98,6 +103,15 @@ export interface SceneOptions {
   dark: boolean;
 }
 
+/// What of a tool lies at a pixel; `turn` is any of it, with another button.
+export type Grasp =
+  | { kind: 'tool' | 'turn' }
+  | { kind: 'ring'; number: number; axis: Vector3; perRadian: [number, number] }; // W, pixels
+
+/// How the picture lies in W where the hand is: unit vectors, and what a pixel and the way from the
+/// eye are there, m. The caller's own.
+export interface PictureAxes { right: Vector3; up: Vector3; away: Vector3; perPixel: number; distance: number }
+
 /// The 3-D part, as the page sees it (scene/scene_view.ts).
 export interface SceneView {
   readonly options: SceneOptions;
@@ -120,5 +134,18 @@ export interface SceneView {
   resetView(): void;
   /// Where a point of W is on the canvas, CSS pixels; for tests.
   project(x: number, y: number, z: number): [number, number];
+  /// Where the hand has the tool; null until it is known.
+  readonly handPose: Pose | null;
+  /// What of the tool or its rings is nearest to a pixel, within `reach` pixels; null: none.
+  graspAt(x: number, y: number, reach: number): Grasp | null;
+  pictureAxes(): PictureAxes;
+  /// The hand, on the canvas.
+  projectHand(): [number, number];
+  /// This page holds the tool: it can be turned by rings.
+  setHeld(isHeld: boolean): void;
+  /// What is pointed at.
+  setGrasp(grasp: Grasp | null): void;
+  /// Force on the hand, as a share of the largest one: the spring to the hand, and the colour of the tool.
+  setStrain(share: number): void;
   dispose(): void;
 }

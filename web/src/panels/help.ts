@@ -13,6 +13,8 @@ export const KEYS: [keys: string, does: string][] = [
   ['P', 'plots'],
   ['I', 'camera image'],
   ['K', 'controls'],
+  ['T', 'hold the tool, with palpate touch --device page'],
+  ['Esc', 'let go of it'],
   ['M', 'mark this moment in the recording'],
   ['S', 'save a picture'],
   ['D', 'dark or light'],

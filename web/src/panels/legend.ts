@@ -1,5 +1,5 @@
 import { element } from '../dom';
-import { ARROW_COLOURS, EDGE_COLOURS, OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
+import { ARROW_COLOURS, EDGE_COLOURS, heat, OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
 import type { Hello, SceneOptions } from '../types';
 
 type Entry = [colour: string, word: string, meaning: string];
@@ -41,9 +41,10 @@ function entries(hello: Hello, options: SceneOptions): Entry[] {
     if (options.arrows) {
       list.push([ARROW_COLOURS.force, 'arrow', 'force on the tool']);
       list.push([ARROW_COLOURS.torque, 'arc', 'torque on the tool']);
-      list.push([ARROW_COLOURS.hand, 'arrow', 'force on the hand']);
+      if (!hello.handle) list.push([ARROW_COLOURS.hand, 'arrow', 'force on the hand']);
     }
     if (options.ghost) list.push([OTHER_COLOURS.ghost, 'ghost', 'where the hand is']);
+    if (hello.handle) list.push([heat(0.5), 'spring', 'hand to tool: its force']);
     if (options.trace) list.push([OTHER_COLOURS.trace, 'line', 'path of the tool']);
     if (options.normals) list.push([OTHER_COLOURS.normal, 'lines', 'normals of the surface']);
     if (options.edges) list.push([EDGE_COLOURS.start, 'green to purple', 'where the depth jumps']);

@@ -68,7 +68,7 @@ export function hello(
   tool: { centre_of_mass_m: number[]; radius_m: number }, stream: Hello['stream'],
 ): Hello {
   return {
-    protocol: 0, version: '', kind: stream ? 'recording' : 'tool', title: '', stream, columns: [], controls: [],
+    protocol: 0, version: '', kind: stream ? 'recording' : 'tool', title: '', stream, handle: null, columns: [], controls: [],
     tool: {
       spheres: 0, volume: 0, radius: tool.radius_m,
       centre_of_mass: tool.centre_of_mass_m as [number, number, number],

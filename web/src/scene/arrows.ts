@@ -23,14 +23,17 @@ export class Arrows {
   private readonly newtons = new SteadyScale(0.05);
   private readonly newtonMetres = new SteadyScale(0.0005);
   private radius = 0.1; // of the tool
+  private hasSpring = false;
   private centre: [number, number, number] = [0, 0, 0]; // of mass, in T
 
   constructor() {
     this.object.add(this.force.object, this.torque.object, this.hand.object);
   }
 
-  setTool(radius: number, centre: [number, number, number]): void {
+  /// `hasSpring`: what pushes the hand is drawn as a spring, and needs no arrow.
+  setTool(radius: number, centre: [number, number, number], hasSpring: boolean): void {
     this.radius = radius;
+    this.hasSpring = hasSpring;
     this.centre = centre;
     for (const arrow of [this.force, this.torque, this.hand]) arrow.object.visible = false;
   }
@@ -50,7 +53,7 @@ export class Arrows {
       0.028 * radius);
 
     this.hand.object.visible = false;
-    if (!X_WT_hand) return;
+    if (!X_WT_hand || this.hasSpring) return;
     const held = transformed(X_WT_hand, this.centre);
     const stretch = centre.sub(held);
     if (stretch.length() < LEAST_STRETCH) return;

@@ -29,6 +29,18 @@ export const OTHER_COLOURS = {
   wall: '#db333d', // of the mesh, where a tool is cut open
 } as const;
 
+/// Of the rings about x, y and z by which a tool is turned.
+export const RING_COLOURS = ['#f0716a', '#5cc87d', '#62a4f7'] as const;
+
+const HEAT = ['#3fbf7f', '#f0b429', '#f2453a']; // none, half and all of the largest force
+
+/// How a share of the largest force looks.
+export function heat(share: number): string {
+  const at = 2 * Math.min(1, Math.max(0, share)), i = Math.min(1, Math.floor(at));
+  const mixed = rgb(HEAT[i]).lerp(rgb(HEAT[i + 1]), at - i).multiplyScalar(255).round();
+  return `rgb(${mixed.x}, ${mixed.y}, ${mixed.z})`;
+}
+
 export interface Theme {
   ground: string;
   surface: string; // of the cloud
@@ -41,8 +53,9 @@ export const THEMES: { dark: Theme; light: Theme } = {
   light: { ground: '#f4f5f7', surface: '#b5afa6', metal: '#8d97a3', line: '#9aa3ae' },
 };
 
-/// Red, green and blue from 0 to 1, as they are shown.
+/// Red, green and blue from 0 to 1, as they are shown; of #rrggbb or rgb(r, g, b).
 export function rgb(hex: string): Vector3 {
+  if (hex.startsWith('rgb')) return new Vector3(...hex.match(/\d+/g)!.map(Number)).divideScalar(255);
   const n = parseInt(hex.slice(1), 16);
   return new Vector3((n >> 16) & 255, (n >> 8) & 255, n & 255).divideScalar(255);
 }

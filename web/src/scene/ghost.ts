@@ -17,6 +17,11 @@ export class Ghost {
   private apart = 0; // m
   private radius = 0.1;
 
+  /// Seen also where the scene lies before it.
+  set throughAll(value: boolean) {
+    this.mesh.ghostIsInFront = value;
+  }
+
   constructor(private readonly mesh: ToolMesh) {
     this.object.add(mesh.ghost, this.shells.object);
   }

@@ -1,15 +1,15 @@
 // The 3-D part of the page: takes decoded messages, draws them (thesis section 4.4). What moves is
 // written into buffers that exist; nothing is allocated for a picture.
 
-import { Color, Group, Scene, Vector3 } from 'three';
+import { Color, Group, Quaternion, Scene, Vector3 } from 'three';
 import { defaultOptions } from '../options';
 import type {
-  Contact, Edges, Frame, Graph, Hello, Mesh, Normals, Pose, Sample, SceneView, Spheres, Tree,
+  Contact, Edges, Frame, Grasp, Graph, Hello, Mesh, Normals, PictureAxes, Pose, Sample, SceneView, Spheres, Tree,
 } from '../types';
 import { Arrows } from './arrows';
 import { Cameras } from './cameras';
 import { Cloud } from './cloud';
-import { THEMES } from './colours';
+import { heat, THEMES } from './colours';
 import { CutOutline } from './cut_outline';
 import { DepthImage } from './depth_image';
 import { EdgeMarks } from './edges';
@@ -21,7 +21,9 @@ import { Landmarks } from './landmarks';
 import { NormalNeedles } from './normals';
 import { sampledPose, setPose, transformed } from './poses';
 import { createRenderer } from './renderer';
+import { Rings } from './rings';
 import { ToolSpheres } from './spheres';
+import { Spring } from './spring';
 import { ToolMesh } from './tool_mesh';
 import { Trace } from './trace';
 import { TreeNodes } from './tree';
@@ -52,12 +54,16 @@ class View implements SceneView {
   private readonly outline = new CutOutline();
   private readonly ghost = new Ghost(this.mesh);
   private readonly arrows = new Arrows();
+  private readonly spring = new Spring();
+  private readonly rings = new Rings();
   private readonly trace = new Trace();
   private readonly landmarks = new Landmarks();
 
   private hello: Hello | null = null;
   private X_WT: Pose | null = null;
+  private X_WT_hand: Pose | null = null;
   private contact: Contact | null = null;
+  private strain = 0;
   private framed: 'nothing' | 'scene' | 'tool' = 'nothing';
   private sawNothing = false; // when it was framed
   private size: [number, number] = [1, 1]; // CSS pixels
@@ -71,18 +77,22 @@ class View implements SceneView {
     this.tool.add(this.spheres.object, this.mesh.object, this.graph.object, this.tree.object,
       this.outline.object);
     this.scene.add(this.cloud.object, this.normals.object, this.edges.needles, this.edges.panes, this.tool,
-      this.ghost.object, this.arrows.object, this.trace.object, this.landmarks.object);
+      this.ghost.object, this.arrows.object, this.spring.object, this.rings.object, this.trace.object,
+      this.landmarks.object);
     this.resize(canvas.clientWidth, canvas.clientHeight, 1);
     canvas.addEventListener('webglcontextrestored', () => requestAnimationFrame(() => this.render()));
   }
 
   setHello(hello: Hello): void {
     this.hello = hello;
-    this.X_WT = this.contact = null;
+    this.X_WT = this.X_WT_hand = this.contact = null;
+    this.spring.object.visible = false;
+    this.ghost.throughAll = hello.handle !== null;
+    this.setStrain(0);
     setPose(this.tool, NO_POSE);
     this.trace.clear();
     this.ghost.setPoses(NO_POSE, NO_POSE);
-    this.arrows.setTool(hello.tool.radius, hello.tool.centre_of_mass);
+    this.arrows.setTool(hello.tool.radius, hello.tool.centre_of_mass, hello.handle !== null);
     this.image.setStream(hello.stream);
     this.edges.setStream(hello.stream);
     this.landmarks.setHello(hello);
@@ -148,8 +158,9 @@ class View implements SceneView {
     const X_WT = (last && sampledPose(last, 'tool')) ?? this.X_WT;
     if (!last || !X_WT) return;
     if (last.time - (this.contact?.time ?? -Infinity) > CONTACT_IS_OLD) this.setToolPose(X_WT);
-    const X_WT_hand = sampledPose(last, 'hand');
+    const X_WT_hand = this.X_WT_hand = sampledPose(last, 'hand');
     this.arrows.setSample(last, X_WT, X_WT_hand);
+    this.setHandle(X_WT);
     this.ghost.setPoses(X_WT, X_WT_hand ?? X_WT);
   }
 
@@ -184,13 +195,61 @@ class View implements SceneView {
 
   project(x: number, y: number, z: number): [number, number] {
     this.cameras.update(this.options.view);
-    const p = this.cameras.project(new Vector3(x, y, z));
-    return [(0.5 + 0.5 * p.x) * this.size[0], (0.5 - 0.5 * p.y) * this.size[1]];
+    return this.toPixels(new Vector3(x, y, z));
+  }
+
+  get handPose(): Pose | null {
+    return this.X_WT_hand;
+  }
+
+  graspAt(x: number, y: number, reach: number): Grasp | null {
+    this.cameras.update(this.options.view);
+    const ring = this.rings.grasp(x, y, reach, (p) => this.toPixels(p));
+    if (ring || !this.X_WT) return ring;
+    const { camera } = this.cameras;
+    const at = (depth: number) => new Vector3((2 * x) / this.size[0] - 1, 1 - (2 * y) / this.size[1], depth);
+    const origin = at(-1).unproject(camera), direction = at(0.5).unproject(camera).sub(origin).normalize();
+    const inverse = this.tool.matrix.compose(this.tool.position, this.tool.quaternion, this.tool.scale).clone().invert();
+    const margin = reach * this.pictureAxes().perPixel;
+    origin.applyMatrix4(inverse);
+    direction.transformDirection(inverse);
+    return this.spheres.isMet(origin, direction, margin) ? { kind: 'tool' } : null;
+  }
+
+  pictureAxes(): PictureAxes {
+    this.cameras.update(this.options.view);
+    const { camera } = this.cameras;
+    const centre = this.handCentre() ?? new Vector3(0, 0, 1);
+    const [right, up, back] = [0, 1, 2].map((i) => new Vector3().setFromMatrixColumn(camera.matrixWorld, i).normalize());
+    const eye = new Vector3().setFromMatrixPosition(camera.matrixWorld);
+    const sight = centre.clone().sub(eye);
+    const away = 'isPerspectiveCamera' in camera ? sight.clone().normalize() : back.clone().negate();
+    const step = 1e-3, [u0, v0] = this.toPixels(centre), [u1, v1] = this.toPixels(centre.clone().addScaledVector(right, step));
+    const perPixel = step / Math.max(1e-6, Math.hypot(u1 - u0, v1 - v0));
+    return { right, up, away, perPixel, distance: Math.min(2, sight.length()) };
+  }
+
+  projectHand(): [number, number] {
+    const centre = this.handCentre();
+    return centre ? this.toPixels(centre) : [0, 0];
+  }
+
+  setHeld(isHeld: boolean): void {
+    this.rings.object.visible = isHeld;
+  }
+
+  setGrasp(grasp: Grasp | null): void {
+    this.rings.point(grasp);
+  }
+
+  setStrain(share: number): void {
+    this.mesh.strain = share;
+    this.strain = share;
   }
 
   dispose(): void {
     for (const part of [this.image, this.cloud, this.normals, this.edges, this.spheres, this.graph, this.tree,
-      this.mesh, this.outline, this.ghost, this.arrows, this.trace, this.landmarks, this.cameras, this.renderer]) {
+      this.mesh, this.outline, this.ghost, this.arrows, this.spring, this.rings, this.trace, this.landmarks, this.cameras, this.renderer]) {
       part.dispose();
     }
   }
@@ -232,6 +291,24 @@ class View implements SceneView {
   /// In W; null until it is known.
   private toolCentre(): Vector3 | null {
     return this.X_WT && this.hello ? transformed(this.X_WT, this.hello.tool.centre_of_mass) : null;
+  }
+
+  private toPixels(p_W: Vector3): [number, number] {
+    const p = this.cameras.project(p_W.clone());
+    return [(0.5 + 0.5 * p.x) * this.size[0], (0.5 - 0.5 * p.y) * this.size[1]];
+  }
+
+  private handCentre(): Vector3 | null {
+    return this.X_WT_hand && this.hello ? transformed(this.X_WT_hand, this.hello.tool.centre_of_mass) : null;
+  }
+
+  /// What shows how the hand holds the tool, of a tool that pages can hold.
+  private setHandle(X_WT: Pose): void {
+    const held = this.handCentre();
+    if (!this.hello?.handle || !held || !this.X_WT_hand) return;
+    const { centre_of_mass: centre, radius } = this.hello.tool;
+    this.rings.place(held, new Quaternion(...this.X_WT_hand.quaternion), radius);
+    this.spring.set(held, transformed(X_WT, centre), radius, heat(this.strain));
   }
 
   /// Looks at the scene when it is there, then at the tool in it, unless somebody looks elsewhere.

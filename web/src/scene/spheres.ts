@@ -3,7 +3,7 @@
 // common; a ray meets it where it has entered both and left neither, so no mesh of a cap
 // (Alg. 4.1) is ever made.
 
-import { DynamicDrawUsage, InstancedBufferAttribute, type InstancedBufferGeometry, Mesh } from 'three';
+import { DynamicDrawUsage, InstancedBufferAttribute, type InstancedBufferGeometry, Mesh, Vector3 } from 'three';
 import type { Contact, SceneOptions, Spheres } from '../types';
 import { rgb, STATE_COLOURS } from './colours';
 import { SHADE, shaderMaterial } from './glsl';
@@ -123,6 +123,18 @@ export class ToolSpheres {
     this.object.geometry.attributes.state.needsUpdate = true;
     this.object.geometry.attributes.plane.needsUpdate = true;
     return true;
+  }
+
+  /// Does a ray in T come nearer to one of them than by a margin, m? The direction is a unit vector.
+  isMet(origin: Vector3, direction: Vector3, margin: number): boolean {
+    if (this.count === 0) return false;
+    const spheres = this.object.geometry.attributes.sphere.array, between = new Vector3();
+    for (let i = 0; i < this.count; ++i) {
+      between.fromArray(spheres, 4 * i).sub(origin);
+      const ahead = between.dot(direction), reach = spheres[4 * i + 3] + margin;
+      if (ahead > 0 && between.lengthSq() - ahead * ahead < reach * reach) return true;
+    }
+    return false;
   }
 
   /// Cut open: what of them lies where n . p <= d in T counts as inside, the rest as outside.

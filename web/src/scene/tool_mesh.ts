@@ -1,8 +1,8 @@
 // The tool as its mesh, semi-metal; and the same mesh as a ghost.
 
-import { BufferAttribute, BufferGeometry, Mesh as DrawnMesh } from 'three';
+import { BufferAttribute, BufferGeometry, Mesh as DrawnMesh, Vector4 } from 'three';
 import type { Mesh, SceneOptions } from '../types';
-import { OTHER_COLOURS, rgb, THEMES } from './colours';
+import { heat, OTHER_COLOURS, rgb, THEMES } from './colours';
 import { shaderMaterial } from './glsl';
 import { OPENS_WINDOW } from './window';
 
@@ -32,6 +32,7 @@ vec3 surface_normal() {
 
 const METAL = `${NORMAL}
 uniform vec3 metal_colour;
+uniform vec4 glow; // colour and share
 
 void main() {
   vec3 n = surface_normal();
@@ -40,7 +41,7 @@ void main() {
   // A dark horizon under a bright sky makes it look like metal; then the light itself.
   float sky = smoothstep(-0.6, 0.9, reflect(vec3(0.0, 0.0, -1.0), n).y);
   float glint = pow(max(0.0, dot(n, normalize(light + vec3(0.0, 0.0, 1.0)))), 40.0);
-  colour = vec4(metal_colour * (0.3 + 0.4 * key + 0.45 * sky) + 0.35 * glint, 1.0);
+  colour = vec4(mix(metal_colour, glow.rgb, glow.a) * (0.3 + 0.4 * key + 0.45 * sky) + 0.35 * glint, 1.0);
 }
 `;
 
@@ -59,8 +60,9 @@ export class ToolMesh {
   /// Shares the geometry.
   readonly ghost: DrawnMesh;
   private readonly geometry = new BufferGeometry();
-  private readonly metal = shaderMaterial({ metal_colour: { value: rgb(THEMES.dark.metal) } }, VERTEX, METAL,
-    OPENS_WINDOW);
+  private readonly metal = shaderMaterial({
+    metal_colour: { value: rgb(THEMES.dark.metal) }, glow: { value: new Vector4() },
+  }, VERTEX, METAL, OPENS_WINDOW);
   private readonly glass = shaderMaterial({
     ghost_colour: { value: rgb(OTHER_COLOURS.ghost) }, opacity: { value: 1 },
   }, VERTEX, GHOST, { transparent: true, depthWrite: false });
@@ -74,6 +76,16 @@ export class ToolMesh {
 
   get loaded(): boolean {
     return this.geometry.index !== null;
+  }
+
+  set ghostIsInFront(value: boolean) {
+    this.glass.depthTest = !value;
+    this.ghost.renderOrder = value ? 1 : 0;
+  }
+
+  /// How hard the tool is pushed, as a share of the most: the metal glows.
+  set strain(share: number) {
+    this.metal.uniforms.glow.value.set(...rgb(heat(share)).toArray(), Math.min(0.75, 3 * Math.max(0, share - 0.01)));
   }
 
   set ghostOpacity(value: number) {

@@ -1,0 +1,106 @@
+// The hand of a page on the tool: takes hold of it, tells where it is at every picture, lets go.
+// Only one page has it at a time; the program says which.
+
+import type { Vector3 } from 'three';
+import type { Answer, Command } from '../connection';
+import type { Hello, Pose } from '../types';
+import { HeldPose } from './held_pose';
+
+const LONGEST_FRAME = 0.05; // s: a page that hung does not leap
+
+export interface HandLinks {
+  send(command: Command): Promise<Answer>;
+  /// Not answered, unless something is wrong with it.
+  tell(message: object): void;
+  /// Where the hand holds the tool now, as the program has said last.
+  pose(): Pose | null;
+  /// At every picture while the tool is held: moves by keys and sticks.
+  onFrame(seconds: number): void;
+  onChange(): void;
+}
+
+export class Hand {
+  private hello: Hello | null = null;
+  private readonly goal = new HeldPose();
+  private readonly at = new HeldPose();
+  private holds = false;
+  private asks = false;
+  private last = 0; // ms
+  private frame = 0;
+
+  constructor(private readonly links: HandLinks) {
+    // Nobody sees what a hidden page does.
+    document.addEventListener('visibilitychange', () => document.hidden && this.letGo());
+    addEventListener('pagehide', () => this.letGo());
+  }
+
+  get isMine(): boolean {
+    return this.holds;
+  }
+
+  setHello(hello: Hello): void {
+    this.hello = hello;
+    this.stop();
+  }
+
+  /// From where the hand is now. False: it cannot be held, and the page has said why.
+  async hold(): Promise<boolean> {
+    const pose = this.links.pose();
+    if (!this.hello?.handle || !pose || this.asks) return this.holds;
+    this.asks = true;
+    const { ok } = await this.links.send({ command: 'hold' });
+    this.asks = false;
+    this.stop();
+    if (!ok) return false;
+    this.goal.set(this.links.pose() ?? pose, this.hello.tool.centre_of_mass);
+    this.at.copy(this.goal);
+    this.holds = true;
+    this.last = performance.now();
+    this.frame = requestAnimationFrame((now) => this.step(now));
+    this.links.tell({ hand: this.at.numbers() });
+    this.links.onChange();
+    return true;
+  }
+
+  letGo(): void {
+    if (!this.holds) return;
+    this.stop();
+    void this.links.send({ command: 'let_go' });
+  }
+
+  /// The connection has gone, and with it the hold.
+  lose(): void {
+    this.stop();
+  }
+
+  /// The program has refused a pose: from where the hand is, if it is still ours to hold.
+  refused(): void {
+    if (this.holds) void this.hold();
+  }
+
+  /// m, in W.
+  move(way: Vector3): void {
+    if (this.holds) this.goal.centre.add(way);
+  }
+
+  /// rad, about an axis in W through the tool's centre of mass.
+  turn(axis: Vector3, angle: number): void {
+    if (this.holds) this.goal.turn(axis, angle);
+  }
+
+  private stop(): void {
+    cancelAnimationFrame(this.frame);
+    const held = this.holds;
+    this.holds = false;
+    if (held) this.links.onChange();
+  }
+
+  private step(now: number): void {
+    const seconds = Math.min(LONGEST_FRAME, Math.max(0, (now - this.last) / 1000));
+    this.last = now;
+    this.links.onFrame(seconds);
+    this.at.follow(this.goal, seconds);
+    this.links.tell({ hand: this.at.numbers() });
+    this.frame = requestAnimationFrame((next) => this.step(next));
+  }
+}
