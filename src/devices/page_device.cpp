@@ -2,11 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <string>
 #include <utility>
 
-#include "src/core/internal/triple_buffer.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/page_hand.h"
 #include "src/devices/twist_between.h"
@@ -14,15 +11,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kMostStep = 0.02;      // s that a handle moves on between two ticks
-constexpr double kUnitWithin = 1e-3;    // of a quaternion's length
-constexpr double kWorkspaceRadius = 1;  // m
-
-Error refused(const char* format, auto... values) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, values...);
-  return {Errc::invalid_argument, text};
-}
+constexpr double kMostStep = 0.02;  // s that a handle moves on between two ticks
 
 /// v, no longer than `limit`.
 Vec3d limited(const Vec3d& v, double limit) {
@@ -44,81 +33,6 @@ Followed followed(const Vec3d& away, const Vec3d& velocity, double fastest, doub
 }
 
 }  // namespace
-
-struct PageHandle::Mailbox {
-  TripleBuffer<News> news;
-};
-
-PageHandle::PageHandle() : mailbox_(std::make_unique<Mailbox>()) {}
-PageHandle::~PageHandle() = default;
-
-DeviceLimits PageHandle::limits() {
-  // At the largest force the spring is as long as a thumb is wide. As of other devices, damping is
-  // what makes that stiffness passive at 1 kHz.
-  return {.max_force = 10,
-          .max_torque = 0.6,
-          .max_stiffness = 400,
-          .max_angular_stiffness = 2,
-          .max_damping = 15,
-          .workspace_radius = kWorkspaceRadius,
-          .damping = 0.2,
-          .angular_damping = 1e-3};
-}
-
-Status PageHandle::hold(PageNumber page, double now) {
-  if (holder_ != 0 && holder_ != page && now - last_time_ <= kPatience) {
-    return Error{Errc::unavailable,
-                 "another page holds the tool: it can be taken when that page lets go of it"};
-  }
-  holder_ = page;
-  last_time_ = now;
-  grip_anew();
-  return Done{};
-}
-
-Status PageHandle::move(PageNumber page, const Pose& X_BH, double now) {
-  if (page != holder_) {
-    return Error{Errc::unavailable, holder_ == 0 ? "the tool is not held: take hold of it first"
-                                                 : "another page holds the tool"};
-  }
-  if (const Status status = check(X_BH, now); !status) return status.error();
-  told_grip_ = grip_;
-  last_time_ = now;
-  last_X_BH_ = {X_BH.translation, normalized(X_BH.rotation)};
-  mailbox_->news.publish({grip_, true, now, last_X_BH_});
-  return Done{};
-}
-
-Status PageHandle::check(const Pose& X_BH, double now) const {
-  const double length = std::hypot(std::hypot(X_BH.rotation.x, X_BH.rotation.y),
-                                   std::hypot(X_BH.rotation.z, X_BH.rotation.w));
-  if (!is_finite(X_BH) || !(norm(X_BH.translation) <= kFarthest)) {
-    return refused("a pose of the hand must be finite and within %g m", kFarthest);
-  }
-  if (!(std::abs(length - 1) <= kUnitWithin)) {
-    return refused("the rotation of the hand must be a unit quaternion; its length is %.4g",
-                   length);
-  }
-  if (told_grip_ != grip_) return Done{};
-  const double seconds = std::max(now - last_time_, 0.0) + kBunch;
-  const double way = norm(X_BH.translation - last_X_BH_.translation);
-  const double turn = norm(rotation_between(last_X_BH_.rotation, normalized(X_BH.rotation)));
-  if (way <= kFastest * seconds && turn <= kFastestTurn * seconds) return Done{};
-  return refused(
-      "the hand has jumped by %.3g m and %.3g rad: it may move by %g m/s and turn by %g rad/s; go "
-      "on from where it was",
-      way, turn, kFastest, kFastestTurn);
-}
-
-void PageHandle::let_go(PageNumber page) {
-  if (page == 0 || page != holder_) return;
-  holder_ = 0;
-  mailbox_->news.publish({grip_, false, last_time_, last_X_BH_});
-}
-
-const PageHandle::News* PageHandle::heard() noexcept {
-  return mailbox_->news.refresh() ? &mailbox_->news.value() : nullptr;
-}
 
 PageHand::PageHand(std::shared_ptr<PageHandle> handle) : handle_(std::move(handle)) {
   info_.kind = "page";
@@ -150,8 +64,9 @@ bool PageHand::read(DeviceState& state) noexcept {
   } else {
     state.V_BH = {};
   }
-  if (const double far = norm(state.X_BH.translation); far > kWorkspaceRadius) {
-    state.X_BH.translation *= kWorkspaceRadius / far;
+  if (const double far = norm(state.X_BH.translation), most = info_.limits.workspace_radius;
+      far > most) {
+    state.X_BH.translation *= most / far;
     state.V_BH.linear = {};
   }
   state.buttons = is_held || gives_way ? 1 : 0;

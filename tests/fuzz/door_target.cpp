@@ -2,8 +2,8 @@
 // go through a real connection to a real server; the first one says which.
 #include "palpate/viewer/view_server.h"
 #include "tests/fuzz/target.h"
+#include "tests/viewer/held_source.h"
 #include "tests/viewer/page_client.h"
-#include "tests/viewer/scripted_source.h"
 
 namespace palpate::fuzz {
 namespace {
@@ -40,7 +40,9 @@ std::vector<std::string> seeds() {
       kFrames + frame(R"({"command":"show","frames":true})") + frame("x", '\x89') +
           frame("", '\x88'),
       kFrames + frame(R"({"comm)", '\x01') + frame(R"(and":"get","what":"spheres"})", '\x80'),
-      kFrames + frame(R"({"ack":1})")};
+      kFrames + frame(R"({"ack":1})"),
+      kFrames + frame(R"({"id":1,"command":"hold"})") + frame(R"({"hand":[0.1,0,0.5,0,0,0,1]})") +
+          frame(R"({"hand":[0,1e300,0,2,0,0,1]})") + frame(R"({"id":2,"command":"let_go"})")};
 }
 
 }  // namespace palpate::fuzz
@@ -49,7 +51,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace palpate;
   using namespace palpate::fuzz;
   struct Door {
-    test::ScriptedSource source;
+    test::HeldSource source;
     std::unique_ptr<ViewServer> server = *ViewServer::start(source, {.port = 0});
     int port = std::stoi(server->url().substr(server->url().rfind(':') + 1));
   };

@@ -1,56 +1,22 @@
 // Pages that hold the tool, over the real server: one at a time, and who goes away lets go.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <limits>
 #include <memory>
-#include <mutex>
 #include <string>
-#include <vector>
 
-#include "palpate/devices/page_device.h"
 #include "palpate/viewer/view_server.h"
 #include "tests/test_util/wait_for.h"
+#include "tests/viewer/held_source.h"
 #include "tests/viewer/page_client.h"
-#include "tests/viewer/scripted_source.h"
 
 namespace palpate {
 namespace {
 
+using test::HeldSource;
 using test::PageClient;
 using test::Received;
 using test::wait_for;
 using Json = nlohmann::json;
-
-/// A thing to look at whose tool can be held; B is W.
-class HeldSource final : public test::ScriptedSource {
- public:
-  using ScriptedSource::ScriptedSource;
-
-  Status hold(std::uint64_t page) override { return handle_.hold(page, monotonic_now()); }
-  Status move(std::uint64_t page, const Pose& X_WT) override {
-    const Status status = handle_.move(page, X_WT, monotonic_now());
-    const std::lock_guard lock(mutex_);
-    if (status) poses_.push_back(X_WT);
-    return status;
-  }
-  void let_go(std::uint64_t page) override {
-    handle_.let_go(page);
-    is_held_ = handle_.is_held();
-  }
-
-  bool is_held() const { return is_held_; }
-  std::vector<Pose> poses() const {
-    const std::lock_guard lock(mutex_);
-    return poses_;
-  }
-
- private:
-  PageHandle handle_;
-  std::atomic<bool> is_held_ = true;  // until somebody lets go
-  mutable std::mutex mutex_;
-  std::vector<Pose> poses_;
-};
 
 template <class Source>
 struct Served {

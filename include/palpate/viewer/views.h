@@ -5,7 +5,7 @@
 #include <functional>
 #include <memory>
 
-#include "palpate/devices/page_device.h"
+#include "palpate/haptics/page_handle.h"
 #include "palpate/session/run.h"
 #include "palpate/viewer/view_source.h"
 

@@ -5,7 +5,7 @@ import type { Grasp } from '../types';
 import { RING_COLOURS } from './colours';
 
 const CORNERS = 96;
-const QUIET = 0.55; // opacity, of one that nobody points at
+const QUIET = 0.75; // opacity, of one that nobody points at
 
 export class Rings {
   readonly object = new Group();
