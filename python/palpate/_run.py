@@ -26,7 +26,8 @@ _Floats = NDArray[np.float64]
 _PathLike = Union[str, "os.PathLike[str]"]
 
 #: Words that begin the name of a device; what else is a text is a file with a path.
-_DEVICE_KINDS = ("sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn")
+_DEVICE_KINDS = ("sim", "replay", "spacenav", "haply", "forcedimension", "openhaptics", "vrpn",
+                 "page")
 
 #: Runs that go on in this process, by their folder.
 _going_on: "weakref.WeakValueDictionary[Path, Run]" = weakref.WeakValueDictionary()
