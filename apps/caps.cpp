@@ -26,7 +26,7 @@ struct InsideParts {
 };
 
 InsideParts inside_parts(std::span<const Sphere> spheres, const ContactQuery& query,
-                         std::span<const CameraView> cameras, const Pose& X_WT) {
+                         std::span<const SurfaceBlend> cameras, const Pose& X_WT) {
   // The graph counts spheres that it reaches whole, whatever plane they have taken.
   const auto* const graph = std::get_if<GraphMethod>(&query.method());
   const bool reached_are_whole = graph != nullptr && graph->inside == InsideVolume::full;
@@ -72,7 +72,7 @@ void check_caps_options(const CapsOptions& options) {
 }
 
 Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,
-                               const ContactQuery& query, std::span<const CameraView> cameras,
+                               const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                                const Pose& X_WT) {
   const InsideParts parts = inside_parts(tool.spheres(), query, cameras, X_WT);
   const std::size_t num_parts = parts.cut.spheres.size() + parts.whole.spheres.size();

@@ -24,7 +24,7 @@ void check_caps_options(const CapsOptions& options);
 /// spheres purple, whole ones blue (thesis Fig. 4.4). Returns the number of triangles. Error:
 /// nothing is inside, or too much for a picture.
 Result<std::size_t> write_caps(const CapsOptions& options, const Tool& tool,
-                               const ContactQuery& query, std::span<const CameraView> cameras,
+                               const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                                const Pose& X_WT);
 
 }  // namespace palpate::apps

@@ -161,7 +161,8 @@ Status FrozenViews::add(Frozen given, const Pose& X_WC, const RunSettings& setti
   surface.cloud.stamp = next_stamp();  // it stays as it is
   if (frozen->field) surface.field = frozen->field->view();
   if (frozen->seen_free) surface.seen_free = frozen->seen_free->view();
-  views_.push_back({{surface, surface, 1}, X_WC});
+  surface.X_WC = X_WC;
+  views_.push_back({surface, surface, 1});
   num_usable_ += frozen->num_usable;
   frozen_.push_back(std::move(frozen));
   return Done{};
@@ -172,7 +173,7 @@ void FrozenViews::join_points() {
   joined_ = joined_clouds(views_);
   SurfaceView surface{joined_.view(), {}};
   surface.cloud.stamp = next_stamp();
-  views_ = {{{surface, surface, 1}, {}}};
+  views_ = {{surface, surface, 1}};
 }
 
 void add_frozen_options(CLI::App& app, FrozenOptions& options) {

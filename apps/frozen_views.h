@@ -9,7 +9,7 @@
 
 #include "apps/options.h"
 #include "palpate/cameras/camera_uri.h"
-#include "palpate/field/camera_view.h"
+#include "palpate/field/surface_timeline.h"
 
 namespace palpate::apps {
 
@@ -37,7 +37,7 @@ class FrozenViews {
   static Result<FrozenViews> read(const FrozenOptions& options, const RunSettings& settings,
                                   const std::vector<std::string>& given, ThreadPool& pool);
 
-  std::span<const CameraView> views() const { return views_; }
+  std::span<const SurfaceBlend> views() const { return views_; }
   /// Points with a normal.
   std::size_t num_usable() const { return num_usable_; }
 
@@ -48,7 +48,7 @@ class FrozenViews {
   void join_points();
 
   std::vector<std::shared_ptr<Frozen>> frozen_;
-  std::vector<CameraView> views_;
+  std::vector<SurfaceBlend> views_;
   PointCloud joined_;
   std::size_t num_usable_ = 0;
 };

@@ -1,4 +1,5 @@
-// Depth frames that begin later than their stream, go on when it has ended, or come again.
+// Depth frames that begin later than their stream, go on when it has ended, come again, or are
+// those of a camera that stands elsewhere.
 #pragma once
 
 #include <algorithm>
@@ -108,6 +109,24 @@ class SeenFrames : public DepthSource {
   const std::vector<DepthFrame>& frames_;
   DepthStreamInfo info_;
   std::size_t next_ = 0;
+};
+
+/// Frames as their camera sees them, wherever it stands.
+class FramesInCamera : public DepthSource {
+ public:
+  explicit FramesInCamera(std::unique_ptr<DepthSource> stream) : stream_(std::move(stream)) {}
+
+  const DepthStreamInfo& info() const override { return stream_->info(); }
+  void cancel() noexcept override { stream_->cancel(); }
+  std::vector<std::string> take_notes() override { return stream_->take_notes(); }
+  Result<bool> next(DepthFrame& frame) override {
+    auto got = stream_->next(frame);
+    frame.X_WC = {};
+    return got;
+  }
+
+ private:
+  std::unique_ptr<DepthSource> stream_;
 };
 
 /// A stream with the frames that have been taken from its beginning.

@@ -1,7 +1,9 @@
 #include "apps/sources.h"
 
 #include <algorithm>
+#include <string>
 
+#include "palpate/field/surface_timeline.h"
 #include "scenes/scene.h"
 
 namespace palpate::apps {
@@ -40,8 +42,11 @@ void add_source_options(CLI::App& app, SourceOptions& options) {
   app.add_option("--camera", options.cameras,
                  "depth stream, KIND[:TARGET][?NAME=VALUE&...], e.g. 'folder:frames/?intrinsics="
                  "525,525,319.5,239.5' or 'pipe:-?size=640x480&intrinsics=...'; palpate cameras "
-                 "tells the kinds; without any source the camera that is plugged in")
+                 "tells the kinds; several are joined, each with its &pose=tx,ty,tz,qx,qy,qz,qw in "
+                 "the world; without any source the camera that is plugged in")
       ->type_name("URI");
+  app.add_option("--rig", options.rig, "several cameras by file: [[camera]] with uri and pose")
+      ->type_name("RIG.toml");
   app.add_option("--depth-sequence", options.depth_sequence,
                  "folder of 16-bit PNGs, with depth.txt of time stamps or in name order")
       ->type_name("DIR");
@@ -59,39 +64,46 @@ void add_source_options(CLI::App& app, SourceOptions& options) {
 
 namespace {
 
-CameraUri named_camera(const SourceOptions& options, const std::string& verb) {
+std::vector<CameraUri> named_cameras(const SourceOptions& options, const std::string& verb) {
   const auto refuse = [&](const std::string& why) { usage_error(verb + ": " + why); };
   const int num_sources = int(!options.depth_sequence.empty()) + int(!options.scene.empty()) +
-                          int(!options.cameras.empty());
-  if (num_sources > 1) refuse("give one of --camera, --depth-sequence and --scene");
-  if (options.cameras.size() > 1) refuse("several cameras cannot be joined yet: give one --camera");
+                          int(!options.cameras.empty()) + int(!options.rig.empty());
+  if (num_sources > 1) refuse("give one of --camera, --rig, --depth-sequence and --scene");
+  if (options.cameras.size() > kMostCameras) {
+    refuse("at most " + std::to_string(kMostCameras) + " cameras are joined");
+  }
   if (options.depth_sequence.empty() && options.camera.intrinsics) {
     refuse("--intrinsics goes with --depth-sequence; a camera takes ?intrinsics=");
   }
   if (options.scene.empty() && !options.noise) refuse("--no-noise goes with --scene");
   if (!options.depth_sequence.empty()) {
     if (!options.camera.intrinsics) refuse("--depth-sequence needs --intrinsics fx,fy,cx,cy");
-    return camera_of_sequence(options);
+    return {camera_of_sequence(options)};
   }
   if (!options.scene.empty()) {
     const auto known = scenes::scene_names();
     if (std::ranges::find(known, options.scene) == known.end()) {
       refuse("there is no scene '" + options.scene + "'; choose one of " + scene_names());
     }
-    return camera_of_scene(options);
+    return {camera_of_scene(options)};
   }
-  if (options.cameras.empty()) return {};
-  const auto uri = parse_camera_uri(options.cameras.front());
-  if (!uri) usage_error("--" + uri.error().message);
-  return *uri;
+  std::vector<CameraUri> cameras;
+  for (const std::string& text : options.cameras) {
+    auto uri = parse_camera_uri(text);
+    if (!uri) usage_error("--" + uri.error().message);
+    cameras.push_back(*std::move(uri));
+  }
+  return cameras;
 }
 
 }  // namespace
 
-CameraUri camera_of(const SourceOptions& options, const std::string& verb) {
-  CameraUri uri = named_camera(options, verb);
-  if (options.sensor) uri.sensor = options.sensor;
-  return uri;
+std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb) {
+  std::vector<CameraUri> cameras = named_cameras(options, verb);
+  for (CameraUri& uri : cameras) {
+    if (options.sensor) uri.sensor = options.sensor;
+  }
+  return cameras;
 }
 
 }  // namespace palpate::apps

@@ -12,6 +12,7 @@ namespace palpate::apps {
 /// --camera, and what is shorter for the commonest ones.
 struct SourceOptions {
   std::vector<std::string> cameras;  ///< as open_camera takes them
+  std::string rig;                   ///< file of several
   std::string depth_sequence, scene;
   CameraOptions camera;  ///< of the sequence
   double rate = 30;      ///< of the sequence, Hz
@@ -21,8 +22,8 @@ struct SourceOptions {
 };
 void add_source_options(CLI::App& app, SourceOptions& options);
 
-/// What they name, all in the one way that open_camera takes; without a kind: nothing. Wrong usage:
-/// more than one, or what does not go with it. `verb` is for messages.
-CameraUri camera_of(const SourceOptions& options, const std::string& verb);
+/// What they name but for a rig, all in the one way that open_camera takes. Wrong usage: sources of
+/// more than one kind, or what does not go with them. `verb` is for messages.
+std::vector<CameraUri> cameras_of(const SourceOptions& options, const std::string& verb);
 
 }  // namespace palpate::apps

@@ -30,14 +30,16 @@ constexpr auto names_of(Align) { return std::array{"auto", "stamps", "starts"}; 
 
 /// What the poses of a path are.
 enum class PathFrame {
-  world,  ///< of the tool in W, the camera frame
+  world,  ///< of the tool in W, which is the camera frame unless cameras have poses
   base,   ///< of the handle in the base of the device
 };
 constexpr auto names_of(PathFrame) { return std::array{"world", "base"}; }
 
 struct TouchOptions {
   std::string tool, path, output;
-  CameraUri camera;  ///< without a kind: the one that is there
+  std::vector<CameraUri> cameras;    ///< empty: those of the rig, or the one that is there
+  std::string rig;                   ///< file; empty: none
+  std::optional<SensorKind> sensor;  ///< of the one that is there
   RunSettings settings;
   std::vector<std::string> given;  ///< keys of settings that somebody gave
   Status settings_read = Done{};   ///< of --settings
@@ -64,15 +66,18 @@ struct TouchOptions {
 
 /// Frames to feel, and the path that goes with them.
 struct TouchInput {
-  std::unique_ptr<DepthSource> source;
-  std::vector<TimedPose> path;       ///< X_WT, or X_BH where the options say so
+  std::vector<std::unique_ptr<DepthSource>> sources;  ///< of each camera
+  std::vector<TimedPose> path;                        ///< X_WT, or X_BH where the options say so
   std::optional<ProbeChoice> probe;  ///< if the path was made up
   double path_start = 0;             ///< on the path's clock: when the run begins
   std::optional<double> frame_zero;  ///< on that of the frames; none: with the first one
   double time_origin = 0;            ///< of wrench.csv: when the run begins
+
+  /// The camera that a path is made up for.
+  const DepthStreamInfo& stream() const { return sources.front()->info(); }
 };
 
-/// Finds camera and device, if they are not named. Errors: none, or several.
+/// Finds cameras and device, if they are not named. Errors: those of the rig; none, or several.
 Status find_what_is_there(TouchOptions& options);
 
 /// Opens frames and path, makes up the path if there is none, and sets their clocks. Errors: what

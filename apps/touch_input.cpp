@@ -8,6 +8,7 @@
 #include "apps/touch.h"
 #include "apps/what_is_there.h"
 #include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/rig_file.h"
 #include "scenes/scene.h"
 
 namespace palpate::apps {
@@ -20,22 +21,41 @@ bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_
 
 /// The frames that people ask for. `duration`: of simulated ones, nullopt for the scene's.
 Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
+                                                 const CameraUri& camera,
                                                  std::optional<double> duration) {
-  return open_camera(options.camera, {!options.device.empty(), duration});
+  return open_camera(camera, {!options.device.empty(), duration});
 }
+
+/// The camera that paths are made up for.
+const CameraUri& first_camera(const TouchOptions& options) { return options.cameras.front(); }
 
 /// What cannot be opened once more from its first frame: cameras and pipes.
 bool comes_once(const TouchOptions& options, const DepthStreamInfo& stream) {
-  return stream.is_live || options.camera.kind == "pipe";
+  return stream.is_live || first_camera(options).kind == "pipe";
 }
 
-/// Makes up the path.
+/// Makes up the path: in the frame of the first camera, which stands still.
 Status add_probing_path(const TouchOptions& options, const Tool& tool, const OpenDepthSource& open,
                         TouchInput& input) {
-  auto path = probing_path(open, tool, options.duration, options.aim);
+  if (input.stream().is_moving) {
+    return Error{Errc::bad_input,
+                 input.stream().name +
+                     " moves: no path is made up for it; give --path, or a --device"};
+  }
+  const Pose& X_WC = first_camera(options).X_WC;
+  ProbeAim aim = options.aim;
+  if (aim.point_W) aim.point_W = inverse(X_WC) * *aim.point_W;
+  const auto open_in_camera = [&]() -> Result<std::unique_ptr<DepthSource>> {
+    auto source = open();
+    if (!source) return source.error();
+    return std::unique_ptr<DepthSource>(std::make_unique<FramesInCamera>(*std::move(source)));
+  };
+  auto path = probing_path(open_in_camera, tool, options.duration, aim);
   if (!path) return path.error();
   input.path = std::move(path->poses);
+  for (TimedPose& pose : input.path) pose.X_WT = X_WC * pose.X_WT;
   input.probe = std::move(path->choice);
+  input.probe->p_W = X_WC * input.probe->p_W;
   if (!input.probe->note.empty()) std::cerr << "palpate: note: " << input.probe->note << "\n";
   return Done{};
 }
@@ -45,12 +65,12 @@ Status add_path_at_first_sight(const TouchOptions& options, const Tool& tool, To
   constexpr std::size_t kNumLooks = 8;
   std::vector<DepthFrame> seen;
   while (seen.size() < kNumLooks) {
-    const auto got = input.source->next(seen.emplace_back());
+    const auto got = input.sources.front()->next(seen.emplace_back());
     if (!got) return got.error();
     if (!*got) seen.pop_back();
     if (!*got) break;
   }
-  const DepthStreamInfo info = input.source->info();
+  const DepthStreamInfo info = input.stream();
   if (seen.empty()) return Error{Errc::bad_input, info.name + " holds no frame"};
   TouchOptions short_probe = options;
   short_probe.duration.reset();
@@ -61,7 +81,8 @@ Status add_path_at_first_sight(const TouchOptions& options, const Tool& tool, To
       },
       input);
   if (added && !info.is_live) {
-    input.source = std::make_unique<FramesAgain>(std::move(seen), std::move(input.source));
+    auto& first = input.sources.front();
+    first = std::make_unique<FramesAgain>(std::move(seen), std::move(first));
   }
   return added;
 }
@@ -77,7 +98,7 @@ Status add_path_of_scene(const std::string& name, TouchInput& input) {
 
 /// Empty unless the frames are of a scene, which may have a path of its own.
 std::string scene_name(const TouchOptions& options) {
-  return options.camera.kind == "scene" ? options.camera.target : "";
+  return first_camera(options).kind == "scene" ? first_camera(options).target : "";
 }
 
 /// The path that is given, or is led by; else one that is made up.
@@ -90,28 +111,32 @@ Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input
     input.path = *std::move(path);
     return Done{};
   }
-  if (comes_once(options, input.source->info())) {
+  if (comes_once(options, input.stream())) {
     return add_path_at_first_sight(options, tool, input);
   }
   const std::string scene = scene_name(options);
   if (!scene.empty() && !is_aimed(options.aim)) return add_path_of_scene(scene, input);
   return add_probing_path(
-      options, tool, [&] { return open_stream(options, options.duration); }, input);
+      options, tool,
+      [&] { return open_stream(options, first_camera(options), options.duration); }, input);
 }
 
-Status add_source(const TouchOptions& options, TouchInput& input) {
+Status add_sources(const TouchOptions& options, TouchInput& input) {
   // A hand takes its time, and a run counts it from its first tick, long after the first frame.
   constexpr double kLongest = 86400;
   const bool is_live = !options.device.empty();
-  auto source = open_stream(options, is_live ? std::optional(kLongest) : options.duration);
-  if (!source) return source.error();
-  input.source = *std::move(source);
+  for (const CameraUri& camera : options.cameras) {
+    auto source =
+        open_stream(options, camera, is_live ? std::optional(kLongest) : options.duration);
+    if (!source) return source.error();
+    input.sources.push_back(*std::move(source));
+  }
   return Done{};
 }
 
 /// s: the time stamp of the first frame.
 Result<double> first_stamp(const TouchOptions& options) {
-  auto source = open_stream(options, options.duration);
+  auto source = open_stream(options, first_camera(options), options.duration);
   if (!source) return source.error();
   DepthFrame frame;
   const auto got = (*source)->next(frame);
@@ -126,7 +151,7 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
   input.time_origin = input.path_start;
   const bool has_file = !options.path.empty() || options.is_replay();
   const bool is_recorded =
-      scene_name(options).empty() && !comes_once(options, input.source->info());
+      scene_name(options).empty() && !comes_once(options, input.stream());
   if (!is_recorded || !has_file) return Done{};
   const auto first = first_stamp(options);
   if (!first) return first.error();
@@ -143,7 +168,7 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
     }
     return Done{};
   }
-  const DepthStreamInfo& info = input.source->info();
+  const DepthStreamInfo& info = input.stream();
   const double last = *first + info.num_frames.value_or(1) / info.rate;
   const double path_end = input.path.back().time;
   if (*first > path_end || last < input.path_start) {
@@ -161,7 +186,9 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
   input.path_start = input.time_origin = std::max(input.path_start, *first);
   input.frame_zero = input.path_start;
   if (!options.device.empty()) {
-    input.source = std::make_unique<FramesFrom>(std::move(input.source), *input.frame_zero);
+    for (auto& source : input.sources) {
+      source = std::make_unique<FramesFrom>(std::move(source), *input.frame_zero);
+    }
   }
   return Done{};
 }
@@ -169,12 +196,16 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
 }  // namespace
 
 Status find_what_is_there(TouchOptions& options) {
-  if (options.camera.kind.empty()) {
-    const auto camera = the_camera_that_is_there();
+  if (!options.rig.empty()) {
+    const auto rig = load_rig(options.rig);
+    if (!rig) return rig.error();
+    for (const CameraRig::Camera& camera : rig->cameras) options.cameras.push_back(camera.uri);
+  }
+  if (options.cameras.empty()) {
+    auto camera = the_camera_that_is_there();
     if (!camera) return camera.error();
-    const auto sensor = options.camera.sensor;
-    options.camera = *camera;
-    if (sensor) options.camera.sensor = sensor;
+    if (options.sensor) camera->sensor = options.sensor;
+    options.cameras = {*camera};
     std::cerr << "palpate: note: taking the camera " << camera->text << "\n";
   }
   if (options.device == "auto") {
@@ -188,7 +219,7 @@ Status find_what_is_there(TouchOptions& options) {
 
 Result<TouchInput> open_touch_input(const TouchOptions& options, const Tool& tool) {
   TouchInput input;
-  if (const Status status = add_source(options, input); !status) return status.error();
+  if (const Status status = add_sources(options, input); !status) return status.error();
   if (const Status status = add_path(options, tool, input); !status) return status.error();
   if (const Status status = set_clocks(options, input); !status) return status.error();
   return input;

@@ -32,13 +32,14 @@ const Quaternion kDeviceInCamera{1, 0, 0, 0};
 /// there. A path that is played is where it says.
 void place(const TouchOptions& options, const std::vector<TimedPose>& path,
            CouplingOptions& coupling) {
+  const Quaternion q_WB = options.cameras.front().X_WC.rotation * kDeviceInCamera;
   const bool has_hand = !options.device.empty() && !options.is_replay();
   const bool is_placed =
       options.is_given("coupling.base_in_scene") || options.is_given("coupling.tool_in_hand");
   if (!has_hand || path.empty() || is_placed) return;
   const Pose& X_WT = path.front().X_WT;
-  coupling.X_WB = {X_WT.translation, kDeviceInCamera};
-  coupling.X_HT.rotation = normalized(conjugate(kDeviceInCamera) * X_WT.rotation);
+  coupling.X_WB = {X_WT.translation, q_WB};
+  coupling.X_HT.rotation = normalized(conjugate(q_WB) * X_WT.rotation);
 }
 
 /// The handle along the path, at times since the run began.
@@ -68,12 +69,12 @@ Result<std::unique_ptr<HapticDevice>> make_simulated_hand(const TouchOptions& op
 Result<double> path_duration(const TouchOptions& options, const TouchInput& input) {
   if (input.path.empty()) {
     return Error{Errc::bad_input,
-                 input.source->info().name + " has no path of its own: give --path"};
+                 input.stream().name + " has no path of its own: give --path"};
   }
   if (options.duration) return *options.duration;
   const double length = input.path.back().time - input.path_start;
   if (length > 0) return length;
-  if (input.source->info().num_frames) return std::numeric_limits<double>::infinity();
+  if (input.stream().num_frames) return std::numeric_limits<double>::infinity();
   return Error{Errc::bad_input,
                "neither the path nor the frames end by themselves: give --duration"};
 }
@@ -111,7 +112,7 @@ Result<std::unique_ptr<HapticDevice>> make_device(const TouchOptions& options,
     return make_simulated_hand(options, follow(options, input, settings.coupling));
   }
   if (options.is_robot() && options.device.find('@') == std::string::npos) {
-    const std::string& frame = input.source->info().frame;
+    const std::string& frame = input.stream().frame;
     return open_device(options.device + (frame.empty() ? "" : "@" + frame));
   }
   return open_device(options.device);
@@ -187,7 +188,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     const bool has_hand = is_live && !options.is_robot();
     settings.coupling.kind = has_hand ? CouplingKind::virtual_coupling : CouplingKind::none;
   }
-  use_sensor(input.source->info().sensor, options.given, settings.surface);
+  use_sensor(input.stream().sensor, options.given, settings.surface);
   place(options, input.path, settings.coupling);
 
   RunOptions run;
@@ -216,22 +217,28 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   const bool outlasts_frames =
       is_live ? input.probe.has_value()
               : !run.clock.ends_with_frames && settings.coupling.kind != CouplingKind::none;
-  if (outlasts_frames && input.source->info().num_frames) {
-    const double length = is_live ? input.path.back().time : expected;
-    input.source = std::make_unique<HeldFrames>(std::move(input.source), length);
+  const double length = is_live && !input.path.empty() ? input.path.back().time : expected;
+  for (auto& source : input.sources) {
+    if (outlasts_frames && source->info().num_frames) {
+      source = std::make_unique<HeldFrames>(std::move(source), length);
+    }
   }
   if (is_live && !(*device)->info().senses_orientation) {
     std::cerr << "palpate: note: " << (*device)->info().name
               << " senses no orientation: the tool does not turn\n";
   }
 
-  if (is_live && !input.source->info().is_live) {
-    auto source = read_ahead(std::move(input.source));
-    if (!source) return source.error();
-    input.source = *std::move(source);
+  std::vector<DepthSource*> sources;
+  for (auto& source : input.sources) {
+    if (is_live && !source->info().is_live) {
+      auto ahead = read_ahead(std::move(source));
+      if (!ahead) return ahead.error();
+      source = *std::move(ahead);
+    }
+    sources.push_back(source.get());
   }
 
-  const DepthStreamInfo& info = input.source->info();
+  const DepthStreamInfo& info = input.stream();
   const auto view = LiveView::create(tool, info, info.name, handle);
   std::optional<OpenPage> page;
   if (options.has_page) {
@@ -267,7 +274,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     }
     return !interrupted() && !view->wants_end();
   };
-  const auto outcome = record_run(tool, *input.source, **device, settings, options.output, run);
+  const auto outcome = record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
   if (page) page->say_goodbye();
   if (!outcome) return outcome.error();
   return tell(options, tool, *outcome, input.probe, said, !is_live && interrupted());

@@ -21,7 +21,7 @@ TouchOptions touch_options(const Options& options) {
   if (!options.camera_info.empty()) uri += "&info=" + options.camera_info;
   const auto camera = parse_camera_uri(uri);
   if (!camera) usage_error("ros2: --depth: " + camera.error().message);
-  touch.camera = *camera;
+  touch.cameras = {*camera};
   if (options.tool_frame.empty() == options.pose.empty()) {
     usage_error("ros2: say where the tool is: --tool-frame FRAME (of tf) or --pose /TOPIC");
   }

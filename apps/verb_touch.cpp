@@ -23,10 +23,11 @@ bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_
 
 /// A run must not replace what it reads.
 Status check_inputs(const Options& options) {
-  std::vector<std::string> inputs{options.tool, options.path};
+  std::vector<std::string> inputs{options.tool, options.path, options.rig};
   std::error_code ignored;
-  if (std::filesystem::exists(options.camera.target, ignored)) {
-    inputs.push_back(options.camera.target);
+  for (const CameraUri& camera : options.cameras) {
+    if (std::filesystem::exists(camera.target, ignored)) inputs.push_back(camera.target);
+    inputs.push_back(camera.poses);
   }
   if (options.is_replay()) inputs.push_back(options.device.substr(7));
   for (const ObjectOption& object : options.objects) inputs.push_back(object.file);
@@ -51,9 +52,9 @@ Status read_settings(const std::string& path, Options& options) {
 
 Status run_touch(const TouchOptions& given) {
   if (!given.settings_read) return given.settings_read;
-  if (const Status status = check_inputs(given); !status) return status;
   Options options = given;
   if (const Status status = find_what_is_there(options); !status) return status;
+  if (const Status status = check_inputs(options); !status) return status;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
   if (!tool) return tool.error();
@@ -240,8 +241,8 @@ void add_path_options(CLI::App& app, Options& options) {
          "at one place, see --probe")
       ->type_name("FILE");
   add_word(app, "--path-frame", options.path_frame,
-           "what the poses of --path and replay: are: of the tool in the camera frame, or of the "
-           "handle in the device's base");
+           "what the poses of --path and replay: are: of the tool in the world, which is the camera "
+           "frame unless cameras have poses, or of the handle in the device's base");
   add_word(app, "--align", options.align,
            "path and depth frames by their time stamps, or both begin at once; auto: by stamps "
            "if both count from 1970");
@@ -287,7 +288,9 @@ void add_touch(CLI::App& program, Action& action) {
       "live1\n"
       "Example: palpate touch --print-settings > haptics.toml");
   app.callback([options, source, &app, &action] {
-    options->camera = camera_of(*source, "touch");
+    options->cameras = cameras_of(*source, "touch");
+    options->rig = source->rig;
+    options->sensor = source->sensor;
     if (app.count("--device") > 0 && options->device.empty()) options->device = "auto";
     for (std::string& key : given_settings(app, {kSurfaceOptions, kHandOptions})) {
       options->given.push_back(std::move(key));
@@ -297,6 +300,14 @@ void add_touch(CLI::App& program, Action& action) {
     check_view(app, *options);
     if (options->ros.is_wanted && options->device.empty()) {
       usage_error("touch: --ros2 goes with --device: what is published is of a live run");
+    }
+    const bool has_poses = std::ranges::any_of(options->cameras, [](const CameraUri& camera) {
+      return !(camera.X_WC == Pose{}) || !camera.poses.empty();
+    });
+    if (options->ros.is_wanted &&
+        (has_poses || options->cameras.size() > 1 || !options->rig.empty())) {
+      usage_error("touch: --ros2 publishes in the frame of one camera: leave poses and other "
+                  "cameras out");
     }
     check(*options);
     action = [options] { return run_touch(*options); };

@@ -104,9 +104,9 @@ void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds
   using Clock = std::chrono::steady_clock;
   const auto query = query_of(tool);
   const test::HullScene scene = scene_of(solids()[0], cameras_around(num_cameras), kNoise, 1);
-  std::vector<CameraView> views = scene.views;
+  std::vector<SurfaceBlend> views = scene.views;
   // Alone, a camera is not asked what it has seen to be free.
-  if (num_cameras == 1) views[0].surface.to.seen_free = views[0].surface.from.seen_free = {};
+  if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
   test::Random random(3);
   std::vector<Pose> poses;
   for (int i = 0; i < 100; ++i) {

@@ -142,9 +142,9 @@ void measure_hull(int num_spheres) {
     for (const int num_cameras : {1, 2, 3, 4}) {
       const test::HullScene scene =
           scene_of(solids().front(), cameras_around(num_cameras), 0.0015, 1);
-      std::vector<CameraView> views = scene.views;
+      std::vector<SurfaceBlend> views = scene.views;
       // Alone, a camera is not asked what it has seen to be free.
-      if (num_cameras == 1) views[0].surface.to.seen_free = views[0].surface.from.seen_free = {};
+      if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
       std::size_t i = 0;
       ContactStatus status;
       measure("hull/spheres:" + std::to_string(num_spheres) +

@@ -45,23 +45,26 @@ Status time_queries(const std::filesystem::path& folder) {
   const auto tool = reader->load_tools();
   if (!tool) return tool.error();
   const RunSetup& setup = reader->setup();
-  auto parts = make_run_parts(ToolIndex::create(*tool), setup.stream, setup.device, setup.settings);
+  auto parts = make_run_parts(ToolIndex::create(*tool), setup.streams, setup.device, setup.settings);
   if (!parts) return parts.error();
   const ContactQuery& query = parts->contact->query();
   ThreadPool pool(0);
   LatencyHistogram times;
   ask_for_real_time(70);  // as the contact thread
   std::size_t next = 0;
+  std::vector<SurfaceBlend> cameras(setup.streams.size());
   RecordedDepth frame;
   for (;;) {
     const auto got = reader->next_frame(frame);
     if (!got) return got.error();
     if (!*got) break;
-    parts->timeline->push(frame.frame, frame.record.capture_time, pool);
-    const SurfaceView newest = parts->timeline->at(frame.record.capture_time).to;
+    SurfaceTimeline& timeline = parts->timelines[frame.record.camera];
+    timeline.push(frame.frame, frame.record.capture_time, pool);
+    const SurfaceView newest = timeline.at(frame.record.capture_time).to;
+    cameras[frame.record.camera] = {newest, newest, 1};
     for (; next < contacts.size() && contacts[next].frame_number <= frame.record.number; ++next) {
       const auto begin = std::chrono::steady_clock::now();
-      const ContactResult result = query.measure(newest, contacts[next].X_WT);
+      const ContactResult result = query.measure(cameras, contacts[next].X_WT);
       const auto took = std::chrono::steady_clock::now() - begin;
       if (result.penetration.status.is_unmeasured()) return lost_backend();
       times.record(std::chrono::duration_cast<std::chrono::nanoseconds>(took).count());

@@ -118,8 +118,9 @@ struct DepthRenderer::Impl {
   Scene scene;
   DeviceHandle device;
   std::vector<SceneHandle> trees;  ///< one per body
-  std::vector<float> still;        ///< depth of all that never moves
+  std::vector<float> still;        ///< depth of all that never moves in the camera
   std::vector<float> depth;
+  Pose X_CW;
 
   Vec3d ray(int u, int v) const {
     const Intrinsics& k = scene.intrinsics;
@@ -130,30 +131,33 @@ struct DepthRenderer::Impl {
                  static_cast<std::size_t>(u)];
   }
 
+  void place_camera(double t);
   void draw_environment(std::vector<float>& image) const {
     if (!scene.environment) return;
+    const Environment seen = scene.X_WC ? scene.environment->in_frame(X_CW) : *scene.environment;
     for (int v = 0; v < scene.height; ++v) {
       for (int u = 0; u < scene.width; ++u) {
-        at(image, u, v) = static_cast<float>(first_hit(*scene.environment, ray(u, v)));
+        at(image, u, v) = static_cast<float>(first_hit(seen, ray(u, v)));
       }
     }
   }
 
-  /// Rays are taken to the body frame. Directions have z = 1 in W, so that lengths along them are
+  /// Rays are taken to the body frame. Directions have z = 1 in C, so that lengths along them are
   /// depths.
   void draw_body(std::size_t which, const Pose& X_WB, std::vector<float>& image) const {
     const TriangleMesh& mesh = scene.bodies[which].mesh;
-    const Pose X_BW = inverse(X_WB);
-    const Mat3d R_BW = rotation_matrix(X_BW.rotation);
-    const Vec3d& origin = X_BW.translation;
-    const Rectangle pixels = covered(scene, scene.bodies[which], X_WB);
+    const Pose X_CB = scene.X_WC ? X_CW * X_WB : X_WB;
+    const Pose X_BC = inverse(X_CB);
+    const Mat3d R_BC = rotation_matrix(X_BC.rotation);
+    const Vec3d& origin = X_BC.translation;
+    const Rectangle pixels = covered(scene, scene.bodies[which], X_CB);
     for (int v = pixels.v0; v < pixels.v1; ++v) {
       for (int u = pixels.u0; u < pixels.u1; u += kPacket) {
         const int size = std::min(kPacket, pixels.u1 - u);
         std::array<Vec3d, kPacket> directions;
         Packet packet;
         for (int lane = 0; lane < size; ++lane) {
-          Vec3d& direction = directions[static_cast<std::size_t>(lane)] = R_BW * ray(u + lane, v);
+          Vec3d& direction = directions[static_cast<std::size_t>(lane)] = R_BC * ray(u + lane, v);
           const float z = at(image, u + lane, v);
           packet.set(lane, origin, direction, std::isnan(z) ? kInfinity : static_cast<double>(z));
         }
@@ -174,6 +178,16 @@ struct DepthRenderer::Impl {
   }
 };
 
+void DepthRenderer::Impl::place_camera(double t) {
+  if (scene.X_WC) X_CW = inverse(scene.X_WC(t));
+  still.assign(static_cast<std::size_t>(scene.width) * static_cast<std::size_t>(scene.height),
+               std::numeric_limits<float>::quiet_NaN());
+  draw_environment(still);
+  for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
+    if (!scene.bodies[i].motion) draw_body(i, scene.bodies[i].X_WB, still);
+  }
+}
+
 DepthRenderer::DepthRenderer(Scene scene) : impl_(std::make_unique<Impl>()) {
   Impl& self = *impl_;
   self.scene = std::move(scene);
@@ -183,13 +197,7 @@ DepthRenderer::DepthRenderer(Scene scene) : impl_(std::make_unique<Impl>()) {
   for (const Body& body : self.scene.bodies) {
     self.trees.push_back(build_tree(self.device.get(), body.mesh));
   }
-  self.still.assign(
-      static_cast<std::size_t>(self.scene.width) * static_cast<std::size_t>(self.scene.height),
-      std::numeric_limits<float>::quiet_NaN());
-  self.draw_environment(self.still);
-  for (std::size_t i = 0; i < self.scene.bodies.size(); ++i) {
-    if (!self.scene.bodies[i].motion) self.draw_body(i, self.scene.bodies[i].X_WB, self.still);
-  }
+  self.place_camera(0);
 }
 
 DepthRenderer::DepthRenderer(DepthRenderer&&) noexcept = default;
@@ -200,6 +208,7 @@ const Scene& DepthRenderer::scene() const { return impl_->scene; }
 
 std::span<const float> DepthRenderer::render(double t) {
   Impl& self = *impl_;
+  if (self.scene.is_camera_moving) self.place_camera(t);
   self.depth = self.still;
   for (std::size_t i = 0; i < self.scene.bodies.size(); ++i) {
     if (self.scene.bodies[i].motion) self.draw_body(i, self.scene.bodies[i].motion(t), self.depth);

@@ -126,6 +126,19 @@ Environment Environment::box(const Pose& X_WB, const Vec3d& half_size) {
   return environment;
 }
 
+Environment Environment::in_frame(const Pose& X_FW) const {
+  const auto moved = [&](const Plane<double>& plane) {
+    const Vec3d normal = rotate(X_FW.rotation, plane.normal);
+    return Plane<double>{normal, plane.offset + dot(normal, X_FW.translation)};
+  };
+  Environment there = *this;
+  there.a = moved(a);
+  there.b = moved(b);
+  there.centre = X_FW * centre;
+  there.X_WB = X_FW * X_WB;
+  return there;
+}
+
 std::array<Plane<double>, 6> Environment::faces() const {
   std::array<Plane<double>, 6> faces;
   for (std::size_t i = 0; i < 6; ++i) {

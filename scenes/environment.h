@@ -38,6 +38,9 @@ struct Environment {
   static Environment ball_inside(double depth, double radius);
   static Environment box(const Pose& X_WB, const Vec3d& half_size);
 
+  /// The same solid in another frame.
+  Environment in_frame(const Pose& X_FW) const;
+
   /// Of a box: -x, +x, -y, +y, -z, +z of B.
   std::array<Plane<double>, 6> faces() const;
 };

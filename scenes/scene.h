@@ -2,6 +2,7 @@
 // command line and, later, the viewer.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,12 +25,15 @@ struct Body {
   Pose X_WB;
 };
 
-/// A world seen by a depth camera at the origin of W (x right, y down, z forward).
+/// A world seen by a depth camera, which looks along its z with x to the right and y down.
 struct Scene {
   std::string name;
   std::string title;                       ///< one line for humans
   std::optional<Environment> environment;  ///< the part that is known exactly; it never moves
   std::vector<Body> bodies;                ///< the rest
+  /// Where the camera is at a time, s; null: at the origin of W.
+  std::function<Pose(double)> X_WC = nullptr;
+  bool is_camera_moving = false;  ///< X_WC is not the same at all times
   Intrinsics intrinsics{575.8157, 575.8157, 319.5, 239.5};
   int width = 640, height = 480;
   double rate = 30;                ///< frames per second

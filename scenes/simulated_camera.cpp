@@ -16,6 +16,7 @@ class SimulatedCamera final : public DepthSource {
                 renderer_.scene().height, options.unit, options.seed) {
     const Scene& s = renderer_.scene();
     info_ = {s.width, s.height, s.intrinsics, options.unit, s.rate, num_frames, s.name};
+    info_.is_moving = s.is_camera_moving;
   }
 
   const DepthStreamInfo& info() const override { return info_; }
@@ -26,6 +27,7 @@ class SimulatedCamera final : public DepthSource {
     frame.height = info_.height;
     frame.unit = info_.unit;
     frame.timestamp = next_frame_ / info_.rate;
+    frame.X_WC = renderer_.scene().X_WC ? renderer_.scene().X_WC(frame.timestamp) : Pose{};
     const std::span<const float> depth = renderer_.render(frame.timestamp);
     frame.pixels.resize(depth.size());
     sensor_.measure(depth, static_cast<std::uint64_t>(next_frame_), frame.pixels);

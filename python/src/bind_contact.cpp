@@ -87,10 +87,12 @@ void check_joined(const std::vector<nb::object>& surfaces, const PyContact& cont
 PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_stiffness) {
   const std::vector<nb::object> surfaces = surfaces_of(given);
   check_joined(surfaces, self);
-  std::vector<CameraView> cameras;
+  std::vector<SurfaceBlend> cameras;
   for (const nb::object& one : surfaces) {
     const auto& surface = nb::cast<PySurface&>(one);
-    cameras.push_back({{surface.view, surface.view, 1}, surface.X_WC});
+    SurfaceView view = surface.view;
+    view.X_WC = surface.X_WC;
+    cameras.push_back({view, view, 1});
   }
   double fraction = 0, of_whole = 0;
   const ContactResult measured = self.alone([&](const Contact& contact) {
@@ -113,7 +115,7 @@ PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_
                   surfaces.front(),
                   X_WT,
                   {}};
-  if (cameras[0].surface.to.seen_free.num_levels > 0) result.unseen = of_whole;
+  if (cameras[0].to.seen_free.num_levels > 0) result.unseen = of_whole;
   return result;
 }
 

@@ -125,11 +125,17 @@ PyTool tool_of_recording(const std::filesystem::path& folder) {
 /// palpate.RecordedFrames: the images one after the other.
 class RecordedFrames {
  public:
-  explicit RecordedFrames(const std::filesystem::path& folder)
-      : reader_(taken(RunReader::open(folder))) {}
+  RecordedFrames(const std::filesystem::path& folder, std::uint32_t camera)
+      : reader_(taken(RunReader::open(folder))), camera_(camera) {
+    const std::size_t num = reader_.setup().streams.size();
+    if (camera_ >= num) {
+      throw nb::value_error(
+          ("camera: the run has " + std::to_string(num) + ", numbered from 0").c_str());
+    }
+  }
 
   PyCamera camera() const {
-    const DepthStreamInfo& stream = reader_.setup().stream;
+    const DepthStreamInfo& stream = reader_.setup().streams[camera_];
     PyCamera camera;
     camera.camera = {stream.width, stream.height, stream.intrinsics};
     camera.unit = stream.unit;
@@ -141,7 +147,9 @@ class RecordedFrames {
     Result<bool> got = false;
     {
       const nb::gil_scoped_release no_gil;
-      got = reader_.next_frame(depth);
+      do {
+        got = reader_.next_frame(depth);
+      } while (got && *got && depth.record.camera != camera_);
     }
     if (!taken(std::move(got))) throw nb::stop_iteration();
     const auto rows = static_cast<std::size_t>(depth.frame.height);
@@ -152,6 +160,7 @@ class RecordedFrames {
 
  private:
   RunReader reader_;
+  std::uint32_t camera_;
 };
 
 }  // namespace
@@ -163,8 +172,10 @@ void bind_recordings(nb::module_& m) {
   m.def("recorded_tool", tool_of_recording, nb::arg("folder"), "The tool of a run.");
   nb::class_<RecordedFrames>(
       m, "RecordedFrames",
-      R"(The depth images of a run one after the other: time (s, of the source) and (H, W) uint16 counts.)")
-      .def(nb::init<const std::filesystem::path&>(), nb::arg("folder"))
+      R"(The depth images of a camera of a run one after the other: time (s, of the source) and (H, W)
+uint16 counts.)")
+      .def(nb::init<const std::filesystem::path&, std::uint32_t>(), nb::arg("folder"),
+           nb::arg("camera") = 0)
       .def_prop_ro("camera", &RecordedFrames::camera)
       .def(
           "__iter__", [](nb::handle self) { return nb::borrow(self); },

@@ -48,6 +48,7 @@ class Parameters {
     if (name == "rate") return set_positive(uri_.rate, 0.01, 10000, "frames per second");
     if (name == "latency") return set_latency();
     if (name == "pose") return set_pose();
+    if (name == "poses") return set_poses();
     if (name == "sensor") return set_sensor();
     uri_.extras[std::string(name)] = value;
     return Done{};
@@ -105,6 +106,11 @@ class Parameters {
     if (!(std::abs(length - 1) < 0.01)) return bad("tx,ty,tz,qx,qy,qz,qw with a quaternion 1 long");
     uri_.X_WC = {{n[0], n[1], n[2]}, normalized(Quaternion{n[3], n[4], n[5], n[6]})};
     return Done{};
+  }
+
+  Status set_poses() {
+    uri_.poses = value_;
+    return value_.empty() ? Status(bad("a file of lines 't tx ty tz qx qy qz qw'")) : Done{};
   }
 
   Status set_sensor() {

@@ -2,6 +2,7 @@
 #include "palpate/io/depth_files.h"
 #include "scenes/scene.h"
 #include "src/cameras/camera_kinds.h"
+#include "src/cameras/posed_source.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate {
@@ -38,6 +39,12 @@ Result<RawStream> open_scene_camera(const CameraUri& uri, const CameraOpening& o
   if (!scene) return scene.error();
   if (uri.size) scenes::set_image_size(*scene, uri.size->width, uri.size->height);
   if (uri.rate) scene->rate = *uri.rate;
+  auto poses = CameraPoses::of(uri);
+  if (!poses) return poses.error();
+  scene->is_camera_moving = poses->is_moving();
+  if (!poses->is_at_origin()) {
+    scene->X_WC = [poses = *std::move(poses)](double time) { return poses.at(time); };
+  }
   scenes::SimulatedCameraOptions camera;
   const auto extra = [&](const char* name) {
     const auto found = uri.extras.find(name);

@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "src/cameras/camera_kinds.h"
+#include "src/cameras/posed_source.h"
 #include "src/core/all_at_once.h"
 
 namespace palpate {
@@ -44,6 +45,18 @@ Error no_such_kind(const CameraUri& uri) {
           "no kind of camera is called '" + uri.kind.substr(0, 40) + "'; give one of " + known};
 }
 
+Result<std::unique_ptr<DepthSource>> open_unposed(const Kind& kind, const CameraUri& uri,
+                                                  const CameraOpening& opening) {
+  auto raw = kind.open(uri, opening);
+  if (!raw) return raw.error();
+  if (!raw->source->info().is_live) return make_rectified(std::move(raw->source), uri);
+  OpenRaw again;
+  if (raw->can_come_back) {
+    again = [open = &kind.open, uri, opening] { return open(uri, opening); };
+  }
+  return make_live(*std::move(raw), std::move(again), uri);
+}
+
 }  // namespace
 
 std::vector<FoundCameras> find_cameras() {
@@ -63,19 +76,11 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
   keep_libraries_quiet();
   const auto kind = std::ranges::find(kKinds, std::string_view(uri.kind), &Kind::name);
   if (kind == std::end(kKinds)) return no_such_kind(uri);
-  if (!(uri.X_WC == Pose{})) {
-    return Error{Errc::unavailable, "camera " + uri.text +
-                                        ": with one camera the world is the camera's own frame; "
-                                        "leave 'pose' out, or give 0,0,0,0,0,0,1"};
-  }
-  auto raw = kind->open(uri, opening);
-  if (!raw) return raw.error();
-  if (!raw->source->info().is_live) return make_rectified(std::move(raw->source), uri);
-  OpenRaw again;
-  if (raw->can_come_back) {
-    again = [open = &kind->open, uri, opening] { return open(uri, opening); };
-  }
-  return make_live(*std::move(raw), std::move(again), uri);
+  auto poses = CameraPoses::of(uri);
+  if (!poses) return poses.error();
+  auto source = open_unposed(*kind, uri, opening);
+  if (!source) return source.error();
+  return make_posed(*std::move(source), *std::move(poses));
 }
 
 }  // namespace palpate

@@ -102,7 +102,9 @@ SurfaceView Sensor::update(const DepthImageView& image) {
   d.status = d.slots->status();
   if (!d.status) return {};
   d.newest = next;
-  return d.slots->surfaces(next);
+  SurfaceView surface = d.slots->surfaces(next);
+  surface.X_WC = image.X_WC;
+  return surface;
 }
 
 SurfaceBatch Sensor::update_batch(const DepthImageView& first, int num,

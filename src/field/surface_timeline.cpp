@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "palpate/cloud/depth_binning.h"
 #include "src/cloud/internal/cloud_blend.h"
@@ -18,6 +19,13 @@ Status check(const SlotSettings& settings) {
   if (!(period > 0 && period <= std::numeric_limits<double>::max())) {
     return Error{Errc::invalid_argument,
                  "a depth stream needs a frame rate above 0, or a first period above 0 s"};
+  }
+  const bool looks_back =
+      time.mode == TimeMode::predict || time.average.kind != DepthAverage::none;
+  if (settings.stream.is_moving && looks_back) {
+    return Error{Errc::invalid_argument,
+                 "a camera that moves shows something else in each frame at one pixel: time.mode "
+                 "predict and averages (time.average) need one that stands still; leave them out"};
   }
   return Done{};
 }
@@ -45,6 +53,14 @@ struct SurfaceTimeline::Impl {
   int newest = 0;
   int num_frames = 0;
   double time = 0;  // of the newest frame
+  std::vector<Pose> X_WC = std::vector<Pose>(static_cast<std::size_t>(num_slots));
+
+  /// What is in a slot.
+  SurfaceView surface(int slot) const {
+    SurfaceView view = slots->surfaces(slot);
+    view.X_WC = X_WC[static_cast<std::size_t>(slot)];
+    return view;
+  }
 
   void expect_next(double new_time);
 };
@@ -108,6 +124,7 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
     motion = 1 + std::min(d.period / interval, 1.0);
   }
   d.newest = (d.newest + 1) % d.num_slots;
+  d.X_WC[static_cast<std::size_t>(d.newest)] = frame.X_WC;
   ++d.num_frames;
   if (d.binning > 1) bin_depth(frame, d.binning, d.small);
   return d.slots->take(d.newest, d.binning > 1 ? d.small : frame, motion, asked, pool);
@@ -115,10 +132,10 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
 
 SurfaceBlend SurfaceTimeline::at(double time) const {
   const Impl& d = *impl_;
-  const SurfaceView& to = d.slots->surfaces(d.newest);
+  const SurfaceView to = d.surface(d.newest);
   if (d.num_frames < 2 || d.mode == TimeMode::latest) return {to, to, 1};
   const int last = (d.newest + d.num_slots - 1) % d.num_slots;
-  return {d.slots->surfaces(last), to, frame_progress(time, d.time, d.period)};
+  return {d.surface(last), to, frame_progress(time, d.time, d.period)};
 }
 
 PointCloud SurfaceTimeline::newest_cloud(ThreadPool& pool) {

@@ -30,16 +30,15 @@ Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
       [&](const auto& a, const auto& b) { return make_body_pair_query(backend, a, b, gpu); });
 }
 
-void ContactPart::measure(const SurfaceBlend& moment, bool with_stiffness,
+void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiffness,
                           ContactRecord& record) noexcept {
   world_.set_pose(kToolBody, record.X_WT);
   world_.set_wants(kToolBody, {.stiffness = with_stiffness});
-  world_.measure(moment.from, moment.to, moment.progress);
+  world_.measure(cameras);
   const BodyMeasure& measured = world_.measured(kToolBody);
   record.penetration = measured.total();
   record.objects = measured.bodies;
   record.num_object_pairs = measured.num_pairs;
-  record.progress = moment.progress;
   const bool has_contact = record.penetration.volume > 0 && has_stiffness();
   record.has_new_stiffness = has_contact && measured.stiffness;
   if (!has_contact) stiffness_ = {};
@@ -177,55 +176,78 @@ double HandPart::step_seconds(const DeviceState& state) noexcept {
 
 // All of it in one thread.
 
-Pipeline::Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo& stream,
+Pipeline::Pipeline(std::shared_ptr<const ToolIndex> index, std::vector<DepthStreamInfo> streams,
                    const DeviceInfo& device, const RunSettings& settings,
                    std::unique_ptr<ThreadPool> pool, RunParts parts, SafetyFilter safety)
     : index_(std::move(index)),
-      stream_(stream),
+      streams_(std::move(streams)),
       device_(device),
       settings_(settings),
       checked_coupling_(parts.checked_coupling),
       notes_(std::move(parts.notes)),
       pool_(std::move(pool)),
-      timeline_(std::move(parts.timeline)),
+      timelines_(std::move(parts.timelines)),
       contacts_(std::move(parts.contact)),
       hand_(std::make_unique<HandPart>(std::move(parts.coupling), std::move(safety),
-                                       1 / device.rate)) {}
+                                       1 / device.rate)),
+      cameras_(streams_.size()),
+      seen_(streams_.size()),
+      num_camera_frames_(streams_.size()) {}
 
-Result<Pipeline> Pipeline::create(const Tool& tool, const DepthStreamInfo& stream,
+Result<Pipeline> Pipeline::create(const Tool& tool, std::vector<DepthStreamInfo> streams,
                                   const DeviceInfo& device, const RunSettings& settings) {
   auto pool = std::make_unique<ThreadPool>(std::clamp(settings.num_threads, 0, 256));
   RunPartsOptions options;
   if (settings.num_threads > 1) options.query_threads = pool.get();
   auto index = ToolIndex::create(tool);
-  auto parts = make_run_parts(index, stream, device, settings, options);
+  auto parts = make_run_parts(index, streams, device, settings, options);
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.limits, settings.safety);
   if (!safety) return safety.error();
-  return Pipeline(std::move(index), stream, device, settings, std::move(pool), *std::move(parts),
+  return Pipeline(std::move(index), std::move(streams), device, settings, std::move(pool), *std::move(parts),
                   *std::move(safety));
 }
 
-SurfaceStats Pipeline::push(const DepthFrame& frame, double time) {
-  if (pending_) use(*pending_);
+SurfaceStats Pipeline::push(const DepthFrame& frame, double time, std::size_t camera) {
   ++num_frames_;
-  capture_time_ = time;
-  return timeline_->push(frame, time, *pool_);
+  const CameraFrame now{num_camera_frames_[camera]++, time};
+  if (!pending_) {
+    seen_[camera] = now;
+    return timelines_[camera].push(frame, time, *pool_);
+  }
+  // A tool is not measured against the surfaces of some cameras made in the old way and of others
+  // in the new one.
+  const SurfaceStats stats = pending_->timelines[camera].push(frame, time, *pool_);
+  pending_->seen[camera] = now;
+  frame_revision_ = pending_->revision;
+  const bool has_all = std::all_of(pending_->seen.begin(), pending_->seen.end(),
+                                   [](const CameraFrame& one) { return one.number >= 0; });
+  if (has_all) use(*pending_);
+  return stats;
 }
 
 const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
-  moment_ = timeline_->at(time);
   ContactRecord contact;
+  contact.capture_time = time;
+  contact.cameras.num = static_cast<std::uint32_t>(cameras_.size());
+  bool has_failed = false;
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    cameras_[k] = timelines_[k].at(time);
+    contact.cameras.of[k] = {seen_[k].number, cameras_[k].progress};
+    if (seen_[k].number >= 0) {
+      contact.capture_time = std::min(contact.capture_time, seen_[k].capture_time);
+    }
+    has_failed = has_failed || !timelines_[k].status();
+  }
   contact.revision = surface_revision_;
   contact.number = contact_.number + 1;
   contact.time = time - start_time_;
   contact.X_WT = X_WT;
   contact.frame_number = num_frames_ - 1;
-  contact.capture_time = capture_time_;
   contact.contact.time = time;
   const bool is_coupled = settings_.coupling.kind != CouplingKind::none;
-  contacts_->measure(moment_, is_coupled || has_friction(settings_), contact);
-  if (contact.penetration.status.has(StepStatus::backend_failed) || !timeline_->status()) {
+  contacts_->measure(cameras_, is_coupled || has_friction(settings_), contact);
+  if (contact.penetration.status.has(StepStatus::backend_failed) || has_failed) {
     has_backend_failed_ = true;
     return contact_;
   }
@@ -253,31 +275,40 @@ Status Pipeline::change(const RunSettings& settings) {
   RunPartsOptions options;
   options.before = &settings_;
   if (settings_.num_threads > 1) options.query_threads = pool_.get();
-  auto parts = make_run_parts(index_, stream_, device_, settings, options);
+  auto parts = make_run_parts(index_, streams_, device_, settings, options);
   if (!parts) return parts.error();
   ++revision_;
   hand_->change(revision_, parts->coupling);
   checked_coupling_ = parts->checked_coupling;
   notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
   settings_ = settings;
-  Pending news{revision_, std::move(parts->timeline), std::move(parts->contact), parts->scale};
-  if (pending_ && !news.timeline) news.timeline = std::move(pending_->timeline);
+  Pending news{revision_, std::move(parts->timelines), std::move(parts->contact), parts->scale,
+               std::vector<CameraFrame>(streams_.size())};
+  if (pending_ && news.timelines.empty()) {
+    news.timelines = std::move(pending_->timelines);
+    news.seen = std::move(pending_->seen);
+  }
   if (pending_ && !news.contact) news.contact = std::move(pending_->contact);
   pending_ = std::move(news);
-  if (!pending_->timeline) use(*pending_);
+  if (pending_->timelines.empty()) use(*pending_);
   return Done{};
 }
 
 void Pipeline::use(Pending& pending) {
-  if (pending.timeline) timeline_ = std::move(pending.timeline);
+  if (!pending.timelines.empty()) {
+    timelines_ = std::move(pending.timelines);
+    seen_ = std::move(pending.seen);
+  }
   if (pending.contact) contacts_ = std::move(pending.contact);
   contacts_->use(pending.scale);
-  surface_revision_ = pending.revision;
+  surface_revision_ = frame_revision_ = pending.revision;
   pending_.reset();
 }
 
 Status Pipeline::status() const {
-  if (!timeline_->status()) return timeline_->status();
+  for (const SurfaceTimeline& timeline : timelines_) {
+    if (!timeline.status()) return timeline.status();
+  }
   if (!has_backend_failed_) return Done{};
   return lost_backend();
 }

@@ -27,6 +27,19 @@ Status check(const RunSettings& settings, const DeviceInfo& device) {
   return Done{};
 }
 
+Status check_cameras(std::size_t num, const RunSettings& settings) {
+  if (num == 0 || num > kMostCameras) {
+    return Error{Errc::invalid_argument, "a run has 1 to " + std::to_string(kMostCameras) +
+                                             " cameras, not " + std::to_string(num)};
+  }
+  if (num > 1 && settings.contact.method != MethodKind::field) {
+    return Error{Errc::invalid_argument,
+                 "several cameras are joined by the method field alone; give --method field, or one "
+                 "camera"};
+  }
+  return Done{};
+}
+
 /// Of the first spheres alone, with torques about the point that the whole tool has them about.
 Result<std::shared_ptr<const ToolIndex>> thinned_index(const Tool& tool, int num_spheres) {
   struct Thinned {
@@ -55,9 +68,12 @@ Error out_of_memory() {
 }
 
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
-                                      int num_spare) {
+                                      int num_spare, bool is_one_of_several) {
   std::optional<DepthFieldOptions> field;
-  if (settings.contact.method == MethodKind::field) field = settings.field;
+  if (settings.contact.method == MethodKind::field) {
+    field = settings.field;
+    field->one_of_several = is_one_of_several;
+  }
   return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
                                  {backend_of(settings), settings.sensing_gpu}, num_spare,
                                  needs_depth_change(settings), settings.binning);
@@ -88,10 +104,13 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
 }
 
 Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
-                                const DepthStreamInfo& stream, const DeviceInfo& device,
+                                std::span<const DepthStreamInfo> streams, const DeviceInfo& device,
                                 const RunSettings& settings, const RunPartsOptions& options) {
   const Tool& tool = index->tool();
   if (const Status status = check(settings, device); !status) return status.error();
+  if (const Status status = check_cameras(streams.size(), settings); !status) {
+    return status.error();
+  }
   auto coupling =
       check_coupling(settings.coupling, device.limits, 1 / device.rate, tool.sphere_mass());
   if (!coupling) return coupling.error();
@@ -105,9 +124,16 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
     parts.notes = std::move(coupling->warnings);
   }
   if (before == nullptr || !keeps_surfaces(*before, settings)) {
-    auto timeline = make_surfaces(stream, settings, options.num_spare_surfaces);
-    if (!timeline) return timeline.error();
-    parts.timeline.emplace(*std::move(timeline));
+    for (std::size_t k = 0; k < streams.size(); ++k) {
+      RunSettings made_with = settings;
+      if (k < options.first_periods.size() && options.first_periods[k] > 0) {
+        made_with.time.first_period = options.first_periods[k];
+      }
+      auto timeline =
+          make_surfaces(streams[k], made_with, options.num_spare_surfaces, streams.size() > 1);
+      if (!timeline) return timeline.error();
+      parts.timelines.push_back(*std::move(timeline));
+    }
   }
   if (before == nullptr || before->backend != settings.backend ||
       before->contact != settings.contact || before->num_spheres != settings.num_spheres) {

@@ -16,8 +16,8 @@ namespace {
 /// All that is kept of a run while it goes on; what the publishing thread calls.
 class Keeper {
  public:
-  Keeper(DepthSource& source, const RunOptions& options)
-      : source_(source), monitor_(options.monitor), say_(options.say) {}
+  Keeper(const DepthSources& sources, const RunOptions& options)
+      : sources_(sources), monitor_(options.monitor), say_(options.say) {}
   /// Before the run begins.
   void begin(RunRecorder recorder, RunResults results) {
     recorder_.emplace(std::move(recorder));
@@ -59,10 +59,13 @@ class Keeper {
   }
   /// Of the depth stream: told at once, recorded, and kept for the summary.
   void add_source_notes(double time) {
-    for (std::string& text : source_.take_notes()) {
-      say(time, text);
-      recorder_->add_note(text);
-      if (source_notes_.size() < kMostSourceNotes) source_notes_.push_back(std::move(text));
+    for (DepthSource* source : sources_) {
+      for (std::string& text : source->take_notes()) {
+        if (sources_.size() > 1) text = source->info().name + ": " + text;
+        say(time, text);
+        recorder_->add_note(text);
+        if (source_notes_.size() < kMostSourceNotes) source_notes_.push_back(std::move(text));
+      }
     }
   }
   const std::vector<std::string>& source_notes() const { return source_notes_; }
@@ -102,7 +105,7 @@ class Keeper {
 
   static constexpr std::size_t kMostSourceNotes = 100;
 
-  DepthSource& source_;
+  const DepthSources& sources_;
   std::vector<std::string> source_notes_;
   std::optional<RunRecorder> recorder_;
   std::optional<RunResults> results_;
@@ -133,15 +136,15 @@ struct ChosenLoop {
 };
 
 /// On the backend of the settings, which is chosen if they leave it open.
-Result<ChosenLoop> choose_loop(const Tool& tool, DepthSource& source, HapticDevice& device,
+Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, HapticDevice& device,
                                RunSettings& settings, const RunOptions& options,
                                const RunObserver& observer) {
   auto* const stepped = dynamic_cast<SteppedDevice*>(&device);
   const auto make = [&](Backend backend) {
     settings.backend = backend;
     return stepped != nullptr
-               ? RunLoop::create(tool, source, *stepped, settings, observer, options.clock)
-               : RunLoop::create(tool, source, device, settings, observer);
+               ? RunLoop::create(tool, sources, *stepped, settings, observer, options.clock)
+               : RunLoop::create(tool, sources, device, settings, observer);
   };
   std::string why_not_cuda;
   const bool is_open = !settings.backend;
@@ -173,7 +176,7 @@ void take_report(const RunLoop& loop, const Status& status, RunLog& log) {
 
 }  // namespace
 
-Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevice& device,
+Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, HapticDevice& device,
                               const RunSettings& settings, const fs::path& name,
                               const RunOptions& options) {
   if (!(options.duration > 0)) {
@@ -182,10 +185,10 @@ Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevic
   auto folder = RunFolder::create(name);
   if (!folder) return folder.error();
   RunLog log;
-  log.setup = {settings, source.info(), device.info(), 0, options.time_origin, options.probe};
+  log.setup = {settings, sources.infos(), device.info(), 0, options.time_origin, options.probe};
   RunSettings& used = log.setup.settings;
-  Keeper keeper(source, options);
-  auto chosen = choose_loop(tool, source, device, used, options, keeper.observer());
+  Keeper keeper(sources, options);
+  auto chosen = choose_loop(tool, sources, device, used, options, keeper.observer());
   if (!chosen) return chosen.error();
   RunLoop& loop = *chosen->loop;
   log.why_not_cuda = chosen->why_not_cuda;

@@ -51,10 +51,13 @@ void visit_fields(T& window, auto&& visit) {
 template <Of<FrameRecord> T>
 void visit_fields(T& frame, auto&& visit) {
   visit("number", frame.number);
+  visit("camera", frame.camera);
+  visit("camera_frame", frame.camera_frame);
   visit("revision", frame.revision);
   visit("capture_time", frame.capture_time);
   visit("source_time", frame.source_time);
   visit("unit", frame.unit);
+  visit("camera_pose", frame.X_WC);
   visit("surface", frame.surface);
   visit("asked", frame.asked);
   visit("compute_nanoseconds", frame.compute_nanoseconds);
@@ -167,12 +170,18 @@ void visit_fields(T& contact, auto&& visit) {
   visit("is_valid", contact.is_valid);
 }
 
+template <Of<CameraMoment> T>
+void visit_fields(T& moment, auto&& visit) {
+  visit("camera_frame", moment.camera_frame);
+  visit("progress", moment.progress);
+}
+
 template <Of<ContactRecord> T>
 void visit_fields(T& record, auto&& visit) {
   visit("number", record.number);
   visit("time", record.time);
   visit("frame_number", record.frame_number);
-  visit("progress", record.progress);
+  visit("cameras", record.cameras);
   visit("capture_time", record.capture_time);
   visit("has_new_stiffness", record.has_new_stiffness);
   visit("tool", record.X_WT);

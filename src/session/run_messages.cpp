@@ -1,5 +1,6 @@
 #include "src/session/run_messages.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdio>
@@ -45,8 +46,7 @@ template <Of<PartText> T>
 void visit_fields(T& text, auto&& visit) {
   visit("number", text.part.number);
   visit("revision", text.part.revision);
-  visit("first_frame", text.part.first_frame);
-  visit("period", text.part.period);
+  visit("periods", text.part.periods);
   visit("has_surfaces", text.part.has_surfaces);
   visit("tick", text.part.hand.tick);
   visit("tick_revision", text.part.hand.revision);
@@ -59,6 +59,10 @@ struct Note {
 template <Of<Note> T>
 void visit_fields(T& note, auto&& visit) {
   visit("text", note.text);
+}
+
+std::span<const CameraMoment> seen(const CameraMoments& cameras) {
+  return {cameras.of, std::min<std::size_t>(cameras.num, kMostCameras)};
 }
 
 template <class T>
@@ -76,6 +80,9 @@ struct Writer {
     } else if constexpr (std::same_as<T, Numbers>) {
       to.number(static_cast<std::uint32_t>(value.size()));
       for (const double number : value) to.number(number);
+    } else if constexpr (std::same_as<T, CameraMoments>) {
+      to.number(value.num);
+      for (const CameraMoment& moment : seen(value)) visit_fields(moment, *this);
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (const auto& row : value.m) {
         for (const double number : row) to.number(number);
@@ -103,6 +110,10 @@ struct Reader {
       for (std::size_t i = 0; i < num && from.is_good(); ++i) {
         value.push_back(from.number<double>());
       }
+    } else if constexpr (std::same_as<T, CameraMoments>) {
+      const auto num = from.number<std::uint32_t>();
+      value.num = std::min<std::uint32_t>(num, kMostCameras);
+      for (std::uint32_t k = 0; k < value.num; ++k) visit_fields(value.of[k], *this);
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (auto& row : value.m) {
         for (double& number : row) number = from.number<double>();
@@ -138,6 +149,8 @@ std::string type_name() {
   if constexpr (std::same_as<T, Penetration>) return "palpate_msgs/Penetration";
   if constexpr (std::same_as<T, ContactPatch>) return "palpate_msgs/ContactPatch";
   if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";
+  if constexpr (std::same_as<T, CameraMoment>) return "palpate_msgs/CameraMoment";
+  if constexpr (std::same_as<T, CameraMoments>) return "palpate_msgs/CameraMoment[]";
   if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/ContactRecord";
   if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
   if constexpr (std::same_as<T, CouplingStep>) return "palpate_msgs/CouplingStep";
@@ -161,7 +174,9 @@ struct Describer {
     text += type + " " + name + "\n";
     constexpr bool is_plain = Scalar<T> || std::same_as<T, std::string> ||
                               std::same_as<T, Stiffness> || std::same_as<T, Numbers>;
-    if constexpr (!is_plain) {
+    if constexpr (std::same_as<T, CameraMoments>) {
+      describe(CameraMoment{});
+    } else if constexpr (!is_plain) {
       if (type.starts_with("palpate_msgs/") && texts.count(type) == 0) describe(value);
     }
   }
@@ -210,6 +225,10 @@ struct Flattener {
     const std::string at = place + (place.empty() ? "" : "/") + name;
     if constexpr (Scalar<T>) {
       put(at, value);
+    } else if constexpr (std::same_as<T, CameraMoments>) {
+      for (std::uint32_t k = 0; k < value.num; ++k) {
+        visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
+      }
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (int i = 0; i < 36; ++i) put(at + "/" + std::to_string(i), value.m[i / 6][i % 6]);
     } else {
@@ -275,7 +294,11 @@ Result<RunSetup> setup_of(const SettingsText& text) {
   const Status settings = read_json(settings_of(setup.settings), json.at("settings"));
   if (!settings) return settings.error();
   setup.settings.objects = objects_from(json.at("objects"));
-  setup.stream = stream_from_json(json.at("stream"));
+  for (const Json& stream : json.at("streams")) setup.streams.push_back(stream_from_json(stream));
+  if (setup.streams.empty() || setup.streams.size() > kMostCameras) {
+    return Error{Errc::bad_input, "the recording has no camera, or more than there can be; record "
+                                  "the run again"};
+  }
   if (json.contains("probe")) setup.probe = probe_from_json(json.at("probe"));
   setup.device = text.device;
   setup.revision = text.revision;
@@ -284,6 +307,10 @@ Result<RunSetup> setup_of(const SettingsText& text) {
 }
 
 }  // namespace
+
+std::string depth_topic(std::uint32_t camera) {
+  return camera == 0 ? "/depth" : "/camera_" + std::to_string(camera + 1) + "/depth";
+}
 
 std::string object_file(std::size_t index) {
   char name[40];
@@ -303,7 +330,7 @@ std::string settings_message(const RunSetup& setup) {
             {"version", kRunVersion},
             {"program", PALPATE_VERSION},
             {"settings", to_json(settings_of(setup.settings))},
-            {"stream", to_json(setup.stream)},
+            {"streams", to_json(setup.streams)},
             {"objects", json_of(setup.settings.objects)}};
   if (setup.probe) json["probe"] = to_json(*setup.probe);
   return message_of(SettingsText{setup.revision, setup.time_origin, setup.device,

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "palpate/run/records.h"
 #include "palpate/run/settings.h"
@@ -16,7 +17,7 @@ namespace palpate {
 /// Everything that a repetition needs beside tool, frames, contacts and ticks.
 struct RunSetup {
   RunSettings settings;  ///< shapes of objects are files inside the recording
-  DepthStreamInfo stream;
+  std::vector<DepthStreamInfo> streams;  ///< of the cameras
   DeviceInfo device;
   std::uint32_t revision = 0;  ///< of the settings: counts what was changed while the run went on
   /// s since 1970, or on the clock of path and frames: when a run on a simulated clock began, whose
@@ -29,8 +30,9 @@ struct RunSetup {
 struct PartStart {
   std::int32_t number = 0;        ///< of the part
   std::uint32_t revision = 0;     ///< of the first settings that follow
-  std::uint64_t first_frame = 0;  ///< the first depth frame that follows, which looks back no more
-  double period = 0;              ///< s, FrameRecord::period of that one
+  /// s, of each camera: FrameRecord::period of its first frame that follows, which looks back no
+  /// more; 0: none follows at once.
+  std::vector<double> periods;
   bool has_surfaces = true;       ///< frames and contacts that follow can be repeated from here
   HandMoment hand;                ///< how the hand's side stands
 };
@@ -42,13 +44,13 @@ struct RecordedDepth {
 };
 
 inline constexpr const char* kRunFormat = "palpate run";
-inline constexpr int kRunVersion = 2;
+inline constexpr int kRunVersion = 3;
 
 // Topics.
 inline constexpr const char* kPartTopic = "/part";
 inline constexpr const char* kSettingsTopic = "/settings";
 inline constexpr const char* kFrameTopic = "/frame";  ///< palpate_msgs/Frame, before its image
-inline constexpr const char* kDepthTopic = "/depth";  ///< sensor_msgs/Image
+std::string depth_topic(std::uint32_t camera);  ///< sensor_msgs/Image: "/depth", "/camera_2/depth"
 inline constexpr const char* kContactTopic = "/contact";
 inline constexpr const char* kTickTopic = "/tick";
 inline constexpr const char* kNoteTopic = "/note";

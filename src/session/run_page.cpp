@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <utility>
 
 #include "src/pages/report_page.h"
@@ -147,30 +148,42 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   settings.backend = Backend::cpu;
   settings.time.mode = TimeMode::latest;
   settings.num_spheres = 0;  // one state for each
-  auto surfaces = make_surfaces(log.setup.stream, settings);
-  if (!surfaces) return surfaces.error();
   auto part = make_contact_part(ToolIndex::create(tool), settings, {});
   if (!part) return part.error();
   ThreadPool pool(settings.num_threads);
-  surfaces->push(log.deepest_frame, 0, pool);
+  std::deque<SurfaceTimeline> timelines;
+  std::vector<SurfaceBlend> cameras;
+  for (std::size_t k = 0; k < log.deepest_frames.size(); ++k) {
+    if (log.deepest_frames[k].pixels.empty()) continue;
+    auto surfaces =
+        make_surfaces(log.setup.streams[k], settings, 0, log.deepest_frames.size() > 1);
+    if (!surfaces) return surfaces.error();
+    timelines.push_back(*std::move(surfaces));
+    timelines.back().push(log.deepest_frames[k], 0, pool);
+    cameras.push_back(timelines.back().at(0));
+  }
   std::vector<SphereState> states(tool.spheres().size());
   std::vector<Plane<float>> planes(states.size());
-  (*part)->query().measure(surfaces->at(0).to, X_WT, {.states = states, .planes = planes});
+  (*part)->query().measure(cameras, X_WT, {.states = states, .planes = planes});
 
   // Spheres are stored by size, as good as.
   const std::size_t num_shown = std::min(states.size(), kMostSpheres);
-  const DepthStreamInfo& stream = log.setup.stream;
+  const DepthStreamInfo& stream = log.setup.streams.front();
+  const DepthFrame& image = log.deepest_frames.front();
   const auto& [fx, fy, cx, cy] = stream.intrinsics;
   const int n = static_cast<int>(
-      std::ceil(std::sqrt(static_cast<double>(log.deepest_frame.pixels.size()) / kMostPixels)));
-  const DepthFrame frame = thinned(log.deepest_frame, n);
+      std::ceil(std::sqrt(static_cast<double>(image.pixels.size()) / kMostPixels)));
+  const DepthFrame frame = thinned(image, n);
+  // As the first camera sees it.
+  const Pose X_CW = inverse(image.X_WC);
+  const auto in_camera = [&](const Vec3d& v_W) { return list(rotate(X_CW.rotation, v_W)); };
   Json pose = Json::array();
-  for (const double value : seven_numbers(X_WT)) pose.push_back(compact(value, 9));
+  for (const double value : seven_numbers(X_CW * X_WT)) pose.push_back(compact(value, 9));
   Json json{{"time_s", tick.time},
             {"X_WT", pose},
             {"volume_m3", compact(tick.penetration.volume)},
-            {"force_N", list(tick.step.contact_W.force)},
-            {"torque_Nm", list(tick.step.contact_W.torque)},
+            {"force_N", in_camera(tick.step.contact_W.force)},
+            {"torque_Nm", in_camera(tick.step.contact_W.torque)},
             {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
             {"radius_m", compact(tool_radius(tool))},
             {"spheres", packed<Sphere>(tool.spheres().subspan(0, num_shown))},
@@ -220,10 +233,10 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
             {"moment", nullptr},
             {"moment_trouble", ""}};
   // Pages are sent to others, who need not know whose folders these were.
-  const std::string stream_name = short_name(log.setup.stream.name);
+  const std::string stream_name = short_name(log.setup.streams.front().name);
   json["summary"]["stream"]["name"] = stream_name;
   for (const double time : log.frame_times) json["frame_times_s"].push_back(compact(time, 7));
-  if (!log.deepest_frame.pixels.empty()) {
+  if (!log.deepest_frames.empty() && !log.deepest_frames.front().pixels.empty()) {
     auto moment = moment_json(tool, log);
     if (moment) {
       json["moment"] = *std::move(moment);

@@ -134,9 +134,8 @@ Result<bool> RunReader::next_frame(RecordedDepth& frame) {
     if (!*message) return false;
     auto joined = joiner.take((*message)->topic, (*message)->data);
     if (!joined) return in_file(joined.error());
-    if (!*joined || (last_frame_ && (*joined)->record.number <= *last_frame_)) continue;
+    if (!*joined || !last_frames_.is_new((*joined)->record)) continue;
     frame = **std::move(joined);
-    last_frame_ = frame.record.number;
     return true;
   }
 }
@@ -160,11 +159,13 @@ Result<std::optional<RecordedDepth>> FrameJoiner::take(std::string_view topic,
     const auto record = read_frame(message);
     if (!record) return record.error();
     record_ = *record;
-  } else if (topic == kDepthTopic && record_) {
+    depth_topic_ = depth_topic(record_->camera);
+  } else if (record_ && topic == depth_topic_) {
     auto frame = read_depth_image(message, record_->unit);
     if (!frame) return Error{Errc::bad_input, frame.error().message + "; record the run again"};
     frame->unit = record_->unit;
     frame->timestamp = record_->source_time;
+    frame->X_WC = record_->X_WC;
     return std::optional(RecordedDepth{*std::exchange(record_, std::nullopt), *std::move(frame)});
   }
   return std::optional<RecordedDepth>();

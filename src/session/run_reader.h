@@ -13,6 +13,22 @@
 
 namespace palpate {
 
+/// Tells frames that come twice, once in each of two parts.
+class NewestFrames {
+ public:
+  /// Whether its camera has shown none as new yet.
+  bool is_new(const FrameRecord& frame) {
+    if (frame.camera >= kMostCameras) return false;
+    std::int64_t& newest = newest_[frame.camera];
+    if (static_cast<std::int64_t>(frame.camera_frame) <= newest) return false;
+    newest = static_cast<std::int64_t>(frame.camera_frame);
+    return true;
+  }
+
+ private:
+  std::vector<std::int64_t> newest_ = std::vector<std::int64_t>(kMostCameras, -1);
+};
+
 class RunReader {
  public:
   /// `path`: the folder of a run, with all parts of its recording, or one of these files. Reads the
@@ -60,7 +76,7 @@ class RunReader {
   McapReader reader_;
   RunSetup setup_;
   std::optional<PartStart> start_;
-  std::optional<std::uint64_t> last_frame_;
+  NewestFrames last_frames_;
 };
 
 /// Joins a frame's record with its image, which follows it.
@@ -71,6 +87,7 @@ class FrameJoiner {
 
  private:
   std::optional<FrameRecord> record_;
+  std::string depth_topic_;  // of its camera
 };
 
 }  // namespace palpate

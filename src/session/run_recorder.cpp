@@ -21,9 +21,8 @@ namespace {
 constexpr std::uint64_t kTransformPeriod = 10'000'000;  // ns: ticks hold every pose exactly
 constexpr std::uint64_t kPointsPeriod = 500'000'000;    // ns: for humans; depth holds every pixel
 
-// Frames, as ROS names them: world = camera, base of the device, handle, tool.
+// Frames, as ROS names them: world, cameras in it, base of the device, handle, tool.
 constexpr const char* kWorld = "world";
-constexpr const char* kCamera = "camera";
 constexpr const char* kBase = "base";
 constexpr const char* kHand = "hand";
 constexpr const char* kToolFrame = "tool";
@@ -39,10 +38,15 @@ std::string at(double seconds) {
   return text;
 }
 
-McapChannel ros_channel(const char* topic, std::string type) {
+McapChannel ros_channel(const std::string& topic, std::string type) {
   const std::string schema = message_schema(type);
   type.insert(type.find('/'), "/msg");
   return {topic, type, schema};
+}
+
+/// "camera", "camera_2", ...
+std::string camera_frame(std::size_t camera) {
+  return camera == 0 ? "camera" : "camera_" + std::to_string(camera + 1);
 }
 
 Wrench turned_into(const Quaternion& q_AB, const Wrench& wrench_A) {
@@ -59,6 +63,7 @@ RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup&
       place_(std::make_unique<Place>()),
       setups_{setup},
       centre_of_mass_T_(tool.sphere_mass().centre_of_mass),
+      cameras_(setup.streams.size()),
       parts_{{path.filename(), 0}} {
   place_->folder = path.parent_path();
   if (is_simulated) {
@@ -114,9 +119,14 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   channels_.contact = w.add_channel(contact_channel());
   channels_.tick = w.add_channel(tick_channel());
   channels_.note = w.add_channel(note_channel());
-  channels_.depth = w.add_channel(ros_channel(kDepthTopic, "sensor_msgs/Image"));
-  channels_.points = w.add_channel(ros_channel("/depth/points", "sensor_msgs/PointCloud2"));
-  channels_.camera = w.add_channel(ros_channel("/camera_info", "sensor_msgs/CameraInfo"));
+  channels_.cameras.clear();
+  for (std::uint32_t k = 0; k < cameras_.size(); ++k) {
+    const std::string depth = depth_topic(k), info = k == 0 ? "" : "/" + camera_frame(k);
+    channels_.cameras.push_back(
+        {w.add_channel(ros_channel(depth, "sensor_msgs/Image")),
+         w.add_channel(ros_channel(depth + "/points", "sensor_msgs/PointCloud2")),
+         w.add_channel(ros_channel(info + "/camera_info", "sensor_msgs/CameraInfo"))});
+  }
   channels_.transforms = w.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
   channels_.statics = w.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
   channels_.tool_wrench = w.add_channel(ros_channel("/tool/wrench", "geometry_msgs/WrenchStamped"));
@@ -132,16 +142,16 @@ Status RunRecorder::begin(const HandMoment* moment) {
     std::uint32_t first = std::min(moment->revision, setups_.back().revision);
     // Contacts and frames may be told after a tick that knew later settings.
     first = std::min({first, frame_revision_, contact_revision_});
-    if (!frames_.empty()) first = std::min(first, frames_.front().record.revision);
+    for (const auto& [frames, next_points, X_WC] : cameras_) {
+      if (!frames.empty()) first = std::min(first, frames.front().record.revision);
+    }
     if (!contacts_.empty()) first = std::min(first, contacts_.front().revision);
     while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
     start.number = num_parts_;
     start.revision = setups_.front().revision;
     start.has_surfaces = has_whole_lead(setups_.back().settings.time);
-    start.first_frame = next_frame_;
-    if (!frames_.empty()) {
-      start.first_frame = frames_.front().record.number;
-      start.period = frames_.front().record.period;
+    for (const auto& [frames, next_points, X_WC] : cameras_) {
+      start.periods.push_back(frames.empty() ? 0 : frames.front().record.period);
     }
     start.hand = *moment;
     write(channels_.part, last_time_, part_message(start));
@@ -150,13 +160,18 @@ Status RunRecorder::begin(const HandMoment* moment) {
     write(channels_.settings, last_time_, settings_message(setup));
   }
   const RunSetup& setup = setups_.back();
-  const RosTransform fixed[] = {{kWorld, kCamera, {}},
-                                {kWorld, kBase, setup.settings.coupling.X_WB}};
+  const RosTransform fixed[] = {{kWorld, kBase, setup.settings.coupling.X_WB}};
   write(channels_.statics, last_time_, transform_message(last_time_, fixed));
-  write(channels_.camera, last_time_, camera_info_message({last_time_, kCamera}, setup.stream));
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    cameras_[k].X_WC.reset();
+    write(channels_.cameras[k].info, last_time_,
+          camera_info_message({last_time_, camera_frame(k)}, setup.streams[k]));
+  }
   write(channels_.marker, last_time_, tool_marker_message({last_time_, kToolFrame}, tool_->mesh()));
   if (moment != nullptr) {
-    for (const auto& [record, frame] : frames_) write_frame(record, frame);
+    for (const auto& [frames, next_points, X_WC] : cameras_) {
+      for (const auto& [record, frame] : frames) write_frame(record, frame);
+    }
     for (const ContactRecord& contact : contacts_) {
       write(channels_.contact, wall_time(contact.contact.time), contact_message(contact));
     }
@@ -271,21 +286,33 @@ void RunRecorder::add_settings(std::uint32_t revision, const RunSettings& settin
 
 void RunRecorder::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   write_frame(record, frame);
-  frames_.push_back({record, frame});
-  next_frame_ = record.number + 1;
+  cameras_[record.camera].frames.push_back({record, frame});
   frame_revision_ = record.revision;
 }
 
 void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame) {
   if (!writer_) return;
   const std::uint64_t time = wall_time(record.capture_time);
-  const DepthStreamInfo& stream = setups_.back().stream;
+  const DepthStreamInfo& stream = setups_.back().streams[record.camera];
+  const Channels::Camera& channels = channels_.cameras[record.camera];
+  Camera& camera = cameras_[record.camera];
+  const RosHeader header{time, camera_frame(record.camera)};
   write(channels_.frame, time, frame_message(record));
-  write(channels_.depth, time, image_message({time, kCamera}, frame));
-  write(channels_.camera, time, camera_info_message({time, kCamera}, stream));
-  if (time < next_points_) return;
-  next_points_ = time + kPointsPeriod;
-  write(channels_.points, time, points_message({time, kCamera}, frame, stream.intrinsics));
+  write(channels.depth, time, image_message(header, frame));
+  write(channels.info, time, camera_info_message(header, stream));
+  if (camera.X_WC != record.X_WC) add_camera_pose(record.camera, record.X_WC, time);
+  if (time < camera.next_points) return;
+  camera.next_points = time + kPointsPeriod;
+  write(channels.points, time, points_message(header, frame, stream.intrinsics));
+}
+
+/// Where a camera stands, once, or where it is at each frame.
+void RunRecorder::add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::uint64_t time) {
+  cameras_[camera].X_WC = X_WC;
+  const bool is_moving = setups_.back().streams[camera].is_moving;
+  const std::string frame = camera_frame(camera);
+  const RosTransform pose[] = {{kWorld, frame.c_str(), X_WC}};
+  write(is_moving ? channels_.transforms : channels_.statics, time, transform_message(time, pose));
 }
 
 void RunRecorder::add_contact(const ContactRecord& contact) {
@@ -314,19 +341,23 @@ void RunRecorder::add_tick(const TickRecord& tick) {
 /// What no part that begins later needs: ticks rest on the contact of this one or on later ones,
 /// contacts on the frame of the first of these or on later ones, and frames on those in their lead.
 void RunRecorder::forget(const TickRecord& tick) {
-  constexpr std::uint64_t kMostUnfelt = 4;  // frames, while nothing is measured
+  constexpr std::int64_t kMostUnfelt = 4;  // frames, while nothing is measured
   while (!contacts_.empty() && contacts_.front().number < tick.contact_number) {
     contacts_.pop_front();
   }
-  if (frames_.empty()) return;
   const TimeOptions& time = setups_.back().settings.time;
-  const auto lead = static_cast<std::uint64_t>(has_whole_lead(time) ? num_lead_frames(time) : 2);
-  const std::uint64_t newest = frames_.back().record.number;
-  const std::uint64_t needed = !contacts_.empty()     ? contacts_.front().frame_number
-                               : newest > kMostUnfelt ? newest - kMostUnfelt
-                                                      : 0;
-  // A contact may be told before its frame.
-  while (!frames_.empty() && frames_.front().record.number + lead < needed) frames_.pop_front();
+  const auto lead = static_cast<std::int64_t>(has_whole_lead(time) ? num_lead_frames(time) : 2);
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    std::deque<RecordedDepth>& frames = cameras_[k].frames;
+    if (frames.empty()) continue;
+    const auto number = [](const RecordedDepth& frame) {
+      return static_cast<std::int64_t>(frame.record.camera_frame);
+    };
+    const std::int64_t needed = contacts_.empty() ? number(frames.back()) - kMostUnfelt
+                                                  : contacts_.front().cameras.of[k].camera_frame;
+    // A contact may be told before its frame.
+    while (!frames.empty() && number(frames.front()) + lead < needed) frames.pop_front();
+  }
 }
 
 void RunRecorder::add_transforms(const TickRecord& tick, std::uint64_t time) {

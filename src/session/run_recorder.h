@@ -54,8 +54,12 @@ class RunRecorder {
     double end = 0;              // s, of its last tick
   };
   struct Channels {
-    std::uint16_t part, settings, frame, depth, points, camera, contact, tick, note, transforms,
-        statics, tool_wrench, hand_wrench, marker;
+    std::uint16_t part, settings, frame, contact, tick, note, transforms, statics, tool_wrench,
+        hand_wrench, marker;
+    struct Camera {
+      std::uint16_t depth, points, info;
+    };
+    std::vector<Camera> cameras;
   };
   RunRecorder(const std::filesystem::path& path, const Tool& tool, const RunSetup& setup,
               bool is_simulated, const RecordingOptions& options);
@@ -66,6 +70,7 @@ class RunRecorder {
   std::uint64_t wall_time(double time);
   void write(std::uint16_t channel, std::uint64_t time, std::string_view message);
   void add_transforms(const TickRecord& tick, std::uint64_t time);
+  void add_camera_pose(std::uint32_t camera, const Pose& X_WC, std::uint64_t time);
   void pause(const Error& error);
   void forget(const TickRecord& tick);
   void remove_old();
@@ -84,11 +89,14 @@ class RunRecorder {
   Vec3d centre_of_mass_T_;
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
-  std::uint64_t next_transforms_ = 0, next_points_ = 0;
-
-  // What the next part would begin with.
-  std::deque<RecordedDepth> frames_;
-  std::uint64_t next_frame_ = 0;  // the number of the one that is told next
+  std::uint64_t next_transforms_ = 0;
+  /// What was told of a camera, and what the next part would begin with.
+  struct Camera {
+    std::deque<RecordedDepth> frames;
+    std::uint64_t next_points = 0;
+    std::optional<Pose> X_WC;
+  };
+  std::vector<Camera> cameras_;
   std::deque<ContactRecord> contacts_;
   std::uint32_t frame_revision_ = 0, contact_revision_ = 0;  // of the newest ones
   // Parts.

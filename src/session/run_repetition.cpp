@@ -1,41 +1,72 @@
 #include "src/session/run_repetition.h"
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
 namespace palpate {
 
 void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
-  if (parts.timeline) timelines_.emplace(setup.revision, *std::move(parts.timeline));
+  cameras_.resize(setup.streams.size());
+  moments_.resize(setup.streams.size());
+  for (std::size_t k = 0; k < parts.timelines.size(); ++k) {
+    cameras_[k].timelines.emplace(setup.revision, std::move(parts.timelines[k]));
+  }
   measuring_[setup.revision] = {parts.scale, std::move(parts.contact)};
 }
 
-void ContactRepetition::push_next() {
-  const RecordedDepth& next = frames_.front();
-  // The newest timeline that there was for this frame.
-  while (timelines_.size() > 1 && std::next(timelines_.begin())->first <= next.record.revision) {
-    timelines_.erase(timelines_.begin());
+bool ContactRepetition::add(RecordedDepth frame) {
+  if (frame.record.camera >= cameras_.size()) return false;
+  Camera& camera = cameras_[frame.record.camera];
+  const auto number = static_cast<std::int64_t>(frame.record.camera_frame);
+  const bool is_next = number == camera.newest + 1 || (has_start_ && camera.newest < 0);
+  camera.newest = number;
+  camera.frames.push_back(std::move(frame));
+  return is_next;
+}
+
+bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    if (contact.cameras.of[k].camera_frame > cameras_[k].newest) return false;
   }
-  SurfaceTimeline& timeline = timelines_.begin()->second;
+  return true;
+}
+
+void ContactRepetition::push_next(Camera& camera, SurfaceBlend& moment) {
+  const RecordedDepth& next = camera.frames.front();
+  // The newest timeline that there was for this frame.
+  auto& timelines = camera.timelines;
+  while (timelines.size() > 1 && std::next(timelines.begin())->first <= next.record.revision) {
+    timelines.erase(timelines.begin());
+  }
+  SurfaceTimeline& timeline = timelines.begin()->second;
   timeline.push(next.frame, next.record.capture_time, *pool_, next.record.asked);
-  moment_ = timeline.at(next.record.capture_time);
-  capture_time_ = next.record.capture_time;
-  frames_.pop_front();
-  ++num_pushed_;
+  moment = timeline.at(next.record.capture_time);
+  camera.capture_time = next.record.capture_time;
+  camera.pushed = static_cast<std::int64_t>(next.record.camera_frame);
+  camera.frames.pop_front();
 }
 
 ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
-  while (num_pushed_ <= recorded.frame_number) push_next();
+  ContactRecord repeated = recorded;
+  bool is_seen = false;
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    Camera& camera = cameras_[k];
+    const auto& [wanted, progress] = recorded.cameras.of[k];
+    while (camera.pushed < wanted && !camera.frames.empty()) push_next(camera, moments_[k]);
+    moments_[k].progress = progress;
+    if (wanted < 0) continue;
+    repeated.capture_time =
+        is_seen ? std::min(repeated.capture_time, camera.capture_time) : camera.capture_time;
+    is_seen = true;
+  }
   while (!measuring_.empty() && measuring_.begin()->first <= recorded.revision) {
     auto& [scale, part] = measuring_.begin()->second;
     if (part) part_ = std::move(part);
     part_->use(scale);
     measuring_.erase(measuring_.begin());
   }
-  ContactRecord repeated = recorded;
-  repeated.capture_time = capture_time_;
-  moment_.progress = recorded.progress;
-  part_->measure(moment_, recorded.has_new_stiffness, repeated);
+  part_->measure(moments_, recorded.has_new_stiffness, repeated);
   if (!recorded.has_new_stiffness) {
     // Kept from an earlier contact, which may not have been recorded.
     repeated.contact.stiffness = recorded.contact.stiffness;

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "src/run/internal/pipeline.h"
 #include "src/session/run_messages.h"
@@ -16,23 +17,17 @@ namespace palpate {
 /// The contact side: frames to surfaces, poses to contacts.
 class ContactRepetition {
  public:
-  /// With `start` the first frame is that one.
+  /// With `start` the first frames of the cameras are not those of the run.
   ContactRepetition(int num_threads, const std::optional<PartStart>& start)
-      : pool_(std::make_unique<ThreadPool>(num_threads)),
-        num_pushed_(start ? start->first_frame : 0) {}
+      : pool_(std::make_unique<ThreadPool>(num_threads)), has_start_(start.has_value()) {}
 
   /// In order, the first one before all else.
   void add(const RunSetup& setup, RunParts& parts);
-  void add(RecordedDepth frame) { frames_.push_back(std::move(frame)); }
+  /// False if one before it, of its camera, is not there.
+  bool add(RecordedDepth frame);
 
-  /// Whether all frames up to this one are there.
-  bool has_frames_until(std::uint64_t number) const {
-    return number < num_pushed_ + frames_.size();
-  }
-  /// The first frame that is there while one before it is not.
-  bool has_gap() const {
-    return !frames_.empty() && frames_.back().record.number + 1 != num_pushed_ + frames_.size();
-  }
+  /// Whether all frames that it rests on are there.
+  bool has_frames_of(const ContactRecord& contact) const;
 
   /// What a query at the same moment and pose gives. Its frames must be there.
   ContactRecord repeat(const ContactRecord& recorded);
@@ -42,16 +37,20 @@ class ContactRepetition {
     VolumeStiffness scale;
     std::unique_ptr<ContactPart> part;
   };
-  void push_next();
+  struct Camera {
+    std::map<std::uint32_t, SurfaceTimeline> timelines;  // by revision, from the present one on
+    std::deque<RecordedDepth> frames;                    // not yet pushed
+    std::int64_t newest = -1, pushed = -1;               // camera_frame: there; pushed last
+    double capture_time = 0;                             // of that one
+  };
+  void push_next(Camera& camera, SurfaceBlend& moment);
 
-  std::map<std::uint32_t, SurfaceTimeline> timelines_;  // by revision, from the present one on
+  std::deque<Camera> cameras_;
+  std::vector<SurfaceBlend> moments_;  // of each
   std::map<std::uint32_t, Measuring> measuring_;        // not yet used
   std::unique_ptr<ContactPart> part_;
   std::unique_ptr<ThreadPool> pool_;
-  std::deque<RecordedDepth> frames_;  // not yet pushed
-  std::uint64_t num_pushed_;
-  SurfaceBlend moment_;
-  double capture_time_ = 0;
+  bool has_start_;
 };
 
 /// The hand's side: device states and contacts to wrenches.

@@ -42,11 +42,8 @@ class Repetition {
     setup.settings.objects = first_.settings.objects;  // with their shapes
     RunPartsOptions options;
     if (has_settings_) options.before = &settings_;
-    RunSettings made_with = setup.settings;
-    if (!has_settings_ && start_ && start_->period > 0) {
-      made_with.time.first_period = start_->period;
-    }
-    auto parts = make_run_parts(index_, setup.stream, setup.device, made_with, options);
+    if (!has_settings_ && start_) options.first_periods = start_->periods;
+    auto parts = make_run_parts(index_, setup.streams, setup.device, setup.settings, options);
     if (!parts) return parts.error();
     has_settings_ = true;
     contacts_.add(setup, *parts);
@@ -82,10 +79,8 @@ class Repetition {
     if (*joined) {
       RecordedDepth& frame = **joined;
       if (frame.record.revision >= num_settings_) return missing_settings();
-      if (last_frame_ && frame.record.number <= *last_frame_) return Done{};
-      last_frame_ = frame.record.number;
-      if (can_repeat_contacts_) contacts_.add(std::move(frame));
-      if (contacts_.has_gap()) end_contacts("a depth frame");
+      if (!last_frames_.is_new(frame.record)) return Done{};
+      if (can_repeat_contacts_ && !contacts_.add(std::move(frame))) end_contacts("a depth frame");
     } else if (topic == kSettingsTopic) {
       auto setup = read_settings(message);
       if (!setup) return setup.error();
@@ -153,7 +148,7 @@ class Repetition {
 
   void repeat_contacts() {
     while (!has_differed() && can_repeat_contacts_ && !waiting_contacts_.empty() &&
-           contacts_.has_frames_until(waiting_contacts_.front().frame_number)) {
+           contacts_.has_frames_of(waiting_contacts_.front())) {
       const ContactRecord& recorded = waiting_contacts_.front();
       compare("contact", recorded, contacts_.repeat(recorded));
       ++outcome_.num_contacts;
@@ -186,7 +181,7 @@ class Repetition {
   RunSettings settings_;        // the newest
   std::uint32_t num_settings_;  // the revision that comes next
   bool has_settings_ = false, lacks_settings_ = false;
-  std::optional<std::uint64_t> last_frame_;
+  NewestFrames last_frames_;
   std::uint64_t last_contact_ = 0;
   std::map<std::uint64_t, ContactRecord> known_;  // by number
   std::deque<ContactRecord> waiting_contacts_;
@@ -241,16 +236,19 @@ class RecordedHand final : public SteppedDevice {
   Status status_ = Done{};
 };
 
-/// The frames as they were captured, on the run's clock.
+/// The frames of a camera as they were captured, on the run's clock.
 class RecordedFrames final : public DepthSource {
  public:
-  RecordedFrames(RunReader reader, double start) : reader_(std::move(reader)), start_(start) {}
+  RecordedFrames(RunReader reader, std::uint32_t camera, double start)
+      : reader_(std::move(reader)), camera_(camera), start_(start) {}
 
-  const DepthStreamInfo& info() const override { return reader_.setup().stream; }
+  const DepthStreamInfo& info() const override { return reader_.setup().streams[camera_]; }
   Result<bool> next(DepthFrame& frame) override {
     RecordedDepth recorded;
-    const auto got = reader_.next_frame(recorded);
-    if (!got || !*got) return got;
+    do {
+      const auto got = reader_.next_frame(recorded);
+      if (!got || !*got) return got;
+    } while (recorded.record.camera != camera_);
     frame = std::move(recorded.frame);
     frame.timestamp = recorded.record.capture_time - start_;
     return true;
@@ -258,6 +256,7 @@ class RecordedFrames final : public DepthSource {
 
  private:
   RunReader reader_;
+  std::uint32_t camera_;
   double start_;
 };
 
@@ -340,8 +339,8 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
                                const RunOptions& options) {
   const auto start = start_of(folder);
   if (!start) return start.error();
-  auto ticks = RunReader::open(folder), images = RunReader::open(folder);
-  if (!ticks || !images) return ticks ? images.error() : ticks.error();
+  auto ticks = RunReader::open(folder);
+  if (!ticks) return ticks.error();
   const auto tool = ticks->load_tools();
   if (!tool) return tool.error();
   RunSettings settings = ticks->setup().settings;
@@ -352,8 +351,14 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   run.clock.zero = 0;
   run.clock.ends_with_frames = false;
 
+  std::deque<RecordedFrames> frames;
+  std::vector<DepthSource*> sources;
+  for (std::uint32_t k = 0; k < ticks->setup().streams.size(); ++k) {
+    auto images = RunReader::open(folder);
+    if (!images) return images.error();
+    sources.push_back(&frames.emplace_back(*std::move(images), k, *start));
+  }
   RecordedHand hand(*std::move(ticks), *start);
-  RecordedFrames frames(*std::move(images), *start);
   RetryOutcome outcome;
   RunMonitor monitor;
   monitor.observer.on_ticks = [&](std::span<const TickRecord> felt) {
@@ -363,7 +368,7 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
     }
   };
   run.monitor = &monitor;
-  auto done = record_run(*tool, frames, hand, settings, output, run);
+  auto done = record_run(*tool, DepthSources(std::move(sources)), hand, settings, output, run);
   if (!done) return done.error();
   outcome.run = *std::move(done);
   ForceComparison& forces = outcome.forces;

@@ -108,7 +108,7 @@ Json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times) {
               {"max_force_N", log.setup.device.limits.max_force},
               {"max_torque_Nm", log.setup.device.limits.max_torque}}},
             {"rate", log.setup.device.rate},
-            {"stream", to_json(log.setup.stream)},
+            {"stream", to_json(log.setup.streams.front())},
             {"objects", objects_json(log.setup.settings.objects)},
             {"seconds", log.loop.seconds},
             {"time_origin", log.setup.time_origin},

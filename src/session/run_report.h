@@ -31,7 +31,8 @@ struct RunLog {
   RunPeaks peaks;
   std::vector<FaultPeriod> faults;    ///< the first kMostFaultPeriods, without the end of the run
   TickRecord deepest;                 ///< the tick with the largest volume, or the first one
-  DepthFrame deepest_frame;           ///< that was felt then; no pixels if it is not known
+  /// That was felt then, of each camera; no pixels where it is not known.
+  std::vector<DepthFrame> deepest_frames;
   std::vector<double> frame_times;    ///< s since the run began
   std::vector<std::string> warnings;  ///< for humans
   std::string why_not_cuda;           ///< as RunOutcome

@@ -38,6 +38,7 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
     : tool_(tool),
       full_volume_(full_volume(tool, setup.settings.contact)),
       time_origin_(setup.time_origin),
+      cameras_(setup.streams.size()),
       all_ticks_(all_ticks) {
   if (!all_ticks_) return;
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
@@ -58,18 +59,20 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   if (num_points < 0.001 * frame.width * frame.height) {
     if (num_scarce_++ == 0) {
       first_scarce_ = record.number;
+      pixels_of_scarce_ = frame.width * frame.height;
       scarce_points_ = num_points;
     }
   }
-  if (recent_.size() == kNumRecent) {
+  std::deque<SeenFrame>& recent = cameras_[record.camera].recent;
+  if (recent.size() == kNumRecent) {
     // Its memory once more.
-    recent_.push_back(std::move(recent_.front()));
-    recent_.pop_front();
+    recent.push_back(std::move(recent.front()));
+    recent.pop_front();
   } else {
-    recent_.emplace_back();
+    recent.emplace_back();
   }
-  recent_.back().number = record.number;
-  recent_.back().frame = frame;
+  recent.back().number = record.number;
+  recent.back().frame = frame;
 }
 
 void RunResults::add_tick(const TickRecord& tick) {
@@ -143,10 +146,14 @@ void RunResults::add_fault(const TickRecord& tick) {
 
 void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_ = tick;
-  const bool is_known = !deepest_frame_.frame.pixels.empty();
-  if (is_known && deepest_frame_.number == tick.frame_number) return;
-  for (const SeenFrame& seen : recent_) {
-    if (seen.number == tick.frame_number) deepest_frame_ = seen;
+  for (auto& [recent, deepest] : cameras_) {
+    // The newest one up to that which the tick names, which is one of the cameras'.
+    const SeenFrame* felt = nullptr;
+    for (const SeenFrame& seen : recent) {
+      if (seen.number <= tick.frame_number) felt = &seen;
+    }
+    const bool is_known = !deepest.frame.pixels.empty();
+    if (felt != nullptr && !(is_known && deepest.number == felt->number)) deepest = *felt;
   }
 }
 
@@ -157,7 +164,7 @@ std::string RunResults::scarce_surface_warning(const RunSetup& setup) const {
   range += " to ";
   append_number(range, setup.settings.surface.max_depth);
   return std::to_string(scarce_points_) + " of " +
-         std::to_string(setup.stream.width * setup.stream.height) + " pixels are usable (" + range +
+         std::to_string(pixels_of_scarce_) + " pixels are usable (" + range +
          " m, with a surface around them) in frame " + std::to_string(first_scarce_) +
          ", and hardly any in " + std::to_string(num_scarce_) + " of " +
          std::to_string(num_frames_) + " frames; check --depth-unit";
@@ -169,8 +176,12 @@ void RunResults::move_to(RunLog& log) {
   log.faults = std::move(faults_);
   log.changes = std::move(changes_);
   log.deepest = deepest_;
-  if (deepest_frame_.number == deepest_.frame_number) {
-    log.deepest_frame = std::move(deepest_frame_.frame);
+  // If the newest one was not told, neither is it known what the others were.
+  const bool is_known = std::any_of(cameras_.begin(), cameras_.end(), [&](const Camera& camera) {
+    return camera.deepest.number == deepest_.frame_number;
+  });
+  for (Camera& camera : cameras_) {
+    log.deepest_frames.push_back(is_known ? std::move(camera.deepest.frame) : DepthFrame{});
   }
   for (const double time : captures_) {
     if (time >= start_) log.frame_times.push_back(time - start_);

@@ -41,9 +41,14 @@ class RunResults {
     std::uint64_t number = 0;
     DepthFrame frame;
   };
+  struct Camera {
+    std::deque<SeenFrame> recent;
+    SeenFrame deepest;
+  };
 
   const Tool& tool_;
   double full_volume_, time_origin_;
+  std::vector<Camera> cameras_;
   const bool all_ticks_;
   std::ofstream csv_;
   std::string line_;
@@ -54,12 +59,10 @@ class RunResults {
   std::uint32_t num_faults_ = 0;
   std::vector<double> captures_;  // s, on the clock of the device states
   double start_ = 0;              // s, on that clock: of the run
-  std::deque<SeenFrame> recent_;
   TickRecord deepest_;
-  SeenFrame deepest_frame_;
   bool has_ticked_ = false;
   std::uint64_t first_scarce_ = 0, num_scarce_ = 0, num_frames_ = 0;
-  int scarce_points_ = 0;
+  int scarce_points_ = 0, pixels_of_scarce_ = 0;
 };
 
 }  // namespace palpate

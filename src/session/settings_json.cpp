@@ -19,6 +19,7 @@ void visit_stream(Stream& stream, Visit visit) {
   visit("cy", stream.intrinsics.cy);
   visit("unit", stream.unit);
   visit("rate", stream.rate);
+  visit("is_moving", stream.is_moving);
 }
 
 /// Visitors that write members to, and read them from, a JSON object.
@@ -118,6 +119,12 @@ Json to_json(const DepthStreamInfo& stream) {
   visit_stream(stream, writer(json));
   json["sensor"] = name_of(stream.sensor);
   return json;
+}
+
+Json to_json(const std::vector<DepthStreamInfo>& streams) {
+  Json list = Json::array();
+  for (const DepthStreamInfo& stream : streams) list.push_back(to_json(stream));
+  return list;
 }
 
 DepthStreamInfo stream_from_json(const Json& json) {

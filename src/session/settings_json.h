@@ -24,6 +24,7 @@ nlohmann::ordered_json to_json(const ProbeChoice& probe);
 ProbeChoice probe_from_json(const nlohmann::ordered_json& json);
 
 nlohmann::ordered_json to_json(const DepthStreamInfo& stream);
+nlohmann::ordered_json to_json(const std::vector<DepthStreamInfo>& streams);
 DepthStreamInfo stream_from_json(const nlohmann::ordered_json& json);
 
 }  // namespace palpate

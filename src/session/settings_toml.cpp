@@ -1,56 +1,13 @@
 // Settings files.
-#define TOML_EXCEPTIONS 0
-#include <toml++/toml.h>
-
 #include <algorithm>
 #include <vector>
 
 #include "palpate/session/settings_file.h"
-#include "src/io/internal/atomic_file.h"
+#include "src/io/internal/toml_file.h"
 #include "src/session/settings_json.h"
 
 namespace palpate {
 namespace {
-
-constexpr std::size_t kLargestFile = 1 << 16;
-/// Keys a.b.c nest tables, which the parser takes apart by recursion.
-constexpr std::ptrdiff_t kLongestLine = 1000;
-
-Error no_toml(const std::string& file, std::size_t line, std::string_view why) {
-  return {Errc::bad_input,
-          file + " line " + std::to_string(line) + " is not TOML: " + std::string(why)};
-}
-
-/// Whether a line opens a section with something that begins no name: the parser takes for granted
-/// that it does not.
-bool opens_nothing(std::string_view line) {
-  constexpr std::string_view kBlanks = " \t";
-  std::size_t at = line.find_first_not_of(kBlanks);
-  if (at == line.npos || line[at] != '[') return false;
-  if (at + 1 < line.size() && line[at + 1] == '[') ++at;
-  at = line.find_first_not_of(kBlanks, at + 1);
-  if (at == line.npos) return true;
-  const char c = line[at];
-  const bool is_word = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
-  return !is_word && std::string_view("_-\"']").find(c) == std::string_view::npos;
-}
-
-/// The text without what the parser cannot bear: a byte order mark, letters beyond ASCII (which no
-/// key or word has), lines without end and sections without a name.
-Result<std::string> harmless(std::string text, const std::string& file) {
-  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
-  for (char& c : text) {
-    if (static_cast<unsigned char>(c) > 127) c = '?';
-  }
-  std::size_t line = 1;
-  for (auto at = text.begin(); at != text.end(); ++line) {
-    const auto end = std::find(at, text.end(), '\n');
-    if (end - at > kLongestLine) return no_toml(file, line, "the line is too long");
-    if (opens_nothing({at, end})) return no_toml(file, line, "'[' must be followed by a name");
-    at = end == text.end() ? end : end + 1;
-  }
-  return text;
-}
 
 std::optional<SettingValue> value_of(const toml::node& node) {
   if (const auto* const flag = node.as_boolean()) return SettingValue(**flag);
@@ -151,16 +108,9 @@ std::string toml_value(const Setting& setting) {
 
 Result<std::vector<std::string>> read_settings_file(const std::filesystem::path& path,
                                                     SettingTable table) {
-  auto read = read_file(path, kLargestFile);
-  if (!read) return read.error();
-  const auto text = harmless(*std::move(read), path.string());
-  if (!text) return text.error();
-  const toml::parse_result document = toml::parse(*text);
-  if (!document) {
-    const toml::parse_error& error = document.error();
-    return no_toml(path.string(), error.source().begin.line, error.description());
-  }
-  return Reader(path.string(), table).read(document.table());
+  const auto document = read_toml(path);
+  if (!document) return document.error();
+  return Reader(path.string(), table).read(*document);
 }
 
 std::string settings_toml(const SettingTable& table) {

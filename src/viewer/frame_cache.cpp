@@ -11,8 +11,11 @@ constexpr std::size_t kMostBytes = std::size_t(64) << 20, kFewest = 3;
 }  // namespace
 
 FrameCache::FrameCache(RecordedRun& run) : run_(run) {
-  const auto num_pixels =
-      static_cast<std::size_t>(run.stream().width) * static_cast<std::size_t>(run.stream().height);
+  std::size_t num_pixels = 0;
+  for (const DepthStreamInfo& stream : run.streams()) {
+    num_pixels = std::max(num_pixels, static_cast<std::size_t>(stream.width) *
+                                          static_cast<std::size_t>(stream.height));
+  }
   most_ = std::max(kFewest,
                    kMostBytes / (sizeof(std::uint16_t) * std::max<std::size_t>(num_pixels, 1)));
 }

@@ -1,7 +1,9 @@
-// When the next frame was expected, for every frame of a recording.
+// When the next frame of a camera was expected, for every one of its frames.
 #pragma once
 
-#include <vector>
+#include <memory>
+#include <optional>
+#include <utility>
 
 #include "palpate/field/surface_timeline.h"
 
@@ -22,19 +24,18 @@ class FramePeriods {
     }
   }
 
-  /// The next frame.
-  void add(double clock) {
-    if (timeline_) timeline_->push(frame_, clock, pool_);
-    periods_.push_back(timeline_ ? timeline_->period() : 0);
+  /// s from the next frame to the one after it; 0 if that is not known.
+  double add(double clock) {
+    if (!timeline_) return 0;
+    timeline_->push(frame_, clock, *pool_);
+    return timeline_->period();
   }
-  double after(std::size_t index) const { return periods_[index]; }
 
  private:
   static constexpr int kSide = 8;
   DepthFrame frame_;
-  ThreadPool pool_{1};
+  std::unique_ptr<ThreadPool> pool_ = std::make_unique<ThreadPool>(1);
   std::optional<SurfaceTimeline> timeline_;
-  std::vector<double> periods_;
 };
 
 }  // namespace palpate

@@ -20,8 +20,10 @@ Error no_run(const std::filesystem::path& path, const std::string& why) {
 McapIndex::McapIndex(RunReader reader)
     : reader_(std::move(reader)),
       setup_(reader_.setup()),
-      file_size_(reader_.num_bytes()),
-      periods_(setup_.stream, setup_.settings.time) {
+      file_size_(reader_.num_bytes()) {
+  for (const DepthStreamInfo& stream : setup_.streams) {
+    periods_.emplace_back(stream, setup_.settings.time);
+  }
   settings_[setup_.revision] = setup_.settings;
 }
 
@@ -98,8 +100,10 @@ Status McapIndex::take(const RunReader::Message& message) {
     if (!frame) return frame.error();
     const std::lock_guard lock(mutex_);
     if (!frames_.empty() && frame->number <= frames_.back().number) return Done{};
-    frames_.push_back({place, frame->number, frame->capture_time});
-    periods_.add(frame->capture_time);
+    if (frame->camera >= periods_.size()) return Done{};
+    frames_.push_back({place, frame->number, frame->camera,
+                       static_cast<std::int64_t>(frame->camera_frame), frame->capture_time,
+                       periods_[frame->camera].add(frame->capture_time)});
   } else if (topic == kContactTopic) {
     if (!has_start_) {
       const auto contact = read_contact(message.data);
@@ -179,11 +183,6 @@ std::size_t McapIndex::num_frames() const {
 IndexedFrame McapIndex::frame(std::size_t index) const {
   const std::lock_guard lock(mutex_);
   return frames_[index];
-}
-
-double McapIndex::period_after(std::size_t index) const {
-  const std::lock_guard lock(mutex_);
-  return periods_.after(index);
 }
 
 std::size_t McapIndex::index_of(std::uint64_t number) const {

@@ -26,7 +26,10 @@ struct IndexedChunk {
 struct IndexedFrame {
   std::uint64_t place = 0;  ///< of its chunk
   std::uint64_t number = 0;
+  std::uint32_t camera = 0;
+  std::int64_t camera_frame = 0;
   double capture_time = 0;  ///< s, monotonic
+  double period = 0;        ///< s, SurfaceTimeline::period after it
 };
 
 /// Is made by a thread of its own that reads the file once; what has been read can be looked up
@@ -49,7 +52,6 @@ class McapIndex {
   std::string note() const;
   std::size_t num_frames() const;
   IndexedFrame frame(std::size_t index) const;
-  double period_after(std::size_t index) const;
   /// The newest frame up to this number, as index.
   std::size_t index_of(std::uint64_t number) const;
   /// How many chunks there are by now, and the last one that begins up to `time`; else 0.
@@ -76,7 +78,7 @@ class McapIndex {
   bool is_complete_ = false, is_stopping_ = false;
   std::vector<IndexedChunk> chunks_;
   std::vector<IndexedFrame> frames_;
-  FramePeriods periods_;
+  std::vector<FramePeriods> periods_;  // of each camera
   std::map<std::uint32_t, RunSettings> settings_;
   std::vector<std::pair<std::uint64_t, std::string>> marks_;  // wall time
   double duration_ = 0;

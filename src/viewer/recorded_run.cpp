@@ -16,7 +16,8 @@ constexpr std::size_t kMostChunks = 16;  // in memory, some hundred kilobytes ea
 constexpr double kRounding = 1e-6;       // s; the times of messages are whole numbers of ns
 
 struct KnownQuery {
-  double time = 0, progress = 1;
+  double time = 0;
+  CameraMoments cameras;
   Pose X_WT;
   std::uint64_t frame_number = 0;
   std::uint32_t revision = 0;
@@ -37,12 +38,16 @@ class RunInFile final : public RecordedRun {
         note_(std::move(note)) {}
 
   const Tool& tool() const override { return tool_; }
-  const DepthStreamInfo& stream() const override { return index_->setup().stream; }
+  const std::vector<DepthStreamInfo>& streams() const override { return index_->setup().streams; }
   RunSettings settings(std::uint32_t revision) override { return index_->settings(revision); }
   double duration() override { return index_->duration(); }
   std::size_t num_frames() override { return index_->num_frames(); }
   std::uint64_t frame_number(std::size_t index) override { return index_->frame(index).number; }
-  double period_after(std::size_t index) override { return index_->period_after(index); }
+  std::pair<std::size_t, std::int64_t> camera_frame(std::size_t index) override {
+    const IndexedFrame frame = index_->frame(index);
+    return {frame.camera, frame.camera_frame};
+  }
+  double period_after(std::size_t index) override { return index_->frame(index).period; }
   double felt_from(std::size_t index) override;
   Result<RecordedFrame> read_frame(std::size_t index) override;
   Result<RecordedQuery> query_at(double time) override;
@@ -81,7 +86,7 @@ Result<ChunkContent> RunInFile::read_content(std::uint64_t place) {
       const auto query = read_contact((*message)->data);
       if (!query) return query.error();
       content.queries.push_back(
-          {query->time, query->progress, query->X_WT, query->frame_number, query->revision});
+          {query->time, query->cameras, query->X_WT, query->frame_number, query->revision});
     }
   }
 }
@@ -115,7 +120,7 @@ Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
     if (!joined) return joined.error();
     if (!*joined || (*joined)->record.number != wanted.number) continue;
     DepthFrame& frame = (*joined)->frame;
-    const DepthStreamInfo& stream = index_->setup().stream;
+    const DepthStreamInfo& stream = index_->setup().streams[wanted.camera];
     if (frame.width != stream.width || frame.height != stream.height) {
       return Error{Errc::bad_input,
                    "a depth frame of the recording has another size than the rest"};
@@ -145,7 +150,7 @@ Result<RecordedQuery> RunInFile::query_at(double time) {
   if (found == nullptr) return Error{Errc::bad_input, "the recording holds no contact query"};
   return RecordedQuery{found->time,     found->time + index_->start(),
                        found->X_WT,     index_->index_of(found->frame_number),
-                       found->progress, found->revision};
+                       found->cameras,  found->revision};
 }
 
 /// Surfaces take their time: the frame was captured, made into one, and waited for the blend

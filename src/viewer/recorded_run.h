@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "palpate/run/run_loop.h"
@@ -17,9 +18,9 @@ struct RecordedQuery {
   double time = 0;   ///< s since the run began
   double clock = 0;  ///< the same moment on the clock by which frames were taken
   Pose X_WT;
-  std::size_t frame = 0;           ///< index of the newest frame that it was made with
-  std::optional<double> progress;  ///< between the last two frames; none: as the clock says
-  std::uint32_t revision = 0;      ///< of the settings
+  std::size_t frame = 0;  ///< index of the newest frame that it was made with
+  CameraMoments cameras;
+  std::uint32_t revision = 0;  ///< of the settings
 };
 
 struct RecordedFrame {
@@ -38,7 +39,7 @@ class RecordedRun {
   virtual ~RecordedRun() = default;
 
   virtual const Tool& tool() const = 0;
-  virtual const DepthStreamInfo& stream() const = 0;
+  virtual const std::vector<DepthStreamInfo>& streams() const = 0;
   /// Those of a query.
   virtual RunSettings settings(std::uint32_t revision) = 0;
   /// s; how much of the recording is known by now.
@@ -46,6 +47,8 @@ class RecordedRun {
   virtual std::size_t num_frames() = 0;
   /// As the run numbered it: some may have been lost.
   virtual std::uint64_t frame_number(std::size_t index) = 0;
+  /// Which camera saw it, and FrameRecord::camera_frame.
+  virtual std::pair<std::size_t, std::int64_t> camera_frame(std::size_t index) = 0;
   virtual Result<RecordedFrame> read_frame(std::size_t index) = 0;
   /// What SurfaceTimeline::period was after this frame, s.
   virtual double period_after(std::size_t index) = 0;

@@ -40,15 +40,51 @@ Status Repetition::make_part(RunSettings settings) {
   return Done{};
 }
 
-Status Repetition::prepare(std::size_t first, const RunSettings& settings) {
-  timeline_.reset();
-  RunSettings used = settings;
-  used.backend = backend_;
-  if (first > 0 && run_.period_after(first) > 0) used.time.first_period = run_.period_after(first);
-  auto timeline = make_surfaces(run_.stream(), used);
-  if (!timeline) return timeline.error();
-  timeline_ = *std::move(timeline);
-  first_ = next_ = first;
+/// Some frames of each camera up to the one that the query rests on. One that was silent for long is
+/// not looked for.
+std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, int num_lead) {
+  constexpr std::size_t kMostSilent = 64;  // frames of each of the others
+  const std::size_t num_cameras = run_.streams().size(), num_wanted = 1 + num_lead;
+  std::vector<Lead> leads(num_cameras);
+  std::size_t num_missing = num_cameras;
+  const std::size_t farthest = (num_wanted + kMostSilent) * num_cameras;
+  for (std::size_t back = 0; back <= query.frame && back < farthest && num_missing > 0; ++back) {
+    const auto [camera, number] = run_.camera_frame(query.frame - back);
+    Lead& lead = leads[camera];
+    if (number > query.cameras.of[camera].camera_frame || lead.size() == num_wanted) continue;
+    lead.insert(lead.begin(), query.frame - back);
+    if (lead.size() == num_wanted || number == 0) --num_missing;
+  }
+  return leads;
+}
+
+/// Whether the timelines come to these frames by the next ones of each camera.
+bool Repetition::goes_on_to(const std::vector<Lead>& leads) {
+  if (cameras_.empty()) return false;
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    const Camera& camera = cameras_[k];
+    if (leads[k].empty() != (camera.last < 0)) return false;
+    if (leads[k].empty()) continue;
+    const std::int64_t first = run_.camera_frame(leads[k].front()).second;
+    const std::int64_t last = run_.camera_frame(leads[k].back()).second;
+    if (camera.first > first || camera.last > last || camera.last + 1 < first) return false;
+  }
+  return true;
+}
+
+Status Repetition::prepare(const std::vector<Lead>& leads, const RunSettings& settings) {
+  cameras_.clear();
+  for (std::size_t k = 0; k < leads.size(); ++k) {
+    RunSettings used = settings;
+    used.backend = backend_;
+    if (!leads[k].empty() && run_.camera_frame(leads[k].front()).second > 0) {
+      const double period = run_.period_after(leads[k].front());
+      if (period > 0) used.time.first_period = period;
+    }
+    auto timeline = make_surfaces(run_.streams()[k], used, 0, leads.size() > 1);
+    if (!timeline) return timeline.error();
+    cameras_.push_back({*std::move(timeline)});
+  }
   return Done{};
 }
 
@@ -57,40 +93,44 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
   if (part_ == nullptr || options_ != settings.contact || num_spheres_ != settings.num_spheres) {
     if (const Status status = make_part(settings); !status) return status.error();
   }
-  const int lead = num_lead_frames(settings.time);
-  const auto num_lead = std::min(query.frame, static_cast<std::size_t>(lead));
-  const std::size_t wanted_first = query.frame - num_lead;
-  const bool is_near = query.frame + 1 >= next_ && query.frame <= next_ + num_lead;
-  if (!timeline_ || !makes_same_surfaces(settings, made_with_) || !is_near ||
-      first_ > wanted_first) {
+  const std::vector<Lead> leads = leads_of(query, num_lead_frames(settings.time));
+  if (!makes_same_surfaces(settings, made_with_) || !goes_on_to(leads)) {
     made_with_ = settings;
-    const Status status = prepare(wanted_first, settings);
+    const Status status = prepare(leads, settings);
     if (!status) return status.error();
   }
-  double clock = 0;
-  for (; next_ <= query.frame; ++next_) {
-    if (!keep_going()) return false;
-    const auto frame = frames_.get(next_);
-    if (!frame) return frame.error();
-    clock = (*frame)->clock;
-    timeline_->push((*frame)->shown.frame, clock, pool_);
-  }
-  if (!timeline_->status()) return timeline_->status().error();
-  asked_.X_WT = query.X_WT;
-  moment_ = timeline_->at(std::max(query.clock, clock));
   const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
-  if (query.progress && is_as_recorded) moment_.progress = *query.progress;
+  moments_.assign(leads.size(), {});
+  for (std::size_t k = 0; k < leads.size(); ++k) {
+    Camera& camera = cameras_[k];
+    for (const std::size_t index : leads[k]) {
+      const std::int64_t number = run_.camera_frame(index).second;
+      if (number <= camera.last) continue;
+      if (!keep_going()) return false;
+      const auto frame = frames_.get(index);
+      if (!frame) return frame.error();
+      camera.clock = (*frame)->clock;
+      camera.timeline.push((*frame)->shown.frame, camera.clock, pool_);
+      if (camera.first < 0) camera.first = number;
+      camera.last = number;
+    }
+    if (!camera.timeline.status()) return camera.timeline.status().error();
+    if (camera.last < 0) continue;  // it had shown nothing yet
+    moments_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
+    if (is_as_recorded) moments_[k].progress = query.cameras.of[k].progress;
+  }
+  asked_.X_WT = query.X_WT;
   return true;
 }
 
 const Penetration& Repetition::measure() {
-  part_->measure(moment_, false, asked_);
+  part_->measure(moments_, false, asked_);
   return asked_.penetration;
 }
 
 ViewSurface Repetition::surface(std::uint64_t frame_number) {
   ViewSurface shown;
-  make_surface_picture(timeline_->newest_cloud(pool_), frame_number, shown);
+  make_surface_picture(cameras_.front().timeline.newest_cloud(pool_), frame_number, shown);
   return shown;
 }
 

@@ -25,13 +25,14 @@ class Repetition {
   /// After go_to.
   const Penetration& measure();
   const ContactQuery& query() const { return part_->query(); }
-  /// The newer ones of what is measured.
-  const SurfaceView& surfaces() const { return moment_.to; }
+  /// What is measured, of each camera.
+  std::span<const SurfaceBlend> cameras() const { return moments_; }
+  /// The first camera's.
   ViewSurface surface(std::uint64_t frame_number);
 
   /// Begins anew with the next go_to: memory has ended in the middle of one.
   void forget() {
-    timeline_.reset();
+    cameras_.clear();
     part_.reset();
   }
 
@@ -40,7 +41,11 @@ class Repetition {
   const std::string& note() const { return note_; }
 
  private:
-  Status prepare(std::size_t first, const RunSettings& settings);
+  /// Indexes of the frames that a camera's surface rests on, oldest first.
+  using Lead = std::vector<std::size_t>;
+  std::vector<Lead> leads_of(const RecordedQuery& query, int num_lead);
+  bool goes_on_to(const std::vector<Lead>& leads);
+  Status prepare(const std::vector<Lead>& leads, const RunSettings& settings);
   Status make_part(RunSettings settings);
 
   RecordedRun& run_;
@@ -53,11 +58,15 @@ class Repetition {
   int num_spheres_ = 0;             // likewise
   std::string note_;
 
-  std::optional<SurfaceTimeline> timeline_;
-  RunSettings made_with_;             // the settings of the timeline
-  std::size_t first_ = 0, next_ = 0;  // frames: pushed from, up to
+  struct Camera {
+    SurfaceTimeline timeline;
+    std::int64_t first = -1, last = -1;  // camera_frame: pushed from, until; -1: none
+    double clock = 0;                    // of the last one
+  };
+  std::vector<Camera> cameras_;
+  RunSettings made_with_;  // the settings of the timelines
   ContactRecord asked_;
-  SurfaceBlend moment_;
+  std::vector<SurfaceBlend> moments_;  // of each
 };
 
 }  // namespace palpate

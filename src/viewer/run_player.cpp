@@ -252,7 +252,7 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
   ViewUpdate made;
   if (needs_contact) {
     made.contact = std::make_shared<const ViewContact>(
-        contact_shown(repetition_.query(), repetition_.surfaces(), query.X_WT, query.time, number));
+        contact_shown(repetition_.query(), repetition_.cameras(), query.X_WT, query.time, number));
     last_.contact = contact;
   }
   if (needs_surface) {

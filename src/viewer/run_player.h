@@ -32,7 +32,7 @@ class RunPlayer {
   ~RunPlayer();
 
   const Tool& tool() const { return run_->tool(); }
-  const DepthStreamInfo& stream() const { return run_->stream(); }
+  const std::vector<DepthStreamInfo>& streams() const { return run_->streams(); }
 
   // For one other thread; none of these waits for a picture.
   void poll(const ViewWishes& wishes, ViewUpdate& update);

@@ -2,13 +2,14 @@
 
 namespace palpate {
 
-ViewContact contact_shown(const ContactQuery& query, const SurfaceView& surface, const Pose& X_WT,
+ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
+                          const Pose& X_WT,
                           double time, std::uint64_t frame_number) {
   const std::size_t num_spheres = query.index()->tool().spheres().size();
   ViewContact contact{time, frame_number, X_WT, {}, {}};
   contact.states.resize(num_spheres);
   contact.planes.resize(num_spheres);
-  query.measure(surface, X_WT, {.states = contact.states, .planes = contact.planes});
+  query.measure(cameras, X_WT, {.states = contact.states, .planes = contact.planes});
   return contact;
 }
 

@@ -6,7 +6,8 @@
 namespace palpate {
 
 /// How the spheres were at the last query.
-ViewContact contact_shown(const ContactQuery& query, const SurfaceView& surface, const Pose& X_WT,
+ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
+                          const Pose& X_WT,
                           double time, std::uint64_t frame_number);
 
 }  // namespace palpate

@@ -185,7 +185,7 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
       timeline->push(frame, time, pool);
     }
     SurfaceBlend moment = timeline->at(1e12);
-    moment.progress = contact.progress;
+    moment.progress = contact.cameras.of[0].progress;
     query.set_moment(moment);
     const Penetration again = query.query(contact.X_WT, seen.settings[contact.revision].contact);
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
@@ -260,7 +260,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   };
   LoopTimes times;
   RunParts parts = parts_of(settings), next = parts_of(other);
-  SurfaceStage surfaces(source, *std::move(parts.timeline), settings, ball_of(box_tool()), true,
+  SurfaceStage surfaces(source, std::move(parts.timelines), settings, ball_of(box_tool()), true,
                         times.surface_compute);
   ContactStage contacts(std::move(parts.contact), surfaces,
                         {1000, 1e-3, box_tool().spheres().size(), false, true, 0},
@@ -268,7 +268,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   HapticStage haptic({std::move(parts.coupling),
                       SafetyFilter::create(device.info().limits, settings.safety).value(), 1e-3},
                      surfaces, contacts, {1e-3, false, true}, times);
-  SurfaceChange surface_change{1, std::move(next.timeline)};
+  SurfaceChange surface_change{1, std::move(next.timelines)};
   ContactChange contact_change{1, 1, 500, next.scale, std::move(next.contact)};
   HapticChange haptic_change{1, std::move(next.coupling)};
   ASSERT_TRUE(surfaces.start());
@@ -303,7 +303,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   // What was replaced has come back.
   EXPECT_NE(haptic_change.coupling, nullptr);
   EXPECT_NE(contact_change.part, nullptr);
-  EXPECT_TRUE(surface_change.timeline.has_value());
+  EXPECT_TRUE(!surface_change.timelines.empty());
   contacts.stop();
   surfaces.stop();
 }
@@ -313,7 +313,7 @@ class LostQuery final : public ContactQuery {
  public:
   using ContactQuery::measure;
   explicit LostQuery(const ContactQuery& like) : ContactQuery(like.index(), like.method()) {}
-  ContactResult measure(const SurfaceView&, const SurfaceView&, double, const Pose&,
+  ContactResult measure_one(const SurfaceView&, const SurfaceView&, double, const Pose&,
                         const ContactWants&) const noexcept override {
     ContactResult nothing;
     nothing.penetration.status = StepStatus::backend_failed;
@@ -335,7 +335,7 @@ TEST(LiveLoopChange, ALostBackendIsReplaced) {
   RunParts parts = parts_of(), next = parts_of();
   auto lost = std::make_unique<ContactPart>(
       box_tool(), std::make_unique<LostQuery>(parts.contact->query()), parts.scale);
-  SurfaceStage surfaces(source, *std::move(parts.timeline), settings, ball_of(box_tool()), false,
+  SurfaceStage surfaces(source, std::move(parts.timelines), settings, ball_of(box_tool()), false,
                         times.surface_compute);
   ContactStage contacts(std::move(lost), surfaces,
                         {1000, 1e-3, box_tool().spheres().size(), false, false, 0},
@@ -359,7 +359,7 @@ TEST(LiveLoopChange, ALostBackendIsReplaced) {
   EXPECT_TRUE(contacts.has_backend_failed());
   EXPECT_EQ(contacts.num_contacts(), 0u);
 
-  SurfaceChange surface_change{1, std::move(next.timeline)};
+  SurfaceChange surface_change{1, std::move(next.timelines)};
   ContactChange contact_change{1, 1, 1000, next.scale, std::move(next.contact)};
   contacts.changes().offer(contact_change);
   surfaces.changes().offer(surface_change);
@@ -538,7 +538,7 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
       }
       if (k != picture->frame_number) continue;
       SurfaceBlend moment = timeline.at(1e12);
-      moment.progress = contact.progress;
+      moment.progress = contact.cameras.of[0].progress;
       query.set_moment(moment);
       query.query(picture->X_WT, settings.contact);
       const auto states = query.states();

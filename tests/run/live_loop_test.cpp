@@ -125,7 +125,7 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
       timeline.push(frame, num_pushed == 0 ? 0 : time + 1, pool);
     }
     SurfaceBlend moment = timeline.at(1e9);
-    moment.progress = contact.progress;
+    moment.progress = contact.cameras.of[0].progress;
     query.set_moment(moment);
     const Penetration again = query.query(contact.X_WT, settings.contact);
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;

@@ -308,12 +308,16 @@ TEST(PacedSource, RefusesFramesThatDoNotFit) {
   }
 }
 
-SurfaceTimeline timeline_of(const DepthSource& source, TimeMode mode) {
+std::vector<SurfaceTimeline> timelines_of(const DepthSources& sources, TimeMode mode) {
   TimeOptions time;
   time.mode = mode;
-  return SurfaceTimeline::create(source.info(), {}, DepthFieldOptions{}, time, {},
-                                 SurfaceStage::kNumSpare)
-      .value();
+  std::vector<SurfaceTimeline> timelines;
+  for (const DepthSource* source : sources) {
+    timelines.push_back(SurfaceTimeline::create(source->info(), {}, DepthFieldOptions{}, time, {},
+                                                SurfaceStage::kNumSpare)
+                            .value());
+  }
+  return timelines;
 }
 
 double wall_depth(int frame) { return 0.4 + 0.0001 * (frame % 1000); }
@@ -324,7 +328,7 @@ TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
   for (const TimeMode mode : {TimeMode::interpolate, TimeMode::latest, TimeMode::predict}) {
     WallSource source({.depth = wall_depth, .rate = 400});
     LatencyHistogram times;
-    SurfaceStage stage(source, timeline_of(source, mode), test::patient_settings(), {}, false,
+    SurfaceStage stage(source, timelines_of(source, mode), test::patient_settings(), {}, false,
                        times);
     ASSERT_TRUE(stage.start());
     const auto look_at = [](const PointCloudView& cloud) {
@@ -341,9 +345,9 @@ TEST(SurfaceStage, NobodyRewritesTheSurfacesThatAreLookedAt) {
     int num_taken = 0;
     const double begin = monotonic_now();
     while (num_taken < 40 && monotonic_now() - begin < 5) {
-      if (!stage.take()) continue;
+      if (!stage.take(0)) continue;
       ++num_taken;
-      const LiveSurfaces& live = stage.taken();
+      const LiveSurfaces& live = stage.taken(0);
       // Long enough for frames to come meanwhile.
       std::this_thread::sleep_for(std::chrono::milliseconds(num_taken % 8));
       look_at(live.moment.to.cloud);
@@ -361,7 +365,7 @@ class SpoiltQuery final : public ContactQuery {
  public:
   explicit SpoiltQuery(int good) : good_(good) {}
   using ContactQuery::measure;
-  ContactResult measure(const SurfaceView&, const SurfaceView&, double, const Pose&,
+  ContactResult measure_one(const SurfaceView&, const SurfaceView&, double, const Pose&,
                         const ContactWants&) const noexcept override {
     Penetration result;
     if (good_-- > 0) {
@@ -380,7 +384,7 @@ class SpoiltQuery final : public ContactQuery {
 TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
   WallSource source({});
   LatencyHistogram surface_times, contact_times;
-  SurfaceStage surfaces(source, timeline_of(source, TimeMode::interpolate),
+  SurfaceStage surfaces(source, timelines_of(source, TimeMode::interpolate),
                         test::patient_settings(), {}, false, surface_times);
   ASSERT_TRUE(surfaces.start());
   ContactStage::Settings settings;

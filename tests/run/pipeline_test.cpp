@@ -133,7 +133,7 @@ TEST(Pipeline, ChangesAreTakenBetweenTicks) {
   other.coupling.kind = CouplingKind::direct;
   ASSERT_TRUE(pipeline->change(other));
   EXPECT_EQ(pipeline->revision(), 1u);
-  EXPECT_EQ(pipeline->surface_revision(), 0u);
+  EXPECT_EQ(pipeline->frame_revision(), 0u);
   const Pose X_WT = pipeline->contact().X_WT;
   const TickRecord& next = pipeline->tick(state_at(0.7));
   EXPECT_EQ(next.revision, 1u);
@@ -172,8 +172,9 @@ TEST(Pipeline, FewerSpheresAreThoseOfThePrefixAboutTheSamePoint) {
   surfaces.push(frame, 0, pool);
   ContactRecord few, same;
   few.X_WT = same.X_WT = {{0.002, -0.001, 0.49}, axis_angle({1, 2, 3}, 0.4)};
-  part->measure(surfaces.at(0), false, few);
-  expected->measure(surfaces.at(0), false, same);
+  const SurfaceBlend camera = surfaces.at(0);
+  part->measure({&camera, 1}, false, few);
+  expected->measure({&camera, 1}, false, same);
   ASSERT_GT(few.penetration.volume, 0);
   const VolumeWrench &a = few.penetration.measure_W, &b = same.penetration.measure_W;
   EXPECT_NEAR(few.penetration.volume, same.penetration.volume, 1e-6 * same.penetration.volume);

@@ -88,7 +88,9 @@ TEST(RunMessages, TicksReadBackToTheSameBits) {
 TEST(RunMessages, ContactsReadBackToTheSameBits) {
   ContactRecord contact;
   contact.number = 12;
-  contact.progress = 1.0 / 7;
+  contact.cameras.num = 2;
+  contact.cameras.of[0] = {3, 1.0 / 7};
+  contact.cameras.of[1] = {5, 2.0 / 7};
   contact.penetration = {1e-5 / 3, {{1, 2, 3}, {4, 5, 6}},       0.125, 7, 8,
                          9,        StepStatus::ambiguous_normals};
   contact.contact.is_valid = true;

@@ -240,7 +240,7 @@ TEST_F(RecordRun, SettingsFramesAndPosesSurviveTheRecording) {
   EXPECT_EQ(setup.settings.time.average.frames, 5);
   EXPECT_EQ(setup.settings.time.average.max_jump, 0.02);
   EXPECT_EQ(setup.settings.coupling.kind, CouplingKind::none);
-  EXPECT_EQ(setup.stream.intrinsics, SyntheticStream(1).info().intrinsics);
+  EXPECT_EQ(setup.streams.front().intrinsics, SyntheticStream(1).info().intrinsics);
   EXPECT_EQ(setup.device.kind, "path");
   const auto tool = reader->load_tools();
   ASSERT_TRUE(tool) << tool.error().message;

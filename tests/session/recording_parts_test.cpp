@@ -112,6 +112,7 @@ TEST(RecordingParts, HoldTheSettingsOfContactsThatComeLate) {
   const Tool tool = small_tool();
   RunSetup setup;
   setup.settings = settings_with(TimeMode::latest, CouplingKind::none);
+  setup.streams.resize(1);
   setup.device.rate = kRate;
   auto recorder =
       RunRecorder::create(folder.path() / kRecordingFile, tool, setup, true, {.split_bytes = 1});

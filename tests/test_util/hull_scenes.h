@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/field/camera_view.h"
+#include "palpate/field/surface_timeline.h"
 #include "palpate/field/sensor.h"
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
@@ -35,7 +35,7 @@ inline double to_wall(const Vec3d& p, const Vec3d& d, double depth) {
 /// Cameras with what they show; each has a sensor of its own.
 struct HullScene {
   std::vector<Sensor> sensors;
-  std::vector<CameraView> views;
+  std::vector<SurfaceBlend> views;
   Ray ray;  ///< the scene, if it is exact
   std::function<bool(const Vec3d&)> is_solid;
 };
@@ -74,9 +74,10 @@ inline void add_view(HullScene& scene, const Camera& camera, const Pose& X_WC,
   options.field.one_of_several = true;
   options.num_threads = 1;
   scene.sensors.push_back(Sensor::create(camera, Place::cpu(), options).value());
-  const SurfaceView surface =
-      scene.sensors.back().update({camera.width, camera.height, metres.data()});
-  scene.views.push_back({{surface, surface, 1}, X_WC});
+  DepthImageView image(camera.width, camera.height, metres.data());
+  image.X_WC = X_WC;
+  const SurfaceView surface = scene.sensors.back().update(image);
+  scene.views.push_back({surface, surface, 1});
 }
 
 /// Rough frames with holes, seen by cameras side by side.
@@ -176,15 +177,15 @@ inline double exact_hull_share(const HullScene& scene, const Vec3d& centre, doub
   int num = 0, num_solid = 0;
   for_points_in_ball(centre, radius, [&](const Vec3d& p) {
     bool is_free = false, is_looked_at = false;
-    for (const CameraView& view : scene.views) {
-      const Vec3d p_C = inverse(view.X_WC) * p;
+    for (const SurfaceBlend& view : scene.views) {
+      const Vec3d p_C = inverse(view.to.X_WC) * p;
       const Intrinsics& k = camera.intrinsics;
       if (p_C.z < 0.02 || std::abs(p_C.x / p_C.z) * k.fx > 320 ||
           std::abs(p_C.y / p_C.z) * k.fy > 240) {
         continue;
       }
       is_looked_at = true;
-      const Vec3d eye = view.X_WC.translation;
+      const Vec3d eye = view.to.X_WC.translation;
       is_free |= scene.ray(eye, (1 / p_C.z) * (p - eye)) > p_C.z;
     }
     ++num;

@@ -44,32 +44,37 @@ inline HullSample agreed_of(const HullSample& a, const HullSample& b, double wid
 }
 
 /// What one camera's fields say at a point of the world to a ball, between its two moments.
-inline HullSample hull_view(const CameraView& view, const Vec3d& p_W, double radius, bool seen) {
-  const Vec3d p_C = inverse(view.X_WC) * p_W;
+inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double radius, bool seen) {
+  const bool has_moved = !(view.from.X_WC == view.to.X_WC);
+  const auto before_eye = [&](const HullSample& now, const Pose& X_WC) {
+    const Vec3d z_W = rotate(X_WC.rotation, {0, 0, 1});
+    return rounded_min(now, {(inverse(X_WC) * p_W).z - 0.02, z_W}, 0.1 * radius);
+  };
   const auto at = [&](const SurfaceView& surface) {
+    const Vec3d p_C = inverse(surface.X_WC) * p_W;
     const auto [phi, gradient] =
         sample_field(seen ? surface.seen_free : surface.field, p_C, radius);
     const HullSample far{2 * radius + agreement_of(radius), {}};
-    return rounded_min({phi, rotate(view.X_WC.rotation, gradient)}, far, 0.25 * radius);
+    const HullSample here =
+        rounded_min({phi, rotate(surface.X_WC.rotation, gradient)}, far, 0.25 * radius);
+    return has_moved && seen ? before_eye(here, surface.X_WC) : here;
   };
-  const double t = view.surface.progress;
-  HullSample now = at(view.surface.to);
+  const double t = view.progress;
+  HullSample now = at(view.to);
   if (t < 1) {
-    const HullSample before = at(view.surface.from);
+    const HullSample before = at(view.from);
     now = {(1 - t) * before.phi + t * now.phi, (1 - t) * before.gradient + t * now.gradient};
   }
-  if (!seen) return now;
-  const Vec3d z_W = rotate(view.X_WC.rotation, {0, 0, 1});
-  return rounded_min(now, {p_C.z - 0.02, z_W}, 0.1 * radius);
+  return seen && !has_moved ? before_eye(now, view.to.X_WC) : now;
 }
 
 /// And all of them together. `seen_phi`: what they have seen to be free.
-inline HullSample hull_at(std::span<const CameraView> views, const Vec3d& p_W, double radius,
+inline HullSample hull_at(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius,
                           double* seen_phi = nullptr) {
   const double w = 0.1 * radius;
   HullSample seen = hull_view(views[0], p_W, radius, true);
   HullSample least = hull_view(views[0], p_W, radius, false);
-  for (const CameraView& view : views.subspan(1)) {
+  for (const SurfaceBlend& view : views.subspan(1)) {
     seen = agreed_of(seen, hull_view(view, p_W, radius, true), agreement_of(radius));
     least = rounded_min(least, hull_view(view, p_W, radius, false), w);
   }
@@ -78,7 +83,7 @@ inline HullSample hull_at(std::span<const CameraView> views, const Vec3d& p_W, d
 }
 
 /// U = sum f G(phi) and its parts; the force follows gradients up to a length of `longest`.
-inline Penetration hull_truth(const Tool& tool, std::span<const CameraView> views, const Pose& X_WT,
+inline Penetration hull_truth(const Tool& tool, std::span<const SurfaceBlend> views, const Pose& X_WT,
                               SphereVolumes volumes, double longest = 1.05) {
   const FieldElements elements(tool, volumes);
   Penetration sum;

@@ -84,7 +84,7 @@ bool same_planes(const std::vector<Plane<float>>& a, std::span<const Plane<float
 void expect_same(const ViewContact& shown, const Pipeline& pipeline) {
   std::vector<SphereState> states(shown.states.size());
   std::vector<Plane<float>> planes(shown.planes.size());
-  pipeline.query().measure(pipeline.moment().to, shown.X_WT, {.states = states, .planes = planes});
+  pipeline.query().measure(pipeline.cameras(), shown.X_WT, {.states = states, .planes = planes});
   EXPECT_EQ(shown.states, states);
   EXPECT_TRUE(same_planes(shown.planes, planes));
 }

@@ -21,7 +21,8 @@ struct ImageSize {
 
 /// What such a text says. Parameters win over what the stream says of itself:
 ///   intrinsics=fx,fy,cx,cy  distortion=k1,k2,p1,p2[,k3[,k4,k5,k6]]  size=WIDTHxHEIGHT
-///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  pose=tx,ty,tz,qx,qy,qz,qw  sensor=KIND
+///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  sensor=KIND
+///   pose=tx,ty,tz,qx,qy,qz,qw  poses=FILE: X_WC, or that of a camera that moves, by time (TUM)
 struct CameraUri {
   std::string text;          ///< as it was given, for humans
   std::string kind, target;  ///< "folder" and "frames/"
@@ -32,6 +33,7 @@ struct CameraUri {
   std::optional<SensorKind> sensor;
   double latency = 0;                         ///< s, from the exposure to the time stamp
   Pose X_WC;                                  ///< of the camera in the world
+  std::string poses;                          ///< file of X_WC by time; empty: it stands still
   std::map<std::string, std::string> extras;  ///< parameters that only some kinds know
 
   /// Error: an extra parameter other than these two, which this kind knows.

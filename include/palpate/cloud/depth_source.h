@@ -5,12 +5,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "palpate/cloud/intrinsics.h"
 #include "palpate/cloud/sensor_kind.h"
 #include "palpate/core/result.h"
 #include "palpate/gpu/devices.h"
+#include "palpate/math/pose.h"
 
 namespace palpate {
 
@@ -27,6 +29,7 @@ struct DepthFrame {
   /// Seconds on the source's own clock; of a live stream (`DepthStreamInfo::is_live`) when it was
   /// captured, on the monotonic clock of this computer.
   double timestamp = 0;
+  Pose X_WC = {};  ///< of the camera in the world, when the frame was captured
 };
 
 /// One depth image to look at, not owning: `counts` times `unit` metres (0 and 65535: no
@@ -38,11 +41,12 @@ struct DepthImageView {
   const float* metres = nullptr;  ///< looked at if there are no counts
   double unit = 0.001;            ///< metres per count
   int gpu = kHostMemory;          ///< whose memory the values are in
+  Pose X_WC;                      ///< as of DepthFrame
 
   DepthImageView() = default;
   /// Without any values unless the frame has as many as its size says.
   DepthImageView(const DepthFrame& frame)
-      : width(frame.width), height(frame.height), unit(frame.unit) {
+      : width(frame.width), height(frame.height), unit(frame.unit), X_WC(frame.X_WC) {
     if (frame.pixels.size() == num_pixels()) counts = frame.pixels.data();
   }
   DepthImageView(int wide, int high, const std::uint16_t* values, double metres_per_count,
@@ -68,6 +72,7 @@ struct DepthStreamInfo {
   Distortion distortion = {};  ///< none where surfaces are made: what cameras/ opens has it removed
   SensorKind sensor = SensorKind::none;  ///< see surface_options_for
   std::string frame = {};  ///< of coordinates, as a stream names its own C; empty: it does not
+  bool is_moving = false;  ///< the camera moves: DepthFrame::X_WC is not that of the frame before
 };
 
 /// A source is read by one thread, oldest frame first. A live one gives the newest frame and leaves
@@ -86,6 +91,26 @@ class DepthSource {
   /// From any thread: what people should know about the stream and have not been told yet, e.g.
   /// that the camera was unplugged or has changed its image size.
   virtual std::vector<std::string> take_notes() { return {}; }
+};
+
+/// The depth cameras that look at one scene, not owning: mostly one. They are numbered from 0.
+class DepthSources {
+ public:
+  DepthSources(DepthSource& one) : sources_{&one} {}
+  explicit DepthSources(std::vector<DepthSource*> sources) : sources_(std::move(sources)) {}
+
+  std::size_t size() const { return sources_.size(); }
+  DepthSource& operator[](std::size_t camera) const { return *sources_[camera]; }
+  auto begin() const { return sources_.begin(); }
+  auto end() const { return sources_.end(); }
+  std::vector<DepthStreamInfo> infos() const {
+    std::vector<DepthStreamInfo> infos;
+    for (const DepthSource* source : sources_) infos.push_back(source->info());
+    return infos;
+  }
+
+ private:
+  std::vector<DepthSource*> sources_;
 };
 
 }  // namespace palpate

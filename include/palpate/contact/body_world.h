@@ -58,11 +58,11 @@ class BodyWorld {
   void measure(const SurfaceView& surface) noexcept { measure(surface, surface, 1); }
   /// Between two surfaces, as ContactQuery.
   void measure(const SurfaceView& from, const SurfaceView& to, double alpha) noexcept {
-    const CameraView camera{{from, to, alpha}, {}};
+    const SurfaceBlend camera{from, to, alpha};
     measure({&camera, 1});
   }
   /// Against cameras, as ContactQuery.
-  void measure(std::span<const CameraView> cameras) noexcept;
+  void measure(std::span<const SurfaceBlend> cameras) noexcept;
   /// Of the last `measure`.
   const BodyMeasure& measured(int body) const { return at(body).measured; }
 

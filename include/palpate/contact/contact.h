@@ -37,7 +37,7 @@ class Contact {
     return query_->measure(from, to, alpha, X_WT, wants);
   }
   /// Against what several cameras know together, each somewhere in the world.
-  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+  ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return query_->measure(cameras, X_WT, wants);
   }

@@ -13,7 +13,7 @@
 #include "palpate/core/isa.h"
 #include "palpate/core/result.h"
 #include "palpate/core/thread_pool.h"
-#include "palpate/field/camera_view.h"
+#include "palpate/field/surface_timeline.h"
 
 namespace palpate {
 
@@ -172,11 +172,11 @@ class ContactQuery {
  public:
   virtual ~ContactQuery() = default;
 
-  /// One measurement at a pose. O(points in the tool's image window + spheres), with stiffness half
-  /// as much more, with states or planes twice as much. No allocation, no lock. The same input
-  /// gives the same bits, whatever was asked before and for any number of threads. A GPU may be
-  /// given views of host memory and of other GPUs: they are copied once for each stamp, with memory
-  /// for the first ones of their size.
+  /// One measurement at a pose, in the world that SurfaceView::X_WC says. O(points in the tool's
+  /// image window + spheres), with stiffness half as much more, with states or planes twice as much.
+  /// No allocation, no lock. The same input gives the same bits, whatever was asked before and for
+  /// any number of threads. A GPU may be given views of host memory and of other GPUs: they are
+  /// copied once for each stamp, with memory for the first ones of their size.
   ContactResult measure(const SurfaceView& surface, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return measure(surface, surface, 1, X_WT, wants);
@@ -185,18 +185,20 @@ class ContactQuery {
   /// against `to`, whose are counts, states and planes. Whatever changed between the two, the force
   /// so goes from the one to the other, and with `field` it is at every alpha the exact gradient of
   /// one potential. With alpha = 1 `from` is not looked at; else it takes up to twice as long.
-  virtual ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
-                                const Pose& X_WT,
-                                const ContactWants& wants = {}) const noexcept = 0;
+  ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
+                        const Pose& X_WT, const ContactWants& wants = {}) const noexcept {
+    const SurfaceBlend camera{from, to, alpha};
+    return measure({&camera, 1}, X_WT, wants);
+  }
 
   /// Against what all cameras together know: the depth hull (docs/decisions/0029-depth-hull.md). A
   /// sphere is as deep as the camera says that has it least deep; cameras that do not see it
   /// abstain. By the field, force and torque still are the exact derivatives of one potential. At
   /// most K times as long with K cameras, and what one of them sees free in front of its surface
-  /// costs nothing more. One camera is measured against as by the other calls, in its own frame. No
-  /// surface of any camera, more than kMostCameras, several without SurfaceView::seen_free, or
-  /// several by a method of points (which take `joined_clouds`): StepStatus::no_surface.
-  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+  /// costs nothing more. One camera is measured against as by the other calls. No surface of any
+  /// camera, more than kMostCameras, several without SurfaceView::seen_free, or several by a method
+  /// of points (which take `joined_clouds`): StepStatus::no_surface.
+  ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept;
 
   const ContactMethod& method() const { return method_; }
@@ -208,11 +210,17 @@ class ContactQuery {
   ContactQuery(std::shared_ptr<const ToolIndex> index, const ContactMethod& method)
       : index_(std::move(index)), method_(method) {}
 
+  /// Between two surfaces of one camera, in its frame.
+  virtual ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
+                                    const Pose& X_CT, const ContactWants& wants) const noexcept = 0;
   /// More than one camera; the pose is finite.
-  virtual ContactResult measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+  virtual ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                      const ContactWants& wants) const noexcept;
 
  private:
+  ContactResult measure_camera(const SurfaceBlend& camera, const Pose& X_WT,
+                               const ContactWants& wants) const noexcept;
+
   std::shared_ptr<const ToolIndex> index_;
   ContactMethod method_;
 };

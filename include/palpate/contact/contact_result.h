@@ -71,7 +71,7 @@ struct Penetration {
   int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
   int num_points = 0;            ///< points inside some sphere
   ContactStatus status;
-  /// Against CameraViews with SurfaceView::seen_free: the part of the tool that lies more than
+  /// Against cameras with SurfaceView::seen_free: the part of the tool that lies more than
   /// kSeenBehind behind all that any camera has seen, or where none looks, m3. Else 0.
   double unseen_volume = 0;
 };

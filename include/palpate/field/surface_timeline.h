@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "palpate/cloud/depth_average.h"
 #include "palpate/cloud/surface_estimator.h"
@@ -46,6 +47,7 @@ struct SurfaceView {
   /// The frame with UnknownSpace::blocked, positive only in space that the camera has seen to be
   /// free; with DepthFieldOptions::one_of_several.
   DepthFieldView seen_free = {};
+  Pose X_WC = {};  ///< of the camera in the world, when the frame was captured
 };
 
 /// A moment between two surfaces: the measure is (1 - progress) times that of `from` and progress
@@ -56,6 +58,14 @@ struct SurfaceBlend {
   double progress = 1;
 };
 
+/// So many cameras can be measured against at once. Each has its own moments: they need neither one
+/// rate nor one size.
+inline constexpr int kMostCameras = 16;
+
+/// The points of the newest surfaces of all cameras, in W, in one cloud: what methods of points
+/// measure several cameras by, whatever lies in front of whom. Clouds in host memory; O(points).
+PointCloud joined_clouds(std::span<const SurfaceBlend> cameras);
+
 class FrameSlots;  // how the surfaces of frames are made, see src/field/frame_slots.h
 struct SlotSettings;
 
@@ -64,7 +74,8 @@ class SurfaceTimeline {
  public:
   /// With `field` each frame gets a depth field. Depth-change vectors only if they are wanted, or
   /// with `newest_cloud`. Errors: see SurfaceEstimator, DepthField and
-  /// DepthAverager; max_jump or first_period negative; the place is not in this build or on this
+  /// DepthAverager; max_jump or first_period negative; prediction or averages with a camera that
+  /// moves; the place is not in this build or on this
   /// machine, or has too little memory. With `num_spare` more surfaces in memory the views of `at`
   /// outlive so many pushes more: a thread can look at them while another one pushes. With
   /// `binning` above 1 surfaces are those of smaller images, see depth_binning.h.

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "palpate/cloud/surface_estimator.h"
+#include "palpate/field/surface_timeline.h"
 #include "palpate/haptics/coupling.h"
 #include "palpate/haptics/safety.h"
 #include "palpate/haptics/state_numbers.h"
@@ -12,11 +13,14 @@ namespace palpate {
 
 /// A depth frame that has become a surface.
 struct FrameRecord {
-  std::uint64_t number = 0;    ///< from 0, without gaps
+  std::uint64_t number = 0;    ///< from 0, without gaps, of all cameras together
+  std::uint32_t camera = 0;    ///< which one saw it
+  std::uint64_t camera_frame = 0;  ///< from 0, without gaps, of that camera
   std::uint32_t revision = 0;  ///< of the settings that its surface was made with
   double capture_time = 0;     ///< s, on the clock of the device states
   double source_time = 0;      ///< s, DepthFrame::timestamp
   double unit = 0.001;         ///< m per count
+  Pose X_WC;                   ///< of the camera in the world, when the frame was captured
   SurfaceStats surface;
   PixelWindow asked;  ///< as DepthFieldView: where its surface can be asked
   std::int64_t compute_nanoseconds = 0;
@@ -54,6 +58,21 @@ struct TickRecord {
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
+/// What one camera showed at a contact.
+struct CameraMoment {
+  /// FrameRecord::camera_frame of its newest surface; -1: it had shown nothing yet.
+  std::int64_t camera_frame = -1;
+  double progress = 1;             ///< from the surface before to that one
+
+  friend bool operator==(const CameraMoment&, const CameraMoment&) = default;
+};
+
+/// Of each camera of a run.
+struct CameraMoments {
+  std::uint32_t num = 0;
+  CameraMoment of[kMostCameras] = {};
+};
+
 /// One contact query, with all that it takes to repeat it.
 struct ContactRecord {
   std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
@@ -62,10 +81,11 @@ struct ContactRecord {
   Penetration penetration;            ///< cloud and objects, see BodyMeasure::total
   Penetration objects;                ///< the objects' share of it
   std::int64_t num_object_pairs = 0;  ///< spheres of tool and objects that overlap
-  std::uint64_t number = 0, frame_number = 0;
-  double progress = 1;  ///< between the last two frames
+  std::uint64_t number = 0;
+  std::uint64_t frame_number = 0;  ///< of the newest frame that it rests on
+  CameraMoments cameras;
 
-  double capture_time = 0;         ///< s, monotonic: of the newer frame
+  double capture_time = 0;         ///< s, monotonic: of the oldest one of the cameras' newest frames
   LocalContact contact;            ///< what the haptic thread is told
   bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
 };

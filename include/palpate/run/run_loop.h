@@ -69,24 +69,25 @@ struct LoopReport {
 /// Of a loop on a simulated clock.
 struct SimulatedClock {
   /// Time stamp of the frame that is felt from the beginning on: time 0. None: that of the first
-  /// frame.
+  /// frame, of each camera.
   std::optional<double> zero = {};
-  bool ends_with_frames = true;  ///< one period after the last one; else that one stays
+  bool ends_with_frames = true;  ///< one period after a camera's last one; else that one stays
   bool keeps_pace = false;       ///< no tick comes before its time, for humans who look on
 };
 
 class RunLoop {
  public:
-  /// `tool`, `source` and `device` must outlive it. Errors: settings out of range, the backend.
-  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, DepthSource& source,
+  /// `tool`, `sources` and `device` must outlive it. Several cameras are joined to a depth hull (by
+  /// the field). Errors: settings out of range, the backend.
+  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, const DepthSources& sources,
                                                  HapticDevice& device, const RunSettings& settings,
                                                  RunObserver observer = {});
-  static Result<std::unique_ptr<RunLoop>> create(const Tool&&, DepthSource&, HapticDevice&,
+  static Result<std::unique_ptr<RunLoop>> create(const Tool&&, const DepthSources&, HapticDevice&,
                                                  const RunSettings&, RunObserver = {}) = delete;
   /// On the device's simulated clock: tick after tick as fast as can be, in a thread of its own,
   /// which the observer is called from. Nothing is lost. A frame becomes current at the first tick
   /// that is not before its time stamp; of several the newest.
-  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, DepthSource& source,
+  static Result<std::unique_ptr<RunLoop>> create(const Tool& tool, const DepthSources& sources,
                                                  SteppedDevice& device, const RunSettings& settings,
                                                  RunObserver observer, const SimulatedClock& clock);
   virtual ~RunLoop() = default;  ///< stops

@@ -106,11 +106,11 @@ struct RunOutcome {
   bool was_interrupted = false;       ///< keep_going() was false
 };
 
-/// Runs live, or on the clock of a SteppedDevice, until the device or the source ends, a fault, or
+/// Runs live, or on the clock of a SteppedDevice, until the device or a source ends, a fault, or
 /// as the options say. What was recorded is kept in any case; a disk that is full or slow
 /// interrupts or thins the recording, says so, and never disturbs the loop. Errors: settings,
 /// source, device, folder: nothing has run then.
-Result<RunOutcome> record_run(const Tool& tool, DepthSource& source, HapticDevice& device,
+Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, HapticDevice& device,
                               const RunSettings& settings, const std::filesystem::path& folder,
                               const RunOptions& options = {});
 

@@ -53,7 +53,7 @@ Status BodyWorld::measure_pairs_by(const MakePairQuery& make) {
   return Done{};
 }
 
-void BodyWorld::measure(std::span<const CameraView> cameras) noexcept {
+void BodyWorld::measure(std::span<const SurfaceBlend> cameras) noexcept {
   for (Pair& pair : pairs_) pair.query->start(at(pair.a).X_WB, at(pair.b).X_WB);
   for (Body& body : bodies_) {
     body.measured = {};

@@ -33,7 +33,7 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
 
 FieldContact::~FieldContact() = default;
 
-ContactResult FieldContact::measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+ContactResult FieldContact::measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                          const ContactWants& wants) const noexcept {
   return hull_->measure(cameras, X_WT, wants, *pool_);
 }
@@ -46,7 +46,7 @@ MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose&
   return asked;
 }
 
-ContactResult FieldContact::measure(const SurfaceView& from, const SurfaceView& to, double alpha,
+ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                                     const Pose& X_WT, const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};

@@ -99,12 +99,12 @@ class FieldContact final : public ContactQuery {
   /// U = sum f_s G(phi(c_s)), G the integral of the cap volume over depth and f_s what the element
   /// counts over what it is; force and torque are minus its derivatives, exactly:
   /// F = sum f_s V_cap(phi) grad phi, torque = sum (c_s - C) x that. O(elements).
-  ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
+  ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                         const Pose& X_WT, const ContactWants& wants) const noexcept override;
   ~FieldContact() override;
 
  protected:
-  ContactResult measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+  ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                              const ContactWants& wants) const noexcept override;
 
  private:

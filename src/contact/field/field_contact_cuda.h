@@ -27,14 +27,14 @@ class FieldContactCuda final : public ContactQuery {
   using ContactQuery::measure;
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
   /// stiffness other blocks add up: what is measured then differs by rounding.
-  ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
+  ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                         const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
   /// The first failure.
   const Status& status() const;
 
  protected:
-  ContactResult measure_hull(std::span<const CameraView> cameras, const Pose& X_WT,
+  ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                              const ContactWants& wants) const noexcept override;
 
  private:

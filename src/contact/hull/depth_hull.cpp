@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "src/contact/blend.h"
+#include "src/contact/hull/camera_seats.h"
 #include "src/core/select_isa.h"
 
 namespace palpate {
@@ -15,10 +16,6 @@ PALPATE_DECLARE_KERNELS(void measure_hull_group(const HullJob&, int group, bool 
 namespace {
 
 constexpr DepthHullKernels kKernels[] = PALPATE_BY_ISA(kDepthHull);
-
-bool has_both(const SurfaceView& surface) {
-  return surface.field.num_levels > 0 && surface.seen_free.num_levels > 0;
-}
 
 /// Has the camera measured wherever elements look that are at most `reach` from p_C, also those
 /// that lie deep and ask the widest pixels? There its two fields are one.
@@ -53,46 +50,40 @@ DepthHull::DepthHull(const FieldElements& elements, const Vec3d& p_TC, Isa isa)
       group_sums_(static_cast<std::size_t>(elements.clusters.num_groups())) {}
 
 // Those that show something go into the job.
-ContactStatus DepthHull::take(std::span<const CameraView> cameras, const Pose& X_WT) {
+ContactStatus DepthHull::take(std::span<const SurfaceBlend> cameras, const Pose& X_WT) {
   HullJob& job = *job_;
   job.tool = measure_job(*elements_);
   job.tool.frame = frame_of({}, X_WT, p_TC_);
   job.num_cameras = 0;
   job.may_be_unseen = true;
-  for (const CameraView& view : cameras) {
-    const auto& [from, to, progress] = view.surface;
+  for (const SurfaceBlend& view : cameras) {
+    const auto& [from, to, progress] = view;
     if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
     if (!has_both(to)) return StepStatus::no_surface;
-    const Quaternion q_WC = normalized(view.X_WC.rotation);
-    const Pose X_CT = inverse({view.X_WC.translation, q_WC}) * X_WT;
-    if (is_outside_window(from, to, progress, X_CT * p_TC_, elements_->reach)) {
-      return StepStatus::outside_window;
-    }
+    const CameraSeats seats(view, X_WT);
+    if (seats.is_outside_window(view, p_TC_, elements_->reach)) return StepStatus::outside_window;
     HullCamera& camera = job.cameras[job.num_cameras++];
-    const bool is_between = progress < 1 && has_both(from) && have_one_grid(from.field, to.field);
-    camera.seen_free = camera.field = measure_job(*elements_);
+    camera.seen_free = camera.field = camera.older = measure_job(*elements_);
     camera.seen_free.fields[0] = to.seen_free;
     camera.seen_free.fields[1] = from.seen_free;
     camera.field.fields[0] = to.field;
     camera.field.fields[1] = from.field;
-    camera.seen_free.num_fields = camera.field.num_fields = is_between ? 2 : 1;
+    camera.seen_free.num_fields = camera.field.num_fields = seats.num_moments;
     camera.progress = static_cast<float>(progress);
-    camera.seen_free.frame = camera.field.frame = frame_of(to.field.intrinsics, X_CT, p_TC_);
-    if (job.may_be_unseen &&
-        has_measured_around(camera.seen_free, X_CT * p_TC_, elements_->reach)) {
+    camera.has_moved = seats.has_moved;
+    camera.seen_free.frame = camera.field.frame =
+        frame_of(to.field.intrinsics, seats.X_CT[0], p_TC_);
+    camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
+    seats.write_rotations(camera.R_WC);
+    if (job.may_be_unseen && !seats.has_moved &&
+        has_measured_around(camera.seen_free, seats.X_CT[0] * p_TC_, elements_->reach)) {
       job.may_be_unseen = false;
-    }
-    const Mat3d R_WC = rotation_matrix(q_WC);
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        camera.R_WC[row][column] = static_cast<float>(R_WC.m[row][column]);
-      }
     }
   }
   return job.num_cameras > 0 ? StepStatus::ok : StepStatus::no_surface;
 }
 
-ContactResult DepthHull::measure(std::span<const CameraView> cameras, const Pose& X_WT,
+ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                  const ContactWants& wants, ThreadPool& pool) {
   const ContactStatus status = take(cameras, X_WT);
   if (status.is_unmeasured()) {

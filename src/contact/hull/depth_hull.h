@@ -13,8 +13,12 @@ namespace palpate {
 struct HullCamera {
   /// With the pose of the tool in the camera; both of its fields, the newer one first.
   MeasureJob seen_free, field;
-  float R_WC[3][3] = {};
   float progress = 1;  ///< from the older to the newer one
+  /// The camera has moved in between: then each moment has a pose of its own, and `older` that of
+  /// the tool in the older one.
+  bool has_moved = false;
+  float R_WC[2][3][3] = {};
+  MeasureJob older;
 };
 
 /// What a query asks of each group of clusters.
@@ -38,11 +42,11 @@ class DepthHull {
   DepthHull(const FieldElements& elements, const Vec3d& p_TC, Isa isa);
 
   /// See ContactQuery::measure; the pose is finite, with a unit quaternion.
-  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+  ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants, ThreadPool& pool);
 
  private:
-  ContactStatus take(std::span<const CameraView> cameras, const Pose& X_WT);
+  ContactStatus take(std::span<const SurfaceBlend> cameras, const Pose& X_WT);
 
   const FieldElements* elements_;
   Vec3d p_TC_;  // centre of mass

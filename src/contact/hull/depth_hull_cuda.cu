@@ -6,16 +6,19 @@
 #include "src/contact/blend.h"
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_elements_cuda.cuh"
+#include "src/contact/hull/camera_seats.h"
 #include "src/contact/hull/hull_rules.h"
 
 namespace palpate {
 
-// A camera as the kernel looks at it: both of its fields, the newer one first.
+// A camera as the kernel looks at it: both of its fields, the newer one first, with the pose of the
+// tool in the camera at that moment.
 struct HullEye {
   FieldLook seen_free[2], field[2];
-  float R_WC[3][3] = {};
+  float R_WC[2][3][3] = {};
   float progress = 1;
   std::int32_t num_fields = 1;
+  bool has_moved = false;  // between its moments
 };
 
 // The argument of the kernel. Few cameras make it short.
@@ -46,23 +49,37 @@ __device__ inline void place(const FieldFrame& frame, const Ball& ball, float (&
   }
 }
 
+// What is near a camera's eye is as free as it is before it.
+template <class Space>
+__device__ Space before_eye(const float (&R_WC)[3][3], const Space& seen, float z, float radius) {
+  Space plane{};
+  set(plane, SpaceGradient<float>{z - kLeastDepth, R_WC[0][2], R_WC[1][2], R_WC[2][2]});
+  return lesser_of(seen, plane, hull_width(radius));
+}
+
 // What a field of a camera says between the camera's two moments; behind the camera all is free.
 template <class Sample>
 __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
-                                   const float (&p)[3], float radius) {
+                                   const Ball& ball, bool is_seen) {
   InSpace<Sample> now{};
-  if (!(p[2] > kLeastDepth)) {
-    set(now, SpaceGradient<float>{free_limit(radius)});
-    return now;
-  }
-  const ElementLook at = look_at(eye.field[0].frame, p);
+  float p[3] = {};
 #pragma unroll 1
   for (int f = 0; f < eye.num_fields; ++f) {
-    const InSpace<Sample> here =
-        in_world(eye.R_WC, eye.field[0].frame, at, ask_deep<Sample>(fields[f], at, radius), radius);
+    const int seat = eye.has_moved ? f : 0;
+    const FieldFrame& frame = eye.field[seat].frame;
+    place(frame, ball, p);
+    InSpace<Sample> here{};
+    if (p[2] > kLeastDepth) {
+      const ElementLook at = look_at(frame, p);
+      here = in_world(eye.R_WC[seat], frame, at, ask_deep<Sample>(fields[f], at, ball.radius),
+                      ball.radius);
+    } else {
+      set(here, SpaceGradient<float>{free_limit(ball.radius)});
+    }
+    if (is_seen && eye.has_moved) here = before_eye(eye.R_WC[seat], here, p[2], ball.radius);
     now = f == 0 ? here : plus(here, eye.progress, plus(now, -1.0f, here));
   }
-  return now;
+  return is_seen && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2], ball.radius) : now;
 }
 
 // A view is one field of one camera: first what each camera has seen to be free, then the fields.
@@ -70,14 +87,7 @@ template <class Sample, int kMost>
 __device__ InSpace<Sample> ask_view(const HullQuery<kMost>& query, int view, const Ball& ball) {
   const bool is_seen = view < query.num_cameras;
   const HullEye& eye = query.eyes[is_seen ? view : view - query.num_cameras];
-  float p[3];
-  place(eye.field[0].frame, ball, p);
-  if (!is_seen) return between<Sample>(eye, eye.field, p, ball.radius);
-  InSpace<Sample> plane{};
-  set(plane,
-      SpaceGradient<float>{p[2] - kLeastDepth, eye.R_WC[0][2], eye.R_WC[1][2], eye.R_WC[2][2]});
-  return lesser_of(between<Sample>(eye, eye.seen_free, p, ball.radius), plane,
-                   hull_width(ball.radius));
+  return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen);
 }
 
 // What all views together say about a ball of this radius; view(number) is what one says.
@@ -99,15 +109,15 @@ __device__ Space join_views(int num_cameras, float radius, const View& view, flo
 // Does the camera see that all elements in a ball are well in front of everything? The warp
 // together.
 __device__ bool sees_free(const HullEye& eye, const Cluster& ball, float largest_radius) {
-  const FieldLook& newer = eye.seen_free[0];
-  const BallWindow window =
-      window_of(newer.frame, ball, largest_radius, newer.tiles_wide, newer.tiles_high);
-  if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
-      window.last_u > newer.width - 1.0f || window.last_v > newer.height - 1.0f) {
-    return false;
-  }
   for (int f = 0; f < eye.num_fields; ++f) {
-    if (!is_in_front(eye.seen_free[f], ball, largest_radius)) return false;
+    const FieldLook& look = eye.seen_free[f];
+    const BallWindow window =
+        window_of(look.frame, ball, largest_radius, look.tiles_wide, look.tiles_high);
+    if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
+        window.last_u > look.width - 1.0f || window.last_v > look.height - 1.0f ||
+        !is_in_front(look, ball, largest_radius)) {
+      return false;
+    }
   }
   return true;
 }
@@ -267,42 +277,33 @@ const Status& DepthHullCuda::status() const {
   return answers_.status() ? stiffness_answers_.status() : answers_.status();
 }
 
-ContactStatus DepthHullCuda::take(std::span<const CameraView> cameras, const Pose& X_WT,
+ContactStatus DepthHullCuda::take(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                   gpu::Stream& stream, Views& views) noexcept {
   views.tool = frame_of({}, X_WT, p_TC_);
   std::size_t number = 0;
-  for (const CameraView& view : cameras) {
+  for (const SurfaceBlend& view : cameras) {
     GpuFields &seen_free = copies_[2 * number], &field = copies_[2 * number + 1];
     ++number;
-    const auto& [from, to, progress] = view.surface;
+    const auto& [from, to, progress] = view;
     if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
-    if (to.seen_free.num_levels == 0) return StepStatus::no_surface;
-    const Quaternion q_WC = normalized(view.X_WC.rotation);
-    const Pose X_CT = inverse({view.X_WC.translation, q_WC}) * X_WT;
-    if (is_outside_window(from, to, progress, X_CT * p_TC_, tool_.reach)) {
-      return StepStatus::outside_window;
-    }
-    const FieldFrame frame = frame_of(to.field.intrinsics, X_CT, p_TC_);
-    const auto look = [&](GpuFields& copies, const DepthFieldView& of) {
-      return look_of(copies.on_gpu(of, stream), frame, 1);
+    if (!has_both(to)) return StepStatus::no_surface;
+    const CameraSeats seats(view, X_WT);
+    if (seats.is_outside_window(view, p_TC_, tool_.reach)) return StepStatus::outside_window;
+    const auto look = [&](GpuFields& copies, const DepthFieldView& of, int seat) {
+      return look_of(copies.on_gpu(of, stream),
+                     frame_of(to.field.intrinsics, seats.X_CT[seat], p_TC_), 1);
     };
     HullEye& eye = views.eyes[views.num++];
-    eye.num_fields =
-        progress < 1 && from.seen_free.num_levels > 0 && have_one_grid(from.field, to.field) ? 2
-                                                                                             : 1;
+    eye.num_fields = seats.num_moments;
+    eye.has_moved = seats.has_moved;
     eye.progress = static_cast<float>(progress);
     if (eye.num_fields == 2) {
-      eye.seen_free[1] = look(seen_free, from.seen_free);
-      eye.field[1] = look(field, from.field);
+      eye.seen_free[1] = look(seen_free, from.seen_free, 1);
+      eye.field[1] = look(field, from.field, 1);
     }
-    eye.seen_free[0] = look(seen_free, to.seen_free);
-    eye.field[0] = look(field, to.field);
-    const Mat3d R_WC = rotation_matrix(q_WC);
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        eye.R_WC[row][column] = static_cast<float>(R_WC.m[row][column]);
-      }
-    }
+    eye.seen_free[0] = look(seen_free, to.seen_free, 0);
+    eye.field[0] = look(field, to.field, 0);
+    seats.write_rotations(eye.R_WC);
   }
   return views.num > 0 ? StepStatus::ok : StepStatus::no_surface;
 }
@@ -350,7 +351,7 @@ void DepthHullCuda::describe(const Views& views, const ContactWants& wants,
   stream.wait();
 }
 
-ContactResult DepthHullCuda::measure(std::span<const CameraView> cameras, const Pose& X_WT,
+ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                      const ContactWants& wants, const SphereCutsOnGpu& cuts,
                                      gpu::Stream& stream) noexcept {
   Views views;

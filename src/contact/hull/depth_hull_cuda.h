@@ -24,7 +24,7 @@ class DepthHullCuda {
   DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_spheres, int gpu);
 
   /// See ContactQuery::measure; the pose is finite, with a unit quaternion.
-  ContactResult measure(std::span<const CameraView> cameras, const Pose& X_WT,
+  ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants, const SphereCutsOnGpu& cuts,
                         gpu::Stream& stream) noexcept;
 
@@ -34,7 +34,7 @@ class DepthHullCuda {
  private:
   struct Views;
 
-  ContactStatus take(std::span<const CameraView> cameras, const Pose& X_WT, gpu::Stream& stream,
+  ContactStatus take(std::span<const SurfaceBlend> cameras, const Pose& X_WT, gpu::Stream& stream,
                      Views& views) noexcept;
   template <int kMost, class Sample>
   bool launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept;

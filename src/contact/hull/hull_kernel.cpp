@@ -42,6 +42,9 @@ struct Eye {
   explicit Eye(const HullCamera& of)
       : camera(&of), seen_free(of.seen_free), field(of.field), num_fields(of.field.num_fields) {}
 
+  /// Whose lanes and rotation a moment has.
+  int seat(int f) const { return camera->has_moved ? f : 0; }
+
   const HullCamera* camera;
   FieldPair seen_free, field;
   int num_fields;
@@ -50,8 +53,8 @@ struct Eye {
 // What one camera says about a vector of elements.
 template <class Sample>
 struct EyeAnswer {
-  Lanes lanes;        // in the camera
-  VecF before;        // how far before the camera
+  Lanes lanes[2];     // in the camera at its moments; the older one's only if it has moved
+  VecF before[2];     // how far before the camera, likewise
   Sample samples[2];  // of seen_free, not yet of what lies deep
 };
 
@@ -65,21 +68,23 @@ template <class Space>
 
 // What lies behind the camera is not seen, and what is near its eye is as free as it is before it.
 template <class Space>
-[[gnu::always_inline]] inline Space before_eye(const HullCamera& camera, const Space& seen,
+[[gnu::always_inline]] inline Space before_eye(const float (&R_WC)[3][3], const Space& seen,
                                                VecF before, VecF radius) {
   const VecI is_before = before > VecF{};
   Space nowhere, plane;
   set(nowhere, SpaceGradient<VecF>{free_limit(radius)});
-  set(plane, SpaceGradient<VecF>{before, splat(camera.R_WC[0][2]), splat(camera.R_WC[1][2]),
-                                 splat(camera.R_WC[2][2])});
+  set(plane,
+      SpaceGradient<VecF>{before, splat(R_WC[0][2]), splat(R_WC[1][2]), splat(R_WC[2][2])});
   return lesser_of(chosen(is_before, seen, nowhere), plane, hull_width(radius));
 }
 
 // Does the camera see that all elements in a ball are well in front of everything?
-bool sees_free(const MeasureJob& job, const Cluster& ball, float largest_radius, float distance) {
+// By its moments from first to last.
+bool sees_free(const MeasureJob& job, const FieldFrame& frame, int first, int last,
+               const Cluster& ball, float largest_radius, float distance) {
   const DepthFieldView& field = job.fields[0];
   const BallWindow window =
-      window_of(job.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
+      window_of(frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
   const auto last_u = static_cast<float>(field.levels[0].width - 1);
   const auto last_v = static_cast<float>(field.levels[0].height - 1);
   if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
@@ -88,7 +93,7 @@ bool sees_free(const MeasureJob& job, const Cluster& ball, float largest_radius,
   }
   for (int v = window.top; v <= window.bottom; ++v) {
     for (int u = window.left; u <= window.right; ++u) {
-      for (int f = 0; f < job.num_fields; ++f) {
+      for (int f = first; f <= last; ++f) {
         const DepthTile& tile = job.fields[f].tiles[v * field.tiles_wide + u];
         if (!is_behind(tile, window.farthest, distance)) return false;
       }
@@ -99,7 +104,16 @@ bool sees_free(const MeasureJob& job, const Cluster& ball, float largest_radius,
 bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius) {
   const float distance = largest_radius + free_margin(job.num_cameras, largest_radius);
   for (int k = 0; k < job.num_cameras; ++k) {
-    if (sees_free(job.cameras[k].seen_free, ball, largest_radius, distance)) return true;
+    const HullCamera& camera = job.cameras[k];
+    const MeasureJob& seen = camera.seen_free;
+    const auto is_free = [&](const FieldFrame& frame, int first_moment, int last_moment) {
+      return sees_free(seen, frame, first_moment, last_moment, ball, largest_radius, distance);
+    };
+    const int last = camera.has_moved ? 0 : seen.num_fields - 1;
+    if (is_free(seen.frame, 0, last) &&
+        (!camera.has_moved || is_free(camera.older.frame, 1, 1))) {
+      return true;
+    }
   }
   return false;
 }
@@ -115,7 +129,7 @@ class Hull {
   // False if some camera sees that all elements are free.
   bool ask(std::size_t slot) {
     if (!look(slot)) return false;
-    radius_ = answers_[0].lanes.radius;
+    radius_ = answers_[0].lanes[0].radius;
     join_seen_free();
     seen_phi = first_of(hull).phi;
     join_fields();
@@ -135,21 +149,30 @@ class Hull {
       const Eye& eye = eyes_[k];
       const MeasureJob& seen = eye.camera->seen_free;
       EyeAnswer<Sample>& answer = answers_[k];
-      Lanes& e = answer.lanes = aim(seen, eye.seen_free.grid, slot);
-      answer.before = e.lz + (seen.frame.p_WC[2] - kLeastDepth);
-      const Look look = look_of(eye.seen_free.grid, e, e.radius);
+      Lanes& e = answer.lanes[0] = aim(seen, eye.seen_free.grid, slot);
+      answer.before[0] = e.lz + (seen.frame.p_WC[2] - kLeastDepth);
+      Look look = look_of(eye.seen_free.grid, e, e.radius);
       VecF phi[2];
       for (int f = 0; f < eye.num_fields; ++f) {
+        const int seat = eye.seat(f);
+        if (seat > 0) {
+          const MeasureJob& older = eye.camera->older;
+          answer.lanes[1] = aim(older, eye.seen_free.grid, slot);
+          answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kLeastDepth);
+          look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
+        }
+        const Lanes& at = answer.lanes[seat];
         answer.samples[f] = ask_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
-                                              e.depth, e.inverse_depth);
+                                              at.depth, at.inverse_depth);
         phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
+        if (eye.camera->has_moved) phi[f] = min(phi[f], answer.before[seat]);
       }
       is_between_ |= eye.num_fields > 1;
       VecF now = phi[0];
       if (eye.num_fields > 1) {
         now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
       }
-      now = min(now, answer.before);
+      if (!eye.camera->has_moved) now = min(now, answer.before[0]);
       shallowest_ = max(shallowest_, now);
       // Rounding makes the lesser of two no more than this less.
       is_free |= now > e.radius + free_margin(job_.num_cameras, e.radius);
@@ -170,11 +193,19 @@ class Hull {
       EyeAnswer<Sample>& answer = answers_[k];
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
-        deepen(eye.seen_free, f, answer.lanes, may_be_deep, answer.samples[f]);
-        moments[f] = in_world(eye.camera->R_WC, eye.camera->field.frame, answer.lanes,
-                              answer.samples[f], radius_);
+        const int seat = eye.seat(f);
+        const float(&R_WC)[3][3] = eye.camera->R_WC[seat];
+        deepen(eye.seen_free, f, answer.lanes[seat], may_be_deep, answer.samples[f]);
+        moments[f] = in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f],
+                              radius_);
+        if (eye.camera->has_moved) {
+          moments[f] = before_eye(R_WC, moments[f], answer.before[seat], radius_);
+        }
       }
-      const Space seen = before_eye(*eye.camera, between(eye, moments), answer.before, radius_);
+      Space seen = between(eye, moments);
+      if (!eye.camera->has_moved) {
+        seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_);
+      }
       hull = k == 0 ? seen : agreed(hull, seen, agreement(radius_));
     }
   }
@@ -187,18 +218,21 @@ class Hull {
     Space least;
     for (int k = 0; k < job_.num_cameras; ++k) {
       const Eye& eye = eyes_[k];
-      const Lanes& e = answers_[k].lanes;
-      const Look look = look_of(eye.field.grid, e, radius_);
-      Space moments[2];
-      for (int f = 0; f < eye.num_fields; ++f) {
-        Sample sample =
-            ask_field<Sample>(eye.field.grid, eye.field.pixels[f], look, e.depth, e.inverse_depth);
-        deepen(eye.field, f, e, is_felt, sample);
-        moments[f] = in_world(eye.camera->R_WC, eye.camera->field.frame, e, sample, radius_);
-      }
       Space nowhere;
       set(nowhere, SpaceGradient<VecF>{free_limit(radius_)});
-      const Space here = chosen(answers_[k].before > VecF{}, between(eye, moments), nowhere);
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        const int seat = eye.seat(f);
+        const Lanes& e = answers_[k].lanes[seat];
+        Sample sample = ask_field<Sample>(eye.field.grid, eye.field.pixels[f],
+                                          look_of(eye.field.grid, e, radius_), e.depth,
+                                          e.inverse_depth);
+        deepen(eye.field, f, e, is_felt, sample);
+        moments[f] =
+            in_world(eye.camera->R_WC[seat], eye.camera->field.frame, e, sample, radius_);
+        moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere);
+      }
+      const Space here = between(eye, moments);
       least = k == 0 ? here : lesser_of(least, here, width);
       const VecI counts =
           is_felt & (first_of(least).phi - agreement(radius_) > first_of(hull).phi - width.w);

@@ -45,11 +45,25 @@ void turn(const Quaternion& q_WC, ContactResult& result) {
   turn_block(result.moments.first, 0, 0);
 }
 
+/// The tool's pose in a camera.
+struct Seat {
+  explicit Seat(const SurfaceView& surface, const Pose& X_WT)
+      : is_at_origin(surface.X_WC == Pose{}),
+        q_WC(normalized(surface.X_WC.rotation)),
+        X_CT(is_at_origin ? X_WT : inverse({surface.X_WC.translation, q_WC}) * X_WT) {}
+
+  bool is_at_origin;
+  Quaternion q_WC;
+  Pose X_CT;
+};
+
 }  // namespace
 
-ContactResult ContactQuery::measure(std::span<const CameraView> cameras, const Pose& X_WT,
+ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                     const ContactWants& wants) const noexcept {
-  const auto is_valid = [](const CameraView& view) { return is_finite(view.X_WC); };
+  const auto is_valid = [](const SurfaceBlend& camera) {
+    return is_finite(camera.from.X_WC) && is_finite(camera.to.X_WC);
+  };
   if (!is_finite(X_WT) || !std::all_of(cameras.begin(), cameras.end(), is_valid)) {
     return unmeasured(StepStatus::non_finite_pose, wants, true);
   }
@@ -59,20 +73,38 @@ ContactResult ContactQuery::measure(std::span<const CameraView> cameras, const P
   if (cameras.size() > 1) {
     return measure_hull(cameras, {X_WT.translation, normalized(X_WT.rotation)}, wants);
   }
-  const auto& [surface, X_WC] = cameras.front();
-  const bool is_at_origin = X_WC == Pose{};
-  const Quaternion q_WC = normalized(X_WC.rotation);
-  const Pose X_CT = is_at_origin ? X_WT : inverse({X_WC.translation, q_WC}) * X_WT;
-  ContactResult result = measure(surface.from, surface.to, surface.progress, X_CT, wants);
-  if (!is_at_origin) turn(q_WC, result);
-  if (surface.to.seen_free.num_levels > 0 && !result.penetration.status.is_unmeasured()) {
+  const SurfaceBlend& camera = cameras.front();
+  ContactResult result = measure_camera(camera, X_WT, wants);
+  if (camera.to.seen_free.num_levels > 0 && !result.penetration.status.is_unmeasured()) {
     const Pose X{X_WT.translation, normalized(X_WT.rotation)};
     result.penetration.unseen_volume = measure_hull(cameras, X, {}).penetration.unseen_volume;
   }
   return result;
 }
 
-ContactResult ContactQuery::measure_hull(std::span<const CameraView>, const Pose&,
+/// A camera that has moved between its two frames is measured against where it was at each.
+ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pose& X_WT,
+                                           const ContactWants& wants) const noexcept {
+  const auto& [from, to, progress] = camera;
+  const auto measure_at = [&](const SurfaceView& a, const SurfaceView& b, double alpha,
+                              const ContactWants& wanted) {
+    const Seat seat(b, X_WT);
+    ContactResult result = measure_one(a, b, alpha, seat.X_CT, wanted);
+    if (!seat.is_at_origin) turn(seat.q_WC, result);
+    return result;
+  };
+  if (!(progress < 1) || from.X_WC == to.X_WC) return measure_at(from, to, progress, wants);
+  const ContactResult before = measure_at(from, from, 1, {.stiffness = wants.stiffness});
+  const ContactResult now = measure_at(to, to, 1, wants);
+  if (before.penetration.status.is_unmeasured()) {
+    // Nothing had been seen yet.
+    if (!before.penetration.status.has(StepStatus::no_surface)) return before;
+    return now;
+  }
+  return now.penetration.status.is_unmeasured() ? now : blend(before, now, progress);
+}
+
+ContactResult ContactQuery::measure_hull(std::span<const SurfaceBlend>, const Pose&,
                                          const ContactWants& wants) const noexcept {
   return unmeasured(StepStatus::no_surface, wants, true);
 }

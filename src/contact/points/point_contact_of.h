@@ -16,7 +16,7 @@ class PointContactOf final : public ContactQuery {
                  std::unique_ptr<Measurement> measurement)
       : ContactQuery(std::move(index), method), measurement_(std::move(measurement)) {}
 
-  ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
+  ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                         const Pose& X_WT, const ContactWants& wants) const noexcept override {
     if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, false);
     const Pose X{X_WT.translation, normalized(X_WT.rotation)};

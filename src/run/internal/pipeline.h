@@ -8,6 +8,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -31,7 +32,8 @@ class ContactPart {
 
   /// What the tool meets at record.X_WT: fills in penetration, objects and, with the stiffness that
   /// was measured last, `contact`, whose time is the record's `contact.time`. No allocation.
-  void measure(const SurfaceBlend& moment, bool with_stiffness, ContactRecord& record) noexcept;
+  void measure(std::span<const SurfaceBlend> cameras, bool with_stiffness,
+               ContactRecord& record) noexcept;
   /// Whether contacts have a stiffness that can be measured; if not, that of `measure` is right.
   bool has_stiffness() const noexcept;
 
@@ -114,9 +116,9 @@ Error lost_backend();
 /// What a run ends with whose threads get no memory any more.
 Error out_of_memory();
 
-/// By the backend, the GPU and the options of the settings.
+/// By the backend, the GPU and the options of the settings; with `is_one_of_several` cameras.
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
-                                      int num_spare = 0);
+                                      int num_spare = 0, bool is_one_of_several = false);
 /// The same, with `threads` for queries too, which may be null and must outlive it.
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const RunSettings& settings,
@@ -126,7 +128,7 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
 /// The parts of a run, made from its settings.
 struct RunParts {
   std::unique_ptr<Coupling> coupling;
-  std::optional<SurfaceTimeline> timeline;
+  std::vector<SurfaceTimeline> timelines;  ///< of each camera; empty: those before go on
   std::unique_ptr<ContactPart> contact;
   CouplingOptions checked_coupling;
   VolumeStiffness scale;
@@ -137,23 +139,36 @@ struct RunPartsOptions {
   const RunSettings* before = nullptr;
   int num_spare_surfaces = 0;           ///< see SurfaceTimeline
   ThreadPool* query_threads = nullptr;  ///< for queries too; must outlive them
+  /// s, of each camera: instead of time.first_period; empty or 0: that.
+  std::span<const double> first_periods = {};
 };
-/// Errors: settings out of range, the backend, a device that cannot be used.
+/// Errors: settings out of range, the backend, a device that cannot be used; no camera, more than
+/// kMostCameras, or several with a method that takes one.
 Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
-                                const DepthStreamInfo& stream, const DeviceInfo& device,
+                                std::span<const DepthStreamInfo> streams, const DeviceInfo& device,
                                 const RunSettings& settings, const RunPartsOptions& options = {});
+inline Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
+                                       const DepthStreamInfo& stream, const DeviceInfo& device,
+                                       const RunSettings& settings,
+                                       const RunPartsOptions& options = {}) {
+  return make_run_parts(index, {&stream, 1}, device, settings, options);
+}
 
 /// All parts in one thread, without a clock: the same calls give the same bits.
 class Pipeline {
  public:
   /// `tool` must outlive it. Errors: see make_run_parts; safety options out of range.
-  static Result<Pipeline> create(const Tool& tool, const DepthStreamInfo& stream,
+  static Result<Pipeline> create(const Tool& tool, std::vector<DepthStreamInfo> streams,
                                  const DeviceInfo& device, const RunSettings& settings);
+  static Result<Pipeline> create(const Tool& tool, const DepthStreamInfo& stream,
+                                 const DeviceInfo& device, const RunSettings& settings) {
+    return create(tool, std::vector{stream}, device, settings);
+  }
   static Result<Pipeline> create(const Tool&&, const DepthStreamInfo&, const DeviceInfo&,
                                  const RunSettings&) = delete;
 
-  /// A frame of the stream's size that became current at `time`, s, later than the one before.
-  SurfaceStats push(const DepthFrame& frame, double time);
+  /// A frame of the camera's size that became current at `time`, s, later than its one before.
+  SurfaceStats push(const DepthFrame& frame, double time, std::size_t camera = 0);
   /// The tool at a pose and time, which does not lie before the last frame's. No allocation.
   const ContactRecord& measure(const Pose& X_WT, double time) noexcept;
   /// One tick: what the hand feels of the last contact, then the contact where the tool is now; a
@@ -166,8 +181,8 @@ class Pipeline {
 
   const RunSettings& settings() const { return settings_; }
   std::uint32_t revision() const { return revision_; }
-  /// Of the surfaces and contacts that are measured now, which wait for frames.
-  std::uint32_t surface_revision() const { return surface_revision_; }
+  /// Of the surface that was made last; contacts use it once each camera has one.
+  std::uint32_t frame_revision() const { return frame_revision_; }
   const std::vector<std::string>& notes() const { return notes_; }
   /// With the zeros filled in.
   const CouplingOptions& coupling() const { return checked_coupling_; }
@@ -178,41 +193,52 @@ class Pipeline {
   HandMoment hand_moment() noexcept { return hand_->moment(); }
   const ContactRecord& contact() const { return contact_; }
   const ContactQuery& query() const { return contacts_->query(); }
-  /// For pictures.
-  PointCloud newest_cloud() { return timeline_->newest_cloud(*pool_); }
-  /// What was measured last.
-  const SurfaceBlend& moment() const { return moment_; }
-  double period() const { return timeline_->period(); }
+  /// For pictures: of one camera, in its frame.
+  PointCloud newest_cloud(std::size_t camera = 0) {
+    return timelines_[camera].newest_cloud(*pool_);
+  }
+  /// What was measured last, of each camera.
+  std::span<const SurfaceBlend> cameras() const { return cameras_; }
+  double period(std::size_t camera = 0) const { return timelines_[camera].period(); }
 
  private:
-  /// What waits for a frame.
+  /// The newest one of a camera.
+  struct CameraFrame {
+    std::int64_t number = -1;  // of the camera; -1: none
+    double capture_time = 0;   // s
+  };
+  /// What waits for a frame of each camera.
   struct Pending {
     std::uint32_t revision = 0;
-    std::optional<SurfaceTimeline> timeline;
+    std::vector<SurfaceTimeline> timelines;
     std::unique_ptr<ContactPart> contact;
     VolumeStiffness scale;
+    std::vector<CameraFrame> seen;  // by its timelines
   };
-  Pipeline(std::shared_ptr<const ToolIndex> index, const DepthStreamInfo& stream,
+  Pipeline(std::shared_ptr<const ToolIndex> index, std::vector<DepthStreamInfo> streams,
            const DeviceInfo& device, const RunSettings& settings, std::unique_ptr<ThreadPool> pool,
            RunParts parts, SafetyFilter safety);
   void use(Pending& pending);
 
   std::shared_ptr<const ToolIndex> index_;
-  DepthStreamInfo stream_;
+  std::vector<DepthStreamInfo> streams_;
   DeviceInfo device_;
   RunSettings settings_;
   CouplingOptions checked_coupling_;
   std::vector<std::string> notes_;
   std::unique_ptr<ThreadPool> pool_;
-  std::optional<SurfaceTimeline> timeline_;
+  std::vector<SurfaceTimeline> timelines_;
   std::unique_ptr<ContactPart> contacts_;
   std::unique_ptr<HandPart> hand_;
   std::optional<Pending> pending_;
-  std::uint32_t revision_ = 0, surface_revision_ = 0;
+  std::uint32_t revision_ = 0, surface_revision_ = 0, frame_revision_ = 0;
   std::uint64_t num_frames_ = 0;
-  double capture_time_ = 0, start_time_ = 0;
+  double start_time_ = 0;
   bool has_begun_ = false, has_backend_failed_ = false;
-  SurfaceBlend moment_;
+  // Of each camera.
+  std::vector<SurfaceBlend> cameras_;
+  std::vector<CameraFrame> seen_;
+  std::vector<std::int64_t> num_camera_frames_;
   ContactRecord contact_;
   TickRecord record_;
 };

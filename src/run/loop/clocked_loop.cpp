@@ -2,6 +2,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <deque>
 #include <mutex>
 #include <new>
 #include <thread>
@@ -23,13 +24,14 @@ std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 
 
 class ClockedLoop final : public RunLoop {
  public:
-  ClockedLoop(DepthSource& source, SteppedDevice& device, RunObserver observer,
+  ClockedLoop(const DepthSources& sources, SteppedDevice& device, RunObserver observer,
               const SimulatedClock& clock, Pipeline pipeline)
       : device_(device),
         observer_(std::move(observer)),
         clock_(clock),
-        frames_(source, clock.zero),
-        pipeline_(std::move(pipeline)) {}
+        pipeline_(std::move(pipeline)) {
+    for (DepthSource* source : sources) cameras_.emplace_back(*source, clock.zero);
+  }
   ~ClockedLoop() override { stop(); }
 
   Status start() override;
@@ -59,7 +61,8 @@ class ClockedLoop final : public RunLoop {
   void work();
   bool wait_for_turn(Lock& lock);
   Wrench tick(const DeviceState& state);
-  bool take_frame(double time);
+  bool take_frames(double time);
+  bool take_frame(std::size_t camera, double time);
   void make_pictures();
   void end(std::string ending);
 
@@ -70,7 +73,13 @@ class ClockedLoop final : public RunLoop {
 
   mutable std::mutex mutex_;  // of what follows
   std::condition_variable has_changed_;
-  FrameQueue frames_;
+  struct Camera {
+    Camera(DepthSource& source, std::optional<double> zero) : frames(source, zero) {}
+
+    FrameQueue frames;
+    std::uint64_t num_frames = 0;
+  };
+  std::deque<Camera> cameras_;
   Pipeline pipeline_;
   LoopReport report_;
   Status status_ = Done{};
@@ -88,7 +97,9 @@ class ClockedLoop final : public RunLoop {
 };
 
 Status ClockedLoop::start() {
-  if (const Status status = frames_.start(); !status) return status;
+  for (Camera& camera : cameras_) {
+    if (const Status status = camera.frames.start(); !status) return status;
+  }
   const Status started = device_.start([this](const DeviceState& state) { return tick(state); });
   if (!started) return started;
   wall_offset_ = monotonic_now();
@@ -106,7 +117,7 @@ Status ClockedLoop::start() {
 
 void ClockedLoop::stop() noexcept {
   is_stopping_ = true;
-  frames_.cancel();
+  for (Camera& camera : cameras_) camera.frames.cancel();
   has_changed_.notify_all();
   if (thread_.joinable()) thread_.join();
   device_.stop();
@@ -152,38 +163,50 @@ void ClockedLoop::end(std::string ending) {
   report_.ending = std::move(ending);
 }
 
-/// The frame that is current at this time; false: there is none any more.
-bool ClockedLoop::take_frame(double time) {
-  const auto fresh = frames_.advance(time);
+/// The frames that are current at this time; false: there are none any more.
+bool ClockedLoop::take_frames(double time) {
+  const std::uint64_t before = report_.num_frames;
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+    if (!take_frame(k, time)) return false;
+  }
+  if (report_.num_frames > before && num_steps_ > 0) --num_steps_;
+  return true;
+}
+
+bool ClockedLoop::take_frame(std::size_t camera, double time) {
+  FrameQueue& frames = cameras_[camera].frames;
+  const auto fresh = frames.advance(time);
   if (!fresh) {
     status_ = fresh.error();
     return false;
   }
-  if (clock_.ends_with_frames && frames_.ended(time)) {
+  if (clock_.ends_with_frames && frames.ended(time)) {
     end("the depth frames have ended");
     return false;
   }
   if (!*fresh) return true;
-  const DepthFrame& frame = frames_.current();
+  const DepthFrame& frame = frames.current();
   FrameRecord record;
   record.number = report_.num_frames++;
-  record.capture_time = frames_.current_time();
+  record.camera = static_cast<std::uint32_t>(camera);
+  record.camera_frame = cameras_[camera].num_frames++;
+  record.capture_time = frames.current_time();
   record.source_time = frame.timestamp;
   record.unit = frame.unit;
+  record.X_WC = frame.X_WC;
   const double begin = monotonic_now();
-  record.surface = pipeline_.push(frame, record.capture_time);
+  record.surface = pipeline_.push(frame, record.capture_time, camera);
   const double took = monotonic_now() - begin;
-  record.revision = pipeline_.surface_revision();
+  record.revision = pipeline_.frame_revision();
   record.compute_nanoseconds = nanoseconds(took);
-  record.period = pipeline_.period();
+  record.period = pipeline_.period(camera);
   times_.surface_compute.record(record.compute_nanoseconds);
   if (observer_.on_frame) observer_.on_frame(record, frame);
-  if (num_steps_ > 0) --num_steps_;
   return true;
 }
 
 Wrench ClockedLoop::tick(const DeviceState& state) {
-  if (!take_frame(state.time)) {
+  if (!take_frames(state.time)) {
     has_ended_ = true;
     return {};
   }
@@ -228,7 +251,7 @@ void ClockedLoop::make_pictures() {
     const std::size_t num_spheres = pipeline_.query().index()->tool().spheres().size();
     picture.states.resize(num_spheres);
     picture.planes.resize(num_spheres);
-    pipeline_.query().measure(pipeline_.moment().to, contact.X_WT,
+    pipeline_.query().measure(pipeline_.cameras(), contact.X_WT,
                               {.states = picture.states, .planes = picture.planes});
     contacts_.publish();
   }
@@ -290,14 +313,14 @@ void ClockedLoop::step_frame() noexcept {
 
 }  // namespace
 
-Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, DepthSource& source,
+Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSources& sources,
                                                  SteppedDevice& device, const RunSettings& settings,
                                                  RunObserver observer,
                                                  const SimulatedClock& clock) {
-  auto pipeline = Pipeline::create(tool, source.info(), device.info(), settings);
+  auto pipeline = Pipeline::create(tool, sources.infos(), device.info(), settings);
   if (!pipeline) return pipeline.error();
-  return std::unique_ptr<RunLoop>(std::make_unique<ClockedLoop>(source, device, std::move(observer),
-                                                                clock, *std::move(pipeline)));
+  return std::unique_ptr<RunLoop>(std::make_unique<ClockedLoop>(
+      sources, device, std::move(observer), clock, *std::move(pipeline)));
 }
 
 }  // namespace palpate

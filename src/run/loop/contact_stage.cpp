@@ -30,6 +30,8 @@ ContactStage::ContactStage(std::unique_ptr<ContactPart> part, SurfaceStage& surf
       surfaces_(surfaces),
       settings_(settings),
       contact_compute_(contact_compute),
+      views_(surfaces.num_cameras()),
+      cameras_(surfaces.num_cameras()),
       schedule_(1 / settings.rate),
       records_(settings.keeps_records ? kNumRecords : 0),
       pictures_(blank_picture(settings.num_spheres)) {}
@@ -82,19 +84,36 @@ bool ContactStage::is_due(double time) {
   return true;
 }
 
-SurfaceBlend ContactStage::moment_at(double time) {
-  if (blend_.is_complete(time) && surfaces_.take() && surfaces_.taken().moment.progress < 1) {
-    blend_.begin(time, surfaces_.taken().ready_time, surfaces_.taken().period);
+/// What all cameras show at this time. Surfaces that a change has asked for are looked at once all
+/// cameras have them: until then those before stay, whose timelines the change keeps.
+void ContactStage::look(double time) {
+  oldest_revision_ = ~std::uint32_t{0};
+  for (std::size_t k = 0; k < views_.size(); ++k) {
+    if (views_[k].blend.is_complete(time)) surfaces_.take(k);
+    oldest_revision_ = std::min(oldest_revision_, surfaces_.taken(k).revision);
   }
-  SurfaceBlend moment = surfaces_.taken().moment;
-  if (moment.progress < 1) moment.progress = blend_.progress(time);
-  return moment;
+  // A change is offered before there are surfaces of it, so it is seen with them.
+  const ContactChange* const change = changes_.look();
+  const std::uint32_t awaited =
+      change != nullptr && oldest_revision_ < change->surface_revision ? change->surface_revision
+                                                                       : ~std::uint32_t{0};
+  newest_frame_ = 0;
+  for (std::size_t k = 0; k < views_.size(); ++k) {
+    View& view = views_[k];
+    const LiveSurfaces& taken = surfaces_.taken(k);
+    if (taken.ready_time != view.surfaces.ready_time && taken.revision < awaited) {
+      view.surfaces = taken;
+      if (taken.moment.progress < 1) view.blend.begin(time, taken.ready_time, taken.period);
+    }
+    cameras_[k] = view.surfaces.moment;
+    if (cameras_[k].progress < 1) cameras_[k].progress = view.blend.progress(time);
+    newest_frame_ = std::max(newest_frame_, view.surfaces.frame_number);
+  }
 }
 
-/// A change that needs other surfaces has been offered before these, so it is seen with them.
 void ContactStage::take_change() {
   ContactChange* const change = changes_.look();
-  if (change == nullptr || surfaces_.taken().revision < change->surface_revision) return;
+  if (change == nullptr || oldest_revision_ < change->surface_revision) return;
   revision_ = change->revision;
   settings_.rate = change->rate;
   if (change->part) {
@@ -109,18 +128,24 @@ void ContactStage::take_change() {
 
 void ContactStage::measure(const ToolMoment& tool) {
   const double begin = monotonic_now();
-  const SurfaceBlend moment = moment_at(begin);
+  look(begin);
   take_change();
-  const LiveSurfaces& surfaces = surfaces_.taken();
   ContactRecord contact;
   contact.revision = revision_;
   contact.number = num_contacts() + 1;
   contact.time = tool.time - settings_.start_time;
   contact.X_WT = tool.X_WT;
-  contact.frame_number = surfaces.frame_number;
-  contact.capture_time = surfaces.capture_time;
+  contact.frame_number = newest_frame_;
+  contact.cameras.num = static_cast<std::uint32_t>(views_.size());
+  for (std::size_t k = 0; k < views_.size(); ++k) {
+    const LiveSurfaces& surfaces = views_[k].surfaces;
+    contact.cameras.of[k] = {static_cast<std::int64_t>(surfaces.camera_frame),
+                             cameras_[k].progress};
+    contact.capture_time =
+        k == 0 ? surfaces.capture_time : std::min(contact.capture_time, surfaces.capture_time);
+  }
   contact.contact.time = tool.time;
-  part_->measure(moment, part_->has_stiffness() && schedule_.is_due(), contact);
+  part_->measure(cameras_, part_->has_stiffness() && schedule_.is_due(), contact);
   const bool has_failed = contact.penetration.status.has(StepStatus::backend_failed);
   backend_failed_.store(has_failed, std::memory_order_release);
   if (has_failed) return;  // it may pass: another part comes by a change
@@ -136,18 +161,18 @@ void ContactStage::measure(const ToolMoment& tool) {
   if (settings_.keeps_records) records_.push(contact);
   num_contacts_.store(contact.number, std::memory_order_release);
   contact_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-  if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(moment, tool);
+  if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(tool);
 }
 
-void ContactStage::make_picture(const SurfaceBlend& moment, const ToolMoment& tool) {
+void ContactStage::make_picture(const ToolMoment& tool) {
   ContactPicture& picture = pictures_.draft();
   picture.contact_number = num_contacts();
-  picture.frame_number = surfaces_.taken().frame_number;
+  picture.frame_number = newest_frame_;
   picture.X_WT = tool.X_WT;
   const std::size_t num_spheres = part_->query().index()->tool().spheres().size();
   picture.states.resize(num_spheres);  // no more than there was room for at the start
   picture.planes.resize(num_spheres);
-  part_->query().measure(moment.to, tool.X_WT,
+  part_->query().measure(cameras_, tool.X_WT,
                          {.states = picture.states, .planes = picture.planes});
   pictures_.publish();
 }

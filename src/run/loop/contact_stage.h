@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <thread>
+#include <vector>
 
 #include "palpate/run/run_loop.h"
 #include "src/run/internal/pipeline.h"
@@ -85,17 +86,24 @@ class ContactStage {
   double next_look(double now) const;
   bool is_due(double time);
   void measure(const ToolMoment& tool);
-  SurfaceBlend moment_at(double time);
+  void look(double time);
   void take_change();
-  void make_picture(const SurfaceBlend& moment, const ToolMoment& tool);
+  void make_picture(const ToolMoment& tool);
 
   std::unique_ptr<ContactPart> part_;
   SurfaceStage& surfaces_;
   Settings settings_;
   LatencyHistogram& contact_compute_;
 
-  // Of the contact thread.
-  BlendClock blend_;
+  // Of the contact thread: what it looks at of each camera.
+  struct View {
+    LiveSurfaces surfaces;
+    BlendClock blend;
+  };
+  std::vector<View> views_;
+  std::vector<SurfaceBlend> cameras_;  // likewise, at the moment
+  std::uint64_t newest_frame_ = 0;     // of these
+  std::uint32_t oldest_revision_ = 0;  // of the surfaces taken last
   StiffnessSchedule schedule_;
   double next_due_ = 0;
   std::uint32_t revision_ = 0;

@@ -67,19 +67,19 @@ struct Change {
 
 class LiveLoop final : public RunLoop {
  public:
-  LiveLoop(std::shared_ptr<const ToolIndex> index, DepthSource& source, HapticDevice& device,
+  LiveLoop(std::shared_ptr<const ToolIndex> index, const DepthSources& sources, HapticDevice& device,
            const RunSettings& settings, RunObserver observer,
            std::unique_ptr<ThreadPool> query_threads, RunParts parts, SafetyFilter safety)
       : index_(std::move(index)),
         device_(device),
-        stream_(source.info()),
+        streams_(sources.infos()),
         first_settings_(settings),
         observer_(std::move(observer)),
         query_threads_(std::move(query_threads)),
         settings_(settings),
         notes_(std::move(parts.notes)),
-        minder_(stream_, settings, index_->tool().spheres().size()),
-        surfaces_(source, *std::move(parts.timeline), settings, ball_of(index_->tool()),
+        minder_(streams_.front(), settings, index_->tool().spheres().size()),
+        surfaces_(sources, std::move(parts.timelines), settings, ball_of(index_->tool()),
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
         contacts_(std::move(parts.contact), surfaces_,
                   {settings.contact_rate, 1 / device.info().rate, index_->tool().spheres().size(),
@@ -135,6 +135,7 @@ class LiveLoop final : public RunLoop {
   void look_after_backend();
   void look_after_load();
   LoadCounts count_load(double contact_rate) const;
+  double slowest_rate() const;
   void add_note(std::string text);
   void publish_all();
   void drain_queues();
@@ -145,7 +146,7 @@ class LiveLoop final : public RunLoop {
 
   const std::shared_ptr<const ToolIndex> index_;
   HapticDevice& device_;
-  const DepthStreamInfo stream_;
+  const std::vector<DepthStreamInfo> streams_;
   const RunSettings first_settings_;
   const RunObserver observer_;
   LoopTimes times_;
@@ -277,15 +278,15 @@ Status LiveLoop::begin_change(const RunSettings& settings) {
   if (const Status status = check_change(settings_, settings); !status) return status;
   if (const Status status = check_contact_rate(settings); !status) return status;
   const RunPartsOptions options{&settings_, SurfaceStage::kNumSpare, query_threads_.get()};
-  auto parts = make_run_parts(index_, stream_, device_.info(), settings, options);
+  auto parts = make_run_parts(index_, streams_, device_.info(), settings, options);
   if (!parts) return parts.error();
 
   change_ = std::make_unique<Change>();
   const std::uint32_t revision = change_->revision = ++revision_;
   change_->settings = settings;
-  change_->surfaces = {revision, std::move(parts->timeline)};
-  change_->contacts = {revision, change_->surfaces.timeline ? revision : 0, settings.contact_rate,
-                       parts->scale, std::move(parts->contact)};
+  change_->surfaces = {revision, std::move(parts->timelines)};
+  change_->contacts = {revision, change_->surfaces.timelines.empty() ? 0 : revision,
+                       settings.contact_rate, parts->scale, std::move(parts->contact)};
   change_->haptic = {revision, std::move(parts->coupling)};
   {
     const std::lock_guard lock_others(mutex_);
@@ -297,7 +298,7 @@ Status LiveLoop::begin_change(const RunSettings& settings) {
 }
 
 void LiveLoop::offer_change() {
-  const bool has_surfaces = change_->surfaces.timeline.has_value();
+  const bool has_surfaces = !change_->surfaces.timelines.empty();
   contacts_.changes().offer(change_->contacts);
   if (has_surfaces) {
     surfaces_.changes().offer(change_->surfaces);
@@ -370,12 +371,19 @@ void LiveLoop::add_note(std::string text) {
   untold_notes_.push_back(std::move(text));
 }
 
+/// Hz, of the camera whose frames are the farthest apart: contacts are as old as its.
+double LiveLoop::slowest_rate() const {
+  double slowest = streams_.front().rate;
+  for (const DepthStreamInfo& stream : streams_) slowest = std::min(slowest, stream.rate);
+  return slowest;
+}
+
 LoadCounts LiveLoop::count_load(double contact_rate) const {
   LoadCounts counts;
   counts.ticks = haptic_.num_ticks();
   counts.frames = surfaces_.num_read();
   counts.pictures = num_pictures_.load();
-  counts.count_ages(times_, first_settings_.safety, stream_.rate, contact_rate);
+  counts.count_ages(times_, first_settings_.safety, slowest_rate(), contact_rate);
   return counts;
 }
 
@@ -543,7 +551,7 @@ LoopReport LiveLoop::report() const {
   report.num_spared_stiffnesses = contacts_.num_spared_stiffnesses();
   if (report.num_left_out > 0) {
     note(frames_left_out(report.num_left_out, surfaces_.num_late(), times_.surface_compute,
-                         stream_.rate > 0 ? 1 / stream_.rate : 1.0 / 30));
+                         slowest_rate() > 0 ? 1 / slowest_rate() : 1.0 / 30));
   }
   if (std::string text = time_thinned(report); !text.empty()) note(std::move(text));
   if (const auto outside = contacts_.num_outside_window()) {
@@ -574,19 +582,19 @@ Status LiveLoop::status() const {
 
 }  // namespace
 
-Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, DepthSource& source,
+Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSources& sources,
                                                  HapticDevice& device, const RunSettings& settings,
                                                  RunObserver observer) {
   if (const Status status = check_contact_rate(settings); !status) return status.error();
   auto query_threads = make_query_threads(settings, tool.spheres().size());
   const RunPartsOptions options{nullptr, SurfaceStage::kNumSpare, query_threads.get()};
   auto index = ToolIndex::create(tool);
-  auto parts = make_run_parts(index, source.info(), device.info(), settings, options);
+  auto parts = make_run_parts(index, sources.infos(), device.info(), settings, options);
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.info().limits, settings.safety);
   if (!safety) return safety.error();
   return std::unique_ptr<RunLoop>(
-      std::make_unique<LiveLoop>(std::move(index), source, device, settings, std::move(observer),
+      std::make_unique<LiveLoop>(std::move(index), sources, device, settings, std::move(observer),
                                  std::move(query_threads), *std::move(parts), *std::move(safety)));
 }
 

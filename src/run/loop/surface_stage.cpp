@@ -34,6 +34,16 @@ DepthFrame blank_frame(const DepthStreamInfo& stream) {
   return frame;
 }
 
+/// With room for a frame of each camera.
+DepthStreamInfo largest_of(const DepthSources& sources) {
+  DepthStreamInfo largest;
+  for (const DepthSource* source : sources) {
+    largest.width = std::max(largest.width, source->info().width);
+    largest.height = std::max(largest.height, source->info().height);
+  }
+  return largest;
+}
+
 }  // namespace
 
 ToolBall ball_of(const Tool& tool) {
@@ -46,40 +56,56 @@ ToolBall ball_of(const Tool& tool) {
   return ball;
 }
 
-SurfaceStage::SurfaceStage(DepthSource& source, SurfaceTimeline timeline,
+SurfaceStage::Camera::Camera(DepthSource& from, SurfaceTimeline into)
+    : source(from),
+      timeline(std::move(into)),
+      period(from.info().rate > 0 ? 1 / from.info().rate : kUsualPeriod),
+      frames(TimedFrame{blank_frame(from.info())}) {}
+
+SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimeline> timelines,
                            const RunSettings& settings, const ToolBall& tool, bool keeps_frames,
                            LatencyHistogram& surface_compute)
-    : source_(source),
-      timeline_(std::move(timeline)),
-      pool_(settings.num_threads, settings.wants_real_time ? take_surface_rank : nullptr),
+    : pool_(settings.num_threads, settings.wants_real_time ? take_surface_rank : nullptr),
       surface_compute_(surface_compute),
       keeps_frames_(keeps_frames),
       wants_real_time_(settings.wants_real_time),
-      period_(source.info().rate > 0 ? 1 / source.info().rate : kUsualPeriod),
       window_(settings.window),
       tool_(tool),
-      frames_(TimedFrame{blank_frame(source.info())}),
-      seen_(keeps_frames ? kNumFramesToPublish : 0, SeenFrame{blank_frame(source.info())}) {}
+      seen_(keeps_frames ? kNumFramesToPublish * sources.size() : 0,
+            SeenFrame{blank_frame(largest_of(sources))}) {
+  for (std::size_t k = 0; k < sources.size(); ++k) {
+    cameras_.push_back(std::make_unique<Camera>(sources[k], std::move(timelines[k])));
+  }
+}
 
 Status SurfaceStage::start() {
-  sensor_thread_ = std::thread([this] {
-    try {
-      read_frames();
-    } catch (const std::bad_alloc&) {
-      fail(out_of_memory(), source_failed_);
-    }
-  });
+  for (const auto& camera : cameras_) {
+    camera->thread = std::thread([this, &of = *camera] {
+      try {
+        read_frames(of);
+      } catch (const std::bad_alloc&) {
+        fail(out_of_memory(), source_failed_);
+      }
+    });
+  }
   surface_thread_ = std::thread([this] { make_surfaces(); });
+  for (const auto& camera : cameras_) {
+    if (const Status seen = wait_for_first(*camera); !seen) return seen;
+  }
+  return Done{};
+}
+
+Status SurfaceStage::wait_for_first(const Camera& camera) {
+  const std::string& name = camera.source.info().name;
   const double begin = monotonic_now();
-  while (num_frames() == 0) {
+  while (camera.num_made.load(std::memory_order_acquire) == 0) {
     if (const Status now = status(); !now) return now;
     if (has_backend_failed()) return lost_backend();
-    if (has_source_ended() && num_read_.load() == 0) {
-      return Error{Errc::bad_input,
-                   source_.info().name + " holds no frame; give a source that does"};
+    if (has_source_ended() && camera.num_read.load() == 0) {
+      return Error{Errc::bad_input, name + " holds no frame; give a source that does"};
     }
     if (monotonic_now() - begin > kFirstFrameTimeout) {
-      return Error{Errc::unavailable, source_.info().name + " has sent no frame within " +
+      return Error{Errc::unavailable, name + " has sent no frame within " +
                                           std::to_string(static_cast<int>(kFirstFrameTimeout)) +
                                           " s; check the sensor and its cable"};
     }
@@ -90,9 +116,11 @@ Status SurfaceStage::start() {
 
 void SurfaceStage::stop() noexcept {
   stop_.stop();
-  source_.cancel();
+  for (const auto& camera : cameras_) camera->source.cancel();
   bell_.ring();
-  if (sensor_thread_.joinable()) sensor_thread_.join();
+  for (const auto& camera : cameras_) {
+    if (camera->thread.joinable()) camera->thread.join();
+  }
   if (surface_thread_.joinable()) surface_thread_.join();
 }
 
@@ -109,115 +137,153 @@ Status SurfaceStage::status() const {
   return status_;
 }
 
-std::uint64_t SurfaceStage::num_skipped() const noexcept {
-  // The newest frame may be in work.
-  const std::uint64_t read = num_read_.load(), made = num_frames();
-  return read > made + 1 ? read - made - 1 : 0;
+std::uint64_t SurfaceStage::num_read() const noexcept {
+  std::uint64_t sum = 0;
+  for (const auto& camera : cameras_) sum += camera->num_read.load(std::memory_order_acquire);
+  return sum;
 }
 
-void SurfaceStage::read_frames() {
-  TimedFrame newest{blank_frame(source_.info())};
+std::uint64_t SurfaceStage::num_late() const noexcept {
+  std::uint64_t sum = 0;
+  for (const auto& camera : cameras_) sum += camera->source.num_late();
+  return sum;
+}
+
+std::uint64_t SurfaceStage::num_skipped() const noexcept {
+  std::uint64_t sum = 0;
+  for (const auto& camera : cameras_) {
+    // The newest frame may be in work.
+    const std::uint64_t read = camera->num_read.load(), made = camera->num_made.load();
+    if (read > made + 1) sum += read - made - 1;
+  }
+  return sum;
+}
+
+void SurfaceStage::read_frames(Camera& camera) {
+  TimedFrame newest{blank_frame(camera.source.info())};
   while (!stop_.is_stopping()) {
-    if (may_read()) {
-      const auto got = source_.read(newest.frame);
+    if (may_read(camera)) {
+      const auto got = camera.source.read(newest.frame);
       if (!got) return fail(got.error(), source_failed_);
       if (!*got) break;
       // Frames that were held have moved time on.
-      newest.capture_time = std::max(source_.capture_time(newest.frame, monotonic_now()),
+      newest.capture_time = std::max(camera.source.capture_time(newest.frame, monotonic_now()),
                                      std::nextafter(newest.capture_time, kLaterThanAll));
     } else {
-      newest.capture_time = std::max(newest.capture_time + period_, monotonic_now());
+      newest.capture_time = std::max(newest.capture_time + camera.period, monotonic_now());
     }
     if (stop_.sleep_for(newest.capture_time - monotonic_now())) return;
-    frames_.draft() = newest;
-    num_read_.fetch_add(1, std::memory_order_release);
-    frames_.publish();
+    camera.frames.draft() = newest;
+    camera.num_read.fetch_add(1, std::memory_order_release);
+    camera.frames.publish();
     bell_.ring();
   }
   // The last frame has its share of time.
-  stop_.sleep_for(num_read_.load() > 0 ? period_ : 0);
+  stop_.sleep_for(camera.num_read.load() > 0 ? camera.period : 0);
   // One that was cancelled has not ended.
   if (!stop_.is_stopping()) source_ended_.store(true, std::memory_order_release);
 }
 
 /// Whether the next frame is to come, not the last one again.
-bool SurfaceStage::may_read() {
+bool SurfaceStage::may_read(Camera& camera) {
   if (!is_held_.load()) {
-    num_stepped_ = num_steps_.load();
+    camera.num_stepped = num_steps_.load();
     return true;
   }
-  if (num_stepped_ == num_steps_.load()) return num_read_.load() == 0;
-  ++num_stepped_;
+  if (camera.num_stepped == num_steps_.load()) return camera.num_read.load() == 0;
+  ++camera.num_stepped;
   return true;
 }
 
-/// The newest frame, once its surface has a place; null at the end.
-const SurfaceStage::TimedFrame* SurfaceStage::next_frame() {
+/// The next camera in turn with a new frame, once its surface has a place; null at the end.
+SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
   for (;;) {
     const std::uint32_t heard = bell_.count();
     if (stop_.is_stopping()) return nullptr;
-    const bool has_place = num_made_.load(std::memory_order_relaxed) <=
-                           num_taken_.load(std::memory_order_acquire) + kNumSpare - 1;
-    if (has_place && frames_.refresh()) return &frames_.value();
+    for (std::size_t i = 0; i < cameras_.size(); ++i) {
+      const std::size_t k = (last + 1 + i) % cameras_.size();
+      Camera& camera = *cameras_[k];
+      const bool has_place = camera.num_made.load(std::memory_order_relaxed) <=
+                             camera.num_taken.load(std::memory_order_acquire) + kNumSpare - 1;
+      if (!has_place || !camera.frames.refresh()) continue;
+      last = k;
+      return &camera;
+    }
     bell_.wait(heard);
   }
 }
 
 /// Where the tool can be until the surface that is made now is replaced.
-PixelWindow SurfaceStage::next_window(double time) {
-  if (!tools_.refresh() && !p_WC_) return {};  // nobody holds a tool yet
-  const Vec3d p_WC = tools_.value() * tool_.p_TC;
+PixelWindow SurfaceStage::next_window(Camera& camera, const Pose& X_WC, double time) {
+  has_tool_ = tools_.refresh() || has_tool_;
+  if (!has_tool_) return {};  // nobody holds one yet
+  const Vec3d p_WQ = tools_.value() * tool_.p_TC;
+  const Vec3d p_CQ = X_WC == Pose{} ? p_WQ : inverse(X_WC) * p_WQ;
   double speed = window_.speed;
-  if (p_WC_ && time > tool_time_) {
-    speed = std::max(speed, 2 * norm(p_WC - *p_WC_) / (time - tool_time_));
+  if (camera.p_CQ && time > camera.tool_time) {
+    speed = std::max(speed, 2 * norm(p_CQ - *camera.p_CQ) / (time - camera.tool_time));
   }
-  p_WC_ = p_WC;
-  tool_time_ = time;
+  camera.p_CQ = p_CQ;
+  camera.tool_time = time;
   if (!window_.enabled) return {};
-  const double way = speed * kMostPeriods * std::max(period_, timeline_.period());
-  const DepthStreamInfo& stream = timeline_.stream();
-  return asked_window(stream.intrinsics, stream.width, stream.height, p_WC, tool_.reach + way);
+  const double way = speed * kMostPeriods * std::max(camera.period, camera.timeline.period());
+  const DepthStreamInfo& stream = camera.timeline.stream();
+  return asked_window(stream.intrinsics, stream.width, stream.height, p_CQ, tool_.reach + way);
 }
 
 void SurfaceStage::make_surfaces() {
   if (wants_real_time_) nice_.store(take_rank(ThreadRank::surface));
-  for (std::uint64_t number = 0;;) {
-    const TimedFrame* const newest = next_frame();
-    if (newest == nullptr) return;
-    const double begin = monotonic_now();
-    const std::uint32_t revision = take_change();
-    const SurfaceStats stats =
-        timeline_.push(newest->frame, newest->capture_time, pool_, next_window(begin));
-    const double end = monotonic_now();
-    surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-    // It may pass: another timeline comes by a change.
-    backend_failed_.store(!timeline_.status(), std::memory_order_release);
-    if (!timeline_.status()) continue;
-    const SurfaceBlend moment = timeline_.at(newest->capture_time);
-    surfaces_.publish({moment, end, newest->capture_time, timeline_.period(), number, revision});
-    if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
-      seen->frame = newest->frame;
-      seen->record = {number,
-                      revision,
-                      newest->capture_time,
-                      newest->frame.timestamp,
-                      newest->frame.unit,
-                      stats,
-                      moment.to.field.asked,
-                      static_cast<std::int64_t>(1e9 * (end - begin)),
-                      timeline_.period()};
-      seen_.push();
-    }
-    num_made_.store(number + 1, std::memory_order_release);
-    if (wants_picture_.exchange(false)) make_picture(number);
-    ++number;
+  std::size_t index = cameras_.size() - 1;
+  while (Camera* const camera = next_camera(index)) {
+    make_surface(*camera, static_cast<std::uint32_t>(index));
   }
+}
+
+void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
+  const TimedFrame& newest = camera.frames.value();
+  const std::uint64_t number = num_made_.load(std::memory_order_relaxed);
+  const std::uint64_t camera_frame = camera.num_made.load(std::memory_order_relaxed);
+  const double begin = monotonic_now();
+  const std::uint32_t revision = take_change();
+  SurfaceTimeline& timeline = camera.timeline;
+  const SurfaceStats stats = timeline.push(newest.frame, newest.capture_time, pool_,
+                                           next_window(camera, newest.frame.X_WC, begin));
+  const double end = monotonic_now();
+  surface_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
+  // It may pass: another timeline comes by a change.
+  backend_failed_.store(!timeline.status(), std::memory_order_release);
+  if (!timeline.status()) return;
+  const SurfaceBlend moment = timeline.at(newest.capture_time);
+  camera.surfaces.publish(
+      {moment, end, newest.capture_time, timeline.period(), number, camera_frame, revision});
+  if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
+    seen->frame = newest.frame;
+    FrameRecord& record = seen->record = {};
+    record.number = number;
+    record.camera = index;
+    record.camera_frame = camera_frame;
+    record.revision = revision;
+    record.capture_time = newest.capture_time;
+    record.source_time = newest.frame.timestamp;
+    record.unit = newest.frame.unit;
+    record.X_WC = newest.frame.X_WC;
+    record.surface = stats;
+    record.asked = moment.to.field.asked;
+    record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
+    record.period = timeline.period();
+    seen_.push();
+  }
+  camera.num_made.store(camera_frame + 1, std::memory_order_release);
+  num_made_.store(number + 1, std::memory_order_release);
+  if (index == 0 && wants_picture_.exchange(false)) make_picture(number);
 }
 
 /// The revision that the next surface is made with.
 std::uint32_t SurfaceStage::take_change() {
   if (SurfaceChange* const change = changes_.look()) {
-    std::swap(timeline_, *change->timeline);
+    for (std::size_t k = 0; k < cameras_.size(); ++k) {
+      std::swap(cameras_[k]->timeline, change->timelines[k]);
+    }
     revision_.store(change->revision);
     backend_failed_.store(false, std::memory_order_release);
     changes_.settle();
@@ -227,16 +293,17 @@ std::uint32_t SurfaceStage::take_change() {
 
 void SurfaceStage::make_picture(std::uint64_t number) {
   try {
-    make_surface_picture(timeline_.newest_cloud(pool_), number, pictures_.draft());
+    make_surface_picture(cameras_.front()->timeline.newest_cloud(pool_), number, pictures_.draft());
     pictures_.publish();
   } catch (const std::bad_alloc&) {
     // There is no picture, then.
   }
 }
 
-bool SurfaceStage::take() noexcept {
-  if (!surfaces_.refresh()) return false;
-  num_taken_.store(surfaces_.value().frame_number + 1, std::memory_order_release);
+bool SurfaceStage::take(std::size_t camera) noexcept {
+  Camera& from = *cameras_[camera];
+  if (!from.surfaces.refresh()) return false;
+  from.num_taken.store(from.surfaces.value().camera_frame + 1, std::memory_order_release);
   bell_.ring();
   return true;
 }

@@ -1,4 +1,5 @@
-// The first two threads of the loop: frames are read as time passes, and made into surfaces.
+// The first threads of the loop: frames of each camera are read as time passes, and made into
+// surfaces by one thread.
 #pragma once
 
 #include <atomic>
@@ -7,6 +8,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
+#include <vector>
 
 #include "palpate/run/run_loop.h"
 #include "src/core/internal/triple_buffer.h"
@@ -17,12 +19,13 @@
 
 namespace palpate {
 
-/// What the contact thread looks at until it takes the next ones.
+/// What the contact thread looks at of a camera until it takes the next ones.
 struct LiveSurfaces {
   SurfaceBlend moment;                      ///< progress 1: there is nothing to blend
   double ready_time = 0, capture_time = 0;  ///< s, monotonic
   double period = 1;                        ///< s, expected until the next ones
-  std::uint64_t frame_number = 0;           ///< of `moment.to`, from 0; `from` is the one before
+  std::uint64_t frame_number = 0;           ///< FrameRecord::number of `moment.to`
+  std::uint64_t camera_frame = 0;           ///< likewise; `from` is the one before
   std::uint32_t revision = 0;               ///< of the settings it was made with
 };
 
@@ -39,38 +42,44 @@ struct ToolBall {
 };
 ToolBall ball_of(const Tool& tool);
 
-/// Another timeline; once settled, the one before.
+/// Other timelines; once settled, those before.
 struct SurfaceChange {
   std::uint32_t revision = 0;
-  std::optional<SurfaceTimeline> timeline;
+  std::vector<SurfaceTimeline> timelines;
 };
 
-/// The timeline keeps one surface more than are looked at: the next frame is made into that one
-/// while the contact thread looks at the last two. Before the frame after that, which goes into the
-/// older of these two, the surface thread waits until the contact thread has taken the new
+/// A timeline keeps one surface more than are looked at: the next frame is made into that one while
+/// the contact thread looks at the last two. Before the camera's frame after that, which goes into
+/// the older of these two, the surface thread waits until the contact thread has taken the new
 /// surfaces. The contact thread never waits.
 class SurfaceStage {
  public:
   /// A timeline for this has kNumSpare spare surfaces.
   static constexpr int kNumSpare = 1;
 
-  SurfaceStage(DepthSource& source, SurfaceTimeline timeline, const RunSettings& settings,
-               const ToolBall& tool, bool keeps_frames, LatencyHistogram& surface_compute);
+  SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimeline> timelines,
+               const RunSettings& settings, const ToolBall& tool, bool keeps_frames,
+               LatencyHistogram& surface_compute);
   ~SurfaceStage() { stop(); }
 
-  /// Begins, and returns when the first surface is there. Errors: the first frame, or none comes.
+  /// Begins, and returns when the first surface of each camera is there. Errors: a first frame, or
+  /// none comes.
   Status start();
   void stop() noexcept;
 
-  /// Contact thread: takes the newest surfaces if there are new ones; looks no more at the older.
-  bool take() noexcept;
-  const LiveSurfaces& taken() const noexcept { return surfaces_.value(); }
+  std::size_t num_cameras() const noexcept { return cameras_.size(); }
+  /// Contact thread: takes the newest surfaces of a camera if there are new ones; looks no more at
+  /// the older.
+  bool take(std::size_t camera) noexcept;
+  const LiveSurfaces& taken(std::size_t camera) const noexcept {
+    return cameras_[camera]->surfaces.value();
+  }
 
   /// Haptic thread: where the tool is.
   void move_tool(const Pose& X_WT) noexcept { tools_.publish(X_WT); }
 
-  /// The next frame goes into another timeline. The surfaces of the one before are looked at until
-  /// the contact thread takes newer ones.
+  /// The next frames go into other timelines. The surfaces of those before are looked at until the
+  /// contact thread has newer ones of all cameras.
   Mailbox<SurfaceChange>& changes() noexcept { return changes_; }
   /// Of settings that do not concern surfaces.
   void set_revision(std::uint32_t revision) noexcept { revision_.store(revision); }
@@ -86,7 +95,8 @@ class SurfaceStage {
     return pictures_.refresh() ? &pictures_.value() : nullptr;
   }
 
-  /// How the stage has ended, if it has; a backend that has failed may be changed. Any thread.
+  /// How the stage has ended, if it has: by the first camera that did. A backend that has failed may
+  /// be changed. Any thread.
   bool has_source_ended() const noexcept { return source_ended_.load(std::memory_order_acquire); }
   bool has_source_failed() const noexcept { return source_failed_.load(std::memory_order_acquire); }
   bool has_backend_failed() const noexcept {
@@ -97,11 +107,11 @@ class SurfaceStage {
   /// The nice value of the threads that make surfaces.
   int nice() const noexcept { return nice_.load(); }
   std::uint64_t num_frames() const noexcept { return num_made_.load(std::memory_order_acquire); }
-  std::uint64_t num_read() const noexcept { return num_read_.load(std::memory_order_acquire); }
+  std::uint64_t num_read() const noexcept;
   /// Frames that came while the one before was still being worked on, and were left out.
   std::uint64_t num_skipped() const noexcept;
-  /// Frames that the source gave too late.
-  std::uint64_t num_late() const noexcept { return source_.num_late(); }
+  /// Frames that a source gave too late.
+  std::uint64_t num_late() const noexcept;
   /// Publishing thread; empty unless frames are kept.
   RecordQueue<SeenFrame>& seen() noexcept { return seen_; }
   std::uint64_t num_lost() const noexcept { return seen_.num_lost(); }
@@ -112,45 +122,59 @@ class SurfaceStage {
     double capture_time = 0;
   };
 
-  void read_frames();
-  bool may_read();
+  /// A camera with its own sensor thread.
+  struct Camera {
+    Camera(DepthSource& from, SurfaceTimeline into);
+
+    PacedSource source;
+    SurfaceTimeline timeline;
+    const double period;  // s, of frames, as the stream says
+
+    // Of the sensor thread.
+    std::uint32_t num_stepped = 0;
+    // Of the surface thread: the tool, from the camera, at the last frame.
+    std::optional<Vec3d> p_CQ;
+    double tool_time = 0;
+
+    TripleBuffer<TimedFrame> frames;      // sensor thread to surface thread
+    TripleBuffer<LiveSurfaces> surfaces;  // surface thread to contact thread
+    std::atomic<std::uint64_t> num_read = 0, num_made = 0, num_taken = 0;
+    std::thread thread;
+  };
+
+  Status wait_for_first(const Camera& camera);
+  void read_frames(Camera& camera);
+  bool may_read(Camera& camera);
   void make_surfaces();
-  PixelWindow next_window(double time);
+  void make_surface(Camera& camera, std::uint32_t index);
+  PixelWindow next_window(Camera& camera, const Pose& X_WC, double time);
   std::uint32_t take_change();
-  const TimedFrame* next_frame();
+  Camera* next_camera(std::size_t& last);
   void make_picture(std::uint64_t number);
   void fail(const Error& error, std::atomic<bool>& flag);
 
-  PacedSource source_;
-  SurfaceTimeline timeline_;
+  std::vector<std::unique_ptr<Camera>> cameras_;
   ThreadPool pool_;
   LatencyHistogram& surface_compute_;
   const bool keeps_frames_, wants_real_time_;
-  const double period_;  // s, of frames, as the stream says
   const WindowOptions window_;
   const ToolBall tool_;
 
-  // Of the surface thread: the tool at the last frame.
-  std::optional<Vec3d> p_WC_;
-  double tool_time_ = 0;
-
-  TripleBuffer<TimedFrame> frames_;      // sensor thread to surface thread
-  TripleBuffer<Pose> tools_;             // haptic thread to surface thread
-  TripleBuffer<LiveSurfaces> surfaces_;  // surface thread to contact thread
-  RecordQueue<SeenFrame> seen_;          // surface thread to publishing thread
+  TripleBuffer<Pose> tools_;     // haptic thread to surface thread
+  bool has_tool_ = false;        // of the surface thread
+  RecordQueue<SeenFrame> seen_;  // surface thread to publishing thread
   TripleBuffer<SurfacePicture> pictures_;
   Mailbox<SurfaceChange> changes_;
   Event bell_;  // for the surface thread
   StopSignal stop_;
-  std::atomic<std::uint64_t> num_read_ = 0, num_made_ = 0, num_taken_ = 0;
+  std::atomic<std::uint64_t> num_made_ = 0;  // of all cameras
   std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;
-  std::uint32_t num_stepped_ = 0;  // of the sensor thread
   std::atomic<int> nice_ = 0;
   std::atomic<bool> is_held_ = false, wants_picture_ = false;
   std::atomic<bool> source_ended_ = false, source_failed_ = false, backend_failed_ = false;
   mutable std::mutex error_mutex_;
   Status status_ = Done{};
-  std::thread sensor_thread_, surface_thread_;
+  std::thread surface_thread_;
 };
 
 }  // namespace palpate

@@ -51,9 +51,9 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
     int num_felt = 0;
     for (int i = 0; i < 20; ++i) {
       const Pose X_WT = random_pose(random);
-      std::vector<CameraView> views = scene.views;
+      std::vector<SurfaceBlend> views = scene.views;
       for (std::size_t k = 0; i % 2 == 1 && k < views.size(); ++k) {
-        views[k].surface = {scene.views[k].surface.to, later.views[k].surface.to,
+        views[k] = {scene.views[k].to, later.views[k].to,
                             random.uniform(0, 1)};
       }
       const ContactResult want =
@@ -99,15 +99,15 @@ TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {
   const Tool tool = test::random_tool(50, 0.03, 5);
   const auto gpu = make_contact_query_cuda(ToolIndex::create(tool), FieldMethod{}, {}).value();
   const Pose X_WT{{0, 0, 0.9}, {}};
-  const auto status = [&](const std::vector<CameraView>& views) {
+  const auto status = [&](const std::vector<SurfaceBlend>& views) {
     return gpu->measure(views, X_WT).penetration.status;
   };
-  EXPECT_EQ(status({CameraView{}, CameraView{}}), StepStatus::no_surface);
-  std::vector<CameraView> views = scene.views;
-  views[1].surface.to.seen_free = {};
+  EXPECT_EQ(status({SurfaceBlend{}, SurfaceBlend{}}), StepStatus::no_surface);
+  std::vector<SurfaceBlend> views = scene.views;
+  views[1].to.seen_free = {};
   EXPECT_EQ(status(views), StepStatus::no_surface);
   views = scene.views;
-  views[0].surface.to.field.asked = {0, 0, 20, 20};
+  views[0].to.field.asked = {0, 0, 20, 20};
   EXPECT_EQ(status(views), StepStatus::outside_window);
   EXPECT_EQ(status(scene.views), StepStatus::ok);
 }

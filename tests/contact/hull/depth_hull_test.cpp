@@ -190,15 +190,18 @@ TEST(DepthHull, OneCameraIsMeasuredInItsOwnFrame) {
   const HullScene scene = test::rough_scene(1, {}, random);
   const Tool tool = test::random_tool(300, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
-  const SurfaceBlend& surface = scene.views[0].surface;
+  SurfaceBlend in_camera = scene.views[0];
+  in_camera.from.X_WC = in_camera.to.X_WC = {};
   for (int i = 0; i < 20; ++i) {
     const Pose X_CT{random.in_box(0.15) + Vec3d{0, 0, 0.8}, random.rotation(3.0)};
     const ContactWants wants{.stiffness = true};
-    const ContactResult in_C = query->measure(surface.to, X_CT, wants);
-    expect_same_bits(query->measure(std::vector<CameraView>{{surface, {}}}, X_CT, wants), in_C);
+    const ContactResult in_C = query->measure(in_camera.to, X_CT, wants);
+    expect_same_bits(query->measure(std::vector<SurfaceBlend>{in_camera}, X_CT, wants), in_C);
     const Pose X_WC{random.in_box(2), random.rotation(3.0)};
+    SurfaceBlend in_world = in_camera;
+    in_world.from.X_WC = in_world.to.X_WC = X_WC;
     const ContactResult in_W =
-        query->measure(std::vector<CameraView>{{surface, X_WC}}, X_WC * X_CT, wants);
+        query->measure(std::vector<SurfaceBlend>{in_world}, X_WC * X_CT, wants);
     const double volume = in_C.penetration.volume;
     EXPECT_NEAR(in_W.penetration.volume, volume, 1e-6 * tool.sphere_mass().volume);
     EXPECT_NEAR(norm(in_W.penetration.measure_W.force -
@@ -224,15 +227,15 @@ TEST(DepthHull, WhoSeesNothingAbstains) {
   const Tool tool = test::random_tool(300, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   // A camera that looks the other way, and one that has no frame yet.
-  std::vector<CameraView> more(scene.views.begin(), scene.views.begin() + 2);
-  CameraView away = scene.views[2];
-  away.X_WC = {{0, 0, -5}, axis_angle({0, 1, 0}, kPi)};
+  std::vector<SurfaceBlend> more(scene.views.begin(), scene.views.begin() + 2);
+  SurfaceBlend away = scene.views[2];
+  away.from.X_WC = away.to.X_WC = {{0, 0, -5}, axis_angle({0, 1, 0}, kPi)};
   for (int i = 0; i < 20; ++i) {
     const Pose X_WT = random_pose(random);
     const ContactResult want = query->measure(more, X_WT);
-    const std::vector<CameraView> with_empty{more[0], {}, more[1]};
+    const std::vector<SurfaceBlend> with_empty{more[0], {}, more[1]};
     expect_same_bits(query->measure(with_empty, X_WT), want);
-    const std::vector<CameraView> with_away{more[0], more[1], away};
+    const std::vector<SurfaceBlend> with_away{more[0], more[1], away};
     EXPECT_NEAR(query->measure(with_away, X_WT).penetration.volume, want.penetration.volume,
                 1e-9 + 1e-4 * want.penetration.volume);
   }
@@ -248,7 +251,7 @@ TEST(DepthHull, BlackPixelsOfOneCameraCarveNothing) {
     const double want = query->measure(whole.views, X_WT).penetration.volume;
     EXPECT_NEAR(query->measure(patched.views, X_WT).penetration.volume, want, 0.02 * want);
     // By the one with the patch alone nothing is there.
-    const std::vector<CameraView> alone{patched.views[1]};
+    const std::vector<SurfaceBlend> alone{patched.views[1]};
     EXPECT_LT(query->measure(alone, X_WT).penetration.volume, 0.1 * want);
   }
 }
@@ -271,7 +274,7 @@ TEST(DepthHull, RefusesWhatItCannotMeasure) {
   const Tool tool = test::random_tool(50, 0.03, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   const Pose X_WT{{0, 0, 0.9}, {}};
-  const auto status = [&](std::vector<CameraView> views, const Pose& pose) {
+  const auto status = [&](std::vector<SurfaceBlend> views, const Pose& pose) {
     std::vector<SphereState> states(50, SphereState::inside);
     const ContactResult got = query->measure(views, pose, {.stiffness = true, .states = states});
     EXPECT_EQ(got.penetration.volume, 0);
@@ -279,19 +282,19 @@ TEST(DepthHull, RefusesWhatItCannotMeasure) {
     EXPECT_TRUE(got.stiffness);
     return got.penetration.status;
   };
-  std::vector<CameraView> views = scene.views;
+  std::vector<SurfaceBlend> views = scene.views;
   EXPECT_EQ(status({}, X_WT), StepStatus::no_surface);
-  EXPECT_EQ(status({CameraView{}, CameraView{}}, X_WT), StepStatus::no_surface);
-  EXPECT_EQ(status(std::vector<CameraView>(kMostCameras + 1, views[0]), X_WT),
+  EXPECT_EQ(status({SurfaceBlend{}, SurfaceBlend{}}, X_WT), StepStatus::no_surface);
+  EXPECT_EQ(status(std::vector<SurfaceBlend>(kMostCameras + 1, views[0]), X_WT),
             StepStatus::no_surface);
-  views[1].surface.to.seen_free = {};
+  views[1].to.seen_free = {};
   EXPECT_EQ(status(views, X_WT), StepStatus::no_surface);
   views = scene.views;
   EXPECT_EQ(status(views, {{NAN, 0, 0}, {}}), StepStatus::non_finite_pose);
-  views[1].X_WC.translation.x = INFINITY;
+  views[1].to.X_WC.translation.x = INFINITY;
   EXPECT_EQ(status(views, X_WT), StepStatus::non_finite_pose);
   views = scene.views;
-  for (auto* field : {&views[1].surface.to.field, &views[1].surface.to.seen_free}) {
+  for (auto* field : {&views[1].to.field, &views[1].to.seen_free}) {
     field->asked = {0, 0, 20, 20};
   }
   EXPECT_EQ(status(views, X_WT), StepStatus::outside_window);
@@ -305,9 +308,9 @@ TEST(DepthHull, BetweenTwoMomentsOfEachCameraItIsThatOfTheirFieldsBetween) {
   const auto query = make_query(tool, SphereVolumes::own);
   const double scale = tool.sphere_mass().volume;
   for (int i = 0; i < 30; ++i) {
-    std::vector<CameraView> views = first.views;
+    std::vector<SurfaceBlend> views = first.views;
     for (std::size_t k = 0; k < views.size(); ++k) {
-      views[k].surface = {first.views[k].surface.to, second.views[k].surface.to,
+      views[k] = {first.views[k].to, second.views[k].to,
                           k == 0 ? 1.0 : random.uniform(0, 1)};
     }
     const Pose X_WT = random_pose(random);

@@ -1,0 +1,175 @@
+#include "palpate/cameras/rig_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <set>
+#include <span>
+#include <sstream>
+#include <utility>
+
+#include "palpate/field/surface_timeline.h"
+#include "palpate/settings/setting_table.h"
+#include "src/io/internal/toml_file.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array<std::string_view, 8> kCameraKeys{"name", "uri",  "intrinsics", "distortion",
+                                                      "unit", "pose", "pose_from",  "latency"};
+
+/// "1,2,3" as the words of a URI have it; empty: these are no numbers.
+std::string numbers_text(const toml::node& node) {
+  std::string text;
+  const auto add = [&](const toml::node& number) {
+    if (!number.is_number()) return false;
+    text += (text.empty() ? "" : ",") + shortest_decimal(*number.value<double>());
+    return true;
+  };
+  if (const toml::array* const array = node.as_array()) {
+    for (const toml::node& number : *array) {
+      if (!add(number)) return {};
+    }
+    return text;
+  }
+  return add(node) ? text : std::string();
+}
+
+class Reader {
+ public:
+  explicit Reader(const fs::path& path) : path_(path) {}
+
+  Result<CameraRig> read(const toml::table& document) {
+    for (const auto& [key, node] : document) {
+      Status status = Done{};
+      if (key == "world" && node.is_table()) {
+        status = read_world(*node.as_table());
+      } else if (key == "camera" && node.is_array_of_tables()) {
+        status = read_cameras(*node.as_array());
+      } else {
+        status = refuse(key.source(), "'" + std::string(key.str()) +
+                                          "' is not known: a rig has [world] and [[camera]]");
+      }
+      if (!status) return status.error();
+    }
+    const std::size_t num = rig_.cameras.size();
+    if (num == 0 || num > kMostCameras) {
+      return Error{Errc::bad_input, path_.string() + " has " + std::to_string(num) +
+                                        " [[camera]]; give 1 to " + std::to_string(kMostCameras)};
+    }
+    return std::move(rig_);
+  }
+
+ private:
+  Status read_world(const toml::table& world) {
+    for (const auto& [key, node] : world) {
+      const std::string numbers = numbers_text(node);
+      if (key == "frame" && node.is_string()) {
+        rig_.frame = **node.as_string();
+      } else if (key == "gravity" && std::ranges::count(numbers, ',') == 2) {
+        Vec3d& g = rig_.gravity.emplace();
+        std::sscanf(numbers.c_str(), "%lf,%lf,%lf", &g.x, &g.y, &g.z);
+      } else {
+        return refuse(key.source(), "[world] has frame = \"NAME\" and gravity = [x, y, z], not '" +
+                                        std::string(key.str()) + "' like this");
+      }
+    }
+    return Done{};
+  }
+
+  Status read_cameras(const toml::array& cameras) {
+    for (const toml::node& node : cameras) {
+      if (const Status status = read_camera(*node.as_table()); !status) return status.error();
+    }
+    return Done{};
+  }
+
+  /// Everything becomes words of a URI, which says what is wrong with them.
+  Status read_camera(const toml::table& table) {
+    const std::string number = std::to_string(rig_.cameras.size() + 1);
+    const auto text_of = [&](const char* key) { return table[key].value_or(std::string()); };
+    const std::string name = table.contains("name") ? text_of("name") : "camera " + number;
+    std::string uri = text_of("uri"), more;
+    if (uri.empty()) {
+      return refuse(table.source(), "camera " + number + " needs uri = \"KIND:TARGET\"");
+    }
+    for (const auto& [key, node] : table) {
+      const std::string_view word = key.str();
+      if (word == "name" || word == "uri") continue;
+      if (std::ranges::find(kCameraKeys, word) == kCameraKeys.end()) {
+        return refuse(key.source(), "[[camera]] has no key '" + std::string(word) +
+                                        "'; the nearest one is '" +
+                                        nearest_word(word, std::vector<std::string>(
+                                                               kCameraKeys.begin(),
+                                                               kCameraKeys.end())) +
+                                        "'");
+      }
+      if (word == "pose_from") {
+        if (text_of("pose_from").starts_with("tf:")) {
+          return refuse(node.source(), "pose_from = \"tf:FRAME\" is not supported yet; give a file "
+                                       "of poses, or pose");
+        }
+        more += "&poses=" + beside(text_of("pose_from"));
+        continue;
+      }
+      const std::string numbers = numbers_text(node);
+      if (numbers.empty()) {
+        return refuse(node.source(), "camera " + name + ": " + std::string(word) +
+                                         " must be a number or a list of numbers");
+      }
+      more += "&" + std::string(word) + "=" + numbers;
+    }
+    if (!more.empty() && uri.find('?') == std::string::npos) more.front() = '?';
+    auto parsed = parse_camera_uri(uri + more);
+    if (!parsed) return refuse(table.source(), parsed.error().message);
+    const bool is_file = parsed->kind == "folder" || fs::exists(beside(parsed->target));
+    if (is_file) parsed->target = beside(parsed->target);
+    if (!names_.insert(name).second) {
+      return refuse(table.source(), "two cameras are called '" + name + "'");
+    }
+    rig_.cameras.push_back({name, *std::move(parsed)});
+    return Done{};
+  }
+
+  std::string beside(const std::string& file) const {
+    return file.empty() ? file : (path_.parent_path() / file).string();
+  }
+  Error refuse(const toml::source_region& where, const std::string& what) const {
+    return {Errc::bad_input,
+            path_.string() + " line " + std::to_string(where.begin.line) + ": " + what};
+  }
+
+  fs::path path_;
+  CameraRig rig_;
+  std::set<std::string> names_;
+};
+
+}  // namespace
+
+Result<CameraRig> load_rig(const fs::path& path) {
+  const auto document = read_toml(path);
+  if (!document) return document.error();
+  return Reader(path).read(*document);
+}
+
+Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<Pose>& X_WC) {
+  auto document = read_toml(path);
+  if (!document) return document.error();
+  toml::array* const cameras = (*document)["camera"].as_array();
+  if (cameras == nullptr || cameras->size() != X_WC.size()) {
+    return Error{Errc::bad_input, path.string() + " has changed meanwhile"};
+  }
+  for (std::size_t i = 0; i < X_WC.size(); ++i) {
+    const auto& [p, q] = X_WC[i];
+    (*cameras)[i].as_table()->insert_or_assign(
+        "pose", toml::array{p.x, p.y, p.z, q.x, q.y, q.z, q.w});
+  }
+  std::ostringstream text;
+  text << *document << "\n";
+  return text.str();
+}
+
+}  // namespace palpate

@@ -1,0 +1,60 @@
+// Where a tool is in a camera at the camera's two moments: the newer one first.
+#pragma once
+
+#include "palpate/field/surface_timeline.h"
+#include "src/contact/field/field_bound.h"
+
+namespace palpate {
+
+/// Has the surface both fields that cameras are joined by?
+inline bool has_both(const SurfaceView& surface) {
+  return surface.field.num_levels > 0 && surface.seen_free.num_levels > 0;
+}
+
+struct CameraSeats {
+  CameraSeats(const SurfaceBlend& view, const Pose& X_WT) {
+    const bool is_between = view.progress < 1 && has_both(view.from) &&
+                            have_one_grid(view.from.field, view.to.field);
+    num_moments = is_between ? 2 : 1;
+    has_moved = is_between && !(view.from.X_WC == view.to.X_WC);
+    place(0, view.to.X_WC, X_WT);
+    if (has_moved) {
+      place(1, view.from.X_WC, X_WT);
+    } else {
+      q_WC[1] = q_WC[0];
+      X_CT[1] = X_CT[0];
+    }
+  }
+
+  /// Has the tool left what the fields were made for? `p_TC`, `reach`: a ball around it.
+  bool is_outside_window(const SurfaceBlend& view, const Vec3d& p_TC, double reach) const {
+    const auto& [from, to, progress] = view;
+    if (!has_moved) return palpate::is_outside_window(from, to, progress, X_CT[0] * p_TC, reach);
+    return palpate::is_outside_window(to, to, 1, X_CT[0] * p_TC, reach) ||
+           palpate::is_outside_window(from, from, 1, X_CT[1] * p_TC, reach);
+  }
+
+  void write_rotations(float (&R_WC)[2][3][3]) const {
+    for (int f = 0; f < 2; ++f) {
+      const Mat3d R = rotation_matrix(q_WC[f]);
+      for (int row = 0; row < 3; ++row) {
+        for (int column = 0; column < 3; ++column) {
+          R_WC[f][row][column] = static_cast<float>(R.m[row][column]);
+        }
+      }
+    }
+  }
+
+  int num_moments = 1;
+  bool has_moved = false;
+  Quaternion q_WC[2];
+  Pose X_CT[2];
+
+ private:
+  void place(int f, const Pose& X_WC, const Pose& X_WT) {
+    q_WC[f] = normalized(X_WC.rotation);
+    X_CT[f] = inverse({X_WC.translation, q_WC[f]}) * X_WT;
+  }
+};
+
+}  // namespace palpate

@@ -1,0 +1,16 @@
+// TOML files of somebody else's.
+#pragma once
+
+#define TOML_EXCEPTIONS 0
+#include <toml++/toml.h>
+
+#include <filesystem>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// Letters beyond ASCII become '?'. Errors: no such file, too large, not TOML, with the line.
+Result<toml::table> read_toml(const std::filesystem::path& path);
+
+}  // namespace palpate
