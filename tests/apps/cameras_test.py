@@ -99,8 +99,13 @@ class Cameras(unittest.TestCase):
         touch = ["touch", self.tool, "-o", self.run_folder()]
         self.refused("give one of --camera", *touch, "--camera", "pipe:-", "--scene", "hand",
                      status=2)
-        self.refused("several cameras", *touch, "--camera", "scene:hand", "--camera", "scene:hand",
-                     status=2)
+        self.refused("several cameras are joined by the method field", *touch, "--camera",
+                     "scene:hand", "--camera", "scene:hand", "--method", "graph")
+        self.refused("frame of one camera", *touch, "--camera", "scene:hand?pose=1,0,0,0,0,0,1",
+                     "--device", "sim", "--ros2", status=2)
+        self.refused("no path is made up", *touch, "--probe", "80,60", "--camera",
+                     f"scene:hand?poses={self.orbit()}")
+        self.refused("needs uri", *touch, "--rig", self.rig("[[camera]]\nname = 'a'\n"))
         self.refused("'size' must be", *touch, "--camera", "pipe:-?size=big", status=2)
         self.refused("goes with --depth-sequence", *touch, "--camera", "pipe:-", "--intrinsics",
                      INTRINSICS, status=2)
@@ -111,6 +116,77 @@ class Cameras(unittest.TestCase):
         self.refused("holds no frame", *touch, "--camera",
                      f"pipe:-?size=160x120&intrinsics={INTRINSICS}", input=b"")
         self.assertFalse(self.run_folder().exists())
+
+    def orbit(self):
+        """Poses of a camera on an arc around 0, 0, 0.8 m."""
+        path = self.folder / "orbit.tum"
+        lines = []
+        for k in range(81):
+            t, angle = k / 20, 0.3 * math.sin(k / 20)
+            lines.append(f"{t} {0.8 * math.sin(angle)} 0 {0.8 - 0.8 * math.cos(angle)} "
+                         f"0 {-math.sin(angle / 2)} 0 {math.cos(angle / 2)}\n")
+        path.write_text("".join(lines))
+        return path
+
+    def rig(self, text):
+        path = self.folder / "rig.toml"
+        path.write_text(text)
+        return path
+
+    def test_several_cameras_of_which_one_moves(self):
+        orbit = self.orbit()
+        side = "0.4 0 0.107180 0 -0.258819 0 0.965926".replace(" ", ",")
+        scene = "scene:sphere-out-320?noise=off&size=160x120"
+        one, two, rig = (self.folder / name for name in ("one", "two", "rigged"))
+        self.check(palpate("touch", self.tool, "--camera", scene, "-o", one))
+        self.check(palpate("touch", self.tool, "--camera", f"{scene}&poses={orbit}", "--camera",
+                           f"{scene}&pose={side}", "-o", two))
+        self.check(palpate("touch", self.tool, "--rig", self.rig(
+            f"[[camera]]\nuri = '{scene}'\npose_from = 'orbit.tum'\n"
+            f"[[camera]]\nuri = '{scene}'\npose = [{side}]\n"), "-o", rig))
+        self.assertEqual((two / "wrench.csv").read_bytes(), (rig / "wrench.csv").read_bytes())
+        self.assertIn(b"identical: 4000 ticks", self.check(palpate("replay", two)).stdout)
+        # The same ball, wherever it is seen from.
+        def volumes(run):
+            lines = (run / "wrench.csv").read_text().splitlines()
+            column = lines[0].split(",").index("fraction")
+            return [float(line.split(",")[column]) for line in lines[1:]]
+        for alone, joined in list(zip(volumes(one), volumes(two)))[::100]:
+            self.assertAlmostEqual(alone, joined, delta=0.01)
+        self.assertEqual(self.summary(two)["frames"], 2 * self.summary(one)["frames"])
+        live = self.folder / "live_two"
+        self.check(palpate("touch", self.tool, "--camera", scene, "--camera",
+                           f"{scene}&pose={side}", "--device", "sim", "--duration", 2,
+                           "--set", "safety.max_sensor_age=10", "--set",
+                           "safety.max_contact_age=10", "-o", live))
+        self.assertIn(b"identical", self.check(palpate("replay", live)).stdout)
+
+    def test_rosbags_reads_several_cameras(self):
+        try:
+            import rosbags.highlevel
+        except ImportError:
+            self.skipTest("there is no rosbags; scripts/setup.sh --test installs it")
+        run = self.run_folder()
+        scene = "scene:wall?noise=off&size=64x48"
+        self.check(palpate("touch", self.tool, "--camera", f"{scene}&poses={self.orbit()}",
+                           "--camera", f"{scene}&pose=0.1,0,0,0,0,0,1", "-o", run))
+        with rosbags.highlevel.AnyReader([run / "recording.mcap"]) as reader:
+            counts = {each.topic: each.msgcount for each in reader.connections}
+            self.assertEqual(counts["/depth"], counts["/camera_2/depth"])
+            places = {"camera": [], "camera_2": []}
+            for connection, _, data in reader.messages():
+                if connection.topic not in ("/tf", "/tf_static"):
+                    continue
+                for tf in reader.deserialize(data, connection.msgtype).transforms:
+                    if tf.child_frame_id in places:
+                        self.assertEqual(tf.header.frame_id, "world")
+                        places[tf.child_frame_id].append(
+                            (connection.topic, tf.transform.translation.x))
+            self.assertEqual(places["camera_2"], [("/tf_static", 0.1)])
+            self.assertEqual(len(places["camera"]), counts["/depth"])
+            self.assertEqual({topic for topic, _ in places["camera"]}, {"/tf"})
+            self.assertAlmostEqual(max(x for _, x in places["camera"]), 0.8 * math.sin(0.3),
+                                   delta=1e-3)
 
     @staticmethod
     def no_libraries(**more):

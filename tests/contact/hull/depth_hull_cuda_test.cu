@@ -53,8 +53,8 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
       const Pose X_WT = random_pose(random);
       std::vector<SurfaceBlend> views = scene.views;
       for (std::size_t k = 0; i % 2 == 1 && k < views.size(); ++k) {
-        views[k] = {scene.views[k].to, later.views[k].to,
-                            random.uniform(0, 1)};
+        views[k] = {scene.views[k].to, later.views[k].to, random.uniform(0, 1)};
+        if (i % 4 == 1) views[k].from.X_WC = views[k].to.X_WC;  // else it has moved
       }
       const ContactResult want =
           cpu->measure(views, X_WT, {.states = cpu_states, .planes = cpu_planes});

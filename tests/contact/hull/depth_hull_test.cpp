@@ -221,6 +221,32 @@ TEST(DepthHull, OneCameraIsMeasuredInItsOwnFrame) {
   }
 }
 
+// It is where it was at each of its two frames.
+TEST(DepthHull, OneCameraThatHasMovedIsMeasuredFromBothPlaces) {
+  Random random(17);
+  const HullScene scene = test::rough_scene(2, {}, random);
+  const Tool tool = test::random_tool(300, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  SurfaceView from = scene.views[0].to, to = scene.views[1].to;
+  from.seen_free = to.seen_free = {};
+  const ContactWants wants{.stiffness = true};
+  int num_felt = 0;
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT = random_pose(random);
+    const double t = random.uniform(0, 1);
+    const ContactResult got = query->measure(from, to, t, X_WT, wants);
+    const ContactResult a = query->measure(from, X_WT, wants), b = query->measure(to, X_WT, wants);
+    const auto between = [&](double before, double now) { return (1 - t) * before + t * now; };
+    EXPECT_EQ(got.penetration.volume, between(a.penetration.volume, b.penetration.volume));
+    EXPECT_EQ(got.penetration.measure_W.force.x,
+              between(a.penetration.measure_W.force.x, b.penetration.measure_W.force.x));
+    EXPECT_EQ(got.stiffness->m[2][4], between(a.stiffness->m[2][4], b.stiffness->m[2][4]));
+    expect_same_bits(query->measure(from, to, 1, X_WT, wants), b);
+    num_felt += a.penetration.volume > 0 && b.penetration.volume > 0;
+  }
+  EXPECT_GT(num_felt, 5);
+}
+
 TEST(DepthHull, WhoSeesNothingAbstains) {
   Random random(16);
   const HullScene scene = test::rough_scene(3, {}, random);
@@ -310,8 +336,8 @@ TEST(DepthHull, BetweenTwoMomentsOfEachCameraItIsThatOfTheirFieldsBetween) {
   for (int i = 0; i < 30; ++i) {
     std::vector<SurfaceBlend> views = first.views;
     for (std::size_t k = 0; k < views.size(); ++k) {
-      views[k] = {first.views[k].to, second.views[k].to,
-                          k == 0 ? 1.0 : random.uniform(0, 1)};
+      views[k] = {first.views[k].to, second.views[k].to, k == 0 ? 1.0 : random.uniform(0, 1)};
+      if (i % 2 == 0) views[k].from.X_WC = views[k].to.X_WC;  // else it has moved
     }
     const Pose X_WT = random_pose(random);
     const Penetration got = query->measure(views, X_WT).penetration;

@@ -1,0 +1,167 @@
+// Recordings of runs with several cameras, of which one moves: repeated to the bit, in parts, with
+// other settings.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "palpate/session/run.h"
+#include "src/io/ros_messages.h"
+#include "src/session/internal/run_folder.h"
+#include "src/session/run_reader.h"
+#include "tests/session/path_run.h"
+#include "tests/session/recorded_messages.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/posed_wall.h"
+#include "tests/test_util/temporary_folder.h"
+
+namespace palpate {
+namespace {
+
+using test::beside_wall;
+using test::PosedWall;
+using test::TemporaryFolder;
+
+constexpr double kRate = 200;     // of ticks, 1/s
+constexpr double kSeconds = 2.5;  // of a run
+
+/// A tool that goes into the wall at z = 0.5 and out again.
+Pose pressing(double time) {
+  return {{0.01 * time, 0.005, 0.47 + 0.03 * std::sin(3 * time)},
+          axis_angle({1, 2, 3}, 0.3 * time)};
+}
+Pose orbit(double time) { return beside_wall(0.3 * std::sin(2 * time)); }
+
+/// 30, 12 and 20 Hz; the last one moves.
+struct Walls {
+  PosedWall left{[](double) { return beside_wall(0.5); }, 30, 0.5, int(30 * kSeconds)};
+  PosedWall right{[](double) { return beside_wall(-0.4); }, 12, 0.5, int(12 * kSeconds)};
+  PosedWall moving{orbit, 20, 0.5, int(20 * kSeconds)};
+
+  DepthSources sources() { return DepthSources({&left, &right, &moving}); }
+};
+
+const Tool& tool() {
+  static const Tool made = test::random_tool(200, 0.03, 7);
+  return made;
+}
+
+Result<RunOutcome> record(const std::filesystem::path& run, const RunSettings& settings,
+                          const RecordingOptions& recording = {}) {
+  Walls walls;
+  auto device = test::path_device(pressing, kRate);
+  RunOptions options;
+  options.recording = recording;
+  return record_run(tool(), walls.sources(), **device, settings, run, options);
+}
+
+TEST(RunsOfSeveralCameras, AreRepeatedToTheBit) {
+  for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
+    const TemporaryFolder folder;
+    RunSettings settings = test::path_settings(kRate);
+    settings.coupling.kind = kind;
+    settings.safety.max_contact_age = settings.safety.max_sensor_age = 60;
+    const auto outcome = record(folder.path() / "run", settings);
+    ASSERT_TRUE(outcome) << outcome.error().message;
+    EXPECT_EQ(outcome->failure, "");
+    EXPECT_GT(outcome->peaks.volume, 1e-6);
+    EXPECT_GT(outcome->loop.num_frames, 140u);
+    const auto replay = replay_run(folder.path() / "run", {.num_threads = 2});
+    ASSERT_TRUE(replay) << replay.error().message;
+    EXPECT_EQ(replay->difference, "");
+    EXPECT_EQ(replay->note, "");
+    EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
+    EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
+  }
+}
+
+TEST(RunsOfSeveralCameras, AreRepeatedInParts) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  const auto outcome = record(run, test::path_settings(kRate), {.split_bytes = 1});
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  const auto parts = recording_parts(run);
+  ASSERT_EQ(parts.size(), 3u);
+  std::size_t num_ticks = 0;
+  for (const auto& part : parts) {
+    const auto alone = replay_run(part);
+    ASSERT_TRUE(alone) << alone.error().message;
+    EXPECT_EQ(alone->difference, "") << part;
+    EXPECT_EQ(alone->note, "") << part;
+    num_ticks += alone->num_ticks;
+  }
+  EXPECT_EQ(num_ticks, outcome->loop.num_ticks);
+  const auto all = replay_run(run);
+  ASSERT_TRUE(all) << all.error().message;
+  EXPECT_EQ(all->difference, "");
+  EXPECT_EQ(all->num_contacts, outcome->loop.num_contacts);
+}
+
+TEST(RunsOfSeveralCameras, HoldEveryFrameAndWhereItsCameraWas) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(record(folder.path() / "run", test::path_settings(kRate)));
+  auto reader = RunReader::open(folder.path() / "run");
+  ASSERT_TRUE(reader) << reader.error().message;
+  ASSERT_EQ(reader->setup().streams.size(), 3u);
+  EXPECT_EQ(reader->setup().streams[1].rate, 12);
+  EXPECT_FALSE(reader->setup().streams[1].is_moving);
+  EXPECT_TRUE(reader->setup().streams[2].is_moving);
+  Walls again;
+  PosedWall* const sources[] = {&again.left, &again.right, &again.moving};
+  RecordedDepth recorded;
+  DepthFrame frame;
+  std::map<std::uint32_t, int> num;
+  while (*reader->next_frame(recorded)) {
+    ASSERT_LT(recorded.record.camera, 3u);
+    EXPECT_EQ(recorded.record.camera_frame, num[recorded.record.camera]++);
+    ASSERT_TRUE(sources[recorded.record.camera]->next(frame).value());
+    EXPECT_EQ(recorded.frame.pixels, frame.pixels);
+    EXPECT_EQ(recorded.frame.X_WC, frame.X_WC);
+    EXPECT_EQ(recorded.frame.timestamp, frame.timestamp);
+  }
+  EXPECT_EQ(num[0], int(30 * kSeconds));
+  EXPECT_EQ(num[1], int(12 * kSeconds));
+  EXPECT_EQ(num[2], int(20 * kSeconds));
+}
+
+// What is lost of one camera ends what can be repeated, and says so.
+TEST(RunsOfSeveralCameras, MissAFrame) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(record(folder.path() / "run", test::path_settings(kRate)));
+  auto messages = test::messages(folder.path() / "run");
+  const auto is_lost = [](const auto& message) {
+    if (message.channel.topic != kFrameTopic) return false;
+    const auto frame = read_frame(message.data);
+    return frame && frame->camera == 1 && frame->camera_frame == 7;
+  };
+  const auto lost = std::find_if(messages.begin(), messages.end(), is_lost);
+  ASSERT_NE(lost, messages.end());
+  messages.erase(lost);
+  test::rewrite(folder.path() / "run", messages);
+  const auto replay = replay_run(folder.path() / "run");
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_NE(replay->note.find("a depth frame after it was not recorded"), std::string::npos)
+      << replay->note;
+}
+
+TEST(RunsOfSeveralCameras, AreTriedWithOtherSettings) {
+  const TemporaryFolder folder;
+  const auto outcome = record(folder.path() / "run", test::path_settings(kRate));
+  ASSERT_TRUE(outcome);
+  const auto same = retry_run(folder.path() / "run", folder.path() / "same",
+                              [](RunSettings&) { return Done{}; });
+  ASSERT_TRUE(same) << same.error().message;
+  EXPECT_EQ(same->run.loop.num_frames, outcome->loop.num_frames);
+  EXPECT_LT(same->forces.max, 1e-9);
+  const auto other = retry_run(folder.path() / "run", folder.path() / "other",
+                               [](RunSettings& settings) {
+                                 settings.binning = 2;
+                                 return Done{};
+                               });
+  ASSERT_TRUE(other) << other.error().message;
+  EXPECT_GT(other->forces.max, 1e-6);
+  EXPECT_LT(other->forces.max, 0.1 * other->forces.peak_before);
+}
+
+}  // namespace
+}  // namespace palpate
