@@ -38,9 +38,9 @@ bool comes_once(const TouchOptions& options, const DepthStreamInfo& stream) {
 Status add_probing_path(const TouchOptions& options, const Tool& tool, const OpenDepthSource& open,
                         TouchInput& input) {
   if (input.stream().is_moving) {
-    return Error{Errc::bad_input,
-                 input.stream().name +
-                     " moves: no path is made up for it; give --path, or a --device"};
+    return Error{
+        Errc::bad_input,
+        input.stream().name + " moves: no path is made up for it; give --path, or a --device"};
   }
   const Pose& X_WC = first_camera(options).X_WC;
   ProbeAim aim = options.aim;
@@ -117,8 +117,8 @@ Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input
   const std::string scene = scene_name(options);
   if (!scene.empty() && !is_aimed(options.aim)) return add_path_of_scene(scene, input);
   return add_probing_path(
-      options, tool,
-      [&] { return open_stream(options, first_camera(options), options.duration); }, input);
+      options, tool, [&] { return open_stream(options, first_camera(options), options.duration); },
+      input);
 }
 
 Status add_sources(const TouchOptions& options, TouchInput& input) {
@@ -150,8 +150,7 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
   input.path_start = input.path.empty() ? 0 : input.path.front().time;
   input.time_origin = input.path_start;
   const bool has_file = !options.path.empty() || options.is_replay();
-  const bool is_recorded =
-      scene_name(options).empty() && !comes_once(options, input.stream());
+  const bool is_recorded = scene_name(options).empty() && !comes_once(options, input.stream());
   if (!is_recorded || !has_file) return Done{};
   const auto first = first_stamp(options);
   if (!first) return first.error();

@@ -68,8 +68,7 @@ Result<std::unique_ptr<HapticDevice>> make_simulated_hand(const TouchOptions& op
 /// How long the run is to last by the path and what people say; infinite: until the frames end.
 Result<double> path_duration(const TouchOptions& options, const TouchInput& input) {
   if (input.path.empty()) {
-    return Error{Errc::bad_input,
-                 input.stream().name + " has no path of its own: give --path"};
+    return Error{Errc::bad_input, input.stream().name + " has no path of its own: give --path"};
   }
   if (options.duration) return *options.duration;
   const double length = input.path.back().time - input.path_start;
@@ -274,7 +273,8 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     }
     return !interrupted() && !view->wants_end();
   };
-  const auto outcome = record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
+  const auto outcome =
+      record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
   if (page) page->say_goodbye();
   if (!outcome) return outcome.error();
   return tell(options, tool, *outcome, input.probe, said, !is_live && interrupted());

@@ -240,9 +240,10 @@ void add_path_options(CLI::App& app, Options& options) {
          "poses of the tool: lines 't tx ty tz qx qy qz qw'; default: the scene's, or a probe "
          "at one place, see --probe")
       ->type_name("FILE");
-  add_word(app, "--path-frame", options.path_frame,
-           "what the poses of --path and replay: are: of the tool in the world, which is the camera "
-           "frame unless cameras have poses, or of the handle in the device's base");
+  add_word(
+      app, "--path-frame", options.path_frame,
+      "what the poses of --path and replay: are: of the tool in the world, which is the camera "
+      "frame unless cameras have poses, or of the handle in the device's base");
   add_word(app, "--align", options.align,
            "path and depth frames by their time stamps, or both begin at once; auto: by stamps "
            "if both count from 1970");
@@ -306,8 +307,9 @@ void add_touch(CLI::App& program, Action& action) {
     });
     if (options->ros.is_wanted &&
         (has_poses || options->cameras.size() > 1 || !options->rig.empty())) {
-      usage_error("touch: --ros2 publishes in the frame of one camera: leave poses and other "
-                  "cameras out");
+      usage_error(
+          "touch: --ros2 publishes in the frame of one camera: leave poses and other "
+          "cameras out");
     }
     check(*options);
     action = [options] { return run_touch(*options); };

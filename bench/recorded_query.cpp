@@ -45,7 +45,8 @@ Status time_queries(const std::filesystem::path& folder) {
   const auto tool = reader->load_tools();
   if (!tool) return tool.error();
   const RunSetup& setup = reader->setup();
-  auto parts = make_run_parts(ToolIndex::create(*tool), setup.streams, setup.device, setup.settings);
+  auto parts =
+      make_run_parts(ToolIndex::create(*tool), setup.streams, setup.device, setup.settings);
   if (!parts) return parts.error();
   const ContactQuery& query = parts->contact->query();
   ThreadPool pool(0);

@@ -107,7 +107,7 @@ LIBRARIES = (
     (r"zstd\.h", ("io",)),
     (r"nlohmann/", ("io", "devices", "session", "viewer", "eval", "apps")),
     (r"boost/(beast|asio)", ("devices", "viewer")),
-    (r"toml\+\+/", ("session",)),
+    (r"toml\+\+/", ("io",)),
     (r"CLI/", ("apps",)),
     (r"embree\d*/", ("scenes",)),
     (r"nanobind/", ("python",)),

@@ -205,10 +205,13 @@ class Run:
         """What was noted while it went on."""
         return self._read_recording()["notes"]  # type: ignore[no-any-return]
 
-    def frames(self) -> _core.RecordedFrames:
-        """Its depth images one after the other: time (s) and (H, W) uint16 counts."""
+    def frames(self, camera: int = 0) -> _core.RecordedFrames:
+        """The depth images of a camera one after the other: time (s) and (H, W) uint16 counts.
+
+        camera: its number, from 0. Where it was: frame_records["camera_pose.position.x"] and so on,
+        at the rows whose "camera" is its number."""
         self.wait()
-        return _core.RecordedFrames(self._folder)
+        return _core.RecordedFrames(self._folder, camera)
 
     @property
     def camera(self) -> _core.Camera:
@@ -309,7 +312,8 @@ def touch(
     """Feels depth images with a tool; the loop is in C++ and goes on while Python does other things.
 
     cameras: a camera as `palpate touch --camera` takes it ("scene:pottery", "folder:frames", ...),
-        or a PushedCamera of your own.
+        or a PushedCamera of your own; a list of several is joined, each where its pose says
+        ("scene:hand?pose=tx,ty,tz,qx,qy,qz,qw", Camera(..., pose=)).
     path_or_device: where the tool goes: (N, 8) rows time tx ty tz qx qy qz qw (s, X_WT) or a file
         with them, felt on a simulated clock as fast as can be (in real time from a PushedCamera);
         or a device: "sim", "haply", ... or an object with read(), which gives the handle's pose
@@ -326,10 +330,8 @@ def touch(
     `with palpate.touch(...) as run:` ends it with the block. Errors while it is set up are raised
     here, later ones by Run.wait and whatever waits.
     """
-    if not isinstance(cameras, (str, _core.PushedCamera)):
-        if len(cameras) != 1:
-            raise _core.Error(f"touch takes one camera, not {len(cameras)}")
-        cameras = cameras[0]
+    if isinstance(cameras, (str, _core.PushedCamera)):
+        cameras = [cameras]
     path: Any = path_or_device
     if _is_device(path_or_device):
         if device is not None:
@@ -340,7 +342,7 @@ def touch(
     run = Run(folder)
     run._temporary = temporary
     run._loop = _core.start_run(
-        tool, cameras, path, device, duration, on_tick, folder, settings_file, settings
+        tool, list(cameras), path, device, duration, on_tick, folder, settings_file, settings
     )
     _going_on[folder.resolve()] = run
     return run

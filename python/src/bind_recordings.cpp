@@ -39,6 +39,10 @@ class Columns {
   void visit(const std::string& name, T& value) {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
       append(name, static_cast<double>(value));
+    } else if constexpr (std::same_as<T, CameraMoments>) {
+      for (std::uint32_t k = 0; k < value.num; ++k) {
+        visit(name + "." + std::to_string(k), value.of[k]);
+      }
     } else if constexpr (requires { value.m[5][5]; }) {
       for (int row = 0; row < 6; ++row) {
         for (int column = 0; column < 6; ++column) {

@@ -34,7 +34,12 @@ struct PyPushedCamera {
   PyCamera camera;
   DepthFrame frame = {};
 
-  void push(nb::handle depth, std::optional<double> time) {
+  void push(nb::handle depth, std::optional<double> time, const nb::object& pose) {
+    if (!pose.is_none() && !source->info().is_moving) {
+      throw nb::value_error("pose: this camera stands still; make it with moving=True");
+    }
+    frame.X_WC = pose.is_none() ? camera.X_WC : pose_of(pose, "pose");
+    if (!is_finite(frame.X_WC)) throw nb::value_error("pose: not finite");
     const auto counts = counts_of(depth);
     if (counts.ndim() != 2) refuse_shape("depth", shape_of(counts), "(H, W)");
     frame.width = static_cast<int>(counts.shape(1));
@@ -66,10 +71,11 @@ struct PyPushedCamera {
 };
 
 PyPushedCamera make_pushed(const PyCamera& camera, double rate, bool has_time_stamps,
-                           double latency) {
+                           double latency, bool is_moving) {
   DepthStreamInfo info = camera.stream();
   info.rate = rate;
   info.is_live = true;
+  info.is_moving = is_moving;
   info.name = "a camera in Python";
   return {taken(PushedSource::create(info, {has_time_stamps, latency})), camera};
 }
@@ -173,7 +179,7 @@ struct Touch {
     options.limits = find_device_model("sigma.7")->limits;
     options.name = "a path";
     if (!(options.duration > 0)) {
-      if (!request.source->info().num_frames) {
+      if (!request.sources.front()->info().num_frames) {
         throw PalpateError("neither the path nor the frames end by themselves: give duration");
       }
       options.duration = std::numeric_limits<double>::infinity();
@@ -195,8 +201,8 @@ struct Touch {
   }
 };
 
-/// `camera`: words of open_camera, or a PyPushedCamera.
-std::unique_ptr<RunInThread> start_run(const PyTool& tool, nb::handle camera, nb::handle path,
+/// `cameras`: a list of words of open_camera and PyPushedCameras.
+std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& cameras, nb::handle path,
                                        nb::handle device, std::optional<double> duration,
                                        nb::object on_tick, const std::filesystem::path& folder,
                                        const std::optional<std::filesystem::path>& settings_file,
@@ -210,21 +216,26 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, nb::handle camera, nb
   touch.duration = duration.value_or(touch.duration);
   const bool is_live = !device.is_none();
   touch.path = path_of(path);
-  PyPushedCamera* pushed = nullptr;
-  const bool is_pushed = nb::try_cast<PyPushedCamera*>(camera, pushed, false) && pushed != nullptr;
-  if (is_pushed) {
-    request.source = pushed->source;
-  } else {
+  bool is_pushed = false;
+  for (const nb::handle camera : cameras) {
+    PyPushedCamera* pushed = nullptr;
+    if (nb::try_cast<PyPushedCamera*>(camera, pushed, false) && pushed != nullptr) {
+      request.sources.push_back(pushed->source);
+      is_pushed = true;
+      continue;
+    }
     const auto uri = nb::cast<std::string>(camera);
     constexpr double kLongest = 86400;  // a hand takes its time
     std::unique_ptr<DepthSource> source =
         taken(open_camera(uri, {is_live, is_live ? std::optional(kLongest) : duration}));
     if (touch.path.empty()) touch.path = path_of_scene(uri);
     if (is_live && !source->info().is_live) source = taken(read_ahead(std::move(source)));
-    request.source = std::move(source);
+    request.sources.push_back(std::move(source));
   }
+  if (request.sources.empty()) throw nb::value_error("cameras: give one, or several");
+  const DepthStreamInfo& stream = request.sources.front()->info();
   request.settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
-  request.settings.surface = surface_options_for(request.source->info().sensor);
+  request.settings.surface = surface_options_for(stream.sensor);
   SettingTable table = settings_of(request.settings);
   if (settings_file) taken(read_settings_file(*settings_file, table));
   apply(settings, table);
@@ -234,7 +245,7 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, nb::handle camera, nb
     touch.take_device(device);
   } else if (touch.path.empty()) {
     throw PalpateError("these frames have no path of their own: give a path, or a device");
-  } else if (request.source->info().is_live) {
+  } else if (stream.is_live) {
     touch.play_path();
   } else {
     touch.take_path(duration.has_value());
@@ -305,21 +316,23 @@ void bind_runs(nb::module_& m) {
 
 camera: the numbers of the images. rate: nominal, frames per second. has_time_stamps: push is told
 times of the camera's own clock, s; else an image is captured when it is pushed. latency: s from the
-exposure to the time stamp.)")
+exposure to the time stamp. moving: each push says where the camera is.)")
       .def(
           "__init__",
           [](PyPushedCamera* self, const PyCamera& camera, double rate, bool has_time_stamps,
-             double latency) {
-            new (self) PyPushedCamera(make_pushed(camera, rate, has_time_stamps, latency));
+             double latency, bool moving) {
+            new (self) PyPushedCamera(make_pushed(camera, rate, has_time_stamps, latency, moving));
           },
           nb::arg("camera"), nb::kw_only(), nb::arg("rate") = 30.0,
-          nb::arg("has_time_stamps") = false, nb::arg("latency") = 0.0)
-      .def("push", &PyPushedCamera::push, nb::arg("depth"), nb::kw_only(),
-           nb::arg("time") = nb::none(),
-           nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None) -> "
-                   "None"),
-           R"(depth: (H, W) uint16 counts or float32 metres. Never waits for whoever feels it: the
-newest image wins. From any thread.)")
+          nb::arg("has_time_stamps") = false, nb::arg("latency") = 0.0, nb::arg("moving") = false)
+      .def(
+          "push", &PyPushedCamera::push, nb::arg("depth"), nb::kw_only(),
+          nb::arg("time") = nb::none(), nb::arg("pose") = nb::none(),
+          nb::sig("def push(self, depth: palpate._types.Array, *, time: float | None = None, "
+                  "pose: palpate._types.Array | None = None) -> None"),
+          R"(depth: (H, W) uint16 counts or float32 metres. pose: X_WC of this image, (4, 4) or (7,), if
+the camera moves; None: its camera's. Never waits for whoever feels it: the newest image wins. From any
+thread.)")
       .def(
           "end", [](PyPushedCamera& self) { self.source->end(); }, "No more images come.");
 
@@ -335,10 +348,10 @@ newest image wins. From any thread.)")
         return tick ? std::optional(PyTick{*tick}) : std::nullopt;
       });
 
-  m.def("start_run", start_run, nb::arg("tool"), nb::arg("camera"), nb::arg("path").none(),
+  m.def("start_run", start_run, nb::arg("tool"), nb::arg("cameras"), nb::arg("path").none(),
         nb::arg("device").none(), nb::arg("duration").none(), nb::arg("on_tick").none(),
         nb::arg("folder"), nb::arg("settings_file").none(), nb::arg("settings"),
-        nb::sig("def start_run(tool: Tool, camera: str | PushedCamera, "
+        nb::sig("def start_run(tool: Tool, cameras: list[typing.Any], "
                 "path: palpate._types.Array | str | os.PathLike[str] | None, "
                 "device: str | palpate._types.Device | None, duration: float | None, "
                 "on_tick: collections.abc.Callable[[Tick], bool | None] | None, "

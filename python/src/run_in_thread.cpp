@@ -36,7 +36,7 @@ void RunInThread::wait_for_ticks() {
 
 RunInThread::~RunInThread() {
   is_stopping_ = true;
-  request_.source->cancel();
+  for (const auto& source : request_.sources) source->cancel();
   {
     const nb::gil_scoped_release no_gil;
     thread_.join();
@@ -46,7 +46,10 @@ RunInThread::~RunInThread() {
 
 void RunInThread::run() {
   RunRequest& r = request_;
-  auto outcome = record_run(*r.tool.tool, *r.source, *r.device, r.settings, r.folder, r.options);
+  std::vector<DepthSource*> sources;
+  for (const auto& source : r.sources) sources.push_back(source.get());
+  auto outcome = record_run(*r.tool.tool, DepthSources(std::move(sources)), *r.device, r.settings,
+                            r.folder, r.options);
   const std::lock_guard lock(mutex_);
   if (!outcome) {
     error_ = outcome.error();

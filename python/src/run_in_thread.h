@@ -8,6 +8,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
+#include <vector>
 
 #include "palpate/session/run.h"
 #include "python/src/arrays.h"
@@ -19,7 +20,7 @@ namespace palpate::python {
 /// All that a run needs, and owns.
 struct RunRequest {
   PyTool tool;
-  std::shared_ptr<DepthSource> source;
+  std::vector<std::shared_ptr<DepthSource>> sources;
   std::unique_ptr<HapticDevice> device;
   std::shared_ptr<nb::object> raised_by_device;  ///< of a PythonDevice
   RunSettings settings;

@@ -26,6 +26,45 @@ def recorded(cube, tmp_path_factory):
     return run
 
 
+def test_several_cameras_of_which_one_moves(cube, recorded, tmp_path):
+    """The wall stays where it is, whoever looks at it."""
+    poses = tmp_path / "poses.tum"
+    times = np.linspace(0, 2, 41)
+    poses.write_text("".join(f"{t} {0.1 * t} 0 {-0.05 * t} 0 0 0 1\n" for t in times))
+    cameras = [f"scene:wall?poses={poses}", "scene:wall?pose=-0.2,0,0,0,0.0998334,0,0.9950042"]
+    run = palpate.touch(cube, cameras, PATH, duration=0.5, output=tmp_path / "run")
+    run.wait()
+    deep = recorded.volume > 0.1 * cube.volume
+    assert run.volume[deep] == pytest.approx(recorded.volume[deep], rel=0.05)
+    moving, still = list(run.frames()), list(run.frames(camera=1))
+    assert len(moving) == len(still) == len(list(recorded.frames()))
+    rows = run.frame_records["camera"] == 0
+    x = run.frame_records["camera_pose.position.x"]
+    assert x[rows] == pytest.approx(0.1 * run.frame_records["source_time"][rows], abs=1e-9)
+    assert (x[~rows] == -0.2).all()
+    assert run.contacts["cameras.1.camera_frame"][-1] == len(still) - 1
+    with pytest.raises(ValueError, match="the run has 2"):
+        run.frames(camera=2)
+
+
+def test_pushed_cameras_say_where_they_are(cube):
+    camera = palpate.Camera(64, 48, 60, 60, 31.5, 23.5)
+    still = palpate.PushedCamera(camera)
+    with pytest.raises(ValueError, match="moving=True"):
+        still.push(np.ones((48, 64), np.float32), pose=[1, 0, 0, 0, 0, 0, 1])
+    moving = palpate.PushedCamera(camera, moving=True)
+    with palpate.touch(cube, [moving], np.array([[0, 0.5, 0, 0.99, 0, 0, 0, 1]] * 2) + [[0] * 8, [30] + [0] * 7],
+                       safety_max_sensor_age=60, safety_max_contact_age=60) as run:
+        k = 0
+        # The camera beside the tool, looking along z: 0.4 m from the wall at z = 1 m in the world.
+        while run.latest is None or run.latest.volume == 0:
+            moving.push(np.full((48, 64), 0.4, np.float32), pose=[0.5, 0, 0.6, 0, 0, 0, 1])
+            time.sleep(0.02)
+            k += 1
+            assert k < 1500
+        assert run.latest.volume == pytest.approx(0.01 * 0.04**2, rel=0.15)
+
+
 def test_a_path_on_a_simulated_clock(cube, recorded):
     assert recorded.times == pytest.approx(np.arange(500) / 1000)
     expected = np.array([np.interp(recorded.times, PATH[:, 0], PATH[:, 3])])
@@ -246,7 +285,8 @@ def test_bad_requests(cube, tmp_path):
     refused(palpate.Error, "no setting 'rate'", "scene:wall", PATH, rate=3)
     refused(palpate.Error, "contact_rate", "scene:wall", PATH, contact_rate=0)
     refused(ValueError, "duration", "scene:wall", PATH, duration=0)
-    refused(palpate.Error, "one camera", ["scene:wall", "scene:hand"], PATH)
+    refused(palpate.Error, "method field", ["scene:wall", "scene:hand"], PATH, method="graph")
+    refused(ValueError, "one, or several", [], PATH)
     refused(palpate.Error, "no-such", "scene:wall", tmp_path / "no-such.txt")
     refused(palpate.Error, "one device", "scene:wall", "sim", device="sim")
     refused(TypeError, "write", "scene:wall", device=object())

@@ -32,9 +32,10 @@ class PosedSource final : public DepthSource {
     std::vector<std::string> notes = source_->take_notes();
     if (const int num = num_unposed_.exchange(0); num > 0) {
       char text[160];
-      std::snprintf(text, sizeof text,
-                    "%d frames were left out: the camera's poses are known from %.3f to %.3f s only",
-                    num, poses_.begin(), poses_.end());
+      std::snprintf(
+          text, sizeof text,
+          "%d frames were left out: the camera's poses are known from %.3f to %.3f s only", num,
+          poses_.begin(), poses_.end());
       notes.push_back(text);
     }
     return notes;

@@ -32,7 +32,9 @@ class Pushed final : public PushedSource {
       intake_.add_note("was given a frame whose pixels do not fit its size; it is left out");
       return;
     }
+    const Pose X_WC = frame.X_WC;
     intake_.give(frame, truth_.model_of(raw_info_, frame.width, frame.height), now);
+    frame.X_WC = X_WC;  // of the memory that came back: what the caller has set stays
   }
   void end() override { intake_.end(false); }
 

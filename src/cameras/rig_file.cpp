@@ -100,17 +100,17 @@ class Reader {
       const std::string_view word = key.str();
       if (word == "name" || word == "uri") continue;
       if (std::ranges::find(kCameraKeys, word) == kCameraKeys.end()) {
-        return refuse(key.source(), "[[camera]] has no key '" + std::string(word) +
-                                        "'; the nearest one is '" +
-                                        nearest_word(word, std::vector<std::string>(
-                                                               kCameraKeys.begin(),
-                                                               kCameraKeys.end())) +
-                                        "'");
+        return refuse(key.source(),
+                      "[[camera]] has no key '" + std::string(word) + "'; the nearest one is '" +
+                          nearest_word(word, std::vector<std::string>(kCameraKeys.begin(),
+                                                                      kCameraKeys.end())) +
+                          "'");
       }
       if (word == "pose_from") {
         if (text_of("pose_from").starts_with("tf:")) {
-          return refuse(node.source(), "pose_from = \"tf:FRAME\" is not supported yet; give a file "
-                                       "of poses, or pose");
+          return refuse(node.source(),
+                        "pose_from = \"tf:FRAME\" is not supported yet; give a file "
+                        "of poses, or pose");
         }
         more += "&poses=" + beside(text_of("pose_from"));
         continue;
@@ -164,8 +164,8 @@ Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<
   }
   for (std::size_t i = 0; i < X_WC.size(); ++i) {
     const auto& [p, q] = X_WC[i];
-    (*cameras)[i].as_table()->insert_or_assign(
-        "pose", toml::array{p.x, p.y, p.z, q.x, q.y, q.z, q.w});
+    (*cameras)[i].as_table()->insert_or_assign("pose",
+                                               toml::array{p.x, p.y, p.z, q.x, q.y, q.z, q.w});
   }
   std::ostringstream text;
   text << *document << "\n";

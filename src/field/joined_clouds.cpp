@@ -6,9 +6,7 @@
 namespace palpate {
 
 PointCloud joined_clouds(std::span<const SurfaceBlend> cameras) {
-  const auto has_edges = [](const SurfaceBlend& view) {
-    return view.to.cloud.edge_x != nullptr;
-  };
+  const auto has_edges = [](const SurfaceBlend& view) { return view.to.cloud.edge_x != nullptr; };
   std::size_t num = 0;
   for (const SurfaceBlend& view : cameras) num += view.to.cloud.size();
   PointCloud joined(static_cast<int>(num), 1, {},

@@ -20,8 +20,7 @@ Status check(const SlotSettings& settings) {
     return Error{Errc::invalid_argument,
                  "a depth stream needs a frame rate above 0, or a first period above 0 s"};
   }
-  const bool looks_back =
-      time.mode == TimeMode::predict || time.average.kind != DepthAverage::none;
+  const bool looks_back = time.mode == TimeMode::predict || time.average.kind != DepthAverage::none;
   if (settings.stream.is_moving && looks_back) {
     return Error{Errc::invalid_argument,
                  "a camera that moves shows something else in each frame at one pixel: time.mode "

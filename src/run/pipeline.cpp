@@ -204,8 +204,8 @@ Result<Pipeline> Pipeline::create(const Tool& tool, std::vector<DepthStreamInfo>
   if (!parts) return parts.error();
   auto safety = SafetyFilter::create(device.limits, settings.safety);
   if (!safety) return safety.error();
-  return Pipeline(std::move(index), std::move(streams), device, settings, std::move(pool), *std::move(parts),
-                  *std::move(safety));
+  return Pipeline(std::move(index), std::move(streams), device, settings, std::move(pool),
+                  *std::move(parts), *std::move(safety));
 }
 
 SurfaceStats Pipeline::push(const DepthFrame& frame, double time, std::size_t camera) {

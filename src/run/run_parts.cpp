@@ -33,9 +33,10 @@ Status check_cameras(std::size_t num, const RunSettings& settings) {
                                              " cameras, not " + std::to_string(num)};
   }
   if (num > 1 && settings.contact.method != MethodKind::field) {
-    return Error{Errc::invalid_argument,
-                 "several cameras are joined by the method field alone; give --method field, or one "
-                 "camera"};
+    return Error{
+        Errc::invalid_argument,
+        "several cameras are joined by the method field alone; give --method field, or one "
+        "camera"};
   }
   return Done{};
 }

@@ -111,9 +111,10 @@ struct Reader {
         value.push_back(from.number<double>());
       }
     } else if constexpr (std::same_as<T, CameraMoments>) {
-      const auto num = from.number<std::uint32_t>();
-      value.num = std::min<std::uint32_t>(num, kMostCameras);
-      for (std::uint32_t k = 0; k < value.num; ++k) visit_fields(value.of[k], *this);
+      value.num = from.number<std::uint32_t>();
+      for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
+        visit_fields(value.of[k], *this);
+      }
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (auto& row : value.m) {
         for (double& number : row) number = from.number<double>();
@@ -226,7 +227,7 @@ struct Flattener {
     if constexpr (Scalar<T>) {
       put(at, value);
     } else if constexpr (std::same_as<T, CameraMoments>) {
-      for (std::uint32_t k = 0; k < value.num; ++k) {
+      for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
         visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
       }
     } else if constexpr (std::same_as<T, Stiffness>) {
@@ -296,8 +297,9 @@ Result<RunSetup> setup_of(const SettingsText& text) {
   setup.settings.objects = objects_from(json.at("objects"));
   for (const Json& stream : json.at("streams")) setup.streams.push_back(stream_from_json(stream));
   if (setup.streams.empty() || setup.streams.size() > kMostCameras) {
-    return Error{Errc::bad_input, "the recording has no camera, or more than there can be; record "
-                                  "the run again"};
+    return Error{Errc::bad_input,
+                 "the recording has no camera, or more than there can be; record "
+                 "the run again"};
   }
   if (json.contains("probe")) setup.probe = probe_from_json(json.at("probe"));
   setup.device = text.device;
@@ -363,7 +365,12 @@ Result<PartStart> read_part(std::string_view message) {
 }
 Result<FrameRecord> read_frame(std::string_view message) { return read<FrameRecord>(message); }
 Result<ContactRecord> read_contact(std::string_view message) {
-  return read<ContactRecord>(message);
+  auto contact = read<ContactRecord>(message);
+  if (contact && contact->cameras.num > kMostCameras) {
+    return Error{Errc::bad_input, "a contact has " + std::to_string(contact->cameras.num) +
+                                      " cameras, more than there can be; record the run again"};
+  }
+  return contact;
 }
 Result<TickRecord> read_tick(std::string_view message) { return read<TickRecord>(message); }
 Result<std::string> read_note(std::string_view message) {

@@ -16,7 +16,7 @@ namespace palpate {
 
 /// Everything that a repetition needs beside tool, frames, contacts and ticks.
 struct RunSetup {
-  RunSettings settings;  ///< shapes of objects are files inside the recording
+  RunSettings settings;                  ///< shapes of objects are files inside the recording
   std::vector<DepthStreamInfo> streams;  ///< of the cameras
   DeviceInfo device;
   std::uint32_t revision = 0;  ///< of the settings: counts what was changed while the run went on
@@ -28,13 +28,13 @@ struct RunSetup {
 
 /// How a part of a recording begins that is not the first one, before its settings.
 struct PartStart {
-  std::int32_t number = 0;        ///< of the part
-  std::uint32_t revision = 0;     ///< of the first settings that follow
+  std::int32_t number = 0;     ///< of the part
+  std::uint32_t revision = 0;  ///< of the first settings that follow
   /// s, of each camera: FrameRecord::period of its first frame that follows, which looks back no
   /// more; 0: none follows at once.
   std::vector<double> periods;
-  bool has_surfaces = true;       ///< frames and contacts that follow can be repeated from here
-  HandMoment hand;                ///< how the hand's side stands
+  bool has_surfaces = true;  ///< frames and contacts that follow can be repeated from here
+  HandMoment hand;           ///< how the hand's side stands
 };
 
 /// A depth frame with all that it takes to repeat its surface.

@@ -46,8 +46,8 @@ class ContactRepetition {
   void push_next(Camera& camera, SurfaceBlend& moment);
 
   std::deque<Camera> cameras_;
-  std::vector<SurfaceBlend> moments_;  // of each
-  std::map<std::uint32_t, Measuring> measuring_;        // not yet used
+  std::vector<SurfaceBlend> moments_;             // of each
+  std::map<std::uint32_t, Measuring> measuring_;  // not yet used
   std::unique_ptr<ContactPart> part_;
   std::unique_ptr<ThreadPool> pool_;
   bool has_start_;

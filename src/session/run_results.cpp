@@ -163,11 +163,10 @@ std::string RunResults::scarce_surface_warning(const RunSetup& setup) const {
   append_number(range, setup.settings.surface.min_depth);
   range += " to ";
   append_number(range, setup.settings.surface.max_depth);
-  return std::to_string(scarce_points_) + " of " +
-         std::to_string(pixels_of_scarce_) + " pixels are usable (" + range +
-         " m, with a surface around them) in frame " + std::to_string(first_scarce_) +
-         ", and hardly any in " + std::to_string(num_scarce_) + " of " +
-         std::to_string(num_frames_) + " frames; check --depth-unit";
+  return std::to_string(scarce_points_) + " of " + std::to_string(pixels_of_scarce_) +
+         " pixels are usable (" + range + " m, with a surface around them) in frame " +
+         std::to_string(first_scarce_) + ", and hardly any in " + std::to_string(num_scarce_) +
+         " of " + std::to_string(num_frames_) + " frames; check --depth-unit";
 }
 
 void RunResults::move_to(RunLog& log) {

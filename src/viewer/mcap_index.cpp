@@ -18,9 +18,7 @@ Error no_run(const std::filesystem::path& path, const std::string& why) {
 }  // namespace
 
 McapIndex::McapIndex(RunReader reader)
-    : reader_(std::move(reader)),
-      setup_(reader_.setup()),
-      file_size_(reader_.num_bytes()) {
+    : reader_(std::move(reader)), setup_(reader_.setup()), file_size_(reader_.num_bytes()) {
   for (const DepthStreamInfo& stream : setup_.streams) {
     periods_.emplace_back(stream, setup_.settings.time);
   }

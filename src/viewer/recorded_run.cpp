@@ -148,9 +148,9 @@ Result<RecordedQuery> RunInFile::query_at(double time) {
     if (!(*content)->queries.empty()) found = &(*content)->queries.front();
   }
   if (found == nullptr) return Error{Errc::bad_input, "the recording holds no contact query"};
-  return RecordedQuery{found->time,     found->time + index_->start(),
-                       found->X_WT,     index_->index_of(found->frame_number),
-                       found->cameras,  found->revision};
+  return RecordedQuery{found->time,    found->time + index_->start(),
+                       found->X_WT,    index_->index_of(found->frame_number),
+                       found->cameras, found->revision};
 }
 
 /// Surfaces take their time: the frame was captured, made into one, and waited for the blend

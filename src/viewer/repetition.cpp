@@ -40,8 +40,8 @@ Status Repetition::make_part(RunSettings settings) {
   return Done{};
 }
 
-/// Some frames of each camera up to the one that the query rests on. One that was silent for long is
-/// not looked for.
+/// Some frames of each camera up to the one that the query rests on. One that was silent for long
+/// is not looked for.
 std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, int num_lead) {
   constexpr std::size_t kMostSilent = 64;  // frames of each of the others
   const std::size_t num_cameras = run_.streams().size(), num_wanted = 1 + num_lead;

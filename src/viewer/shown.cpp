@@ -3,8 +3,7 @@
 namespace palpate {
 
 ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
-                          const Pose& X_WT,
-                          double time, std::uint64_t frame_number) {
+                          const Pose& X_WT, double time, std::uint64_t frame_number) {
   const std::size_t num_spheres = query.index()->tool().spheres().size();
   ViewContact contact{time, frame_number, X_WT, {}, {}};
   contact.states.resize(num_spheres);

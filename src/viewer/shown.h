@@ -7,7 +7,6 @@ namespace palpate {
 
 /// How the spheres were at the last query.
 ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
-                          const Pose& X_WT,
-                          double time, std::uint64_t frame_number);
+                          const Pose& X_WT, double time, std::uint64_t frame_number);
 
 }  // namespace palpate

@@ -36,8 +36,7 @@ TEST(CameraPoses, OfACameraThatMovesAreInterpolatedAtEachFrame) {
   const TemporaryFolder folder;
   const std::string file = (folder.path() / "way.tum").string();
   write(file, "0.05 0 0 0 0 0 0 1\n0.45 0 0 -0.4 0 0 0 1\n");
-  const auto camera =
-      open_camera("scene:wall?noise=off&size=32x24&rate=20&poses=" + file).value();
+  const auto camera = open_camera("scene:wall?noise=off&size=32x24&rate=20&poses=" + file).value();
   EXPECT_TRUE(camera->info().is_moving);
   DepthFrame frame;
   int num = 0;
@@ -148,8 +147,9 @@ TEST_F(RigFile, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(why_not("[world]\ngravity = [1]").find("gravity = [x, y, z]"), std::string::npos);
   EXPECT_NE(why_not("[wordl]\nframe = 'a'").find("[[camera]]"), std::string::npos);
   EXPECT_NE(why_not("camera = 3").find("is not known"), std::string::npos);
-  EXPECT_NE(why_not("[[camera]]\nuri = 'scene:wall'\npose_from = 'tf:camera'").find("not supported"),
-            std::string::npos);
+  EXPECT_NE(
+      why_not("[[camera]]\nuri = 'scene:wall'\npose_from = 'tf:camera'").find("not supported"),
+      std::string::npos);
   std::string many;
   for (int i = 0; i < 17; ++i) many += "[[camera]]\nuri = 'scene:wall'\n";
   EXPECT_NE(why_not(many).find("has 17"), std::string::npos);

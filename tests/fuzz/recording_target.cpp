@@ -50,13 +50,25 @@ void round_trip(std::string_view message, const Read& read, const Write& write) 
 
 DepthFrame small_frame() { return {4, 3, 0.001, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 1.5}; }
 
+RunSetup one_camera() {
+  RunSetup setup;
+  setup.streams.resize(1);
+  return setup;
+}
+
+ContactRecord seen_by_two() {
+  ContactRecord contact;
+  contact.cameras.num = 2;
+  return contact;
+}
+
 std::string small_file() {
   ScratchFile file(".seed.mcap");
   auto writer = McapWriter::create(file.path());
   (void)writer->attach("notes.txt", "text/plain", "hello");
   const std::uint16_t settings = writer->add_channel(settings_channel());
   const std::uint16_t tick = writer->add_channel(tick_channel());
-  (void)writer->write(settings, 1, settings_message({}));
+  (void)writer->write(settings, 1, settings_message(one_camera()));
   for (std::uint64_t i = 0; i < 3; ++i) {
     TickRecord record;
     record.number = i;
@@ -70,9 +82,9 @@ std::string small_file() {
 
 std::vector<std::string> seeds() {
   return {kFile + small_file(),
-          kSettings + settings_message({}),
-          kFrame + frame_message({}),
-          kContact + contact_message({}),
+          kSettings + settings_message(one_camera()),
+          kFrame + frame_message(FrameRecord{}),
+          kContact + contact_message(seen_by_two()),
           kTick + tick_message({}),
           kNote + note_message("a note"),
           kImage + image_message({12, "camera"}, small_frame())};

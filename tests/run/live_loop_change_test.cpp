@@ -314,7 +314,7 @@ class LostQuery final : public ContactQuery {
   using ContactQuery::measure;
   explicit LostQuery(const ContactQuery& like) : ContactQuery(like.index(), like.method()) {}
   ContactResult measure_one(const SurfaceView&, const SurfaceView&, double, const Pose&,
-                        const ContactWants&) const noexcept override {
+                            const ContactWants&) const noexcept override {
     ContactResult nothing;
     nothing.penetration.status = StepStatus::backend_failed;
     return nothing;

@@ -366,7 +366,7 @@ class SpoiltQuery final : public ContactQuery {
   explicit SpoiltQuery(int good) : good_(good) {}
   using ContactQuery::measure;
   ContactResult measure_one(const SurfaceView&, const SurfaceView&, double, const Pose&,
-                        const ContactWants&) const noexcept override {
+                            const ContactWants&) const noexcept override {
     Penetration result;
     if (good_-- > 0) {
       result.volume = 1e-6;

@@ -148,16 +148,16 @@ TEST(RunsOfSeveralCameras, AreTriedWithOtherSettings) {
   const TemporaryFolder folder;
   const auto outcome = record(folder.path() / "run", test::path_settings(kRate));
   ASSERT_TRUE(outcome);
-  const auto same = retry_run(folder.path() / "run", folder.path() / "same",
-                              [](RunSettings&) { return Done{}; });
+  const auto same =
+      retry_run(folder.path() / "run", folder.path() / "same", [](RunSettings&) { return Done{}; });
   ASSERT_TRUE(same) << same.error().message;
   EXPECT_EQ(same->run.loop.num_frames, outcome->loop.num_frames);
   EXPECT_LT(same->forces.max, 1e-9);
-  const auto other = retry_run(folder.path() / "run", folder.path() / "other",
-                               [](RunSettings& settings) {
-                                 settings.binning = 2;
-                                 return Done{};
-                               });
+  const auto other =
+      retry_run(folder.path() / "run", folder.path() / "other", [](RunSettings& settings) {
+        settings.binning = 2;
+        return Done{};
+      });
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_GT(other->forces.max, 1e-6);
   EXPECT_LT(other->forces.max, 0.1 * other->forces.peak_before);

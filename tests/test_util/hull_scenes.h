@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/field/surface_timeline.h"
 #include "palpate/field/sensor.h"
+#include "palpate/field/surface_timeline.h"
 #include "palpate/mesh/shapes.h"
 #include "palpate/packing/packer.h"
 #include "palpate/tool/tool.h"

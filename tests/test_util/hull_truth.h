@@ -83,8 +83,8 @@ inline HullSample hull_at(std::span<const SurfaceBlend> views, const Vec3d& p_W,
 }
 
 /// U = sum f G(phi) and its parts; the force follows gradients up to a length of `longest`.
-inline Penetration hull_truth(const Tool& tool, std::span<const SurfaceBlend> views, const Pose& X_WT,
-                              SphereVolumes volumes, double longest = 1.05) {
+inline Penetration hull_truth(const Tool& tool, std::span<const SurfaceBlend> views,
+                              const Pose& X_WT, SphereVolumes volumes, double longest = 1.05) {
   const FieldElements elements(tool, volumes);
   Penetration sum;
   for (std::size_t i = 0; i < elements.factor.size(); ++i) {

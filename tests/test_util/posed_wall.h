@@ -47,8 +47,8 @@ class PosedWall : public DepthSource {
         const Vec3d d_W = rotate(frame.X_WC.rotation, {(u - cx) / fx, (v - cy) / fy, 1});
         const double z = (depth_ - frame.X_WC.translation.z) / d_W.z;
         const bool is_seen = d_W.z > 0 && z > 0.1 && z < 6;
-        frame.pixels.push_back(
-            is_seen ? static_cast<std::uint16_t>(std::lround(z / info_.unit)) : std::uint16_t{0});
+        frame.pixels.push_back(is_seen ? static_cast<std::uint16_t>(std::lround(z / info_.unit))
+                                       : std::uint16_t{0});
       }
     }
     return true;
@@ -63,8 +63,7 @@ class PosedWall : public DepthSource {
 
 /// Half a metre from the origin of the wall at z = 0.5, turned about it by an angle.
 inline Pose beside_wall(double angle, double wall = 0.5) {
-  return {{wall * std::sin(angle), 0, wall * (1 - std::cos(angle))},
-          axis_angle({0, 1, 0}, -angle)};
+  return {{wall * std::sin(angle), 0, wall * (1 - std::cos(angle))}, axis_angle({0, 1, 0}, -angle)};
 }
 
 }  // namespace palpate::test

@@ -21,8 +21,9 @@ class PushedSource : public DepthSource {
     bool has_time_stamps = false;
     double latency = 0;  ///< s, from the exposure to the time stamp
   };
-  /// `info`: of the frames; `info.distortion` is removed from them. Errors: a size or focal length
-  /// that no image has.
+  /// `info`: of the frames; `info.distortion` is removed from them. Where the camera is, each frame
+  /// says (DepthFrame::X_WC), and `info.is_moving` whether that changes. Errors: a size or focal
+  /// length that no image has.
   static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info,
                                                       const Options& options);
   static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info);

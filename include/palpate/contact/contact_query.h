@@ -173,10 +173,10 @@ class ContactQuery {
   virtual ~ContactQuery() = default;
 
   /// One measurement at a pose, in the world that SurfaceView::X_WC says. O(points in the tool's
-  /// image window + spheres), with stiffness half as much more, with states or planes twice as much.
-  /// No allocation, no lock. The same input gives the same bits, whatever was asked before and for
-  /// any number of threads. A GPU may be given views of host memory and of other GPUs: they are
-  /// copied once for each stamp, with memory for the first ones of their size.
+  /// image window + spheres), with stiffness half as much more, with states or planes twice as
+  /// much. No allocation, no lock. The same input gives the same bits, whatever was asked before
+  /// and for any number of threads. A GPU may be given views of host memory and of other GPUs: they
+  /// are copied once for each stamp, with memory for the first ones of their size.
   ContactResult measure(const SurfaceView& surface, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return measure(surface, surface, 1, X_WT, wants);

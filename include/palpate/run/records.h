@@ -13,14 +13,14 @@ namespace palpate {
 
 /// A depth frame that has become a surface.
 struct FrameRecord {
-  std::uint64_t number = 0;    ///< from 0, without gaps, of all cameras together
-  std::uint32_t camera = 0;    ///< which one saw it
+  std::uint64_t number = 0;        ///< from 0, without gaps, of all cameras together
+  std::uint32_t camera = 0;        ///< which one saw it
   std::uint64_t camera_frame = 0;  ///< from 0, without gaps, of that camera
-  std::uint32_t revision = 0;  ///< of the settings that its surface was made with
-  double capture_time = 0;     ///< s, on the clock of the device states
-  double source_time = 0;      ///< s, DepthFrame::timestamp
-  double unit = 0.001;         ///< m per count
-  Pose X_WC;                   ///< of the camera in the world, when the frame was captured
+  std::uint32_t revision = 0;      ///< of the settings that its surface was made with
+  double capture_time = 0;         ///< s, on the clock of the device states
+  double source_time = 0;          ///< s, DepthFrame::timestamp
+  double unit = 0.001;             ///< m per count
+  Pose X_WC;                       ///< of the camera in the world, when the frame was captured
   SurfaceStats surface;
   PixelWindow asked;  ///< as DepthFieldView: where its surface can be asked
   std::int64_t compute_nanoseconds = 0;
@@ -62,7 +62,7 @@ struct TickRecord {
 struct CameraMoment {
   /// FrameRecord::camera_frame of its newest surface; -1: it had shown nothing yet.
   std::int64_t camera_frame = -1;
-  double progress = 1;             ///< from the surface before to that one
+  double progress = 1;  ///< from the surface before to that one
 
   friend bool operator==(const CameraMoment&, const CameraMoment&) = default;
 };
@@ -85,8 +85,8 @@ struct ContactRecord {
   std::uint64_t frame_number = 0;  ///< of the newest frame that it rests on
   CameraMoments cameras;
 
-  double capture_time = 0;         ///< s, monotonic: of the oldest one of the cameras' newest frames
-  LocalContact contact;            ///< what the haptic thread is told
+  double capture_time = 0;  ///< s, monotonic: of the oldest one of the cameras' newest frames
+  LocalContact contact;     ///< what the haptic thread is told
   bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
 };
 

@@ -46,8 +46,9 @@ MeasureJob FieldContact::job(std::span<const DepthFieldView> fields, const Pose&
   return asked;
 }
 
-ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
-                                    const Pose& X_WT, const ContactWants& wants) const noexcept {
+ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceView& to,
+                                        double alpha, const Pose& X_WT,
+                                        const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
   if (is_outside_window(from, to, alpha, X * p_TC_, elements_->reach)) {

@@ -100,7 +100,7 @@ class FieldContact final : public ContactQuery {
   /// counts over what it is; force and torque are minus its derivatives, exactly:
   /// F = sum f_s V_cap(phi) grad phi, torque = sum (c_s - C) x that. O(elements).
   ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
-                        const Pose& X_WT, const ContactWants& wants) const noexcept override;
+                            const Pose& X_WT, const ContactWants& wants) const noexcept override;
   ~FieldContact() override;
 
  protected:

@@ -135,7 +135,8 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       hull_(std::make_unique<DepthHullCuda>(felt_tool_, centre_of_mass_, num_spheres_, gpu)) {}
 
-ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
+ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras,
+                                             const Pose& X_WT,
                                              const ContactWants& wants) const noexcept {
   if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
   return hull_->measure(cameras, X_WT, wants, {states_, planes_}, stream_);
@@ -150,8 +151,8 @@ const Status& FieldContactCuda::status() const {
 }
 
 ContactResult FieldContactCuda::measure_one(const SurfaceView& from, const SurfaceView& to,
-                                        double alpha, const Pose& X_WT,
-                                        const ContactWants& wants) const noexcept {
+                                            double alpha, const Pose& X_WT,
+                                            const ContactWants& wants) const noexcept {
   if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, true);
   FieldQuestion question;
   question.X_WT = {X_WT.translation, normalized(X_WT.rotation)};

@@ -28,7 +28,7 @@ class FieldContactCuda final : public ContactQuery {
   /// As FieldContact, to 1e-5 of its results, in one launch; the same bits on every run. With a
   /// stiffness other blocks add up: what is measured then differs by rounding.
   ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
-                        const Pose& X_WT, const ContactWants& wants) const noexcept override;
+                            const Pose& X_WT, const ContactWants& wants) const noexcept override;
 
   /// The first failure.
   const Status& status() const;

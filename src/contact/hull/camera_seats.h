@@ -13,8 +13,8 @@ inline bool has_both(const SurfaceView& surface) {
 
 struct CameraSeats {
   CameraSeats(const SurfaceBlend& view, const Pose& X_WT) {
-    const bool is_between = view.progress < 1 && has_both(view.from) &&
-                            have_one_grid(view.from.field, view.to.field);
+    const bool is_between =
+        view.progress < 1 && has_both(view.from) && have_one_grid(view.from.field, view.to.field);
     num_moments = is_between ? 2 : 1;
     has_moved = is_between && !(view.from.X_WC == view.to.X_WC);
     place(0, view.to.X_WC, X_WT);

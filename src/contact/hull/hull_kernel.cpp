@@ -73,8 +73,7 @@ template <class Space>
   const VecI is_before = before > VecF{};
   Space nowhere, plane;
   set(nowhere, SpaceGradient<VecF>{free_limit(radius)});
-  set(plane,
-      SpaceGradient<VecF>{before, splat(R_WC[0][2]), splat(R_WC[1][2]), splat(R_WC[2][2])});
+  set(plane, SpaceGradient<VecF>{before, splat(R_WC[0][2]), splat(R_WC[1][2]), splat(R_WC[2][2])});
   return lesser_of(chosen(is_before, seen, nowhere), plane, hull_width(radius));
 }
 
@@ -110,8 +109,7 @@ bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius)
       return sees_free(seen, frame, first_moment, last_moment, ball, largest_radius, distance);
     };
     const int last = camera.has_moved ? 0 : seen.num_fields - 1;
-    if (is_free(seen.frame, 0, last) &&
-        (!camera.has_moved || is_free(camera.older.frame, 1, 1))) {
+    if (is_free(seen.frame, 0, last) && (!camera.has_moved || is_free(camera.older.frame, 1, 1))) {
       return true;
     }
   }
@@ -196,8 +194,8 @@ class Hull {
         const int seat = eye.seat(f);
         const float(&R_WC)[3][3] = eye.camera->R_WC[seat];
         deepen(eye.seen_free, f, answer.lanes[seat], may_be_deep, answer.samples[f]);
-        moments[f] = in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f],
-                              radius_);
+        moments[f] =
+            in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f], radius_);
         if (eye.camera->has_moved) {
           moments[f] = before_eye(R_WC, moments[f], answer.before[seat], radius_);
         }
@@ -224,12 +222,11 @@ class Hull {
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
         const Lanes& e = answers_[k].lanes[seat];
-        Sample sample = ask_field<Sample>(eye.field.grid, eye.field.pixels[f],
-                                          look_of(eye.field.grid, e, radius_), e.depth,
-                                          e.inverse_depth);
+        Sample sample =
+            ask_field<Sample>(eye.field.grid, eye.field.pixels[f],
+                              look_of(eye.field.grid, e, radius_), e.depth, e.inverse_depth);
         deepen(eye.field, f, e, is_felt, sample);
-        moments[f] =
-            in_world(eye.camera->R_WC[seat], eye.camera->field.frame, e, sample, radius_);
+        moments[f] = in_world(eye.camera->R_WC[seat], eye.camera->field.frame, e, sample, radius_);
         moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere);
       }
       const Space here = between(eye, moments);

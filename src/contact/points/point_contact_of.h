@@ -17,7 +17,7 @@ class PointContactOf final : public ContactQuery {
       : ContactQuery(std::move(index), method), measurement_(std::move(measurement)) {}
 
   ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
-                        const Pose& X_WT, const ContactWants& wants) const noexcept override {
+                            const Pose& X_WT, const ContactWants& wants) const noexcept override {
     if (!is_finite(X_WT)) return unmeasured(StepStatus::non_finite_pose, wants, false);
     const Pose X{X_WT.translation, normalized(X_WT.rotation)};
     ContactResult older;

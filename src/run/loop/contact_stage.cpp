@@ -94,9 +94,9 @@ void ContactStage::look(double time) {
   }
   // A change is offered before there are surfaces of it, so it is seen with them.
   const ContactChange* const change = changes_.look();
-  const std::uint32_t awaited =
-      change != nullptr && oldest_revision_ < change->surface_revision ? change->surface_revision
-                                                                       : ~std::uint32_t{0};
+  const std::uint32_t awaited = change != nullptr && oldest_revision_ < change->surface_revision
+                                    ? change->surface_revision
+                                    : ~std::uint32_t{0};
   newest_frame_ = 0;
   for (std::size_t k = 0; k < views_.size(); ++k) {
     View& view = views_[k];
@@ -172,8 +172,7 @@ void ContactStage::make_picture(const ToolMoment& tool) {
   const std::size_t num_spheres = part_->query().index()->tool().spheres().size();
   picture.states.resize(num_spheres);  // no more than there was room for at the start
   picture.planes.resize(num_spheres);
-  part_->query().measure(cameras_, tool.X_WT,
-                         {.states = picture.states, .planes = picture.planes});
+  part_->query().measure(cameras_, tool.X_WT, {.states = picture.states, .planes = picture.planes});
   pictures_.publish();
 }
 

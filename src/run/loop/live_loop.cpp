@@ -67,8 +67,8 @@ struct Change {
 
 class LiveLoop final : public RunLoop {
  public:
-  LiveLoop(std::shared_ptr<const ToolIndex> index, const DepthSources& sources, HapticDevice& device,
-           const RunSettings& settings, RunObserver observer,
+  LiveLoop(std::shared_ptr<const ToolIndex> index, const DepthSources& sources,
+           HapticDevice& device, const RunSettings& settings, RunObserver observer,
            std::unique_ptr<ThreadPool> query_threads, RunParts parts, SafetyFilter safety)
       : index_(std::move(index)),
         device_(device),

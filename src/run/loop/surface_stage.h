@@ -95,8 +95,8 @@ class SurfaceStage {
     return pictures_.refresh() ? &pictures_.value() : nullptr;
   }
 
-  /// How the stage has ended, if it has: by the first camera that did. A backend that has failed may
-  /// be changed. Any thread.
+  /// How the stage has ended, if it has: by the first camera that did. A backend that has failed
+  /// may be changed. Any thread.
   bool has_source_ended() const noexcept { return source_ended_.load(std::memory_order_acquire); }
   bool has_source_failed() const noexcept { return source_failed_.load(std::memory_order_acquire); }
   bool has_backend_failed() const noexcept {
