@@ -23,7 +23,9 @@ void make_run(const fs::path& folder) {
   for (const char* name : {"wrench.csv", "wrench.csv.part", "summary.json", "report.html"}) {
     touch(folder / name);
   }
-  auto recorder = RunRecorder::create(folder / kRecordingFile, test::small_tool(), {}, true);
+  RunSetup setup;
+  setup.streams.resize(1);
+  auto recorder = RunRecorder::create(folder / kRecordingFile, test::small_tool(), setup, true);
   ASSERT_TRUE(recorder) << recorder.error().message;
   recorder->finish();
 }
