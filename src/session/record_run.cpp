@@ -13,11 +13,38 @@ namespace palpate {
 namespace fs = std::filesystem;
 namespace {
 
+/// Tells people when the tool is mostly where no camera sees, and when it is not any more.
+class UnseenWatch {
+ public:
+  explicit UnseenWatch(double full_volume) : full_volume_(full_volume) {}
+
+  /// What there is to say at this tick; mostly nothing.
+  std::string_view look(const TickRecord& tick) {
+    const double share = tick.penetration.unseen_volume / full_volume_;
+    // Somewhere in between it stays as it was.
+    const bool is_unseen = is_told_ ? share > kSeen : share > kUnseen;
+    if (is_unseen == is_told_) {
+      since_ = tick.time;
+      return {};
+    }
+    if (tick.time - since_ < kPatience) return {};
+    is_told_ = is_unseen;
+    return is_unseen ? "most of the tool is where no camera sees: what is felt there is a guess"
+                     : "the cameras see the tool's surroundings again";
+  }
+
+ private:
+  static constexpr double kUnseen = 0.5, kSeen = 0.25, kPatience = 0.25;  // s
+
+  double full_volume_, since_ = 0;
+  bool is_told_ = false;
+};
+
 /// All that is kept of a run while it goes on; what the publishing thread calls.
 class Keeper {
  public:
-  Keeper(const DepthSources& sources, const RunOptions& options)
-      : sources_(sources), monitor_(options.monitor), say_(options.say) {}
+  Keeper(double full_volume, const DepthSources& sources, const RunOptions& options)
+      : sources_(sources), unseen_(full_volume), monitor_(options.monitor), say_(options.say) {}
   /// Before the run begins.
   void begin(RunRecorder recorder, RunResults results) {
     recorder_.emplace(std::move(recorder));
@@ -97,6 +124,10 @@ class Keeper {
       recorder_->add_note(change);
       say(tick.time, change);
     }
+    if (const std::string_view text = unseen_.look(tick); !text.empty()) {
+      recorder_->add_note(text);
+      say(tick.time, text);
+    }
     for (const std::string& text : recorder_->take_news()) say(tick.time, text);
   }
   void say(double time, std::string_view text) const {
@@ -106,6 +137,7 @@ class Keeper {
   static constexpr std::size_t kMostSourceNotes = 100;
 
   const DepthSources& sources_;
+  UnseenWatch unseen_;
   std::vector<std::string> source_notes_;
   std::optional<RunRecorder> recorder_;
   std::optional<RunResults> results_;
@@ -187,7 +219,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   RunLog log;
   log.setup = {settings, sources.infos(), device.info(), 0, options.time_origin, options.probe};
   RunSettings& used = log.setup.settings;
-  Keeper keeper(sources, options);
+  Keeper keeper(full_volume(tool, used.contact), sources, options);
   auto chosen = choose_loop(tool, sources, device, used, options, keeper.observer());
   if (!chosen) return chosen.error();
   RunLoop& loop = *chosen->loop;

@@ -121,6 +121,7 @@ void visit_fields(T& penetration, auto&& visit) {
   visit("num_inside_spheres", penetration.num_inside_spheres);
   visit("num_points", penetration.num_points);
   visit("status", penetration.status.bits);
+  visit("unseen_volume", penetration.unseen_volume);
 }
 
 template <Of<TickRecord> T>

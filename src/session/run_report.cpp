@@ -65,6 +65,10 @@ Json peaks_json(const Tool& tool, const RunLog& log) {
     json["objects_volume_m3"] = peaks.objects_volume;
     json["objects_volume_time_s"] = peaks.objects_volume_time;
   }
+  if (log.setup.streams.size() > 1) {
+    json["unseen"] = peaks.unseen_volume / full_volume(tool, log.setup.settings.contact);
+    json["unseen_time_s"] = peaks.unseen_volume_time;
+  }
   return json;
 }
 
@@ -109,6 +113,7 @@ Json run_summary(const Tool& tool, const RunLog& log, const LoopTimes& times) {
               {"max_torque_Nm", log.setup.device.limits.max_torque}}},
             {"rate", log.setup.device.rate},
             {"stream", to_json(log.setup.streams.front())},
+            {"cameras", to_json(log.setup.streams)},
             {"objects", objects_json(log.setup.settings.objects)},
             {"seconds", log.loop.seconds},
             {"time_origin", log.setup.time_origin},

@@ -29,7 +29,7 @@ constexpr const char* kHeader =
     "objects_volume_m3,objects_measure_x_m3,objects_measure_y_m3,objects_measure_z_m3,objects_"
     "measure_mx_m4,"
     "objects_measure_my_m4,objects_measure_mz_m4,contact,frame,"
-    "status,contact_age_s,sensor_age_s,gain,fault\n";
+    "status,contact_age_s,sensor_age_s,gain,fault,unseen\n";
 
 }  // namespace
 
@@ -109,7 +109,8 @@ void RunResults::add_row(const TickRecord& tick) {
              all.num_boundary_spheres, all.num_inside_spheres, all.num_points,
              tick.num_object_pairs, tick.objects.volume, of.x, of.y, of.z, ot.x, ot.y, ot.z,
              tick.contact_number, tick.frame_number, all.status.bits, tick.contact_age,
-             tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)));
+             tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)),
+             cameras_.size() > 1 ? all.unseen_volume / full_volume_ : kNone);
   csv_ << line_;
 }
 

@@ -46,6 +46,7 @@ void RunPeaks::add(const TickRecord& tick) {
   contact_torque = std::max(contact_torque, norm(tick.step.contact_W.torque));
   stretch = std::max(stretch, tick.step.stretch);
   raise(tick.penetration.volume, tick.time, volume, volume_time);
+  raise(tick.penetration.unseen_volume, tick.time, unseen_volume, unseen_volume_time);
   raise(tick.objects.volume, tick.time, objects_volume, objects_volume_time);
   energy = std::max(energy, tick.safety.energy);
   spring_energy = std::max(spring_energy, tick.step.energy);

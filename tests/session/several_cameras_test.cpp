@@ -10,6 +10,7 @@
 #include "src/session/run_reader.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"
+#include "tests/session/wrench_csv.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/posed_wall.h"
 #include "tests/test_util/temporary_folder.h"
@@ -121,6 +122,32 @@ TEST(RunsOfSeveralCameras, HoldEveryFrameAndWhereItsCameraWas) {
   EXPECT_EQ(num[0], int(30 * kSeconds));
   EXPECT_EQ(num[1], int(12 * kSeconds));
   EXPECT_EQ(num[2], int(20 * kSeconds));
+}
+
+/// Beside the images, behind the wall, and back.
+Pose away(double time) {
+  const bool is_away = time > 0.8 && time < 1.8;
+  return {{0, 0, is_away ? 0.6 : 0.4}, {}};
+}
+
+TEST(RunsOfSeveralCameras, SayWhatNobodySees) {
+  const TemporaryFolder folder;
+  Walls walls;
+  auto device = test::path_device(away, kRate);
+  std::vector<std::string> said;
+  RunOptions options;
+  options.say = [&](double, std::string_view text) { said.emplace_back(text); };
+  const auto outcome = record_run(tool(), walls.sources(), **device, test::path_settings(kRate),
+                                  folder.path() / "run", options);
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  const auto columns = test::columns_of(folder.path() / "run" / "wrench.csv");
+  EXPECT_EQ(columns.at("unseen").front(), 0);
+  EXPECT_NEAR(columns.at("unseen").at(300), 1, 0.02);  // 10 cm behind a wall nobody looks
+  EXPECT_EQ(columns.at("unseen").back(), 0);
+  ASSERT_EQ(said.size(), 2u);
+  EXPECT_NE(said[0].find("where no camera sees"), std::string::npos) << said[0];
+  EXPECT_NE(said[1].find("again"), std::string::npos) << said[1];
+  EXPECT_NE(outcome->summary_json.find("\"unseen\""), std::string::npos);
 }
 
 // What is lost of one camera ends what can be repeated, and says so.
