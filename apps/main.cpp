@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
   palpate::apps::add_view(program, action);
   palpate::apps::add_scenes(program, action);
   palpate::apps::add_record(program, action);
+  palpate::apps::add_calibrate(program, action);
   palpate::apps::add_cameras(program, action);
   palpate::apps::add_devices(program, action);
   palpate::apps::add_eval(program, action);

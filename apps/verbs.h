@@ -29,6 +29,7 @@ void add_view(CLI::App& program, Action& action);
 void add_scenes(CLI::App& program, Action& action);
 void add_ros2(CLI::App& program, Action& action);
 void add_record(CLI::App& program, Action& action);
+void add_calibrate(CLI::App& program, Action& action);
 void add_cameras(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
 void add_eval(CLI::App& program, Action& action);

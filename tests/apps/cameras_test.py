@@ -161,6 +161,45 @@ class Cameras(unittest.TestCase):
                            "safety.max_contact_age=10", "-o", live))
         self.assertIn(b"identical", self.check(palpate("replay", live)).stdout)
 
+    def test_calibrate(self):
+        true = [(0, 0, 0, 0, 0, 0, 1), (0.3420, -0.08, 0.0603, 0, -0.17365, 0, 0.98481)]
+        wrong = [true[0], (0.3520, -0.088, 0.0543, 0.005, -0.18, 0.004, 0.983604)]
+        # The images are those of the true poses: a camera of a scene stands where its pose says.
+        for k in range(2):
+            self.check(palpate("record", "--camera", f"scene:mannequin?size=320x240&seed={k}&pose=" +
+                               ",".join(map(str, true[k])), "--duration", 0.5, "-o",
+                               self.folder / f"eye{k}.mcap"))
+        rig = self.rig("[world]\nframe = 'table'\n" + "".join(
+            f"[[camera]]\nname = '{name}'\nuri = 'bag:eye{k}.mcap'\npose = {list(pose)}\n"
+            for k, (name, pose) in enumerate(zip(("front", "side"), wrong))))
+        better = self.folder / "better.toml"
+        told = json.loads(self.check(palpate("calibrate", "--rig", rig, "-o", better,
+                                             "--json")).stdout)
+        pair = told["pairs"][0]
+        self.assertEqual((pair["a"], pair["b"]), ("front", "side"))
+        self.assertLess(pair["residual_mm"], 3)
+        self.assertLess(pair["residual_mm"], pair["residual_before_mm"])
+        pose = told["cameras"][1]["pose"]
+        self.assertEqual(told["cameras"][0]["pose"], list(true[0]))
+        self.assertAlmostEqual(2 * math.degrees(math.asin(-pose[4])),
+                               2 * math.degrees(math.asin(0.17365)), delta=0.15)
+        for got, want in zip(pose[:3], true[1][:3]):
+            self.assertAlmostEqual(got, want, delta=0.003)
+        text = better.read_text()
+        self.assertIn("frame = 'table'", text.replace('"', "'"))
+        # It is taken as it was, and a second time nothing moves much.
+        again = json.loads(self.check(palpate("calibrate", "--rig", better, "-o", better,
+                                              "--json")).stdout)
+        self.assertLess(again["pairs"][0]["moved_mm"], 0.5)
+        self.check(palpate("touch", self.tool, "--rig", better, "--path", self.path, "-o",
+                           self.folder / "calibrated"))
+        self.refused("beside it", "calibrate", "--rig", rig, "-o", "/tmp/elsewhere.toml")
+        walls = self.rig("".join(
+            f"[[camera]]\nuri = 'scene:wall?size=160x120&seed={k}'\npose = [{0.1 * k}, 0, 0, 0, 0, 0, 1]"
+            "\n" for k in range(2)))
+        self.refused("too flat", "calibrate", "--rig", walls, "-o", self.folder / "none.toml")
+        self.assertFalse((self.folder / "none.toml").exists())
+
     def test_rosbags_reads_several_cameras(self):
         try:
             import rosbags.highlevel
