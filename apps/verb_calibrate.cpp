@@ -79,8 +79,7 @@ Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int
 nlohmann::ordered_json to_json(const CameraRig& rig, const AlignedViews& aligned) {
   nlohmann::ordered_json cameras = nlohmann::ordered_json::array(), pairs = cameras;
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
-    cameras.push_back(
-        {{"name", rig.cameras[i].name}, {"pose", seven_numbers(aligned.X_WC[i])}});
+    cameras.push_back({{"name", rig.cameras[i].name}, {"pose", seven_numbers(aligned.X_WC[i])}});
   }
   for (const ViewPair& pair : aligned.pairs) {
     pairs.push_back({{"a", rig.cameras[static_cast<std::size_t>(pair.a)].name},
@@ -97,12 +96,13 @@ nlohmann::ordered_json to_json(const CameraRig& rig, const AlignedViews& aligned
 void print(const CameraRig& rig, const AlignedViews& aligned, const std::string& output) {
   for (const ViewPair& pair : aligned.pairs) {
     char text[300];
-    std::snprintf(text, sizeof text,
-                  "%s and %s: %.2f mm apart before, %.2f mm after, over %zu points; the pose of one "
-                  "in the other moved by %.2f mm and turned by %.3f degrees\n",
-                  rig.cameras[static_cast<std::size_t>(pair.a)].name.c_str(),
-                  rig.cameras[static_cast<std::size_t>(pair.b)].name.c_str(), 1e3 * pair.before,
-                  1e3 * pair.after, pair.num_points, 1e3 * pair.moved, kDegrees * pair.turned);
+    std::snprintf(
+        text, sizeof text,
+        "%s and %s: %.2f mm apart before, %.2f mm after, over %zu points; the pose of one "
+        "in the other moved by %.2f mm and turned by %.3f degrees\n",
+        rig.cameras[static_cast<std::size_t>(pair.a)].name.c_str(),
+        rig.cameras[static_cast<std::size_t>(pair.b)].name.c_str(), 1e3 * pair.before,
+        1e3 * pair.after, pair.num_points, 1e3 * pair.moved, kDegrees * pair.turned);
     std::cout << text;
   }
   char text[100];
@@ -152,7 +152,8 @@ void add_calibrate(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
       "calibrate", "Refine where the cameras of a rig are by what they see of one still scene.");
-  app.add_option("--rig", options->rig, "the cameras, with poses that are right to some centimetres")
+  app.add_option("--rig", options->rig,
+                 "the cameras, with poses that are right to some centimetres")
       ->required()
       ->type_name("RIG.toml");
   app.add_option("-o,--output", options->output, "the same with better poses; beside it, or itself")

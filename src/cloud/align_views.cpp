@@ -9,19 +9,19 @@
 namespace palpate {
 namespace {
 
-constexpr double kFewestPoints = 500;   // that hold a view
-constexpr double kMostApart = 5e-3;     // m
-constexpr double kLeastShape = 0.003;   // least eigenvalue for two views: below, normals are noise
-constexpr double kMostUncertain = 3e-3; // m; see AlignedViews::uncertainty
+constexpr double kFewestPoints = 500;    // that hold a view
+constexpr double kMostApart = 5e-3;      // m
+constexpr double kLeastShape = 0.003;    // least eigenvalue for two views: below, normals are noise
+constexpr double kMostUncertain = 3e-3;  // m; see AlignedViews::uncertainty
 constexpr double kSigmaOfMedian = 1.4826;
-constexpr double kLeastNoise = 5e-4;    // m: no camera is better
-constexpr double kPointsAlike = 50;     // errors of so many neighbours are one
-constexpr double kSameNormal = 0.8;     // cosine
-constexpr double kLeastSlant = 0.3;     // cosine between a normal and the viewing ray
-constexpr int kEdgeWidth = 3;           // pixels
-constexpr float kEdgeStep = 0.03f;      // share of the depth
-constexpr double kStill = 1e-5;         // m, and rad times the scene's size: nothing moves any more
-constexpr int kPatience = 5;            // rounds at the least reach, at least
+constexpr double kLeastNoise = 5e-4;  // m: no camera is better
+constexpr double kPointsAlike = 50;   // errors of so many neighbours are one
+constexpr double kSameNormal = 0.8;   // cosine
+constexpr double kLeastSlant = 0.3;   // cosine between a normal and the viewing ray
+constexpr int kEdgeWidth = 3;         // pixels
+constexpr float kEdgeStep = 0.03f;    // share of the depth
+constexpr double kStill = 1e-4;       // m, and rad times the scene's size: nothing moves any more
+constexpr int kPatience = 5;          // rounds at the least reach, at least
 
 Vec3d point(const PointCloudView& view, std::size_t i) {
   return {static_cast<double>(view.x[i]), static_cast<double>(view.y[i]),
@@ -45,8 +45,8 @@ bool is_good(const PointCloudView& view, int u, int v) {
   const std::size_t i = index(u, v);
   const Vec3d p = point(view, i), n = normal(view, i);
   if (!(dot(n, p) < -kLeastSlant * norm(p))) return false;  // also where there is none
-  for (const auto& [du, dv] : {std::pair{-kEdgeWidth, 0}, {kEdgeWidth, 0}, {0, -kEdgeWidth},
-                               {0, kEdgeWidth}}) {
+  for (const auto& [du, dv] :
+       {std::pair{-kEdgeWidth, 0}, {kEdgeWidth, 0}, {0, -kEdgeWidth}, {0, kEdgeWidth}}) {
     const float z = view.z[index(u + du, v + dv)];
     if (!(std::abs(z - view.z[i]) < kEdgeStep * view.z[i])) return false;
   }
@@ -211,8 +211,7 @@ class Alignment {
         for_matches(a, b, now_, reach, [&](const Match& match) {
           const double x = match.distance / reach, w = (1 - x * x) * (1 - x * x);
           const Vec3d turn = cross(match.p_W - middle_, match.n_W) / size_;
-          const double row[6] = {turn.x,      turn.y,      turn.z,
-                                 match.n_W.x, match.n_W.y, match.n_W.z};
+          const double row[6] = {turn.x, turn.y, turn.z, match.n_W.x, match.n_W.y, match.n_W.z};
           for (std::size_t i = 0; i < 6; ++i) {
             side[i] -= w * row[i] * match.distance;
             for (std::size_t k = 0; k < 6; ++k) block[i][k] += w * row[i] * row[k];
@@ -238,8 +237,9 @@ class Alignment {
     for (std::size_t k = 0; k < num_views(); ++k) {
       if (weights[k] >= kFewestPoints) continue;
       return Error{Errc::bad_input,
-                   name(k) + " sees too little of what the others see: check its pose, and that "
-                             "their images overlap"};
+                   name(k) +
+                       " sees too little of what the others see: check its pose, and that "
+                       "their images overlap"};
     }
     // As many points or few: the shape counts.
     for (std::size_t i = 0; i < size; ++i) {
@@ -269,9 +269,10 @@ class Alignment {
   }
 
   static Error not_held() {
-    return {Errc::bad_input,
-            "what the cameras see together does not hold them: it is too flat or too round, or some "
-            "share nothing with the others; put a few things with edges there"};
+    return {
+        Errc::bad_input,
+        "what the cameras see together does not hold them: it is too flat or too round, or some "
+        "share nothing with the others; put a few things with edges there"};
   }
 
   Result<AlignedViews> finish() const {

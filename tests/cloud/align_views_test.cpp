@@ -67,9 +67,9 @@ View view_of(scenes::Scene scene, const Pose& X_WC, bool has_noise, std::uint64_
                           ? static_cast<std::uint16_t>(std::lround(sums[i] / nums[i]))
                           : std::uint16_t{0};
   }
-  View view{X_WC, std::make_unique<SurfaceEstimator>(
-                      SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics, {})
-                          .value())};
+  View view{X_WC,
+            std::make_unique<SurfaceEstimator>(
+                SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics, {}).value())};
   ThreadPool pool(1);
   view.estimator->update(frame, pool);
   return view;

@@ -17,9 +17,9 @@ struct ViewPair {
   std::size_t num_points = 0;  ///< of one that have been compared with the other, both ways
   /// m, of points from the planes of the other view: the standard deviation by the median.
   double before = 0;
-  double after = 0;            ///< m, likewise, with the refined poses
-  double turned = 0;           ///< rad, by how much the pose of one in the other has changed
-  double moved = 0;            ///< m, likewise, at the middle of what both see
+  double after = 0;   ///< m, likewise, with the refined poses
+  double turned = 0;  ///< rad, by how much the pose of one in the other has changed
+  double moved = 0;   ///< m, likewise, at the middle of what both see
 };
 
 struct AlignedViews {

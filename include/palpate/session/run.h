@@ -32,8 +32,8 @@ struct RunPeaks {
   double volume = 0, volume_time = 0;            ///< m3, s
   double objects_volume = 0, objects_volume_time = 0;
   double unseen_volume = 0, unseen_volume_time = 0;  ///< Penetration::unseen_volume
-  double energy = 0;         ///< J, given to the hand
-  double spring_energy = 0;  ///< J
+  double energy = 0;                                 ///< J, given to the hand
+  double spring_energy = 0;                          ///< J
   std::uint64_t num_engaged = 0, num_limited = 0, num_in_contact = 0,
                 num_in_objects = 0;  ///< ticks
 
