@@ -186,6 +186,9 @@ Result<PackedTool> pack_one(const TriangleMesh& raw, const std::string& path,
   if (!tool) return tool.error();
   if (interrupted()) return kInterrupted;
   end_step("volumes, graph and tree");
+  tool = std::move(*tool).with_solid_field(request.pack.num_threads);
+  if (interrupted()) return kInterrupted;
+  end_step("distance field");
   Standoff gap = standoff(*tool);
   warn_of_empty_part(path, *tool, gap);
   return PackedTool{*std::move(tool), std::move(gap), std::move(notes), seconds};

@@ -100,6 +100,7 @@ PyTool packed(const TriangleMesh& raw, PackRequest request, const nb::object& pr
     if (solid && packing) {
       tool = Tool::build(solid->mesh, *std::move(packing), request.gap_rule, source,
                          request.options.num_threads);
+      if (tool) tool = std::move(*tool).with_solid_field(request.options.num_threads);
     }
   }
   if (PyErr_Occurred() != nullptr) throw nb::python_error();

@@ -2,7 +2,7 @@
 //   header          magic, format version, number of sections, length of the file
 //   section table   per section: name, element size, offset, number of elements
 //   sections        vertices, triangles, spheres, facts, edges, source, represented volumes,
-//                   tree nodes
+//                   tree nodes; of tools that have one the distance field, grid and values
 //   checksum        XXH3-64 of everything before it
 #include "palpate/io/tool_file.h"
 
@@ -42,9 +42,11 @@ enum class SectionName : std::uint32_t {
   edges,
   source,
   represented_volumes,
-  tree_nodes
+  tree_nodes,
+  solid_grid,  // optional, both or neither
+  solid_values
 };
-constexpr std::uint32_t kNumSections = 8;
+constexpr std::size_t kNeededSections = 8;
 
 struct Section {
   SectionName name{};
@@ -60,6 +62,13 @@ struct Facts {
   std::uint32_t gap_rule = 0;
 };
 
+struct SolidGrid {
+  Vec3d origin;
+  double spacing = 0;
+  std::array<std::int32_t, 3> num_cells{};
+  std::uint32_t zero = 0;
+};
+
 using Checksum = std::uint64_t;
 using StoredEdge = std::array<std::uint32_t, 2>;
 using StoredTriangle = std::array<std::uint32_t, 3>;
@@ -67,26 +76,28 @@ using StoredTriangle = std::array<std::uint32_t, 3>;
 // What is copied byte by byte has no holes.
 static_assert(sizeof(Header) == 24 && sizeof(Section) == 24 && sizeof(Facts) == 24);
 static_assert(sizeof(Vec3d) == 24 && sizeof(Sphere) == 16 && sizeof(StoredTriangle) == 12);
-static_assert(sizeof(IstNode) == 32);
+static_assert(sizeof(IstNode) == 32 && sizeof(SolidGrid) == 48);
 
 class Writer {
  public:
-  Writer() : content_(sizeof(Header) + kNumSections * sizeof(Section), '\0') {}
+  explicit Writer(std::size_t num_sections)
+      : content_(sizeof(Header) + num_sections * sizeof(Section), '\0') {}
 
   template <class T>
   void add(SectionName name, const T* elements, std::size_t count) {
     static_assert(std::is_trivially_copyable_v<T>);
     pad();
-    sections_[num_added_++] = {name, sizeof(T), content_.size(), count};
+    sections_.push_back({name, sizeof(T), content_.size(), count});
     if (count > 0) content_.append(reinterpret_cast<const char*>(elements), count * sizeof(T));
   }
 
   std::string finish() {
     pad();
-    const Header header{.num_sections = kNumSections,
+    const Header header{.num_sections = static_cast<std::uint32_t>(sections_.size()),
                         .file_bytes = content_.size() + sizeof(Checksum)};
     std::memcpy(content_.data(), &header, sizeof(header));
-    std::memcpy(content_.data() + sizeof(header), sections_.data(), sizeof(sections_));
+    std::memcpy(content_.data() + sizeof(header), sections_.data(),
+                sections_.size() * sizeof(Section));
     const Checksum checksum = xxh3_of_long(content_);
     content_.append(reinterpret_cast<const char*>(&checksum), sizeof(checksum));
     return std::move(content_);
@@ -96,8 +107,7 @@ class Writer {
   void pad() { content_.resize((content_.size() + kAlignment - 1) / kAlignment * kAlignment); }
 
   std::string content_;
-  std::array<Section, kNumSections> sections_;
-  std::size_t num_added_ = 0;
+  std::vector<Section> sections_;  // as many as were announced
 };
 
 template <class T>
@@ -155,6 +165,13 @@ class Reader {
     return content_.substr(found->offset, found->num_elements * sizeof(T));
   }
 
+  bool has(SectionName name) const {
+    for (std::uint32_t i = 0; i < header_.num_sections; ++i) {
+      if (element<Section>(content_.substr(sizeof(Header)), i).name == name) return true;
+    }
+    return false;
+  }
+
   /// All elements of a section, under the same conditions.
   template <class T>
   std::optional<std::vector<T>> take(SectionName name) const {
@@ -192,6 +209,22 @@ std::optional<std::vector<std::pair<int, int>>> checked_edges(std::string_view s
   return edges;
 }
 
+/// Null if the file has none.
+Result<std::shared_ptr<const SolidField>> parse_solid_field(const Reader& reader) {
+  if (!reader.has(SectionName::solid_grid) && !reader.has(SectionName::solid_values)) {
+    return std::shared_ptr<const SolidField>();
+  }
+  const auto grid = reader.take<SolidGrid>(SectionName::solid_grid);
+  const auto values = reader.take<float>(SectionName::solid_values);
+  if (!grid || !values || grid->size() != 1) {
+    return Error{Errc::bad_input, Reader::damaged("its distance field does not fit")};
+  }
+  const SolidGrid& stored = grid->front();
+  auto field = SolidField::restore({stored.origin, stored.spacing, stored.num_cells}, *values);
+  if (!field) return Error{Errc::bad_input, "is damaged: " + field.error().message};
+  return std::make_shared<const SolidField>(*std::move(field));
+}
+
 Result<Tool> parse_tool(std::string_view content) {
   const auto bad = [](std::string message) { return Error{Errc::bad_input, std::move(message)}; };
   Reader reader(content);
@@ -220,11 +253,14 @@ Result<Tool> parse_tool(std::string_view content) {
   const auto edges = checked_edges(*stored_edges, spheres->size());
   if (!edges) return bad(Reader::damaged("its edges are out of range"));
 
+  auto solid_field = parse_solid_field(reader);
+  if (!solid_field) return solid_field.error();
+
   LeafGraph graph(spheres->size(), *edges, static_cast<int>(fact.num_bridges),
                   static_cast<int>(fact.num_components_before_bridging));
   SpherePacking packing{std::move(*spheres), fact.mesh_volume, static_cast<PackStop>(fact.stop)};
   Tool::StoredParts parts{std::move(graph), static_cast<GapRule>(fact.gap_rule),
-                          std::move(*volumes), std::move(*tree_nodes)};
+                          std::move(*volumes), std::move(*tree_nodes), *std::move(solid_field)};
   auto tool = Tool::restore({std::move(*vertices), std::move(*triangles)}, std::move(packing),
                             std::move(parts), std::string(source->begin(), source->end()));
   if (!tool) return bad("holds a bad tool: " + tool.error().message);
@@ -247,7 +283,8 @@ Result<std::string> tool_to_bytes(const Tool& tool) {
                     static_cast<std::uint32_t>(graph.num_components_before_bridging()),
                     static_cast<std::uint32_t>(tool.gap_rule())};
 
-  Writer writer;
+  const SolidField* field = tool.solid_field().get();
+  Writer writer(kNeededSections + (field != nullptr ? 2 : 0));
   writer.add(SectionName::vertices, mesh.vertices.data(), mesh.vertices.size());
   writer.add(SectionName::triangles, mesh.triangles.data(), mesh.triangles.size());
   writer.add(SectionName::spheres, tool.spheres().data(), tool.spheres().size());
@@ -257,6 +294,12 @@ Result<std::string> tool_to_bytes(const Tool& tool) {
   writer.add(SectionName::represented_volumes, tool.represented_volumes().data(),
              tool.represented_volumes().size());
   writer.add(SectionName::tree_nodes, tool.tree().nodes().data(), tool.tree().nodes().size());
+  if (field != nullptr) {
+    const SolidField::Layout& layout = field->layout();
+    const SolidGrid grid{layout.origin, layout.spacing, layout.num_cells};
+    writer.add(SectionName::solid_grid, &grid, 1);
+    writer.add(SectionName::solid_values, field->values().data(), field->values().size());
+  }
   return writer.finish();
 }
 

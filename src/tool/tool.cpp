@@ -89,8 +89,15 @@ Result<Tool> Tool::build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
   StoredParts parts{LeafGraph(packing.spheres, rule),
                     rule,
                     *std::move(volumes),
-                    {tree.nodes().begin(), tree.nodes().end()}};
+                    {tree.nodes().begin(), tree.nodes().end()},
+                    nullptr};
   return restore(std::move(mesh), std::move(packing), std::move(parts), std::move(source));
+}
+
+Tool Tool::with_solid_field(int num_threads) && {
+  ThreadPool pool(num_threads);
+  parts_.solid_field = std::make_shared<const SolidField>(SolidField::of(mesh_, pool));
+  return std::move(*this);
 }
 
 Result<Tool> Tool::restore(TriangleMesh mesh, SpherePacking packing, StoredParts parts,
@@ -126,7 +133,9 @@ Result<Tool> Tool::prefix(int num_spheres, int num_threads) const {
                      " were asked for; ask for fewer or pack the mesh with more"};
   const auto first = spheres().first(static_cast<std::size_t>(num_spheres));
   SpherePacking packing{{first.begin(), first.end()}, packing_.mesh_volume, PackStop::count};
-  return build(mesh_, std::move(packing), gap_rule(), source_, num_threads);
+  auto tool = build(mesh_, std::move(packing), gap_rule(), source_, num_threads);
+  if (tool) tool->parts_.solid_field = solid_field();
+  return tool;
 }
 
 Result<Tool> Tool::thinned(int num_spheres, int num_threads) const {

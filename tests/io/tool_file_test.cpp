@@ -202,6 +202,57 @@ TEST(ToolFile, CraftedFilesWithGoodChecksumsAreErrorsToo) {
   expect_bad(bytes, "parts");
 }
 
+TEST(ToolFile, KeepsADistanceField) {
+  const TemporaryFolder folder;
+  const Tool without = small_tool(20);
+  const Tool tool = small_tool(20).with_solid_field();
+  ASSERT_NE(tool.solid_field(), nullptr);
+  ASSERT_TRUE(save_tool(tool, folder / "tool.palp").has_value());
+  const auto loaded = load_tool(folder / "tool.palp");
+  ASSERT_TRUE(loaded.has_value()) << loaded.error().message;
+  expect_same(*loaded, tool);
+  ASSERT_NE(loaded->solid_field(), nullptr);
+  EXPECT_TRUE(*loaded->solid_field() == *tool.solid_field());
+  // A file of the time before fields: what a tool without one is still written as.
+  ASSERT_TRUE(save_tool(without, folder / "old.palp").has_value());
+  const std::string old = read_bytes(folder / "old.palp");
+  EXPECT_EQ(peek<std::uint32_t>(old, 12), 8u) << "sections";
+  EXPECT_EQ(load_tool(folder / "old.palp")->solid_field(), nullptr);
+}
+
+TEST(ToolFile, DamagedDistanceFieldsAreErrors) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(save_tool(small_tool(5).with_solid_field(), folder / "tool.palp").has_value());
+  const std::string good = read_bytes(folder / "tool.palp");
+  constexpr std::size_t kTable = 24, kEntry = 24, kGrid = kTable + 8 * kEntry,
+                        kValues = kGrid + kEntry;
+  const auto expect_bad = [&](std::size_t where, auto value, const std::string& words) {
+    std::string bytes = good;
+    poke(bytes, where, value);
+    seal(bytes);
+    write_bytes(folder / "bad.palp", bytes);
+    expect_error(load_tool(folder / "bad.palp"), words);
+  };
+  expect_bad(kGrid, std::uint32_t(99), "distance field");  // one of both is missing
+  expect_bad(kValues, std::uint32_t(99), "distance field");
+  expect_bad(kValues, std::uint32_t(9), "distance field");  // twice
+  expect_bad(kGrid + 16, std::uint64_t(0), "distance field");
+  expect_bad(kGrid + 16, ~std::uint64_t(0), "distance field");
+  expect_bad(kValues + 16, std::uint64_t(1) << 62, "distance field");
+  expect_bad(kValues + 16, std::uint64_t(1000), "not of its grid");
+  expect_bad(kValues + 4, std::uint32_t(8), "distance field");
+  const auto grid = peek<std::uint64_t>(good, kGrid + 8);
+  const auto values = peek<std::uint64_t>(good, kValues + 8);
+  expect_bad(grid, std::nan(""), "no grid");
+  expect_bad(grid + 24, -1.0, "no grid");
+  expect_bad(grid + 24, 0.0, "no grid");
+  expect_bad(grid + 32, std::int32_t(0), "no grid");
+  expect_bad(grid + 36, std::int32_t(1) << 30, "no grid");
+  expect_bad(grid + 40, std::int32_t(3), "not of its grid");
+  expect_bad(values, std::nanf(""), "no distance");
+  expect_bad(values + 400, 1e30f, "no distance");
+}
+
 TEST(ToolFile, SavingLeavesNoHalfFile) {
   const TemporaryFolder folder;
   EXPECT_FALSE(save_tool(small_tool(2), folder / "no/such/folder.palp").has_value());

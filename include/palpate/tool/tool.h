@@ -2,6 +2,7 @@
 // from them once, before the hand moves.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "palpate/mesh/triangle_mesh.h"
 #include "palpate/packing/packer.h"
 #include "palpate/packing/represented_volumes.h"
+#include "palpate/packing/solid_field.h"
 
 namespace palpate {
 
@@ -28,7 +30,11 @@ class Tool {
     GapRule gap_rule = GapRule::relative;  ///< of the graph
     std::vector<float> represented_volumes;
     std::vector<IstNode> tree_nodes;
+    std::shared_ptr<const SolidField> solid_field = nullptr;  ///< null: it has none
   };
+  /// The same with a distance field: what `palpate pack` stores for bodies that meet this one.
+  /// About a second.
+  Tool with_solid_field(int num_threads = 0) &&;
   /// From stored parts (used by load_tool).
   static Result<Tool> restore(TriangleMesh mesh, SpherePacking packing, StoredParts parts,
                               std::string source);
@@ -48,6 +54,9 @@ class Tool {
   GapRule gap_rule() const { return parts_.gap_rule; }
   /// The part of the solid that each sphere stands for, m3: together the volume of the mesh.
   std::span<const float> represented_volumes() const { return parts_.represented_volumes; }
+  /// How far its surface is; null if the tool was made without: then bodies that meet it make one
+  /// for themselves (ToolIndex).
+  const std::shared_ptr<const SolidField>& solid_field() const { return parts_.solid_field; }
   /// Of the spheres at density 1 (eqs. 3.4-3.6): its centre of mass is the reference point of all
   /// torques.
   const MassProperties& sphere_mass() const { return sphere_mass_; }
