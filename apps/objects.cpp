@@ -1,6 +1,7 @@
 #include "apps/objects.h"
 
 #include <charconv>
+#include <iostream>
 #include <map>
 #include <memory>
 #include <string_view>
@@ -68,6 +69,11 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
     if (shape == nullptr) {
       auto tool = load_tool(option.file);
       if (!tool) return tool.error();
+      if (tool->solid_field() == nullptr) {
+        std::cerr << "palpate: note: " << option.file
+                  << " holds no distance field, one is made now; pack the mesh again to keep it\n";
+        tool = std::move(*tool).with_solid_field();
+      }
       shape = std::make_shared<const Tool>(*std::move(tool));
     }
     objects.push_back({shape, option.X_WB, option.friction});

@@ -62,12 +62,12 @@ inline constexpr const char* kThreadsHelp =
 
 /// The settings of a run that have an option of their own.
 inline constexpr SettingOption kContactOptions[] = {
-    {"--method", "contact.method"},       {"--priority", "contact.priority"},
-    {"--inside", "contact.inside"},       {"--volumes", "contact.volumes"},
-    {"--edges", "contact.edges"},         {"--continuity", "contact.continuity"},
-    {"--unknown", "field.unknown"},       {"--fill-levels", "field.fill_levels"},
-    {"--thickness", "field.thickness"},   {"--backend", "loop.backend"},
-    {"--contact-gpu", "loop.contact_gpu"}};
+    {"--method", "contact.method"},         {"--priority", "contact.priority"},
+    {"--inside", "contact.inside"},         {"--volumes", "contact.volumes"},
+    {"--edges", "contact.edges"},           {"--continuity", "contact.continuity"},
+    {"--bodies", "contact.bodies"},         {"--unknown", "field.unknown"},
+    {"--fill-levels", "field.fill_levels"}, {"--thickness", "field.thickness"},
+    {"--backend", "loop.backend"},          {"--contact-gpu", "loop.contact_gpu"}};
 /// From depth to surface.
 inline constexpr SettingOption kSurfaceOptions[] = {
     {"--no-filter", "surface.filter"},    {"--min-depth", "surface.min_depth"},

@@ -136,13 +136,15 @@ Status run(const Options& options) {
   const auto scene = FrozenViews::read(options.views, options.settings, options.given, pool);
   if (!scene) return scene.error();
 
-  BodyWorld world;
+  BodyWorld world(options.settings.contact.bodies);
   const ContactQuery& query = *chosen->query;
   const int body = world.add_tool(*tool, std::move(chosen->query));
   for (const SceneObject& object : *objects) world.add_object(*object.shape, object.X_WB);
   if (chosen->backend != Backend::cpu) {
     const Status status = world.measure_pairs_by([&](const auto& a, const auto& b) {
-      return make_body_pair_query(chosen->backend, a, b, options.settings.contact_gpu);
+      return make_body_pair_query(
+          chosen->backend, a, b,
+          {.method = options.settings.contact.bodies, .gpu = options.settings.contact_gpu});
     });
     if (!status) return status.error();
   }

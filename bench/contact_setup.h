@@ -73,4 +73,20 @@ inline std::vector<Pose> random_poses(double depth, int num = 200) {
   return poses;
 }
 
+/// `depth` 0..1: how far one cube is past a face of the other, in cube sizes. +-15 degrees per
+/// axis, up to a tenth of the cube to the side.
+inline std::vector<Pose> overlapping_poses(double depth, int num = 200) {
+  test::Random random(1);
+  std::vector<Pose> poses;
+  for (int i = 0; i < num; ++i) {
+    const double limit = 15 * kPi / 180, side = 0.1 * kToolSize;
+    const Quaternion q = axis_angle({1, 0, 0}, random.uniform(-limit, limit)) *
+                         axis_angle({0, 1, 0}, random.uniform(-limit, limit)) *
+                         axis_angle({0, 0, 1}, random.uniform(-limit, limit));
+    const double x = random.uniform(-side, side), y = random.uniform(-side, side);
+    poses.push_back({{x, y, (1 - depth) * kToolSize}, q});
+  }
+  return poses;
+}
+
 }  // namespace palpate::bench

@@ -18,6 +18,7 @@
 #include "bench/hull_setup.h"
 #include "bench/wall_frame.h"
 #include "eval/studies/method_queries.h"
+#include "palpate/contact/body_contact.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/gpu/devices.h"
@@ -129,6 +130,27 @@ void measure_queries(int num_spheres) {
     Stiffness stiffness;
     measure("stiffness/spheres:" + std::to_string(num_spheres),
             [&] { stiffness = queries.stiffness(); });
+  }
+}
+
+// Two equal cubes, and one in a cube that is too coarse to ask.
+void measure_bodies(int num_spheres) {
+  const Tool& tool = cube_tool(num_spheres);
+  for (const bool is_coarse : {false, true}) {
+    const Tool& other = is_coarse ? cube_tool(100) : tool;
+    const auto query =
+        value_or_stop(make_body_pair_query(Backend::cuda, tool, other, {.gpu = options.gpu}));
+    for (const int depth : {10, 50, 100}) {
+      const std::vector<Pose> poses = overlapping_poses(depth / 100.0);
+      std::size_t i = 0;
+      ContactStatus status;
+      measure((is_coarse ? "bodies_coarse/spheres:" : "bodies/spheres:") +
+                  std::to_string(num_spheres) + "/depth:" + std::to_string(depth),
+              [&] { status |= query->measure(poses[i++ % poses.size()], {}).on_a.status; });
+      if (status.has(StepStatus::backend_failed)) {
+        stop({Errc::unavailable, "a query failed on the GPU"});
+      }
+    }
   }
 }
 
@@ -353,6 +375,7 @@ void run() {
   measure_sensing(640, 480);
   measure_sensing(1920, 1080);
   for (const int size : options.sizes) measure_queries(size);
+  for (const int size : options.sizes) measure_bodies(size);
   for (const int size : {5000, 17000}) measure_hull(size);
   measure_sharing(640, 480);
   measure_sharing(1920, 1080);

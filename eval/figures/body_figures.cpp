@@ -1,6 +1,6 @@
-// Bodies against bodies: how much of what two solids share is found by their packings, and what
-// force comes of it. The common volume of convex bodies is known in closed form; where a body is
-// pushed into one face of a block, so is the direction.
+// Bodies against bodies: how much of what two solids share is found by the distance fields of their
+// meshes or by their packings, and what force comes of it. The common volume of convex bodies is
+// known in closed form; where a body is pushed into one face of a block, so is the direction.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +10,7 @@
 
 #include "eval/figures/option_figures.h"
 #include "eval/studies/accuracy.h"
+#include "eval/studies/common_volume.h"
 #include "eval/studies/parallel.h"
 #include "eval/studies/random.h"
 #include "eval/studies/range.h"
@@ -17,7 +18,6 @@
 #include "eval/studies/verdict_rules.h"
 #include "palpate/contact/body_contact.h"
 #include "palpate/mesh/shapes.h"
-#include "scenes/mesh_faces.h"
 #include "scenes/truth.h"
 
 namespace palpate::eval {
@@ -26,10 +26,12 @@ namespace {
 constexpr double kSize = 0.1;          // m, of a body
 constexpr double kFace = 1;            // m, z of the block's face
 constexpr double kBlock = 3 * kSize;   // m, its sides
-constexpr double kAside = 0.06;        // m, from the middle of the face: far from its edges
+constexpr double kAside = 0.01;        // m, from the middle of the face: far from its edges
 constexpr double kLeastShare = 0.02;   // of a body: what is less says nothing
 constexpr double kFine = kBlock / 10;  // m, radius: a block of no larger spheres
 constexpr int kLoopSteps = 4000;
+constexpr double kStep = 5e-5;  // m, of the path on which jumps are looked for
+constexpr double kWay = 0.3;    // of the cube's extent, its length
 
 // What our docs say.
 constexpr double kAsTheFills = 0.1;  // of what the fills multiplied say
@@ -37,6 +39,7 @@ constexpr double kConservative = 1e-6;
 constexpr double kOffNormal = 25;      // degrees, rms
 constexpr double kAboutVolume = 0.25;  // force, of the volume found
 constexpr double kMuchWeaker = 0.5;    // force, where a block's spheres are small
+constexpr double kOnePercent = 0.01, kOneDegree = 1, kMostJump = 1.25;  // by the field
 
 struct Bodies {
   const char *name, *a, *b;  ///< shapes
@@ -45,83 +48,42 @@ constexpr Bodies kBodies[] = {{"cube and cube", "box", "box"},
                               {"octahedron and cube", "octahedron", "box"},
                               {"tetrahedron and octahedron", "tetrahedron", "octahedron"}};
 
-// The truth ---------------------------------------------------------------------------------------
-
-std::vector<Plane<double>> planes_of(const TriangleMesh& mesh, const Pose& X_WB) {
-  std::vector<Plane<double>> planes;
-  scenes::for_each_face(mesh, X_WB, [&](const scenes::Triangle& face) {
-    const Vec3d normal = normalized(scenes::doubled_area(face));
-    planes.push_back({normal, dot(normal, face[0])});
-  });
-  return planes;
-}
-
-/// Calls visit(triangle) for triangles that make up the part of a face behind all planes. At most
-/// three of them at a time: more corners a polygon does not hold.
-template <class Visit>
-void cut(const scenes::Triangle& face, std::span<const Plane<double>> planes, const Visit& visit) {
-  const auto now = planes.first(std::min<std::size_t>(3, planes.size()));
-  const auto later = planes.subspan(now.size());
-  scenes::Polygon polygon(face);
-  for (const Plane<double>& plane : now) polygon.clip(plane);
-  polygon.for_each_triangle([&](const scenes::Triangle& part) {
-    if (later.empty()) {
-      visit(part);
-    } else {
-      cut(part, later, visit);
-    }
-  });
-}
-
-/// Common volume of two convex bodies: what lies within the other of the surface of either bounds
-/// it, and cones over that, from any point, make it up.
-double common_volume(const TriangleMesh& a, const Pose& X_WA, const TriangleMesh& b,
-                     const Pose& X_WB) {
-  const Vec3d apex = X_WA.translation;
-  double sum = 0;
-  const auto add = [&](const TriangleMesh& mesh, const Pose& X_WM,
-                       const std::vector<Plane<double>>& within) {
-    scenes::for_each_face(mesh, X_WM, [&](const scenes::Triangle& face) {
-      cut(face, within, [&](const scenes::Triangle& t) {
-        sum += dot(t[0] - apex, cross(t[1] - apex, t[2] - apex)) / 6;
-      });
-    });
-  };
-  add(a, X_WA, planes_of(b, X_WB));
-  add(b, X_WB, planes_of(a, X_WA));
-  return sum;
-}
-
 // Overlaps at random poses ------------------------------------------------------------------------
 
 /// How much of the common volume is found.
 struct Found {
   double share = 0;   ///< of all poses together
   double spread = 0;  ///< rms over the poses, of `share`
+  double rms = 0;     ///< error, of the smaller body
 };
 
-Found found_of(const Tool& a, const Tool& b, int num_poses, Work& work) {
-  BodyContact contact(a, b);
+std::unique_ptr<BodyPairQuery> query(const Tool& a, const Tool& b, BodyMethod method) {
+  return make_body_pair_query(Backend::cpu, a, b, {.method = method}).value();
+}
+
+Found found_of(const Tool& a, const Tool& b, BodyMethod method, int num_poses, Work& work) {
+  const auto contact = query(a, b, method);
   Random random(5);
-  const double least = kLeastShare * std::min(a.mesh_mass().volume, b.mesh_mass().volume);
-  double exact_sum = 0, found_sum = 0;
+  const double smaller = std::min(a.mesh_mass().volume, b.mesh_mass().volume);
+  double exact_sum = 0, found_sum = 0, errors = 0;
   std::vector<double> shares;
   while (shares.size() < static_cast<std::size_t>(num_poses)) {
     const Pose X_WA{{}, random.rotation(kPi)};
     const Quaternion turned = random.rotation(kPi);
     const Pose X_WB{random.in_box(kSize), turned};
     const double exact = common_volume(a.mesh(), X_WA, b.mesh(), X_WB);
-    if (exact < least) continue;
-    const double found = contact.measure(X_WA, X_WB).on_a.volume;
+    if (exact < kLeastShare * smaller) continue;
+    const double found = contact->measure(X_WA, X_WB).on_a.volume;
     exact_sum += exact;
     found_sum += found;
+    errors += (found - exact) * (found - exact);
     shares.push_back(found / exact);
     work.step();
   }
   const double share = found_sum / exact_sum;
   double squares = 0;
   for (const double s : shares) squares += (s / share - 1) * (s / share - 1);
-  return {share, std::sqrt(squares / num_poses)};
+  return {share, std::sqrt(squares / num_poses), std::sqrt(errors / num_poses) / smaller};
 }
 
 double fill(const Tool& tool) { return tool.sphere_mass().volume / tool.mesh_mass().volume; }
@@ -131,6 +93,8 @@ double fill(const Tool& tool) { return tool.sphere_mass().volume / tool.mesh_mas
 /// Of the tool's extent along the normal of the face.
 constexpr std::array kDepths{0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0};
 constexpr std::size_t kShallow = 1, kDeep = 7;  // of them: 5 and 50 %
+/// Of them, those at which no other face is nearer to any part of the cube.
+constexpr std::size_t kNumFaceOn = 6;
 
 /// A cube goes into a face of a block at many places, turned at random.
 struct Push {
@@ -139,10 +103,10 @@ struct Push {
   double strength = 0;                         ///< |force| / volume found, of all
 };
 
-Push push_of(const Tool& tool, const Tool& block, int num_places, Work& work) {
+Push push_of(const Tool& tool, const Tool& block, BodyMethod method, int num_places, Work& work) {
   const scenes::Environment face = scenes::Environment::wall(kFace);
   const Pose X_WB{{0, 0, kFace + kBlock / 2}, {}};
-  BodyContact contact(tool, block);
+  const auto contact = query(tool, block, method);
   Random random(9);
   Push push;
   std::array<double, kDepths.size()> exact{};
@@ -156,13 +120,13 @@ Push push_of(const Tool& tool, const Tool& block, int num_places, Work& work) {
       work.step();
       const Pose X_WT{{x, y, kFace - reach.front + kDepths[d] * (reach.front + reach.rear)},
                       turned};
-      const Penetration found = contact.measure(X_WT, X_WB).on_a;
+      const Penetration found = contact->measure(X_WT, X_WB).on_a;
       push.share[d] += found.volume;
       exact[d] += scenes::exact_volume(tool.mesh(), X_WT, face);
       const Vec3d& f = found.measure_W.force;
       force += norm(f);
       volume += found.volume;
-      if (f == Vec3d{}) continue;
+      if (d >= kNumFaceOn || f == Vec3d{}) continue;
       const double off = std::atan2(std::hypot(f.x, f.y), -f.z) * 180 / kPi;
       squares += off * off;
       ++num_felt;
@@ -175,31 +139,49 @@ Push push_of(const Tool& tool, const Tool& block, int num_places, Work& work) {
   return push;
 }
 
-/// Net work of a closed loop through the face, share of all work.
-double body_loop_work(const Tool& tool, const Tool& block, int num_steps, Work& work) {
-  ContactCase tilted;
-  for (ContactCase& c : tilted_cases()) {
-    if (c.scene == "wall") tilted = std::move(c);
-  }
+/// On paths through the face.
+struct Way {
+  double loop = 0;  ///< net work of a closed loop, share of all work
+  double jump = 0;  ///< worst step of the force going straight in, of the worst exact one
+};
+
+Way way_of(const Tool& tool, const Tool& block, BodyMethod method, int num_steps, Work& work) {
   const Pose X_WB{{0, 0, kFace + kBlock / 2}, {}};
-  BodyContact contact(tool, block);
+  const auto contact = query(tool, block, method);
   const Measure measured{tool.mesh_mass().volume, [&](const Pose& X_WT) {
                            work.step();
-                           return contact.measure(X_WT, X_WB).on_a;
+                           return contact->measure(X_WT, X_WB).on_a;
                          }};
-  return loop_work(tilted, tool, measured, num_steps);
+  Way way;
+  for (const std::vector<ContactCase>& cases : {thesis_cases(), tilted_cases()}) {
+    for (const ContactCase& c : cases) {
+      if (c.scene != "wall" || c.tool_shape != "box") continue;
+      const auto steps = exact_steps(c, tool, 0, kWay, num_steps_over(c, kWay, kStep));
+      way.jump = std::max(way.jump, wrench_error(tool, steps, measured).jump_ratio());
+      way.loop = std::max(way.loop, loop_work(c, tool, measured, num_steps));
+    }
+  }
+  return way;
 }
 
 // The figure --------------------------------------------------------------------------------------
 
+/// What one way of measuring finds.
+struct ByMethod {
+  std::array<Found, std::size(kBodies)> found;  ///< by bodies
+  Push push, fine;  ///< into a block as it is packed by default, and of small spheres
+  Way way;
+};
+constexpr BodyMethod kMethods[] = {BodyMethod::field, BodyMethod::spheres};
+
 /// What comes of one number of spheres in each body.
 struct Row {
   int num_spheres = 0;
-  std::array<Found, std::size(kBodies)> found;  ///< by bodies
   std::array<double, std::size(kBodies)> fill_a{}, fill_b{};
-  Push push, fine;  ///< into a block as it is packed by default, and of small spheres
-  double loop = 0;
+  std::array<ByMethod, std::size(kMethods)> by;
 
+  const ByMethod& field() const { return by[0]; }
+  const ByMethod& spheres() const { return by[1]; }
   /// What is to be expected if the spheres of either know nothing of those of the other.
   double multiplied(std::size_t bodies) const { return fill_a[bodies] * fill_b[bodies]; }
 };
@@ -236,15 +218,6 @@ Result<std::vector<Row>> measure(Context& context) {
     if (!block) return block.error();
     const auto fine = fine_block(context, num);
     if (!fine) return fine.error();
-    tasks.push_back([=, &row, tool = *tool, block = *block](Work& work) {
-      row.loop = body_loop_work(*tool, *block, loop_steps, work);
-    });
-    tasks.push_back([=, &row, tool = *tool, block = *block](Work& work) {
-      row.push = push_of(*tool, *block, num_places, work);
-    });
-    tasks.push_back([=, &row, tool = *tool, block = *fine](Work& work) {
-      row.fine = push_of(*tool, *block, num_places, work);
-    });
     for (std::size_t k = 0; k < std::size(kBodies); ++k) {
       const auto a = context.tool(kBodies[k].a, kSize, num);
       if (!a) return a.error();
@@ -252,14 +225,29 @@ Result<std::vector<Row>> measure(Context& context) {
       if (!b) return b.error();
       row.fill_a[k] = fill(**a);
       row.fill_b[k] = fill(**b);
-      tasks.push_back([=, &row, a = *a, b = *b](Work& work) {
-        row.found[k] = found_of(*a, *b, num_poses, work);
+      for (std::size_t m = 0; m < std::size(kMethods); ++m) {
+        tasks.push_back([=, &to = row.by[m].found[k], a = *a, b = *b](Work& work) {
+          to = found_of(*a, *b, kMethods[m], num_poses, work);
+        });
+      }
+    }
+    for (std::size_t m = 0; m < std::size(kMethods); ++m) {
+      tasks.push_back([=, &to = row.by[m].way, tool = *tool, block = *block](Work& work) {
+        to = way_of(*tool, *block, kMethods[m], loop_steps, work);
+      });
+      tasks.push_back([=, &to = row.by[m].push, tool = *tool, block = *block](Work& work) {
+        to = push_of(*tool, *block, kMethods[m], num_places, work);
+      });
+      tasks.push_back([=, &to = row.by[m].fine, tool = *tool, block = *fine](Work& work) {
+        to = push_of(*tool, *block, kMethods[m], num_places, work);
       });
     }
     context.progress(0);
   }
-  const auto steps = static_cast<double>(num_poses * std::size(kBodies)) +
-                     2.0 * num_places * static_cast<double>(kDepths.size()) + loop_steps;
+  // About: paths go straight in, too.
+  const auto steps = std::size(kMethods) *
+                     (static_cast<double>(num_poses * std::size(kBodies)) +
+                      2.0 * num_places * static_cast<double>(kDepths.size()) + 3.0 * loop_steps);
   run_tasks(context, static_cast<int>(tasks.size()), steps * static_cast<double>(rows.size()),
             [&](int i, Work& work) { tasks[static_cast<std::size_t>(i)](work); });
   return rows;
@@ -267,15 +255,18 @@ Result<std::vector<Row>> measure(Context& context) {
 
 Table volume_table(const std::vector<Row>& rows) {
   Table table{"Found of the common volume, random poses",
-              {"bodies", "spheres in each", "first filled, %", "second filled, %", "multiplied, %",
-               "found, %", "spread over the poses, ± %"},
+              {"bodies", "spheres in each", "by the field: found, %", "spread over the poses, ± %",
+               "error, % of the smaller body, rms", "by spheres: found, %",
+               "spread over the poses, ± %", "fills multiplied, %"},
               {}};
   for (std::size_t k = 0; k < std::size(kBodies); ++k) {
     for (const Row& row : rows) {
-      table.rows.push_back(
-          {kBodies[k].name, words("%d", row.num_spheres), words("%.1f", 100 * row.fill_a[k]),
-           words("%.1f", 100 * row.fill_b[k]), words("%.1f", 100 * row.multiplied(k)),
-           words("%.1f", 100 * row.found[k].share), words("%.0f", 100 * row.found[k].spread)});
+      const Found &field = row.field().found[k], &spheres = row.spheres().found[k];
+      table.rows.push_back({kBodies[k].name, words("%d", row.num_spheres),
+                            words("%.1f", 100 * field.share), words("%.1f", 100 * field.spread),
+                            words("%.2f", 100 * field.rms), words("%.1f", 100 * spheres.share),
+                            words("%.0f", 100 * spheres.spread),
+                            words("%.1f", 100 * row.multiplied(k))});
     }
   }
   return table;
@@ -283,17 +274,35 @@ Table volume_table(const std::vector<Row>& rows) {
 
 Table push_table(const std::vector<Row>& rows) {
   Table table{"A cube in the face of a block",
-              {"spheres in each", "spheres of the block", "found at 5 % depth, %",
-               "at 50 % depth, %", "direction, ° rms", "force / volume found"},
+              {"by", "spheres in each", "spheres of the block", "found at 5 % depth, %",
+               "at 50 % depth, %", "direction, ° rms", "worst", "force / volume found"},
               {}};
-  for (const bool is_fine : {false, true}) {
+  for (std::size_t m = 0; m < std::size(kMethods); ++m) {
+    for (const bool is_fine : {false, true}) {
+      for (const Row& row : rows) {
+        const Push& push = is_fine ? row.by[m].fine : row.by[m].push;
+        table.rows.push_back(
+            {name_of(kMethods[m]), words("%d", row.num_spheres),
+             is_fine ? words("radius up to %g cm", 100 * kFine) : "as large as fit",
+             words("%.1f", 100 * push.share[kShallow]), words("%.1f", 100 * push.share[kDeep]),
+             words("%.1f", push.direction), words("%.1f", push.direction_most),
+             words("%.2f", push.strength)});
+      }
+    }
+  }
+  return table;
+}
+
+Table way_table(const std::vector<Row>& rows) {
+  Table table{
+      "A cube on its way through the face of a block",
+      {"by", "spheres in each", "worst step of the force / exact", "net work round a loop, %"},
+      {}};
+  for (std::size_t m = 0; m < std::size(kMethods); ++m) {
     for (const Row& row : rows) {
-      const Push& push = is_fine ? row.fine : row.push;
-      table.rows.push_back({words("%d", row.num_spheres),
-                            is_fine ? words("radius up to %g cm", 100 * kFine) : "as large as fit",
-                            words("%.1f", 100 * push.share[kShallow]),
-                            words("%.1f", 100 * push.share[kDeep]), words("%.0f", push.direction),
-                            words("%.2f", push.strength)});
+      const Way& way = row.by[m].way;
+      table.rows.push_back({name_of(kMethods[m]), words("%d", row.num_spheres),
+                            words("%.2f", way.jump), words("%.1g", 100 * way.loop)});
     }
   }
   return table;
@@ -307,72 +316,119 @@ Plot depth_plot(const std::vector<Row>& rows) {
             false,
             false,
             ""};
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    Curve curve{words("%d spheres", rows[i].num_spheres), words("other%zu", i % 4 + 1), {}, {}};
-    for (std::size_t d = 0; d < kDepths.size(); ++d) {
-      curve.x.push_back(100 * kDepths[d]);
-      curve.y.push_back(100 * rows[i].push.share[d]);
+  for (std::size_t m = 0; m < std::size(kMethods); ++m) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      // The field's curves lie on each other.
+      if (m == 0 && i + 1 < rows.size()) continue;
+      Curve curve{words("%s, %d spheres", name_of(kMethods[m]).c_str(), rows[i].num_spheres),
+                  words("other%zu", m == 0 ? 4 : i % 3 + 1),
+                  {},
+                  {}};
+      for (std::size_t d = 0; d < kDepths.size(); ++d) {
+        curve.x.push_back(100 * kDepths[d]);
+        curve.y.push_back(100 * rows[i].by[m].push.share[d]);
+      }
+      plot.curves.push_back(std::move(curve));
     }
-    plot.curves.push_back(std::move(curve));
   }
-  const Row &first = rows.front(), &last = rows.back();
+  const Push &first = rows.front().spheres().push, &last = rows.back().spheres().push;
   plot.caption = words(
-      "Light touches fall into the gaps below the face: at 5 %% depth %.0f %% are found with %d "
-      "spheres in each body and %.0f %% with %d, at 50 %% depth %.0f and %.0f %%.",
-      100 * first.push.share[kShallow], first.num_spheres, 100 * last.push.share[kShallow],
-      last.num_spheres, 100 * first.push.share[kDeep], 100 * last.push.share[kDeep]);
+      "By spheres, light touches fall into the gaps below the face: at 5 %% depth %.0f %% are "
+      "found with %d spheres in each body and %.0f %% with %d, at 50 %% depth %.0f and %.0f %%.",
+      100 * first.share[kShallow], rows.front().num_spheres, 100 * last.share[kShallow],
+      rows.back().num_spheres, 100 * first.share[kDeep], 100 * last.share[kDeep]);
   return plot;
 }
 
 void add_numbers(FigureResult& result, const std::vector<Row>& rows) {
   for (const Row& row : rows) {
-    const auto add = [&](const std::string& name, double value, const char* unit) {
-      result.numbers.push_back({words("%d.", row.num_spheres) + name, value, unit});
-    };
-    for (std::size_t k = 0; k < std::size(kBodies); ++k) {
-      const std::string bodies = kBodies[k].name;
-      add(bodies + ".found", 100 * row.found[k].share, "%");
-      add(bodies + ".multiplied", 100 * row.multiplied(k), "%");
-      add(bodies + ".spread", 100 * row.found[k].spread, "%");
+    for (std::size_t m = 0; m < std::size(kMethods); ++m) {
+      const ByMethod& by = row.by[m];
+      const auto add = [&](const std::string& name, double value, const char* unit) {
+        result.numbers.push_back(
+            {words("%d.%s.", row.num_spheres, name_of(kMethods[m]).c_str()) + name, value, unit});
+      };
+      for (std::size_t k = 0; k < std::size(kBodies); ++k) {
+        const std::string bodies = kBodies[k].name;
+        add(bodies + ".found", 100 * by.found[k].share, "%");
+        add(bodies + ".multiplied", 100 * row.multiplied(k), "%");
+        add(bodies + ".spread", 100 * by.found[k].spread, "%");
+        add(bodies + ".rms", 100 * by.found[k].rms, "%");
+      }
+      for (const bool is_fine : {false, true}) {
+        const Push& push = is_fine ? by.fine : by.push;
+        const std::string key = is_fine ? "fine_face." : "face.";
+        add(key + "found_shallow", 100 * push.share[kShallow], "%");
+        add(key + "found_deep", 100 * push.share[kDeep], "%");
+        add(key + "direction_rms", push.direction, "deg");
+        add(key + "direction_most", push.direction_most, "deg");
+        add(key + "force_over_volume", push.strength, "1");
+      }
+      add("loop_work", 100 * by.way.loop, "%");
+      add("jump_ratio", by.way.jump, "1");
     }
-    for (const bool is_fine : {false, true}) {
-      const Push& push = is_fine ? row.fine : row.push;
-      const std::string key = is_fine ? "fine_face." : "face.";
-      add(key + "found_shallow", 100 * push.share[kShallow], "%");
-      add(key + "found_deep", 100 * push.share[kDeep], "%");
-      add(key + "direction_rms", push.direction, "deg");
-      add(key + "direction_most", push.direction_most, "deg");
-      add(key + "force_over_volume", push.strength, "1");
-    }
-    add("loop_work", 100 * row.loop, "%");
   }
 }
 
-void add_claims(FigureResult& result, const std::vector<Row>& rows) {
+void add_claims_of_field(FigureResult& result, const std::vector<Row>& rows) {
+  Range share, rms, direction, jump, loop;
+  for (const Row& row : rows) {
+    const ByMethod& by = row.field();
+    for (const Found& found : by.found) {
+      share.add(found.share);
+      rms.add(found.rms);
+    }
+    for (const Push* push : {&by.push, &by.fine}) direction.add(push->direction_most);
+    jump.add(by.way.jump);
+    loop.add(by.way.loop);
+  }
+  result.claims.push_back(
+      {"By the fields of the meshes, what two bodies share is found to a percent.",
+       words(
+           "%.1f to %.1f %% of what random poses share is found, with an error of %.2f to %.2f %% "
+           "of the smaller body, rms.",
+           100 * share.low, 100 * share.high, 100 * rms.low, 100 * rms.high),
+       holds_with({holds_between(share, 1 - kOnePercent, 1 + kOnePercent),
+                   holds_below(rms.high, kOnePercent)}),
+       Source::docs});
+  result.claims.push_back(
+      {"By the fields, a face is felt as it is, without jumps and without gain.",
+       words(
+           "At most %.2f° off the normal of a face that is the nearest one; the worst step of the "
+           "force is %.2f to %.2f times the exact one; a closed loop gives away at most %.0e of "
+           "all work.",
+           direction.high, jump.low, jump.high, loop.high),
+       holds_with({holds_below(direction.high, kOneDegree), holds_below(jump.high, kMostJump),
+                   holds_below(loop.high, kConservative)}),
+       Source::docs});
+}
+
+void add_claims_of_spheres(FigureResult& result, const std::vector<Row>& rows) {
   Range ratio, loop, direction, strength, fine;
   for (const Row& row : rows) {
+    const ByMethod& by = row.spheres();
     for (std::size_t k = 0; k < std::size(kBodies); ++k) {
-      ratio.add(row.found[k].share / row.multiplied(k));
+      ratio.add(by.found[k].share / row.multiplied(k));
     }
-    loop.add(row.loop);
-    direction.add(row.push.direction);
-    strength.add(row.push.strength);
-    fine.add(row.fine.strength);
+    loop.add(by.way.loop);
+    direction.add(by.push.direction);
+    strength.add(by.push.strength);
+    fine.add(by.fine.strength);
   }
   const int least = rows.front().num_spheres, most = rows.back().num_spheres;
   result.claims.push_back(
-      {"Of the volume that two bodies share as much is found "
+      {"By spheres, of the volume that two bodies share as much is found "
        "as their fills multiplied.",
        words("%.2f to %.2f times that, with %d to %d spheres in each body.", ratio.low, ratio.high,
              least, most),
        holds_between(ratio, 1 - kAsTheFills, 1 + kAsTheFills), Source::docs});
   result.claims.push_back(
-      {"The force between bodies has a potential, so that a "
+      {"The force between the spheres of bodies has a potential, so that a "
        "closed path gives no energy.",
        words("A closed loop gives away at most %.0e of all work.", loop.high),
        holds_below(loop.high, kConservative), Source::docs});
   result.claims.push_back(
-      {"A face of a body is felt as the spheres behind it: "
+      {"By spheres, a face of a body is felt as the spheres behind it: "
        "off its normal, however many they are, and much weaker if they are small.",
        words("With %d to %d spheres %.0f to %.0f° rms off the normal, and %.2f to %.2f times as "
              "strong as the volume found; at most %.2f times if the block has no large ones.",
@@ -389,17 +445,22 @@ Result<FigureResult> figure_bodies(Context& context) {
   const auto rows = measure(context);
   if (!rows) return rows.error();
   FigureResult result;
-  add_claims(result, *rows);
+  add_claims_of_field(result, *rows);
+  add_claims_of_spheres(result, *rows);
   result.plots = {depth_plot(*rows)};
-  result.tables = {volume_table(*rows), push_table(*rows)};
+  result.tables = {volume_table(*rows), push_table(*rows), way_table(*rows)};
   add_numbers(result, *rows);
   result.notes = {
       words("Random poses: all that share at least %.0f %% of the smaller body; found is that of "
             "all poses together, spread the rms over single ones.",
             100 * kLeastShare),
-      words("The block's face is wide enough that no other face of it is near; places and turns "
-            "are random. The loop is closed, smooth, in all six degrees of freedom, %d steps.",
-            context.choose(kLoopSteps, kLoopSteps / 2))};
+      words(
+          "A cube of 10 cm in a block of 30 cm; places and turns are random. Directions are those "
+          "at 2 to %.0f %% depth, where no other face is nearer to any part of the cube; nothing "
+          "felt has none. The way in is in steps of %g mm over %.0f %% of the cube's extent, face "
+          "on and tilted; the loop is closed, smooth, in all six degrees of freedom, %d steps.",
+          100 * kDepths[kNumFaceOn - 1], 1000 * kStep, 100 * kWay,
+          context.choose(kLoopSteps, kLoopSteps / 2))};
   return result;
 }
 

@@ -290,6 +290,21 @@ inline void store_fours(float* to, std::ptrdiff_t stride, const VecF (&columns)[
   }
 }
 
+/// Numbers k = 0, 1, 2 from table[index[i]] on, for each lane, as columns[k]; four are read. Loads
+/// rows and transposes them, which is faster than gathering.
+inline void gather_three(const float* table, VecI index, VecF (&columns)[3]) {
+  VecF rows[4], all[4];
+  // Row i holds the numbers of lanes i, i + 4, ..., four for each.
+  for (int i = 0; i < 4; ++i) {
+    float* const row = reinterpret_cast<float*>(&rows[i]);
+    for (int k = 0; k < kLanes / 4; ++k) {
+      std::memcpy(row + 4 * k, table + std::ptrdiff_t{index[i + 4 * k]}, 4 * sizeof(float));
+    }
+  }
+  transpose_fours(rows, all);
+  for (int k = 0; k < 3; ++k) columns[k] = all[k];
+}
+
 /// Numbers k = 0 ... 5 from table[2 * index[i]] on, for each lane, as columns[k]; eight may be
 /// read. Loads whole rows and transposes them, which is faster than gathering.
 inline void gather_three_pairs(const float* table, VecI index, VecF (&columns)[6]) {

@@ -15,8 +15,13 @@ constexpr int kToolBody = 0;
 // From a pose to a contact.
 
 ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
-                         const VolumeStiffness& scale, const std::vector<SceneObject>& objects)
-    : query_(query.get()), tool_mass_(tool.sphere_mass()), scale_(scale) {
+                         const VolumeStiffness& scale, const std::vector<SceneObject>& objects,
+                         BodyMethod bodies)
+    : bodies_(bodies),
+      world_(bodies),
+      query_(query.get()),
+      tool_mass_(tool.sphere_mass()),
+      scale_(scale) {
   world_.add_tool(tool, std::move(query));
   for (const SceneObject& object : objects) {
     world_.add_object(*object.shape, object.X_WB);
@@ -26,8 +31,9 @@ ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
 
 Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
   if (backend == Backend::cpu) return Done{};
-  return world_.measure_pairs_by(
-      [&](const auto& a, const auto& b) { return make_body_pair_query(backend, a, b, gpu); });
+  return world_.measure_pairs_by([&](const auto& a, const auto& b) {
+    return make_body_pair_query(backend, a, b, {.method = bodies_, .gpu = gpu});
+  });
 }
 
 void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiffness,
@@ -42,7 +48,10 @@ void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiff
   const bool has_contact = record.penetration.volume > 0 && has_stiffness();
   record.has_new_stiffness = has_contact && measured.stiffness;
   if (!has_contact) stiffness_ = {};
-  if (record.has_new_stiffness) stiffness_ = *measured.stiffness;
+  if (record.has_new_stiffness) {
+    stiffness_ = *measured.stiffness;
+    if (measured.bodies_stiffness) stiffness_ += *measured.bodies_stiffness;
+  }
   if (!(record.penetration.volume > 0)) {
     patch_ = {};
   } else if (record.has_new_stiffness || !has_stiffness()) {
@@ -59,7 +68,7 @@ ContactPatch ContactPart::patch_at(const Pose& X_WT) const noexcept {
       measured.stiffness
           ? contact_patch(of_cloud, measured.cloud.volume, *measured.stiffness, measured.moments)
           : guessed_patch(of_cloud, measured.cloud.volume, tool_mass_, X_WT.rotation);
-  if (measured.num_pairs == 0) return cloud;
+  if (!(measured.bodies.volume > 0)) return cloud;
 
   ContactPatch objects =
       guessed_patch(of_bodies, measured.bodies.volume, tool_mass_, X_WT.rotation);

@@ -98,7 +98,8 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
   const Tool& tool = index->tool();
   auto query = make_contact_query(backend_of(settings), std::move(index), *method, capacities);
   if (!query) return query.error();
-  auto part = std::make_unique<ContactPart>(tool, *std::move(query), scale, settings.objects);
+  auto part = std::make_unique<ContactPart>(tool, *std::move(query), scale, settings.objects,
+                                            settings.contact.bodies);
   const Status status = part->measure_pairs_at(backend_of(settings), settings.contact_gpu);
   if (!status) return status.error();
   return part;

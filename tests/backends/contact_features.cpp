@@ -9,6 +9,7 @@
 #include "eval/studies/method_queries.h"
 #include "palpate/contact/body_world.h"
 #include "src/contact/bodies/body_contact_cuda.h"
+#include "src/contact/bodies/solid_contact_cuda.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/frame_slots.h"
@@ -341,16 +342,18 @@ FeatureGroup surroundings() {
           }};
 }
 
-void compare_bodies(double allowed) {
+void compare_bodies(BodyMethod method, double allowed) {
   const Tool left = test_tool(), right = random_tool(90, 0.04, 2), block = random_tool(60, 0.05, 3);
-  BodyWorld cpu, cuda;
+  BodyWorld cpu(method), cuda(method);
   for (BodyWorld* world : {&cpu, &cuda}) {
     world->add_tool(left, nullptr);
     world->add_tool(right, nullptr);
     world->add_object(block, {{0.03, 0.02, 0.7}, axis_angle({1, 0, 0}, 0.4)});
   }
-  const Status status = cuda.measure_pairs_by(
-      [](const auto& a, const auto& b) { return make_body_contact_cuda(a, b, 0); });
+  const Status status = cuda.measure_pairs_by([&](const auto& a, const auto& b) {
+    return method == BodyMethod::field ? make_solid_contact_cuda(a, b, 0)
+                                       : make_body_contact_cuda(a, b, 0);
+  });
   ASSERT_TRUE(status) << status.error().message;
   Random random(4);
   for (int i = 0; i < 5; ++i) {
@@ -368,9 +371,14 @@ void compare_bodies(double allowed) {
   }
 }
 
+void compare_bodies_by_field(double allowed) { compare_bodies(BodyMethod::field, allowed); }
+void compare_bodies_by_spheres(double allowed) { compare_bodies(BodyMethod::spheres, allowed); }
+
 FeatureGroup bodies() {
   return {"Several bodies",
-          {{"tools and objects against each other", kExact, compare_bodies, "yes",
+          {{"tools and objects against each other, by field", kMeasure, compare_bodies_by_field,
+            "yes", "yes: all pairs at the same time"},
+           {"the same by spheres", kExact, compare_bodies_by_spheres, "yes",
             "yes: all pairs at the same time"}}};
 }
 

@@ -50,13 +50,14 @@ TEST_F(Objects, AreFeltBesideTheCloud) {
   const auto cloud_log = run_path(tool_, same_stream, pressing_pose, without);
   ASSERT_TRUE(cloud_log) << cloud_log.error().message;
   ASSERT_EQ(log->ticks.size(), cloud_log->ticks.size());
-  BodyContact contact(tool_, *settings_.objects[0].shape);
+  const auto contact =
+      make_body_pair_query(Backend::cpu, tool_, *settings_.objects[0].shape).value();
   int num_both = 0;
   for (std::size_t k = 0; k < log->ticks.size(); ++k) {
     const TickRecord& tick = log->ticks[k];
     const Penetration& cloud = cloud_log->ticks[k].penetration;
-    const BodyPenetration one = contact.measure(tick.step.X_WT, settings_.objects[0].X_WB);
-    const BodyPenetration two = contact.measure(tick.step.X_WT, settings_.objects[1].X_WB);
+    const BodyPenetration one = contact->measure(tick.step.X_WT, settings_.objects[0].X_WB);
+    const BodyPenetration two = contact->measure(tick.step.X_WT, settings_.objects[1].X_WB);
     EXPECT_EQ(tick.objects.volume, one.on_a.volume + two.on_a.volume);
     EXPECT_EQ(tick.objects.measure_W.torque, one.on_a.measure_W.torque + two.on_a.measure_W.torque);
     EXPECT_EQ(tick.num_object_pairs, one.num_pairs + two.num_pairs);

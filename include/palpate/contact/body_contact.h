@@ -1,10 +1,9 @@
-// Body against body: two inner sphere trees, and what the spheres of one share with those of the
-// other (thesis section 3.1.1; Weller and Zachmann 2009, "A unified approach for physically-based
-// simulations and haptic rendering").
+// Body against body: how much two rigid bodies share, and the wrench that follows for each.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "palpate/contact/contact_query.h"
@@ -17,14 +16,27 @@ namespace palpate {
 /// whose centres are `distance` apart. Closed form, accurate down to the lightest touch.
 double lens_potential(double a, double b, double distance);
 
-/// What two bodies share, and what that does to either of them. As spheres of one packing are
-/// disjoint, the volume is that of the intersection of the two packings: never more than a body.
+/// What two bodies share, and what that does to either of them.
 struct BodyPenetration {
   /// For each body as for a tool in a cloud: volume, and the wrench on it about its own centre of
-  /// mass, in W. `num_boundary_spheres` are its spheres that overlap some sphere of the other body;
-  /// the counts of inside spheres and points stay 0.
+  /// mass, in W. Both volumes are the same, and the wrenches are opposite.
+  ///
+  /// By the field: U = w_a sum f_s G(phi_B(c_s)) over the spheres of A + w_b (the same of B's in
+  /// A's field), w_a + w_b = 1; `potential` is U and the wrenches are minus its derivatives, the
+  /// volume is the sum of the caps weighted likewise. The way whose spheres and grid are finer
+  /// counts more (equal bodies: 1/2 each), and one that is coarse beside it is not asked: then the
+  /// counts of that body stay 0. Boundary and inside spheres are as against a depth field.
+  ///
+  /// By the spheres: the volume is that of the intersection of the two packings.
+  /// `num_boundary_spheres` are spheres that overlap some sphere of the other body; the counts of
+  /// inside spheres and points stay 0, and so does the potential.
   Penetration on_a, on_b;
-  std::int64_t num_pairs = 0;  ///< overlapping pairs of spheres: what the query's time grows with
+  /// What is close enough to be felt: by the field, spheres of either body that reach into the
+  /// other; by the spheres, overlapping pairs of them, which the time grows with.
+  std::int64_t num_pairs = 0;
+  /// By the field, if it was wanted: how the wrench on A changes with the pose of A while B stays,
+  /// and the same of B.
+  std::optional<Stiffness> stiffness_a = std::nullopt, stiffness_b = std::nullopt;
 };
 
 /// Measures two rigid bodies against each other, somewhere. One thread at a time.
@@ -35,33 +47,41 @@ class BodyPairQuery {
   /// Begins a measurement: on a GPU, it runs until `finish` is called, which returns the result. No
   /// allocation. With a pose that is not finite, nothing is measured and the body whose pose it is
   /// gets StepStatus::non_finite_pose.
-  virtual void start(const Pose& X_WA, const Pose& X_WB) noexcept = 0;
+  virtual void start(const Pose& X_WA, const Pose& X_WB, bool wants_stiffness) noexcept = 0;
   virtual BodyPenetration finish() noexcept = 0;
 
-  BodyPenetration measure(const Pose& X_WA, const Pose& X_WB) noexcept {
-    start(X_WA, X_WB);
+  BodyPenetration measure(const Pose& X_WA, const Pose& X_WB,
+                          bool wants_stiffness = false) noexcept {
+    start(X_WA, X_WB, wants_stiffness);
     return finish();
   }
 };
 
-/// See BodyContact for what is measured: a GPU finds the same pairs,
-/// and sums that differ by rounding alone. Errors: the backend is not in this build or on this
-/// machine; no memory left on the GPU.
+struct BodyPairOptions {
+  BodyMethod method = BodyMethod::field;
+  Isa isa = best_isa();  ///< on the CPU, by the field
+  int gpu = 0;           ///< which one, for the CUDA backend
+};
+
+/// A GPU finds the same, and sums that differ by rounding alone. By the field, bodies without a
+/// stored field get one now, which takes about a second for each. Errors: the backend is not in
+/// this build or on this machine; no memory left on the GPU.
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
                                                             std::shared_ptr<const ToolIndex> a,
                                                             std::shared_ptr<const ToolIndex> b,
-                                                            int gpu = 0);
+                                                            const BodyPairOptions& options = {});
 /// The same with indices of its own. Both bodies must outlive it.
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
-                                                            const Tool& b, int gpu = 0);
+                                                            const Tool& b,
+                                                            const BodyPairOptions& options = {});
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&&, const Tool&,
-                                                            int = 0) = delete;
+                                                            const BodyPairOptions& = {}) = delete;
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&, const Tool&&,
-                                                            int = 0) = delete;
+                                                            const BodyPairOptions& = {}) = delete;
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend, const Tool&&, const Tool&&,
-                                                            int = 0) = delete;
+                                                            const BodyPairOptions& = {}) = delete;
 
-/// Measures two rigid bodies against each other on the CPU. Every pair of overlapping spheres adds
+/// BodyMethod::spheres on the CPU. Every pair of overlapping spheres adds
 /// the exact volume V of its lens, and pushes with the force V m, m being the unit vector from the
 /// centre of B's sphere to that of A's: volume times direction, as everywhere.
 ///
@@ -83,7 +103,7 @@ class BodyContact final : public BodyPairQuery {
   BodyContact(const Tool&, const Tool&&) = delete;
   BodyContact(const Tool&&, const Tool&&) = delete;
 
-  void start(const Pose& X_WA, const Pose& X_WB) noexcept override;
+  void start(const Pose& X_WA, const Pose& X_WB, bool wants_stiffness = false) noexcept override;
   BodyPenetration finish() noexcept override;
 
   /// The potential whose gradient the wrenches are, m4. Takes about twice the time of `measure`.

@@ -20,7 +20,9 @@ struct BodyMeasure {
   std::optional<Stiffness> stiffness;  ///< of `cloud`, if it was wanted
   VolumeMoments moments;               ///< likewise
   Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
-  std::int64_t num_pairs = 0;          ///< overlapping pairs of spheres with other bodies
+  /// Of `bodies` while they stay, likewise, by BodyMethod::field.
+  std::optional<Stiffness> bodies_stiffness;
+  std::int64_t num_pairs = 0;  ///< sum of BodyPenetration::num_pairs with other bodies
 
   /// Volume and wrench of both shares; counts and potential of the cloud alone. What lies both in
   /// the cloud and in another body counts in both. Away from other bodies, the bits of `cloud`.
@@ -31,6 +33,9 @@ struct BodyMeasure {
 /// feel the tools. Bodies are known by the number that adding them returned: 0, 1, ...
 class BodyWorld {
  public:
+  /// `method`: how bodies are measured against each other.
+  explicit BodyWorld(BodyMethod method = BodyMethod::field) : method_(method) {}
+
   /// A tool that moves. `cloud_query` measures it against the cloud; null: it feels bodies alone.
   /// `tool` must outlive the world.
   int add_tool(const Tool& tool, std::unique_ptr<ContactQuery> cloud_query);
@@ -42,8 +47,8 @@ class BodyWorld {
   /// How a pair of bodies is measured; see make_body_pair_query.
   using MakePairQuery = std::function<Result<std::unique_ptr<BodyPairQuery>>(
       std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b)>;
-  /// Lets other queries than BodyContact measure the pairs of the bodies added so far, e.g. on a
-  /// GPU: there, pairs are measured all at once, and at the same time as the cloud. Error: the
+  /// Lets other queries than those on the CPU measure the pairs of the bodies added so far, e.g. on
+  /// a GPU: there, pairs are measured all at once, and at the same time as the cloud. Error: the
   /// first one of `make`; nothing has changed then.
   Status measure_pairs_by(const MakePairQuery& make);
 
@@ -84,6 +89,7 @@ class BodyWorld {
   Body& at(int body) { return bodies_[static_cast<std::size_t>(body)]; }
   const Body& at(int body) const { return bodies_[static_cast<std::size_t>(body)]; }
 
+  BodyMethod method_;
   std::vector<Body> bodies_;
   std::vector<Pair> pairs_;
 };

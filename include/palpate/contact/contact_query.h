@@ -81,6 +81,17 @@ enum class Continuity {
 };
 constexpr auto names_of(Continuity) { return std::array{"none", "kernel", "entry", "both"}; }
 
+/// How two bodies are measured against each other, see contact/body_contact.h.
+enum class BodyMethod {
+  /// The spheres of each ask the smooth distance field of the other (packing/solid_field.h), with
+  /// represented volumes and the arithmetic of the depth field: faces are felt as they are.
+  field,
+  /// What the spheres of the one share with those of the other, tree against tree (thesis section
+  /// 3.1.1).
+  spheres,
+};
+constexpr auto names_of(BodyMethod) { return std::array{"field", "spheres"}; }
+
 /// The method and its options as settings: files and command lines name them one by one. See
 /// contact_method.
 struct ContactOptions {
@@ -92,6 +103,7 @@ struct ContactOptions {
   std::optional<SphereVolumes> volumes = std::nullopt;
   Edges edges = Edges::none;
   Continuity continuity = Continuity::none;
+  BodyMethod bodies = BodyMethod::field;  ///< of objects; of all methods
 
   /// The field measures the tool, the methods of the thesis measure its spheres.
   SphereVolumes counted() const {
@@ -111,6 +123,8 @@ inline void add_settings(SettingTable& t, ContactOptions& o) {
   t.add("edges", o.edges, "where the surface ends in front of something farther away");
   t.add("continuity", o.continuity,
         "how weighted, simplified and graph smooth over points that enter and leave spheres");
+  t.add("bodies", o.bodies,
+        "how objects are felt: by the distance fields of their meshes, or sphere against sphere");
 }
 
 /// A method with the options that it has, and no other.

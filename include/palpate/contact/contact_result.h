@@ -81,6 +81,13 @@ struct Penetration {
 /// columns: x, y, z of force / shift, then of torque / turn. m2, m3 and m4.
 struct Stiffness {
   double m[6][6] = {};
+
+  Stiffness& operator+=(const Stiffness& other) {
+    for (int row = 0; row < 6; ++row) {
+      for (int column = 0; column < 6; ++column) m[row][column] += other.m[row][column];
+    }
+    return *this;
+  }
 };
 
 struct ContactResult {

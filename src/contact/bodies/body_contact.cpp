@@ -8,6 +8,8 @@
 
 #include "src/contact/bodies/body_contact_cuda.h"
 #include "src/contact/bodies/body_pair.h"
+#include "src/contact/bodies/solid_contact.h"
+#include "src/contact/bodies/solid_contact_cuda.h"
 
 namespace palpate {
 namespace {
@@ -117,7 +119,7 @@ BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool
   return result;
 }
 
-void BodyContact::start(const Pose& X_WA, const Pose& X_WB) noexcept {
+void BodyContact::start(const Pose& X_WA, const Pose& X_WB, bool) noexcept {
   X_WA_ = X_WA;
   X_WB_ = X_WB;
 }
@@ -154,21 +156,27 @@ double BodyContact::potential(const Pose& X_WA, const Pose& X_WB) const noexcept
 }
 
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend, const Tool& a,
-                                                            const Tool& b, int gpu) {
-  return make_body_pair_query(backend, ToolIndex::create(a), ToolIndex::create(b), gpu);
+                                                            const Tool& b,
+                                                            const BodyPairOptions& options) {
+  return make_body_pair_query(backend, ToolIndex::create(a), ToolIndex::create(b), options);
 }
 
 Result<std::unique_ptr<BodyPairQuery>> make_body_pair_query(Backend backend,
                                                             std::shared_ptr<const ToolIndex> a,
                                                             std::shared_ptr<const ToolIndex> b,
-                                                            int gpu) {
+                                                            const BodyPairOptions& options) {
+  const bool by_field = options.method == BodyMethod::field;
   if (backend == Backend::cpu) {
+    if (by_field) {
+      return std::unique_ptr<BodyPairQuery>(
+          new SolidContact(std::move(a), std::move(b), options.isa));
+    }
     return std::unique_ptr<BodyPairQuery>(new BodyContact(a->tool(), b->tool()));
   }
 #if defined(PALPATE_CUDA)
-  return make_body_contact_cuda(std::move(a), std::move(b), gpu);
+  return by_field ? make_solid_contact_cuda(std::move(a), std::move(b), options.gpu)
+                  : make_body_contact_cuda(std::move(a), std::move(b), options.gpu);
 #else
-  (void)gpu;
   return find_gpus().error();
 #endif
 }

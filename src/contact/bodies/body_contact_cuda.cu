@@ -238,7 +238,7 @@ class BodyContactCuda final : public BodyPairQuery {
     return stream_.status();
   }
 
-  void start(const Pose& X_WA, const Pose& X_WB) noexcept override {
+  void start(const Pose& X_WA, const Pose& X_WB, bool) noexcept override {
     X_WA_ = X_WA;
     X_WB_ = X_WB;
     nothing_ = {};

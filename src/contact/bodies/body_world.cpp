@@ -3,6 +3,12 @@
 namespace palpate {
 namespace {
 
+void add_stiffness(const std::optional<Stiffness>& part, std::optional<Stiffness>& sum) {
+  if (!part) return;
+  if (!sum) sum.emplace();
+  *sum += *part;
+}
+
 void add_measure(const Penetration& part, Penetration& sum) {
   sum.volume += part.volume;
   sum.measure_W.force += part.measure_W.force;
@@ -15,7 +21,7 @@ void add_measure(const Penetration& part, Penetration& sum) {
 Penetration BodyMeasure::total() const {
   Penetration sum = cloud;
   sum.status |= bodies.status;
-  if (num_pairs > 0) add_measure(bodies, sum);
+  if (bodies.volume > 0) add_measure(bodies, sum);
   return sum;
 }
 
@@ -35,7 +41,8 @@ int BodyWorld::add(Body body) {
     if (at(other).moves || body.moves) {
       pairs_.push_back(
           {other, index,
-           std::make_unique<BodyContact>(at(other).index->tool(), body.index->tool())});
+           make_body_pair_query(Backend::cpu, at(other).index, body.index, {.method = method_})
+               .value()});
     }
   }
   bodies_.push_back(std::move(body));
@@ -54,7 +61,10 @@ Status BodyWorld::measure_pairs_by(const MakePairQuery& make) {
 }
 
 void BodyWorld::measure(std::span<const SurfaceBlend> cameras) noexcept {
-  for (Pair& pair : pairs_) pair.query->start(at(pair.a).X_WB, at(pair.b).X_WB);
+  for (Pair& pair : pairs_) {
+    const Body &a = at(pair.a), &b = at(pair.b);
+    pair.query->start(a.X_WB, b.X_WB, a.wants.stiffness || b.wants.stiffness);
+  }
   for (Body& body : bodies_) {
     body.measured = {};
     if (body.cloud_query == nullptr) continue;
@@ -71,6 +81,8 @@ void BodyWorld::measure(std::span<const SurfaceBlend> cameras) noexcept {
       body->measured.bodies.num_boundary_spheres += part->num_boundary_spheres;
       body->measured.num_pairs += shared.num_pairs;
     }
+    if (a.wants.stiffness) add_stiffness(shared.stiffness_a, a.measured.bodies_stiffness);
+    if (b.wants.stiffness) add_stiffness(shared.stiffness_b, b.measured.bodies_stiffness);
   }
 }
 

@@ -26,9 +26,10 @@ struct Totals {
 }
 
 // Volumes, energies and forces of a vector of elements; returns the volumes.
-[[gnu::always_inline]] inline VecF add_measure(const MeasureJob& job, std::size_t slot,
-                                               const Lanes& e, VecF phi, VecF factor,
-                                               const Gradient3<VecF>& n, int part, Totals& totals) {
+template <class Job, class Element>
+[[gnu::always_inline]] inline VecF add_measure(const Job& job, std::size_t slot, const Element& e,
+                                               VecF phi, VecF factor, const Gradient3<VecF>& n,
+                                               int part, Totals& totals) {
   const CutBall<VecF> cut = cut_ball(e.radius, factor, phi);
   const VecF x = cut.volume * n.x, y = cut.volume * n.y, z = cut.volume * n.z;
   totals.volume.add(part, cut.volume);
@@ -54,7 +55,8 @@ struct GroupTotals {
 
   /// Adds a vector of elements, of which some touch the surface: there the field is `phi`, with
   /// this gradient and these second derivatives in W.
-  [[gnu::always_inline]] void add(const MeasureJob& job, std::size_t slot, const Lanes& e,
+  template <class Job, class Element>
+  [[gnu::always_inline]] void add(const Job& job, std::size_t slot, const Element& e,
                                   VecI is_touching, VecF field, const Gradient3<VecF>& n,
                                   const Symmetric<VecF>& h, int part) {
     const VecF phi = select(is_touching, field, e.radius);

@@ -64,10 +64,19 @@ struct ToolIndex::Parts {
     return elements_[static_cast<int>(volumes)].get([&] { return FieldElements(tool, volumes); });
   }
 
+  /// The tool's, or one made now.
+  const SolidField& solid_field() const {
+    if (tool.solid_field() != nullptr) return *tool.solid_field();
+    return solid_field_.get([&] {
+      ThreadPool pool(0);
+      return SolidField::of(tool.mesh(), pool);
+    });
+  }
+
   std::size_t num_bytes() const {
     return clusters_.num_bytes() + grid_.num_bytes() + graph_.num_bytes() + paths_.num_bytes() +
            scales_[0].num_bytes() + scales_[1].num_bytes() + elements_[0].num_bytes() +
-           elements_[1].num_bytes();
+           elements_[1].num_bytes() + solid_field_.num_bytes();
   }
 
   /// `paths`: of paths(), where the query runs; needed for Priority::path alone.
@@ -87,6 +96,7 @@ struct ToolIndex::Parts {
   Lazy<PathLengths> paths_;
   Lazy<VolumeScales> scales_[2];     // by SphereVolumes
   Lazy<FieldElements> elements_[2];  // likewise
+  Lazy<SolidField> solid_field_;     // of a tool without
 };
 
 }  // namespace palpate

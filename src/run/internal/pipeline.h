@@ -23,7 +23,7 @@ class ContactPart {
  public:
   /// `tool` must outlive it, and so must the shapes of `objects`.
   ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const VolumeStiffness& scale,
-              const std::vector<SceneObject>& objects = {});
+              const std::vector<SceneObject>& objects = {}, BodyMethod bodies = BodyMethod::field);
   /// Where pairs of tool and objects are measured, too. Error: too little memory there.
   Status measure_pairs_at(Backend backend, int gpu);
 
@@ -44,6 +44,7 @@ class ContactPart {
   void set_contact(ContactRecord& record) const noexcept;
   ContactPatch patch_at(const Pose& X_WT) const noexcept;
 
+  BodyMethod bodies_;
   BodyWorld world_;                                      // the tool, then the objects
   const ContactQuery* query_;                            // the tool's, owned by the world
   std::vector<std::optional<double>> object_frictions_;  // of each

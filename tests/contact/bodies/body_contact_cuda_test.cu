@@ -190,7 +190,7 @@ TEST(BodyContactCuda, SameBitsEveryTime) {
 TEST(BodyContactCuda, MeasuresTheBodiesOfAWorld) {
   PALPATE_GPU_OR_SKIP();
   const Tool tool = test::random_tool(120, 0.05, 1), object = test::random_tool(150, 0.05, 2);
-  BodyWorld world, want;
+  BodyWorld world(BodyMethod::spheres), want(BodyMethod::spheres);
   for (BodyWorld* w : {&world, &want}) {
     w->add_tool(tool, nullptr);
     w->add_object(object, {{0.03, 0, 0}, {}});

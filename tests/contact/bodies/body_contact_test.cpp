@@ -7,6 +7,7 @@
 
 #include "palpate/packing/packer.h"
 #include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/body_motion.h"
 #include "tests/test_util/contact_scenes.h"
 
 namespace palpate {
@@ -18,11 +19,6 @@ Tool tool_of(std::vector<Sphere> spheres, const Vec3d& box = {1, 1, 1}) {
   SpherePacking packing;
   packing.spheres = std::move(spheres);
   return Tool::build(make_box(box), std::move(packing), GapRule::absolute, "").value();
-}
-
-Pose random_pose(Random& random, double reach) {
-  const Quaternion q = random.rotation(3.0);
-  return {random.in_box(reach), q};
 }
 
 struct BruteForce {
@@ -57,22 +53,6 @@ BruteForce brute_force(const Tool& a, const Tool& b, const Pose& X_WA, const Pos
 void expect_near(const Vec3d& got, const Vec3d& want, double tolerance) {
   EXPECT_LE(norm(got - want), tolerance) << got.x << " " << got.y << " " << got.z << " but want "
                                          << want.x << " " << want.y << " " << want.z;
-}
-
-/// The wrench as coordinates: force, then torque about A's centre of mass.
-std::array<double, 6> coordinates(const VolumeWrench& w) {
-  return {w.force.x, w.force.y, w.force.z, w.torque.x, w.torque.y, w.torque.z};
-}
-
-/// X_WA moved by a small step along one of six directions: three translations, and three rotations
-/// about axes of W through C.
-Pose stepped(const Pose& X_WA, const Vec3d& C_A, int direction, double step) {
-  Vec3d axis;
-  axis[direction % 3] = 1;
-  if (direction < 3) return {X_WA.translation + step * axis, X_WA.rotation};
-  const Quaternion turn = axis_angle(axis, step);
-  const Vec3d C_W = X_WA * C_A;
-  return {C_W + rotate(turn, X_WA.translation - C_W), normalized(turn * X_WA.rotation)};
 }
 
 TEST(LensPotential, IsTheIntegralOfTheLens) {
@@ -145,8 +125,8 @@ TEST(BodyContact, EqualsBruteForceOnRandomPoses) {
     const Tool b = test::random_tool(c.num_b, c.half_b, 6);
     BodyContact contact(a, b);
     for (int i = 0; i < c.num_poses; ++i) {
-      const Pose X_WB = random_pose(random, 0.3);
-      const Pose X_WA = X_WB * random_pose(random, 0.7 * (c.half_a + c.half_b));
+      const Pose X_WB = test::random_body_pose(random, 0.3);
+      const Pose X_WA = X_WB * test::random_body_pose(random, 0.7 * (c.half_a + c.half_b));
       const BruteForce want = brute_force(a, b, X_WA, X_WB);
       const BodyPenetration got = contact.measure(X_WA, X_WB);
       ASSERT_EQ(got.num_pairs, want.num_pairs) << i;
@@ -167,7 +147,8 @@ TEST(BodyContact, TotalMomentAboutAnyPointIsZero) {
   BodyContact contact(a, b);
   Random random(4);
   for (int i = 0; i < 100; ++i) {
-    const Pose X_WB = random_pose(random, 0.1), X_WA = X_WB * random_pose(random, 0.05);
+    const Pose X_WB = test::random_body_pose(random, 0.1),
+               X_WA = X_WB * test::random_body_pose(random, 0.05);
     const BodyPenetration result = contact.measure(X_WA, X_WB);
     ASSERT_GT(result.num_pairs, 0);
     const Vec3d P = random.in_box(1);
@@ -198,11 +179,12 @@ TEST(BodyContact, WrenchIsTheGradientOfThePotential) {
   Random random(8);
   const double step = 1e-6;
   for (int i = 0; i < 30; ++i) {
-    const Pose X_WB = random_pose(random, 0.1), X_WA = X_WB * random_pose(random, 0.05);
+    const Pose X_WB = test::random_body_pose(random, 0.1),
+               X_WA = X_WB * test::random_body_pose(random, 0.05);
     const BodyPenetration result = contact.measure(X_WA, X_WB);
     ASSERT_GT(result.num_pairs, 0);
     const auto check = [&](const VolumeWrench& wrench, auto potential_of_step) {
-      const std::array<double, 6> got = coordinates(wrench);
+      const std::array<double, 6> got = test::coordinates(wrench);
       for (int k = 0; k < 6; ++k) {
         const double slope =
             (potential_of_step(k, step) - potential_of_step(k, -step)) / (2 * step);
@@ -211,10 +193,10 @@ TEST(BodyContact, WrenchIsTheGradientOfThePotential) {
       }
     };
     check(result.on_a.measure_W, [&](int k, double h) {
-      return contact.potential(stepped(X_WA, a.sphere_mass().centre_of_mass, k, h), X_WB);
+      return contact.potential(test::stepped(X_WA, a.sphere_mass().centre_of_mass, k, h), X_WB);
     });
     check(result.on_b.measure_W, [&](int k, double h) {
-      return contact.potential(X_WA, stepped(X_WB, b.sphere_mass().centre_of_mass, k, h));
+      return contact.potential(X_WA, test::stepped(X_WB, b.sphere_mass().centre_of_mass, k, h));
     });
   }
 }

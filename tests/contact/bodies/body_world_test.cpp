@@ -13,6 +13,11 @@ std::unique_ptr<ContactQuery> make_query(const Tool& tool) {
   return make_contact_query(Backend::cpu, tool, SimplifiedMethod{}).value();
 }
 
+std::unique_ptr<BodyPairQuery> pair_query(const Tool& a, const Tool& b,
+                                          BodyMethod method = BodyMethod::field) {
+  return make_body_pair_query(Backend::cpu, a, b, {.method = method}).value();
+}
+
 void expect_same(const Penetration& got, const Penetration& want) {
   EXPECT_EQ(got.volume, want.volume);
   EXPECT_EQ(got.measure_W.force, want.measure_W.force);
@@ -40,9 +45,9 @@ TEST_F(SeveralBodies, EachFeelsTheCloudTheOthersAndTheObjects) {
   world.measure(surface());
   ASSERT_EQ(world.num_bodies(), 3);
 
-  const BodyPenetration fo = BodyContact(first_, object_).measure(X_WF_, X_WO_);
-  const BodyPenetration fs = BodyContact(first_, second_).measure(X_WF_, X_WS_);
-  const BodyPenetration os = BodyContact(object_, second_).measure(X_WO_, X_WS_);
+  const BodyPenetration fo = pair_query(first_, object_)->measure(X_WF_, X_WO_);
+  const BodyPenetration fs = pair_query(first_, second_)->measure(X_WF_, X_WS_);
+  const BodyPenetration os = pair_query(object_, second_)->measure(X_WO_, X_WS_);
   for (const BodyPenetration* pair : {&fo, &fs, &os}) ASSERT_GT(pair->num_pairs, 0);
   const auto sum = [](const Penetration& a, const Penetration& b) {
     Penetration both = a;

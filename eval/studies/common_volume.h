@@ -1,0 +1,13 @@
+// What two convex bodies share, exactly.
+#pragma once
+
+#include "palpate/math/pose.h"
+#include "palpate/mesh/triangle_mesh.h"
+
+namespace palpate::eval {
+
+/// Common volume of two convex bodies, m3.
+double common_volume(const TriangleMesh& a, const Pose& X_WA, const TriangleMesh& b,
+                     const Pose& X_WB);
+
+}  // namespace palpate::eval

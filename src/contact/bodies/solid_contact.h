@@ -1,0 +1,86 @@
+// Bodies felt as they are: the spheres of each ask the distance field of the other.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "palpate/contact/body_contact.h"
+#include "src/contact/bodies/solid_sample.h"
+#include "src/contact/field/field_contact.h"
+
+namespace palpate {
+
+/// A SolidField in the memory of this machine, which must stay.
+SolidFieldView view_of(const SolidField& field);
+
+/// How the elements of one body ask the field of another one, whatever the poses.
+struct SolidAsking {
+  SolidAsking(const FieldElements& elements, const SolidField& field);
+
+  // Per place of the elements:
+  std::vector<std::int32_t> level;  ///< the finer one of the two grids that are asked
+  std::vector<float> wider_share;   ///< of the wider one
+  std::vector<float> rounding;      ///< per cluster: see is_clear
+  /// Mean square of the lengths, m2, below which nothing is told apart: radii and spacing.
+  double coarseness = 0;
+  bool is_possible = true;  ///< no element is too large for the widest grid
+};
+
+/// What a query asks of each group of clusters.
+struct SolidJob {
+  const SphereClusters* clusters = nullptr;
+  const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per place
+  const std::int32_t* level = nullptr;                                   ///< likewise
+  const float* wider_share = nullptr;                                    ///< likewise
+  const float* rounding = nullptr;                                       ///< per cluster
+  SolidFieldView field;
+  SolidFrame frame;
+};
+
+struct SolidContactKernels {
+  /// Writes the sums over the elements of one group, in W; torques are about the centre that
+  /// elements are relative to.
+  void (*measure_solid_group)(const SolidJob&, int group, bool with_stiffness, GroupSums* sums);
+};
+/// An instruction set that the processor lacks is lowered.
+SolidContactKernels solid_contact_kernels(Isa isa);
+
+/// Both ways of asking, and what each counts. The finer way counts more, as the square of how much
+/// finer; a way that would count less than a twentieth, or whose spheres are too large for the
+/// other body, is not asked.
+struct SolidPair {
+  SolidPair(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b);
+
+  /// At finite poses.
+  void place(const Pose& X_WA, const Pose& X_WB, SolidFrame& of_a, SolidFrame& of_b) const;
+  /// From the sums of each way.
+  BodyPenetration penetration(const GroupSums& of_a, const GroupSums& of_b, bool with_stiffness,
+                              const Pose& X_WA, const Pose& X_WB) const;
+
+  std::shared_ptr<const ToolIndex> a, b;
+  const FieldElements *elements_a, *elements_b;
+  const SolidField *field_a, *field_b;
+  SolidAsking asking_a, asking_b;  ///< A's elements B's field; B's elements A's field
+  double weight_a = 0, weight_b = 0;
+};
+
+/// On the CPU.
+class SolidContact final : public BodyPairQuery {
+ public:
+  SolidContact(std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b,
+               Isa isa = best_isa());
+
+  void start(const Pose& X_WA, const Pose& X_WB, bool wants_stiffness) noexcept override;
+  BodyPenetration finish() noexcept override;
+
+ private:
+  GroupSums sums_of(const SolidJob& job, double weight) const;
+
+  SolidPair pair_;
+  SolidContactKernels kernels_;
+  SolidJob job_a_, job_b_;
+  Pose X_WA_, X_WB_;
+  bool wants_stiffness_ = false;
+};
+
+}  // namespace palpate

@@ -1,0 +1,15 @@
+// Bodies that ask each other's distance fields, on a GPU.
+#pragma once
+
+#include <memory>
+
+#include "palpate/contact/body_contact.h"
+
+namespace palpate {
+
+/// Errors: no such GPU, or not enough memory on it.
+Result<std::unique_ptr<BodyPairQuery>> make_solid_contact_cuda(std::shared_ptr<const ToolIndex> a,
+                                                               std::shared_ptr<const ToolIndex> b,
+                                                               int gpu);
+
+}  // namespace palpate

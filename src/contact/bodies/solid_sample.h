@@ -1,0 +1,171 @@
+// The distance field of a body at a point, and which of its grids a sphere asks. One text for host
+// and device, for single numbers and vectors of them.
+#pragma once
+
+#include "palpate/packing/solid_field.h"
+#include "src/contact/field/field_element.h"
+#include "src/contact/index/sphere_clusters.h"
+
+namespace palpate {
+
+/// The field and its gradient; lengths in m.
+template <class Real>
+struct SolidGradient {
+  Real phi;
+  Gradient3<Real> n;
+};
+/// The second derivatives, too.
+template <class Real>
+struct SolidCurvature {
+  SolidGradient<Real> first;
+  Symmetric<Real> h;
+};
+
+template <class Real>
+PALPATE_FORMULA SolidGradient<Real>& first_of(SolidGradient<Real>& sample) {
+  return sample;
+}
+template <class Real>
+PALPATE_FORMULA SolidGradient<Real>& first_of(SolidCurvature<Real>& sample) {
+  return sample.first;
+}
+
+/// The quadratic B-spline over three by three by three nodes at (s, t, w) in [-1/2, 1/2] spacings
+/// from the middle one; `read(j, k, nodes)` gives those of a row along x.
+template <class Real, class Read>
+PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, const Read& read,
+                                   SolidGradient<Real>& to) {
+  Curved<Real> by_y[3];
+  Real by_x[3];
+  for (int k = 0; k < 3; ++k) {
+    Curved<Real> row[3];
+    for (int j = 0; j < 3; ++j) {
+      Real nodes[3];
+      read(j, k, nodes);
+      row[j] = spline(nodes[0], nodes[1], nodes[2], s);
+    }
+    by_y[k] = spline(row[0].value, row[1].value, row[2].value, t);
+    by_x[k] = spline(row[0].slope, row[1].slope, row[2].slope, t).value;
+  }
+  const Curved<Real> z = spline(by_y[0].value, by_y[1].value, by_y[2].value, w);
+  to.phi = z.value;
+  to.n.x = spline(by_x[0], by_x[1], by_x[2], w).value * per_spacing;
+  to.n.y = spline(by_y[0].slope, by_y[1].slope, by_y[2].slope, w).value * per_spacing;
+  to.n.z = z.slope * per_spacing;
+}
+template <class Real, class Read>
+PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, const Read& read,
+                                   SolidCurvature<Real>& to) {
+  Curved<Real> by_y[3], by_x[3];
+  Real by_xx[3];
+  for (int k = 0; k < 3; ++k) {
+    Curved<Real> row[3];
+    for (int j = 0; j < 3; ++j) {
+      Real nodes[3];
+      read(j, k, nodes);
+      row[j] = spline(nodes[0], nodes[1], nodes[2], s);
+    }
+    by_y[k] = spline(row[0].value, row[1].value, row[2].value, t);
+    by_x[k] = spline(row[0].slope, row[1].slope, row[2].slope, t);
+    by_xx[k] = spline(row[0].bend, row[1].bend, row[2].bend, t).value;
+  }
+  const Curved<Real> z = spline(by_y[0].value, by_y[1].value, by_y[2].value, w);
+  const Curved<Real> y = spline(by_y[0].slope, by_y[1].slope, by_y[2].slope, w);
+  const Curved<Real> x = spline(by_x[0].value, by_x[1].value, by_x[2].value, w);
+  const Real squared = per_spacing * per_spacing;
+  to.first = {z.value, {x.value * per_spacing, y.value * per_spacing, z.slope * per_spacing}};
+  to.h.xx = spline(by_xx[0], by_xx[1], by_xx[2], w).value * squared;
+  to.h.xy = spline(by_x[0].slope, by_x[1].slope, by_x[2].slope, w).value * squared;
+  to.h.xz = x.slope * squared;
+  to.h.yy = spline(by_y[0].bend, by_y[1].bend, by_y[2].bend, w).value * squared;
+  to.h.yz = y.slope * squared;
+  to.h.zz = z.bend * squared;
+}
+
+/// a where `share` is 0, b where it is 1.
+template <class Real>
+PALPATE_FORMULA SolidGradient<Real> mixed(const SolidGradient<Real>& a,
+                                          const SolidGradient<Real>& b, Real share) {
+  return {a.phi + share * (b.phi - a.phi),
+          {a.n.x + share * (b.n.x - a.n.x), a.n.y + share * (b.n.y - a.n.y),
+           a.n.z + share * (b.n.z - a.n.z)}};
+}
+template <class Real>
+PALPATE_FORMULA SolidCurvature<Real> mixed(const SolidCurvature<Real>& a,
+                                           const SolidCurvature<Real>& b, Real share) {
+  const Symmetric<Real>&g = a.h, &h = b.h;
+  return {
+      mixed(a.first, b.first, share),
+      {g.xx + share * (h.xx - g.xx), g.xy + share * (h.xy - g.xy), g.xz + share * (h.xz - g.xz),
+       g.yy + share * (h.yy - g.yy), g.yz + share * (h.yz - g.yz), g.zz + share * (h.zz - g.zz)}};
+}
+
+/// R h R^T: second derivatives in other axes.
+template <class Real>
+PALPATE_FORMULA Symmetric<Real> turned(const float (&R)[3][3], const Symmetric<Real>& h) {
+  Real rh[3][3];
+  for (int i = 0; i < 3; ++i) {
+    rh[i][0] = R[i][0] * h.xx + R[i][1] * h.xy + R[i][2] * h.xz;
+    rh[i][1] = R[i][0] * h.xy + R[i][1] * h.yy + R[i][2] * h.yz;
+    rh[i][2] = R[i][0] * h.xz + R[i][1] * h.yz + R[i][2] * h.zz;
+  }
+  const auto at = [&](int i, int j) {
+    return rh[i][0] * R[j][0] + rh[i][1] * R[j][1] + rh[i][2] * R[j][2];
+  };
+  return {at(0, 0), at(0, 1), at(0, 2), at(1, 1), at(1, 2), at(2, 2)};
+}
+
+/// A SolidField where a query runs.
+struct SolidFieldView {
+  const float* values = nullptr;
+  std::int32_t num_levels = 0;
+  float spacing = 0;  ///< of level 0, m
+  float box[3] = {};  ///< upper corner of the solid's box, from its lower one, m
+  std::int32_t first[SolidField::kMostLevels] = {};  ///< node (0, 0, 0) of each level
+  std::int32_t num_nodes[3][SolidField::kMostLevels] = {};
+};
+
+/// Elements of a body as they lie to the field of another one.
+struct SolidFrame {
+  float R_FE[3][3] = {};  ///< from the axes of the elements' body to those of the field's
+  float p_FC[3] = {};     ///< of the centre that elements are relative to, from the box's corner
+  float R_WE[3][3] = {}, R_WF[3][3] = {};
+};
+
+/// The second moment of a B-spline of spacing d is d^2 / 4 along each axis, that of a ball r^2 / 5.
+inline constexpr float kSpacingPerRadius = 0.8944272f;
+/// A mean over the nodes of a B-spline of spacing 1 is less than what it is of by this at most.
+inline constexpr float kMostRounding = 0.8660255f;
+
+/// Does everything in a ball lie off the solid? `rounding`: of the widest grid that is asked.
+PALPATE_FORMULA bool is_clear(const SolidFieldView& field, const SolidFrame& frame,
+                              const Cluster& ball, float rounding) {
+  constexpr int kMargin = SolidField::kMargin;
+  float p[3], outside2 = 0;
+  for (int row = 0; row < 3; ++row) {
+    const float(&r)[3] = frame.R_FE[row];
+    p[row] = r[0] * ball.centre.x + r[1] * ball.centre.y + r[2] * ball.centre.z + frame.p_FC[row];
+    const float below = -p[row], above = p[row] - field.box[row];
+    const float outside = below > above ? below : above;
+    if (outside > 0) outside2 += outside * outside;
+  }
+  const float reach = ball.reach * 1.0001f;
+  // The mean of the distance to the box, which is convex, is no less than that distance.
+  if (!(outside2 <= reach * reach)) return true;
+  // From a node near the middle.
+  float from_node2 = 0;
+  std::int32_t at = 0;
+  for (int axis = 2; axis >= 0; --axis) {
+    const float place = p[axis] / field.spacing + (kMargin + 0.5f);
+    const std::int32_t num = field.num_nodes[axis][0];
+    if (!(place >= 0) || !(place < static_cast<float>(num))) return false;
+    const auto node = static_cast<std::int32_t>(place);
+    const float off = p[axis] - static_cast<float>(node - kMargin) * field.spacing;
+    from_node2 += off * off;
+    at = at * num + node;
+  }
+  const float left = field.values[at] - reach - rounding;
+  return left > 0 && left * left > 1.0001f * from_node2;
+}
+
+}  // namespace palpate

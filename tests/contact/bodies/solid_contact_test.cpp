@@ -1,0 +1,358 @@
+// Bodies that ask each other's distance fields: closed forms, finite differences, and the laws a
+// force must keep.
+#include "src/contact/bodies/solid_contact.h"
+
+#include <cmath>
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "palpate/contact/body_world.h"
+#include "palpate/packing/packer.h"
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/body_motion.h"
+#include "tests/test_util/contact_scenes.h"
+
+namespace palpate {
+namespace {
+
+using test::Random;
+using test::random_body_pose;
+
+Tool packed(const TriangleMesh& mesh, int num_spheres) {
+  PackOptions options;
+  options.max_spheres = num_spheres;
+  return Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "").value();
+}
+
+SolidContact contact_of(const Tool& a, const Tool& b, Isa isa = best_isa()) {
+  return {ToolIndex::create(a), ToolIndex::create(b), isa};
+}
+
+/// Two unequal bodies, one of them with a hole; their fields are made once.
+struct TorusAndBox {
+  TorusAndBox() : torus(made().first), box(made().second) {}
+
+  const Tool &torus, &box;
+
+ private:
+  static const std::pair<Tool, Tool>& made() {
+    static const std::pair<Tool, Tool> bodies{
+        packed(make_torus(0.05, 0.02, 24, 16), 700).with_solid_field(),
+        packed(make_box({0.09, 0.07, 0.05}), 500).with_solid_field()};
+    return bodies;
+  }
+};
+
+/// Poses at which they share something.
+template <class Visit>
+void for_each_contact(const Tool& a, const Tool& b, int num, const Visit& visit) {
+  SolidContact contact = contact_of(a, b);
+  Random random(8);
+  for (int found = 0; found < num;) {
+    const Pose X_WB = random_body_pose(random, 0.1);
+    const Pose X_WA = X_WB * random_body_pose(random, 0.06);
+    const BodyPenetration result = contact.measure(X_WA, X_WB, true);
+    if (!(result.on_a.volume > 1e-6)) continue;
+    ++found;
+    visit(contact, X_WA, X_WB, result);
+  }
+}
+
+TEST(SolidContact, TwoBallsShareALens) {
+  // Meshes of as much volume as the ball between their corners and their faces.
+  const Tool large = packed(make_shape("sphere", 0.1).value(), 3000);
+  const Tool small = packed(make_shape("sphere", 0.06).value(), 3000);
+  const auto radius = [](const Tool& tool) {
+    return std::cbrt(tool.mesh_mass().volume * 3 / (4 * kPi));
+  };
+  const double a = radius(large), b = radius(small), whole = sphere_volume(b);
+  SolidContact contact = contact_of(large, small);
+  for (const double share : {1.2, 0.95, 0.8, 0.6, 0.4}) {
+    const Vec3d d = share * (a + b) * normalized(Vec3d{1, 2, -0.5});
+    const BodyPenetration result = contact.measure({}, {d, axis_angle({1, 1, 0}, 1)});
+    const double lens = lens_volume(a, b, norm(d));
+    EXPECT_NEAR(result.on_a.volume, lens, 0.01 * whole) << share;
+    if (share > 1) {
+      EXPECT_EQ(result.on_a.volume, 0);
+      EXPECT_EQ(result.num_pairs, 0);
+      continue;
+    }
+    const Vec3d f = result.on_a.measure_W.force;
+    EXPECT_LE(norm(cross(f, d)), 0.03 * norm(f) * norm(d));
+    EXPECT_LT(dot(f, d), 0);
+    EXPECT_LE(norm(result.on_a.measure_W.torque), 0.03 * norm(f) * a);
+    EXPECT_GT(result.on_a.num_boundary_spheres, 0);
+    EXPECT_GT(result.on_b.num_boundary_spheres, 0);
+  }
+}
+
+TEST(SolidContact, AFaceIsFeltAsItIs) {
+  const Tool cube = packed(make_box({0.1, 0.1, 0.1}), 1000);
+  const Tool block = packed(make_box({0.4, 0.4, 0.4}), 300);
+  SolidContact contact = contact_of(cube, block);
+  for (const double depth : {0.0, 0.01, 0.03, 0.06, 0.1}) {
+    // Face on face, turned about the normal; the block's face looks along -z, at its own z = -0.2.
+    const Pose X_WA{{0.02, -0.01, -0.25 + depth}, axis_angle({0, 0, 1}, 0.5)};
+    const BodyPenetration result = contact.measure(X_WA, {});
+    const double exact = 0.01 * depth;
+    const Vec3d f = result.on_a.measure_W.force;
+    EXPECT_NEAR(result.on_a.volume, exact, 0.01 * 1e-3) << depth;
+    EXPECT_LE(std::hypot(f.x, f.y), 1e-4 * norm(f)) << "less than 0.01 degrees off";
+    EXPECT_NEAR(-f.z, result.on_a.volume, 1e-5 * exact);
+    // The force of a face acts in the middle of what is behind it.
+    EXPECT_LE(norm(result.on_a.measure_W.torque), 2e-3 * 0.05 * (exact + 1e-5));
+    EXPECT_EQ(result.on_b.num_boundary_spheres, 0) << "coarse beside the cube: not asked";
+  }
+}
+
+TEST(SolidContact, WrenchIsTheGradientOfThePotential) {
+  const TorusAndBox bodies;
+  const double step = 1e-4;
+  for_each_contact(bodies.torus, bodies.box, 12,
+                   [&](SolidContact& contact, const Pose& X_WA, const Pose& X_WB,
+                       const BodyPenetration& result) {
+                     const auto check = [&](const VolumeWrench& wrench,
+                                            const auto& measured_after) {
+                       const std::array<double, 6> got = test::coordinates(wrench);
+                       for (int k = 0; k < 6; ++k) {
+                         const double length = k < 3 ? 1 : 0.05;
+                         const double slope = (measured_after(k, step / length).on_a.potential -
+                                               measured_after(k, -step / length).on_a.potential) /
+                                              (2 * step / length);
+                         EXPECT_NEAR(got[static_cast<std::size_t>(k)], -slope,
+                                     1e-3 * length * result.on_a.volume)
+                             << k;
+                       }
+                     };
+                     check(result.on_a.measure_W, [&](int k, double h) {
+                       const Vec3d C = bodies.torus.sphere_mass().centre_of_mass;
+                       return contact.measure(test::stepped(X_WA, C, k, h), X_WB);
+                     });
+                     check(result.on_b.measure_W, [&](int k, double h) {
+                       const Vec3d C = bodies.box.sphere_mass().centre_of_mass;
+                       return contact.measure(X_WA, test::stepped(X_WB, C, k, h));
+                     });
+                   });
+}
+
+TEST(SolidContact, StiffnessIsTheSlopeOfTheWrench) {
+  const TorusAndBox bodies;
+  const double step = 2e-5;
+  for_each_contact(bodies.torus, bodies.box, 12,
+                   [&](SolidContact& contact, const Pose& X_WA, const Pose& X_WB,
+                       const BodyPenetration& result) {
+                     ASSERT_TRUE(result.stiffness_a && result.stiffness_b);
+                     const auto check = [&](const Stiffness& k, const auto& wrench_after) {
+                       // Of the size of the area that is cut, m2.
+                       double largest = 0;
+                       for (int i = 0; i < 3; ++i) largest = std::max(largest, std::abs(k.m[i][i]));
+                       for (int column = 0; column < 6; ++column) {
+                         const double per = column < 3 ? 1 : 20;  // 1 / 0.05 m
+                         const auto after = test::coordinates(wrench_after(column, step * per));
+                         const auto before = test::coordinates(wrench_after(column, -step * per));
+                         for (std::size_t row = 0; row < 6; ++row) {
+                           const double slope = (after[row] - before[row]) / (2 * step * per);
+                           const double length = (row < 3 ? 1 : 0.05) * (column < 3 ? 1 : 0.05);
+                           EXPECT_NEAR(k.m[row][column], -slope, 0.02 * length * largest)
+                               << row << " " << column;
+                         }
+                       }
+                     };
+                     check(*result.stiffness_a, [&](int k, double h) {
+                       const Vec3d C = bodies.torus.sphere_mass().centre_of_mass;
+                       return contact.measure(test::stepped(X_WA, C, k, h), X_WB).on_a.measure_W;
+                     });
+                     check(*result.stiffness_b, [&](int k, double h) {
+                       const Vec3d C = bodies.box.sphere_mass().centre_of_mass;
+                       return contact.measure(X_WA, test::stepped(X_WB, C, k, h)).on_b.measure_W;
+                     });
+                   });
+}
+
+TEST(SolidContact, StiffnessChangesNothingElse) {
+  const TorusAndBox bodies;
+  for_each_contact(bodies.torus, bodies.box, 5,
+                   [&](SolidContact& contact, const Pose& X_WA, const Pose& X_WB,
+                       const BodyPenetration& result) {
+                     const BodyPenetration without = contact.measure(X_WA, X_WB);
+                     EXPECT_FALSE(without.stiffness_a || without.stiffness_b);
+                     EXPECT_EQ(without.on_a.volume, result.on_a.volume);
+                     EXPECT_EQ(without.on_a.measure_W.force, result.on_a.measure_W.force);
+                     EXPECT_EQ(without.on_b.measure_W.torque, result.on_b.measure_W.torque);
+                   });
+}
+
+TEST(SolidContact, TotalMomentAboutAnyPointIsZero) {
+  const TorusAndBox bodies;
+  Random random(4);
+  for_each_contact(
+      bodies.torus, bodies.box, 30,
+      [&](SolidContact&, const Pose& X_WA, const Pose& X_WB, const BodyPenetration& result) {
+        const Vec3d P = random.in_box(1);
+        const auto moment = [&](const VolumeWrench& w, const Vec3d& C) {
+          return w.torque + cross(C - P, w.force);
+        };
+        const Vec3d total =
+            moment(result.on_a.measure_W, X_WA * bodies.torus.sphere_mass().centre_of_mass) +
+            moment(result.on_b.measure_W, X_WB * bodies.box.sphere_mass().centre_of_mass);
+        EXPECT_EQ(result.on_b.measure_W.force, -result.on_a.measure_W.force);
+        EXPECT_EQ(result.on_b.volume, result.on_a.volume);
+        EXPECT_LE(norm(total), 1e-14 * result.on_a.volume);
+      });
+}
+
+TEST(SolidContact, RolesCanBeSwapped) {
+  const TorusAndBox bodies;
+  SolidContact swapped = contact_of(bodies.box, bodies.torus);
+  for_each_contact(
+      bodies.torus, bodies.box, 10,
+      [&](SolidContact&, const Pose& X_WA, const Pose& X_WB, const BodyPenetration& one) {
+        const BodyPenetration other = swapped.measure(X_WB, X_WA, true);
+        EXPECT_EQ(one.num_pairs, other.num_pairs);
+        EXPECT_EQ(one.on_a.volume, other.on_b.volume);
+        EXPECT_EQ(one.on_a.measure_W.force, other.on_b.measure_W.force);
+        EXPECT_LE(norm(one.on_a.measure_W.torque - other.on_b.measure_W.torque),
+                  1e-15 * one.on_a.volume);
+        EXPECT_NEAR(one.stiffness_a->m[2][4], other.stiffness_b->m[2][4], 1e-12);
+      });
+}
+
+TEST(SolidContact, SameBitsOnAllInstructionSets) {
+  const TorusAndBox bodies;
+  SolidContact baseline = contact_of(bodies.torus, bodies.box, Isa::baseline);
+  for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+    SolidContact wide = contact_of(bodies.torus, bodies.box, isa);
+    for_each_contact(
+        bodies.torus, bodies.box, 10,
+        [&](SolidContact&, const Pose& X_WA, const Pose& X_WB, const BodyPenetration&) {
+          const BodyPenetration want = baseline.measure(X_WA, X_WB, true);
+          const BodyPenetration got = wide.measure(X_WA, X_WB, true);
+          EXPECT_EQ(got.on_a.volume, want.on_a.volume);
+          EXPECT_EQ(got.on_a.potential, want.on_a.potential);
+          EXPECT_EQ(got.on_a.measure_W.torque, want.on_a.measure_W.torque);
+          EXPECT_EQ(got.on_b.measure_W.force, want.on_b.measure_W.force);
+          EXPECT_EQ(got.num_pairs, want.num_pairs);
+          EXPECT_EQ(std::memcmp(got.stiffness_a->m, want.stiffness_a->m, sizeof(Stiffness)), 0);
+          EXPECT_EQ(std::memcmp(got.stiffness_b->m, want.stiffness_b->m, sizeof(Stiffness)), 0);
+        });
+  }
+}
+
+// Far, near, inside: what is left out by clusters is what touches nothing.
+TEST(SolidContact, LeavesOutOnlyWhatIsFree) {
+  const TorusAndBox bodies;
+  const SolidPair pair(ToolIndex::create(bodies.torus), ToolIndex::create(bodies.box));
+  const SolidFieldView field = view_of(*pair.field_b);
+  const SphereClusters& clusters = pair.elements_a->clusters;
+  Random random(6);
+  int num_clear = 0, num_near = 0;
+  for (int i = 0; i < 300; ++i) {
+    SolidFrame frame, of_b;
+    pair.place(random_body_pose(random, 0.12), random_body_pose(random, 0.03), frame, of_b);
+    for (int cluster = 0; cluster < clusters.num_clusters(); ++cluster) {
+      if (!is_clear(field, frame, clusters.clusters[static_cast<std::size_t>(cluster)],
+                    pair.asking_a.rounding[static_cast<std::size_t>(cluster)])) {
+        ++num_near;
+        continue;
+      }
+      ++num_clear;
+      for (int k = 0; k < SphereClusters::kSize; ++k) {
+        const auto place = static_cast<std::size_t>(cluster * SphereClusters::kSize + k);
+        if (clusters.sphere_id[place] < 0) continue;
+        const Vec3d c{static_cast<double>(clusters.x[place]),
+                      static_cast<double>(clusters.y[place]),
+                      static_cast<double>(clusters.z[place])};
+        Vec3d p;
+        for (int axis = 0; axis < 3; ++axis) {
+          const auto& R = frame.R_FE[axis];
+          p[axis] = static_cast<double>(R[0]) * c.x + static_cast<double>(R[1]) * c.y +
+                    static_cast<double>(R[2]) * c.z + static_cast<double>(frame.p_FC[axis]);
+        }
+        // Farther from the box than its radius.
+        double outside = 0, inside = -1;
+        for (int axis = 0; axis < 3; ++axis) {
+          const double off = std::max(-p[axis], p[axis] - static_cast<double>(field.box[axis]));
+          inside = std::max(inside, off);
+          outside += off > 0 ? off * off : 0;
+        }
+        const double distance = inside < 0 ? inside : std::sqrt(outside);
+        ASSERT_GT(distance, static_cast<double>(pair.elements_a->radius[place]) * 0.9999);
+      }
+    }
+  }
+  EXPECT_GT(num_clear, 1000);
+  EXPECT_GT(num_near, 500);
+}
+
+TEST(SolidContact, TheFinerWayCountsMore) {
+  const auto weights = [](const Tool& a, const Tool& b) {
+    const SolidPair pair(ToolIndex::create(a), ToolIndex::create(b));
+    EXPECT_NEAR(pair.weight_a + pair.weight_b, 1, 1e-15);
+    return pair.weight_a;
+  };
+  const Tool cube = packed(make_box({0.1, 0.1, 0.1}), 1000);
+  const Tool coarse = packed(make_box({0.1, 0.1, 0.1}), 40);
+  const Tool block = packed(make_box({1, 1, 1}), 1000);
+  EXPECT_EQ(weights(cube, cube), 0.5);
+  EXPECT_EQ(weights(cube, block), 1);
+  EXPECT_EQ(weights(block, cube), 0);
+  EXPECT_GT(weights(cube, coarse), 0.5);
+  EXPECT_LT(weights(cube, coarse), 1);
+  EXPECT_LT(weights(coarse, cube), 0.5);
+}
+
+// The stored field and one that is made now are the same.
+TEST(SolidContact, AFieldThatTheToolHasIsAsked) {
+  const Tool torus = packed(make_torus(0.05, 0.02, 24, 16), 700);
+  const Tool box = packed(make_box({0.09, 0.07, 0.05}), 500);
+  ASSERT_EQ(torus.solid_field(), nullptr);
+  const TorusAndBox bodies;
+  EXPECT_EQ(bodies.torus.prefix(100)->solid_field(), bodies.torus.solid_field());
+  SolidContact with = contact_of(bodies.torus, bodies.box), without = contact_of(torus, box);
+  const Pose X_WA{{0.03, 0.02, 0.01}, axis_angle({1, 2, 3}, 0.7)};
+  const BodyPenetration got = with.measure(X_WA, {}), want = without.measure(X_WA, {});
+  ASSERT_GT(want.on_a.volume, 0);
+  EXPECT_EQ(got.on_a.volume, want.on_a.volume);
+  EXPECT_EQ(got.on_a.measure_W.torque, want.on_a.measure_W.torque);
+}
+
+TEST(SolidContact, SameBitsEveryTimeWithoutAllocation) {
+  const TorusAndBox bodies;
+  SolidContact contact = contact_of(bodies.torus, bodies.box);
+  const Pose X_WA{{0.03, 0.02, 0.01}, axis_angle({1, 2, 3}, 0.7)};
+  const BodyPenetration first = contact.measure(X_WA, {}, true);
+  ASSERT_GT(first.on_a.volume, 0);
+  const test::AllocationCounter counter;
+  (void)contact.measure({{1, 0, 0}, {}}, {});
+  const BodyPenetration second = contact.measure(X_WA, {}, true);
+  EXPECT_EQ(counter.count(), 0u);
+  EXPECT_EQ(std::memcmp(&first.on_a.measure_W, &second.on_a.measure_W, sizeof(VolumeWrench)), 0);
+  EXPECT_EQ(std::memcmp(&first.on_b.measure_W, &second.on_b.measure_W, sizeof(VolumeWrench)), 0);
+  EXPECT_EQ(first.on_a.potential, second.on_a.potential);
+}
+
+TEST(SolidContact, NonFinitePosesAreReportedAndFarOnesMeasureNothing) {
+  const Tool cube = packed(make_box({0.1, 0.1, 0.1}), 50);
+  SolidContact contact = contact_of(cube, cube);
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    const BodyPenetration bad_a = contact.measure({{bad, 0, 0}, {}}, {});
+    const BodyPenetration bad_b = contact.measure({}, {{}, {0, 0, bad, 1}});
+    EXPECT_EQ(bad_a.on_a.status, StepStatus::non_finite_pose);
+    EXPECT_EQ(bad_a.on_b.status.bits, 0u);
+    EXPECT_EQ(bad_b.on_a.status.bits, 0u);
+    EXPECT_EQ(bad_b.on_b.status, StepStatus::non_finite_pose);
+    EXPECT_EQ(bad_a.on_a.volume, 0);
+    EXPECT_EQ(norm(bad_b.on_b.measure_W.force), 0);
+  }
+  for (const double far : {0.3, 1.0, 1e30, 1e300}) {
+    const BodyPenetration nothing = contact.measure({{far, 0, 0}, {}}, {{0, far, 0}, {}});
+    EXPECT_EQ(nothing.on_a.volume, 0);
+    EXPECT_EQ(norm(nothing.on_a.measure_W.torque), 0);
+  }
+  EXPECT_NEAR(contact.measure({}, {}).on_a.volume, 1e-3, 1e-4) << "on top of each other";
+}
+
+}  // namespace
+}  // namespace palpate
