@@ -62,9 +62,14 @@ const holding = (page) => page.evaluate(() => document.querySelector('.hold').da
 const force = (s) => Math.hypot(s.force_x, s.force_y, s.force_z);
 const contact = (s) => Math.hypot(s.contact_force_x, s.contact_force_y, s.contact_force_z);
 
-/// Presses the mouse on the tool.
+/// Presses the mouse on the tool, wherever the page has it now that it is laid out.
 async function grab(page) {
-  await page.mouse.move(...await handAt(page));
+  let nudge = 0;
+  await until('the pointer is over the tool', async () => {
+    const [x, y] = await handAt(page);
+    await page.mouse.move(x + (nudge = 1 - nudge), y);
+    return page.evaluate(() => document.querySelector('.stage').style.cursor === 'grab');
+  });
   await page.mouse.down();
   await until('the tool is held', async () => (await holding(page)) === 'mine');
 }
@@ -167,10 +172,14 @@ pageTest('one page holds the tool at a time, and who closes it lets go', async (
   const before = await sample(second);
 
   // Neither by its pointer nor by messages.
+  await until('it is told so', async () => {
+    await second.mouse.up();
+    const [x, y] = await handAt(second);
+    await second.mouse.move(x, y);
+    await second.mouse.down();
+    return /another page/i.test(await banner(second));
+  });
   const [x, y] = await handAt(second);
-  await second.mouse.move(x, y);
-  await second.mouse.down();
-  await until('it is told so', async () => /another page/i.test(await banner(second)));
   await second.mouse.move(x + 50, y, { steps: 5 });
   await second.mouse.up();
   const refused = await second.evaluate(async (url) => {
