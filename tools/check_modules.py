@@ -60,6 +60,7 @@ SHARED_PRIVATE = {
     "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras"),
     "src/core/shared_library.h": ("ros", "devices", "cameras"),
     "src/ros/dds_api.h": ("cameras", "devices"),
+    "src/ros/tf_history.h": ("cameras",),
     "src/ros/tf_tree.h": ("devices",),
     "src/ros/ros_node.h": ("devices", "cameras", "apps"),
     "src/core/thread_rank.h": ("run", "viewer", "apps"),

@@ -1,4 +1,5 @@
 // Depth from MCAP recordings: of ROS 2, and those of palpate record.
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -10,6 +11,8 @@
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_image.h"
+#include "src/io/ros_messages.h"
+#include "src/ros/tf_history.h"
 
 namespace palpate {
 namespace {
@@ -20,6 +23,7 @@ constexpr std::string_view kImage = "sensor_msgs/msg/Image";
 constexpr std::string_view kCompressed = "sensor_msgs/msg/CompressedImage";
 constexpr std::string_view kCameraInfo = "sensor_msgs/msg/CameraInfo";
 constexpr std::string_view kText = "std_msgs/msg/String";
+constexpr std::string_view kTransforms = "tf2_msgs/msg/TFMessage";
 constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
 
 double seconds(std::uint64_t nanoseconds) { return 1e-9 * static_cast<double>(nanoseconds); }
@@ -31,12 +35,19 @@ struct Contents {
     int num_frames = 0;
     double first = 0, last = 0;  // s
     DepthFrame frame;            // the first one
+    std::string frame_id;        // likewise
   };
   std::map<std::string, Topic> images;
   std::map<std::string, RosCameraModel> cameras;
   std::optional<double> unit;
   std::map<std::string, SensorKind> sensors;
+  TfHistory transforms;
 };
+
+std::string frame_id_of(std::string_view image) {
+  CdrReader from(image);
+  return std::string(read_ros_header(from).frame);
+}
 
 Result<DepthFrame> read_frame(const std::string& schema, const McapMessage& message, double unit) {
   auto frame = schema == kImage ? read_depth_image(message.data, unit)
@@ -50,12 +61,18 @@ Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
   for (;;) {
     const auto message = reader.next();
     if (!message) return message.error();
-    if (!*message) return contents;
+    if (!*message) break;
     const McapChannel& channel = reader.channels().at((*message)->channel);
     if (channel.schema_name == kDepthUnit && !contents.unit) {
       CdrReader from((*message)->data);
       const double unit = from.number<double>();
       if (from.is_good() && unit > 0 && std::isfinite(unit)) contents.unit = unit;
+    } else if (channel.schema_name == kTransforms) {
+      const auto transforms = read_transforms((*message)->data);
+      if (!transforms) return transforms.error();
+      for (const RosStampedTransform& each : *transforms) {
+        contents.transforms.add(each, channel.topic.ends_with("static"));
+      }
     } else if (channel.schema_name == kText && channel.topic.ends_with("/sensor")) {
       CdrReader from((*message)->data);
       const auto sensor = value_named<SensorKind>(from.text());
@@ -81,12 +98,15 @@ Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
       if (topic.num_frames == 0) {
         topic.schema = channel.schema_name;
         topic.first = frame->timestamp;
+        topic.frame_id = frame_id_of((*message)->data);
         topic.frame = *std::move(frame);
       }
       ++topic.num_frames;
       topic.last = seconds((*message)->time);
     }
   }
+  contents.transforms.sort();
+  return contents;
 }
 
 /// The topic to read: the one that is asked for, or the only one with depth.
@@ -115,15 +135,44 @@ const RosCameraModel* find_camera(const Contents& contents, const std::string& t
   return contents.cameras.size() == 1 ? &contents.cameras.begin()->second : nullptr;
 }
 
+/// Where a camera is, as transforms tell.
+struct CameraInTree {
+  TfHistory transforms;
+  std::string world, frame;
+};
+
+/// None unless it is asked for. Error: nothing joins the frames.
+Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, Contents& contents,
+                                             const Contents::Topic& images) {
+  const auto extra = [&](const char* name) {
+    const auto found = uri.extras.find(name);
+    return found == uri.extras.end() ? std::string() : found->second;
+  };
+  CameraInTree place{std::move(contents.transforms), extra("world"), extra("frame")};
+  if (place.world.empty() && place.frame.empty()) return std::optional<CameraInTree>();
+  if (place.frame.empty()) place.frame = images.frame_id;
+  const bool is_there = place.transforms.find(place.world, place.frame, images.first).has_value();
+  if (is_there) return std::optional(std::move(place));
+  std::string frames;
+  for (const std::string& frame : place.transforms.frames()) {
+    frames += (frames.empty() ? "" : ", ") + frame;
+  }
+  return Error{Errc::bad_input, "camera " + uri.text + ": no transform joins the world '" +
+                                    place.world + "' and the camera '" + place.frame +
+                                    "' when the first image was taken; the recording knows " +
+                                    (frames.empty() ? "none" : frames)};
+}
+
 class BagSource final : public DepthSource {
  public:
   BagSource(McapReader reader, std::string topic, double unit, std::optional<double> said,
-            DepthStreamInfo info)
+            DepthStreamInfo info, std::optional<CameraInTree> place)
       : reader_(std::move(reader)),
         topic_(std::move(topic)),
         unit_(unit),
         said_(said),
-        info_(std::move(info)) {}
+        info_(std::move(info)),
+        place_(std::move(place)) {}
 
   const DepthStreamInfo& info() const override { return info_; }
 
@@ -140,10 +189,25 @@ class BagSource final : public DepthSource {
       }
       if (num_read_++ > 0 && !(read->timestamp > last_)) continue;  // sent twice
       last_ = read->timestamp;
+      if (place_) {
+        const auto X_WC = place_->transforms.find(place_->world, place_->frame, last_);
+        if (!X_WC) {
+          num_unplaced_.fetch_add(1);
+          continue;
+        }
+        read->X_WC = *X_WC;
+      }
       frame = *std::move(read);
       if (said_) frame.unit = *said_;
       return true;
     }
+  }
+
+  std::vector<std::string> take_notes() override {
+    const int num = num_unplaced_.exchange(0);
+    if (num == 0) return {};
+    return {std::to_string(num) + " frames were left out: no transform tells where '" +
+            place_->frame + "' was in '" + place_->world + "' within a second of them"};
   }
 
  private:
@@ -152,8 +216,10 @@ class BagSource final : public DepthSource {
   const double unit_;
   const std::optional<double> said_;
   const DepthStreamInfo info_;
+  const std::optional<CameraInTree> place_;
   double last_ = 0;
   int num_read_ = 0;
+  std::atomic<int> num_unplaced_ = 0;
 };
 
 /// rosbag2 makes a folder with one file in it.
@@ -172,7 +238,8 @@ Result<fs::path> file_of(const std::string& target) {
 }  // namespace
 
 Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras("topic"); !status) return status.error();
+  if (const Status status = uri.check_extras({"topic", "world", "frame"}); !status)
+    return status.error();
   const auto file = file_of(uri.target);
   if (!file) return file.error();
   auto reader = McapReader::open(*file);
@@ -203,20 +270,24 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
     if (ros_parent(name) == ros_parent(*topic)) info.sensor = sensor;
   }
   if (const auto* camera = find_camera(*contents, *topic)) set_ros_camera(*camera, *topic, info);
+  auto place = place_of(uri, *contents, images);
+  if (!place) return place.error();
+  if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);
   auto again = McapReader::open(*file);
   if (!again) return again.error();
-  return RawStream{
-      std::make_unique<BagSource>(*std::move(again), *topic, unit, said, std::move(info))};
+  return RawStream{std::make_unique<BagSource>(*std::move(again), *topic, unit, said,
+                                               std::move(info), *std::move(place))};
 }
 
 FoundCameras find_bag_cameras() {
   return {"bag",
-          "bag:FILE.mcap[?topic=/T]",
+          "bag:FILE.mcap[?topic=/T&world=FRAME]",
           true,
           "",
           "",
           {},
-          "depth of ROS 2 recordings and of palpate record, with their camera_info"};
+          "depth of ROS 2 recordings and of palpate record, with their camera_info; ?world=FRAME: "
+          "the camera is where their tf says"};
 }
 
 }  // namespace palpate

@@ -148,13 +148,11 @@ Result<CameraUri> parse_camera_uri(std::string_view text) {
   return uri;
 }
 
-Status CameraUri::check_extras(std::string_view known_name, std::string_view other_name) const {
+Status CameraUri::check_extras(std::initializer_list<std::string_view> known_ones) const {
   for (const auto& [name, value] : extras) {
-    if (name == known_name || name == other_name) continue;
-    std::string known = "intrinsics, distortion, size, unit, rate, latency, pose, sensor";
-    for (const std::string_view more : {known_name, other_name}) {
-      if (!more.empty()) known += ", " + std::string(more);
-    }
+    if (std::ranges::find(known_ones, name) != known_ones.end()) continue;
+    std::string known = "intrinsics, distortion, size, unit, rate, latency, pose, poses, sensor";
+    for (const std::string_view more : known_ones) known += ", " + std::string(more);
     return Error{Errc::invalid_argument,
                  "camera " + text.substr(0, kMostShown) + ": there is no parameter '" +
                      name.substr(0, kMostShown) + "' of " + kind + "; there are " + known};

@@ -34,7 +34,7 @@ FoundCameras find_folder_cameras() {
 }
 
 Result<RawStream> open_scene_camera(const CameraUri& uri, const CameraOpening& opening) {
-  if (const Status status = uri.check_extras("noise", "seed"); !status) return status.error();
+  if (const Status status = uri.check_extras({"noise", "seed"}); !status) return status.error();
   auto scene = scenes::make_scene(uri.target);
   if (!scene) return scene.error();
   if (uri.size) scenes::set_image_size(*scene, uri.size->width, uri.size->height);

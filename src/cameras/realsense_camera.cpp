@@ -241,7 +241,7 @@ Result<std::unique_ptr<DepthSource>> realsense::open_device(Device* device, cons
 }
 
 Result<RawStream> open_realsense_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras("preset"); !status) return status.error();
+  if (const Status status = uri.check_extras({"preset"}); !status) return status.error();
   const bool is_file = uri.target.ends_with(".db3") || uri.target.ends_with(".bag");
   std::error_code ignored;
   if (is_file && !std::filesystem::is_regular_file(uri.target, ignored)) {

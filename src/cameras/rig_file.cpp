@@ -43,11 +43,14 @@ class Reader {
   explicit Reader(const fs::path& path) : path_(path) {}
 
   Result<CameraRig> read(const toml::table& document) {
+    // Cameras name the world's frame.
+    if (const toml::table* const world = document["world"].as_table()) {
+      if (const Status status = read_world(*world); !status) return status.error();
+    }
     for (const auto& [key, node] : document) {
       Status status = Done{};
-      if (key == "world" && node.is_table()) {
-        status = read_world(*node.as_table());
-      } else if (key == "camera" && node.is_array_of_tables()) {
+      if (key == "world" && node.is_table()) continue;
+      if (key == "camera" && node.is_array_of_tables()) {
         status = read_cameras(*node.as_array());
       } else {
         status = refuse(key.source(), "'" + std::string(key.str()) +
@@ -107,12 +110,9 @@ class Reader {
                           "'");
       }
       if (word == "pose_from") {
-        if (text_of("pose_from").starts_with("tf:")) {
-          return refuse(node.source(),
-                        "pose_from = \"tf:FRAME\" is not supported yet; give a file "
-                        "of poses, or pose");
-        }
-        more += "&poses=" + beside(text_of("pose_from"));
+        const std::string from = text_of("pose_from");
+        more += from.starts_with("tf:") ? "&world=" + rig_.frame + "&frame=" + from.substr(3)
+                                        : "&poses=" + beside(from);
         continue;
       }
       const std::string numbers = numbers_text(node);

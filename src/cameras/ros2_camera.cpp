@@ -268,7 +268,7 @@ class Ros2Source final : public DepthSource {
 }  // namespace
 
 Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras("info", "qos"); !status) return status.error();
+  if (const Status status = uri.check_extras({"info", "qos"}); !status) return status.error();
   if (uri.target.empty()) {
     return Error{Errc::invalid_argument,
                  "ros2: needs the topic of the depth image, e.g. ros2:/camera/depth/image_raw"};

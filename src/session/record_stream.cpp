@@ -57,11 +57,14 @@ class StreamFile {
       if (const Status status = writer_.write(units_, time, unit_message(unit_)); !status)
         return status;
     }
-    if (num_frames_++ == 0) {
-      const RosTransform fixed[] = {{"world", kCamera, {}}};
-      if (const Status status = writer_.write(statics_, time, transform_message(time, fixed));
+    if (num_frames_ == 0 || info_.is_moving) {
+      const RosTransform pose[] = {{"world", kCamera, frame.X_WC}};
+      const auto channel = info_.is_moving ? transforms_ : statics_;
+      if (const Status status = writer_.write(channel, time, transform_message(time, pose));
           !status)
         return status;
+    }
+    if (num_frames_++ == 0) {
       if (const Status status = writer_.write(sensors_, time, text_message(name_of(info_.sensor)));
           !status)
         return status;
@@ -81,6 +84,7 @@ class StreamFile {
     infos_ =
         writer_.add_channel(ros_channel("/camera/depth/camera_info", "sensor_msgs/CameraInfo"));
     statics_ = writer_.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
+    transforms_ = writer_.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
     units_ = writer_.add_channel(
         {"/camera/depth/unit", "palpate_msgs/msg/DepthUnit", "float64 metres_per_count\n"});
     sensors_ =
@@ -90,7 +94,7 @@ class StreamFile {
   McapWriter writer_;
   DepthStreamInfo info_;
   double offset_ = 0, unit_ = 0;
-  std::uint16_t images_ = 0, infos_ = 0, statics_ = 0, units_ = 0, sensors_ = 0;
+  std::uint16_t images_ = 0, infos_ = 0, statics_ = 0, transforms_ = 0, units_ = 0, sensors_ = 0;
   std::uint64_t num_frames_ = 0;
 };
 

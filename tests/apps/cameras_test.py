@@ -161,6 +161,26 @@ class Cameras(unittest.TestCase):
                            "safety.max_contact_age=10", "-o", live))
         self.assertIn(b"identical", self.check(palpate("replay", live)).stdout)
 
+    def test_poses_of_a_bag(self):
+        """What record writes of where a camera was, a bag gives again."""
+        scene = "scene:sphere-out-320?noise=off&size=160x120"
+        for name, camera in (("moving", f"{scene}&poses={self.orbit()}"),
+                             ("still", f"{scene}&pose=0.1,0,0.02,0,0,0,1")):
+            bag = self.folder / f"{name}.mcap"
+            self.check(palpate("record", "--camera", camera, "-o", bag))
+            runs = [self.folder / f"{name}_{k}" for k in range(2)]
+            for run, source in zip(runs, (camera, f"bag:{bag}?world=world")):
+                self.check(palpate("touch", self.tool, "--camera", source, "--path", self.path,
+                                   "--align", "starts", "-o", run))
+            one, two = ((run / "wrench.csv").read_text().splitlines()[1:] for run in runs)
+            self.assertEqual(len(one), len(two))
+            for a, b in list(zip(one, two))[::50]:
+                for x, y in zip(a.split(",")[2:30], b.split(",")[2:30]):
+                    self.assertAlmostEqual(float(x), float(y), delta=1e-6 + 1e-4 * abs(float(x)))
+            self.refused("no transform joins the world 'table' and the camera 'camera'", "touch",
+                         self.tool, "--camera", f"bag:{bag}?world=table", "--path", self.path, "-o",
+                         self.folder / "nowhere")
+
     def test_calibrate(self):
         true = [(0, 0, 0, 0, 0, 0, 1), (0.3420, -0.08, 0.0603, 0, -0.17365, 0, 0.98481)]
         wrong = [true[0], (0.3520, -0.088, 0.0543, 0.005, -0.18, 0.004, 0.983604)]

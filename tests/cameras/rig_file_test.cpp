@@ -99,7 +99,8 @@ uri = "scene:wall"
 pose_from = "hand.tum"
 
 [[camera]]
-uri = "openni2"
+uri = "bag:run.mcap"
+pose_from = "tf:wrist"
 )");
   const auto rig = load_rig(path_);
   ASSERT_TRUE(rig) << rig.error().message;
@@ -118,6 +119,8 @@ uri = "openni2"
   EXPECT_EQ(rig->cameras[1].uri.poses, (folder_.path() / "hand.tum").string());
   EXPECT_EQ(rig->cameras[1].uri.target, "wall");
   EXPECT_EQ(rig->cameras[2].name, "camera 3");
+  EXPECT_EQ(rig->cameras[2].uri.extras.at("world"), "table");
+  EXPECT_EQ(rig->cameras[2].uri.extras.at("frame"), "wrist");
 
   const Pose moved{{4, 5, 6.25}, {0, 1, 0, 0}};
   const auto text = rig_text_with_poses(path_, {moved, {}, {}});
@@ -147,9 +150,6 @@ TEST_F(RigFile, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(why_not("[world]\ngravity = [1]").find("gravity = [x, y, z]"), std::string::npos);
   EXPECT_NE(why_not("[wordl]\nframe = 'a'").find("[[camera]]"), std::string::npos);
   EXPECT_NE(why_not("camera = 3").find("is not known"), std::string::npos);
-  EXPECT_NE(
-      why_not("[[camera]]\nuri = 'scene:wall'\npose_from = 'tf:camera'").find("not supported"),
-      std::string::npos);
   std::string many;
   for (int i = 0; i < 17; ++i) many += "[[camera]]\nuri = 'scene:wall'\n";
   EXPECT_NE(why_not(many).find("has 17"), std::string::npos);

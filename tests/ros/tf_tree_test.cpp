@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "src/ros/tf_history.h"
+
 namespace palpate {
 namespace {
 
@@ -46,6 +48,31 @@ TEST(TfTree, comes_to_an_end_in_a_ring) {
   tree.add({1, "b", "a", {}});
   EXPECT_FALSE(tree.find("a", "c"));
   EXPECT_FALSE(tree.find("c", "a"));
+}
+
+TEST(TfHistory, knows_where_frames_were) {
+  TfHistory history;
+  // Out of order, and twice.
+  history.add({12, "base", "arm", {{0.2, 0, 0}, {}}}, false);
+  history.add({10, "base", "arm", {}}, false);
+  history.add({12, "base", "arm", {{0.2, 0, 0}, {}}}, false);
+  history.add({0, "/arm", "camera", kArmTool}, true);
+  history.add({3, "world", "base", kBaseArm}, true);
+  history.sort();
+  expect_near(*history.find("world", "camera", 11), kBaseArm * Pose{{0.1, 0, 0}, {}} * kArmTool);
+  expect_near(*history.find("camera", "world", 10.5),
+              inverse(kBaseArm * Pose{{0.05, 0, 0}, {}} * kArmTool));
+  expect_near(*history.find("arm", "camera", 1e9), kArmTool);
+  expect_near(*history.find("world", "camera", 12.9), kBaseArm * Pose{{0.2, 0, 0}, {}} * kArmTool);
+  EXPECT_FALSE(history.find("world", "camera", 13.1));  // told too long ago
+  EXPECT_FALSE(history.find("world", "camera", 8.9));
+  EXPECT_FALSE(history.find("world", "gripper", 11));
+  EXPECT_TRUE(history.is_moving("world", "camera"));
+  EXPECT_FALSE(history.is_moving("world", "base"));
+  EXPECT_EQ(history.frames(), (std::vector<std::string>{"arm", "base", "camera", "world"}));
+  history.add({0, "camera", "world", {}}, true);  // a ring
+  history.sort();
+  (void)history.find("world", "arm", 11);
 }
 
 }  // namespace

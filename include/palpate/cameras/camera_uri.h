@@ -1,6 +1,7 @@
 // The words that name a depth camera: KIND[:TARGET][?NAME=VALUE&...].
 #pragma once
 
+#include <initializer_list>
 #include <map>
 #include <optional>
 #include <string>
@@ -36,8 +37,8 @@ struct CameraUri {
   std::string poses;                          ///< file of X_WC by time; empty: it stands still
   std::map<std::string, std::string> extras;  ///< parameters that only some kinds know
 
-  /// Error: an extra parameter other than these two, which this kind knows.
-  Status check_extras(std::string_view known_name = {}, std::string_view other_name = {}) const;
+  /// Error: an extra parameter other than these, which this kind knows.
+  Status check_extras(std::initializer_list<std::string_view> known = {}) const;
 };
 
 /// Errors: a parameter that is not what it should be, with its name. Kinds are not checked here.

@@ -24,6 +24,7 @@ namespace palpate {
 ///   unit = 0.001
 ///   pose = [0, 0, 0, 0, 0, 0, 1]             # X_WC: tx ty tz qx qy qz qw
 ///   # or: pose_from = "front.tum"            # of a camera that moves, beside this file
+///   # or: pose_from = "tf:front_optical"     # as the tf of a recording (bag:) tells of that frame
 struct CameraRig {
   struct Camera {
     std::string name;
