@@ -218,6 +218,15 @@ void add_prefix_option(CLI::App& app, int& num_spheres) {
       ->default_str("all");
 }
 
+void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time) {
+  if (time.average.kind != DepthAverage::kalman) return;
+  TimeOptions chosen = time;
+  chosen.average = depth_average_options_for(sensor);
+  chosen.average.kind = time.average.kind;
+  chosen.average.rest_frames = time.average.rest_frames;
+  copy_settings(settings_of(chosen), settings_of(time), given);
+}
+
 Result<Tool> load_tool_prefix(const std::filesystem::path& path, int num_spheres, int num_threads) {
   auto tool = load_tool(path);
   if (!tool || num_spheres == 0) return tool;

@@ -108,6 +108,8 @@ Intrinsics checked_intrinsics(const Intrinsics& given);
 void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor);
 /// Gives surfaces what this kind of camera asks for, but for the settings `given`, and says so.
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface);
+/// The same for estimates of depth over time; other averages stay as they are.
+void use_sensor(SensorKind sensor, std::span<const std::string> given, TimeOptions& time);
 
 /// --spheres: how many spheres of a tool file to use; 0: all.
 void add_prefix_option(CLI::App& app, int& num_spheres);

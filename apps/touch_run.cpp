@@ -188,6 +188,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     settings.coupling.kind = has_hand ? CouplingKind::virtual_coupling : CouplingKind::none;
   }
   use_sensor(input.stream().sensor, options.given, settings.surface);
+  use_sensor(input.stream().sensor, options.given, settings.time);
   place(options, input.path, settings.coupling);
 
   RunOptions run;

@@ -22,6 +22,7 @@
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/gpu/devices.h"
+#include "src/cloud/depth_average_cuda.h"
 #include "src/cloud/surface_cuda.h"
 #include "src/field/depth_field_cuda.h"
 
@@ -235,6 +236,18 @@ void measure_sensing(int width, int height) {
                    [&] { sensing.surface.enqueue_depth(stream, depth); });
   measure_recorded("sensing: field; device time/" + size,
                    [&] { sensing.field.enqueue(sensing.surface.cloud(), stream); });
+  // With the copy of the raw frame.
+  for (const DepthAverage kind : {DepthAverage::none, DepthAverage::moving,
+                                  DepthAverage::exponential, DepthAverage::kalman}) {
+    const DepthFrame raw = wall_frame(width, height);
+    DepthAverageOptions average;
+    average.kind = kind;
+    auto averager = value_or_stop(DepthAveragerCuda::create(width, height, average, options.gpu));
+    std::copy(raw.pixels.begin(), raw.pixels.end(), averager.input().begin());
+    averager.set_unit(raw.unit);
+    measure_recorded("sensing: copy and average " + name_of(kind) + "; device time/" + size,
+                     [&] { averager.enqueue(stream); });
+  }
   measure_recorded("sensing: copy and surface and field; device time/" + size, [&] {
     sensing.surface.enqueue(stream);
     sensing.field.enqueue(sensing.surface.cloud(), stream);

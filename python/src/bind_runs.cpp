@@ -237,8 +237,16 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   request.settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
   request.settings.surface = surface_options_for(stream.sensor);
   SettingTable table = settings_of(request.settings);
-  if (settings_file) taken(read_settings_file(*settings_file, table));
-  apply(settings, table);
+  const auto take_settings = [&] {
+    if (settings_file) taken(read_settings_file(*settings_file, table));
+    apply(settings, table);
+  };
+  take_settings();
+  if (DepthAverageOptions& average = request.settings.time.average;
+      average.kind == DepthAverage::kalman) {
+    average = depth_average_options_for(stream.sensor);
+    take_settings();  // what is given wins
+  }
   const CouplingOptions& coupling = request.settings.coupling;
   touch.was_placed = !(coupling.X_WB == Pose{}) || !(coupling.X_HT == Pose{});
   if (is_live) {

@@ -1,19 +1,36 @@
 #include "palpate/cloud/depth_average.h"
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
 #include "src/cloud/depth_average_options.h"
+#include "src/cloud/depth_estimate_kernel.h"
 #include "src/cloud/pixel_average.h"
 #include "src/core/internal/assert.h"
 
 namespace palpate {
+
+EstimateBlock estimate_block_for(Isa isa) {
+  isa = std::min(isa, best_isa());
+#if defined(__x86_64__)
+  if (isa == Isa::avx512) return isa_avx512::estimate_block;
+  if (isa == Isa::avx2) return isa_avx2::estimate_block;
+#endif
+  return isa_baseline::estimate_block;
+}
+
 struct DepthAverager::Impl {
   int width, height;
   DepthAverageOptions options;
-  std::vector<PixelMemory> memories;
-  std::vector<std::uint16_t> rings;  // moving: the last measurements, pixel by pixel
   std::vector<float> depth;
+  std::vector<PixelMemory> memories = {};
+  std::vector<std::uint16_t> rings = {};  // moving: the last measurements, pixel by pixel
+  // kalman
+  std::vector<float> means = {}, gains = {};
+  std::vector<BlockMemory> blocks = {};
+  EstimatePass pass = {};
+  EstimateBlock estimate_block = nullptr;
 
   float update(std::size_t pixel, std::uint16_t count, double unit);
 };
@@ -23,6 +40,22 @@ float DepthAverager::Impl::update(std::size_t pixel, std::uint16_t count, double
   const auto ring_size = static_cast<std::size_t>(options.frames);
   const PixelRing ring{rings.empty() ? nullptr : &rings[pixel * ring_size], 1};
   return update_average(memories[pixel], ring, count, unit, options);
+}
+
+DepthAverageOptions depth_average_options_for(SensorKind sensor) {
+  DepthAverageOptions options;
+  switch (sensor) {
+    case SensorKind::none: break;
+    case SensorKind::structured_light: options.noise_patch = 16; break;
+    case SensorKind::active_stereo:
+      options.noise = 0.0005;
+      options.noise_growth = 0.0045;
+      options.noise_patch = 1000;
+      options.keep_frames = 30;
+      break;
+    case SensorKind::tof: options.noise_growth = 0.0005; break;
+  }
+  return options;
 }
 
 Status check_average_settings(int width, int height, const DepthAverageOptions& options) {
@@ -36,15 +69,35 @@ Status check_average_settings(int width, int height, const DepthAverageOptions& 
 }
 
 Result<DepthAverager> DepthAverager::create(int width, int height,
-                                            const DepthAverageOptions& options) {
+                                            const DepthAverageOptions& options, Isa isa) {
   const Status status = check_average_settings(width, height, options);
   if (!status) return status.error();
-  auto impl = std::make_unique<Impl>(Impl{width, height, options, {}, {}, {}});
   const std::size_t size = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  impl->depth.resize(size);
-  if (options.kind != DepthAverage::none) impl->memories.resize(size);
-  if (options.kind == DepthAverage::moving) {
-    impl->rings.resize(size * static_cast<std::size_t>(options.frames));
+  auto impl = std::make_unique<Impl>(Impl{width, height, options, std::vector<float>(size)});
+  Impl& d = *impl;
+  switch (options.kind) {
+    case DepthAverage::none: break;
+    case DepthAverage::moving:
+      d.rings.resize(size * static_cast<std::size_t>(options.frames));
+      [[fallthrough]];
+    case DepthAverage::exponential: d.memories.resize(size); break;
+    case DepthAverage::kalman: {
+      d.pass.model = EstimateModel(options);
+      d.pass.width = width;
+      d.pass.height = height;
+      d.pass.stride = d.pass.blocks_per_row() * kEstimateBlock;
+      const std::size_t padded =
+          static_cast<std::size_t>(height) * static_cast<std::size_t>(d.pass.stride);
+      d.means.assign(padded, 0.0f);
+      d.gains.assign(padded, kUnknownGain);
+      d.blocks.resize(static_cast<std::size_t>(d.pass.num_blocks()));
+      d.pass.blocks = d.blocks.data();
+      d.pass.mean = d.means.data();
+      d.pass.gain = d.gains.data();
+      d.pass.depth = d.depth.data();
+      d.estimate_block = estimate_block_for(isa);
+      break;
+    }
   }
   return DepthAverager(std::move(impl));
 }
@@ -57,6 +110,13 @@ DepthAverager::~DepthAverager() = default;
 std::span<const float> DepthAverager::update(const DepthImageView& image, ThreadPool& pool) {
   Impl& d = *impl_;
   PALPATE_ASSERT(image.width == d.width && image.height == d.height && image.counts != nullptr);
+  if (d.estimate_block != nullptr) {
+    EstimatePass pass = d.pass;
+    pass.counts = image.counts;
+    pass.unit = image.unit;
+    pool.parallel_for(pass.num_blocks(), [&](int block) { d.estimate_block(pass, block); });
+    return d.depth;
+  }
   pool.parallel_for(d.height, [&](int v) {
     const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(d.width);
     for (std::size_t i = begin; i < begin + static_cast<std::size_t>(d.width); ++i) {

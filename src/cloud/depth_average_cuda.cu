@@ -1,8 +1,12 @@
 #include "src/cloud/depth_average_cuda.h"
 
+#include <vector>
+
 #include "src/cloud/depth_average_options.h"
+#include "src/cloud/depth_estimate.h"
 #include "src/cloud/pixel_average.h"
 #include "src/cloud/raw_frame_cuda.h"
+#include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate {
@@ -15,6 +19,17 @@ struct DepthAverageJob {
   PixelMemory* memories = nullptr;
   std::uint16_t* rings = nullptr;  // measurement by measurement, each of all pixels
   std::ptrdiff_t num_pixels = 0;
+  float* depth = nullptr;
+};
+
+/// The same for estimates.
+struct DepthEstimateJob {
+  EstimateModel model;
+  RawFrameView raw;
+  int width = 0, height = 0;
+  int blocks_per_row = 0;
+  float *mean = nullptr, *gain = nullptr;  // width * height
+  BlockMemory* blocks = nullptr;
   float* depth = nullptr;
 };
 
@@ -38,6 +53,97 @@ __global__ void __launch_bounds__(kThreads)
   job.memories[i] = memory;
 }
 
+constexpr int kColumns = kEstimateBlock;
+constexpr int kRows = kEstimateTile;  // of a thread, which does its column of a row of tiles
+constexpr int kEstimateThreads = kColumns * kTilesPerBlock;
+constexpr int kTiles = kTilesPerBlock * kTilesPerBlock;
+
+struct EstimateShared {
+  TileSum columns[kEstimateThreads];
+  BlockChange changes;
+  float scales[kTiles];
+  SharedChange tiles[kTiles];
+};
+
+/// A block of threads does one block of the image.
+__global__ void __launch_bounds__(kEstimateThreads)
+    estimate_depth(const __grid_constant__ DepthEstimateJob job) {
+  EstimateShared& shared = gpu::shared_memory<EstimateShared>();
+  const int thread = static_cast<int>(threadIdx.x), block = static_cast<int>(blockIdx.x);
+  const int block_row = block / job.blocks_per_row;
+  const int row = thread / kColumns, column = thread - row * kColumns;
+  const int u = (block - block_row * job.blocks_per_row) * kEstimateBlock + column;
+  const int v0 = block_row * kEstimateBlock + row * kRows;
+  const int num_rows = u >= job.width ? 0 : v0 + kRows <= job.height ? kRows : job.height - v0;
+  const int my_tile = row * kTilesPerBlock + column / kEstimateTile;
+  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(v0) * job.width + u;
+  const double unit = *job.raw.unit;
+  BlockMemory& memory = job.blocks[block];
+
+  float measured[kRows], mean[kRows], gain[kRows], own_gain[kRows];
+#pragma unroll
+  for (int v = 0; v < kRows; ++v) {
+    const std::ptrdiff_t i = first + static_cast<std::ptrdiff_t>(v) * job.width;
+    const bool inside = v < num_rows;
+    measured[v] = inside ? depth_of(job.raw.pixels[i], unit) : 0.0f;
+    mean[v] = inside ? job.mean[i] : 0.0f;
+    gain[v] = inside ? job.gain[i] : kUnknownGain;
+  }
+  if (thread < kTiles) shared.scales[thread] = memory.noise_scale(thread);
+  __syncthreads();
+
+  TileSum sum;
+#pragma unroll
+  for (int v = 0; v < kRows; ++v) {
+    const one_lane::PixelDeviation d =
+        one_lane::deviation_of(measured[v], mean[v], gain[v], shared.scales[my_tile], job.model);
+    own_gain[v] = d.gain;
+    sum.deviations.sum += d.sum;
+    sum.deviations.num += d.num;
+    sum.squares += d.squares;
+    sum.num_known += d.num_known;
+    sum.num_gone += d.num_gone;
+  }
+  shared.columns[thread] = sum;
+  __syncthreads();
+
+  if (thread < kTiles) {
+    const TileSum* const columns = shared.columns + (thread / kTilesPerBlock) * kColumns +
+                                   thread % kTilesPerBlock * kEstimateTile;
+    TileSum tile;
+    for (int i = 0; i < kEstimateTile; ++i) tile.add(columns[i]);
+    shared.changes.take(thread, tile);
+    shared.changes.test(thread, memory, job.model);
+    memory.learn_noise(thread, tile, shared.scales[thread]);
+  }
+  __syncthreads();
+  for (int level = 1; level < kEstimateLevels; ++level) {
+    const int side = level_side(level);
+    if (thread < side * side) {
+      shared.changes.join(level, thread % side, thread / side);
+      shared.changes.test(first_entry(level) + thread, memory, job.model);
+    }
+    __syncthreads();
+  }
+  if (thread < kTiles) {
+    shared.tiles[thread] = shared.changes.of_tile(thread % kTilesPerBlock, thread / kTilesPerBlock);
+  }
+  __syncthreads();
+
+  const SharedChange change = shared.tiles[my_tile];
+#pragma unroll
+  for (int v = 0; v < kRows; ++v) {
+    if (v >= num_rows) continue;
+    const std::ptrdiff_t i = first + static_cast<std::ptrdiff_t>(v) * job.width;
+    const one_lane::PixelEstimate e =
+        one_lane::estimate_of(measured[v], mean[v], gain[v], own_gain[v], change.follow,
+                              change.gain, change.keep, job.model);
+    job.mean[i] = e.mean;
+    job.gain[i] = e.gain;
+    job.depth[i] = e.depth > 0.0f ? e.depth : kNoAverage;
+  }
+}
+
 }  // namespace
 
 struct DepthAveragerCuda::Impl {
@@ -45,6 +151,8 @@ struct DepthAveragerCuda::Impl {
   int width, height;
   RawFrameCuda raw;
   DepthAverageJob job;
+  DepthEstimateJob estimate;  // kalman
+  int num_blocks = 0;
 
   Impl(int image_width, int image_height, const DepthAverageOptions& options, int gpu)
       : memory(gpu), width(image_width), height(image_height), raw(memory, width, height) {
@@ -53,9 +161,24 @@ struct DepthAveragerCuda::Impl {
     job.raw = raw.view();
     job.num_pixels = static_cast<std::ptrdiff_t>(size);
     job.depth = memory.take<float>(size);
-    if (options.kind != DepthAverage::none) job.memories = memory.take<PixelMemory>(size);
-    if (options.kind == DepthAverage::moving) {
-      job.rings = memory.take<std::uint16_t>(size * static_cast<std::size_t>(options.frames));
+    switch (options.kind) {
+      case DepthAverage::none: break;
+      case DepthAverage::moving:
+        job.rings = memory.take<std::uint16_t>(size * static_cast<std::size_t>(options.frames));
+        [[fallthrough]];
+      case DepthAverage::exponential: job.memories = memory.take<PixelMemory>(size); break;
+      case DepthAverage::kalman:
+        estimate.model = EstimateModel(options);
+        estimate.raw = job.raw;
+        estimate.width = width;
+        estimate.height = height;
+        estimate.blocks_per_row = (width + kEstimateBlock - 1) / kEstimateBlock;
+        num_blocks = estimate.blocks_per_row * ((height + kEstimateBlock - 1) / kEstimateBlock);
+        estimate.mean = memory.take<float>(size);
+        estimate.gain = memory.copy_of(std::vector<float>(size, kUnknownGain));
+        estimate.blocks = memory.take<BlockMemory>(static_cast<std::size_t>(num_blocks));
+        estimate.depth = job.depth;
+        break;
     }
   }
 };
@@ -85,6 +208,15 @@ void DepthAveragerCuda::enqueue(gpu::Stream& stream, ImageRows rows) {
   Impl& d = *impl_;
   if (rows.begin >= rows.end) return;
   d.raw.enqueue_copy(stream, rows);
+  if (d.job.options.kind == DepthAverage::kalman) {
+    PALPATE_ASSERT(rows.begin == 0 && rows.end == d.height);
+    gpu::launch(stream,
+                {.blocks = d.num_blocks,
+                 .threads = kEstimateThreads,
+                 .shared_bytes = sizeof(EstimateShared)},
+                estimate_depth, d.estimate);
+    return;
+  }
   DepthAverageJob job = d.job;
   job.first_pixel = rows.begin * d.width;
   job.end_pixel = rows.end * d.width;

@@ -30,8 +30,8 @@ class DepthAveragerCuda {
   std::span<std::uint16_t> input();
   void set_unit(double unit);
 
-  /// Takes the frame in `input` into the averages: all of it, or some rows, of which each is taken
-  /// once, from the top down (SurfaceCuda::input_rows).
+  /// Takes the frame in `input` into the averages: all of it, or (but for `kalman`) some rows, of
+  /// which each is taken once, from the top down (SurfaceCuda::input_rows).
   void enqueue(gpu::Stream& stream);
   void enqueue(gpu::Stream& stream, ImageRows rows);
 

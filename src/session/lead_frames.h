@@ -25,11 +25,13 @@ inline int num_lead_frames(const TimeOptions& time) {
     constexpr double kForgotten = 1e-6;  // share of what was measured
     averaged = average.weight < 1 ? std::log(kForgotten) / std::log1p(-average.weight) : 0;
     averaged = std::ceil(averaged) + average.keep_frames;
+  } else if (average.kind == DepthAverage::kalman) {
+    averaged = kMostLead;
   }
   return blended + static_cast<int>(std::min<double>(averaged, kMostLead));
 }
 
-/// Whether that gives the same bits: an exponential average never forgets.
+/// Whether that gives the same bits: an exponential average and an estimate never forget.
 inline bool has_whole_lead(const TimeOptions& time) {
   return time.average.kind == DepthAverage::none ||
          (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMostLead);

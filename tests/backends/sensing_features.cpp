@@ -123,6 +123,8 @@ FeatureGroup time() {
                    }),
               with("exponential average of depth",
                    [](SlotSettings& s) { s.time.average.kind = DepthAverage::exponential; }),
+              with("estimate of depth over time (kalman)",
+                   [](SlotSettings& s) { s.time.average.kind = DepthAverage::kalman; }),
               with("averages and prediction together",
                    [](SlotSettings& s) {
                      s.time.mode = TimeMode::predict;

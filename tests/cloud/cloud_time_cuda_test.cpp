@@ -59,6 +59,36 @@ TEST(DepthAveragerCuda, EqualsTheCpu) {
   }
 }
 
+// Blocks that the image cuts off, and surfaces that rest, move and vanish.
+TEST(DepthAveragerCuda, EstimatesEqualTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  ThreadPool pool(1);
+  gpu::Stream stream(0, gpu::Priority::low);
+  for (const auto& [width, height] : {std::pair{kWidth, kHeight}, {150, 100}, {64, 128}}) {
+    DepthAverageOptions options;
+    options.kind = DepthAverage::kalman;
+    options.noise_patch = 30;
+    DepthAverager cpu = std::move(DepthAverager::create(width, height, options)).value();
+    DepthAveragerCuda cuda =
+        std::move(DepthAveragerCuda::create(width, height, options, 0)).value();
+    stream.begin_recording();
+    cuda.enqueue(stream);
+    const gpu::Graph graph = stream.end_recording();
+    for (int k = 0; k < 24; ++k) {
+      const double distance = k < 12 ? 1.2 : 1.2 - 0.003 * k;
+      DepthFrame frame = test::as_frame(test::cluttered_scene(
+          width, height, 50, distance, static_cast<std::uint64_t>(k < 6 ? 1 : k)));
+      if (k == 9) std::fill_n(frame.pixels.begin(), frame.pixels.size() / 2, std::uint16_t{0});
+      std::ranges::copy(frame.pixels, cuda.input().begin());
+      cuda.set_unit(frame.unit);
+      stream.launch(graph);
+      const std::span<const float> expected = cpu.update(frame, pool);
+      ASSERT_NO_FATAL_FAILURE(test::expect_same_bits(
+          test::copy_to_host(stream, cuda.depth(), expected.size()), expected.data(), "depth"));
+    }
+  }
+}
+
 TEST(DepthAveragerCuda, RefusesBadOptions) {
   PALPATE_GPU_OR_SKIP();
   EXPECT_FALSE(DepthAveragerCuda::create(kWidth, kHeight, {DepthAverage::moving, 65}, 0));

@@ -91,19 +91,22 @@ TEST(RecordingParts, MovingAveragesAreRepeatedAndEndlessOnesSayThatTheyAreNot) {
   ASSERT_TRUE(outcome) << outcome.error().message;
   expect_parts_repeat(run, *outcome);
 
-  settings.time.average.kind = DepthAverage::exponential;
-  const auto endless = record(folder.path() / "endless", settings, {.split_bytes = 1});
-  ASSERT_TRUE(endless) << endless.error().message;
-  const auto replay = replay_run(folder.path() / "endless");
-  ASSERT_TRUE(replay) << replay.error().message;
-  EXPECT_EQ(replay->difference, "");
-  EXPECT_EQ(replay->num_contacts, endless->loop.num_contacts);  // from the beginning on they are
-  const auto alone = replay_run(recording_parts(folder.path() / "endless")[2]);
-  ASSERT_TRUE(alone) << alone.error().message;
-  EXPECT_EQ(alone->difference, "");
-  EXPECT_EQ(alone->num_contacts, 0u);
-  EXPECT_GT(alone->num_ticks, 100u);
-  EXPECT_NE(alone->note.find("averages"), std::string::npos);
+  for (const DepthAverage average : {DepthAverage::exponential, DepthAverage::kalman}) {
+    settings.time.average.kind = average;
+    const auto folder_of = folder.path() / name_of(average);
+    const auto endless = record(folder_of, settings, {.split_bytes = 1});
+    ASSERT_TRUE(endless) << endless.error().message;
+    const auto replay = replay_run(folder_of);
+    ASSERT_TRUE(replay) << replay.error().message;
+    EXPECT_EQ(replay->difference, "");
+    EXPECT_EQ(replay->num_contacts, endless->loop.num_contacts);  // from the beginning on they are
+    const auto alone = replay_run(recording_parts(folder_of)[2]);
+    ASSERT_TRUE(alone) << alone.error().message;
+    EXPECT_EQ(alone->difference, "");
+    EXPECT_EQ(alone->num_contacts, 0u);
+    EXPECT_GT(alone->num_ticks, 100u);
+    EXPECT_NE(alone->note.find("averages"), std::string::npos);
+  }
 }
 
 // A tick may be told before the contact that it felt, which knew older settings.

@@ -73,8 +73,8 @@ TEST(RunBetweenFrames, InterpolationEndsWhereTheLatestFrameIs) {
 TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
   const Tool tool = test::small_tool();
   for (const TimeMode mode : kModes) {
-    for (const DepthAverage average :
-         {DepthAverage::none, DepthAverage::moving, DepthAverage::exponential}) {
+    for (const DepthAverage average : {DepthAverage::none, DepthAverage::moving,
+                                       DepthAverage::exponential, DepthAverage::kalman}) {
       std::vector<TickRecord> first;
       for (const int num_threads : {1, 3}) {
         RunSettings settings = settings_with(mode);
@@ -95,19 +95,21 @@ TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
 TEST(RunBetweenFrames, TicksAndFramesDoNotAllocate) {
   const Tool tool = test::small_tool();
   SyntheticStream stream(4);
-  RunSettings settings = settings_with(TimeMode::predict);
-  settings.time.average.kind = DepthAverage::moving;
-  settings.num_threads = 1;
-  auto pipeline = Pipeline::create(tool, stream.info(), DeviceInfo{}, settings);
-  ASSERT_TRUE(pipeline) << pipeline.error().message;
   DepthFrame frames[4];
   for (DepthFrame& frame : frames) ASSERT_TRUE(stream.next(frame).value());
-  const test::AllocationCounter counter;
-  for (int k = 0; k < 4; ++k) {
-    pipeline->push(frames[k], k / 30.0);
-    pipeline->measure(held(0), k / 30.0 + 0.01);
+  for (const DepthAverage average : {DepthAverage::moving, DepthAverage::kalman}) {
+    RunSettings settings = settings_with(TimeMode::predict);
+    settings.time.average.kind = average;
+    settings.num_threads = 1;
+    auto pipeline = Pipeline::create(tool, stream.info(), DeviceInfo{}, settings);
+    ASSERT_TRUE(pipeline) << pipeline.error().message;
+    const test::AllocationCounter counter;
+    for (int k = 0; k < 4; ++k) {
+      pipeline->push(frames[k], k / 30.0);
+      pipeline->measure(held(0), k / 30.0 + 0.01);
+    }
+    EXPECT_EQ(counter.count(), 0u);
   }
-  EXPECT_EQ(counter.count(), 0u);
 }
 
 TEST(RunBetweenFrames, RefusesBadAverages) {

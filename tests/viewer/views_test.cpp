@@ -342,6 +342,8 @@ TEST(Repetition, LooksBackAsFarAsTheTimeOptionsDo) {
   EXPECT_EQ(num_lead_frames(time), kMostLead);
   time.average.weight = 1;
   EXPECT_EQ(num_lead_frames(time), 0);
+  time.average.kind = DepthAverage::kalman;
+  EXPECT_EQ(num_lead_frames(time), kMostLead);
 }
 
 TEST(RunView, OpensHalfASecondBeforeTheFirstContact) {

@@ -1,0 +1,261 @@
+// What a pixel's depth is, from all frames so far: a Kalman filter of each pixel, with tests for
+// change that neighbours share. One text for vectors and for single numbers (core/lanes.h).
+//
+// A pixel has a mean and the variance of it, in variances of one measurement (`gain`: it is also
+// how much of the last measurement went into the mean). At rest gains fall as 1, 1/2, 1/3, ... What
+// a measurement is off, over what noise lets it be off, is its deviation: of unit variance as long
+// as nothing moves. Deviations are tested for each pixel and as means over 8, 16, 32 and 64 pixels
+// a side: what one pixel cannot tell from noise, a thousand can. What a finer test has explained is
+// left out of the coarser ones. A pixel that has changed begins anew. Where a neighbourhood moves,
+// the newest frame is what counts: measurements go past the filter as they are, and the means,
+// which follow behind, only serve to tell when it rests again. So no lag, no trail; and no value is
+// ever taken from another pixel.
+//
+// How large noise is, is learned between limits of the sensor: that of the pixels of a tile, and
+// that of each neighbourhood's mean.
+#pragma once
+
+#include "palpate/cloud/depth_average.h"
+#include "src/core/lanes.h"
+
+namespace palpate {
+
+/// Numbers that all pixels share.
+struct EstimateModel {
+  float noise = 0, noise_growth = 0;  ///< of a measurement of z m at least noise + noise_growth z^2
+  float patch = 1;                    ///< pixels whose noise is alike, at most
+  float drift = 0;                    ///< what a gain grows by in a frame
+  float missing = 0;                  ///< the same where nothing is measured
+
+  EstimateModel() = default;
+  explicit EstimateModel(const DepthAverageOptions& o)
+      : noise(static_cast<float>(o.noise)),
+        noise_growth(static_cast<float>(o.noise_growth)),
+        patch(static_cast<float>(o.noise_patch)),
+        // Gains settle where gain^2 = drift (1 - gain).
+        drift(static_cast<float>(
+            1.0 / (static_cast<double>(o.rest_frames) * static_cast<double>(o.rest_frames)))),
+        missing(1.0f / static_cast<float>(o.keep_frames + 1)) {}
+};
+
+/// A pixel that shows nothing has no mean: its variance is without bounds, and the formulas below
+/// need no other word for it.
+inline constexpr float kUnknownGain = 1e30f;
+
+inline constexpr int kEstimateBlock = 64;  ///< pixels a side; blocks do not know of each other
+inline constexpr int kEstimateTile = 8;    ///< of the finest neighbourhood
+inline constexpr int kTilesPerBlock = kEstimateBlock / kEstimateTile;
+
+/// Sums over a neighbourhood.
+struct DeviationSum {
+  float sum = 0, num = 0;
+};
+
+/// Sums over a tile.
+struct TileSum {
+  DeviationSum deviations;  ///< of what has not changed by itself
+  float squares = 0;        ///< of deviations, of what was seen before and is now
+  float num_known = 0;      ///< what was seen before
+  float num_gone = 0;       ///< of this is not seen now, or shows something else
+
+  PALPATE_FORMULA void add(const TileSum& s) {
+    deviations.sum += s.deviations.sum;
+    deviations.num += s.deviations.num;
+    squares += s.squares;
+    num_known += s.num_known;
+    num_gone += s.num_gone;
+  }
+};
+
+/// A variance that is learned: a mean of all values at first, with one more that is expected, and a
+/// running one later. All zero: it has seen nothing.
+struct LearnedVariance {
+  float value = 0, weight = 0;
+
+  PALPATE_FORMULA float or_expected(float expected) const { return weight > 0 ? value : expected; }
+  PALPATE_FORMULA void learn(float squared, float expected) {
+    constexpr float kLeastWeight = 1.0f / 16;
+    value = or_expected(expected);
+    weight = weight > 0 ? weight / (1.0f + weight) : 0.5f;
+    if (weight < kLeastWeight) weight = kLeastWeight;
+    value += weight * (squared - value);
+  }
+};
+
+/// What a neighbourhood says to its pixels.
+struct SharedChange {
+  float follow = 0;  ///< 0: it rests; 1: it moves
+  float gain = 0;    ///< at least
+  float keep = 0;    ///< 1: what is not seen may still be there
+};
+
+}  // namespace palpate
+
+namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace {
+
+/// From 0 to 1: how surely something changed, by a number that is normal and of unit variance if
+/// nothing did. 0.3 % of all are above 3, less than one in a million above 5.
+PALPATE_FORMULA VecF change_of(VecF deviation) {
+  return min(max((deviation - 3.0f) * 0.5f, splat(0.0f)), splat(1.0f));
+}
+
+struct PixelDeviation {
+  VecF gain;  ///< of this measurement, if only the pixel itself is asked
+  VecF sum, num, squares, num_known, num_gone;  ///< what it adds to those of its tile
+};
+
+/// `scale`: noise over the model's.
+PALPATE_FORMULA PixelDeviation deviation_of(VecF measured, VecF mean, VecF gain, VecF scale,
+                                            const EstimateModel& model) {
+  const VecF zero = splat(0.0f);
+  const VecF variance = gain + (1.0f + model.drift);  // of what is off, in those of a measurement
+  const VecF noise = scale * (model.noise + model.noise_growth * measured * measured);
+  const VecF deviation = (measured - mean) / (noise * sqrt(variance));
+  const VecF change = change_of(abs(deviation));
+  const Mask is_seen = measured > zero, is_known = gain < splat(2.0f);
+  const VecF one = splat(1.0f), num = select(is_seen & is_known, one - change, zero);
+  const VecF known = select(is_known, one, zero);
+  return {max(one - one / variance, change),
+          num * deviation,
+          num,
+          select(is_seen, known * min(deviation * deviation, splat(25.0f)), zero),
+          known,
+          known - num};
+}
+
+struct PixelEstimate {
+  VecF mean, gain;
+  VecF depth;  ///< what the pixel shows; 0: nothing
+};
+
+/// measured: 0 where there is none. `own_gain` is PixelDeviation::gain, `gain` the one before.
+PALPATE_FORMULA PixelEstimate estimate_of(VecF measured, VecF mean, VecF gain, VecF own_gain,
+                                          VecF follow, VecF shared_gain, VecF keep,
+                                          const EstimateModel& model) {
+  const VecF zero = splat(0.0f), one = splat(1.0f);
+  const Mask is_seen = measured > zero;
+  const VecF share = max(own_gain, shared_gain);
+  // Written so that a share of 1 gives the measurement to the bit.
+  const VecF updated = measured + (one - share) * (mean - measured);
+  const VecF shown = measured + (one - follow) * (updated - measured);
+  const VecF aged = gain + model.missing;
+  const Mask is_kept = (aged <= one) & (keep > zero);
+  const VecF kept = select(is_kept, mean, zero);
+  return {select(is_seen, updated, kept),
+          select(is_seen, share, select(is_kept, aged, splat(kUnknownGain))),
+          select(is_seen, shown, kept)};
+}
+
+}  // namespace
+}  // namespace palpate::PALPATE_ISA_NAMESPACE
+
+namespace palpate {
+
+PALPATE_FORMULA float clamped(float value, float least, float most) {
+  return value < least ? least : value > most ? most : value;
+}
+
+/// Of one neighbourhood. All zero: it has seen nothing.
+struct NeighbourhoodMemory {
+  LearnedVariance noise;  ///< of the mean deviation
+  float follow = 0;       ///< what it said last
+};
+
+/// What a neighbourhood says by itself.
+PALPATE_FORMULA SharedChange change_in(const DeviationSum& s, NeighbourhoodMemory& memory,
+                                       const EstimateModel& model) {
+  SharedChange change;
+  if (s.num > 0.0f) {
+    const float mean = s.sum / s.num, squared = mean * mean;
+    // That of independent pixels, and the most of what pixels have in common.
+    const float least = 1.0f / s.num, most = model.patch / (s.num + (model.patch - 1.0f));
+    const float variance = clamped(memory.noise.or_expected(most), least, most);
+    const float deviation = sqrtf(squared / variance);
+    // What moved rests again only when its means have caught up.
+    change.follow = memory.follow > 0 ? clamped(deviation - 1.0f, 0, 1)
+                                      : clamped((deviation - 3.5f) / 1.5f, 0, 1);
+    // Means follow what moves so far behind that the next frame tells it again: at v noises a frame
+    // they are 5.7 sqrt(v) noises behind, and those of four frames at least.
+    change.gain = change.follow * clamped(deviation / 32.0f, 0.25f, 1.0f);
+    // What begins to move is no noise.
+    memory.noise.learn(squared < 9.0f * variance ? squared : 9.0f * variance, most);
+  }
+  memory.follow = change.follow;
+  return change;
+}
+
+/// Adds what a finer neighbourhood has not explained.
+PALPATE_FORMULA void add_unexplained(DeviationSum& to, const DeviationSum& finer,
+                                     const SharedChange& change) {
+  to.sum += (1.0f - change.follow) * finer.sum;
+  to.num += (1.0f - change.follow) * finer.num;
+}
+
+PALPATE_FORMULA SharedChange stronger(const SharedChange& a, const SharedChange& b) {
+  return {a.follow > b.follow ? a.follow : b.follow, a.gain > b.gain ? a.gain : b.gain, 0};
+}
+
+/// Tests are of four levels of neighbourhoods, each four times as large as those before. Entries:
+/// tiles row by row, then those of the coarser levels.
+inline constexpr int kEstimateLevels = 4;
+inline constexpr int kNeighbourhoods = 64 + 16 + 4 + 1;
+PALPATE_FORMULA int first_entry(int level) {
+  return level == 0 ? 0 : level == 1 ? 64 : level == 2 ? 80 : 84;
+}
+PALPATE_FORMULA int level_side(int level) { return kTilesPerBlock >> level; }
+
+/// What is remembered of a block beside its pixels. All zero: it has seen nothing.
+struct BlockMemory {
+  NeighbourhoodMemory neighbourhoods[kNeighbourhoods];
+  LearnedVariance pixels[kTilesPerBlock * kTilesPerBlock];  ///< of deviations, by tile
+
+  /// Noise of a tile's pixels over the model's.
+  PALPATE_FORMULA float noise_scale(int tile) const {
+    constexpr float kMost = 16;
+    return sqrtf(clamped(pixels[tile].value, 1.0f, kMost));
+  }
+  /// From sums over a tile of deviations, which are shares of `scale`.
+  PALPATE_FORMULA void learn_noise(int tile, const TileSum& s, float scale) {
+    if (s.deviations.num > 8) pixels[tile].learn(scale * scale * s.squares / s.num_known, 1);
+  }
+};
+
+/// The tests of a block in one frame.
+struct BlockChange {
+  DeviationSum sums[kNeighbourhoods];
+  float
+      keep[kTilesPerBlock * kTilesPerBlock];  ///< 1: what is not seen in a tile may still be there
+  SharedChange changes[kNeighbourhoods];
+
+  /// Entry (u, v) of a level above the tiles, from the level below.
+  PALPATE_FORMULA void join(int level, int u, int v) {
+    DeviationSum& to = sums[first_entry(level) + v * level_side(level) + u];
+    to = {};
+    for (int child = 0; child < 4; ++child) {
+      const int finer =
+          first_entry(level - 1) + (2 * v + child / 2) * level_side(level - 1) + 2 * u + child % 2;
+      add_unexplained(to, sums[finer], changes[finer]);
+    }
+  }
+  PALPATE_FORMULA void take(int tile, const TileSum& s) {
+    sums[tile] = s.deviations;
+    keep[tile] = s.num_gone > 0.75f * s.num_known ? 0.0f : 1.0f;
+  }
+  PALPATE_FORMULA void test(int entry, BlockMemory& memory, const EstimateModel& model) {
+    changes[entry] = change_in(sums[entry], memory.neighbourhoods[entry], model);
+  }
+  /// What all levels say to a tile.
+  PALPATE_FORMULA SharedChange of_tile(int u, int v) const {
+    SharedChange all = changes[v * kTilesPerBlock + u];
+    for (int level = 1; level < kEstimateLevels; ++level) {
+      all = stronger(all,
+                     changes[first_entry(level) + (v >> level) * level_side(level) + (u >> level)]);
+    }
+    // Where something moves, what was there is no guess of what is.
+    all.keep = all.follow < 0.5f ? keep[v * kTilesPerBlock + u] : 0.0f;
+    return all;
+  }
+};
+
+}  // namespace palpate
