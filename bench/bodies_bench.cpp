@@ -37,7 +37,7 @@ void pairs(benchmark::State& state, const Tool& other, BodyMethod method, bool w
                            {.method = method})
           .value();
   time_poses(state, overlapping_poses(depth_of(state)), "pairs", [&](const Pose& X_WA) {
-    const BodyPenetration result = contact->measure(X_WA, {}, wants_stiffness);
+    BodyPenetration result = contact->measure(X_WA, {}, wants_stiffness);
     benchmark::DoNotOptimize(result);
     return static_cast<double>(result.num_pairs);
   });
@@ -71,7 +71,7 @@ void depth_field(benchmark::State& state) {
     X_WT.translation.z = kWallDepth + kToolSize / 2 - X_WT.translation.z;
   }
   time_poses(state, poses, "touching", [&](const Pose& X_WT) {
-    const Penetration result = contact->measure(surface, X_WT).penetration;
+    Penetration result = contact->measure(surface, X_WT).penetration;
     benchmark::DoNotOptimize(result);
     return static_cast<double>(result.num_boundary_spheres + result.num_inside_spheres);
   });
