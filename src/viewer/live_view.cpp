@@ -26,10 +26,13 @@ constexpr double kMostSteps = 1000;
 /// What the publishing thread has told, until the server comes for it.
 class News {
  public:
+  explicit News(std::size_t num_cameras) : frames_(num_cameras) {}
+
   void add_frame(const FrameRecord& record, const DepthFrame& frame) {
-    auto copy = std::make_shared<ViewFrame>(ViewFrame{record.number, record.capture_time, frame});
+    auto copy = std::make_shared<ViewFrame>(
+        ViewFrame{record.number, record.capture_time, frame, record.camera});
     const std::lock_guard lock(mutex_);
-    frame_ = std::move(copy);
+    frames_[record.camera] = std::move(copy);
   }
 
   void add_contact(const ContactRecord& contact) {
@@ -45,13 +48,16 @@ class News {
     has_ticked_ = has_ticked_ || !ticks.empty();
   }
 
-  /// The newest frame if there is a new one. Its time is that of the run, which the first tick
-  /// tells.
-  std::shared_ptr<const ViewFrame> take_frame() {
+  /// The newest frame of each camera that has a new one. Its time is that of the run, which the
+  /// first tick tells.
+  void take_frames(std::vector<std::shared_ptr<const ViewFrame>>& frames) {
     const std::lock_guard lock(mutex_);
-    if (frame_ == nullptr || !has_ticked_) return nullptr;
-    frame_->time -= last_.device.time - last_.time;
-    return std::exchange(frame_, nullptr);
+    if (!has_ticked_) return;
+    for (std::shared_ptr<ViewFrame>& frame : frames_) {
+      if (frame == nullptr) continue;
+      frame->time -= last_.device.time - last_.time;
+      frames.push_back(std::exchange(frame, nullptr));
+    }
   }
   void set_coupling(CouplingKind kind) {
     const std::lock_guard lock(mutex_);
@@ -75,22 +81,32 @@ class News {
   }
 
  private:
-  mutable std::mutex mutex_;          // each part under it is a copy
-  std::shared_ptr<ViewFrame> frame_;  // its time is that of the capture, monotonic
+  mutable std::mutex mutex_;                        // each part under it is a copy
+  std::vector<std::shared_ptr<ViewFrame>> frames_;  // their times are of the capture, monotonic
   SampleQueue samples_;
   std::deque<std::pair<std::uint64_t, double>> contact_times_;  // number and time, s of the run
   TickRecord last_;
   bool has_ticked_ = false, has_hand_ = true;
 };
 
+/// Of an image that is late, s: by the slowest camera.
+double stale_age(const std::vector<DepthStreamInfo>& streams) {
+  double longest = 0;
+  for (const DepthStreamInfo& stream : streams) {
+    longest = std::max(longest, 1 / std::max(stream.rate, 1.0));
+  }
+  return 0.1 + 4 * longest;
+}
+
 class LiveViewImpl final : public LiveView {
  public:
-  LiveViewImpl(const Tool& tool, const DepthStreamInfo& stream, std::string title,
+  LiveViewImpl(const Tool& tool, std::vector<DepthStreamInfo> streams, std::string title,
                std::shared_ptr<PageHandle> handle)
-      : content_{"live", std::move(title), &tool, stream,
+      : content_{"live", std::move(title), &tool, std::move(streams),
                  handle ? std::optional(PageHandle::limits().max_force) : std::nullopt},
         handle_(std::move(handle)),
-        stale_age_(0.1 + 4 / std::max(stream.rate, 1.0)) {
+        stale_age_(stale_age(content_.streams)),
+        news_(content_.streams.size()) {
     RunObserver& observer = monitor_.observer;
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       news_.add_frame(record, frame);
@@ -166,7 +182,7 @@ void LiveViewImpl::poll(const ViewWishes& wishes, ViewUpdate& update) {
     if (loop_ != nullptr && loop_->is_short_of_time() && now < last_poll_ + kSparePeriod) return;
     last_poll_ = now;
   }
-  if (wishes.frames) update.frame = news_.take_frame();
+  if (wishes.frames) news_.take_frames(update.frames);
   if (wishes.samples) news_.take_samples(update.samples);
   const std::lock_guard lock(mutex_);
   if (loop_ != nullptr) take_pictures(wishes, update);
@@ -323,9 +339,10 @@ void LiveViewImpl::let_go(std::uint64_t page) {
 
 }  // namespace
 
-std::unique_ptr<LiveView> LiveView::create(const Tool& tool, const DepthStreamInfo& stream,
+std::unique_ptr<LiveView> LiveView::create(const Tool& tool, std::vector<DepthStreamInfo> streams,
                                            std::string title, std::shared_ptr<PageHandle> handle) {
-  return std::make_unique<LiveViewImpl>(tool, stream, std::move(title), std::move(handle));
+  return std::make_unique<LiveViewImpl>(tool, std::move(streams), std::move(title),
+                                        std::move(handle));
 }
 
 }  // namespace palpate

@@ -130,6 +130,13 @@ Json parse_object(std::string_view text) {
 
 Json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
+Json to_json(const DepthStreamInfo& s) {
+  return {{"name", s.name},          {"width", s.width},      {"height", s.height},
+          {"fx", s.intrinsics.fx},   {"fy", s.intrinsics.fy}, {"cx", s.intrinsics.cx},
+          {"cy", s.intrinsics.cy},   {"unit", s.unit},        {"rate", s.rate},
+          {"is_moving", s.is_moving}};
+}
+
 /// x y z qx qy qz qw, as they come: nobody has looked at the numbers yet.
 std::optional<Pose> pose_from(const Json& json) {
   if (!json.is_array() || json.size() != 7) return std::nullopt;
@@ -195,8 +202,10 @@ std::string encode_tree(const InnerSphereTree& tree) {
 
 std::string encode_frame(const ViewFrame& view) {
   const DepthFrame& frame = view.frame;
-  Writer writer(Kind::frame, view.number, view.time, 4 + 2 * frame.pixels.size());
+  Writer writer(Kind::frame, view.number, view.time, 64 + 2 * frame.pixels.size());
   writer.put(static_cast<std::uint16_t>(frame.width), static_cast<std::uint16_t>(frame.height));
+  writer.put(static_cast<std::uint16_t>(view.camera), std::uint16_t{0});
+  writer.put(frame.X_WC);
   writer.put_all(std::span<const std::uint16_t>(frame.pixels));
   return writer.take();
 }
@@ -301,16 +310,13 @@ std::string hello_text(ViewSource& source, double radius) {
                   {"centre_of_mass", to_json(tool.sphere_mass().centre_of_mass)},
                   {"radius", radius},
                   {"volume", tool.mesh_mass().volume}}},
-                {"stream", nullptr},
+                {"streams", Json::array()},
                 {"handle", nullptr},
                 {"columns", sample_columns()},
                 {"controls", Json::parse(source.controls(), nullptr, false)}};
   if (content.handle_force) hello["handle"] = {{"max_force", *content.handle_force}};
-  if (content.stream) {
-    const DepthStreamInfo& s = *content.stream;
-    hello["stream"] = {{"width", s.width},      {"height", s.height},    {"fx", s.intrinsics.fx},
-                       {"fy", s.intrinsics.fy}, {"cx", s.intrinsics.cx}, {"cy", s.intrinsics.cy},
-                       {"unit", s.unit},        {"rate", s.rate}};
+  for (const DepthStreamInfo& stream : content.streams) {
+    hello["streams"].push_back(to_json(stream));
   }
   if (!hello["controls"].is_array()) hello["controls"] = Json::array();
   return dump(hello);

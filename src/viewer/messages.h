@@ -14,7 +14,7 @@
 
 namespace palpate {
 
-inline constexpr int kViewProtocol = 1;
+inline constexpr int kViewProtocol = 2;
 
 /// Made once and shared by all pages that it goes to. Null: none.
 struct ViewMessage {

@@ -10,7 +10,7 @@ constexpr double kPatience = 1;  // s, for an acknowledgement
 
 }  // namespace
 
-PageOutbox::PageOutbox(ViewHub& hub) : hub_(hub) {
+PageOutbox::PageOutbox(ViewHub& hub) : hub_(hub), sent_parts_(hub.num_parts()) {
   answers_.push_back(text_message(hub_.hello()));
   number_ = hub_.add(this);
 }
@@ -107,10 +107,9 @@ bool PageOutbox::wants(PicturePart part) const {
 void PageOutbox::begin_picture(double now) {
   // What is newest may be from before the page asked for it.
   if (awaits_ack_ || hub_.num_polls() == poll_of_wishes_) return;
-  for (std::size_t i = 0; i < kNumPictureParts; ++i) {
-    const auto part = static_cast<PicturePart>(i);
-    if (!wants(part) || hub_.number(part) == sent_parts_[i]) continue;
-    sent_parts_[i] = hub_.number(part);
+  for (std::size_t part = 0; part < hub_.num_parts(); ++part) {
+    if (!wants(hub_.kind(part)) || hub_.number(part) == sent_parts_[part]) continue;
+    sent_parts_[part] = hub_.number(part);
     picture_.push_back(hub_.message(part));
   }
   if (wishes_.samples && hub_.num_samples() > next_sample_) {

@@ -1,10 +1,10 @@
 // What one page is to be sent, and in which order.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <deque>
 #include <string_view>
+#include <vector>
 
 #include "src/viewer/view_hub.h"
 
@@ -55,7 +55,7 @@ class PageOutbox {
   std::uint64_t picture_number_ = 0;
   double picture_time_ = 0;
   bool awaits_ack_ = false;
-  std::array<std::uint64_t, kNumPictureParts> sent_parts_ = {};
+  std::vector<std::uint64_t> sent_parts_;  // the number of each
   std::uint64_t next_sample_ = 0;
 };
 

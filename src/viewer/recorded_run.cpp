@@ -125,8 +125,9 @@ Result<RecordedFrame> RunInFile::read_frame(std::size_t index) {
       return Error{Errc::bad_input,
                    "a depth frame of the recording has another size than the rest"};
     }
-    return RecordedFrame{{wanted.number, wanted.capture_time - index_->start(), std::move(frame)},
-                         wanted.capture_time};
+    return RecordedFrame{
+        {wanted.number, wanted.capture_time - index_->start(), std::move(frame), wanted.camera},
+        wanted.capture_time};
   }
 }
 

@@ -113,6 +113,7 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
       camera.timeline.push((*frame)->shown.frame, camera.clock, pool_);
       if (camera.first < 0) camera.first = number;
       camera.last = number;
+      camera.index = index;
     }
     if (!camera.timeline.status()) return camera.timeline.status().error();
     if (camera.last < 0) continue;  // it had shown nothing yet
@@ -128,9 +129,10 @@ const Penetration& Repetition::measure() {
   return asked_.penetration;
 }
 
-ViewSurface Repetition::surface(std::uint64_t frame_number) {
+ViewSurface Repetition::surface() {
   ViewSurface shown;
-  make_surface_picture(cameras_.front().timeline.newest_cloud(pool_), frame_number, shown);
+  Camera& first = cameras_.front();
+  make_surface_picture(first.timeline.newest_cloud(pool_), run_.frame_number(first.index), shown);
   return shown;
 }
 

@@ -28,7 +28,7 @@ class Repetition {
   /// What is measured, of each camera.
   std::span<const SurfaceBlend> cameras() const { return moments_; }
   /// The first camera's.
-  ViewSurface surface(std::uint64_t frame_number);
+  ViewSurface surface();
 
   /// Begins anew with the next go_to: memory has ended in the middle of one.
   void forget() {
@@ -36,14 +36,15 @@ class Repetition {
     part_.reset();
   }
 
+  /// Indexes of the frames of each camera that the query rests on, oldest first, the last one with
+  /// `num_lead` before it; none: it had shown nothing yet.
+  using Lead = std::vector<std::size_t>;
+  std::vector<Lead> leads_of(const RecordedQuery& query, int num_lead);
   FrameCache& frames() { return frames_; }
   /// Where it is computed, if not where it was; else empty.
   const std::string& note() const { return note_; }
 
  private:
-  /// Indexes of the frames that a camera's surface rests on, oldest first.
-  using Lead = std::vector<std::size_t>;
-  std::vector<Lead> leads_of(const RecordedQuery& query, int num_lead);
   bool goes_on_to(const std::vector<Lead>& leads);
   Status prepare(const std::vector<Lead>& leads, const RunSettings& settings);
   Status make_part(RunSettings settings);
@@ -62,6 +63,7 @@ class Repetition {
     SurfaceTimeline timeline;
     std::int64_t first = -1, last = -1;  // camera_frame: pushed from, until; -1: none
     double clock = 0;                    // of the last one
+    std::size_t index = 0;               // likewise
   };
   std::vector<Camera> cameras_;
   RunSettings made_with_;  // the settings of the timelines

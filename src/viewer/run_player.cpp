@@ -58,6 +58,8 @@ double opening_time(RecordedRun& run) {
 RunPlayer::RunPlayer(std::unique_ptr<RecordedRun> run) : run_(std::move(run)), repetition_(*run_) {
   clock_.pause();
   clock_.set(opening_time(*run_));
+  last_.frames.resize(run_->streams().size());
+  news_.frames.resize(run_->streams().size());
   shown_.settings = run_->settings(0);
   shown_.duration = run_->duration();
   thread_ = std::thread([this] { work(); });
@@ -76,7 +78,9 @@ void RunPlayer::poll(const ViewWishes& wishes, ViewUpdate& update) {
   const bool is_looking = wishes.frames || wishes.contacts || wishes.surfaces || wishes.samples;
   if (is_looking && !std::exchange(was_looked_at_, true)) clock_.resume();
   wanted_ = wishes;
-  if (wishes.frames) update.frame = std::exchange(news_.frame, nullptr);
+  for (auto& frame : news_.frames) {
+    if (wishes.frames && frame) update.frames.push_back(std::exchange(frame, nullptr));
+  }
   if (wishes.contacts) update.contact = std::exchange(news_.contact, nullptr);
   if (wishes.surfaces) update.surface = std::exchange(news_.surface, nullptr);
   if (wishes.samples) samples_.take(update.samples);
@@ -206,7 +210,7 @@ void RunPlayer::show(double time) {
   use_settings_of(*query);
   std::string trouble;
   if (wishes_.samples) show_samples(time, trouble);
-  show_frame(trouble);
+  show_frames(*query, trouble);
   if (wishes_.contacts || wishes_.surfaces) show_contact(*query, trouble);
   tell(trouble);
 }
@@ -227,14 +231,19 @@ void RunPlayer::use_settings_of(const RecordedQuery& query) {
   }
 }
 
-void RunPlayer::show_frame(std::string& trouble) {
-  if (!wishes_.frames || last_.frame == frame_) return;
-  const auto frame = repetition_.frames().get(frame_);
-  if (!frame) return add_note(trouble, frame.error().message);
-  last_.frame = frame_;
-  const std::lock_guard lock(mutex_);
-  // A part of what the cache holds, which it keeps.
-  news_.frame = std::shared_ptr<const ViewFrame>(*frame, &(*frame)->shown);
+/// Those that the query rests on.
+void RunPlayer::show_frames(const RecordedQuery& query, std::string& trouble) {
+  if (!wishes_.frames) return;
+  const auto leads = repetition_.leads_of(query, 0);
+  for (std::size_t k = 0; k < leads.size(); ++k) {
+    if (leads[k].empty() || last_.frames[k] == leads[k].back()) continue;
+    const auto frame = repetition_.frames().get(leads[k].back());
+    if (!frame) return add_note(trouble, frame.error().message);
+    last_.frames[k] = leads[k].back();
+    const std::lock_guard lock(mutex_);
+    // A part of what the cache holds, which it keeps.
+    news_.frames[k] = std::shared_ptr<const ViewFrame>(*frame, &(*frame)->shown);
+  }
 }
 
 void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
@@ -256,7 +265,7 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
     last_.contact = contact;
   }
   if (needs_surface) {
-    made.surface = std::make_shared<const ViewSurface>(repetition_.surface(number));
+    made.surface = std::make_shared<const ViewSurface>(repetition_.surface());
     last_.surface = surface;
   }
   const std::lock_guard lock(mutex_);

@@ -53,7 +53,7 @@ class RunPlayer {
       std::uint64_t num_settings = 0;
       bool operator==(const Picture&) const = default;
     };
-    std::optional<std::size_t> frame;
+    std::vector<std::optional<std::size_t>> frames;  // of each camera
     Picture contact, surface;
     double sample_time = -1;
   };
@@ -67,7 +67,7 @@ class RunPlayer {
   double advance();
   void show(double time);
   void use_settings_of(const RecordedQuery& query);
-  void show_frame(std::string& trouble);
+  void show_frames(const RecordedQuery& query, std::string& trouble);
   void show_contact(const RecordedQuery& query, std::string& trouble);
   void show_samples(double time, std::string& trouble);
   void tell(std::string note);
@@ -78,7 +78,7 @@ class RunPlayer {
   // Of the player's thread.
   Repetition repetition_;
   Last last_;
-  std::size_t frame_ = 0;  // shown now
+  std::size_t frame_ = 0;  // the newest one shown now
   ViewWishes wishes_;
   std::uint32_t taken_seeks_ = 0, seen_seeks_ = 0;
   std::optional<SettingsInUse> used_;
@@ -95,7 +95,7 @@ class RunPlayer {
   ViewWishes wanted_;
   nlohmann::ordered_json changed_ = nlohmann::ordered_json::object();  // {key: value}
   RunShown shown_;
-  ViewUpdate news_;
+  ViewUpdate news_;  // `frames` of each camera, null where there is no news
   SampleQueue samples_;
 
   std::atomic<std::uint32_t> num_orders_ = 0;  // whatever makes a long way to a frame useless

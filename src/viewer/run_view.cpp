@@ -19,7 +19,7 @@ class RunView final : public ViewSource {
  public:
   RunView(std::unique_ptr<RecordedRun> run, std::string title)
       : player_(std::move(run)),
-        content_{"recording", std::move(title), &player_.tool(), player_.streams().front()} {}
+        content_{"recording", std::move(title), &player_.tool(), player_.streams()} {}
 
   const ViewContent& content() const override { return content_; }
   void poll(const ViewWishes& wishes, ViewUpdate& update) override { player_.poll(wishes, update); }

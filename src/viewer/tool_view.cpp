@@ -9,8 +9,7 @@ namespace {
 /// Nothing moves, and nothing can be turned.
 class ToolView final : public ViewSource {
  public:
-  ToolView(const Tool& tool, std::string title)
-      : content_{"tool", std::move(title), &tool, std::nullopt} {}
+  ToolView(const Tool& tool, std::string title) : content_{"tool", std::move(title), &tool} {}
 
   const ViewContent& content() const override { return content_; }
   void poll(const ViewWishes&, ViewUpdate&) override {}

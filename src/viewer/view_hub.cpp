@@ -27,6 +27,16 @@ Status ViewSource::hold(std::uint64_t) {
 Status ViewSource::move(std::uint64_t page, const Pose&) { return hold(page); }
 void ViewSource::let_go(std::uint64_t) {}
 
+ViewHub::ViewHub(ViewSource& source)
+    : source_(source),
+      tool_radius_(tool_radius(*source.content().tool)),
+      num_cameras_(source.content().streams.size()),
+      parts_(num_cameras_) {
+  for (const PicturePart kind : {PicturePart::contact, PicturePart::normals, PicturePart::edges}) {
+    parts_.push_back({kind, 0, {}, {}});
+  }
+}
+
 void ViewHub::poll(double now) {
   ViewWishes wishes;
   for (const PageOutbox* page : pages_) wishes = either(wishes, page->wishes(now));
@@ -45,30 +55,30 @@ bool ViewHub::is_wanted(double now) const {
   });
 }
 
-void ViewHub::set(PicturePart part, std::function<std::string(std::uint64_t)> encode) {
-  Newest& slot = parts_[static_cast<std::size_t>(part)];
-  slot = {slot.number + 1, std::move(encode), {}};
+void ViewHub::set(std::size_t part, std::function<std::string(std::uint64_t)> encode) {
+  Newest& slot = parts_[part];
+  slot = {slot.kind, slot.number + 1, std::move(encode), {}};
 }
 
 void ViewHub::take_parts(ViewUpdate& update) {
-  if (update.frame) {
-    newest_time_ = update.frame->time;
-    set(PicturePart::frame,
-        [frame = std::move(update.frame)](std::uint64_t) { return encode_frame(*frame); });
+  for (auto& frame : update.frames) {
+    newest_time_ = frame->time;
+    const std::size_t camera = frame->camera;
+    set(camera, [frame = std::move(frame)](std::uint64_t) { return encode_frame(*frame); });
   }
   if (update.contact) {
     newest_time_ = update.contact->time;
-    set(PicturePart::contact, [this, contact = std::move(update.contact)](std::uint64_t number) {
+    set(num_cameras_, [this, contact = std::move(update.contact)](std::uint64_t number) {
       return encode_contact(*contact, source_.content().tool->spheres(), number);
     });
   }
   if (update.surface) {
     const auto surface = std::move(update.surface);
-    set(PicturePart::normals, [surface, time = newest_time_](std::uint64_t number) {
-      return encode_normals(*surface, number, time);
+    set(num_cameras_ + 1, [surface, time = newest_time_](std::uint64_t) {
+      return encode_normals(*surface, surface->frame_number, time);
     });
-    set(PicturePart::edges, [surface, time = newest_time_](std::uint64_t number) {
-      return encode_edges(*surface, number, time);
+    set(num_cameras_ + 2, [surface, time = newest_time_](std::uint64_t) {
+      return encode_edges(*surface, surface->frame_number, time);
     });
   }
 }
@@ -82,8 +92,8 @@ void ViewHub::take_samples(const std::vector<ViewSample>& samples, double now) {
   }
 }
 
-const ViewMessage& ViewHub::message(PicturePart part) {
-  Newest& slot = parts_[static_cast<std::size_t>(part)];
+const ViewMessage& ViewHub::message(std::size_t part) {
+  Newest& slot = parts_[part];
   if (slot.encode) {
     slot.message = binary_message(slot.encode(slot.number));
     slot.encode = nullptr;

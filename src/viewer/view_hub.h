@@ -18,14 +18,13 @@ class PageOutbox;
 
 /// What a picture is made of, beside samples.
 enum class PicturePart { frame, contact, normals, edges };
-inline constexpr int kNumPictureParts = 4;
 
-/// Only the newest of each part is kept, so that what a slow page misses is never stored for it.
+/// Only the newest of each part is kept, of frames that of each camera, so that what a slow page
+/// misses is never stored for it.
 /// One thread, but for num_pages(). Times are monotonic_now().
 class ViewHub {
  public:
-  explicit ViewHub(ViewSource& source)
-      : source_(source), tool_radius_(tool_radius(*source.content().tool)) {}
+  explicit ViewHub(ViewSource& source);
 
   /// Asks the source for what the pages want, and for its state when it is time.
   void poll(double now);
@@ -33,10 +32,13 @@ class ViewHub {
   /// Some page wants to be sent something.
   bool is_wanted(double now) const;
 
-  /// Counts the parts of this kind that there have been; 0: none.
-  std::uint64_t number(PicturePart part) const { return newest(part).number; }
+  /// Parts of a picture, in the order in which they are sent.
+  std::size_t num_parts() const { return parts_.size(); }
+  PicturePart kind(std::size_t part) const { return parts_[part].kind; }
+  /// Counts how often there has been a new one of this part; 0: never.
+  std::uint64_t number(std::size_t part) const { return parts_[part].number; }
   /// The newest; encoded when the first page takes it.
-  const ViewMessage& message(PicturePart part);
+  const ViewMessage& message(std::size_t part);
   /// Samples that there have been.
   std::uint64_t num_samples() const { return first_sample_ + samples_.size(); }
   /// Those from `number` on, as far as they are kept.
@@ -70,12 +72,12 @@ class ViewHub {
 
  private:
   struct Newest {
+    PicturePart kind = PicturePart::frame;
     std::uint64_t number = 0;
     std::function<std::string(std::uint64_t number)> encode;
     ViewMessage message;
   };
-  const Newest& newest(PicturePart part) const { return parts_[static_cast<std::size_t>(part)]; }
-  void set(PicturePart part, std::function<std::string(std::uint64_t)> encode);
+  void set(std::size_t part, std::function<std::string(std::uint64_t)> encode);
   void take_parts(ViewUpdate& update);
   void take_samples(const std::vector<ViewSample>& samples, double now);
   void ask_state(double now);
@@ -92,8 +94,9 @@ class ViewHub {
   std::uint64_t last_page_ = 0;  // its number
   std::uint64_t num_polls_ = 0;
 
-  std::array<Newest, kNumPictureParts> parts_;
-  double newest_time_ = 0;  // s since the run began, of the newest part
+  const std::size_t num_cameras_;
+  std::vector<Newest> parts_;  // a frame of each camera, then the others
+  double newest_time_ = 0;     // s since the run began, of the newest part
   std::deque<ArrivedSample> samples_;
   std::uint64_t first_sample_ = 0;  // its number
 

@@ -274,7 +274,7 @@ int soak(const Options& options) {
   const auto folder = root.path() / "run";
   const Tool tool = test::random_tool(120, 0.02, 7);
   Camera camera(plan);
-  const auto view = LiveView::create(tool, camera.info(), "soak");
+  const auto view = LiveView::create(tool, {camera.info()}, "soak");
   ViewServerOptions server_options;
   server_options.port = 0;
   auto server = ViewServer::start(*view, server_options);

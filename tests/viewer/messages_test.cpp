@@ -20,7 +20,7 @@ using Json = nlohmann::json;
 MessageReader read(const std::string& bytes, int kind) {
   MessageReader reader(bytes);
   EXPECT_EQ(reader.kind, kind);
-  EXPECT_EQ(reader.protocol, 1);
+  EXPECT_EQ(reader.protocol, 2);
   return reader;
 }
 
@@ -75,13 +75,19 @@ TEST(Messages, TreeHasInnerNodesWithTheirLevels) {
   EXPECT_TRUE(tree.is_at_end());
 }
 
-TEST(Messages, FrameIsTheRawImage) {
-  ViewFrame frame{7, 2.5, {3, 2, 0.001, {0, 65535, 1, 2, 3, 0x1234}, 0}};
+TEST(Messages, FrameIsTheRawImageOfACameraSomewhere) {
+  const Pose X_WC{{1, 2, 3}, {0, 0.6, 0, 0.8}};
+  ViewFrame frame{7, 2.5, {3, 2, 0.001, {0, 65535, 1, 2, 3, 0x1234}, 0, X_WC}, 5};
   MessageReader reader = read(encode_frame(frame), 10);
   EXPECT_EQ(reader.number, 7u);
   EXPECT_EQ(reader.time, 2.5);
   EXPECT_EQ(reader.take<std::uint16_t>(), 3);
   EXPECT_EQ(reader.take<std::uint16_t>(), 2);
+  EXPECT_EQ(reader.take<std::uint16_t>(), 5);
+  EXPECT_EQ(reader.take<std::uint16_t>(), 0);
+  EXPECT_EQ(reader.position() % 8, 0u);  // pages look at the numbers where they lie
+  EXPECT_EQ(reader.take<double>(7), (std::vector<double>{1, 2, 3, 0, 0.6, 0, 0.8}));
+  EXPECT_EQ(reader.position(), 80u);
   EXPECT_EQ(reader.take<std::uint16_t>(6), frame.frame.pixels);
   EXPECT_TRUE(reader.is_at_end());
 }
@@ -185,17 +191,21 @@ TEST(Messages, SamplesHaveTheColumnsThatHelloNames) {
 TEST(Messages, HelloAndStateSayWhatThereIs) {
   ScriptedScene scene;
   scene.title = "tool\xff.palp";  // not UTF-8
+  scene.cameras.resize(2);
   ScriptedSource source(scene);
   const Json hello = Json::parse(hello_text(source, tool_radius(source.tool())));
   EXPECT_EQ(hello["type"], "hello");
-  EXPECT_EQ(hello["protocol"], 1);
+  EXPECT_EQ(hello["protocol"], 2);
   EXPECT_EQ(hello["kind"], "live");
   EXPECT_EQ(hello["tool"]["spheres"], 4);
   EXPECT_NEAR(hello["tool"]["volume"].get<double>(), 0.2 * 0.2 * 0.1, 1e-12);
   EXPECT_GT(hello["tool"]["radius"].get<double>(), 0.15);  // half the diagonal, about
   EXPECT_LT(hello["tool"]["radius"].get<double>(), 0.19);
-  EXPECT_EQ(hello["stream"]["width"], 64);
-  EXPECT_EQ(hello["stream"]["cx"], 31.5);
+  ASSERT_EQ(hello["streams"].size(), 2u);
+  EXPECT_EQ(hello["streams"][1]["name"], "scripted");
+  EXPECT_EQ(hello["streams"][1]["width"], 64);
+  EXPECT_EQ(hello["streams"][1]["cx"], 31.5);
+  EXPECT_EQ(hello["streams"][1]["is_moving"], false);
   EXPECT_EQ(hello["controls"].size(), 3u);
 
   const Json state = Json::parse(state_text(source, 2));
@@ -260,6 +270,36 @@ TEST(PageOutbox, SendsOnePictureAtATimeAndThenTheNewest) {
   EXPECT_EQ(page.last_binary->number, 90u);
   page.send({{"ack", page.last_picture}});
   EXPECT_EQ(page.take(0.05), Names{});  // nothing new
+}
+
+TEST(PageOutbox, SendsTheNewestFrameOfEachCamera) {
+  ScriptedScene scene;
+  scene.cameras = {Pose{}, {{1, 2, 3}, {}}};
+  ScriptedSource source(scene);
+  ViewHub hub(source);
+  Outbox page(hub);
+  source.set_time(1);
+  hub.poll(0);
+  page.send({{"command", "show"}, {"frames", true}});
+  page.take(0);
+  for (int i = 1; i <= 20; ++i) {
+    source.set_time(1 + 0.1 * i);
+    hub.poll(0.01 * i);
+  }
+  // Of twenty frames of each camera the newest.
+  std::vector<std::pair<std::uint32_t, int>> frames;
+  std::vector<double> x;
+  while (const ViewMessage message = page.outbox.next(0.3)) {
+    if (message.is_text) continue;
+    MessageReader reader(*message.bytes);
+    EXPECT_EQ(reader.kind, 10);
+    reader.take<std::uint16_t>(2);
+    frames.emplace_back(reader.number, reader.take<std::uint16_t>());
+    reader.take<std::uint16_t>();
+    x.push_back(reader.take<double>());
+  }
+  EXPECT_EQ(frames, (std::vector<std::pair<std::uint32_t, int>>{{90, 0}, {90, 1}}));
+  EXPECT_EQ(x, (std::vector<double>{0, 1}));
 }
 
 TEST(PageOutbox, EncodesOnceForAllPages) {

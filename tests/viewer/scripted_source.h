@@ -29,6 +29,7 @@ struct ScriptedScene {
   double unit = 0.001;
   double frame_rate = 30, sample_rate = 1000;
   bool has_stream = true;
+  std::vector<Pose> cameras = {Pose{}};  ///< where they are; all of them see the same
 
   Pose X_WT{{0, 0, 0.4}, {}};
   std::vector<Sphere> spheres = {{{-0.06f, 0, 0}, 0.025f},  // outside
@@ -118,11 +119,12 @@ class ScriptedSource : public ViewSource {
                        {tree.nodes().begin(), tree.nodes().end()}},
                       "scripted");
     tool_ = std::make_unique<Tool>(*std::move(tool));
-    content_ = {scene_.kind, scene_.title, tool_.get(), std::nullopt};
+    content_ = {scene_.kind, scene_.title, tool_.get()};
     if (scene_.has_stream) {
-      content_.stream =
-          DepthStreamInfo{scene_.width,      scene_.height, scene_.intrinsics, scene_.unit,
-                          scene_.frame_rate, std::nullopt,  "scripted"};
+      content_.streams.assign(
+          scene_.cameras.size(),
+          DepthStreamInfo{scene_.width, scene_.height, scene_.intrinsics, scene_.unit,
+                          scene_.frame_rate, std::nullopt, "scripted"});
     }
     settings_ = {
         {"contact.method", "field"}, {"coupling.stiffness", 500.0}, {"surface.filter", true}};
@@ -173,7 +175,9 @@ class ScriptedSource : public ViewSource {
     const auto frame_number = is_paused_ ? held_frame_ : frame_at(time);
     if (wishes.frames && scene_.has_stream && frame_number != last_sent_frame_) {
       last_sent_frame_ = frame_number;
-      update.frame = make_frame(frame_number);
+      for (std::size_t k = 0; k < scene_.cameras.size(); ++k) {
+        update.frames.push_back(make_frame(k, frame_number));
+      }
     }
     if (wishes.contacts) {
       auto contact = std::make_shared<ViewContact>();
@@ -294,11 +298,13 @@ class ScriptedSource : public ViewSource {
     held_frame_ = frame;
   }
 
-  std::shared_ptr<const ViewFrame> make_frame(std::uint64_t number) const {
+  std::shared_ptr<const ViewFrame> make_frame(std::size_t camera, std::uint64_t number) const {
     auto made = std::make_shared<ViewFrame>();
     made->number = number;
+    made->camera = camera;
     made->time = static_cast<double>(number) / scene_.frame_rate;
-    made->frame = {scene_.width, scene_.height, scene_.unit, {}, made->time};
+    made->frame = {scene_.width, scene_.height, scene_.unit,
+                   {},           made->time,    scene_.cameras[camera]};
     made->frame.pixels.reserve(static_cast<std::size_t>(scene_.width) * scene_.height);
     for (int v = 0; v < scene_.height; ++v)
       for (int u = 0; u < scene_.width; ++u)

@@ -64,7 +64,7 @@ struct Fixture {
   }
   /// It still does what it is there for.
   void expect_alive() const {
-    EXPECT_EQ(Json::parse(body_of(get("/api/hello")), nullptr, false)["protocol"], 1);
+    EXPECT_EQ(Json::parse(body_of(get("/api/hello")), nullptr, false)["protocol"], 2);
     PageClient page(port);
     Received message;
     ASSERT_EQ(page.status(), 101);
@@ -333,6 +333,8 @@ TEST(ViewServer, ShowsWhatTheSourceSees) {
       EXPECT_EQ(frame.time, frame.number / 30.0);
       ASSERT_EQ(frame.take<std::uint16_t>(), 64);
       ASSERT_EQ(frame.take<std::uint16_t>(), 48);
+      frame.take<std::uint16_t>(2);
+      frame.take<double>(7);
       for (int v = 0; v < 48; ++v)
         for (int u = 0; u < 64; ++u)
           ASSERT_EQ(frame.take<std::uint16_t>(), fixture.source.scene().depth(u, v, frame.number));
@@ -353,9 +355,9 @@ TEST(ViewServer, SendsALargeImageWhole) {
   page.send(R"({"command": "show", "frames": true})");
   std::map<int, std::string> newest;
   read_until(page, "picture", nullptr, &newest);
-  ASSERT_EQ(newest[10].size(), 16u + 4 + 2 * 1280 * 960);
+  ASSERT_EQ(newest[10].size(), 80u + 2 * 1280 * 960);
   MessageReader frame(newest[10]);
-  frame.take<std::uint32_t>();
+  frame.take<std::uint32_t>(16);
   const auto pixels = frame.take<std::uint16_t>(1280 * 960);
   EXPECT_EQ(pixels[1280 * 959 + 7], fixture.source.scene().depth(7, 959, frame.number));
 }
@@ -638,7 +640,7 @@ class BusySource : public ViewSource {
     inner_.poll({.samples = wishes.samples}, update);
     if (now >= next_) {
       next_ = std::max(next_ + 1.0 / 30, now);
-      if (wishes.frames) update.frame = parts_.frame;
+      if (wishes.frames) update.frames = parts_.frames;
       if (wishes.contacts) update.contact = parts_.contact;
     }
     cpu_seconds = thread_cpu_now();

@@ -49,7 +49,7 @@ struct Watcher {
   void poll() {
     ViewUpdate update;
     source.poll(wishes, update);
-    if (update.frame) frame = update.frame;
+    if (!update.frames.empty()) frame = update.frames.back();
     if (update.contact) contact = update.contact;
     if (update.surface) surface = update.surface;
     samples.insert(samples.end(), update.samples.begin(), update.samples.end());
@@ -97,7 +97,7 @@ TEST(ToolView, ShowsTheToolAndNothingElse) {
   EXPECT_EQ(view->content().kind, "tool");
   EXPECT_EQ(view->content().title, "small");
   EXPECT_EQ(view->content().tool, &tool);
-  EXPECT_FALSE(view->content().stream);
+  EXPECT_TRUE(view->content().streams.empty());
   EXPECT_EQ(view->controls(), "[]");
   Watcher watcher(*view);
   watcher.poll();
@@ -380,7 +380,7 @@ TEST(RunView, BeginsWhenSomebodyLooksAndStopsAtTheEnd) {
   Watcher watcher(**view);
   EXPECT_EQ((*view)->content().kind, "recording");
   EXPECT_EQ((*view)->content().title, "run");
-  EXPECT_EQ((*view)->content().stream->width, 96);
+  EXPECT_EQ((*view)->content().streams.front().width, 96);
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   EXPECT_EQ(watcher.state()["time"], 0);
   ASSERT_TRUE(watcher.until([&] { return watcher.state()["time"] > 0.05; }));
@@ -506,7 +506,7 @@ TEST(LiveView, ARunOnASimulatedClockKeepsPaceAndCanBeHeldAndTurned) {
   constexpr int kNumFrames = 90;  // 3 s, in which even a busy machine comes to hold it
   SyntheticStream stream(kNumFrames);
   const TemporaryFolder folder;
-  const auto view = LiveView::create(tool, stream.info(), "path");
+  const auto view = LiveView::create(tool, {stream.info()}, "path");
   Watcher watcher(*view);
   RunOptions options;
   options.monitor = &view->monitor();
@@ -565,7 +565,7 @@ class LiveRunTest : public testing::Test {
   LiveRunTest()
       : tool_(small_tool()),
         stream_(1000),
-        view_(LiveView::create(tool_, stream_.info(), "hand")),
+        view_(LiveView::create(tool_, {stream_.info()}, "hand")),
         watcher_(*view_) {}
 
   void start(double duration = 60) {

@@ -2,7 +2,7 @@
 // the arrays look into the message itself, whose parts are aligned for that.
 import type { Contact, Edges, Frame, Graph, Mesh, Normals, Pose, Sample, Spheres, Tree } from './types';
 
-export const PROTOCOL = 1;
+export const PROTOCOL = 2;
 
 export type Message =
   | { kind: 'spheres'; spheres: Spheres }
@@ -50,9 +50,9 @@ export function decode(buffer: ArrayBuffer, columns: string[]): Message | null {
       return { kind: 'tree', tree: { count, data, levels: new Uint8Array(buffer, 20 + 16 * count, count) } };
     }
     case 10: {
-      const width = u16(HEADER), height = u16(18);
-      const depth = new Uint16Array(buffer, 20, width * height);
-      return { kind: 'frame', frame: { number, time, width, height, depth } };
+      const width = u16(HEADER), height = u16(18), camera = u16(20);
+      const depth = new Uint16Array(buffer, 80, width * height);
+      return { kind: 'frame', frame: { number, time, camera, X_WC: pose(view, 24), width, height, depth } };
     }
     case 11: {
       const count = u32(72);

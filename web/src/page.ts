@@ -59,7 +59,7 @@ export class Page implements Listener {
   private readonly handling: Handling;
   private readonly connection: Connection;
 
-  private frame: Frame | null = null;
+  private frames: (Frame | null)[] = []; // the newest of each camera
   private contact: Contact | null = null;
   private asked = new Set<string>(); // shapes, of this connection
   private wishes = '';
@@ -119,7 +119,8 @@ export class Page implements Listener {
 
   onHello(hello: Hello): void {
     this.hello = hello;
-    this.state = this.frame = this.contact = this.sample = null;
+    this.state = this.contact = this.sample = null;
+    this.frames = hello.streams.map(() => null);
     this.asked.clear();
     this.wishes = '';
     this.rate.begin();
@@ -128,7 +129,7 @@ export class Page implements Listener {
     if (hello.handle) this.makeRoomForAHand();
     for (const panel of [this.bar, this.readouts, this.image, this.timeline, this.controls, this.handling]) panel.setHello(hello);
     this.root.dataset.kind = hello.kind;
-    this.dock.hide(hello.kind === 'tool' ? ['plots', 'image'] : hello.stream ? [] : ['image']);
+    this.dock.hide(hello.kind === 'tool' ? ['plots', 'image'] : hello.streams.length > 0 ? [] : ['image']);
     this.onOptions();
   }
 
@@ -159,7 +160,7 @@ export class Page implements Listener {
     switch (message?.kind) {
       case 'frame':
         ++this.counters.frames;
-        this.frame = message.frame;
+        this.frames[message.frame.camera] = message.frame;
         this.scene.setFrame(message.frame);
         break;
       case 'contact':
@@ -263,7 +264,7 @@ export class Page implements Listener {
   }
 
   private nextView(): void {
-    const views: CameraView[] = this.hello?.stream ? ['free', 'camera', 'bird', 'tool'] : ['free', 'tool'];
+    const views: CameraView[] = this.hello?.streams.length ? ['free', 'camera', 'bird', 'tool'] : ['free', 'tool'];
     const { options } = this.scene;
     options.view = views[(views.indexOf(options.view) + 1) % views.length];
     this.onOptions();
@@ -344,6 +345,6 @@ export class Page implements Listener {
     this.readouts.update(this.sample, state);
     this.handling.update();
     if (this.dock.isOpen('plots')) this.plots.draw();
-    if (this.dock.isOpen('image')) this.image.draw(this.frame, this.contact);
+    if (this.dock.isOpen('image')) this.image.draw(this.frames, this.contact);
   }
 }

@@ -8,15 +8,19 @@ export interface Pose {
   quaternion: [number, number, number, number]; // x y z w
 }
 
+export interface Stream {
+  name: string;
+  width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number; rate: number;
+  is_moving: boolean;
+}
+
 export interface Hello {
   protocol: number;
   version: string;
   kind: 'live' | 'recording' | 'tool';
   title: string;
   tool: { spheres: number; centre_of_mass: [number, number, number]; radius: number; volume: number };
-  stream: {
-    width: number; height: number; fx: number; fy: number; cx: number; cy: number; unit: number; rate: number;
-  } | null;
+  streams: Stream[]; // of each camera; none: there is no scene
   /// How hard a page is pushed at most that holds the tool, N; null: none can.
   handle: { max_force: number } | null;
   columns: string[];
@@ -68,14 +72,19 @@ export interface Spheres { count: number; data: Float32Array }
 export interface Graph { count: number; pairs: Uint32Array }
 export interface Mesh { positions: Float32Array; triangles: Uint32Array }
 export interface Tree { count: number; data: Float32Array; levels: Uint8Array }
-export interface Frame { number: number; time: number; width: number; height: number; depth: Uint16Array }
+export interface Frame {
+  number: number; time: number;
+  camera: number; X_WC: Pose; // which one, and where it was
+  width: number; height: number; depth: Uint16Array;
+}
 export interface Contact {
   number: number; time: number; X_WT: Pose;
   states: Uint8Array; // 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
   planes: Float32Array; // nx ny nz d for each sphere with 4, in order, tool frame
 }
+/// Of the first camera, in its frame.
 export interface Normals { number: number; width: number; height: number; data: Int8Array }
-export interface Edges { number: number; count: number; data: Float32Array } // x y z dx dy dz, W
+export interface Edges { number: number; count: number; data: Float32Array } // x y z dx dy dz
 
 /// One tick; columns by name.
 export type Sample = Record<string, number>;

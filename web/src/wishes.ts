@@ -12,7 +12,9 @@ export interface Wishes {
 export function wishedPictures(hello: Hello, options: SceneOptions, hasImage: boolean): Wishes {
   if (hello.kind === 'tool') return { frames: false, contacts: false, surfaces: false, samples: false };
   const hasSurface = options.normals || options.edges || options.edgePlanes || options.cloudColour === 'normals';
-  return { frames: options.cloud || hasImage || hasSurface, contacts: true, surfaces: hasSurface, samples: true };
+  // Where cameras are is said with their images.
+  const hasPoses = hello.streams.length > 1 || hello.streams.some((stream) => stream.is_moving);
+  return { frames: options.cloud || hasImage || hasSurface || hasPoses, contacts: true, surfaces: hasSurface, samples: true };
 }
 
 /// Parts of the tool, each sent once.

@@ -22,16 +22,17 @@ struct ViewContent {
   std::string kind;   ///< "live", "recording" or "tool"
   std::string title;  ///< for humans, e.g. the file or device
   const Tool* tool = nullptr;
-  std::optional<DepthStreamInfo> stream;  ///< none: there is no scene
+  std::vector<DepthStreamInfo> streams = {};  ///< of each camera; none: there is no scene
   /// N, the most that a page can feel that holds the tool; none: pages cannot hold it.
   std::optional<double> handle_force = std::nullopt;
 };
 
-/// The depth image that is felt now, raw.
+/// The depth image of a camera that is felt now, raw; with where the camera was.
 struct ViewFrame {
   std::uint64_t number = 0;
   double time = 0;  ///< s since the run began
   DepthFrame frame;
+  std::size_t camera = 0;  ///< index of its stream
 };
 
 /// The tool, and how each of its spheres is.
@@ -43,7 +44,7 @@ struct ViewContact {
   std::vector<Plane<float>> planes;  ///< in the tool frame; normal 0: none
 };
 
-/// Points of a surface with their normals and depth-change vectors.
+/// Points of the first camera's surface with their normals and depth-change vectors, in its frame.
 using ViewSurface = SurfacePicture;
 
 /// One tick.
@@ -59,9 +60,10 @@ struct ViewSample {
   Pose X_WT, X_WT_hand;                    ///< simulated tool; where the hand holds it
 };
 
-/// All that is new since the last poll; newest wins, but samples are all there.
+/// All that is new since the last poll; newest wins, of frames that of each camera, but samples are
+/// all there.
 struct ViewUpdate {
-  std::shared_ptr<const ViewFrame> frame;
+  std::vector<std::shared_ptr<const ViewFrame>> frames;  ///< at most one of each camera
   std::shared_ptr<const ViewContact> contact;
   std::shared_ptr<const ViewSurface> surface;
   std::vector<ViewSample> samples;

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "palpate/haptics/page_handle.h"
 #include "palpate/session/run.h"
@@ -24,11 +25,12 @@ Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder
 /// nobody.
 class LiveView : public ViewSource {
  public:
-  /// `tool` must outlive it. With the `handle` of the run's device, pages can hold the tool.
-  static std::unique_ptr<LiveView> create(const Tool& tool, const DepthStreamInfo& stream,
+  /// `tool` must outlive it; `streams` are those of the run's cameras. With the `handle` of the
+  /// run's device, pages can hold the tool.
+  static std::unique_ptr<LiveView> create(const Tool& tool, std::vector<DepthStreamInfo> streams,
                                           std::string title,
                                           std::shared_ptr<PageHandle> handle = nullptr);
-  static std::unique_ptr<LiveView> create(const Tool&&, const DepthStreamInfo&, std::string,
+  static std::unique_ptr<LiveView> create(const Tool&&, std::vector<DepthStreamInfo>, std::string,
                                           std::shared_ptr<PageHandle> = nullptr) = delete;
   /// For record_run. Without a recording: its `observer` for the loop, and `on_loop` when
   /// the loop has started and before it is stopped; the latter waits for a command that is using

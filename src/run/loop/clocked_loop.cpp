@@ -78,6 +78,7 @@ class ClockedLoop final : public RunLoop {
 
     FrameQueue frames;
     std::uint64_t num_frames = 0;
+    std::uint64_t newest = 0;  // FrameRecord::number
   };
   std::deque<Camera> cameras_;
   Pipeline pipeline_;
@@ -187,7 +188,7 @@ bool ClockedLoop::take_frame(std::size_t camera, double time) {
   if (!*fresh) return true;
   const DepthFrame& frame = frames.current();
   FrameRecord record;
-  record.number = report_.num_frames++;
+  record.number = cameras_[camera].newest = report_.num_frames++;
   record.camera = static_cast<std::uint32_t>(camera);
   record.camera_frame = cameras_[camera].num_frames++;
   record.capture_time = frames.current_time();
@@ -256,7 +257,7 @@ void ClockedLoop::make_pictures() {
     contacts_.publish();
   }
   if (wants_surface_.exchange(false)) {
-    make_surface_picture(pipeline_.newest_cloud(), contact.frame_number, surfaces_.draft());
+    make_surface_picture(pipeline_.newest_cloud(), cameras_.front().newest, surfaces_.draft());
     surfaces_.publish();
   }
 }

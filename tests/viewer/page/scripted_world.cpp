@@ -70,7 +70,8 @@ ScriptedWorld::ScriptedWorld(const Json& script, Tool tool,
     const double focal = stream.at("focal");
     info.intrinsics = {focal, focal, (info.width - 1) / 2.0, (info.height - 1) / 2.0};
     info.name = "scripted";
-    content_.stream = info;
+    place(script.value("cameras", Json::array({Json::array({0, 0, 0, 0, 0, 0, 1})})));
+    content_.streams.assign(X_WC_.size(), info);
   }
 }
 
@@ -91,7 +92,9 @@ void ScriptedWorld::apply(const Json& change) {
       contact_->planes.push_back({{plane.at(0), plane.at(1), plane.at(2)}, plane.at(3)});
     }
   }
-  if (change.contains("depth")) depth_ = change["depth"];
+  if (change.contains("depth")) depths_.assign(X_WC_.size(), change["depth"]);
+  if (change.contains("depths")) depths_ = change["depths"].get<std::vector<Json>>();
+  if (change.contains("cameras")) place(change["cameras"]);
   if (change.contains("sample")) sample_ = change["sample"];
   if (change.contains("state")) state_.update(change["state"]);
   is_frozen_ = change.value("frozen", is_frozen_);
@@ -104,9 +107,11 @@ void ScriptedWorld::poll(const ViewWishes& wishes, ViewUpdate& update) {
   ++num_polls_;
   if (!is_paused_) time_ += kPollSeconds * speed_;
   // Thirty frames a second, as a camera has them.
-  const bool has_new_frame = !is_paused_ && content_.stream && num_polls_ % 2 == 0;
+  const bool has_new_frame = !is_paused_ && !content_.streams.empty() && num_polls_ % 2 == 0;
   if (has_new_frame) ++frame_number_;
-  if (wishes.frames && has_new_frame) update.frame = make_frame();
+  for (std::size_t k = 0; wishes.frames && has_new_frame && k < X_WC_.size(); ++k) {
+    update.frames.push_back(make_frame(k));
+  }
   if (wishes.surfaces && has_new_frame) update.surface = make_surface();
   if (contact_) {
     ++num_contacts_;
@@ -119,26 +124,38 @@ void ScriptedWorld::poll(const ViewWishes& wishes, ViewUpdate& update) {
   }
 }
 
-std::vector<double> ScriptedWorld::depths() const {
-  std::vector<double> row(static_cast<std::size_t>(content_.stream->width));
-  for (const Json& step : depth_) {
+void ScriptedWorld::place(const Json& cameras) {
+  X_WC_.clear();
+  for (const Json& c : cameras) {
+    X_WC_.push_back(
+        {{c.at(0), c.at(1), c.at(2)}, normalized(Quaternion{c.at(3), c.at(4), c.at(5), c.at(6)})});
+  }
+  depths_.resize(X_WC_.size(), Json::array());
+}
+
+std::vector<double> ScriptedWorld::depths(std::size_t camera) const {
+  std::vector<double> row(static_cast<std::size_t>(content_.streams[camera].width));
+  for (const Json& step : depths_[camera]) {
     const double metres = step.at(1), sway = is_moving_ ? 0.01 * std::sin(2 * time_) : 0;
     std::fill(row.begin() + step.at(0).get<int>(), row.end(), metres > 0 ? metres + sway : 0);
   }
   return row;
 }
 
-std::shared_ptr<const ViewFrame> ScriptedWorld::make_frame() const {
+std::shared_ptr<const ViewFrame> ScriptedWorld::make_frame(std::size_t camera) const {
   auto frame = std::make_shared<ViewFrame>();
   frame->number = frame_number_;
   frame->time = time_;
   DepthFrame& image = frame->frame;
-  image.width = content_.stream->width;
-  image.height = content_.stream->height;
-  image.unit = content_.stream->unit;
+  const DepthStreamInfo& stream = content_.streams[camera];
+  image.width = stream.width;
+  image.height = stream.height;
+  image.unit = stream.unit;
+  image.X_WC = X_WC_[camera];
+  frame->camera = camera;
   image.timestamp = time_;
   std::vector<std::uint16_t> row;
-  for (const double metres : depths()) {
+  for (const double metres : depths(camera)) {
     row.push_back(static_cast<std::uint16_t>(std::lround(metres / image.unit)));
   }
   for (int v = 0; v < image.height; ++v) {
@@ -150,10 +167,10 @@ std::shared_ptr<const ViewFrame> ScriptedWorld::make_frame() const {
 /// Walls that face the camera; where a wall ends towards a farther one, vectors across the edge.
 std::shared_ptr<const ViewSurface> ScriptedWorld::make_surface() const {
   auto surface = std::make_shared<ViewSurface>();
-  const DepthStreamInfo& stream = *content_.stream;
+  const DepthStreamInfo& stream = content_.streams.front();
   const auto& [fx, fy, cx, cy] = stream.intrinsics;
   const float nan = std::nanf("");
-  const std::vector<double> row = depths();
+  const std::vector<double> row = depths(0);
   surface->frame_number = frame_number_;
   surface->width = stream.width;
   surface->height = stream.height;

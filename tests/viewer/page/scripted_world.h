@@ -19,15 +19,17 @@ class ScriptedWorld : public ViewSource {
   using Json = nlohmann::json;
 
   /// `script`: {"kind", "title", "spheres": [[x, y, z, r], ...], "shape": {"name", "size"},
-  /// "stream": {"width", "height", "focal"} or null, "controls": [...]}. `heard` gets every command
-  /// of a page. Error: the tool cannot be built.
+  /// "stream": {"width", "height", "focal"} or null, "cameras": [[x, y, z, qx, qy, qz, qw], ...]
+  /// where that many such cameras are (one at the origin if it is left out), "controls": [...]}.
+  /// `heard` gets every command of a page. Error: the tool cannot be built.
   static Result<std::unique_ptr<ScriptedWorld>> create(const Json& script,
                                                        std::function<void(std::string_view)> heard);
 
   /// Any of: "contact" {"position", "quaternion", "states", "planes": [[x, y, z, d] per sphere]},
-  /// "depth" [[first column, metres], ...] (0 m: no measurement), "sample" {"force", "torque",
-  /// "contact_force", "contact_torque", "volume", "hand": position}, "state" {members that replace
-  /// those of `state`}, "frozen" (nothing new is seen), "moving" (tool and wall go to and fro).
+  /// "depth" [[first column, metres], ...] (0 m: no measurement) of all cameras, or "depths" of
+  /// each, "cameras" as at first, "sample" {"force", "torque", "contact_force", "contact_torque",
+  /// "volume", "hand": position}, "state" {members that replace those of `state`}, "frozen"
+  /// (nothing new is seen), "moving" (tool and wall go to and fro).
   void apply(const Json& change);
 
   const ViewContent& content() const override { return content_; }
@@ -39,13 +41,14 @@ class ScriptedWorld : public ViewSource {
  private:
   ScriptedWorld(const Json& script, Tool tool, std::function<void(std::string_view)> heard);
 
+  void place(const Json& cameras);
   Pose tool_pose(double time) const;
-  std::shared_ptr<const ViewFrame> make_frame() const;
+  std::shared_ptr<const ViewFrame> make_frame(std::size_t camera) const;
   std::shared_ptr<const ViewContact> make_contact() const;
   std::shared_ptr<const ViewSurface> make_surface() const;
   ViewSample make_sample(double time) const;
   /// Metres at each column, of the frame that is shown now.
-  std::vector<double> depths() const;
+  std::vector<double> depths(std::size_t camera) const;
   Result<std::string> set(const Json& command);
   Json current_state() const;
 
@@ -55,7 +58,9 @@ class ScriptedWorld : public ViewSource {
 
   std::mutex mutex_;  // guards all below: tests change what the server reads
   Json controls_, state_ = Json::object();
-  Json depth_ = Json::array(), sample_ = Json::object();
+  std::vector<Pose> X_WC_;    // of each camera
+  std::vector<Json> depths_;  // likewise
+  Json sample_ = Json::object();
   std::optional<ViewContact> contact_;
   bool is_frozen_ = false, is_moving_ = false, is_paused_ = false;
   std::uint64_t num_polls_ = 0, num_ticks_ = 0, frame_number_ = 0, num_contacts_ = 0;

@@ -1,46 +1,61 @@
 import { element } from '../dom';
 import { STATE_COLOURS } from '../scene/colours';
 import { DepthRange } from '../scene/depth_range';
-import type { Contact, Frame, Hello, Spheres } from '../types';
+import { cameraNames } from '../scene/frustum';
+import { inFrame } from '../scene/poses';
+import type { Contact, Frame, Hello, Pose, Spheres, Stream } from '../types';
 
 const WIDEST = 320; // pixels drawn across; the panel is no wider
 const MOST_SPHERES = 1200;
 const COLOURS = [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside];
 
-/// The depth image as the camera sees it, near light and far dark, with the tool over it.
+/// The depth image as a camera sees it, near light and far dark, with the tool over it.
 export class CameraImage {
   readonly root = element('section', 'card image');
   private readonly canvas = element('canvas');
   private readonly context = this.canvas.getContext('2d', { alpha: false })!;
-  private readonly range = new DepthRange();
+  private readonly choice = element('select');
+  private readonly title = element('h2', '', 'Camera');
+  private range = new DepthRange();
   private readonly shades = new Uint32Array(65536);
   private shadesOf = ''; // the range that they were made for
   private pixels: ImageData | null = null;
-  private stream: Hello['stream'] = null;
+  private streams: Stream[] = [];
   private spheres: Spheres | null = null;
   private drawn = [-1, -1];
 
   constructor() {
     this.canvas.setAttribute('role', 'img');
     this.canvas.setAttribute('aria-label', 'depth image with the tool');
-    this.root.append(element('h2', '', 'Camera'), this.canvas);
+    this.choice.setAttribute('aria-label', 'camera');
+    this.choice.addEventListener('change', () => {
+      this.range = new DepthRange();
+      this.drawn = [-1, -1];
+    });
+    this.root.append(this.title, this.canvas);
   }
 
   setHello(hello: Hello): void {
-    this.stream = hello.stream;
+    this.streams = hello.streams;
+    this.range = new DepthRange();
+    this.drawn = [-1, -1];
+    this.choice.replaceChildren(...cameraNames(hello.streams).map((name) => element('option', '', name)));
+    this.title.replaceChildren(hello.streams.length > 1 ? this.choice : 'Camera');
   }
 
   setSpheres(spheres: Spheres): void {
     this.spheres = spheres;
   }
 
-  draw(frame: Frame | null, contact: Contact | null): void {
-    if (!frame || !this.stream) return;
+  /// `frames` of each camera.
+  draw(frames: readonly (Frame | null)[], contact: Contact | null): void {
+    const frame = frames[Math.max(0, this.choice.selectedIndex)];
+    if (!frame) return;
     if (frame.number === this.drawn[0] && contact?.time === this.drawn[1]) return;
     this.drawn = [frame.number, contact?.time ?? -1];
     const step = Math.ceil(frame.width / WIDEST);
     this.drawDepth(frame, step);
-    if (contact) this.drawTool(contact, step);
+    if (contact) this.drawTool(contact, inFrame(frame.X_WC, contact.X_WT), this.streams[frame.camera], step);
   }
 
   private drawDepth(frame: Frame, step: number): void {
@@ -76,25 +91,25 @@ export class CameraImage {
     this.shades[0] = this.shades[65535] = 0xff241c16; // no measurement
   }
 
-  private drawTool(contact: Contact, step: number): void {
-    const { spheres, stream, context } = this;
-    if (!spheres || !stream || spheres.count !== contact.states.length) return;
-    const [px, py, pz] = contact.X_WT.position;
-    const [qx, qy, qz, qw] = contact.X_WT.quaternion;
+  private drawTool(contact: Contact, X_CT: Pose, stream: Stream, step: number): void {
+    const { spheres, context } = this;
+    if (!spheres || spheres.count !== contact.states.length) return;
+    const [px, py, pz] = X_CT.position;
+    const [qx, qy, qz, qw] = X_CT.quaternion;
     const every = Math.ceil(spheres.count / MOST_SPHERES);
     context.globalAlpha = 0.75;
     for (let i = 0; i < spheres.count; i += every) {
       const x = spheres.data[4 * i], y = spheres.data[4 * i + 1], z = spheres.data[4 * i + 2];
-      // p_W = p + q p_T q*
+      // p_C = p + q p_T q*
       const tx = 2 * (qy * z - qz * y), ty = 2 * (qz * x - qx * z), tz = 2 * (qx * y - qy * x);
-      const wx = px + x + qw * tx + qy * tz - qz * ty;
-      const wy = py + y + qw * ty + qz * tx - qx * tz;
-      const wz = pz + z + qw * tz + qx * ty - qy * tx;
-      if (wz <= 0.01) continue;
-      const radius = Math.max(0.8, (stream.fx * spheres.data[4 * i + 3]) / wz / step);
+      const cx = px + x + qw * tx + qy * tz - qz * ty;
+      const cy = py + y + qw * ty + qz * tx - qx * tz;
+      const cz = pz + z + qw * tz + qx * ty - qy * tx;
+      if (cz <= 0.01) continue;
+      const radius = Math.max(0.8, (stream.fx * spheres.data[4 * i + 3]) / cz / step);
       context.fillStyle = COLOURS[contact.states[i] & 3] ?? COLOURS[0];
       context.beginPath();
-      const u = stream.cx + (stream.fx * wx) / wz, v = stream.cy + (stream.fy * wy) / wz;
+      const u = stream.cx + (stream.fx * cx) / cz, v = stream.cy + (stream.fy * cy) / cz;
       context.arc(u / step, v / step, radius, 0, 2 * Math.PI);
       context.fill();
     }

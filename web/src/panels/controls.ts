@@ -68,7 +68,7 @@ export class Controls {
       (folder.add as (...all: unknown[]) => Controller)(options, name, ...how)
         .name(words)
         .onChange(() => this.actions.onOptions());
-    const hasScene = hello.stream !== null;
+    const hasScene = hello.streams.length > 0;
     add('toolLook', 'tool', { spheres: 'spheres', 'caps, cut exactly': 'caps', mesh: 'mesh', hidden: 'hidden' });
     if (hasScene) add('outside', 'spheres outside');
     add('view', 'view', hasScene ? { free: 'free', camera: 'camera', 'from above': 'bird', tool: 'tool' } : { free: 'free', tool: 'tool' });

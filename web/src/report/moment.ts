@@ -6,6 +6,7 @@ import type { Pose, Sample } from '../types';
 import { bytes, floats, unpackDepth, type Depth } from './bytes';
 import { captioned, heading, key, paragraph, warning } from './parts';
 import { hello, picture } from './picture';
+import { NO_POSE } from '../scene/poses';
 import { newtons, short, VOLUME, withUnit } from './numbers';
 
 export interface Moment {
@@ -46,11 +47,14 @@ export function momentSection(moment: Moment, depth: Depth): HTMLElement[] {
     [['shaded', { cloud: true, cloudColour: 'shaded' }], ['by depth', { cloud: true, cloudColour: 'depth' }],
       ['no cloud', { cloud: false }]],
   ], (scene) => {
-    scene.setHello(hello(moment, { ...moment.image, rate: 0 }));
+    scene.setHello(hello(moment, [{ ...moment.image, name: '', rate: 0, is_moving: false }]));
     scene.options.ghost = false;
     const data = floats(moment.spheres);
     scene.setSpheres({ count: data.length / 4, data });
-    scene.setFrame({ number: 0, time: moment.time_s, width: depth.width, height: depth.height, depth: depth.values });
+    // All of it is in the frame of the camera.
+    scene.setFrame({
+      number: 0, time: moment.time_s, camera: 0, X_WC: NO_POSE, width: depth.width, height: depth.height, depth: depth.values,
+    });
     scene.setContact({
       number: 0, time: moment.time_s, X_WT: poseOf(moment.X_WT), states: bytes(moment.states),
       planes: floats(moment.planes),

@@ -86,7 +86,7 @@ function cutOpen(data: PackingData): HTMLElement[] {
     'The half towards you is taken away. Drag to turn, scroll or pinch to zoom, and move the cut.',
     [[['cut open', { toolLook: 'caps' }], ['mesh', { toolLook: 'mesh' }]]], (made) => {
       scene = made;
-      made.setHello(hello({ centre_of_mass_m: data.mass.spheres.centre_of_mass_m, radius_m: data.radius_m }, null));
+      made.setHello(hello({ centre_of_mass_m: data.mass.spheres.centre_of_mass_m, radius_m: data.radius_m }, []));
       Object.assign(made.options, { outside: false, ghost: false, arrows: false });
       made.setSpheres({ count: shown.length / 4, data: shown });
       if (data.mesh) {

@@ -3,7 +3,7 @@
 import { button, element } from '../dom';
 import { Drawing } from '../drawing';
 import { createScene } from '../scene/scene_view';
-import type { Hello, SceneOptions, SceneView } from '../types';
+import type { Hello, SceneOptions, SceneView, Stream } from '../types';
 import { isDark, onInk, onPaper } from './ink';
 
 const PAPER_SIZE = [680, 420]; // CSS pixels
@@ -65,10 +65,10 @@ export function picture(
 
 /// What the scene wants to know of a tool before all else.
 export function hello(
-  tool: { centre_of_mass_m: number[]; radius_m: number }, stream: Hello['stream'],
+  tool: { centre_of_mass_m: number[]; radius_m: number }, streams: Stream[],
 ): Hello {
   return {
-    protocol: 0, version: '', kind: stream ? 'recording' : 'tool', title: '', stream, handle: null, columns: [], controls: [],
+    protocol: 0, version: '', kind: streams.length > 0 ? 'recording' : 'tool', title: '', streams, handle: null, columns: [], controls: [],
     tool: {
       spheres: 0, volume: 0, radius: tool.radius_m,
       centre_of_mass: tool.centre_of_mass_m as [number, number, number],

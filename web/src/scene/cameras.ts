@@ -1,9 +1,11 @@
-// The four views. W is the frame of the depth camera (x right, y down, z forward), so up is -y.
+// The four views. Up is where the first depth camera has it (x right, y down, z forward): in W as it
+// was when the view was framed, as people turn W as they like.
 
 import { MathUtils, OrthographicCamera, PerspectiveCamera, Quaternion, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
-import type { CameraView, Hello } from '../types';
+import type { CameraView, Hello, Pose, Stream } from '../types';
 import type { Framing } from './framing';
+import { inverted, NO_POSE, setPose, transformed } from './poses';
 
 const FIELD_OF_VIEW = 42; // degrees, of the shorter side of the canvas
 /// From what is looked at to the eye, beside the direction to the depth camera: over its right
@@ -16,9 +18,10 @@ export class Cameras {
   private readonly eye = new PerspectiveCamera(FIELD_OF_VIEW);
   private readonly sensor = new PerspectiveCamera();
   private readonly bird = new OrthographicCamera();
-  private readonly orbit: OrbitControls;
-  private readonly birdControls: OrbitControls;
-  private stream: Hello['stream'] = null;
+  private orbit: OrbitControls;
+  private birdControls: OrbitControls;
+  private stream: Stream | null = null; // of the first depth camera
+  private X_WC: Pose = NO_POSE;         // likewise
   private aspect = 1;
   private view: CameraView = 'free';
   private tool = new Vector3(); // centre of mass in W
@@ -26,31 +29,15 @@ export class Cameras {
   /// Somebody has moved the free view or the bird's.
   moved = false;
 
-  constructor(canvas: HTMLCanvasElement) {
+  constructor(private readonly canvas: HTMLCanvasElement) {
     this.eye.up.set(0, -1, 0);
     this.eye.position.set(0.3, -0.3, -0.3);
-    this.orbit = new OrbitControls(this.eye, canvas);
-    this.orbit.target.set(0, 0, 1);
-    this.orbit.enableDamping = true;
-    this.orbit.dampingFactor = 0.15;
-    this.orbit.zoomToCursor = true;
-    this.orbit.minDistance = 0.005;
-    this.orbit.maxDistance = 30;
+    this.orbit = this.makeOrbit();
     // Away from the depth camera is up in the bird's view.
     this.bird.up.set(0, 0, 1);
     this.bird.position.set(0, -ABOVE, 1);
-    this.birdControls = new OrbitControls(this.bird, canvas);
-    this.birdControls.target.set(0, 0, 1);
-    this.birdControls.enableRotate = false;
-    this.birdControls.screenSpacePanning = true;
-    this.birdControls.enabled = false;
-    this.birdControls.mouseButtons.LEFT = this.birdControls.mouseButtons.RIGHT;
-    this.birdControls.touches.ONE = this.birdControls.touches.TWO;
-    for (const controls of [this.orbit, this.birdControls]) {
-      controls.addEventListener('start', () => { this.moved = true; });
-    }
-    // The sensor looks along z with y down: half a turn about x from how three.js looks.
-    this.sensor.quaternion.copy(new Quaternion(1, 0, 0, 0));
+    this.birdControls = this.makeBirdControls();
+    this.setSensorPose(NO_POSE);
   }
 
   /// As the view is now; update() first.
@@ -60,7 +47,8 @@ export class Cameras {
   }
 
   setHello(hello: Hello): void {
-    this.stream = hello.stream;
+    this.stream = hello.streams[0] ?? null;
+    this.setSensorPose(NO_POSE);
     this.toolRadius = hello.tool.radius;
     this.moved = false;
   }
@@ -70,6 +58,14 @@ export class Cameras {
     // A narrow canvas shows as much from left to right as a wide one from top to bottom.
     const half = Math.tan(MathUtils.degToRad(FIELD_OF_VIEW / 2)) / Math.min(1, this.aspect);
     this.eye.fov = 2 * MathUtils.radToDeg(Math.atan(half));
+  }
+
+  /// Where the first depth camera is.
+  setSensorPose(X_WC: Pose): void {
+    this.X_WC = X_WC;
+    setPose(this.sensor, X_WC);
+    // The sensor looks along z with y down: half a turn about x from how three.js looks.
+    this.sensor.quaternion.multiply(new Quaternion(1, 0, 0, 0));
   }
 
   /// Of mass, in W. The tool's view goes along.
@@ -105,16 +101,18 @@ export class Cameras {
     this.camera.updateMatrixWorld();
   }
 
-  frame({ centre, radius, farthest }: Framing): void {
+  frame(found: Framing): void {
+    const { centre, radius, hasScene } = found;
     this.moved = false;
-    const hasScene = farthest > 0;
-    const direction = hasScene ? centre.clone().normalize().negate().add(SHOULDER) : FROM_THE_SIDE.clone();
+    this.takeUp();
+    const direction = hasScene ?
+      new Vector3(...this.X_WC.position).sub(centre).normalize().add(this.turned(SHOULDER)) : this.turned(FROM_THE_SIDE);
     const distance = radius / Math.sin(MathUtils.degToRad(FIELD_OF_VIEW / 2));
     this.orbit.target.copy(centre);
     this.eye.position.copy(centre).add(direction.setLength(distance));
     this.orbit.update();
     if (this.view === 'tool') this.approachTool();
-    this.frameBird(centre, radius, farthest);
+    this.frameBird(found);
   }
 
   /// On a canvas from -1 to 1.
@@ -134,12 +132,14 @@ export class Cameras {
     this.orbit.update();
   }
 
-  /// From the depth camera to the far end of the scene; or the tool alone.
-  private frameBird(centre: Vector3, radius: number, farthest: number): void {
-    const middle = farthest > 0 ? new Vector3(0, 0, 0.5 * farthest) : centre;
+  /// From the depth cameras to the far end of the scene; or the tool alone.
+  private frameBird({ centre, radius, hasScene, across, along }: Framing): void {
+    const centre_C = inverted(this.X_WC, centre);
+    const [x, z] = hasScene ? [0.5 * (across[0] + across[1]), 0.5 * (along[0] + along[1])] : [centre_C.x, centre_C.z];
     const breadth = this.stream ? this.stream.width / this.stream.fx : 1;
-    const high = farthest > 0 ? 0.55 * farthest : 1.2 * radius;
-    const half = Math.max(high, (high * breadth) / this.aspect);
+    const high = hasScene ? 0.55 * (along[1] - along[0]) : 1.2 * radius;
+    const wide = high * breadth + (hasScene ? 0.5 * (across[1] - across[0]) : 0);
+    const half = Math.max(high, wide / this.aspect);
     const { bird } = this;
     bird.top = half;
     bird.bottom = -half;
@@ -149,9 +149,49 @@ export class Cameras {
     bird.far = 2 * ABOVE;
     bird.zoom = 1;
     bird.updateProjectionMatrix();
-    bird.position.set(middle.x, centre.y - ABOVE, middle.z);
-    this.birdControls.target.set(middle.x, centre.y, middle.z);
+    bird.position.copy(transformed(this.X_WC, [x, centre_C.y - ABOVE, z]));
+    this.birdControls.target.copy(transformed(this.X_WC, [x, centre_C.y, z]));
     this.birdControls.update();
+  }
+
+  /// A direction of the first depth camera in W.
+  private turned(direction: Vector3): Vector3 {
+    return direction.clone().applyQuaternion(new Quaternion(...this.X_WC.quaternion));
+  }
+
+  /// Up as the first depth camera has it now; three.js takes it when controls are made.
+  private takeUp(): void {
+    const up = this.turned(new Vector3(0, -1, 0));
+    if (up.distanceTo(this.eye.up) < 1e-6 && this.turned(new Vector3(0, 0, 1)).distanceTo(this.bird.up) < 1e-6) return;
+    this.eye.up.copy(up);
+    this.bird.up.copy(this.turned(new Vector3(0, 0, 1)));
+    this.dispose();
+    this.orbit = this.makeOrbit();
+    this.birdControls = this.makeBirdControls();
+  }
+
+  private makeOrbit(): OrbitControls {
+    const orbit = new OrbitControls(this.eye, this.canvas);
+    orbit.target.set(0, 0, 1);
+    orbit.enableDamping = true;
+    orbit.dampingFactor = 0.15;
+    orbit.zoomToCursor = true;
+    orbit.minDistance = 0.005;
+    orbit.maxDistance = 30;
+    orbit.addEventListener('start', () => { this.moved = true; });
+    return orbit;
+  }
+
+  private makeBirdControls(): OrbitControls {
+    const controls = new OrbitControls(this.bird, this.canvas);
+    controls.target.set(0, 0, 1);
+    controls.enableRotate = false;
+    controls.screenSpacePanning = true;
+    controls.enabled = false;
+    controls.mouseButtons.LEFT = controls.mouseButtons.RIGHT;
+    controls.touches.ONE = controls.touches.TWO;
+    controls.addEventListener('start', () => { this.moved = true; });
+    return controls;
   }
 
   /// The whole image, as large as it fits. Pixel centres are at whole numbers.

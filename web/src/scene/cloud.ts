@@ -4,7 +4,7 @@
 // inside of the scene. Where that is, the tool has left in the stencil (window.ts).
 
 import {
-  BufferGeometry, Group, Points, type RawShaderMaterial, type ShaderMaterialParameters, Vector2, type Vector3, Vector4,
+  BufferGeometry, Group, Matrix4, Points, type RawShaderMaterial, type ShaderMaterialParameters, Vector2, type Vector3, Vector4,
 } from 'three';
 import type { Frame, SceneOptions } from '../types';
 import { rgb, THEMES } from './colours';
@@ -23,6 +23,7 @@ uniform float canvas_height;
 uniform vec2 depth_range;   // m
 uniform vec3 surface_colour;
 uniform vec4 tool_ball;     // holds the tool, in W; radius 0: whether a point is before it does not matter
+uniform mat4 X_LC;          // L: the first camera, from which all clouds are lit and coloured
 out vec3 point_colour;
 
 // Whether the ray from the eye through a point of the view frame meets the tool's ball.
@@ -38,21 +39,21 @@ void main() {
   float z = depth_at(pixel);
   if (z == 0.0) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
   vec3 p = point_at(pixel, z);
-  vec4 p_view = viewMatrix * vec4(p, 1.0);
+  vec4 p_view = modelViewMatrix * vec4(p, 1.0);
   if (tool_ball.w > 0.0 && !meets_tool(p_view.xyz)) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
   gl_Position = projectionMatrix * p_view;
   // How far apart the points are, in pixels of the canvas.
   float gap = float(stride) * z / intrinsics.x * projectionMatrix[1][1] * 0.5 * canvas_height / gl_Position.w;
   gl_PointSize = clamp(spread * gap, point_size, 64.0);
 
-  vec3 n = normal_at(pixel, z);
+  vec3 n = mat3(X_LC) * normal_at(pixel, z);
   if (colouring == 1) {
-    point_colour = viridis(1.0 - clamp((z - depth_range.x) / (depth_range.y - depth_range.x), 0.0, 1.0));
+    point_colour = viridis(1.0 - clamp(((X_LC * vec4(p, 1.0)).z - depth_range.x) / (depth_range.y - depth_range.x), 0.0, 1.0));
     point_colour *= 0.7 + 0.3 * abs(n.z);
   } else if (colouring == 2) {
     point_colour = n == vec3(0.0) ? vec3(0.3) : 0.5 - 0.5 * vec3(-n.x, n.y, n.z);
   } else {
-    // The light stands above and to the left of the depth camera, and stays there.
+    // The light stands above and to the left of the first camera, and stays there.
     float light = max(0.0, dot(n, vec3(-0.41, -0.50, -0.763)));
     point_colour = surface_colour * (n == vec3(0.0) ? 0.4 : 0.38 - 0.12 * n.y + 0.55 * light);
   }
@@ -74,7 +75,7 @@ export class Cloud {
     this.uniforms = {
       ...image.uniforms,
       colouring: { value: 0 }, point_size: { value: 2 }, canvas_height: { value: 1 },
-      depth_range: { value: new Vector2() }, surface_colour: { value: rgb(THEMES.dark.surface) },
+      depth_range: { value: new Vector2() }, X_LC: { value: new Matrix4() }, surface_colour: { value: rgb(THEMES.dark.surface) },
     };
     this.parts = [new Part(this.uniforms, OUT_OF_WINDOW), new Part(this.uniforms, WITHIN_WINDOW)];
     this.object.add(...this.parts.map((part) => part.object));
@@ -89,6 +90,18 @@ export class Cloud {
     (this.parts[1].object.material.uniforms.tool_ball.value as Vector4).set(...centre.toArray(), radius);
   }
 
+  /// Depths in the frame of this camera between which most of its image lies, m.
+  get depths(): [near: number, far: number] {
+    const unit = this.image.uniforms.unit.value as number;
+    return [this.range.near * unit, this.range.far * unit + 1e-3];
+  }
+
+  /// Where this camera is seen from the first one, and the depths there that colours go over.
+  setLight(X_LC: Matrix4, depths: [near: number, far: number]): void {
+    (this.uniforms.X_LC.value as Matrix4).copy(X_LC);
+    (this.uniforms.depth_range.value as Vector2).set(...depths);
+  }
+
   /// `coarser`: of the governor, on top of the options. `height`: of the canvas, in its own pixels.
   update(options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
     const { image, uniforms } = this;
@@ -97,8 +110,6 @@ export class Cloud {
     uniforms.point_size.value = options.pointSize * pixelRatio;
     uniforms.canvas_height.value = height;
     uniforms.surface_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'].surface);
-    const unit = image.uniforms.unit.value as number;
-    (uniforms.depth_range.value as Vector2).set(this.range.near * unit, this.range.far * unit + 1e-3);
     const stride = Math.max(1, Math.round(options.stride)) * coarser;
     // Points of two pixels and more close the surface from however near it is seen.
     const spread = 0.65 * options.pointSize;

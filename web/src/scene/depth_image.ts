@@ -4,7 +4,7 @@
 import {
   ByteType, DataTexture, NearestFilter, RGBAIntegerFormat, RedIntegerFormat, UnsignedShortType, Vector2, Vector4,
 } from 'three';
-import type { Frame, Hello, Normals } from '../types';
+import type { Frame, Normals, Stream } from '../types';
 import type { Uniforms } from './glsl';
 
 /// Needs the uniforms of DepthImage. Pixel centres are at whole numbers.
@@ -51,7 +51,7 @@ float calm_slope_at(ivec2 pixel, float z, ivec2 e) {
   return sum / float(num);
 }
 
-// Unit normal in W, to the camera; 0 0 0: none.
+// Unit normal in C, to the camera; 0 0 0: none.
 vec3 normal_at(ivec2 pixel, float z) {
   if (has_normals) {
     vec3 n = vec3(texelFetch(normal_image, pixel, 0).xyz);
@@ -90,10 +90,8 @@ export class DepthImage {
   };
   private normalsNumber = -1;
 
-  /// There is no image of it yet, or none at all.
-  setStream(stream: Hello['stream']): void {
-    this.number = this.normalsNumber = -1;
-    if (!stream) return;
+  /// `numCameras`: between two frames of this one there may be one of each of the others.
+  constructor(stream: Stream, private readonly numCameras: number) {
     (this.uniforms.intrinsics.value as Vector4).set(stream.fx, stream.fy, stream.cx, stream.cy);
     this.uniforms.unit.value = stream.unit;
   }
@@ -129,7 +127,7 @@ export class DepthImage {
     return raw === 65535 ? 0 : raw * this.uniforms.unit.value;
   }
 
-  /// Where W's point is in the image, in pixels.
+  /// Where C's point is in the image, in pixels.
   pixel(x: number, y: number, z: number): [number, number] {
     const k = this.uniforms.intrinsics.value as Vector4;
     return [Math.round(k.z + (k.x * x) / z), Math.round(k.w + (k.y * y) / z)];
@@ -155,6 +153,6 @@ export class DepthImage {
   private updateHasNormals(): void {
     const { width, height } = (this.uniforms.normal_image.value as DataTexture).image;
     this.uniforms.has_normals.value = width === this.width && height === this.height &&
-      this.normalsNumber >= 0 && Math.abs(this.number - this.normalsNumber) <= 2;
+      this.normalsNumber >= 0 && Math.abs(this.number - this.normalsNumber) <= 2 * this.numCameras;
   }
 }

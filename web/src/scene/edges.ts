@@ -7,7 +7,7 @@ import {
   BufferAttribute, DynamicDrawUsage, InstancedBufferGeometry, InstancedInterleavedBuffer,
   InterleavedBufferAttribute, Mesh, type RawShaderMaterial,
 } from 'three';
-import type { Edges, Hello, SceneOptions } from '../types';
+import type { Edges, SceneOptions, Stream } from '../types';
 import { EDGE_COLOURS, rgb } from './colours';
 import { shaderMaterial } from './glsl';
 
@@ -20,8 +20,8 @@ out float along;
 
 void main() {
   float size = length(change);
-  vec4 base = viewMatrix * vec4(point, 1.0);
-  vec3 direction = mat3(viewMatrix) * (change / max(size, 1e-9));
+  vec4 base = modelViewMatrix * vec4(point, 1.0);
+  vec3 direction = mat3(modelViewMatrix) * (change / max(size, 1e-9));
   along = corner.y;
   vec3 across = normalize(cross(direction, is_orthographic() ? vec3(0.0, 0.0, 1.0) : base.xyz));
   float width = max(0.0006, 0.0012 * abs(base.z) / projectionMatrix[1][1]);
@@ -47,7 +47,7 @@ void main() {
   vec3 across = normalize(cross(ray, change)) * length(point) * pane_angle;
   along = corner.y;
   vec3 p = point + ray * corner.y * 0.12 + across * corner.x;
-  gl_Position = projectionMatrix * (viewMatrix * vec4(p, 1.0));
+  gl_Position = projectionMatrix * (modelViewMatrix * vec4(p, 1.0));
 }
 `;
 
@@ -66,6 +66,7 @@ function instanced(corners: number[], index: number[]): InstancedBufferGeometry 
   return geometry;
 }
 
+/// In the frame of the first camera.
 export class EdgeMarks {
   readonly needles: Mesh<InstancedBufferGeometry>;
   readonly panes: Mesh<InstancedBufferGeometry>;
@@ -86,7 +87,7 @@ export class EdgeMarks {
     this.needles.frustumCulled = this.panes.frustumCulled = false;
   }
 
-  setStream(stream: Hello['stream']): void {
+  setStream(stream: Stream | null): void {
     this.needles.geometry.instanceCount = this.panes.geometry.instanceCount = 0;
     // Half a pixel and a little more: panes of neighbouring pixels touch.
     if (stream) this.materials[1].uniforms.pane_angle.value = 0.8 / stream.fx;

@@ -1,13 +1,26 @@
-// Where to look first: at the tool with the surface by it, else at the middle of the image.
+// Where to look first: at the tool with the surface by it, else at the middle of the images.
 
 import { Vector3 } from 'three';
 import type { DepthImage } from './depth_image';
+import type { DepthCamera } from './depth_camera';
+import { inverted, transformed } from './poses';
 
 /// A ball to be seen whole, and how far the scene goes.
 export interface Framing {
+  centre: Vector3; // in W
+  radius: number;
+  hasScene: boolean;
+  // Of the cameras and most of what they see, along the first camera's x and z axes from it, m.
+  across: [number, number];
+  along: [number, number];
+}
+
+/// Of one camera, in its frame.
+interface Look {
   centre: Vector3;
   radius: number;
-  farthest: number; // m, depth of most of what is seen; 0: there is no scene
+  farthest: number; // m, depth of most of what is seen; 0: nothing is
+  below: number;    // m, depth of the surface on the tool's ray; 0: there is none
 }
 
 /// Depth below which a share of the valid pixels of a window of the image lies; 0: none are valid.
@@ -24,20 +37,49 @@ function depthShare(image: DepthImage, u: number, v: number, half: number, share
   return depths.length ? depths[Math.floor(share * (depths.length - 1))] : 0;
 }
 
-/// `centre` of the tool in W, or null if nobody knows yet where it is.
-export function framing(image: DepthImage, centre: Vector3 | null, radius: number): Framing {
+/// `centre` of the tool in the camera's frame, or null if nobody knows yet where it is.
+function lookOf(image: DepthImage, centre: Vector3 | null, radius: number): Look {
   const [u, v] = [image.width >> 1, image.height >> 1];
   const half = Math.max(u, v);
   const farthest = depthShare(image, u, v, half, 0.9);
   if (!centre) {
     const z = depthShare(image, u, v, half >> 2, 0.5) || 1;
-    return { centre: new Vector3(0, 0, z), radius: 0.35 * z, farthest };
+    return { centre: new Vector3(0, 0, z), radius: 0.35 * z, farthest, below: 0 };
   }
-  if (farthest === 0) return { centre: centre.clone(), radius: 1.05 * radius, farthest };
+  if (farthest === 0) return { centre: centre.clone(), radius: 1.05 * radius, farthest, below: 0 };
   // The surface on the tool's ray, if it is near enough to be seen together with the tool.
   const [tool_u, tool_v] = image.pixel(centre.x, centre.y, Math.max(centre.z, 0.05));
-  const below = depthShare(image, tool_u, tool_v, half >> 3, 0.5);
-  const gap = below > 0 && centre.z > 0.05 ? Math.min(Math.abs(below - centre.z), 6 * radius) : 0;
+  const below = centre.z > 0.05 ? depthShare(image, tool_u, tool_v, half >> 3, 0.5) : 0;
+  const gap = below > 0 ? Math.min(Math.abs(below - centre.z), 6 * radius) : 0;
   const towards = centre.clone().setLength(Math.sign(below - centre.z) * 0.5 * gap);
-  return { centre: centre.clone().add(towards), radius: 2.0 * radius + 0.5 * gap, farthest };
+  return { centre: centre.clone().add(towards), radius: 2.0 * radius + 0.5 * gap, farthest, below };
+}
+
+/// `centre` of the tool in W, or null if nobody knows yet where it is. With the tool, the surface is
+/// that of the camera that sees it nearest to the tool; without, the middle of each image is seen.
+export function framing(cameras: readonly DepthCamera[], centre: Vector3 | null, radius: number): Framing {
+  const [first] = cameras;
+  const span: Framing = { centre: centre ?? new Vector3(0, 0, 1), radius: 1.05 * radius, hasScene: false, across: [0, 0], along: [0, 0] };
+  if (!first) return span;
+  const seeing = cameras.filter((camera) => camera.isSeeing);
+  if (seeing.length === 0) seeing.push(first);
+  const looks = seeing.map(({ image, X_WC }) => lookOf(image, centre && inverted(X_WC, centre), radius));
+  seeing.forEach(({ X_WC }, i) => {
+    if (looks[i].farthest === 0) return;
+    span.hasScene = true;
+    for (const depth of [0, looks[i].farthest]) {
+      const { x, z } = inverted(first.X_WC, transformed(X_WC, [0, 0, depth]));
+      span.across = [Math.min(span.across[0], x), Math.max(span.across[1], x)];
+      span.along = [Math.min(span.along[0], z), Math.max(span.along[1], z)];
+    }
+  });
+  const centres = looks.map((look, i) => transformed(seeing[i].X_WC, look.centre.toArray()));
+  if (centre) {
+    const order = looks.map((_, i) => i).sort((a, b) =>
+      Number(looks[b].below > 0) - Number(looks[a].below > 0) ||
+      Number(looks[b].farthest > 0) - Number(looks[a].farthest > 0) || looks[a].radius - looks[b].radius);
+    return { ...span, centre: centres[order[0]], radius: looks[order[0]].radius };
+  }
+  const middle = centres.reduce((sum, one) => sum.add(one), new Vector3()).divideScalar(centres.length);
+  return { ...span, centre: middle, radius: Math.max(...looks.map((look, i) => look.radius + centres[i].distanceTo(middle))) };
 }

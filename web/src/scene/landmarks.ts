@@ -1,33 +1,23 @@
-// Quiet lines that say where things are: the depth camera with what it sees, and for a tool alone
-// the axes of its frame over a grid.
+// Quiet lines that say where things are: the axes of W, and for a tool alone those of its frame over
+// a grid.
 
-import {
-  AxesHelper, BufferAttribute, BufferGeometry, Group, GridHelper, LineBasicMaterial, LineSegments,
-} from 'three';
+import { AxesHelper, GridHelper, Group, LineBasicMaterial } from 'three';
 import type { Hello, SceneOptions } from '../types';
 import { THEMES } from './colours';
-
-const LENGTH = 0.06; // m, of the camera's pyramid
+import { PYRAMID } from './frustum';
 
 export class Landmarks {
   readonly object = new Group();
   private readonly lines = new LineBasicMaterial({ transparent: true, opacity: 0.8 });
-  private readonly pyramid = new LineSegments(new BufferGeometry(), this.lines);
   private grid = new GridHelper();
   private axes = new AxesHelper();
-
-  constructor() {
-    this.object.add(this.pyramid);
-  }
 
   setHello(hello: Hello): void {
     this.object.remove(this.grid, this.axes);
     this.grid.dispose();
     this.axes.dispose();
-    this.pyramid.visible = hello.stream !== null;
-    if (hello.stream) {
-      this.setStream(hello.stream);
-      this.axes = new AxesHelper(0.7 * LENGTH);
+    if (hello.streams.length > 0) {
+      this.axes = new AxesHelper(0.7 * PYRAMID);
     } else {
       const { radius, centre_of_mass: centre } = hello.tool;
       this.axes = new AxesHelper(1.3 * radius);
@@ -46,17 +36,8 @@ export class Landmarks {
   }
 
   dispose(): void {
-    this.pyramid.geometry.dispose();
     this.grid.dispose();
     this.axes.dispose();
     this.lines.dispose();
-  }
-
-  private setStream({ width, height, fx, fy, cx, cy }: NonNullable<Hello['stream']>): void {
-    const corner = (u: number, v: number) => [((u - cx) / fx) * LENGTH, ((v - cy) / fy) * LENGTH, LENGTH];
-    const [w, h] = [width - 0.5, height - 0.5];
-    const corners = [corner(-0.5, -0.5), corner(w, -0.5), corner(w, h), corner(-0.5, h)];
-    const ends = corners.flatMap((c, i) => [[0, 0, 0], c, c, corners[(i + 1) % 4]]);
-    this.pyramid.geometry.setAttribute('position', new BufferAttribute(new Float32Array(ends.flat()), 3));
   }
 }

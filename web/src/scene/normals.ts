@@ -21,8 +21,8 @@ void main() {
   if (n == vec3(0.0)) { gl_Position = vec4(0.0, 0.0, 2.0, 1.0); return; }
   // As long as they are apart: a picture of steady density.
   float size = ${STEP}.0 * z / intrinsics.x;
-  vec4 p = viewMatrix * vec4(point_at(pixel, z), 1.0);
-  vec3 direction = mat3(viewMatrix) * n;
+  vec4 p = modelViewMatrix * vec4(point_at(pixel, z), 1.0);
+  vec3 direction = mat3(modelViewMatrix) * n;
   vec3 across = normalize(cross(direction, is_orthographic() ? vec3(0.0, 0.0, 1.0) : p.xyz));
   p.xyz += size * ((along + 0.05) * direction + (corner == 2 ? 0.0 : 0.1 * float(2 * corner - 1)) * across);
   gl_Position = projectionMatrix * p;

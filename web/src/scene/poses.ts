@@ -3,6 +3,8 @@
 import { type Object3D, Quaternion, Vector3 } from 'three';
 import type { Pose, Sample } from '../types';
 
+export const NO_POSE: Pose = { position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
+
 export function setPose(object: Object3D, pose: Pose): void {
   object.position.fromArray(pose.position);
   object.quaternion.fromArray(pose.quaternion);
@@ -30,6 +32,20 @@ export function sampledVector(sample: Sample, prefix: string): Vector3 {
 export function transformed(X_WT: Pose, p_T: readonly [number, number, number]): Vector3 {
   return new Vector3(...p_T).applyQuaternion(new Quaternion(...X_WT.quaternion))
     .add(new Vector3(...X_WT.position));
+}
+
+/// A point of W in T.
+export function inverted(X_WT: Pose, p_W: Vector3): Vector3 {
+  return p_W.clone().sub(new Vector3(...X_WT.position)).applyQuaternion(new Quaternion(...X_WT.quaternion).conjugate());
+}
+
+/// X_CT of X_WC and X_WT.
+export function inFrame(X_WC: Pose, X_WT: Pose): Pose {
+  const q_CT = new Quaternion(...X_WC.quaternion).conjugate().multiply(new Quaternion(...X_WT.quaternion));
+  return {
+    position: inverted(X_WC, new Vector3(...X_WT.position)).toArray(),
+    quaternion: q_CT.toArray() as Pose['quaternion'],
+  };
 }
 
 export function distance(a: Pose, b: Pose): number {

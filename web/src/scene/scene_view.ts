@@ -8,18 +8,17 @@ import type {
 } from '../types';
 import { Arrows } from './arrows';
 import { Cameras } from './cameras';
-import { Cloud } from './cloud';
 import { heat, THEMES } from './colours';
 import { CutOutline } from './cut_outline';
-import { DepthImage } from './depth_image';
+import { DepthCamera } from './depth_camera';
 import { EdgeMarks } from './edges';
 import { framing } from './framing';
+import { cameraNames } from './frustum';
 import { Ghost } from './ghost';
 import { Governor } from './governor';
 import { LeafGraph } from './graph';
 import { Landmarks } from './landmarks';
-import { NormalNeedles } from './normals';
-import { sampledPose, setPose, transformed } from './poses';
+import { NO_POSE, sampledPose, setPose, transformed } from './poses';
 import { createRenderer } from './renderer';
 import { Rings } from './rings';
 import { ToolSpheres } from './spheres';
@@ -28,7 +27,6 @@ import { ToolMesh } from './tool_mesh';
 import { Trace } from './trace';
 import { TreeNodes } from './tree';
 
-const NO_POSE: Pose = { position: [0, 0, 0], quaternion: [0, 0, 0, 1] };
 /// A tool alone stands as other programs show meshes, y up: in W that is half a turn about x.
 const UPRIGHT: Pose = { position: [0, 0, 0], quaternion: [1, 0, 0, 0] };
 /// s: samples so much newer than the last contact say where the tool is.
@@ -43,9 +41,7 @@ class View implements SceneView {
   private readonly tool = new Group(); // everything in T
   private readonly ground = new Color();
 
-  private readonly image = new DepthImage();
-  private readonly cloud = new Cloud(this.image);
-  private readonly normals = new NormalNeedles(this.image);
+  private sensors: DepthCamera[] = [];
   private readonly edges = new EdgeMarks();
   private readonly spheres = new ToolSpheres();
   private readonly graph = new LeafGraph();
@@ -66,6 +62,7 @@ class View implements SceneView {
   private strain = 0;
   private framed: 'nothing' | 'scene' | 'tool' = 'nothing';
   private sawNothing = false; // when it was framed
+  private framedSensors = 0;  // that had sent an image then
   private size: [number, number] = [1, 1]; // CSS pixels
   private pixelRatio = 1;
   private drawnRatio = 0;
@@ -76,7 +73,7 @@ class View implements SceneView {
     this.governor = new Governor(this.renderer.getContext() as WebGL2RenderingContext);
     this.tool.add(this.spheres.object, this.mesh.object, this.graph.object, this.tree.object,
       this.outline.object);
-    this.scene.add(this.cloud.object, this.normals.object, this.edges.needles, this.edges.panes, this.tool,
+    this.scene.add(this.tool,
       this.ghost.object, this.arrows.object, this.spring.object, this.rings.object, this.trace.object,
       this.landmarks.object);
     this.resize(canvas.clientWidth, canvas.clientHeight, 1);
@@ -93,13 +90,13 @@ class View implements SceneView {
     this.trace.clear();
     this.ghost.setPoses(NO_POSE, NO_POSE);
     this.arrows.setTool(hello.tool.radius, hello.tool.centre_of_mass, hello.handle !== null);
-    this.image.setStream(hello.stream);
-    this.edges.setStream(hello.stream);
+    this.makeSensors(hello);
     this.landmarks.setHello(hello);
     this.cameras.setHello(hello);
     this.framed = 'nothing';
     this.sawNothing = false;
-    if (!hello.stream) this.setToolPose(UPRIGHT);
+    this.framedSensors = 0;
+    if (hello.streams.length === 0) this.setToolPose(UPRIGHT);
   }
 
   setSpheres(spheres: Spheres): void {
@@ -123,8 +120,10 @@ class View implements SceneView {
   }
 
   setFrame(frame: Frame): void {
-    this.image.setFrame(frame);
-    this.cloud.setFrame(frame);
+    const sensor = this.sensors[frame.camera];
+    if (!sensor) return;
+    sensor.setFrame(frame);
+    if (frame.camera === 0) this.cameras.setSensorPose(frame.X_WC);
     this.frameOnce();
   }
 
@@ -132,7 +131,7 @@ class View implements SceneView {
     this.contact = contact;
     this.setToolPose(contact.X_WT);
     // A tool alone touches nothing: its spheres are not outside, there is nothing to be outside of.
-    if (this.hello?.stream && this.spheres.setContact(contact)) this.graph.statesChanged();
+    if (this.sensors.length > 0 && this.spheres.setContact(contact)) this.graph.statesChanged();
   }
 
   setCut(n: readonly number[], d: number): void {
@@ -141,7 +140,7 @@ class View implements SceneView {
   }
 
   setNormals(normals: Normals): void {
-    this.image.setNormals(normals);
+    this.sensors[0]?.image.setNormals(normals);
   }
 
   setEdges(edges: Edges): void {
@@ -190,7 +189,8 @@ class View implements SceneView {
     const found = this.framing();
     this.cameras.frame(found);
     this.framed = this.X_WT ? 'tool' : 'scene';
-    this.sawNothing = this.hello?.stream != null && found.farthest === 0;
+    this.sawNothing = this.sensors.length > 0 && !found.hasScene;
+    this.framedSensors = this.numSeeing;
   }
 
   project(x: number, y: number, z: number): [number, number] {
@@ -248,7 +248,7 @@ class View implements SceneView {
   }
 
   dispose(): void {
-    for (const part of [this.image, this.cloud, this.normals, this.edges, this.spheres, this.graph, this.tree,
+    for (const part of [...this.sensors, this.edges, this.spheres, this.graph, this.tree,
       this.mesh, this.outline, this.ghost, this.arrows, this.spring, this.rings, this.trace, this.landmarks, this.cameras, this.renderer]) {
       part.dispose();
     }
@@ -264,8 +264,7 @@ class View implements SceneView {
     }
     renderer.setClearColor(this.ground.set(THEMES[options.dark ? 'dark' : 'light'].ground));
     const { width, height } = this.canvas;
-    this.cloud.update(options, this.governor.coarser, height, ratio);
-    this.normals.update(options.normals);
+    for (const sensor of this.sensors) sensor.update(this.sensors[0], options, this.governor.coarser, height, ratio);
     this.edges.update(options);
     this.spheres.update(options);
     this.mesh.update(options);
@@ -284,7 +283,7 @@ class View implements SceneView {
     const centre = this.toolCentre();
     if (!this.hello || !centre) return;
     this.cameras.setToolCentre(centre);
-    this.cloud.setTool(centre, this.hello.tool.radius);
+    for (const { cloud } of this.sensors) cloud.setTool(centre, this.hello.tool.radius);
     this.frameOnce();
   }
 
@@ -314,16 +313,34 @@ class View implements SceneView {
   /// Looks at the scene when it is there, then at the tool in it, unless somebody looks elsewhere.
   private frameOnce(): void {
     if (!this.hello || this.cameras.moved) return;
-    const hasScene = this.image.number >= 0 || !this.hello.stream;
+    const numSeeing = this.numSeeing;
+    const hasScene = numSeeing > 0 || this.sensors.length === 0;
     const step = this.X_WT && hasScene ? 'tool' : hasScene ? 'scene' : 'nothing';
     // A camera may begin with empty images: then once more when there is something to be seen.
-    const appears = this.sawNothing && this.framing().farthest > 0;
+    const appears = this.sawNothing && this.framing().hasScene;
     const isNew = step !== this.framed && this.framed !== 'tool';
-    if (step !== 'nothing' && (isNew || appears)) this.resetView();
+    if (step !== 'nothing' && (isNew || appears || numSeeing > this.framedSensors)) this.resetView();
+  }
+
+  private get numSeeing(): number {
+    return this.sensors.filter((sensor) => sensor.isSeeing).length;
+  }
+
+  /// Of each stream one; what was seen by those before is forgotten.
+  private makeSensors({ streams }: Hello): void {
+    for (const sensor of this.sensors) {
+      this.scene.remove(sensor.object);
+      sensor.dispose();
+    }
+    const names = cameraNames(streams);
+    this.sensors = streams.map((stream, i) => new DepthCamera(stream, streams.length > 1 ? names[i] : '', streams.length));
+    this.edges.setStream(streams[0] ?? null);
+    this.sensors[0]?.object.add(this.edges.needles, this.edges.panes);
+    if (this.sensors.length > 0) this.scene.add(...this.sensors.map((sensor) => sensor.object));
   }
 
   private framing() {
-    return framing(this.image, this.toolCentre(), this.hello?.tool.radius ?? 0.1);
+    return framing(this.sensors, this.toolCentre(), this.hello?.tool.radius ?? 0.1);
   }
 }
 

@@ -1,0 +1,58 @@
+// A depth camera where it stands: what it sees, and its frustum.
+
+import { Group, Matrix4 } from 'three';
+import type { Frame, Pose, SceneOptions, Stream } from '../types';
+import { Cloud } from './cloud';
+import { DepthImage } from './depth_image';
+import { Frustum } from './frustum';
+import { NormalNeedles } from './normals';
+import { NO_POSE, setPose } from './poses';
+
+export class DepthCamera {
+  readonly object = new Group(); // everything in C
+  readonly image: DepthImage;
+  readonly cloud: Cloud;
+  X_WC: Pose = NO_POSE;
+  private readonly normals: NormalNeedles;
+  private readonly frustum: Frustum;
+  private readonly X_LC = new Matrix4();
+
+  /// `name` for people, empty if there is but one; `numCameras` in all.
+  constructor(stream: Stream, name: string, numCameras: number) {
+    this.image = new DepthImage(stream, numCameras);
+    this.cloud = new Cloud(this.image);
+    this.normals = new NormalNeedles(this.image);
+    this.frustum = new Frustum(stream, name);
+    this.object.add(this.cloud.object, this.normals.object, this.frustum.object);
+  }
+
+  get isSeeing(): boolean {
+    return this.image.number >= 0;
+  }
+
+  setFrame(frame: Frame): void {
+    this.X_WC = frame.X_WC;
+    setPose(this.object, frame.X_WC);
+    this.object.updateMatrixWorld();
+    this.image.setFrame(frame);
+    this.cloud.setFrame(frame);
+  }
+
+  /// `first` of the cameras: the light is there. The rest as Cloud.update has it.
+  update(first: DepthCamera, options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
+    const isFirst = this === first;
+    // To the bit where the camera is the first one.
+    if (isFirst) this.X_LC.identity();
+    else this.X_LC.copy(first.object.matrixWorld).invert().multiply(this.object.matrixWorld);
+    this.cloud.setLight(this.X_LC, first.cloud.depths);
+    this.cloud.update(options, coarser, height, pixelRatio);
+    this.normals.update(options.normals);
+    this.frustum.update(options.dark);
+    // Nobody sees the camera through which one looks, nor one of which nobody has said where it is.
+    this.frustum.object.visible = isFirst ? options.view !== 'camera' : this.isSeeing;
+  }
+
+  dispose(): void {
+    for (const part of [this.image, this.cloud, this.normals, this.frustum]) part.dispose();
+  }
+}
