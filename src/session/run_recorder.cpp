@@ -300,7 +300,9 @@ void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame
   write(channels_.frame, time, frame_message(record));
   write(channels.depth, time, image_message(header, frame));
   write(channels.info, time, camera_info_message(header, stream));
-  if (camera.X_WC != record.X_WC) add_camera_pose(record.camera, record.X_WC, time);
+  if (stream.is_moving || camera.X_WC != record.X_WC) {
+    add_camera_pose(record.camera, record.X_WC, time);
+  }
   if (time < camera.next_points) return;
   camera.next_points = time + kPointsPeriod;
   write(channels.points, time, points_message(header, frame, stream.intrinsics));
