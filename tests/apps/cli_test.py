@@ -956,12 +956,16 @@ class CommandLine(unittest.TestCase):
                                    stderr=subprocess.STDOUT, text=True)
         self.addCleanup(program.kill)
         with program:
-            seen = ""
-            while not (found := re.search(r"open (http://\S+?)/? in a browser", seen)):
-                line = program.stdout.readline()
-                self.assertTrue(line, seen)
-                seen += line
-            yield program, found.group(1)
+            try:
+                seen = ""
+                while not (found := re.search(r"open (http://\S+?)/? in a browser", seen)):
+                    line = program.stdout.readline()
+                    self.assertTrue(line, seen)
+                    seen += line
+                yield program, found.group(1)
+            except BaseException:
+                program.kill()  # else nobody would ever end it
+                raise
             program.send_signal(signal.SIGINT)
 
     def ask(self, address, what, command=None):
@@ -977,7 +981,7 @@ class CommandLine(unittest.TestCase):
         self.succeed(*self.sequence("-o", run))
         with self.page("view", self.tool, "--port", 0) as (program, address):
             hello = self.ask(address, "hello")
-            self.assertEqual((hello["kind"], hello["controls"], hello["stream"]), ("tool", [], None))
+            self.assertEqual((hello["kind"], hello["controls"], hello["streams"]), ("tool", [], []))
             self.assertEqual(hello["tool"]["spheres"], json.loads(
                 self.succeed("info", self.tool, "--json"))["spheres"])
             program.send_signal(signal.SIGINT)
