@@ -234,6 +234,9 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
   // Pages are sent to others, who need not know whose folders these were.
   const std::string stream_name = short_name(log.setup.streams.front().name);
   json["summary"]["stream"]["name"] = stream_name;
+  for (Json& camera : json["summary"]["cameras"]) {
+    camera["name"] = short_name(camera["name"].get<std::string>());
+  }
   for (const double time : log.frame_times) json["frame_times_s"].push_back(compact(time, 7));
   if (!log.deepest_frames.empty() && !log.deepest_frames.front().pixels.empty()) {
     auto moment = moment_json(tool, log);

@@ -296,7 +296,8 @@ void RunRecorder::write_frame(const FrameRecord& record, const DepthFrame& frame
   const DepthStreamInfo& stream = setups_.back().streams[record.camera];
   const Channels::Camera& channels = channels_.cameras[record.camera];
   Camera& camera = cameras_[record.camera];
-  const RosHeader header{time, camera_frame(record.camera)};
+  const std::string frame_name = camera_frame(record.camera);
+  const RosHeader header{time, frame_name};
   write(channels_.frame, time, frame_message(record));
   write(channels.depth, time, image_message(header, frame));
   write(channels.info, time, camera_info_message(header, stream));

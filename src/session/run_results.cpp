@@ -29,7 +29,7 @@ constexpr const char* kHeader =
     "objects_volume_m3,objects_measure_x_m3,objects_measure_y_m3,objects_measure_z_m3,objects_"
     "measure_mx_m4,"
     "objects_measure_my_m4,objects_measure_mz_m4,contact,frame,"
-    "status,contact_age_s,sensor_age_s,gain,fault,unseen\n";
+    "status,contact_age_s,sensor_age_s,gain,fault";
 
 }  // namespace
 
@@ -42,7 +42,7 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
       all_ticks_(all_ticks) {
   if (!all_ticks_) return;
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader;
+  csv_ << kHeader << (cameras_.size() > 1 ? ",unseen\n" : "\n");
 }
 
 void RunResults::add_settings(const RunSettings& settings) {
@@ -109,15 +109,18 @@ void RunResults::add_row(const TickRecord& tick) {
              all.num_boundary_spheres, all.num_inside_spheres, all.num_points,
              tick.num_object_pairs, tick.objects.volume, of.x, of.y, of.z, ot.x, ot.y, ot.z,
              tick.contact_number, tick.frame_number, all.status.bits, tick.contact_age,
-             tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)),
-             cameras_.size() > 1 ? all.unseen_volume / full_volume_ : kNone);
+             tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)));
+  if (cameras_.size() > 1) {
+    line_.back() = ',';
+    append_row(line_, ',', all.unseen_volume / full_volume_);
+  }
   csv_ << line_;
 }
 
 /// As long as the volume of the tool is counted as in the last settings.
 void RunResults::write_kept_rows(const fs::path& folder, RunLog& log) {
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader;
+  csv_ << kHeader << (cameras_.size() > 1 ? ",unseen\n" : "\n");
   auto reader = RunReader::open(folder);
   TickRecord tick;
   Result<bool> got = true;

@@ -137,7 +137,7 @@ class Cameras(unittest.TestCase):
         orbit = self.orbit()
         side = "0.4 0 0.107180 0 -0.258819 0 0.965926".replace(" ", ",")
         scene = "scene:sphere-out-320?noise=off&size=160x120"
-        one, two, rig = (self.folder / name for name in ("one", "two", "rigged"))
+        one, two, rig = (self.folder / name for name in ("one_camera", "two_cameras", "rigged"))
         self.check(palpate("touch", self.tool, "--camera", scene, "-o", one))
         self.check(palpate("touch", self.tool, "--camera", f"{scene}&poses={orbit}", "--camera",
                            f"{scene}&pose={side}", "-o", two))
