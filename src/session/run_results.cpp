@@ -112,7 +112,8 @@ void RunResults::add_row(const TickRecord& tick) {
              tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)));
   if (cameras_.size() > 1) {
     line_.back() = ',';
-    append_row(line_, ',', all.unseen_volume / full_volume_);
+    append_number(line_, all.unseen_volume / full_volume_);
+    line_ += '\n';
   }
   csv_ << line_;
 }
