@@ -1078,10 +1078,12 @@ class CommandLine(unittest.TestCase):
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             most = os.path.getsize(self.tool) + 100000  # a recording begins with the tool
             resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+        # A minute of the clock of the path: more than so many bytes of wrench.csv.
+        path = self.path("no_space.txt")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write("0 0 0 0.4 0 0 0 1\n60 0 0 0.45 0 0 0 1\n")
         result = subprocess.run(
-            [PALPATE, *map(str, self.sequence("-o", run, "--depth-rate", 2, "--device", "sim",
-                                              "--duration", 1.5, "--settings",
-                                              self.patient_settings("no_space.toml")))],
+            [PALPATE, *map(str, self.sequence("-o", run, "--path", path, "--duration", 60))],
             capture_output=True, text=True, preexec_fn=limit, restore_signals=False, timeout=120)
         self.assertEqual(result.returncode, 1, result.stderr)
         self.assertIn("palpate: not all of the run could be kept: ", result.stderr)
