@@ -2,24 +2,20 @@
 
 #include <algorithm>
 
+#include "src/ros/tf_tree.h"
+
 namespace palpate {
 namespace {
 
-constexpr std::size_t kMostFrames = 10000;  // of a tree, and in a chain of a damaged one
-constexpr double kMostApart = 1;            // s, from what was told
-
-/// ROS 1 wrote a slash before.
-std::string plain(const std::string& frame) {
-  return frame.starts_with('/') ? frame.substr(1) : frame;
-}
+constexpr double kMostApart = 1;  // s, from what was told
 
 }  // namespace
 
 void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
-  const std::string child = plain(transform.child);
+  const std::string child = plain_frame(transform.child);
   if (links_.size() >= kMostFrames && !links_.contains(child)) return;
   Link& link = links_[child];
-  link.parent = plain(transform.parent);
+  link.parent = plain_frame(transform.parent);
   link.is_static = is_static;
   if (is_static) link.X_PC.clear();
   link.X_PC.push_back({transform.time, transform.X_PC});
@@ -34,7 +30,7 @@ void TfHistory::sort() {
 }
 
 std::vector<std::string> TfHistory::ancestors(const std::string& frame) const {
-  std::vector<std::string> chain{plain(frame)};
+  std::vector<std::string> chain{plain_frame(frame)};
   for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMostFrames;
        link = links_.find(chain.back())) {
     chain.push_back(link->second.parent);

@@ -4,22 +4,12 @@
 #include <vector>
 
 namespace palpate {
-namespace {
-
-constexpr std::size_t kMostFrames = 10000;  // of a tree, and in a chain of a damaged one
-
-/// ROS 1 wrote a slash before.
-std::string plain(const std::string& frame) {
-  return frame.starts_with('/') ? frame.substr(1) : frame;
-}
-
-}  // namespace
 
 void TfTree::add(const RosStampedTransform& transform) {
-  const std::string child = plain(transform.child);
+  const std::string child = plain_frame(transform.child);
   const std::lock_guard lock(mutex_);
   if (links_.size() >= kMostFrames && !links_.contains(child)) return;
-  links_[child] = {plain(transform.parent), transform.X_PC, transform.time};
+  links_[child] = {plain_frame(transform.parent), transform.X_PC, transform.time};
 }
 
 const TfTree::Link* TfTree::parent_of(const std::string& frame) const {
@@ -38,13 +28,13 @@ std::optional<TfTree::Found> TfTree::find(const std::string& a, const std::strin
   const auto older = [](double one, double other) {
     return one == 0 ? other : other == 0 ? one : std::min(one, other);
   };
-  std::vector<Step> steps{{plain(a), {}, 0}};
+  std::vector<Step> steps{{plain_frame(a), {}, 0}};
   while (const Link* link = parent_of(steps.back().frame)) {
     const Step& last = steps.back();
     if (steps.size() > kMostFrames) return std::nullopt;
     steps.push_back({link->parent, link->X_PC * last.X_FA, older(last.time, link->time)});
   }
-  std::string frame = plain(b);
+  std::string frame = plain_frame(b);
   Pose X_FB;
   double time = 0;
   for (std::size_t i = 0; i < kMostFrames; ++i) {

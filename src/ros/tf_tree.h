@@ -10,6 +10,13 @@
 
 namespace palpate {
 
+inline constexpr std::size_t kMostFrames = 10000;  // of a tree, and in a chain of a damaged one
+
+/// ROS 1 wrote a slash before.
+inline std::string plain_frame(const std::string& frame) {
+  return frame.starts_with('/') ? frame.substr(1) : frame;
+}
+
 /// The newest transform of every frame to its parent. Any threads.
 class TfTree {
  public:

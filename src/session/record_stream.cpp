@@ -8,18 +8,12 @@
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_messages.h"
-#include "src/io/ros_types.h"
+#include "src/session/run_messages.h"
 
 namespace palpate {
 namespace {
 
 constexpr const char* kCamera = "camera";
-
-McapChannel ros_channel(const char* topic, std::string type) {
-  const std::string schema = message_schema(type);
-  type.insert(type.find('/'), "/msg");
-  return {topic, type, schema};
-}
 
 std::string text_message(std::string_view text) {
   CdrWriter to;

@@ -320,6 +320,12 @@ std::string object_file(std::size_t index) {
   return name;
 }
 
+McapChannel ros_channel(const std::string& topic, std::string type) {
+  const std::string schema = message_schema(type);
+  type.insert(type.find('/'), "/msg");
+  return {topic, type, schema};
+}
+
 McapChannel part_channel() { return channel_of<PartText>(kPartTopic); }
 McapChannel settings_channel() { return channel_of<SettingsText>(kSettingsTopic); }
 McapChannel frame_channel() { return channel_of<FrameRecord>(kFrameTopic); }

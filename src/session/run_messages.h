@@ -59,6 +59,9 @@ inline constexpr const char* kNoteTopic = "/note";
 inline constexpr const char* kToolFile = "tool.palp";
 std::string object_file(std::size_t index);
 
+/// Of a type of ROS, "sensor_msgs/Image".
+McapChannel ros_channel(const std::string& topic, std::string type);
+
 McapChannel part_channel();
 McapChannel settings_channel();
 McapChannel frame_channel();

@@ -10,7 +10,6 @@
 
 #include "palpate/io/tool_file.h"
 #include "src/io/ros_messages.h"
-#include "src/io/ros_types.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"
 
@@ -36,12 +35,6 @@ std::string at(double seconds) {
   char text[40];
   std::snprintf(text, sizeof text, "%.2f s", seconds);
   return text;
-}
-
-McapChannel ros_channel(const std::string& topic, std::string type) {
-  const std::string schema = message_schema(type);
-  type.insert(type.find('/'), "/msg");
-  return {topic, type, schema};
 }
 
 /// "camera", "camera_2", ...
