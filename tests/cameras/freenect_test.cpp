@@ -62,7 +62,7 @@ void write_recording(const std::filesystem::path& folder) {
 }
 
 TEST(Freenect, ARecordingThatFakenectPlaysConforms) {
-  if (!std::filesystem::exists(FAKENECT_LIBRARY)) GTEST_SKIP() << "no " FAKENECT_LIBRARY;
+  if (!std::filesystem::exists(FAKENECT_LIBRARY)) GTEST_SKIP() << "SKIPPED: no " FAKENECT_LIBRARY;
   const auto folder =
       std::filesystem::temp_directory_path() / ("palpate_fakenect_" + std::to_string(getpid()));
   write_recording(folder);

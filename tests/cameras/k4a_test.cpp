@@ -67,8 +67,9 @@ class K4a : public testing::Test {
   static void SetUpTestSuite() { setenv("VIRTUAL_ENV", PALPATE_SOURCE_DIR "/build/python", 0); }
   void SetUp() override {
     found_ = find_k4a_cameras();
-    if (!found_.is_usable) GTEST_SKIP() << found_.reason;
-    if (found_.reason.find("no recordings") != std::string::npos) GTEST_SKIP() << found_.reason;
+    if (!found_.is_usable) GTEST_SKIP() << "SKIPPED: " << found_.reason;
+    if (found_.reason.find("no recordings") != std::string::npos)
+      GTEST_SKIP() << "SKIPPED: " << found_.reason;
   }
 
   /// Whatever library of the two has it: both are loaded.

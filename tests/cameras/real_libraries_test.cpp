@@ -17,10 +17,10 @@ namespace {
 
 TEST(RealFreenect, SeesNoKinect) {
   const FoundCameras found = find_freenect_cameras();
-  if (found.library.empty()) GTEST_SKIP() << found.reason;
+  if (found.library.empty()) GTEST_SKIP() << "SKIPPED: " << found.reason;
   EXPECT_EQ(found.library, "libfreenect.so.0.5");
   EXPECT_EQ(found.version, "0.5");
-  if (!found.devices.empty()) GTEST_SKIP() << "a Kinect is plugged in";
+  if (!found.devices.empty()) GTEST_SKIP() << "SKIPPED: a Kinect is plugged in";
   const auto refused = open_camera("freenect");
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find(found.is_usable ? "sees no camera" : "cannot use USB"),
@@ -32,7 +32,7 @@ class RealOrbbec : public testing::Test {
  protected:
   static void SetUpTestSuite() { setenv("VIRTUAL_ENV", PALPATE_SOURCE_DIR "/build/python", 0); }
   void SetUp() override {
-    if (!orbbec::api()) GTEST_SKIP() << orbbec::api().error().message;
+    if (!orbbec::api()) GTEST_SKIP() << "SKIPPED: " << orbbec::api().error().message;
   }
   static const orbbec::Api& api() { return *orbbec::api(); }
   template <class Function>
@@ -47,7 +47,7 @@ TEST_F(RealOrbbec, IsFoundAndSeesNoCamera) {
   const FoundCameras found = find_orbbec_cameras();
   EXPECT_TRUE(found.is_usable);
   EXPECT_TRUE(found.version.starts_with("2.")) << found.version;
-  if (!found.devices.empty()) GTEST_SKIP() << "a camera is plugged in";
+  if (!found.devices.empty()) GTEST_SKIP() << "SKIPPED: a camera is plugged in";
   const auto refused = open_camera("orbbec");
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("sees no camera"), std::string::npos);

@@ -46,7 +46,7 @@ class Realsense : public testing::Test {
  protected:
   static void SetUpTestSuite() { setenv("VIRTUAL_ENV", PALPATE_SOURCE_DIR "/build/python", 0); }
   void SetUp() override {
-    if (!realsense::api()) GTEST_SKIP() << realsense::api().error().message;
+    if (!realsense::api()) GTEST_SKIP() << "SKIPPED: " << realsense::api().error().message;
   }
   static const Api& api() { return *realsense::api(); }
 };
