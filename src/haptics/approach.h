@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "palpate/haptics/state_numbers.h"
-#include "src/haptics/matrix6.h"
+#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate {

@@ -4,7 +4,7 @@
 
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
-#include "src/haptics/friction.h"
+#include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate {

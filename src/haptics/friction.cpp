@@ -1,4 +1,4 @@
-#include "src/haptics/friction.h"
+#include "src/haptics/internal/friction.h"
 
 #include <algorithm>
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "src/haptics/contact_line.h"
-#include "src/haptics/matrix6.h"
+#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate {

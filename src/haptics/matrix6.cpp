@@ -1,4 +1,4 @@
-#include "src/haptics/matrix6.h"
+#include "src/haptics/internal/matrix6.h"
 
 #include <algorithm>
 

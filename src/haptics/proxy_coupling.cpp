@@ -3,7 +3,7 @@
 // spring.
 #include "src/haptics/approach.h"
 #include "src/haptics/couplings.h"
-#include "src/haptics/friction.h"
+#include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate {

@@ -12,7 +12,7 @@
 #include <algorithm>
 
 #include "src/haptics/couplings.h"
-#include "src/haptics/friction.h"
+#include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate {

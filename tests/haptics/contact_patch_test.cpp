@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "src/haptics/matrix6.h"
+#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/tangents.h"
 #include "tests/haptics/friction_touch.h"
 #include "tests/test_util/random.h"

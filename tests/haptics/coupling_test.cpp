@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "src/haptics/matrix6.h"
+#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"

@@ -9,7 +9,7 @@
 #include <limits>
 #include <vector>
 
-#include "src/haptics/friction.h"
+#include "src/haptics/internal/friction.h"
 #include "tests/haptics/friction_touch.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "palpate/haptics/coupling.h"
-#include "src/haptics/matrix6.h"
+#include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
 namespace palpate::test {

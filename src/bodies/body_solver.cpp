@@ -1,0 +1,332 @@
+#include "src/bodies/internal/body_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+/// Of the stiffest direction of a contact: what falls does not bounce.
+constexpr double kContactDampingRatio = 0.7;
+/// A patch that sticks gives way by so much where it holds the weight of the lighter body.
+constexpr double kStretch = 2e-5;  // m
+constexpr double kGravity = 9.81;
+
+constexpr int kMostTries = 4;     // without what would pull
+constexpr int kMostSweeps = 100;  // of friction: some ten do
+constexpr double kClose = 1e-9;   // of the largest limit
+
+/// a += s b.
+void add(Mat6& a, double s, const Mat6& b) { a = sum(a, s, b); }
+
+/// T of v_at_a = T v: how the point that lies at a's center of mass moves with a body whose center
+/// of mass is `d` away from it.
+Mat6 transport(const Vec3d& d) {
+  Mat6 t;
+  for (int i = 0; i < 6; ++i) t.m[i][i] = 1;
+  t.m[0][4] = d.z;
+  t.m[0][5] = -d.y;
+  t.m[1][3] = -d.z;
+  t.m[1][5] = d.x;
+  t.m[2][3] = d.y;
+  t.m[2][4] = -d.x;
+  return t;
+}
+
+Mat6 product(const Mat6& a, const Mat6& b) {
+  Mat6 c;
+  for (int i = 0; i < 6; ++i) {
+    for (int k = 0; k < 6; ++k) {
+      for (int j = 0; j < 6; ++j) c.m[i][j] += a.m[i][k] * b.m[k][j];
+    }
+  }
+  return c;
+}
+
+Mat6 transposed(const Mat6& a) {
+  Mat6 t;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) t.m[i][j] = a.m[j][i];
+  }
+  return t;
+}
+
+Vec6 at_other(const Vec6& wrench_a, const Vec3d& d) {
+  return {-wrench_a.linear, -(wrench_a.angular + cross(d, wrench_a.linear))};
+}
+
+/// Of the stiffest direction, at most by the square root of 3 too much.
+double largest(const Mat6& k) {
+  double squares = 0;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) squares += k.m[i][j] * k.m[i][j];
+  }
+  return std::sqrt(squares);
+}
+
+double radius_of_gyration(const RigidBody& body) {
+  const auto& i = body.inertia_B.m;
+  return std::sqrt((i[0][0] + i[1][1] + i[2][2]) / 2 / body.mass);
+}
+
+Mat6 mass_matrix(const RigidBody& body) {
+  Mat6 mass;
+  const Mat3d inertia = inertia_W(body);
+  for (int i = 0; i < 3; ++i) {
+    mass.m[i][i] = body.mass;
+    for (int j = 0; j < 3; ++j) mass.m[i + 3][j + 3] = inertia.m[i][j];
+  }
+  return mass;
+}
+
+}  // namespace
+
+BodySolver::BodySolver(int most_bodies, std::span<const double> mass_of_place)
+    : rows_(static_cast<std::size_t>(most_bodies)),
+      system_(most_bodies),
+      work_(mass_of_place.size()),
+      velocities_(static_cast<std::size_t>(most_bodies)),
+      motions_(3 * mass_of_place.size() * static_cast<std::size_t>(most_bodies)) {
+  CouplingOptions options;  // coefficients come with each contact
+  for (const double mass : mass_of_place) {
+    const double stiffness = mass * kGravity / kStretch;
+    places_.push_back(
+        {PatchFriction(options, stiffness, 2 * std::sqrt(mass / stiffness)), stiffness, {}});
+  }
+}
+
+void BodySolver::reset() noexcept {
+  for (Place& place : places_) {
+    place.friction.reset();
+    place.force = {};
+    place.is_held = place.was_held = false;
+  }
+}
+
+double BodySolver::friction_energy() const noexcept {
+  double energy = 0;
+  for (const Place& place : places_) {
+    const FrictionState& state = place.friction.state();
+    energy += 0.5 * place.stiffness *
+              (dot(state.bristle_W, state.bristle_W) + state.bristle_turn * state.bristle_turn);
+  }
+  return energy;
+}
+
+Vec6 BodySolver::motion(const BodyTouch& touch, const Work& work,
+                        std::span<const Vec6> velocities) const {
+  Vec6 moves{-touch.V_W.linear, -touch.V_W.angular};
+  if (touch.b != BodyTouch::kNoBody) moves = {};
+  if (const int a = row(touch.a); a >= 0) moves = moves + velocities[static_cast<std::size_t>(a)];
+  if (const int b = row(touch.b); b >= 0) {
+    const Vec6& v = velocities[static_cast<std::size_t>(b)];
+    moves = moves - Vec6{v.linear + cross(v.angular, work.d), v.angular};
+  }
+  return moves;
+}
+
+void BodySolver::prepare(std::span<const RigidBody> bodies, std::span<const BodyTouch> touches,
+                         double dt) {
+  num_rows_ = 0;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    rows_[i] = bodies[i].is_asleep ? -1 : num_rows_++;
+  }
+  for (std::size_t i = 0; i < touches.size(); ++i) {
+    const BodyTouch& touch = touches[i];
+    const RigidBody& a = bodies[static_cast<std::size_t>(touch.a)];
+    Work& work = work_[i];
+    work.stiffness = positive_part(touch.stiffness, radius_of_gyration(a));
+    double mass = row(touch.a) >= 0 ? a.mass : 0;
+    if (touch.b != BodyTouch::kNoBody) {
+      const RigidBody& b = bodies[static_cast<std::size_t>(touch.b)];
+      work.d = a.center_W() - b.center_W();
+      if (mass == 0 || row(touch.b) < 0) {
+        mass = std::max(mass, row(touch.b) >= 0 ? b.mass : 0.0);
+      } else {
+        mass = mass * b.mass / (mass + b.mass);
+      }
+    }
+    const double k = largest(work.stiffness);
+    work.resistance = dt + (k > 0 ? 2 * kContactDampingRatio * std::sqrt(mass / k) : 0);
+    const bool is_usable =
+        is_finite(touch.F_A_W) && std::isfinite(k) && (row(touch.a) >= 0 || row(touch.b) >= 0);
+    work.is_pushing = is_usable && norm(touch.F_A_W.force) > 0;
+  }
+}
+
+bool BodySolver::solve_pushes(std::span<const RigidBody> bodies, std::span<const BodyTouch> touches,
+                              const Forces& forces, double dt) {
+  system_.begin(num_rows_);
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const RigidBody& body = bodies[i];
+    const int r = rows_[i];
+    if (r < 0) continue;
+    const Mat6 mass = mass_matrix(body);
+    Vec6& v = velocities_[static_cast<std::size_t>(r)];
+    v = mass * Vec6{body.V_W.linear, body.V_W.angular} +
+        Vec6{dt * body.mass * forces.gravity_W, {}};
+    system_.at(r, r) = sum({}, 1 + dt * forces.damping, mass);
+  }
+  for (std::size_t i = 0; i < touches.size(); ++i) {
+    const BodyTouch& touch = touches[i];
+    const Work& work = work_[i];
+    if (!work.is_pushing) continue;
+    const int a = row(touch.a), b = row(touch.b);
+    const double r = work.resistance;
+    Vec6 impulse = dt * to_vec6(touch.F_A_W);
+    if (touch.b == BodyTouch::kNoBody) {
+      impulse = impulse + (dt * r) * (work.stiffness * Vec6{touch.V_W.linear, touch.V_W.angular});
+    }
+    if (a >= 0) {
+      Vec6& of_a = velocities_[static_cast<std::size_t>(a)];
+      of_a = of_a + impulse;
+      add(system_.at(a, a), dt * r, work.stiffness);
+    }
+    if (b < 0) continue;
+    Vec6& of_b = velocities_[static_cast<std::size_t>(b)];
+    of_b = of_b + at_other(impulse, work.d);
+    const Mat6 t = transport(work.d), kt = product(work.stiffness, t);
+    add(system_.at(b, b), dt * r, product(transposed(t), kt));
+    if (a < 0) continue;
+    if (a > b) {
+      add(system_.at(a, b), -dt * r, kt);
+    } else {
+      add(system_.at(b, a), -dt * r, transposed(kt));
+    }
+  }
+  if (!system_.factor()) return false;
+  system_.solve(velocities_);
+  return true;
+}
+
+/// What would pull at the end of the step has come loose within it. Whether there was any.
+bool BodySolver::drop_pulls(std::span<const BodyTouch> touches) {
+  bool has_any = false;
+  for (std::size_t i = 0; i < touches.size(); ++i) {
+    Work& work = work_[i];
+    if (!work.is_pushing) continue;
+    const Vec6 resisted = work.stiffness * motion(touches[i], work, velocities_);
+    const Vec3d& force = touches[i].F_A_W.force;
+    if (dot(force - work.resistance * resisted.linear, force) > 0) continue;
+    work.is_pushing = false;
+    has_any = true;
+  }
+  return has_any;
+}
+
+/// And how the bodies move by forces in their directions.
+void BodySolver::find_patches(std::span<const BodyTouch> touches, double dt) {
+  for (std::size_t i = 0; i < touches.size(); ++i) {
+    const BodyTouch& touch = touches[i];
+    Work& work = work_[i];
+    Place& place = places_[static_cast<std::size_t>(touch.place)];
+    work.is_held = false;
+    if (!work.is_pushing || !(touch.friction > 0)) continue;
+    LocalContact contact;
+    contact.patch = touch.patch;
+    contact.patch.share = 0;
+    contact.patch.own_friction = touch.friction;
+    work.is_held = place.friction.touch(contact, touch.F_A_W, dt, work.patch);
+    if (!work.is_held) continue;
+    place.is_held = true;
+    const int a = row(touch.a), b = row(touch.b);
+    for (int k = 0; k < 3; ++k) {
+      const std::span<Vec6> moved = motions(i, k);
+      std::fill(moved.begin(), moved.end(), Vec6{});
+      if (a >= 0) moved[static_cast<std::size_t>(a)] = work.patch.slides[k];
+      if (b >= 0) moved[static_cast<std::size_t>(b)] = at_other(work.patch.slides[k], work.d);
+      system_.solve(moved, a < 0 ? b : (b < 0 ? a : std::min(a, b)));
+    }
+    Vec3d columns[3];
+    for (int k = 0; k < 3; ++k) {
+      Vec6 moves = motion(touch, work, motions(i, k));
+      if (touch.b == BodyTouch::kNoBody) {
+        moves = moves + Vec6{touch.V_W.linear, touch.V_W.angular};  // of forces alone
+      }
+      columns[k] = dt * dt * work.patch.slid_by(moves);
+    }
+    work.compliance = {columns[0].x, columns[1].x, columns[2].x,
+                       columns[1].y, columns[2].y, columns[2].z};
+    work.grip.force = place.force;
+  }
+}
+
+void BodySolver::solve_friction(std::span<const BodyTouch> touches, double dt) {
+  find_patches(touches, dt);
+  double limit = 0;
+  const auto push = [&](std::size_t i, const Vec3d& force) {
+    for (int k = 0; k < 3; ++k) {
+      const std::span<const Vec6> moved = motions(i, k);
+      const double by = dt * force[k];
+      for (std::size_t r = 0; r < moved.size(); ++r) {
+        velocities_[r] = velocities_[r] + by * moved[r];
+      }
+    }
+  };
+  for (std::size_t i = 0; i < touches.size(); ++i) {
+    if (!work_[i].is_held) continue;
+    limit = std::max(limit, work_[i].patch.limit);
+    push(i, work_[i].grip.force);
+  }
+  // Each patch in turn, the others' forces as they are: the sum of all energies falls, so it ends.
+  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+    double change = 0;
+    for (std::size_t i = 0; i < touches.size(); ++i) {
+      Work& work = work_[i];
+      if (!work.is_held) continue;
+      const Vec3d before = work.grip.force;
+      const Mat3s& w = work.compliance;
+      const Vec3d own{w.xx * before.x + w.xy * before.y + w.xz * before.z,
+                      w.xy * before.x + w.yy * before.y + w.yz * before.z,
+                      w.xz * before.x + w.yz * before.y + w.zz * before.z};
+      const Vec3d slid = dt * work.patch.slid_by(motion(touches[i], work, velocities_)) - own;
+      work.grip = places_[static_cast<std::size_t>(touches[i].place)].friction.hold(work.patch,
+                                                                                    slid, w, dt);
+      push(i, work.grip.force - before);
+      change = std::max(change, norm(work.grip.force - before));
+    }
+    if (!(change > kClose * limit)) break;
+  }
+  for (std::size_t i = 0; i < touches.size(); ++i) {
+    if (!work_[i].is_held) continue;
+    Place& place = places_[static_cast<std::size_t>(touches[i].place)];
+    place.friction.keep(work_[i].patch, work_[i].grip, dt);
+    place.force = work_[i].grip.force;
+  }
+}
+
+void BodySolver::step(std::span<RigidBody> bodies, std::span<const BodyTouch> touches,
+                      const Forces& forces, double dt) noexcept {
+  for (Place& place : places_) place.was_held = std::exchange(place.is_held, false);
+  prepare(bodies, touches, dt);
+  bool is_solved = solve_pushes(bodies, touches, forces, dt);
+  for (int i = 0; is_solved && i < kMostTries && drop_pulls(touches); ++i) {
+    is_solved = solve_pushes(bodies, touches, forces, dt);
+  }
+  if (is_solved) solve_friction(touches, dt);
+  for (Place& place : places_) {
+    if (place.is_held || !place.was_held) continue;
+    place.friction.reset();
+    place.force = {};
+  }
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    RigidBody& body = bodies[i];
+    if (rows_[i] < 0) continue;
+    const RigidBody before = body;
+    const Vec6& v = velocities_[static_cast<std::size_t>(rows_[i])];
+    body.V_W = {v.linear, v.angular};
+    // What falls freely moves as the mean of both velocities says.
+    const bool is_free = std::none_of(touches.begin(), touches.end(), [i](const BodyTouch& touch) {
+      return touch.a == static_cast<int>(i) || touch.b == static_cast<int>(i);
+    });
+    const Vec3d late = is_free ? forces.gravity_W * (dt / 2) : Vec3d{};
+    if (is_solved && is_finite(v)) move(body, dt * (body.V_W.linear - late), dt);
+    if (!is_solved || !is_finite(body.X_WB) || !is_finite(v)) {
+      body = before;
+      body.V_W = {};
+    }
+  }
+}
+
+}  // namespace palpate
