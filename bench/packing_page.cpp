@@ -2,8 +2,8 @@
 #include <algorithm>
 
 #include "bench/packing_comparison.h"
-#include "src/pages/report_page.h"
-#include "src/session/compact_json.h"
+#include "src/pages/internal/report_page.h"
+#include "src/session/internal/compact_json.h"
 
 namespace palpate::bench {
 namespace {

@@ -70,12 +70,14 @@ struct Number {
   std::string unit;
 };
 
-/// Drawn, not measured.
+/// In three dimensions; drawn, not measured.
 struct Picture {
+  enum class Kind { cut_open, seen } kind;
   std::string title;
-  std::string png_base64;  ///< the background is transparent
+  std::string data;  ///< JSON: solid_json of a tool cut open across z, or seen_tool_json
   std::string caption;
 };
+constexpr auto names_of(Picture::Kind) { return std::array{"cut open", "seen"}; }
 
 struct Table {
   std::string title;

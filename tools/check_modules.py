@@ -71,7 +71,6 @@ SHARED_PRIVATE = {
     "src/io/ros_types.h": ("ros", "session"),
     "src/io/text_scanner.h": ("cameras",),
     "src/pages/page_files.h": ("viewer",),
-    "src/pages/report_page.h": ("session",),
     "src/session/settings_json.h": ("viewer",),
     "src/session/run_reader.h": ("viewer", "python"),
     "src/session/run_messages.h": ("viewer",),

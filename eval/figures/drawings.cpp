@@ -8,17 +8,13 @@
 #include "palpate/mesh/cap_mesh.h"
 #include "palpate/mesh/mass_properties.h"
 #include "scenes/truth.h"
-#include "src/session/base64.h"
-#include "src/session/cut_picture.h"
-#include "src/session/scene_picture.h"
-#include "src/session/svg_parts.h"
+#include "src/session/internal/page_models.h"
 
 namespace palpate::eval {
 namespace {
 
 constexpr int kFewSpheres = 500, kManySpheres = 5000;
 constexpr double kToolSize = 0.1;  // m
-constexpr int kPictureWidth = 520;
 
 /// A drawing of the thesis that this program has elsewhere: no claim, no verdict.
 FigureResult drawn_elsewhere(const std::string& thesis, const std::string& where) {
@@ -27,8 +23,9 @@ FigureResult drawn_elsewhere(const std::string& thesis, const std::string& where
   return result;
 }
 
-Picture picture(const std::string& title, const std::string& png, const std::string& caption) {
-  return {title, base64(png), caption};
+Picture cut_open(const std::string& title, const Tool& tool, std::span<const Sphere> spheres,
+                 const std::string& caption) {
+  return {Picture::Kind::cut_open, title, solid_json(tool, spheres).dump(), caption};
 }
 
 Number count(const std::string& key, std::size_t value) {
@@ -51,10 +48,8 @@ Result<FigureResult> tree_levels(Context& context) {
     node = nodes[node].parent;
   }
   FigureResult result;
-  const Cut cut = cut_across((*tool)->mesh(), 2, kPictureWidth);
-  result.pictures.push_back(picture("The packing",
-                                    draw_cut_png(cut, (*tool)->mesh(), (*tool)->spheres()),
-                                    words("%zu spheres in a torus, cut open.", num_spheres)));
+  result.pictures.push_back(cut_open("The packing", **tool, (*tool)->spheres(),
+                                     words("%zu spheres in a torus, cut open.", num_spheres)));
   // The spheres of the tree at some of its levels.
   std::vector<int> level_of(nodes.size(), 0);
   for (std::size_t i = 1; i < nodes.size(); ++i) {
@@ -65,9 +60,8 @@ Result<FigureResult> tree_levels(Context& context) {
     for (std::size_t i = 0; i < nodes.size(); ++i) {
       if (level_of[i] == level) spheres.push_back(nodes[i].bound);
     }
-    result.pictures.push_back(picture(words("Level %d of the tree", level),
-                                      draw_cut_png(cut, (*tool)->mesh(), spheres),
-                                      words("%zu bounding spheres.", spheres.size())));
+    result.pictures.push_back(cut_open(words("Level %d of the tree", level), **tool, spheres,
+                                       words("%zu bounding spheres.", spheres.size())));
   }
   result.tables = {
       {"The tree of inner spheres",
@@ -88,8 +82,9 @@ Result<FigureResult> leaf_graph(Context& context) {
     if (!tool) return tool.error();
     const LeafGraph& graph = (*tool)->graph();
     const double num = static_cast<double>((*tool)->spheres().size());
-    table.rows.push_back({short_number(num), std::to_string(graph.num_edges()),
-                          short_number(2 * static_cast<double>(graph.num_edges()) / num, 3),
+    table.rows.push_back({std::to_string((*tool)->spheres().size()),
+                          std::to_string(graph.num_edges()),
+                          words("%.3g", 2 * static_cast<double>(graph.num_edges()) / num),
                           std::to_string(graph.num_components_before_bridging()),
                           std::to_string(graph.num_bridges())});
     result.numbers.push_back(
@@ -109,7 +104,9 @@ Result<FigureResult> threads(Context&) {
 Result<Picture> states_in(Context& context, const char* name) {
   const auto scene = scenes::make_scene(name);
   if (!scene) return scene.error();
-  const auto frame = seen_scene(context, *scene, true);
+  const auto image = picture_of(context, *scene, true);
+  if (!image) return image.error();
+  const auto frame = SeenFrame::create(image->stream, image->frame);
   if (!frame) return frame.error();
   const auto tool =
       context.tool(scene->tool_shape, scene->tool_size, context.choose(kManySpheres, kFewSpheres));
@@ -124,12 +121,10 @@ Result<Picture> states_in(Context& context, const char* name) {
     if (share > most && share < 0.6) most = share, deepest = scene->path_poses[i];
   }
   query->query(deepest, ContactOptions{});
-  const Vec3d centre_W = deepest * (*tool)->sphere_mass().centre_of_mass;
-  View view = side_view(centre_W, 0.75 * scene->tool_size);
-  return picture(
-      words("In the scene %s", name),
-      draw_scene_png(view, frame->cloud(), (*tool)->spheres(), query->states(), deepest),
-      words("%.0f %% deep, from the side: inside blue, boundary purple, outside red.", 100 * most));
+  return Picture{
+      Picture::Kind::seen, words("In the scene %s", name),
+      seen_tool_json(**tool, deepest, image->stream, image->frame, query->states(), {}).dump(),
+      words("%.0f %% deep: inside blue, boundary purple, outside red.", 100 * most)};
 }
 
 Result<FigureResult> states(Context& context) {
@@ -160,20 +155,20 @@ Result<FigureResult> caps(Context&) {
     const double exact = cap_volume(radius, distance * side);
     worst = std::max(worst, std::abs(volume / exact - 1));
     table.rows.push_back({side > 0 ? "behind the plane" : "in front of it",
-                          std::to_string(mesh.triangles.size()), short_number(volume, 6),
-                          short_number(exact, 6)});
+                          std::to_string(mesh.triangles.size()), words("%.6g", volume),
+                          words("%.6g", exact)});
   }
   const bool meets = std::abs(distance)<radius, printed = std::abs(distance)> radius;
   result.claims = {
       {"Sphere and plane meet if |n S - n O| > r (the condition above eq. 4.20).",
-       "In the thesis' own example |n S - n O| is " + short_number(std::abs(distance), 3) +
+       "In the thesis' own example |n S - n O| is " + words("%.3g", std::abs(distance)) +
            " and r is 3; the plane cuts the sphere, so the condition has to be < r.",
        are_true({meets == printed})},
       {"The caps before and behind the plane are closed meshes with the volumes of the closed "
        "form.",
        "With " + std::to_string(kSegments) +
            " segments their volumes are those of the closed form within " +
-           short_number(100 * worst, 2) + " %.",
+           words("%.2g", 100 * worst) + " %.",
        holds_below(worst, 0.01), Source::docs}};
   result.numbers = {{"distance", distance, ""}, {"cap.worst_volume_error", 100 * worst, "%"}};
   result.tables = {std::move(table)};
@@ -189,8 +184,8 @@ Result<FigureResult> set_ups(Context&) {
   FigureResult result;
   Table table{"The synthetic experiments", {"figure", "scene", "tool", "size, m", "way, m"}, {}};
   for (const scenes::ThesisExperiment& x : scenes::thesis_experiments()) {
-    table.rows.push_back({x.figure, x.scene, x.tool_shape, short_number(x.tool_size),
-                          short_number(norm(x.end.translation - x.start.translation))});
+    table.rows.push_back({x.figure, x.scene, x.tool_shape, words("%.4g", x.tool_size),
+                          words("%.4g", norm(x.end.translation - x.start.translation))});
   }
   result.numbers = {count("setups", table.rows.size())};
   result.tables = {std::move(table)};

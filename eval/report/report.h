@@ -10,8 +10,9 @@ namespace palpate::eval {
 
 inline constexpr const char* kReportPage = "index.html";
 
-/// The whole report. What contradicts the thesis or our documentation comes first.
-std::string report_page(const Evaluation& evaluation);
+/// The whole report. What contradicts the thesis or our documentation comes first. Error: this
+/// build has no pages.
+Result<std::string> evaluation_page(const Evaluation& evaluation);
 
 /// Claims, findings and verdicts as a table for docs/evaluation.md.
 std::string summary_markdown(const Evaluation& evaluation);

@@ -201,9 +201,12 @@ Result<Evaluation> run_evaluation(std::span<const FigureSpec> all,
   evaluation.finished = utc_now();
   std::error_code ignored;
   fs::create_directories(options.output / kDataFolder, ignored);
-  const Status written =
-      write_file_atomically(options.output / kReportPage, report_page(evaluation));
-  if (!written) return written.error();
+  const auto page = evaluation_page(evaluation);
+  if (!page) {
+    evaluation.warnings.push_back(page.error().message);
+  } else if (Status status = write_file_atomically(options.output / kReportPage, *page); !status) {
+    return status.error();
+  }
   const Status described =
       write_file_atomically(options.output / kDataFolder / "README.md", data_readme(evaluation));
   if (!described) return described.error();

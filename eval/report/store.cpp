@@ -36,6 +36,8 @@ Json to_json(const Plot& plot) {
           {"curves", std::move(curves)}};
 }
 
+}  // namespace
+
 Json to_json(const StoredFigure& figure) {
   Json json{{"format", kFormat},
             {"id", figure.id},
@@ -63,9 +65,10 @@ Json to_json(const StoredFigure& figure) {
   }
   for (const Plot& plot : figure.result.plots) json["plots"].push_back(to_json(plot));
   for (const Picture& picture : figure.result.pictures) {
-    json["pictures"].push_back({{"title", picture.title},
+    json["pictures"].push_back({{"kind", name_of(picture.kind)},
+                                {"title", picture.title},
                                 {"caption", picture.caption},
-                                {"png_base64", picture.png_base64}});
+                                {"data", Json::parse(picture.data)}});
   }
   for (const Table& table : figure.result.tables) {
     json["tables"].push_back(
@@ -73,6 +76,8 @@ Json to_json(const StoredFigure& figure) {
   }
   return json;
 }
+
+namespace {
 
 // Reading throws nlohmann's exceptions, which load_figure catches.
 
@@ -101,7 +106,7 @@ Plot plot_from(const Json& json) {
   return plot;
 }
 
-/// nullopt: a verdict that is not known.
+/// nullopt: a verdict or a kind of picture that is not known.
 std::optional<StoredFigure> figure_from(const Json& json) {
   StoredFigure figure;
   figure.id = json.at("id");
@@ -125,8 +130,10 @@ std::optional<StoredFigure> figure_from(const Json& json) {
     figure.result.tables.push_back({table.at("title"), table.at("columns"), table.at("rows")});
   }
   for (const Json& picture : json.at("pictures")) {
+    const auto kind = value_named<Picture::Kind>(picture.at("kind").get<std::string>());
+    if (!kind) return std::nullopt;
     figure.result.pictures.push_back(
-        {picture.at("title"), picture.at("png_base64"), picture.at("caption")});
+        {*kind, picture.at("title"), picture.at("data").dump(), picture.at("caption")});
   }
   figure.result.notes = json.at("notes");
   figure.result.rows_of = json.value("rows_of", "");

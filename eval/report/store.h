@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "eval/context.h"
@@ -37,6 +38,9 @@ struct StoredFigure {
 
 /// Where the figures of a report lie.
 inline constexpr const char* kDataFolder = "data";
+
+/// As in its file; numbers that are not finite are null.
+nlohmann::ordered_json to_json(const StoredFigure& figure);
 
 /// FOLDER/ID.json, and FOLDER/ID-plot1.csv, -table1.csv, -numbers.csv for other programs. Each file
 /// is whole or absent; the JSON comes last.

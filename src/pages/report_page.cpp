@@ -1,5 +1,5 @@
 // A report: the template that web/make_page.mjs made, filled.
-#include "src/pages/report_page.h"
+#include "src/pages/internal/report_page.h"
 
 #include "src/core/internal/assert.h"
 #include "src/pages/page_files.h"

@@ -3,9 +3,10 @@
 #include <map>
 
 #include "palpate/version.h"
-#include "src/pages/report_page.h"
-#include "src/session/compact_json.h"
+#include "src/pages/internal/report_page.h"
+#include "src/session/internal/compact_json.h"
 #include "src/session/internal/packing_report.h"
+#include "src/session/internal/page_models.h"
 
 namespace palpate {
 namespace {
@@ -13,7 +14,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // What a page holds at most.
-constexpr std::size_t kMostSpheres = 200000, kMostTriangles = 200000, kMostValues = 4000;
+constexpr std::size_t kMostValues = 4000;
 
 Json list(const Vec3d& v, int digits = 6) {
   return {compact(v.x, digits), compact(v.y, digits), compact(v.z, digits)};
@@ -39,19 +40,6 @@ Json fill_json(const std::vector<double>& fill) {
   }
   json.push_back({fill.size(), compact(fill.back())});
   return json;
-}
-
-Json mesh_json(const TriangleMesh& mesh) {
-  if (mesh.triangles.size() > kMostTriangles) return nullptr;
-  std::vector<float> positions;
-  for (const Vec3d& p : mesh.vertices) {
-    for (int axis = 0; axis < 3; ++axis) positions.push_back(static_cast<float>(p[axis]));
-  }
-  std::vector<std::uint32_t> corners;
-  for (const auto& triangle : mesh.triangles) {
-    corners.insert(corners.end(), triangle.begin(), triangle.end());
-  }
-  return {{"positions", packed<float>(positions)}, {"triangles", packed<std::uint32_t>(corners)}};
 }
 
 Json mass_json(const MassProperties& mass) {
@@ -101,27 +89,15 @@ Json pairs(const std::vector<std::pair<std::string, Value>>& list) {
 
 Result<std::string> packing_page(const Tool& tool, const PackingStatistics& s,
                                  const PackingNotes& notes) {
-  const Bounds box = bounds(tool.mesh());
-  const auto spheres = tool.spheres();
   std::vector<float> radii;
-  double reach = 0;  // about the centre of mass
-  for (const Sphere& sphere : spheres) {
-    radii.push_back(sphere.radius);
-    const Vec3d p = to_double(sphere.centre) - tool.sphere_mass().centre_of_mass;
-    reach = std::max(reach, norm(p) + static_cast<double>(sphere.radius));
-  }
+  for (const Sphere& sphere : tool.spheres()) radii.push_back(sphere.radius);
   std::sort(radii.begin(), radii.end());
   const LeafGraph& graph = tool.graph();
   const Json json{
       {"kind", "packing"},
       {"program", PALPATE_VERSION},
       {"source", tool.source()},
-      {"num_spheres", spheres.size()},
-      {"low_m", list(box.low)},
-      {"high_m", list(box.high)},
-      {"radius_m", compact(reach)},
-      {"spheres", packed<Sphere>(spheres.first(std::min(spheres.size(), kMostSpheres)))},
-      {"mesh", mesh_json(tool.mesh())},
+      {"solid", solid_json(tool, tool.spheres())},
       {"num_triangles", tool.mesh().triangles.size()},
       {"warning", empty_part(tool, s.standoff).value_or("")},
       {"fill", fill_json(s.fill)},

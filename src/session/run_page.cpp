@@ -1,14 +1,13 @@
 // The page of a run: its summary, its course as plots want it, and the deepest moment.
-#include <zlib.h>
-
 #include <algorithm>
 #include <cmath>
 #include <deque>
 #include <utility>
 
-#include "src/pages/report_page.h"
+#include "src/pages/internal/report_page.h"
 #include "src/run/internal/pipeline.h"
-#include "src/session/compact_json.h"
+#include "src/session/internal/compact_json.h"
+#include "src/session/internal/page_models.h"
 #include "src/session/run_report.h"
 #include "src/session/run_stages.h"
 #include "src/session/settings_json.h"
@@ -17,9 +16,6 @@ namespace palpate {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr std::size_t kMostSpheres = 200000;      // of the deepest moment
-constexpr std::size_t kMostPixels = 1280 * 1024;  // of its depth image
 
 /// Columns as in wrench.csv, and the two energies.
 Json series_json(const RunLog& log) {
@@ -77,68 +73,6 @@ Json latencies_json(const LoopTimes& times) {
 
 Json list(const Vec3d& v) { return {compact(v.x), compact(v.y), compact(v.z)}; }
 
-/// Every n-th pixel in both directions, so that it is not too large for a page.
-DepthFrame thinned(const DepthFrame& frame, int n) {
-  if (n == 1) return frame;
-  DepthFrame thin = frame;
-  thin.width = (frame.width + n - 1) / n;
-  thin.height = (frame.height + n - 1) / n;
-  thin.pixels.clear();
-  for (int v = 0; v < frame.height; v += n) {
-    for (int u = 0; u < frame.width; u += n) {
-      thin.pixels.push_back(frame.pixels[static_cast<std::size_t>(v * frame.width + u)]);
-    }
-  }
-  return thin;
-}
-
-/// What each pixel has more than the one to its left, modulo 2^16: first all low bytes, then all
-/// high bytes; by zlib, in base64. Empty if there is no memory for it.
-std::string packed_depth(const DepthFrame& frame) {
-  const std::size_t num = frame.pixels.size();
-  std::vector<Bytef> bytes(2 * num);
-  for (std::size_t i = 0; i < num; ++i) {
-    const int left = i % static_cast<std::size_t>(frame.width) == 0 ? 0 : frame.pixels[i - 1];
-    const auto more = static_cast<std::uint16_t>(frame.pixels[i] - left);
-    bytes[i] = static_cast<Bytef>(more & 0xff);
-    bytes[num + i] = static_cast<Bytef>(more >> 8);
-  }
-  uLongf size = compressBound(static_cast<uLong>(bytes.size()));
-  std::string packed(size, '\0');
-  if (compress2(reinterpret_cast<Bytef*>(packed.data()), &size, bytes.data(),
-                static_cast<uLong>(bytes.size()), Z_BEST_COMPRESSION) != Z_OK) {
-    return {};
-  }
-  packed.resize(size);
-  return base64(packed);
-}
-
-/// Radius of the tool about the centre of mass of its spheres.
-double tool_radius(const Tool& tool) {
-  double radius = 0;
-  for (const Sphere& s : tool.spheres()) {
-    radius = std::max(radius, norm(to_double(s.centre) - tool.sphere_mass().centre_of_mass) +
-                                  static_cast<double>(s.radius));
-  }
-  return radius;
-}
-
-/// States and planes of the spheres that a page shows, as the viewer's messages have them.
-void add_states(Json& json, std::span<const SphereState> states,
-                std::span<const Plane<float>> planes) {
-  constexpr std::uint8_t kIsCut = 4;
-  std::vector<std::uint8_t> bytes;
-  std::vector<float> cuts;
-  for (std::size_t i = 0; i < states.size(); ++i) {
-    const auto& [normal, offset] = planes[i];
-    const bool is_cut = states[i] != SphereState::outside && !(normal == Vec3f{});
-    bytes.push_back(static_cast<std::uint8_t>(static_cast<int>(states[i]) | (is_cut ? kIsCut : 0)));
-    if (is_cut) cuts.insert(cuts.end(), {normal.x, normal.y, normal.z, offset});
-  }
-  json["states"] = packed<std::uint8_t>(bytes);
-  json["planes"] = packed<float>(cuts);
-}
-
 /// Measured once more, on the CPU: shows the same, also when a GPU has failed.
 Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   const TickRecord& tick = log.deepest;
@@ -165,38 +99,15 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   std::vector<Plane<float>> planes(states.size());
   (*part)->query().measure(cameras, X_WT, {.states = states, .planes = planes});
 
-  // Spheres are stored by size, as good as.
-  const std::size_t num_shown = std::min(states.size(), kMostSpheres);
-  const DepthStreamInfo& stream = log.setup.streams.front();
-  const DepthFrame& image = log.deepest_frames.front();
-  const auto& [fx, fy, cx, cy] = stream.intrinsics;
-  const int n = static_cast<int>(
-      std::ceil(std::sqrt(static_cast<double>(image.pixels.size()) / kMostPixels)));
-  const DepthFrame frame = thinned(image, n);
   // As the first camera sees it.
+  const DepthFrame& image = log.deepest_frames.front();
   const Pose X_CW = inverse(image.X_WC);
   const auto in_camera = [&](const Vec3d& v_W) { return list(rotate(X_CW.rotation, v_W)); };
-  Json pose = Json::array();
-  for (const double value : seven_numbers(X_CW * X_WT)) pose.push_back(compact(value, 9));
-  Json json{{"time_s", tick.time},
-            {"X_WT", pose},
-            {"volume_m3", compact(tick.penetration.volume)},
-            {"force_N", in_camera(tick.step.contact_W.force)},
-            {"torque_Nm", in_camera(tick.step.contact_W.torque)},
-            {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
-            {"radius_m", compact(tool_radius(tool))},
-            {"spheres", packed<Sphere>(tool.spheres().subspan(0, num_shown))},
-            {"spheres_left_out", states.size() - num_shown},
-            {"image",
-             {{"width", frame.width},
-              {"height", frame.height},
-              {"fx", fx / n},
-              {"fy", fy / n},
-              {"cx", cx / n},
-              {"cy", cy / n},
-              {"unit", stream.unit}}},
-            {"depth", packed_depth(frame)}};
-  add_states(json, std::span(states).first(num_shown), std::span(planes).first(num_shown));
+  Json json = seen_tool_json(tool, X_CW * X_WT, log.setup.streams.front(), image, states, planes);
+  json["time_s"] = tick.time;
+  json["volume_m3"] = compact(tick.penetration.volume);
+  json["force_N"] = in_camera(tick.step.contact_W.force);
+  json["torque_Nm"] = in_camera(tick.step.contact_W.torque);
   return json;
 }
 

@@ -107,8 +107,11 @@ class QuickEvaluation(unittest.TestCase):
         self.assertLess(os.path.getsize(path), 15e6)
         with open(path) as file:
             page = file.read()
-        self.assertNotRegex(page, r"(src|href)=['\"]?(https?:|//)|<script|@import")
-        self.assertIn("commit 0123abc", page)
+        self.assertNotRegex(page, r"(src|href)=['\"]?(https?:|//)|@import")
+        data = json.loads(page.split('id="data">')[1].split("</script>")[0])
+        self.assertIn("commit 0123abc", data["form"])
+        self.assertEqual([figure["id"] for figure in data["figures"] if figure["stored"]],
+                         [figure["id"] for figure in self.figures()])
         with open(os.path.join(self.texts, "docs", "evaluation.md")) as file:
             docs = file.read()
         for figure in self.figures():

@@ -244,7 +244,7 @@ TEST(PackingPage, HasTheToolAndItsNumbers) {
 
   const auto data = test::report_data(page);
   EXPECT_EQ(data.at("source"), "<probe>.stl");
-  const auto spheres = test::from_packed<float>(data.at("spheres"));
+  const auto spheres = test::from_packed<float>(data.at("solid").at("spheres"));
   ASSERT_EQ(spheres.size(), 1600u);
   double volume = 0;
   for (std::size_t i = 0; i < 400; ++i) {
@@ -257,8 +257,9 @@ TEST(PackingPage, HasTheToolAndItsNumbers) {
   EXPECT_EQ(data.at("fill").back().at(0), 400);
   EXPECT_NEAR(data.at("fill").back().at(1), volume / solid, 1e-4);
   EXPECT_EQ(data.at("num_triangles"), 8);
-  EXPECT_EQ(test::from_packed<std::uint32_t>(data.at("mesh").at("triangles")).size(), 24u);
-  EXPECT_EQ(test::from_packed<float>(data.at("mesh").at("positions")).size(), 18u);
+  EXPECT_EQ(test::from_packed<std::uint32_t>(data.at("solid").at("mesh").at("triangles")).size(),
+            24u);
+  EXPECT_EQ(test::from_packed<float>(data.at("solid").at("mesh").at("positions")).size(), 18u);
   int num = 0, ends = 0;
   for (const auto& pair : data.at("degrees")) {
     num += pair.at(1).get<int>();

@@ -8,7 +8,7 @@
 #include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/base64.h"
-#include "src/session/compact_json.h"
+#include "src/session/internal/compact_json.h"
 #include "src/session/run_series.h"
 #include "src/session/statistics.h"
 #include "tests/session/path_run.h"

@@ -131,8 +131,11 @@ export class Served extends Program {
 }
 
 /// The real program, until it says where the page is.
-export async function runProgram(args) {
-  const run = new Program(program, args);
+export const evaluation =
+  process.env.PALPATE_EVALUATION ?? new URL('build/release/bin/palpate_eval', root).pathname;
+
+export async function runProgram(args, which = program) {
+  const run = new Program(which, args);
   started.add(run);
   return run;
 }

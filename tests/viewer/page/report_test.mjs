@@ -1,24 +1,25 @@
 // Reports in a real browser, as a double click opens them: their numbers are those of the files
 // beside them, plots zoom, and they are readable on a phone, in the dark and on paper.
 import assert from 'node:assert/strict';
-import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after } from 'node:test';
 import { pathToFileURL } from 'node:url';
 
 import { colour, isJust, isLit, isPale } from './colours.mjs';
-import { decoded, openPage, pageTest, runProgram, until } from './harness.mjs';
+import { decoded, evaluation, openPage, pageTest, runProgram, until } from './harness.mjs';
 
 const folder = mkdtempSync(join(tmpdir(), 'palpate-report-'));
 after(() => rmSync(folder, { recursive: true, force: true }));
 const address = (...parts) => pathToFileURL(join(folder, ...parts)).href;
 
-async function finished(args) {
-  const run = await runProgram(args);
-  assert.equal(await run.ended, 0, `palpate ${args.join(' ')}\n${run.errors}`);
+async function finished(args, which) {
+  const run = await runProgram(args, which);
+  assert.equal(await run.ended, 0, `${args.join(' ')}\n${run.errors}`);
 }
 
+const hasEvaluation = existsSync(evaluation);
 const tool = join(folder, 'tool.palp');
 let isMade = false;
 /// A tool with its page, and two runs with theirs: along a path, and with a hand.
@@ -30,14 +31,21 @@ async function make() {
   await finished(['pack', mesh, '-o', tool, '--spheres', '1000', '--report', join(folder, 'packing.html')]);
   await finished(['touch', tool, '--scene', 'hand', '--duration', '4', '-o', join(folder, 'path')]);
   await finished(['touch', tool, '--scene', 'hand', '--device', 'sim', '--duration', '3', '-o', join(folder, 'hand')]);
+  // With pictures of both kinds, plots of each kind of axis, and a verdict against the thesis.
+  if (hasEvaluation) await finished(['--quick', '-o', join(folder, 'evaluation'), '3.2', '4.4', '4.5-4.7', 'noise'], evaluation);
 }
 
 /// Opens a report and waits until it is drawn.
 async function openReport(where, how = {}) {
   const page = await openPage(address(...where), { width: 1200, height: 900, ...how });
   await until('a footer', () => page.locator('footer').count());
-  await until('all plots', () => page.evaluate(() =>
-    [...document.querySelectorAll('.plot .area')].every((area) => area.querySelector('canvas'))));
+  // A plot is drawn when a reader comes near it.
+  await until('all plots', () => page.evaluate(() => {
+    const next = [...document.querySelectorAll('.plot .area')].find((area) => !area.querySelector('canvas'));
+    next?.scrollIntoView();
+    if (!next) scrollTo(0, 0);
+    return !next;
+  }));
   return page;
 }
 
@@ -129,7 +137,42 @@ pageTest('a run: dragging zooms all plots of time, a double click shows all agai
   await until('all again', async () => (await whole.count()) === 0);
 });
 
-for (const name of ['path/report.html', 'hand/report.html', 'packing.html']) {
+pageTest('an evaluation: every claim is there, curves go where their numbers are', async () => {
+  if (!hasEvaluation) return;
+  await make();
+  const page = await openReport(['evaluation', 'index.html'], { colorScheme: 'light' });
+  const figure = (id) => JSON.parse(readFileSync(join(folder, 'evaluation', 'data', `${id}.json`)));
+  const text = await page.locator('main').innerText();
+  for (const id of ['4.5-4.7', 'noise']) {
+    for (const { claim, measured, verdict } of figure(id).claims) {
+      for (const words of [claim, measured, verdict]) assert.ok(text.includes(words), words);
+    }
+  }
+  assert.ok(text.indexOf('What speaks against') < text.indexOf('Claims of the thesis', 200));
+  assert.ok(!/NaN|undefined|null/.test(text), text.match(/.*(NaN|undefined|null).*/)?.[0]);
+  assert.equal(await page.locator('canvas.scene').count(), 5);
+  assert.equal(await empty(page, '.plot canvas'), 0);
+  // A marked point has the colour of its curve; beside it there is none.
+  const [plot] = figure('noise').plots, curve = plot.curves.find(({ style }) => style === 'graph');
+  const found = await page.locator('.plot').first().evaluate((root, { x, y, low, high }) => {
+    const canvas = root.querySelector('canvas'), over = root.querySelector('.u-over').getBoundingClientRect();
+    const size = canvas.width / canvas.getBoundingClientRect().width, frame = canvas.getBoundingClientRect();
+    const colour = getComputedStyle(document.documentElement).getPropertyValue('--graph').trim();
+    const rgb = [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+    const share = (value, from, to) => (Math.log(value) - Math.log(from)) / (Math.log(to) - Math.log(from));
+    const u = over.left - frame.left + over.width * x;
+    const v = over.top - frame.top + over.height * (1 - share(y, low / 1.3, high * 1.3));
+    const at = (dv) => [...canvas.getContext('2d').getImageData(Math.round(u * size), Math.round((v + dv) * size), 1, 1).data];
+    const isCurve = (pixel) => rgb.every((value, i) => Math.abs(pixel[i] - value) < 40);
+    return [isCurve(at(0)), isCurve(at(9)), isCurve(at(-9))];
+  }, {
+    x: 0.5, y: Math.sqrt(curve.y[0] * curve.y[curve.y.length - 1]),
+    low: Math.min(...plot.curves.flatMap(({ y }) => y)), high: Math.max(...plot.curves.flatMap(({ y }) => y)),
+  });
+  assert.deepEqual(found, [true, false, false]);
+});
+
+for (const name of ['path/report.html', 'hand/report.html', 'packing.html', ...(hasEvaluation ? ['evaluation/index.html'] : [])]) {
   pageTest(`${name}: on a phone, in the dark and on paper`, async () => {
     await make();
     const phone = await openReport([name], { width: 390, height: 844 });

@@ -1,10 +1,11 @@
 // A report: the data that the program left in the page, drawn by what their kind says.
 import './style.css';
 import { comparisonReport } from './comparison';
+import { evaluationReport } from './evaluation';
 import { packingReport } from './packing';
 import { runReport } from './run';
 
-const REPORTS = { run: runReport, packing: packingReport, comparison: comparisonReport };
+const REPORTS = { run: runReport, packing: packingReport, comparison: comparisonReport, evaluation: evaluationReport };
 
 const data = JSON.parse(document.getElementById('data')!.textContent!);
 const show = REPORTS[data.kind as keyof typeof REPORTS];

@@ -9,12 +9,9 @@ import { hello, picture } from './picture';
 import { NO_POSE } from '../scene/poses';
 import { newtons, short, VOLUME, withUnit } from './numbers';
 
-export interface Moment {
-  time_s: number;
+/// A tool in the image of a depth camera, in whose frame all of it is.
+export interface SeenTool {
   X_WT: number[]; // tx ty tz qx qy qz qw
-  volume_m3: number;
-  force_N: number[];
-  torque_Nm: number[];
   centre_of_mass_m: number[];
   radius_m: number;
   spheres: string; // base64 of floats: x y z r in T
@@ -25,10 +22,44 @@ export interface Moment {
   depth: string; // unpackDepth()
 }
 
+export interface Moment extends SeenTool {
+  time_s: number;
+  volume_m3: number;
+  force_N: number[];
+  torque_Nm: number[];
+}
+
 /// Of the depth image at that moment, if it is known.
-export async function depthOf(moment: Moment | null): Promise<Depth | null> {
+export async function depthOf(moment: SeenTool | null): Promise<Depth | null> {
   return moment ? unpackDepth(moment.depth, moment.image.width, moment.image.height) : null;
 }
+
+/// `samples`: the wrench, if there is one to be shown.
+export function seenTool(tool: SeenTool, depth: Depth, name: string, caption: string, samples: Sample[] = []): HTMLElement {
+  return picture(name, caption, [
+    [['free', { view: 'free' }], ['camera', { view: 'camera' }], ['above', { view: 'bird' }], ['tool', { view: 'tool' }]],
+    [['cut spheres', { toolLook: 'caps' }], ['whole spheres', { toolLook: 'spheres' }]],
+    [['shaded', { cloud: true, cloudColour: 'shaded' }], ['by depth', { cloud: true, cloudColour: 'depth' }],
+      ['no cloud', { cloud: false }]],
+  ], (scene) => {
+    scene.setHello(hello(tool, [{ ...tool.image, name: '', rate: 0, is_moving: false }]));
+    scene.options.ghost = false;
+    const data = floats(tool.spheres);
+    scene.setSpheres({ count: data.length / 4, data });
+    scene.setFrame({
+      number: 0, time: 0, camera: 0, X_WC: NO_POSE, width: depth.width, height: depth.height, depth: depth.values,
+    });
+    scene.setContact({
+      number: 0, time: 0, X_WT: poseOf(tool.X_WT), states: bytes(tool.states), planes: floats(tool.planes),
+    });
+    if (samples.length > 0) scene.addSamples(samples);
+  }).root;
+}
+
+export const STATE_KEY: [string, string][] = [
+  [STATE_COLOURS.inside, 'inside: behind the surface'], [STATE_COLOURS.boundary, 'boundary: at the surface'],
+  [STATE_COLOURS.outside, 'outside: free'],
+];
 
 export function momentSection(moment: Moment, depth: Depth): HTMLElement[] {
   const touches = moment.volume_m3 > 0;
@@ -41,29 +72,8 @@ export function momentSection(moment: Moment, depth: Depth): HTMLElement[] {
     `${withUnit(moment.volume_m3, VOLUME)} of the tool behind the surface, pushed out with ` +
     `${newtons(Math.hypot(fx, fy, fz))}. Drag to turn, scroll or pinch to zoom. Where the tool is, the cloud is thinner, so ` +
     'that one sees what of it is inside.' : 'Drag to turn, scroll or pinch to zoom.';
-  const { root } = picture('the deepest moment in 3-D', caption, [
-    [['free', { view: 'free' }], ['camera', { view: 'camera' }], ['above', { view: 'bird' }], ['tool', { view: 'tool' }]],
-    [['cut spheres', { toolLook: 'caps' }], ['whole spheres', { toolLook: 'spheres' }]],
-    [['shaded', { cloud: true, cloudColour: 'shaded' }], ['by depth', { cloud: true, cloudColour: 'depth' }],
-      ['no cloud', { cloud: false }]],
-  ], (scene) => {
-    scene.setHello(hello(moment, [{ ...moment.image, name: '', rate: 0, is_moving: false }]));
-    scene.options.ghost = false;
-    const data = floats(moment.spheres);
-    scene.setSpheres({ count: data.length / 4, data });
-    // All of it is in the frame of the camera.
-    scene.setFrame({
-      number: 0, time: moment.time_s, camera: 0, X_WC: NO_POSE, width: depth.width, height: depth.height, depth: depth.values,
-    });
-    scene.setContact({
-      number: 0, time: moment.time_s, X_WT: poseOf(moment.X_WT), states: bytes(moment.states),
-      planes: floats(moment.planes),
-    });
-    if (touches) scene.addSamples([sampleOf(moment)]);
-  });
-  parts.push(root, key([
-    [STATE_COLOURS.inside, 'inside: behind the surface'], [STATE_COLOURS.boundary, 'boundary: at the surface'],
-    [STATE_COLOURS.outside, 'outside: free'],
+  parts.push(seenTool(moment, depth, 'the deepest moment in 3-D', caption, touches ? [sampleOf(moment)] : []), key([
+    ...STATE_KEY,
     ...(touches ? [[ARROW_COLOURS.force, 'force on the tool'], [ARROW_COLOURS.torque, 'torque on the tool']] : []),
   ] as [string, string][]));
   if (moment.spheres_left_out > 0) {
@@ -77,7 +87,7 @@ function poseOf(n: number[]): Pose {
 }
 
 function sampleOf(moment: Moment): Sample {
-  const sample: Sample = { time: moment.time_s };
+  const sample: Sample = { time: 0 };
   'xyz'.split('').forEach((axis, i) => {
     sample[`contact_force_${axis}`] = moment.force_N[i];
     sample[`contact_torque_${axis}`] = moment.torque_Nm[i];

@@ -1,14 +1,10 @@
 // The report of a packing.
 
-import { button, element } from '../dom';
-import { OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
-import type { SceneView } from '../types';
-import { floats, integers } from './bytes';
 import { histogram, wholeNumbers } from './histogram';
 import { LENGTH, percent, short, TIME, unitFor, VOLUME, withUnit } from './numbers';
-import { cards, columns, footer, heading, key, paragraph, table, title, warning, type Row } from './parts';
-import { hello, picture } from './picture';
+import { cards, columns, footer, heading, paragraph, table, title, warning, type Row } from './parts';
 import { plot } from './plot';
+import { cutColours, cutOpen, type Solid } from './solid';
 
 interface Mass {
   volume_m3: number; centre_of_mass_m: number[];
@@ -19,10 +15,7 @@ interface PackingData {
   program: string;
   source: string;
   num_spheres: number;
-  low_m: number[]; high_m: number[]; // of the mesh's box
-  radius_m: number; // about the centre of mass
-  spheres: string; // base64 of floats: x y z r
-  mesh: { positions: string; triangles: string } | null; // of floats and of whole numbers
+  solid: Solid;
   num_triangles: number;
   warning: string;
   fill: [n: number, fill: number][];
@@ -49,11 +42,12 @@ const numbers = (values: number[], large: number) =>
 const millimetres = (v: number[]) => `${numbers(v.map((x) => 1000 * x), 1)}\u00a0mm`;
 
 export async function packingReport(main: HTMLElement, data: PackingData): Promise<void> {
-  const size = data.high_m.map((high, i) => short(1000 * (high - data.low_m[i]), 3)).join(' × ');
+  const { low_m: low, high_m: high } = data.solid;
+  const size = high.map((one, i) => short(1000 * (one - low[i]), 3)).join(' × ');
   title(main, data.source, `A tool of ${size}\u00a0mm, filled with ${data.num_spheres} spheres.`);
   main.append(headline(data));
   if (data.warning) main.append(warning(data.warning));
-  main.append(...cutOpen(data), ...fillPlots(data), ...countPlots(data), ...mass(data), ...details(data),
+  main.append(...cutSection(data), ...fillPlots(data), ...countPlots(data), ...mass(data), ...details(data),
     footer(`Palpate ${data.program}. The spheres and edges themselves: palpate export. The main numbers for programs: ` +
       'palpate info --json.'));
 }
@@ -70,50 +64,12 @@ function headline(data: PackingData): HTMLElement {
   ]);
 }
 
-// The tool cut open.
-
-function cutOpen(data: PackingData): HTMLElement[] {
-  const shown = floats(data.spheres);
-  const sides = data.high_m.map((high, i) => high - data.low_m[i]);
-  let axis = sides.indexOf(Math.min(...sides)), share = 0.5;
-  let scene: SceneView | null = null;
-  const cut = () => {
-    const n = [0, 0, 0];
-    n[axis] = 1;
-    scene?.setCut(n, data.low_m[axis] + share * sides[axis]);
-  };
-  const { root, tools, ask } = picture('the tool cut open',
-    'The half towards you is taken away. Drag to turn, scroll or pinch to zoom, and move the cut.',
-    [[['cut open', { toolLook: 'caps' }], ['mesh', { toolLook: 'mesh' }]]], (made) => {
-      scene = made;
-      made.setHello(hello({ centre_of_mass_m: data.mass.spheres.centre_of_mass_m, radius_m: data.radius_m }, []));
-      Object.assign(made.options, { outside: false, ghost: false, arrows: false });
-      made.setSpheres({ count: shown.length / 4, data: shown });
-      if (data.mesh) {
-        made.setMesh({ positions: floats(data.mesh.positions), triangles: integers(data.mesh.triangles) });
-      }
-      cut();
-    });
-  const slider = element('input');
-  Object.assign(slider, { type: 'range', min: '0', max: '1', step: '0.005', value: '0.5', ariaLabel: 'where it is cut' });
-  slider.addEventListener('input', () => {
-    share = Number(slider.value);
-    cut();
-    ask();
-  });
-  const across = ['x', 'y', 'z'].map((name, i) => button('', `cut across ${name}`, () => {
-    axis = i;
-    press();
-    cut();
-    ask();
-  }, `across ${name}`));
-  const press = () => across.forEach((one, i) => one.setAttribute('aria-pressed', String(i === axis)));
-  press();
-  tools.append(element('div', 'choice', ...across), slider);
-  const parts = [heading('Cut open'), root, key([[STATE_COLOURS.boundary, 'cut spheres'],
-    [STATE_COLOURS.inside, 'whole spheres behind the cut'], [OTHER_COLOURS.wall, 'wall of the mesh in the cut']])];
-  if (shown.length / 4 < data.num_spheres) parts.push(paragraph(`Of the spheres the first ${shown.length / 4} are shown.`));
-  if (!data.mesh) parts.push(paragraph(`The mesh has ${data.num_triangles} triangles, more than a page holds.`));
+function cutSection({ solid, num_spheres, num_triangles }: PackingData): HTMLElement[] {
+  const { root, numShown } = cutOpen(solid, 'the tool cut open',
+    'The half towards you is taken away. Drag to turn, scroll or pinch to zoom, and move the cut.');
+  const parts = [heading('Cut open'), root, cutColours()];
+  if (numShown < num_spheres) parts.push(paragraph(`Of the spheres the first ${numShown} are shown.`));
+  if (!solid.mesh) parts.push(paragraph(`The mesh has ${num_triangles} triangles, more than a page holds.`));
   return parts;
 }
 

@@ -16,9 +16,21 @@ export interface Line {
   joined?: boolean; // across gaps
 }
 
+/// A line with x of its own, in any order; numbers that are not finite: a gap.
+export interface Curve {
+  name: string;
+  colour: string; // of the style sheet
+  x: ArrayLike<number>;
+  y: ArrayLike<number>;
+  width?: number;
+  dash?: number[];
+  hasDots?: boolean;
+}
+
 export interface Plot {
-  x: number[]; // ascending
+  x: number[]; // ascending; of curves alone: the ends of their axis
   lines: Line[];
+  curves?: Curve[];
   xWords: string;
   yWords: string;
   xLogarithmic?: boolean; // then positive
@@ -36,6 +48,17 @@ const COLOURS = ['--series-1', '--series-2', '--series-3', '--series-4'];
 const HEIGHT = 250;
 const PAPER_WIDTH = 680; // CSS pixels
 
+/// Pages with many plots draw those that somebody is about to see.
+const seen = new Map<Element, () => void>();
+const watch = new IntersectionObserver((entries) => {
+  for (const { target, isIntersecting } of entries) {
+    if (!isIntersecting) continue;
+    watch.unobserve(target);
+    seen.get(target)?.();
+    seen.delete(target);
+  }
+}, { rootMargin: '2000px' });
+
 export function plot(spec: Plot, caption: string): HTMLElement {
   return new ZoomedPlot(spec, caption).root;
 }
@@ -50,6 +73,7 @@ class ZoomedPlot {
   private chart: uPlot | null = null;
   private range: [number, number] | null = null; // null: everything
   private isFollowing = false;
+  private isNear = false;
 
   constructor(private readonly spec: Plot, caption: string) {
     this.whole.hidden = true;
@@ -58,6 +82,11 @@ class ZoomedPlot {
     this.peers = (name && groups.get(name)) || new Set();
     if (name) groups.set(name, this.peers);
     this.peers.add(this);
+    seen.set(this.root, () => {
+      this.isNear = true;
+      this.fit();
+    });
+    watch.observe(this.root);
     new ResizeObserver(() => this.fit()).observe(this.area);
     onInk(() => this.restyle());
   }
@@ -74,7 +103,7 @@ class ZoomedPlot {
 
   /// Colours are taken from the style sheet when a plot is made.
   private restyle(): void {
-    if (this.width < 60) return;
+    if (this.width < 60 || !(this.isNear || onPaper())) return;
     this.chart?.destroy();
     const { x, lines } = this.spec;
     this.chart = new uPlot(this.look(), [x, ...lines.map(({ values }) => values)] as uPlot.AlignedData, this.area);
@@ -103,6 +132,20 @@ class ZoomedPlot {
     }
   }
 
+  /// The smallest and the largest value.
+  private heights(): [number, number] {
+    const { lines, curves, yLogarithmic } = this.spec;
+    let low = Infinity, high = -Infinity;
+    const add = (value: number) => {
+      if (!Number.isFinite(value) || (yLogarithmic && value <= 0)) return;
+      low = Math.min(low, value);
+      high = Math.max(high, value);
+    };
+    for (const { values } of lines) for (const value of values) if (value !== null && value !== NOTHING) add(value);
+    for (const { x, y } of curves ?? []) for (let i = 0; i < y.length; ++i) if (Number.isFinite(x[i])) add(y[i]);
+    return low <= high ? [low, high] : yLogarithmic ? [1, 10] : [0, 1];
+  }
+
   private look(): uPlot.Options {
     const { spec } = this;
     const isNarrow = this.width < 520;
@@ -112,8 +155,7 @@ class ZoomedPlot {
       font: '11px system-ui, sans-serif', labelFont: '12px system-ui, sans-serif', labelGap: 0,
       values: (_, ticks) => ticks.map((tick) => (tick === null ? '' : short(tick))),
     };
-    const y = spec.lines.flatMap(({ values }) => values).filter((v): v is number => v !== null && v !== NOTHING);
-    const low = y.reduce((a, b) => Math.min(a, b), Infinity), high = y.reduce((a, b) => Math.max(a, b), -Infinity);
+    const [low, high] = this.heights();
     const factor = spec.right?.factor ?? 1;
     const axes: uPlot.Axis[] = [
       { ...axis, label: spec.xWords, labelSize: 18, size: 26, space: isNarrow ? 60 : 70 },
@@ -128,7 +170,7 @@ class ZoomedPlot {
     return {
       width: this.width, height: HEIGHT, axes,
       padding: [12, spec.right ? 0 : 16, 0, 0],
-      legend: { show: spec.lines.length > 1 || !onPaper(), live: !onPaper(), markers: { width: 2 } },
+      legend: { show: !spec.curves && (spec.lines.length > 1 || !onPaper()), live: !onPaper(), markers: { width: 2 } },
       cursor: {
         drag: { x: true, y: false, dist: 6, setScale: false },
         ...(spec.together ? { sync: { key: spec.together, setSeries: false } } : {}),
@@ -156,7 +198,10 @@ class ZoomedPlot {
         }),
       ],
       hooks: {
-        draw: [(chart) => this.drawSigns(chart)],
+        draw: [(chart) => {
+          this.drawCurves(chart);
+          this.drawSigns(chart);
+        }],
         setSelect: [(chart) => {
           const { left, width } = chart.select;
           if (width < 6) return;
@@ -172,6 +217,39 @@ class ZoomedPlot {
         setScale: [(_, name) => { if (name === 'x' && !this.isFollowing) this.whole.hidden = this.range === null; }],
       },
     };
+  }
+
+  private drawCurves(chart: uPlot): void {
+    const { ctx, bbox } = chart;
+    const size = devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    for (const { x, y, colour, width, dash, hasDots } of this.spec.curves ?? []) {
+      ctx.strokeStyle = ctx.fillStyle = ink(colour);
+      ctx.lineWidth = (width ?? 1.6) * size;
+      ctx.setLineDash((dash ?? []).map((d) => d * size));
+      const at = (i: number): [number, number] | null => {
+        const place: [number, number] = [chart.valToPos(x[i], 'x', true), chart.valToPos(y[i], 'y', true)];
+        return place.every(Number.isFinite) ? place : null;
+      };
+      ctx.beginPath();
+      for (let i = 0, isDown = false; i < x.length; ++i) {
+        const place = at(i);
+        if (place) isDown ? ctx.lineTo(...place) : ctx.moveTo(...place);
+        isDown = place !== null;
+      }
+      ctx.stroke();
+      for (let i = 0; hasDots && i < x.length; ++i) {
+        const place = at(i);
+        if (!place) continue;
+        ctx.beginPath();
+        ctx.arc(...place, 2.8 * size, 0, 2 * Math.PI);
+        ctx.fill();
+      }
+    }
+    ctx.restore();
   }
 
   /// Strokes, limit and markers.

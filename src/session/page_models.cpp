@@ -1,0 +1,140 @@
+#include "src/session/internal/page_models.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/settings/setting_table.h"
+#include "src/session/internal/compact_json.h"
+
+namespace palpate {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostPixels = 1280 * 1024;  // of a depth image
+
+Json list(const Vec3d& v) { return {compact(v.x, 6), compact(v.y, 6), compact(v.z, 6)}; }
+
+Json mesh_json(const TriangleMesh& mesh) {
+  if (mesh.triangles.size() > kMostPageTriangles) return nullptr;
+  std::vector<float> positions;
+  for (const Vec3d& p : mesh.vertices) {
+    for (int axis = 0; axis < 3; ++axis) positions.push_back(static_cast<float>(p[axis]));
+  }
+  std::vector<std::uint32_t> corners;
+  for (const auto& triangle : mesh.triangles) {
+    corners.insert(corners.end(), triangle.begin(), triangle.end());
+  }
+  return {{"positions", packed<float>(positions)}, {"triangles", packed<std::uint32_t>(corners)}};
+}
+
+/// Of all spheres about the centre of mass of the tool.
+double reach(const Tool& tool, std::span<const Sphere> spheres) {
+  double radius = 0;
+  for (const Sphere& s : spheres) {
+    radius = std::max(radius, norm(to_double(s.centre) - tool.sphere_mass().centre_of_mass) +
+                                  static_cast<double>(s.radius));
+  }
+  return radius;
+}
+
+/// Every n-th pixel in both directions, so that it is not too large for a page.
+DepthFrame thinned(const DepthFrame& frame, int n) {
+  if (n == 1) return frame;
+  DepthFrame thin = frame;
+  thin.width = (frame.width + n - 1) / n;
+  thin.height = (frame.height + n - 1) / n;
+  thin.pixels.clear();
+  for (int v = 0; v < frame.height; v += n) {
+    for (int u = 0; u < frame.width; u += n) {
+      thin.pixels.push_back(frame.pixels[static_cast<std::size_t>(v * frame.width + u)]);
+    }
+  }
+  return thin;
+}
+
+/// What each pixel has more than the one to its left, modulo 2^16: first all low bytes, then all
+/// high bytes; by zlib, in base64. Empty if there is no memory for it.
+std::string packed_depth(const DepthFrame& frame) {
+  const std::size_t num = frame.pixels.size();
+  std::vector<Bytef> bytes(2 * num);
+  for (std::size_t i = 0; i < num; ++i) {
+    const int left = i % static_cast<std::size_t>(frame.width) == 0 ? 0 : frame.pixels[i - 1];
+    const auto more = static_cast<std::uint16_t>(frame.pixels[i] - left);
+    bytes[i] = static_cast<Bytef>(more & 0xff);
+    bytes[num + i] = static_cast<Bytef>(more >> 8);
+  }
+  uLongf size = compressBound(static_cast<uLong>(bytes.size()));
+  std::string packed(size, '\0');
+  if (compress2(reinterpret_cast<Bytef*>(packed.data()), &size, bytes.data(),
+                static_cast<uLong>(bytes.size()), Z_BEST_COMPRESSION) != Z_OK) {
+    return {};
+  }
+  packed.resize(size);
+  return base64(packed);
+}
+
+/// States and planes of the spheres that a page shows, as the viewer's messages have them.
+void add_states(Json& json, std::span<const SphereState> states,
+                std::span<const Plane<float>> planes) {
+  constexpr std::uint8_t kIsCut = 4;
+  std::vector<std::uint8_t> bytes;
+  std::vector<float> cuts;
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    const auto [normal, offset] = planes.empty() ? Plane<float>{} : planes[i];
+    const bool is_cut = states[i] != SphereState::outside && !(normal == Vec3f{});
+    bytes.push_back(static_cast<std::uint8_t>(static_cast<int>(states[i]) | (is_cut ? kIsCut : 0)));
+    if (is_cut) cuts.insert(cuts.end(), {normal.x, normal.y, normal.z, offset});
+  }
+  json["states"] = packed<std::uint8_t>(bytes);
+  json["planes"] = packed<float>(cuts);
+}
+
+}  // namespace
+
+Json solid_json(const Tool& tool, std::span<const Sphere> spheres) {
+  const Bounds box = bounds(tool.mesh());
+  return {{"num_spheres", spheres.size()},
+          {"low_m", list(box.low)},
+          {"high_m", list(box.high)},
+          {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
+          {"radius_m", compact(reach(tool, spheres))},
+          {"spheres", packed<Sphere>(spheres.first(std::min(spheres.size(), kMostPageSpheres)))},
+          {"mesh", mesh_json(tool.mesh())}};
+}
+
+Json seen_tool_json(const Tool& tool, const Pose& X_CT, const DepthStreamInfo& stream,
+                    const DepthFrame& image, std::span<const SphereState> states,
+                    std::span<const Plane<float>> planes) {
+  // Spheres are stored by size, as good as.
+  const std::size_t num_shown = std::min(states.size(), kMostPageSpheres);
+  const auto& [fx, fy, cx, cy] = stream.intrinsics;
+  const int n = static_cast<int>(
+      std::ceil(std::sqrt(static_cast<double>(image.pixels.size()) / kMostPixels)));
+  const DepthFrame frame = thinned(image, n);
+  Json pose = Json::array();
+  for (const double value : seven_numbers(X_CT)) pose.push_back(compact(value, 9));
+  Json json{{"X_WT", pose},
+            {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
+            {"radius_m", compact(reach(tool, tool.spheres()))},
+            {"spheres", packed<Sphere>(tool.spheres().first(num_shown))},
+            {"spheres_left_out", states.size() - num_shown},
+            {"image",
+             {{"width", frame.width},
+              {"height", frame.height},
+              {"fx", fx / n},
+              {"fy", fy / n},
+              {"cx", cx / n},
+              {"cy", cy / n},
+              {"unit", stream.unit}}},
+            {"depth", packed_depth(frame)}};
+  add_states(json, states.first(num_shown), planes.empty() ? planes : planes.first(num_shown));
+  return json;
+}
+
+}  // namespace palpate

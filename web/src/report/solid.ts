@@ -1,0 +1,62 @@
+// A tool cut open, which can be turned and cut elsewhere.
+
+import { button, element } from '../dom';
+import { OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
+import type { SceneView } from '../types';
+import { floats, integers } from './bytes';
+import { key } from './parts';
+import { hello, picture } from './picture';
+
+export interface Solid {
+  num_spheres: number;
+  low_m: number[]; high_m: number[]; // of the mesh's box
+  centre_of_mass_m: number[];
+  radius_m: number; // about the centre of mass
+  spheres: string; // base64 of floats: x y z r
+  mesh: { positions: string; triangles: string } | null; // of floats and of whole numbers
+}
+
+/// Across its shortest side, at first.
+export function cutOpen(solid: Solid, name: string, caption: string): { root: HTMLElement; numShown: number } {
+  const shown = floats(solid.spheres);
+  const { low_m: low } = solid;
+  const sides = solid.high_m.map((high, i) => high - low[i]);
+  let axis = sides.indexOf(Math.min(...sides)), share = 0.5;
+  let scene: SceneView | null = null;
+  const cut = () => {
+    const n = [0, 0, 0];
+    n[axis] = 1;
+    scene?.setCut(n, low[axis] + share * sides[axis]);
+  };
+  const { root, tools, ask } = picture(name, caption, [[['cut open', { toolLook: 'caps' }], ['mesh', { toolLook: 'mesh' }]]],
+    (made) => {
+      scene = made;
+      made.setHello(hello(solid, []));
+      Object.assign(made.options, { outside: false, ghost: false, arrows: false });
+      made.setSpheres({ count: shown.length / 4, data: shown });
+      if (solid.mesh) {
+        made.setMesh({ positions: floats(solid.mesh.positions), triangles: integers(solid.mesh.triangles) });
+      }
+      cut();
+    });
+  const slider = element('input');
+  Object.assign(slider, { type: 'range', min: '0', max: '1', step: '0.005', value: '0.5', ariaLabel: 'where it is cut' });
+  slider.addEventListener('input', () => {
+    share = Number(slider.value);
+    cut();
+    ask();
+  });
+  const across = ['x', 'y', 'z'].map((side, i) => button('', `cut across ${side}`, () => {
+    axis = i;
+    press();
+    cut();
+    ask();
+  }, `across ${side}`));
+  const press = () => across.forEach((one, i) => one.setAttribute('aria-pressed', String(i === axis)));
+  press();
+  tools.append(element('div', 'choice', ...across), slider);
+  return { root, numShown: shown.length / 4 };
+}
+
+export const cutColours = () => key([[STATE_COLOURS.boundary, 'cut spheres'],
+  [STATE_COLOURS.inside, 'whole spheres behind the cut'], [OTHER_COLOURS.wall, 'wall of the mesh in the cut']]);
