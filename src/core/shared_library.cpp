@@ -13,6 +13,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Libraries bring others inside of them (LZ4, xxHash, Zstandard, ...), often of another version
+// than those of this program. Their own are to be found first. Sanitizers cannot have it so.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(RTLD_DEEPBIND)
+constexpr int kTheirOwnFirst = 0;
+#else
+constexpr int kTheirOwnFirst = RTLD_DEEPBIND;
+#endif
+
 /// Why `candidate` did not load, in few words: most candidates are simply not there.
 std::string complaint(const std::string& candidate, const char* loader_said) {
   const bool is_path = candidate.find('/') != std::string::npos;
@@ -27,8 +35,8 @@ std::string complaint(const std::string& candidate, const char* loader_said) {
 Result<SharedLibrary> SharedLibrary::open(std::span<const std::string> candidates) {
   std::vector<std::string> complaints;
   for (const std::string& candidate : candidates) {
-    if (void* handle = dlopen(candidate.c_str(), RTLD_NOW | RTLD_LOCAL); handle != nullptr)
-      return SharedLibrary(candidate, handle);
+    void* const handle = dlopen(candidate.c_str(), RTLD_NOW | RTLD_LOCAL | kTheirOwnFirst);
+    if (handle != nullptr) return SharedLibrary(candidate, handle);
     complaints.push_back(complaint(candidate, dlerror()));
   }
   return Error{Errc::not_found, "tried " + listed(complaints)};
