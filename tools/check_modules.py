@@ -59,7 +59,7 @@ SHARED_PRIVATE = {
     "src/core/all_at_once.h": ("cameras", "devices"),
     "src/core/lasting_thread.h": ("cameras",),
     "src/core/monotonic_clock.h": ("run", "devices", "viewer", "cameras"),
-    "src/core/shared_library.h": ("ros", "devices", "cameras"),
+    "src/core/shared_library.h": ("io", "ros", "devices", "cameras"),
     "src/ros/dds_api.h": ("cameras", "devices"),
     "src/ros/tf_history.h": ("cameras",),
     "src/ros/tf_tree.h": ("devices",),

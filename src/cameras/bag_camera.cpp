@@ -1,6 +1,7 @@
-// Depth from MCAP recordings: of ROS 2, and those of palpate record.
+// Depth from recordings: of ROS 2 and ROS 1, those of RealSense cameras, and of palpate record.
 #include <atomic>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <utility>
@@ -9,7 +10,7 @@
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
 #include "src/io/cdr.h"
-#include "src/io/internal/mcap_file.h"
+#include "src/io/internal/bag_file.h"
 #include "src/io/ros_image.h"
 #include "src/io/ros_messages.h"
 #include "src/ros/tf_history.h"
@@ -24,6 +25,7 @@ constexpr std::string_view kCompressed = "sensor_msgs/msg/CompressedImage";
 constexpr std::string_view kCameraInfo = "sensor_msgs/msg/CameraInfo";
 constexpr std::string_view kText = "std_msgs/msg/String";
 constexpr std::string_view kTransforms = "tf2_msgs/msg/TFMessage";
+constexpr std::string_view kNumber = "std_msgs/msg/Float32";
 constexpr std::string_view kDepthUnit = "palpate_msgs/msg/DepthUnit";
 
 double seconds(std::uint64_t nanoseconds) { return 1e-9 * static_cast<double>(nanoseconds); }
@@ -42,32 +44,57 @@ struct Contents {
   std::optional<double> unit;
   std::map<std::string, SensorKind> sensors;
   TfHistory transforms;
+  bool was_cut_off = false;
 };
 
-std::string frame_id_of(std::string_view image) {
-  CdrReader from(image);
-  return std::string(read_ros_header(from).frame);
+/// When an image was captured, or recorded if it does not say, s; and in which frame.
+RosStamp stamp_of(const McapMessage& message) {
+  CdrReader from(message.data);
+  RosStamp stamp = read_ros_header(from);
+  if (stamp.time == 0) stamp.time = seconds(message.time);
+  return stamp;
 }
 
 Result<DepthFrame> read_frame(const std::string& schema, const McapMessage& message, double unit) {
   auto frame = schema == kImage ? read_depth_image(message.data, unit)
                                 : read_compressed_depth(message.data, unit);
-  if (frame && frame->timestamp == 0) frame->timestamp = seconds(message.time);
+  if (frame) frame->timestamp = stamp_of(message).time;
   return frame;
 }
 
-Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
+/// Metres per count, as our recordings and those of RealSense cameras tell them.
+std::optional<double> told_unit(const McapChannel& channel, std::string_view message) {
+  CdrReader from(message);
+  double unit = 0;
+  if (channel.schema_name == kDepthUnit) {
+    unit = from.number<double>();
+  } else if (channel.topic.ends_with("/option/Depth_Units/value") ||
+             channel.topic.ends_with("/option/Depth Units/value")) {
+    unit = channel.schema_name == kNumber ? static_cast<double>(from.number<float>())
+                                          : std::strtod(std::string(from.text()).c_str(), nullptr);
+    unit = std::round(unit * 1e9) * 1e-9;  // in single precision: 0.001 is meant
+  }
+  if (!from.is_good() || !(unit > 0) || !std::isfinite(unit)) return std::nullopt;
+  return unit;
+}
+
+/// Whether a camera_info is that of the images: it lies beside them, or where RealSense puts it.
+bool is_camera_of(const std::string& info, const std::string& images) {
+  const std::string_view parent = ros_parent(ros_image_topic(images));
+  if (ros_parent(info) == parent) return true;
+  return parent.ends_with("/image") &&
+         ros_parent(info) == std::string(ros_parent(parent)) + "/info";
+}
+
+Result<Contents> look_through(BagReader& reader, const std::string& wanted) {
   Contents contents;
   for (;;) {
     const auto message = reader.next();
     if (!message) return message.error();
     if (!*message) break;
     const McapChannel& channel = reader.channels().at((*message)->channel);
-    if (channel.schema_name == kDepthUnit && !contents.unit) {
-      CdrReader from((*message)->data);
-      const double unit = from.number<double>();
-      if (from.is_good() && unit > 0 && std::isfinite(unit)) contents.unit = unit;
-    } else if (channel.schema_name == kTransforms) {
+    if (!contents.unit) contents.unit = told_unit(channel, (*message)->data);
+    if (channel.schema_name == kTransforms) {
       const auto transforms = read_transforms((*message)->data);
       if (!transforms) return transforms.error();
       for (const RosStampedTransform& each : *transforms) {
@@ -80,7 +107,7 @@ Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
     } else if (channel.schema_name == kCameraInfo && !contents.cameras.contains(channel.topic)) {
       const auto camera = read_camera_model((*message)->data);
       if (camera) contents.cameras[channel.topic] = *camera;
-      if (!camera && (wanted.empty() || ros_parent(channel.topic) == ros_parent(wanted))) {
+      if (!camera && (wanted.empty() || is_camera_of(channel.topic, wanted))) {
         return camera.error();
       }
     } else if (channel.schema_name == kImage || channel.schema_name == kCompressed) {
@@ -98,14 +125,15 @@ Result<Contents> look_through(McapReader& reader, const std::string& wanted) {
       if (topic.num_frames == 0) {
         topic.schema = channel.schema_name;
         topic.first = frame->timestamp;
-        topic.frame_id = frame_id_of((*message)->data);
+        topic.frame_id = std::string(stamp_of(**message).frame);
         topic.frame = *std::move(frame);
       }
       ++topic.num_frames;
-      topic.last = seconds((*message)->time);
+      topic.last = stamp_of(**message).time;
     }
   }
   contents.transforms.sort();
+  contents.was_cut_off = reader.was_cut_off();
   return contents;
 }
 
@@ -130,7 +158,7 @@ Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
 /// The camera_info beside the images, or the only one that there is.
 const RosCameraModel* find_camera(const Contents& contents, const std::string& topic) {
   for (const auto& [name, camera] : contents.cameras) {
-    if (ros_parent(name) == ros_parent(topic)) return &camera;
+    if (is_camera_of(name, topic)) return &camera;
   }
   return contents.cameras.size() == 1 ? &contents.cameras.begin()->second : nullptr;
 }
@@ -165,23 +193,25 @@ Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, Contents& con
 
 class BagSource final : public DepthSource {
  public:
-  BagSource(McapReader reader, std::string topic, double unit, std::optional<double> said,
-            DepthStreamInfo info, std::optional<CameraInTree> place)
+  BagSource(std::unique_ptr<BagReader> reader, std::string topic, double unit,
+            std::optional<double> said, DepthStreamInfo info, std::optional<CameraInTree> place,
+            bool was_cut_off)
       : reader_(std::move(reader)),
         topic_(std::move(topic)),
         unit_(unit),
         said_(said),
         info_(std::move(info)),
-        place_(std::move(place)) {}
+        place_(std::move(place)),
+        tells_of_cut_(was_cut_off) {}
 
   const DepthStreamInfo& info() const override { return info_; }
 
   Result<bool> next(DepthFrame& frame) override {
     for (;;) {
-      const auto message = reader_.next();
+      const auto message = reader_->next();
       if (!message) return message.error();
       if (!*message) return false;
-      const McapChannel& channel = reader_.channels().at((*message)->channel);
+      const McapChannel& channel = reader_->channels().at((*message)->channel);
       if (channel.topic != topic_) continue;
       auto read = read_frame(channel.schema_name, **message, unit_);
       if (!read) {
@@ -204,14 +234,19 @@ class BagSource final : public DepthSource {
   }
 
   std::vector<std::string> take_notes() override {
-    const int num = num_unplaced_.exchange(0);
-    if (num == 0) return {};
-    return {std::to_string(num) + " frames were left out: no transform tells where '" +
-            place_->frame + "' was in '" + place_->world + "' within a second of them"};
+    std::vector<std::string> notes;
+    if (tells_of_cut_.exchange(false)) {
+      notes.push_back(info_.name + " was cut off: it ends where its last whole chunk does");
+    }
+    if (const int num = num_unplaced_.exchange(0); num > 0) {
+      notes.push_back(std::to_string(num) + " frames were left out: no transform tells where '" +
+                      place_->frame + "' was in '" + place_->world + "' within a second of them");
+    }
+    return notes;
   }
 
  private:
-  McapReader reader_;
+  const std::unique_ptr<BagReader> reader_;
   const std::string topic_;
   const double unit_;
   const std::optional<double> said_;
@@ -220,6 +255,7 @@ class BagSource final : public DepthSource {
   double last_ = 0;
   int num_read_ = 0;
   std::atomic<int> num_unplaced_ = 0;
+  std::atomic<bool> tells_of_cut_;
 };
 
 /// rosbag2 makes a folder with one file in it.
@@ -228,11 +264,12 @@ Result<fs::path> file_of(const std::string& target) {
   if (!fs::is_directory(target, ignored)) return fs::path(target);
   std::vector<fs::path> files;
   for (const auto& entry : fs::directory_iterator(target, ignored)) {
-    if (entry.path().extension() == ".mcap") files.push_back(entry.path());
+    const fs::path ending = entry.path().extension();
+    if (ending == ".mcap" || ending == ".db3") files.push_back(entry.path());
   }
   if (files.size() == 1) return files.front();
   return Error{Errc::bad_input, target + " holds " + std::to_string(files.size()) +
-                                    " .mcap files; give the one to read"};
+                                    " .mcap and .db3 files; give the one to read"};
 }
 
 }  // namespace
@@ -242,11 +279,11 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
     return status.error();
   const auto file = file_of(uri.target);
   if (!file) return file.error();
-  auto reader = McapReader::open(*file);
+  auto reader = BagReader::open(*file);
   if (!reader) return reader.error();
   const auto given = uri.extras.find("topic");
   const std::string wanted = given == uri.extras.end() ? "" : given->second;
-  auto contents = look_through(*reader, wanted);
+  auto contents = look_through(**reader, wanted);
   if (!contents) return contents.error();
   const auto topic = choose_topic(uri, *contents, wanted);
   if (!topic) return topic.error();
@@ -273,21 +310,22 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   auto place = place_of(uri, *contents, images);
   if (!place) return place.error();
   if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);
-  auto again = McapReader::open(*file);
+  auto again = BagReader::open(*file);
   if (!again) return again.error();
   return RawStream{std::make_unique<BagSource>(*std::move(again), *topic, unit, said,
-                                               std::move(info), *std::move(place))};
+                                               std::move(info), *std::move(place),
+                                               contents->was_cut_off)};
 }
 
 FoundCameras find_bag_cameras() {
   return {"bag",
-          "bag:FILE.mcap[?topic=/T&world=FRAME]",
+          "bag:FILE.mcap|FILE.bag|FILE.db3[?topic=/T&world=FRAME]",
           true,
           "",
           "",
           {},
-          "depth of ROS 2 recordings and of palpate record, with their camera_info; ?world=FRAME: "
-          "the camera is where their tf says"};
+          "depth of ROS 2 and ROS 1 recordings, of RealSense cameras and of palpate record, with "
+          "their camera_info; ?world=FRAME: the camera is where their tf says"};
 }
 
 }  // namespace palpate

@@ -92,9 +92,7 @@ Result<RosCameraModel> read_camera_model(std::string_view message) {
 
 void set_ros_camera(const RosCameraModel& camera, const std::string& topic, DepthStreamInfo& info) {
   // Of a rectified topic, P is the image's camera and distortion has been removed.
-  constexpr std::string_view kTransport = "/compressedDepth";
-  std::string_view image = topic;
-  if (image.ends_with(kTransport)) image.remove_suffix(kTransport.size());
+  const std::string_view image = ros_image_topic(topic);
   const bool is_rectified =
       image.substr(image.rfind('/') + 1).find("rect") != std::string_view::npos &&
       camera.rectified.fx > 0;

@@ -27,6 +27,14 @@ void set_ros_camera(const RosCameraModel& camera, const std::string& topic, Dept
 /// Of depth in metres, in counts: up to 16 m in steps of 0.25 mm.
 inline constexpr double kFloatUnit = 0.00025;
 
+/// The topic without the transport that is written behind it: "/camera/depth/image_raw" of
+/// "/camera/depth/image_raw/compressedDepth".
+inline std::string_view ros_image_topic(std::string_view topic) {
+  constexpr std::string_view kTransport = "/compressedDepth";
+  if (topic.ends_with(kTransport)) topic.remove_suffix(kTransport.size());
+  return topic;
+}
+
 /// "/camera/depth" of "/camera/depth/image_rect_raw".
 inline std::string_view ros_parent(std::string_view topic) {
   return topic.substr(0, topic.rfind('/'));

@@ -11,7 +11,7 @@ namespace palpate::mcap {
 
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 
-inline constexpr std::string_view kZstd = "zstd";  // how chunks are compressed
+inline constexpr std::string_view kZstd = "zstd", kLz4 = "lz4";  // how chunks are compressed
 
 enum class Op : std::uint8_t {
   header = 0x01,

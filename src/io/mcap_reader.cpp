@@ -6,6 +6,7 @@
 
 #include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
+#include "src/io/unpack.h"
 
 namespace palpate {
 
@@ -26,7 +27,7 @@ struct McapReader::Impl {
     return {Errc::bad_input, path.string() + " is damaged at byte " + std::to_string(position) +
                                  ": " + what + "; what comes before it can be read"};
   }
-  Status unpack(std::string_view records, bool is_compressed, std::uint64_t size);
+  Status unpack(std::string_view records, std::string_view compression, std::uint64_t size);
   Result<bool> next_chunk();
   std::optional<McapMessage> take(Op op, std::string_view contents);
 };
@@ -57,9 +58,15 @@ std::optional<McapMessage> McapReader::Impl::take(Op op, std::string_view conten
 }
 
 // Into `chunk`. What a damaged file says of its size is not believed before memory is taken.
-Status McapReader::Impl::unpack(std::string_view records, bool is_compressed, std::uint64_t size) {
+Status McapReader::Impl::unpack(std::string_view records, std::string_view compression,
+                                std::uint64_t size) {
   constexpr std::uint64_t kLargest = std::uint64_t{1} << 30;
-  if (!is_compressed) {
+  if (compression == mcap::kLz4) {
+    const Status unpacked = unpack_lz4(records, size, chunk);
+    if (unpacked || unpacked.error().code != Errc::bad_input) return unpacked;
+    return damaged(unpacked.error().message);
+  }
+  if (compression.empty()) {
     if (records.size() != size) return damaged("a chunk is too short");
     chunk = std::string(records);
     return Done{};
@@ -109,13 +116,13 @@ Result<bool> McapReader::Impl::next_chunk() {
       const auto size = fields.number<std::uint64_t>();
       const auto crc = fields.number<std::uint32_t>();
       const std::string_view compression = fields.text();
-      if (!compression.empty() && compression != mcap::kZstd) {
+      if (!compression.empty() && compression != mcap::kZstd && compression != mcap::kLz4) {
         return damaged("its chunks are compressed by " + std::string(compression) +
                        "; write it anew with Zstandard (mcap compress --compression zstd)");
       }
       const std::string_view records = fields.raw(fields.number<std::uint64_t>());
       if (!fields.is_good()) return damaged("a chunk is too short");
-      if (const Status status = unpack(records, !compression.empty(), size); !status) {
+      if (const Status status = unpack(records, compression, size); !status) {
         return status.error();
       }
       const auto got = crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size());

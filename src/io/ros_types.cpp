@@ -16,6 +16,8 @@ constexpr Definition kDefinitions[] = {
     {"builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"},
     {"builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"},
     {"std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"},
+    {"std_msgs/String", "string data\n"},
+    {"std_msgs/Float32", "float32 data\n"},
     {"std_msgs/ColorRGBA", "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n"},
     {"geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n"},
     {"geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"},

@@ -9,67 +9,14 @@ import pathlib
 import shutil
 import struct
 import subprocess
-import sys
-import tempfile
 import threading
 import time
 import unittest
 
-PALPATE = None
-WIDTH, HEIGHT = 160, 120
-INTRINSICS = "200,200,79.5,59.5"
+from camera_case import HEIGHT, INTRINSICS, PALPATE, WIDTH, CameraCase, header, palpate, wall
 
 
-def palpate(*arguments, timeout=300, **more):
-    return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True, timeout=timeout,
-                          **more)
-
-
-def wall(number=0):
-    """A wall at half a metre, bent a little, as counts of a millimetre."""
-    return struct.pack(f"<{WIDTH * HEIGHT}H", *(500 + (u - 80) ** 2 // 400 + (v + number) % 2
-                                                for v in range(HEIGHT) for u in range(WIDTH)))
-
-
-def header(time_stamp, unit=0.001):
-    return struct.pack("<8sIIdd", b"PALPDEP1", WIDTH, HEIGHT, time_stamp, unit)
-
-
-class Cameras(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="palpate_cameras_"))
-        cls.tool = cls.folder / "tool.palp"
-        mesh = cls.folder / "box.stl"
-        cls.check(palpate("shape", "box", "--size", 0.06, "-o", mesh))
-        cls.check(palpate("pack", mesh, "--spheres", 200, "-o", cls.tool))
-        cls.path = cls.folder / "path.txt"
-        cls.path.write_text("0 0 0 0.45 0 0 0 1\n0.5 0 0 0.49 0 0 0 1\n1 0 0 0.49 0 0 0 1\n")
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
-
-    @staticmethod
-    def check(done):
-        if done.returncode != 0:
-            raise AssertionError(done.stderr.decode())
-        return done
-
-    def refused(self, words, *arguments, status=1, **more):
-        done = palpate(*arguments, **more)
-        self.assertEqual(done.returncode, status, done.stderr)
-        message = done.stderr.decode()
-        self.assertEqual(message.count("\n"), 1, message)
-        self.assertIn(words, message)
-        self.assertEqual(done.stdout, b"")
-
-    def run_folder(self):
-        return self.folder / self.id().rsplit(".", 1)[1]
-
-    def summary(self, run):
-        return json.loads((run / "summary.json").read_text())
-
+class Cameras(CameraCase):
     def test_list(self):
         for verb in ("cameras", "sensors"):
             found = json.loads(self.check(palpate(verb, "--json")).stdout)
@@ -464,7 +411,6 @@ class Cameras(unittest.TestCase):
         self.assertIn("unit=0.0002", done.stderr.decode())
         self.assertIn("131.25,131.25,79.5,59.5", done.stderr.decode())
 
-
     def test_record_and_play(self):
         raw = self.folder / "record.raw"
         raw.write_bytes(b"".join(header(5 + k / 15, 0.0002) + wall(k) for k in range(20)))
@@ -491,125 +437,6 @@ class Cameras(unittest.TestCase):
         self.refused("several cameras", "record", "--camera", "scene:hand", "--camera",
                      "scene:hand", "-o", bag, status=2)
 
-    def test_rosbags_reads_a_recording(self):
-        try:
-            import rosbags.highlevel
-        except ImportError:
-            self.skipTest("there is no rosbags; scripts/setup.sh --test installs it")
-        folder = self.folder / "scene_bag"
-        folder.mkdir()
-        bag = folder / "scene.mcap"
-        self.check(palpate("record", "--camera", "scene:wall?noise=off&unit=0.001", "--duration",
-                           0.5, "-o", bag))
-        with rosbags.highlevel.AnyReader([bag]) as reader:
-            topics = {each.topic: each.msgcount for each in reader.connections}
-            self.assertEqual(topics["/camera/depth/image_rect_raw"],
-                             topics["/camera/depth/camera_info"])
-            for connection, stamp, data in reader.messages():
-                if connection.topic == "/camera/depth/image_rect_raw":
-                    image = reader.deserialize(data, connection.msgtype)
-                    self.assertEqual((image.width, image.height, image.encoding),
-                                     (640, 480, "16UC1"))
-                    break
-
-    def write_bag(self, name, encoding="16UC1", topic="/cam/depth/image_raw", model="plumb_bob",
-                  d=(0.1, -0.05, 0.001, 0.002, 0.0), compressed=False, num=31, extra=None,
-                  info=True):
-        """By rosbags, as ROS 2 would."""
-        import numpy
-        import rosbags.rosbag2
-        import rosbags.typesys
-        store = rosbags.typesys.get_typestore(rosbags.typesys.Stores.ROS2_HUMBLE)
-        types = store.types
-        make = {key.rsplit("/", 1)[1]: value for key, value in types.items()}
-        path = self.folder / name
-        with rosbags.rosbag2.Writer(path, version=9,
-                                    storage_plugin=rosbags.rosbag2.StoragePlugin.MCAP) as writer:
-            def connect(topic, kind):
-                return writer.add_connection(topic, kind, typestore=store)
-
-            def send(connection, kind, stamp, message):
-                writer.write(connection, stamp, store.serialize_cdr(message, kind))
-
-            image_type = f"sensor_msgs/msg/{'CompressedImage' if compressed else 'Image'}"
-            info_type = "sensor_msgs/msg/CameraInfo"
-            image = connect(topic, image_type)
-            camera = connect(topic.rsplit("/", 1)[0] + "/camera_info", info_type) if info else None
-            other = connect(extra, "sensor_msgs/msg/Image") if extra else None
-            for k in range(num):
-                stamp = 1_700_000_000_000_000_000 + k * 33_333_333
-                header = make["Header"](make["Time"](stamp // 10**9, stamp % 10**9), "cam")
-                counts = numpy.frombuffer(wall(k), dtype="<u2").reshape(HEIGHT, WIDTH)
-                if compressed:
-                    png = self.folder / "frame.png"
-                    import cli_test
-                    cli_test.write_depth_png(png, WIDTH, HEIGHT, lambda u, v: int(counts[v, u]))
-                    data = struct.pack("<iff", 0, 0, 0) + png.read_bytes()
-                    message = make["CompressedImage"](header, f"{encoding}; compressedDepth png",
-                                                      numpy.frombuffer(data, dtype="u1"))
-                else:
-                    pixels = {"16UC1": counts, "32FC1": counts.astype("f4") / 1000,
-                              "8UC1": counts.astype("u1")}[encoding]
-                    rows = numpy.frombuffer(pixels.tobytes(), dtype="u1")
-                    message = make["Image"](header, HEIGHT, WIDTH, encoding, 0,
-                                            pixels.itemsize * WIDTH, rows)
-                send(image, image_type, stamp, message)
-                if other:
-                    send(other, "sensor_msgs/msg/Image", stamp, message)
-                if camera:
-                    f, c = numpy.float64, numpy.array
-                    send(camera, info_type, stamp, make["CameraInfo"](
-                        header, HEIGHT, WIDTH, model, c(d, f),
-                        c([200, 0, 79.5, 0, 200, 59.5, 0, 0, 1], f), c(numpy.eye(3).ravel(), f),
-                        c([210, 0, 80, 0, 0, 210, 60, 0, 0, 0, 1, 0], f), 0, 0,
-                        make["RegionOfInterest"](0, 0, 0, 0, False)))
-        return path
-
-    def test_bags_of_ros(self):
-        try:
-            import rosbags.rosbag2  # noqa: F401
-        except ImportError:
-            self.skipTest("there is no rosbags; scripts/setup.sh --test installs it")
-
-        def touched(bag, parameters=""):
-            run = self.folder / f"run_{bag.name}"
-            self.check(palpate("touch", self.tool, "--camera", f"bag:{bag}{parameters}", "--path",
-                               self.path, "--align", "starts", "-o", run))
-            return self.summary(run)
-
-        plain = touched(self.write_bag("plain", d=(0, 0, 0, 0, 0)))
-        self.assertEqual((plain["stream"]["fx"], plain["stream"]["cx"]), (200, 79.5))
-        self.assertEqual(plain["stream"]["unit"], 0.001)
-        self.assertAlmostEqual(plain["stream"]["rate"], 30, places=3)
-        for name, options in (("float", {"encoding": "32FC1"}), ("png", {"compressed": True})):
-            other = touched(self.write_bag(name, d=(0, 0, 0, 0, 0), **options))
-            self.assertEqual(other["frames"], plain["frames"])
-            self.assertAlmostEqual(other["peaks"]["volume_m3"] / plain["peaks"]["volume_m3"], 1,
-                                   places=6)
-        # A rectified topic has the intrinsics of P, and no distortion any more.
-        rectified = touched(self.write_bag("rectified", topic="/cam/depth/image_rect_raw"))
-        self.assertEqual((rectified["stream"]["fx"], rectified["stream"]["cx"]), (210, 80))
-        bent = touched(self.write_bag("bent", d=(20, 0, 0, 0, 0)))
-        self.assertNotEqual(bent["peaks"]["volume_m3"], plain["peaks"]["volume_m3"])
-        touched(self.write_bag("rational", model="rational_polynomial",
-                               d=(0.1, 0.01, 0, 0, 0.001, 0.1, 0.01, 0.001)))
-
-        touch = ["touch", self.tool, "--path", self.path, "-o", self.folder / "never"]
-        self.refused("equidistant", *touch, "--camera", "bag:" + str(self.write_bag(
-            "fisheye", model="equidistant", d=(0.1, 0, 0, 0), num=2)))
-        self.refused("several depth streams", *touch, "--camera", "bag:" + str(self.write_bag(
-            "two", extra="/other/depth", num=2)))
-        self.refused("no depth images", *touch, "--camera", "bag:" + str(self.write_bag(
-            "colour", encoding="8UC1", num=2)))
-        self.refused("no depth images on /x", *touch, "--camera",
-                     f"bag:{self.folder}/colour?topic=/x")
-        self.refused("intrinsics=", *touch, "--camera", "bag:" + str(self.write_bag(
-            "bare", info=False, num=2)))
-        (self.folder / "no.mcap").write_bytes(b"no recording")
-        self.refused("not an MCAP file", *touch, "--camera", f"bag:{self.folder}/no.mcap")
-
 
 if __name__ == "__main__":
-    sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-    PALPATE = sys.argv.pop(1)
     unittest.main()

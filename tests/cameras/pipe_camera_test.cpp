@@ -16,6 +16,7 @@
 #include "palpate/cameras/open_camera.h"
 #include "src/session/internal/record_stream.h"
 #include "tests/cameras/conformance.h"
+#include "tests/io/ros1_bag_writer.h"
 
 namespace palpate {
 namespace {
@@ -220,6 +221,22 @@ TEST_F(PipeCamera, TenThousandFramesTakeNoMemoryNorInABag) {
     ++num;
   }
   EXPECT_LT(num, 9000) << "frames that are not there";
+}
+
+TEST_F(PipeCamera, TenThousandFramesOfABagOfRos1TakeNoMemory) {
+  std::vector<std::string> chunks;
+  for (int k = 0; k < 10000; ++k) {
+    const auto stamp = test::ros1_stamp(static_cast<std::uint32_t>(1 + k / 30),
+                                        static_cast<std::uint32_t>(k % 30 * 33'333'333), "c");
+    chunks.push_back(test::ros1_chunk(
+        test::ros1_connection(1, "/depth", "sensor_msgs/Image") +
+        test::ros1_message(1, 1, 1, test::ros1_image(stamp, kWidth, kHeight, raw(k)))));
+  }
+  std::ofstream(path("bag"), std::ios::binary) << test::ros1_bag(chunks);
+  chunks.clear();
+  const auto open = [&] { return open_camera("bag:" + path("bag") + kNoSize); };
+  test::expect_recording(open, 10000, kWidth, kHeight);
+  test::expect_no_growth(*open().value(), 10000);
 }
 
 }  // namespace

@@ -1,16 +1,18 @@
 // Recordings: MCAP files, and the messages in them. The first byte says what the rest is.
+#include "src/io/internal/bag_file.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_image.h"
 #include "src/io/ros_messages.h"
 #include "src/session/run_messages.h"
 #include "src/session/run_reader.h"
 #include "tests/fuzz/target.h"
+#include "tests/io/ros1_bag_writer.h"
 
 namespace palpate::fuzz {
 namespace {
 
 constexpr char kFile = 'f', kSettings = 's', kFrame = 'r', kContact = 'c', kTick = 't', kNote = 'n',
-               kImage = 'i';
+               kImage = 'i', kBag = 'b';
 
 void read_file(std::string_view bytes) {
   static ScratchFile file(".mcap");
@@ -34,6 +36,20 @@ void read_file(std::string_view bytes) {
   for (int i = 0; i < 1000; ++i) {
     const auto got = run->next_frame(frame);
     if (!got || !*got) return;
+  }
+}
+
+/// Bags of other programs, whatever their format.
+void read_bag(std::string_view bytes) {
+  static ScratchFile file(".bag");
+  file.write(bytes);
+  const auto bag = BagReader::open(file.path());
+  if (!bag) return;
+  for (;;) {
+    const auto message = (*bag)->next();
+    if (!message || !*message) break;
+    require((*bag)->channels().contains((*message)->channel), "a message has a channel");
+    (void)read_depth_image((*message)->data, 0.001);
   }
 }
 
@@ -81,7 +97,13 @@ std::string small_file() {
 }  // namespace
 
 std::vector<std::string> seeds() {
+  const std::string image =
+      test::ros1_image(test::ros1_stamp(1, 2, "camera"), 2, 1, std::string_view("\1\2\3\4"));
+  const std::string bag =
+      test::ros1_bag({test::ros1_chunk(test::ros1_connection(1, "/depth", "sensor_msgs/Image") +
+                                       test::ros1_message(1, 1, 2, image))});
   return {kFile + small_file(),
+          kBag + bag,
           kSettings + settings_message(one_camera()),
           kFrame + frame_message(FrameRecord{}),
           kContact + contact_message(seen_by_two()),
@@ -99,6 +121,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view message = text_of(data + 1, size - 1);
   switch (data[0]) {
     case kFile: fuzz::read_file(message); break;
+    case kBag: fuzz::read_bag(message); break;
     case kSettings: round_trip(message, read_settings, settings_message); break;
     case kFrame: round_trip(message, read_frame, frame_message); break;
     case kContact: round_trip(message, read_contact, contact_message); break;

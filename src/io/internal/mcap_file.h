@@ -66,8 +66,8 @@ struct McapMessage {
   std::string_view data;   ///< valid until the next call
 };
 
-/// Reads in the order of the file, one chunk in memory at a time, compressed by Zstandard or not at
-/// all.
+/// Reads in the order of the file, one chunk in memory at a time, compressed by Zstandard, LZ4 (if
+/// liblz4 is there) or not at all.
 class McapReader {
  public:
   /// Errors: no such file, not an MCAP file.

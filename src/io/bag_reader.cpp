@@ -1,0 +1,51 @@
+// Which format a recording has.
+#include <fstream>
+#include <utility>
+
+#include "src/io/bag_formats.h"
+#include "src/io/mcap_format.h"
+
+namespace palpate {
+namespace {
+
+class McapBag final : public BagReader {
+ public:
+  explicit McapBag(McapReader reader) : reader_(std::move(reader)) {}
+  Result<std::optional<McapMessage>> next() override { return reader_.next(); }
+  const std::map<std::uint16_t, McapChannel>& channels() const override {
+    return reader_.channels();
+  }
+  bool was_cut_off() const override { return reader_.was_cut_off(); }
+
+ private:
+  McapReader reader_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<BagReader>> BagReader::open(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  char bytes[16] = {};
+  if (!file || (!file.read(bytes, sizeof bytes) && file.bad())) {
+    return Error{Errc::not_found,
+                 "cannot read " + path.string() + "; check the name and its permissions"};
+  }
+  const std::string_view begin(bytes, static_cast<std::size_t>(file.gcount()));
+  if (begin.starts_with(mcap::kMagic)) {
+    auto reader = McapReader::open(path);
+    if (!reader) return reader.error();
+    return std::unique_ptr<BagReader>(std::make_unique<McapBag>(*std::move(reader)));
+  }
+  if (begin.starts_with(kRos1Magic)) return open_ros1_bag(path);
+  if (begin.starts_with(kSqliteMagic)) return open_sqlite_bag(path);
+  if (begin.starts_with("#ROSBAG V1")) {
+    return Error{Errc::bad_input, path.string() +
+                                      " is a bag of before 2010 (format 1); write it anew with "
+                                      "rosbag reindex"};
+  }
+  return Error{Errc::bad_input, path.string() +
+                                    " is no recording: neither an MCAP file, nor a bag of ROS 1 "
+                                    "(.bag) or of ROS 2 (.db3)"};
+}
+
+}  // namespace palpate

@@ -1,0 +1,33 @@
+// Recordings of other programs, message by message: MCAP, bags of ROS 1 (.bag), and those of ROS 2
+// that are SQLite databases (.db3).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "src/io/internal/mcap_file.h"
+
+namespace palpate {
+
+/// Messages in the order of the file, one chunk in memory at a time. Whatever the file, schemas are
+/// named as in ROS 2 ("sensor_msgs/msg/Image") and messages are in CDR; those of a type of ROS 1
+/// that is not known here are empty.
+class BagReader {
+ public:
+  /// By what the file begins with. Errors: no such file, none of these formats, a library that is
+  /// not there (SQLite; see io/unpack.h).
+  static Result<std::unique_ptr<BagReader>> open(const std::filesystem::path& path);
+  virtual ~BagReader() = default;
+
+  /// The next message, or nullopt at the end, also at that of a file that was cut off
+  /// (`was_cut_off`). Errors: a damaged file, with the place.
+  virtual Result<std::optional<McapMessage>> next() = 0;
+  /// Of the channels met so far.
+  virtual const std::map<std::uint16_t, McapChannel>& channels() const = 0;
+  virtual bool was_cut_off() const = 0;
+};
+
+}  // namespace palpate

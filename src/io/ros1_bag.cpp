@@ -1,0 +1,181 @@
+// Bags of ROS 1, format 2.0 (http://wiki.ros.org/Bags/Format/2.0): records of a header, which is a
+// list of NAME=VALUE, and data; all numbers little-endian.
+#include <fstream>
+#include <string>
+#include <utility>
+
+#include "src/io/bag_formats.h"
+#include "src/io/mcap_format.h"
+#include "src/io/ros1_messages.h"
+#include "src/io/ros_types.h"
+#include "src/io/unpack.h"
+
+namespace palpate {
+namespace {
+
+using mcap::Cursor;
+
+enum class Op : std::uint8_t { message = 2, bag = 3, chunk = 5, connection = 7 };
+
+/// What a header says under a name; empty if it does not.
+std::string_view value_of(std::string_view header, std::string_view name) {
+  for (Cursor at(header); !at.at_end();) {
+    const std::string_view field = at.text();
+    if (field.size() > name.size() && field.starts_with(name) && field[name.size()] == '=') {
+      return field.substr(name.size() + 1);
+    }
+  }
+  return {};
+}
+
+template <class Int>
+Int number_of(std::string_view header, std::string_view name) {
+  return Cursor(value_of(header, name)).number<Int>();
+}
+
+class Ros1Bag final : public BagReader {
+ public:
+  explicit Ros1Bag(std::filesystem::path path) : path_(std::move(path)) {}
+
+  Status open() {
+    file_.open(path_, std::ios::binary | std::ios::ate);
+    if (!file_) return Error{Errc::not_found, "cannot read " + path_.string()};
+    size_ = static_cast<std::uint64_t>(file_.tellg());
+    file_.seekg(kRos1Magic.size());
+    return Done{};
+  }
+
+  const std::map<std::uint16_t, McapChannel>& channels() const override { return channels_; }
+  bool was_cut_off() const override { return is_cut_off_; }
+
+  Result<std::optional<McapMessage>> next() override {
+    while (!is_over_) {
+      if (in_chunk_.at_end()) {
+        const auto more = next_chunk();
+        is_over_ = !more || !*more;
+        if (!more) return more.error();
+        continue;
+      }
+      const std::string_view header = in_chunk_.text(), data = in_chunk_.text();
+      if (!in_chunk_.is_good()) {
+        is_over_ = true;
+        return damaged("a record is longer than its chunk");
+      }
+      const auto message = take(header, data);
+      if (!message) is_over_ = true;
+      if (!message || *message) return message;
+    }
+    return std::optional<McapMessage>();
+  }
+
+ private:
+  Error damaged(const std::string& what) const {
+    return {Errc::bad_input, path_.string() + " is damaged at byte " + std::to_string(position_) +
+                                 ": " + what + "; rosbag fix may mend it"};
+  }
+
+  /// Notes connections; gives a message if it is one.
+  Result<std::optional<McapMessage>> take(std::string_view header, std::string_view data) {
+    const auto op = Op{number_of<std::uint8_t>(header, "op")};
+    const auto connection = number_of<std::uint32_t>(header, "conn");
+    if (op == Op::connection && !types_.contains(connection)) {
+      if (types_.size() > 65535) return damaged("it has more topics than anybody has");
+      const auto channel = static_cast<std::uint16_t>(types_.size());
+      std::string type(value_of(data, "type"));
+      if (type == "tf/tfMessage") type = "tf2_msgs/TFMessage";  // its name of old
+      channels_[channel].topic = std::string(value_of(header, "topic"));
+      if (type.find('/') != std::string::npos) {
+        channels_[channel].schema_name = ros_interface_name(type);
+      }
+      types_[connection] = {channel, std::move(type)};
+    }
+    if (op != Op::message) return std::optional<McapMessage>();
+    const auto found = types_.find(connection);
+    if (found == types_.end()) return damaged("a message is of a topic that was not told before");
+    const std::string_view time = value_of(header, "time");
+    Cursor at(time);
+    const auto seconds = at.number<std::uint32_t>(), nanoseconds = at.number<std::uint32_t>();
+    if (!at.is_good()) return damaged("a message tells no time");
+    const bool is_known = !ros_fields(found->second.name).empty();
+    auto message = cdr_of_ros1(found->second.name, data);
+    if (is_known && !message) {
+      return damaged("a message on " + channels_[found->second.channel].topic +
+                     " is shorter than a " + found->second.name);
+    }
+    message_ = message ? *std::move(message) : "";
+    return std::optional(McapMessage{
+        found->second.channel, std::uint64_t{1'000'000'000} * seconds + nanoseconds, message_});
+  }
+
+  /// Reads a length and what it says; false at the end of the file, wherever that is.
+  bool read(std::string& to) {
+    std::string length(4, '\0');
+    if (!file_.read(length.data(), 4)) return false;
+    const auto size = Cursor(length).number<std::uint32_t>();
+    const auto begin = static_cast<std::uint64_t>(file_.tellg());
+    if (size > size_ - begin) return false;
+    to.resize(size);
+    return static_cast<bool>(file_.read(to.data(), size));
+  }
+
+  /// Into in_chunk_. False at the end of the data.
+  Result<bool> next_chunk() {
+    std::string header, data;
+    position_ = static_cast<std::uint64_t>(file_.tellg());
+    if (position_ == size_) return false;
+    is_cut_off_ = !read(header) || !read(data);
+    if (is_cut_off_) return false;
+    const auto op = Op{number_of<std::uint8_t>(header, "op")};
+    if (op == Op::bag && !value_of(header, "encryptor").empty()) {
+      return Error{Errc::bad_input, path_.string() + " is encrypted; write it anew as it is"};
+    }
+    if (op != Op::chunk) {
+      // A record by itself, as if it were alone in a chunk.
+      mcap::Bytes record;
+      chunk_ = record.text(header).text(data).str();
+    } else {
+      const auto size = number_of<std::uint32_t>(header, "size");
+      const std::string_view packing = value_of(header, "compression");
+      Status unpacked = Done{};
+      if (packing == "none") {
+        chunk_ = std::move(data);
+      } else if (packing == "lz4") {
+        unpacked = unpack_lz4(data, size, chunk_);
+      } else if (packing == "bz2") {
+        unpacked = unpack_bzip2(data, size, chunk_);
+      } else {
+        return damaged("its chunks are compressed by '" + std::string(packing.substr(0, 20)) + "'");
+      }
+      if (!unpacked && unpacked.error().code == Errc::bad_input) {
+        return damaged(unpacked.error().message);
+      }
+      if (!unpacked)
+        return Error{Errc::unavailable, path_.string() + ": " + unpacked.error().message};
+    }
+    in_chunk_ = Cursor(chunk_);
+    return true;
+  }
+
+  struct Type {
+    std::uint16_t channel;
+    std::string name;
+  };
+  const std::filesystem::path path_;
+  std::ifstream file_;
+  std::uint64_t size_ = 0, position_ = 0;
+  std::string chunk_, message_;
+  Cursor in_chunk_{{}};
+  std::map<std::uint16_t, McapChannel> channels_;
+  std::map<std::uint32_t, Type> types_;  // by connection
+  bool is_over_ = false, is_cut_off_ = false;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<BagReader>> open_ros1_bag(const std::filesystem::path& path) {
+  auto bag = std::make_unique<Ros1Bag>(path);
+  if (const Status opened = bag->open(); !opened) return opened.error();
+  return std::unique_ptr<BagReader>(std::move(bag));
+}
+
+}  // namespace palpate

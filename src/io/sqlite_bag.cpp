@@ -1,0 +1,128 @@
+// Bags of ROS 2 in SQLite databases (rosbag2_storage_sqlite3), by libsqlite3, which is found when
+// the program runs.
+#include <string>
+#include <utility>
+
+#include "src/core/shared_library.h"
+#include "src/io/bag_formats.h"
+
+namespace palpate {
+namespace {
+
+// sqlite3.h
+struct Database;
+struct Query;
+struct Sqlite {
+  int (*open)(const char* file, Database**, int flags, const char* vfs);
+  int (*close)(Database*);
+  int (*prepare)(Database*, const char* text, int size, Query**, const char** tail);
+  int (*step)(Query*);
+  int (*finalize)(Query*);
+  std::int64_t (*number)(Query*, int column);
+  const unsigned char* (*text)(Query*, int column);
+  const void* (*blob)(Query*, int column);
+  int (*size)(Query*, int column);
+  const char* (*message)(Database*);
+};
+constexpr int kOk = 0, kRow = 100, kDone = 101, kReadOnly = 1;
+
+Result<Sqlite> load() {
+  const std::string name = "libsqlite3.so.0";
+  auto library = SharedLibrary::open({&name, 1});
+  if (!library) {
+    return Error{Errc::unavailable, library.error().message + "; install libsqlite3-0"};
+  }
+  Sqlite sqlite{};
+  library->require("sqlite3_open_v2", sqlite.open);
+  library->require("sqlite3_close", sqlite.close);
+  library->require("sqlite3_prepare_v2", sqlite.prepare);
+  library->require("sqlite3_step", sqlite.step);
+  library->require("sqlite3_finalize", sqlite.finalize);
+  library->require("sqlite3_column_int64", sqlite.number);
+  library->require("sqlite3_column_text", sqlite.text);
+  library->require("sqlite3_column_blob", sqlite.blob);
+  library->require("sqlite3_column_bytes", sqlite.size);
+  library->require("sqlite3_errmsg", sqlite.message);
+  if (library->missing().empty()) return sqlite;
+  return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing())};
+}
+
+class SqliteBag final : public BagReader {
+ public:
+  SqliteBag(const Sqlite& sqlite, std::filesystem::path path)
+      : sqlite_(sqlite), path_(std::move(path)) {}
+  ~SqliteBag() override {
+    sqlite_.finalize(query_);
+    sqlite_.close(database_);
+  }
+
+  Status open() {
+    if (sqlite_.open(path_.c_str(), &database_, kReadOnly, nullptr) != kOk) return failure();
+    if (!ask("SELECT id, name, type, serialization_format FROM topics")) return failure();
+    int told = 0;
+    while ((told = sqlite_.step(query_)) == kRow) {
+      const std::int64_t id = sqlite_.number(query_, 0);
+      const std::string type = text(2), format = text(3);
+      if (id < 0 || id > 65535) return failure();
+      channels_[static_cast<std::uint16_t>(id)] = {text(1), format == "cdr" ? type : "", ""};
+    }
+    if (told != kDone) return failure();
+    // In the order in which they were written.
+    if (!ask("SELECT topic_id, timestamp, data FROM messages ORDER BY id")) return failure();
+    return Done{};
+  }
+
+  const std::map<std::uint16_t, McapChannel>& channels() const override { return channels_; }
+  bool was_cut_off() const override { return false; }
+
+  Result<std::optional<McapMessage>> next() override {
+    for (;;) {
+      const int told = is_over_ ? kDone : sqlite_.step(query_);
+      is_over_ = told != kRow;
+      if (told == kDone) return std::optional<McapMessage>();
+      if (told != kRow) return failure();
+      const std::int64_t id = sqlite_.number(query_, 0);
+      if (id < 0 || id > 65535 || !channels_.contains(static_cast<std::uint16_t>(id))) continue;
+      const void* const data = sqlite_.blob(query_, 2);
+      const int size = sqlite_.size(query_, 2);
+      return std::optional(McapMessage{
+          static_cast<std::uint16_t>(id),
+          static_cast<std::uint64_t>(sqlite_.number(query_, 1)),
+          {static_cast<const char*>(data), data == nullptr ? 0 : static_cast<std::size_t>(size)}});
+    }
+  }
+
+ private:
+  bool ask(const char* question) {
+    sqlite_.finalize(query_);
+    query_ = nullptr;
+    return sqlite_.prepare(database_, question, -1, &query_, nullptr) == kOk;
+  }
+  std::string text(int column) const {
+    const unsigned char* const found = sqlite_.text(query_, column);
+    return found == nullptr ? "" : reinterpret_cast<const char*>(found);
+  }
+  Error failure() const {
+    return {Errc::bad_input,
+            path_.string() + " cannot be read as a bag of ROS 2: " + sqlite_.message(database_)};
+  }
+
+  const Sqlite& sqlite_;
+  const std::filesystem::path path_;
+  Database* database_ = nullptr;
+  Query* query_ = nullptr;
+  std::map<std::uint16_t, McapChannel> channels_;
+  bool is_over_ = false;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<BagReader>> open_sqlite_bag(const std::filesystem::path& path) {
+  static const Result<Sqlite> sqlite = load();
+  if (!sqlite) return Error{Errc::unavailable, path.string() + ": " + sqlite.error().message};
+  auto bag = std::make_unique<SqliteBag>(*sqlite, path);
+  if (const Status opened = bag->open(); !opened) return opened.error();
+  return std::unique_ptr<BagReader>(std::move(bag));
+}
+
+}  // namespace palpate

@@ -1,0 +1,18 @@
+// Compressed parts of recordings, by libraries that are found when the program runs.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "palpate/core/result.h"
+
+namespace palpate {
+
+/// LZ4 frames (liblz4) and bzip2 (libbz2): `size` bytes that were packed into `packed`. Memory is
+/// taken as it is filled, whatever `size` says. Errors: the library is not there, the bytes are
+/// damaged or too few.
+Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to);
+Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to);
+
+}  // namespace palpate
