@@ -78,7 +78,10 @@ inline constexpr SettingOption kSurfaceOptions[] = {
 inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--average", "time.average"},
                                                  {"--average-frames", "time.average_frames"},
-                                                 {"--average-weight", "time.average_weight"}};
+                                                 {"--average-weight", "time.average_weight"},
+                                                 {"--memory", "time.memory"},
+                                                 {"--memory-horizon", "time.memory_horizon"},
+                                                 {"--memory-thickness", "time.memory_thickness"}};
 inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"},
                                                  {"--sensing-gpu", "loop.sensing_gpu"}};
 /// Between tool, surface and hand.

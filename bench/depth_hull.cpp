@@ -1,12 +1,13 @@
 // What several cameras gain and cost, one CSV row for each case: mean and rms error of the volume
 // against exact solids, angle of the force, largest step of the volume over the exact one, net work
-// of a closed loop over all work, and the time of a query of one thread.
+// of a closed loop over all work, and the time of a query of one thread; and what a memory costs.
 //   depth_hull [--quick]
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <optional>
 
 #include "bench/hull_setup.h"
 #include "palpate/contact/contact.h"
@@ -99,36 +100,105 @@ void loop(const Solid& solid, const Tool& tool, int num_cameras, int num_steps) 
   std::fflush(stdout);
 }
 
-/// Microseconds of a query of one thread.
-void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds) {
+/// Microseconds of what `work(i)` does, again and again.
+template <class Work>
+void time_of(const char* kind, const std::string& what, int num_cameras, double seconds,
+             const Work& work) {
   using Clock = std::chrono::steady_clock;
-  const auto query = query_of(tool);
-  const test::HullScene scene = scene_of(solids()[0], cameras_around(num_cameras), kNoise, 1);
-  std::vector<SurfaceBlend> views = scene.views;
-  // Alone, a camera is not asked what it has seen to be free.
-  if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
-  test::Random random(3);
-  std::vector<Pose> poses;
-  for (int i = 0; i < 100; ++i) {
-    const double x = random.uniform(-0.1, 0.1), y = random.uniform(-0.1, 0.1);
-    poses.push_back({{x, y, 1 - 0.8 * kToolRadius}, random.rotation(3)});
-  }
   std::vector<double> times;
   const auto begin = Clock::now();
   for (std::size_t i = 0;
        times.size() < 50 || Clock::now() - begin < std::chrono::duration<double>(seconds); ++i) {
     const auto start = Clock::now();
-    query->measure(views, poses[i % poses.size()], {.stiffness = with_stiffness});
+    work(i);
     times.push_back(std::chrono::duration<double, std::micro>(Clock::now() - start).count());
   }
   std::sort(times.begin(), times.end());
   const auto at = [&](double share) {
     return times[static_cast<std::size_t>(share * static_cast<double>(times.size() - 1))];
   };
-  std::printf("cost,%zu spheres%s,%d,,,,,,%.1f,%.1f,%.1f,%.1f\n", tool.spheres().size(),
-              with_stiffness ? " with stiffness" : "", num_cameras, at(0.5), at(0.99), at(0.999),
-              times.back());
+  std::printf("%s,%s,%d,,,,,,%.1f,%.1f,%.1f,%.1f\n", kind, what.c_str(), num_cameras, at(0.5),
+              at(0.99), at(0.999), times.back());
   std::fflush(stdout);
+}
+
+/// Places of a ball in the surface at (0, 0, 1).
+std::vector<Pose> poses_in_surface() {
+  test::Random random(3);
+  std::vector<Pose> poses;
+  for (int i = 0; i < 100; ++i) {
+    const double x = random.uniform(-0.1, 0.1), y = random.uniform(-0.1, 0.1);
+    poses.push_back({{x, y, 1 - 0.8 * kToolRadius}, random.rotation(3)});
+  }
+  return poses;
+}
+
+/// A query of one thread.
+void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds) {
+  const auto query = query_of(tool);
+  const test::HullScene scene = scene_of(solids()[0], cameras_around(num_cameras), kNoise, 1);
+  std::vector<SurfaceBlend> views = scene.views;
+  // Alone, a camera is not asked what it has seen to be free.
+  if (num_cameras == 1) views[0].to.seen_free = views[0].from.seen_free = {};
+  const std::vector<Pose> poses = poses_in_surface();
+  time_of("cost",
+          std::to_string(tool.spheres().size()) + " spheres" +
+              (with_stiffness ? " with stiffness" : ""),
+          num_cameras, seconds, [&](std::size_t i) {
+            query->measure(views, poses[i % poses.size()], {.stiffness = with_stiffness});
+          });
+}
+
+/// What a memory costs: a frame's surface and a query of one thread, with nothing before the wall
+/// and with a hand of 50 mm radius that hides the tool or is far from it.
+void memory(const Tool& tool, double seconds) {
+  const auto query = query_of(tool);
+  const std::vector<Pose> poses = poses_in_surface();
+  struct Hand {
+    const char* name;
+    std::optional<Vec3d> at;
+  };
+  for (const DepthMemory kind : {DepthMemory::off, DepthMemory::on}) {
+    for (const Hand& hand : {Hand{"nothing in front", {}},
+                             {"a hand in front", Vec3d{0, 0, 0.7}},
+                             {"a hand beside", Vec3d{0.25, 0, 0.7}},
+                             {"a hand at the tool", Vec3d{0, 0, 0.96}}}) {
+      test::Random random(5);
+      const auto frame = [&](bool has_hand) {
+        std::vector<float> metres = test::depth_seen(
+            [&](const Vec3d& p, const Vec3d& d) {
+              const double wall = test::to_wall(p, d, 1);
+              return has_hand && hand.at ? std::min(wall, test::to_ball(p, d, *hand.at, 0.05))
+                                         : wall;
+            },
+            test::vga(), {});
+        for (float& z : metres) z += static_cast<float>(kNoise * random.normal());
+        return metres;
+      };
+      TimeOptions time;
+      time.memory.kind = kind;
+      auto timeline =
+          SurfaceTimeline::create(test::stream_of(test::vga()), {}, DepthFieldOptions{}, time, {})
+              .value();
+      const std::vector<float> before = frame(false), now = frame(true);
+      const Camera camera = test::vga();
+      ThreadPool pool(1);
+      double at = 0;
+      const auto push = [&](const std::vector<float>& metres) {
+        timeline.push({camera.width, camera.height, metres.data()}, at, pool);
+        at += 1.0 / 30;
+      };
+      for (int i = 0; i < 4; ++i) push(before);
+      for (int i = 0; i < 2; ++i) push(now);
+      const std::string what =
+          std::string(kind == DepthMemory::on ? "on" : "off") + "; " + hand.name;
+      const SurfaceBlend view{timeline.at(at).to, timeline.at(at).to, 1};
+      time_of("memory", "query; " + what, 1, seconds, [&](std::size_t i) {
+        query->measure({&view, 1}, poses[i % poses.size()]);
+      });
+      time_of("memory", "surface; " + what, 1, seconds, [&](std::size_t) { push(now); });
+    }
+  }
 }
 
 void run(bool is_quick) {
@@ -145,6 +215,7 @@ void run(bool is_quick) {
   for (const bool with_stiffness : {false, true}) {
     for (const int num : {1, 2, 3, 4}) cost(tool, num, with_stiffness, is_quick ? 0.1 : 2);
   }
+  memory(tool, is_quick ? 0.1 : 2);
 }
 
 }  // namespace

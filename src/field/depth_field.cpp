@@ -46,7 +46,9 @@ struct DepthField::Impl {
     return field_windows(layout, layout.num_filled(options),
                          asked.clipped(image(0).width, image(0).height));
   }
-  void take_planes(const PointCloudView& cloud, const PixelWindow& window, ThreadPool& pool);
+  /// take(row) fills a row of level 0 and says whether it has a hole.
+  template <class Take>
+  void make(const Intrinsics& k, const PixelWindow& asked, ThreadPool& pool, const Take& take);
   void widen(int level, Choice choice, const PixelWindow& window, ThreadPool& pool);
   void fill_holes(const FieldWindows& windows, ThreadPool& pool);
   void block_holes(const PixelWindow& window, ThreadPool& pool);
@@ -55,14 +57,6 @@ struct DepthField::Impl {
                         ThreadPool& pool);
   void find_tiles(const PixelWindow& window, ThreadPool& pool);
 };
-
-void DepthField::Impl::take_planes(const PointCloudView& cloud, const PixelWindow& window,
-                                   ThreadPool& pool) {
-  std::fill(row_has_hole.begin(), row_has_hole.end(), 0);
-  for_rows(pool, window.top, window.bottom, [&](int v) {
-    row_has_hole[static_cast<std::size_t>(v)] = rows.take_planes(cloud, image(0), window, v);
-  });
-}
 
 void DepthField::Impl::widen(int level, Choice choice, const PixelWindow& window,
                              ThreadPool& pool) {
@@ -181,24 +175,49 @@ DepthField::DepthField(DepthField&&) noexcept = default;
 DepthField& DepthField::operator=(DepthField&&) noexcept = default;
 DepthField::~DepthField() = default;
 
+template <class Take>
+void DepthField::Impl::make(const Intrinsics& k, const PixelWindow& asked, ThreadPool& pool,
+                            const Take& take) {
+  view.num_levels = layout.num_levels;
+  view.intrinsics = k;
+  view.asked = asked.clipped(image(0).width, image(0).height);
+  const FieldWindows windows = windows_for(asked);
+  std::fill(row_has_hole.begin(), row_has_hole.end(), 0);
+  for_rows(pool, windows.points.top, windows.points.bottom,
+           [&](int v) { row_has_hole[static_cast<std::size_t>(v)] = take(windows.points, v); });
+  fill_holes(windows, pool);
+  block_holes(windows.planes[0], pool);
+  find_tiles(windows.planes[0], pool);
+  for (int level = 0; level < view.num_levels; ++level) {
+    if (level > 0) widen(level, Choice::majority, windows.planes[level], pool);
+    extend_border(level);
+    find_silhouettes(k, level, windows.silhouettes[level], pool);
+  }
+  view.stamp = next_stamp();
+}
+
 void DepthField::update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& asked) {
   Impl& d = *impl_;
   PALPATE_ASSERT(cloud.pinhole && cloud.width == d.image(0).width &&
                  cloud.height == d.image(0).height);
-  d.view.num_levels = d.layout.num_levels;
-  d.view.intrinsics = cloud.intrinsics;
-  d.view.asked = asked.clipped(cloud.width, cloud.height);
-  const FieldWindows windows = d.windows_for(asked);
-  d.take_planes(cloud, windows.points, pool);
-  d.fill_holes(windows, pool);
-  d.block_holes(windows.planes[0], pool);
-  d.find_tiles(windows.planes[0], pool);
-  for (int level = 0; level < d.view.num_levels; ++level) {
-    if (level > 0) d.widen(level, Choice::majority, windows.planes[level], pool);
-    d.extend_border(level);
-    d.find_silhouettes(cloud.intrinsics, level, windows.silhouettes[level], pool);
-  }
-  d.view.stamp = next_stamp();
+  d.make(cloud.intrinsics, asked, pool, [&](const PixelWindow& window, int v) {
+    return d.rows.take_planes(cloud, d.image(0), window, v);
+  });
+}
+
+void DepthField::update(const TangentPlane* planes, const Intrinsics& intrinsics, ThreadPool& pool,
+                        const PixelWindow& asked) {
+  Impl& d = *impl_;
+  d.make(intrinsics, asked, pool, [&](const PixelWindow& window, int v) {
+    const TangentPlane* const from = planes + std::ptrdiff_t{v} * d.image(0).width;
+    TangentPlane* const to = d.image(0).row(v);
+    bool has_hole = false;
+    for (int u = window.left; u < window.right; ++u) {
+      to[u] = from[u];
+      has_hole |= !from[u].is_surface();
+    }
+    return has_hole;
+  });
 }
 
 PixelWindow DepthField::points_for(const PixelWindow& asked) const {

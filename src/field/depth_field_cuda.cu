@@ -121,8 +121,10 @@ __global__ void __launch_bounds__(kThreads)
   for_quad(job, place, [&](int k, int u, int v) {
     const std::ptrdiff_t i =
         place.image * job.points_apart + static_cast<std::ptrdiff_t>(v) * cloud.width + u;
-    quad[k] = tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i],
-                                          cloud.ny[i], cloud.nz[i]);
+    quad[k] = job.given != nullptr
+                  ? job.given[i]
+                  : tangent_plane<TangentPlane>(cloud.x[i], cloud.y[i], cloud.z[i], cloud.nx[i],
+                                                cloud.ny[i], cloud.nz[i]);
     has_hole = has_hole || !quad[k].is_surface();
     *pixel(job, arrays.planes, 0, u, v) = quad[k];
   });
@@ -456,15 +458,27 @@ void DepthFieldCuda::enqueue(const PointCloudView& cloud, gpu::Stream& stream) {
   enqueue(cloud, 0, 0, 1, stream);
 }
 
+void DepthFieldCuda::enqueue(const TangentPlane* planes, const PointCloudView& camera,
+                             gpu::Stream& stream) {
+  FieldJob job = job_;
+  job.given = planes;
+  enqueue(job, camera, 1, stream);
+}
+
 void DepthFieldCuda::enqueue(const PointCloudView& cloud, std::ptrdiff_t points_apart, int first,
                              int num, gpu::Stream& stream) {
-  PALPATE_ASSERT(cloud.pinhole && cloud.gpu == memory_.gpu() &&
-                 cloud.width == job_.layout.levels[0].width &&
-                 cloud.height == job_.layout.levels[0].height);
   FieldJob job = job_;
   job.points_apart = points_apart;
   job.arrays = job_.arrays_of(first);
   job.arrays.nearest = job_.arrays.nearest;
+  enqueue(job, cloud, num, stream);
+}
+
+void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
+                             gpu::Stream& stream) {
+  PALPATE_ASSERT(cloud.pinhole && cloud.gpu == memory_.gpu() &&
+                 cloud.width == job_.layout.levels[0].width &&
+                 cloud.height == job_.layout.levels[0].height);
   const int squares = num * job.num_squares();
   gpu::launch(stream, {.blocks = squares, .threads = kThreads, .shared_bytes = sizeof(TakeScratch)},
               take_planes, job, cloud);

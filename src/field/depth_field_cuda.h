@@ -29,7 +29,8 @@ struct FieldJob {
   FieldArrays arrays;                                ///< of the first field
   std::ptrdiff_t pixels_apart = 0, tiles_apart = 0;  ///< from one field to the next
   std::ptrdiff_t points_apart = 0;                   ///< from one cloud to the next
-  int* has_hole = nullptr;  ///< of each block's square of level 0, field after field
+  const TangentPlane* given = nullptr;  ///< planes of all points, if they are not the cloud's
+  int* has_hole = nullptr;              ///< of each block's square of level 0, field after field
   int squares_wide = 0, squares_high = 0;
   /// The first block that looks for silhouettes in a level; the last entry is their number.
   int first_rim_block[DepthFieldView::kMaxLevels + 1] = {};
@@ -55,6 +56,8 @@ class DepthFieldCuda {
   /// Rebuilds the field from an organised pinhole cloud in the memory of this GPU, of the size
   /// given at construction. Three kernels, no allocation; can be recorded.
   void enqueue(const PointCloudView& cloud, gpu::Stream& stream);
+  /// The same from the planes of all points of a camera, row by row.
+  void enqueue(const TangentPlane* planes, const PointCloudView& camera, gpu::Stream& stream);
   /// The same of `num` clouds, `points_apart` points from one to the next, into the fields from
   /// `first` on.
   void enqueue(const PointCloudView& cloud, std::ptrdiff_t points_apart, int first, int num,
@@ -70,6 +73,7 @@ class DepthFieldCuda {
   static std::size_t num_bytes(const PyramidLayout& layout);
 
  private:
+  void enqueue(FieldJob job, const PointCloudView& cloud, int num, gpu::Stream& stream);
   DepthFieldCuda(gpu::Memory memory, const FieldJob& job, const DepthFieldOptions& options)
       : memory_(std::move(memory)), job_(job), options_(options) {}
 

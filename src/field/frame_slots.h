@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "palpate/field/surface_timeline.h"
+#include "src/field/memory_pixel.h"
 
 namespace palpate {
 
@@ -19,6 +20,15 @@ struct SlotSettings {
   bool wants_depth_change = true;
   int binning = 1;  ///< `stream` is the binned one
 
+  /// The fields of each frame: of what is behind, of what was seen to be free, of what is in front.
+  std::optional<DepthFieldOptions> seen_free() const {
+    if (!field || !field->one_of_several) return {};
+    return options_of_seen_free(*field);
+  }
+  std::optional<DepthFieldOptions> in_front() const {
+    if (!field || time.memory.kind == DepthMemory::off) return {};
+    return options_of_in_front(*field, time.memory);
+  }
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }
 };
@@ -28,11 +38,11 @@ class FrameSlots {
  public:
   virtual ~FrameSlots() = default;
 
-  /// Fills a slot from the next frame. With `motion` the surface is predicted: each pixel goes from
-  /// the frame in the slot before to this one and beyond, to `motion` times the way. A field is
-  /// made for what is asked in a window at least.
+  /// Fills a slot from the next frame, `interval` s after the one before. With `motion` the surface
+  /// is predicted: each pixel goes from the frame in the slot before to this one and beyond, to
+  /// `motion` times the way. A field is made for what is asked in a window at least.
   virtual SurfaceStats take(int slot, const DepthImageView& frame, std::optional<double> motion,
-                            const PixelWindow& asked, ThreadPool& pool) = 0;
+                            const PixelWindow& asked, double interval, ThreadPool& pool) = 0;
   virtual const SurfaceView& surfaces(int slot) const = 0;
   /// The points of a slot's frame as they were seen, in host memory.
   virtual PointCloud seen_cloud(int slot, ThreadPool& pool) = 0;

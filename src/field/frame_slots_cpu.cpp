@@ -5,6 +5,7 @@
 
 #include "src/cloud/internal/cloud_blend.h"
 #include "src/core/internal/stamp.h"
+#include "src/field/field_memory.h"
 #include "src/field/frame_slots.h"
 
 namespace palpate {
@@ -13,26 +14,28 @@ namespace {
 struct Slot {
   SurfaceEstimator estimator;
   std::optional<PointCloud> predicted;
-  std::optional<DepthField> field, seen_free;
+  std::optional<DepthField> field, seen_free, in_front;
   SurfaceView surfaces;
 };
 
 class FrameSlotsCpu final : public FrameSlots {
  public:
   FrameSlotsCpu(const SlotSettings& settings, std::optional<DepthAverager> averager,
-                std::vector<Slot> slots)
+                std::optional<FieldMemory> memory, std::vector<Slot> slots)
       : max_jump_(settings.time.max_jump),
         wants_depth_change_(settings.wants_depth_change),
         averager_(std::move(averager)),
+        memory_(std::move(memory)),
         slots_(std::move(slots)) {}
 
   SurfaceStats take(int number, const DepthImageView& frame, std::optional<double> motion,
-                    const PixelWindow& asked, ThreadPool& pool) override {
+                    const PixelWindow& asked, double interval, ThreadPool& pool) override {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
     const bool has_all = !slot.field || asked.has_all(frame.width, frame.height);
     SurfaceParts parts{{}, wants_depth_change_};
-    // What is predicted takes the points of both frames, which have windows of their own.
-    if (!has_all && !slot.predicted) parts = {slot.field->points_for(asked), false};
+    // What is predicted takes the points of both frames, which have windows of their own, and a
+    // memory those of all.
+    if (!has_all && !slot.predicted && !memory_) parts = {slot.field->points_for(asked), false};
     const SurfaceStats stats =
         averager_ ? slot.estimator.update(averager_->update(frame, pool), pool, parts)
                   : slot.estimator.update(frame, pool, parts);
@@ -41,14 +44,7 @@ class FrameSlotsCpu final : public FrameSlots {
       const std::size_t num = slots_.size();
       predict(slots_[(static_cast<std::size_t>(number) + num - 1) % num], slot, *motion, pool);
     }
-    if (slot.field) {
-      slot.field->update(slot.surfaces.cloud, pool, asked);
-      slot.surfaces.field = slot.field->view();
-    }
-    if (slot.seen_free) {
-      slot.seen_free->update(slot.surfaces.cloud, pool, asked);
-      slot.surfaces.seen_free = slot.seen_free->view();
-    }
+    make_fields(slot, asked, interval, pool);
     if (!has_all) slot.surfaces.cloud = {};
     return stats;
   }
@@ -73,6 +69,26 @@ class FrameSlotsCpu final : public FrameSlots {
   const Status& status() const override { return status_; }
 
  private:
+  void make_fields(Slot& slot, const PixelWindow& asked, double interval, ThreadPool& pool) {
+    SurfaceView& surfaces = slot.surfaces;
+    const PointCloudView& cloud = surfaces.cloud;
+    if (memory_) memory_->update(cloud, interval, pool);
+    const auto make = [&](std::optional<DepthField>& field, const TangentPlane* remembered,
+                          DepthFieldView& view) {
+      if (!field) return;
+      if (memory_) {
+        field->update(remembered, cloud.intrinsics, pool, asked);
+      } else {
+        field->update(cloud, pool, asked);
+      }
+      view = field->view();
+    };
+    const TangentPlane* const behind = memory_ ? memory_->behind() : nullptr;
+    make(slot.field, behind, surfaces.field);
+    make(slot.seen_free, behind, surfaces.seen_free);
+    make(slot.in_front, memory_ ? memory_->in_front() : nullptr, surfaces.in_front);
+  }
+
   void predict(const Slot& last, Slot& now, double motion, ThreadPool& pool) const {
     PointCloudView& cloud = now.surfaces.cloud;
     blend_clouds(last.estimator.cloud(), cloud, motion, max_jump_, pool, *now.predicted);
@@ -85,6 +101,7 @@ class FrameSlotsCpu final : public FrameSlots {
   double max_jump_;
   bool wants_depth_change_;
   std::optional<DepthAverager> averager_;
+  std::optional<FieldMemory> memory_;
   std::vector<Slot> slots_;
   Status status_ = Done{};
 };
@@ -99,30 +116,29 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
     if (!made) return made.error();
     averager = *std::move(made);
   }
+  std::optional<FieldMemory> memory;
+  if (settings.in_front()) memory.emplace(stream.width, stream.height, settings.time.memory);
   std::vector<Slot> slots;
   for (int i = 0; i < settings.num_slots(); ++i) {
     auto estimator = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics,
                                               settings.surface, best_isa(), stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       slot.predicted.emplace(stream.width, stream.height, stream.intrinsics);
     }
-    if (settings.field) {
-      auto made = DepthField::create(stream.width, stream.height, *settings.field);
+    for (const auto& [options, field] : {std::pair{settings.field, &slot.field},
+                                         {settings.seen_free(), &slot.seen_free},
+                                         {settings.in_front(), &slot.in_front}}) {
+      if (!options) continue;
+      auto made = DepthField::create(stream.width, stream.height, *options);
       if (!made) return made.error();
-      slot.field = *std::move(made);
-    }
-    if (settings.field && settings.field->one_of_several) {
-      auto made =
-          DepthField::create(stream.width, stream.height, options_of_seen_free(*settings.field));
-      if (!made) return made.error();
-      slot.seen_free = *std::move(made);
+      *field = *std::move(made);
     }
     slots.push_back(std::move(slot));
   }
-  return std::unique_ptr<FrameSlots>(
-      std::make_unique<FrameSlotsCpu>(settings, std::move(averager), std::move(slots)));
+  return std::unique_ptr<FrameSlots>(std::make_unique<FrameSlotsCpu>(
+      settings, std::move(averager), std::move(memory), std::move(slots)));
 }
 
 }  // namespace palpate

@@ -9,6 +9,7 @@
 #include "src/core/internal/assert.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/depth_field_cuda.h"
+#include "src/field/field_memory_cuda.h"
 #include "src/field/frame_slots.h"
 #include "src/gpu/runtime.h"
 
@@ -18,7 +19,7 @@ namespace {
 struct Slot {
   SurfaceCuda estimator;
   std::optional<CloudBlendCuda> predicted;
-  std::optional<DepthFieldCuda> field, seen_free;
+  std::optional<DepthFieldCuda> field, seen_free, in_front;
   gpu::Graph as_seen, as_predicted;  // all the work of a frame
 
   PointCloudView predicted_cloud() const {
@@ -33,9 +34,10 @@ struct Slot {
 class FrameSlotsCuda final : public FrameSlots {
  public:
   FrameSlotsCuda(const SlotSettings& settings, std::optional<DepthAveragerCuda> averager,
-                 std::vector<Slot> slots, int gpu)
+                 std::optional<FieldMemoryCuda> memory, std::vector<Slot> slots, int gpu)
       : max_jump_(settings.time.max_jump),
         averager_(std::move(averager)),
+        field_memory_(std::move(memory)),
         slots_(std::move(slots)),
         surfaces_(slots_.size()),
         memory_(gpu),
@@ -53,8 +55,9 @@ class FrameSlotsCuda final : public FrameSlots {
 
   // The whole image takes a fraction of a millisecond.
   SurfaceStats take(int number, const DepthImageView& frame, std::optional<double> motion,
-                    const PixelWindow&, ThreadPool&) override {
+                    const PixelWindow&, double interval, ThreadPool&) override {
     Slot& slot = slots_[static_cast<std::size_t>(number)];
+    if (field_memory_) field_memory_->set_interval(interval);
     if (motion) slot.predicted->set_progress(*motion);
     if (frame.counts != nullptr && frame.gpu == kHostMemory) {
       const auto put = [&frame](auto& taker) {
@@ -76,14 +79,14 @@ class FrameSlotsCuda final : public FrameSlots {
     SurfaceView& surfaces = surfaces_[static_cast<std::size_t>(number)];
     surfaces.cloud = motion ? slot.predicted_cloud() : slot.estimator.cloud();
     surfaces.cloud.stamp = next_stamp();
-    if (slot.field) {
-      surfaces.field = slot.field->view();
-      surfaces.field.stamp = next_stamp();
-    }
-    if (slot.seen_free) {
-      surfaces.seen_free = slot.seen_free->view();
-      surfaces.seen_free.stamp = next_stamp();
-    }
+    const auto show = [](const std::optional<DepthFieldCuda>& field, DepthFieldView& view) {
+      if (!field) return;
+      view = field->view();
+      view.stamp = next_stamp();
+    };
+    show(slot.field, surfaces.field);
+    show(slot.seen_free, surfaces.seen_free);
+    show(slot.in_front, surfaces.in_front);
     return slot.estimator.stats();
   }
 
@@ -128,8 +131,16 @@ class FrameSlotsCuda final : public FrameSlots {
       slot.predicted->enqueue(stream_, last->estimator.cloud(), cloud, max_jump_);
       cloud = slot.predicted_cloud();
     }
-    for (auto* field : {&slot.field, &slot.seen_free}) {
-      if (*field) (*field)->enqueue(cloud, stream_);
+    if (field_memory_) field_memory_->enqueue(cloud, stream_);
+    for (auto* field : {&slot.field, &slot.seen_free, &slot.in_front}) {
+      if (!*field) continue;
+      if (!field_memory_) {
+        (*field)->enqueue(cloud, stream_);
+      } else if (field == &slot.in_front) {
+        (*field)->enqueue(field_memory_->in_front(), cloud, stream_);
+      } else {
+        (*field)->enqueue(field_memory_->behind(), cloud, stream_);
+      }
     }
   }
   /// A frame in metres, or in the memory of this GPU: it has no place of its own in the graphs.
@@ -154,6 +165,7 @@ class FrameSlotsCuda final : public FrameSlots {
 
   double max_jump_;
   std::optional<DepthAveragerCuda> averager_;
+  std::optional<FieldMemoryCuda> field_memory_;
   std::vector<Slot> slots_;
   std::vector<SurfaceView> surfaces_;
   gpu::Memory memory_;
@@ -174,32 +186,35 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
   }
   SurfaceOptions surface = settings.surface;
   surface.depth_change.enabled &= settings.wants_depth_change;
+  std::optional<FieldMemoryCuda> memory;
+  if (settings.in_front()) {
+    auto made = FieldMemoryCuda::create(stream.width, stream.height, settings.time.memory, gpu);
+    if (!made) return made.error();
+    memory = *std::move(made);
+  }
   std::vector<Slot> slots;
   for (int i = 0; i < settings.num_slots(); ++i) {
     auto estimator = SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, surface,
                                          gpu, 1, stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       auto made = CloudBlendCuda::create(stream.width, stream.height, stream.intrinsics, gpu);
       if (!made) return made.error();
       slot.predicted = *std::move(made);
     }
-    if (settings.field) {
-      auto made = DepthFieldCuda::create(stream.width, stream.height, *settings.field, gpu);
+    for (const auto& [options, field] : {std::pair{settings.field, &slot.field},
+                                         {settings.seen_free(), &slot.seen_free},
+                                         {settings.in_front(), &slot.in_front}}) {
+      if (!options) continue;
+      auto made = DepthFieldCuda::create(stream.width, stream.height, *options, gpu);
       if (!made) return made.error();
-      slot.field = *std::move(made);
-    }
-    if (settings.field && settings.field->one_of_several) {
-      auto made = DepthFieldCuda::create(stream.width, stream.height,
-                                         options_of_seen_free(*settings.field), gpu);
-      if (!made) return made.error();
-      slot.seen_free = *std::move(made);
+      *field = *std::move(made);
     }
     slots.push_back(std::move(slot));
   }
-  auto made =
-      std::make_unique<FrameSlotsCuda>(settings, std::move(averager), std::move(slots), gpu);
+  auto made = std::make_unique<FrameSlotsCuda>(settings, std::move(averager), std::move(memory),
+                                               std::move(slots), gpu);
   if (!made->status()) return made->status().error();
   return std::unique_ptr<FrameSlots>(std::move(made));
 }

@@ -98,7 +98,7 @@ SurfaceView Sensor::update(const DepthImageView& image) {
   d.status = d.check(image);
   if (!d.status) return {};
   const int next = (d.newest + 1) % d.num_slots;
-  d.slots->take(next, image, std::nullopt, {}, *d.pool);
+  d.slots->take(next, image, std::nullopt, {}, 0, *d.pool);
   d.status = d.slots->status();
   if (!d.status) return {};
   d.newest = next;

@@ -26,6 +26,17 @@ Status check(const SlotSettings& settings) {
                  "a camera that moves shows something else in each frame at one pixel: time.mode "
                  "predict and averages (time.average) need one that stands still; leave them out"};
   }
+  if (time.memory.kind == DepthMemory::off) return Done{};
+  if (!settings.field) {
+    return Error{Errc::invalid_argument,
+                 "a memory (time.memory) is one of depth fields; use the method field, or leave it "
+                 "out"};
+  }
+  if (settings.stream.is_moving || time.mode == TimeMode::predict) {
+    return Error{Errc::invalid_argument,
+                 "a memory (time.memory) needs a camera that stands still, and time.mode latest or "
+                 "interpolate; leave it out"};
+  }
   return Done{};
 }
 
@@ -102,6 +113,7 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
   }
   const SlotSettings settings{binned(stream, binning), surface, field, options, num_spare,
                               wants_depth_change,      binning};
+  if (const Status status = check(settings); !status) return status.error();
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
   return make_timeline(*std::move(slots), settings);
@@ -115,7 +127,7 @@ SurfaceTimeline::~SurfaceTimeline() = default;
 SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, ThreadPool& pool,
                                    const PixelWindow& asked) {
   Impl& d = *impl_;
-  const double interval = time - d.time;
+  const double interval = d.num_frames > 0 ? time - d.time : 0;
   d.expect_next(time);
   std::optional<double> motion;
   if (d.mode == TimeMode::predict && d.num_frames > 0) {
@@ -126,7 +138,7 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
   d.X_WC[static_cast<std::size_t>(d.newest)] = frame.X_WC;
   ++d.num_frames;
   if (d.binning > 1) bin_depth(frame, d.binning, d.small);
-  return d.slots->take(d.newest, d.binning > 1 ? d.small : frame, motion, asked, pool);
+  return d.slots->take(d.newest, d.binning > 1 ? d.small : frame, motion, asked, interval, pool);
 }
 
 SurfaceBlend SurfaceTimeline::at(double time) const {

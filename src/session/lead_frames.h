@@ -11,8 +11,8 @@ namespace palpate {
 inline constexpr int kMostLead = 128;
 
 /// How many frames before it decide what the surface of a frame is like: those that it is blended
-/// with or predicted from, and those in its average. What is further back is not seen in an average
-/// with 8 bits, or too long ago to be made up for (kMostLead).
+/// with or predicted from, and those in its average or memory. What is further back is not seen in
+/// an average with 8 bits, or too long ago to be made up for (kMostLead).
 inline int num_lead_frames(const TimeOptions& time) {
   const int blended = time.mode == TimeMode::latest        ? 0
                       : time.mode == TimeMode::interpolate ? 1
@@ -28,11 +28,14 @@ inline int num_lead_frames(const TimeOptions& time) {
   } else if (average.kind == DepthAverage::kalman) {
     averaged = kMostLead;
   }
+  if (time.memory.kind != DepthMemory::off) averaged = kMostLead;
   return blended + static_cast<int>(std::min<double>(averaged, kMostLead));
 }
 
-/// Whether that gives the same bits: an exponential average and an estimate never forget.
+/// Whether that gives the same bits: an exponential average, an estimate and a memory go back
+/// farther.
 inline bool has_whole_lead(const TimeOptions& time) {
+  if (time.memory.kind != DepthMemory::off) return false;
   return time.average.kind == DepthAverage::none ||
          (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMostLead);
 }

@@ -31,7 +31,8 @@ class Repetition {
         can_repeat_contacts_(!start || start->has_surfaces) {
     if (!can_repeat_contacts_) {
       add_note("the depth images of part " + std::to_string(start->number) +
-               " rest on averages with earlier ones: its queries are not repeated");
+               " rest on averages with earlier ones or on a memory of them: its queries are not "
+               "repeated");
     }
   }
 

@@ -39,6 +39,7 @@ SurfaceTimeline timeline(Result<std::unique_ptr<FrameSlots>> slots, const SlotSe
 void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& stream) {
   expect_same_cloud(got.cloud, want.cloud, stream);
   if (want.field.num_levels > 0) expect_same_field(got.field, want.field, stream);
+  if (want.in_front.num_levels > 0) expect_same_field(got.in_front, want.in_front, stream);
 }
 
 /// Points, normals, depth-change vectors and field of all frames.
@@ -47,10 +48,11 @@ void compare(const SlotSettings& settings) {
   ThreadPool pool(1);
   SurfaceTimeline cpu = timeline(make_frame_slots_cpu(settings), settings);
   SurfaceTimeline cuda = timeline(make_frame_slots_cuda(settings, 0), settings);
-  const int num_frames =
-      settings.time.mode != TimeMode::latest || settings.time.average.kind != DepthAverage::none
-          ? 4
-          : 1;
+  const TimeOptions& options = settings.time;
+  const bool looks_back = options.mode != TimeMode::latest ||
+                          options.average.kind != DepthAverage::none ||
+                          options.memory.kind != DepthMemory::off;
+  const int num_frames = looks_back ? 4 : 1;
   for (int number = 0; number < num_frames; ++number) {
     const double time = number * kPeriod;
     const SurfaceStats want = cpu.push(frame(number), time, pool);
@@ -129,6 +131,11 @@ FeatureGroup time() {
                    [](SlotSettings& s) {
                      s.time.mode = TimeMode::predict;
                      s.time.average.kind = DepthAverage::exponential;
+                   }),
+              with("memory of what is hidden",
+                   [](SlotSettings& s) {
+                     // The last frame comes before the others.
+                     s.time.memory = {.kind = DepthMemory::on, .step = 0.01};
                    }),
           }};
 }

@@ -65,7 +65,10 @@ void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& s
   EXPECT_EQ(want.cloud.gpu, kHostMemory);
   test::expect_same_cloud(got.cloud, want.cloud, stream);
   EXPECT_EQ(got.field.gpu, want.field.num_levels > 0 ? 0 : kHostMemory);
-  if (want.field.num_levels > 0) test::expect_same_field(got.field, want.field, stream);
+  for (auto field : {&SurfaceView::field, &SurfaceView::seen_free, &SurfaceView::in_front}) {
+    ASSERT_EQ((got.*field).num_levels, (want.*field).num_levels);
+    if ((want.*field).num_levels > 0) test::expect_same_field(got.*field, want.*field, stream);
+  }
 }
 
 void compare(const SlotSettings& settings) {
@@ -108,6 +111,16 @@ TEST(SurfaceTimelineCuda, HasTheBitsOfTheCpuInAllModes) {
                    std::to_string(static_cast<int>(average)));
       compare(settings_with(mode, average));
     }
+  }
+}
+
+TEST(SurfaceTimelineCuda, RemembersWhatTheCpuRemembers) {
+  PALPATE_GPU_OR_SKIP();
+  for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate}) {
+    SlotSettings settings = settings_with(mode, DepthAverage::none);
+    settings.time.memory = {.kind = DepthMemory::on, .horizon = 0.05};
+    settings.field->one_of_several = true;
+    compare(settings);
   }
 }
 

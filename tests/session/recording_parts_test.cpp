@@ -82,7 +82,7 @@ TEST(RecordingParts, AreRepeatedEachAndAllForEveryCouplingAndTime) {
   }
 }
 
-TEST(RecordingParts, MovingAveragesAreRepeatedAndEndlessOnesSayThatTheyAreNot) {
+TEST(RecordingParts, MovingAveragesAreRepeatedAndWhatIsEndlessSaysThatItIsNot) {
   RunSettings settings = settings_with(TimeMode::interpolate, CouplingKind::virtual_coupling);
   settings.time.average = {DepthAverage::moving, 4, 0.5, 0.02, 1};
   const TemporaryFolder folder;
@@ -91,10 +91,15 @@ TEST(RecordingParts, MovingAveragesAreRepeatedAndEndlessOnesSayThatTheyAreNot) {
   ASSERT_TRUE(outcome) << outcome.error().message;
   expect_parts_repeat(run, *outcome);
 
-  for (const DepthAverage average : {DepthAverage::exponential, DepthAverage::kalman}) {
-    settings.time.average.kind = average;
-    const auto folder_of = folder.path() / name_of(average);
-    const auto endless = record(folder_of, settings, {.split_bytes = 1});
+  RunSettings exponential = settings, kalman = settings, memory = settings;
+  exponential.time.average.kind = DepthAverage::exponential;
+  kalman.time.average.kind = DepthAverage::kalman;
+  memory.time.average = {};
+  memory.time.memory.kind = DepthMemory::on;
+  for (const RunSettings& without_end : {exponential, kalman, memory}) {
+    const auto folder_of = folder.path() / (std::string(name_of(without_end.time.average.kind)) +
+                                            name_of(without_end.time.memory.kind));
+    const auto endless = record(folder_of, without_end, {.split_bytes = 1});
     ASSERT_TRUE(endless) << endless.error().message;
     const auto replay = replay_run(folder_of);
     ASSERT_TRUE(replay) << replay.error().message;

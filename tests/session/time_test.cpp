@@ -6,6 +6,7 @@
 
 #include "src/run/internal/pipeline.h"
 #include "src/session/run_messages.h"
+#include "tests/session/function_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 #include "tests/test_util/allocation_counter.h"
@@ -89,6 +90,32 @@ TEST(RunBetweenFrames, SameNumbersForAnyNumberOfThreads) {
         }
       }
     }
+  }
+}
+
+// A hand, 0.4 m away, passes over a table behind a tool that is between both.
+TEST(RunBetweenFrames, WithAMemoryNothingIsFeltBehindAHandThatPasses) {
+  const Tool tool = test::small_tool();
+  const auto scene = [](double time, int u, int v) {
+    const bool is_hand = std::abs(u - 600 * (time - 0.2)) < 40 && std::abs(v - 90) < 30;
+    return is_hand ? 0.4 : 0.6;
+  };
+  const auto between = [](double) { return Pose{{0, 0, 0.54}, {}}; };
+  for (const auto& [kind, num_threads] :
+       {std::pair{DepthMemory::off, 1}, {DepthMemory::on, 1}, {DepthMemory::on, 3}}) {
+    test::FunctionStream stream(scene, test::every(0.04, 25));
+    RunSettings settings = settings_with(TimeMode::interpolate);
+    settings.time.memory.kind = kind;
+    settings.num_threads = num_threads;
+    const auto log = test::run_path(tool, stream, between, settings);
+    ASSERT_TRUE(log) << log.error().message;
+    const double most = log->ticks[log->deepest_tick].penetration.volume;
+    if (kind == DepthMemory::off) {
+      EXPECT_GT(most, 0.9 * tool.sphere_mass().volume);
+      continue;
+    }
+    EXPECT_EQ(most, 0);
+    EXPECT_GT(log->ticks.size(), 900u);
   }
 }
 

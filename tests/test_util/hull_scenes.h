@@ -32,9 +32,10 @@ inline double to_wall(const Vec3d& p, const Vec3d& d, double depth) {
   return t > 0 && std::isfinite(t) ? t : std::numeric_limits<double>::infinity();
 }
 
-/// Cameras with what they show; each has a sensor of its own.
+/// Cameras with what they show; each has a sensor of its own, or a timeline.
 struct HullScene {
   std::vector<Sensor> sensors;
+  std::vector<SurfaceTimeline> timelines;
   std::vector<SurfaceBlend> views;
   Ray ray;  ///< the scene, if it is exact
   std::function<bool(const Vec3d&)> is_solid;
@@ -94,6 +95,70 @@ inline HullScene rough_scene(int num_cameras, const DepthFieldOptions& field, Ra
     add_view(scene, camera, X_WC, metres, field);
   }
   return scene;
+}
+
+inline DepthStreamInfo stream_of(const Camera& camera) {
+  DepthStreamInfo stream;
+  stream.width = camera.width;
+  stream.height = camera.height;
+  stream.intrinsics = camera.intrinsics;
+  stream.rate = 30;
+  return stream;
+}
+
+/// Adds a camera that remembers: it has seen the first frames, and shows the way from the one
+/// before the last to that. `X_WC` of each of them.
+inline void add_memory(HullScene& scene, const Camera& camera, const std::vector<DepthFrame>& seen,
+                       const Pose& X_WC, double progress, const MemoryOptions& memory = {},
+                       const DepthFieldOptions& field = {}) {
+  TimeOptions time;
+  time.memory = memory;
+  time.memory.kind = DepthMemory::on;
+  DepthFieldOptions joined = field;
+  joined.one_of_several = true;
+  ThreadPool pool(1);
+  scene.timelines.push_back(
+      SurfaceTimeline::create(stream_of(camera), {}, joined, time, Place::cpu()).value());
+  SurfaceTimeline& timeline = scene.timelines.back();
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    DepthImageView image = seen[i];
+    image.X_WC = X_WC;
+    timeline.push(image, static_cast<double>(i) / 30, pool);
+  }
+  SurfaceBlend view = timeline.at(static_cast<double>(seen.size()) / 30);
+  view.progress = progress;
+  scene.views.push_back(view);
+}
+
+/// Rough frames, before which others come, for cameras that hardly stand apart.
+inline HullScene rough_memories(int num_cameras, Random& random) {
+  HullScene scene;
+  const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
+  std::vector<DepthFrame> frames;
+  for (int i = 0; i < 5; ++i) {
+    const bool is_new = i == 0 || i > 2;
+    frames.push_back(is_new ? random_frame(camera.width, camera.height, random) : frames[0]);
+  }
+  for (int k = 0; k < num_cameras; ++k) {
+    const Pose X_WC{random.in_box(0.01), random.rotation(0.01)};
+    add_memory(scene, camera, frames, X_WC, k % 2 == 0 ? random.uniform(0, 1) : 1);
+  }
+  return scene;
+}
+
+/// A pose near something that has come before what the first camera remembers.
+inline Pose pose_in_front(const HullScene& scene, Random& random) {
+  const SurfaceView& seen = scene.views[0].to;
+  const DepthFieldLevel& level = seen.in_front.levels[0];
+  while (true) {
+    const int u = static_cast<int>(random.uniform(0, level.width));
+    const int v = static_cast<int>(random.uniform(0, level.height));
+    const auto i = static_cast<std::size_t>(v * level.width + u);
+    const float* const plane = level.planes + 2 * (v * level.stride + u);
+    if (!(seen.cloud.z[i] > 0) || plane[0] > 10 || plane[1] == 0) continue;
+    const Vec3d p_C = to_double(Vec3f{seen.cloud.x[i], seen.cloud.y[i], seen.cloud.z[i]});
+    return {seen.X_WC * p_C + random.in_box(0.05), random.rotation(3.0)};
+  }
 }
 
 inline HullScene exact_scene(const std::vector<Pose>& cameras, const Camera& camera, Ray ray) {

@@ -55,8 +55,13 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
     const auto [phi, gradient] =
         sample_field(seen ? surface.seen_free : surface.field, p_C, radius);
     const HullSample far{2 * radius + agreement_of(radius), {}};
-    const HullSample here =
+    HullSample here =
         rounded_min({phi, rotate(surface.X_WC.rotation, gradient)}, far, 0.25 * radius);
+    if (surface.in_front.num_levels > 0) {
+      const auto front = sample_field(surface.in_front, p_C, radius);
+      here = rounded_min(here, {front.phi, rotate(surface.X_WC.rotation, front.gradient)},
+                         0.1 * radius);
+    }
     return has_moved && seen ? before_eye(here, surface.X_WC) : here;
   };
   const double t = view.progress;
@@ -72,6 +77,11 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
 inline HullSample hull_at(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius,
                           double* seen_phi = nullptr) {
   const double w = 0.1 * radius;
+  // One camera with a memory is not asked for what it has seen to be free.
+  if (views.size() == 1) {
+    if (seen_phi != nullptr) *seen_phi = 0;
+    return hull_view(views[0], p_W, radius, false);
+  }
   HullSample seen = hull_view(views[0], p_W, radius, true);
   HullSample least = hull_view(views[0], p_W, radius, false);
   for (const SurfaceBlend& view : views.subspan(1)) {

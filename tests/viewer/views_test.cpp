@@ -344,6 +344,9 @@ TEST(Repetition, LooksBackAsFarAsTheTimeOptionsDo) {
   EXPECT_EQ(num_lead_frames(time), 0);
   time.average.kind = DepthAverage::kalman;
   EXPECT_EQ(num_lead_frames(time), kMostLead);
+  time = {};
+  time.memory.kind = DepthMemory::on;
+  EXPECT_EQ(num_lead_frames(time), kMostLead + 1);
 }
 
 TEST(RunView, OpensHalfASecondBeforeTheFirstContact) {

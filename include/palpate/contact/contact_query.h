@@ -227,13 +227,15 @@ class ContactQuery {
   /// Between two surfaces of one camera, in its frame.
   virtual ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                                     const Pose& X_CT, const ContactWants& wants) const noexcept = 0;
-  /// More than one camera; the pose is finite.
+  /// More than one camera, or one with a memory; the pose is finite.
   virtual ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                      const ContactWants& wants) const noexcept;
 
  private:
   ContactResult measure_camera(const SurfaceBlend& camera, const Pose& X_WT,
                                const ContactWants& wants) const noexcept;
+  ContactResult measure_alone(SurfaceBlend camera, const Pose& X_WT,
+                              const ContactWants& wants) const noexcept;
 
   std::shared_ptr<const ToolIndex> index_;
   ContactMethod method_;

@@ -15,6 +15,8 @@
 
 namespace palpate {
 
+struct TangentPlane;  // of a pixel, see src/field/field_pixels.h
+
 /// What lies where the camera measured nothing and hole filling did not reach.
 enum class UnknownSpace {
   free,   ///< nothing: contact fades out over the width of a sphere at the border
@@ -129,6 +131,9 @@ class DepthField {
   /// queries inside of `asked`. The same bits for any number of threads and any window. O(pixels of
   /// the window and about 2^kMaxLevels * 6 around).
   void update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& asked = {});
+  /// The same from the planes of all its points, row by row, where none has one the slope is 0.
+  void update(const TangentPlane* planes, const Intrinsics& intrinsics, ThreadPool& pool,
+              const PixelWindow& asked = {});
   /// The points of a cloud that an update for `asked` looks at.
   PixelWindow points_for(const PixelWindow& asked) const;
 

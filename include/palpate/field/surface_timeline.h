@@ -9,6 +9,7 @@
 #include "palpate/cloud/depth_average.h"
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/field/depth_field.h"
+#include "palpate/field/depth_memory.h"
 
 namespace palpate {
 
@@ -24,6 +25,7 @@ constexpr auto names_of(TimeMode) { return std::array{"latest", "interpolate", "
 struct TimeOptions {
   TimeMode mode = TimeMode::interpolate;
   DepthAverageOptions average;
+  MemoryOptions memory;
   /// predict: a pixel whose depth changed by more than this share shows another surface and is not
   /// moved.
   double max_jump = 0.03;
@@ -38,6 +40,7 @@ inline void add_settings(SettingTable& t, TimeOptions& o) {
   t.add("first_period", o.first_period, {0, 3600, "s"},
         "between the first frames; 0: as the stream says");
   add_settings(t, o.average);
+  add_settings(t, o.memory);
 }
 
 /// What queries look at; not owning, trivially copyable.
@@ -47,6 +50,10 @@ struct SurfaceView {
   /// The frame with UnknownSpace::blocked, positive only in space that the camera has seen to be
   /// free; with DepthFieldOptions::one_of_several.
   DepthFieldView seen_free = {};
+  /// With MemoryOptions: the others show what is behind, which may be remembered, and this one what
+  /// has come before it, with its thickness. A sphere is as deep as the one says that has it
+  /// deeper.
+  DepthFieldView in_front = {};
   Pose X_WC = {};  ///< of the camera in the world, when the frame was captured
 };
 
@@ -75,10 +82,10 @@ class SurfaceTimeline {
   /// With `field` each frame gets a depth field. Depth-change vectors only if they are wanted, or
   /// with `newest_cloud`. Errors: see SurfaceEstimator, DepthField and
   /// DepthAverager; max_jump or first_period negative; prediction or averages with a camera that
-  /// moves; the place is not in this build or on this
-  /// machine, or has too little memory. With `num_spare` more surfaces in memory the views of `at`
-  /// outlive so many pushes more: a thread can look at them while another one pushes. With
-  /// `binning` above 1 surfaces are those of smaller images, see depth_binning.h.
+  /// moves; a memory with one, with prediction or without a field; the place is not in this build
+  /// or on this machine, or has too little memory. With `num_spare` more surfaces in memory the
+  /// views of `at` outlive so many pushes more: a thread can look at them while another one pushes.
+  /// With `binning` above 1 surfaces are those of smaller images, see depth_binning.h.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,

@@ -1,20 +1,29 @@
 // Where a tool is in a camera at the camera's two moments: the newer one first.
 #pragma once
 
+#include <span>
+
 #include "palpate/field/surface_timeline.h"
 #include "src/contact/field/field_bound.h"
 
 namespace palpate {
 
-/// Has the surface both fields that cameras are joined by?
-inline bool has_both(const SurfaceView& surface) {
-  return surface.field.num_levels > 0 && surface.seen_free.num_levels > 0;
+inline bool has_in_front(const SurfaceView& surface) { return surface.in_front.num_levels > 0; }
+/// Has the surface both fields that cameras are joined by? One that is alone needs `field` only.
+inline bool has_both(const SurfaceView& surface, bool is_alone) {
+  return surface.field.num_levels > 0 && (is_alone || surface.seen_free.num_levels > 0);
+}
+
+/// Is this one camera that is asked by itself, not for what it has seen to be free?
+inline bool is_alone(std::span<const SurfaceBlend> cameras) {
+  return cameras.size() == 1 && cameras.front().to.seen_free.num_levels == 0;
 }
 
 struct CameraSeats {
-  CameraSeats(const SurfaceBlend& view, const Pose& X_WT) {
-    const bool is_between =
-        view.progress < 1 && has_both(view.from) && have_one_grid(view.from.field, view.to.field);
+  CameraSeats(const SurfaceBlend& view, const Pose& X_WT, bool is_alone) {
+    const bool is_between = view.progress < 1 && has_both(view.from, is_alone) &&
+                            has_in_front(view.from) == has_in_front(view.to) &&
+                            have_one_grid(view.from.field, view.to.field);
     num_moments = is_between ? 2 : 1;
     has_moved = is_between && !(view.from.X_WC == view.to.X_WC);
     place(0, view.to.X_WC, X_WT);

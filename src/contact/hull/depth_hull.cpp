@@ -55,23 +55,28 @@ ContactStatus DepthHull::take(std::span<const SurfaceBlend> cameras, const Pose&
   job.tool = measure_job(*elements_);
   job.tool.frame = frame_of({}, X_WT, p_TC_);
   job.num_cameras = 0;
-  job.may_be_unseen = true;
+  job.is_alone = is_alone(cameras);
+  job.may_be_unseen = !job.is_alone;
   for (const SurfaceBlend& view : cameras) {
     const auto& [from, to, progress] = view;
     if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
-    if (!has_both(to)) return StepStatus::no_surface;
-    const CameraSeats seats(view, X_WT);
+    if (!has_both(to, job.is_alone)) return StepStatus::no_surface;
+    const CameraSeats seats(view, X_WT, job.is_alone);
     if (seats.is_outside_window(view, p_TC_, elements_->reach)) return StepStatus::outside_window;
     HullCamera& camera = job.cameras[job.num_cameras++];
-    camera.seen_free = camera.field = camera.older = measure_job(*elements_);
-    camera.seen_free.fields[0] = to.seen_free;
-    camera.seen_free.fields[1] = from.seen_free;
+    camera.has_in_front = has_in_front(to);
+    camera.seen_free = camera.field = camera.in_front = camera.older = measure_job(*elements_);
+    camera.seen_free.fields[0] = job.is_alone ? to.field : to.seen_free;
+    camera.seen_free.fields[1] = job.is_alone ? from.field : from.seen_free;
     camera.field.fields[0] = to.field;
     camera.field.fields[1] = from.field;
-    camera.seen_free.num_fields = camera.field.num_fields = seats.num_moments;
+    camera.in_front.fields[0] = to.in_front;
+    camera.in_front.fields[1] = from.in_front;
+    camera.seen_free.num_fields = camera.field.num_fields = camera.in_front.num_fields =
+        seats.num_moments;
     camera.progress = static_cast<float>(progress);
     camera.has_moved = seats.has_moved;
-    camera.seen_free.frame = camera.field.frame =
+    camera.seen_free.frame = camera.field.frame = camera.in_front.frame =
         frame_of(to.field.intrinsics, seats.X_CT[0], p_TC_);
     camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
     seats.write_rotations(camera.R_WC);

@@ -11,8 +11,9 @@ namespace palpate {
 
 /// A camera as the elements of a tool look at it.
 struct HullCamera {
-  /// With the pose of the tool in the camera; both of its fields, the newer one first.
-  MeasureJob seen_free, field;
+  /// With the pose of the tool in the camera; its fields, the newer one first.
+  MeasureJob seen_free, field, in_front;
+  bool has_in_front = false;
   float progress = 1;  ///< from the older to the newer one
   /// The camera has moved in between: then each moment has a pose of its own, and `older` that of
   /// the tool in the older one.
@@ -26,6 +27,8 @@ struct HullJob {
   MeasureJob tool;  ///< without fields; the pose in the world
   HullCamera cameras[kMostCameras];
   int num_cameras = 0;
+  /// A single camera: its `field` stands for `seen_free`, and behind the eye nothing is.
+  bool is_alone = false;
   /// No camera has measured all around the tool: `field` has to be asked, too.
   bool may_be_unseen = true;
 };

@@ -11,14 +11,15 @@
 
 namespace palpate {
 
-// A camera as the kernel looks at it: both of its fields, the newer one first, with the pose of the
-// tool in the camera at that moment.
+// A camera as the kernel looks at it: its fields, the newer one first, with the pose of the tool in
+// the camera at that moment.
 struct HullEye {
-  FieldLook seen_free[2], field[2];
+  FieldLook seen_free[2], field[2], in_front[2];
   float R_WC[2][3][3] = {};
   float progress = 1;
   std::int32_t num_fields = 1;
   bool has_moved = false;  // between its moments
+  bool has_in_front = false;
 };
 
 // The argument of the kernel. Few cameras make it short.
@@ -29,6 +30,7 @@ struct HullQuery {
   FieldFrame tool;  ///< its pose in the world
   std::int32_t num_cameras = 0;
   bool skips_clusters = false;  ///< those in front: pays if blocks have several
+  bool is_alone = false;        ///< as HullJob
   HullEye eyes[kMost];
 };
 
@@ -57,10 +59,11 @@ __device__ Space before_eye(const float (&R_WC)[3][3], const Space& seen, float 
   return lesser_of(seen, plane, hull_width(radius));
 }
 
-// What a field of a camera says between the camera's two moments; behind the camera all is free.
+// What a field of a camera says between the camera's two moments; behind the camera all is free,
+// or blocked if it `is_closed`.
 template <class Sample>
 __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)[2],
-                                   const Ball& ball, bool is_seen) {
+                                   const Ball& ball, bool is_closed, bool asks_in_front) {
   InSpace<Sample> now{};
   float p[3] = {};
 #pragma unroll 1
@@ -73,32 +76,48 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
       const ElementLook at = look_at(frame, p);
       here = in_world(eye.R_WC[seat], frame, at, ask_deep<Sample>(fields[f], at, ball.radius),
                       ball.radius);
+      if (asks_in_front) {
+        const auto front = turned_to_world(eye.R_WC[seat], frame, at,
+                                           ask_deep<Sample>(eye.in_front[f], at, ball.radius));
+        here = lesser_of(here, front, hull_width(ball.radius));
+      }
     } else {
       set(here, SpaceGradient<float>{free_limit(ball.radius)});
     }
-    if (is_seen && eye.has_moved) here = before_eye(eye.R_WC[seat], here, p[2], ball.radius);
+    if (is_closed && eye.has_moved) here = before_eye(eye.R_WC[seat], here, p[2], ball.radius);
     now = f == 0 ? here : plus(here, eye.progress, plus(now, -1.0f, here));
   }
-  return is_seen && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2], ball.radius) : now;
+  return is_closed && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2], ball.radius) : now;
 }
 
 // A view is one field of one camera: first what each camera has seen to be free, then the fields.
+template <int kMost>
+__device__ int num_views(const HullQuery<kMost>& query) {
+  return query.is_alone ? 1 : 2 * query.num_cameras;
+}
+template <int kMost>
+__device__ const HullEye& eye_of(const HullQuery<kMost>& query, int view) {
+  return query.eyes[view < query.num_cameras ? view : view - query.num_cameras];
+}
 template <class Sample, int kMost>
-__device__ InSpace<Sample> ask_view(const HullQuery<kMost>& query, int view, const Ball& ball) {
+__device__ InSpace<Sample> ask_view(const HullQuery<kMost>& query, int view, const Ball& ball,
+                                    bool asks_in_front) {
   const bool is_seen = view < query.num_cameras;
-  const HullEye& eye = query.eyes[is_seen ? view : view - query.num_cameras];
-  return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen);
+  const HullEye& eye = eye_of(query, view);
+  return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen && !query.is_alone,
+                         asks_in_front);
 }
 
 // What all views together say about a ball of this radius; view(number) is what one says.
 template <class Space, class View>
-__device__ Space join_views(int num_cameras, float radius, const View& view, float& seen_phi) {
+__device__ Space join_views(int num_cameras, bool is_alone, float radius, const View& view,
+                            float& seen_phi) {
   const HullWidth<float> width = hull_width(radius);
   const float later = agreement(radius);
   Space hull = view(0);
   for (int k = 1; k < num_cameras; ++k) hull = agreed(hull, view(k), later);
   seen_phi = first_of(hull).phi;
-  if (!(seen_phi < radius)) return hull;
+  if (is_alone || !(seen_phi < radius)) return hull;
   Space least = view(num_cameras);
   for (int k = 1; k < num_cameras; ++k) least = lesser_of(least, view(num_cameras + k), width);
   Space shift{};
@@ -106,16 +125,17 @@ __device__ Space join_views(int num_cameras, float radius, const View& view, flo
   return greater_of(hull, plus(least, 1.0f, shift), width);
 }
 
-// Does the camera see that all elements in a ball are well in front of everything? The warp
-// together.
-__device__ bool sees_free(const HullEye& eye, const Cluster& ball, float largest_radius) {
+// Does a field of the camera say that all elements in a ball are well in front of everything? The
+// warp together.
+__device__ bool sees_free(const HullEye& eye, const FieldLook (&fields)[2], const Cluster& ball,
+                          float distance) {
   for (int f = 0; f < eye.num_fields; ++f) {
-    const FieldLook& look = eye.seen_free[f];
+    const FieldLook& look = fields[f];
     const BallWindow window =
-        window_of(look.frame, ball, largest_radius, look.tiles_wide, look.tiles_high);
+        window_of(look.frame, ball, distance, look.tiles_wide, look.tiles_high);
     if (!window.is_before_camera() || window.first_u < 0 || window.first_v < 0 ||
         window.last_u > look.width - 1.0f || window.last_v > look.height - 1.0f ||
-        !is_in_front(look, ball, largest_radius)) {
+        !is_in_front(look, ball, distance)) {
       return false;
     }
   }
@@ -123,12 +143,26 @@ __device__ bool sees_free(const HullEye& eye, const Cluster& ball, float largest
 }
 template <int kMost>
 __device__ bool is_seen_free(const HullQuery<kMost>& query, int cluster) {
+  const Cluster& ball = query.elements.clusters[cluster];
   const float largest = query.elements.largest_radius[cluster];
-  const float radius = largest + free_margin(query.num_cameras, largest);
   for (int k = 0; k < query.num_cameras; ++k) {
-    if (sees_free(query.eyes[k], query.elements.clusters[cluster], radius)) return true;
+    const HullEye& eye = query.eyes[k];
+    float distance = largest + free_margin(query.num_cameras, largest);
+    if (eye.has_in_front) distance += front_margin(largest);
+    if (sees_free(eye, eye.seen_free, ball, distance) &&
+        (!eye.has_in_front || sees_free(eye, eye.in_front, ball, distance))) {
+      return true;
+    }
   }
   return false;
+}
+// May anything that came before what a camera remembers be near?
+template <int kMost>
+__device__ bool asks_in_front(const HullQuery<kMost>& query, int view, int cluster) {
+  const HullEye& eye = eye_of(query, view);
+  if (!eye.has_in_front) return false;
+  const float distance = front_limit(query.elements.largest_radius[cluster]);
+  return !sees_free(eye, eye.in_front, query.elements.clusters[cluster], distance);
 }
 
 // A block has one cluster at a time; each of its warps asks some views about all its elements, and
@@ -183,15 +217,16 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     }
     const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
     const Ball ball{at.x, at.y, at.z, at.radius};
-    for (int view = gpu::warp_id(); view < 2 * query.num_cameras; view += kHullWarps) {
-      views.store(view, ask_view<Sample>(query, view, ball));
+    for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
+      views.store(view, ask_view<Sample>(query, view, ball, asks_in_front(query, view, cluster)));
     }
     __syncthreads();
     if (gpu::warp_id() == 0) {
       const Element element = element_of(elements, cluster, query.tool);
       float seen_phi = 0;
       const InSpace<Sample> hull = join_views<InSpace<Sample>>(
-          query.num_cameras, ball.radius, [&](int view) { return views.load(view); }, seen_phi);
+          query.num_cameras, query.is_alone, ball.radius,
+          [&](int view) { return views.load(view); }, seen_phi);
       if (seen_phi < -static_cast<float>(kSeenBehind)) {
         share.unseen += element.factor *
                         (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
@@ -224,8 +259,11 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMost> query, co
     const Ball ball{c.x, c.y, c.z, sphere.radius};
     float seen_phi = 0;
     const SpaceGradient<float> g = join_views<SpaceGradient<float>>(
-        query.num_cameras, ball.radius,
-        [&](int view) { return ask_view<Gradient>(query, view, ball); }, seen_phi);
+        query.num_cameras, query.is_alone, ball.radius,
+        [&](int view) {
+          return ask_view<Gradient>(query, view, ball, eye_of(query, view).has_in_front);
+        },
+        seen_phi);
     to.states[id] = SphereState::outside;
     to.planes[id] = {};
     if (!(g.phi < sphere.radius)) continue;
@@ -260,6 +298,7 @@ int num_blocks(int gpu, int num_clusters) {
 struct DepthHullCuda::Views {
   HullEye eyes[kMostCameras];
   int num = 0;
+  bool is_alone = false;
   FieldFrame tool;
 };
 
@@ -270,7 +309,7 @@ DepthHullCuda::DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_sp
       answers_(gpu, num_blocks<Gradient>(gpu, tool.elements.num_clusters)),
       stiffness_answers_(gpu, num_blocks<Curvature>(gpu, tool.elements.num_clusters),
                          AnswerBox::kMostNumbers) {
-  for (int i = 0; i < 2 * kMostCameras; ++i) copies_.emplace_back(gpu);
+  for (int i = 0; i < 3 * kMostCameras; ++i) copies_.emplace_back(gpu);
 }
 
 const Status& DepthHullCuda::status() const {
@@ -280,14 +319,16 @@ const Status& DepthHullCuda::status() const {
 ContactStatus DepthHullCuda::take(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                   gpu::Stream& stream, Views& views) noexcept {
   views.tool = frame_of({}, X_WT, p_TC_);
+  views.is_alone = is_alone(cameras);
   std::size_t number = 0;
   for (const SurfaceBlend& view : cameras) {
-    GpuFields &seen_free = copies_[2 * number], &field = copies_[2 * number + 1];
+    GpuFields &seen_free = copies_[3 * number], &field = copies_[3 * number + 1],
+              &in_front = copies_[3 * number + 2];
     ++number;
     const auto& [from, to, progress] = view;
     if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
-    if (!has_both(to)) return StepStatus::no_surface;
-    const CameraSeats seats(view, X_WT);
+    if (!has_both(to, views.is_alone)) return StepStatus::no_surface;
+    const CameraSeats seats(view, X_WT, views.is_alone);
     if (seats.is_outside_window(view, p_TC_, tool_.reach)) return StepStatus::outside_window;
     const auto look = [&](GpuFields& copies, const DepthFieldView& of, int seat) {
       return look_of(copies.on_gpu(of, stream),
@@ -297,12 +338,13 @@ ContactStatus DepthHullCuda::take(std::span<const SurfaceBlend> cameras, const P
     eye.num_fields = seats.num_moments;
     eye.has_moved = seats.has_moved;
     eye.progress = static_cast<float>(progress);
-    if (eye.num_fields == 2) {
-      eye.seen_free[1] = look(seen_free, from.seen_free, 1);
-      eye.field[1] = look(field, from.field, 1);
+    eye.has_in_front = has_in_front(to);
+    for (int f = eye.num_fields - 1; f >= 0; --f) {
+      const SurfaceView& surface = f == 0 ? to : from;
+      eye.field[f] = look(field, surface.field, f);
+      eye.seen_free[f] = views.is_alone ? eye.field[f] : look(seen_free, surface.seen_free, f);
+      if (eye.has_in_front) eye.in_front[f] = look(in_front, surface.in_front, f);
     }
-    eye.seen_free[0] = look(seen_free, to.seen_free, 0);
-    eye.field[0] = look(field, to.field, 0);
     seats.write_rotations(eye.R_WC);
   }
   return views.num > 0 ? StepStatus::ok : StepStatus::no_surface;
@@ -316,6 +358,7 @@ HullQuery<kMost> query_of(const Views& views, const ElementsView& elements) {
   query.elements = elements;
   query.tool = views.tool;
   query.num_cameras = views.num;
+  query.is_alone = views.is_alone;
   std::copy_n(views.eyes, views.num, query.eyes);
   return query;
 }

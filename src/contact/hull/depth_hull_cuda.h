@@ -46,7 +46,7 @@ class DepthHullCuda {
   Vec3d p_TC_;  // centre of mass
   int num_spheres_;
   // Scratch.
-  std::vector<GpuFields> copies_;  // per camera, of what it has seen to be free and of its field
+  std::vector<GpuFields> copies_;  // three per camera: seen_free, field, in_front
   AnswerBox answers_, stiffness_answers_;
 };
 

@@ -40,13 +40,17 @@ struct FieldPair {
 // A camera, prepared for a group of clusters.
 struct Eye {
   explicit Eye(const HullCamera& of)
-      : camera(&of), seen_free(of.seen_free), field(of.field), num_fields(of.field.num_fields) {}
+      : camera(&of),
+        seen_free(of.seen_free),
+        field(of.field),
+        in_front(of.has_in_front ? of.in_front : of.field),
+        num_fields(of.field.num_fields) {}
 
   /// Whose lanes and rotation a moment has.
   int seat(int f) const { return camera->has_moved ? f : 0; }
 
   const HullCamera* camera;
-  FieldPair seen_free, field;
+  FieldPair seen_free, field, in_front;
   int num_fields;
 };
 
@@ -56,6 +60,9 @@ struct EyeAnswer {
   Lanes lanes[2];     // in the camera at its moments; the older one's only if it has moved
   VecF before[2];     // how far before the camera, likewise
   Sample samples[2];  // of seen_free, not yet of what lies deep
+  bool asks_in_front = false;
+  Sample in_front[2];  // likewise
+  InSpace<Sample> front[2];
 };
 
 // Between a camera's two moments.
@@ -100,16 +107,22 @@ bool sees_free(const MeasureJob& job, const FieldFrame& frame, int first, int la
   }
   return true;
 }
+// By all its moments.
+bool sees_free(const HullCamera& camera, const MeasureJob& job, const Cluster& ball,
+               float largest_radius, float distance) {
+  const int last = camera.has_moved ? 0 : job.num_fields - 1;
+  return sees_free(job, job.frame, 0, last, ball, largest_radius, distance) &&
+         (!camera.has_moved ||
+          sees_free(job, camera.older.frame, 1, 1, ball, largest_radius, distance));
+}
 bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius) {
-  const float distance = largest_radius + free_margin(job.num_cameras, largest_radius);
   for (int k = 0; k < job.num_cameras; ++k) {
     const HullCamera& camera = job.cameras[k];
-    const MeasureJob& seen = camera.seen_free;
-    const auto is_free = [&](const FieldFrame& frame, int first_moment, int last_moment) {
-      return sees_free(seen, frame, first_moment, last_moment, ball, largest_radius, distance);
-    };
-    const int last = camera.has_moved ? 0 : seen.num_fields - 1;
-    if (is_free(seen.frame, 0, last) && (!camera.has_moved || is_free(camera.older.frame, 1, 1))) {
+    float distance = largest_radius + free_margin(job.num_cameras, largest_radius);
+    if (camera.has_in_front) distance += front_margin(largest_radius);
+    if (sees_free(camera, camera.seen_free, ball, largest_radius, distance) &&
+        (!camera.has_in_front ||
+         sees_free(camera, camera.in_front, ball, largest_radius, distance))) {
       return true;
     }
   }
@@ -123,6 +136,16 @@ class Hull {
   using Space = InSpace<Sample>;
 
   Hull(const HullJob& job, const Eye* eyes) : job_(job), eyes_(eyes) {}
+
+  // The elements asked about next are in this ball.
+  void aim_at(const Cluster& ball, float largest_radius) {
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      const HullCamera& camera = job_.cameras[k];
+      answers_[k].asks_in_front =
+          camera.has_in_front &&
+          !sees_free(camera, camera.in_front, ball, largest_radius, front_limit(largest_radius));
+    }
+  }
 
   // False if some camera sees that all elements are free.
   bool ask(std::size_t slot) {
@@ -163,17 +186,28 @@ class Hull {
         answer.samples[f] = ask_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
                                               at.depth, at.inverse_depth);
         phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
-        if (eye.camera->has_moved) phi[f] = min(phi[f], answer.before[seat]);
+        if (answer.asks_in_front) {
+          answer.in_front[f] = ask_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
+                                                 at.depth, at.inverse_depth);
+          phi[f] = min(phi[f], first_of(answer.in_front[f]).phi);
+        }
+        if (job_.is_alone) {
+          phi[f] = select(answer.before[seat] > VecF{}, phi[f], free_limit(e.radius));
+        } else if (eye.camera->has_moved) {
+          phi[f] = min(phi[f], answer.before[seat]);
+        }
       }
       is_between_ |= eye.num_fields > 1;
       VecF now = phi[0];
       if (eye.num_fields > 1) {
         now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
       }
-      if (!eye.camera->has_moved) now = min(now, answer.before[0]);
+      if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0]);
       shallowest_ = max(shallowest_, now);
       // Rounding makes the lesser of two no more than this less.
-      is_free |= now > e.radius + free_margin(job_.num_cameras, e.radius);
+      VecF limit = e.radius + free_margin(job_.num_cameras, e.radius);
+      if (answer.asks_in_front) limit += front_margin(e.radius);
+      is_free |= now > limit;
       if (mask_bits(~is_free) == 0) return false;
     }
     is_felt_ = ~is_free;
@@ -196,12 +230,20 @@ class Hull {
         deepen(eye.seen_free, f, answer.lanes[seat], may_be_deep, answer.samples[f]);
         moments[f] =
             in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f], radius_);
-        if (eye.camera->has_moved) {
+        if (answer.asks_in_front) {
+          deepen(eye.in_front, f, answer.lanes[seat], may_be_deep, answer.in_front[f]);
+          answer.front[f] = turned_to_world(R_WC, eye.camera->field.frame, answer.lanes[seat],
+                                            answer.in_front[f]);
+          moments[f] = lesser_of(moments[f], answer.front[f], hull_width(radius_));
+        }
+        if (job_.is_alone) {
+          moments[f] = chosen(answer.before[seat] > VecF{}, moments[f], nowhere());
+        } else if (eye.camera->has_moved) {
           moments[f] = before_eye(R_WC, moments[f], answer.before[seat], radius_);
         }
       }
       Space seen = between(eye, moments);
-      if (!eye.camera->has_moved) {
+      if (!eye.camera->has_moved && !job_.is_alone) {
         seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_);
       }
       hull = k == 0 ? seen : agreed(hull, seen, agreement(radius_));
@@ -216,8 +258,6 @@ class Hull {
     Space least;
     for (int k = 0; k < job_.num_cameras; ++k) {
       const Eye& eye = eyes_[k];
-      Space nowhere;
-      set(nowhere, SpaceGradient<VecF>{free_limit(radius_)});
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
@@ -227,7 +267,10 @@ class Hull {
                               look_of(eye.field.grid, e, radius_), e.depth, e.inverse_depth);
         deepen(eye.field, f, e, is_felt, sample);
         moments[f] = in_world(eye.camera->R_WC[seat], eye.camera->field.frame, e, sample, radius_);
-        moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere);
+        if (answers_[k].asks_in_front) {
+          moments[f] = lesser_of(moments[f], answers_[k].front[f], width);
+        }
+        moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere());
       }
       const Space here = between(eye, moments);
       least = k == 0 ? here : lesser_of(least, here, width);
@@ -238,6 +281,12 @@ class Hull {
     Space later;
     set(later, SpaceGradient<VecF>{-agreement(radius_)});
     hull = chosen(is_felt, greater_of(hull, plus(least, splat(1.0f), later), width), hull);
+  }
+
+  Space nowhere() const {
+    Space free;
+    set(free, SpaceGradient<VecF>{free_limit(radius_)});
+    return free;
   }
 
   void deepen(const FieldPair& field, int f, const Lanes& e, VecI which, Sample& sample) {
@@ -273,6 +322,7 @@ template <class Sample, class F>
   for (int cluster = first; cluster < last; ++cluster) {
     const Cluster& ball = clusters.clusters[static_cast<std::size_t>(cluster)];
     if (is_seen_free(job, ball, job.tool.largest_radius[cluster])) continue;
+    hull.aim_at(ball, job.tool.largest_radius[cluster]);
     for (int i = 0; i < kNumVectors; ++i) {
       const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
       if (!hull.ask(slot)) continue;

@@ -13,6 +13,9 @@
 // noise: then `agreed` is between their mean and the greater one. Maximum and minimum are rounded
 // over w = kHullCorner radii to each side. So phi is once continuously differentiable as the fields
 // are, and what is W deeper than another camera says has no influence at all.
+//
+// With a memory both fields of a camera show what is behind, which may be remembered, and a third
+// one what has come before it (docs/decisions/0033-memory.md): the lesser of both counts for each.
 #pragma once
 
 #include "src/contact/field/field_bound.h"
@@ -122,11 +125,23 @@ template <class Real>
 PALPATE_FORMULA Real free_margin(int num_cameras, Real radius) {
   return static_cast<float>(num_cameras - 1) * 0.0741f * agreement(radius);
 }
+/// What has come before what a camera remembers is joined to that by the lesser of both, which is
+/// at most this less than each of them.
+template <class Real>
+PALPATE_FORMULA Real front_margin(Real radius) {
+  return (0.25f * kHullCorner) * radius;
+}
 /// From there on all is equally free. So what appears in a frame is felt from the beginning of the
 /// way from the last one on, however far behind it was free.
 template <class Real>
 PALPATE_FORMULA Real free_limit(Real radius) {
   return 2.0f * radius + agreement(radius);
+}
+
+/// What is free by more has not come before anything.
+template <class Real>
+PALPATE_FORMULA Real front_limit(Real radius) {
+  return free_limit(radius) + kHullCorner * radius;
 }
 
 /// The greater one of two, rounded; `Sample` is a SpaceGradient or a SpaceCurvature.
@@ -175,26 +190,30 @@ PALPATE_FORMULA Curved<Real> limited(Real phi, Real radius) {
   return {phi - above.value, 1.0f - above.slope, -above.bend};
 }
 
-/// What a camera says at `at` (from_u, from_v, inverse_depth) to balls of this radius, in the world
-/// and limited. `Sample` is an ImageGradient or an ImageCurvature.
+/// What a camera says at `at` (from_u, from_v, inverse_depth), in the world. `Sample` is an
+/// ImageGradient or an ImageCurvature.
 template <class Real, class At>
-PALPATE_FORMULA SpaceGradient<Real> in_world(const float (&R_WC)[3][3], const FieldFrame& frame,
-                                             const At& at, const ImageGradient<Real>& g,
-                                             Real radius) {
+PALPATE_FORMULA SpaceGradient<Real> turned_to_world(const float (&R_WC)[3][3],
+                                                    const FieldFrame& frame, const At& at,
+                                                    const ImageGradient<Real>& g) {
   const Gradient3<Real> n =
       turned(R_WC, to_space(g, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
-  return composed(limited(g.phi, radius), SpaceGradient<Real>{g.phi, n.x, n.y, n.z});
+  return {g.phi, n.x, n.y, n.z};
 }
 template <class Real, class At>
-PALPATE_FORMULA SpaceCurvature<Real> in_world(const float (&R_WC)[3][3], const FieldFrame& frame,
-                                              const At& at, const ImageCurvature<Real>& c,
-                                              Real radius) {
-  const Gradient3<Real> n =
-      turned(R_WC, to_space(c.first, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy));
+PALPATE_FORMULA SpaceCurvature<Real> turned_to_world(const float (&R_WC)[3][3],
+                                                     const FieldFrame& frame, const At& at,
+                                                     const ImageCurvature<Real>& c) {
   const Symmetric<Real> h =
       hessian_in_space(c, at.from_u, at.from_v, at.inverse_depth, frame.fx, frame.fy);
-  return composed(limited(c.first.phi, radius),
-                  SpaceCurvature<Real>{{c.first.phi, n.x, n.y, n.z}, turned(R_WC, h)});
+  return {turned_to_world(R_WC, frame, at, c.first), turned(R_WC, h)};
+}
+/// And limited, to balls of this radius.
+template <class Real, class At, class Sample>
+PALPATE_FORMULA auto in_world(const float (&R_WC)[3][3], const FieldFrame& frame, const At& at,
+                              const Sample& sample, Real radius) {
+  const auto space = turned_to_world(R_WC, frame, at, sample);
+  return composed(limited(first_of(space).phi, radius), space);
 }
 
 }  // namespace palpate

@@ -70,13 +70,12 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
   if (cameras.empty() || cameras.size() > kMostCameras) {
     return unmeasured(StepStatus::no_surface, wants, true);
   }
-  if (cameras.size() > 1) {
-    return measure_hull(cameras, {X_WT.translation, normalized(X_WT.rotation)}, wants);
-  }
+  const Pose X{X_WT.translation, normalized(X_WT.rotation)};
+  if (cameras.size() > 1) return measure_hull(cameras, X, wants);
   const SurfaceBlend& camera = cameras.front();
-  ContactResult result = measure_camera(camera, X_WT, wants);
+  ContactResult result = camera.to.in_front.num_levels > 0 ? measure_alone(camera, X, wants)
+                                                           : measure_camera(camera, X_WT, wants);
   if (camera.to.seen_free.num_levels > 0 && !result.penetration.status.is_unmeasured()) {
-    const Pose X{X_WT.translation, normalized(X_WT.rotation)};
     result.penetration.unseen_volume = measure_hull(cameras, X, {}).penetration.unseen_volume;
   }
   return result;
@@ -102,6 +101,15 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
     return now;
   }
   return now.penetration.status.is_unmeasured() ? now : blend(before, now, progress);
+}
+
+/// By what it remembers and by what has come before that, not by what it has seen to be free.
+ContactResult ContactQuery::measure_alone(SurfaceBlend camera, const Pose& X_WT,
+                                          const ContactWants& wants) const noexcept {
+  camera.from.seen_free = camera.to.seen_free = {};
+  ContactResult result = measure_hull({&camera, 1}, X_WT, wants);
+  result.penetration.unseen_volume = 0;
+  return result;
 }
 
 ContactResult ContactQuery::measure_hull(std::span<const SurfaceBlend>, const Pose&,

@@ -93,6 +93,36 @@ TEST_F(DepthHullCuda, EqualsTheOneOfTheCpu) {
   }
 }
 
+TEST_F(DepthHullCuda, RemembersAsTheCpu) {
+  Random random(33);
+  for (const int num_cameras : {1, 2, 5}) {
+    const HullScene scene = test::rough_memories(num_cameras, random);
+    const Tool tool = test::random_tool(300, 0.06, 3);
+    const auto index = ToolIndex::create(tool);
+    const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
+    const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
+    std::vector<SphereState> cpu_states(300), gpu_states(300);
+    int num_felt = 0;
+    for (int i = 0; i < 20; ++i) {
+      const Pose X_WT = i % 4 == 0 ? random_pose(random) : test::pose_in_front(scene, random);
+      for (const bool stiffness : {false, true}) {
+        const ContactResult want =
+            cpu->measure(scene.views, X_WT, {.stiffness = stiffness, .states = cpu_states});
+        const ContactResult got =
+            gpu->measure(scene.views, X_WT, {.stiffness = stiffness, .states = gpu_states});
+        expect_near(got, want, tool.mesh_mass().volume);
+        num_felt += want.penetration.volume > 0.01 * tool.mesh_mass().volume;
+        int num_other = 0;
+        for (std::size_t s = 0; s < gpu_states.size(); ++s) {
+          num_other += gpu_states[s] != cpu_states[s];
+        }
+        EXPECT_LE(num_other, 4);
+      }
+    }
+    EXPECT_GT(num_felt, 8);
+  }
+}
+
 TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {
   Random random(32);
   const HullScene scene = test::rough_scene(2, {}, random);

@@ -1,0 +1,70 @@
+// What one pixel remembers of what it has seen (docs/decisions/0033-memory.md): shared code for CPU
+// and GPU.
+#pragma once
+
+#include <cstdint>
+
+#include "palpate/field/depth_memory.h"
+#include "src/field/field_pixels.h"
+
+namespace palpate {
+
+/// So many frames have to show a surface for it to be remembered: what flies through the image for
+/// one frame, or is measured wrongly in it, is not.
+inline constexpr std::int32_t kLeastSeen = 3;
+/// Depth of what stands for "nothing is in front here": a surface that no sphere is near, not a
+/// hole, which what is around would close.
+inline constexpr float kNothingInFront = 1000.0f;
+
+struct MemoryRule {
+  float horizon = 0;  ///< s
+  float step = 0;     ///< as MemoryOptions
+};
+inline MemoryRule memory_rule(const MemoryOptions& options) {
+  return {static_cast<float>(options.horizon), static_cast<float>(options.step)};
+}
+
+/// Of the field of what is in front.
+inline DepthFieldOptions options_of_in_front(const DepthFieldOptions& field,
+                                             const MemoryOptions& memory) {
+  DepthFieldOptions options;
+  options.fill_levels = field.fill_levels;
+  options.thickness = memory.thickness / 2;  // from there on out of the back
+  return options;
+}
+
+struct PixelMemory {
+  TangentPlane plane;  ///< as it was seen last
+  float depth = 0;     ///< when it was seen first, which later depths are compared with; 0: nothing
+  float hidden = 0;    ///< so long it has not been seen, s
+  std::int32_t num_seen = 0;  ///< in so many frames, at most kLeastSeen
+};
+
+/// A pixel's frame, taken apart.
+struct MemoryPlanes {
+  TangentPlane behind, in_front;
+};
+
+/// Takes what a pixel sees now, which is at depth z (m) if z is positive, `interval` s after the
+/// frame before.
+PALPATE_HOSTDEV inline MemoryPlanes remember(const TangentPlane& now, float z,
+                                             const MemoryRule& rule, float interval,
+                                             PixelMemory& memory) {
+  const TangentPlane nothing{kNothingInFront, 1};
+  const float step = rule.step * memory.depth;
+  const bool is_seen = z > 0, is_hidden = z < memory.depth - step;
+  const bool is_same = is_seen && !is_hidden && !(z > memory.depth + step);
+  memory.hidden = is_same ? 0 : memory.hidden + interval;
+  const bool is_remembered = memory.num_seen >= kLeastSeen && !(memory.hidden > rule.horizon);
+  if (is_same) {
+    memory.num_seen = memory.num_seen < kLeastSeen ? memory.num_seen + 1 : kLeastSeen;
+    memory.plane = now;
+    return {now, nothing};
+  }
+  if (!is_seen) return {is_remembered ? memory.plane : TangentPlane{}, TangentPlane{}};
+  if (is_hidden && is_remembered) return {memory.plane, now};
+  memory = {now, z, 0, 1};  // it begins, was contradicted or has been forgotten
+  return {now, nothing};
+}
+
+}  // namespace palpate

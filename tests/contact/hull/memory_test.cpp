@@ -1,0 +1,308 @@
+// What a camera remembers is felt behind what has come before it: against the definition in double
+// and against exact solids.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "palpate/contact/contact.h"
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/hull_scenes.h"
+#include "tests/test_util/hull_truth.h"
+
+namespace palpate {
+namespace {
+
+using test::HullScene;
+using test::Random;
+
+std::unique_ptr<ContactQuery> make_query(const Tool& tool, SphereVolumes volumes,
+                                         Isa isa = best_isa(), ThreadPool* pool = nullptr) {
+  ExecutionOptions execution;
+  execution.isa = isa;
+  execution.pool = pool;
+  return make_contact_query(Backend::cpu, tool, FieldMethod{volumes}, execution).value();
+}
+
+Pose random_pose(Random& random) {
+  const double x = random.uniform(-0.25, 0.25), y = random.uniform(-0.2, 0.2);
+  return {{x, y, random.uniform(0.5, 1.4)}, random.rotation(3.0)};
+}
+
+// A hand passes over a table that is 1 m away: a ball of 50 mm radius 0.7 m from the camera.
+constexpr double kTableDepth = 1.0, kHandDepth = 0.7, kHandRadius = 0.05, kThickness = 0.06;
+
+test::Ray table_with_hand(std::optional<double> x) {
+  return [x](const Vec3d& p, const Vec3d& d) {
+    const double table = test::to_wall(p, d, kTableDepth);
+    if (!x) return table;
+    return std::min(table, test::to_ball(p, d, {*x, 0, kHandDepth}, kHandRadius));
+  };
+}
+
+DepthFrame frame_of(const Camera& camera, const test::Ray& ray, double noise, Random& random) {
+  DepthFrame frame{camera.width, camera.height, 0.0001, {}, 0};
+  for (const float z : test::depth_seen(ray, camera, {})) {
+    const double seen = z > 0 ? static_cast<double>(z) + noise * random.normal() : 0;
+    frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(seen / frame.unit)));
+  }
+  return frame;
+}
+
+TEST(Memory, EqualsItsDefinition) {
+  Random random(41);
+  for (const int num_cameras : {1, 1, 2, 3}) {
+    const HullScene scene = test::rough_memories(num_cameras, random);
+    int num_felt = 0, num_other = 0;
+    for (const int num_spheres : {1, 33, 400}) {
+      const Tool tool = test::random_tool(num_spheres, 0.06, 3);
+      const auto query = make_query(tool, SphereVolumes::own);
+      std::vector<SurfaceBlend> without = scene.views;
+      for (SurfaceBlend& view : without) view.from.in_front = view.to.in_front = {};
+      for (int i = 0; i < 40; ++i) {
+        const Pose X_WT = i % 2 == 0 ? random_pose(random) : test::pose_in_front(scene, random);
+        const Penetration want = test::hull_truth(tool, scene.views, X_WT, SphereVolumes::own);
+        const Penetration got = query->measure(scene.views, X_WT).penetration;
+        const double scale = tool.sphere_mass().volume;
+        num_felt += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+        num_other +=
+            std::abs(query->measure(without, X_WT).penetration.volume - want.volume) > 0.01 * scale;
+        EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale);
+        EXPECT_NEAR(got.potential, want.potential, 4e-6 * scale);
+        EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
+        EXPECT_NEAR(norm(got.measure_W.torque - want.measure_W.torque), 0, 2e-5 * scale);
+      }
+    }
+    EXPECT_GT(num_felt, 10);
+    EXPECT_GT(num_other, 10);  // it makes a difference
+  }
+}
+
+TEST(Memory, WrenchIsMinusTheDerivativeOfThePotential) {
+  Random random(42);
+  for (const int num_cameras : {1, 2}) {
+    const HullScene scene = test::rough_memories(num_cameras, random);
+    const Tool tool = test::random_tool(150, 0.06, 5);
+    for (int i = 0; i < 15; ++i) {
+      const Pose X_WT = test::pose_in_front(scene, random);
+      const auto truth = [&](const Vec3d& shift) {
+        Pose moved = X_WT;
+        moved.translation += shift;
+        return test::hull_truth(tool, scene.views, moved, SphereVolumes::own, 1e9);
+      };
+      const Penetration at = truth({});
+      for (int axis = 0; axis < 3; ++axis) {
+        constexpr double kStep = 1e-6;
+        Vec3d step;
+        step[axis] = kStep;
+        const double force = -(truth(step).potential - truth(-step).potential) / (2 * kStep);
+        EXPECT_NEAR(at.measure_W.force[axis], force, 2e-4 * at.volume + 1e-12);
+      }
+    }
+  }
+}
+
+TEST(Memory, StiffnessIsMinusTheDerivativeOfTheForce) {
+  Random random(43);
+  HullScene scene;
+  const DepthFrame table = frame_of(test::vga(), table_with_hand({}), 0, random);
+  const DepthFrame hand = frame_of(test::vga(), table_with_hand(0), 0, random);
+  test::add_memory(scene, test::vga(), {table, table, table, table, hand}, {}, 0.8);
+  const Tool tool = test::random_tool(300, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  std::vector<double> errors;
+  for (int i = 0; i < 60; ++i) {
+    const Pose X_WT{random.in_box(0.03) + Vec3d{0, 0, i % 2 == 0 ? 0.66 : 0.97},
+                    random.rotation(3.0)};
+    const ContactResult at = query->measure(scene.views, X_WT, {.stiffness = true});
+    ASSERT_TRUE(at.stiffness);
+    EXPECT_EQ(query->measure(scene.views, X_WT).penetration.volume, at.penetration.volume);
+    if (at.penetration.volume < 0.05 * tool.sphere_mass().volume) continue;
+    double largest = 0;
+    for (const auto& row : at.stiffness->m) {
+      for (int k = 0; k < 3; ++k) largest = std::max(largest, std::abs(row[k]));
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      constexpr double kStep = 5e-5;
+      Pose more = X_WT, less = X_WT;
+      more.translation[axis] += kStep;
+      less.translation[axis] -= kStep;
+      const Vec3d change = query->measure(scene.views, more).penetration.measure_W.force -
+                           query->measure(scene.views, less).penetration.measure_W.force;
+      for (int k = 0; k < 3; ++k) {
+        errors.push_back(std::abs(at.stiffness->m[k][axis] + change[k] / (2 * kStep)) / largest);
+      }
+    }
+  }
+  ASSERT_GT(errors.size(), 90u);
+  std::sort(errors.begin(), errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.01);
+}
+
+TEST(Memory, GivesTheSameBitsWithAnyThreadsAndInstructionSet) {
+  Random random(44);
+  ThreadPool pool(3);
+  for (const int num_cameras : {1, 3}) {
+    const HullScene scene = test::rough_memories(num_cameras, random);
+    const Tool tool = test::random_tool(2000, 0.08, 4);
+    const auto first = make_query(tool, SphereVolumes::represented, Isa::baseline);
+    for (int i = 0; i < 10; ++i) {
+      const Pose X_WT = test::pose_in_front(scene, random);
+      for (const bool stiffness : {false, true}) {
+        const ContactResult want = first->measure(scene.views, X_WT, {.stiffness = stiffness});
+        for (const Isa isa : {Isa::avx2, Isa::avx512}) {
+          const ContactResult got = make_query(tool, SphereVolumes::represented, isa, &pool)
+                                        ->measure(scene.views, X_WT, {.stiffness = stiffness});
+          EXPECT_EQ(got.penetration.volume, want.penetration.volume);
+          EXPECT_EQ(got.penetration.potential, want.penetration.potential);
+          EXPECT_EQ(got.penetration.measure_W.force, want.penetration.measure_W.force);
+          EXPECT_EQ(got.penetration.measure_W.torque, want.penetration.measure_W.torque);
+          if (stiffness) {
+            EXPECT_EQ(std::memcmp(got.stiffness->m, want.stiffness->m, sizeof want.stiffness->m),
+                      0);
+          }
+        }
+      }
+    }
+  }
+}
+
+// While nothing hides anything it measures what one camera measures without a memory.
+TEST(Memory, WithNothingInFrontItIsOneCamera) {
+  Random random(45);
+  HullScene scene;
+  const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
+  const DepthFrame frame = test::random_frame(camera.width, camera.height, random);
+  test::add_memory(scene, camera, {frame, frame}, {}, 0.5);
+  SurfaceView plain = scene.views[0].to;
+  plain.in_front = plain.seen_free = {};
+  const Tool tool = test::random_tool(400, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  int num_felt = 0;
+  for (int i = 0; i < 40; ++i) {
+    Pose X_WT = random_pose(random);
+    if (i % 10 == 0) X_WT.translation.z = 0.04 * random.uniform(-1, 1);  // at the eye
+    const Penetration got = query->measure(scene.views, X_WT).penetration;
+    const Penetration want = query->measure(plain, X_WT).penetration;
+    num_felt += want.volume > 0;
+    EXPECT_NEAR(got.volume, want.volume, 1e-5 * tool.sphere_mass().volume);
+    EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0,
+                1e-4 * tool.sphere_mass().volume);
+  }
+  EXPECT_GT(num_felt, 10);
+}
+
+/// The share of a ball that is in the table or in the slab behind the hand's surface, along its
+/// normal, by exact rays.
+double exact_share(double x, const Vec3d& centre, double radius) {
+  int num = 0, num_solid = 0;
+  const Vec3d hand{x, 0, kHandDepth};
+  test::for_points_in_ball(centre, radius, [&](const Vec3d& p) {
+    const Vec3d ray = (1 / p.z) * p, seen = test::to_ball({}, ray, hand, kHandRadius) * ray;
+    const double depth = seen.z < 10 ? dot(seen - p, seen - hand) / kHandRadius : -1;
+    ++num;
+    num_solid += p.z > kTableDepth || (depth > 0 && depth < kThickness);
+  });
+  return static_cast<double>(num_solid) / num;
+}
+
+TEST(Memory, AHandPassesOverATable) {
+  const Camera camera{320, 240, {262.5, 262.5, 159.5, 119.5}};
+  const Tool tool = test::ball_tool(0.03, 1500);
+  const auto query = make_query(tool, SphereVolumes::represented);
+  const double whole = tool.mesh_mass().volume;
+  for (const double noise : {0.0, 0.0015}) {
+    Random random(46);
+    ThreadPool pool(1);
+    TimeOptions with, without;
+    with.memory = {.kind = DepthMemory::on, .thickness = kThickness};
+    const auto make = [&](const TimeOptions& time) {
+      return SurfaceTimeline::create(test::stream_of(camera), {}, DepthFieldOptions{}, time, {})
+          .value();
+    };
+    SurfaceTimeline remembers = make(with), forgets = make(without);
+    double time = 0;
+    const auto push = [&](std::optional<double> x) {
+      const DepthFrame frame = frame_of(camera, table_with_hand(x), noise, random);
+      remembers.push(frame, time, pool);
+      forgets.push(frame, time, pool);
+      time += 1.0 / 30;
+    };
+    const auto felt = [&](SurfaceTimeline& timeline, const Vec3d& at) {
+      SurfaceBlend view = timeline.at(time);
+      view.progress = 1;
+      return query->measure({&view, 1}, {at, {}}).penetration.volume / whole;
+    };
+    for (int i = 0; i < 5; ++i) push(std::nullopt);
+    double column = 0, worst_error = 0;
+    for (int i = 0; i <= 30; ++i) {
+      const double x = -0.3 + 0.02 * i;
+      push(x);
+      const Vec3d behind{x * 0.87 / kHandDepth, 0, 0.87};  // along the hand's ray
+      column = std::max(column, felt(forgets, behind));
+      EXPECT_LT(felt(remembers, behind), 0.01) << "hand at " << x;
+      EXPECT_LT(felt(remembers, {0, 0, 0.9}), 0.01) << "hand at " << x;
+      // In the hand, at its back and at the table: what exact rays say.
+      for (const Vec3d& p : {Vec3d{x, 0, 0.67},
+                             {x, 0, 0.73},
+                             {x + 0.05, 0, 0.7},
+                             {0, 0, 0.99},
+                             {x + 0.04, 0.01, 0.98}}) {
+        const double error = std::abs(felt(remembers, p) - exact_share(x, p, 0.03));
+        worst_error = std::max(worst_error, error);
+      }
+    }
+    EXPECT_GT(column, 0.99);
+    EXPECT_LT(worst_error, 0.06);
+    // It leaves: nothing is left of it after one frame, anywhere on its way.
+    push(std::nullopt);
+    for (int i = 0; i <= 30; ++i) {
+      const double x = -0.3 + 0.02 * i;
+      for (const double z : {0.65, 0.7, 0.8, 0.95}) EXPECT_EQ(felt(remembers, {x, 0, z}), 0);
+      EXPECT_NEAR(felt(remembers, {x, 0, 0.99}), felt(forgets, {x, 0, 0.99}), 1e-4);
+    }
+  }
+}
+
+TEST(Memory, DescribesItsSpheres) {
+  Random random(47);
+  const HullScene scene = test::rough_memories(1, random);
+  const Tool tool = test::random_tool(200, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  std::vector<SphereState> states(200);
+  std::vector<Plane<float>> planes(200);
+  int num_cut = 0;
+  for (int i = 0; i < 20; ++i) {
+    const Pose X_WT = test::pose_in_front(scene, random);
+    query->measure(scene.views, X_WT, {.states = states, .planes = planes});
+    for (std::size_t s = 0; s < states.size(); ++s) {
+      const double r = tool.spheres()[s].radius;
+      const Vec3d c_T = to_double(tool.spheres()[s].centre);
+      const test::HullSample at = test::hull_at(scene.views, X_WT * c_T, r);
+      if (std::abs(std::abs(at.phi) - r) < 1e-5) continue;
+      EXPECT_EQ(states[s], at.phi >= r   ? SphereState::outside
+                           : at.phi > -r ? SphereState::boundary
+                                         : SphereState::inside);
+      num_cut += states[s] == SphereState::boundary;
+    }
+  }
+  EXPECT_GT(num_cut, 20);
+}
+
+TEST(Memory, QueriesAllocateNothing) {
+  Random random(48);
+  const HullScene scene = test::rough_memories(1, random);
+  const Tool tool = test::random_tool(500, 0.06, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const test::AllocationCounter counter;
+  query->measure(scene.views, {{0, 0, 0.9}, {}}, {.stiffness = true});
+  EXPECT_EQ(counter.count(), 0);
+}
+
+}  // namespace
+}  // namespace palpate
