@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/options.h"
@@ -61,7 +62,7 @@ Status try_camera(const std::string& uri, double seconds) {
   std::printf("%s: %d x %d at %g Hz, intrinsics %.6g,%.6g,%.6g,%.6g, %g m per count, sensor %s\n",
               uri.c_str(), info.width, info.height, info.rate, fx, fy, cx, cy, info.unit,
               name_of(info.sensor).c_str());
-  DepthFrame frame;
+  DepthFrame next, frame;
   int num_frames = 0;
   double first = 0, last = 0;
   std::vector<std::uint16_t> measured;
@@ -72,9 +73,10 @@ Status try_camera(const std::string& uri, double seconds) {
   const auto begin = Clock::now();
   const double cpu_begin = cpu_seconds();
   while (since(begin) < seconds) {
-    const auto got = (*source)->next(frame);
+    const auto got = (*source)->next(next);
     if (!got) return got.error();
     if (!*got) break;
+    std::swap(frame, next);
     if (num_frames++ == 0) first = frame.timestamp;
     last = frame.timestamp;
   }

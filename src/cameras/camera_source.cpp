@@ -18,11 +18,16 @@ namespace {
 constexpr double kRetryPeriod = 0.5;                   // s
 constexpr std::chrono::seconds kLongestVendorCall{2};  // at the end
 
-/// What comes out: the first image's size and intrinsics, without distortion.
+/// What comes out: the first image's size and intrinsics, without distortion, or a part of it.
 DepthStreamInfo pinhole_info(const DepthStreamInfo& stream, const CameraTruth& truth,
                              const CameraUri& uri) {
   DepthStreamInfo info = stream;
-  info.intrinsics = truth.model_of(stream, stream.width, stream.height).intrinsics;
+  const CameraModel raw = truth.model_of(stream, stream.width, stream.height);
+  CameraModel pinhole{stream.width, stream.height, raw.intrinsics, {}};
+  if (uri.is_cropped) pinhole = valid_part(pinhole, raw);
+  info.width = pinhole.width;
+  info.height = pinhole.height;
+  info.intrinsics = pinhole.intrinsics;
   info.distortion = {};
   if (truth.unit) info.unit = *truth.unit;
   info.sensor = uri.sensor.value_or(stream.sensor);

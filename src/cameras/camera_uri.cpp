@@ -50,6 +50,7 @@ class Parameters {
     if (name == "pose") return set_pose();
     if (name == "poses") return set_poses();
     if (name == "sensor") return set_sensor();
+    if (name == "crop") return set_crop();
     uri_.extras[std::string(name)] = value;
     return Done{};
   }
@@ -119,6 +120,11 @@ class Parameters {
                        : bad("one of none, structured_light, active_stereo and tof");
   }
 
+  Status set_crop() {
+    uri_.is_cropped = value_ == "valid";
+    return uri_.is_cropped || value_ == "none" ? Status(Done{}) : bad("none or valid");
+  }
+
   CameraUri& uri_;
   std::string_view name_, value_;
   std::vector<double> numbers_;
@@ -151,7 +157,8 @@ Result<CameraUri> parse_camera_uri(std::string_view text) {
 Status CameraUri::check_extras(std::initializer_list<std::string_view> known_ones) const {
   for (const auto& [name, value] : extras) {
     if (std::ranges::find(known_ones, name) != known_ones.end()) continue;
-    std::string known = "intrinsics, distortion, size, unit, rate, latency, pose, poses, sensor";
+    std::string known =
+        "intrinsics, distortion, size, unit, rate, latency, pose, poses, sensor, crop";
     for (const std::string_view more : known_ones) known += ", " + std::string(more);
     return Error{Errc::invalid_argument,
                  "camera " + text.substr(0, kMostShown) + ": there is no parameter '" +

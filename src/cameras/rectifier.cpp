@@ -25,6 +25,49 @@ CameraModel CameraTruth::model_of(const DepthStreamInfo& stream, int width, int 
   return model;
 }
 
+CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw) {
+  constexpr int kLeast = 8;
+  const std::vector<std::uint32_t> table = lens_table(pinhole, raw);
+  const auto outside = static_cast<std::uint32_t>(raw.width * raw.height);
+  struct Column {
+    int first = 0, height = 0;
+  };
+  // Of each row the highest columns of valid pixels that end in it; a stack of those that still
+  // grow.
+  std::vector<int> heights(static_cast<std::size_t>(pinhole.width) + 1, 0);
+  std::vector<Column> growing;
+  int left = 0, top = 0, width = 0, height = 0;
+  for (int v = 0; v < pinhole.height; ++v) {
+    growing.clear();
+    for (int u = 0; u <= pinhole.width; ++u) {
+      int& high = heights[static_cast<std::size_t>(u)];
+      if (u < pinhole.width) {
+        const auto pixel = static_cast<std::size_t>(v) * static_cast<std::size_t>(pinhole.width);
+        high = table[pixel + static_cast<std::size_t>(u)] == outside ? 0 : high + 1;
+      }
+      int first = u;
+      while (!growing.empty() && growing.back().height >= high) {
+        const Column ended = growing.back();
+        growing.pop_back();
+        first = ended.first;
+        if ((u - first) * ended.height <= width * height) continue;
+        left = first;
+        top = v + 1 - ended.height;
+        width = u - first;
+        height = ended.height;
+      }
+      growing.push_back({first, high});
+    }
+  }
+  if (width < kLeast || height < kLeast) return pinhole;
+  CameraModel part = pinhole;
+  part.width = width;
+  part.height = height;
+  part.intrinsics.cx -= left;
+  part.intrinsics.cy -= top;
+  return part;
+}
+
 Rectifier::Rectifier(const CameraModel& pinhole) : pinhole_(pinhole), table_model_(pinhole) {
   pinhole_.distortion = {};
   table_model_.width = 0;  // there is no table yet

@@ -22,6 +22,11 @@ struct CameraTruth {
   CameraModel model_of(const DepthStreamInfo& stream, int width, int height) const;
 };
 
+/// The part of a pinhole image whose every pixel a camera of that model sees: the largest rectangle
+/// of such pixels, of several the uppermost and then leftmost. The whole image if that is smaller
+/// than a surface may be (8 x 8). O(pixels).
+CameraModel valid_part(const CameraModel& pinhole, const CameraModel& raw);
+
 /// Applies lens tables to frames in host memory. A table is made when the model changes. Not for
 /// several threads at once.
 class Rectifier {

@@ -8,6 +8,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_recorder.h"
 #include "src/session/run_results.h"
+#include "src/session/unit_watch.h"
 
 namespace palpate {
 namespace fs = std::filesystem;
@@ -43,8 +44,13 @@ class UnseenWatch {
 /// All that is kept of a run while it goes on; what the publishing thread calls.
 class Keeper {
  public:
-  Keeper(double full_volume, const DepthSources& sources, const RunOptions& options)
-      : sources_(sources), unseen_(full_volume), monitor_(options.monitor), say_(options.say) {}
+  Keeper(const Tool& tool, double full_volume, const DepthSources& sources,
+         const RunOptions& options)
+      : sources_(sources),
+        unseen_(full_volume),
+        unit_(tool, sources.infos()),
+        monitor_(options.monitor),
+        say_(options.say) {}
   /// Before the run begins.
   void begin(RunRecorder recorder, RunResults results) {
     recorder_.emplace(std::move(recorder));
@@ -65,10 +71,13 @@ class Keeper {
     observer.on_frame = [this](const FrameRecord& record, const DepthFrame& frame) {
       recorder_->add_frame(record, frame);
       results_->add_frame(record, frame);
+      unit_.take(record, frame);
       tell(&RunObserver::on_frame, record, frame);
     };
     observer.on_contact = [this](const ContactRecord& contact) {
       recorder_->add_contact(contact);
+      unit_.take(contact);
+      if (unit_.has_waited(contact.time)) add_unit_doubts(contact.time);
       tell(&RunObserver::on_contact, contact);
     };
     observer.on_ticks = [this](std::span<const TickRecord> ticks) {
@@ -89,11 +98,12 @@ class Keeper {
     for (DepthSource* source : sources_) {
       for (std::string& text : source->take_notes()) {
         if (sources_.size() > 1) text = source->info().name + ": " + text;
-        say(time, text);
-        recorder_->add_note(text);
-        if (source_notes_.size() < kMostSourceNotes) source_notes_.push_back(std::move(text));
+        add_source_note(time, std::move(text));
       }
     }
+  }
+  void add_unit_doubts(double time) {
+    for (std::string& text : unit_.doubts()) add_source_note(time, std::move(text));
   }
   const std::vector<std::string>& source_notes() const { return source_notes_; }
   /// Of people.
@@ -112,6 +122,11 @@ class Keeper {
     if (monitor_ != nullptr && monitor_->observer.*callback) {
       (monitor_->observer.*callback)(what...);
     }
+  }
+  void add_source_note(double time, std::string text) {
+    say(time, text);
+    recorder_->add_note(text);
+    if (source_notes_.size() < kMostSourceNotes) source_notes_.push_back(std::move(text));
   }
   void add(const TickRecord& tick) {
     recorder_->add_tick(tick);
@@ -138,6 +153,7 @@ class Keeper {
 
   const DepthSources& sources_;
   UnseenWatch unseen_;
+  UnitWatch unit_;
   std::vector<std::string> source_notes_;
   std::optional<RunRecorder> recorder_;
   std::optional<RunResults> results_;
@@ -219,7 +235,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   RunLog log;
   log.setup = {settings, sources.infos(), device.info(), 0, options.time_origin, options.probe};
   RunSettings& used = log.setup.settings;
-  Keeper keeper(full_volume(tool, used.contact), sources, options);
+  Keeper keeper(tool, full_volume(tool, used.contact), sources, options);
   auto chosen = choose_loop(tool, sources, device, used, options, keeper.observer());
   if (!chosen) return chosen.error();
   RunLoop& loop = *chosen->loop;
@@ -263,6 +279,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   take_report(loop, status, log);
   keeper.add_marks();
   keeper.add_source_notes(log.loop.seconds);
+  keeper.add_unit_doubts(log.loop.seconds);
   for (const std::string& text : log.warnings) keeper.recorder().add_note(text);
   if (!log.loop.ending.empty()) keeper.recorder().add_note(log.loop.ending);
   log.warnings.insert(log.warnings.end(), keeper.source_notes().begin(),

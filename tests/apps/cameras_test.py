@@ -411,6 +411,30 @@ class Cameras(CameraCase):
         self.assertIn("unit=0.0002", done.stderr.decode())
         self.assertIn("131.25,131.25,79.5,59.5", done.stderr.decode())
 
+    def test_a_unit_is_doubted_where_the_tool_meets_nothing(self):
+        """Counts of 1/5000 m that are no multiples of anything, read as millimetres."""
+        raw = self.folder / "far.raw"
+        raw.write_bytes(31 * struct.pack(f"<{WIDTH * HEIGHT}H", *(
+            2500 + (u - 80) ** 2 // 40 + v % 7 for v in range(HEIGHT) for u in range(WIDTH))))
+        for unit, doubted in (("", True), ("&unit=0.0002", False)):
+            run = self.folder / f"doubt{unit}"
+            done = self.check(palpate("touch", self.tool, "--camera",
+                                      f"pipe:{raw}?size=160x120&intrinsics={INTRINSICS}{unit}",
+                                      "--path", self.path, "-o", run))
+            for told in (done.stderr.decode(), "\n".join(self.summary(run)["warnings"])):
+                self.assertEqual("unit=0.0002 would fit" in told, doubted, told)
+
+    def test_an_image_is_cropped_to_what_the_lens_sees(self):
+        raw = self.folder / "bent.raw"
+        raw.write_bytes(b"".join(wall(k) for k in range(31)))
+        lens = f"pipe:{raw}?size=160x120&intrinsics={INTRINSICS}&distortion=0.3,0,0,0"
+        whole = self.check(palpate("cameras", "--selftest", lens)).stdout.decode()
+        self.assertIn("160 x 120", whole)
+        self.assertNotIn("100.0 % measured", whole)
+        part = self.check(palpate("cameras", "--selftest", lens + "&crop=valid")).stdout.decode()
+        self.assertNotIn("160 x 120", part)
+        self.assertIn("100.0 % measured", part)
+
     def test_record_and_play(self):
         raw = self.folder / "record.raw"
         raw.write_bytes(b"".join(header(5 + k / 15, 0.0002) + wall(k) for k in range(20)))

@@ -11,7 +11,8 @@ namespace {
 TEST(CameraUri, ReadsEveryParameter) {
   const auto uri = parse_camera_uri(
       "pipe:/tmp/a:b?intrinsics=525,526.5,319.5,239.5&distortion=0.1,-0.2,0.001,0.002,0.3,0.4,0.5,"
-      "0.6&size=640x480&unit=0.0002&rate=15&latency=0.03&pose=0,0,0,0,0,0,1&sensor=tof&header=1");
+      "0.6&size=640x480&unit=0.0002&rate=15&latency=0.03&pose=0,0,0,0,0,0,1&sensor=tof&crop=valid&"
+      "header=1");
   ASSERT_TRUE(uri) << uri.error().message;
   EXPECT_EQ(uri->kind, "pipe");
   EXPECT_EQ(uri->target, "/tmp/a:b");
@@ -22,6 +23,7 @@ TEST(CameraUri, ReadsEveryParameter) {
   EXPECT_EQ(*uri->rate, 15);
   EXPECT_EQ(uri->latency, 0.03);
   EXPECT_EQ(uri->sensor, SensorKind::tof);
+  EXPECT_TRUE(uri->is_cropped);
   EXPECT_EQ(uri->extras.at("header"), "1");
 }
 
@@ -47,6 +49,7 @@ TEST(CameraUri, NamesWhatIsWrong) {
       "a?rate=-1",
       "a?latency=2",
       "a?sensor=laser",
+      "a?crop=all",
       "a?pose=1,2,3",
       "a?pose=1,0,0,0,0,0,2",
       "a?intrinsics",

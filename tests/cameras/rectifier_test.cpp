@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "tests/cameras/camera_fakes.h"
 
@@ -100,6 +102,63 @@ TEST(Rectifier, NothingIsSeenTwiceWhereThePolynomialTurnsBack) {
       EXPECT_TRUE(!is_seen || r < 0.585);
     }
   }
+}
+
+/// By brute force: all rectangles, by sums of the pixels that the lens does not see.
+int largest_valid_area(const CameraModel& pinhole, const CameraModel& raw) {
+  const auto table = lens_table(pinhole, raw);
+  const int w = pinhole.width, h = pinhole.height;
+  std::vector<int> sums(static_cast<std::size_t>((w + 1) * (h + 1)), 0);
+  const auto at = [&](int u, int v) -> int& {
+    return sums[static_cast<std::size_t>(v * (w + 1) + u)];
+  };
+  for (int v = 0; v < h; ++v) {
+    for (int u = 0; u < w; ++u) {
+      const bool is_out = table[static_cast<std::size_t>(v * w + u)] ==
+                          static_cast<std::uint32_t>(raw.width * raw.height);
+      at(u + 1, v + 1) = at(u, v + 1) + at(u + 1, v) - at(u, v) + (is_out ? 1 : 0);
+    }
+  }
+  int most = 0;
+  for (int v0 = 0; v0 < h; ++v0) {
+    for (int v1 = v0 + 1; v1 <= h; ++v1) {
+      for (int u0 = 0; u0 < w; ++u0) {
+        for (int u1 = u0 + 1; u1 <= w; ++u1) {
+          if (at(u1, v1) - at(u0, v1) - at(u1, v0) + at(u0, v0) > 0) break;
+          most = std::max(most, (u1 - u0) * (v1 - v0));
+        }
+      }
+    }
+  }
+  return most;
+}
+
+TEST(ValidPart, IsTheLargestRectangleThatTheLensSeesAndTheSameRays) {
+  const CameraModel pinhole{60, 44, {40, 41, 28.2, 23.1}, {}};
+  for (const Distortion& lens :
+       {Distortion{0.12, -0.03, -0.003, 0.001, 0, 0, 0, 0},
+        Distortion{0.3, 0, 0.02, -0.03, 0, 0, 0, 0}, Distortion{-1, 0, 0, 0, 0, 0, 0, 0}}) {
+    CameraModel raw = pinhole;
+    raw.distortion = lens;
+    const CameraModel part = valid_part(pinhole, raw);
+    EXPECT_LT(part.width * part.height, 60 * 44);
+    EXPECT_EQ(part.width * part.height, largest_valid_area(pinhole, raw));
+    const int left = static_cast<int>(std::lround(28.2 - part.intrinsics.cx));
+    const int top = static_cast<int>(std::lround(23.1 - part.intrinsics.cy));
+    const auto whole = lens_table(pinhole, raw), cut = lens_table(part, raw);
+    for (int v = 0; v < part.height; ++v) {
+      for (int u = 0; u < part.width; ++u) {
+        const auto got = cut[static_cast<std::size_t>(v * part.width + u)];
+        EXPECT_LT(got, 60u * 44u);
+        EXPECT_EQ(got, whole[static_cast<std::size_t>((v + top) * 60 + u + left)]);
+      }
+    }
+  }
+  EXPECT_EQ(valid_part(pinhole, pinhole), pinhole);
+  // A lens that sees next to nothing is left as it is.
+  CameraModel elsewhere = pinhole;
+  elsewhere.intrinsics.cx += 57;
+  EXPECT_EQ(valid_part(pinhole, elsewhere), pinhole);
 }
 
 TEST(CameraTruth, WinsOverTheStreamAndFollowsItsSize) {

@@ -22,7 +22,7 @@ struct ImageSize {
 
 /// What such a text says. Parameters win over what the stream says of itself:
 ///   intrinsics=fx,fy,cx,cy  distortion=k1,k2,p1,p2[,k3[,k4,k5,k6]]  size=WIDTHxHEIGHT
-///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  sensor=KIND
+///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  sensor=KIND  crop=none|valid
 ///   pose=tx,ty,tz,qx,qy,qz,qw  poses=FILE: X_WC, or that of a camera that moves, by time (TUM)
 struct CameraUri {
   std::string text;          ///< as it was given, for humans
@@ -32,9 +32,10 @@ struct CameraUri {
   std::optional<ImageSize> size;
   std::optional<double> unit, rate;
   std::optional<SensorKind> sensor;
-  double latency = 0;                         ///< s, from the exposure to the time stamp
-  Pose X_WC;                                  ///< of the camera in the world
-  std::string poses;                          ///< file of X_WC by time; empty: it stands still
+  bool is_cropped = false;  ///< to the largest rectangle whose every pixel the lens can see
+  double latency = 0;       ///< s, from the exposure to the time stamp
+  Pose X_WC;                ///< of the camera in the world
+  std::string poses;        ///< file of X_WC by time; empty: it stands still
   std::map<std::string, std::string> extras;  ///< parameters that only some kinds know
 
   /// Error: an extra parameter other than these, which this kind knows.

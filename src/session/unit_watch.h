@@ -1,0 +1,48 @@
+// Is depth read in the wrong unit? Asked of how far the tool is from what a camera sees.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/run/records.h"
+#include "palpate/tool/tool.h"
+
+namespace palpate {
+
+/// In a run in which the tool never meets what is seen, though both lie in the same directions, by
+/// a factor by which people get units wrong (counts of 1/5000 m read as millimetres: everything is
+/// five times as far as the tool). A doubt: nothing is changed.
+class UnitWatch {
+ public:
+  UnitWatch(const Tool& tool, std::vector<DepthStreamInfo> streams);
+
+  /// Keeps the newest frame of each camera. O(pixels).
+  void take(const FrameRecord& record, const DepthFrame& frame);
+  /// Some hundred pixels around the tool, ten times a second of the run.
+  void take(const ContactRecord& contact);
+  /// One sentence for each camera that is doubted, with the likely right unit, once.
+  std::vector<std::string> doubts();
+  /// Whether the tool had time to find something.
+  bool has_waited(double time) const { return time > kPatience; }
+
+ private:
+  static constexpr double kPatience = 10, kPeriod = 0.1;  // s
+  struct Camera {
+    DepthStreamInfo stream;
+    DepthFrame frame;
+    Pose X_WC;
+    double unit = 0.001;
+    int num_looks = 0;
+    double least = 0, most = 0;  ///< how many times as far as the tool the rest is
+    bool is_told = false;
+  };
+
+  Vec3d center_T_;
+  double radius_ = 0;  ///< m, of the tool around its middle
+  std::vector<Camera> cameras_;
+  double next_look_ = 0;  ///< s
+  std::vector<std::uint16_t> counts_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,65 @@
+// A wall at half a metre and a tool that goes to it, with depth in every unit read as every other.
+#include "src/session/unit_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/session/synthetic_stream.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kSize = 120;
+
+/// What is said when the counts of `stored` metres are read as `told`; the tool goes from `from` to
+/// `to`.
+std::string doubt(double stored, double told, double from, double to, double wall = 0.5) {
+  const Tool tool = test::small_tool();
+  DepthStreamInfo stream;
+  stream.width = stream.height = kSize;
+  stream.intrinsics = {150, 150, 59.5, 59.5};
+  stream.name = "camera";
+  UnitWatch watch(tool, {stream});
+  FrameRecord record;
+  record.unit = told;
+  const auto count = static_cast<std::uint16_t>(std::lround(wall / stored));
+  watch.take(record, {kSize, kSize, told, std::vector<std::uint16_t>(kSize * kSize, count)});
+  for (int k = 0; k <= 100; ++k) {
+    ContactRecord contact;
+    contact.time = 0.05 * k;
+    contact.X_WT.translation = {0, 0, from + (to - from) * k / 100};
+    watch.take(contact);
+  }
+  const std::vector<std::string> doubts = watch.doubts();
+  EXPECT_TRUE(watch.doubts().empty()) << "once";
+  return doubts.empty() ? "" : doubts.front();
+}
+
+TEST(UnitWatch, NamesTheRightUnitWhateverItIsReadAs) {
+  const double units[] = {0.001, 0.00025, 0.0002, 0.000125, 0.0001};
+  for (const double stored : units) {
+    for (const double told : units) {
+      if (std::abs(std::log(stored / told)) < std::log(2.2)) continue;
+      char right[40];
+      std::snprintf(right, sizeof right, "unit=%g would", stored);
+      EXPECT_NE(doubt(stored, told, 0.4, 0.49).find(right), std::string::npos)
+          << stored << " read as " << told << ": " << doubt(stored, told, 0.4, 0.49);
+    }
+    EXPECT_EQ(doubt(stored, stored, 0.4, 0.49), "");
+  }
+}
+
+TEST(UnitWatch, HasNoDoubtsWhereTheToolMeetsSomethingOrMayBeElsewhere) {
+  EXPECT_EQ(doubt(0.001, 0.001, 0.1, 0.45), "") << "it comes from far away";
+  EXPECT_EQ(doubt(0.001, 0.001, 0.45, 0.7), "") << "it goes through";
+  EXPECT_EQ(doubt(0.001, 0.001, 0.15, 0.16), "") << "no two units are 3.1 times apart";
+  EXPECT_EQ(doubt(0.001, 0.0002, -0.5, -0.4), "") << "it is behind the camera";
+}
+
+TEST(UnitWatch, HasNoDoubtsWithoutMeasurements) {
+  EXPECT_EQ(doubt(0.001, 0.0002, 0.4, 0.49, 0), "");
+}
+
+}  // namespace
+}  // namespace palpate
