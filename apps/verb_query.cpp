@@ -22,7 +22,7 @@ namespace palpate::apps {
 namespace {
 
 struct Options {
-  std::string tool, pose, poses;
+  std::string tool, pose, poses, shard, output;
   FrozenOptions views;
   RunSettings settings;
   std::vector<std::string> given;  ///< keys of settings
@@ -186,6 +186,13 @@ void check(Options& options) {
   if (const Status status = check(options.settings.surface); !status) {
     usage_error("query: " + status.error().message);
   }
+  const auto ends_with = [&](std::string_view end) { return options.poses.ends_with(end); };
+  if (ends_with(".parquet") || ends_with(".pq") || !options.shard.empty() ||
+      !options.output.empty()) {
+    usage_error(
+        "query: poses in Parquet, --shard and -o are for the palpate of the Python package: "
+        "pip install palpate-*.whl pyarrow (docs/guide/batches.md)");
+  }
   if (options.pose.empty() == options.poses.empty()) {
     usage_error("query: give one of --pose and --poses");
   }
@@ -212,8 +219,16 @@ void add_query(CLI::App& program, Action& action) {
   app.add_option("--pose", options->pose,
                  "tool in the world, which is the frame of a single camera")
       ->type_name("'tx ty tz qx qy qz qw'");
-  app.add_option("--poses", options->poses, "many poses: lines 't tx ty tz qx qy qz qw'")
+  app.add_option(
+         "--poses", options->poses,
+         "many poses: lines 't tx ty tz qx qy qz qw'; or Parquet with columns tx ty tz qx qy "
+         "qz qw, answered into -o by the program of the Python package")
       ->type_name("FILE");
+  app.add_option("--shard", options->shard,
+                 "with Parquet: the K-th of N parts of the poses, from 1")
+      ->type_name("K/N");
+  app.add_option("-o,--output", options->output, "with Parquet: the poses with their answers")
+      ->type_name("FILE.parquet");
   add_object_option(app, options->objects);
   add_setting_options(app, "", settings_of(options->settings), kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);

@@ -8,6 +8,10 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Becomes the program, with the same arguments."""
+    """Becomes the program, with the same arguments; poses in Parquet are measured from here."""
+    from palpate import _query
+
+    if _query.is_asked(sys.argv[1:]):
+        sys.exit(_query.main())
     program = Path(__file__).parent / "bin" / "palpate"
     os.execv(program, [str(program), *sys.argv[1:]])

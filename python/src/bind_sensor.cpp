@@ -1,5 +1,6 @@
 // palpate.Camera, palpate.Sensor and palpate.Surface: depth images become what tools are measured
 // against.
+#include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
@@ -9,6 +10,7 @@
 #include <optional>
 
 #include "palpate/field/sensor.h"
+#include "palpate/io/depth_files.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/gpu_order.h"
@@ -397,6 +399,21 @@ DepthStreamInfo PyCamera::stream() const {
 
 void bind_sensor(nb::module_& m) {
   bind_camera(m);
+  m.def(
+      "load_depth_png",
+      [](const std::filesystem::path& path) {
+        DepthFrame frame;
+        {
+          const nb::gil_scoped_release no_gil;
+          frame = taken(palpate::load_depth_png(path));
+        }
+        return array_of(std::move(frame.pixels), {static_cast<std::size_t>(frame.height),
+                                                  static_cast<std::size_t>(frame.width)});
+      },
+      nb::arg("path"),
+      nb::sig("def load_depth_png(path: str | os.PathLike[str]) -> "
+              "numpy.typing.NDArray[numpy.uint16]"),
+      "The counts (H, W) uint16 of a depth image, a PNG of 16 bits; 0: nothing was measured.");
   bind_surface(m);
   nb::class_<PySensor>(m, "Sensor", R"(Makes a surface of each depth image.
 

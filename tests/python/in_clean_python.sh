@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs the wheel into a clean folder of Python, and does there what its users do.
 #
-# usage: tests/python/in_clean_python.sh install|test|types|torch|docs
+# usage: tests/python/in_clean_python.sh install|test|types|torch|ray|docs
 # Ends with 77 where something is missing that scripts/setup.sh --test fetches.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -44,18 +44,22 @@ PYTHON
         exit 1
       fi
     done
-    install_from_wheels pytest mypy pandas matplotlib
-    install_from_wheels torch 2>/dev/null || true
+    install_from_wheels pytest mypy pandas matplotlib pyarrow
+    for large in torch "ray[data]"; do install_from_wheels "$large" 2>/dev/null || true; done
     ;;
   *) [ -x "$clean/bin/pytest" ] || { echo "skipped: the wheel is not installed in $clean"; exit 77; } ;;&
   test)
     PALPATE_PROGRAM=$root/$clean/bin/palpate "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests \
-      --ignore python/tests/test_types.py --ignore python/tests/test_torch.py
+      --ignore python/tests/test_types.py --ignore python/tests/test_torch.py --ignore python/tests/test_ray.py
     ;;
   types) "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_types.py ;;
   torch)
     is_there torch || { echo "skipped: PyTorch is not installed (3 GB); build/wheel-tools/bin/pip download -d $wheels torch gets it"; exit 77; }
     "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_torch.py
+    ;;
+  ray)
+    is_there ray || { echo "skipped: Ray is not installed (80 MB); build/wheel-tools/bin/pip download -d $wheels 'ray[data]' gets it"; exit 77; }
+    RAY_AUTH_MODE=disabled "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_ray.py
     ;;
   docs) "$clean/bin/python" tests/docs/python_blocks.py ;;
 esac

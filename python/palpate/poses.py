@@ -1,0 +1,320 @@
+"""Many poses of a tool against many frames: columns of numbers in, columns of numbers out.
+
+`Frames` are depth images of one camera, `Measurer` answers poses against them, `measure_file` answers
+a file of poses in parts, so that what is interrupted goes on later and several machines share it.
+palpate.ray does the same on a cluster. A pose is answered by the same bits whatever else is asked
+with it (palpate.Contact.measure_batch), so that parts, shards and machines change nothing.
+"""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate import __version__, _core
+
+__all__ = ["ANSWERS", "FRAME", "POSE", "Frames", "Measurer", "measure_file"]
+
+_PathLike = Union[str, "os.PathLike[str]"]
+_Columns = Dict[str, NDArray[Any]]
+
+#: Columns of a pose X_WT: m, and a quaternion of any length.
+POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
+#: Which frame a pose is measured against, from 0; left out: the only one.
+FRAME = "frame"
+#: Columns of an answer, in W, torque about the centre of mass of the tool. A status other than 0 says
+#: why a pose was not measured (palpate.Status).
+ANSWERS = ("volume_m3", "potential_m4", "force_x_m3", "force_y_m3", "force_z_m3", "torque_x_m4",
+           "torque_y_m4", "torque_z_m4", "status")
+
+_NUM_SURFACES = 8  # that are kept: about 30 MB each at 640 x 480
+_ROWS_IN_PART = 1 << 18
+_LIBRARY = "files of poses in Parquet need pyarrow: pip install pyarrow"
+
+
+class Frames:
+    """Depth images of one camera, read when they are asked for.
+
+    images: an array (F, H, W) of whatever has a shape and gives images by number (NumPy, Zarr, a
+    memory map): counts of `camera.unit` or m; or a list of files: PNGs of 16 bits, or .npy of one
+    image each. poses: X_WC of each frame, (F, 4, 4) or (F, 7); none: those of the camera.
+    """
+
+    def __init__(self, images: Any, camera: _core.Camera, poses: Optional[Any] = None) -> None:
+        self.images, self.camera = images, camera
+        self.poses = None if poses is None else np.asarray(poses, np.float64)
+        if self.poses is not None and len(self.poses) != len(self):
+            raise ValueError(f"poses: {len(self.poses)} of {len(self)} frames")
+
+    @staticmethod
+    def open(path: _PathLike, camera: _core.Camera) -> Frames:
+        """A folder of PNGs in the order of their names, one PNG, an .npy of (F, H, W) or (H, W), a
+        .zarr of (F, H, W). palpate.Error: there is none."""
+        where = Path(path)
+        if where.suffix == ".zarr":
+            try:
+                import zarr  # type: ignore[import-not-found,import-untyped,unused-ignore]
+            except ImportError as error:
+                raise _core.Error("frames in Zarr need its package: pip install zarr") from error
+            return Frames(zarr.open_array(where, mode="r"), camera)
+        if where.suffix == ".npy":
+            try:
+                images = np.load(where, mmap_mode="r")
+            except (OSError, ValueError) as error:
+                raise _core.Error(f"{where} cannot be read: {error}") from error
+            return Frames(images[None] if images.ndim == 2 else images, camera)
+        files = sorted(where.glob("*.png")) if where.is_dir() else [where]
+        if not files or not files[0].is_file():
+            raise _core.Error(f"{where} holds no depth images; give a folder of PNGs, a PNG, .npy or .zarr")
+        return Frames(files, camera)
+
+    def __len__(self) -> int:
+        return int(self.images.shape[0]) if hasattr(self.images, "shape") else len(self.images)
+
+    def image(self, frame: int) -> NDArray[Any]:
+        """(H, W) counts or m."""
+        image = self.images[frame]
+        if not isinstance(image, (str, os.PathLike)):
+            return np.asarray(image)
+        if Path(image).suffix == ".npy":
+            return np.asarray(np.load(image))
+        return np.asarray(_core.load_depth_png(image))
+
+
+class Measurer:
+    """Answers columns of poses, and keeps what it has made of the last frames.
+
+    tool: a Tool or its file. frames: `Frames`. place, threads and options are those of Contact.
+    """
+
+    def __init__(self, tool: Union[_core.Tool, _PathLike], frames: Frames, *, place: str = "cpu",
+                 threads: int = 0, **options: str) -> None:
+        loaded = tool if isinstance(tool, _core.Tool) else _core.load_tool(tool)
+        self._frames = frames
+        self._contact = _core.Contact(loaded, place=place, threads=max(1, threads), **options)
+        self._place, self._threads = place, threads
+        self._surfaces: "collections.OrderedDict[int, _core.Surface]" = collections.OrderedDict()
+
+    def _surface(self, frame: int) -> _core.Surface:
+        if frame in self._surfaces:
+            self._surfaces.move_to_end(frame)
+            return self._surfaces[frame]
+        # A sensor of its own: its surface stays as it is when others are made.
+        sensor = _core.Sensor(self._frames.camera, place=self._place, threads=self._threads)
+        pose = None if self._frames.poses is None else self._frames.poses[frame]
+        surface = sensor.update(self._frames.image(frame), pose=pose)
+        self._surfaces[frame] = surface
+        if len(self._surfaces) > _NUM_SURFACES:
+            self._surfaces.popitem(last=False)
+        return surface
+
+    def __call__(self, columns: Mapping[str, NDArray[Any]]) -> _Columns:
+        """The columns that came, and those of ANSWERS. ValueError: a column of POSE is missing."""
+        missing = [name for name in POSE if name not in columns]
+        if missing:
+            raise ValueError(f"poses: there is no column {', '.join(missing)}; a pose has {', '.join(POSE)}")
+        poses = np.stack([np.asarray(columns[name], np.float64) for name in POSE], axis=1)
+        num = len(poses)
+        frames = self._frames_of(columns, num)
+        answers = np.zeros((num, 8))
+        status = np.full(num, int(_core.Status.NO_SURFACE), np.uint32)
+        for frame in np.unique(frames):
+            if not 0 <= frame < len(self._frames):
+                continue
+            of_frame = np.flatnonzero(frames == frame)
+            batch = self._contact.measure_batch(self._surface(int(frame)), poses[of_frame])
+            answers[of_frame, 0], answers[of_frame, 1] = _in_host(batch.volume), _in_host(batch.potential)
+            answers[of_frame, 2:5], answers[of_frame, 5:] = _in_host(batch.force), _in_host(batch.torque)
+            status[of_frame] = _in_host(batch.status)
+        made: _Columns = dict(columns)
+        made.update(zip(ANSWERS, answers.T.copy()))
+        made["status"] = status
+        return made
+
+    def _frames_of(self, columns: Mapping[str, NDArray[Any]], num: int) -> NDArray[np.int64]:
+        if FRAME in columns:
+            return np.asarray(columns[FRAME], np.int64)
+        if len(self._frames) != 1:
+            raise ValueError(f"poses: with {len(self._frames)} frames a column {FRAME} has to say which")
+        return np.zeros(num, np.int64)
+
+
+def _in_host(array: Any) -> NDArray[Any]:
+    if isinstance(array, np.ndarray):
+        return array
+    try:
+        import cupy  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+        return np.asarray(cupy.from_dlpack(array).get())
+    except ImportError:
+        import torch
+
+        return np.asarray(torch.from_dlpack(array).cpu().numpy())
+
+
+# Files ------------------------------------------------------------------------------------------
+
+
+def _parquet() -> Tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise _core.Error(_LIBRARY) from error
+    return pyarrow, pyarrow.parquet
+
+
+def parse_shard(text: str) -> Tuple[int, int]:
+    """K/N: the K-th of N shards, from 1."""
+    try:
+        k, n = (int(part) for part in text.split("/"))
+    except ValueError:
+        k, n = 0, 0
+    if not 1 <= k <= n:
+        raise _core.Error(f"--shard {text}: give K/N, the K-th of N shards, as 3/16")
+    return k, n
+
+
+def _rows(file: Any, begin: int, end: int) -> Iterator[Any]:
+    """Tables of the rows from `begin` to `end`, in parts that depend on these alone."""
+    at = 0
+    waiting: List[Any] = []
+    num_waiting = 0
+    pyarrow, _ = _parquet()
+    for group in range(file.metadata.num_row_groups):
+        num = file.metadata.row_group(group).num_rows
+        low, high = max(begin, at), min(end, at + num)
+        if low < high:
+            waiting.append(file.read_row_group(group).slice(low - at, high - low))
+            num_waiting += high - low
+        at += num
+        while num_waiting >= _ROWS_IN_PART:
+            table = pyarrow.concat_tables(waiting)
+            yield table.slice(0, _ROWS_IN_PART)
+            waiting, num_waiting = [table.slice(_ROWS_IN_PART)], num_waiting - _ROWS_IN_PART
+    if num_waiting > 0:
+        yield pyarrow.concat_tables(waiting)
+
+
+def _checksum(*parts: Union[bytes, Path, NDArray[Any]]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, Path):
+            with open(part, "rb") as file:
+                while block := file.read(1 << 20):
+                    digest.update(block)
+        else:
+            digest.update(np.ascontiguousarray(part).tobytes() if isinstance(part, np.ndarray) else part)
+    return digest.hexdigest()
+
+
+def _checksum_of_frames(frames: Frames) -> str:
+    digest = hashlib.sha256(repr(frames.camera).encode())
+    digest.update(np.asarray(frames.camera.pose).tobytes() + np.asarray(frames.camera.distortion).tobytes())
+    if frames.poses is not None:
+        digest.update(frames.poses.tobytes())
+    for frame in range(len(frames)):
+        image = frames.images[frame]
+        is_file = isinstance(image, (str, os.PathLike))
+        digest.update(Path(image).read_bytes() if is_file else np.ascontiguousarray(image).tobytes())
+    return digest.hexdigest()
+
+
+@contextlib.contextmanager
+def _alone(folder: Path, output: Path) -> Iterator[None]:
+    """Nobody else writes the same file meanwhile."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise _core.Error(f"another process writes {output}; give another name or wait for it") from error
+        yield
+
+
+def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: Frames, *,
+                 shard: Tuple[int, int] = (1, 1), progress: Optional[Callable[[int, int], Any]] = None,
+                 **how: Any) -> int:
+    """Answers the poses of a Parquet file into another one; the number of its rows.
+
+    poses: columns of POSE and, with several frames, FRAME; others are passed on. shard: (K, N), the
+    K-th of N parts of about as many rows, from 1: one after the other, the files of all shards are
+    that of (1, 1). how: as Measurer takes it.
+
+    Parts that are done lie in OUTPUT.parts until all are: the same call goes on where it was
+    interrupted. palpate.Error: something is no file of poses, or parts of another task are there.
+    """
+    pyarrow, parquet = _parquet()
+    target, source, tool_file = Path(output), Path(poses), Path(tool)
+    try:
+        file = parquet.ParquetFile(source)
+    except (OSError, pyarrow.ArrowInvalid) as error:
+        raise _core.Error(f"{source} cannot be read as Parquet: {error}") from error
+    missing = [name for name in POSE if name not in file.schema_arrow.names]
+    if missing:
+        raise _core.Error(f"{source} has no column {', '.join(missing)}; a pose has {', '.join(POSE)}")
+    num, (k, n) = file.metadata.num_rows, shard
+    begin, end = num * (k - 1) // n, num * k // n
+    measurer = Measurer(tool, frames, **how)
+    task = json.dumps({"poses": _checksum(source), "tool": _checksum(tool_file),
+                       "frames": _checksum_of_frames(frames), "rows": [begin, end], "how": repr(sorted(how.items())),
+                       "program": __version__})
+    if target.exists():
+        if parquet.ParquetFile(target).schema_arrow.metadata.get(b"palpate") == task.encode():
+            return int(end - begin)
+        raise _core.Error(f"{target} is there already, with other answers; remove it or give another name")
+    folder = target.with_name(target.name + ".parts")
+    with _alone(folder, target):
+        key = folder / "task.json"
+        if key.exists() and key.read_text() != task:
+            raise _core.Error(f"{folder} holds parts of another task; remove it or give another name")
+        _write(key, lambda to: to.write_text(task))
+        parts = []
+        for index, table in enumerate(_rows(file, begin, end)):
+            part = folder / f"{index:06}.parquet"
+            parts.append(part)
+            if not part.exists():
+                answered = _answered(pyarrow, measurer, table)
+                _write(part, lambda to: parquet.write_table(answered, to))
+            if progress:
+                progress(min(end - begin, (index + 1) * _ROWS_IN_PART), end - begin)
+        _write(target, lambda to: _join(parquet, file, measurer, parts, to, task))
+        for done in [*parts, key, folder / "lock"]:
+            done.unlink()
+        folder.rmdir()
+    return int(end - begin)
+
+
+def _answered(pyarrow: Any, measurer: Measurer, table: Any) -> Any:
+    """The table with the columns of the answers; columns that are no numbers pass by."""
+    asked = [name for name in (*POSE, FRAME) if name in table.column_names]
+    answers = measurer({name: table[name].to_numpy() for name in asked})
+    for name in ANSWERS:
+        if name in table.column_names:
+            raise _core.Error(f"the poses have a column {name} already, which is one of the answers")
+        table = table.append_column(name, pyarrow.array(answers[name]))
+    return table
+
+
+def _join(parquet: Any, file: Any, measurer: Measurer, parts: Sequence[Path], to: Path, task: str) -> None:
+    pyarrow, _ = _parquet()
+    schema = _answered(pyarrow, measurer, file.schema_arrow.empty_table()).schema
+    with parquet.ParquetWriter(to, schema.with_metadata({b"palpate": task.encode()})) as writer:
+        for part in parts:
+            writer.write_table(parquet.read_table(part).replace_schema_metadata(None).cast(schema))
+
+
+def _write(path: Path, fill: Callable[[Path], Any]) -> None:
+    """Whole or not at all."""
+    temporary = path.with_name(path.name + ".new")
+    fill(temporary)
+    os.replace(temporary, path)

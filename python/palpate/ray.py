@@ -1,0 +1,81 @@
+"""Many poses on a cluster: palpate.ray.measure on Ray Datasets.
+
+    poses = ray.data.read_parquet("poses.parquet")
+    answers = palpate.ray.measure(poses, "finger.palp", frames)
+    answers.write_parquet("answers")
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any, Dict, Mapping, Optional, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+try:
+    import ray
+    import ray.data
+except ImportError as error:
+    raise ImportError("palpate.ray needs Ray: pip install 'ray[data]'") from error
+
+from palpate import _core
+from palpate.poses import Frames, Measurer
+
+__all__ = ["measure"]
+
+
+class _Worker:
+    """An actor that holds the tool, and makes surfaces of the frames that its poses ask for."""
+
+    def __init__(self, tool: Any, frames: Any, camera: Mapping[str, Any], poses: Any, how: Mapping[str, Any]) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "tool.palp"
+            file.write_bytes(ray.get(tool))
+            loaded = _core.load_tool(file)
+        images = ray.get(frames) if isinstance(frames, ray.ObjectRef) else frames
+        self._measurer = Measurer(loaded, Frames(images, _core.Camera(**camera), poses), **how)
+
+    def __call__(self, batch: Dict[str, NDArray[Any]]) -> Dict[str, NDArray[Any]]:
+        return self._measurer(batch)
+
+
+def measure(dataset: Any, tool: Union[_core.Tool, str, "os.PathLike[str]"], frames: Frames, *,
+            workers: Optional[int] = None, gpus_per_worker: float = 0, batch_size: int = 1 << 16,
+            **how: Any) -> Any:
+    """The dataset with columns of answers: a ray.data.Dataset, computed when it is consumed.
+
+    dataset: a ray.data.Dataset with the columns palpate.poses.POSE and, with several frames, FRAME;
+    others are passed on. What makes a row that row (a number of yours) should be among them: Ray keeps
+    no order. tool: a Tool or its file, which is sent to the workers. frames: those in memory are sent
+    once; those that are files have to be there on every machine. workers: actors, at most, each with
+    the tool in memory; none: as many as the cluster has room for. how: as palpate.poses.Measurer takes it;
+    place is "cuda" where gpus_per_worker is given.
+
+    A worker that is lost is replaced, and its batches are measured again: the answers are the same.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "tool.palp"
+        if isinstance(tool, _core.Tool):
+            tool.save(file)
+        content = (file if isinstance(tool, _core.Tool) else Path(tool)).read_bytes()
+    # Files are read where they are asked for; a memory map is only a file, too.
+    is_in_memory = isinstance(frames.images, np.ndarray)
+    sent = ray.put(np.ascontiguousarray(frames.images)) if is_in_memory else frames.images
+    of = frames.camera
+    camera = {"width": of.width, "height": of.height, "fx": of.fx, "fy": of.fy, "cx": of.cx, "cy": of.cy,
+              "unit": of.unit, "pose": np.array(of.pose)}
+    if len(of.distortion) > 0:
+        camera["distortion"] = np.array(of.distortion)
+    settings: Dict[str, Any] = {"place": "cuda" if gpus_per_worker > 0 else "cpu", **how}
+    # Of one file, too, each worker has its share, and of a lost one only a batch is repeated.
+    return dataset.repartition(target_num_rows_per_block=batch_size).map_batches(
+        _Worker,
+        fn_constructor_args=(ray.put(content), sent, camera, frames.poses, settings),
+        batch_format="numpy",
+        batch_size=batch_size,
+        compute=ray.data.ActorPoolStrategy(min_size=1, max_size=workers),
+        num_gpus=gpus_per_worker or None,
+    )

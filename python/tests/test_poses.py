@@ -1,0 +1,207 @@
+"""palpate.poses and palpate query of Parquet: shards, interruptions and files that are none."""
+
+import os
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+import palpate
+
+pyarrow = pytest.importorskip("pyarrow", reason="pyarrow is not installed")
+from pyarrow import parquet  # noqa: E402
+
+from palpate import poses as many  # noqa: E402
+
+NUM = 5000
+PROGRAM = os.environ.get("PALPATE_PROGRAM")
+
+
+@pytest.fixture(scope="module")
+def task(cube, tmp_path_factory):
+    """A folder with a tool, three frames, and poses at their surfaces."""
+    folder = tmp_path_factory.mktemp("poses")
+    cube.save(folder / "cube.palp")
+    images, camera = [], None
+    for time_s in (0.0, 0.5, 1.0):
+        depth, camera, _ = palpate.render_scene("pillar", time_s, width=160, height=120)
+        images.append(depth)
+    np.save(folder / "frames.npy", np.stack(images))
+    random = np.random.default_rng(3)
+    at = palpate.Sensor(camera).update(images[0]).points[30:90, 40:120].reshape(-1, 3)
+    X_WT = np.concatenate([at[random.integers(0, len(at), NUM)], random.normal(size=(NUM, 4))], axis=1)
+    columns = dict(zip(many.POSE, X_WT.T))
+    columns["frame"] = random.integers(0, 3, NUM).astype(np.int32)
+    columns["name"] = np.array([f"pose {i}" for i in range(NUM)])
+    parquet.write_table(pyarrow.table(columns), folder / "poses.parquet", row_group_size=700)
+    return folder, camera, np.stack(images), X_WT, columns["frame"]
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch):
+    monkeypatch.setattr(many, "_ROWS_IN_PART", 900)
+
+
+def measured(task, output, **how):
+    folder, camera, *_ = task
+    frames = many.Frames.open(folder / "frames.npy", camera)
+    assert many.measure_file(folder / "cube.palp", folder / "poses.parquet", output, frames, **how) > 0
+    return parquet.read_table(output)
+
+
+def bytes_of(table):
+    return [table[name].to_numpy().tobytes() for name in many.ANSWERS]
+
+
+def test_answers_are_those_of_single_measurements(task, cube, tmp_path):
+    _, camera, images, X_WT, frame = task
+    table = measured(task, tmp_path / "out.parquet")
+    assert table["name"].to_pylist() == [f"pose {i}" for i in range(NUM)]
+    contact = palpate.Contact(cube)
+    for k in range(3):
+        surface = palpate.Sensor(camera).update(images[k])
+        for i in np.flatnonzero(frame == k)[:20]:
+            one = contact.measure(surface, X_WT[i])
+            row = [table[name][int(i)].as_py() for name in many.ANSWERS]
+            assert row == [one.volume, one.potential, *one.force, *one.torque, int(one.status)]
+    assert (table["volume_m3"].to_numpy() > 0).sum() > NUM / 2
+    assert os.listdir(tmp_path) == ["out.parquet"]
+
+
+def test_shards_are_the_whole(task, tmp_path):
+    whole = bytes_of(measured(task, tmp_path / "whole.parquet"))
+    for num in (2, 7):
+        shards = [measured(task, tmp_path / f"{num}-{k}.parquet", shard=(k, num)) for k in range(1, num + 1)]
+        assert bytes_of(pyarrow.concat_tables(shards)) == whole
+
+
+def test_what_is_interrupted_goes_on(task, tmp_path, monkeypatch):
+    whole = bytes_of(measured(task, tmp_path / "whole.parquet"))
+    output = tmp_path / "out.parquet"
+
+    def stop(done, num):
+        if done > 2000:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measured(task, output, progress=stop)
+    parts = sorted((tmp_path / "out.parquet.parts").glob("*.parquet"))
+    assert len(parts) == 3 and not output.exists()
+    before = [part.stat().st_mtime_ns for part in parts]
+    seen = []
+
+    def look(done, num):
+        seen.append([part.stat().st_mtime_ns for part in parts])
+
+    assert bytes_of(measured(task, output, progress=look)) == whole
+    assert seen[0] == before  # not made again
+    assert not (tmp_path / "out.parquet.parts").exists()
+    # What is done is not done again; what is another task is not written over.
+    when = output.stat().st_mtime_ns
+    measured(task, output)
+    assert output.stat().st_mtime_ns == when
+    with pytest.raises(palpate.Error, match="is there already, with other answers"):
+        measured(task, output, shard=(1, 2))
+
+
+def test_parts_of_another_task_are_not_mixed(task, tmp_path):
+    output = tmp_path / "out.parquet"
+
+    def stop(done, num):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measured(task, output, progress=stop)
+    with pytest.raises(palpate.Error, match="parts of another task"):
+        measured(task, output, volumes="spheres")
+
+
+def test_frames_in_many_forms(task, tmp_path):
+    folder, camera, images, *_ = task
+    counts = np.round(np.nan_to_num(images) * 1000).astype(np.uint16)
+    np.save(tmp_path / "one.npy", counts[0])
+    assert np.array_equal(many.Frames.open(tmp_path / "one.npy", camera).image(0), counts[0])
+    frames = many.Frames([tmp_path / "one.npy"], camera, poses=[[1, 0, 0, 0, 0, 0, 1]])
+    assert len(frames) == 1 and np.array_equal(frames.image(0), counts[0])
+    with pytest.raises(palpate.Error, match="no depth images"):
+        many.Frames.open(tmp_path, camera)
+    with pytest.raises(palpate.Error, match="cannot be read"):
+        many.Frames.open(tmp_path / "none.npy", camera)
+    with pytest.raises(ValueError, match="1 of 3 frames"):
+        many.Frames(images, camera, poses=[[1, 0, 0, 0, 0, 0, 1]])
+
+
+def test_poses_without_a_place(task, tmp_path):
+    folder, camera, images, X_WT, frame = task
+    frames = many.Frames(images, camera)
+    measurer = many.Measurer(folder / "cube.palp", frames)
+    columns = dict(zip(many.POSE, X_WT[:4].T))
+    with pytest.raises(ValueError, match="3 frames a column frame"):
+        measurer(columns)
+    answers = measurer({**columns, "frame": np.array([0, 1, 3, -1])})
+    assert list(answers["status"] == int(palpate.Status.NO_SURFACE)) == [False, False, True, True]
+    del columns["qw"]
+    with pytest.raises(ValueError, match="no column qw"):
+        measurer(columns)
+
+
+def test_files_that_are_none(task, tmp_path):
+    folder, camera, *_ = task
+    frames = many.Frames.open(folder / "frames.npy", camera)
+
+    def refused(poses, match, output="out.parquet"):
+        with pytest.raises(palpate.Error, match=match):
+            many.measure_file(folder / "cube.palp", poses, tmp_path / output, frames)
+        assert not (tmp_path / output).exists() and not (tmp_path / (output + ".parts")).exists()
+
+    refused(tmp_path / "none.parquet", "cannot be read as Parquet")
+    (tmp_path / "text.parquet").write_text("no table")
+    refused(tmp_path / "text.parquet", "cannot be read as Parquet")
+    parquet.write_table(pyarrow.table({"tx": [1.0]}), tmp_path / "short.parquet")
+    refused(tmp_path / "short.parquet", "has no column ty, tz, qx, qy, qz, qw")
+    for text in ("0/3", "4/3", "1", "a/b", "1/0"):
+        with pytest.raises(palpate.Error, match="give K/N"):
+            many.parse_shard(text)
+
+
+@pytest.mark.skipif(not PROGRAM, reason="the program is not installed")
+class TestProgram:
+    def query(self, task, *more):
+        folder, camera, *_ = task
+        intrinsics = ",".join(repr(value) for value in (camera.fx, camera.fy, camera.cx, camera.cy))
+        return [PROGRAM, "query", str(folder / "cube.palp"), "--poses", str(folder / "poses.parquet"), "--depth",
+                str(folder / "frames.npy"), "--intrinsics", intrinsics, *map(str, more)]
+
+    def test_it_is_the_same(self, task, tmp_path):
+        run = subprocess.run(self.query(task, "-o", tmp_path / "out.parquet", "--shard", "2/3"), capture_output=True,
+                             text=True)
+        assert run.returncode == 0, run.stderr
+        begin, end = NUM // 3, NUM * 2 // 3
+        assert run.stdout == f"{end - begin} poses answered: {tmp_path / 'out.parquet'}\n"
+        whole = measured(task, tmp_path / "whole.parquet")
+        assert bytes_of(parquet.read_table(tmp_path / "out.parquet")) == bytes_of(whole.slice(begin, end - begin))
+
+    def test_it_goes_on_after_a_kill(self, task, tmp_path):
+        output = tmp_path / "out.parquet"
+        command = self.query(task, "-o", output)
+        for _ in range(3):
+            run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            while run.poll() is None and not (tmp_path / "out.parquet.parts").exists():
+                time.sleep(0.001)
+            run.send_signal(signal.SIGKILL)
+            run.wait()
+        assert subprocess.run(command, stdout=subprocess.DEVNULL).returncode == 0
+        assert bytes_of(parquet.read_table(output)) == bytes_of(measured(task, tmp_path / "whole.parquet"))
+
+    def test_one_clear_error(self, task, tmp_path):
+        for more, words in (
+                (["-o", tmp_path / "out.parquet", "--shard", "9/3"], "give K/N"),
+                (["-o", tmp_path / "out.parquet", "--pose", "1"], "unrecognized arguments"),
+                ([], "-o/--output"),
+                (["-o", tmp_path / "out.parquet", "--intrinsics", "1,2"], "give 4 numbers")):
+            run = subprocess.run(self.query(task, *more), capture_output=True, text=True)
+            assert run.returncode == 1 and words in run.stderr, run.stderr
+            assert len(run.stderr.splitlines()) == 1 and run.stdout == ""
+            assert os.listdir(tmp_path) == []
