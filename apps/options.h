@@ -67,7 +67,8 @@ inline constexpr SettingOption kContactOptions[] = {
     {"--edges", "contact.edges"},           {"--continuity", "contact.continuity"},
     {"--bodies", "contact.bodies"},         {"--unknown", "field.unknown"},
     {"--fill-levels", "field.fill_levels"}, {"--thickness", "field.thickness"},
-    {"--backend", "loop.backend"},          {"--contact-gpu", "loop.contact_gpu"}};
+    {"--beyond", "field.beyond"},           {"--backend", "loop.backend"},
+    {"--contact-gpu", "loop.contact_gpu"}};
 /// From depth to surface.
 inline constexpr SettingOption kSurfaceOptions[] = {
     {"--no-filter", "surface.filter"},    {"--min-depth", "surface.min_depth"},

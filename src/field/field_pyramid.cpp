@@ -20,6 +20,10 @@ Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOpti
                  "unknown blocked says that all is solid which was not seen to be free, thickness "
                  "that nothing is behind surfaces: leave one of them out"};
   }
+  if (options.beyond == Beyond::fade && !(options.thickness < kSolidBehind)) {
+    return Error{Errc::invalid_argument,
+                 "beyond fade lets go of what lies deeper than thickness: say how deep that is"};
+  }
   PyramidLayout layout;
   layout.stride = width + 2 * DepthFieldLevel::kBorder;
   while (layout.num_levels < DepthFieldView::kMaxLevels && std::min(width, height) >= 4) {
@@ -52,7 +56,8 @@ DepthFieldView PyramidLayout::view(const TangentPlane* planes, const Silhouette*
   view.tiles = tiles;
   view.tiles_wide = tiles_wide();
   view.tiles_high = tiles_high();
-  view.thickness = static_cast<float>(options.thickness);
+  view.thickness =
+      static_cast<float>(options.beyond == Beyond::fade ? -options.thickness : options.thickness);
   return view;
 }
 

@@ -18,7 +18,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 /// Columns as in wrench.csv, and the two energies.
-Json series_json(const RunLog& log) {
+Json series_json(const Tool& tool, const RunLog& log) {
   const auto& ticks = log.series.ticks();
   Json json = Json::object();
   const auto add = [&](const std::string& name, auto value, int digits = 5) {
@@ -39,6 +39,11 @@ Json series_json(const RunLog& log) {
   add("volume_m3", [&](const TickRecord& t) { return measured(t, t.penetration.volume); });
   if (!log.setup.settings.objects.empty()) {
     add("objects_volume_m3", [](const TickRecord& tick) { return tick.objects.volume; });
+  }
+  if (log.setup.streams.size() > 1) {
+    const double full = full_volume(tool, log.setup.settings.contact);
+    add("unseen",
+        [&](const TickRecord& t) { return measured(t, t.penetration.unseen_volume) / full; });
   }
   add_vector("force", "N",
              [&](const TickRecord& tick) { return tick.step.contact_W.force * measured(tick, 1); });
@@ -137,7 +142,7 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
   Json json{{"kind", "run"},
             {"summary", summary},
             {"defaults", usual_settings(tool, log)},
-            {"series", series_json(log)},
+            {"series", series_json(tool, log)},
             {"frame_times_s", Json::array()},
             {"latencies", latencies_json(times)},
             {"moment", nullptr},

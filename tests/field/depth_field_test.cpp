@@ -534,6 +534,7 @@ TEST(DepthField, RefusesBadSizesAndOptions) {
   for (const double thickness : {0.0, -1.0, 1e9, double(NAN)}) {
     EXPECT_FALSE(DepthField::create(100, 100, {.thickness = thickness}));
   }
+  EXPECT_FALSE(DepthField::create(100, 100, {.beyond = Beyond::fade}));
 }
 
 TEST(DepthField, TakesTheSmallestAndEmptyImages) {

@@ -13,6 +13,7 @@
 #include "tests/session/wrench_csv.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/posed_wall.h"
+#include "tests/test_util/report_data.h"
 #include "tests/test_util/temporary_folder.h"
 
 namespace palpate {
@@ -148,6 +149,13 @@ TEST(RunsOfSeveralCameras, SayWhatNobodySees) {
   EXPECT_NE(said[0].find("where no camera sees"), std::string::npos) << said[0];
   EXPECT_NE(said[1].find("again"), std::string::npos) << said[1];
   EXPECT_NE(outcome->summary_json.find("\"unseen\""), std::string::npos);
+  PALPATE_PAGES_OR_SKIP();
+  const auto page = test::report_data_of(folder.path() / "run" / "report.html");
+  const auto& plotted = page.at("series").at("unseen");
+  ASSERT_EQ(plotted.size(), columns.at("unseen").size());
+  for (std::size_t i = 0; i < plotted.size(); ++i) {
+    EXPECT_NEAR(plotted[i].get<double>(), columns.at("unseen")[i], 1e-4);
+  }
 }
 
 // What is lost of one camera ends what can be repeated, and says so.

@@ -29,14 +29,23 @@ constexpr auto names_of(UnknownSpace) { return std::array{"free", "solid", "bloc
 /// Thick enough for everything behind a surface to be solid, metres.
 inline constexpr double kSolidBehind = 1e6;
 
+/// What lies behind surfaces deeper than DepthFieldOptions::thickness, where no camera has seen
+/// anything.
+enum class Beyond {
+  free,  ///< a tool is pushed out of the back, and from twice as far on there is nothing
+  fade,  ///< whatever: what lies there is pushed no more, but counts as volume
+};
+constexpr auto names_of(Beyond) { return std::array{"free", "fade"}; }
+
 struct DepthFieldOptions {
   UnknownSpace unknown = UnknownSpace::free;
   /// Holes up to about 2^fill_levels pixels across are closed by surface interpolated from around
   /// them; 0 closes none.
   int fill_levels = 4;
   /// How far behind the first surface along its normal a tool is pushed back out of the front,
-  /// metres: from there to twice as far it is pushed out of the back, beyond there is nothing.
+  /// metres.
   double thickness = kSolidBehind;
+  Beyond beyond = Beyond::free;
   /// Each frame also tells what its camera has seen to be free (SurfaceView::seen_free), at as much
   /// cost again: what several cameras are joined by.
   bool one_of_several = false;
@@ -55,6 +64,10 @@ inline void add_settings(SettingTable& t, DepthFieldOptions& o) {
         "by the field: close holes up to about 2^this pixels wide");
   t.add("thickness", o.thickness, {1e-3, kSolidBehind, "m"},
         "by the field: how far behind a surface a tool is pushed out of its front");
+  t.add(
+      "beyond", o.beyond,
+      "by the field, with a thickness: deeper a tool is pushed out of the back and then nothing is "
+      "there, or what lies there is pushed no more");
 }
 
 /// How a pixel sees the nearest place where a surface ends in front of something farther away. For
@@ -110,7 +123,7 @@ struct DepthFieldView {
   const DepthTile* tiles = nullptr;  ///< row by row; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   Intrinsics intrinsics;
-  float thickness = 0;    ///< as DepthFieldOptions
+  float thickness = 0;    ///< as DepthFieldOptions; negative: with Beyond::fade
   int gpu = kHostMemory;  ///< whose memory the arrays are in
   /// Two views with one stamp show the same values, unless it is 0.
   std::uint64_t stamp = 0;

@@ -69,14 +69,17 @@ PALPATE_FORMULA Curved<Real> plane_value(Real offset, Real slope, Real z) {
 }
 
 /// As deep as it is down to -thickness, from there on out of the back: |x + thickness| - thickness,
-/// rounded.
+/// rounded. With a negative thickness no deeper than that: max(x, thickness).
 template <class Real>
 PALPATE_FORMULA Curved<Real> with_back(const Curved<Real>& x, Real thickness) {
-  const Real k = 0.25f * thickness;
-  const Curved<Real> depth{-thickness - x.value, -x.slope, -x.bend};
+  const Real zero{}, one = zero + 1.0f;
+  const auto is_fading = thickness < zero;
+  const Real most = is_fading ? -thickness : thickness, share = is_fading ? one : one + one;
+  const Real k = 0.25f * most;
+  const Curved<Real> depth{-most - x.value, -x.slope, -x.bend};
   const Curved<Real> behind = corner<Real>({depth.value + k, depth.slope, depth.bend}, k, Real{});
-  return {x.value + 2.0f * behind.value, x.slope + 2.0f * behind.slope,
-          x.bend + 2.0f * behind.bend};
+  return {x.value + share * behind.value, x.slope + share * behind.slope,
+          x.bend + share * behind.bend};
 }
 
 /// A pixel's value next to a silhouette: `own` is that of its own surface, `other` of the other

@@ -90,6 +90,8 @@ std::vector<Scene> scenes() {
   all.push_back({"tilted, hole", tilted_wall_with_hole(), {.fill_levels = 0}});
   all.push_back({"tilted, filled", tilted_wall_with_hole(), {.unknown = UnknownSpace::solid}});
   all.push_back({"thin block", block_before_wall(3), {.thickness = 0.03}});
+  all.push_back(
+      {"fading block", block_before_wall(3), {.thickness = 0.03, .beyond = Beyond::fade}});
   all.push_back({"near", rough_wall(4, 0.12), {}});
   return all;
 }

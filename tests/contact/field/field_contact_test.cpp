@@ -31,13 +31,17 @@ constexpr ContactOptions kOwn{.method = MethodKind::field, .volumes = SphereVolu
 constexpr ContactOptions kRepresented{.method = MethodKind::field,
                                       .volumes = SphereVolumes::represented};
 
-FrozenField rough_wall(std::uint64_t seed, double thickness = kSolidBehind) {
-  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.002, seed), {.thickness = thickness});
+FrozenField rough_wall(std::uint64_t seed, double thickness = kSolidBehind,
+                       Beyond beyond = Beyond::free) {
+  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.002, seed),
+                     {.thickness = thickness, .beyond = beyond});
 }
 
 // So calm that no gradient is shortened.
-FrozenField calm_wall(std::uint64_t seed, double thickness = kSolidBehind) {
-  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.00005, seed), {.thickness = thickness});
+FrozenField calm_wall(std::uint64_t seed, double thickness = kSolidBehind,
+                      Beyond beyond = Beyond::free) {
+  return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.00005, seed),
+                     {.thickness = thickness, .beyond = beyond});
 }
 
 // A block in front of a wall: silhouettes on all sides, in the middle of where the tools are.
@@ -101,7 +105,10 @@ void expect_equals_brute_force(const FrozenField& scene) {
   }
 }
 
-TEST(FieldContact, EqualsBruteForce) { expect_equals_brute_force(rough_wall(1)); }
+TEST(FieldContact, EqualsBruteForce) {
+  expect_equals_brute_force(rough_wall(1));
+  expect_equals_brute_force(rough_wall(1, 0.03, Beyond::fade));
+}
 
 TEST(FieldContact, EqualsBruteForceAtSilhouettes) {
   expect_equals_brute_force(block_before_wall(1));
@@ -135,6 +142,7 @@ void expect_derivative_of_the_potential(const FrozenField& scene) {
 
 TEST(FieldContact, WrenchIsMinusTheDerivativeOfThePotential) {
   expect_derivative_of_the_potential(rough_wall(4));
+  expect_derivative_of_the_potential(rough_wall(4, 0.03, Beyond::fade));
 }
 
 TEST(FieldContact, WrenchIsMinusTheDerivativeOfThePotentialAtSilhouettes) {
@@ -186,10 +194,10 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
 // Round a closed path of translation and rotation hardly any net work is done. Measured: 4.8e-4 of
 // all work, because gradients where two levels meet are a little longer than a force may be; with
 // none shortened 1e-7.
-class ClosedLoops : public testing::TestWithParam<double> {};
+class ClosedLoops : public testing::TestWithParam<std::pair<double, Beyond>> {};
 
 TEST_P(ClosedLoops, CostNoWork) {
-  const FrozenField scene = calm_wall(7, GetParam());
+  const FrozenField scene = calm_wall(7, GetParam().first, GetParam().second);
   const Tool tool = test::random_tool(500, 0.05, 8);
   const auto query = make_query(tool, scene);
   const Vec3d C_T = tool.sphere_mass().centre_of_mass;
@@ -217,7 +225,10 @@ TEST_P(ClosedLoops, CostNoWork) {
   EXPECT_LT(std::abs(net) / total, 1e-3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Thickness, ClosedLoops, testing::Values(kSolidBehind, 0.02));
+INSTANTIATE_TEST_SUITE_P(Thickness, ClosedLoops,
+                         testing::Values(std::pair{kSolidBehind, Beyond::free},
+                                         std::pair{0.02, Beyond::free},
+                                         std::pair{0.02, Beyond::fade}));
 
 // The surface passes between two layers of spheres, has a hole in the middle of the tool, and is
 // left far behind: contact neither drops nor doubles.
@@ -255,18 +266,20 @@ TEST(FieldContact, SweepsBetweenLayersThroughAHoleAndCleanThrough) {
   EXPECT_NEAR(last / full, 1, 1e-4);
 }
 
-// A tool that is pushed clean through a wall of some thickness comes out behind it.
+// A tool that is pushed clean through a wall of some thickness comes out behind it, or is let go.
 TEST(FieldContact, BehindTheThicknessThereIsNothing) {
   const Tool tool = test::random_tool(300, 0.02, 23);
-  for (const double thickness : {kSolidBehind, 0.05}) {
-    const FrozenField scene(plane({{0, 0, -1}, -0.5}).cloud, {.thickness = thickness});
+  for (const auto& [thickness, beyond] :
+       {std::pair{kSolidBehind, Beyond::free}, {0.05, Beyond::free}, {0.05, Beyond::fade}}) {
+    const FrozenField scene(plane({{0, 0, -1}, -0.5}).cloud,
+                            {.thickness = thickness, .beyond = beyond});
     const auto query = make_query(tool, scene);
     const Penetration inside = query->query({{0, 0, 0.525}, {}}, kOwn);
     const Penetration behind = query->query({{0, 0, 0.65}, {}}, kOwn);
     EXPECT_NEAR(inside.volume / full_volume(tool, kOwn), 1, 1e-4);
     EXPECT_NEAR(inside.measure_W.force.z / inside.volume, -1, 0.05);
     const double left = thickness == kSolidBehind ? 1 : 0;
-    EXPECT_NEAR(behind.volume / full_volume(tool, kOwn), left, 1e-4);
+    EXPECT_NEAR(behind.volume / full_volume(tool, kOwn), beyond == Beyond::fade ? 1 : left, 1e-4);
     EXPECT_NEAR(-behind.measure_W.force.z / full_volume(tool, kOwn), left, 0.05);
   }
 }

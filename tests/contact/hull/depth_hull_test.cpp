@@ -56,8 +56,10 @@ void expect_same_bits(const ContactResult& a, const ContactResult& b) {
 TEST(DepthHull, EqualsItsDefinition) {
   Random random(11);
   for (const int num_cameras : {2, 3, 5}) {
-    for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
-      const HullScene scene = test::rough_scene(num_cameras, {.unknown = unknown}, random);
+    for (const DepthFieldOptions& field :
+         {DepthFieldOptions{}, DepthFieldOptions{.unknown = UnknownSpace::solid},
+          DepthFieldOptions{.thickness = 0.03, .beyond = Beyond::fade}}) {
+      const HullScene scene = test::rough_scene(num_cameras, field, random);
       int num_felt = 0;
       for (const int num_spheres : {1, 33, 400}) {
         const Tool tool = test::random_tool(num_spheres, 0.06, 3);
@@ -279,6 +281,30 @@ TEST(DepthHull, BlackPixelsOfOneCameraCarveNothing) {
     // By the one with the patch alone nothing is there.
     const std::vector<SurfaceBlend> alone{patched.views[1]};
     EXPECT_LT(query->measure(alone, X_WT).penetration.volume, 0.1 * want);
+  }
+}
+
+// Deep behind a wall that nobody sees behind: pushed out, let go at its back, or let go.
+TEST(DepthHull, WhatLiesInUnseenSpaceIsAsTheFieldsSay) {
+  const Tool tool = test::random_tool(300, 0.03, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const double whole = tool.sphere_mass().volume;
+  for (const auto& [field, volume, force] :
+       {std::tuple{DepthFieldOptions{}, 1.0, 1.0},
+        {DepthFieldOptions{.thickness = 0.03}, 0.0, 0.0},
+        {DepthFieldOptions{.thickness = 0.03, .beyond = Beyond::fade}, 1.0, 0.0}}) {
+    HullScene scene;
+    for (int k = 0; k < 2; ++k) {
+      const Pose X_WC = test::look_at({0.2 * k, 0, 0}, {0, 0, 0.8});
+      const auto wall = [](const Vec3d& p, const Vec3d& d) { return test::to_wall(p, d, 0.8); };
+      test::add_view(scene, test::vga(), X_WC, test::depth_seen(wall, test::vga(), X_WC), field);
+    }
+    const Penetration deep = query->measure(scene.views, {{0, 0, 0.95}, {}}).penetration;
+    EXPECT_NEAR(deep.volume, volume * whole, 1e-4 * whole);
+    EXPECT_NEAR(-deep.measure_W.force.z, force * whole, 0.02 * whole);
+    EXPECT_NEAR(deep.unseen_volume, whole, 1e-4 * whole);
+    const Penetration near = query->measure(scene.views, {{0, 0, 0.8}, {}}).penetration;
+    EXPECT_NEAR(-near.measure_W.force.z, 0.5 * whole, 0.1 * whole);
   }
 }
 

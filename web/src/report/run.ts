@@ -111,6 +111,18 @@ function headline(summary: Summary): HTMLElement {
 
 // Plots.
 
+/// More is all that lies behind a surface.
+const SOLID_BEHIND = 1e6;
+
+function unseenWords({ settings: { field } }: Summary): string {
+  const thickness = field.thickness as number;
+  const policy = thickness >= SOLID_BEHIND ? 'counts as solid'
+    : field.beyond === 'fade' ? `pushes it no more from ${withUnit(thickness, LENGTH)} on`
+      : `is ${withUnit(2 * thickness, LENGTH)} thick, and then there is nothing`;
+  return 'How much of the tool lies more than 20 mm behind all that any camera has seen, or where none of them looks. ' +
+    `What is felt there is a guess: what is behind a surface ${policy}.`;
+}
+
 function plots(data: RunData): HTMLElement[] {
   const { summary, series } = data;
   const x = series.time_s as number[];
@@ -143,6 +155,8 @@ function plots(data: RunData): HTMLElement[] {
       right: { factor: 100 / (summary.full_volume_m3 * unit.factor), words: '% of the tool' },
       markers: peaks.volume_m3 > 0 ? [{ x: peaks.volume_time_s, words: 'deepest' }] : [],
     }),
+    ...(series.unseen ? [simple('share of the tool in %', [{ name: 'where no camera sees', values: column('unseen', 100) }],
+      unseenWords(summary))] : []),
     vector('force', 'N', 'F', 'force in N', 'Force on the tool in camera axes (x right, y down, z away from the ' +
       `camera): volume times direction, times the volume stiffness of ${stiffness(summary)}.`),
     vector('torque', 'Nm', 'M', 'torque in N m', "Torque of the same forces about the tool's centre of mass."),
