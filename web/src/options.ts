@@ -12,6 +12,7 @@ export function defaultOptions(): SceneOptions {
     graph: false,
     treeLevel: -1,
     normals: false,
+    fog: false,
     edges: false,
     edgePlanes: false,
     arrows: true,

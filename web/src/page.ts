@@ -216,7 +216,7 @@ export class Page implements Listener {
     this.root.addEventListener('panels', () => this.onOptions());
     document.addEventListener('visibilitychange', () => this.rate.begin());
     const { options } = this.scene;
-    const toggle = (name: 'cloud' | 'normals' | 'edges' | 'graph') => () => {
+    const toggle = (name: 'cloud' | 'normals' | 'fog' | 'edges' | 'graph') => () => {
       options[name] = !options[name];
       this.onOptions();
     };
@@ -231,7 +231,7 @@ export class Page implements Listener {
       'v': () => this.nextView(),
       'r': () => this.resetView(),
       '1': look(LOOKS[0]), '2': look(LOOKS[1]), '3': look(LOOKS[2]), '4': look(LOOKS[3]),
-      'c': toggle('cloud'), 'n': toggle('normals'), 'e': toggle('edges'), 'g': toggle('graph'),
+      'c': toggle('cloud'), 'n': toggle('normals'), 'u': toggle('fog'), 'e': toggle('edges'), 'g': toggle('graph'),
       'p': () => this.dock.toggle('plots'),
       'i': () => this.dock.toggle('image'),
       'k': () => this.dock.toggle('controls'),

@@ -103,6 +103,7 @@ export interface SceneOptions {
   graph: boolean;
   treeLevel: number; // -1: none
   normals: boolean; // as lines
+  fog: boolean; // where no camera sees
   edges: boolean; // depth-change vectors
   edgePlanes: boolean;
   arrows: boolean; // force and torque at tool and hand

@@ -18,7 +18,8 @@ namespace {
 constexpr DepthHullKernels kKernels[] = PALPATE_BY_ISA(kDepthHull);
 
 /// Has the camera measured wherever elements look that are at most `reach` from p_C, also those
-/// that lie deep and ask the widest pixels? There its two fields are one.
+/// that lie deep and ask the widest pixels? There its two fields are one, if all is solid behind
+/// surfaces.
 bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double reach) {
   constexpr int kReach = 6;  // pixels around one that a sphere is seen in, of the widest level
   const DepthFieldView& field = seen_free.fields[0];
@@ -80,7 +81,8 @@ ContactStatus DepthHull::take(std::span<const SurfaceBlend> cameras, const Pose&
         frame_of(to.field.intrinsics, seats.X_CT[0], p_TC_);
     camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
     seats.write_rotations(camera.R_WC);
-    if (job.may_be_unseen && !seats.has_moved &&
+    const bool is_solid_behind = to.field.thickness >= static_cast<float>(kSolidBehind);
+    if (job.may_be_unseen && !seats.has_moved && is_solid_behind &&
         has_measured_around(camera.seen_free, seats.X_CT[0] * p_TC_, elements_->reach)) {
       job.may_be_unseen = false;
     }

@@ -223,6 +223,8 @@ TEST(FieldContactCuda, StiffnessAndDescriptionEqualTheCpu) {
       EXPECT_EQ(states, want_states);
       // The GPU finds them in double precision.
       for (std::size_t k = 0; k < planes.size(); ++k) {
+        // What is pushed no more has no direction.
+        if (scene.options.beyond == Beyond::fade && states[k] == SphereState::inside) continue;
         EXPECT_NEAR(norm(planes[k].normal - want_planes[k].normal), 0, 4e-4) << k;
         EXPECT_NEAR(planes[k].offset, want_planes[k].offset, 1e-5) << k;
       }

@@ -9,7 +9,7 @@ const ground = colour('ground');
 const { width, height, focal } = oneSphere.stream;
 const cloudAlone = {
   cloud: true, cloudColour: 'shaded', toolLook: 'hidden', outside: false, graph: false, treeLevel: -1, normals: false,
-  edges: false, edgePlanes: false, arrows: false, ghost: false, trace: false, view: 'bird', pointSize: 4, stride: 1,
+  fog: false, edges: false, edgePlanes: false, arrows: false, ghost: false, trace: false, view: 'bird', pointSize: 4, stride: 1,
 };
 
 /// A camera turned by an angle about y, so that it looks to the left where that is positive.
@@ -56,6 +56,40 @@ pageTest('two clouds of one wall coincide', async () => {
   for (let i = 0; i < xs.length; ++i) {
     assert.ok(colours[1][i].every((c, k) => Math.abs(c - colours[2][i][k]) <= 12), `${colours[1][i]} and ${colours[2][i]}`);
   }
+});
+
+pageTest('fog is where no camera sees', async () => {
+  const served = await Served.start(two);
+  // Something near hides the left half of a wall, and on the right there is something far away.
+  const shadow = [[0, 0.4], [80, 0.55], [120, 0.9]];
+  await served.apply({ depths: [shadow, nothing] });
+  const page = await openPage(served.url, { bare: true });
+  await drawn(page, 3);
+  await options(page, { ...cloudAlone, cloud: false, fog: true });
+  const fogAt = async (depths) => {
+    await served.apply({ depths });
+    await drawn(page, 3);
+    const picture = await look(page);
+    const places = await project(page, [[-0.08, 0, 0.5], [-0.06, 0, 0.3], [0.05, 0, 0.7], [0.05, 0, 0.5]]);
+    return places.map(([x, y]) => {
+      let count = 0;
+      for (let v = Math.round(y) - 6; v <= y + 6; ++v) {
+        for (let u = Math.round(x) - 6; u <= x + 6; ++u) count += !isJust(picture.at(u, v), ground);
+      }
+      return count;
+    });
+  };
+  const [hidden, before, behind, free] = await fogAt([shadow, nothing]);
+  assert.ok(hidden > 5, `behind what is near: ${hidden}`);
+  assert.ok(behind > 5, `behind the wall: ${behind}`);
+  assert.equal(before, 0, 'none before what is near');
+  assert.equal(free, 0, 'none before the wall');
+  // The other camera sees all that is before a wall at 0.6.
+  const [seen, , still] = await fogAt([shadow, seenAside]);
+  assert.equal(seen, 0, 'none where the other camera sees');
+  assert.ok(still > 5, `behind the wall nobody sees: ${still}`);
+  await options(page, { fog: false });
+  assert.deepEqual(await fogAt([shadow, nothing]), [0, 0, 0, 0]);
 });
 
 pageTest('each camera is drawn where it is, with its name', async () => {

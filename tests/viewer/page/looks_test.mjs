@@ -7,7 +7,7 @@ import { oneSphere, threeSpheres, uncut } from './worlds.mjs';
 
 const ground = colour('ground');
 const nothing = {
-  cloud: false, toolLook: 'hidden', outside: false, graph: false, treeLevel: -1, normals: false,
+  cloud: false, toolLook: 'hidden', outside: false, graph: false, treeLevel: -1, normals: false, fog: false,
   edges: false, edgePlanes: false, arrows: false, ghost: false, trace: false, view: 'camera',
 };
 

@@ -80,6 +80,7 @@ export class Controls {
       add('arrows', 'force and torque');
       add('ghost', 'ghost of the hand');
       add('trace', 'path of the tool');
+      add('fog', 'fog where no camera sees');
       add('normals', 'normals');
       add('edges', 'depth changes');
       add('edgePlanes', 'edge planes');

@@ -8,6 +8,7 @@ export const KEYS: [keys: string, does: string][] = [
   ['1 2 3 4', 'tool as spheres, cut caps, mesh, hidden'],
   ['C', 'cloud'],
   ['N', 'normals'],
+  ['U', 'unseen space as fog'],
   ['E', 'depth-change vectors'],
   ['G', 'graph of touching spheres'],
   ['P', 'plots'],

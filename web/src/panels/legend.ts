@@ -46,6 +46,7 @@ function entries(hello: Hello, options: SceneOptions): Entry[] {
     if (options.ghost) list.push([OTHER_COLOURS.ghost, 'ghost', 'where the hand is']);
     if (hello.handle) list.push([heat(0.5), 'spring', 'hand to tool: its force']);
     if (options.trace) list.push([OTHER_COLOURS.trace, 'line', 'path of the tool']);
+    if (options.fog) list.push([OTHER_COLOURS.fog, 'fog', 'where no camera sees']);
     if (options.normals) list.push([OTHER_COLOURS.normal, 'lines', 'normals of the surface']);
     if (options.edges) list.push([EDGE_COLOURS.start, 'green to purple', 'where the depth jumps']);
   }

@@ -26,6 +26,7 @@ export const OTHER_COLOURS = {
   tree: '#e0a83c',
   ghost: '#e8a13a',
   trace: '#f06595',
+  fog: '#7d8794', // where no camera sees
   wall: '#db333d', // of the mesh, where a tool is cut open
 } as const;
 

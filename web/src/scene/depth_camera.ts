@@ -4,6 +4,7 @@ import { Group, Matrix4 } from 'three';
 import type { Frame, Pose, SceneOptions, Stream } from '../types';
 import { Cloud } from './cloud';
 import { DepthImage } from './depth_image';
+import { Fog } from './fog';
 import { Frustum } from './frustum';
 import { NormalNeedles } from './normals';
 import { NO_POSE, setPose } from './poses';
@@ -14,6 +15,7 @@ export class DepthCamera {
   readonly cloud: Cloud;
   X_WC: Pose = NO_POSE;
   private readonly normals: NormalNeedles;
+  private readonly fog: Fog;
   private readonly frustum: Frustum;
   private readonly X_LC = new Matrix4();
 
@@ -22,8 +24,9 @@ export class DepthCamera {
     this.image = new DepthImage(stream, numCameras);
     this.cloud = new Cloud(this.image);
     this.normals = new NormalNeedles(this.image);
+    this.fog = new Fog(this.image);
     this.frustum = new Frustum(stream, name);
-    this.object.add(this.cloud.object, this.normals.object, this.frustum.object);
+    this.object.add(this.cloud.object, this.normals.object, this.fog.object, this.frustum.object);
   }
 
   get isSeeing(): boolean {
@@ -38,21 +41,28 @@ export class DepthCamera {
     this.cloud.setFrame(frame);
   }
 
-  /// `first` of the cameras: the light is there. The rest as Cloud.update has it.
-  update(first: DepthCamera, options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
-    const isFirst = this === first;
+  /// The light is at the first of all `cameras`. The rest as Cloud.update has it.
+  update(cameras: DepthCamera[], options: SceneOptions, coarser: number, height: number, pixelRatio: number): void {
+    const first = cameras[0], isFirst = this === first;
     // To the bit where the camera is the first one.
     if (isFirst) this.X_LC.identity();
     else this.X_LC.copy(first.object.matrixWorld).invert().multiply(this.object.matrixWorld);
     this.cloud.setLight(this.X_LC, first.cloud.depths);
     this.cloud.update(options, coarser, height, pixelRatio);
     this.normals.update(options.normals);
+    this.fog.update(options.fog, options.fog ? this.seenFrom(cameras) : [], pixelRatio);
     this.frustum.update(options.dark);
     // Nobody sees the camera through which one looks, nor one of which nobody has said where it is.
     this.frustum.object.visible = isFirst ? options.view !== 'camera' : this.isSeeing;
   }
 
   dispose(): void {
-    for (const part of [this.image, this.cloud, this.normals, this.frustum]) part.dispose();
+    for (const part of [this.image, this.cloud, this.normals, this.fog, this.frustum]) part.dispose();
+  }
+
+  /// The images of the others, and where this camera is in them.
+  private seenFrom(cameras: DepthCamera[]): [DepthImage, Matrix4][] {
+    return cameras.filter((other) => other !== this).map((other) =>
+      [other.image, other.object.matrixWorld.clone().invert().multiply(this.object.matrixWorld)]);
   }
 }

@@ -264,7 +264,7 @@ class View implements SceneView {
     }
     renderer.setClearColor(this.ground.set(THEMES[options.dark ? 'dark' : 'light'].ground));
     const { width, height } = this.canvas;
-    for (const sensor of this.sensors) sensor.update(this.sensors[0], options, this.governor.coarser, height, ratio);
+    for (const sensor of this.sensors) sensor.update(this.sensors, options, this.governor.coarser, height, ratio);
     this.edges.update(options);
     this.spheres.update(options);
     this.mesh.update(options);
