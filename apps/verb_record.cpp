@@ -1,4 +1,4 @@
-// palpate record: a depth stream alone, as an MCAP file.
+// palpate record: depth streams alone, as an MCAP file.
 
 #include <atomic>
 #include <chrono>
@@ -13,6 +13,7 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/cameras/open_camera.h"
+#include "palpate/field/surface_timeline.h"
 #include "src/session/internal/record_stream.h"
 
 namespace palpate::apps {
@@ -28,12 +29,13 @@ struct Options {
 /// Lets an interrupt end a wait for a camera that sends nothing.
 class InterruptWatch {
  public:
-  explicit InterruptWatch(DepthSource& source)
-      : thread_([this, &source] {
+  explicit InterruptWatch(const DepthSources& sources)
+      : thread_([this, &sources] {
           while (!is_over_ && !interrupted()) {
             std::this_thread::sleep_for(std::chrono::milliseconds(50));
           }
-          if (interrupted()) source.cancel();
+          if (!interrupted()) return;
+          for (DepthSource* source : sources) source->cancel();
         }) {}
   ~InterruptWatch() {
     is_over_ = true;
@@ -46,15 +48,22 @@ class InterruptWatch {
 };
 
 Status run(const Options& options) {
-  std::error_code ignored;
-  const auto uri = parse_camera_uri(options.cameras.front());
-  const bool is_file = std::filesystem::is_regular_file(uri->target, ignored);
-  if (const Status status = check_output_file(options.output, is_file ? uri->target : "");
-      !status) {
-    return status;
+  std::vector<std::unique_ptr<DepthSource>> opened;
+  std::vector<DepthSource*> all;
+  for (const std::string& camera : options.cameras) {
+    std::error_code ignored;
+    const auto uri = parse_camera_uri(camera);
+    const bool is_file = std::filesystem::is_regular_file(uri->target, ignored);
+    if (const Status status = check_output_file(options.output, is_file ? uri->target : "");
+        !status) {
+      return status;
+    }
+    auto source = open_camera(camera, {true, options.duration});
+    if (!source) return source.error();
+    all.push_back(source->get());
+    opened.push_back(*std::move(source));
   }
-  auto source = open_camera(options.cameras.front(), {true, options.duration});
-  if (!source) return source.error();
+  const DepthSources sources(std::move(all));
   catch_interrupts();
   Progress bar("recording");
   RecordStreamOptions recording;
@@ -66,18 +75,21 @@ Status run(const Options& options) {
                     static_cast<unsigned long long>(num_frames));
       bar.update(options.duration ? seconds / *options.duration : 0, words);
     }
-    for (const std::string& note : (*source)->take_notes()) say_beside_progress(note);
+    for (DepthSource* source : sources) {
+      for (const std::string& note : source->take_notes()) say_beside_progress(note);
+    }
     return !interrupted();
   };
   const auto done = [&] {
-    const InterruptWatch watch(**source);
-    return record_stream(**source, options.output, recording);
+    const InterruptWatch watch(sources);
+    return record_stream(sources, options.output, recording);
   }();
   if (!done) return done.error();
   for (const std::string& note : done->notes) std::cerr << "palpate: note: " << note << "\n";
   if (options.json) {
     print_json({{"file", options.output},
                 {"frames", done->num_frames},
+                {"frames_of", done->frames_of},
                 {"seconds", done->seconds},
                 {"bytes", done->num_bytes},
                 {"notes", done->notes}});
@@ -93,8 +105,9 @@ Status run(const Options& options) {
 void add_record(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
-      "record", "Record a depth stream as an MCAP file, which --camera bag:FILE gives again.");
-  app.add_option("--camera", options->cameras, "depth stream; palpate cameras tells the kinds")
+      "record", "Record depth streams as an MCAP file, which --camera bag:FILE gives again.");
+  app.add_option("--camera", options->cameras,
+                 "depth stream; palpate cameras tells the kinds; several are recorded together")
       ->required()
       ->type_name("URI");
   app.add_option("-o,--output", options->output, "the file to write")
@@ -105,11 +118,13 @@ void add_record(CLI::App& program, Action& action) {
   app.add_flag("--json", options->json, "print what was recorded as JSON");
   app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");
   app.callback([options, &action] {
-    if (options->cameras.size() > 1) {
-      usage_error("record: several cameras cannot be recorded together yet: give one --camera");
+    if (options->cameras.size() > kMostCameras) {
+      usage_error("record: at most " + std::to_string(kMostCameras) + " cameras at once");
     }
-    if (const auto uri = parse_camera_uri(options->cameras.front()); !uri) {
-      usage_error("--" + uri.error().message);
+    for (const std::string& camera : options->cameras) {
+      if (const auto uri = parse_camera_uri(camera); !uri) {
+        usage_error("--" + uri.error().message);
+      }
     }
     action = [options] { return run(*options); };
   });

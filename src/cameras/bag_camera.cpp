@@ -41,7 +41,7 @@ struct Contents {
   };
   std::map<std::string, Topic> images;
   std::map<std::string, RosCameraModel> cameras;
-  std::optional<double> unit;
+  std::map<std::string, double> units;  // by the topic that tells them, likewise
   std::map<std::string, SensorKind> sensors;
   TfHistory transforms;
   bool was_cut_off = false;
@@ -93,7 +93,9 @@ Result<Contents> look_through(BagReader& reader, const std::string& wanted) {
     if (!message) return message.error();
     if (!*message) break;
     const McapChannel& channel = reader.channels().at((*message)->channel);
-    if (!contents.unit) contents.unit = told_unit(channel, (*message)->data);
+    if (const auto unit = told_unit(channel, (*message)->data)) {
+      contents.units.emplace(channel.topic, *unit);
+    }
     if (channel.schema_name == kTransforms) {
       const auto transforms = read_transforms((*message)->data);
       if (!transforms) return transforms.error();
@@ -161,6 +163,14 @@ const RosCameraModel* find_camera(const Contents& contents, const std::string& t
     if (is_camera_of(name, topic)) return &camera;
   }
   return contents.cameras.size() == 1 ? &contents.cameras.begin()->second : nullptr;
+}
+
+/// The unit that is told beside the images, or by a RealSense camera.
+std::optional<double> find_unit(const Contents& contents, const std::string& topic) {
+  for (const auto& [name, unit] : contents.units) {
+    if (ros_parent(name) == ros_parent(topic) || name.ends_with("/value")) return unit;
+  }
+  return std::nullopt;
 }
 
 /// Where a camera is, as transforms tell.
@@ -295,7 +305,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   // Counts of our own recordings may be of any unit; those of metres are made here.
   const bool is_count = images.frame.unit != kFloatUnit;
   const double unit = is_count ? images.frame.unit : uri.unit.value_or(kFloatUnit);
-  const auto said = is_count ? contents->unit : std::nullopt;
+  const auto said = is_count ? find_unit(*contents, *topic) : std::nullopt;
   info.unit = said.value_or(unit);
   info.num_frames = images.num_frames;
   if (images.num_frames > 1 && images.last > images.first) {

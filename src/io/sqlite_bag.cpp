@@ -104,7 +104,8 @@ class SqliteBag final : public BagReader {
   }
   Error failure() const {
     return {Errc::bad_input,
-            path_.string() + " cannot be read as a bag of ROS 2: " + sqlite_.message(database_)};
+            path_.string() + " cannot be read as a bag of ROS 2: " + sqlite_.message(database_) +
+                "; copy it anew, or mend it by .recover of sqlite3"};
   }
 
   const Sqlite& sqlite_;

@@ -1,19 +1,22 @@
 #include "src/session/internal/record_stream.h"
 
+#include <algorithm>
 #include <chrono>
+#include <condition_variable>
+#include <mutex>
 #include <string_view>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "src/io/cdr.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/io/ros_messages.h"
 #include "src/session/run_messages.h"
+#include "src/session/run_recorder.h"
 
 namespace palpate {
 namespace {
-
-constexpr const char* kCamera = "camera";
 
 std::string text_message(std::string_view text) {
   CdrWriter to;
@@ -36,92 +39,189 @@ double since_1970() {
 
 class StreamFile {
  public:
-  static Result<StreamFile> create(const std::filesystem::path& path, const DepthStreamInfo& info) {
+  static Result<StreamFile> create(const std::filesystem::path& path, const DepthSources& sources) {
     auto writer = McapWriter::create(path);
     if (!writer) return writer.error();
-    return StreamFile(*std::move(writer), info);
+    return StreamFile(*std::move(writer), sources.infos());
   }
 
-  Status add(const DepthFrame& frame) {
-    const double seconds = frame.timestamp + offset_;
+  Status add(std::size_t number, const DepthFrame& frame) {
+    Camera& camera = cameras_[number];
+    const double seconds = frame.timestamp + camera.offset;
     const auto time = static_cast<std::uint64_t>(1e9 * (seconds > 0 ? seconds : 0));
-    const RosHeader header{time, kCamera};
-    if (frame.unit != unit_) {
-      unit_ = frame.unit;
-      if (const Status status = writer_.write(units_, time, unit_message(unit_)); !status)
+    const RosHeader header{time, camera.name};
+    if (frame.unit != camera.unit) {
+      camera.unit = frame.unit;
+      const std::string message = unit_message(camera.unit);
+      if (const Status status = writer_.write(camera.units, time, message); !status) return status;
+    }
+    if (camera.is_first || camera.info.is_moving) {
+      const RosTransform pose[] = {{"world", camera.name, frame.X_WC}};
+      const auto channel = camera.info.is_moving ? transforms_ : statics_;
+      const std::string message = transform_message(time, pose);
+      if (const Status status = writer_.write(channel, time, message); !status) return status;
+    }
+    if (std::exchange(camera.is_first, false)) {
+      const std::string message = text_message(name_of(camera.info.sensor));
+      if (const Status status = writer_.write(camera.sensors, time, message); !status)
         return status;
     }
-    if (num_frames_ == 0 || info_.is_moving) {
-      const RosTransform pose[] = {{"world", kCamera, frame.X_WC}};
-      const auto channel = info_.is_moving ? transforms_ : statics_;
-      if (const Status status = writer_.write(channel, time, transform_message(time, pose));
-          !status)
-        return status;
-    }
-    if (num_frames_++ == 0) {
-      if (const Status status = writer_.write(sensors_, time, text_message(name_of(info_.sensor)));
-          !status)
-        return status;
-    }
-    if (const Status status = writer_.write(infos_, time, camera_info_message(header, info_));
-        !status)
-      return status;
-    return writer_.write(images_, time, image_message(header, frame));
+    const std::string info = camera_info_message(header, camera.info);
+    if (const Status status = writer_.write(camera.infos, time, info); !status) return status;
+    return writer_.write(camera.images, time, image_message(header, frame));
   }
   Status finish() { return writer_.finish(); }
   std::uint64_t num_bytes() const { return writer_.bytes_written(); }
 
  private:
-  StreamFile(McapWriter writer, const DepthStreamInfo& info)
-      : writer_(std::move(writer)), info_(info), offset_(info.is_live ? since_1970() : 0) {
-    images_ = writer_.add_channel(ros_channel("/camera/depth/image_rect_raw", "sensor_msgs/Image"));
-    infos_ =
-        writer_.add_channel(ros_channel("/camera/depth/camera_info", "sensor_msgs/CameraInfo"));
+  struct Camera {
+    DepthStreamInfo info;
+    std::string name;
+    double offset = 0, unit = 0;
+    std::uint16_t images = 0, infos = 0, units = 0, sensors = 0;
+    bool is_first = true;
+  };
+
+  StreamFile(McapWriter writer, std::vector<DepthStreamInfo> streams) : writer_(std::move(writer)) {
+    const double now = since_1970();
+    for (DepthStreamInfo& info : streams) {
+      Camera& camera = cameras_.emplace_back();
+      camera.name = camera_frame(cameras_.size() - 1);
+      camera.offset = info.is_live ? now : 0;
+      camera.info = std::move(info);
+      const std::string depth = "/" + camera.name + "/depth/";
+      camera.images =
+          writer_.add_channel(ros_channel(depth + "image_rect_raw", "sensor_msgs/Image"));
+      camera.infos =
+          writer_.add_channel(ros_channel(depth + "camera_info", "sensor_msgs/CameraInfo"));
+      camera.units = writer_.add_channel(
+          {depth + "unit", "palpate_msgs/msg/DepthUnit", "float64 metres_per_count\n"});
+      camera.sensors =
+          writer_.add_channel({depth + "sensor", "std_msgs/msg/String", "string data\n"});
+    }
     statics_ = writer_.add_channel(ros_channel("/tf_static", "tf2_msgs/TFMessage"));
     transforms_ = writer_.add_channel(ros_channel("/tf", "tf2_msgs/TFMessage"));
-    units_ = writer_.add_channel(
-        {"/camera/depth/unit", "palpate_msgs/msg/DepthUnit", "float64 metres_per_count\n"});
-    sensors_ =
-        writer_.add_channel({"/camera/depth/sensor", "std_msgs/msg/String", "string data\n"});
   }
 
   McapWriter writer_;
-  DepthStreamInfo info_;
-  double offset_ = 0, unit_ = 0;
-  std::uint16_t images_ = 0, infos_ = 0, statics_ = 0, transforms_ = 0, units_ = 0, sensors_ = 0;
-  std::uint64_t num_frames_ = 0;
+  std::vector<Camera> cameras_;
+  std::uint16_t statics_ = 0, transforms_ = 0;
 };
 
-Status copy_frames(DepthSource& source, const RecordStreamOptions& options, StreamFile& file,
-                   StreamRecording& done) {
-  DepthFrame frame;
-  double first = 0;
-  for (;;) {
-    if (options.keep_going && !options.keep_going(done.seconds, done.num_frames)) return Done{};
-    const auto got = source.next(frame);
-    if (!got) return got.error();
-    if (!*got) return Done{};
-    if (done.num_frames == 0) first = frame.timestamp;
-    if (frame.timestamp - first > options.duration) return Done{};
-    if (const Status status = file.add(frame); !status) return status;
-    ++done.num_frames;
-    done.seconds = frame.timestamp - first;
+/// Each camera is read by a thread of its own, since a live one may wait; one at a time writes.
+class Copy {
+ public:
+  Copy(const DepthSources& sources, const RecordStreamOptions& options, StreamFile& file,
+       StreamRecording& done)
+      : sources_(sources), options_(options), file_(file), done_(done), turns_(sources.size()) {
+    done_.frames_of.resize(sources.size());
+    for (std::size_t i = 0; i < turns_.size(); ++i) turns_[i].is_live = sources[i].info().is_live;
   }
-}
+
+  Status run() {
+    std::vector<std::thread> others;
+    try {
+      for (std::size_t i = 1; i < turns_.size(); ++i) others.emplace_back([this, i] { read(i); });
+      read(0);
+    } catch (const std::system_error& error) {
+      const std::lock_guard lock(mutex_);
+      end_all(Error{Errc::unavailable, std::string("the system gives no thread to read frames: ") +
+                                           error.what() + "; end other programs and try again"});
+    }
+    for (std::thread& other : others) other.join();
+    return status_;
+  }
+
+ private:
+  struct Turn {
+    bool is_live = false, has_ended = false, has_frame = false;
+    double time = 0;  // s, of that frame
+  };
+
+  void read(std::size_t camera) {
+    DepthFrame frame;
+    double first = 0;
+    for (bool is_first = true;; is_first = false) {
+      const auto got = sources_[camera].next(frame);
+      std::unique_lock lock(mutex_);
+      Turn& turn = turns_[camera];
+      turn.has_frame = got && *got;
+      turn.time = frame.timestamp;
+      if (is_first) first = frame.timestamp;
+      changed_.notify_all();
+      changed_.wait(lock, [&] { return has_ended_ || !turn.has_frame || is_next(camera); });
+      const double seconds = frame.timestamp - first;
+      if (!got && !has_ended_) end_all(got.error());
+      const bool is_over = has_ended_ || !turn.has_frame || seconds > options_.duration;
+      if (is_over) {
+        turn.has_ended = true;
+        if (turn.is_live && !has_ended_ && turn.has_frame) end_live();
+      } else if (options_.keep_going && !options_.keep_going(done_.seconds, done_.num_frames)) {
+        end_all(Done{});
+      } else if (const Status written = file_.add(camera, frame); !written) {
+        end_all(written.error());
+      } else {
+        ++done_.num_frames;
+        ++done_.frames_of[camera];
+        done_.seconds = std::max(done_.seconds, seconds);
+      }
+      turn.has_frame = false;
+      changed_.notify_all();
+      if (is_over || has_ended_) return;
+    }
+  }
+  /// Recorded cameras write in the order of their time stamps.
+  bool is_next(std::size_t camera) const {
+    const Turn& mine = turns_[camera];
+    if (mine.is_live) return true;
+    for (std::size_t i = 0; i < turns_.size(); ++i) {
+      const Turn& other = turns_[i];
+      if (i == camera || other.is_live || other.has_ended) continue;
+      if (!other.has_frame || other.time < mine.time || (other.time == mine.time && i < camera)) {
+        return false;
+      }
+    }
+    return true;
+  }
+  void end_all(Status how) {
+    status_ = std::move(how);
+    has_ended_ = true;
+    for (DepthSource* source : sources_) source->cancel();
+    changed_.notify_all();
+  }
+  void end_live() {
+    for (DepthSource* source : sources_) {
+      if (source->info().is_live) source->cancel();
+    }
+  }
+
+  const DepthSources& sources_;
+  const RecordStreamOptions& options_;
+  std::mutex mutex_;  // of all that follows
+  std::condition_variable changed_;
+  StreamFile& file_;
+  StreamRecording& done_;
+  std::vector<Turn> turns_;
+  Status status_ = Done{};
+  bool has_ended_ = false;
+};
 
 }  // namespace
 
-Result<StreamRecording> record_stream(DepthSource& source, const std::filesystem::path& path,
+Result<StreamRecording> record_stream(const DepthSources& sources,
+                                      const std::filesystem::path& path,
                                       const RecordStreamOptions& options) {
   std::filesystem::path partial = path;
   partial += ".partial";
   StreamRecording done;
   const auto write = [&]() -> Status {
-    auto file = StreamFile::create(partial, source.info());
+    auto file = StreamFile::create(partial, sources);
     if (!file) return file.error();
-    if (const Status status = copy_frames(source, options, *file, done); !status) return status;
-    if (done.num_frames == 0) {
-      return Error{Errc::bad_input, source.info().name + " has sent no frame: nothing is recorded"};
+    if (const Status status = Copy(sources, options, *file, done).run(); !status) return status;
+    for (std::size_t i = 0; i < sources.size(); ++i) {
+      if (done.frames_of[i] > 0) continue;
+      return Error{Errc::bad_input,
+                   sources[i].info().name + " has sent no frame: nothing is recorded"};
     }
     const Status finished = file->finish();
     done.num_bytes = file->num_bytes();
@@ -135,8 +235,10 @@ Result<StreamRecording> record_stream(DepthSource& source, const std::filesystem
       status = Error{Errc::io_failure, "cannot write " + path.string() + ": " + error.message()};
     }
   }
-  source.cancel();
-  done.notes = source.take_notes();
+  for (DepthSource* source : sources) {
+    source->cancel();
+    for (std::string& note : source->take_notes()) done.notes.push_back(std::move(note));
+  }
   if (status) return done;
   std::filesystem::remove(partial, error);
   return status.error();

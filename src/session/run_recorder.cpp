@@ -37,17 +37,16 @@ std::string at(double seconds) {
   return text;
 }
 
-/// "camera", "camera_2", ...
-std::string camera_frame(std::size_t camera) {
-  return camera == 0 ? "camera" : "camera_" + std::to_string(camera + 1);
-}
-
 Wrench turned_into(const Quaternion& q_AB, const Wrench& wrench_A) {
   const Quaternion q_BA = conjugate(q_AB);
   return {rotate(q_BA, wrench_A.force), rotate(q_BA, wrench_A.torque)};
 }
 
 }  // namespace
+
+std::string camera_frame(std::size_t camera) {
+  return camera == 0 ? "camera" : "camera_" + std::to_string(camera + 1);
+}
 
 RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup& setup,
                          bool is_simulated, const RecordingOptions& options)

@@ -16,6 +16,9 @@
 
 namespace palpate {
 
+/// How recordings name a camera's frame of coordinates: "camera", "camera_2", ...
+std::string camera_frame(std::size_t camera);
+
 /// For the publishing thread of a loop. When a file cannot be written any more, or the disk is
 /// nearly full, the recording pauses and says so; everything else goes on. It goes on in another
 /// part once there is space again.

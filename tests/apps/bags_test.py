@@ -42,6 +42,35 @@ class Bags(CameraCase):
                                      (640, 480, "16UC1"))
                     break
 
+    def test_several_cameras_are_recorded_together(self):
+        raw = self.images(20)
+        cameras = ["scene:wall?size=160x120&rate=20&seed=3&pose=0.1,0,0,0,0,0,1",
+                   f"pipe:{raw}?size=160x120&intrinsics=200,200,79.5,59.5&unit=0.0002&rate=15"]
+        both, again = self.folder / "both.mcap", self.folder / "again.mcap"
+        arguments = [part for camera in cameras for part in ("--camera", camera)]
+        for file in (both, again):
+            done = json.loads(self.check(palpate("record", *arguments, "--duration", 1, "-o", file,
+                                                 "--json")).stdout)
+            self.assertEqual(done["frames_of"], [20, 16])
+        self.assertEqual(both.read_bytes(), again.read_bytes())
+        self.refused("several depth streams", "record", "--camera", f"bag:{both}", "-o", again)
+        for k, camera in enumerate(cameras):
+            topic = f"/camera{'_2' * k}/depth/image_rect_raw"
+            alone = self.taken(camera, options=("--duration", 1))
+            joined = self.taken(f"bag:{both}?topic={topic}&world=world")
+            self.assertEqual(alone, joined)
+            self.assertEqual(joined[2], {(0.1, 0, 0)} if k == 0 else {(0, 0, 0)})
+            said = self.check(palpate("cameras", "--selftest", f"bag:{both}?topic={topic}")).stdout
+            self.assertIn(b"0.0002 m per count" if k == 1 else b"m per count", said)
+        # All or nothing.
+        self.refused("cannot open", "record", *arguments, "--camera",
+                     f"pipe:{self.folder}/none?size=8x8&intrinsics=1,1,1,1", "-o",
+                     self.folder / "never.mcap")
+        self.refused("holds no frame", "record", *arguments, "--camera",
+                     f"pipe:/dev/null?size=8x8&rate=1&intrinsics=1,1,4,4", "-o",
+                     self.folder / "never.mcap")
+        self.assertFalse((self.folder / "never.mcap").exists())
+
     def write_bag(self, name, encoding="16UC1", topic="/cam/depth/image_raw", model="plumb_bob",
                   d=(0.1, -0.05, 0.001, 0.002, 0.0), compressed=False, num=31, extra=None,
                   info=True, more=None, plugin="MCAP"):
@@ -153,12 +182,12 @@ class Bags(CameraCase):
         raw.write_bytes(b"".join(wall(k) for k in range(count)))
         return raw
 
-    def taken(self, camera, **more):
+    def taken(self, camera, options=(), **more):
         """What a camera gives: size and intrinsics, (time stamp, counts) of every frame, where it was."""
         import rosbags.highlevel
         self.number = getattr(self, "number", 0) + 1
         copy = self.folder / f"{self.id().rsplit('.', 1)[1]}_{self.number}.mcap"
-        self.check(palpate("record", "--camera", camera, "-o", copy, **more))
+        self.check(palpate("record", "--camera", camera, "-o", copy, *options, **more))
         frames, places = [], set()
         with rosbags.highlevel.AnyReader([copy]) as reader:
             for connection, _, data in reader.messages():

@@ -6,6 +6,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -14,6 +15,7 @@
 #include <thread>
 
 #include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/pushed_source.h"
 #include "src/session/internal/record_stream.h"
 #include "tests/cameras/conformance.h"
 #include "tests/io/ros1_bag_writer.h"
@@ -221,6 +223,44 @@ TEST_F(PipeCamera, TenThousandFramesTakeNoMemoryNorInABag) {
     ++num;
   }
   EXPECT_LT(num, 9000) << "frames that are not there";
+}
+
+TEST_F(PipeCamera, LiveCamerasAreRecordedTogetherThoughOneFallsSilent) {
+  const auto one = PushedSource::create(test::stream_info(kWidth, kHeight)).value();
+  const auto two = PushedSource::create(test::stream_info(kWidth, kHeight)).value();
+  std::atomic<bool> is_over = false;
+  std::thread pushing([&] {
+    for (int k = 0; !is_over; ++k) {
+      DepthFrame frame = test::pattern_frame(kWidth, kHeight, k, 0);
+      one->push(frame);
+      frame = test::pattern_frame(kWidth, kHeight, k, 0);
+      if (k < 50) two->push(frame);
+      test::sleep_seconds(0.002);
+    }
+  });
+  RecordStreamOptions options;
+  options.duration = 0.5;
+  const DepthSources both({one.get(), two.get()});
+  const auto done = record_stream(both, path("live.mcap"), options);
+  is_over = true;
+  pushing.join();
+  ASSERT_TRUE(done) << done.error().message;
+  EXPECT_GT(done->frames_of[0], done->frames_of[1]);
+  EXPECT_GT(done->frames_of[1], 0u);
+  for (const int camera : {0, 1}) {
+    const auto bag = open_camera("bag:" + path("live.mcap") + "?topic=/camera" +
+                                 (camera == 0 ? "" : "_2") + "/depth/image_rect_raw");
+    ASSERT_TRUE(bag) << bag.error().message;
+    DepthFrame frame;
+    int last = -1;
+    std::uint64_t num = 0;
+    for (; (*bag)->next(frame).value(); ++num) {
+      const int number = test::number_of(frame, 100000);
+      EXPECT_GT(number, last);
+      last = number;
+    }
+    EXPECT_EQ(num, done->frames_of[static_cast<std::size_t>(camera)]);
+  }
 }
 
 TEST_F(PipeCamera, TenThousandFramesOfABagOfRos1TakeNoMemory) {

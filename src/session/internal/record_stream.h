@@ -1,4 +1,4 @@
-// A depth stream alone, kept as a recording that ROS 2 tools read.
+// Depth streams alone, kept as a recording that ROS 2 tools read.
 #pragma once
 
 #include <cstdint>
@@ -14,21 +14,25 @@ namespace palpate {
 
 struct RecordStreamOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, by the time stamps
-  /// Asked before every frame; false ends the recording, which is kept.
+  /// Asked before every frame, from one thread at a time; false ends the recording, which is kept.
   std::function<bool(double seconds, std::uint64_t num_frames)> keep_going = {};
 };
 
 struct StreamRecording {
   std::uint64_t num_frames = 0, num_bytes = 0;
-  double seconds = 0;  ///< between the first time stamp and the last
+  std::vector<std::uint64_t> frames_of;  ///< of each camera
+  double seconds = 0;  ///< between the first time stamp and the last of a camera, the longest
   std::vector<std::string> notes;
 };
 
 /// Writes an MCAP file with /camera/depth/image_rect_raw (sensor_msgs/Image of 16UC1, the counts as
 /// they are), /camera/depth/camera_info, /camera/depth/unit (metres per count, which ROS takes for
-/// 0.001) and /tf_static. Live frames are stamped with their capture time since 1970, others with
-/// their own time stamps. The file is whole or absent. Errors: the source, the disk, no frame.
-Result<StreamRecording> record_stream(DepthSource& source, const std::filesystem::path& path,
+/// 0.001) and /tf_static or /tf; /camera_2/... of a second camera. Live frames are stamped with
+/// their capture time since 1970 and written as they come, others with their own time stamps and in
+/// their order: the same bytes every time. Live cameras end together. The file is whole or absent.
+/// Errors: a source, the disk, a camera without any frame.
+Result<StreamRecording> record_stream(const DepthSources& sources,
+                                      const std::filesystem::path& path,
                                       const RecordStreamOptions& options = {});
 
 }  // namespace palpate
