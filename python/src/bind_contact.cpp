@@ -20,7 +20,8 @@ struct PyResult {
   std::shared_ptr<const Tool> tool;
   nb::object surface;  ///< the first one
   Pose X_WT;
-  std::optional<double> unseen;  ///< as the library says, of joined surfaces
+  std::optional<double> unseen;     ///< as the library says, of joined surfaces
+  std::vector<SphereState> states;  ///< of the spheres; empty: not asked for
 };
 
 /// Is there a measurement where a point is seen?
@@ -84,7 +85,8 @@ void check_joined(const std::vector<nb::object>& surfaces, const PyContact& cont
   }
 }
 
-PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_stiffness) {
+PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_stiffness,
+                 bool with_states) {
   const std::vector<nb::object> surfaces = surfaces_of(given);
   check_joined(surfaces, self);
   std::vector<SurfaceBlend> cameras;
@@ -95,8 +97,10 @@ PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_
     cameras.push_back({view, view, 1});
   }
   double fraction = 0, of_whole = 0;
+  std::vector<SphereState> states(with_states ? self.tool().tool->spheres().size() : 0);
   const ContactResult measured = self.alone([&](const Contact& contact) {
-    const ContactResult result = contact.measure(cameras, X_WT, {.stiffness = with_stiffness});
+    const ContactResult result =
+        contact.measure(cameras, X_WT, {.stiffness = with_stiffness, .states = states});
     fraction = contact.fraction(result.penetration);
     Penetration unseen;
     unseen.volume = result.penetration.unseen_volume;
@@ -114,7 +118,8 @@ PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_
                   self.tool().tool,
                   surfaces.front(),
                   X_WT,
-                  {}};
+                  {},
+                  std::move(states)};
   if (cameras[0].to.seen_free.num_levels > 0) result.unseen = of_whole;
   return result;
 }
@@ -156,6 +161,16 @@ without depth; computed when it is asked for.)")
           nb::sig((std::string("def stiffness(self)") + kFloats + " | None").c_str()),
           R"((6, 6) in W, if it was asked for: moved by a small shift (m) and turn (rad, about the
 centre of mass), force and torque change by minus this times them.)")
+      .def_prop_ro(
+          "states",
+          [](nb::handle self) -> nb::object {
+            const auto& states = nb::cast<PyResult&>(self).states;
+            if (states.empty()) return nb::none();
+            return view_of(reinterpret_cast<const std::uint8_t*>(states.data()), {states.size()},
+                           self);
+          },
+          nb::sig("def states(self) -> numpy.typing.NDArray[numpy.uint8] | None"),
+          "(N,) of the spheres, if it was asked for: 0 outside, 1 at the surface, 2 inside.")
       .def("__repr__", [](const PyResult& self) {
         char text[160];
         std::snprintf(text, sizeof text,
@@ -191,17 +206,20 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
                   "threads: int = 1, **options: str) -> None"))
       .def(
           "measure",
-          [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness) {
-            return measure(self, surface, pose_of(pose, "pose"), stiffness);
+          [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness, bool states) {
+            return measure(self, surface, pose_of(pose, "pose"), stiffness, states);
           },
           nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
+          nb::arg("states") = false,
           nb::sig("def measure(self, surface: Surface | collections.abc.Sequence[Surface], "
-                  "pose: palpate._types.Array, *, stiffness: bool = False) -> Result"),
+                  "pose: palpate._types.Array, *, stiffness: bool = False, "
+                  "states: bool = False) -> Result"),
           R"(How much of the tool is inside a surface with the tool at a pose, without the GIL.
 
 surface: one, or those of several cameras: a sphere is then as deep as the camera says that has it
     least deep. Each is where its pose says; their sensors are made with joined=True.
 pose: X_WT, (4, 4) or (7,) tx ty tz qx qy qz qw, m. stiffness: give it, too (method "field").
+    states: of each sphere, too, for pictures; takes twice as long.
 A pose that is not finite, or a surface that is none, is told by Result.status; all is zero then.)")
       .def("measure_batch", measure_batch, nb::arg("surfaces"), nb::arg("poses"), nb::kw_only(),
            nb::arg("surface_of_pose") = nb::none(), nb::arg("stiffness") = false,

@@ -33,7 +33,7 @@ def test_a_wrong_program_is_refused(tmp_path):
 
 
 def test_the_package_itself(tmp_path):
-    modules = [word for name in ("_run", "_types", "_program", "_query", "plot", "poses", "ray") for word in ("-m", f"palpate.{name}")]
+    modules = [word for name in ("_run", "_types", "_program", "_query", "plot", "poses", "ray", "sinks") for word in ("-m", f"palpate.{name}")]
     run("mypy", "--strict", "--ignore-missing-imports", *modules, cwd=tmp_path)
 
 
