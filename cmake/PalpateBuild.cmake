@@ -11,7 +11,9 @@ if(PROJECT_IS_TOP_LEVEL)
   endif()
   find_program(PALPATE_CCACHE ccache)
   if(PALPATE_CCACHE)
-    set(CMAKE_CXX_COMPILER_LAUNCHER "${PALPATE_CCACHE}")
+    # It keeps what is compiled with precompiled headers only where it is told that times do not matter.
+    set(CMAKE_CXX_COMPILER_LAUNCHER
+        env CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime "${PALPATE_CCACHE}")
   endif()
 endif()
 
@@ -191,5 +193,6 @@ function(palpate_test name)
   add_executable(${name} ${TEST_SOURCES})
   target_link_libraries(${name} PRIVATE palpate_flags palpate_test_util ${TEST_LIBRARIES}
                                         GTest::gtest GTest::gtest_main)
+  target_precompile_headers(${name} REUSE_FROM palpate_test_headers)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 300 PROPERTIES ${properties})
 endfunction()
