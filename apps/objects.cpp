@@ -14,51 +14,85 @@
 namespace palpate::apps {
 namespace {
 
-constexpr std::string_view kFriction = ",friction=";
+constexpr const char* kForm = "TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU]";
+constexpr const char* kFormMoving =
+    "TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU][,moving[,mass=KG]]";
 
-double parse_friction(const std::string& object, std::string_view text) {
-  double friction = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), friction);
+double parse_number(const std::string& object, const char* what, std::string_view text, double low,
+                    double high) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size() ||
-      !(friction >= 0 && friction <= 10)) {
-    usage_error("--object " + object + ": friction must be a number from 0 to 10, not '" +
-                std::string(text) + "'");
+      !(value >= low && value <= high)) {
+    usage_error("--object " + object + ": " + what + ", not '" + std::string(text) + "'");
   }
-  return friction;
+  return value;
+}
+
+/// "friction=0.3", "mass=0.5" or "moving".
+void parse_property(std::string_view text, bool can_move, ObjectOption& object) {
+  constexpr std::string_view kFriction = "friction=", kMass = "mass=";
+  if (text.starts_with(kFriction)) {
+    object.friction = parse_number(object.file, "friction must be a number from 0 to 10",
+                                   text.substr(kFriction.size()), 0, 10);
+  } else if (can_move && text.starts_with(kMass)) {
+    object.mass = parse_number(object.file, "mass must be a number from 1e-4 to 1000 (kg)",
+                               text.substr(kMass.size()), 1e-4, 1000);
+  } else if (can_move && text == "moving") {
+    object.moves = true;
+  } else {
+    usage_error("--object " + object.file + ": what follows the pose must be friction=MU" +
+                (can_move ? ", mass=KG or moving" : "") + ", not '" + std::string(text) + "'");
+  }
 }
 
 /// The pose follows the last @, so that file names may have some too.
-ObjectOption parse_object(const std::string& text) {
+ObjectOption parse_object(const std::string& text, bool can_move) {
   const std::size_t at = text.rfind('@');
   if (at == std::string::npos || at == 0) {
-    usage_error("--object: must be TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU], not '" + text +
-                "'");
+    usage_error("--object: must be " + std::string(can_move ? kFormMoving : kForm) + ", not '" +
+                text + "'");
   }
-  const std::string name = text.substr(0, at);
+  ObjectOption object;
+  object.file = text.substr(0, at);
   std::string_view rest = std::string_view(text).substr(at + 1);
-  ObjectOption object{name, {}, {}};
-  if (const std::size_t comma = rest.find(kFriction); comma != std::string_view::npos) {
-    object.friction = parse_friction(name, rest.substr(comma + kFriction.size()));
-    rest = rest.substr(0, comma);
+  // A pose has no letters but those of exponents: properties begin at the first comma before one.
+  std::size_t comma = rest.find(',');
+  while (comma != std::string_view::npos && comma + 1 < rest.size() &&
+         (rest[comma + 1] < 'a' || rest[comma + 1] > 'z')) {
+    comma = rest.find(',', comma + 1);
   }
-  const auto pose = parse_pose(rest);
-  if (!pose) usage_error("--object " + name + ": " + pose.error().message);
+  std::string_view properties = comma == std::string_view::npos ? "" : rest.substr(comma + 1);
+  const auto pose = parse_pose(rest.substr(0, comma));
+  if (!pose) usage_error("--object " + object.file + ": " + pose.error().message);
   object.X_WB = *pose;
+  while (!properties.empty()) {
+    const std::size_t end = properties.find(',');
+    parse_property(properties.substr(0, end), can_move, object);
+    properties = end == std::string_view::npos ? "" : properties.substr(end + 1);
+  }
+  if (object.mass > 0 && !object.moves) {
+    usage_error("--object " + object.file + ": only what moves has a mass; add ,moving");
+  }
   return object;
 }
 
 }  // namespace
 
-void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects) {
+void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool can_move) {
+  const std::string moving =
+      can_move ? "; with moving it falls and is pushed, with a mass in kg (without: that of wood)"
+               : "";
   app.add_option_function<std::vector<std::string>>(
          "--object",
-         [&objects](const std::vector<std::string>& texts) {
-           for (const std::string& text : texts) objects.push_back(parse_object(text));
+         [&objects, can_move](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) objects.push_back(parse_object(text, can_move));
          },
-         "a rigid object to feel beside the depth images, where it stays in the camera frame; may "
-         "be given several times; with friction=MU it has its own")
+         "a rigid object to feel beside the depth images, where it stays in the world; may "
+         "be given several times; with friction=MU it has its own" +
+             moving)
       ->allow_extra_args(false)
-      ->type_name("TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU]");
+      ->type_name(can_move ? kFormMoving : kForm);
 }
 
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options) {
@@ -76,7 +110,7 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
       }
       shape = std::make_shared<const Tool>(*std::move(tool));
     }
-    objects.push_back({shape, option.X_WB, option.friction});
+    objects.push_back({shape, option.X_WB, option.friction, option.moves, option.mass});
   }
   return objects;
 }

@@ -1,4 +1,5 @@
-// Rigid objects beside the cloud: --object TOOL2.palp@'tx ty tz qx qy qz qw'[,friction=MU].
+// Rigid objects beside the cloud: --object TOOL2.palp@'tx ty tz qx qy qz qw'[,friction=MU]
+// [,mass=KG][,moving].
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -15,10 +16,12 @@ struct ObjectOption {
   std::string file;
   Pose X_WB;
   std::optional<double> friction;
+  bool moves = false;
+  double mass = 0;  ///< kg; 0: by its volume
 };
 
-/// --object, as often as there are objects.
-void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects);
+/// --object, as often as there are objects; some of them may move, where that `can` be.
+void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool can_move);
 /// Reads the tool files, each once.
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options);
 

@@ -239,7 +239,8 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   }
 
   const DepthStreamInfo& info = input.stream();
-  const auto view = LiveView::create(tool, DepthSources(sources).infos(), info.name, handle);
+  const auto view = LiveView::create(tool, DepthSources(sources).infos(), info.name, handle,
+                                     options.settings.objects);
   std::optional<OpenPage> page;
   if (options.has_page) {
     auto served = OpenPage::serve(*view, options.page, std::cerr);

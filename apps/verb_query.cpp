@@ -229,7 +229,7 @@ void add_query(CLI::App& program, Action& action) {
       ->type_name("K/N");
   app.add_option("-o,--output", options->output, "with Parquet: the poses with their answers")
       ->type_name("FILE.parquet");
-  add_object_option(app, options->objects);
+  add_object_option(app, options->objects, false);
   add_setting_options(app, "", settings_of(options->settings), kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", settings_of(options->settings),

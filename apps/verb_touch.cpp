@@ -267,7 +267,7 @@ void add_touch(CLI::App& program, Action& action) {
   const SettingTable table = settings_of(options->settings);
   add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, options->num_spheres);
-  add_object_option(app, options->objects);
+  add_object_option(app, options->objects, true);
   add_setting_options(app, "", table, kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", table, kSurfaceOptions);

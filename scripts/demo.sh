@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The main job, from a generated tool to a report: a stylus feels a simulated hand and, where the
-# developers' data are present, a bottle feels a recorded desk. Everything is written under demo/.
+# The main job, from a generated tool to a report: a stylus feels a simulated hand, and blocks that
+# fall on it, and, where the developers' data are present, a bottle feels a recorded desk. Everything is written under demo/.
 #
 # usage: scripts/demo.sh [--build JOBS]    with --build what is missing is installed and built first
 set -euo pipefail
@@ -32,6 +32,16 @@ say "A stylus, filled with spheres"
 say "The stylus feels a hand in front of a simulated depth camera"
 "$palpate" touch demo/stylus.palp --scene hand -o demo/hand
 reports=(demo/hand/report.html)
+
+say "Blocks fall on the hand and on the wall behind it, which gravity makes a table, and the stylus pushes them"
+"$palpate" shape box --size 0.03 -o demo/block.stl
+"$palpate" pack demo/block.stl --spheres 1000 -o demo/block.palp
+blocks=(--set bodies.gravity_y=0 --set bodies.gravity_z=9.81)
+for place in '0.01 0 0.5' '-0.15 0.05 1.05' '-0.15 0.05 1.0' '0.15 -0.05 1.05'; do
+  blocks+=(--object "demo/block.palp@$place 0 0 0 1,moving")
+done
+"$palpate" touch demo/stylus.palp --scene hand "${blocks[@]}" -o demo/blocks
+echo "To look at them: $palpate view demo/blocks"
 
 recording=$data/sequences/visp_rbt/depth
 bottle=$data/meshes_good/fuze_bottle.obj

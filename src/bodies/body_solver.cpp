@@ -13,6 +13,9 @@ constexpr double kContactDampingRatio = 0.7;
 constexpr double kStretch = 2e-5;  // m
 constexpr double kGravity = 9.81;
 
+/// What has come in deep, as a hand into a body between two frames, is let out as fast as this.
+constexpr double kFastestOut = 1;  // m/s
+
 constexpr int kMostTries = 4;     // without what would pull
 constexpr int kMostSweeps = 100;  // of friction: some ten do
 constexpr double kClose = 1e-9;   // of the largest limit
@@ -149,6 +152,9 @@ void BodySolver::prepare(std::span<const RigidBody> bodies, std::span<const Body
     }
     const double k = largest(work.stiffness);
     work.resistance = dt + (k > 0 ? 2 * kContactDampingRatio * std::sqrt(mass / k) : 0);
+    const double force = norm(touch.F_A_W.force), most = kFastestOut * work.resistance * k;
+    const double share = k > 0 && force > most ? most / force : 1;
+    work.wrench = {touch.F_A_W.force * share, touch.F_A_W.torque * share};
     const bool is_usable =
         is_finite(touch.F_A_W) && std::isfinite(k) && (row(touch.a) >= 0 || row(touch.b) >= 0);
     work.is_pushing = is_usable && norm(touch.F_A_W.force) > 0;
@@ -174,7 +180,7 @@ bool BodySolver::solve_pushes(std::span<const RigidBody> bodies, std::span<const
     if (!work.is_pushing) continue;
     const int a = row(touch.a), b = row(touch.b);
     const double r = work.resistance;
-    Vec6 impulse = dt * to_vec6(touch.F_A_W);
+    Vec6 impulse = dt * to_vec6(work.wrench);
     if (touch.b == BodyTouch::kNoBody) {
       impulse = impulse + (dt * r) * (work.stiffness * Vec6{touch.V_W.linear, touch.V_W.angular});
     }
@@ -207,7 +213,7 @@ bool BodySolver::drop_pulls(std::span<const BodyTouch> touches) {
     Work& work = work_[i];
     if (!work.is_pushing) continue;
     const Vec6 resisted = work.stiffness * motion(touches[i], work, velocities_);
-    const Vec3d& force = touches[i].F_A_W.force;
+    const Vec3d& force = work.wrench.force;
     if (dot(force - work.resistance * resisted.linear, force) > 0) continue;
     work.is_pushing = false;
     has_any = true;
@@ -227,7 +233,7 @@ void BodySolver::find_patches(std::span<const BodyTouch> touches, double dt) {
     contact.patch = touch.patch;
     contact.patch.share = 0;
     contact.patch.own_friction = touch.friction;
-    work.is_held = place.friction.touch(contact, touch.F_A_W, dt, work.patch);
+    work.is_held = place.friction.touch(contact, work.wrench, dt, work.patch);
     if (!work.is_held) continue;
     place.is_held = true;
     const int a = row(touch.a), b = row(touch.b);

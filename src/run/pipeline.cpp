@@ -3,30 +3,47 @@
 #include <algorithm>
 #include <utility>
 
+#include "src/math/internal/rotation_vector.h"
 #include "src/run/setting_changes.h"
 
 namespace palpate {
 namespace {
 
 constexpr int kToolBody = 0;
+/// Objects that move go on no farther at once, s.
+constexpr double kLongestStep = 0.02;
 
 }  // namespace
 
 // From a pose to a contact.
 
 ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
-                         const VolumeStiffness& scale, const std::vector<SceneObject>& objects,
-                         BodyMethod bodies)
+                         const ContactScale& scale, const std::vector<SceneObject>& objects,
+                         BodyMethod bodies, std::unique_ptr<MovingBodies> moving)
     : bodies_(bodies),
       world_(bodies),
       query_(query.get()),
       tool_mass_(tool.sphere_mass()),
-      scale_(scale) {
+      scale_(scale),
+      moving_(std::move(moving)) {
   world_.add_tool(tool, std::move(query));
+  int num_moving = 0;
   for (const SceneObject& object : objects) {
-    world_.add_object(*object.shape, object.X_WB);
+    const bool moves = object.moves && moving_ != nullptr;
+    const int body =
+        world_.add_object(moves ? moving_->shape(num_moving) : *object.shape, object.X_WB);
+    if (moves) {
+      world_.set_wants(body, {.stiffness = true});
+      ++num_moving;
+    }
     object_frictions_.push_back(object.friction);
   }
+  pushes_.resize(static_cast<std::size_t>(num_moving));
+}
+
+void ContactPart::take_over(const ContactPart& before) noexcept {
+  before_ = before.before_;
+  if (moving_ && before.moving_) moving_->take_over(*before.moving_);
 }
 
 Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
@@ -38,6 +55,7 @@ Status ContactPart::measure_pairs_at(Backend backend, int gpu) {
 
 void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiffness,
                           ContactRecord& record) noexcept {
+  if (moving_) place_bodies(record);
   world_.set_pose(kToolBody, record.X_WT);
   world_.set_wants(kToolBody, {.stiffness = with_stiffness});
   world_.measure(cameras);
@@ -58,6 +76,52 @@ void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiff
     patch_ = patch_at(record.X_WT);
   }
   set_contact(record);
+  if (moving_) move_bodies(cameras, record);
+}
+
+void ContactPart::place_bodies(ContactRecord& record) noexcept {
+  record.bodies.num = static_cast<std::uint32_t>(moving_->num_bodies());
+  for (int i = 0; i < moving_->num_bodies(); ++i) {
+    const Pose& X_WB = moving_->bodies()[static_cast<std::size_t>(i)].X_WB;
+    record.bodies.of[i] = X_WB;
+    world_.set_pose(kToolBody + 1 + static_cast<int>(moving_->object(i)), X_WB);
+  }
+}
+
+/// By what was measured just now.
+void ContactPart::move_bodies(std::span<const SurfaceBlend> cameras,
+                              ContactRecord& record) noexcept {
+  const double time = record.contact.time;
+  const double dt = before_ ? std::clamp(time - before_->time, 0.0, kLongestStep) : 0;
+  for (int i = 0; i < moving_->num_bodies(); ++i) {
+    pushes_[static_cast<std::size_t>(i)] = push_on(i, record.X_WT, dt);
+  }
+  if (!moving_->step(cameras, pushes_, dt)) {
+    record.penetration.status |= StepStatus::backend_failed;
+  }
+  before_ = {time, record.X_WT};
+}
+
+/// The opposite of what the tool feels of it.
+MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) const noexcept {
+  const std::size_t object = moving_->object(body);
+  const BodyMeasure& measured = world_.measured(kToolBody + 1 + static_cast<int>(object));
+  MovingBodies::Push push;
+  if (!(measured.bodies.volume > 0) || !measured.bodies_stiffness) return push;
+  const RigidBody& own = moving_->bodies()[static_cast<std::size_t>(body)];
+  push.F_B_W = scale_.volume * measured.bodies.measure_W;
+  const double gain = scale_.volume.newtons_per_cubic_metre;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) push.stiffness.m[i][j] = gain * measured.bodies_stiffness->m[i][j];
+  }
+  push.patch = guessed_patch(measured.bodies.measure_W, measured.bodies.volume,
+                             moving_->shape(body).sphere_mass(), own.X_WB.rotation);
+  push.friction = object_frictions_[object].value_or(scale_.friction);
+  if (!(dt > 0)) return push;
+  const Vec3d center = own.center_W();
+  const Vec3d was = before_->X_WT * (inverse(X_WT) * center);
+  push.V_W = {(center - was) / dt, rotation_between(before_->X_WT.rotation, X_WT.rotation) / dt};
+  return push;
 }
 
 /// Of what was measured just now.
@@ -95,8 +159,8 @@ bool ContactPart::has_stiffness() const noexcept {
 void ContactPart::set_contact(ContactRecord& record) const noexcept {
   const double time = record.contact.time;
   record.contact =
-      local_contact(record.penetration, stiffness_, record.X_WT, tool_mass_.centre_of_mass, scale_,
-                    time, time - record.capture_time, patch_);
+      local_contact(record.penetration, stiffness_, record.X_WT, tool_mass_.centre_of_mass,
+                    scale_.volume, time, time - record.capture_time, patch_);
 }
 
 // From a state to a wrench.
@@ -308,7 +372,10 @@ void Pipeline::use(Pending& pending) {
     timelines_ = std::move(pending.timelines);
     seen_ = std::move(pending.seen);
   }
-  if (pending.contact) contacts_ = std::move(pending.contact);
+  if (pending.contact) {
+    pending.contact->take_over(*contacts_);
+    contacts_ = std::move(pending.contact);
+  }
   contacts_->use(pending.scale);
   surface_revision_ = frame_revision_ = pending.revision;
   pending_.reset();

@@ -27,6 +27,17 @@ Status check(const RunSettings& settings, const DeviceInfo& device) {
   return Done{};
 }
 
+Status check_moving(const RunSettings& settings) {
+  if (!has_moving_objects(settings)) return Done{};
+  if (settings.contact.method == MethodKind::field &&
+      settings.contact.bodies == BodyMethod::field) {
+    return Done{};
+  }
+  return Error{Errc::invalid_argument,
+               "objects that move need --method field and --bodies field, which tell how stiff "
+               "contacts are"};
+}
+
 Status check_cameras(std::size_t num, const RunSettings& settings) {
   if (num == 0 || num > kMostCameras) {
     return Error{Errc::invalid_argument, "a run has 1 to " + std::to_string(kMostCameras) +
@@ -82,7 +93,7 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSe
 
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const RunSettings& settings,
-                                                       const VolumeStiffness& scale,
+                                                       const ContactScale& scale,
                                                        ThreadPool* threads) {
   ExecutionOptions capacities;
   capacities.gpu = settings.contact_gpu;
@@ -98,8 +109,15 @@ Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const Too
   const Tool& tool = index->tool();
   auto query = make_contact_query(backend_of(settings), std::move(index), *method, capacities);
   if (!query) return query.error();
+  std::unique_ptr<MovingBodies> moving;
+  if (has_moving_objects(settings)) {
+    auto made = MovingBodies::create(settings.objects, settings.bodies,
+                                     {backend_of(settings), settings.contact_gpu}, threads);
+    if (!made) return made.error();
+    moving = *std::move(made);
+  }
   auto part = std::make_unique<ContactPart>(tool, *std::move(query), scale, settings.objects,
-                                            settings.contact.bodies);
+                                            settings.contact.bodies, std::move(moving));
   const Status status = part->measure_pairs_at(backend_of(settings), settings.contact_gpu);
   if (!status) return status.error();
   return part;
@@ -113,14 +131,16 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   if (const Status status = check_cameras(streams.size(), settings); !status) {
     return status.error();
   }
+  if (const Status status = check_moving(settings); !status) return status.error();
   auto coupling =
       check_coupling(settings.coupling, device.limits, 1 / device.rate, tool.sphere_mass());
   if (!coupling) return coupling.error();
   const RunSettings* const before = options.before;
   RunParts parts;
   parts.checked_coupling = coupling->options;
-  parts.scale = thesis_volume_stiffness(coupling->options.force_at_eighth,
-                                        full_volume(tool, settings.contact));
+  parts.scale = {thesis_volume_stiffness(coupling->options.force_at_eighth,
+                                         full_volume(tool, settings.contact)),
+                 coupling->options.friction.coefficient};
   if (before == nullptr || !keeps_coupling(*before, settings)) {
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);

@@ -14,12 +14,18 @@ constexpr std::string_view kFixed[] = {"safety",
                                        "loop.contact_gpu",
                                        "loop.real_time",
                                        "loop.thin_out",
+                                       "bodies",
                                        "coupling.base_in_scene",
                                        "coupling.tool_in_hand"};
 
 bool has_field(const RunSettings& settings) { return settings.contact.method == MethodKind::field; }
 
 }  // namespace
+
+bool has_moving_objects(const RunSettings& settings) {
+  return std::any_of(settings.objects.begin(), settings.objects.end(),
+                     [](const SceneObject& object) { return object.moves; });
+}
 
 bool has_friction(const RunSettings& settings) {
   const FrictionOptions& friction = settings.coupling.friction;

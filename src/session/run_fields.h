@@ -183,6 +183,7 @@ void visit_fields(T& record, auto&& visit) {
   visit("time", record.time);
   visit("frame_number", record.frame_number);
   visit("cameras", record.cameras);
+  visit("bodies", record.bodies);
   visit("capture_time", record.capture_time);
   visit("has_new_stiffness", record.has_new_stiffness);
   visit("tool", record.X_WT);

@@ -65,6 +65,10 @@ std::span<const CameraMoment> seen(const CameraMoments& cameras) {
   return {cameras.of, std::min<std::size_t>(cameras.num, kMostCameras)};
 }
 
+std::span<const Pose> poses(const BodyPoses& bodies) {
+  return {bodies.of, std::min<std::size_t>(bodies.num, kMostMovingBodies)};
+}
+
 template <class T>
 concept Scalar = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 
@@ -83,6 +87,9 @@ struct Writer {
     } else if constexpr (std::same_as<T, CameraMoments>) {
       to.number(value.num);
       for (const CameraMoment& moment : seen(value)) visit_fields(moment, *this);
+    } else if constexpr (std::same_as<T, BodyPoses>) {
+      to.number(value.num);
+      for (const Pose& X_WB : poses(value)) visit_fields(X_WB, *this);
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (const auto& row : value.m) {
         for (const double number : row) to.number(number);
@@ -113,6 +120,11 @@ struct Reader {
     } else if constexpr (std::same_as<T, CameraMoments>) {
       value.num = from.number<std::uint32_t>();
       for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
+        visit_fields(value.of[k], *this);
+      }
+    } else if constexpr (std::same_as<T, BodyPoses>) {
+      value.num = from.number<std::uint32_t>();
+      for (std::uint32_t k = 0; k < value.num && k < kMostMovingBodies; ++k) {
         visit_fields(value.of[k], *this);
       }
     } else if constexpr (std::same_as<T, Stiffness>) {
@@ -152,6 +164,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, LocalContact>) return "palpate_msgs/LocalContact";
   if constexpr (std::same_as<T, CameraMoment>) return "palpate_msgs/CameraMoment";
   if constexpr (std::same_as<T, CameraMoments>) return "palpate_msgs/CameraMoment[]";
+  if constexpr (std::same_as<T, BodyPoses>) return "geometry_msgs/Pose[]";
   if constexpr (std::same_as<T, ContactRecord>) return "palpate_msgs/ContactRecord";
   if constexpr (std::same_as<T, DeviceState>) return "palpate_msgs/DeviceState";
   if constexpr (std::same_as<T, CouplingStep>) return "palpate_msgs/CouplingStep";
@@ -174,7 +187,8 @@ struct Describer {
     const std::string type = type_name<T>();
     text += type + " " + name + "\n";
     constexpr bool is_plain = Scalar<T> || std::same_as<T, std::string> ||
-                              std::same_as<T, Stiffness> || std::same_as<T, Numbers>;
+                              std::same_as<T, Stiffness> || std::same_as<T, Numbers> ||
+                              std::same_as<T, BodyPoses>;
     if constexpr (std::same_as<T, CameraMoments>) {
       describe(CameraMoment{});
     } else if constexpr (!is_plain) {
@@ -230,6 +244,10 @@ struct Flattener {
       for (std::uint32_t k = 0; k < value.num && k < kMostCameras; ++k) {
         visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
       }
+    } else if constexpr (std::same_as<T, BodyPoses>) {
+      for (std::uint32_t k = 0; k < value.num && k < kMostMovingBodies; ++k) {
+        visit_fields(value.of[k], Flattener{values, at + "/" + std::to_string(k)});
+      }
     } else if constexpr (std::same_as<T, Stiffness>) {
       for (int i = 0; i < 36; ++i) put(at + "/" + std::to_string(i), value.m[i / 6][i % 6]);
     } else {
@@ -266,6 +284,7 @@ Json json_of(const std::vector<SceneObject>& objects) {
   for (const SceneObject& object : objects) {
     list.push_back({{"pose", seven_numbers(object.X_WB)}});
     if (object.friction) list.back()["friction"] = *object.friction;
+    if (object.moves) list.back()["mass"] = object.mass;
   }
   return list;
 }
@@ -276,6 +295,8 @@ std::vector<SceneObject> objects_from(const Json& list) {
     const auto v = json.at("pose").get<std::array<double, 7>>();
     SceneObject object{nullptr, {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}}};
     if (json.contains("friction")) object.friction = json["friction"].get<double>();
+    object.moves = json.contains("mass");
+    if (object.moves) object.mass = json["mass"].get<double>();
     objects.push_back(object);
   }
   return objects;
@@ -375,6 +396,10 @@ Result<ContactRecord> read_contact(std::string_view message) {
   if (contact && contact->cameras.num > kMostCameras) {
     return Error{Errc::bad_input, "a contact has " + std::to_string(contact->cameras.num) +
                                       " cameras, more than there can be; record the run again"};
+  }
+  if (contact && contact->bodies.num > kMostMovingBodies) {
+    return Error{Errc::bad_input, "a contact has " + std::to_string(contact->bodies.num) +
+                                      " bodies, more than can move; record the run again"};
   }
   return contact;
 }

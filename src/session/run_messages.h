@@ -44,7 +44,7 @@ struct RecordedDepth {
 };
 
 inline constexpr const char* kRunFormat = "palpate run";
-inline constexpr int kRunVersion = 3;
+inline constexpr int kRunVersion = 4;
 
 // Topics.
 inline constexpr const char* kPartTopic = "/part";

@@ -87,6 +87,7 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   settings.backend = Backend::cpu;
   settings.time.mode = TimeMode::latest;
   settings.num_spheres = 0;  // one state for each
+  settings.objects.clear();  // of the cloud alone
   auto part = make_contact_part(ToolIndex::create(tool), settings, {});
   if (!part) return part.error();
   ThreadPool pool(settings.num_threads);

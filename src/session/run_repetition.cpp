@@ -62,6 +62,7 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   }
   while (!measuring_.empty() && measuring_.begin()->first <= recorded.revision) {
     auto& [scale, part] = measuring_.begin()->second;
+    if (part && part_) part->take_over(*part_);
     if (part) part_ = std::move(part);
     part_->use(scale);
     measuring_.erase(measuring_.begin());

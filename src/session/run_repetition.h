@@ -34,7 +34,7 @@ class ContactRepetition {
 
  private:
   struct Measuring {
-    VolumeStiffness scale;
+    ContactScale scale;
     std::unique_ptr<ContactPart> part;
   };
   struct Camera {

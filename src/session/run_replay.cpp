@@ -30,9 +30,13 @@ class Repetition {
         num_seen_(start ? start->hand.tick : 0),
         can_repeat_contacts_(!start || start->has_surfaces) {
     if (!can_repeat_contacts_) {
-      add_note("the depth images of part " + std::to_string(start->number) +
-               " rest on averages with earlier ones or on a memory of them: its queries are not "
-               "repeated");
+      add_note(
+          (has_moving_objects(first.settings) ? "objects of part " : "the depth images of part ") +
+          std::to_string(start->number) +
+          (has_moving_objects(first.settings) ? " moved before it began"
+                                              : " rest on averages with earlier ones or on a "
+                                                "memory of them") +
+          ": its queries are not repeated");
     }
   }
 
@@ -91,6 +95,9 @@ class Repetition {
       if (!contact) return contact.error();
       if (contact->revision >= num_settings_) return missing_settings();
       if (contact->number <= last_contact_) return Done{};
+      // Objects that move rest on all contacts before.
+      const bool is_next = contact->number == last_contact_ + 1;
+      if (!is_next && has_moving_objects(first_.settings)) end_contacts("a contact");
       last_contact_ = contact->number;
       known_[contact->number] = *contact;
       if (contact->revision < first_.revision) {

@@ -10,6 +10,7 @@
 #include "src/viewer/controls.h"
 #include "src/viewer/recycler.h"
 #include "src/viewer/samples.h"
+#include "src/viewer/shown.h"
 #include "src/viewer/stages.h"
 
 namespace palpate {
@@ -101,9 +102,14 @@ double stale_age(const std::vector<DepthStreamInfo>& streams) {
 class LiveViewImpl final : public LiveView {
  public:
   LiveViewImpl(const Tool& tool, std::vector<DepthStreamInfo> streams, std::string title,
-               std::shared_ptr<PageHandle> handle)
-      : content_{"live", std::move(title), &tool, std::move(streams),
-                 handle ? std::optional(PageHandle::limits().max_force) : std::nullopt},
+               std::shared_ptr<PageHandle> handle, std::vector<SceneObject> objects)
+      : content_{"live",
+                 std::move(title),
+                 &tool,
+                 std::move(streams),
+                 handle ? std::optional(PageHandle::limits().max_force) : std::nullopt,
+                 shapes_of(objects)},
+        objects_(std::move(objects)),
         handle_(std::move(handle)),
         stale_age_(stale_age(content_.streams)),
         news_(content_.streams.size()) {
@@ -135,6 +141,7 @@ class LiveViewImpl final : public LiveView {
   Result<std::string> set(const ViewCommand& command);
 
   const ViewContent content_;
+  const std::vector<SceneObject> objects_;
   const std::shared_ptr<PageHandle> handle_;  // the server's thread; null: it is held elsewhere
   const double stale_age_;                    // s
   RunMonitor monitor_;
@@ -201,6 +208,7 @@ void LiveViewImpl::take_pictures(const ViewWishes& wishes, ViewUpdate& update) {
     contact->X_WT = seen->X_WT;
     contact->states = seen->states;
     contact->planes = seen->planes;
+    contact->objects = objects_at(objects_, std::span(seen->bodies.of, seen->bodies.num));
     update.contact = contact;
   }
   if (const SurfacePicture* seen = wishes.surfaces ? loop_->new_surface_picture() : nullptr) {
@@ -340,9 +348,10 @@ void LiveViewImpl::let_go(std::uint64_t page) {
 }  // namespace
 
 std::unique_ptr<LiveView> LiveView::create(const Tool& tool, std::vector<DepthStreamInfo> streams,
-                                           std::string title, std::shared_ptr<PageHandle> handle) {
+                                           std::string title, std::shared_ptr<PageHandle> handle,
+                                           std::vector<SceneObject> objects) {
   return std::make_unique<LiveViewImpl>(tool, std::move(streams), std::move(title),
-                                        std::move(handle));
+                                        std::move(handle), std::move(objects));
 }
 
 }  // namespace palpate

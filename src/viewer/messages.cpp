@@ -22,6 +22,7 @@ enum class Kind : std::uint16_t {
   graph = 2,
   mesh = 3,
   tree = 4,
+  objects = 5,
   frame = 10,
   contact = 11,
   normals = 12,
@@ -52,6 +53,12 @@ class Writer {
     const Vec3d& p = X.translation;
     const Quaternion& q = X.rotation;
     put(p.x, p.y, p.z, q.x, q.y, q.z, q.w);
+  }
+  void put(const TriangleMesh& mesh) {
+    put_count(mesh.vertices.size());
+    put_count(mesh.triangles.size());
+    for (const Vec3d& vertex : mesh.vertices) put(to_float(vertex));
+    for (const auto& triangle : mesh.triangles) put_all(std::span<const std::uint32_t>(triangle));
   }
   void put_count(std::size_t count) { put(static_cast<std::uint32_t>(count)); }
   /// Zeros up to a multiple of four.
@@ -175,11 +182,14 @@ std::string encode_graph(const LeafGraph& graph) {
 
 std::string encode_mesh(const TriangleMesh& mesh) {
   Writer writer(Kind::mesh, 0, 0, 8 + 12 * (mesh.vertices.size() + mesh.triangles.size()));
-  writer.put_count(mesh.vertices.size());
-  writer.put_count(mesh.triangles.size());
-  for (const Vec3d& vertex : mesh.vertices) writer.put(to_float(vertex));
-  for (const auto& triangle : mesh.triangles)
-    writer.put_all(std::span<const std::uint32_t>(triangle));
+  writer.put(mesh);
+  return writer.take();
+}
+
+std::string encode_objects(std::span<const std::shared_ptr<const Tool>> objects) {
+  Writer writer(Kind::objects, 0, 0, 4);
+  writer.put_count(objects.size());
+  for (const std::shared_ptr<const Tool>& object : objects) writer.put(object->mesh());
   return writer.take();
 }
 
@@ -223,7 +233,8 @@ std::string encode_contact(const ViewContact& contact, std::span<const Sphere> s
     states[i] |= kIsCut;
     cut.push_back(static_cast<std::uint32_t>(i));
   }
-  Writer writer(Kind::contact, number, contact.time, 72 + count + 16 * cut.size());
+  Writer writer(Kind::contact, number, contact.time,
+                76 + count + 16 * cut.size() + 56 * contact.objects.size());
   writer.put(contact.X_WT);
   writer.put_count(count);
   writer.put_all(std::span<const std::uint8_t>(states));
@@ -233,6 +244,8 @@ std::string encode_contact(const ViewContact& contact, std::span<const Sphere> s
     writer.put(contact.planes[i].normal);
     writer.put(contact.planes[i].offset);
   }
+  writer.put_count(contact.objects.size());
+  for (const Pose& X_WB : contact.objects) writer.put(X_WB);
   return writer.take();
 }
 
@@ -311,6 +324,7 @@ std::string hello_text(ViewSource& source, double radius) {
                   {"radius", radius},
                   {"volume", tool.mesh_mass().volume}}},
                 {"streams", Json::array()},
+                {"objects", content.objects.size()},
                 {"handle", nullptr},
                 {"columns", sample_columns()},
                 {"controls", Json::parse(source.controls(), nullptr, false)}};

@@ -31,6 +31,7 @@ std::string encode_spheres(std::span<const Sphere> spheres);
 std::string encode_graph(const LeafGraph& graph);
 std::string encode_mesh(const TriangleMesh& mesh);
 std::string encode_tree(const InnerSphereTree& tree);
+std::string encode_objects(std::span<const std::shared_ptr<const Tool>> objects);
 std::string encode_frame(const ViewFrame& frame);
 std::string encode_contact(const ViewContact& contact, std::span<const Sphere> spheres,
                            std::uint64_t number);

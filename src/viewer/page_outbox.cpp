@@ -81,8 +81,8 @@ void PageOutbox::get(const ViewRequest& request) {
   if (what != request.json.end() && what->is_string())
     message = hub_.stored(what->get_ref<const std::string&>());
   if (!message) {
-    answers_.push_back(
-        text_message(error_text(request.id, "\"what\" must be spheres, graph, mesh or tree")));
+    answers_.push_back(text_message(
+        error_text(request.id, "\"what\" must be spheres, graph, mesh, tree or objects")));
     return;
   }
   answers_.push_back(std::move(message));

@@ -21,6 +21,7 @@ struct KnownQuery {
   Pose X_WT;
   std::uint64_t frame_number = 0;
   std::uint32_t revision = 0;
+  std::vector<Pose> bodies;
 };
 
 /// What happened in a chunk, in order.
@@ -31,14 +32,14 @@ struct ChunkContent {
 
 class RunInFile final : public RecordedRun {
  public:
-  RunInFile(Tool tool, std::unique_ptr<McapIndex> index, RunReader reader, std::string note)
-      : tool_(std::move(tool)),
-        index_(std::move(index)),
-        reader_(std::move(reader)),
-        note_(std::move(note)) {}
+  RunInFile(Tool tool, std::unique_ptr<McapIndex> index, RunReader reader)
+      : tool_(std::move(tool)), index_(std::move(index)), reader_(std::move(reader)) {}
 
   const Tool& tool() const override { return tool_; }
   const std::vector<DepthStreamInfo>& streams() const override { return index_->setup().streams; }
+  const std::vector<SceneObject>& objects() const override {
+    return reader_.setup().settings.objects;
+  }
   RunSettings settings(std::uint32_t revision) override { return index_->settings(revision); }
   double duration() override { return index_->duration(); }
   std::size_t num_frames() override { return index_->num_frames(); }
@@ -53,10 +54,7 @@ class RunInFile final : public RecordedRun {
   Result<RecordedQuery> query_at(double time) override;
   Result<std::vector<ViewSample>> samples(double after, double until) override;
   std::vector<RecordedMark> marks() override { return index_->marks(); }
-  std::string note() override {
-    const std::string more = index_->note();
-    return note_ + (note_.empty() || more.empty() ? "" : "; ") + more;
-  }
+  std::string note() override { return index_->note(); }
 
  private:
   Result<const ChunkContent*> content(std::size_t chunk);
@@ -65,7 +63,6 @@ class RunInFile final : public RecordedRun {
   Tool tool_;
   std::unique_ptr<McapIndex> index_;
   RunReader reader_;
-  std::string note_;
   std::list<std::pair<std::size_t, ChunkContent>> contents_;  // the one used last in front
 };
 
@@ -85,8 +82,13 @@ Result<ChunkContent> RunInFile::read_content(std::uint64_t place) {
     } else if (topic == kContactTopic) {
       const auto query = read_contact((*message)->data);
       if (!query) return query.error();
-      content.queries.push_back(
-          {query->time, query->cameras, query->X_WT, query->frame_number, query->revision});
+      const auto& [num, poses] = query->bodies;
+      content.queries.push_back({query->time,
+                                 query->cameras,
+                                 query->X_WT,
+                                 query->frame_number,
+                                 query->revision,
+                                 {poses, poses + num}});
     }
   }
 }
@@ -151,7 +153,8 @@ Result<RecordedQuery> RunInFile::query_at(double time) {
   if (found == nullptr) return Error{Errc::bad_input, "the recording holds no contact query"};
   return RecordedQuery{found->time,    found->time + index_->start(),
                        found->X_WT,    index_->index_of(found->frame_number),
-                       found->cameras, found->revision};
+                       found->cameras, found->bodies,
+                       found->revision};
 }
 
 /// Surfaces take their time: the frame was captured, made into one, and waited for the blend
@@ -196,12 +199,8 @@ Result<std::unique_ptr<RecordedRun>> open_recorded_run(const fs::path& folder) {
   if (!tool) return tool.error();
   auto index = McapIndex::open(folder);
   if (!index) return index.error();
-  std::string note;
-  if (!reader->setup().settings.objects.empty()) {
-    note = "the run felt objects too, which the scene does not show";
-  }
-  return std::unique_ptr<RecordedRun>(std::make_unique<RunInFile>(
-      *std::move(tool), *std::move(index), *std::move(reader), std::move(note)));
+  return std::unique_ptr<RecordedRun>(
+      std::make_unique<RunInFile>(*std::move(tool), *std::move(index), *std::move(reader)));
 }
 
 }  // namespace palpate

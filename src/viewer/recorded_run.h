@@ -20,6 +20,7 @@ struct RecordedQuery {
   Pose X_WT;
   std::size_t frame = 0;  ///< index of the newest frame that it was made with
   CameraMoments cameras;
+  std::vector<Pose> bodies;    ///< of objects that move, X_WB
   std::uint32_t revision = 0;  ///< of the settings
 };
 
@@ -40,6 +41,8 @@ class RecordedRun {
 
   virtual const Tool& tool() const = 0;
   virtual const std::vector<DepthStreamInfo>& streams() const = 0;
+  /// With their shapes.
+  virtual const std::vector<SceneObject>& objects() const = 0;
   /// Those of a query.
   virtual RunSettings settings(std::uint32_t revision) = 0;
   /// s; how much of the recording is known by now.

@@ -26,6 +26,7 @@ Repetition::Repetition(RecordedRun& run)
 
 /// On the backend of the run if it is there.
 Status Repetition::make_part(RunSettings settings) {
+  settings.objects.clear();  // spheres are shown as the cloud has them
   backend_ = settings.backend.value_or(Backend::cpu);
   auto part = make_contact_part(index_, settings, {});
   if (!part && backend_ != Backend::cpu) {

@@ -260,8 +260,10 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
   const std::uint64_t number = run_->frame_number(query.frame);
   ViewUpdate made;
   if (needs_contact) {
-    made.contact = std::make_shared<const ViewContact>(
-        contact_shown(repetition_.query(), repetition_.cameras(), query.X_WT, query.time, number));
+    ViewContact shown =
+        contact_shown(repetition_.query(), repetition_.cameras(), query.X_WT, query.time, number);
+    shown.objects = objects_at(run_->objects(), query.bodies);
+    made.contact = std::make_shared<const ViewContact>(std::move(shown));
     last_.contact = contact;
   }
   if (needs_surface) {

@@ -33,6 +33,7 @@ class RunPlayer {
 
   const Tool& tool() const { return run_->tool(); }
   const std::vector<DepthStreamInfo>& streams() const { return run_->streams(); }
+  const std::vector<SceneObject>& objects() const { return run_->objects(); }
 
   // For one other thread; none of these waits for a picture.
   void poll(const ViewWishes& wishes, ViewUpdate& update);

@@ -7,6 +7,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/viewer/command.h"
 #include "src/viewer/run_player.h"
+#include "src/viewer/shown.h"
 
 namespace palpate {
 namespace {
@@ -19,7 +20,12 @@ class RunView final : public ViewSource {
  public:
   RunView(std::unique_ptr<RecordedRun> run, std::string title)
       : player_(std::move(run)),
-        content_{"recording", std::move(title), &player_.tool(), player_.streams()} {}
+        content_{"recording",
+                 std::move(title),
+                 &player_.tool(),
+                 player_.streams(),
+                 {},
+                 shapes_of(player_.objects())} {}
 
   const ViewContent& content() const override { return content_; }
   void poll(const ViewWishes& wishes, ViewUpdate& update) override { player_.poll(wishes, update); }

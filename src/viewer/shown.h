@@ -1,6 +1,7 @@
 // What was measured, as pages get it.
 #pragma once
 
+#include "palpate/bodies/scene_object.h"
 #include "palpate/viewer/view_source.h"
 
 namespace palpate {
@@ -8,5 +9,22 @@ namespace palpate {
 /// How the spheres were at the last query.
 ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                           const Pose& X_WT, double time, std::uint64_t frame_number);
+
+/// Where all objects are, of which those that move are at `moving`, in their order.
+template <class Poses>
+std::vector<Pose> objects_at(const std::vector<SceneObject>& objects, const Poses& moving) {
+  std::vector<Pose> poses;
+  auto next = std::begin(moving);
+  for (const SceneObject& object : objects) {
+    const bool is_known = object.moves && next != std::end(moving);
+    poses.push_back(is_known ? *next++ : object.X_WB);
+  }
+  return poses;
+}
+inline std::vector<std::shared_ptr<const Tool>> shapes_of(const std::vector<SceneObject>& objects) {
+  std::vector<std::shared_ptr<const Tool>> shapes;
+  for (const SceneObject& object : objects) shapes.push_back(object.shape);
+  return shapes;
+}
 
 }  // namespace palpate

@@ -131,6 +131,9 @@ ViewMessage ViewHub::stored(std::string_view what) {
   if (what == "graph") return keep(1, [&] { return encode_graph(tool.graph()); });
   if (what == "mesh") return keep(2, [&] { return encode_mesh(tool.mesh()); });
   if (what == "tree") return keep(3, [&] { return encode_tree(tool.tree()); });
+  if (what == "objects") {
+    return keep(4, [&] { return encode_objects(source_.content().objects); });
+  }
   return {};
 }
 

@@ -50,7 +50,7 @@ class ViewHub {
   const ViewMessage& fresh_state(double now);
   /// With the controls as they are now.
   std::string hello() { return hello_text(source_, tool_radius_); }
-  /// What can be got: spheres, graph, mesh, tree. Null: there is no such thing.
+  /// What can be got: spheres, graph, mesh, tree, objects. Null: there is no such thing.
   ViewMessage stored(std::string_view what);
 
   /// Obeys a command of the source's; the answer for whom it came from.
@@ -104,7 +104,7 @@ class ViewHub {
   std::uint64_t state_number_ = 0;
   double state_time_ = 0;
   bool is_state_old_ = true;  // a command may have changed it
-  std::array<ViewMessage, 4> stored_;
+  std::array<ViewMessage, 5> stored_;
 };
 
 }  // namespace palpate

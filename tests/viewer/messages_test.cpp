@@ -55,6 +55,24 @@ TEST(Messages, SpheresGraphAndMeshAreTheTools) {
   EXPECT_TRUE(mesh.is_at_end());
 }
 
+TEST(Messages, ObjectsAreTheirMeshes) {
+  const ScriptedSource source;
+  const auto tool = std::make_shared<const Tool>(source.tool());
+  const std::vector<std::shared_ptr<const Tool>> objects{tool, tool};
+  MessageReader reader = read(encode_objects(objects), 5);
+  ASSERT_EQ(reader.take<std::uint32_t>(), 2u);
+  const std::string alone = encode_mesh(tool->mesh());
+  EXPECT_EQ(encode_objects(objects).size(), 16 + 4 + 2 * (alone.size() - 16));
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_EQ(reader.take<std::uint32_t>(), tool->mesh().vertices.size());
+    ASSERT_EQ(reader.take<std::uint32_t>(), tool->mesh().triangles.size());
+    reader.take<float>(3 * tool->mesh().vertices.size());
+    EXPECT_EQ(reader.take<std::uint32_t>(3 * tool->mesh().triangles.size()).back(),
+              tool->mesh().triangles.back()[2]);
+  }
+  EXPECT_TRUE(reader.is_at_end());
+}
+
 TEST(Messages, TreeHasInnerNodesWithTheirLevels) {
   const ScriptedSource source(test::big_scene(64, 8, 8));
   const auto nodes = source.tool().tree().nodes();
@@ -95,7 +113,8 @@ TEST(Messages, FrameIsTheRawImageOfACameraSomewhere) {
 TEST(Messages, ContactHasPlanesOnlyOfSpheresThatTheyCut) {
   const ScriptedScene scene;
   const Pose X_WT{{1, 2, 3}, {0, 0.6, 0, 0.8}};
-  const ViewContact contact{1.25, 3, X_WT, scene.states, scene.planes};
+  const Pose X_WB{{4, 5, 6}, {0.8, 0, 0.6, 0}};
+  const ViewContact contact{1.25, 3, X_WT, scene.states, scene.planes, {Pose{}, X_WB}};
   MessageReader reader = read(encode_contact(contact, scene.spheres, 9), 11);
   EXPECT_EQ(reader.number, 9u);
   EXPECT_EQ(reader.time, 1.25);
@@ -104,6 +123,9 @@ TEST(Messages, ContactHasPlanesOnlyOfSpheresThatTheyCut) {
   EXPECT_EQ(reader.take<std::uint8_t>(4), (std::vector<std::uint8_t>{0, 1 + 4, 2, 2 + 4}));
   ASSERT_EQ(reader.take<std::uint32_t>(), 2u);
   EXPECT_EQ(reader.take<float>(8), (std::vector{0.f, -1.f, 0.f, 0.f, -1.f, 0.f, 0.f, 0.01f}));
+  ASSERT_EQ(reader.take<std::uint32_t>(), 2u);
+  EXPECT_EQ(reader.take<double>(7), (std::vector<double>{0, 0, 0, 0, 0, 0, 1}));
+  EXPECT_EQ(reader.take<double>(7), (std::vector<double>{4, 5, 6, 0.8, 0, 0.6, 0}));
   EXPECT_TRUE(reader.is_at_end());
 }
 
@@ -127,6 +149,7 @@ TEST(Messages, ContactIsPaddedAndTakesOddPlanes) {
   EXPECT_EQ(reader.take<std::uint8_t>(6), (std::vector<std::uint8_t>{2, 2, 1, 1, 0, 2}));
   EXPECT_EQ(reader.take<std::uint8_t>(2), (std::vector<std::uint8_t>{0, 0}));
   EXPECT_EQ(reader.position() % 4, 0u);
+  EXPECT_EQ(reader.take<std::uint32_t>(), 0u);
   EXPECT_EQ(reader.take<std::uint32_t>(), 0u);
   EXPECT_TRUE(reader.is_at_end());
 }

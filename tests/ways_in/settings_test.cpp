@@ -14,6 +14,7 @@
 #include "palpate/packing/packer.h"
 #include "palpate/run/run_loop.h"
 #include "palpate/session/settings_file.h"
+#include "src/bodies/internal/moving_bodies.h"
 #include "src/run/internal/pipeline.h"
 #include "src/session/settings_json.h"
 #include "src/viewer/controls.h"
@@ -173,6 +174,9 @@ TEST(Settings, ThroughThePartsOfTheLibrary) {
           setting.section == "texture") {
         note(
             check_coupling(s.coupling, device.info().limits, 1e-3, test::box_tool().sphere_mass()));
+      }
+      if (setting.section == "bodies") {
+        note(MovingBodies::create({}, s.bodies, Place::cpu(), nullptr));
       }
       if (setting.section == "safety") note(SafetyFilter::create(device.info().limits, s.safety));
       if (setting.section == "loop" || setting.section == "window") continue;

@@ -9,6 +9,7 @@ export type Message =
   | { kind: 'graph'; graph: Graph }
   | { kind: 'mesh'; mesh: Mesh }
   | { kind: 'tree'; tree: Tree }
+  | { kind: 'objects'; meshes: Mesh[] }
   | { kind: 'frame'; frame: Frame }
   | { kind: 'contact'; contact: Contact }
   | { kind: 'normals'; normals: Normals }
@@ -49,6 +50,18 @@ export function decode(buffer: ArrayBuffer, columns: string[]): Message | null {
       const data = new Float32Array(buffer, 20, 4 * count);
       return { kind: 'tree', tree: { count, data, levels: new Uint8Array(buffer, 20 + 16 * count, count) } };
     }
+    case 5: {
+      const meshes: Mesh[] = [];
+      let at = 20;
+      for (let i = u32(HEADER); i > 0; --i) {
+        const vertices = u32(at), triangles = u32(at + 4);
+        const positions = new Float32Array(buffer, at + 8, 3 * vertices);
+        at += 8 + 12 * vertices;
+        meshes.push({ positions, triangles: new Uint32Array(buffer, at, 3 * triangles) });
+        at += 12 * triangles;
+      }
+      return { kind: 'objects', meshes };
+    }
     case 10: {
       const width = u16(HEADER), height = u16(18), camera = u16(20);
       const depth = new Uint16Array(buffer, 80, width * height);
@@ -59,7 +72,9 @@ export function decode(buffer: ArrayBuffer, columns: string[]): Message | null {
       const states = new Uint8Array(buffer, 76, count);
       const after = 76 + 4 * Math.ceil(count / 4);
       const planes = new Float32Array(buffer, after + 4, 4 * u32(after));
-      return { kind: 'contact', contact: { number, time, X_WT: pose(view, HEADER), states, planes } };
+      const end = after + 4 + planes.byteLength;
+      const objects = Array.from({ length: u32(end) }, (_, i) => pose(view, end + 4 + 56 * i));
+      return { kind: 'contact', contact: { number, time, X_WT: pose(view, HEADER), objects, states, planes } };
     }
     case 12: {
       const width = u16(HEADER), height = u16(18);

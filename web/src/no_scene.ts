@@ -11,7 +11,7 @@ export function withoutScene(): SceneView {
     setSpheres: nothing,
     setGraph: nothing,
     setMesh: nothing,
-    setTree: nothing,
+    setObjects: nothing, setTree: nothing,
     setFrame: nothing,
     setContact: nothing,
     setCut: nothing,

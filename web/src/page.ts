@@ -183,6 +183,9 @@ export class Page implements Listener {
       case 'mesh':
         this.scene.setMesh(message.mesh);
         return this.drawing.ask();
+      case 'objects':
+        this.scene.setObjects(message.meshes);
+        return this.drawing.ask();
       case 'tree':
         this.scene.setTree(message.tree);
         return this.drawing.ask();
@@ -256,7 +259,7 @@ export class Page implements Listener {
       this.wishes = JSON.stringify(wishes);
       void this.command({ command: 'show', ...wishes });
     }
-    for (const what of wishedShapes(this.scene.options)) {
+    for (const what of wishedShapes(this.hello, this.scene.options)) {
       if (this.asked.has(what)) continue;
       this.asked.add(what);
       void this.command({ command: 'get', what });

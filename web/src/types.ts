@@ -21,6 +21,7 @@ export interface Hello {
   title: string;
   tool: { spheres: number; centre_of_mass: [number, number, number]; radius: number; volume: number };
   streams: Stream[]; // of each camera; none: there is no scene
+  objects: number; // beside what they see
   /// How hard a page is pushed at most that holds the tool, N; null: none can.
   handle: { max_force: number } | null;
   columns: string[];
@@ -80,6 +81,7 @@ export interface Frame {
 export interface Contact {
   number: number; time: number; X_WT: Pose;
   states: Uint8Array; // 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
+  objects: Pose[]; // X_WB of each
   planes: Float32Array; // nx ny nz d for each sphere with 4, in order, tool frame
 }
 /// Of the first camera, in its frame.
@@ -129,6 +131,7 @@ export interface SceneView {
   setSpheres(spheres: Spheres): void;
   setGraph(graph: Graph): void;
   setMesh(mesh: Mesh): void;
+  setObjects(meshes: Mesh[]): void;
   setTree(tree: Tree): void;
   setFrame(frame: Frame): void;
   setContact(contact: Contact): void;

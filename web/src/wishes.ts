@@ -17,11 +17,12 @@ export function wishedPictures(hello: Hello, options: SceneOptions, hasImage: bo
   return { frames: options.cloud || hasImage || hasSurface || hasPoses, contacts: true, surfaces: hasSurface, samples: true };
 }
 
-/// Parts of the tool, each sent once.
-export function wishedShapes(options: SceneOptions): string[] {
+/// Parts of the tool, and the objects, each sent once.
+export function wishedShapes(hello: Hello, options: SceneOptions): string[] {
   const shapes = ['spheres'];
   if (options.graph) shapes.push('graph');
   if (options.toolLook === 'mesh' || options.ghost) shapes.push('mesh');
   if (options.treeLevel >= 0) shapes.push('tree');
+  if (hello.objects > 0) shapes.push('objects');
   return shapes;
 }

@@ -37,6 +37,9 @@ struct BodyPenetration {
   /// By the field, if it was wanted: how the wrench on A changes with the pose of A while B stays,
   /// and the same of B.
   std::optional<Stiffness> stiffness_a = std::nullopt, stiffness_b = std::nullopt;
+  /// With them: where the volume lies, with levers from A's centre of mass and forces on A. Exact
+  /// where all forces are parallel.
+  VolumeMoments moments_a = {};
 };
 
 /// Measures two rigid bodies against each other, somewhere. One thread at a time.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "palpate/contact/contact_query.h"
+#include "palpate/run/records.h"
 
 namespace palpate {
 
@@ -12,6 +13,7 @@ namespace palpate {
 struct ContactPicture {
   std::uint64_t contact_number = 0, frame_number = 0;
   Pose X_WT;
+  BodyPoses bodies;                  ///< of objects that move
   std::vector<SphereState> states;   ///< of every sphere
   std::vector<Plane<float>> planes;  ///< ContactQuery::planes
 };

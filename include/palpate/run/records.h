@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "palpate/bodies/scene_object.h"
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/field/surface_timeline.h"
 #include "palpate/haptics/coupling.h"
@@ -73,6 +74,12 @@ struct CameraMoments {
   CameraMoment of[kMostCameras] = {};
 };
 
+/// Where objects that move were, in the order of the objects.
+struct BodyPoses {
+  std::uint32_t num = 0;
+  Pose of[kMostMovingBodies] = {};  ///< X_WB
+};
+
 /// One contact query, with all that it takes to repeat it.
 struct ContactRecord {
   std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
@@ -84,6 +91,7 @@ struct ContactRecord {
   std::uint64_t number = 0;
   std::uint64_t frame_number = 0;  ///< of the newest frame that it rests on
   CameraMoments cameras;
+  BodyPoses bodies;  ///< that the tool was measured against
 
   double capture_time = 0;  ///< s, monotonic: of the oldest one of the cameras' newest frames
   LocalContact contact;     ///< what the haptic thread is told

@@ -1,10 +1,10 @@
 // Everything that decides the numbers of a run, beside tool, frames and hand.
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <vector>
 
+#include "palpate/bodies/scene_object.h"
 #include "palpate/cloud/depth_binning.h"
 #include "palpate/contact/contact_query.h"
 #include "palpate/field/surface_timeline.h"
@@ -12,14 +12,6 @@
 #include "palpate/haptics/safety.h"
 
 namespace palpate {
-
-/// A rigid object that the tool feels beside the cloud. It stays where it is; the depth frames need
-/// not show it.
-struct SceneObject {
-  std::shared_ptr<const Tool> shape;
-  Pose X_WB;
-  std::optional<double> friction = std::nullopt;  ///< its own coefficient; none: as everything
-};
 
 /// Live on a CPU, by the field: a frame is made into a surface where the tool can be until the next
 /// ones replace it, and around as far as that takes. The rest follows if a picture needs it.
@@ -55,6 +47,7 @@ struct RunSettings {
   SafetyOptions safety;
   bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
   std::vector<SceneObject> objects;
+  BodyOptions bodies;  ///< of objects that move
 };
 inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.contact);
@@ -81,12 +74,15 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
         "real-time scheduling and locked memory where they are allowed");
   add_settings(t, s.coupling);
   add_settings(t, s.safety);
+  add_settings(t, s.bodies);
 }
 
 /// What a running loop keeps when its settings are changed, with all that it has seen and felt so
 /// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
 bool keeps_surfaces(const RunSettings& before, const RunSettings& after);
 bool keeps_coupling(const RunSettings& before, const RunSettings& after);
+/// Do some of the objects move?
+bool has_moving_objects(const RunSettings& settings);
 /// Does anything that the tool may touch have friction or damping?
 bool has_friction(const RunSettings& settings);
 /// Do queries read depth-change vectors?

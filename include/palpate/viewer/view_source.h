@@ -25,6 +25,7 @@ struct ViewContent {
   std::vector<DepthStreamInfo> streams = {};  ///< of each camera; none: there is no scene
   /// N, the most that a page can feel that holds the tool; none: pages cannot hold it.
   std::optional<double> handle_force = std::nullopt;
+  std::vector<std::shared_ptr<const Tool>> objects = {};  ///< beside what the cameras see
 };
 
 /// The depth image of a camera that is felt now, raw; with where the camera was.
@@ -42,6 +43,7 @@ struct ViewContact {
   Pose X_WT;
   std::vector<SphereState> states;
   std::vector<Plane<float>> planes;  ///< in the tool frame; normal 0: none
+  std::vector<Pose> objects = {};    ///< X_WB of each of the content's
 };
 
 /// Points of the first camera's surface with their normals and depth-change vectors, in its frame.

@@ -26,12 +26,14 @@ Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder
 class LiveView : public ViewSource {
  public:
   /// `tool` must outlive it; `streams` are those of the run's cameras. With the `handle` of the
-  /// run's device, pages can hold the tool.
+  /// run's device, pages can hold the tool. `objects`: those of the run's settings.
   static std::unique_ptr<LiveView> create(const Tool& tool, std::vector<DepthStreamInfo> streams,
                                           std::string title,
-                                          std::shared_ptr<PageHandle> handle = nullptr);
+                                          std::shared_ptr<PageHandle> handle = nullptr,
+                                          std::vector<SceneObject> objects = {});
   static std::unique_ptr<LiveView> create(const Tool&&, std::vector<DepthStreamInfo>, std::string,
-                                          std::shared_ptr<PageHandle> = nullptr) = delete;
+                                          std::shared_ptr<PageHandle> = nullptr,
+                                          std::vector<SceneObject> = {}) = delete;
   /// For record_run. Without a recording: its `observer` for the loop, and `on_loop` when
   /// the loop has started and before it is stopped; the latter waits for a command that is using
   /// it.

@@ -68,6 +68,7 @@ class BodySolver {
   };
   struct Work {
     Mat6 stiffness;  // of the contact, without what would drive
+    Wrench wrench;   // on a
     Vec3d d;         // from b's center of mass to a's
     double resistance = 0;
     bool is_pushing = true;

@@ -76,6 +76,35 @@ Stiffness of_other(const Stiffness& k, const VolumeWrench& on_e, const Vec3d& d)
   return other;
 }
 
+/// From the moments of what a body F feels about its own centre, those of the opposite forces about
+/// another point, from which F's centre lies `d` away.
+VolumeMoments of_opposite(const VolumeMoments& f, const Vec3d& force, const Vec3d& d) {
+  VolumeMoments other;
+  const Vec3d n = normalized(force);
+  Vec3d sum;  // of levers times volumes
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      other.first[row][column] = -(f.first[row][column] + d[row] * force[column]);
+      sum[row] += f.first[row][column] * n[column];
+    }
+  }
+  const Vec3d off = cross(d, n);
+  other.polar = f.polar + 2 * dot(cross(sum, n), off) + norm(force) * dot(off, off);
+  return other;
+}
+
+VolumeMoments sum_of(const VolumeMoments& a, double weight_a, const VolumeMoments& b,
+                     double weight_b) {
+  VolumeMoments sum;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      sum.first[row][column] = weight_a * a.first[row][column] + weight_b * b.first[row][column];
+    }
+  }
+  sum.polar = weight_a * a.polar + weight_b * b.polar;
+  return sum;
+}
+
 Stiffness sum_of(const Stiffness& a, double weight_a, const Stiffness& b, double weight_b) {
   Stiffness sum;
   for (int row = 0; row < 6; ++row) {
@@ -191,6 +220,8 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
     const Stiffness k_a = of_a.stiffness.stiffness(), k_b = of_b.stiffness.stiffness();
     result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, felt_b, -d_BA), weight_b);
     result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, felt_a, d_BA), weight_a);
+    result.moments_a = sum_of(of_a.stiffness.moments(), weight_a,
+                              of_opposite(of_b.stiffness.moments(), felt_b.force, -d_BA), weight_b);
   }
   return result;
 }

@@ -15,23 +15,35 @@
 #include "palpate/contact/body_world.h"
 #include "palpate/run/records.h"
 #include "palpate/run/settings.h"
+#include "src/bodies/internal/moving_bodies.h"
 
 namespace palpate {
+
+/// What a contact counts in newtons.
+struct ContactScale {
+  VolumeStiffness volume;
+  double friction = 0;  ///< coefficient where an object has none of its own
+};
 
 /// From a pose to a contact: the tool against surfaces and objects.
 class ContactPart {
  public:
-  /// `tool` must outlive it, and so must the shapes of `objects`.
-  ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const VolumeStiffness& scale,
-              const std::vector<SceneObject>& objects = {}, BodyMethod bodies = BodyMethod::field);
+  /// `tool` must outlive it, and so must the shapes of `objects`. `moving`: those of them that
+  /// move; null if none does.
+  ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query, const ContactScale& scale,
+              const std::vector<SceneObject>& objects = {}, BodyMethod bodies = BodyMethod::field,
+              std::unique_ptr<MovingBodies> moving = nullptr);
   /// Where pairs of tool and objects are measured, too. Error: too little memory there.
   Status measure_pairs_at(Backend backend, int gpu);
 
   /// From the next measurement on.
-  void use(const VolumeStiffness& scale) { scale_ = scale; }
+  void use(const ContactScale& scale) { scale_ = scale; }
+  /// Objects that move go on from where they are in the part before.
+  void take_over(const ContactPart& before) noexcept;
 
   /// What the tool meets at record.X_WT: fills in penetration, objects and, with the stiffness that
-  /// was measured last, `contact`, whose time is the record's `contact.time`. No allocation.
+  /// was measured last, `contact`, whose time is the record's `contact.time`. Then objects that
+  /// move go on, by the time since the measurement before. No allocation.
   void measure(std::span<const SurfaceBlend> cameras, bool with_stiffness,
                ContactRecord& record) noexcept;
   /// Whether contacts have a stiffness that can be measured; if not, that of `measure` is right.
@@ -41,17 +53,27 @@ class ContactPart {
   const ContactQuery& query() const { return *query_; }
 
  private:
+  struct ToolAt {
+    double time = 0;  // s
+    Pose X_WT;
+  };
   void set_contact(ContactRecord& record) const noexcept;
   ContactPatch patch_at(const Pose& X_WT) const noexcept;
+  void place_bodies(ContactRecord& record) noexcept;
+  void move_bodies(std::span<const SurfaceBlend> cameras, ContactRecord& record) noexcept;
+  MovingBodies::Push push_on(int body, const Pose& X_WT, double dt) const noexcept;
 
   BodyMethod bodies_;
   BodyWorld world_;                                      // the tool, then the objects
   const ContactQuery* query_;                            // the tool's, owned by the world
   std::vector<std::optional<double>> object_frictions_;  // of each
   MassProperties tool_mass_;
-  VolumeStiffness scale_;
-  Stiffness stiffness_;  // measured last
-  ContactPatch patch_;   // likewise, or of this measurement if there is no stiffness
+  ContactScale scale_;
+  std::unique_ptr<MovingBodies> moving_;
+  std::vector<MovingBodies::Push> pushes_;  // of the tool on each of them
+  std::optional<ToolAt> before_;            // at the last measurement
+  Stiffness stiffness_;                     // measured last
+  ContactPatch patch_;  // likewise, or of this measurement if there is no stiffness
 };
 
 /// What a tick cannot see by itself.
@@ -123,7 +145,7 @@ Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSe
 /// The same, with `threads` for queries too, which may be null and must outlive it.
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const RunSettings& settings,
-                                                       const VolumeStiffness& scale,
+                                                       const ContactScale& scale,
                                                        ThreadPool* threads = nullptr);
 
 /// The parts of a run, made from its settings.
@@ -132,7 +154,7 @@ struct RunParts {
   std::vector<SurfaceTimeline> timelines;  ///< of each camera; empty: those before go on
   std::unique_ptr<ContactPart> contact;
   CouplingOptions checked_coupling;
-  VolumeStiffness scale;
+  ContactScale scale;
   std::vector<std::string> notes;  ///< for humans
 };
 struct RunPartsOptions {
@@ -213,7 +235,7 @@ class Pipeline {
     std::uint32_t revision = 0;
     std::vector<SurfaceTimeline> timelines;
     std::unique_ptr<ContactPart> contact;
-    VolumeStiffness scale;
+    ContactScale scale;
     std::vector<CameraFrame> seen;  // by its timelines
   };
   Pipeline(std::shared_ptr<const ToolIndex> index, std::vector<DepthStreamInfo> streams,

@@ -249,6 +249,7 @@ void ClockedLoop::make_pictures() {
     picture.contact_number = contact.number;
     picture.frame_number = contact.frame_number;
     picture.X_WT = contact.X_WT;
+    picture.bodies = contact.bodies;
     const std::size_t num_spheres = pipeline_.query().index()->tool().spheres().size();
     picture.states.resize(num_spheres);
     picture.planes.resize(num_spheres);

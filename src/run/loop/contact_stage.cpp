@@ -117,6 +117,7 @@ void ContactStage::take_change() {
   revision_ = change->revision;
   settings_.rate = change->rate;
   if (change->part) {
+    change->part->take_over(*part_);
     std::swap(part_, change->part);
     backend_failed_.store(false, std::memory_order_release);
   }
@@ -161,18 +162,20 @@ void ContactStage::measure(const ToolMoment& tool) {
   if (settings_.keeps_records) records_.push(contact);
   num_contacts_.store(contact.number, std::memory_order_release);
   contact_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-  if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(tool);
+  if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(contact);
 }
 
-void ContactStage::make_picture(const ToolMoment& tool) {
+void ContactStage::make_picture(const ContactRecord& contact) {
   ContactPicture& picture = pictures_.draft();
   picture.contact_number = num_contacts();
   picture.frame_number = newest_frame_;
-  picture.X_WT = tool.X_WT;
+  picture.X_WT = contact.X_WT;
+  picture.bodies = contact.bodies;
   const std::size_t num_spheres = part_->query().index()->tool().spheres().size();
   picture.states.resize(num_spheres);  // no more than there was room for at the start
   picture.planes.resize(num_spheres);
-  part_->query().measure(cameras_, tool.X_WT, {.states = picture.states, .planes = picture.planes});
+  part_->query().measure(cameras_, contact.X_WT,
+                         {.states = picture.states, .planes = picture.planes});
   pictures_.publish();
 }
 

@@ -27,7 +27,7 @@ struct ContactChange {
   std::uint32_t revision = 0;
   std::uint32_t surface_revision = 0;  ///< is taken with the first surfaces of this revision
   double rate = 1000;
-  VolumeStiffness scale;
+  ContactScale scale;
   std::unique_ptr<ContactPart> part;
 };
 
@@ -88,7 +88,7 @@ class ContactStage {
   void measure(const ToolMoment& tool);
   void look(double time);
   void take_change();
-  void make_picture(const ToolMoment& tool);
+  void make_picture(const ContactRecord& contact);
 
   std::unique_ptr<ContactPart> part_;
   SurfaceStage& surfaces_;

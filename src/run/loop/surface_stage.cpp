@@ -44,6 +44,13 @@ DepthStreamInfo largest_of(const DepthSources& sources) {
   return largest;
 }
 
+/// Objects that move can be anywhere.
+WindowOptions window_of(const RunSettings& settings) {
+  WindowOptions window = settings.window;
+  window.enabled = window.enabled && !has_moving_objects(settings);
+  return window;
+}
+
 }  // namespace
 
 ToolBall ball_of(const Tool& tool) {
@@ -69,7 +76,7 @@ SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimel
       surface_compute_(surface_compute),
       keeps_frames_(keeps_frames),
       wants_real_time_(settings.wants_real_time),
-      window_(settings.window),
+      window_(window_of(settings)),
       tool_(tool),
       seen_(keeps_frames ? kNumFramesToPublish * sources.size() : 0,
             SeenFrame{blank_frame(largest_of(sources))}) {

@@ -50,7 +50,7 @@ export function seenTool(tool: SeenTool, depth: Depth, name: string, caption: st
       number: 0, time: 0, camera: 0, X_WC: NO_POSE, width: depth.width, height: depth.height, depth: depth.values,
     });
     scene.setContact({
-      number: 0, time: 0, X_WT: poseOf(tool.X_WT), states: bytes(tool.states), planes: floats(tool.planes),
+      number: 0, time: 0, X_WT: poseOf(tool.X_WT), objects: [], states: bytes(tool.states), planes: floats(tool.planes),
     });
     if (samples.length > 0) scene.addSamples(samples);
   }).root;

@@ -68,7 +68,7 @@ export function hello(
   tool: { centre_of_mass_m: number[]; radius_m: number }, streams: Stream[],
 ): Hello {
   return {
-    protocol: 0, version: '', kind: streams.length > 0 ? 'recording' : 'tool', title: '', streams, handle: null, columns: [], controls: [],
+    protocol: 0, version: '', kind: streams.length > 0 ? 'recording' : 'tool', title: '', streams, objects: 0, handle: null, columns: [], controls: [],
     tool: {
       spheres: 0, volume: 0, radius: tool.radius_m,
       centre_of_mass: tool.centre_of_mass_m as [number, number, number],

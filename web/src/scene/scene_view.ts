@@ -18,6 +18,7 @@ import { Ghost } from './ghost';
 import { Governor } from './governor';
 import { LeafGraph } from './graph';
 import { Landmarks } from './landmarks';
+import { Objects } from './objects';
 import { NO_POSE, sampledPose, setPose, transformed } from './poses';
 import { createRenderer } from './renderer';
 import { Rings } from './rings';
@@ -47,6 +48,7 @@ class View implements SceneView {
   private readonly graph = new LeafGraph();
   private readonly tree = new TreeNodes();
   private readonly mesh = new ToolMesh();
+  private readonly objects = new Objects();
   private readonly outline = new CutOutline();
   private readonly ghost = new Ghost(this.mesh);
   private readonly arrows = new Arrows();
@@ -73,7 +75,7 @@ class View implements SceneView {
     this.governor = new Governor(this.renderer.getContext() as WebGL2RenderingContext);
     this.tool.add(this.spheres.object, this.mesh.object, this.graph.object, this.tree.object,
       this.outline.object);
-    this.scene.add(this.tool,
+    this.scene.add(this.tool, this.objects.object,
       this.ghost.object, this.arrows.object, this.spring.object, this.rings.object, this.trace.object,
       this.landmarks.object);
     this.resize(canvas.clientWidth, canvas.clientHeight, 1);
@@ -88,6 +90,8 @@ class View implements SceneView {
     this.setStrain(0);
     setPose(this.tool, NO_POSE);
     this.trace.clear();
+    this.objects.setMeshes([]);
+    this.objects.setPoses([]);
     this.ghost.setPoses(NO_POSE, NO_POSE);
     this.arrows.setTool(hello.tool.radius, hello.tool.centre_of_mass, hello.handle !== null);
     this.makeSensors(hello);
@@ -115,6 +119,10 @@ class View implements SceneView {
     this.outline.setMesh(mesh);
   }
 
+  setObjects(meshes: Mesh[]): void {
+    this.objects.setMeshes(meshes);
+  }
+
   setTree(tree: Tree): void {
     this.tree.setTree(tree);
   }
@@ -130,6 +138,7 @@ class View implements SceneView {
   setContact(contact: Contact): void {
     this.contact = contact;
     this.setToolPose(contact.X_WT);
+    this.objects.setPoses(contact.objects);
     // A tool alone touches nothing: its spheres are not outside, there is nothing to be outside of.
     if (this.sensors.length > 0 && this.spheres.setContact(contact)) this.graph.statesChanged();
   }
@@ -249,7 +258,7 @@ class View implements SceneView {
 
   dispose(): void {
     for (const part of [...this.sensors, this.edges, this.spheres, this.graph, this.tree,
-      this.mesh, this.outline, this.ghost, this.arrows, this.spring, this.rings, this.trace, this.landmarks, this.cameras, this.renderer]) {
+      this.mesh, this.objects, this.outline, this.ghost, this.arrows, this.spring, this.rings, this.trace, this.landmarks, this.cameras, this.renderer]) {
       part.dispose();
     }
   }
@@ -268,6 +277,7 @@ class View implements SceneView {
     this.edges.update(options);
     this.spheres.update(options);
     this.mesh.update(options);
+    this.objects.update(options);
     this.graph.update(options);
     this.tree.update(options);
     this.ghost.update(options.ghost);

@@ -1,4 +1,4 @@
-// The tool as its mesh, semi-metal; and the same mesh as a ghost.
+// The tool as its mesh, semi-metal; and the same mesh as a ghost. Objects are of wood.
 
 import { BufferAttribute, BufferGeometry, Mesh as DrawnMesh, Vector4 } from 'three';
 import type { Mesh, SceneOptions } from '../types';
@@ -67,7 +67,7 @@ export class ToolMesh {
     ghost_colour: { value: rgb(OTHER_COLOURS.ghost) }, opacity: { value: 1 },
   }, VERTEX, GHOST, { transparent: true, depthWrite: false });
 
-  constructor() {
+  constructor(private readonly stuff: 'metal' | 'wood' = 'metal') {
     this.object = new DrawnMesh(this.geometry, this.metal);
     this.ghost = new DrawnMesh(this.geometry, this.glass);
     this.object.frustumCulled = this.ghost.frustumCulled = false;
@@ -101,8 +101,8 @@ export class ToolMesh {
   }
 
   update(options: SceneOptions): void {
-    this.object.visible = options.toolLook === 'mesh' && this.loaded;
-    this.metal.uniforms.metal_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'].metal);
+    this.object.visible = (this.stuff === 'wood' || options.toolLook === 'mesh') && this.loaded;
+    this.metal.uniforms.metal_colour.value = rgb(THEMES[options.dark ? 'dark' : 'light'][this.stuff]);
   }
 
   dispose(): void {

@@ -1,0 +1,121 @@
+// Objects that move in the world of the depth cameras: what each of them touches, and where it
+// goes.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "palpate/bodies/scene_object.h"
+#include "palpate/contact/body_contact.h"
+#include "src/bodies/internal/body_solver.h"
+
+namespace palpate {
+
+/// They feel the surfaces that cameras see, each other, the objects that stay, and the tool. All
+/// memory is allocated at construction; the same input gives the same bits.
+class MovingBodies {
+ public:
+  /// Of all objects of a run. Errors: options out of range, the backend; more than
+  /// kMostMovingBodies move, a mass or pose that cannot be.
+  static Result<std::unique_ptr<MovingBodies>> create(const std::vector<SceneObject>& objects,
+                                                      const BodyOptions& options,
+                                                      const Place& place, ThreadPool* threads);
+
+  int num_bodies() const { return static_cast<int>(bodies_.size()); }
+  std::span<const RigidBody> bodies() const { return bodies_; }
+  /// Which one of the objects it is.
+  std::size_t object(int body) const { return shown(body).object; }
+  /// What queries ask of it: its first spheres.
+  const Tool& shape(int body) const { return *shown(body).shape; }
+
+  /// What the tool does to a body, which is about the body's reference of torques.
+  struct Push {
+    Wrench F_B_W;
+    Stiffness stiffness;  ///< N/m, N, N m
+    ContactPatch patch;
+    double friction = 0;
+    Twist V_W;  ///< of the tool's point at that reference
+  };
+  /// Goes on by `dt`, s. `pushes` has one for each body. Without any surface, nobody moves. False:
+  /// the backend has failed.
+  bool step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
+            double dt) noexcept;
+
+  /// Goes on from where another one of the same objects is.
+  void take_over(const MovingBodies& other) noexcept;
+
+  /// J: of motion and height, and of all that is pressed at the beginning of the last step.
+  double energy() const noexcept;
+  /// Of the last step, for tests.
+  std::span<const BodyTouch> touches() const { return touches_; }
+
+ private:
+  static constexpr int kCloud = -1;
+  struct Body {
+    std::size_t object = 0;
+    std::shared_ptr<const Tool> shape;
+    std::shared_ptr<const ToolIndex> index;
+    std::unique_ptr<ContactQuery> cloud;
+    double reach = 0;     // from the center of mass, m
+    double volume = 0;    // of all its spheres, m3
+    double scale = 0;     // N/m3
+    double friction = 0;  // coefficient
+  };
+  /// What stays.
+  struct Fixture {
+    std::shared_ptr<const Tool> shape;
+    std::shared_ptr<const ToolIndex> index;
+    Pose X_WB;
+    Vec3d center_W;
+    double reach = 0, friction = 0;
+  };
+  struct Pair {
+    int a = 0, b = 0;         // bodies; b: or a fixture
+    bool is_fixture = false;  // b is one
+    std::unique_ptr<BodyPairQuery> query;
+    bool is_near = false;
+  };
+  /// How still a body has been.
+  struct Rest {
+    Pose X_WB;                // since when it has stayed near
+    double seconds = 0;       // how long
+    Vec3d mean_W;             // of what carries it, over about a quarter of a second, N
+    Vec3d mean_asleep_W;      // when it fell asleep
+    Vec3d force_W;            // of this step
+    double stiffness = 0;     // of this step, N/m
+    bool is_touched = false;  // by anything
+    bool is_pushed = false;   // by the tool
+    bool is_asleep = false;
+    bool is_covered = false;  // by what a camera sees before it
+  };
+
+  MovingBodies(const BodyOptions& options) : options_(options) {}
+  Status add(const std::vector<SceneObject>& objects, const Place& place, ThreadPool* threads);
+  Status add_pairs(const Place& place);
+  bool touch_clouds(std::span<const SurfaceBlend> cameras);
+  void touch_pairs();
+  void touch_tool(std::span<const Push> pushes);
+  void add_touch(const BodyTouch& touch);
+  void wake(double dt);
+  void fall_asleep(double dt);
+  int group_of(int body);
+
+  const Body& shown(int body) const { return shapes_[static_cast<std::size_t>(body)]; }
+  RigidBody& moving(int body) { return bodies_[static_cast<std::size_t>(body)]; }
+  Rest& rest(int body) { return rests_[static_cast<std::size_t>(body)]; }
+  Vec3d gravity() const { return {options_.gravity_x, options_.gravity_y, options_.gravity_z}; }
+
+  BodyOptions options_;
+  std::vector<Body> shapes_;
+  std::vector<Fixture> fixtures_;
+  std::vector<Pair> pairs_;
+  std::vector<RigidBody> bodies_;
+  std::vector<Rest> rests_;
+  std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
+  std::vector<BodyTouch> touches_;
+  double pressed_ = 0;  // J
+  std::unique_ptr<BodySolver> solver_;
+};
+
+}  // namespace palpate

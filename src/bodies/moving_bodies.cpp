@@ -1,0 +1,363 @@
+#include "src/bodies/internal/moving_bodies.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+// At rest: so long within so much.
+constexpr double kStillSeconds = 0.5, kStillShift = 1e-3 /* m */, kStillTurn = 0.03 /* rad */;
+/// Over which what carries a body is averaged, s: sensors shake it 30 times a second.
+constexpr double kMeanSeconds = 0.25;
+/// Half of what it held changes, or something comes in by so much: it wakes up.
+constexpr double kWakeShare = 0.5, kWakeDepth = 1e-3 /* m */;
+/// Of a body within a surface: something stands between it and the camera, where nothing is known.
+constexpr double kCoveredShare = 0.5;
+
+double largest(const Stiffness& k) {
+  double squares = 0;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) squares += k.m[i][j] * k.m[i][j];
+  }
+  return std::sqrt(squares);
+}
+
+Stiffness scaled(const Stiffness& k, double by) {
+  Stiffness result;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) result.m[i][j] = by * k.m[i][j];
+  }
+  return result;
+}
+
+double reach_of(const Tool& shape, const Vec3d& center) {
+  double reach = 0;
+  for (const auto& vertex : shape.mesh().vertices) {
+    reach = std::max(reach, norm(vertex - center));
+  }
+  return reach;
+}
+
+Vec3d center_of(const Tool& shape) { return shape.sphere_mass().centre_of_mass; }
+
+Result<std::shared_ptr<const Tool>> thinned(const std::shared_ptr<const Tool>& shape, int num) {
+  if (num <= 0 || static_cast<std::size_t>(num) >= shape->spheres().size()) return shape;
+  auto tool = shape->thinned(num);
+  if (!tool) return tool.error();
+  return std::make_shared<const Tool>(*std::move(tool));
+}
+
+Error refused(const std::string& why) { return {Errc::invalid_argument, why}; }
+
+}  // namespace
+
+Result<std::unique_ptr<MovingBodies>> MovingBodies::create(const std::vector<SceneObject>& objects,
+                                                           const BodyOptions& options,
+                                                           const Place& place,
+                                                           ThreadPool* threads) {
+  if (const Status status = check_settings(options); !status) return status.error();
+  std::unique_ptr<MovingBodies> bodies(new MovingBodies(options));
+  if (const Status status = bodies->add(objects, place, threads); !status) return status.error();
+  if (const Status status = bodies->add_pairs(place); !status) return status.error();
+  return bodies;
+}
+
+Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& place,
+                         ThreadPool* threads) {
+  std::map<const Tool*, std::shared_ptr<const ToolIndex>> indices;
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const SceneObject& object = objects[i];
+    const Vec3d center = center_of(*object.shape);
+    const double reach = reach_of(*object.shape, center);
+    const double friction = object.friction.value_or(options_.friction);
+    auto& index = indices[object.shape.get()];
+    if (!object.moves) {
+      const auto own = ToolIndex::create(*object.shape);
+      fixtures_.push_back({object.shape, own, object.X_WB, object.X_WB * center, reach, friction});
+      continue;
+    }
+    if (!(object.mass >= 0 && object.mass <= 1000)) {
+      return refused("the mass of an object that moves must be a number up to 1000 kg");
+    }
+    Body body;
+    body.object = i;
+    if (index == nullptr) {
+      auto shape = thinned(object.shape, options_.num_spheres);
+      if (!shape) return shape.error();
+      body.shape = *shape;
+      index = ToolIndex::create(**shape);
+    } else {
+      body.shape = std::find_if(shapes_.begin(), shapes_.end(), [&](const Body& other) {
+                     return other.index == index;
+                   })->shape;
+    }
+    body.index = index;
+    auto query = make_contact_query(place.backend, index, FieldMethod{},
+                                    {.pool = threads, .gpu = place.gpu});
+    if (!query) return query.error();
+    body.cloud = *std::move(query);
+    body.reach = reach;
+    const MassProperties& solid = object.shape->mesh_mass();
+    body.volume = solid.volume;
+    body.friction = friction;
+    const double mass = mass_of(object);
+    // A cube of this volume lies `sink` deep with its weight on one face.
+    const double area = std::pow(solid.volume, 2.0 / 3);
+    body.scale = mass * 9.81 / (area * options_.sink);
+    bodies_.push_back(rigid_body(mass, solid, center, object.X_WB));
+    Rest rest;
+    rest.X_WB = object.X_WB;
+    rests_.push_back(rest);
+    shapes_.push_back(std::move(body));
+  }
+  if (num_bodies() > kMostMovingBodies) {
+    return refused("at most " + std::to_string(kMostMovingBodies) + " objects can move, not " +
+                   std::to_string(num_bodies()));
+  }
+  return Done{};
+}
+
+/// And the places of all contacts: with surfaces, with the tool, with each other.
+Status MovingBodies::add_pairs(const Place& place) {
+  std::vector<double> masses;
+  for (int turn = 0; turn < 2; ++turn) {
+    for (const RigidBody& body : bodies_) masses.push_back(body.mass);
+  }
+  const auto add = [&](Pair pair, const std::shared_ptr<const ToolIndex>& b,
+                       double mass) -> Status {
+    auto query = make_body_pair_query(place.backend, shown(pair.a).index, b, {.gpu = place.gpu});
+    if (!query) return query.error();
+    pair.query = *std::move(query);
+    pairs_.push_back(std::move(pair));
+    masses.push_back(mass);
+    return Done{};
+  };
+  for (int a = 0; a < num_bodies(); ++a) {
+    for (int b = 0; b < a; ++b) {
+      const double mass = std::min(moving(a).mass, moving(b).mass);
+      if (Status status = add({a, b, false, nullptr}, shown(b).index, mass); !status) return status;
+    }
+    for (std::size_t b = 0; b < fixtures_.size(); ++b) {
+      Status status =
+          add({a, static_cast<int>(b), true, nullptr}, fixtures_[b].index, moving(a).mass);
+      if (!status) return status;
+    }
+  }
+  solver_ = std::make_unique<BodySolver>(num_bodies(), masses);
+  touches_.reserve(masses.size());
+  groups_.resize(bodies_.size());
+  return Done{};
+}
+
+void MovingBodies::add_touch(const BodyTouch& touch) {
+  if (!(norm(touch.F_A_W.force) > 0)) return;
+  touches_.push_back(touch);
+  rest(touch.a).is_touched = true;
+  if (touch.b != BodyTouch::kNoBody) rest(touch.b).is_touched = true;
+}
+
+/// False: the backend has failed. Without a surface yet, none is touched.
+bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
+  for (int i = 0; i < num_bodies(); ++i) {
+    const Body& body = shown(i);
+    Rest& own = rest(i);
+    const ContactResult result = body.cloud->measure(cameras, moving(i).X_WB, {.stiffness = true});
+    const Penetration& found = result.penetration;
+    if (found.status.has(StepStatus::backend_failed)) return false;
+    own.is_covered = found.volume > kCoveredShare * body.volume;
+    if (found.status.is_unmeasured() || own.is_covered || !result.stiffness) continue;
+    BodyTouch touch;
+    touch.a = i;
+    touch.F_A_W = VolumeStiffness{body.scale} * found.measure_W;
+    touch.stiffness = scaled(*result.stiffness, body.scale);
+    touch.patch = contact_patch(found.measure_W, found.volume, *result.stiffness, result.moments);
+    touch.friction = body.friction;
+    touch.place = i;
+    own.force_W += touch.F_A_W.force;
+    own.stiffness = std::max(own.stiffness, largest(touch.stiffness));
+    pressed_ += body.scale * found.potential;
+    add_touch(touch);
+  }
+  return true;
+}
+
+void MovingBodies::touch_pairs() {
+  for (Pair& pair : pairs_) {
+    const RigidBody& a = moving(pair.a);
+    const Fixture* const fixture =
+        pair.is_fixture ? &fixtures_[static_cast<std::size_t>(pair.b)] : nullptr;
+    const double reach = shown(pair.a).reach + (fixture ? fixture->reach : shown(pair.b).reach);
+    const Vec3d apart = a.center_W() - (fixture ? fixture->center_W : moving(pair.b).center_W());
+    const bool can_move = !rest(pair.a).is_asleep || (!fixture && !rest(pair.b).is_asleep);
+    pair.is_near = can_move && dot(apart, apart) < reach * reach;
+    if (!pair.is_near) continue;
+    pair.query->start(a.X_WB, fixture ? fixture->X_WB : moving(pair.b).X_WB, true);
+  }
+  for (std::size_t i = 0; i < pairs_.size(); ++i) {
+    Pair& pair = pairs_[i];
+    if (!pair.is_near) continue;
+    const BodyPenetration found = pair.query->finish();
+    if (!(found.on_a.volume > 0) || !found.stiffness_a) continue;
+    const Body& a = shown(pair.a);
+    BodyTouch touch;
+    touch.a = pair.a;
+    double other = options_.friction, scale = a.scale;
+    if (pair.is_fixture) {
+      other = fixtures_[static_cast<std::size_t>(pair.b)].friction;
+    } else {
+      touch.b = pair.b;
+      other = shown(pair.b).friction;
+      scale = std::max(scale, shown(pair.b).scale);
+    }
+    touch.F_A_W = VolumeStiffness{scale} * found.on_a.measure_W;
+    touch.stiffness = scaled(*found.stiffness_a, scale);
+    touch.patch =
+        contact_patch(found.on_a.measure_W, found.on_a.volume, *found.stiffness_a, found.moments_a);
+    touch.friction = (a.friction + other) / 2;
+    touch.place = 2 * num_bodies() + static_cast<int>(i);
+    pressed_ += scale * found.on_a.potential;
+    if (pair.is_fixture) {
+      rest(pair.a).force_W += touch.F_A_W.force;
+      rest(pair.a).stiffness = std::max(rest(pair.a).stiffness, largest(touch.stiffness));
+    }
+    add_touch(touch);
+  }
+}
+
+void MovingBodies::touch_tool(std::span<const Push> pushes) {
+  for (int i = 0; i < num_bodies() && static_cast<std::size_t>(i) < pushes.size(); ++i) {
+    const Push& push = pushes[static_cast<std::size_t>(i)];
+    BodyTouch touch;
+    touch.a = i;
+    touch.F_A_W = push.F_B_W;
+    touch.stiffness = push.stiffness;
+    touch.patch = push.patch;
+    touch.friction = push.friction;
+    touch.V_W = push.V_W;
+    touch.place = num_bodies() + i;
+    rest(i).is_pushed = norm(push.F_B_W.force) > 0;
+    add_touch(touch);
+  }
+}
+
+/// What holds a body that sleeps has changed, or one that is not still touches it.
+void MovingBodies::wake(double dt) {
+  const double share = dt / (dt + kMeanSeconds);
+  for (int i = 0; i < num_bodies(); ++i) {
+    Rest& own = rest(i);
+    own.mean_W += share * (own.force_W - own.mean_W);
+    if (!own.is_asleep || own.is_covered) continue;
+    const double weight = std::max(norm(own.mean_asleep_W), moving(i).mass * norm(gravity()));
+    const Vec3d now = own.force_W - own.mean_asleep_W, mean = own.mean_W - own.mean_asleep_W;
+    const bool has_changed = norm(mean) > kWakeShare * weight ||
+                             norm(now) > kWakeDepth * own.stiffness + kWakeShare * weight;
+    if (has_changed || own.is_pushed) own.is_asleep = false;
+  }
+  for (const BodyTouch& touch : touches_) {
+    if (touch.b == BodyTouch::kNoBody) continue;
+    Rest &a = rest(touch.a), &b = rest(touch.b);
+    if (!a.is_asleep && a.seconds < kStillSeconds) b.is_asleep = false;
+    if (!b.is_asleep && b.seconds < kStillSeconds) a.is_asleep = false;
+  }
+  for (int i = 0; i < num_bodies(); ++i) {
+    Rest& own = rest(i);
+    RigidBody& body = moving(i);
+    if (body.is_asleep && !own.is_asleep && !own.is_covered) {
+      own.seconds = 0;
+      own.X_WB = body.X_WB;
+    }
+    body.is_asleep = own.is_asleep || own.is_covered;
+    if (body.is_asleep) body.V_W = {};
+  }
+}
+
+int MovingBodies::group_of(int body) {
+  while (groups_[static_cast<std::size_t>(body)] != body) {
+    body = groups_[static_cast<std::size_t>(body)];
+  }
+  return body;
+}
+
+/// All that touch each other together, once none of them moves.
+void MovingBodies::fall_asleep(double dt) {
+  for (int i = 0; i < num_bodies(); ++i) {
+    Rest& own = rest(i);
+    const RigidBody& body = moving(i);
+    groups_[static_cast<std::size_t>(i)] = i;
+    const Quaternion &p = own.X_WB.rotation, &q = body.X_WB.rotation;
+    const double sine = norm(Vec3d{p.w * q.x - q.w * p.x + q.y * p.z - q.z * p.y,
+                                   p.w * q.y - q.w * p.y + q.z * p.x - q.x * p.z,
+                                   p.w * q.z - q.w * p.z + q.x * p.y - q.y * p.x});
+    const bool is_near =
+        norm(body.X_WB.translation - own.X_WB.translation) < kStillShift && 2 * sine < kStillTurn;
+    if (!is_near) own.X_WB = body.X_WB;
+    own.seconds = is_near && own.is_touched && !own.is_pushed ? own.seconds + dt : 0;
+  }
+  if (!options_.may_sleep) return;
+  for (const BodyTouch& touch : touches_) {
+    if (touch.b == BodyTouch::kNoBody) continue;
+    const int a = group_of(touch.a), b = group_of(touch.b);
+    groups_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+  }
+  for (int i = 0; i < num_bodies(); ++i) {
+    if (group_of(i) != i) continue;
+    bool is_still = true;
+    for (int k = i; k < num_bodies(); ++k) {
+      is_still =
+          is_still && (group_of(k) != i || rest(k).is_asleep || rest(k).seconds >= kStillSeconds);
+    }
+    for (int k = i; is_still && k < num_bodies(); ++k) {
+      if (group_of(k) != i || rest(k).is_asleep) continue;
+      rest(k).is_asleep = true;
+      rest(k).mean_asleep_W = rest(k).mean_W;
+    }
+  }
+}
+
+bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
+                        double dt) noexcept {
+  touches_.clear();
+  pressed_ = 0;
+  for (Rest& rest : rests_) {
+    rest.force_W = {};
+    rest.stiffness = 0;
+    rest.is_touched = rest.is_pushed = false;
+  }
+  const bool has_surfaces =
+      !cameras.empty() && std::all_of(cameras.begin(), cameras.end(), [](const SurfaceBlend& one) {
+        return one.to.field.num_levels > 0;
+      });
+  if (!has_surfaces || !(dt > 0)) return true;
+  if (!touch_clouds(cameras)) return false;
+  touch_tool(pushes);
+  touch_pairs();
+  wake(dt);
+  solver_->step(bodies_, touches_, {gravity(), options_.damping}, dt);
+  fall_asleep(dt);
+  return true;
+}
+
+void MovingBodies::take_over(const MovingBodies& other) noexcept {
+  for (std::size_t i = 0; i < bodies_.size() && i < other.bodies_.size(); ++i) {
+    const RigidBody& from = other.bodies_[i];
+    bodies_[i].X_WB = from.X_WB;
+    bodies_[i].V_W = from.V_W;
+    bodies_[i].is_asleep = from.is_asleep;
+    rests_[i] = other.rests_[i];
+  }
+  solver_->take_over(*other.solver_);
+}
+
+double MovingBodies::energy() const noexcept {
+  double energy = pressed_ + solver_->friction_energy();
+  for (const RigidBody& body : bodies_) {
+    energy += kinetic_energy(body) - body.mass * dot(gravity(), body.center_W());
+  }
+  return energy;
+}
+
+}  // namespace palpate

@@ -1,0 +1,198 @@
+// Objects that move among what a simulated depth camera sees.
+#include "src/bodies/internal/moving_bodies.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "src/math/internal/rotation_vector.h"
+#include "tests/bodies/seen_table.h"
+#include "tests/test_util/allocation_counter.h"
+
+namespace palpate {
+namespace {
+
+using test::kTable;
+using test::packed_shape;
+using test::SeenTable;
+using test::TableTop;
+
+const Vec3d kSize{0.06, 0.05, 0.04};
+
+const std::shared_ptr<const Tool>& box() {
+  static const auto shape = packed_shape(make_box(kSize), 400);
+  return shape;
+}
+
+/// So high over the table with its lowest side, m.
+SceneObject box_at(double x, double height, double mass = 0.3) {
+  return {box(), {{x, 0, kTable - kSize.z / 2 - height}, {}}, {}, true, mass};
+}
+
+BodyOptions awake() {
+  BodyOptions options;
+  options.may_sleep = false;
+  return options;
+}
+
+void go_on(TableTop& world, double seconds) {
+  for (int i = 0; i < std::lround(seconds / world.tick); ++i) world.step();
+}
+
+double carried(const TableTop& world) {
+  double force = 0;
+  for (const BodyTouch& touch : world.bodies->touches()) {
+    if (touch.b == BodyTouch::kNoBody) force -= touch.F_A_W.force.z;
+  }
+  return force;
+}
+
+TEST(MovingBodies, FallOnTheTableThatTheCameraSees) {
+  TableTop world({box_at(0.01, 0.03)}, {}, awake());
+  double most = 0, before = world.bodies->energy();
+  for (int i = 0; i < 1000; ++i) {
+    world.step();
+    const RigidBody& body = world.body(0);
+    most = std::max(most, kinetic_energy(body) - 0.3 * 9.81 * body.center_W().z - before);
+  }
+  const RigidBody& body = world.body(0);
+  EXPECT_LT(most, 1e-9 * std::abs(before)) << "energy out of nothing";
+  EXPECT_NEAR(body.X_WB.translation.z, kTable - kSize.z / 2, 5e-4);
+  EXPECT_LT(norm(rotation_vector(body.X_WB.rotation)), 0.01);
+  EXPECT_NEAR(carried(world), 0.3 * 9.81, 1e-3);
+  EXPECT_FALSE(body.is_asleep);
+}
+
+TEST(MovingBodies, SleepUntilSomethingChanges) {
+  TableTop world({box_at(0, 0.005), box_at(0.01, 0.09)}, {});
+  const auto is_asleep = [&](int i) { return world.body(i).is_asleep; };
+  go_on(world, 2);
+  EXPECT_TRUE(is_asleep(0));
+  EXPECT_TRUE(is_asleep(1));
+  const Pose before = world.body(1).X_WB;
+  go_on(world, 1);
+  EXPECT_EQ(world.body(1).X_WB, before);
+  // The tool touches the upper one, and both wake up.
+  std::vector<MovingBodies::Push> pushes(2);
+  pushes[1].F_B_W.force = {0.05, 0, 0.5};
+  world.step(pushes);
+  EXPECT_FALSE(is_asleep(1));
+  world.step(pushes);
+  EXPECT_FALSE(is_asleep(0));
+}
+
+TEST(MovingBodies, StandOnEachOther) {
+  TableTop world({box_at(0, 0), box_at(0.002, 0.041), box_at(-0.002, 0.082)}, {}, awake());
+  go_on(world, 3);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(world.body(i).X_WB.translation.z, kTable - kSize.z * (i + 0.5), 2e-3) << i;
+    EXPECT_LT(norm(world.body(i).V_W.linear), 5e-3) << i;
+  }
+  EXPECT_NEAR(carried(world), 3 * 0.3 * 9.81, 0.1);
+}
+
+TEST(MovingBodies, LieOnObjectsThatStay) {
+  const auto slab = packed_shape(make_box({0.2, 0.2, 0.05}), 300);
+  const SceneObject fixture{slab, {{0, 0, 0.5}, {}}, 0.1};
+  SceneObject moving = box_at(0, 0);
+  moving.X_WB.translation.z = 0.5 - 0.025 - kSize.z / 2 - 0.01;
+  TableTop world({fixture, moving}, {}, awake());
+  ASSERT_EQ(world.bodies->num_bodies(), 1);
+  EXPECT_EQ(world.bodies->object(0), 1u);
+  go_on(world, 1);
+  EXPECT_NEAR(world.body(0).X_WB.translation.z, 0.475 - kSize.z / 2, 5e-4);
+  ASSERT_EQ(world.bodies->touches().size(), 1u);
+  EXPECT_EQ(world.bodies->touches()[0].friction, (0.5 + 0.1) / 2);
+  // A face on a face: mean distance from the middle of a 6 x 5 cm rectangle.
+  EXPECT_NEAR(world.bodies->touches()[0].patch.torsion_radius, 0.0211, 0.002);
+}
+
+/// A hand that comes from the left, 0.2 m/s.
+Pose hand_motion(double t) { return {{-0.15 + 0.2 * std::min(t, 0.75), 0, kTable - 0.03}, {}}; }
+
+TEST(MovingBodies, ArePushedByWhatMovesInTheStream) {
+  SeenTable::Options seen;
+  seen.width = 320;
+  seen.others.push_back({"hand", make_box({0.06, 0.12, 0.06}), hand_motion, hand_motion(0)});
+  TableTop world({box_at(-0.01, 0.002)}, seen);
+  go_on(world, 0.3);
+  EXPECT_NEAR(world.body(0).X_WB.translation.x, -0.01, 2e-3) << "before";
+  go_on(world, 0.9);
+  // The hand's side ends at x = 0.03.
+  EXPECT_GT(world.body(0).X_WB.translation.x, 0.03 + kSize.x / 2 - 0.012);
+  EXPECT_LT(world.body(0).X_WB.translation.x, 0.1);
+  EXPECT_NEAR(world.body(0).X_WB.translation.z, kTable - kSize.z / 2, 5e-3);
+}
+
+/// A hand between camera and object, from 0.5 s to 1 s.
+Pose cover_motion(double t) { return {{0, t > 0.5 && t < 1 ? 0.0 : 0.5, kTable - 0.2}, {}}; }
+
+TEST(MovingBodies, StayWhileSomethingHidesThem) {
+  SeenTable::Options seen;
+  seen.others.push_back({"cover", make_box({0.2, 0.2, 0.02}), cover_motion, cover_motion(0)});
+  TableTop world({box_at(0, 0)}, seen);
+  go_on(world, 0.9);
+  EXPECT_TRUE(world.body(0).is_asleep);
+  EXPECT_NEAR(world.body(0).X_WB.translation.z, kTable - kSize.z / 2, 0.02);
+  go_on(world, 1.5);
+  EXPECT_NEAR(world.body(0).X_WB.translation.z, kTable - kSize.z / 2, 1e-3);
+  EXPECT_NEAR(world.body(0).X_WB.translation.x, 0, 5e-3);
+}
+
+TEST(MovingBodies, DoNotTunnelAtAMeterPerSecond) {
+  const auto plate = packed_shape(make_box({0.1, 0.08, 0.012}), 400);
+  for (const double tilt : {0.0, 0.4, 1.5708}) {
+    // On the table, and on another plate that lies there.
+    SceneObject lying{plate, {{0, 0, kTable - 0.006}, {}}, {}, true, 0};
+    SceneObject falling{
+        plate, {{0.005, 0, kTable - 0.1}, axis_angle({0, 1, 0}, tilt)}, {}, true, 0};
+    // A fall of 5 cm gives 1 m/s.
+    TableTop world({lying, falling}, {}, awake());
+    go_on(world, 1.5);
+    EXPECT_LT(world.body(1).center_W().z, kTable - 0.006) << tilt;
+    EXPECT_NEAR(world.body(0).center_W().z, kTable - 0.006, 3e-3) << tilt;
+    EXPECT_GT(world.body(1).center_W().z, kTable - 0.06) << tilt;
+  }
+}
+
+TEST(MovingBodies, SameBitsFromAnyMomentOnWithoutMemory) {
+  const std::vector<SceneObject> objects{box_at(0, 0.01), box_at(0.02, 0.07)};
+  TableTop one(objects, {}), other(objects, {}), again(objects, {});
+  go_on(one, 0.3);
+  go_on(again, 0.5);
+  go_on(other, 0.3);
+  const auto after = TableTop::made(objects, {});
+  after->take_over(*other.bodies);
+  for (int i = 0; i < 200; ++i) {
+    one.step();
+    const SurfaceBlend seen = other.table.at(other.time);
+    const test::AllocationCounter counter;
+    after->step({&seen, 1}, {}, other.tick);
+    EXPECT_EQ(counter.count(), 0u);
+    other.time += other.tick;
+  }
+  const auto same = [](std::span<const RigidBody> a, std::span<const RigidBody> b) {
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      EXPECT_EQ(a[i].X_WB, b[i].X_WB);
+      EXPECT_EQ(a[i].V_W.angular, b[i].V_W.angular);
+    }
+  };
+  same(one.bodies->bodies(), after->bodies());
+  same(one.bodies->bodies(), again.bodies->bodies());
+  EXPECT_GT(std::abs(one.body(1).X_WB.translation.x - 0.02), 1e-6);
+}
+
+TEST(MovingBodies, WhatCannotBeIsRefused) {
+  const auto message = [](std::vector<SceneObject> objects) {
+    const auto made = MovingBodies::create(objects, {}, Place::cpu(), nullptr);
+    return made ? std::string() : made.error().message;
+  };
+  EXPECT_NE(message({box_at(0, 0, -1)}).find("mass"), std::string::npos);
+  EXPECT_NE(message({box_at(0, 0, NAN)}).find("mass"), std::string::npos);
+  const std::vector<SceneObject> many(kMostMovingBodies + 1, box_at(0, 0));
+  EXPECT_NE(message(many).find("at most 32"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace palpate
