@@ -391,7 +391,7 @@ TEST(ContactStage, KeepsTheLastContactWhenTheBackendFails) {
   settings.wants_real_time = false;
   ContactStage contacts(
       std::make_unique<ContactPart>(test::box_tool(), std::make_unique<SpoiltQuery>(10),
-                                    VolumeStiffness{1e6}),
+                                    ContactScale{VolumeStiffness{1e6}}),
       surfaces, settings, contact_times);
   contacts.start(monotonic_now());
   const double begin = monotonic_now();
