@@ -55,7 +55,10 @@ def _camera(given: argparse.Namespace) -> _core.Camera:
     fx, fy, cx, cy = _numbers(given.intrinsics, [4], "--intrinsics")
     pose = _numbers(given.camera_pose, [7], "--camera-pose") if given.camera_pose else None
     probe = Frames.open(given.depth, _core.Camera(1, 1, 1, 1, 0, 0))
-    height, width = probe.image(0).shape
+    shape = probe.image(0).shape
+    if len(shape) != 2:
+        raise _core.Error(f"--depth {given.depth}: images of shape {shape} are no depth images (H, W)")
+    height, width = shape
     return _core.Camera(width, height, fx, fy, cx, cy, unit=given.depth_unit, pose=pose)
 
 

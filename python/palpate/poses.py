@@ -52,6 +52,8 @@ class Frames:
     def __init__(self, images: Any, camera: _core.Camera, poses: Optional[Any] = None) -> None:
         self.images, self.camera = images, camera
         self.poses = None if poses is None else np.asarray(poses, np.float64)
+        if len(self) == 0:
+            raise ValueError("frames: there is none")
         if self.poses is not None and len(self.poses) != len(self):
             raise ValueError(f"poses: {len(self.poses)} of {len(self)} frames")
 
@@ -122,9 +124,15 @@ class Measurer:
         missing = [name for name in POSE if name not in columns]
         if missing:
             raise ValueError(f"poses: there is no column {', '.join(missing)}; a pose has {', '.join(POSE)}")
+        for name in POSE:
+            if not np.issubdtype(np.asarray(columns[name]).dtype, np.number):
+                raise ValueError(f"poses: the column {name} holds no numbers")
         poses = np.stack([np.asarray(columns[name], np.float64) for name in POSE], axis=1)
         num = len(poses)
         frames = self._frames_of(columns, num)
+        taken = [name for name in ANSWERS if name in columns]
+        if taken:
+            raise ValueError(f"poses: there is a column {taken[0]} already, which is one of the answers")
         answers = np.zeros((num, 8))
         status = np.full(num, int(_core.Status.NO_SURFACE), np.uint32)
         for frame in np.unique(frames):
@@ -142,6 +150,8 @@ class Measurer:
 
     def _frames_of(self, columns: Mapping[str, NDArray[Any]], num: int) -> NDArray[np.int64]:
         if FRAME in columns:
+            if not np.issubdtype(np.asarray(columns[FRAME]).dtype, np.integer):
+                raise ValueError(f"poses: the column {FRAME} holds no whole numbers, or has gaps")
             return np.asarray(columns[FRAME], np.int64)
         if len(self._frames) != 1:
             raise ValueError(f"poses: with {len(self._frames)} frames a column {FRAME} has to say which")
@@ -218,8 +228,9 @@ def _checksum(*parts: Union[bytes, Path, NDArray[Any]]) -> str:
 
 
 def _checksum_of_frames(frames: Frames) -> str:
-    digest = hashlib.sha256(repr(frames.camera).encode())
-    digest.update(np.asarray(frames.camera.pose).tobytes() + np.asarray(frames.camera.distortion).tobytes())
+    of = frames.camera
+    digest = hashlib.sha256(np.array([of.width, of.height, of.fx, of.fy, of.cx, of.cy, of.unit], np.float64).tobytes())
+    digest.update(np.asarray(of.pose).tobytes() + np.asarray(of.distortion).tobytes())
     if frames.poses is not None:
         digest.update(frames.poses.tobytes())
     for frame in range(len(frames)):
@@ -259,21 +270,27 @@ def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: F
         file = parquet.ParquetFile(source)
     except (OSError, pyarrow.ArrowInvalid) as error:
         raise _core.Error(f"{source} cannot be read as Parquet: {error}") from error
-    missing = [name for name in POSE if name not in file.schema_arrow.names]
+    names = file.schema_arrow.names
+    if len(set(names)) < len(names):
+        raise _core.Error(f"{source} has two columns of one name; rename one of them")
+    missing = [name for name in POSE if name not in names]
     if missing:
         raise _core.Error(f"{source} has no column {', '.join(missing)}; a pose has {', '.join(POSE)}")
     num, (k, n) = file.metadata.num_rows, shard
     begin, end = num * (k - 1) // n, num * k // n
     measurer = Measurer(tool, frames, **how)
     task = json.dumps({"poses": _checksum(source), "tool": _checksum(tool_file),
-                       "frames": _checksum_of_frames(frames), "rows": [begin, end], "how": repr(sorted(how.items())),
+                       "frames": _checksum_of_frames(frames), "rows": [begin, end],
+                       "how": repr(sorted((name, value) for name, value in how.items() if name != "threads")),
                        "program": __version__})
-    if target.exists():
-        if parquet.ParquetFile(target).schema_arrow.metadata.get(b"palpate") == task.encode():
-            return int(end - begin)
-        raise _core.Error(f"{target} is there already, with other answers; remove it or give another name")
+    # What cannot be answered is refused before anything is written.
+    schema = _answered(pyarrow, measurer, file.schema_arrow.empty_table()).schema
     folder = target.with_name(target.name + ".parts")
+    if _is_done(pyarrow, parquet, target, task):
+        return int(end - begin)
     with _alone(folder, target):
+        if _is_done(pyarrow, parquet, target, task):
+            return int(end - begin)
         key = folder / "task.json"
         if key.exists() and key.read_text() != task:
             raise _core.Error(f"{folder} holds parts of another task; remove it or give another name")
@@ -287,7 +304,7 @@ def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: F
                 _write(part, lambda to: parquet.write_table(answered, to))
             if progress:
                 progress(min(end - begin, (index + 1) * _ROWS_IN_PART), end - begin)
-        _write(target, lambda to: _join(parquet, file, measurer, parts, to, task))
+        _write(target, lambda to: _join(parquet, schema, parts, to, task))
         for done in [*parts, key, folder / "lock"]:
             done.unlink()
         folder.rmdir()
@@ -296,18 +313,24 @@ def measure_file(tool: _PathLike, poses: _PathLike, output: _PathLike, frames: F
 
 def _answered(pyarrow: Any, measurer: Measurer, table: Any) -> Any:
     """The table with the columns of the answers; columns that are no numbers pass by."""
-    asked = [name for name in (*POSE, FRAME) if name in table.column_names]
+    asked = [name for name in (*POSE, FRAME, *ANSWERS) if name in table.column_names]
     answers = measurer({name: table[name].to_numpy() for name in asked})
     for name in ANSWERS:
-        if name in table.column_names:
-            raise _core.Error(f"the poses have a column {name} already, which is one of the answers")
         table = table.append_column(name, pyarrow.array(answers[name]))
     return table
 
 
-def _join(parquet: Any, file: Any, measurer: Measurer, parts: Sequence[Path], to: Path, task: str) -> None:
-    pyarrow, _ = _parquet()
-    schema = _answered(pyarrow, measurer, file.schema_arrow.empty_table()).schema
+def _is_done(pyarrow: Any, parquet: Any, target: Path, task: str) -> bool:
+    """palpate.Error: something else is there."""
+    if not target.exists():
+        return False
+    with contextlib.suppress(OSError, pyarrow.ArrowInvalid):
+        if (parquet.ParquetFile(target).schema_arrow.metadata or {}).get(b"palpate") == task.encode():
+            return True
+    raise _core.Error(f"{target} is there already, with other answers; remove it or give another name")
+
+
+def _join(parquet: Any, schema: Any, parts: Sequence[Path], to: Path, task: str) -> None:
     with parquet.ParquetWriter(to, schema.with_metadata({b"palpate": task.encode()})) as writer:
         for part in parts:
             writer.write_table(parquet.read_table(part).replace_schema_metadata(None).cast(schema))

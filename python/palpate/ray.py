@@ -62,7 +62,7 @@ def measure(dataset: Any, tool: Union[_core.Tool, str, "os.PathLike[str]"], fram
             tool.save(file)
         content = (file if isinstance(tool, _core.Tool) else Path(tool)).read_bytes()
     # Files are read where they are asked for; a memory map is only a file, too.
-    is_in_memory = isinstance(frames.images, np.ndarray)
+    is_in_memory = isinstance(frames.images, np.ndarray) and not isinstance(frames.images, np.memmap)
     sent = ray.put(np.ascontiguousarray(frames.images)) if is_in_memory else frames.images
     of = frames.camera
     camera = {"width": of.width, "height": of.height, "fx": of.fx, "fy": of.fy, "cx": of.cx, "cy": of.cy,

@@ -7,6 +7,7 @@ as well, with the messages of ROS 2.)
 
 from __future__ import annotations
 
+import contextlib
 import os
 from typing import Any, Iterator, NamedTuple, Optional, Union
 
@@ -25,6 +26,8 @@ _Floats = NDArray[np.float64]
 _STATE_COLORS = np.array([[229, 71, 47, 255], [180, 92, 242, 255], [31, 102, 232, 255]], np.uint8)
 _FORCE_COLOR, _TORQUE_COLOR = (255, 176, 0, 255), (18, 184, 134, 255)
 _NEWTON, _NEWTON_METRE = 0.02, 0.5  # m, how long arrows are
+_CAMERA_POSE = tuple(f"camera_pose.{name}" for name in (
+    "position.x", "position.y", "position.z", "orientation.x", "orientation.y", "orientation.z", "orientation.w"))
 _COLUMNS = ("volume_m3", "force_x_N", "force_y_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "torque_z_Nm")
 
 
@@ -33,6 +36,7 @@ class _Moment(NamedTuple):
 
     time: float  # s since the run began
     depth: NDArray[np.uint16]
+    unit: float  # m, of its counts
     points: _Floats  # (N, 3) of the cloud
     X_WT: _Floats  # (7,)
     states: NDArray[np.uint8]  # of the spheres
@@ -49,26 +53,40 @@ def _rotated(X: _Floats, points: _Floats) -> _Floats:
 
 
 def _moments(run: Run, stride: int) -> Iterator[_Moment]:
-    """Of the first camera, once a tool is felt."""
+    """Of the first camera, each at the time when it was captured."""
     frames, tool = run.frames(), run.tool
     sensor, contact = _core.Sensor(frames.camera), _core.Contact(tool)
     times, poses, wrenches = run.times, run.poses, run.wrench
-    records, rows = run.frame_records, None
-    names = [f"camera_pose.{name}" for name in ("position.x", "position.y", "position.z", "orientation.x",
-                                                "orientation.y", "orientation.z", "orientation.w")]
-    if all(name in records for name in names):
-        of_first = np.asarray(records.get("camera", np.zeros(len(records[names[0]])))) == 0
-        rows = np.stack([records[name][of_first] for name in names], axis=1)
-    for number, (time, depth) in enumerate(frames):
-        tick = int(np.searchsorted(times, time, side="right")) - 1
-        pose = None if rows is None or number >= len(rows) else rows[number]
-        surface = sensor.update(depth, pose=pose)
-        at = max(tick, 0)
+    ticks, records = run.ticks, run.frame_records
+    of_first = np.flatnonzero(records["camera"] == 0)
+    # Frames tell the clock of the device, ticks the time since the run began as well.
+    start = float(np.median(ticks["device.time"] - ticks["time"]))
+    for row, (_, depth) in zip(of_first, frames):
+        time = max(0.0, float(records["capture_time"][row]) - start)
+        tick = max(0, int(np.searchsorted(times, time + 1e-9, side="right")) - 1)
+        unit = float(records["unit"][row])
+        # It may have changed in mid-stream.
+        seen = depth if unit == frames.camera.unit else np.where(depth == 0, np.nan, depth * unit).astype(np.float32)
+        surface = sensor.update(seen, pose=[float(records[name][row]) for name in _CAMERA_POSE])
         points = np.asarray(surface.points, np.float64)[::stride, ::stride].reshape(-1, 3)
-        states = contact.measure(surface, poses[at], states=True).states
+        states = contact.measure(surface, poses[tick], states=True).states
         assert states is not None
-        yield _Moment(float(time), depth, points[np.isfinite(points).all(axis=1)], poses[at], states,
-                      _rotated(poses[at], np.asarray(tool.centre_of_mass)), np.nan_to_num(wrenches[at]))
+        yield _Moment(time, depth, unit, points[np.isfinite(points).all(axis=1)], poses[tick], states,
+                      _rotated(poses[tick], np.asarray(tool.centre_of_mass)), np.nan_to_num(wrenches[tick]))
+
+
+@contextlib.contextmanager
+def _new_file(path: _PathLike) -> Iterator[str]:
+    """A name to write to: what is whole gets the name that was asked for."""
+    if os.path.exists(path):
+        raise _core.Error(f"{os.fspath(path)} is there already; remove it or give another name")
+    temporary = os.fspath(path) + ".new"
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(temporary)
 
 
 def _check_stride(stride: int) -> None:
@@ -80,7 +98,7 @@ def to_rerun(run: Run, path: Optional[_PathLike] = None, *, stride: int = 4) -> 
     """Writes a run as Rerun's .rrd; without a path its viewer is started with it.
 
     stride: the cloud has every so many pixels in both directions. palpate.Error: rerun-sdk is missing,
-    or the run holds no frames.
+    the file is there already, or the run holds no frames.
     """
     _check_stride(stride)
     try:
@@ -90,8 +108,14 @@ def to_rerun(run: Run, path: Optional[_PathLike] = None, *, stride: int = 4) -> 
     stream = rerun.RecordingStream("palpate")
     if path is None:
         stream.spawn()
-    else:
-        stream.save(path)
+        _send_to_rerun(rerun, stream, run, stride)
+        return
+    with _new_file(path) as file:
+        stream.save(file)
+        _send_to_rerun(rerun, stream, run, stride)
+
+
+def _send_to_rerun(rerun: Any, stream: Any, run: Run, stride: int) -> None:
     tool, camera = run.tool, run.camera
     spheres = np.asarray(tool.spheres)
     vertices, triangles = tool.mesh
@@ -102,7 +126,7 @@ def to_rerun(run: Run, path: Optional[_PathLike] = None, *, stride: int = 4) -> 
                                       resolution=[camera.width, camera.height]), static=True)
     for moment in _moments(run, stride):
         stream.set_time("time", duration=moment.time)
-        stream.log("depth", rerun.DepthImage(moment.depth, meter=1 / camera.unit))
+        stream.log("depth", rerun.DepthImage(moment.depth, meter=1 / moment.unit))
         stream.log("world/cloud", rerun.Points3D(moment.points))
         X_WT = moment.X_WT
         stream.log("world/tool", rerun.Transform3D(translation=X_WT[:3], quaternion=X_WT[3:]))
@@ -129,8 +153,6 @@ def to_foxglove(run: Run, path: _PathLike, *, stride: int = 4) -> None:
         from foxglove import channels, messages
     except ImportError as error:
         raise _core.Error("palpate.sinks.to_foxglove needs Foxglove's package: pip install foxglove-sdk") from error
-    if os.path.exists(path):
-        raise _core.Error(f"{os.fspath(path)} is there already; remove it or give another name")
     context = foxglove.Context()
     sent = {name: getattr(channels, kind)(f"/{name}", context=context) for name, kind in (
         ("cloud", "PointCloudChannel"), ("tool", "SceneUpdateChannel"), ("wrench", "SceneUpdateChannel"),
@@ -147,7 +169,7 @@ def to_foxglove(run: Run, path: _PathLike, *, stride: int = 4) -> None:
         return messages.SceneUpdate(entities=[messages.SceneEntity(frame_id=frame, id=name, frame_locked=True,
                                                                    **primitives)])
 
-    with foxglove.open_mcap(os.fspath(path), context=context):
+    with _new_file(path) as file, foxglove.open_mcap(file, context=context):
         for moment in _moments(run, stride):
             now = int(1e9 * moment.time)
             x, y, z, qx, qy, qz, qw = moment.X_WT.tolist()

@@ -118,6 +118,41 @@ def test_parts_of_another_task_are_not_mixed(task, tmp_path):
         measured(task, output, volumes="spheres")
 
 
+def test_another_camera_is_another_task(task, tmp_path):
+    folder, camera, images, *_ = task
+    of = {"width": 160, "height": 120, "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "unit": 0.001}
+    output = tmp_path / "out.parquet"
+
+    def answer(**changed):
+        frames = many.Frames(images, palpate.Camera(**{**of, **changed}))
+        many.measure_file(folder / "cube.palp", folder / "poses.parquet", output, frames)
+
+    answer()
+    for name, value in (("unit", 0.0002), ("fx", camera.fx + 1e-9), ("cy", 60.0), ("pose", [0, 0, 1, 0, 0, 0, 1])):
+        with pytest.raises(palpate.Error, match="with other answers"):
+            answer(**{name: value})
+    answer()
+
+
+def test_what_is_refused_leaves_nothing(task, tmp_path):
+    folder, camera, images, X_WT, frame = task
+    columns = {**dict(zip(many.POSE, X_WT[:5].T)), "frame": frame[:5]}
+    for changed, words in (({"frame": frame[:5] + 0.5}, "no whole numbers"), ({"status": frame[:5]}, "one of the answers"),
+                           ({"tx": ["a"] * 5}, "holds no numbers"), ({"frame": None}, "column frame has to say")):
+        given = {name: value for name, value in {**columns, **changed}.items() if value is not None}
+        parquet.write_table(pyarrow.table(given), tmp_path / "poses.parquet")
+        with pytest.raises(ValueError, match=words):
+            many.measure_file(folder / "cube.palp", tmp_path / "poses.parquet", tmp_path / "out.parquet",
+                              many.Frames(images, camera))
+        assert os.listdir(tmp_path) == ["poses.parquet"]
+    parquet.write_table(pyarrow.table(columns), tmp_path / "poses.parquet")
+    for there in ("poses.parquet", "text"):
+        (tmp_path / "text").write_text("no table")
+        with pytest.raises(palpate.Error, match="is there already"):
+            many.measure_file(folder / "cube.palp", tmp_path / "poses.parquet", tmp_path / there,
+                              many.Frames(images, camera))
+
+
 def test_frames_in_many_forms(task, tmp_path):
     folder, camera, images, *_ = task
     counts = np.round(np.nan_to_num(images) * 1000).astype(np.uint16)

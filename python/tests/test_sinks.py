@@ -1,6 +1,7 @@
 """palpate.sinks: what they write is read back by the other makers' own readers."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -47,6 +48,27 @@ def test_rerun(run, cube, tmp_path):
     assert verified.returncode == 0, verified.stderr
 
 
+def test_frames_of_a_live_run_are_where_they_were_felt(cube, tmp_path):
+    """The camera has a clock of its own there: frames are to be found by contacts, which say what they felt."""
+    with palpate.touch(cube, "scene:hand", device="sim", duration=1.5, output=tmp_path / "run",
+                       max_sensor_age=30, max_contact_age=30) as live:
+        live.wait()
+    moments = list(sinks._moments(live, 16))
+    assert len(moments) > 5
+    contacts, records = live.contacts, live.frame_records
+    offset = np.median(live.ticks["device.time"] - live.ticks["time"])
+    for moment, number in zip(moments, records["number"]):
+        felt = np.flatnonzero(contacts["frame_number"] == number)
+        if len(felt) == 0:
+            continue
+        # Captured before it was felt, and at most as long before as its age then said.
+        first = contacts["time"][felt[0]]
+        age = first + offset - contacts["capture_time"][felt[0]]
+        assert moment.time == pytest.approx(max(0, first - age), abs=1e-6)
+        tick = np.searchsorted(live.times, moment.time + 1e-9, side="right") - 1
+        assert np.array_equal(moment.X_WT, live.poses[max(tick, 0)])
+
+
 def test_foxglove(run, cube, tmp_path):
     pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
     reader = pytest.importorskip("mcap.reader", reason="mcap is not installed")
@@ -59,7 +81,7 @@ def test_foxglove(run, cube, tmp_path):
         for schema, channel, message in read.iter_messages():
             decode = decoder.DecoderFactory().decoder_for(channel.message_encoding, schema) or json.loads
             topics.setdefault(channel.topic, []).append((message.log_time, decode(message.data)))
-    times = [int(1e9 * time) for time, _ in run.frames()]
+    times = [int(1e9 * time) for time, _ in run.frames()]  # on the clock of a path they are the same
     for topic in ("/cloud", "/tool", "/wrench", "/tf"):
         assert [when for when, _ in topics[topic]] == times, topic
 
@@ -85,5 +107,6 @@ def test_foxglove(run, cube, tmp_path):
     assert volumes == [None if np.isnan(volume) else volume for volume in run.volume.tolist()]
     with pytest.raises(palpate.Error, match="is there already"):
         sinks.to_foxglove(run, file)
+    assert os.listdir(tmp_path) == ["run.mcap"]
     with pytest.raises(ValueError, match="stride"):
         sinks.to_foxglove(run, tmp_path / "other.mcap", stride=0)

@@ -165,11 +165,20 @@ const RosCameraModel* find_camera(const Contents& contents, const std::string& t
   return contents.cameras.size() == 1 ? &contents.cameras.begin()->second : nullptr;
 }
 
-/// The unit that is told beside the images, or by a RealSense camera.
+/// Whether a unit is that of the images: it lies beside them, or is an option of their sensor.
+bool is_unit_of(std::string_view unit, const std::string& images) {
+  const std::string of_images = ros_image_topic(images);
+  if (ros_parent(unit) == ros_parent(of_images)) return true;
+  const std::size_t option = unit.find("/option/");
+  return option != std::string_view::npos && of_images.starts_with(unit.substr(0, option + 1));
+}
+
+/// The unit that is told of the images first, or the only one that there is.
 std::optional<double> find_unit(const Contents& contents, const std::string& topic) {
   for (const auto& [name, unit] : contents.units) {
-    if (ros_parent(name) == ros_parent(topic) || name.ends_with("/value")) return unit;
+    if (is_unit_of(name, topic)) return unit;
   }
+  if (contents.units.size() == 1) return contents.units.begin()->second;
   return std::nullopt;
 }
 
@@ -222,7 +231,12 @@ class BagSource final : public DepthSource {
       if (!message) return message.error();
       if (!*message) return false;
       const McapChannel& channel = reader_->channels().at((*message)->channel);
-      if (channel.topic != topic_) continue;
+      if (channel.topic != topic_) {
+        // It may change in mid-stream.
+        const auto unit = told_unit(channel, (*message)->data);
+        if (unit && is_unit_of(channel.topic, topic_)) unit_ = *unit;
+        continue;
+      }
       auto read = read_frame(channel.schema_name, **message, unit_);
       if (!read) {
         return Error{Errc::bad_input, info_.name + ": " + read.error().message};
@@ -258,7 +272,7 @@ class BagSource final : public DepthSource {
  private:
   const std::unique_ptr<BagReader> reader_;
   const std::string topic_;
-  const double unit_;
+  double unit_;
   const std::optional<double> said_;
   const DepthStreamInfo info_;
   const std::optional<CameraInTree> place_;

@@ -31,7 +31,7 @@ Result<Api> load() {
       dlopen(python.c_str(), RTLD_NOW | RTLD_GLOBAL);
     }
   }
-  auto library = SharedLibrary::open(candidates);
+  auto library = SharedLibrary::open(candidates, SharedLibrary::Symbols::their_own_first);
   if (!library) {
     return Error{Errc::unavailable,
                  "librealsense2 is not there: " + library.error().message +

@@ -13,10 +13,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Libraries bring others inside of them (LZ4, xxHash, Zstandard, ...), often of another version
-// than those of this program. Their own are to be found first. Sanitizers cannot have it so.
+// Sanitizers, of which GCC and Clang tell in different ways, cannot have it so.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(RTLD_DEEPBIND)
 constexpr int kTheirOwnFirst = 0;
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
+    __has_feature(memory_sanitizer)
+constexpr int kTheirOwnFirst = 0;
+#else
+constexpr int kTheirOwnFirst = RTLD_DEEPBIND;
+#endif
 #else
 constexpr int kTheirOwnFirst = RTLD_DEEPBIND;
 #endif
@@ -32,10 +38,12 @@ std::string complaint(const std::string& candidate, const char* loader_said) {
 
 }  // namespace
 
-Result<SharedLibrary> SharedLibrary::open(std::span<const std::string> candidates) {
+Result<SharedLibrary> SharedLibrary::open(std::span<const std::string> candidates,
+                                          Symbols symbols) {
   std::vector<std::string> complaints;
   for (const std::string& candidate : candidates) {
-    void* const handle = dlopen(candidate.c_str(), RTLD_NOW | RTLD_LOCAL | kTheirOwnFirst);
+    const int binding = symbols == Symbols::their_own_first ? kTheirOwnFirst : 0;
+    void* const handle = dlopen(candidate.c_str(), RTLD_NOW | RTLD_LOCAL | binding);
     if (handle != nullptr) return SharedLibrary(candidate, handle);
     complaints.push_back(complaint(candidate, dlerror()));
   }

@@ -14,9 +14,14 @@ namespace palpate {
 /// some fail when they are loaded a second time.
 class SharedLibrary {
  public:
+  /// Whose symbols a library takes where this program has some of the same name. Some bring others
+  /// inside of them (LZ4, xxHash, ...) of another version, and need their own.
+  enum class Symbols { of_the_program, their_own_first };
+
   /// The first of `candidates` (paths, or names for the loader's own search) that loads. Errors:
   /// none does; every one of them and what was wrong with it.
-  static Result<SharedLibrary> open(std::span<const std::string> candidates);
+  static Result<SharedLibrary> open(std::span<const std::string> candidates,
+                                    Symbols symbols = Symbols::of_the_program);
 
   /// What was asked for to get it.
   const std::string& path() const { return path_; }

@@ -134,10 +134,13 @@ class Ros1Bag final : public BagReader {
       mcap::Bytes record;
       chunk_ = record.text(header).text(data).str();
     } else {
+      if (value_of(header, "size").size() != 4) return damaged("a chunk does not tell its size");
       const auto size = number_of<std::uint32_t>(header, "size");
       const std::string_view packing = value_of(header, "compression");
       Status unpacked = Done{};
-      if (packing == "none") {
+      if (packing == "none" && data.size() != size) {
+        return damaged("a chunk is not as large as it tells");
+      } else if (packing == "none") {
         chunk_ = std::move(data);
       } else if (packing == "lz4") {
         unpacked = unpack_lz4(data, size, chunk_);

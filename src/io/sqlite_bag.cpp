@@ -23,8 +23,10 @@ struct Sqlite {
   const void* (*blob)(Query*, int column);
   int (*size)(Query*, int column);
   const char* (*message)(Database*);
+  int (*limit)(Database*, int which, int most);
 };
 constexpr int kOk = 0, kRow = 100, kDone = 101, kReadOnly = 1;
+constexpr int kLengthLimit = 0, kLargestRow = 256 << 20;  // bytes
 
 Result<Sqlite> load() {
   const std::string name = "libsqlite3.so.0";
@@ -43,6 +45,7 @@ Result<Sqlite> load() {
   library->require("sqlite3_column_blob", sqlite.blob);
   library->require("sqlite3_column_bytes", sqlite.size);
   library->require("sqlite3_errmsg", sqlite.message);
+  library->require("sqlite3_limit", sqlite.limit);
   if (library->missing().empty()) return sqlite;
   return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing())};
 }
@@ -58,12 +61,26 @@ class SqliteBag final : public BagReader {
 
   Status open() {
     if (sqlite_.open(path_.c_str(), &database_, kReadOnly, nullptr) != kOk) return failure();
+    // Of tables alone, whose rows lie in the file: views and columns that are computed can be of
+    // any size.
+    sqlite_.limit(database_, kLengthLimit, kLargestRow);
+    if (!ask("SELECT count(*) FROM sqlite_master WHERE name IN ('topics', 'messages') AND type = "
+             "'table' AND sql LIKE 'CREATE TABLE%' AND sql NOT LIKE '% AS %' AND sql NOT LIKE "
+             "'% AS(%'") ||
+        sqlite_.step(query_) != kRow || sqlite_.number(query_, 0) != 2) {
+      return Error{Errc::bad_input, path_.string() +
+                                        " is no bag of ROS 2: it has no tables 'topics' and "
+                                        "'messages'; give one that ros2 bag wrote"};
+    }
     if (!ask("SELECT id, name, type, serialization_format FROM topics")) return failure();
     int told = 0;
     while ((told = sqlite_.step(query_)) == kRow) {
       const std::int64_t id = sqlite_.number(query_, 0);
       const std::string type = text(2), format = text(3);
-      if (id < 0 || id > 65535) return failure();
+      if (id < 0 || id > 65535) {
+        return Error{Errc::bad_input, path_.string() + " numbers a topic " + std::to_string(id) +
+                                          ", and at most 65535 is read; write it anew"};
+      }
       channels_[static_cast<std::uint16_t>(id)] = {text(1), format == "cdr" ? type : "", ""};
     }
     if (told != kDone) return failure();

@@ -10,6 +10,8 @@ namespace palpate {
 namespace {
 
 constexpr std::uint64_t kLargest = std::uint64_t{1} << 30, kFirstStep = std::uint64_t{1} << 22;
+/// Depth images are packed to a tenth, and what is all zeros is small.
+constexpr std::uint64_t kMostRatio = 1000, kSmall = std::uint64_t{64} << 20;
 
 Result<SharedLibrary> library(const std::string& name, const char* package) {
   auto found = SharedLibrary::open({&name, 1});
@@ -19,10 +21,15 @@ Result<SharedLibrary> library(const std::string& name, const char* package) {
 
 /// `step(place, room)` puts up to `room` bytes there and returns how many, 0 at the end or damage.
 template <class Step>
-Status fill(std::uint64_t size, std::string& to, const Step& step) {
+Status fill(std::string_view packed, std::uint64_t size, std::string& to, const Step& step) {
   std::uint64_t filled = 0;
   to.clear();
-  while (filled < size && size <= kLargest) {
+  if (size > kLargest || size > kSmall + kMostRatio * packed.size()) {
+    return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed.size()) +
+                                      " bytes would be " + std::to_string(size) +
+                                      " bytes, more than is believed"};
+  }
+  while (filled < size) {
     to.resize(static_cast<std::size_t>(std::min(size, std::max(kFirstStep, 2 * filled))));
     while (filled < to.size()) {
       const std::size_t got = step(to.data() + filled, to.size() - filled);
@@ -30,8 +37,9 @@ Status fill(std::uint64_t size, std::string& to, const Step& step) {
       filled += got;
     }
   }
-  if (filled == size) return Done{};
-  return Error{Errc::bad_input, "a compressed chunk would be larger than 1 GiB"};
+  char more = 0;
+  if (step(&more, 1) == 0) return Done{};
+  return Error{Errc::bad_input, "a compressed chunk holds more than it tells"};
 }
 
 // lz4frame.h
@@ -94,7 +102,7 @@ Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to) 
   Lz4::Context* raw = nullptr;
   if (lz4->is_error(lz4->create(&raw, kLz4Version)) != 0) throw std::bad_alloc();
   const std::unique_ptr<Lz4::Context, std::size_t (*)(Lz4::Context*)> context(raw, lz4->free);
-  return fill(size, to, [&](char* place, std::size_t room) -> std::size_t {
+  return fill(packed, size, to, [&](char* place, std::size_t room) -> std::size_t {
     // It may take bytes and give none yet.
     for (;;) {
       std::size_t got = room, taken = packed.size();
@@ -117,7 +125,7 @@ Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to
   if (bzip2->begin(&stream, 0, 0) != kBzip2Ok) throw std::bad_alloc();
   const std::unique_ptr<Bzip2Stream, int (*)(Bzip2Stream*)> ending(&stream, bzip2->end);
   bool is_over = false;
-  return fill(size, to, [&](char* place, std::size_t room) -> std::size_t {
+  return fill(packed, size, to, [&](char* place, std::size_t room) -> std::size_t {
     stream.next_out = place;
     stream.avail_out = static_cast<unsigned>(room);
     while (!is_over && stream.avail_out == room) {

@@ -159,6 +159,12 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
     auto moment = moment_json(tool, log);
     if (moment) {
       json["moment"] = *std::move(moment);
+      if (log.setup.settings.time.memory.kind != DepthMemory::off) {
+        json["moment_trouble"] =
+            "The picture is made of the depth image of that moment alone: what the camera "
+            "remembered "
+            "behind it is missing, so spheres there are shown as inside.";
+      }
     } else {
       json["moment_trouble"] = moment.error().message;
     }

@@ -141,8 +141,9 @@ Status RunRecorder::begin(const HandMoment* moment) {
     while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
     start.number = num_parts_;
     start.revision = setups_.front().revision;
-    start.has_surfaces = has_whole_lead(setups_.back().settings.time) &&
-                         !has_moving_objects(setups_.back().settings);
+    start.has_surfaces = std::all_of(setups_.begin(), setups_.end(), [](const RunSetup& setup) {
+      return has_whole_lead(setup.settings.time) && !has_moving_objects(setup.settings);
+    });
     for (const auto& [frames, next_points, X_WC] : cameras_) {
       start.periods.push_back(frames.empty() ? 0 : frames.front().record.period);
     }

@@ -353,6 +353,15 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   if (!tool) return tool.error();
   RunSettings settings = ticks->setup().settings;
   if (const Status status = change(settings); !status) return status.error();
+  const bool remembers = settings.time.memory.kind != DepthMemory::off;
+  if (ticks->start() && (remembers || has_moving_objects(settings))) {
+    return Error{
+        Errc::bad_input,
+        folder.string() + " does not begin where its run did: " +
+            (remembers ? "what its camera remembered then is not kept; leave the memory out"
+                       : "where its objects had moved to is not kept; leave them out") +
+            " to feel it anew"};
+  }
   RunOptions run = options;
   run.probe = ticks->setup().probe;
   run.time_origin = ticks->setup().time_origin;

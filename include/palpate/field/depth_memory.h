@@ -19,8 +19,9 @@ inline constexpr double kForEver = 1e6;
 
 struct MemoryOptions {
   DepthMemory kind = DepthMemory::off;
-  /// What has been hidden for longer is forgotten, s: then all behind what hides it is solid.
-  double horizon = 30;
+  /// What has been hidden for longer is forgotten, s: then all behind what hides it is solid, from
+  /// one frame to the next, also where a tool is.
+  double horizon = kForEver;
   double thickness = 0.06;  ///< of what comes before what is remembered, m
   /// Share of the depth: what is nearer than what is remembered by more comes before it, and what
   /// is farther by more contradicts it. Wider than the camera's noise.

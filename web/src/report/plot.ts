@@ -230,10 +230,11 @@ class ZoomedPlot {
       ctx.strokeStyle = ctx.fillStyle = ink(colour);
       ctx.lineWidth = (width ?? 1.6) * size;
       ctx.setLineDash((dash ?? []).map((d) => d * size));
-      const at = (i: number): [number, number] | null => {
-        const place: [number, number] = [chart.valToPos(x[i], 'x', true), chart.valToPos(y[i], 'y', true)];
-        return place.every(Number.isFinite) ? place : null;
-      };
+      // uPlot has a place on logarithmic axes for what has none.
+      const has = (value: number, isLogarithmic?: boolean) => Number.isFinite(value) && (!isLogarithmic || value > 0);
+      const at = (i: number): [number, number] | null =>
+        has(x[i], this.spec.xLogarithmic) && has(y[i], this.spec.yLogarithmic) ?
+          [chart.valToPos(x[i], 'x', true), chart.valToPos(y[i], 'y', true)] : null;
       ctx.beginPath();
       for (let i = 0, isDown = false; i < x.length; ++i) {
         const place = at(i);
