@@ -167,7 +167,7 @@ const RosCameraModel* find_camera(const Contents& contents, const std::string& t
 
 /// Whether a unit is that of the images: it lies beside them, or is an option of their sensor.
 bool is_unit_of(std::string_view unit, const std::string& images) {
-  const std::string of_images = ros_image_topic(images);
+  const std::string_view of_images = ros_image_topic(images);
   if (ros_parent(unit) == ros_parent(of_images)) return true;
   const std::size_t option = unit.find("/option/");
   return option != std::string_view::npos && of_images.starts_with(unit.substr(0, option + 1));

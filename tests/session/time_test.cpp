@@ -123,11 +123,12 @@ TEST(RunBetweenFrames, AMemoryIsOneOfASingleCamera) {
   SyntheticStream stream(2);
   RunSettings settings = settings_with(TimeMode::interpolate);
   settings.time.memory.kind = DepthMemory::on;
+  const Tool tool = test::small_tool();
   const std::vector<DepthStreamInfo> streams(2, stream.info());
-  const auto made = Pipeline::create(test::small_tool(), streams, DeviceInfo{}, settings);
+  const auto made = Pipeline::create(tool, streams, DeviceInfo{}, settings);
   ASSERT_FALSE(made);
   EXPECT_NE(made.error().message.find("a single camera"), std::string::npos);
-  EXPECT_TRUE(Pipeline::create(test::small_tool(), stream.info(), DeviceInfo{}, settings));
+  EXPECT_TRUE(Pipeline::create(tool, stream.info(), DeviceInfo{}, settings));
 }
 
 TEST(RunBetweenFrames, TicksAndFramesDoNotAllocate) {
