@@ -234,7 +234,7 @@ class BagSource final : public DepthSource {
       if (channel.topic != topic_) {
         // It may change in mid-stream.
         const auto unit = told_unit(channel, (*message)->data);
-        if (unit && is_unit_of(channel.topic, topic_)) unit_ = *unit;
+        if (said_ && unit && is_unit_of(channel.topic, topic_)) said_ = unit;
         continue;
       }
       auto read = read_frame(channel.schema_name, **message, unit_);
@@ -272,8 +272,8 @@ class BagSource final : public DepthSource {
  private:
   const std::unique_ptr<BagReader> reader_;
   const std::string topic_;
-  double unit_;
-  const std::optional<double> said_;
+  const double unit_;
+  std::optional<double> said_;
   const DepthStreamInfo info_;
   const std::optional<CameraInTree> place_;
   double last_ = 0;

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import unittest
 
-from camera_case import HEIGHT, WIDTH, CameraCase, palpate, wall
+from camera_case import HEIGHT, WIDTH, CameraCase, header, palpate, wall
 from cli_test import write_depth_png
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -248,8 +248,9 @@ class Bags(CameraCase):
         refused("before 2010", b"#ROSBAG V1.1\n" + whole[13:])
         refused("compressed by 'zip'", whole.replace(b"compression=lz4", b"compression=zip", 1))
         huge = whole.find(b"size=", whole.find(b"compression=lz4") - 30)
-        for size in (b"\xff\xff\xff\xff", b"\xff\xff\xff\x3f"):
+        for size in (b"\xff\xff\xff\xff", b"\xff\xff\xff\x3f", b"\x00\x10\x00\x00"):
             refused("a compressed chunk", whole[:huge + 5] + size + whole[huge + 9:])
+        refused("does not tell its size", whole[:huge] + b"sice=" + whole[huge + 5:])
         middle = whole.find(b"compression=lz4") + 600
         refused("is damaged at byte", whole[:middle] + bytes(400) + whole[middle + 400:])
         # A bag that is cut off holds what it holds.
@@ -257,6 +258,42 @@ class Bags(CameraCase):
         done = self.check(palpate("record", "--camera", f"bag:{broken}", "-o", never))
         self.assertIn(b"was cut off", done.stderr)
         never.unlink()
+
+    def test_a_unit_that_changes_is_followed(self):
+        import rosbags.highlevel
+        raw, once, twice = (self.folder / name for name in ("changing.raw", "once.mcap", "twice.mcap"))
+        raw.write_bytes(b"".join(header(5 + k / 30, 0.001 if k < 10 else 0.0005) + wall(k) for k in range(20)))
+        for camera, copy in ((f"pipe:{raw}?intrinsics=200,200,79.5,59.5", once), (f"bag:{once}", twice)):
+            self.check(palpate("record", "--camera", camera, "-o", copy))
+            told = []
+            with rosbags.highlevel.AnyReader([copy]) as reader:
+                for connection, _, data in reader.messages():
+                    if connection.topic.endswith("/unit"):
+                        told.append(reader.deserialize(data, connection.msgtype))
+                    elif connection.topic.endswith("image_rect_raw"):
+                        told.append("image")
+            units = [next(value for value in vars(each).values() if isinstance(value, float)) for each in told
+                     if each != "image"]
+            self.assertEqual(units, [0.001, 0.0005], copy)
+            self.assertEqual([each == "image" for each in told].index(False, 2), 11, copy)
+
+    def test_databases_whose_rows_are_computed_are_refused(self):
+        import sqlite3
+        topics = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)"
+        columns = "topic_id INTEGER, timestamp INTEGER, data BLOB"
+        for number, (statement, words) in enumerate((
+                ("CREATE VIEW messages AS SELECT 1 AS id, 1 AS topic_id, 1 AS timestamp, "
+                 "zeroblob(1000000000) AS data", "no bag of ROS 2"),
+                (f"CREATE TABLE messages(id INTEGER PRIMARY KEY, {columns}, "
+                 "more BLOB AS (zeroblob(1000000000)))", "no bag of ROS 2"),
+                ("CREATE TABLE other(id INTEGER PRIMARY KEY)", "no bag of ROS 2"),
+                (f"CREATE TABLE messages(id INTEGER PRIMARY KEY, {columns})", "numbers a topic 70000"))):
+            path = self.folder / f"computed{number}.db3"
+            with sqlite3.connect(path) as database:
+                database.execute(topics)
+                database.execute("INSERT INTO topics VALUES (70000, '/d', 'sensor_msgs/msg/Image', 'cdr')")
+                database.execute(statement)
+            self.refused(words, "record", "--camera", f"bag:{path}", "-o", self.folder / "never.mcap")
 
     def test_recordings_compressed_by_lz4(self):
         try:
