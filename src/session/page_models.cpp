@@ -99,8 +99,7 @@ void add_states(Json& json, std::span<const SphereState> states,
 
 Json solid_json(const Tool& tool, std::span<const Sphere> spheres) {
   const Bounds box = bounds(tool.mesh());
-  return {{"num_spheres", spheres.size()},
-          {"low_m", list(box.low)},
+  return {{"low_m", list(box.low)},
           {"high_m", list(box.high)},
           {"centre_of_mass_m", list(tool.sphere_mass().centre_of_mass)},
           {"radius_m", compact(reach(tool, spheres))},

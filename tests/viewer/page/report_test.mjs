@@ -176,6 +176,8 @@ for (const name of ['path/report.html', 'hand/report.html', 'packing.html', ...(
   pageTest(`${name}: on a phone, in the dark and on paper`, async () => {
     await make();
     const phone = await openReport([name], { width: 390, height: 844 });
+    const text = await phone.locator('main').innerText();
+    assert.ok(!/NaN|undefined|null/.test(text), text.match(/.*(NaN|undefined|null).*/)?.[0]);
     const widths = await phone.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
     assert.ok(widths[0] <= widths[1], `${widths[0]} of ${widths[1]} pixels`);
     const ground = (page) => page.evaluate(() => getComputedStyle(document.body).backgroundColor);

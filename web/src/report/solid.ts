@@ -8,7 +8,6 @@ import { key } from './parts';
 import { hello, picture } from './picture';
 
 export interface Solid {
-  num_spheres: number;
   low_m: number[]; high_m: number[]; // of the mesh's box
   centre_of_mass_m: number[];
   radius_m: number; // about the centre of mass
