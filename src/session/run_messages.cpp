@@ -308,9 +308,10 @@ Result<RunSetup> setup_of(const SettingsText& text) {
     return Error{Errc::bad_input, "the recording is not that of a run; give another one"};
   }
   if (json.at("version") != kRunVersion) {
-    return Error{Errc::bad_input, "the recording has format version " + json.at("version").dump() +
-                                      ", this program reads " + std::to_string(kRunVersion) +
-                                      "; use the version that wrote it"};
+    return Error{Errc::unavailable, "the recording has format version " +
+                                        json.at("version").dump() + ", this program reads " +
+                                        std::to_string(kRunVersion) +
+                                        "; use the version that wrote it"};
   }
   RunSetup setup;
   const Status settings = read_json(settings_of(setup.settings), json.at("settings"));

@@ -281,7 +281,11 @@ void compare(const TickRecord& before, const TickRecord& after, ForceComparison&
 
 }  // namespace
 
-bool is_run(const fs::path& folder) { return RunReader::open(folder).has_value(); }
+bool is_run(const fs::path& folder) {
+  const auto reader = RunReader::open(folder);
+  // One of another version is a run, too.
+  return reader || reader.error().code == Errc::unavailable;
+}
 
 Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& options) {
   auto reader = RunReader::open(folder);

@@ -115,7 +115,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
                               const RunSettings& settings, const std::filesystem::path& folder,
                               const RunOptions& options = {});
 
-/// Is this the folder of a run?
+/// Is this the folder of a run, be it one of another version?
 bool is_run(const std::filesystem::path& folder);
 
 /// How a repetition compares with the run.
