@@ -215,15 +215,11 @@ def _rows(file: Any, begin: int, end: int) -> Iterator[Any]:
         yield pyarrow.concat_tables(waiting)
 
 
-def _checksum(*parts: Union[bytes, Path, NDArray[Any]]) -> str:
+def _checksum(path: Path) -> str:
     digest = hashlib.sha256()
-    for part in parts:
-        if isinstance(part, Path):
-            with open(part, "rb") as file:
-                while block := file.read(1 << 20):
-                    digest.update(block)
-        else:
-            digest.update(np.ascontiguousarray(part).tobytes() if isinstance(part, np.ndarray) else part)
+    with open(path, "rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
     return digest.hexdigest()
 
 

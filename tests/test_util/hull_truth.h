@@ -73,6 +73,13 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
   return seen && !has_moved ? before_eye(now, view.to.X_WC) : now;
 }
 
+/// Of a sphere that is so deep.
+inline SphereState state_at(double phi, double radius) {
+  return phi >= radius   ? SphereState::outside
+         : phi > -radius ? SphereState::boundary
+                         : SphereState::inside;
+}
+
 /// And all of them together. `seen_phi`: what they have seen to be free.
 inline HullSample hull_at(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius,
                           double* seen_phi = nullptr) {

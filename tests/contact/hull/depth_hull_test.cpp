@@ -389,9 +389,7 @@ TEST(DepthHull, DescribesItsSpheres) {
       const Vec3d c_T = to_double(tool.spheres()[s].centre);
       const test::HullSample at = test::hull_at(scene.views, X_WT * c_T, r);
       if (std::abs(std::abs(at.phi) - r) < 1e-5) continue;
-      EXPECT_EQ(states[s], at.phi >= r   ? SphereState::outside
-                           : at.phi > -r ? SphereState::boundary
-                                         : SphereState::inside);
+      EXPECT_EQ(states[s], test::state_at(at.phi, r));
       if (at.phi >= r || norm(at.gradient) < 0.1) continue;
       const Vec3d n_T = to_double(planes[s].normal);
       EXPECT_NEAR(norm(rotate(X_WT.rotation, n_T) - normalized(at.gradient)), 0, 1e-2);

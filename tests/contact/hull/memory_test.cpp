@@ -285,9 +285,7 @@ TEST(Memory, DescribesItsSpheres) {
       const Vec3d c_T = to_double(tool.spheres()[s].centre);
       const test::HullSample at = test::hull_at(scene.views, X_WT * c_T, r);
       if (std::abs(std::abs(at.phi) - r) < 1e-5) continue;
-      EXPECT_EQ(states[s], at.phi >= r   ? SphereState::outside
-                           : at.phi > -r ? SphereState::boundary
-                                         : SphereState::inside);
+      EXPECT_EQ(states[s], test::state_at(at.phi, r));
       num_cut += states[s] == SphereState::boundary;
     }
   }

@@ -198,10 +198,7 @@ class ZoomedPlot {
         }),
       ],
       hooks: {
-        draw: [(chart) => {
-          this.drawCurves(chart);
-          this.drawSigns(chart);
-        }],
+        draw: [(chart) => this.drawInside(chart)],
         setSelect: [(chart) => {
           const { left, width } = chart.select;
           if (width < 6) return;
@@ -219,13 +216,21 @@ class ZoomedPlot {
     };
   }
 
-  private drawCurves(chart: uPlot): void {
+  /// Over the axes and inside of them.
+  private drawInside(chart: uPlot): void {
     const { ctx, bbox } = chart;
-    const size = devicePixelRatio;
     ctx.save();
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
+    this.drawCurves(chart);
+    this.drawSigns(chart);
+    ctx.restore();
+  }
+
+  private drawCurves(chart: uPlot): void {
+    const { ctx } = chart;
+    const size = devicePixelRatio;
     for (const { x, y, colour, width, dash, hasDots } of this.spec.curves ?? []) {
       ctx.strokeStyle = ctx.fillStyle = ink(colour);
       ctx.lineWidth = (width ?? 1.6) * size;
@@ -250,7 +255,6 @@ class ZoomedPlot {
         ctx.fill();
       }
     }
-    ctx.restore();
   }
 
   /// Strokes, limit and markers.
@@ -258,10 +262,6 @@ class ZoomedPlot {
     const { spec } = this;
     const { ctx, bbox } = chart;
     const size = devicePixelRatio;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
     ctx.font = `${11 * size}px system-ui, sans-serif`;
     const line = (colour: string, dash: number[], x1: number, y1: number, x2: number, y2: number) => {
       ctx.strokeStyle = ink(colour);
@@ -292,7 +292,6 @@ class ZoomedPlot {
       ctx.textAlign = 'right';
       ctx.fillText(spec.limit.words, bbox.left + bbox.width - 6 * size, y - 4 * size);
     }
-    ctx.restore();
   }
 }
 
