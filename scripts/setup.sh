@@ -131,14 +131,15 @@ sys.exit(None in map(find_spec, ('pyrealsense2', 'k4a_module', 'pyorbbecsdk')))"
   fi
 }
 
-# coal, a collision library with octrees: one of the peers.
+# Collision libraries, and Warp's queries of meshes: peers, where the wheel of make wheel may be installed beside them.
+peer_packages=(coal mujoco numpy warp-lang)
 install_peer_packages() {
   case "$groups" in *" peers "*) ;; *) return 0 ;; esac
   local python=build/python-peers/bin/python
-  if "$python" -c "import coal, numpy" 2>/dev/null; then return 0; fi
-  echo "setup: installing coal and numpy into build/python-peers"
-  if ! { python3 -m venv --clear build/python-peers && "$python" -m pip install -q coal numpy; }; then
-    echo "setup: could not install coal: see the message above. It is left out of the peers." >&2
+  if "$python" -c "import coal, mujoco, numpy, warp" 2>/dev/null; then return 0; fi
+  echo "setup: installing ${peer_packages[*]} into build/python-peers"
+  if ! { python3 -m venv --clear build/python-peers && "$python" -m pip install -q "${peer_packages[@]}"; }; then
+    echo "setup: could not install ${peer_packages[*]}: see the message above. They are left out of the peers." >&2
   fi
 }
 
