@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "apps/options.h"
-#include "palpate/io/mesh_file.h"
-#include "palpate/mesh/cap_mesh.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::apps {
 namespace {

@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate::apps {
 

@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "apps/objects.h"
-#include "palpate/cameras/open_camera.h"
-#include "palpate/io/depth_files.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/io/files.h"
+#include "palpate/io/formats.h"
 #include "src/core/internal/stamp.h"
 #include "src/field/internal/pinhole_cloud.h"
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "apps/options.h"
-#include "palpate/cameras/camera_uri.h"
-#include "palpate/field/surface_timeline.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/field/sensor.h"
 
 namespace palpate::apps {
 

@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate::apps {
 

@@ -8,8 +8,7 @@
 #include <utility>
 
 #include "apps/options.h"
-#include "palpate/io/tool_file.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 
 namespace palpate::apps {
 namespace {

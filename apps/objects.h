@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/run/settings.h"
+#include "palpate/run/run_loop.h"
 
 namespace palpate::apps {
 

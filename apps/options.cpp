@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 
 namespace palpate::apps {
 namespace {

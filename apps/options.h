@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/run/settings.h"
+#include "palpate/run/run_loop.h"
 
 namespace palpate::apps {
 

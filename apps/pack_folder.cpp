@@ -18,7 +18,7 @@
 #include "apps/options.h"
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 #include "palpate/version.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/checksum.h"

@@ -9,8 +9,8 @@
 
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
-#include "palpate/io/mesh_file.h"
-#include "palpate/mesh/mesh_check.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "palpate/core/names.h"
-#include "palpate/core/result.h"
-#include "palpate/mesh/triangle_mesh.h"
-#include "palpate/packing/packer.h"
+#include "palpate/core/core.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
+#include "palpate/settings/setting_table.h"
 #include "palpate/tool/tool.h"
 #include "src/session/internal/packing_report.h"
 

@@ -7,7 +7,7 @@
 #include <ostream>
 #include <string>
 
-#include "palpate/viewer/view_server.h"
+#include "palpate/viewer/viewer.h"
 
 namespace palpate::apps {
 

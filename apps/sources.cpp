@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 #include "scenes/scene.h"
 
 namespace palpate::apps {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "apps/options.h"
-#include "palpate/cameras/camera_uri.h"
+#include "palpate/cameras/cameras.h"
 
 namespace palpate::apps {
 

@@ -12,10 +12,10 @@
 #include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/ros_output.h"
-#include "palpate/cameras/camera_uri.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/io/files.h"
 #include "palpate/session/run.h"
-#include "palpate/viewer/view_server.h"
+#include "palpate/viewer/viewer.h"
 #include "src/session/internal/probing_path.h"
 
 namespace palpate::apps {

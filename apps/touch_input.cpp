@@ -7,8 +7,7 @@
 #include "apps/held_frames.h"
 #include "apps/touch.h"
 #include "apps/what_is_there.h"
-#include "palpate/cameras/open_camera.h"
-#include "palpate/cameras/rig_file.h"
+#include "palpate/cameras/cameras.h"
 #include "scenes/scene.h"
 
 namespace palpate::apps {

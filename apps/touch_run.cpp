@@ -14,11 +14,9 @@
 #include "apps/page.h"
 #include "apps/terminal.h"
 #include "apps/touch.h"
-#include "palpate/devices/open_device.h"
-#include "palpate/devices/page_device.h"
-#include "palpate/devices/simulated_device.h"
+#include "palpate/devices/devices.h"
 #include "palpate/session/run.h"
-#include "palpate/viewer/views.h"
+#include "palpate/viewer/viewer.h"
 #include "src/run/internal/path_device.h"
 #include "src/run/internal/read_ahead.h"
 

@@ -11,9 +11,8 @@
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/cameras/open_camera.h"
-#include "palpate/cameras/rig_file.h"
-#include "palpate/cloud/align_views.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/cloud/point_cloud.h"
 #include "palpate/cloud/surface_estimator.h"
 #include "src/io/internal/atomic_file.h"
 

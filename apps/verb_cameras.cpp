@@ -14,7 +14,7 @@
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/cameras.h"
 #include "palpate/version.h"
 
 namespace palpate::apps {

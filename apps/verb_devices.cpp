@@ -7,7 +7,7 @@
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/devices/open_device.h"
+#include "palpate/devices/devices.h"
 
 namespace palpate::apps {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "apps/options.h"
 #include "apps/verbs.h"
-#include "palpate/io/mesh_file.h"
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
+#include "palpate/io/formats.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {

@@ -7,7 +7,7 @@
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/packing_report.h"
 

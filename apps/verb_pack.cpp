@@ -14,7 +14,7 @@
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 
 namespace palpate::apps {
 namespace {

@@ -14,8 +14,8 @@
 #include "apps/options.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/contact/body_world.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/contact/body_contact.h"
+#include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
 
 namespace palpate::apps {

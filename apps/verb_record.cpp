@@ -12,8 +12,8 @@
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
-#include "palpate/cameras/open_camera.h"
-#include "palpate/field/surface_timeline.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/field/sensor.h"
 #include "src/session/internal/record_stream.h"
 
 namespace palpate::apps {

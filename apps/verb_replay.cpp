@@ -10,7 +10,6 @@
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
 #include "palpate/session/run.h"
-#include "palpate/session/settings_file.h"
 #include "src/session/internal/run_folder.h"
 
 namespace palpate::apps {

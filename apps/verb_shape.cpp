@@ -6,8 +6,8 @@
 
 #include "apps/options.h"
 #include "apps/verbs.h"
-#include "palpate/io/mesh_file.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::apps {
 namespace {

@@ -11,7 +11,6 @@
 #include "apps/touch.h"
 #include "apps/verbs.h"
 #include "palpate/session/run.h"
-#include "palpate/session/settings_file.h"
 #include "src/session/internal/run_folder.h"
 
 namespace palpate::apps {

@@ -11,8 +11,8 @@
 #include "apps/page.h"
 #include "apps/terminal.h"
 #include "apps/verbs.h"
-#include "palpate/io/tool_file.h"
-#include "palpate/viewer/views.h"
+#include "palpate/io/files.h"
+#include "palpate/viewer/viewer.h"
 
 extern char** environ;
 

@@ -4,7 +4,7 @@
 
 #include <functional>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace CLI {
 class App;

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "palpate/cameras/open_camera.h"
-#include "palpate/devices/open_device.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/devices/devices.h"
 
 namespace palpate::apps {
 namespace {

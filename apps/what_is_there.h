@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "palpate/cameras/camera_uri.h"
-#include "palpate/core/result.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/core/core.h"
 
 namespace palpate::apps {
 

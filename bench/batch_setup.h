@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bench/contact_setup.h"
-#include "palpate/contact/contact_batch.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate::bench {
 

@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "palpate/contact/contact.h"
-#include "palpate/io/depth_files.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "scenes/scene.h"
 
 namespace palpate::bench {

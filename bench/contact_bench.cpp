@@ -1,5 +1,5 @@
 // Contact queries: time of one call, by method, number of spheres and depth.
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 #include "bench/contact_setup.h"
 #include "bench/latency.h"

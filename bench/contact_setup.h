@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "palpate/tool/tool.h"
 #include "tests/test_util/random.h"
 

@@ -4,7 +4,7 @@
 
 #include "bench/contact_setup.h"
 #include "bench/latency.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate::bench {
 namespace {

@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "palpate/devices/simulated_device.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/devices/devices.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/internal/pipeline.h"
 #include "tests/test_util/random.h"

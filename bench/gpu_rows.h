@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate::bench {
 

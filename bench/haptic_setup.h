@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "palpate/tool/tool.h"
 #include "scenes/scene.h"
 

@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "bench/haptic_setup.h"
-#include "palpate/devices/simulated_device.h"
+#include "palpate/devices/devices.h"
 #include "palpate/run/run_loop.h"
 #include "src/core/monotonic_clock.h"
 #include "src/devices/periodic_thread.h"

@@ -7,9 +7,8 @@
 #include <cstdlib>
 #include <string>
 
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
-#include "palpate/packing/represented_volumes.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "tests/test_util/off_mesh.h"
 
 namespace palpate {

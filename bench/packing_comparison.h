@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bench/stopwatch.h"
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate::bench {
 

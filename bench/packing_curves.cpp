@@ -11,11 +11,9 @@
 #include "bench/packing_comparison.h"
 #include "bench/packing_peers.h"
 #include "bench/run_facts.h"
-#include "palpate/io/mesh_file.h"
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/mesh_check.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 
 namespace palpate::bench {
 namespace {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "bench/stopwatch.h"
-#include "palpate/math/sphere.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::bench {
 

@@ -10,8 +10,7 @@
 #include <vector>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/math/pose.h"
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::bench {
 

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/contact/tool_index.h"
-#include "palpate/core/latency_histogram.h"
+#include "palpate/contact/contact.h"
+#include "palpate/core/core.h"
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/real_time.h"
 #include "src/session/run_reader.h"

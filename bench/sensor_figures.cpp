@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/core/names.h"
 #include "palpate/field/depth_field.h"
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
+#include "palpate/settings/setting_table.h"
 #include "src/cameras/rectifier.h"
 
 namespace palpate {

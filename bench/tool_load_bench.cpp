@@ -6,7 +6,7 @@
 #include <string>
 
 #include "bench/contact_setup.h"
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 
 namespace palpate::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/math/vec3.h"
+#include "palpate/math/geometry.h"
 #include "tests/test_util/random.h"
 
 namespace palpate::bench {

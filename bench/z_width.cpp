@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "bench/haptic_setup.h"
-#include "palpate/devices/simulated_device.h"
+#include "palpate/devices/devices.h"
 #include "scenes/environment.h"
 #include "src/run/internal/pipeline.h"
 

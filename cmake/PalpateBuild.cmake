@@ -100,6 +100,25 @@ function(palpate_module name)
   endforeach()
 endfunction()
 
+# palpate_precompile(TARGET headers ...): what most files of a target include, compiled once: it saves half
+# to two thirds of the time that they take. Palpate's own headers are named as in an include line.
+function(palpate_precompile target)
+  set(headers "")
+  foreach(header IN LISTS ARGN)
+    if(header MATCHES "^palpate/")
+      set(header "${PROJECT_SOURCE_DIR}/include/${header}")
+    elseif(header MATCHES "/.*[.]h$" AND NOT header MATCHES "^<")
+      set(header "${PROJECT_SOURCE_DIR}/${header}")
+    endif()
+    list(APPEND headers "${header}")
+  endforeach()
+  target_precompile_headers(${target} PRIVATE ${headers})
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+    # It warns about strings where nothing is wrong once their header is precompiled.
+    target_compile_options(${target} PRIVATE -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
+  endif()
+endfunction()
+
 # palpate_kernel(MODULE file.cpp) compiles one kernel text once per vector instruction set. The file
 # uses the macro PALPATE_ISA_NAMESPACE for its namespace and PALPATE_LANES for the vector width. Such
 # objects must hold no weak symbols: the linker could pick a copy of an inline function with wide

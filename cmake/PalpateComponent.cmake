@@ -118,7 +118,7 @@ function(palpate_install_config)
   if(NOT PALPATE_INSTALL)
     return()
   endif()
-  set(elsewhere cameras devices session viewer io/depth_files.h io/mesh_file.h)
+  set(elsewhere cameras devices session viewer io/formats.h)
   list(TRANSFORM elsewhere REPLACE "(.+)" "REGEX;palpate/\\1$;EXCLUDE" OUTPUT_VARIABLE excluded)
   install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/palpate" DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
           ${palpate_install_dev} ${excluded})

@@ -9,10 +9,9 @@
 #include <tuple>
 #include <utility>
 
-#include "palpate/io/depth_files.h"
-#include "palpate/io/mesh_file.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 
 namespace palpate::eval {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "palpate/tool/tool.h"
 #include "scenes/scene.h"
 
@@ -61,7 +61,7 @@ class Context {
     return settings_.quick ? quick : full;
   }
 
-  /// Packed once for all figures, and prefixes of it: `shape` of mesh/shapes.h or the path of a
+  /// Packed once for all figures, and prefixes of it: `shape` of mesh/mesh.h or the path of a
   /// mesh, absolute or in the folder of data; its longest side becomes `size` metres. The leaf
   /// graph is that of `palpate pack`.
   Result<std::shared_ptr<const Tool>> tool(const std::string& shape, double size, int num_spheres);

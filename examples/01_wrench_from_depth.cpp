@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "palpate/palpate.h"
 
 using namespace palpate;

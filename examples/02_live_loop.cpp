@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <thread>
 
-#include "palpate/devices/simulated_device.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/devices/devices.h"
+#include "palpate/mesh/mesh.h"
 #include "palpate/run/run_loop.h"
 
 using namespace palpate;

@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "palpate/palpate.h"
 
 using namespace palpate;

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <thread>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "palpate/run/run_loop.h"
 
 using namespace palpate;

@@ -1,6 +1,6 @@
 #include "scenes/body_shapes.h"
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::scenes {
 

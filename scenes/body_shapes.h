@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "palpate/math/vec3.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::scenes {
 

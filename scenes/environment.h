@@ -3,9 +3,7 @@
 
 #include <array>
 
-#include "palpate/math/pose.h"
-#include "palpate/math/sphere.h"
-#include "palpate/math/vec3.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::scenes {
 

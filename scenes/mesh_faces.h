@@ -5,9 +5,8 @@
 #include <array>
 #include <cstdint>
 
-#include "palpate/math/pose.h"
-#include "palpate/math/sphere.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::scenes {
 

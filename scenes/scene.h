@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/math/pose.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 #include "scenes/environment.h"
 
 namespace palpate::scenes {
@@ -38,7 +38,7 @@ struct Scene {
   int width = 640, height = 480;
   double rate = 30;                ///< frames per second
   double duration = 4;             ///< seconds of the default motion and tool path
-  std::string tool_shape;          ///< the shape that goes with it (mesh/shapes.h)
+  std::string tool_shape;          ///< the shape that goes with it (mesh/mesh.h)
   double tool_size = 0.1;          ///< metres
   std::vector<double> path_times;  ///< default tool path, with path_poses
   std::vector<Pose> path_poses;    ///< X_WT

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/math/pose.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 #include "scenes/environment.h"
 
 namespace palpate::scenes {

@@ -17,7 +17,7 @@
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 #include "palpate/contact/body_contact.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "scenes/truth.h"
 
 namespace palpate::eval {

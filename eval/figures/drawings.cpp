@@ -5,8 +5,7 @@
 #include "eval/studies/interaction.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
-#include "palpate/mesh/cap_mesh.h"
-#include "palpate/mesh/mass_properties.h"
+#include "palpate/mesh/mesh.h"
 #include "scenes/truth.h"
 #include "src/session/internal/page_models.h"
 
@@ -177,7 +176,7 @@ Result<FigureResult> caps(Context&) {
 
 Result<FigureResult> cap_algorithm(Context&) {
   return drawn_elsewhere("One step of the drawing of caps, Alg. 4.1.",
-                         "cap_mesh in mesh/cap_mesh.h is the algorithm, corrected.");
+                         "cap_mesh in mesh/mesh.h is the algorithm, corrected.");
 }
 
 Result<FigureResult> set_ups(Context&) {

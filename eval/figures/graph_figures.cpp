@@ -8,8 +8,8 @@
 #include "eval/studies/interaction.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 
 namespace palpate::eval {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 
 namespace palpate::eval {
 namespace {

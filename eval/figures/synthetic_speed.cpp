@@ -6,7 +6,7 @@
 
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::eval {
 namespace {

@@ -3,7 +3,7 @@
 #include <thread>
 
 #include "eval/report/store.h"
-#include "palpate/core/isa.h"
+#include "palpate/core/core.h"
 #include "palpate/gpu/devices.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/checksum.h"

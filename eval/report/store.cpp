@@ -5,7 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "palpate/core/isa.h"
+#include "palpate/core/core.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::eval {

@@ -7,7 +7,7 @@
 
 #include "eval/context.h"
 #include "eval/figure.h"
-#include "palpate/core/names.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate::eval {
 

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "eval/studies/random.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "scenes/scene.h"
 
 namespace palpate::eval {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "palpate/field/depth_field.h"
 #include "palpate/tool/tool.h"
 #include "scenes/scene.h"

@@ -8,7 +8,7 @@
 
 #include "eval/context.h"
 #include "palpate/cloud/depth_source.h"
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 
 namespace palpate::eval {
 

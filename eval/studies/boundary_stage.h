@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/isa.h"
+#include "palpate/core/core.h"
 #include "palpate/tool/tool.h"
 #include "src/contact/index/sphere_grid.h"
 #include "src/contact/points/scan/image_window.h"

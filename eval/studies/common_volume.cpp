@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "scenes/mesh_faces.h"
 
 namespace palpate::eval {

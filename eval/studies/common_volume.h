@@ -1,8 +1,8 @@
 // What two convex bodies share, exactly.
 #pragma once
 
-#include "palpate/math/pose.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::eval {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::eval {
 

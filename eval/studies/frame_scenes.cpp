@@ -6,8 +6,8 @@
 
 #include "eval/studies/interaction.h"
 #include "eval/studies/random.h"
-#include "palpate/io/depth_files.h"
-#include "palpate/math/sphere.h"
+#include "palpate/io/formats.h"
+#include "palpate/math/geometry.h"
 #include "scenes/truth.h"
 #include "src/session/internal/probing_path.h"
 

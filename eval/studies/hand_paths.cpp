@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate::eval {

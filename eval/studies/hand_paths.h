@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "eval/studies/seen_frame.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate::eval {

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate::eval {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::eval {
 

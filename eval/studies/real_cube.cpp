@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "palpate/io/mesh_file.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
+#include "palpate/io/formats.h"
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate::eval {

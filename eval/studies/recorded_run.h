@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "eval/context.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate::eval {

@@ -5,7 +5,7 @@
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "palpate/field/depth_field.h"
 
 namespace palpate::eval {

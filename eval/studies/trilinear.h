@@ -2,7 +2,7 @@
 // gradient. One text for the evaluation on the host and the benchmark's kernel.
 #pragma once
 
-#include "palpate/core/hostdev.h"
+#include "palpate/core/core.h"
 
 namespace palpate::eval {
 

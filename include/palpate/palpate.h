@@ -12,7 +12,7 @@
 
 #include "palpate/contact/contact.h"
 #include "palpate/field/sensor.h"
-#include "palpate/io/tool_file.h"
-#include "palpate/packing/packer.h"
+#include "palpate/io/files.h"
+#include "palpate/packing/packing.h"
 #include "palpate/tool/tool.h"
 #include "palpate/version.h"

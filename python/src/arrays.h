@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 #include "palpate/gpu/devices.h"
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::python {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <memory>
 
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "src/contact/field/field_element.h"

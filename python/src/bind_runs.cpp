@@ -8,11 +8,9 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/cameras/open_camera.h"
-#include "palpate/cameras/pushed_source.h"
-#include "palpate/devices/open_device.h"
-#include "palpate/devices/simulated_device.h"
-#include "palpate/session/settings_file.h"
+#include "palpate/cameras/cameras.h"
+#include "palpate/devices/devices.h"
+#include "palpate/session/run.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/keywords.h"

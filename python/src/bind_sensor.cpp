@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "palpate/field/sensor.h"
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/gpu_order.h"

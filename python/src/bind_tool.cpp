@@ -3,10 +3,10 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
-#include "palpate/io/mesh_file.h"
-#include "palpate/io/tool_file.h"
-#include "palpate/mesh/mesh_check.h"
-#include "palpate/packing/packer.h"
+#include "palpate/io/files.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/keywords.h"

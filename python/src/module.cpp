@@ -2,7 +2,7 @@
 // python/palpate.
 #include <nanobind/nanobind.h>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "palpate/version.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"

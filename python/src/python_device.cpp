@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "palpate/devices/device_models.h"
+#include "palpate/devices/devices.h"
 #include "src/devices/polling_device.h"
 #include "src/devices/twist_between.h"
 

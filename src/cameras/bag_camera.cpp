@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "palpate/core/names.h"
+#include "palpate/settings/setting_table.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/depth_messages.h"
 #include "src/io/cdr.h"

@@ -4,7 +4,7 @@
 #include <functional>
 #include <memory>
 
-#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/cameras.h"
 #include "src/cameras/capture_clock.h"
 #include "src/cameras/rectifier.h"
 

@@ -1,11 +1,11 @@
-#include "palpate/cameras/camera_uri.h"
+#include "palpate/cameras/cameras.h"
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/core/names.h"
+#include "palpate/settings/setting_table.h"
 #include "src/io/text_scanner.h"
 
 namespace palpate {

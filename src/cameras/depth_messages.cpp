@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "src/cameras/raw_frames.h"
 #include "src/io/cdr.h"
 #include "src/io/ros_image.h"

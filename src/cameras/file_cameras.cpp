@@ -1,5 +1,5 @@
 // Folders of images and simulated scenes.
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "scenes/scene.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/posed_source.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/core/latency_histogram.h"
+#include "palpate/core/core.h"
 #include "src/cameras/capture_clock.h"
 #include "src/cameras/rectifier.h"
 

@@ -1,4 +1,4 @@
-#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/cameras.h"
 
 #include <algorithm>
 #include <cstdlib>

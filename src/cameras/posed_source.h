@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
-#include "palpate/cameras/camera_uri.h"
+#include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 
 namespace palpate {
 

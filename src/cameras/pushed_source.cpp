@@ -1,4 +1,4 @@
-#include "palpate/cameras/pushed_source.h"
+#include "palpate/cameras/cameras.h"
 
 #include "src/cameras/frame_intake.h"
 #include "src/core/monotonic_clock.h"

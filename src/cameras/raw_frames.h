@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/cameras/camera_uri.h"
+#include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 
 namespace palpate {

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "palpate/cameras/camera_uri.h"
+#include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 
 namespace palpate::realsense {

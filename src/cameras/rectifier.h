@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/cameras/camera_uri.h"
+#include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/lens_table.h"
 

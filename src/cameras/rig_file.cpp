@@ -1,4 +1,4 @@
-#include "palpate/cameras/rig_file.h"
+#include "palpate/cameras/cameras.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 #include <sstream>
 #include <utility>
 
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 #include "palpate/settings/setting_table.h"
 #include "src/io/internal/toml_file.h"
 

@@ -1,4 +1,4 @@
-#include "palpate/cloud/align_views.h"
+#include "palpate/cloud/point_cloud.h"
 
 #include <algorithm>
 #include <array>

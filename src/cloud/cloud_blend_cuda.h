@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

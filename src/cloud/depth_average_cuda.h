@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 
-#include "palpate/cloud/depth_average.h"
+#include "palpate/cloud/depth_source.h"
 #include "src/cloud/image_rows.h"
 
 namespace palpate {

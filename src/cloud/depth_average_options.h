@@ -1,7 +1,7 @@
 // Which settings of averages of depth are accepted.
 #pragma once
 
-#include "palpate/cloud/depth_average.h"
+#include "palpate/cloud/depth_source.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "palpate/cloud/depth_binning.h"
+#include "palpate/cloud/depth_source.h"
 
 #include <algorithm>
 #include <array>

@@ -15,7 +15,7 @@
 // that of each neighbourhood's mean.
 #pragma once
 
-#include "palpate/cloud/depth_average.h"
+#include "palpate/cloud/depth_source.h"
 #include "src/core/lanes.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/core/isa.h"
+#include "palpate/core/core.h"
 #include "src/cloud/depth_estimate.h"
 
 namespace palpate {

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "palpate/cloud/depth_average.h"
-#include "palpate/core/hostdev.h"
+#include "palpate/cloud/depth_source.h"
+#include "palpate/core/core.h"
 #include "src/cloud/raw_depth.h"
 
 namespace palpate {

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "palpate/core/hostdev.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
 // What the numbers of a raw depth frame say. shared by host and device.
 #pragma once
 
-#include "palpate/core/hostdev.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

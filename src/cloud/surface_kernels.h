@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/cloud/pixel_window.h"
+#include "palpate/cloud/point_cloud.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 #include <string>
 

@@ -1,4 +1,4 @@
-#include "palpate/core/isa.h"
+#include "palpate/core/core.h"
 
 #include <algorithm>
 #include <cstdlib>

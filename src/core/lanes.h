@@ -2,7 +2,7 @@
 // (simd.h), for single numbers in CUDA code (one_lane.h).
 #pragma once
 
-#include "palpate/core/hostdev.h"
+#include "palpate/core/core.h"
 
 #if defined(PALPATE_LANES)
 #include "src/core/simd.h"

@@ -1,4 +1,4 @@
-#include "palpate/core/latency_histogram.h"
+#include "palpate/core/core.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "palpate/core/hostdev.h"
+#include "palpate/core/core.h"
 
 #if defined(PALPATE_LANES)
 #error "files compiled by palpate_kernel have simd.h"

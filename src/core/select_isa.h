@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "palpate/core/isa.h"
+#include "palpate/core/core.h"
 
 // Declares what stands between the brackets in the namespace of each instruction set, and lists
 // what has a name in all of them.

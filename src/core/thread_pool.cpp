@@ -1,4 +1,4 @@
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 
 #include <algorithm>
 #include <atomic>

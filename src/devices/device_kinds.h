@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/devices/open_device.h"
+#include "palpate/devices/devices.h"
 
 namespace palpate {
 

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <utility>
 
-#include "palpate/devices/device_models.h"
+#include "palpate/devices/devices.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/force_dimension_api.h"
 #include "src/devices/motor_wrench.h"

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <utility>
 
-#include "palpate/devices/device_models.h"
+#include "palpate/devices/devices.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/haply_messages.h"
 #include "src/devices/motor_wrench.h"

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "palpate/devices/open_device.h"
+#include "palpate/devices/devices.h"
 #include "src/devices/tcp_socket.h"
 
 namespace palpate {

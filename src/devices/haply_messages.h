@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

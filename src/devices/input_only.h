@@ -1,7 +1,7 @@
 // Devices that move a tool and push nobody.
 #pragma once
 
-#include "palpate/devices/device_models.h"
+#include "palpate/devices/devices.h"
 
 namespace palpate {
 

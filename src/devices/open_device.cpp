@@ -1,8 +1,7 @@
-#include "palpate/devices/open_device.h"
+#include "palpate/devices/devices.h"
 
 #include <algorithm>
 
-#include "palpate/devices/device_models.h"
 #include "src/core/all_at_once.h"
 #include "src/devices/device_kinds.h"
 

@@ -13,7 +13,7 @@
 #include <thread>
 #include <utility>
 
-#include "palpate/devices/device_models.h"
+#include "palpate/devices/devices.h"
 #include "src/core/monotonic_clock.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/open_haptics_api.h"

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "palpate/devices/page_device.h"
+#include "palpate/devices/devices.h"
 #include "src/devices/polling_device.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <functional>
 #include <thread>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 #include "src/devices/device_kinds.h"
 #include "src/devices/input_only.h"
 #include "src/devices/polling_device.h"

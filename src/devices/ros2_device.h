@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
 // A hand on a handle: the mechanics behind SimulatedDevice, without clocks and sensors.
 #pragma once
 
-#include "palpate/devices/simulated_device.h"
+#include "palpate/devices/devices.h"
 
 namespace palpate {
 

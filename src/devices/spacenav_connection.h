@@ -16,7 +16,7 @@
 #include <string_view>
 #include <utility>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

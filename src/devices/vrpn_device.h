@@ -1,7 +1,7 @@
 // A device behind a VRPN server: NAME@HOST[:PORT].
 #pragma once
 
-#include "palpate/devices/open_device.h"
+#include "palpate/devices/devices.h"
 #include "src/devices/tcp_socket.h"
 
 namespace palpate {

@@ -4,8 +4,8 @@
 #include <memory>
 #include <optional>
 
-#include "palpate/field/surface_batch.h"
-#include "palpate/gpu/caller_stream.h"
+#include "palpate/field/sensor.h"
+#include "palpate/gpu/devices.h"
 #include "src/field/frame_slots.h"
 
 namespace palpate {

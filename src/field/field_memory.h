@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 #include "src/field/field_rows.h"
 #include "src/field/memory_pixel.h"
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 #include "src/field/memory_pixel.h"
 #include "src/gpu/runtime.h"
 

@@ -3,7 +3,7 @@
 // (TangentPlane) or of vectors of numbers.
 #pragma once
 
-#include "palpate/core/hostdev.h"
+#include "palpate/core/core.h"
 #include "palpate/field/depth_field.h"
 
 namespace palpate {

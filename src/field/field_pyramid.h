@@ -4,8 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/core/hostdev.h"
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 #include "src/field/field_pixels.h"
 
 namespace palpate {

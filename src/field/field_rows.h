@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/isa.h"
+#include "palpate/core/core.h"
 #include "src/field/field_pyramid.h"
 
 namespace palpate {

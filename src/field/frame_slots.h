@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 #include "src/field/memory_pixel.h"
 
 namespace palpate {

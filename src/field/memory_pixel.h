@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "palpate/field/depth_memory.h"
+#include "palpate/field/depth_field.h"
 #include "src/field/field_pixels.h"
 
 namespace palpate {

@@ -1,11 +1,11 @@
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 
 #include <algorithm>
 #include <limits>
 #include <utility>
 #include <vector>
 
-#include "palpate/cloud/depth_binning.h"
+#include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/cloud_blend.h"
 #include "src/field/frame_slots.h"
 

@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate::gpu {
 

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "palpate/haptics/state_numbers.h"
+#include "palpate/haptics/local_contact.h"
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 

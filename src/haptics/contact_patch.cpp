@@ -1,4 +1,4 @@
-#include "palpate/haptics/contact_patch.h"
+#include "palpate/haptics/local_contact.h"
 
 #include <algorithm>
 

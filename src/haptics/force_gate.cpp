@@ -1,4 +1,4 @@
-#include "palpate/haptics/force_gate.h"
+#include "palpate/haptics/safety.h"
 
 #include <algorithm>
 

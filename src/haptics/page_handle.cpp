@@ -1,4 +1,4 @@
-#include "palpate/haptics/page_handle.h"
+#include "palpate/haptics/device.h"
 
 #include <algorithm>
 #include <cmath>

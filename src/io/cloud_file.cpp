@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string>
 
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "src/io/cloud_columns.h"
 #include "src/io/internal/atomic_file.h"
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 

@@ -4,8 +4,8 @@
 #include <span>
 #include <string>
 
-#include "palpate/core/result.h"
-#include "palpate/io/mesh_file.h"
+#include "palpate/core/core.h"
+#include "palpate/io/formats.h"
 
 namespace palpate {
 

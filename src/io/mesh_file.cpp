@@ -1,4 +1,4 @@
-#include "palpate/io/mesh_file.h"
+#include "palpate/io/formats.h"
 
 #include <algorithm>
 #include <cctype>

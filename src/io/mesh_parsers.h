@@ -10,8 +10,8 @@
 #include <string>
 #include <string_view>
 
-#include "palpate/core/result.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/core/core.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 

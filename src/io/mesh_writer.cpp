@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/io/mesh_file.h"
+#include "palpate/io/formats.h"
 #include "src/io/glb_content.h"
 #include "src/io/internal/atomic_file.h"
 

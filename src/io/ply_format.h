@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

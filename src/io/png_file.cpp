@@ -11,7 +11,7 @@
 #include <string>
 #include <utility>
 
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {

@@ -4,7 +4,7 @@
 //   sections        vertices, triangles, spheres, facts, edges, source, represented volumes,
 //                   tree nodes; of tools that have one the distance field, grid and values
 //   checksum        XXH3-64 of everything before it
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 
 #include <array>
 #include <bit>

@@ -1,4 +1,4 @@
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 
 #include <algorithm>
 #include <array>
@@ -30,7 +30,7 @@ std::optional<std::string> parse_values(std::string_view text, std::span<double>
 }
 
 /// Pose from tx ty tz qx qy qz qw; nullopt for the zero quaternion.
-std::optional<Pose> pose_of(std::span<const double, 7> v) {
+std::optional<Pose> pose_of_line(std::span<const double, 7> v) {
   // Scaled first, so that no square overflows or vanishes.
   const double largest = std::max({std::abs(v[3]), std::abs(v[4]), std::abs(v[5]), std::abs(v[6])});
   if (!(largest > 0)) return std::nullopt;
@@ -56,7 +56,7 @@ Result<std::vector<TimedPose>> load_trajectory(const std::filesystem::path& path
     };
     std::array<double, 8> values;
     if (const auto trouble = parse_values(words, values)) return bad(*trouble);
-    const auto pose = pose_of(std::span(values).subspan<1>());
+    const auto pose = pose_of_line(std::span(values).subspan<1>());
     if (!pose) return bad("has a zero quaternion");
     if (!poses.empty() && values[0] < poses.back().time) return bad("goes back in time");
     poses.push_back({values[0], *pose});
@@ -88,7 +88,7 @@ Result<Pose> parse_pose(std::string_view text) {
     return Error{Errc::invalid_argument, "the pose " + what + "; give 'tx ty tz qx qy qz qw'"};
   };
   if (const auto trouble = parse_values(text, values)) return bad(*trouble);
-  const auto pose = pose_of(values);
+  const auto pose = pose_of_line(values);
   if (!pose) return bad("has a zero quaternion");
   return *pose;
 }

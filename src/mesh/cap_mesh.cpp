@@ -1,4 +1,4 @@
-#include "palpate/mesh/cap_mesh.h"
+#include "palpate/mesh/mesh.h"
 
 #include <algorithm>
 #include <cmath>

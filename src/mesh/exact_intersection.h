@@ -7,7 +7,7 @@
 
 #include <cstdint>
 
-#include "palpate/math/vec3.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

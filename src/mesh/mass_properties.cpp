@@ -1,4 +1,4 @@
-#include "palpate/mesh/mass_properties.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 namespace {

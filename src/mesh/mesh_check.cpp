@@ -1,4 +1,4 @@
-#include "palpate/mesh/mesh_check.h"
+#include "palpate/mesh/mesh.h"
 
 #include <algorithm>
 #include <cmath>

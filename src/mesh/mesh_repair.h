@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/mesh/mesh.h"
 #include "src/mesh/mesh_topology.h"
 
 namespace palpate {

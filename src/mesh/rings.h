@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "palpate/math/sphere.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 

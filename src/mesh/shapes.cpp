@@ -1,4 +1,4 @@
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <map>
 #include <utility>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/core/internal/assert.h"
 #include "src/mesh/rings.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/mesh/mesh_topology.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/mesh/mesh.h"
 
 #include <algorithm>
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "palpate/math/vec3.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

@@ -8,7 +8,7 @@
 // small. Now and then, at numbers of spheres that depend on no limit, the surface is looked at:
 // places much farther from the spheres than the rest get spheres of their own. They are part of
 // the one sequence of which every packing is a prefix.
-#include "palpate/packing/packer.h"
+#include "palpate/packing/packing.h"
 
 #include <algorithm>
 #include <chrono>
@@ -17,8 +17,8 @@
 #include <optional>
 #include <string>
 
-#include "palpate/core/thread_pool.h"
-#include "palpate/mesh/mass_properties.h"
+#include "palpate/core/core.h"
+#include "palpate/mesh/mesh.h"
 #include "src/packing/hole_search.h"
 #include "src/packing/seeds.h"
 #include "src/packing/surface_watch.h"

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

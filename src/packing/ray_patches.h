@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "palpate/math/vec3.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

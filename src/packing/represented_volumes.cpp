@@ -4,13 +4,13 @@
 // enters again it gets that back, so the solid may have any shape and no crossing is first or last.
 // The sphere itself is free of planes and facets. Spheres are looked at one by one: any number of
 // threads gives the same bits.
-#include "palpate/packing/represented_volumes.h"
+#include "palpate/packing/packing.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "palpate/mesh/mass_properties.h"
+#include "palpate/mesh/mesh.h"
 #include "src/packing/power_neighbours.h"
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"

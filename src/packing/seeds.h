@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 #include "src/packing/ascent.h"
 
 namespace palpate {

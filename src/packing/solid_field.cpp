@@ -1,4 +1,4 @@
-#include "palpate/packing/solid_field.h"
+#include "palpate/packing/packing.h"
 
 #include <algorithm>
 #include <cmath>

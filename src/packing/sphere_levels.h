@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "palpate/packing/packer.h"
+#include "palpate/packing/packing.h"
 #include "src/mesh/internal/surface_points.h"
 
 namespace palpate {

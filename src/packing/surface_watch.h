@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/core/thread_pool.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/core/core.h"
+#include "palpate/mesh/mesh.h"
 #include "src/packing/sphere_levels.h"
 
 namespace palpate {

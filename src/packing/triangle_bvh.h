@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate::dds {
 

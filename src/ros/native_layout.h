@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 #include "src/io/ros_types.h"
 
 namespace palpate {

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

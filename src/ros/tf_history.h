@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 #include "src/io/ros_messages.h"
 
 namespace palpate {

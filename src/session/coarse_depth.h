@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/math/vec3.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 namespace {

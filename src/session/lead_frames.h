@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 
 namespace palpate {
 

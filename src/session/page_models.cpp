@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
 #include "src/session/internal/compact_json.h"
 

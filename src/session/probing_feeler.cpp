@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate {
 namespace {

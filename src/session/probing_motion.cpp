@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 namespace {

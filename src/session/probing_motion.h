@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 #include "src/session/coarse_depth.h"
 #include "src/session/lead_end.h"
 

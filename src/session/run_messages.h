@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "palpate/run/records.h"
-#include "palpate/run/settings.h"
-#include "palpate/session/probe_choice.h"
+#include "palpate/run/run_loop.h"
+#include "palpate/session/run.h"
 #include "src/io/internal/mcap_file.h"
 #include "src/session/internal/run_folder.h"
 

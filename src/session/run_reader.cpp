@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 #include "src/io/ros_image.h"
 #include "src/io/ros_messages.h"
 #include "src/session/internal/run_folder.h"

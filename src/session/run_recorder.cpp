@@ -8,7 +8,7 @@
 #include <tuple>
 #include <utility>
 
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 #include "src/io/ros_messages.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/session/probe_choice.h"
+#include "palpate/session/run.h"
 #include "palpate/settings/setting_table.h"
 
 namespace palpate {

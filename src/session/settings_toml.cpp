@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "palpate/session/settings_file.h"
+#include "palpate/session/run.h"
 #include "src/io/internal/toml_file.h"
 #include "src/session/settings_json.h"
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <utility>
 
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 #include <mutex>
 #include <utility>
 
-#include "palpate/viewer/views.h"
+#include "palpate/viewer/viewer.h"
 #include "src/core/monotonic_clock.h"
 #include "src/viewer/command.h"
 #include "src/viewer/controls.h"

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/viewer/view_source.h"
+#include "palpate/viewer/viewer.h"
 
 namespace palpate {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/run/run_loop.h"
-#include "palpate/viewer/view_source.h"
+#include "palpate/viewer/viewer.h"
 
 namespace palpate {
 

@@ -3,7 +3,7 @@
 #include <system_error>
 #include <utility>
 
-#include "palpate/viewer/views.h"
+#include "palpate/viewer/viewer.h"
 #include "src/session/internal/run_folder.h"
 #include "src/viewer/command.h"
 #include "src/viewer/run_player.h"

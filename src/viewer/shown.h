@@ -1,8 +1,8 @@
 // What was measured, as pages get it.
 #pragma once
 
-#include "palpate/bodies/scene_object.h"
-#include "palpate/viewer/view_source.h"
+#include "palpate/contact/body_contact.h"
+#include "palpate/viewer/viewer.h"
 
 namespace palpate {
 

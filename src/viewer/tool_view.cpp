@@ -1,6 +1,6 @@
 #include <utility>
 
-#include "palpate/viewer/views.h"
+#include "palpate/viewer/viewer.h"
 #include "src/viewer/command.h"
 
 namespace palpate {

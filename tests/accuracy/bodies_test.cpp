@@ -5,8 +5,8 @@
 #include "eval/studies/common_volume.h"
 #include "eval/studies/random.h"
 #include "palpate/contact/body_contact.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 
 namespace palpate::eval {
 namespace {

@@ -3,8 +3,8 @@
 
 #include "eval/studies/method_queries.h"
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
-#include "palpate/io/depth_files.h"
+#include "palpate/contact/contact.h"
+#include "palpate/io/formats.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/contact_truth.h"
 #include "tests/test_util/real_frames.h"

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/studies/method_queries.h"
-#include "palpate/contact/body_world.h"
+#include "palpate/contact/body_contact.h"
 #include "src/contact/bodies/body_contact_cuda.h"
 #include "src/contact/bodies/solid_contact_cuda.h"
 #include "src/contact/cuda/contact_query_cuda.h"

@@ -5,9 +5,9 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/field/surface_timeline.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/field/sensor.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "scenes/scene.h"
 #include "src/bodies/internal/moving_bodies.h"
 

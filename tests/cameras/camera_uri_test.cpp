@@ -1,8 +1,7 @@
-#include "palpate/cameras/camera_uri.h"
+#include "palpate/cameras/cameras.h"
 
 #include <gtest/gtest.h>
 
-#include "palpate/cameras/open_camera.h"
 #include "src/cameras/raw_frames.h"
 
 namespace palpate {

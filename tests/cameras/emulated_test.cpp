@@ -4,7 +4,7 @@
 
 #include <cstdlib>
 
-#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_kinds.h"
 #include "tests/cameras/conformance.h"
 #include "tests/cameras/fake_camera.h"

@@ -6,7 +6,7 @@
 #include <memory>
 #include <thread>
 
-#include "palpate/cameras/pushed_source.h"
+#include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_source.h"
 #include "src/cameras/plausibility.h"
 #include "src/core/monotonic_clock.h"

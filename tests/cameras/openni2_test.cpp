@@ -10,7 +10,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/openni2_api.h"
 #include "tests/cameras/conformance.h"

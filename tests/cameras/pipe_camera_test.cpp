@@ -14,8 +14,7 @@
 #include <limits>
 #include <thread>
 
-#include "palpate/cameras/open_camera.h"
-#include "palpate/cameras/pushed_source.h"
+#include "palpate/cameras/cameras.h"
 #include "src/session/internal/record_stream.h"
 #include "tests/cameras/conformance.h"
 #include "tests/io/ros1_bag_writer.h"

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/orbbec_api.h"
 #include "tests/cameras/camera_fakes.h"

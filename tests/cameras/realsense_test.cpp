@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "palpate/cameras/open_camera.h"
+#include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_kinds.h"
 #include "src/cameras/python_packages.h"
 #include "src/cameras/realsense_api.h"

@@ -1,13 +1,12 @@
 // Where cameras are in the world: poses in URIs and files, and files of several cameras.
-#include "palpate/cameras/rig_file.h"
+#include "palpate/cameras/cameras.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <fstream>
 
-#include "palpate/cameras/open_camera.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 #include "tests/test_util/temporary_folder.h"
 
 namespace palpate {

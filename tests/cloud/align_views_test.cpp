@@ -1,5 +1,5 @@
 // Poses of cameras refined by what they see, against the poses that the images were made with.
-#include "palpate/cloud/align_views.h"
+#include "palpate/cloud/point_cloud.h"
 
 #include <gtest/gtest.h>
 

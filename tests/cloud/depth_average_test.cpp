@@ -1,4 +1,4 @@
-#include "palpate/cloud/depth_average.h"
+#include "palpate/cloud/depth_source.h"
 
 #include <cmath>
 #include <cstring>

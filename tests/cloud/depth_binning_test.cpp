@@ -1,12 +1,12 @@
 // Smaller depth images, against planes and by hand.
-#include "palpate/cloud/depth_binning.h"
+#include "palpate/cloud/depth_source.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 
-#include "palpate/math/vec3.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 namespace {

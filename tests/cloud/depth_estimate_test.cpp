@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/cloud/depth_average.h"
+#include "palpate/cloud/depth_source.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/studies/method_queries.h"
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 

@@ -1,5 +1,5 @@
 // The query against brute force in double, on every instruction set present.
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 #include <type_traits>
 #include <utility>
@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/studies/method_queries.h"
-#include "palpate/contact/body_world.h"
+#include "palpate/contact/body_contact.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_checks.h"
 

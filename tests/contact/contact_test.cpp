@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "palpate/field/sensor.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 namespace {

@@ -1,8 +1,7 @@
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/sphere.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 #include <gtest/gtest.h>
 

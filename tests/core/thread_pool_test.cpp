@@ -1,4 +1,4 @@
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 
 #include <sys/resource.h>
 #include <unistd.h>
@@ -13,7 +13,6 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/core/isa.h"
 #include "tests/test_util/allocation_counter.h"
 
 namespace palpate {

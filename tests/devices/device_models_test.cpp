@@ -1,4 +1,4 @@
-#include "palpate/devices/device_models.h"
+#include "palpate/devices/devices.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::test {
 

@@ -1,4 +1,4 @@
-#include "palpate/devices/page_device.h"
+#include "palpate/devices/devices.h"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 #include "src/devices/device_kinds.h"
 
 namespace palpate {

@@ -1,4 +1,4 @@
-#include "palpate/devices/simulated_device.h"
+#include "palpate/devices/devices.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate::test {
 

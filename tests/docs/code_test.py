@@ -20,7 +20,7 @@ GIVEN = """
 #include <utility>
 #include <vector>
 #include "palpate/palpate.h"
-#include "palpate/contact/body_world.h"
+#include "palpate/contact/body_contact.h"
 using namespace palpate;
 extern Tool tool, object, left_tool, right_tool, block_tool;
 extern Sensor sensor;

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/field/internal/field_sample.h"
 #include "tests/test_util/random.h"
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 #include "src/field/internal/field_sample.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"

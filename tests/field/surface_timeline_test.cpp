@@ -1,4 +1,4 @@
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 
 #include <cmath>
 #include <cstring>

@@ -1,5 +1,5 @@
 // Depth images (PNG) and clouds (PCD, PLY): the first byte says which.
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "tests/fuzz/target.h"
 #include "tests/test_util/contact_scenes.h"
 

@@ -7,7 +7,7 @@
 #include <cstring>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "tests/fuzz/target.h"
 #include "tests/test_util/contact_scenes.h"

@@ -1,6 +1,6 @@
 // What a stranger sends to the viewer: HTTP, and frames on a WebSocket that has been opened. Bytes
 // go through a real connection to a real server; the first one says which.
-#include "palpate/viewer/view_server.h"
+#include "palpate/viewer/viewer.h"
 #include "tests/fuzz/target.h"
 #include "tests/viewer/held_source.h"
 #include "tests/viewer/page_client.h"

@@ -1,9 +1,8 @@
 // Mesh files, compiled once per format PALPATE_FUZZ_FORMAT (".obj", ...).
 #include <cmath>
 
-#include "palpate/io/mesh_file.h"
-#include "palpate/mesh/mesh_check.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
 #include "tests/fuzz/target.h"
 
 namespace palpate::fuzz {

@@ -1,6 +1,6 @@
 // Settings files, and settings as a page sends them.
-#include "palpate/run/settings.h"
-#include "palpate/session/settings_file.h"
+#include "palpate/run/run_loop.h"
+#include "palpate/session/run.h"
 #include "src/session/settings_json.h"
 #include "src/viewer/command.h"
 #include "src/viewer/controls.h"

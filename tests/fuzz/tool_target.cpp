@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 #include "tests/fuzz/target.h"
 #include "tests/test_util/contact_scenes.h"
 

@@ -1,6 +1,6 @@
 // Paths of poses, single poses, and lists of depth frames.
-#include "palpate/io/depth_files.h"
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
+#include "palpate/io/formats.h"
 #include "tests/fuzz/target.h"
 
 namespace palpate::fuzz {

@@ -3,8 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/pose.h"
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/gpu/runtime.h"
 #include "src/gpu/team.cuh"
 #include "tests/test_util/gpu.h"

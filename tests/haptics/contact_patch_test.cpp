@@ -1,5 +1,5 @@
 // Where and how wide a contact is: against closed forms and sums over columns.
-#include "palpate/haptics/contact_patch.h"
+#include "palpate/haptics/local_contact.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Friction of a contact patch: against Coulomb's law, over random paths, normals and noise, with
 // all couplings.
-#include "palpate/haptics/friction.h"
+#include "palpate/haptics/coupling.h"
 
 #include <gtest/gtest.h>
 

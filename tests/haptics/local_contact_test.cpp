@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 #include "tests/test_util/allocation_counter.h"

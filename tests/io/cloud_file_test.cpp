@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "tests/io/files.h"
 #include "tests/test_util/data.h"
 

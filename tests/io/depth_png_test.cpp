@@ -10,7 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "tests/io/files.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/made_frame.h"

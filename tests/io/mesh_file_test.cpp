@@ -1,5 +1,5 @@
 // Mesh files: every format, every real mesh by name, and files that are damaged.
-#include "palpate/io/mesh_file.h"
+#include "palpate/io/formats.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,9 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/mesh_check.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "src/io/internal/atomic_file.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/temporary_folder.h"

@@ -1,4 +1,4 @@
-#include "palpate/io/tool_file.h"
+#include "palpate/io/files.h"
 
 #include <xxhash.h>
 
@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/io/files.h"
-#include "tests/ist/random_packing.h"
+#include "tests/tool/random_packing.h"
 
 namespace palpate {
 namespace {

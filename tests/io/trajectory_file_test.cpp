@@ -1,10 +1,10 @@
-#include "palpate/io/trajectory_file.h"
+#include "palpate/io/files.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/io/internal/atomic_file.h"
 #include "tests/io/files.h"
 #include "tests/test_util/data.h"

@@ -1,5 +1,5 @@
 // Cap meshes against closed forms.
-#include "palpate/mesh/cap_mesh.h"
+#include "palpate/mesh/mesh.h"
 
 #include <algorithm>
 #include <array>
@@ -10,8 +10,6 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/mesh_check.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

@@ -1,5 +1,5 @@
 // Mass properties against closed forms, under rigid motion and by sampling.
-#include "palpate/mesh/mass_properties.h"
+#include "palpate/mesh/mesh.h"
 
 #include <cmath>
 #include <random>
@@ -7,8 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/pose.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 namespace {

@@ -1,5 +1,5 @@
 // check_solid: what it accepts, what it repairs with a warning, and what it refuses.
-#include "palpate/mesh/mesh_check.h"
+#include "palpate/mesh/mesh.h"
 
 #include <cmath>
 #include <cstdint>
@@ -7,9 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/pose.h"
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 namespace {

@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/pose.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 #include "src/mesh/exact_intersection.h"
 
 namespace palpate {

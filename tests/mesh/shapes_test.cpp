@@ -1,14 +1,12 @@
 // Shapes against their closed forms.
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/sphere.h"
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/mesh_check.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 namespace {

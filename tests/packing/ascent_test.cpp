@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "src/packing/hole_search.h"
 #include "tests/test_util/random.h"
 

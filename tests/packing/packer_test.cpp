@@ -1,4 +1,4 @@
-#include "palpate/packing/packer.h"
+#include "palpate/packing/packing.h"
 
 #include <algorithm>
 #include <cstring>
@@ -6,8 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/off_mesh.h"
 #include "tests/test_util/random.h"

@@ -1,4 +1,4 @@
-#include "palpate/packing/represented_volumes.h"
+#include "palpate/packing/packing.h"
 
 #include <algorithm>
 #include <limits>
@@ -7,9 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
 #include "src/packing/power_neighbours.h"
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"

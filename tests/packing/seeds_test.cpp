@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 namespace {

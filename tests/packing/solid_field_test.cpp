@@ -1,13 +1,13 @@
 // The distance field of a solid against closed forms and brute force over all triangles.
-#include "palpate/packing/solid_field.h"
+#include "palpate/packing/packing.h"
 
 #include <cmath>
 #include <limits>
 
 #include <gtest/gtest.h>
 
-#include "palpate/math/sphere.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 #include "src/packing/triangle_bvh.h"
 #include "tests/test_util/random.h"
 

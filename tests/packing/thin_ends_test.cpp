@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "src/mesh/internal/surface_points.h"
 #include "src/packing/surface_watch.h"
 #include "tests/test_util/standoff_truth.h"

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {

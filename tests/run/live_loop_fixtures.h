@@ -1,8 +1,8 @@
 // What tests of the whole loop have in common.
 #pragma once
 
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "palpate/run/run_loop.h"
 #include "tests/run/loop_fakes.h"
 #include "tests/test_util/wait_for.h"

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/blend_clock.h"
 #include "src/run/loop/contact_stage.h"

@@ -1,8 +1,7 @@
 // exact_penetration against closed forms, identities, columns and differences of the energy.
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "scenes/truth.h"
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"

@@ -2,7 +2,7 @@
 
 #include <map>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "scenes/body_shapes.h"
 #include "scenes/depth_renderer.h"
 #include "scenes/scene.h"

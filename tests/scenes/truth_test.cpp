@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <memory>
 
-#include "palpate/devices/simulated_device.h"
-#include "palpate/math/sphere.h"
+#include "palpate/devices/devices.h"
+#include "palpate/math/geometry.h"
 #include "palpate/run/run_loop.h"
 
 namespace palpate::test {

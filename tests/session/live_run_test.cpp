@@ -1,5 +1,4 @@
 #include "palpate/session/run.h"
-#include "palpate/session/settings_file.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>

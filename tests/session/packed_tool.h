@@ -3,8 +3,8 @@
 
 #include <utility>
 
-#include "palpate/math/pose.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate::test {

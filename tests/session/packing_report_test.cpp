@@ -8,9 +8,8 @@
 #include <filesystem>
 #include <numeric>
 
-#include "palpate/io/mesh_file.h"
-#include "palpate/mesh/mesh_check.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
 #include "src/mesh/internal/surface_points.h"
 #include "src/session/internal/checksum.h"
 #include "tests/test_util/data.h"

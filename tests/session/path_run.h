@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/devices/device_models.h"
+#include "palpate/devices/devices.h"
 #include "palpate/run/run_loop.h"
 #include "src/run/internal/path_device.h"
 

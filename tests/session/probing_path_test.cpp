@@ -8,7 +8,7 @@
 #include <memory>
 #include <utility>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/session/coarse_depth.h"
 #include "tests/session/function_stream.h"
 #include "tests/session/packed_tool.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "scenes/scene.h"
 #include "tests/session/function_stream.h"
 #include "tests/session/packed_tool.h"

@@ -22,10 +22,9 @@
 #include <thread>
 #include <vector>
 
-#include "palpate/devices/simulated_device.h"
+#include "palpate/devices/devices.h"
 #include "palpate/session/run.h"
-#include "palpate/viewer/view_server.h"
-#include "palpate/viewer/views.h"
+#include "palpate/viewer/viewer.h"
 #include "src/core/monotonic_clock.h"
 #include "src/session/internal/run_folder.h"
 #include "tests/session/path_run.h"

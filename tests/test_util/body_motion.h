@@ -3,7 +3,7 @@
 
 #include <array>
 
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 #include "tests/test_util/random.h"
 
 namespace palpate::test {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 #include "palpate/tool/tool.h"
 #include "tests/test_util/random.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/math/internal/two_plane_cut.h"
 
 namespace palpate::test {

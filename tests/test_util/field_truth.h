@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/index/field_elements.h"
 #include "src/field/internal/field_sample.h"
 

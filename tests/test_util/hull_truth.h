@@ -6,7 +6,7 @@
 #include <cmath>
 #include <span>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/index/field_elements.h"
 #include "src/field/internal/field_sample.h"
 

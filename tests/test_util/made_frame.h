@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/cloud/intrinsics.h"
 #include "tests/test_util/random.h"
 
 namespace palpate::test {

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <string>
 
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate::test {
 

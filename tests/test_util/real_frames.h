@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/cloud/intrinsics.h"
+#include "palpate/cloud/depth_source.h"
 #include "tests/test_util/data.h"
 #include "tests/test_util/made_frame.h"
 

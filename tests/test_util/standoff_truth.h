@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "palpate/math/sphere.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 #include "tests/test_util/random.h"
 
 namespace palpate::test {

@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/shapes.h"
-#include "tests/ist/random_packing.h"
+#include "palpate/mesh/mesh.h"
+#include "tests/tool/random_packing.h"
 
 namespace palpate {
 namespace {

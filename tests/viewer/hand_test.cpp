@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "palpate/viewer/view_server.h"
+#include "palpate/viewer/viewer.h"
 #include "tests/test_util/wait_for.h"
 #include "tests/viewer/held_source.h"
 #include "tests/viewer/page_client.h"

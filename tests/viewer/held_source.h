@@ -5,7 +5,7 @@
 #include <mutex>
 #include <vector>
 
-#include "palpate/haptics/page_handle.h"
+#include "palpate/haptics/device.h"
 #include "tests/viewer/scripted_source.h"
 
 namespace palpate::test {

@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "palpate/viewer/view_server.h"
+#include "palpate/viewer/viewer.h"
 #include "tests/viewer/page/scripted_world.h"
 
 namespace {

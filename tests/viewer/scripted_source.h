@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/mesh/shapes.h"
-#include "palpate/viewer/view_source.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/viewer/viewer.h"
 #include "src/core/monotonic_clock.h"
 
 namespace palpate::test {

@@ -1,4 +1,4 @@
-#include "palpate/viewer/view_server.h"
+#include "palpate/viewer/viewer.h"
 
 #include <sys/socket.h>
 

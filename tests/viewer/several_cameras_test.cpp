@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "palpate/session/run.h"
-#include "palpate/viewer/views.h"
+#include "palpate/viewer/viewer.h"
 #include "src/viewer/repetition.h"
 #include "tests/session/path_run.h"
 #include "tests/test_util/contact_scenes.h"

@@ -1,5 +1,5 @@
 // What the page's sources tell: against queries that are made anew, and against the recordings.
-#include "palpate/viewer/views.h"
+#include "palpate/viewer/viewer.h"
 
 #include <gtest/gtest.h>
 

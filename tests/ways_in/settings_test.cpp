@@ -11,9 +11,9 @@
 #include <sstream>
 
 #include "apps/options.h"
-#include "palpate/packing/packer.h"
+#include "palpate/packing/packing.h"
 #include "palpate/run/run_loop.h"
-#include "palpate/session/settings_file.h"
+#include "palpate/session/run.h"
 #include "src/bodies/internal/moving_bodies.h"
 #include "src/run/internal/pipeline.h"
 #include "src/session/settings_json.h"

@@ -6,10 +6,8 @@
 #include <span>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/cloud/pixel_window.h"
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/isa.h"
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 #include "palpate/settings/setting_table.h"
 
 namespace palpate {

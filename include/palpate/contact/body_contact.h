@@ -1,16 +1,68 @@
-// Body against body: how much two rigid bodies share, and the wrench that follows for each.
+// Rigid objects beside what the camera sees, and how they are felt.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
-#include "palpate/contact/contact_query.h"
-#include "palpate/math/pose.h"
+#include "palpate/contact/contact.h"
+#include "palpate/math/geometry.h"
+#include "palpate/settings/setting_table.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {
+
+// Rigid objects beside what the camera sees: some stay where they are, some move.
+
+/// A rigid object that the tool feels beside the cloud; the depth frames need not show it.
+struct SceneObject {
+  std::shared_ptr<const Tool> shape;
+  Pose X_WB;                                      ///< where it stays, or begins
+  std::optional<double> friction = std::nullopt;  ///< its own coefficient; none: as everything
+  bool moves = false;
+  double mass = 0;  ///< kg, of one that moves; 0: as wood has, 500 kg/m3
+};
+
+/// kg, of one that moves.
+inline double mass_of(const SceneObject& object) {
+  return object.mass > 0 ? object.mass : 500 * object.shape->mesh_mass().volume;
+}
+
+/// That move, in one run.
+inline constexpr int kMostMovingBodies = 32;
+
+/// Objects that move (docs/guide/moving-bodies.md).
+struct BodyOptions {
+  double gravity_x = 0, gravity_y = 9.81, gravity_z = 0;  ///< m/s2, in W
+  double friction = 0.5;  ///< of bodies that have no coefficient of their own
+  double damping = 0.2;   ///< 1/s, of all their motion
+  double sink = 1e-4;     ///< m: how deep a cube lies in what carries it
+  int num_spheres = 1000;
+  bool may_sleep = true;
+};
+inline void add_settings(SettingTable& t, BodyOptions& o) {
+  t.section("bodies");
+  t.add("gravity_x", o.gravity_x, {-100, 100, "m/s2"},
+        "of objects that move: which way and how strongly they fall, in the world");
+  t.add("gravity_y", o.gravity_y, {-100, 100, "m/s2"},
+        "the same; down in the image, as of a camera that is held level");
+  t.add("gravity_z", o.gravity_z, {-100, 100, "m/s2"}, "the same; away from the camera");
+  t.add("friction", o.friction, {0, 10},
+        "of objects that move, with all but the tool; those with a coefficient of their own have "
+        "that");
+  t.add("damping", o.damping, {0, 100, "1/s"}, "share of its speed that an object loses by itself");
+  t.add("sink", o.sink, {1e-6, 0.01, "m"},
+        "how deep a cube at rest lies in what carries it: less is stiffer");
+  t.add("spheres", o.num_spheres, {0, 1 << 30, "spheres"},
+        "of an object that moves, the first ones, are asked by queries; 0: all");
+  t.add("sleep", o.may_sleep, "objects at rest stand still until something changes");
+}
+
+// Body against body: how much two rigid bodies share, and the wrench that follows for each.
 
 /// Integral of lens_volume(a, b, s) over s from `distance` to a + b, m4: the potential of two balls
 /// whose centres are `distance` apart. Closed form, accurate down to the lightest touch.
@@ -117,6 +169,88 @@ class BodyContact final : public BodyPairQuery {
   const Tool* b_;
   Pose X_WA_, X_WB_;
   std::vector<std::uint8_t> touched_a_, touched_b_;  // one per sphere, of this measurement
+};
+
+// Several bodies at once: any number of moving tools and of rigid objects around one cloud.
+
+/// What one body feels: the cloud, and all other bodies together.
+struct BodyMeasure {
+  Penetration cloud;
+  std::optional<Stiffness> stiffness;  ///< of `cloud`, if it was wanted
+  VolumeMoments moments;               ///< likewise
+  Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
+  /// Of `bodies` while they stay, likewise, by BodyMethod::field.
+  std::optional<Stiffness> bodies_stiffness;
+  std::int64_t num_pairs = 0;  ///< sum of BodyPenetration::num_pairs with other bodies
+
+  /// Volume and wrench of both shares; counts and potential of the cloud alone. What lies both in
+  /// the cloud and in another body counts in both. Away from other bodies, the bits of `cloud`.
+  Penetration total() const;
+};
+
+/// Moving tools feel the cloud, each other and the objects; objects stay where they are put and
+/// feel the tools. Bodies are known by the number that adding them returned: 0, 1, ...
+class BodyWorld {
+ public:
+  /// `method`: how bodies are measured against each other.
+  explicit BodyWorld(BodyMethod method = BodyMethod::field) : method_(method) {}
+
+  /// A tool that moves. `cloud_query` measures it against the cloud; null: it feels bodies alone.
+  /// `tool` must outlive the world.
+  int add_tool(const Tool& tool, std::unique_ptr<ContactQuery> cloud_query);
+  int add_tool(const Tool&&, std::unique_ptr<ContactQuery>) = delete;
+  /// An object that stays where it is. `object` must outlive the world.
+  int add_object(const Tool& object, const Pose& X_WB);
+  int add_object(const Tool&&, const Pose&) = delete;
+
+  /// How a pair of bodies is measured; see make_body_pair_query.
+  using MakePairQuery = std::function<Result<std::unique_ptr<BodyPairQuery>>(
+      std::shared_ptr<const ToolIndex> a, std::shared_ptr<const ToolIndex> b)>;
+  /// Lets other queries than those on the CPU measure the pairs of the bodies added so far, e.g. on
+  /// a GPU: there, pairs are measured all at once, and at the same time as the cloud. Error: the
+  /// first one of `make`; nothing has changed then.
+  Status measure_pairs_by(const MakePairQuery& make);
+
+  int num_bodies() const { return static_cast<int>(bodies_.size()); }
+  const Pose& pose(int body) const { return at(body).X_WB; }
+  void set_pose(int body, const Pose& X_WB) noexcept { at(body).X_WB = X_WB; }
+  /// What the next measurements give for a tool beside its penetration.
+  void set_wants(int body, const ContactWants& wants) noexcept { at(body).wants = wants; }
+
+  /// Measures every tool against the surface and every pair of bodies once, except two objects. No
+  /// allocation; the same bits for the same poses and surface.
+  void measure(const SurfaceView& surface) noexcept { measure(surface, surface, 1); }
+  /// Between two surfaces, as ContactQuery.
+  void measure(const SurfaceView& from, const SurfaceView& to, double alpha) noexcept {
+    const SurfaceBlend camera{from, to, alpha};
+    measure({&camera, 1});
+  }
+  /// Against cameras, as ContactQuery.
+  void measure(std::span<const SurfaceBlend> cameras) noexcept;
+  /// Of the last `measure`.
+  const BodyMeasure& measured(int body) const { return at(body).measured; }
+
+ private:
+  struct Body {
+    std::shared_ptr<const ToolIndex> index;
+    std::unique_ptr<ContactQuery> cloud_query;  // null: does not feel the cloud
+    bool moves;
+    Pose X_WB;
+    ContactWants wants;
+    BodyMeasure measured;
+  };
+  struct Pair {
+    int a, b;
+    std::unique_ptr<BodyPairQuery> query;
+  };
+
+  int add(Body body);
+  Body& at(int body) { return bodies_[static_cast<std::size_t>(body)]; }
+  const Body& at(int body) const { return bodies_[static_cast<std::size_t>(body)]; }
+
+  BodyMethod method_;
+  std::vector<Body> bodies_;
+  std::vector<Pair> pairs_;
 };
 
 }  // namespace palpate

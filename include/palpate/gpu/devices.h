@@ -6,9 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
+
+/// A cudaStream_t; null is CUDA's default stream. What is asked for in it is done in its order and
+/// not waited for, and may be captured in a CUDA graph.
+struct CallerStream {
+  void* handle = nullptr;
+};
 
 /// Where work is done.
 enum class Backend { cpu, cuda };

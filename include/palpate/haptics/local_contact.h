@@ -1,11 +1,47 @@
-// What the last contact query said, as far as it holds around its pose: lets the hand be served at
-// several kilohertz, however long a query takes.
+// A contact as the hand's side of a run sees it, and what that side remembers between two ticks.
 #pragma once
 
-#include "palpate/contact/contact_query.h"
-#include "palpate/haptics/contact_patch.h"
+#include <array>
+#include <cmath>
+#include <concepts>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+
+#include "palpate/contact/contact.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
+
+// Where and how wide a contact is: what friction acts on.
+
+struct ContactPatch {
+  Vec3d lever_W;  ///< from the tool's centre of mass to the middle of the contact, m
+  /// How far from there the normal force is on average, m: what slides by turning about the normal
+  /// resists with mu N times this.
+  double torsion_radius = 0;
+  /// Of the normal force: what is felt with the friction of the settings ...
+  double share = 1;
+  /// ... and mean coefficient of the rest, which is on objects with one of their own, times its
+  /// share.
+  double own_friction = 0;
+};
+
+/// Of a contact with a surface, from the moments of its volume. Exact for parallel normals and, in
+/// its torsion radius, for a patch that is an ellipse of even pressure; a rectangle is off by 2 %.
+ContactPatch contact_patch(const VolumeWrench& measure_W, double volume, const Stiffness& stiffness,
+                           const VolumeMoments& moments);
+
+/// Where no moments are known: the middle from the wrench, as far out as a tool of this inertia
+/// reaches, and a round cap of that volume. `tool` is in T.
+ContactPatch guessed_patch(const VolumeWrench& measure_W, double volume, const MassProperties& tool,
+                           const Quaternion& q_WT);
+
+/// Two contacts of the same tool as one, in shares of their forces `force_a` and `force_b`, N.
+ContactPatch joined(const ContactPatch& a, double force_a, const ContactPatch& b, double force_b);
+
+// What the last contact query said, as far as it holds around its pose: lets the hand be served at
+// several kilohertz, however long a query takes.
 
 /// Contact wrench on the tool at one pose, in newtons, and how it changes around it.
 struct LocalContact {
@@ -34,5 +70,87 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
                            const Pose& X_WT, const Vec3d& centre_of_mass_T,
                            const VolumeStiffness& scale, double time, double surface_age,
                            const ContactPatch& patch = {});
+
+// What a part of the hand's side remembers between two ticks, as numbers: written down, a recording
+// can begin anywhere, and a repetition with it.
+
+/// Each class has one function `remember(StateNumbers&)` that names its members, which saves them
+/// or takes them back, in the same order. No allocation. What is taken back may come from a file:
+/// numbers that a member cannot have make it bad.
+class StateNumbers {
+ public:
+  static constexpr std::size_t kMost = 320;
+
+  /// Saves.
+  StateNumbers() = default;
+  /// Takes back what another one saved.
+  explicit StateNumbers(std::span<const double> saved) : is_saving_(false) {
+    is_good_ = saved.size() <= kMost;
+    for (const double number : saved.first(is_good_ ? saved.size() : 0)) {
+      numbers_[end_++] = number;
+    }
+  }
+
+  bool is_saving() const { return is_saving_; }
+  std::span<const double> numbers() const { return {numbers_.data(), end_}; }
+  /// Saved: all had room. Taken back: all numbers were there, and none is left.
+  bool is_good() const { return is_good_ && (is_saving_ || at_ == end_); }
+
+  template <class... Members>
+  void operator()(Members&... members) {
+    (one(members), ...);
+  }
+
+ private:
+  void fail() { is_good_ = false; }
+
+  void one(double& value) {
+    if (is_saving_) {
+      if (end_ == kMost) return fail();
+      numbers_[end_++] = value;
+    } else {
+      if (at_ == end_) return fail();
+      value = numbers_[at_++];
+    }
+  }
+  template <class T>
+  requires std::integral<T> || std::is_enum_v<T>
+  void one(T& value) {
+    constexpr double kWhole = 9007199254740992;  // 2^53
+    const auto limit = [] {
+      if constexpr (std::same_as<T, bool>) return 1.0;
+      if constexpr (std::is_enum_v<T>) return static_cast<double>(names_of(T{}).size() - 1);
+      return kWhole;
+    }();
+    double number = is_saving_ ? static_cast<double>(value) : 0;
+    one(number);
+    if (is_saving_) return;
+    const bool is_there = number >= 0 && number <= limit && number == std::floor(number);
+    if (!is_there) return fail();
+    value = static_cast<T>(static_cast<std::uint64_t>(number));
+  }
+  void one(Vec3d& v) { (*this)(v.x, v.y, v.z); }
+  void one(Quaternion& q) { (*this)(q.x, q.y, q.z, q.w); }
+  void one(Pose& X) { (*this)(X.translation, X.rotation); }
+  void one(Wrench& F) { (*this)(F.force, F.torque); }
+  void one(Twist& V) { (*this)(V.linear, V.angular); }
+  template <class T>
+  requires requires(T& t, StateNumbers& numbers) { t.remember(numbers); }
+  void one(T& part) { part.remember(*this); }
+  void one(double (&matrix)[6][6]) {
+    for (auto& row : matrix) {
+      for (double& number : row) one(number);
+    }
+  }
+  void one(LocalContact& c) {
+    (*this)(c.time, c.X_WT, c.p_WC, c.F_C_W, c.stiffness.m, c.patch.lever_W, c.patch.torsion_radius,
+            c.patch.share, c.patch.own_friction, c.volume, c.max_stiffness, c.surface_age,
+            c.status.bits, c.is_valid);
+  }
+
+  std::array<double, kMost> numbers_{};
+  std::size_t end_ = 0, at_ = 0;
+  bool is_saving_ = true, is_good_ = true;
+};
 
 }  // namespace palpate

@@ -3,12 +3,12 @@
 
 #include <cstdint>
 
-#include "palpate/bodies/scene_object.h"
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/field/surface_timeline.h"
+#include "palpate/contact/body_contact.h"
+#include "palpate/field/sensor.h"
 #include "palpate/haptics/coupling.h"
+#include "palpate/haptics/local_contact.h"
 #include "palpate/haptics/safety.h"
-#include "palpate/haptics/state_numbers.h"
 
 namespace palpate {
 

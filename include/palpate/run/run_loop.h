@@ -1,15 +1,7 @@
-// A run while it goes on: live, or on a simulated clock.
-//
-// Live, five threads are joined by triple buffers (thesis Fig. 4.1):
-//
-//   sensor --> surface --> contact <==> haptic (the device's own thread) --> publishing
-//
-// The haptic thread works on the last LocalContact and never waits for a query; queries look at the
-// newest surfaces and never wait for a frame.
-//
-// On a simulated clock one thread does all in turn, and the same input gives the same bits.
+// A run: its settings, the loops that drive it, and the pictures that they give.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -20,12 +12,139 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/core/latency_histogram.h"
-#include "palpate/run/pictures.h"
+#include "palpate/contact/body_contact.h"
+#include "palpate/contact/contact.h"
+#include "palpate/core/core.h"
+#include "palpate/field/sensor.h"
+#include "palpate/haptics/coupling.h"
+#include "palpate/haptics/safety.h"
 #include "palpate/run/records.h"
-#include "palpate/run/settings.h"
 
 namespace palpate {
+
+// Everything that decides the numbers of a run, beside tool, frames and hand.
+
+/// Live on a CPU, by the field: a frame is made into a surface where the tool can be until the next
+/// ones replace it, and around as far as that takes. The rest follows if a picture needs it.
+struct WindowOptions {
+  bool enabled = true;
+  /// How fast the tool is always expected to move, m/s; if it moves faster, twice its speed.
+  double speed = 0.5;
+};
+inline void add_settings(SettingTable& t, WindowOptions& o) {
+  t.section("window");
+  t.add("enabled", o.enabled,
+        "live on a CPU, by the field: make surfaces where the tool can be, not everywhere");
+  t.add("speed", o.speed, {0, 100, "m/s"},
+        "how fast the tool is expected to move at least; a faster one is given room for twice its "
+        "speed");
+}
+
+struct RunSettings {
+  ContactOptions contact;
+  SurfaceOptions surface;
+  DepthFieldOptions field;
+  TimeOptions time;
+  WindowOptions window;
+  /// Where surfaces and queries are computed; none: the fastest one that works here.
+  std::optional<Backend> backend = Backend::cpu;
+  int sensing_gpu = 0, contact_gpu = 0;
+  int num_threads = 0;         ///< for surfaces
+  int binning = 1;             ///< surfaces are made of images so many times smaller
+  int num_spheres = 0;         ///< queries ask so many of the tool's spheres; 0: all
+  bool may_thin = true;        ///< live: less is computed before the force is lost
+  double contact_rate = 1000;  ///< queries per second, at most
+  CouplingOptions coupling;    ///< checked by the loop
+  SafetyOptions safety;
+  bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
+  std::vector<SceneObject> objects;
+  BodyOptions bodies;  ///< of objects that move
+};
+inline void add_settings(SettingTable& t, RunSettings& s) {
+  add_settings(t, s.contact);
+  add_settings(t, s.surface);
+  add_settings(t, s.field);
+  add_settings(t, s.time);
+  add_settings(t, s.window);
+  t.section("loop");
+  t.add("backend", s.backend,
+        "where surfaces and queries are computed; auto: on a GPU if there is one");
+  t.add("sensing_gpu", s.sensing_gpu, {0, 63}, "cuda: which GPU makes the surfaces");
+  t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: which GPU computes queries");
+  t.add("threads", s.num_threads, {0, 256, "threads"},
+        "for surfaces, and at most so many for queries of large tools; 0: one per core");
+  t.add("binning", s.binning, {1, kMaxBinning, "pixels"},
+        "of the depth image become one, along each side, before its surface is made");
+  t.add("spheres", s.num_spheres, {0, 1 << 30, "spheres"},
+        "of the tool, the first ones, are asked by queries; 0: all");
+  t.add("thin_out", s.may_thin,
+        "live: before the force is lost because the computer cannot keep up, draw the page less, "
+        "then make images smaller (binning) or ask fewer spheres, until it can");
+  t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "queries per second, at most");
+  t.add("real_time", s.wants_real_time,
+        "real-time scheduling and locked memory where they are allowed");
+  add_settings(t, s.coupling);
+  add_settings(t, s.safety);
+  add_settings(t, s.bodies);
+}
+
+/// What a running loop keeps when its settings are changed, with all that it has seen and felt so
+/// far; what it does not keep begins anew, the tool where it is. A repetition does the same.
+bool keeps_surfaces(const RunSettings& before, const RunSettings& after);
+bool keeps_coupling(const RunSettings& before, const RunSettings& after);
+/// Do some of the objects move?
+bool has_moving_objects(const RunSettings& settings);
+/// Does anything that the tool may touch have friction or damping?
+bool has_friction(const RunSettings& settings);
+/// Do queries read depth-change vectors?
+bool needs_depth_change(const RunSettings& settings);
+/// Can this setting not change while the loop runs?
+bool is_fixed_while_running(const Setting& setting);
+
+// Pictures of a run for humans who look on: how the spheres are, and the surface.
+
+/// How every sphere of the tool was at one contact.
+struct ContactPicture {
+  std::uint64_t contact_number = 0, frame_number = 0;
+  Pose X_WT;
+  BodyPoses bodies;                  ///< of objects that move
+  std::vector<SphereState> states;   ///< of every sphere
+  std::vector<Plane<float>> planes;  ///< ContactQuery::planes
+};
+
+/// The newest surface, as it was estimated: per pixel a point with normal and depth-change vector.
+struct SurfacePicture {
+  std::uint64_t frame_number = 0;
+  int width = 0, height = 0;
+  std::vector<Vec3f> points, normals;  ///< NaN where there is none
+  std::vector<Vec3f> edges;            ///< depth-change vectors; empty if they are not looked for
+};
+
+inline void make_surface_picture(const PointCloud& seen, std::uint64_t frame_number,
+                                 SurfacePicture& picture) {
+  picture.frame_number = frame_number;
+  picture.width = seen.width();
+  picture.height = seen.height();
+  picture.points.resize(seen.size());
+  picture.normals.resize(seen.size());
+  picture.edges.resize(seen.has_edges() ? seen.size() : 0);
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    picture.points[i] = seen.point(i);
+    picture.normals[i] = seen.normal(i);
+    if (seen.has_edges()) picture.edges[i] = seen.edge(i);
+  }
+}
+
+// A run while it goes on: live, or on a simulated clock.
+//
+// Live, five threads are joined by triple buffers (thesis Fig. 4.1):
+//
+//   sensor --> surface --> contact <==> haptic (the device's own thread) --> publishing
+//
+// The haptic thread works on the last LocalContact and never waits for a query; queries look at the
+// newest surfaces and never wait for a frame.
+//
+// On a simulated clock one thread does all in turn, and the same input gives the same bits.
 
 /// What is recorded or shown while the loop runs. Called from the publishing thread alone; may take
 /// its time: what does not fit into the queues meanwhile is counted as lost, and the loop goes on.

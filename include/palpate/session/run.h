@@ -9,6 +9,7 @@
 //                   without pages
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <functional>
 #include <limits>
@@ -17,10 +18,37 @@
 #include <string>
 #include <vector>
 
+#include "palpate/math/geometry.h"
 #include "palpate/run/run_loop.h"
-#include "palpate/session/probe_choice.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
+
+// What a path that nobody gave is to touch, and what was chosen.
+
+/// What people say about a probing path. All may be empty: then it is chosen.
+struct ProbeAim {
+  std::optional<std::array<double, 2>> pixel = {};  ///< of the depth image; this or `point_W`
+  std::optional<Vec3d> point_W = {};                ///< m, on a surface that the camera sees
+  std::optional<Vec3d> tip_T = {};                  ///< m, on the tool: the end that leads
+};
+
+/// For people; decides nothing any more.
+struct ProbeChoice {
+  double u = 0, v = 0;    ///< pixel at which the tool goes in
+  Vec3d p_W;              ///< the surface there when it arrives
+  double time = 0;        ///< s, when that is
+  Vec3d tip_T;            ///< the point of the tool that leads
+  std::string why_place;  ///< "the nearest ..."
+  std::string why_tip;
+  std::string note;  ///< what people should know about the path, and what helps; else empty
+};
+
+/// How to choose otherwise, by the options of `palpate touch`.
+inline constexpr const char* kHowToAim =
+    "aim with --probe u,v (a pixel of the depth image) or --probe x,y,z (a point, m, in camera "
+    "axes); choose the end that leads with --tip x,y,z (a point of the tool, m, in the frame of "
+    "its mesh)";
 
 /// Largest values of a run, of all ticks.
 struct RunPeaks {
@@ -154,5 +182,25 @@ Result<RetryOutcome> retry_run(const std::filesystem::path& folder,
                                const std::filesystem::path& output,
                                const std::function<Status(RunSettings&)>& change,
                                const RunOptions& options = {});
+
+// Settings as people write them: TOML files.
+
+/// Sets what the file names, [coupling] stiffness = 800, and returns the keys. Errors: file and
+/// line of what cannot be read, a key that is not in the table (with the nearest one), a value out
+/// of range. Then the settings are partly those of the file.
+Result<std::vector<std::string>> read_settings_file(const std::filesystem::path& path,
+                                                    SettingTable table);
+
+/// What the file does not name is as in `defaults`.
+template <class Options>
+Result<Options> load_settings(const std::filesystem::path& path, Options defaults = {}) {
+  const auto read = read_settings_file(path, settings_of(defaults));
+  if (!read) return read.error();
+  return defaults;
+}
+
+/// Such a file with the values as they are, and a comment on every key: what it means, its range
+/// and its unit.
+std::string settings_toml(const SettingTable& table);
 
 }  // namespace palpate

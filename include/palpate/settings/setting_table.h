@@ -1,6 +1,5 @@
-// Settings by name. Each options struct has one table beside it, add_settings(), which says the
-// name, unit, range and meaning of every member. Checks, settings files, the command line,
-// recordings, the page's controls and docs/settings.md all read these tables.
+// Options structs as tables of settings: the members by name, with unit, range and meaning, for all
+// ways in.
 #pragma once
 
 #include <array>
@@ -11,11 +10,44 @@
 #include <variant>
 #include <vector>
 
-#include "palpate/core/names.h"
-#include "palpate/core/result.h"
-#include "palpate/math/pose.h"
+#include "palpate/core/core.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
+
+// The words for the values of an enumeration, on the command line, in files and in reports.
+//
+// An enumeration that counts from 0 is given its words by a function beside it, in their order:
+//
+//   constexpr auto names_of(Priority) { return std::array{"distance", "count"}; }
+
+template <class Enum>
+concept NamedEnum = requires(Enum value) {
+  names_of(value).size();
+};
+
+/// The word for a value, "?" for none of the enumeration.
+template <NamedEnum Enum>
+std::string name_of(Enum value) {
+  constexpr auto names = names_of(Enum{});
+  const auto index = static_cast<std::size_t>(value);
+  return index < names.size() ? names[index] : "?";
+}
+/// No value: the program chooses.
+template <NamedEnum Enum>
+std::string name_of(const std::optional<Enum>& value) {
+  return value ? name_of(*value) : "auto";
+}
+
+/// The value that a word stands for, or nullopt.
+template <NamedEnum Enum>
+std::optional<Enum> value_named(std::string_view name) {
+  constexpr auto names = names_of(Enum{});
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (name == names[i]) return static_cast<Enum>(i);
+  }
+  return std::nullopt;
+}
 
 /// What a number may be, both ends included.
 struct NumberRange {

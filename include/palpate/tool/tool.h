@@ -1,21 +1,101 @@
-// A rigid CAD tool ready for contact: its mesh, the spheres that fill it, and all that is built
-// from them once, before the hand moves.
+// A tool: its mesh, the spheres that fill it, their tree and their leaf graph.
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "palpate/core/result.h"
-#include "palpate/ist/inner_sphere_tree.h"
-#include "palpate/ist/leaf_graph.h"
-#include "palpate/mesh/mass_properties.h"
-#include "palpate/mesh/triangle_mesh.h"
-#include "palpate/packing/packer.h"
-#include "palpate/packing/represented_volumes.h"
-#include "palpate/packing/solid_field.h"
+#include "palpate/core/core.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 
 namespace palpate {
+
+// The wrapped inner sphere tree: leaves are the spheres of the packing, every inner node is a ball
+// that contains all *leaves* below it (thesis section 3.1.1, Fig. 3.2c).
+
+/// One node. Inner nodes have `num_children` children stored next to each other from
+/// `first_child`; leaves have num_children = 0 and name their sphere.
+struct IstNode {
+  Sphere bound;
+  std::int32_t first_child = -1;
+  std::int32_t num_children = 0;
+  std::int32_t sphere_id = -1;  ///< leaves: index into the packing
+  std::int32_t parent = -1;     ///< -1 for the root
+};
+
+/// Owns the nodes; node 0 is the root. Built once per tool, O(n log n).
+class InnerSphereTree {
+ public:
+  static constexpr int kBranching = 4;
+  /// Halves differ by at most one leaf, so 2^30 spheres make at most 16 levels.
+  static constexpr int kMaxLevels = 16;
+  /// Room a depth-first traversal needs on its stack: each level leaves at most three siblings.
+  static constexpr int kMaxWaiting = kMaxLevels * (kBranching - 1) + 1;
+
+  InnerSphereTree() = default;
+  explicit InnerSphereTree(std::span<const Sphere> spheres);
+  /// Of nodes that were stored. Error: they are not laid out as nodes() are (breadth first,
+  /// siblings side by side), a sphere is missing or does not lie in all nodes above it. O(n log n).
+  static Result<InnerSphereTree> restore(std::vector<IstNode> nodes,
+                                         std::span<const Sphere> spheres);
+
+  std::span<const IstNode> nodes() const { return nodes_; }
+
+  /// The sphere that contains p (|p - c| <= r, double precision on the stored numbers), or -1. At
+  /// most one can: the packing is disjoint (thesis Alg. 3.2, corrected). No allocation.
+  int find_leaf(const Vec3d& p) const;
+
+ private:
+  std::vector<IstNode> nodes_;
+};
+
+// Which spheres of a packing are neighbours (thesis section 3.3.1).
+
+/// The rule that makes two spheres neighbours, by the gap between their surfaces.
+enum class GapRule {
+  absolute,  ///< gap < 2 * smallest radius of the packing: the thesis' rule
+  relative,  ///< gap <= 0.5 * smaller of the two radii: scale-free, stable under prefixes
+};
+constexpr auto names_of(GapRule) { return std::array{"absolute", "relative"}; }
+
+/// Undirected graph over the spheres, 1-connected. Stored as compressed rows: the neighbours of
+/// sphere i are neighbours()[row_starts()[i] ... row_starts()[i+1]), ascending.
+class LeafGraph {
+ public:
+  LeafGraph() = default;
+  /// Edges by the gap rule, then the shortest bridges (smallest gap, ties by lower indices) until
+  /// one component is left. O(n log n) for packings.
+  LeafGraph(std::span<const Sphere> spheres, GapRule rule);
+  /// A graph that was stored; edges as (a, b) with a < b.
+  LeafGraph(std::size_t num_spheres, std::span<const std::pair<int, int>> edges, int num_bridges,
+            int num_components_before_bridging);
+
+  std::span<const std::int32_t> row_starts() const { return row_starts_; }
+  std::span<const std::int32_t> neighbours() const { return neighbours_; }
+
+  int num_edges() const { return static_cast<int>(neighbours_.size() / 2); }
+  int num_bridges() const { return num_bridges_; }
+  int num_components_before_bridging() const { return num_components_before_bridging_; }
+  /// Each edge once, (a, b) with a < b, sorted.
+  std::vector<std::pair<int, int>> edges() const;
+
+ private:
+  void set_edges(std::size_t num_spheres, std::span<const std::pair<int, int>> edges);
+
+  std::vector<std::int32_t> row_starts_, neighbours_;
+  int num_bridges_ = 0;
+  int num_components_before_bridging_ = 0;
+};
+
+// A rigid CAD tool ready for contact: its mesh, the spheres that fill it, and all that is built
+// from them once, before the hand moves.
 
 /// Immutable after construction. Everything is in the tool frame T, which is the frame of the mesh.
 class Tool {

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/haptics/contact_patch.h"
+#include "palpate/haptics/local_contact.h"
 #include "src/bodies/internal/rigid_body.h"
 #include "src/bodies/symmetric_blocks.h"
 #include "src/haptics/internal/friction.h"

@@ -6,7 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "palpate/bodies/scene_object.h"
 #include "palpate/contact/body_contact.h"
 #include "src/bodies/internal/body_solver.h"
 

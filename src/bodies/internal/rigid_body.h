@@ -1,8 +1,8 @@
 // A rigid body that moves: its mass, where it is and how fast.
 #pragma once
 
-#include "palpate/math/pose.h"
-#include "palpate/mesh/mass_properties.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 

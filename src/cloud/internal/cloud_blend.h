@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

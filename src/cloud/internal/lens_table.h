@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "palpate/cloud/intrinsics.h"
+#include "palpate/cloud/depth_source.h"
 
 namespace palpate {
 

@@ -2,7 +2,7 @@
 // and device.
 #pragma once
 
-#include "palpate/contact/contact_batch.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate {
 

@@ -1,4 +1,4 @@
-#include "palpate/contact/contact_batch.h"
+#include "palpate/contact/contact.h"
 
 #include <string>
 #include <utility>

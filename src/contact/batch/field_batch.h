@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "palpate/contact/contact_batch.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/field/field_contact.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "palpate/contact/contact_batch.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/cuda/gpu_field.h"
 #include "src/contact/field/felt_tool_cuda.h"
 

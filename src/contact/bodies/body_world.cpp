@@ -1,4 +1,4 @@
-#include "palpate/contact/body_world.h"
+#include "palpate/contact/body_contact.h"
 
 namespace palpate {
 namespace {

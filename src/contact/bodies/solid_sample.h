@@ -2,7 +2,7 @@
 // and device, for single numbers and vectors of them.
 #pragma once
 
-#include "palpate/packing/solid_field.h"
+#include "palpate/packing/packing.h"
 #include "src/contact/field/field_element.h"
 #include "src/contact/index/sphere_clusters.h"
 

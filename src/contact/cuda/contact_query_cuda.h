@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate {
 

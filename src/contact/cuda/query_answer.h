@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/field/field_element.h"
 #include "src/gpu/runtime.h"
 

@@ -2,8 +2,8 @@
 // front of the surface, mostly. shared by host and device.
 #pragma once
 
-#include "palpate/field/surface_timeline.h"
-#include "palpate/math/pose.h"
+#include "palpate/field/sensor.h"
+#include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_clusters.h"
 #include "src/field/internal/asked_window.h"
 

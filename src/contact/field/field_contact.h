@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/field/field_bound.h"
 #include "src/contact/field/field_element.h"
 #include "src/contact/index/tool_parts.h"

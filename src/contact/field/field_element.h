@@ -2,8 +2,8 @@
 // numbers and for vectors of them.
 #pragma once
 
-#include "palpate/contact/contact_query.h"
-#include "palpate/math/sphere.h"
+#include "palpate/contact/contact.h"
+#include "palpate/math/geometry.h"
 #include "src/field/internal/field_curvature.h"
 
 namespace palpate {

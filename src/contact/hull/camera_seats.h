@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "palpate/field/surface_timeline.h"
+#include "palpate/field/sensor.h"
 #include "src/contact/field/field_bound.h"
 
 namespace palpate {

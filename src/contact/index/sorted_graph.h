@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/ist/leaf_graph.h"
+#include "palpate/tool/tool.h"
 #include "src/contact/index/num_bytes.h"
 
 namespace palpate {

@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/contact/index/num_bytes.h"
 
 namespace palpate {

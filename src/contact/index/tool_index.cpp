@@ -1,4 +1,4 @@
-#include "palpate/contact/tool_index.h"
+#include "palpate/contact/contact.h"
 
 #include "src/contact/index/tool_parts.h"
 

@@ -6,8 +6,7 @@
 #include <mutex>
 #include <optional>
 
-#include "palpate/contact/contact_query.h"
-#include "palpate/contact/tool_index.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/index/field_elements.h"
 #include "src/contact/index/path_lengths.h"
 #include "src/contact/index/sorted_graph.h"

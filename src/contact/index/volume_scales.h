@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/index/sphere_clusters.h"
 
 namespace palpate {

@@ -17,7 +17,7 @@
 
 #include <cstdint>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/index/sphere_clusters.h"
 #include "src/contact/points/donors/donor.h"
 #include "src/contact/points/graph/graph_rule.h"

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

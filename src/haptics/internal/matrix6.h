@@ -1,7 +1,7 @@
 // Six-vectors and symmetric 6x6 matrices: translation first, then rotation.
 #pragma once
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 
 namespace palpate {
 

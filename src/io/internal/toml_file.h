@@ -6,7 +6,7 @@
 
 #include <filesystem>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

@@ -1,7 +1,7 @@
 // Rotations as vectors: axis times angle, the short way round.
 #pragma once
 
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

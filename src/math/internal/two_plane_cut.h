@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "palpate/core/hostdev.h"
-#include "palpate/math/sphere.h"
+#include "palpate/core/core.h"
+#include "palpate/math/geometry.h"
 
 namespace palpate {
 

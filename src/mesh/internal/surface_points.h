@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 

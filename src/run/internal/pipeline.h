@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "palpate/contact/body_world.h"
+#include "palpate/contact/body_contact.h"
 #include "palpate/run/records.h"
-#include "palpate/run/settings.h"
+#include "palpate/run/run_loop.h"
 #include "src/bodies/internal/moving_bodies.h"
 
 namespace palpate {

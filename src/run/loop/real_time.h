@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "palpate/core/latency_histogram.h"
+#include "palpate/core/core.h"
 
 namespace palpate {
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/result.h"
+#include "palpate/core/core.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {

@@ -5,7 +5,7 @@
 #include <span>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {

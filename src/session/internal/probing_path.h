@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
-#include "palpate/core/result.h"
-#include "palpate/io/trajectory_file.h"
-#include "palpate/session/probe_choice.h"
+#include "palpate/core/core.h"
+#include "palpate/io/files.h"
+#include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
 
 namespace palpate {

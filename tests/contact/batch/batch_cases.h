@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/contact/contact_batch.h"
+#include "palpate/contact/contact.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/frozen_field.h"
 

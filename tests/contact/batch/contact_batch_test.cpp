@@ -1,6 +1,6 @@
 // Batches on the CPU: against single measurements to the bit, against the definition in double, and
 // against themselves in other orders and sizes.
-#include "palpate/contact/contact_batch.h"
+#include "palpate/contact/contact.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,6 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/contact/contact.h"
 #include "tests/contact/batch/batch_cases.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/field_truth.h"

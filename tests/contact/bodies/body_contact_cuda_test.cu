@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/contact/body_world.h"
-#include "palpate/packing/packer.h"
+#include "palpate/contact/body_contact.h"
+#include "palpate/packing/packing.h"
 #include "src/gpu/device_code.cuh"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"

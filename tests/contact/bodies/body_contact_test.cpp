@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/packing/packer.h"
+#include "palpate/packing/packing.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/body_motion.h"
 #include "tests/test_util/contact_scenes.h"

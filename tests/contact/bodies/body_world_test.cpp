@@ -1,5 +1,5 @@
 // Several tools and objects around one cloud, against the queries of each alone.
-#include "palpate/contact/body_world.h"
+#include "palpate/contact/body_contact.h"
 
 #include <gtest/gtest.h>
 

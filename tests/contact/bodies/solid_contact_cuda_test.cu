@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/contact/body_world.h"
-#include "palpate/packing/packer.h"
+#include "palpate/contact/body_contact.h"
+#include "palpate/packing/packing.h"
 #include "src/contact/bodies/solid_contact.h"
 #include "src/gpu/device_code.cuh"
 #include "tests/test_util/allocation_counter.h"

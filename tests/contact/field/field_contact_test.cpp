@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/studies/method_queries.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/field_truth.h"

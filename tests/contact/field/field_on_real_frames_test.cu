@@ -8,9 +8,9 @@
 #include <gtest/gtest.h>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "palpate/field/depth_field.h"
-#include "palpate/io/depth_files.h"
+#include "palpate/io/formats.h"
 #include "src/contact/index/field_elements.h"
 #include "src/field/internal/field_sample.h"
 #include "tests/test_util/contact_scenes.h"

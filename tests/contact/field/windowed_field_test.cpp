@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 
 #include "palpate/cloud/surface_estimator.h"
-#include "palpate/contact/contact_query.h"
-#include "palpate/field/surface_timeline.h"
-#include "palpate/io/depth_files.h"
+#include "palpate/contact/contact.h"
+#include "palpate/field/sensor.h"
+#include "palpate/io/formats.h"
 #include "src/contact/cuda/contact_query_cuda.h"
 #include "src/contact/index/field_elements.h"
 #include "src/field/internal/asked_window.h"

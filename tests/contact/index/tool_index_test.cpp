@@ -1,4 +1,4 @@
-#include "palpate/contact/tool_index.h"
+#include "palpate/contact/contact.h"
 
 #include <cmath>
 #include <thread>
@@ -7,7 +7,6 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/contact/contact_query.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/contact_scenes.h"
 

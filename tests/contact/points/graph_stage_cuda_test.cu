@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "palpate/mesh/shapes.h"
-#include "palpate/packing/packer.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/packing/packing.h"
 #include "src/contact/points/graph/graph_memory.h"
 #include "src/contact/points/graph/graph_traversal.h"
 #include "tests/test_util/contact_scenes.h"

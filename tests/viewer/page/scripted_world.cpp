@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "palpate/mesh/shapes.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 namespace {

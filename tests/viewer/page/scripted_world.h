@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "palpate/viewer/view_source.h"
+#include "palpate/viewer/viewer.h"
 
 namespace palpate {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/points/edges/edge_pieces.h"
 
 namespace palpate {

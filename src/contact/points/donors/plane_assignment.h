@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "palpate/contact/contact_query.h"
-#include "palpate/math/sphere.h"
+#include "palpate/contact/contact.h"
+#include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_clusters.h"
 #include "src/core/select_isa.h"
 

@@ -12,7 +12,7 @@ namespace {
 // Values in a row of RowSums.
 constexpr int kRow = 16;
 
-// cap_volume on vectors; the same text as math/sphere.h with selects.
+// cap_volume on vectors; the same text as math/geometry.h with selects.
 inline VecF cap_volume_v(VecF radius, VecF distance) {
   const VecF h = min(max(radius - distance, VecF{}), radius + radius);
   return static_cast<float>(kPi / 3.0) * h * h * (3.0f * radius - h);

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "palpate/contact/contact_query.h"
+#include "palpate/contact/contact.h"
 #include "src/contact/points/scan/point_scan.h"
 #include "src/math/internal/two_plane_cut.h"
 

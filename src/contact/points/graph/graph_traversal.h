@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/math/sphere.h"
+#include "palpate/math/geometry.h"
 #include "src/contact/index/sorted_graph.h"
 #include "src/contact/points/edges/edge_pieces.h"
 #include "src/contact/points/graph/graph_rule.h"

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "palpate/core/thread_pool.h"
+#include "palpate/core/core.h"
 #include "src/contact/points/scan/image_window.h"
 #include "src/contact/points/scan/point_scan.h"
 

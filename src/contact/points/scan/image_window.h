@@ -7,9 +7,8 @@
 #include <span>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/math/pose.h"
-#include "palpate/math/sphere.h"
-#include "palpate/mesh/triangle_mesh.h"
+#include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
 
 namespace palpate {
 

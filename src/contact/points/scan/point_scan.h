@@ -9,7 +9,7 @@
 #include <span>
 
 #include "palpate/cloud/point_cloud.h"
-#include "palpate/math/pose.h"
+#include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_grid.h"
 #include "src/core/select_isa.h"
 

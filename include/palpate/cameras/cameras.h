@@ -1,0 +1,151 @@
+// Cameras by name, several of them in a rig, and one whose frames the program itself gives.
+#pragma once
+
+#include <filesystem>
+#include <initializer_list>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/cloud/depth_source.h"
+#include "palpate/core/core.h"
+#include "palpate/math/geometry.h"
+
+namespace palpate {
+
+// The words that name a depth camera: KIND[:TARGET][?NAME=VALUE&...].
+
+struct ImageSize {
+  int width = 0, height = 0;
+
+  friend bool operator==(const ImageSize&, const ImageSize&) = default;
+};
+
+/// What such a text says. Parameters win over what the stream says of itself:
+///   intrinsics=fx,fy,cx,cy  distortion=k1,k2,p1,p2[,k3[,k4,k5,k6]]  size=WIDTHxHEIGHT
+///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  sensor=KIND  crop=none|valid
+///   pose=tx,ty,tz,qx,qy,qz,qw  poses=FILE: X_WC, or that of a camera that moves, by time (TUM)
+struct CameraUri {
+  std::string text;          ///< as it was given, for humans
+  std::string kind, target;  ///< "folder" and "frames/"
+  std::optional<Intrinsics> intrinsics;
+  std::optional<Distortion> distortion;
+  std::optional<ImageSize> size;
+  std::optional<double> unit, rate;
+  std::optional<SensorKind> sensor;
+  bool is_cropped = false;  ///< to the largest rectangle whose every pixel the lens can see
+  double latency = 0;       ///< s, from the exposure to the time stamp
+  Pose X_WC;                ///< of the camera in the world
+  std::string poses;        ///< file of X_WC by time; empty: it stands still
+  std::map<std::string, std::string> extras;  ///< parameters that only some kinds know
+
+  /// Error: an extra parameter other than these, which this kind knows.
+  Status check_extras(std::initializer_list<std::string_view> known = {}) const;
+};
+
+/// Errors: a parameter that is not what it should be, with its name. Kinds are not checked here.
+Result<CameraUri> parse_camera_uri(std::string_view text);
+
+// Finding and opening depth cameras by the words of the command line.
+
+/// One kind of camera, and what of it can be used here.
+struct FoundCameras {
+  std::string kind;
+  std::string usage;  ///< "folder:DIR"
+  bool is_usable = false;
+  std::string library, version;      ///< of the vendor, if there is one and it was found
+  std::vector<std::string> devices;  ///< what to give to open_camera
+  std::string reason;                ///< what it is, or every place that was tried and what to do
+  /// Its devices are cameras that are plugged in and can be opened by their names alone.
+  bool is_live = false;
+};
+/// Asks every kind; takes a few seconds at most. Never fails, starts no camera.
+std::vector<FoundCameras> find_cameras();
+
+struct CameraOpening {
+  /// The run goes by the clock of this computer: frames that nobody took in time are left out.
+  /// Else every frame counts that does not come from a device.
+  bool in_real_time = true;
+  std::optional<double> duration = {};  ///< s, of simulated ones; none: the scene's
+};
+
+/// A stream as surfaces are made of it: a pinhole image without distortion, whose size and
+/// intrinsics stay the same even if the camera changes its own. Live cameras are read by a thread
+/// of their own and come back when they were unplugged. Kinds: see `find_cameras`. Errors: no such
+/// kind or target; the library of the vendor is missing, with every place that was tried; nothing
+/// says what the intrinsics are.
+Result<std::unique_ptr<DepthSource>> open_camera(std::string_view uri,
+                                                 const CameraOpening& opening = {});
+Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
+                                                 const CameraOpening& opening = {});
+
+// Several cameras in one file: where each of them is, and how it is opened.
+
+/// A file, TOML:
+///
+///   [world]
+///   frame = "table"          # of coordinates, as people call it
+///   gravity = [0, 9.81, 0]   # m/s2, in W
+///
+///   [[camera]]
+///   name = "front"
+///   uri = "openni2"                          # as of open_camera
+///   intrinsics = [525, 525, 319.5, 239.5]    # these win over the URI
+///   distortion = [0.1, -0.2, 0, 0]
+///   unit = 0.001
+///   pose = [0, 0, 0, 0, 0, 0, 1]             # X_WC: tx ty tz qx qy qz qw
+///   # or: pose_from = "front.tum"            # of a camera that moves, beside this file
+///   # or: pose_from = "tf:front_optical"     # as the tf of a recording (bag:) tells of that frame
+struct CameraRig {
+  struct Camera {
+    std::string name;
+    CameraUri uri;
+  };
+  std::string frame = "world";
+  std::optional<Vec3d> gravity;  ///< m/s2, in W; none: nobody knows
+  std::vector<Camera> cameras;
+};
+
+/// Targets and files of poses that are relative are beside the rig's file. Errors: no such file,
+/// not TOML, a key that is not known or has another kind of value, two cameras of one name, no
+/// camera or more than kMostCameras; all with the file, and the camera.
+Result<CameraRig> load_rig(const std::filesystem::path& path);
+/// As text of such a file: of each camera its pose is written anew, everything else as it was read.
+Result<std::string> rig_text_with_poses(const std::filesystem::path& path,
+                                        const std::vector<Pose>& X_WC);
+
+// Depth frames from your own code.
+
+/// Frames are pushed at one end and felt at the other. The newest one wins: what nobody took in
+/// time is left out and counted.
+///
+///   auto camera = PushedSource::create(info).value();
+///   auto loop = RunLoop::create(tool, *camera, device, settings).value();   // one thread
+///   camera->push(frame);                                                    // any other one
+class PushedSource : public DepthSource {
+ public:
+  struct Options {
+    /// Time stamps are the camera's own, s on a clock of its own: capture times on this computer's
+    /// clock are estimated from them. Else a frame is captured when it is pushed.
+    bool has_time_stamps = false;
+    double latency = 0;  ///< s, from the exposure to the time stamp
+  };
+  /// `info`: of the frames; `info.distortion` is removed from them. Where the camera is, each frame
+  /// says (DepthFrame::X_WC), and `info.is_moving` whether that changes. Errors: a size or focal
+  /// length that no image has.
+  static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info,
+                                                      const Options& options);
+  static Result<std::unique_ptr<PushedSource>> create(const DepthStreamInfo& info);
+
+  /// From any threads. Never waits for whoever feels them; takes the pixels and gives others back,
+  /// so that a caller who keeps `frame` allocates nothing. A frame of another size than `info` is
+  /// mapped to that, as of a camera that has changed its mode. Pushed after `end`: ignored.
+  virtual void push(DepthFrame& frame) = 0;
+  /// No more frames come.
+  virtual void end() = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,111 @@
+#include "palpate/tool/tool.h"
+
+#include <algorithm>
+
+#include "src/tool/components.h"
+#include "src/tool/gap_search.h"
+
+namespace palpate {
+namespace {
+
+using Edge = std::pair<int, int>;
+
+/// All pairs that the gap rule makes neighbours, sorted (thesis section 3.3.1).
+std::vector<Edge> edges_by_rule(std::span<const Sphere> spheres, GapRule rule,
+                                const GapSearch& search) {
+  float smallest_radius = std::numeric_limits<float>::infinity();
+  for (const Sphere& sphere : spheres) smallest_radius = std::min(smallest_radius, sphere.radius);
+
+  std::vector<Edge> edges;
+  for (std::int32_t i = 0; i < static_cast<std::int32_t>(spheres.size()); ++i) {
+    const bool absolute = rule == GapRule::absolute;
+    const double limit = absolute ? 2 * double(smallest_radius) : 0.5 * double(spheres[i].radius);
+    search.larger_neighbours(i, limit, [&](std::int32_t j) {
+      const double g = gap(spheres, i, j);
+      if (absolute ? g < limit : g <= limit) edges.emplace_back(std::min(i, j), std::max(i, j));
+    });
+  }
+  std::sort(edges.begin(), edges.end());
+  return edges;
+}
+
+/// The shortest bridges that make one component, by Boruvka's rounds: every component but the
+/// largest picks its shortest way out. Bridges are strictly ordered, so this is the one minimum
+/// spanning tree over the components: what inserting the shortest bridge again and again gives.
+std::vector<Edge> bridges(std::span<const Sphere> spheres, Components& components,
+                          GapSearch& search) {
+  const auto num_spheres = static_cast<std::int32_t>(spheres.size());
+  std::vector<Edge> result;
+  std::vector<std::int32_t> component_of(spheres.size()), sizes(spheres.size());
+  std::vector<Bridge> best(spheres.size());
+  while (components.count() > 1) {
+    std::fill(sizes.begin(), sizes.end(), 0);
+    for (std::int32_t i = 0; i < num_spheres; ++i) ++sizes[component_of[i] = components.find(i)];
+    const auto giant =
+        static_cast<std::int32_t>(std::max_element(sizes.begin(), sizes.end()) - sizes.begin());
+    search.set_components(component_of);
+    std::fill(best.begin(), best.end(), Bridge{});
+    for (std::int32_t i = 0; i < num_spheres; ++i) {
+      if (component_of[i] != giant) search.shortest_bridge(i, best[component_of[i]]);
+    }
+    for (const Bridge& bridge : best) {
+      if (bridge.a >= 0 && components.join(bridge.a, bridge.b))
+        result.emplace_back(bridge.a, bridge.b);
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+LeafGraph::LeafGraph(std::span<const Sphere> spheres, GapRule rule) {
+  GapSearch search(spheres);
+  std::vector<Edge> all_edges = edges_by_rule(spheres, rule, search);
+  Components components(spheres.size());
+  for (const auto& [a, b] : all_edges) components.join(a, b);
+  num_components_before_bridging_ = components.count();
+  const std::vector<Edge> added = bridges(spheres, components, search);
+  num_bridges_ = static_cast<int>(added.size());
+  all_edges.insert(all_edges.end(), added.begin(), added.end());
+  set_edges(spheres.size(), all_edges);
+}
+
+LeafGraph::LeafGraph(std::size_t num_spheres, std::span<const Edge> edges, int num_bridges,
+                     int num_components_before_bridging)
+    : num_bridges_(num_bridges), num_components_before_bridging_(num_components_before_bridging) {
+  set_edges(num_spheres, edges);
+}
+
+void LeafGraph::set_edges(std::size_t num_spheres, std::span<const Edge> edges) {
+  row_starts_.assign(num_spheres + 1, 0);
+  for (const auto& [a, b] : edges) {
+    ++row_starts_[a + 1];
+    ++row_starts_[b + 1];
+  }
+  for (std::size_t i = 0; i < num_spheres; ++i) row_starts_[i + 1] += row_starts_[i];
+
+  neighbours_.resize(2 * edges.size());
+  std::vector<std::int32_t> next(row_starts_.begin(), row_starts_.end() - 1);
+  for (const auto& [a, b] : edges) {
+    neighbours_[next[a]++] = b;
+    neighbours_[next[b]++] = a;
+  }
+  for (std::size_t i = 0; i < num_spheres; ++i) {
+    const auto row = neighbours_.begin() + row_starts_[i];
+    const auto row_end = neighbours_.begin() + row_starts_[i + 1];
+    if (!std::is_sorted(row, row_end)) std::sort(row, row_end);
+  }
+}
+
+std::vector<std::pair<int, int>> LeafGraph::edges() const {
+  std::vector<Edge> result;
+  result.reserve(neighbours_.size() / 2);
+  for (int a = 0; a + 1 < static_cast<int>(row_starts_.size()); ++a) {
+    for (std::int32_t k = row_starts_[a]; k < row_starts_[a + 1]; ++k) {
+      if (neighbours_[k] > a) result.emplace_back(a, neighbours_[k]);
+    }
+  }
+  return result;
+}
+
+}  // namespace palpate
