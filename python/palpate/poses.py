@@ -195,22 +195,28 @@ def parse_shard(text: str) -> Tuple[int, int]:
 
 
 def _rows(file: Any, begin: int, end: int) -> Iterator[Any]:
-    """Tables of the rows from `begin` to `end`, in parts that depend on these alone."""
-    at = 0
+    """Tables of the rows from `begin` to `end`, in parts that depend on these alone. Of a row group only what lies
+    before a part is read with it: Parquet has no way to rows in its middle."""
+    pyarrow, _ = _parquet()
+    ends = np.cumsum([file.metadata.row_group(group).num_rows for group in range(file.metadata.num_row_groups)])
+    groups = np.flatnonzero((ends > begin) & (np.append(0, ends[:-1]) < end))
+    if len(groups) == 0:
+        return
+    at = int(ends[groups[0]] - file.metadata.row_group(int(groups[0])).num_rows)
     waiting: List[Any] = []
     num_waiting = 0
-    pyarrow, _ = _parquet()
-    for group in range(file.metadata.num_row_groups):
-        num = file.metadata.row_group(group).num_rows
-        low, high = max(begin, at), min(end, at + num)
+    for batch in file.iter_batches(_ROWS_IN_PART, row_groups=groups.tolist()):
+        low, high = max(begin - at, 0), min(end - at, len(batch))
+        at += len(batch)
         if low < high:
-            waiting.append(file.read_row_group(group).slice(low - at, high - low))
+            waiting.append(pyarrow.Table.from_batches([batch.slice(low, high - low)]))
             num_waiting += high - low
-        at += num
-        while num_waiting >= _ROWS_IN_PART:
+        if num_waiting >= _ROWS_IN_PART:
             table = pyarrow.concat_tables(waiting)
             yield table.slice(0, _ROWS_IN_PART)
             waiting, num_waiting = [table.slice(_ROWS_IN_PART)], num_waiting - _ROWS_IN_PART
+        if at >= end:
+            break
     if num_waiting > 0:
         yield pyarrow.concat_tables(waiting)
 

@@ -165,25 +165,26 @@ def to_foxglove(run: Run, path: _PathLike, *, stride: int = 4) -> None:
     still = messages.Pose(position=messages.Vector3(), orientation=messages.Quaternion(w=1))
     colors = [messages.Color(r=r / 255, g=g / 255, b=b / 255, a=1) for r, g, b, _ in _STATE_COLORS.tolist()]
 
-    def entity(frame: str, name: str, **primitives: Any) -> Any:
-        return messages.SceneUpdate(entities=[messages.SceneEntity(frame_id=frame, id=name, frame_locked=True,
-                                                                   **primitives)])
+    def entity(stamp: Any, frame: str, name: str, **primitives: Any) -> Any:
+        return messages.SceneUpdate(entities=[messages.SceneEntity(timestamp=stamp, frame_id=frame, id=name,
+                                                                   frame_locked=True, **primitives)])
 
     with _new_file(path) as file, foxglove.open_mcap(file, context=context):
         for moment in _moments(run, stride):
             now = int(1e9 * moment.time)
+            stamp = messages.Timestamp(sec=now // 10**9, nsec=now % 10**9)
             x, y, z, qx, qy, qz, qw = moment.X_WT.tolist()
             sent["tf"].log(messages.FrameTransform(
-                parent_frame_id="world", child_frame_id="tool", translation=messages.Vector3(x=x, y=y, z=z),
+                timestamp=stamp, parent_frame_id="world", child_frame_id="tool", translation=messages.Vector3(x=x, y=y, z=z),
                 rotation=messages.Quaternion(x=qx, y=qy, z=qz, w=qw)), log_time=now)
-            sent["cloud"].log(messages.PointCloud(frame_id="world", pose=still, point_stride=12, fields=fields,
-                                                  data=moment.points.astype("<f4").tobytes()), log_time=now)
-            sent["tool"].log(entity("tool", "spheres", spheres=[
+            sent["cloud"].log(messages.PointCloud(timestamp=stamp, frame_id="world", pose=still, point_stride=12,
+                                                  fields=fields, data=moment.points.astype("<f4").tobytes()), log_time=now)
+            sent["tool"].log(entity(stamp, "tool", "spheres", spheres=[
                 messages.SpherePrimitive(
                     pose=messages.Pose(position=messages.Vector3(x=a, y=b, z=c), orientation=messages.Quaternion(w=1)),
                     size=messages.Vector3(x=2 * r, y=2 * r, z=2 * r), color=colors[state])
                 for (a, b, c, r), state in zip(spheres.tolist(), moment.states.tolist())]), log_time=now)
-            sent["wrench"].log(entity("world", "wrench", arrows=[
+            sent["wrench"].log(entity(stamp, "world", "wrench", arrows=[
                 _arrow(messages, moment.center, length * vector, color)
                 for vector, length, color in ((moment.wrench[:3], _NEWTON, _FORCE_COLOR),
                                               (moment.wrench[3:], _NEWTON_METRE, _TORQUE_COLOR))]), log_time=now)

@@ -77,6 +77,53 @@ def test_shards_are_the_whole(task, tmp_path):
         assert bytes_of(pyarrow.concat_tables(shards)) == whole
 
 
+def test_a_shard_reads_its_rows_of_one_large_group(task, tmp_path, monkeypatch):
+    """Files of other programs have row groups of a million rows."""
+    folder, *_ = task
+    whole = bytes_of(measured(task, tmp_path / "whole.parquet"))
+    table = parquet.read_table(folder / "poses.parquet")
+    parquet.write_table(table, tmp_path / "one.parquet", row_group_size=NUM)
+    file = parquet.ParquetFile(tmp_path / "one.parquet")
+    monkeypatch.setattr(many, "_ROWS_IN_PART", 200)
+    for begin, end in ((0, NUM), (0, 1000), (1300, 1750), (4900, NUM), (300, 300)):
+        parts = list(many._rows(file, begin, end))
+        assert [len(part) for part in parts] == [min(200, end - at) for at in range(begin, end, 200)]
+        if parts:
+            assert pyarrow.concat_tables(parts).equals(table.slice(begin, end - begin))
+    # What comes after a shard is not read for it.
+    taken = []
+
+    class Counted:
+        metadata = file.metadata
+
+        def iter_batches(self, *asked, **how):
+            for batch in file.iter_batches(*asked, **how):
+                taken.append(len(batch))
+                yield batch
+
+    assert sum(len(part) for part in many._rows(Counted(), 1300, 1750)) == 450
+    assert sum(taken) == 1800
+    frames = many.Frames.open(folder / "frames.npy", task[1])
+    monkeypatch.setattr(many, "_ROWS_IN_PART", 900)
+    shards = []
+    for k in range(1, 4):
+        output = tmp_path / f"{k}.parquet"
+        many.measure_file(folder / "cube.palp", tmp_path / "one.parquet", output, frames, shard=(k, 3))
+        shards.append(parquet.read_table(output))
+    assert bytes_of(pyarrow.concat_tables(shards)) == whole
+
+
+def test_frames_in_zarr(task, tmp_path):
+    zarr = pytest.importorskip("zarr", reason="zarr is not installed")
+    folder, camera, images, *_ = task
+    zarr.save_array(tmp_path / "frames.zarr", images)
+    frames = many.Frames.open(tmp_path / "frames.zarr", camera)
+    assert len(frames) == 3 and np.array_equal(frames.image(1), images[1])
+    many.measure_file(folder / "cube.palp", folder / "poses.parquet", tmp_path / "out.parquet", frames)
+    whole = measured(task, tmp_path / "whole.parquet")
+    assert bytes_of(parquet.read_table(tmp_path / "out.parquet")) == bytes_of(whole)
+
+
 def test_what_is_interrupted_goes_on(task, tmp_path, monkeypatch):
     whole = bytes_of(measured(task, tmp_path / "whole.parquet"))
     output = tmp_path / "out.parquet"

@@ -84,6 +84,8 @@ def test_foxglove(run, cube, tmp_path):
     times = [int(1e9 * time) for time, _ in run.frames()]  # on the clock of a path they are the same
     for topic in ("/cloud", "/tool", "/wrench", "/tf"):
         assert [when for when, _ in topics[topic]] == times, topic
+        stamps = [getattr(message, "entities", [message])[0].timestamp for _, message in topics[topic]]
+        assert [stamp.ToNanoseconds() for stamp in stamps] == times, topic
 
     cloud = topics["/cloud"][-1][1]
     points = np.frombuffer(cloud.data, "<f4").reshape(-1, 3)
