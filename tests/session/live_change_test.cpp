@@ -198,6 +198,7 @@ TEST(LiveRun, InPartsIsRepeatedWholeAndPartByPart) {
     const auto alone = replay_run(part);
     ASSERT_TRUE(alone) << alone.error().message;
     EXPECT_EQ(alone->difference, "") << part;
+    EXPECT_EQ(alone->note, "") << part;
     num_ticks += alone->num_ticks;
   }
   EXPECT_EQ(num_ticks, outcome->loop.num_ticks);

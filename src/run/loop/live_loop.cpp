@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <deque>
 #include <mutex>
 #include <new>
 #include <system_error>
@@ -18,6 +17,7 @@
 #include "src/run/loop/event.h"
 #include "src/run/loop/haptic_stage.h"
 #include "src/run/loop/load_minder.h"
+#include "src/run/loop/publisher.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/surface_stage.h"
 #include "src/run/setting_changes.h"
@@ -25,7 +25,6 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kBatch = 256;          // records given to the observer at a time
 constexpr double kPublishingPeriod = 0.005;  // s
 constexpr double kMindingPeriod = 0.02;      // s
 constexpr double kFirstTickTimeout = 2;      // s
@@ -89,9 +88,8 @@ class LiveLoop final : public RunLoop {
                 contacts_,
                 {1 / device.info().rate, settings.wants_real_time,
                  static_cast<bool>(observer_.on_ticks)},
-                times_) {
-    batch_.reserve(kBatch);
-  }
+                times_),
+        publisher_(observer_, surfaces_, contacts_, haptic_) {}
   ~LiveLoop() override { stop(); }
 
   Status start() override;
@@ -136,11 +134,7 @@ class LiveLoop final : public RunLoop {
   void look_after_load();
   LoadCounts count_load(double contact_rate) const;
   double slowest_rate() const;
-  void add_note(std::string text);
   void publish_all();
-  void drain_queues();
-  void tell_settings(std::uint32_t revision);
-  void tell_moment(std::uint64_t tick);
   void fade_out() noexcept;
   std::vector<std::pair<std::string, std::string>> scheduling() const;
 
@@ -157,14 +151,9 @@ class LiveLoop final : public RunLoop {
   std::unique_ptr<Change> change_;  // what the stages have not all taken yet
   // Between that thread and the publishing one.
   mutable std::mutex mutex_;
-  RunSettings settings_;            // as all stages have them
-  std::deque<RunSettings> untold_;  // those after `told_revision_`
+  RunSettings settings_;  // as all stages have them
   std::vector<std::string> notes_;
-  std::vector<std::string> untold_notes_;
   std::array<double, 3> thinned_{};  // s: page, image, spheres
-  // Of the publishing thread.
-  std::uint32_t told_revision_ = 0;
-  std::vector<TickRecord> batch_;
   // Of the minding thread.
   bool is_changing_backend_ = false;
   LoadMinder minder_;
@@ -182,6 +171,7 @@ class LiveLoop final : public RunLoop {
   SurfaceStage surfaces_;
   ContactStage contacts_;
   HapticStage haptic_;
+  Publisher publisher_;
   std::thread publishing_thread_, minding_thread_;
 };
 
@@ -288,9 +278,9 @@ Status LiveLoop::begin_change(const RunSettings& settings) {
   change_->contacts = {revision, change_->surfaces.timelines.empty() ? 0 : revision,
                        settings.contact_rate, parts->scale, std::move(parts->contact)};
   change_->haptic = {revision, std::move(parts->coupling)};
+  publisher_.add_settings(settings);
   {
     const std::lock_guard lock_others(mutex_);
-    untold_.push_back(settings);
     notes_.insert(notes_.end(), parts->notes.begin(), parts->notes.end());
   }
   offer_change();
@@ -366,11 +356,6 @@ bool LiveLoop::may_begin_change() {
   return true;
 }
 
-void LiveLoop::add_note(std::string text) {
-  const std::lock_guard lock(mutex_);
-  untold_notes_.push_back(std::move(text));
-}
-
 /// Hz, of the camera whose frames are the farthest apart: contacts are as old as its.
 double LiveLoop::slowest_rate() const {
   double slowest = streams_.front().rate;
@@ -403,7 +388,7 @@ void LiveLoop::look_after_load() {
   const std::lock_guard lock(mutex_);
   thinned_ = {minder_.page_seconds(), minder_.image_seconds(), minder_.spheres_seconds()};
   if (decision.note.empty()) return;
-  untold_notes_.push_back(std::move(decision.note));
+  publisher_.add_note(std::move(decision.note));
   // What follows is judged by itself.
   minder_.begin_window(monotonic_now(), count_load(present.contact_rate));
 }
@@ -427,7 +412,7 @@ void LiveLoop::look_after_backend() {
   if (begun) {
     const char* const text =
         "the GPU is lost: surfaces and queries are computed on the CPU from now on";
-    add_note(text);
+    publisher_.add_note(text);
     const std::lock_guard lock_others(mutex_);
     notes_.push_back(text);
     return;
@@ -443,7 +428,7 @@ void LiveLoop::publish_all() {
   while (!is_last) {
     is_last = stop_publishing_.sleep_for(kPublishingPeriod);
     try {
-      if (!is_out_of_memory_) drain_queues();
+      if (!is_out_of_memory_) publisher_.publish();
     } catch (const std::bad_alloc&) {
       // Who is told may have kept half of it. The hand needs no memory to fade out.
       is_out_of_memory_ = true;
@@ -451,65 +436,6 @@ void LiveLoop::publish_all() {
     }
     const bool has_ended = haptic_.has_faded() || !device_.status();
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();
-  }
-}
-
-void LiveLoop::drain_queues() {
-  while (const SeenFrame* seen = surfaces_.seen().front()) {
-    tell_settings(seen->record.revision);
-    observer_.on_frame(seen->record, seen->frame);
-    surfaces_.seen().pop();
-  }
-  while (const ContactRecord* contact = contacts_.records().front()) {
-    tell_settings(contact->revision);
-    observer_.on_contact(*contact);
-    contacts_.records().pop();
-  }
-  RecordQueue<TickRecord>& ticks = haptic_.records();
-  while (ticks.front() != nullptr) {
-    batch_.clear();
-    tell_moment(ticks.front()->number);
-    const HandMoment* const next = haptic_.moments().front();
-    for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
-         tick = ticks.front()) {
-      if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
-      batch_.push_back(*tick);
-      ticks.pop();
-    }
-    tell_settings(batch_.back().revision);
-    observer_.on_ticks(batch_);
-  }
-  std::vector<std::string> notes;
-  {
-    const std::lock_guard lock(mutex_);
-    notes.swap(untold_notes_);
-  }
-  for (const std::string& text : notes) {
-    if (observer_.on_note) observer_.on_note(text);
-  }
-}
-
-/// Before the tick of this number. A moment comes before its tick, and may have lost it.
-void LiveLoop::tell_moment(std::uint64_t tick) {
-  RecordQueue<HandMoment>& moments = haptic_.moments();
-  for (const HandMoment* now = moments.front(); now != nullptr && now->tick <= tick;
-       now = moments.front()) {
-    if (now->tick == tick && observer_.on_moment) observer_.on_moment(*now);
-    moments.pop();
-  }
-}
-
-/// Up to this revision, each once.
-void LiveLoop::tell_settings(std::uint32_t revision) {
-  while (told_revision_ < revision) {
-    RunSettings settings;
-    {
-      const std::lock_guard lock(mutex_);
-      settings = untold_.front();
-      untold_.pop_front();
-    }
-    ++told_revision_;
-    if (observer_.on_settings) observer_.on_settings(told_revision_, settings);
   }
 }
 

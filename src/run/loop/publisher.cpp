@@ -1,0 +1,115 @@
+#include "src/run/loop/publisher.h"
+
+#include <utility>
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kBatch = 256;  // ticks given to the observer at a time
+
+}  // namespace
+
+Publisher::Publisher(const RunObserver& observer, SurfaceStage& surfaces, ContactStage& contacts,
+                     HapticStage& haptic)
+    : observer_(observer), surfaces_(surfaces), contacts_(contacts), haptic_(haptic) {
+  batch_.reserve(kBatch);
+}
+
+void Publisher::add_settings(const RunSettings& settings) {
+  const std::lock_guard lock(mutex_);
+  settings_.push_back(settings);
+}
+
+void Publisher::add_note(std::string text) {
+  const std::lock_guard lock(mutex_);
+  notes_.push_back(std::move(text));
+}
+
+void Publisher::publish() {
+  tell_frames();
+  tell_contacts();
+  tell_ticks();
+  tell_notes();
+}
+
+void Publisher::tell_frames() {
+  while (const SeenFrame* seen = surfaces_.seen().front()) {
+    tell_settings(seen->record.revision);
+    observer_.on_frame(seen->record, seen->frame);
+    surfaces_.seen().pop();
+  }
+}
+
+void Publisher::tell_contacts() {
+  while (const ContactRecord* contact = contacts_.records().front()) {
+    const bool has_surface = contact->cameras.of[0].camera_frame >= 0;
+    if (has_surface && surfaces_.num_frames() <= contact->frame_number) return;
+    tell_frames();
+    tell_settings(contact->revision);
+    observer_.on_contact(*contact);
+    contacts_.records().pop();
+  }
+}
+
+void Publisher::tell_ticks() {
+  RecordQueue<TickRecord>& ticks = haptic_.records();
+  while (ticks.front() != nullptr && has_told_contact_of(*ticks.front())) {
+    batch_.clear();
+    tell_moment(ticks.front()->number);
+    const HandMoment* const next = haptic_.moments().front();
+    for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
+         tick = ticks.front()) {
+      if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
+      if (!has_told_contact_of(*tick)) break;
+      batch_.push_back(*tick);
+      ticks.pop();
+    }
+    tell_settings(batch_.back().revision);
+    observer_.on_ticks(batch_);
+  }
+}
+
+/// Also where there was no room for the record of the contact.
+bool Publisher::has_told_contact_of(const TickRecord& tick) {
+  if (contacts_.num_contacts() < tick.contact_number) return false;
+  tell_contacts();
+  const ContactRecord* const next = contacts_.records().front();
+  return next == nullptr || next->number > tick.contact_number;
+}
+
+/// Before the tick of this number. A moment comes before its tick, and may have lost it.
+void Publisher::tell_moment(std::uint64_t tick) {
+  RecordQueue<HandMoment>& moments = haptic_.moments();
+  for (const HandMoment* now = moments.front(); now != nullptr && now->tick <= tick;
+       now = moments.front()) {
+    if (now->tick == tick && observer_.on_moment) observer_.on_moment(*now);
+    moments.pop();
+  }
+}
+
+/// Up to this revision, each once.
+void Publisher::tell_settings(std::uint32_t revision) {
+  while (told_revision_ < revision) {
+    RunSettings settings;
+    {
+      const std::lock_guard lock(mutex_);
+      settings = settings_.front();
+      settings_.pop_front();
+    }
+    ++told_revision_;
+    if (observer_.on_settings) observer_.on_settings(told_revision_, settings);
+  }
+}
+
+void Publisher::tell_notes() {
+  std::vector<std::string> notes;
+  {
+    const std::lock_guard lock(mutex_);
+    notes.swap(notes_);
+  }
+  for (const std::string& text : notes) {
+    if (observer_.on_note) observer_.on_note(text);
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,53 @@
+// What a live loop tells its observer: all records, each after those that it rests on.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "palpate/run/run_loop.h"
+#include "src/run/loop/contact_stage.h"
+#include "src/run/loop/haptic_stage.h"
+#include "src/run/loop/surface_stage.h"
+
+namespace palpate {
+
+/// Empties the queues of the stages, in one thread.
+class Publisher {
+ public:
+  Publisher(const RunObserver& observer, SurfaceStage& surfaces, ContactStage& contacts,
+            HapticStage& haptic);
+
+  /// Any thread: settings of the next revision, before a stage is offered them.
+  void add_settings(const RunSettings& settings);
+  void add_note(std::string text);
+
+  /// What is there. A surface can be felt, and a contact too, a moment before its record is
+  /// written: what has to wait for that is told the next time.
+  void publish();
+
+ private:
+  void tell_frames();
+  void tell_contacts();
+  void tell_ticks();
+  void tell_notes();
+  void tell_moment(std::uint64_t tick);
+  void tell_settings(std::uint32_t revision);
+  bool has_told_contact_of(const TickRecord& tick);
+
+  const RunObserver& observer_;
+  SurfaceStage& surfaces_;
+  ContactStage& contacts_;
+  HapticStage& haptic_;
+
+  std::mutex mutex_;
+  std::deque<RunSettings> settings_;  // those after `told_revision_`
+  std::vector<std::string> notes_;
+  // Of the publishing thread.
+  std::uint32_t told_revision_ = 0;
+  std::vector<TickRecord> batch_;
+};
+
+}  // namespace palpate
