@@ -71,6 +71,7 @@ SHARED_PRIVATE = {
     "src/io/ros_image.h": ("ros", "session", "cameras"),
     "src/io/ros_messages.h": ("ros", "session", "cameras", "devices", "apps"),
     "src/io/ros_types.h": ("ros", "session"),
+    "src/io/rvl.h": ("cameras",),
     "src/io/text_scanner.h": ("cameras",),
     "src/pages/page_files.h": ("viewer",),
     "src/session/settings_json.h": ("viewer",),

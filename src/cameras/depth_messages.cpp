@@ -9,6 +9,7 @@
 #include "src/cameras/raw_frames.h"
 #include "src/io/cdr.h"
 #include "src/io/ros_image.h"
+#include "src/io/rvl.h"
 
 namespace palpate {
 namespace {
@@ -31,16 +32,23 @@ Result<DepthFrame> read_compressed_depth(std::string_view message, double unit) 
   const std::string_view format = from.text();
   const std::string_view data = from.bytes();
   if (!from.is_good() || data.size() < sizeof(Config)) return damaged("a compressed depth image");
-  if (format.find("compressedDepth") == std::string_view::npos ||
-      format.find("rvl") != std::string_view::npos) {
+  // "16UC1; compressedDepth rvl"; without a word behind it, it is PNG.
+  constexpr std::string_view kTransport = "compressedDepth";
+  const std::size_t at = format.find(kTransport);
+  const std::string_view codec =
+      at == std::string_view::npos ? "none" : format.substr(at + kTransport.size());
+  const bool is_rvl = codec == " rvl";
+  if (!is_rvl && codec != " png" && !codec.empty()) {
     return Error{Errc::bad_input, "an image is of the format '" +
                                       std::string(format.substr(0, 60)) +
-                                      "'; depth is 'compressedDepth png'"};
+                                      "'; depth is 'compressedDepth png' or 'compressedDepth rvl'"};
   }
   Config config;
   std::memcpy(&config, data.data(), sizeof config);
-  auto frame =
-      decode_depth_png(data.substr(sizeof config), "a compressed depth image", kMillimetre);
+  constexpr const char* kWhat = "a compressed depth image";
+  const std::string_view image = data.substr(sizeof config);
+  auto frame = is_rvl ? decode_depth_rvl(image, kWhat, kMillimetre)
+                      : decode_depth_png(image, kWhat, kMillimetre);
   if (!frame) return frame.error();
   frame->timestamp = stamp;
   if (format.starts_with("32FC1")) {

@@ -9,8 +9,8 @@
 
 namespace palpate {
 
-/// sensor_msgs/CompressedImage of the transport compressedDepth: PNG of 16UC1 or 32FC1. Errors:
-/// another format, a damaged image.
+/// sensor_msgs/CompressedImage of the transport compressedDepth: PNG or RVL of 16UC1 or 32FC1.
+/// Errors: another format, a damaged image.
 Result<DepthFrame> read_compressed_depth(std::string_view message, double unit);
 
 struct RosCameraModel {

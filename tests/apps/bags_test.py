@@ -14,6 +14,9 @@ from camera_case import HEIGHT, WIDTH, CameraCase, header, palpate, wall
 from cli_test import write_depth_png
 
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "ros"))
+import rvl  # noqa: E402
+
 # As scripts/setup.sh --test leaves them.
 PYTHON = HERE.parent.parent / "build/python"
 OLD_REALSENSE = HERE.parent.parent / "build/python-realsense-bag"
@@ -102,13 +105,16 @@ class Bags(CameraCase):
                 header = make["Header"](make["Time"](stamp // 10**9, stamp % 10**9), "cam")
                 counts = numpy.frombuffer(wall(k), dtype="<u2").reshape(HEIGHT, WIDTH)
                 if compressed:
+                    codec = "rvl" if compressed == "rvl" else "png"
                     png = self.folder / "frame.png"
                     a, b = 500.0, 20.0  # of depth in metres: count = a / depth + b
                     if encoding == "32FC1":
                         counts = numpy.round(a / (counts / 1000) + b)
                     write_depth_png(png, WIDTH, HEIGHT, lambda u, v: int(counts[v, u]))
-                    data = struct.pack("<iff", 0, a, b) + png.read_bytes()
-                    message = make["CompressedImage"](header, f"{encoding}; compressedDepth png",
+                    image_bytes = (rvl.compressed(counts.ravel(), WIDTH, HEIGHT) if codec == "rvl"
+                                   else png.read_bytes())
+                    data = struct.pack("<iff", 0, a, b) + image_bytes
+                    message = make["CompressedImage"](header, f"{encoding}; compressedDepth {codec}",
                                                       numpy.frombuffer(data, dtype="u1"))
                 else:
                     pixels = {"16UC1": counts, "32FC1": counts.astype("f4") / 1000,
@@ -149,6 +155,8 @@ class Bags(CameraCase):
                 ("float", 6, {"encoding": "32FC1"}), ("png", 6, {"compressed": True}),
                 ("transport", 6, {"compressed": True, "topic": compressed,
                                    "more": "/cam/color/camera_info"}),
+                ("rvl", 6, {"compressed": "rvl"}),
+                ("inverse rvl", 2, {"compressed": "rvl", "encoding": "32FC1"}),
                 ("inverse", 2, {"compressed": True, "encoding": "32FC1"}),
                 ("database", 6, {"plugin": "SQLITE3"})):
             other = touched(self.write_bag(name, d=(0, 0, 0, 0, 0), **options))

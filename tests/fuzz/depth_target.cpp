@@ -1,12 +1,13 @@
-// Depth images (PNG) and clouds (PCD, PLY): the first byte says which.
+// Depth images (PNG, RVL) and clouds (PCD, PLY): the first byte says which.
 #include "palpate/io/formats.h"
+#include "src/io/rvl.h"
 #include "tests/fuzz/target.h"
 #include "tests/test_util/contact_scenes.h"
 
 namespace palpate::fuzz {
 namespace {
 
-constexpr char kPng = 'n', kPcd = 'd', kPly = 'l';
+constexpr char kPng = 'n', kRvl = 'r', kPcd = 'd', kPly = 'l';
 
 DepthFrame small_frame() {
   DepthFrame frame{12, 9, 0.001, {}, 0};
@@ -23,6 +24,50 @@ void read_png(std::string_view bytes) {
   const auto written = encode_depth_png(*frame, "image");
   require(written.has_value(), "an image that was read can be written");
   const auto again = decode_depth_png(*written, "image");
+  require(again && again->pixels == frame->pixels, "an image comes back with the same counts");
+}
+
+/// As its page says it; the reader has its own arithmetic.
+std::string encode_rvl(const DepthFrame& frame) {
+  std::string nibbles, bytes;
+  const auto put = [&](std::uint32_t value) {
+    do {
+      nibbles += static_cast<char>((value & 7u) | (value > 7 ? 8u : 0u));
+    } while (value >>= 3);
+  };
+  int before = 0;
+  for (std::size_t at = 0; at < frame.pixels.size();) {
+    std::size_t others = at;
+    while (others < frame.pixels.size() && frame.pixels[others] == 0) ++others;
+    put(static_cast<std::uint32_t>(others - at));
+    at = others;
+    while (others < frame.pixels.size() && frame.pixels[others] != 0) ++others;
+    put(static_cast<std::uint32_t>(others - at));
+    for (; at < others; ++at) {
+      const int difference = frame.pixels[at] - before;
+      before = frame.pixels[at];
+      put(static_cast<std::uint32_t>(difference < 0 ? -2 * difference - 1 : 2 * difference));
+    }
+  }
+  while (nibbles.size() % 8 != 0) nibbles += '\0';
+  for (const int size : {frame.width, frame.height}) {
+    for (int byte = 0; byte < 4; ++byte) bytes += static_cast<char>(size >> (8 * byte));
+  }
+  for (std::size_t word = 0; word < nibbles.size(); word += 8) {
+    for (std::size_t pair = 4; pair-- > 0;) {
+      bytes += static_cast<char>(16 * nibbles[word + 2 * pair] + nibbles[word + 2 * pair + 1]);
+    }
+  }
+  return bytes;
+}
+
+void read_rvl(std::string_view bytes) {
+  const auto frame = decode_depth_rvl(bytes, "image", 0.001);
+  if (!frame) return;
+  require(frame->pixels.size() ==
+              static_cast<std::size_t>(frame->width) * static_cast<std::size_t>(frame->height),
+          "an image has all its pixels");
+  const auto again = decode_depth_rvl(encode_rvl(*frame), "image", 0.001);
   require(again && again->pixels == frame->pixels, "an image comes back with the same counts");
 }
 
@@ -56,7 +101,9 @@ std::vector<std::string> seeds() {
   for (std::size_t at = 0; at < raw.size(); at += 24) packed += char(23) + raw.substr(at, 24);
   const std::uint32_t sizes[2] = {static_cast<std::uint32_t>(packed.size()), 96};
   return {
-      kPng + *encode_depth_png(small_frame(), "seed"), kPly + file.read(),
+      kRvl + encode_rvl(small_frame()),
+      kPng + *encode_depth_png(small_frame(), "seed"),
+      kPly + file.read(),
       kPcd + header + "DATA ascii\n0 0 1 0 0 -1\n1 0 1 0 0 -1\n0 1 1 0 0 -1\nnan nan nan 0 0 0\n",
       kPcd + header + "DATA binary\n" + raw,
       kPcd + header + "DATA binary_compressed\n" +
@@ -71,6 +118,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view bytes = text_of(data + 1, size - 1);
   switch (data[0]) {
     case kPng: read_png(bytes); break;
+    case kRvl: read_rvl(bytes); break;
     case kPcd: read_cloud(bytes, ".pcd"); break;
     case kPly: read_cloud(bytes, ".ply"); break;
     default: break;
