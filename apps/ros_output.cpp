@@ -12,6 +12,7 @@
 
 #include "src/core/thread_rank.h"
 #include "src/io/ros_messages.h"
+#include "src/math/internal/rotation_vector.h"
 #include "src/ros/ros_node.h"
 
 namespace palpate::apps {
@@ -66,9 +67,9 @@ std::array<double, 36> told_in(const Pose& X_WA, const Stiffness& K_W, const Vec
 
 class Output final : public RosOutput {
  public:
-  Output(const Tool& tool, const DepthStreamInfo& stream, RosOutputOptions options)
-      : options_(std::move(options)), tool_(tool), intrinsics_(stream.intrinsics) {
-    if (options_.camera_frame.empty()) options_.camera_frame = stream.frame;
+  Output(const Tool& tool, std::vector<DepthStreamInfo> streams, RosOutputOptions options)
+      : options_(std::move(options)), tool_(tool), streams_(std::move(streams)) {
+    if (options_.camera_frame.empty()) options_.camera_frame = streams_.front().frame;
     if (options_.camera_frame.empty()) options_.camera_frame = "camera";
   }
   ~Output() override { end(); }
@@ -87,6 +88,7 @@ class Output final : public RosOutput {
          {publish(wrench_, options_.wrench, "geometry_msgs/WrenchStamped", {true, false, 100}),
           publish(contact_, "contact", "palpate_msgs/Contact", {}),
           publish(pose_, "tool_pose", "geometry_msgs/PoseStamped", {}),
+          publish(twist_, "tool_twist", "geometry_msgs/TwistStamped", {}),
           publish(points_, "points", "sensor_msgs/PointCloud2", {true, false, 1}),
           publish(markers_, "markers", "visualization_msgs/MarkerArray", {true, true, 1}),
           publish(diagnostics_, "/diagnostics", "diagnostic_msgs/DiagnosticArray", {})}) {
@@ -219,7 +221,24 @@ class Output final : public RosOutput {
       return;
     was_valid_ = is_valid;
     pose_->publish(pose_message({time, options_.camera_frame}, X_WT));
+    tell_twist(time, X_WT, is_valid);
     contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(verdict, p_WC)));
+  }
+
+  /// Since the pose that was told before. Who follows stands still where the wrench is not valid.
+  void tell_twist(std::uint64_t time, const Pose& X_WT, bool is_valid) {
+    const double now_told = tick_.device.time, seconds = now_told - last_pose_time_;
+    Twist V_WT;
+    if (is_valid && has_last_pose_ && seconds > 0 && seconds <= options_.max_age) {
+      V_WT = {(X_WT.translation - last_X_WT_.translation) / seconds,
+              rotation_between(last_X_WT_.rotation, X_WT.rotation) / seconds};
+    }
+    if (seconds != 0) {
+      has_last_pose_ = is_valid;
+      last_X_WT_ = X_WT;
+      last_pose_time_ = now_told;
+    }
+    twist_->publish(twist_message({time, options_.camera_frame}, V_WT));
   }
 
   RosContact contact_of(const Verdict& verdict, const Vec3d& p_WC) {
@@ -232,6 +251,7 @@ class Output final : public RosOutput {
     if (verdict.state != State::valid) return contact;
     contact.volume = tick_.penetration.volume;
     contact.fraction = full_volume_ > 0 ? contact.volume / full_volume_ : 0;
+    contact.unseen = full_volume_ > 0 ? tick_.penetration.unseen_volume / full_volume_ : 0;
     contact.potential = tick_.penetration.potential;
     contact.wrench = told_in(tick_.step.X_WT, tick_.step.contact_W, p_WC);
     const std::lock_guard lock(mutex_);
@@ -247,7 +267,7 @@ class Output final : public RosOutput {
     if (points_->num_readers() == 0) return;
     next_points_ = record.capture_time + 1 / options_.points_rate;
     points_->publish(points_message({wall_time(record.capture_time), options_.camera_frame}, frame,
-                                    intrinsics_));
+                                    streams_[record.camera].intrinsics, record.X_WC));
   }
 
   void say(const Verdict& verdict, double time) {
@@ -275,8 +295,8 @@ class Output final : public RosOutput {
 
   RosOutputOptions options_;
   const Tool& tool_;
-  const Intrinsics intrinsics_;
-  std::unique_ptr<RosPublisher> wrench_, contact_, pose_, points_, markers_, diagnostics_;
+  const std::vector<DepthStreamInfo> streams_;
+  std::unique_ptr<RosPublisher> wrench_, contact_, pose_, twist_, points_, markers_, diagnostics_;
   double full_volume_ = 0;
 
   std::mutex mutex_;
@@ -285,7 +305,9 @@ class Output final : public RosOutput {
 
   // Of the publishing thread, and of the others while it does not run.
   TickRecord tick_;
-  bool has_tick_ = false, was_valid_ = false;
+  bool has_tick_ = false, was_valid_ = false, has_last_pose_ = false;
+  Pose last_X_WT_;
+  double last_pose_time_ = 0;
   std::uint64_t num_told_ = 0, num_sent_ = 0, num_not_sent_ = 0;
   LatencyHistogram periods_;
   State last_state_ = State::failed;
@@ -308,7 +330,8 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
       ->capture_default_str()
       ->group(group);
   app.add_option("--ros2-camera-frame", options.camera_frame,
-                 "what the camera's frame is called; default: as its images say")
+                 "what the frame is called that poses are told in: the camera's, or the world "
+                 "where cameras have poses; default: as its images say")
       ->type_name("FRAME")
       ->group(group);
   add_word(app, "--wrench-frame", options.frame,
@@ -328,9 +351,9 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
 }
 
 Result<std::unique_ptr<RosOutput>> RosOutput::create(const Tool& tool,
-                                                     const DepthStreamInfo& stream,
+                                                     std::vector<DepthStreamInfo> streams,
                                                      const RosOutputOptions& options) {
-  auto output = std::make_unique<Output>(tool, stream, options);
+  auto output = std::make_unique<Output>(tool, std::move(streams), options);
   if (const Status status = output->open(); !status) return status.error();
   return std::unique_ptr<RosOutput>(std::move(output));
 }

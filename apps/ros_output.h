@@ -4,6 +4,7 @@
 #include <array>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "apps/options.h"
 #include "palpate/session/run.h"
@@ -18,6 +19,7 @@ struct RosOutputOptions {
   bool is_wanted = false;
   std::string name_space = "/palpate";  ///< of the topics
   std::string wrench = "wrench";        ///< the topic; in the namespace unless it begins with "/"
+  /// `camera_frame`: what poses are told in, W.
   std::string tool_frame = "palpate_tool", camera_frame;
   WrenchFrame frame = WrenchFrame::tool;
   double rate = 1000, contact_rate = 100, points_rate = 2;  ///< Hz
@@ -31,14 +33,16 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options);
 ///
 ///   NAMESPACE/wrench     geometry_msgs/WrenchStamped, on the tool
 ///   NAMESPACE/contact    palpate_msgs/Contact
-///   NAMESPACE/tool_pose  geometry_msgs/PoseStamped, in the camera's frame
+///   NAMESPACE/tool_pose  geometry_msgs/PoseStamped, in the camera's frame or the world's
+///   NAMESPACE/tool_twist geometry_msgs/TwistStamped, of the tool's origin, in its axes
 ///   NAMESPACE/points     sensor_msgs/PointCloud2, what is felt
 ///   NAMESPACE/markers    visualization_msgs/MarkerArray, the tool's mesh
 ///   /diagnostics         diagnostic_msgs/DiagnosticArray
 class RosOutput {
  public:
   /// `tool` must outlive it. Errors: no Cyclone DDS, what it says.
-  static Result<std::unique_ptr<RosOutput>> create(const Tool& tool, const DepthStreamInfo& stream,
+  static Result<std::unique_ptr<RosOutput>> create(const Tool& tool,
+                                                   std::vector<DepthStreamInfo> streams,
                                                    const RosOutputOptions& options);
   virtual ~RosOutput() = default;
   /// Hears what the monitor hears, before it. Once, before the run.

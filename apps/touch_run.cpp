@@ -249,7 +249,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   RunMonitor listener;
   std::unique_ptr<RosOutput> output;
   if (options.ros.is_wanted) {
-    auto made = RosOutput::create(tool, info, options.ros);
+    auto made = RosOutput::create(tool, DepthSources(sources).infos(), options.ros);
     if (!made) return made.error();
     output = *std::move(made);
     if (run.monitor == nullptr) run.monitor = &listener;

@@ -11,17 +11,29 @@ namespace {
 
 struct Options {
   TouchOptions touch;
-  std::string depth, camera_info, qos = "best_effort", tool_frame, pose;
+  std::vector<std::string> depths, camera_infos;
+  std::string world, clock = "own", qos = "best_effort", tool_frame, pose;
 };
 
 /// The same as palpate touch --camera ros2:... --device ros2:... --ros2.
 TouchOptions touch_options(const Options& options) {
   TouchOptions touch = options.touch;
-  std::string uri = "ros2:" + options.depth + "?qos=" + options.qos;
-  if (!options.camera_info.empty()) uri += "&info=" + options.camera_info;
-  const auto camera = parse_camera_uri(uri);
-  if (!camera) usage_error("ros2: --depth: " + camera.error().message);
-  touch.cameras = {*camera};
+  if (!options.camera_infos.empty() && options.camera_infos.size() != options.depths.size()) {
+    usage_error("ros2: give --camera-info as often as --depth, in the same order, or not at all");
+  }
+  if (options.depths.size() > 1 && options.world.empty()) {
+    usage_error("ros2: several cameras are placed by tf: say in which frame, --world FRAME");
+  }
+  touch.cameras.clear();
+  for (std::size_t k = 0; k < options.depths.size(); ++k) {
+    std::string uri =
+        "ros2:" + options.depths[k] + "?qos=" + options.qos + "&clock=" + options.clock;
+    if (!options.camera_infos.empty()) uri += "&info=" + options.camera_infos[k];
+    if (!options.world.empty()) uri += "&world=" + options.world;
+    const auto camera = parse_camera_uri(uri);
+    if (!camera) usage_error("ros2: --depth: " + camera.error().message);
+    touch.cameras.push_back(*camera);
+  }
   if (options.tool_frame.empty() == options.pose.empty()) {
     usage_error("ros2: say where the tool is: --tool-frame FRAME (of tf) or --pose /TOPIC");
   }
@@ -43,12 +55,24 @@ void add_ros2(CLI::App& program, Action& action) {
       "ros2",
       "Be a node of ROS 2: depth images and the tool's pose in, the wrench of contact out.");
   app.add_option("tool", touch.tool, "tool file")->required()->type_name("TOOL.palp");
-  app.add_option("--depth", options->depth, "depth images: Image, or .../compressedDepth")
+  app.add_option("--depth", options->depths,
+                 "depth images: Image, or .../compressedDepth; once for each camera")
       ->required()
+      ->allow_extra_args(false)
       ->type_name("TOPIC");
-  app.add_option("--camera-info", options->camera_info,
+  app.add_option("--camera-info", options->camera_infos,
                  "their CameraInfo; default: camera_info beside the images")
+      ->allow_extra_args(false)
       ->type_name("TOPIC");
+  app.add_option("--world", options->world,
+                 "frame of tf that cameras are placed in, each image by its stamp; default: one "
+                 "camera, which is the world")
+      ->type_name("FRAME");
+  app.add_option("--clock", options->clock,
+                 "whose clock stamps are by: a robot's own, or one that it shares with this "
+                 "computer (PTP, NTP): then the delay of the network counts in ages")
+      ->check(CLI::IsMember({"own", "shared"}))
+      ->capture_default_str();
   app.add_option("--qos", options->qos, "how images are asked for")
       ->check(CLI::IsMember({"best_effort", "reliable"}))
       ->capture_default_str();

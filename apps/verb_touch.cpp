@@ -304,11 +304,14 @@ void add_touch(CLI::App& program, Action& action) {
     const bool has_poses = std::ranges::any_of(options->cameras, [](const CameraUri& camera) {
       return !(camera.X_WC == Pose{}) || !camera.poses.empty();
     });
-    if (options->ros.is_wanted &&
-        (has_poses || options->cameras.size() > 1 || !options->rig.empty())) {
+    const bool know_world = std::ranges::all_of(
+        options->cameras, [](const CameraUri& camera) { return camera.extras.contains("world"); });
+    if (options->ros.is_wanted && options->ros.camera_frame.empty() &&
+        (has_poses || !options->rig.empty() || (options->cameras.size() > 1 && !know_world))) {
       usage_error(
-          "touch: --ros2 publishes in the frame of one camera: leave poses and other "
-          "cameras out");
+          "touch: --ros2 tells poses in the world where cameras have poses or are several: say "
+          "what "
+          "that is called, --ros2-camera-frame FRAME, or give each camera ?world=FRAME of tf");
     }
     check(*options);
     action = [options] { return run_touch(*options); };

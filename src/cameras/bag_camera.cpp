@@ -134,7 +134,6 @@ Result<Contents> look_through(BagReader& reader, const std::string& wanted) {
       topic.last = stamp_of(**message).time;
     }
   }
-  contents.transforms.sort();
   contents.was_cut_off = reader.was_cut_off();
   return contents;
 }

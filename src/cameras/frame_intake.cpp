@@ -79,6 +79,12 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
       if (periods < 1e6)
         num_missing_ += static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1));
     }
+    if (options_.stamps == StampClock::ours && earliest != stamp && !has_foreign_stamps_) {
+      has_foreign_stamps_ = true;
+      note(
+          "has time stamps that are not of this computer's clock; its frames count as captured "
+          "when they arrive");
+    }
     last_stamp_ = stamp;
     lateness_.record(static_cast<std::int64_t>(1e9 * std::max(0.0, arrival - earliest)));
     capture = earliest;

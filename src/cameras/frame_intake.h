@@ -71,6 +71,7 @@ class FrameIntake {
   std::optional<CameraModel> last_model_;
   double last_unit_ = 0, last_stamp_ = 0, last_capture_ = 0;
   bool has_new_ = false, has_ended_ = false, is_cancelled_ = false, has_last_ = false;
+  bool has_foreign_stamps_ = false;
   Result<bool> ending_ = false;
   CaptureClock clock_;
   std::vector<std::string> notes_;

@@ -1,5 +1,7 @@
-// Depth from a topic of ROS 2: Image or compressedDepth, with its CameraInfo.
+// Depth from a topic of ROS 2: Image or compressedDepth, with its CameraInfo, and where the camera
+// is by tf.
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -15,16 +17,23 @@
 #include "src/io/ros_image.h"
 #include "src/ros/dds_api.h"
 #include "src/ros/ros_node.h"
+#include "src/ros/tf_history.h"
 
 namespace palpate {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kFirstImage = 10;        // s, while opening
-constexpr double kLongestSilence = 2;     // s without an image that people are told of
-constexpr double kLongestPairing = 0.02;  // s that an image waits for its camera_info
-constexpr std::size_t kNumModels = 32;    // camera_infos that are kept
+constexpr double kFirstImage = 10;       // s, while opening
+constexpr double kLongestSilence = 2;    // s without an image that people are told of
+constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera_info
+constexpr double kLongestTf = 0.1;       // s that an image waits for what tells where it was taken
+constexpr double kKeptTf = 5;            // s
+constexpr std::size_t kNumModels = 32;   // camera_infos that are kept
+
+double seconds_since_1970() {
+  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
 
 /// What the subscriptions have heard. Their threads write, one reads.
 class Heard {
@@ -51,8 +60,40 @@ class Heard {
       return;
     }
     models_.emplace_back(stamp, *model);
+    comes_in_pairs_ = comes_in_pairs_ || stamp == taken_stamp_;  // it was only late
     if (models_.size() > kNumModels) models_.pop_front();
     changed_.notify_all();
+  }
+
+  void transforms(std::string_view message, bool is_static) {
+    const auto transforms = read_transforms(message);
+    if (!transforms) return;
+    const std::lock_guard lock(mutex_);
+    for (const RosStampedTransform& each : *transforms) history_.add(each, is_static);
+    changed_.notify_all();
+  }
+
+  struct Place {
+    Pose X_WC;
+    bool is_fixed = false;  // no frame between the two may move
+  };
+  /// At a time of the stamps, between what tf tells of before and after it; waits a tenth of a
+  /// second for the latter. None: it does not tell.
+  std::optional<Place> place(const std::string& world, const std::string& frame, double time) {
+    std::unique_lock lock(mutex_);
+    double until = 0;
+    const bool is_known = changed_.wait_for(lock, std::chrono::duration<double>(kLongestTf), [&] {
+      until = history_.known_until(world, frame);
+      return until >= time || is_cancelled_;
+    });
+    const auto X_WC = is_known ? history_.find(world, frame, time) : std::nullopt;
+    if (!X_WC) return std::nullopt;
+    return Place{*X_WC, std::isinf(until)};
+  }
+  std::string frames() const {
+    const std::lock_guard lock(mutex_);
+    const auto frames = history_.frames();
+    return frames.empty() ? "nobody tells of any frame by tf" : "tf knows " + listed(frames);
   }
 
   struct Image {
@@ -81,6 +122,7 @@ class Heard {
     }
     std::swap(image.message, image_);
     image.frame = frame_;
+    taken_stamp_ = image_stamp_;
     has_image_ = false;
     return true;
   }
@@ -118,8 +160,9 @@ class Heard {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::string image_, frame_;
-  double image_stamp_ = 0, image_arrival_ = 0;  // s
+  double image_stamp_ = 0, image_arrival_ = 0, taken_stamp_ = 0;  // s
   std::deque<std::pair<double, RosCameraModel>> models_;
+  TfHistory history_{kKeptTf};
   bool has_image_ = false, comes_in_pairs_ = true, is_cancelled_ = false;
   std::set<std::string> said_;
   std::vector<std::string> notes_;
@@ -131,6 +174,7 @@ class Ros2Source final : public DepthSource {
     auto node = RosNode::join();
     if (!node) return node.error();
     std::unique_ptr<Ros2Source> source(new Ros2Source(uri, *node));
+    if (const Status status = source->set_clock(); !status) return status.error();
     if (const Status status = source->listen(); !status) return status.error();
     if (const Status status = source->wait_for_first(); !status) return status.error();
     return source;
@@ -139,6 +183,7 @@ class Ros2Source final : public DepthSource {
   const DepthStreamInfo& info() const override { return info_; }
   void cancel() noexcept override { heard_.cancel(); }
   std::vector<std::string> take_notes() override { return heard_.take_notes(); }
+  StampClock stamps() const { return has_our_clock_ ? StampClock::ours : StampClock::cameras; }
 
   Result<bool> next(DepthFrame& frame) override {
     if (has_first_) {
@@ -170,6 +215,21 @@ class Ros2Source final : public DepthSource {
     info_.rate = uri.rate.value_or(30);
     info_.unit = uri.unit.value_or(info_.unit);
     info_.is_live = true;
+    if (const auto world = uri.extras.find("world"); world != uri.extras.end()) {
+      world_ = world->second;
+    }
+    if (const auto frame = uri.extras.find("frame"); frame != uri.extras.end()) {
+      camera_ = frame->second;
+    }
+  }
+
+  Status set_clock() {
+    const auto given = uri_.extras.find("clock");
+    if (given == uri_.extras.end() || given->second == "own") return Done{};
+    has_our_clock_ = given->second == "shared";
+    if (has_our_clock_) return Done{};
+    return Error{Errc::invalid_argument, "camera " + uri_.text + ": clock is own or shared, not '" +
+                                             given->second.substr(0, 40) + "'"};
   }
 
   Status listen() {
@@ -192,7 +252,18 @@ class Ros2Source final : public DepthSource {
                          [this](std::string_view message) { heard_.camera_info(message); });
     if (!infos) return infos.error();
     infos_ = *std::move(infos);
-    return Done{};
+    if (world_.empty()) return Done{};
+    const auto hear_tf = [&](const char* topic, bool is_static,
+                             std::unique_ptr<RosSubscription>& to) -> Status {
+      auto subscription = node_->subscribe(
+          topic, "tf2_msgs/TFMessage", {true, is_static, 100},
+          [this, is_static](std::string_view message) { heard_.transforms(message, is_static); });
+      if (!subscription) return subscription.error();
+      to = *std::move(subscription);
+      return Done{};
+    };
+    if (const Status status = hear_tf("/tf", false, transforms_); !status) return status;
+    return hear_tf("/tf_static", true, statics_);
   }
 
   /// Says what the images are like. Error: none has come, or none that is understood.
@@ -204,10 +275,16 @@ class Ros2Source final : public DepthSource {
       info_.width = first_.width;
       info_.height = first_.height;
       info_.unit = first_.unit;
-      if (info_.intrinsics.fx > 0 || uri_.intrinsics) return Done{};
+      is_open_ = info_.intrinsics.fx > 0 || uri_.intrinsics;
+      if (is_open_) return Done{};
     }
     std::string why;
     for (const std::string& note : heard_.take_notes()) why += ": " + note;
+    if (is_unplaced_) {
+      return Error{Errc::unavailable, info_.name + " sends images, but tf does not tell where '" +
+                                          camera_ + "' is in '" + world_ +
+                                          "' when they are taken; " + heard_.frames()};
+    }
     if (has_first_) {
       return Error{Errc::unavailable, info_.name + " sends images, but " + info_topic_ +
                                           " says nothing of its intrinsics within 10 s" + why +
@@ -242,12 +319,31 @@ class Ros2Source final : public DepthSource {
       return false;
     }
     frame = *std::move(got);
-    info_.frame = image_.frame;
+    if (!place(frame)) return false;
+    if (has_our_clock_) frame.timestamp += monotonic_now() - seconds_since_1970();
     if (image_.model) {
       info_.width = frame.width;
       info_.height = frame.height;
       set_ros_camera(*image_.model, topic_, info_);
     }
+    return true;
+  }
+
+  /// False: tf does not tell where the camera was, which people are told at the end, and once.
+  bool place(DepthFrame& frame) {
+    info_.frame = world_.empty() ? image_.frame : world_;
+    if (world_.empty()) return true;
+    if (camera_.empty()) camera_ = image_.frame;
+    const auto place = heard_.place(world_, camera_, frame.timestamp);
+    is_unplaced_ = !place;
+    if (is_unplaced_) {
+      if (!is_open_) return false;  // tf may take longer to be found than images
+      heard_.add_note("has images for whose time tf does not tell within 0.1 s where '" + camera_ +
+                      "' was in '" + world_ + "'; they are left out");
+      return false;
+    }
+    frame.X_WC = place->X_WC;
+    info_.is_moving = !place->is_fixed;
     return true;
   }
 
@@ -260,22 +356,30 @@ class Ros2Source final : public DepthSource {
   Heard heard_;
   Heard::Image image_;
   DepthFrame first_;
-  bool has_first_ = false;
+  std::string world_, camera_;  // frames of tf; no world: the camera's own is
+  bool has_first_ = false, is_open_ = false, has_our_clock_ = false, is_unplaced_ = false;
   double last_image_ = monotonic_now();
-  std::unique_ptr<RosSubscription> images_, infos_;  // last: they speak to what is above
+  std::unique_ptr<RosSubscription> images_, infos_, transforms_,
+      statics_;  // last: they speak to what is above
 };
 
 }  // namespace
 
 Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening&) {
-  if (const Status status = uri.check_extras({"info", "qos"}); !status) return status.error();
+  if (const Status status = uri.check_extras({"info", "qos", "clock", "world", "frame"}); !status)
+    return status.error();
   if (uri.target.empty()) {
     return Error{Errc::invalid_argument,
                  "ros2: needs the topic of the depth image, e.g. ros2:/camera/depth/image_raw"};
   }
+  if (uri.extras.contains("world") && (!(uri.X_WC == Pose{}) || !uri.poses.empty())) {
+    return Error{Errc::invalid_argument,
+                 "camera " + uri.text + ": give 'world', and tf tells where it is, or its pose"};
+  }
   auto source = Ros2Source::open(uri);
   if (!source) return source.error();
-  return RawStream{*std::move(source), StampClock::cameras, false};
+  const StampClock clock = (*source)->stamps();
+  return RawStream{*std::move(source), clock, false};
 }
 
 FoundCameras find_ros2_cameras() {

@@ -108,7 +108,7 @@ std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& 
 }
 
 std::string points_message(const RosHeader& header, const DepthFrame& frame,
-                           const Intrinsics& intrinsics) {
+                           const Intrinsics& intrinsics, const Pose& X_AC) {
   constexpr std::uint8_t kFloat32 = 7;
   const auto [fx, fy, cx, cy] = intrinsics;
   int step = 1;
@@ -122,7 +122,8 @@ std::string points_message(const RosHeader& header, const DepthFrame& frame,
       const int count = frame.pixels[static_cast<std::size_t>(v * frame.width + u)];
       if (count == 0 || count == 65535) continue;
       const double z = count * frame.unit;
-      points.push_back(to_float(Vec3d{(u - cx) / fx * z, (v - cy) / fy * z, z}));
+      const Vec3d p_C{(u - cx) / fx * z, (v - cy) / fy * z, z};
+      points.push_back(to_float(X_AC == Pose{} ? p_C : X_AC * p_C));
     }
   }
   const auto num_points = static_cast<std::uint32_t>(points.size());
@@ -184,6 +185,14 @@ std::string pose_message(const RosHeader& header, const Pose& X) {
   return to.take();
 }
 
+std::string twist_message(const RosHeader& header, const Twist& V) {
+  CdrWriter to;
+  put(to, header);
+  put(to, V.linear);
+  put(to, V.angular);
+  return to.take();
+}
+
 std::string diagnostics_message(const RosHeader& header, std::span<const RosDiagnostic> statuses) {
   CdrWriter to;
   put(to, header);
@@ -205,8 +214,8 @@ std::string ros_contact_message(const RosHeader& header, const RosContact& conta
   put(to, header);
   to.number(contact.state);
   to.text(contact.reason);
-  for (const double number :
-       {contact.volume, contact.fraction, contact.potential, contact.max_stiffness}) {
+  for (const double number : {contact.volume, contact.fraction, contact.unseen, contact.potential,
+                              contact.max_stiffness}) {
     to.number(number);
   }
   put(to, contact.wrench.force);

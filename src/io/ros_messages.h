@@ -25,11 +25,11 @@ struct RosHeader {
 /// 16UC1: counts as they were measured. read_depth_image of io/ros_image.h reads it.
 std::string image_message(const RosHeader& header, const DepthFrame& frame);
 std::string camera_info_message(const RosHeader& header, const DepthStreamInfo& stream);
-/// sensor_msgs/PointCloud2 with float32 x, y, z in the camera frame, m: the measured pixels of
-/// every n-th row and column, so that there are at most kMostRecordedPoints.
+/// sensor_msgs/PointCloud2 with float32 x, y, z, m, in the frame A of the header: the measured
+/// pixels of every n-th row and column, so that there are at most kMostRecordedPoints.
 inline constexpr int kMostRecordedPoints = 20000;
 std::string points_message(const RosHeader& header, const DepthFrame& frame,
-                           const Intrinsics& intrinsics);
+                           const Intrinsics& intrinsics, const Pose& X_AC = {});
 
 struct RosTransform {
   std::string_view parent, child;
@@ -44,6 +44,8 @@ std::string tool_marker_message(const RosHeader& header, const TriangleMesh& mes
 /// visualization_msgs/MarkerArray of that one.
 std::string tool_markers_message(const RosHeader& header, const TriangleMesh& mesh);
 std::string pose_message(const RosHeader& header, const Pose& X);
+/// geometry_msgs/TwistStamped.
+std::string twist_message(const RosHeader& header, const Twist& V);
 
 struct RosDiagnostic {
   enum class Level : std::uint8_t { ok, warning, error, stale };
@@ -65,6 +67,7 @@ struct RosContact {
   std::string reason;        ///< why it is not valid: then all numbers are 0
   double volume = 0;         ///< m3
   double fraction = 0;       ///< of the tool's volume
+  double unseen = 0;         ///< of it: what lies where no camera sees
   double potential = 0;      ///< m4
   double max_stiffness = 0;  ///< N/m
   Wrench wrench;             ///< N, N m

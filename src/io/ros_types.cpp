@@ -56,6 +56,7 @@ constexpr Definition kDefinitions[] = {
      "visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n"},
     {"visualization_msgs/MarkerArray", "visualization_msgs/Marker[] markers\n"},
     {"geometry_msgs/PoseStamped", "std_msgs/Header header\ngeometry_msgs/Pose pose\n"},
+    {"geometry_msgs/TwistStamped", "std_msgs/Header header\ngeometry_msgs/Twist twist\n"},
     {"sensor_msgs/JointState",
      "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
      "float64[] effort\n"},
@@ -74,7 +75,7 @@ constexpr Definition kDefinitions[] = {
      "rmw_dds_common/Gid gid\nrmw_dds_common/NodeEntitiesInfo[] node_entities_info_seq\n"},
     {"palpate_msgs/Contact",
      "std_msgs/Header header\nuint8 state\nstring reason\nfloat64 volume\nfloat64 fraction\n"
-     "float64 potential\nfloat64 max_stiffness\ngeometry_msgs/Wrench wrench\n"
+     "float64 unseen\nfloat64 potential\nfloat64 max_stiffness\ngeometry_msgs/Wrench wrench\n"
      "float64[36] stiffness\nfloat64 depth_age\nfloat64 contact_age\nuint32 status\n"},
 };
 

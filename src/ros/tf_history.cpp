@@ -1,6 +1,7 @@
 #include "src/ros/tf_history.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "src/ros/tf_tree.h"
 
@@ -18,15 +19,18 @@ void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   link.parent = plain_frame(transform.parent);
   link.is_static = is_static;
   if (is_static) link.X_PC.clear();
-  link.X_PC.push_back({transform.time, transform.X_PC});
-}
-
-void TfHistory::sort() {
-  for (auto& [child, link] : links_) {
-    std::ranges::stable_sort(link.X_PC, {}, &TimedPose::time);
-    const auto twice = std::ranges::unique(link.X_PC, {}, &TimedPose::time);
-    link.X_PC.erase(twice.begin(), twice.end());
-  }
+  std::vector<TimedPose>& poses = link.X_PC;
+  // A clock that was set back has started anew.
+  if (!poses.empty() && transform.time < poses.back().time - kept_seconds_) poses.clear();
+  // Mostly they come in order.
+  auto at = poses.end();
+  while (at != poses.begin() && std::prev(at)->time > transform.time) --at;
+  if (at != poses.begin() && std::prev(at)->time == transform.time) return;  // told twice
+  poses.insert(at, {transform.time, transform.X_PC});
+  // One that is too old is kept, so that there is one before all the others.
+  const double oldest = poses.back().time - kept_seconds_;
+  const auto first = std::ranges::lower_bound(poses, oldest, {}, &TimedPose::time);
+  if (first - poses.begin() > 1) poses.erase(poses.begin(), std::prev(first));
 }
 
 std::vector<std::string> TfHistory::ancestors(const std::string& frame) const {
@@ -47,36 +51,56 @@ std::optional<Pose> TfHistory::in_parent(const std::string& frame, double time) 
   return pose_at(link.X_PC, time);
 }
 
+std::optional<TfHistory::Chains> TfHistory::chains_between(const std::string& a,
+                                                           const std::string& b) const {
+  Chains chains{ancestors(a), ancestors(b)};
+  const auto met = std::ranges::find_first_of(chains.of_b, chains.of_a);
+  if (met == chains.of_b.end()) return std::nullopt;
+  chains.of_a.erase(std::ranges::find(chains.of_a, *met), chains.of_a.end());
+  chains.of_b.erase(met, chains.of_b.end());
+  return chains;
+}
+
 std::optional<Pose> TfHistory::find(const std::string& a, const std::string& b, double time) const {
-  const std::vector<std::string> of_a = ancestors(a), of_b = ancestors(b);
-  const auto met = std::ranges::find_first_of(of_b, of_a);
-  if (met == of_b.end()) return std::nullopt;
+  const auto chains = chains_between(a, b);
+  if (!chains) return std::nullopt;
   const auto up = [&](const std::vector<std::string>& chain) -> std::optional<Pose> {
     Pose X_MF;
     for (const std::string& frame : chain) {
-      if (frame == *met) return X_MF;
       const auto X_PF = in_parent(frame, time);
       if (!X_PF) return std::nullopt;
       X_MF = *X_PF * X_MF;
     }
-    return std::nullopt;
+    return X_MF;
   };
-  const auto X_MA = up(of_a), X_MB = up(of_b);
+  const auto X_MA = up(chains->of_a), X_MB = up(chains->of_b);
   if (!X_MA || !X_MB) return std::nullopt;
   return inverse(*X_MA) * *X_MB;
 }
 
+double TfHistory::known_until(const std::string& a, const std::string& b) const {
+  constexpr double kForEver = std::numeric_limits<double>::infinity();
+  const auto chains = chains_between(a, b);
+  if (!chains) return -kForEver;
+  double until = kForEver;
+  for (const auto* chain : {&chains->of_a, &chains->of_b}) {
+    for (const std::string& frame : *chain) {
+      const Link& link = links_.at(frame);
+      if (!link.is_static) until = std::min(until, link.X_PC.back().time);
+    }
+  }
+  return until;
+}
+
 bool TfHistory::is_moving(const std::string& a, const std::string& b) const {
   const auto moves = [&](const std::string& frame) {
-    const auto link = links_.find(frame);
-    if (link == links_.end()) return false;
-    const auto& poses = link->second.X_PC;
+    const auto& poses = links_.at(frame).X_PC;
     return std::ranges::any_of(
         poses, [&](const TimedPose& pose) { return !(pose.X_WT == poses.front().X_WT); });
   };
-  std::vector<std::string> chain = ancestors(a);
-  std::ranges::move(ancestors(b), std::back_inserter(chain));
-  return std::ranges::any_of(chain, moves);
+  const auto chains = chains_between(a, b);
+  return chains &&
+         (std::ranges::any_of(chains->of_a, moves) || std::ranges::any_of(chains->of_b, moves));
 }
 
 std::vector<std::string> TfHistory::frames() const {

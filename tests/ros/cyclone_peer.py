@@ -161,6 +161,7 @@ class Contact(IdlStruct, typename="palpate_msgs::msg::dds_::Contact_"):
     reason: str
     volume: float64
     fraction: float64
+    unseen: float64
     potential: float64
     max_stiffness: float64
     wrench: Wrench

@@ -3,70 +3,15 @@
 usage: interop_test.py PALPATE [FASTDDS_PEER]
 """
 
-import glob
-import importlib.util
-import json
 import os
 import subprocess
 import sys
-import tempfile
 import unittest
 
-HERE = os.path.dirname(os.path.abspath(__file__))
-ROOT = os.path.dirname(os.path.dirname(HERE))
-HAS_CYCLONE = importlib.util.find_spec("cyclonedds") is not None
-NO_CYCLONE = "SKIPPED: scripts/setup.sh --test installs the Python package cyclonedds"
-NEWER = glob.glob(f"{ROOT}/build/python/lib/python3*/site-packages/cyclonedds/.libs/libddsc.so")
+from peer_case import NEWER, NO_CYCLONE, PALPATE, PeerCase
 
 
-class InteropTest(unittest.TestCase):
-    domain = 10 + os.getpid() % 80
-
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.tool = os.path.join(cls.folder.name, "ball.palp")
-        mesh = os.path.join(cls.folder.name, "ball.obj")
-        for words in (["shape", "sphere", "--size", "0.05", "-o", mesh],
-                      ["pack", mesh, "-o", cls.tool, "--spheres", "300"]):
-            subprocess.run([PALPATE, *words], check=True, capture_output=True)
-        found = subprocess.run([PALPATE, "cameras", "--json"], check=True, capture_output=True,
-                               env={key: value for key, value in os.environ.items()
-                                    if not key.startswith("ROS_")})
-        cls.reason = next((each["reason"] for each in json.loads(found.stdout)
-                           if each["kind"] == "ros2" and not each["usable"]), None)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    def setUp(self):
-        if self.reason:
-            self.skipTest("SKIPPED: " + self.reason)
-        # Runs that overlap by accident do not hear each other.
-        type(self).domain = 10 + (self.domain - 9) % 80
-
-    def converse(self, peer, *options, tool=("--pose", "/tool_pose"), duration=4, **environment):
-        """What the peer saw while palpate ran, and what palpate said."""
-        robot = subprocess.Popen([str(word) for word in peer], stdin=subprocess.PIPE,
-                                 stdout=subprocess.PIPE, text=True)
-        try:
-            run = subprocess.run(
-                [PALPATE, "ros2", self.tool, "--depth", "/camera/depth/image_raw", *tool, "-o",
-                 os.path.join(self.folder.name, "run"), "--duration", str(duration), *options],
-                capture_output=True, text=True, timeout=300,
-                env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1",
-                     **environment})
-        finally:
-            words, _ = robot.communicate(timeout=60)
-        self.assertEqual(run.returncode, 0, run.stderr)
-        return json.loads(words), run.stderr
-
-    def cyclone(self, behavior="good"):
-        if not HAS_CYCLONE:
-            self.skipTest(NO_CYCLONE)
-        return [sys.executable, os.path.join(HERE, "cyclone_peer.py"), self.domain, behavior]
-
+class InteropTest(PeerCase):
     def test_a_robot_on_another_version_of_cyclone_dds(self):
         seen, _ = self.converse(self.cyclone())
         self.assertGreater(seen["wrenches"], 1000)
@@ -111,9 +56,6 @@ class InteropTest(unittest.TestCase):
             self.assertGreater(seen["wrenches"], 1000)
             self.assertGreater(seen["touching"], 100)
             self.assertEqual(seen["lost"], 0)
-
-    def expect_one_note(self, words, said):
-        self.assertEqual(said.count(words), 1, said)
 
     def test_a_camera_that_falls_silent_is_zero_and_says_why(self):
         seen, said = self.converse(self.cyclone("silent"), duration=6)
@@ -161,6 +103,5 @@ class InteropTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    PALPATE = sys.argv.pop(1)
     FASTDDS_PEER = sys.argv.pop(1) if len(sys.argv) > 1 and "fastdds_peer" in sys.argv[1] else None
     unittest.main()

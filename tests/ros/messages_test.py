@@ -18,7 +18,7 @@ except ImportError:
 
 TYPES = ["sensor_msgs/Image", "sensor_msgs/CompressedImage", "sensor_msgs/CameraInfo",
          "sensor_msgs/PointCloud2", "sensor_msgs/JointState", "tf2_msgs/TFMessage",
-         "geometry_msgs/PoseStamped", "geometry_msgs/WrenchStamped",
+         "geometry_msgs/PoseStamped", "geometry_msgs/TwistStamped", "geometry_msgs/WrenchStamped",
          "visualization_msgs/Marker", "visualization_msgs/MarkerArray",
          "diagnostic_msgs/DiagnosticArray", "rmw_dds_common/ParticipantEntitiesInfo"]
 CONTACT = """std_msgs/Header header
@@ -26,6 +26,7 @@ uint8 state
 string reason
 float64 volume
 float64 fraction
+float64 unseen
 float64 potential
 float64 max_stiffness
 geometry_msgs/Wrench wrench

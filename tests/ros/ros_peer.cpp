@@ -52,6 +52,7 @@ std::string sample(const std::string& name) {
   }
   if (name == "WrenchStamped") return wrench_message(header, {{1, 2, 3}, {4, 5, 6}});
   if (name == "PoseStamped") return pose_message(header, X);
+  if (name == "TwistStamped") return twist_message(header, {{1, 2, 3}, {4, 5, 6}});
   if (name == "Marker") return tool_marker_message(header, mesh);
   if (name == "MarkerArray") return tool_markers_message(header, mesh);
   if (name == "DiagnosticArray") {
@@ -64,6 +65,7 @@ std::string sample(const std::string& name) {
     contact.state = RosContact::State::stale;
     contact.reason = "why";
     contact.volume = 1;
+    contact.unseen = 0.125;
     contact.wrench.torque.z = 6;
     contact.stiffness[35] = 36;
     contact.depth_age = 0.25;

@@ -58,7 +58,6 @@ TEST(TfHistory, knows_where_frames_were) {
   history.add({12, "base", "arm", {{0.2, 0, 0}, {}}}, false);
   history.add({0, "/arm", "camera", kArmTool}, true);
   history.add({3, "world", "base", kBaseArm}, true);
-  history.sort();
   expect_near(*history.find("world", "camera", 11), kBaseArm * Pose{{0.1, 0, 0}, {}} * kArmTool);
   expect_near(*history.find("camera", "world", 10.5),
               inverse(kBaseArm * Pose{{0.05, 0, 0}, {}} * kArmTool));
@@ -69,10 +68,27 @@ TEST(TfHistory, knows_where_frames_were) {
   EXPECT_FALSE(history.find("world", "gripper", 11));
   EXPECT_TRUE(history.is_moving("world", "camera"));
   EXPECT_FALSE(history.is_moving("world", "base"));
+  EXPECT_EQ(history.known_until("world", "camera"), 12);
+  EXPECT_EQ(history.known_until("world", "base"), std::numeric_limits<double>::infinity());
+  EXPECT_LT(history.known_until("world", "gripper"), 0);
   EXPECT_EQ(history.frames(), (std::vector<std::string>{"arm", "base", "camera", "world"}));
   history.add({0, "camera", "world", {}}, true);  // a ring
-  history.sort();
   (void)history.find("world", "arm", 11);
+}
+
+TEST(TfHistory, forgets_what_is_old) {
+  TfHistory history(2);
+  for (int i = 0; i <= 1000; ++i) {
+    const double time = 0.01 * i;
+    history.add({time, "base", "arm", {{time, 0, 0}, {}}}, false);
+  }
+  EXPECT_FALSE(history.find("base", "arm", 5));
+  for (const double time : {8.0, 8.005, 9.123, 10.0}) {
+    EXPECT_NEAR(history.find("base", "arm", time)->translation.x, time, 1e-9);
+  }
+  EXPECT_EQ(history.known_until("arm", "base"), 10);
+  history.add({1, "base", "arm", {}}, false);  // its clock has started anew
+  EXPECT_EQ(history.known_until("arm", "base"), 1);
 }
 
 }  // namespace

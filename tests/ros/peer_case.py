@@ -1,0 +1,70 @@
+"""What tests of palpate among peers of ROS 2 share."""
+
+import glob
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PALPATE = sys.argv.pop(1)
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(HERE))
+HAS_CYCLONE = importlib.util.find_spec("cyclonedds") is not None
+NO_CYCLONE = "SKIPPED: scripts/setup.sh --test installs the Python package cyclonedds"
+NEWER = glob.glob(f"{ROOT}/build/python/lib/python3*/site-packages/cyclonedds/.libs/libddsc.so")
+
+
+class PeerCase(unittest.TestCase):
+    domain = 10 + os.getpid() % 80
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.tool = os.path.join(cls.folder.name, "ball.palp")
+        mesh = os.path.join(cls.folder.name, "ball.obj")
+        for words in (["shape", "sphere", "--size", "0.05", "-o", mesh],
+                      ["pack", mesh, "-o", cls.tool, "--spheres", "300"]):
+            subprocess.run([PALPATE, *words], check=True, capture_output=True)
+        found = subprocess.run([PALPATE, "cameras", "--json"], check=True, capture_output=True,
+                               env={key: value for key, value in os.environ.items()
+                                    if not key.startswith("ROS_")})
+        cls.reason = next((each["reason"] for each in json.loads(found.stdout)
+                           if each["kind"] == "ros2" and not each["usable"]), None)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def setUp(self):
+        if self.reason:
+            self.skipTest("SKIPPED: " + self.reason)
+        # Runs that overlap by accident do not hear each other.
+        type(self).domain = 10 + (self.domain - 9) % 80
+
+    def converse(self, peer, *options, depth="/camera/depth/image_raw", tool=("--pose", "/tool_pose"),
+                 duration=4, words=None, **environment):
+        """What the peer saw while palpate ran, and what palpate said. `words` instead of palpate ros2."""
+        robot = subprocess.Popen([str(word) for word in peer], stdin=subprocess.PIPE,
+                                 stdout=subprocess.PIPE, text=True)
+        try:
+            run = subprocess.run(
+                [PALPATE, *(words or ["ros2", self.tool, "--depth", depth, *tool]), "-o",
+                 os.path.join(self.folder.name, "run"), "--duration", str(duration), *options],
+                capture_output=True, text=True, timeout=300,
+                env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1",
+                     **environment})
+        finally:
+            said, _ = robot.communicate(timeout=60)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return json.loads(said), run.stderr
+
+    def cyclone(self, behavior="good", peer="cyclone_peer.py", *more):
+        if not HAS_CYCLONE:
+            self.skipTest(NO_CYCLONE)
+        return [sys.executable, os.path.join(HERE, peer), self.domain, behavior, *more]
+
+    def expect_one_note(self, words, said):
+        self.assertEqual(said.count(words), 1, said)
