@@ -116,7 +116,7 @@ class StateNumbers {
   template <class T>
   requires std::integral<T> || std::is_enum_v<T>
   void one(T& value) {
-    constexpr double kWhole = 9007199254740992;  // 2^53
+    static constexpr double kWhole = 9007199254740992;  // 2^53
     const auto limit = [] {
       if constexpr (std::same_as<T, bool>) return 1.0;
       if constexpr (std::is_enum_v<T>) return static_cast<double>(names_of(T{}).size() - 1);
