@@ -16,19 +16,23 @@
 namespace palpate::eval {
 namespace {
 
-constexpr double kVoxels[] = {0.004, 0.008};  // m
-constexpr double kReach = 0.01;               // m: of the god-object's surface
+constexpr double kCells[] = {0.005, 0.01, 0.02, 0.05};  // m
+constexpr double kReach = 0.01;                         // m: of the god-object's surface
 constexpr double kMegabyte = 1e6;
 
-enum class Way { ours, grid, god_object };
+/// By a grid: caps of the spheres, or their depths as planners have them.
+enum class Way { ours, grid_caps, grid_hinge, god_object };
+bool is_grid(Way way) { return way == Way::grid_caps || way == Way::grid_hinge; }
 
 struct Row {
   std::string key, name;
   Way way = Way::ours;
   ContactOptions options;
-  double voxel = 0;
-  /// rms over the cases: % of the tool, degrees, %; the largest step, exact = 1. NaN: has none.
-  double volume = std::nan(""), direction = 0, torque = std::nan(""), jump = 0;
+  double cell = 0;
+  /// rms over the cases: % of the tool, % of the tool, degrees, %; the largest step, exact = 1.
+  /// NaN: has none.
+  double volume = std::nan(""), force = std::nan(""), direction = 0, torque = std::nan(""),
+         jump = 0;
   Times query, frame;
   double memory = 0;  ///< bytes
 };
@@ -40,11 +44,14 @@ std::vector<Row> all_rows() {
     row.key = row.name = method.name;
     row.options = method.options;
   }
-  for (const double voxel : kVoxels) {
-    Row& row = rows.emplace_back();
-    row.way = Way::grid, row.voxel = voxel;
-    row.key = words("grid_%.0f_mm", 1e3 * voxel);
-    row.name = words("distance grid, %.0f mm", 1e3 * voxel);
+  for (const double cell : kCells) {
+    for (const Way way : {Way::grid_caps, Way::grid_hinge}) {
+      Row& row = rows.emplace_back();
+      const char* const what = way == Way::grid_caps ? "caps" : "hinge";
+      row.way = way, row.cell = cell;
+      row.key = words("grid_%.0f_mm_%s", 1e3 * cell, what);
+      row.name = words("distance grid, %.0f mm, %s", 1e3 * cell, what);
+    }
   }
   Row& row = rows.emplace_back();
   row.way = Way::god_object, row.key = "god_object", row.name = "god-object";
@@ -73,19 +80,24 @@ Measure measure_of(const Row& row, const ContactCase& c, const Tool& tool, const
                    const ExactStep& scale) {
   if (row.way == Way::ours) return query_measure(tool, seen, row.options);
   const PointCloudView cloud = seen.surface.cloud();
-  if (row.way == Way::grid) {
+  std::function<Penetration(const Pose&)> pull;
+  if (is_grid(row.way)) {
     const auto grid =
-        std::make_shared<const DistanceGrid>(cloud, middle_of(c), room_of(c), row.voxel);
-    return distance_measure(tool, SphereVolumes::represented,
-                            [grid](const Vec3d& p) { return grid->at(p); });
+        std::make_shared<const DistanceGrid>(cloud, middle_of(c), room_of(c), row.cell);
+    if (row.way == Way::grid_caps) {
+      return distance_measure(tool, SphereVolumes::represented,
+                              [grid](const Vec3d& p) { return grid->at(p); });
+    }
+    pull = [grid, &tool](const Pose& X_WT) { return grid->hinge(tool, X_WT); };
+  } else {
+    const auto proxy = std::make_shared<GodObject>(cloud, kReach);
+    const Vec3d p_T = foremost(tool, c.start);
+    pull = [proxy, p_T](const Pose& X_WT) {
+      Penetration result;
+      result.measure_W.force = proxy->pull(X_WT * p_T);
+      return result;
+    };
   }
-  const auto proxy = std::make_shared<GodObject>(cloud, kReach);
-  const Vec3d p_T = foremost(tool, c.start);
-  const auto pull = [proxy, p_T](const Pose& X_WT) {
-    Penetration result;
-    result.measure_W.force = proxy->pull(X_WT * p_T);
-    return result;
-  };
   // Its stiffness is what makes its force the exact one at `scale`.
   double length = 0;
   for (int i = 0; i <= 60; ++i) {
@@ -119,8 +131,8 @@ void measure_cost(Context& context, Row& row, const ContactCase& c, const Tool& 
   row.frame = time_calls(context.choose<std::size_t>(20, 3), [&](std::size_t) {
     seen.surface.update(std::span<const float>(depth), pool);
     if (is_field) seen.field.update(seen.surface.cloud(), pool);
-    if (row.way != Way::grid) return;
-    const DistanceGrid grid(seen.surface.cloud(), middle_of(c), room_of(c), row.voxel);
+    if (!is_grid(row.way)) return;
+    const DistanceGrid grid(seen.surface.cloud(), middle_of(c), room_of(c), row.cell);
   });
   const Measure measure = measure_of(row, c, tool, seen, steps.back());
   row.query = time_calls(steps.size(), [&](std::size_t i) { (void)measure.at(steps[i].X_WT); });
@@ -163,8 +175,9 @@ Result<FigureResult> figure_others(Context& context) {
                 const Measure again = measure_of(row, c, tool, seen, steps.front());
                 const WrenchError error = wrench_error(tool, coarse, again);
                 row.direction = error.direction_rms;
-                if (row.way != Way::god_object) {
-                  row.torque = error.torque_rms;
+                if (row.way != Way::god_object) row.torque = error.torque_rms;
+                if (row.way == Way::ours || row.way == Way::grid_caps) {
+                  row.force = error.force_rms;
                   row.volume = volume_error(tool, coarse, again).rms;
                 }
                 work.step();
@@ -172,32 +185,36 @@ Result<FigureResult> figure_others(Context& context) {
             });
   const auto n = static_cast<double>(cases.size());
   for (std::size_t r = 0; r < rows.size(); ++r) {
-    double volume = 0, direction = 0, torque = 0, jump = 0;
+    double volume = 0, force = 0, direction = 0, torque = 0, jump = 0;
     for (const auto& of_case : by_case) {
       volume += of_case[r].volume * of_case[r].volume / n;
+      force += of_case[r].force * of_case[r].force / n;
       direction += of_case[r].direction * of_case[r].direction / n;
       torque += of_case[r].torque * of_case[r].torque / n;
       jump += of_case[r].jump * of_case[r].jump / n;
     }
-    rows[r].volume = 100 * std::sqrt(volume), rows[r].torque = 100 * std::sqrt(torque);
+    rows[r].volume = 100 * std::sqrt(volume), rows[r].force = 100 * std::sqrt(force);
+    rows[r].torque = 100 * std::sqrt(torque);
     rows[r].direction = 180 / kPi * std::sqrt(direction), rows[r].jump = std::sqrt(jump);
     measure_cost(context, rows[r], cases[0], *tools[0]);
   }
 
   FigureResult result;
   Table table{"Ours, the thesis' and what else one would use, 1.5 mm noise",
-              {"method", "volume, % rms", "direction, ° rms", "torque, % rms",
+              {"method", "volume, % rms", "force, % rms", "direction, ° rms", "torque, % rms",
                "largest step, exact = 1", "a query, µs", "a frame, ms", "memory, MB"},
               {}};
   for (const Row& row : rows) {
-    table.rows.push_back({row.name, or_none("%.2f", row.volume), or_none("%.2f", row.direction),
-                          or_none("%.2f", row.torque), or_none("%.2f", row.jump),
-                          time_words(1e6 * row.query.median), words("%.1f", 1e3 * row.frame.median),
+    table.rows.push_back({row.name, or_none("%.2f", row.volume), or_none("%.2f", row.force),
+                          or_none("%.2f", row.direction), or_none("%.2f", row.torque),
+                          or_none("%.2f", row.jump), time_words(1e6 * row.query.median),
+                          words("%.1f", 1e3 * row.frame.median),
                           words("%.1f", row.memory / kMegabyte)});
     const auto number = [&](const char* what, double value, const char* unit) {
       if (std::isfinite(value)) result.numbers.push_back({row.key + what, value, unit});
     };
     number(".volume_rms", row.volume, "%");
+    number(".force_rms", row.force, "%");
     number(".direction_rms", row.direction, "deg");
     number(".torque_rms", row.torque, "%");
     number(".jump_ratio", row.jump, "1");
@@ -218,8 +235,8 @@ Result<FigureResult> figure_others(Context& context) {
       const auto fact = [&](const char* name) {
         return finite_number(facts[name]).value_or(std::nan(""));
       };
-      table.rows.push_back({row["peer"], "none", or_none("%.2f", fact("direction_deg")), "none",
-                            "none", time_words(query), words("%.1f", 1e-3 * frame),
+      table.rows.push_back({row["peer"], "none", "none", or_none("%.2f", fact("direction_deg")),
+                            "none", "none", time_words(query), words("%.1f", 1e-3 * frame),
                             or_none("%.1f", fact("memory_MB"))});
       const std::string key = "coal." + named_values(row["case"], '/', ':')["voxel"] + "_mm";
       result.numbers.push_back({key + ".direction_rms", fact("direction_deg"), "deg"});
@@ -290,9 +307,12 @@ Result<FigureResult> figure_others(Context& context) {
       "Errors on %zu pairs that are tilted and off the axis, to 60 %% of the way, %d spheres; "
       "times and memory of the first pair, one thread: a frame is cloud and normals, and what "
       "is made of them. The distance grid is a cube around the tool's way, asked at the "
-      "centres of the spheres; a library for whole rooms keeps more. The god-object is one "
-      "point of the tool, its stiffness the one that is right at 30 %% of the way. Memory is "
-      "what the heap grows by.",
+      "centres of the spheres; a library for whole rooms keeps more. Each cell has the distance to "
+      "the mean of the points of the nearest cell that has any. Caps: the volume that each sphere "
+      "has behind the plane there, as ours. Hinge: the depth of each sphere times the gradient, "
+      "summed, as planners do, which is no volume. The god-object is one point of the tool. The "
+      "stiffness of both is the one that is right at 30 %% of the way. Memory is what the heap "
+      "grows by.",
       cases.size(), context.choose(1000, 300)));
   if (!has_coal) {
     result.notes.push_back(

@@ -260,7 +260,7 @@ WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
                          const Measure& measure) {
   constexpr double kLeastShare = 0.005;
   const double mesh_volume = tool.mesh_mass().volume, radius = radius_of(tool);
-  ErrorSum direction, torque;
+  ErrorSum difference, direction, torque;
   WrenchError result;
   Vec3d force_before, exact_before;
   for (std::size_t i = 0; i < steps.size(); ++i) {
@@ -274,10 +274,12 @@ WrenchError wrench_error(const Tool& tool, const std::vector<ExactStep>& steps,
     force_before = force;
     exact_before = exact_force;
     if (steps[i].exact.volume < kLeastShare * mesh_volume || force == Vec3d{}) continue;
+    difference.add(norm(force - exact_force));
     direction.add(angle_between(force, exact_force));
     torque.add(norm(measured.torque / measure.whole - exact.torque / mesh_volume) /
                (norm(exact_force) * radius));
   }
+  result.force_rms = difference.rms();
   result.direction_rms = direction.rms();
   result.direction_worst = direction.worst();
   result.torque_rms = torque.rms();

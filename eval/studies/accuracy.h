@@ -101,9 +101,10 @@ VolumeError volume_error(const Tool& tool, const std::vector<ExactStep>& steps,
                          const Measure& measure);
 
 /// Steps with less than 0.5 % of the tool inside, and those where nothing is measured, say nothing
-/// about direction and torque.
+/// about force, direction and torque.
 struct WrenchError {
   double direction_rms = 0, direction_worst = 0;  ///< rad, between measured and exact force
+  double force_rms = 0;                           ///< of the volume of the tool
   double torque_rms = 0, torque_worst = 0;        ///< of exact force times radius of the tool
   /// Largest difference of the forces of two successive steps, in volumes of the tool.
   double jump = 0, exact_jump = 0;

@@ -10,17 +10,21 @@
 
 namespace palpate::eval {
 
-/// Euclidean signed distances on a grid (as of Voxblox, Oleynikova et al. 2017): the nearest point
-/// of the cloud by a vector distance transform (Danielsson 1980, six sweeps with 26 neighbours),
-/// the sign from the camera. Looked up with trilinear weights.
+/// Euclidean signed distances on a grid, as maps of robots keep them (Voxblox, Oleynikova et al.
+/// 2017; nvblox). A cell with points of the cloud knows their mean; each cell takes the nearest of
+/// these, found by an exact distance transform of the cells (Felzenszwalb & Huttenlocher 2012) and
+/// by asking its six neighbours for theirs; it is negative behind the depth of its pixel. Looked up
+/// with trilinear weights.
 class DistanceGrid {
  public:
-  /// The cube of this side around `middle`. O(voxels + points).
-  DistanceGrid(const PointCloudView& cloud, const Vec3d& middle, double side, double voxel);
+  /// The cube of this side around `middle`. O(cells + points).
+  DistanceGrid(const PointCloudView& cloud, const Vec3d& middle, double side, double cell);
 
   /// Distance (negative behind the surface) and its unit gradient; free space beyond the grid.
   scenes::SignedDistance at(const Vec3d& p) const;
-  std::size_t num_bytes() const { return distances_.capacity() * sizeof(float); }
+  /// What planners ask (cuRobo): the depth of each sphere, where it is in, times the gradient
+  /// there, summed; m. No volume. The torque is about the centre of mass.
+  Penetration hinge(const Tool& tool, const Pose& X_WT) const;
 
  private:
   std::size_t place(int x, int y, int z) const {
@@ -30,12 +34,13 @@ class DistanceGrid {
            static_cast<std::size_t>(x);
   }
   Vec3d centre(int x, int y, int z) const {
-    return low_ + voxel_ * Vec3d{x + 0.5, y + 0.5, z + 0.5};
+    return low_ + cell_ * Vec3d{x + 0.5, y + 0.5, z + 0.5};
   }
-  void spread(std::vector<Vec3f>& nearest) const;
+  std::vector<Vec3f> nearest_points(const PointCloudView& cloud) const;
+  void spread(std::vector<std::int32_t>& nearest) const;
 
   Vec3d low_;
-  double voxel_;
+  double cell_;
   int num_;
   std::vector<float> distances_;
 };

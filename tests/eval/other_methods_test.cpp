@@ -27,7 +27,43 @@ TEST(DistanceGrid, IsTheDistanceFromAWallOnBothSides) {
     }
   }
   EXPECT_GT(grid.at({0, 0, 2}).distance, 1) << "free space beyond the grid";
-  EXPECT_EQ(grid.num_bytes(), 60u * 60 * 60 * sizeof(float));
+}
+
+/// Cells that no point lies in know the nearest one, however far and whatever lies between.
+TEST(DistanceGrid, IsTheDistanceFromABall) {
+  for (const ContactCase& c : tilted_cases()) {
+    if (c.scene != "sphere-out-160") continue;
+    const SeenScene seen = see(c, DepthNoise::none);
+    constexpr double kCell = 0.01;
+    const DistanceGrid grid(seen.surface.cloud(), {0, 0, 1}, 0.4, kCell);
+    Random random(2);
+    for (int i = 0; i < 2000; ++i) {
+      // Where the nearest point of the ball is seen and lies in the grid.
+      const Vec3d p = Vec3d{0, 0, 1} + random.in_box(0.06);
+      const scenes::SignedDistance exact = scenes::signed_distance(c.environment, p);
+      if (std::abs(exact.distance) < 2 * kCell) continue;
+      EXPECT_NEAR(grid.at(p).distance, exact.distance, 0.25 * kCell);
+      EXPECT_GT(dot(grid.at(p).gradient, exact.gradient), 0.9) << "towards the mean of a cell";
+    }
+  }
+}
+
+TEST(DistanceGrid, TheHingeSumsDepthsOfSpheres) {
+  const SeenScene seen = wall();
+  const Tool tool = packed_tool(thesis_cases().front(), 100);
+  const DistanceGrid grid(seen.surface.cloud(), {0, 0, 1}, 0.4, 0.005);
+  const Pose X_WT{{0.01, -0.02, 0.98}, axis_angle({1, 2, 3}, 0.4)};
+  const Vec3d middle = X_WT * tool.sphere_mass().centre_of_mass;
+  VolumeWrench expected;
+  for (const Sphere& s : tool.spheres()) {
+    const Vec3d c = X_WT * to_double(s.centre);
+    const Vec3d force{0, 0, -std::max(0.0, static_cast<double>(s.radius) - (1 - c.z))};
+    expected.force += force;
+    expected.torque += cross(c - middle, force);
+  }
+  const VolumeWrench got = grid.hinge(tool, X_WT).measure_W;
+  EXPECT_LT(norm(got.force - expected.force), 0.02 * norm(expected.force));
+  EXPECT_LT(norm(got.torque - expected.torque), 0.02 * norm(expected.force) * 0.1);
 }
 
 TEST(GodObject, StaysOnTheWallAndSlidesAlongIt) {
