@@ -85,6 +85,37 @@ std::string shape_text(const std::vector<std::size_t>& shape) {
   return text + (shape.size() == 1 ? ",)" : ")");
 }
 
+void refuse_layout(const char* name, nb::dlpack::dtype wanted) {
+  const char* const kind = wanted.code == std::uint8_t(nb::dlpack::dtype_code::Float) ? "float"
+                           : wanted.code == std::uint8_t(nb::dlpack::dtype_code::Int) ? "int"
+                                                                                      : "uint";
+  throw nb::value_error((std::string(name) + ": has to be " + kind +
+                         std::to_string(int(wanted.bits)) + ", row by row")
+                            .c_str());
+}
+
+std::optional<CallerStream> stream_of(nb::handle given) {
+  if (given.is_none()) return std::nullopt;
+  nb::object number = nb::borrow(given);
+  for (const char* name : {"cuda_stream", "ptr"}) {  // PyTorch, CuPy
+    if (nb::hasattr(given, name)) number = given.attr(name);
+  }
+  return CallerStream{reinterpret_cast<void*>(nb::cast<std::uintptr_t>(number))};
+}
+
+std::optional<AnyArray> array_on_gpu(nb::handle given, nb::handle stream) {
+  if (!nb::hasattr(given, "__dlpack_device__")) return std::nullopt;
+  const auto device = nb::cast<nb::tuple>(given.attr("__dlpack_device__")());
+  if (nb::cast<int>(device[0]) != nb::device::cuda::value) return std::nullopt;
+  const std::optional<CallerStream> reader = stream_of(stream);
+  if (!reader) return nb::cast<AnyArray>(given, false);
+  // By the standard 1 is the default stream, and 0 nothing.
+  const auto number = reinterpret_cast<std::uintptr_t>(reader->handle);
+  const nb::object capsule =
+      given.attr("__dlpack__")(nb::arg("stream") = number == 0 ? std::uintptr_t{1} : number);
+  return nb::cast<AnyArray>(capsule, false);
+}
+
 void refuse_shape(const char* name, const std::string& shape, const char* wanted) {
   throw nb::value_error((std::string(name) + ": shape " + shape + " is not " + wanted).c_str());
 }

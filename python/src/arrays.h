@@ -6,6 +6,7 @@
 #include <nanobind/stl/string.h>
 
 #include <initializer_list>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -39,6 +40,7 @@ inline bool is_interrupted() { return PyErr_CheckSignals() != 0; }
 
 /// Of any type at any place, as it is.
 using AnyArray = nb::ndarray<nb::ro>;
+using WritableArray = nb::ndarray<>;
 using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 
 /// "(3, 4)"
@@ -49,8 +51,27 @@ std::string shape_of(const Array& array) {
   for (std::size_t i = 0; i < array.ndim(); ++i) shape.push_back(array.shape(i));
   return shape_text(shape);
 }
+[[noreturn]] void refuse_layout(const char* name, nb::dlpack::dtype wanted);
 /// ValueError: "NAME: shape (2, 3) is not WANTED".
 [[noreturn]] void refuse_shape(const char* name, const std::string& shape, const char* wanted);
+
+/// ValueError: another type, or gaps between its numbers.
+template <class Array>
+void require_dense(const Array& array, const char* name, nb::dlpack::dtype type) {
+  bool is_dense = array.dtype() == type;
+  std::int64_t stride = 1;
+  for (std::size_t axis = array.ndim(); axis-- > 0; stride *= std::int64_t(array.shape(axis))) {
+    is_dense = is_dense && (array.shape(axis) == 1 || array.stride(axis) == stride);
+  }
+  if (!is_dense) refuse_layout(name, type);
+}
+
+/// A queue of a GPU: None, a number, or an object of PyTorch or CuPy.
+std::optional<CallerStream> stream_of(nb::handle given);
+/// An array in the memory of a GPU; nothing if it is elsewhere. Who made it is told the queue in
+/// which it is read, and waits there for what still writes it; without one that is CUDA's default
+/// stream.
+std::optional<AnyArray> array_on_gpu(nb::handle given, nb::handle stream);
 
 /// Numbers of any array or nested list in host memory, without a copy if they are doubles row by
 /// row already. ValueError: not numbers.

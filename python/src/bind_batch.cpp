@@ -14,31 +14,31 @@ namespace {
 /// palpate.Batch: the answers, in host memory or on a GPU, in W.
 struct PyBatch {
   std::size_t num = 0;
-  bool has_stiffness = false;
   std::vector<double> numbers;        // host: volume, potential, force, torque, stiffness
   std::vector<std::uint32_t> status;  // host
 #ifdef PALPATE_CUDA
   std::unique_ptr<gpu::Memory> memory;
 #endif
+  std::vector<WritableArray> given;  // by the caller
   BatchAnswers answers;
 
   static constexpr std::size_t kPerPose = 1 + 1 + 3 + 3, kStiffness = 36;
 
-  void lay_out(double* at, std::uint32_t* bits, int where) {
+  bool has_stiffness() const { return answers.stiffness != nullptr; }
+  void lay_out(double* at, std::uint32_t* bits, bool with_stiffness, int where) {
     answers = {at, at + num, at + 2 * num, at + 5 * num, nullptr, bits, where};
-    if (has_stiffness) answers.stiffness = at + kPerPose * num;
+    if (with_stiffness) answers.stiffness = at + kPerPose * num;
   }
 };
 
 std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gpu) {
   auto batch = std::make_unique<PyBatch>();
   batch->num = num;
-  batch->has_stiffness = with_stiffness;
   const std::size_t size = num * (PyBatch::kPerPose + (with_stiffness ? PyBatch::kStiffness : 0));
   if (gpu == kHostMemory) {
     batch->numbers.resize(size);
     batch->status.resize(num);
-    batch->lay_out(batch->numbers.data(), batch->status.data(), gpu);
+    batch->lay_out(batch->numbers.data(), batch->status.data(), with_stiffness, gpu);
     return batch;
   }
 #ifdef PALPATE_CUDA
@@ -46,13 +46,63 @@ std::unique_ptr<PyBatch> make_batch(std::size_t num, bool with_stiffness, int gp
   auto* const numbers = batch->memory->take<double>(size);
   auto* const status = batch->memory->take<std::uint32_t>(num);
   check(batch->memory->status());
-  batch->lay_out(numbers, status, gpu);
+  batch->lay_out(numbers, status, with_stiffness, gpu);
 #endif
   return batch;
 }
 
+/// A batch over arrays of the caller's.
+class Layout {
+ public:
+  explicit Layout(PyBatch& batch) : batch_(batch) {}
+
+  /// (P, inner ...) of T; null for None.
+  template <class T>
+  T* take(nb::handle given, const char* name, const std::vector<std::size_t>& inner) {
+    if (given.is_none()) return nullptr;
+    WritableArray array;
+    if (!nb::try_cast<WritableArray>(given, array, false)) {
+      throw nb::type_error((std::string(name) + ": not an array that can be written").c_str());
+    }
+    const int where =
+        array.device_type() == nb::device::cuda::value ? array.device_id() : kHostMemory;
+    std::vector<std::size_t> wanted{array.ndim() > 0 ? array.shape(0) : 0};
+    if (!batch_.given.empty()) wanted[0] = batch_.num;
+    wanted.insert(wanted.end(), inner.begin(), inner.end());
+    const std::string shape = shape_of(array);
+    if (shape != shape_text(wanted)) refuse_shape(name, shape, shape_text(wanted).c_str());
+    require_dense(array, name, nb::dtype<T>());
+    if (!batch_.given.empty() && where != batch_.answers.gpu) {
+      throw nb::value_error((std::string(name) + ": is elsewhere than the others").c_str());
+    }
+    batch_.num = wanted[0];
+    batch_.answers.gpu = where;
+    batch_.given.push_back(array);
+    return static_cast<T*>(array.data());
+  }
+
+ private:
+  PyBatch& batch_;
+};
+
+void make_batch_over(PyBatch* self, nb::handle volume, nb::handle potential, nb::handle force,
+                     nb::handle torque, nb::handle stiffness, nb::handle status) {
+  PyBatch batch;
+  Layout layout(batch);
+  BatchAnswers& answers = batch.answers;
+  answers.volume = layout.take<double>(volume, "volume", {});
+  answers.potential = layout.take<double>(potential, "potential", {});
+  answers.force = layout.take<double>(force, "force", {3});
+  answers.torque = layout.take<double>(torque, "torque", {3});
+  answers.stiffness = layout.take<double>(stiffness, "stiffness", {6, 6});
+  answers.status = layout.take<std::uint32_t>(status, "status", {});
+  if (batch.given.empty()) throw nb::value_error("Batch: give one array or more");
+  new (self) PyBatch(std::move(batch));
+}
+
 template <class T>
 nb::object array_in(nb::handle self, const T* at, std::initializer_list<std::size_t> shape) {
+  if (at == nullptr) throw PalpateError("this batch was given no array for that");
   const int gpu = nb::cast<PyBatch&>(self).answers.gpu;
   if (gpu == kHostMemory) return view_of(at, shape, self);
   return nb::cast(nb::ndarray<nb::array_api, const T>(at, shape, self, {}, nb::dtype<T>(),
@@ -101,41 +151,26 @@ struct AskedPoses {
   nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> surface_of_pose;
   PoseBatch batch;
 
-  AskedPoses(nb::handle given, nb::handle numbers) {
+  AskedPoses(nb::handle given, nb::handle numbers, nb::handle stream) {
     static_assert(sizeof(Pose) == 7 * sizeof(double));
-    AnyArray array;
-    const bool is_on_gpu = nb::try_cast<AnyArray>(given, array, false) &&
-                           array.device_type() == nb::device::cuda::value;
-    if (is_on_gpu) {
-      if (array.ndim() != 2 || array.shape(1) != 7) {
-        refuse_shape("poses", shape_of(array), "(P, 7), which it has to be on a GPU");
+    const std::optional<AnyArray> array = array_on_gpu(given, stream);
+    if (array) {
+      if (array->ndim() != 2 || array->shape(1) != 7) {
+        refuse_shape("poses", shape_of(*array), "(P, 7), which it has to be on a GPU");
       }
-      require_dense(array, "poses", nb::dtype<double>(), "float64");
-      poses_on_gpu = array;
-      batch.gpu = array.device_id();
-      batch.X_WT = {static_cast<const Pose*>(array.data()), array.shape(0)};
+      require_dense(*array, "poses", nb::dtype<double>());
+      poses_on_gpu = *array;
+      batch.gpu = array->device_id();
+      batch.X_WT = {static_cast<const Pose*>(array->data()), array->shape(0)};
     } else {
       poses = poses_of(given, "poses");
       batch.X_WT = poses;
     }
-    if (!numbers.is_none()) add_numbers(numbers);
+    if (!numbers.is_none()) add_numbers(numbers, stream);
   }
 
  private:
-  static void require_dense(const AnyArray& array, const char* name, nb::dlpack::dtype type,
-                            const char* type_name) {
-    bool is_dense = array.dtype() == type;
-    std::int64_t stride = 1;
-    for (std::size_t axis = array.ndim(); axis-- > 0; stride *= std::int64_t(array.shape(axis))) {
-      is_dense = is_dense && array.stride(axis) == stride;
-    }
-    if (!is_dense) {
-      throw nb::value_error(
-          (std::string(name) + ": on a GPU it has to be " + type_name + ", row by row").c_str());
-    }
-  }
-
-  void add_numbers(nb::handle given) {
+  void add_numbers(nb::handle given, nb::handle stream) {
     std::size_t num = 0;
     std::string shape;
     if (batch.gpu == kHostMemory) {
@@ -144,12 +179,12 @@ struct AskedPoses {
       shape = shape_of(surface_of_pose);
       batch.surface_of_pose = {surface_of_pose.data(), num};
     } else {
-      AnyArray& array = surface_of_pose_on_gpu;
-      if (!nb::try_cast<AnyArray>(given, array, false) ||
-          array.device_type() != nb::device::cuda::value || array.device_id() != batch.gpu) {
+      const std::optional<AnyArray> on_gpu = array_on_gpu(given, stream);
+      if (!on_gpu || on_gpu->device_id() != batch.gpu) {
         throw nb::value_error("surface_of_pose: has to be on the GPU where the poses are");
       }
-      require_dense(array, "surface_of_pose", nb::dtype<std::int32_t>(), "int32");
+      const AnyArray& array = surface_of_pose_on_gpu = *on_gpu;
+      require_dense(array, "surface_of_pose", nb::dtype<std::int32_t>());
       num = array.ndim() == 1 ? array.shape(0) : 0;
       shape = shape_of(array);
       batch.surface_of_pose = {static_cast<const std::int32_t*>(array.data()), num};
@@ -160,22 +195,13 @@ struct AskedPoses {
   }
 };
 
-std::optional<CallerStream> stream_of(nb::handle given, bool is_on_gpu) {
-  if (given.is_none()) return is_on_gpu ? std::optional(CallerStream{}) : std::nullopt;
-  nb::object number = nb::borrow(given);
-  for (const char* name : {"cuda_stream", "ptr"}) {  // PyTorch, CuPy
-    if (nb::hasattr(given, name)) number = given.attr(name);
-  }
-  return CallerStream{reinterpret_cast<void*>(nb::cast<std::uintptr_t>(number))};
-}
-
 }  // namespace
 
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
                          nb::handle surface_of_pose, bool stiffness, nb::handle out,
                          nb::handle stream) {
   const AskedSurfaces asked(surfaces);
-  AskedPoses given(poses, surface_of_pose);
+  AskedPoses given(poses, surface_of_pose, stream);
   const bool is_on_gpu = given.batch.gpu != kHostMemory;
   if (is_on_gpu && !asked.X_WC.empty()) {
     throw PalpateError(
@@ -193,7 +219,7 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
     if (!nb::try_cast<PyBatch*>(out, batch, false) || batch == nullptr) {
       throw nb::type_error("out: a palpate.Batch is taken, which an earlier call gave");
     }
-    if (batch->num != num || batch->has_stiffness != stiffness) {
+    if (batch->num != num || batch->has_stiffness() != stiffness) {
       const std::string wanted =
           shape_text({num}) + (stiffness ? ", with stiffness" : ", without stiffness");
       refuse_shape("out", shape_text({batch->num}), wanted.c_str());
@@ -201,7 +227,8 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
     result = nb::borrow(out);
   }
   const BatchAnswers answers = nb::cast<PyBatch&>(result).answers;
-  const auto where = stream_of(stream, is_on_gpu);
+  auto where = stream_of(stream);
+  if (!where && is_on_gpu) where.emplace();
   check(self.alone([&](const Contact& contact) {
     return contact.measure_batch(asked.batch, given.batch, answers, where);
   }));
@@ -221,7 +248,21 @@ void bind_batch(nb::module_& m) {
   nb::class_<PyBatch>(
       m, "Batch",
       R"(The answers of Contact.measure_batch for P poses, where the contact is: NumPy arrays, or arrays with
-DLPack on its GPU. Volumes times directions: times a stiffness in N/m3 they are newtons.)")
+DLPack on its GPU. Volumes times directions: times a stiffness in N/m3 they are newtons.
+
+Made of arrays of yours, of any library with DLPack, it is an `out` that writes into them and
+nothing else: those left out are not computed. float64, status uint32, row by row, all of P poses and
+at one place. ValueError: another shape, type or place.)")
+      .def("__init__", make_batch_over, nb::kw_only(), nb::arg("volume") = nb::none(),
+           nb::arg("potential") = nb::none(), nb::arg("force") = nb::none(),
+           nb::arg("torque") = nb::none(), nb::arg("stiffness") = nb::none(),
+           nb::arg("status") = nb::none(),
+           nb::sig("def __init__(self, *, volume: palpate._types.Array | None = None, "
+                   "potential: palpate._types.Array | None = None, "
+                   "force: palpate._types.Array | None = None, "
+                   "torque: palpate._types.Array | None = None, "
+                   "stiffness: palpate._types.Array | None = None, "
+                   "status: palpate._types.Array | None = None) -> None"))
       .def("__len__", [](const PyBatch& self) { return self.num; })
       .def_prop_ro(
           "volume",
@@ -256,8 +297,8 @@ DLPack on its GPU. Volumes times directions: times a stiffness in N/m3 they are 
           "stiffness",
           [](nb::handle self) -> nb::object {
             const auto& b = nb::cast<PyBatch&>(self);
-            return b.has_stiffness ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
-                                   : nb::none();
+            return b.has_stiffness() ? array_in(self, b.answers.stiffness, {b.num, 6, 6})
+                                     : nb::none();
           },
           nb::sig((property("stiffness", kFloats) + " | None").c_str()),
           "(P, 6, 6) in W, if it was asked for; see Result.stiffness.")

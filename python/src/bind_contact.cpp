@@ -235,9 +235,11 @@ surfaces: one, a list, or what Sensor.update_batch made.
 poses: X_WT, (P, 4, 4) or (P, 7) tx ty tz qx qy qz qw; on a GPU (P, 7) float64 of unit quaternions.
 surface_of_pose: (P,) int32, the number of the surface of each pose; None: there is one surface, or
     each pose has its own.
-out: a Batch of as many poses, which is written again. stiffness: give it, too.
-stream: of a GPU, a number or an object of PyTorch or CuPy: what is asked for in it is not waited for
-    and may be captured in a CUDA graph. None: the default stream.
+out: a Batch of as many poses, which is written again: of an earlier call, or over arrays of yours.
+stiffness: give it, too.
+stream: of a GPU, a number or an object of PyTorch or CuPy: arrays there are read when what it was
+    asked before is done, and with poses and answers there, too, it is only asked for the work, which
+    may be captured in a CUDA graph. None: the default stream.
 
 What a pose is answered has the same bits whatever else is in the batch. Poses that are not finite and
 numbers that no surface has are told by Batch.status; all is zero there.)")

@@ -4,6 +4,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -56,8 +57,9 @@ class PySensor {
     surface.is_in_camera_frame = surface.X_WC == Pose{};
     surface.time = time.value_or(std::numeric_limits<double>::quiet_NaN());
     surface.place = place_;
-    const AnyArray image = dense_of(given, 2);
+    const AnyArray image = dense_of(given, 2, nb::none());
     const DepthImageView view = view_of_image(image);
+    if (view.gpu != kHostMemory) wait_for_producers();
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
     surface.keeper = free_keeper();
@@ -68,19 +70,30 @@ class PySensor {
     return surface;
   }
 
-  PySurfaces update_batch(nb::handle given) {
-    const AnyArray images = dense_of(given, 3);
-    PySurfaces surfaces{nullptr, {}, camera_.X_WC, place_};
+  nb::object update_batch(nb::handle given, nb::handle out, nb::handle stream) {
+    const AnyArray images = dense_of(given, 3, stream);
+    nb::object result =
+        out.is_none() ? nb::cast(PySurfaces{nullptr, {}, camera_.X_WC, place_}) : nb::borrow(out);
+    PySurfaces* surfaces = nullptr;
+    if (!nb::try_cast<PySurfaces*>(result, surfaces, false) || surfaces == nullptr) {
+      throw nb::type_error("out: palpate.Surfaces are taken, which an earlier call gave");
+    }
+    if (!out.is_none() &&
+        std::find(keepers_.begin(), keepers_.end(), surfaces->keeper) == keepers_.end()) {
+      throw nb::value_error("out: another sensor made these surfaces");
+    }
     const auto num = static_cast<int>(images.shape(0));
     const DepthImageView first = view_of_image(images);
+    const std::optional<CallerStream> where = stream_of(stream);
+    if (first.gpu != kHostMemory && !where) wait_for_producers();
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
-    surfaces.keeper = free_keeper();
-    surfaces.batch = surfaces.keeper->update_batch(first, num);
-    const Status status = surfaces.keeper->status();
+    if (surfaces->keeper == nullptr) surfaces->keeper = free_keeper();
+    surfaces->batch = surfaces->keeper->update_batch(first, num, where);
+    const Status status = surfaces->keeper->status();
     const nb::gil_scoped_acquire gil;
     check(status);
-    return surfaces;
+    return result;
   }
 
  private:
@@ -101,7 +114,6 @@ class PySensor {
     const auto& [width, height] = std::tie(camera_.camera.width, camera_.camera.height);
     const int gpu =
         image.device_type() == nb::device::cuda::value ? image.device_id() : kHostMemory;
-    if (gpu != kHostMemory) wait_for_producers();
     if (image.dtype() == nb::dtype<std::uint16_t>()) {
       const auto* counts = static_cast<const std::uint16_t*>(image.data());
       return {width, height, counts, camera_.unit, gpu};
@@ -110,9 +122,11 @@ class PySensor {
   }
 
   /// (H, W), or (F, H, W), uint16 or float32 row by row, in memory that the sensor reads.
-  AnyArray dense_of(nb::handle given, std::size_t num_axes) const {
+  AnyArray dense_of(nb::handle given, std::size_t num_axes, nb::handle stream) const {
     AnyArray image;
-    if (!nb::try_cast<AnyArray>(given, image, false)) {
+    if (const std::optional<AnyArray> there = array_on_gpu(given, stream)) {
+      image = *there;
+    } else if (!nb::try_cast<AnyArray>(given, image, false)) {
       image = AnyArray(numbers_of<float>(given, "depth", "float32"));
     }
     const auto rows = static_cast<std::size_t>(camera_.camera.height);
@@ -448,12 +462,17 @@ depth: (H, W) uint16 counts (0 and 65535: no measurement) or float32 metres (0 a
     library with DLPack or the buffer protocol; on the GPU of this sensor or in host memory.
 time: s, kept with the surface. pose: X_WC of this image, if it is not the camera's.
 Each surface stays as it is while somebody holds it; memory of others is used again.)")
-      .def("update_batch", &PySensor::update_batch, nb::arg("depth"),
-           nb::sig("def update_batch(self, depth: palpate._types.Array) -> Surfaces"),
+      .def("update_batch", &PySensor::update_batch, nb::arg("depth"), nb::kw_only(),
+           nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
+           nb::sig("def update_batch(self, depth: palpate._types.Array, *, "
+                   "out: Surfaces | None = None, stream: palpate._types.Stream | None = None) "
+                   "-> Surfaces"),
            R"(The depth fields of many images at once, for Contact.measure_batch, without the GIL.
 
 depth: (F, H, W) uint16 counts or float32 metres, one image after the other; on the GPU of this
-    sensor or in host memory. The values are those of update, to the bit.)")
+    sensor or in host memory. The values are those of update, to the bit.
+out: Surfaces of this sensor, which are made again. stream: as Contact.measure_batch has it; the
+    images stay as they are until the work in it is done.)")
       .def_prop_ro("camera", &PySensor::camera);
 }
 

@@ -101,6 +101,86 @@ def test_out_is_written_again(cube, scene):
         contact.measure_batch(surface, poses, out=out, stiffness=True)
 
 
+def test_out_over_arrays_of_the_caller(cube, scene):
+    *_, surface, poses = scene
+    contact = palpate.Contact(cube)
+    expected = contact.measure_batch(surface, poses, stiffness=True)
+    volume, force = np.full(200, np.nan), np.full((200, 3), np.nan)
+    out = palpate.Batch(volume=volume, force=force)
+    assert contact.measure_batch(surface, poses, out=out) is out and len(out) == 200
+    assert np.array_equal(volume, expected.volume) and np.array_equal(force, expected.force)
+    assert np.shares_memory(out.volume, volume)
+    with pytest.raises(palpate.Error, match="no array for that"):
+        out.torque
+    # Of arrays that have no other name, too.
+    whole = palpate.Batch(potential=np.zeros(200), torque=np.zeros((200, 3)), stiffness=np.zeros((200, 6, 6)),
+                          status=np.ones(200, np.uint32))
+    contact.measure_batch(surface, poses, stiffness=True, out=whole)
+    for name in ("potential", "torque", "stiffness", "status"):
+        assert np.array_equal(getattr(whole, name), getattr(expected, name)), name
+
+
+def test_bad_arrays_of_the_caller(cube, scene):
+    *_, surface, poses = scene
+    locked = np.zeros(200)
+    locked.flags.writeable = False
+    for wrong, why in (({"volume": np.zeros((200, 1))}, r"volume: shape \(200, 1\) is not \(200,\)"),
+                       ({"volume": np.zeros(200), "force": np.zeros((100, 3))},
+                        r"force: shape \(100, 3\) is not \(200, 3\)"),
+                       ({"volume": np.zeros(200, np.float32)}, "volume: has to be float64, row by row"),
+                       ({"status": np.zeros(200, np.int64)}, "status: has to be uint32"),
+                       ({"force": np.zeros((200, 6))[:, ::2]}, "force: has to be float64, row by row"),
+                       ({}, "one array or more")):
+        with pytest.raises(ValueError, match=why):
+            palpate.Batch(**wrong)
+    for wrong in (locked, [0.0] * 200):
+        with pytest.raises(TypeError, match="volume: not an array that can be written"):
+            palpate.Batch(volume=wrong)
+    with pytest.raises(ValueError, match=r"out: shape \(3,\) is not \(200,\)"):
+        palpate.Contact(cube).measure_batch(surface, poses, out=palpate.Batch(volume=np.zeros(3)))
+
+
+def test_surfaces_are_made_again(cube, scene):
+    depth, camera, _, poses = scene
+    sensor, contact = palpate.Sensor(camera), palpate.Contact(cube)
+    fields = sensor.update_batch(np.stack([depth, depth]))
+    which = np.zeros(200, np.int32)
+    before = contact.measure_batch(fields, poses, surface_of_pose=which).volume
+    moved = np.stack([depth + np.float32(0.01), depth])
+    assert sensor.update_batch(moved, out=fields) is fields
+    expected = contact.measure_batch(palpate.Sensor(camera).update_batch(moved), poses, surface_of_pose=which).volume
+    assert not np.array_equal(expected, before)
+    assert np.array_equal(contact.measure_batch(fields, poses, surface_of_pose=which).volume, expected)
+    assert np.array_equal(contact.measure_batch(fields, poses, surface_of_pose=which + 1).volume, before)
+    with pytest.raises(ValueError, match="out: another sensor"):
+        palpate.Sensor(camera).update_batch(np.stack([depth]), out=fields)
+    with pytest.raises(TypeError, match="out"):
+        sensor.update_batch(np.stack([depth]), out=1)
+
+
+class OnGpu:
+    """Says that it is on GPU 0, and keeps in which stream it was asked for."""
+
+    def __init__(self, array):
+        self.array, self.stream = array, "nobody asked"
+
+    def __dlpack_device__(self):
+        return 2, 0
+
+    def __dlpack__(self, *, stream=None, **_):
+        self.stream = stream
+        return self.array.__dlpack__()
+
+
+@pytest.mark.parametrize("given, told", [(None, None), (77, 77), (0, 1)])  # 0 is CUDA's default, which DLPack calls 1
+def test_makers_of_arrays_are_told_the_stream(cube, scene, given, told):
+    *_, surface, poses = scene
+    array = OnGpu(poses)
+    with pytest.raises(palpate.Error, match="memory of GPU 0"):
+        palpate.Contact(cube).measure_batch(surface, array, stream=given)
+    assert array.stream == told
+
+
 def test_what_cannot_be_measured_is_told_by_pose(cube, scene):
     *_, surface, poses = scene
     poses = poses[:4].copy()
