@@ -2,7 +2,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
 #include <map>
 #include <utility>
 
@@ -17,8 +16,6 @@
 
 namespace palpate {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr std::string_view kImage = "sensor_msgs/msg/Image";
 constexpr std::string_view kCompressed = "sensor_msgs/msg/CompressedImage";
@@ -281,28 +278,12 @@ class BagSource final : public DepthSource {
   std::atomic<bool> tells_of_cut_;
 };
 
-/// rosbag2 makes a folder with one file in it.
-Result<fs::path> file_of(const std::string& target) {
-  std::error_code ignored;
-  if (!fs::is_directory(target, ignored)) return fs::path(target);
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(target, ignored)) {
-    const fs::path ending = entry.path().extension();
-    if (ending == ".mcap" || ending == ".db3") files.push_back(entry.path());
-  }
-  if (files.size() == 1) return files.front();
-  return Error{Errc::bad_input, target + " holds " + std::to_string(files.size()) +
-                                    " .mcap and .db3 files; give the one to read"};
-}
-
 }  // namespace
 
 Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   if (const Status status = uri.check_extras({"topic", "world", "frame"}); !status)
     return status.error();
-  const auto file = file_of(uri.target);
-  if (!file) return file.error();
-  auto reader = BagReader::open(*file);
+  auto reader = BagReader::open(uri.target);
   if (!reader) return reader.error();
   const auto given = uri.extras.find("topic");
   const std::string wanted = given == uri.extras.end() ? "" : given->second;
@@ -333,7 +314,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   auto place = place_of(uri, *contents, images);
   if (!place) return place.error();
   if (*place) info.is_moving = (*place)->transforms.is_moving((*place)->world, (*place)->frame);
-  auto again = BagReader::open(*file);
+  auto again = BagReader::open(uri.target);
   if (!again) return again.error();
   return RawStream{std::make_unique<BagSource>(*std::move(again), *topic, unit, said,
                                                std::move(info), *std::move(place),

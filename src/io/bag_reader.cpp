@@ -1,12 +1,15 @@
 // Which format a recording has.
 #include <fstream>
 #include <utility>
+#include <vector>
 
 #include "src/io/bag_formats.h"
 #include "src/io/mcap_format.h"
 
 namespace palpate {
 namespace {
+
+namespace fs = std::filesystem;
 
 class McapBag final : public BagReader {
  public:
@@ -21,9 +24,26 @@ class McapBag final : public BagReader {
   McapReader reader_;
 };
 
+/// rosbag2 makes a folder with one file in it.
+Result<fs::path> file_of(const fs::path& target) {
+  std::error_code ignored;
+  if (!fs::is_directory(target, ignored)) return target;
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(target, ignored)) {
+    const fs::path ending = entry.path().extension();
+    if (ending == ".mcap" || ending == ".db3") files.push_back(entry.path());
+  }
+  if (files.size() == 1) return files.front();
+  return Error{Errc::bad_input, target.string() + " holds " + std::to_string(files.size()) +
+                                    " .mcap and .db3 files; give the one to read"};
+}
+
 }  // namespace
 
-Result<std::unique_ptr<BagReader>> BagReader::open(const std::filesystem::path& path) {
+Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
+  const auto found = file_of(target);
+  if (!found) return found.error();
+  const fs::path& path = *found;
   std::ifstream file(path, std::ios::binary);
   char bytes[16] = {};
   if (!file || (!file.read(bytes, sizeof bytes) && file.bad())) {

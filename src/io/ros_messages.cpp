@@ -43,6 +43,9 @@ Error no_pose(const char* what) {
   return {Errc::bad_input, std::string(what) + " is damaged or holds numbers that are no pose"};
 }
 
+constexpr const char* kNoJointState =
+    "a JointState is damaged or has not one finite position for each name";
+
 void put_tool_marker(CdrWriter& to, const RosHeader& header, const TriangleMesh& mesh) {
   constexpr std::size_t kMostTriangles = 20000;
   constexpr std::int32_t kTriangleList = 11, kAdd = 0;
@@ -193,6 +196,18 @@ std::string twist_message(const RosHeader& header, const Twist& V) {
   return to.take();
 }
 
+std::string joint_state_message(const RosHeader& header, std::span<const std::string> names,
+                                std::span<const double> positions) {
+  CdrWriter to;
+  put(to, header);
+  to.number(static_cast<std::uint32_t>(names.size()));
+  for (const std::string& name : names) to.text(name);
+  to.number(static_cast<std::uint32_t>(positions.size()));
+  for (const double position : positions) to.number(position);
+  for (int i = 0; i < 2; ++i) to.number(std::uint32_t(0));  // velocities and efforts
+  return to.take();
+}
+
 std::string diagnostics_message(const RosHeader& header, std::span<const RosDiagnostic> statuses) {
   CdrWriter to;
   put(to, header);
@@ -265,6 +280,26 @@ Result<RosStampedPose> read_pose(std::string_view message) {
   RosStampedPose pose{time, std::string(frame), {}};
   if (!take_pose(from, pose.pose)) return no_pose("a PoseStamped");
   return pose;
+}
+
+Result<RosJointState> read_joint_state(std::string_view message) {
+  CdrReader from(message);
+  RosJointState state;
+  state.time = read_ros_header(from).time;
+  const std::size_t num_names = from.number<std::uint32_t>();
+  for (std::size_t i = 0; i < num_names && from.is_good(); ++i) {
+    state.names.emplace_back(from.text());
+  }
+  const std::size_t num = from.number<std::uint32_t>();
+  for (std::size_t i = 0; i < num && from.is_good(); ++i) {
+    state.positions.push_back(from.number<double>());
+    if (!std::isfinite(state.positions.back())) return Error{Errc::bad_input, kNoJointState};
+  }
+  if (!from.is_good() || (num != 0 && num != num_names)) {
+    return Error{Errc::bad_input, kNoJointState};
+  }
+  state.names.resize(num);
+  return state;
 }
 
 }  // namespace palpate

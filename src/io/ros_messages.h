@@ -46,6 +46,8 @@ std::string tool_markers_message(const RosHeader& header, const TriangleMesh& me
 std::string pose_message(const RosHeader& header, const Pose& X);
 /// geometry_msgs/TwistStamped.
 std::string twist_message(const RosHeader& header, const Twist& V);
+std::string joint_state_message(const RosHeader& header, std::span<const std::string> names,
+                                std::span<const double> positions);
 
 struct RosDiagnostic {
   enum class Level : std::uint8_t { ok, warning, error, stale };
@@ -102,5 +104,12 @@ struct RosStampedPose {
   Pose pose;
 };
 Result<RosStampedPose> read_pose(std::string_view message);
+struct RosJointState {
+  double time = 0;  ///< s since 1970
+  std::vector<std::string> names;
+  std::vector<double> positions;  ///< of each, rad or m
+};
+/// sensor_msgs/JointState; those that tell nothing of positions have no names here.
+Result<RosJointState> read_joint_state(std::string_view message);
 
 }  // namespace palpate

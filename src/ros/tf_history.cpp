@@ -3,14 +3,10 @@
 #include <algorithm>
 #include <iterator>
 
+#include "src/ros/by_time.h"
 #include "src/ros/tf_tree.h"
 
 namespace palpate {
-namespace {
-
-constexpr double kMostApart = 1;  // s, from what was told
-
-}  // namespace
 
 void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   const std::string child = plain_frame(transform.child);
@@ -22,11 +18,7 @@ void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   std::vector<TimedPose>& poses = link.X_PC;
   // A clock that was set back has started anew.
   if (!poses.empty() && transform.time < poses.back().time - kept_seconds_) poses.clear();
-  // Mostly they come in order.
-  auto at = poses.end();
-  while (at != poses.begin() && std::prev(at)->time > transform.time) --at;
-  if (at != poses.begin() && std::prev(at)->time == transform.time) return;  // told twice
-  poses.insert(at, {transform.time, transform.X_PC});
+  insert_by_time(poses, TimedPose{transform.time, transform.X_PC});
   // One that is too old is kept, so that there is one before all the others.
   const double oldest = poses.back().time - kept_seconds_;
   const auto first = std::ranges::lower_bound(poses, oldest, {}, &TimedPose::time);
@@ -42,12 +34,10 @@ std::vector<std::string> TfHistory::ancestors(const std::string& frame) const {
   return chain;
 }
 
-std::optional<Pose> TfHistory::in_parent(const std::string& frame, double time) const {
+std::optional<Pose> TfHistory::in_parent(const std::string& frame, double time,
+                                         double most_apart) const {
   const Link& link = links_.at(frame);
-  if (!link.is_static &&
-      (time < link.X_PC.front().time - kMostApart || time > link.X_PC.back().time + kMostApart)) {
-    return std::nullopt;
-  }
+  if (!link.is_static && nearest_in_time(link.X_PC, time) > most_apart) return std::nullopt;
   return pose_at(link.X_PC, time);
 }
 
@@ -61,13 +51,14 @@ std::optional<TfHistory::Chains> TfHistory::chains_between(const std::string& a,
   return chains;
 }
 
-std::optional<Pose> TfHistory::find(const std::string& a, const std::string& b, double time) const {
+std::optional<Pose> TfHistory::find(const std::string& a, const std::string& b, double time,
+                                    double most_apart) const {
   const auto chains = chains_between(a, b);
   if (!chains) return std::nullopt;
   const auto up = [&](const std::vector<std::string>& chain) -> std::optional<Pose> {
     Pose X_MF;
     for (const std::string& frame : chain) {
-      const auto X_PF = in_parent(frame, time);
+      const auto X_PF = in_parent(frame, time, most_apart);
       if (!X_PF) return std::nullopt;
       X_MF = *X_PF * X_MF;
     }

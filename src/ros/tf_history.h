@@ -22,8 +22,10 @@ class TfHistory {
   void add(const RosStampedTransform& transform, bool is_static);
 
   /// Frame B in frame A at a time, s since 1970, between those that were told before and after it.
-  /// None: nothing joins them, or a frame that moves was not told of within a second of that time.
-  std::optional<Pose> find(const std::string& a, const std::string& b, double time) const;
+  /// None: nothing joins them, or a frame that moves was not told of within `most_apart` s of that
+  /// time.
+  std::optional<Pose> find(const std::string& a, const std::string& b, double time,
+                           double most_apart = 1) const;
   /// Until when all that moves between the two is known, s; infinity if nothing may. Minus
   /// infinity: nothing joins them.
   double known_until(const std::string& a, const std::string& b) const;
@@ -44,7 +46,7 @@ class TfHistory {
   std::optional<Chains> chains_between(const std::string& a, const std::string& b) const;
   /// From a frame up to its root, with the names of those in between.
   std::vector<std::string> ancestors(const std::string& frame) const;
-  std::optional<Pose> in_parent(const std::string& frame, double time) const;
+  std::optional<Pose> in_parent(const std::string& frame, double time, double most_apart) const;
 
   double kept_seconds_;
   std::map<std::string, Link> links_;  // by child, poses by time

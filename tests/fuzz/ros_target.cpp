@@ -23,15 +23,20 @@ const NativeLayout& layout_of(std::size_t index) {
 
 std::vector<std::string> seeds() {
   const RosTransform transforms[] = {{"world", "camera", {}}, {"camera", "tool", {}}};
+  const std::string joints[] = {"elbow", "wrist"};
+  const double positions[] = {0.5, -1};
   const RosDiagnostic statuses[] = {{RosDiagnostic::Level::ok, "a", "b", "c", {{"d", "e"}}}};
   RosEntities entities;
   entities.node_name = "palpate";
   entities.writers.resize(2);
   DepthStreamInfo stream;
   stream.width = stream.height = 8;
-  return {'\0' + transform_message(5, transforms), '\1' + pose_message({6, "camera"}, {}),
+  return {'\0' + transform_message(5, transforms),
+          '\1' + pose_message({6, "camera"}, {}),
           '\2' + camera_info_message({7, "camera"}, stream),
-          '\5' + diagnostics_message({8, ""}, statuses), '\6' + entities_message(entities)};
+          '\3' + joint_state_message({9, ""}, joints, positions),
+          '\5' + diagnostics_message({8, ""}, statuses),
+          '\6' + entities_message(entities)};
 }
 
 }  // namespace palpate::fuzz
@@ -44,6 +49,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (const auto transforms = read_transforms(message)) {
     for (const RosStampedTransform& each : *transforms)
       require(is_finite(each.X_PC), "a pose is finite");
+  }
+  if (const auto state = read_joint_state(message)) {
+    require(state->names.size() == state->positions.size(), "each joint has a position");
   }
   if (const auto pose = read_pose(message)) require(is_finite(pose->pose), "a pose is finite");
   const NativeLayout& layout = layout_of(data[0]);

@@ -17,8 +17,8 @@ namespace palpate {
 /// that is not known here are empty.
 class BagReader {
  public:
-  /// By what the file begins with. Errors: no such file, none of these formats, a library that is
-  /// not there (SQLite; see io/unpack.h).
+  /// By what the file begins with; or the one file in a folder that rosbag2 has made. Errors: no
+  /// such file, none of these formats, a library that is not there (SQLite; see io/unpack.h).
   static Result<std::unique_ptr<BagReader>> open(const std::filesystem::path& path);
   virtual ~BagReader() = default;
 
