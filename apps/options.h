@@ -90,6 +90,11 @@ inline constexpr SettingOption kHandOptions[] = {{"--coupling", "coupling.kind"}
                                                  {"--friction", "friction.coefficient"},
                                                  {"--texture", "texture.kind"},
                                                  {"--dead-man", "safety.dead_man"}};
+/// Of a robot that cameras see.
+inline constexpr SettingOption kRobotOptions[] = {{"--robot-padding", "robot.padding"},
+                                                  {"--robot-scale", "robot.scale"},
+                                                  {"--robot-max-age", "robot.max_age"},
+                                                  {"--robot-geometry", "robot.geometry"}};
 /// Of `pack`: the limits of a packing but for --spheres, which takes a word too.
 inline constexpr SettingOption kPackLimits[] = {{"--max-radius", "packing.max_radius"},
                                                 {"--min-radius", "packing.min_radius"},

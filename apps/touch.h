@@ -11,6 +11,7 @@
 
 #include "apps/objects.h"
 #include "apps/options.h"
+#include "apps/robot.h"
 #include "apps/ros_output.h"
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
@@ -40,6 +41,8 @@ struct TouchOptions {
   std::vector<CameraUri> cameras;    ///< empty: those of the rig, or the one that is there
   std::string rig;                   ///< file; empty: none
   std::optional<SensorKind> sensor;  ///< of the one that is there
+  RobotOptions robot;
+  std::optional<SelfFilter> self_filter;  ///< of that robot, once it is open
   RunSettings settings;
   std::vector<std::string> given;  ///< keys of settings that somebody gave
   Status settings_read = Done{};   ///< of --settings
@@ -77,7 +80,8 @@ struct TouchInput {
   const DepthStreamInfo& stream() const { return sources.front()->info(); }
 };
 
-/// Finds cameras and device, if they are not named. Errors: those of the rig; none, or several.
+/// Finds cameras and device, if they are not named, and opens the robot. Errors: those of the rig
+/// and of the robot; none, or several.
 Status find_what_is_there(TouchOptions& options);
 
 /// Opens frames and path, makes up the path if there is none, and sets their clocks. Errors: what

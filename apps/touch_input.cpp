@@ -22,7 +22,9 @@ bool is_aimed(const ProbeAim& aim) { return aim.pixel || aim.point_W || aim.tip_
 Result<std::unique_ptr<DepthSource>> open_stream(const TouchOptions& options,
                                                  const CameraUri& camera,
                                                  std::optional<double> duration) {
-  return open_camera(camera, {!options.device.empty(), duration});
+  auto source = open_camera(camera, {!options.device.empty(), duration});
+  if (!source) return source;
+  return without_robot(options.self_filter, *std::move(source));
 }
 
 /// The camera that paths are made up for.
@@ -206,6 +208,9 @@ Status find_what_is_there(TouchOptions& options) {
     options.cameras = {*camera};
     std::cerr << "palpate: note: taking the camera " << camera->text << "\n";
   }
+  auto filter = open_robot(options.robot);
+  if (!filter) return filter.error();
+  options.self_filter = *std::move(filter);
   if (options.device == "auto") {
     const auto device = the_device_that_is_there();
     if (!device) return device.error();

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "apps/options.h"
+#include "apps/robot.h"
 #include "apps/terminal.h"
 #include "apps/tool_info.h"
 #include "apps/verbs.h"
@@ -22,6 +23,7 @@ namespace {
 struct Options {
   std::vector<std::string> cameras;
   std::string output;
+  RobotOptions robot;
   std::optional<double> duration;
   bool json = false;
 };
@@ -50,6 +52,8 @@ class InterruptWatch {
 Status run(const Options& options) {
   std::vector<std::unique_ptr<DepthSource>> opened;
   std::vector<DepthSource*> all;
+  const auto filter = open_robot(options.robot);
+  if (!filter) return filter.error();
   for (const std::string& camera : options.cameras) {
     std::error_code ignored;
     const auto uri = parse_camera_uri(camera);
@@ -59,6 +63,7 @@ Status run(const Options& options) {
       return status;
     }
     auto source = open_camera(camera, {true, options.duration});
+    if (source) source = without_robot(*filter, *std::move(source));
     if (!source) return source.error();
     all.push_back(source->get());
     opened.push_back(*std::move(source));
@@ -113,11 +118,13 @@ void add_record(CLI::App& program, Action& action) {
   app.add_option("-o,--output", options->output, "the file to write")
       ->required()
       ->type_name("FILE.mcap");
+  add_robot_options(app, options->robot);
   app.add_option("--duration", options->duration, "seconds; default: until the stream or you end")
       ->check(CLI::Range(1e-3, 86400.0));
   app.add_flag("--json", options->json, "print what was recorded as JSON");
   app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");
-  app.callback([options, &action] {
+  app.callback([options, &app, &action] {
+    check_robot(app, "record");
     if (options->cameras.size() > kMostCameras) {
       usage_error("record: at most " + std::to_string(kMostCameras) + " cameras at once");
     }

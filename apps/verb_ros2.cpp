@@ -41,6 +41,8 @@ TouchOptions touch_options(const Options& options) {
   if (!touch.ros.camera_frame.empty()) touch.device += "@" + touch.ros.camera_frame;
   if (!options.tool_frame.empty()) touch.ros.tool_frame = options.tool_frame;
   touch.ros.is_wanted = true;
+  RobotFiles& robot = touch.robot.files;
+  if (robot.robot.ends_with(".urdf") && robot.joints.empty()) robot.joints = "ros2:/joint_states";
   return touch;
 }
 
@@ -82,6 +84,7 @@ void add_ros2(CLI::App& program, Action& action) {
   app.add_option("--pose", options->pose, "where the tool is: PoseStamped of the frame of its mesh")
       ->type_name("TOPIC")
       ->excludes(frame);
+  add_robot_options(app, touch.robot);
   app.add_option("-o,--output", touch.output, "folder of the run, of which the last minute is kept")
       ->type_name("RUN")
       ->capture_default_str();
@@ -101,7 +104,8 @@ void add_ros2(CLI::App& program, Action& action) {
   app.footer(
       "ROS_DOMAIN_ID and ROS_LOCALHOST_ONLY are heeded; no ROS needs to be installed.\n"
       "Example: palpate ros2 gripper.palp --depth /camera/depth/image_rect_raw --tool-frame tool0");
-  app.callback([options, &action] {
+  app.callback([options, &app, &action] {
+    check_robot(app, "ros2");
     const TouchOptions ready = touch_options(*options);
     action = [ready] { return run_touch(ready); };
   });

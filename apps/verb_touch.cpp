@@ -30,6 +30,10 @@ Status check_inputs(const Options& options) {
   }
   if (options.is_replay()) inputs.push_back(options.device.substr(7));
   for (const ObjectOption& object : options.objects) inputs.push_back(object.file);
+  const RobotFiles& robot = options.robot.files;
+  for (const std::string& file : {robot.robot, robot.joints, robot.pose}) {
+    if (std::filesystem::exists(file, ignored)) inputs.push_back(file);
+  }
   for (const std::string& input : inputs) {
     if (!input.empty() && lies_inside(input, options.output)) {
       return Error{Errc::io_failure, "the run would replace " + options.output +
@@ -260,6 +264,7 @@ void add_touch(CLI::App& program, Action& action) {
       ->type_name("RUN");
   const auto source = std::make_shared<SourceOptions>();
   add_source_options(app, *source);
+  add_robot_options(app, options->robot);
   add_path_options(app, *options);
   app.add_option("--duration", options->duration, "seconds; default: until path or frames end")
       ->check(CLI::Range(1e-3, 86400.0));
@@ -289,6 +294,7 @@ void add_touch(CLI::App& program, Action& action) {
       "Example: palpate touch --print-settings > haptics.toml");
   app.callback([options, source, &app, &action] {
     options->cameras = cameras_of(*source, "touch");
+    check_robot(app, "touch");
     options->rig = source->rig;
     options->sensor = source->sensor;
     if (app.count("--device") > 0 && options->device.empty()) options->device = "auto";

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "apps/options.h"
+#include "palpate/cameras/cameras.h"
 #include "palpate/packing/packing.h"
 #include "palpate/run/run_loop.h"
 #include "palpate/session/run.h"
@@ -419,6 +420,7 @@ std::string option_of(const std::string& key) {
                               {apps::kTimeOptions},
                               {apps::kLoopOptions},
                               {apps::kHandOptions},
+                              {apps::kRobotOptions},
                               {apps::kPackLimits}}) {
     for (const auto& [flag, name] : options) {
       if (key == name) return std::string("`") + flag + "`";
@@ -435,6 +437,7 @@ std::string documented_value(const Setting& setting) {
 
 std::string documentation() {
   const RunSettings of_runs;
+  const SelfFilterOptions of_robots;
   const PackOptions of_packings;
   std::string text;
   std::string_view section;
@@ -453,6 +456,7 @@ std::string documentation() {
     describe(setting, "while a hand is on it",
              is_fixed_while_running(setting) ? "fixed" : "can change");
   }
+  for (const Setting& setting : settings_of(of_robots)) describe(setting, "of", "`--robot`");
   for (const Setting& setting : settings_of(of_packings)) describe(setting, "of", "`pack`");
   return text + "\n";
 }

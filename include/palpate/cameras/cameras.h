@@ -1,11 +1,13 @@
 // Cameras by name, several of them in a rig, and one whose frames the program itself gives.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <initializer_list>
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,6 +15,8 @@
 #include "palpate/cloud/depth_source.h"
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
+#include "palpate/mesh/mesh.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
 
@@ -147,5 +151,76 @@ class PushedSource : public DepthSource {
   /// No more frames come.
   virtual void end() = 0;
 };
+
+// A robot that cameras see, taken out of their images before anything is felt.
+
+/// Which meshes of a URDF stand for its links.
+enum class RobotGeometry { collision, visual };
+constexpr auto names_of(RobotGeometry) { return std::array{"collision", "visual"}; }
+
+struct SelfFilterOptions {
+  double padding = 0.02;
+  double scale = 1;
+  double max_age = 0.1;
+  RobotGeometry geometry = RobotGeometry::collision;
+};
+inline void add_settings(SettingTable& t, SelfFilterOptions& o) {
+  t.section("robot");
+  t.add("padding", o.padding, {0, 0.1, "m"},
+        "what a camera sees this near to the robot is not felt");
+  t.add("scale", o.scale, {0.5, 2, ""}, "of the meshes of its links, about their middles");
+  t.add("max_age", o.max_age, {1e-3, 10, "s"},
+        "depth images are left out when nothing newer than this tells where the robot is");
+  t.add("geometry", o.geometry,
+        "which meshes of a URDF stand for a link; one that has none of these takes the others");
+}
+
+/// A rigid part of what is not to be felt, in its own frame L, m.
+struct RobotLink {
+  std::string name;
+  TriangleMesh mesh;
+};
+
+/// Where links are.
+class LinkPoses {
+ public:
+  virtual ~LinkPoses() = default;
+  /// X_WL of all links at a time on the clock of the frames, s. Any threads. Error: they are not
+  /// known, in words that people are told.
+  virtual Status at(double time, std::span<Pose> X_WL) const = 0;
+  /// Whether times are on the clock of this computer, as those of live frames. None: go with both.
+  virtual std::optional<bool> is_live() const { return std::nullopt; }
+};
+
+/// Takes links out of depth images: what a pixel shows of them, with a padding around, and what
+/// lies behind them is no measurement any more (0). Frames for whose time the poses are not known
+/// are left out, and a note says so. Frames are recorded as they come out, so that a repetition
+/// needs no robot. On the CPU, in the thread that reads the camera, for all backends.
+class SelfFilter {
+ public:
+  /// Error: an option out of its range.
+  static Result<SelfFilter> create(std::vector<RobotLink> links,
+                                   std::shared_ptr<const LinkPoses> poses,
+                                   const SelfFilterOptions& options = {});
+
+  /// The same frames without the links. Error: frames are live and poses are not, or the reverse.
+  Result<std::unique_ptr<DepthSource>> applied_to(std::unique_ptr<DepthSource> source) const;
+
+ private:
+  struct Robot;
+  explicit SelfFilter(std::shared_ptr<const Robot> robot) : robot_(std::move(robot)) {}
+  std::shared_ptr<const Robot> robot_;
+};
+
+/// As people name a robot.
+struct RobotFiles {
+  std::string robot;   ///< FILE.urdf, or a mesh: a robot of one link
+  std::string joints;  ///< FILE.csv, bag:FILE[?topic=/T], ros2:[/T]; with ?world=FRAME by tf
+  std::string pose;  ///< X_WB of its base, "tx ty tz qx qy qz qw" or a file (TUM); empty: that of W
+  std::string packages;  ///< where package:// leads: folders, with ':' between them
+};
+/// Errors: a file that cannot be read, with the place; a mesh that is not found, with the places
+/// that were tried; joints of the robot of which the source tells nothing.
+Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOptions& options = {});
 
 }  // namespace palpate

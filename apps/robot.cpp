@@ -1,0 +1,46 @@
+#include "apps/robot.h"
+
+#include <utility>
+
+namespace palpate::apps {
+
+void add_robot_options(CLI::App& app, RobotOptions& options) {
+  const char* const group = "The robot in the picture";
+  const auto add = [&](const char* flag, std::string& value, const char* type, const char* help) {
+    app.add_option(flag, value, help)->type_name(type)->group(group);
+  };
+  add("--robot", options.files.robot, "FILE.urdf|MESH",
+      "a robot that cameras see: taken out of depth images before anything is felt");
+  add("--joints", options.files.joints, "SOURCE",
+      "positions of its joints: FILE.csv, bag:FILE[?topic=/T] or ros2:/TOPIC; bag:FILE?world=FRAME "
+      "and ros2:?world=FRAME take the frames of tf that are called like its links");
+  add("--robot-pose", options.files.pose, "POSE|FILE",
+      "of its base in the world: 'tx ty tz qx qy qz qw', or a file of poses by time (TUM)");
+  add("--robot-packages", options.files.packages, "DIR[:DIR]",
+      "where package:// leads, beside ROS_PACKAGE_PATH and AMENT_PREFIX_PATH");
+  add_setting_options(app, group, settings_of(options.filter), kRobotOptions);
+}
+
+void check_robot(const CLI::App& app, const std::string& verb) {
+  if (app.count("--robot") > 0) return;
+  std::vector<std::string> flags{"--joints", "--robot-pose", "--robot-packages"};
+  for (const SettingOption& option : kRobotOptions) flags.emplace_back(option.flag);
+  for (const std::string& flag : flags) {
+    if (app.count(flag) > 0) usage_error(verb + ": " + flag + " goes with --robot");
+  }
+}
+
+Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options) {
+  if (options.files.robot.empty()) return std::optional<SelfFilter>();
+  auto filter = open_self_filter(options.files, options.filter);
+  if (!filter) return filter.error();
+  return std::optional(*std::move(filter));
+}
+
+Result<std::unique_ptr<DepthSource>> without_robot(const std::optional<SelfFilter>& filter,
+                                                   std::unique_ptr<DepthSource> source) {
+  if (!filter) return source;
+  return filter->applied_to(std::move(source));
+}
+
+}  // namespace palpate::apps

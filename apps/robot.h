@@ -1,0 +1,26 @@
+// The options that say which robot cameras see, so that it is not felt.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "apps/options.h"
+#include "palpate/cameras/cameras.h"
+
+namespace palpate::apps {
+
+struct RobotOptions {
+  RobotFiles files;
+  SelfFilterOptions filter;
+};
+void add_robot_options(CLI::App& app, RobotOptions& options);
+/// Wrong usage: what goes with --robot, without it. `verb` is for messages.
+void check_robot(const CLI::App& app, const std::string& verb);
+
+/// None if no robot is given. Errors: as of open_self_filter.
+Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options);
+/// `source` as it is if there is no filter. Error: as of SelfFilter::applied_to.
+Result<std::unique_ptr<DepthSource>> without_robot(const std::optional<SelfFilter>& filter,
+                                                   std::unique_ptr<DepthSource> source);
+
+}  // namespace palpate::apps

@@ -1,0 +1,119 @@
+#include "src/cameras/joint_history.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "src/io/text_scanner.h"
+#include "src/ros/by_time.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kShortestBase = 0.02;  // s that a velocity is told from, so that noise stays small
+
+/// From a to b; of an endless joint not more than half a turn.
+double way(double a, double b, bool is_endless) {
+  return is_endless ? std::remainder(b - a, 2 * std::numbers::pi) : b - a;
+}
+
+}  // namespace
+
+JointHistory::JointHistory(std::vector<Joint> joints)
+    : joints_(std::move(joints)), told_(joints_.size()) {
+  for (std::size_t i = 0; i < joints_.size(); ++i) numbers_.emplace(joints_[i].name, i);
+}
+
+void JointHistory::add(std::string_view joint, double time, double position) {
+  const auto number = numbers_.find(joint);
+  if (number != numbers_.end()) insert_by_time(told_[number->second], Told{time, position});
+}
+
+void JointHistory::keep_newest(std::size_t num) {
+  for (auto& told : told_) palpate::keep_newest(told, num);
+}
+
+Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
+                                bool may_stay) const {
+  const auto& [name, is_endless] = joints_[joint];
+  const std::vector<Told>& told = told_[joint];
+  if (may_stay && told.size() == 1) return told.front().position;
+  if (told.empty() || nearest_in_time(told, time) > max_age) {
+    char text[80];
+    if (told.empty()) return Error{Errc::unavailable, "nothing tells of joint '" + name + "'"};
+    std::snprintf(text, sizeof text, "' within %.3g s, but %.3g s away", max_age,
+                  nearest_in_time(told, time));
+    return Error{Errc::unavailable, "nothing tells of joint '" + name + text};
+  }
+  const auto after = std::ranges::lower_bound(told, time, {}, &Told::time);
+  if (after == told.begin()) return after->position;
+  const Told& before = *(after - 1);
+  if (after != told.end()) {
+    const double share = (time - before.time) / (after->time - before.time);
+    return before.position + share * way(before.position, after->position, is_endless);
+  }
+  const auto base = std::ranges::upper_bound(told, before.time - kShortestBase, {}, &Told::time);
+  if (base == told.begin()) return before.position;
+  const Told& from = *(base - 1);
+  if (before.time - from.time > max_age + kShortestBase) return before.position;
+  const double speed = way(from.position, before.position, is_endless) / (before.time - from.time);
+  return before.position + speed * (time - before.time);
+}
+
+std::string JointHistory::missing() const {
+  std::string names;
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    if (told_[i].empty()) names += (names.empty() ? "" : ", ") + joints_[i].name;
+  }
+  return names;
+}
+
+Status read_joint_table(std::string_view text, const std::string& name, JointHistory& history) {
+  std::vector<std::string> joints;
+  double last = 0;
+  int num_rows = 0;
+  std::string_view rest = without_mark(text);
+  for (int line_number = 1; !rest.empty(); ++line_number) {
+    const std::string_view line = take_line(rest);
+    const auto bad = [&](const std::string& what) {
+      return Error{Errc::bad_input, name + " line " + std::to_string(line_number) + " " + what};
+    };
+    std::string words(line.substr(0, line.find('#')));
+    std::ranges::replace_if(
+        words, [](char c) { return c == ',' || c == ';' || c == '"'; }, ' ');
+    std::string_view left = words;
+    std::vector<std::string_view> cells;
+    for (auto word = take_word(left); !word.empty(); word = take_word(left)) cells.push_back(word);
+    if (cells.empty()) continue;
+    if (joints.empty()) {
+      if (cells.size() < 2 || parse_number<double>(cells[0])) {
+        return bad("must name the columns: time, then joints; e.g. 'time,elbow,wrist'");
+      }
+      joints.assign(cells.begin() + 1, cells.end());
+      continue;
+    }
+    if (cells.size() != joints.size() + 1) {
+      return bad("has " + std::to_string(cells.size()) + " values, not one for each of the " +
+                 std::to_string(joints.size() + 1) + " columns");
+    }
+    std::vector<double> numbers;
+    for (const std::string_view cell : cells) {
+      const auto number = parse_number<double>(cell);
+      if (!number || !std::isfinite(*number)) {
+        return bad("has '" + std::string(cell.substr(0, 40)) + "' where a finite number is needed");
+      }
+      numbers.push_back(*number);
+    }
+    if (num_rows++ > 0 && numbers[0] < last) return bad("goes back in time");
+    last = numbers[0];
+    for (std::size_t i = 0; i < joints.size(); ++i) history.add(joints[i], last, numbers[i + 1]);
+  }
+  if (num_rows > 0) return Done{};
+  return Error{Errc::bad_input, name +
+                                    " holds no positions of joints; the first line names the "
+                                    "columns, e.g. 'time,elbow,wrist', each other one has a "
+                                    "time in s and positions in rad or m"};
+}
+
+}  // namespace palpate

@@ -1,0 +1,49 @@
+// Positions of joints at any time, from those that were told.
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/core/core.h"
+
+namespace palpate {
+
+/// Of the joints of one robot.
+class JointHistory {
+ public:
+  /// Joints that are told of; endless ones turn the short way.
+  struct Joint {
+    std::string name;
+    bool is_endless = false;
+  };
+  explicit JointHistory(std::vector<Joint> joints);
+
+  /// What is told of joints that nobody asks for is not kept. `position`: rad or m.
+  void add(std::string_view joint, double time, double position);
+  /// So that no joint has more than twice so many.
+  void keep_newest(std::size_t num);
+
+  /// Position of a joint, by its number: between those that were told before and after. After the
+  /// last one it goes on as fast as in the 20 ms before. One that was told once, in a file, stays.
+  /// Error: nothing was told of it within `max_age` of that time.
+  Result<double> at(std::size_t joint, double time, double max_age, bool may_stay) const;
+  /// Names of those that nothing was told of, with commas between them.
+  std::string missing() const;
+
+ private:
+  struct Told {
+    double time = 0, position = 0;
+  };
+  std::vector<Joint> joints_;
+  std::vector<std::vector<Told>> told_;  // of each joint
+  std::map<std::string, std::size_t, std::less<>> numbers_;
+};
+
+/// A file of text: a line with the name of the time and those of joints, then one with numbers for
+/// each time, s, rad and m; commas, semicolons or blanks between them; # comments. Errors, with the
+/// line: no number, too many or too few of them, time going backwards.
+Status read_joint_table(std::string_view text, const std::string& name, JointHistory& history);
+
+}  // namespace palpate

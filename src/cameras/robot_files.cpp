@@ -1,0 +1,227 @@
+// Opens a self filter by the names that people give: a URDF or a mesh, and who tells where it is.
+#include <algorithm>
+#include <chrono>
+#include <thread>
+#include <utility>
+
+#include "palpate/cameras/cameras.h"
+#include "palpate/io/files.h"
+#include "palpate/io/formats.h"
+#include "src/cameras/robot_model.h"
+#include "src/cameras/robot_states.h"
+#include "src/core/monotonic_clock.h"
+#include "src/io/internal/atomic_file.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kFirstStates = 10;            // s that live ones are waited for
+constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
+
+/// By joints, from the base on.
+class TreePoses final : public LinkPoses {
+ public:
+  TreePoses(RobotModel model, std::vector<TimedPose> X_WB, double max_age)
+      : model_(std::move(model)),
+        X_WB_(std::move(X_WB)),
+        max_age_(max_age),
+        told_(model_.told_joints()) {
+    for (std::size_t i = 0; i < model_.links.size(); ++i) {
+      if (!model_.links[i].mesh.triangles.empty()) shown_.push_back(i);
+    }
+  }
+
+  std::vector<JointHistory::Joint> joints() const {
+    std::vector<JointHistory::Joint> joints;
+    for (const std::size_t i : told_) {
+      joints.push_back({model_.joints[i].name, model_.joints[i].is_endless});
+    }
+    return joints;
+  }
+  /// None: no joint has to be told of.
+  void set_states(std::unique_ptr<RobotStates> states) { states_ = std::move(states); }
+
+  std::optional<bool> is_live() const override {
+    if (states_ && states_->is_live()) return true;
+    if (states_ || X_WB_.size() > 1) return false;
+    return std::nullopt;
+  }
+  Status at(double time, std::span<Pose> X_WL) const override {
+    std::vector<double> told, positions(model_.joints.size());
+    if (states_) {
+      if (const Status status = states_->positions(time, max_age_, told); !status) return status;
+      for (std::size_t i = 0; i < told_.size(); ++i) positions[told_[i]] = told[i];
+    }
+    if (X_WB_.size() > 1 && (time < X_WB_.front().time || time > X_WB_.back().time)) {
+      return Error{Errc::unavailable, "nothing tells of the pose of the robot's base"};
+    }
+    std::vector<Pose> X_BL(model_.links.size());
+    model_.place(positions, X_BL);
+    const Pose base = pose_at(X_WB_, time);
+    for (std::size_t i = 0; i < shown_.size(); ++i) {
+      X_WL[i] = base * X_BL[shown_[i]];
+      if (!is_finite(X_WL[i])) {
+        return Error{Errc::bad_input, "link '" + model_.links[shown_[i]].name + "' is nowhere"};
+      }
+    }
+    return Done{};
+  }
+
+ private:
+  const RobotModel model_;
+  const std::vector<TimedPose> X_WB_;
+  const double max_age_;
+  const std::vector<std::size_t> told_;  // joints
+  std::vector<std::size_t> shown_;       // links with a mesh
+  std::unique_ptr<RobotStates> states_;
+};
+
+/// By the frames of tf that are called like the links.
+class FramePoses final : public LinkPoses {
+ public:
+  FramePoses(std::vector<std::string> links, std::unique_ptr<RobotStates> states, double max_age)
+      : links_(std::move(links)), states_(std::move(states)), max_age_(max_age) {}
+
+  std::optional<bool> is_live() const override { return states_->is_live(); }
+  Status at(double time, std::span<Pose> X_WL) const override {
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+      const auto pose = states_->link_in_world(links_[i], time, max_age_);
+      if (!pose) {
+        char text[60];
+        std::snprintf(text, sizeof text, "' was within %.3g s", max_age_);
+        return Error{Errc::unavailable, "tf does not tell where '" + links_[i] + text};
+      }
+      X_WL[i] = *pose;
+    }
+    return Done{};
+  }
+
+ private:
+  const std::vector<std::string> links_;
+  const std::unique_ptr<RobotStates> states_;
+  const double max_age_;
+};
+
+/// Waits for live states; recorded ones are all there. Returns what is missing.
+template <class Missing>
+std::string what_is_missing(const RobotStates& states, const Missing& missing) {
+  const double start = monotonic_now();
+  std::string names = missing();
+  while (!names.empty() && states.is_live() && monotonic_now() - start < kFirstStates) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    names = missing();
+  }
+  return names;
+}
+
+Result<RobotModel> load_robot(const RobotFiles& files, RobotGeometry geometry) {
+  const fs::path path(files.robot);
+  const fs::path ending = path.extension();
+  if (ending == ".urdf" || ending == ".xml" || ending == ".xacro") {
+    const auto text = read_file(path, kMostBytes);
+    if (!text) return text.error();
+    const RobotFolders folders{path.parent_path(), RobotFolders::packages_of(files.packages)};
+    return parse_urdf(*text, files.robot, folders, geometry);
+  }
+  auto mesh = load_mesh(path);
+  if (!mesh) return mesh.error();
+  RobotModel model;
+  model.name = path.stem().string();
+  model.links.push_back({model.name, *std::move(mesh)});
+  return model;
+}
+
+Result<std::vector<TimedPose>> base_poses(const std::string& text) {
+  if (text.empty()) return std::vector<TimedPose>{{0, {}}};
+  std::error_code ignored;
+  if (fs::is_regular_file(text, ignored)) return load_trajectory(text);
+  std::string blanks = text;
+  std::ranges::replace(blanks, ',', ' ');
+  const auto pose = parse_pose(blanks);
+  if (!pose) {
+    return Error{pose.error().code,
+                 "the robot's base: neither a file nor a pose: " + pose.error().message};
+  }
+  return std::vector<TimedPose>{{0, *pose}};
+}
+
+}  // namespace
+
+Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOptions& options) {
+  if (const Status status = check_settings(options); !status) return status.error();
+  auto model = load_robot(files, options.geometry);
+  if (!model) return model.error();
+  const auto address = parse_state_address(files.joints);
+  if (!address) return address.error();
+  std::vector<RobotLink> links;
+  std::vector<std::string> names;
+  for (const RobotLink& link : model->links) {
+    if (link.mesh.triangles.empty()) continue;
+    links.push_back(link);
+    names.push_back(link.name);
+  }
+  if (links.empty()) {
+    return Error{Errc::bad_input, files.robot +
+                                      ": no link has a shape; there is nothing to leave "
+                                      "out of depth images"};
+  }
+  if (!address->world.empty()) {
+    if (!files.pose.empty()) {
+      return Error{Errc::invalid_argument,
+                   "the robot's base is where tf says (world=); leave its pose out"};
+    }
+    auto states = RobotStates::open(*address, {});
+    if (!states) return states.error();
+    const std::string missing =
+        what_is_missing(**states, [&] { return (*states)->missing_links(names); });
+    if (!missing.empty()) {
+      return Error{Errc::unavailable, address->text + ": no transform joins '" + address->world +
+                                          "' and the links " + missing + " of " + files.robot};
+    }
+    return SelfFilter::create(
+        std::move(links),
+        std::make_shared<FramePoses>(std::move(names), *std::move(states), options.max_age),
+        options);
+  }
+
+  auto X_WB = base_poses(files.pose);
+  if (!X_WB) return X_WB.error();
+  for (const std::size_t i : model->told_joints()) {
+    const RobotJoint& joint = model->joints[i];
+    if (joint.kind == RobotJoint::Kind::floating) {
+      return Error{Errc::bad_input, files.robot + ": joint '" + joint.name +
+                                        "' is floating or planar: no position tells where it is; "
+                                        "take the frames of tf (world=FRAME)"};
+    }
+  }
+  auto poses = std::make_shared<TreePoses>(*std::move(model), *std::move(X_WB), options.max_age);
+  const auto joints = poses->joints();
+  if (!joints.empty()) {
+    std::vector<std::string> wanted;
+    for (const JointHistory::Joint& joint : joints) wanted.push_back(joint.name);
+    std::string all;
+    for (const std::string& name : wanted) all += (all.empty() ? "" : ", ") + name;
+    if (files.joints.empty()) {
+      return Error{Errc::invalid_argument,
+                   files.robot + " has joints that move: " + all +
+                       "; say who tells of them (--joints FILE.csv, bag:FILE or ros2:)"};
+    }
+    auto states = RobotStates::open(*address, joints);
+    if (!states) return states.error();
+    const std::string missing =
+        what_is_missing(**states, [&] { return (*states)->missing_joints(); });
+    if (!missing.empty()) {
+      return Error{Errc::bad_input,
+                   address->text + " tells nothing of joints of " + files.robot + ": " + missing};
+    }
+    poses->set_states(*std::move(states));
+  } else if (!files.joints.empty()) {
+    return Error{Errc::invalid_argument,
+                 files.robot + " has no joints that move: leave out " + address->text};
+  }
+  return SelfFilter::create(std::move(links), std::move(poses), options);
+}
+
+}  // namespace palpate

@@ -1,0 +1,53 @@
+#include "src/cameras/robot_model.h"
+
+#include "src/core/shared_library.h"
+
+namespace palpate {
+
+void RobotModel::place(std::span<const double> positions, std::span<Pose> X_BL) const {
+  X_BL[root] = {};
+  for (const RobotJoint& joint : joints) {
+    const double position = joint.factor * positions[joint.source] + joint.offset;
+    Pose X_JL;
+    if (joint.kind == RobotJoint::Kind::turning) X_JL.rotation = axis_angle(joint.axis, position);
+    if (joint.kind == RobotJoint::Kind::sliding) X_JL.translation = joint.axis * position;
+    X_BL[joint.child] = X_BL[joint.parent] * joint.X_PJ * X_JL;
+  }
+}
+
+std::vector<std::size_t> RobotModel::told_joints() const {
+  // From the leaves on: whether there is a mesh from this link on.
+  std::vector<bool> has_mesh(links.size());
+  for (std::size_t i = 0; i < links.size(); ++i) has_mesh[i] = !links[i].mesh.triangles.empty();
+  for (auto joint = joints.rbegin(); joint != joints.rend(); ++joint) {
+    if (has_mesh[joint->child]) has_mesh[joint->parent] = true;
+  }
+  std::vector<bool> is_told(joints.size());
+  for (const RobotJoint& joint : joints) {
+    const bool is_fixed = joint.kind == RobotJoint::Kind::fixed;
+    if (!is_fixed && has_mesh[joint.child]) is_told[joint.source] = true;
+  }
+  std::vector<std::size_t> told;
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    if (is_told[i]) told.push_back(i);
+  }
+  return told;
+}
+
+std::vector<std::filesystem::path> RobotFolders::packages_of(std::string_view list) {
+  std::vector<std::filesystem::path> folders;
+  const auto add_all = [&](std::string_view rest, const char* below) {
+    while (!rest.empty()) {
+      const std::size_t end = rest.find(':');
+      const std::string_view one = rest.substr(0, end);
+      if (!one.empty()) folders.push_back(std::filesystem::path(one) / below);
+      rest.remove_prefix(end == std::string_view::npos ? rest.size() : end + 1);
+    }
+  };
+  add_all(list, "");
+  add_all(environment("ROS_PACKAGE_PATH"), "");
+  add_all(environment("AMENT_PREFIX_PATH"), "share");
+  return folders;
+}
+
+}  // namespace palpate

@@ -1,0 +1,60 @@
+// A robot as links and joints, and where its links are for positions of its joints.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "palpate/cameras/cameras.h"
+
+namespace palpate {
+
+struct RobotJoint {
+  enum class Kind {
+    fixed,
+    turning,   ///< revolute and continuous ones, rad
+    sliding,   ///< prismatic ones, m
+    floating,  ///< and planar ones: no single number says where they are
+  };
+  std::string name;
+  Kind kind = Kind::fixed;
+  bool is_endless = false;  ///< a turning one without limits: positions may jump by a turn
+  std::size_t parent = 0, child = 0;  ///< links
+  Pose X_PJ;                          ///< of the joint in its parent link
+  Vec3d axis{1, 0, 0};                ///< in J, 1 long
+  /// Its position is factor * that of the joint `source` + offset; of most joints their own.
+  std::size_t source = 0;
+  double factor = 1, offset = 0;
+};
+
+/// A tree. Parents come before their children.
+struct RobotModel {
+  std::string name;
+  std::vector<RobotLink> links;  ///< meshes in link frames; some have none
+  std::vector<RobotJoint> joints;
+  std::size_t root = 0;  ///< link whose frame is that of the base, B
+
+  /// X_BL of every link. `positions`: of every joint; those of fixed and of following ones are not
+  /// looked at.
+  void place(std::span<const double> positions, std::span<Pose> X_BL) const;
+  /// Joints that something has to tell of, so that every link with a mesh has a place.
+  std::vector<std::size_t> told_joints() const;
+};
+
+/// Where files of a robot are looked for.
+struct RobotFolders {
+  std::filesystem::path beside;                 ///< the robot's own folder
+  std::vector<std::filesystem::path> packages;  ///< folders with packages of ROS
+  /// Of a list with ':' between; then those of ROS_PACKAGE_PATH and AMENT_PREFIX_PATH.
+  static std::vector<std::filesystem::path> packages_of(std::string_view list);
+};
+
+/// URDF: links with boxes, cylinders, spheres and meshes, joints of all kinds; limits are not
+/// looked at. Errors: not XML, with the line; what is missing, or no number, with its name; a link
+/// or joint that is not there, or is there twice; not a tree; a mesh that cannot be read.
+Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
+                              const RobotFolders& folders, RobotGeometry geometry);
+
+}  // namespace palpate

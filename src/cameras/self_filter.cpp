@@ -1,0 +1,128 @@
+// Depth frames without the robot that the camera sees.
+#include "palpate/cameras/cameras.h"
+
+#include <cstdio>
+#include <mutex>
+#include <utility>
+
+#include "src/cameras/link_image.h"
+
+namespace palpate {
+
+struct SelfFilter::Robot {
+  std::vector<RobotLink> links;
+  std::shared_ptr<const LinkPoses> poses;
+  double padding = 0;
+};
+
+namespace {
+
+class SelfFilteredSource final : public DepthSource {
+ public:
+  SelfFilteredSource(std::unique_ptr<DepthSource> source, std::span<const RobotLink> links,
+                     std::shared_ptr<const void> owner, const LinkPoses& poses, double padding)
+      : source_(std::move(source)),
+        owner_(std::move(owner)),
+        links_(links),
+        poses_(poses),
+        X_WL_(links.size()),
+        image_(source_->info().intrinsics, padding) {}
+
+  const DepthStreamInfo& info() const override { return source_->info(); }
+  void cancel() noexcept override { source_->cancel(); }
+
+  Result<bool> next(DepthFrame& frame) override {
+    for (;;) {
+      const auto got = source_->next(frame);
+      if (!got || !*got) {
+        tell_of_end();
+        return got;
+      }
+      const Status known = poses_.at(frame.timestamp, X_WL_);
+      if (!known) {
+        leave_out(known.error().message);
+        continue;
+      }
+      tell_of_end();
+      const Pose X_CW = inverse(frame.X_WC);
+      image_.begin(frame.width, frame.height);
+      for (std::size_t i = 0; i < links_.size(); ++i) {
+        image_.add(links_[i].mesh, X_CW * X_WL_[i]);
+      }
+      image_.draw();
+      image_.remove_from(frame);
+      return true;
+    }
+  }
+
+  std::vector<std::string> take_notes() override {
+    std::vector<std::string> notes = source_->take_notes();
+    const std::lock_guard lock(mutex_);
+    for (std::string& note : notes_) notes.push_back(std::move(note));
+    notes_.clear();
+    return notes;
+  }
+
+ private:
+  void leave_out(const std::string& why) {
+    if (num_left_out_++ == 0) {
+      note(info().name + ": depth images are left out: " + why);
+    }
+  }
+  void tell_of_end() {
+    if (num_left_out_ == 0) return;
+    note(info().name + ": " + std::to_string(num_left_out_) +
+         " depth images were left out, for which the robot's pose was not known");
+    num_left_out_ = 0;
+  }
+  void note(std::string text) {
+    const std::lock_guard lock(mutex_);
+    notes_.push_back(std::move(text));
+  }
+
+  const std::unique_ptr<DepthSource> source_;
+  const std::shared_ptr<const void> owner_;  // of what follows
+  const std::span<const RobotLink> links_;
+  const LinkPoses& poses_;
+  std::vector<Pose> X_WL_;
+  LinkImage image_;
+  int num_left_out_ = 0;
+  std::mutex mutex_;
+  std::vector<std::string> notes_;
+};
+
+void scale_about_middle(TriangleMesh& mesh, double scale) {
+  const auto [low, high] = bounds(mesh);
+  const Vec3d middle = (low + high) * 0.5;
+  for (Vec3d& p : mesh.vertices) p = middle + (p - middle) * scale;
+}
+
+}  // namespace
+
+Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
+                                      std::shared_ptr<const LinkPoses> poses,
+                                      const SelfFilterOptions& options) {
+  if (const Status status = check_settings(options); !status) return status.error();
+  if (options.scale != 1) {
+    for (RobotLink& link : links) scale_about_middle(link.mesh, options.scale);
+  }
+  return SelfFilter(
+      std::make_shared<Robot>(Robot{std::move(links), std::move(poses), options.padding}));
+}
+
+Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(
+    std::unique_ptr<DepthSource> source) const {
+  const DepthStreamInfo& info = source->info();
+  const auto is_live = robot_->poses->is_live();
+  if (is_live && *is_live != info.is_live) {
+    return Error{Errc::invalid_argument,
+                 info.name +
+                     (info.is_live ? " is live and the robot's poses are recorded"
+                                   : " is recorded and the robot's poses are live") +
+                     ": nobody knows which belong together; take both from one clock"};
+  }
+  return std::unique_ptr<DepthSource>(std::make_unique<SelfFilteredSource>(
+      std::move(source), robot_->links, robot_, *robot_->poses, robot_->padding));
+}
+
+}  // namespace palpate

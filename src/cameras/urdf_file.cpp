@@ -1,0 +1,356 @@
+// Robots as the Unified Robot Description Format has them.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include <tinyxml2.h>
+
+#include "palpate/io/formats.h"
+#include "palpate/mesh/mesh.h"
+#include "src/cameras/robot_model.h"
+#include "src/io/text_scanner.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using Element = tinyxml2::XMLElement;
+
+constexpr std::size_t kMostShown = 60;    // characters of what people wrote
+constexpr std::size_t kMostLinks = 2000;  // more than any robot has
+constexpr int kSegments = 32;             // of a cylinder
+constexpr double kLargest = 1e3;          // m, and times as large
+
+std::string shown(std::string_view text) { return std::string(text.substr(0, kMostShown)); }
+
+/// Reads one document. What is wrong is kept until the end, so that readers can go straight on.
+class Reader {
+ public:
+  Reader(const std::string& name, const RobotFolders& folders, RobotGeometry geometry)
+      : name_(name), folders_(folders), geometry_(geometry) {}
+
+  Result<RobotModel> read(std::string_view text) {
+    tinyxml2::XMLDocument document;
+    if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+      return Error{Errc::bad_input, name_ + " line " + std::to_string(document.ErrorLineNum()) +
+                                        ": is not XML as URDF is written in; if it is xacro, "
+                                        "turn it into URDF first (xacro FILE > robot.urdf)"};
+    }
+    const Element* const robot = document.FirstChildElement("robot");
+    if (robot == nullptr) return Error{Errc::bad_input, name_ + ": has no <robot>"};
+    if (const char* const given = robot->Attribute("name")) model_.name = given;
+    Status status = read_links(*robot);
+    if (status) status = read_joints(*robot);
+    if (status) status = resolve_mimics();
+    if (status) status = put_in_order();
+    if (!status) return status.error();
+    return std::move(model_);
+  }
+
+ private:
+  Error bad(const Element& where, const std::string& what) const {
+    return {Errc::bad_input, name_ + " line " + std::to_string(where.GetLineNum()) + ": " + what};
+  }
+
+  Result<std::string> name_of(const Element& element, const char* attribute = "name") const {
+    const char* const given = element.Attribute(attribute);
+    if (given == nullptr || *given == '\0') {
+      return bad(element, "<" + shown(element.Name()) + "> needs " + attribute + "=\"...\"");
+    }
+    return std::string(given);
+  }
+
+  /// Numbers of an attribute; `preset` if there is none of that name.
+  template <std::size_t num>
+  Result<std::array<double, num>> numbers(const Element& element, const char* attribute,
+                                          std::optional<std::array<double, num>> preset) const {
+    const char* const given = element.Attribute(attribute);
+    if (given == nullptr && preset) return *preset;
+    std::array<double, num> values{};
+    std::string_view rest = given == nullptr ? "" : given;
+    bool is_good = true;
+    for (double& value : values) {
+      const auto number = parse_number<double>(take_word(rest));
+      is_good = is_good && number && std::abs(*number) <= kLargest;
+      value = number.value_or(0);
+    }
+    if (is_good && take_word(rest).empty()) return values;
+    return bad(element, "<" + shown(element.Name()) + "> needs " + attribute + " as " +
+                            std::to_string(num) + " number" + (num > 1 ? "s" : "") +
+                            " of at most 1000");
+  }
+
+  /// <origin xyz rpy> of a link's geometry or of a joint.
+  Result<Pose> origin_of(const Element& element) const {
+    constexpr std::array<double, 3> kZero{};
+    const Element* const origin = element.FirstChildElement("origin");
+    if (origin == nullptr) return Pose{};
+    const auto xyz = numbers<3>(*origin, "xyz", kZero), rpy = numbers<3>(*origin, "rpy", kZero);
+    if (!xyz) return xyz.error();
+    if (!rpy) return rpy.error();
+    const Quaternion turned = axis_angle({0, 0, 1}, (*rpy)[2]) * axis_angle({0, 1, 0}, (*rpy)[1]) *
+                              axis_angle({1, 0, 0}, (*rpy)[0]);
+    return Pose{{(*xyz)[0], (*xyz)[1], (*xyz)[2]}, normalized(turned)};
+  }
+
+  Status read_links(const Element& robot) {
+    for (const Element* link = robot.FirstChildElement("link"); link != nullptr;
+         link = link->NextSiblingElement("link")) {
+      const auto name = name_of(*link);
+      if (!name) return name.error();
+      if (!links_.emplace(*name, model_.links.size()).second) {
+        return bad(*link, "two links are called '" + shown(*name) + "'");
+      }
+      if (model_.links.size() == kMostLinks) return bad(*link, "more links than any robot has");
+      model_.links.push_back({*name, {}});
+      const bool is_visual = geometry_ == RobotGeometry::visual;
+      const char* const wanted = is_visual ? "visual" : "collision";
+      const char* const else_taken = is_visual ? "collision" : "visual";
+      const bool has_wanted = link->FirstChildElement(wanted) != nullptr;
+      if (const Status status = read_geometry(*link, has_wanted ? wanted : else_taken); !status) {
+        return status;
+      }
+    }
+    if (model_.links.empty()) return Error{Errc::bad_input, name_ + ": has no <link>"};
+    return Done{};
+  }
+
+  Status read_geometry(const Element& link, const char* kind) {
+    TriangleMesh& mesh = model_.links.back().mesh;
+    for (const Element* part = link.FirstChildElement(kind); part != nullptr;
+         part = part->NextSiblingElement(kind)) {
+      const auto X_LG = origin_of(*part);
+      if (!X_LG) return X_LG.error();
+      const Element* const geometry = part->FirstChildElement("geometry");
+      const Element* const shape = geometry == nullptr ? nullptr : geometry->FirstChildElement();
+      if (shape == nullptr) return bad(*part, "needs a <geometry> with a shape in it");
+      const auto added = shape_of(*shape);
+      if (!added) return added.error();
+      const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+      for (const Vec3d& p_G : added->vertices) mesh.vertices.push_back(*X_LG * p_G);
+      for (const auto& ids : added->triangles) {
+        mesh.triangles.push_back({first + ids[0], first + ids[1], first + ids[2]});
+      }
+    }
+    return Done{};
+  }
+
+  /// Round ones are drawn around the true shape, not into it.
+  Result<TriangleMesh> shape_of(const Element& shape) const {
+    const std::string_view kind = shape.Name();
+    const auto positive = [&](double value) { return value > 0; };
+    const auto no_size = [&] { return bad(shape, "<" + shown(kind) + "> needs sizes above zero"); };
+    if (kind == "mesh") return mesh_of(shape);
+    if (kind == "box") {
+      const auto size = numbers<3>(shape, "size", {});
+      if (!size) return size.error();
+      if (!std::ranges::all_of(*size, positive)) return no_size();
+      return make_box({(*size)[0], (*size)[1], (*size)[2]});
+    }
+    const double out = 1 / std::cos(std::acos(-1.0) / kSegments);
+    if (kind == "sphere") {
+      const auto radius = numbers<1>(shape, "radius", {});
+      if (!radius) return radius.error();
+      if (!positive(radius->front())) return no_size();
+      return make_icosphere(1.01 * radius->front(), 3);
+    }
+    if (kind == "cylinder") {
+      const auto radius = numbers<1>(shape, "radius", {}), length = numbers<1>(shape, "length", {});
+      if (!radius) return radius.error();
+      if (!length) return length.error();
+      if (!positive(radius->front()) || !positive(length->front())) return no_size();
+      return make_cylinder(out * radius->front(), length->front(), kSegments);
+    }
+    return bad(shape, "there is no shape '" + shown(kind) +
+                          "' in URDF; there are box, cylinder, "
+                          "sphere and mesh");
+  }
+
+  Result<TriangleMesh> mesh_of(const Element& shape) const {
+    const auto filename = name_of(shape, "filename");
+    if (!filename) return filename.error();
+    const auto scale = numbers<3>(shape, "scale", std::array<double, 3>{1, 1, 1});
+    if (!scale) return scale.error();
+    const auto path = find(*filename);
+    if (!path) return bad(shape, path.error().message);
+    auto mesh = load_mesh(*path);
+    if (!mesh) return bad(shape, mesh.error().message);
+    for (Vec3d& p : mesh->vertices) {
+      p = {p.x * (*scale)[0], p.y * (*scale)[1], p.z * (*scale)[2]};
+      if (!std::isfinite(p.x + p.y + p.z)) return bad(shape, "has a vertex that is no number");
+    }
+    return mesh;
+  }
+
+  /// Of "package://NAME/...", "file:///..." and plain ones.
+  Result<fs::path> find(const std::string& filename) const {
+    constexpr std::string_view kPackage = "package://", kFile = "file://";
+    std::error_code ignored;
+    if (filename.starts_with(kPackage)) {
+      const fs::path inside(filename.substr(kPackage.size()));
+      std::string tried;
+      for (const fs::path& folder : folders_.packages) {
+        // A folder of packages, or that of the package itself.
+        const fs::path package = *inside.begin();
+        const bool is_itself =
+            folder.filename() == package || folder.parent_path().filename() == package;
+        const fs::path candidates[] = {
+            folder / inside, is_itself ? folder / inside.lexically_relative(package) : fs::path()};
+        for (const fs::path& path : candidates) {
+          if (!path.empty() && fs::is_regular_file(path, ignored)) return path;
+        }
+        tried += (tried.empty() ? " in " : ", ") + folder.string();
+      }
+      return Error{Errc::not_found, "there is no " + shown(filename) + tried +
+                                        "; say in which folder its package lies "
+                                        "(--robot-packages DIR)"};
+    }
+    const fs::path plain(filename.starts_with(kFile) ? filename.substr(kFile.size()) : filename);
+    const fs::path path = plain.is_absolute() ? plain : folders_.beside / plain;
+    if (fs::is_regular_file(path, ignored)) return path;
+    return Error{Errc::not_found, "there is no mesh " + shown(path.string())};
+  }
+
+  Status read_joints(const Element& robot) {
+    for (const Element* joint = robot.FirstChildElement("joint"); joint != nullptr;
+         joint = joint->NextSiblingElement("joint")) {
+      if (const Status status = read_joint(*joint); !status) return status;
+    }
+    return Done{};
+  }
+
+  Status read_joint(const Element& element) {
+    using Kind = RobotJoint::Kind;
+    RobotJoint joint;
+    const auto name = name_of(element);
+    if (!name) return name.error();
+    joint.name = *name;
+    if (!joints_.emplace(*name, model_.joints.size()).second) {
+      return bad(element, "two joints are called '" + shown(*name) + "'");
+    }
+    static const std::map<std::string, Kind, std::less<>> kKinds{
+        {"fixed", Kind::fixed},       {"revolute", Kind::turning},  {"continuous", Kind::turning},
+        {"prismatic", Kind::sliding}, {"floating", Kind::floating}, {"planar", Kind::floating}};
+    const auto type = name_of(element, "type");
+    if (!type) return type.error();
+    const auto kind = kKinds.find(*type);
+    if (kind == kKinds.end()) {
+      return bad(element, "joint '" + shown(*name) + "': there is no type '" + shown(*type) +
+                              "'; there are fixed, revolute, continuous, prismatic, floating and "
+                              "planar");
+    }
+    joint.kind = kind->second;
+    joint.is_endless = *type == "continuous";
+    for (const auto& [role, link] :
+         {std::pair{"parent", &joint.parent}, std::pair{"child", &joint.child}}) {
+      const Element* const end = element.FirstChildElement(role);
+      const char* const given = end == nullptr ? nullptr : end->Attribute("link");
+      const auto found = given == nullptr ? links_.end() : links_.find(given);
+      if (found == links_.end()) {
+        return bad(element, "joint '" + shown(*name) + "' needs <" + role +
+                                " link=\"...\"/> with a link that there is" +
+                                (given == nullptr ? "" : ", not '" + shown(given) + "'"));
+      }
+      *link = found->second;
+    }
+    const auto origin = origin_of(element);
+    if (!origin) return origin.error();
+    joint.X_PJ = *origin;
+    if (const Element* const axis = element.FirstChildElement("axis")) {
+      const auto xyz = numbers<3>(*axis, "xyz", std::array<double, 3>{1, 0, 0});
+      if (!xyz) return xyz.error();
+      joint.axis = normalized(Vec3d{(*xyz)[0], (*xyz)[1], (*xyz)[2]});
+    }
+    const bool needs_axis = joint.kind == Kind::turning || joint.kind == Kind::sliding;
+    if (needs_axis && !(norm(joint.axis) > 0.5)) {
+      return bad(element, "joint '" + shown(*name) + "' has an axis without a direction");
+    }
+    joint.source = model_.joints.size();
+    mimics_.push_back(element.FirstChildElement("mimic"));
+    model_.joints.push_back(std::move(joint));
+    return Done{};
+  }
+
+  /// A joint that follows one that follows another one follows the last of them.
+  Status resolve_mimics() {
+    for (std::size_t i = 0; i < model_.joints.size(); ++i) {
+      RobotJoint& joint = model_.joints[i];
+      for (std::size_t steps = 0; mimics_[joint.source] != nullptr; ++steps) {
+        const Element& mimic = *mimics_[joint.source];
+        const auto name = name_of(mimic, "joint");
+        if (!name) return name.error();
+        const auto factor = numbers<1>(mimic, "multiplier", std::array<double, 1>{1}),
+                   offset = numbers<1>(mimic, "offset", std::array<double, 1>{0});
+        if (!factor) return factor.error();
+        if (!offset) return offset.error();
+        const auto followed = joints_.find(*name);
+        if (followed == joints_.end() || steps > model_.joints.size()) {
+          return bad(mimic, "joint '" + shown(joint.name) + "' follows '" + shown(*name) +
+                                (followed == joints_.end() ? "', which is not there"
+                                                           : "', which follows it"));
+        }
+        joint.offset += joint.factor * offset->front();
+        joint.factor *= factor->front();
+        joint.source = followed->second;
+      }
+    }
+    return Done{};
+  }
+
+  /// Parents before children. Error: not a tree.
+  Status put_in_order() {
+    std::vector<int> num_parents(model_.links.size());
+    std::vector<std::vector<std::size_t>> below(model_.links.size());
+    for (std::size_t i = 0; i < model_.joints.size(); ++i) {
+      const RobotJoint& joint = model_.joints[i];
+      below[joint.parent].push_back(i);
+      if (++num_parents[joint.child] > 1) {
+        return Error{Errc::bad_input, name_ + ": link '" + shown(model_.links[joint.child].name) +
+                                          "' is the child of two joints"};
+      }
+    }
+    if (std::ranges::count(num_parents, 0) != 1) {
+      return Error{Errc::bad_input,
+                   name_ + ": has " + std::to_string(std::ranges::count(num_parents, 0)) +
+                       " links that are the child of no joint; a robot has one, its base"};
+    }
+    model_.root = static_cast<std::size_t>(std::ranges::find(num_parents, 0) - num_parents.begin());
+    std::vector<std::size_t> links{model_.root}, order;
+    for (std::size_t i = 0; i < links.size(); ++i) {
+      for (const std::size_t joint : below[links[i]]) {
+        order.push_back(joint);
+        links.push_back(model_.joints[joint].child);
+      }
+    }
+    if (order.size() != model_.joints.size()) {
+      return Error{Errc::bad_input, name_ + ": has joints that lead round in a circle"};
+    }
+    std::vector<std::size_t> place(order.size());
+    std::vector<RobotJoint> joints;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      place[order[i]] = i;
+      joints.push_back(std::move(model_.joints[order[i]]));
+    }
+    for (RobotJoint& joint : joints) joint.source = place[joint.source];
+    model_.joints = std::move(joints);
+    return Done{};
+  }
+
+  const std::string& name_;
+  const RobotFolders& folders_;
+  const RobotGeometry geometry_;
+  RobotModel model_;
+  std::map<std::string, std::size_t, std::less<>> links_, joints_;
+  std::vector<const Element*> mimics_;  // of each joint; null: it has a position of its own
+};
+
+}  // namespace
+
+Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
+                              const RobotFolders& folders, RobotGeometry geometry) {
+  return Reader(name, folders, geometry).read(text);
+}
+
+}  // namespace palpate
