@@ -74,7 +74,10 @@ def solve(jacobian, wanted, rows, bounds):
     hessian = jacobian.T @ weights @ jacobian + 1e-4 * np.eye(n)
     a = np.vstack([rows @ jacobian, np.eye(n), -np.eye(n)])
     b = np.concatenate([bounds, np.full(2 * n, FASTEST)])
-    return quadprog.solve_qp(hessian, jacobian.T @ weights @ wanted, -a.T, -b)[0]
+    try:
+        return quadprog.solve_qp(hessian, jacobian.T @ weights @ wanted, -a.T, -b)[0]
+    except ValueError:  # no motion that is slow enough obeys them all: it stops
+        return np.zeros(n)
 
 
 class Arm:

@@ -152,9 +152,10 @@ install_peer_packages() {
   local python=build/python-peers/bin/python
   if "$python" -c "import coal, mujoco, numpy, warp" 2>/dev/null; then return 0; fi
   echo "setup: installing ${peer_packages[*]} into build/python-peers"
-  if ! { python3 -m venv --clear build/python-peers && "$python" -m pip install -q "${peer_packages[@]}"; }; then
-    echo "setup: could not install ${peer_packages[*]}: see the message above. They are left out of the peers." >&2
-  fi
+  [ -x "$python" ] || python3 -m venv build/python-peers
+  for package in "${peer_packages[@]}"; do
+    "$python" -m pip install -q "$package" || echo "setup: could not install $package: it is left out of the peers." >&2
+  done
 }
 
 if [ ${#missing[@]} -eq 0 ]; then

@@ -3,6 +3,9 @@
 // With a motion scale the tool lives in a world that the hand sees 1 / scale times as large: forces
 // are the same on both sides, lengths and so torques differ by the scale. Power then differs by one
 // factor for force and torque alike, and what is passive for the tool is passive for the hand.
+//
+// A hand that lets go (the clutch) moves alone, feels nothing, and holds the tool where that is
+// once it takes hold again. Walls keep the held tool in its workspace, and the hand feels them.
 #pragma once
 
 #include "palpate/haptics/coupling.h"
@@ -19,8 +22,7 @@ struct HeldTool {
 
 class Hand {
  public:
-  Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T)
-      : options_(options), c_T_(centre_of_mass_T) {}
+  Hand(const CouplingOptions& options, const Vec3d& centre_of_mass_T);
 
   /// Goes on with the tool in the hand where it was.
   void take_over(const CouplingState& state) noexcept;
@@ -31,7 +33,7 @@ class Hand {
 
   void remember(StateNumbers& numbers) noexcept {
     numbers(held_.X_WT, held_.p_WC, held_.p_WH, held_.velocity.linear, held_.velocity.angular,
-            X_BH_, shift_W_);
+            X_BH_, shift_W_, turn_, excess_B_, is_clutched_, has_pose_);
   }
 
   const HeldTool& held() const noexcept { return held_; }
@@ -39,11 +41,22 @@ class Hand {
   const Pose& X_BH() const noexcept { return X_BH_; }
 
  private:
+  bool is_let_go(const DeviceState& state) const noexcept;
+  void hold(const Pose& X_WT) noexcept;
+  void place(const Pose& X_BH) noexcept;
+  Vec3d beyond_workspace(const Vec3d& p_W) const noexcept;
+
   CouplingOptions options_;
   Vec3d c_T_;
+  Pose X_HT_inverse_;
   HeldTool held_;
   Pose X_BH_;
-  Vec3d shift_W_;  // of all poses: where the tool was when the motion scale was changed
+  // Where the tool was when the motion scale was changed or the hand took hold of it: a shift of
+  // all poses, and what the tool is turned in the hand.
+  Vec3d shift_W_;
+  Quaternion turn_;
+  Vec3d excess_B_;  // beyond the workspace, in the tool's world
+  bool is_clutched_ = false, has_pose_ = false;
 };
 
 }  // namespace palpate

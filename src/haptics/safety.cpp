@@ -15,8 +15,8 @@ constexpr double kLongestCountedTick = 0.005;
 /// Share of the tank at which the controller begins. The rest is for a hand that moves faster than
 /// it did a moment ago, before the force has come down.
 constexpr double kControlledShare = 0.5;
-/// How much faster a hand gets within a tick, m/s and rad/s: 10 N do so to 0.2 kg at 1 kHz.
-constexpr double kRise = 0.05, kTurnRise = 1;
+/// How quickly a hand gets faster, m/s2 and rad/s2: 10 N make 0.2 kg do so.
+constexpr double kRise = 50, kTurnRise = 1000;
 /// Faster than any hand, m/s and rad/s: more than that is a glitch of the device.
 constexpr double kFastestHand = 10, kFastestTurn = 100;
 /// Keeps what was scaled to a limit from being rounded above it.
@@ -43,22 +43,23 @@ bool is_fresh(double age, double limit) { return std::abs(age) <= limit; }  // f
 
 Wrench operator*(double s, const Wrench& w) { return {s * w.force, s * w.torque}; }
 
-/// What a tick of a force gives at most, J, to a hand that gets faster by `rise` within it.
+/// What a force gives within dt at most, J, to a hand that gets faster at the rate `rise`.
 double most_given(const Vec3d& force, const Vec3d& velocity, double rise, double dt) {
-  return std::max(dot(force, velocity) + rise * norm(force), 0.0) * dt;
+  return std::max(dot(force, velocity) + rise * dt * norm(force), 0.0) * dt;
 }
 /// The force with so much less along a motion, and then in all, that this is no more than `rest`.
 Vec3d within(const Vec3d& force, const Vec3d& velocity, double rise, double dt, double rest) {
   if (!(most_given(force, velocity, rise, dt) > rest)) return force;
   Vec3d kept = force;
   const double squared = dot(velocity, velocity), power = dot(force, velocity);
-  const double allowed = std::max(rest / dt - rise * norm(force), 0.0);
+  const double allowed = std::max(rest / dt - rise * dt * norm(force), 0.0);
   if (squared > 1e-24 && power > allowed) kept -= velocity * ((power - allowed) / squared);
   const double given = most_given(kept, velocity, rise, dt);
   return given > rest ? kept * (rest / given) : kept;
 }
 /// The last word about energy: what was planned for a steady hand is too late for one that the
-/// force makes faster, and no slew limit keeps a force that would empty the tank.
+/// force makes faster, and no slew limit keeps a force that would empty the tank. `dt`: for how
+/// long nobody will have seen the hand by the next tick, if that comes as soon as this one.
 Wrench within_tank(const Wrench& wrench, const Twist& motion, double dt, double rest) {
   if (!(dt > 0)) return wrench;
   const Vec3d force = within(wrench.force, motion.linear, kRise, dt, rest);
@@ -84,17 +85,18 @@ Wrench SafetyFilter::filter(const Wrench& wanted, const SafetyInput& input) noex
   const double rest = options_.passivity_control
                           ? std::max(options_.energy_tank - status_.energy, 0.0)
                           : std::numeric_limits<double>::infinity();
+  const double unseen = dt + (last_time_ - last_valid_time_);
   if (status_.fault != Fault::none) {
     const double fade = gate_.fade();
     if (!(fade > 0)) return last_ = {};
-    last_ = within_tank(fade * fade_from_, motion_, dt, rest);
+    last_ = within_tank(fade * fade_from_, seen_motion_, unseen, rest);
     fade_from_ = (1 / fade) * last_;  // what was taken away does not come back
     return last_;
   }
 
   const Wrench within = limit(wanted);
   const Wrench target = limit(damp(status_.gain * within, dt));
-  const Wrench out = within_tank(slew(target, dt), motion_, dt, rest);
+  const Wrench out = within_tank(slew(target, dt), seen_motion_, unseen, rest);
   const bool was_limited = !(within.force == wanted.force) || !(out.force == target.force) ||
                            (limits_.max_torque > 0 && !(within.torque == wanted.torque)) ||
                            !(out.torque == target.torque);
@@ -168,7 +170,7 @@ void SafetyFilter::observe(const DeviceState& state, double dt) noexcept {
         limited(rotation_between(normalized(last_X_BH_.rotation), normalized(state.X_BH.rotation)),
                 kFastestTurn * dt);
     status_.energy += dot(last_.force, way) + dot(last_.torque, turn);
-    motion_ = {way / dt, turn / dt};
+    seen_motion_ = motion_ = {way / dt, turn / dt};
   }
   last_X_BH_ = state.X_BH;
   has_pose_ = true;

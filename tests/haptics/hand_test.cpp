@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
+
 #include "src/math/internal/rotation_vector.h"
 
 namespace palpate {
@@ -54,6 +56,111 @@ TEST(Hand, ForcesAtTheHandleDoTheWorkOfThoseAtTheTool) {
   const double at_handle = options.motion_scale * (dot(F_H_B.force, state.V_BH.linear) +
                                                    dot(F_H_B.torque, state.V_BH.angular));
   EXPECT_NEAR(at_tool, at_handle, 1e-12);
+}
+
+double apart(const Pose& a, const Pose& b) {
+  return norm(a.translation - b.translation) +
+         norm(rotation_vector(a.rotation * conjugate(b.rotation)));
+}
+
+// What the hand moves while it has let go is not moved, nor felt; from then on the tool makes the
+// hand's motions from where it is.
+TEST(Hand, LetsGoAndTakesHoldAgain) {
+  CouplingOptions options = held_askew();
+  options.clutch_button = 2;
+  Hand hand(options, {0.01, -0.02, 0.05});
+  const Pose before = hand.follow(handle_at(0.2)).X_WT;
+  DeviceState state = handle_at(0.3);
+  state.buttons = 0b10;
+  for (const double time : {0.3, 0.5, 0.9}) {
+    state.X_BH = handle_at(time).X_BH;
+    const HeldTool& held = hand.follow(state);
+    EXPECT_EQ(held.X_WT, before);
+    EXPECT_EQ(norm(held.velocity.linear) + norm(held.velocity.angular), 0);
+    const Wrench felt = hand.at_handle({{1, 2, 3}, {4, 5, 6}});
+    EXPECT_EQ(norm(felt.force) + norm(felt.torque), 0);
+  }
+  state.buttons = 0b01;  // another one
+  EXPECT_LT(apart(hand.follow(state).X_WT, before), 1e-14);
+  EXPECT_GT(norm(hand.at_handle({{1, 2, 3}, {}}).force), 1);
+  // The same motion of the hand, without a clutch in between.
+  Hand other(options, {0.01, -0.02, 0.05});
+  const auto turn_of = [](const Pose& a, const Pose& b) {
+    return b.rotation * conjugate(a.rotation);
+  };
+  const Pose from = other.follow(handle_at(0.9)).X_WT, to = other.follow(handle_at(1)).X_WT;
+  const HeldTool& now = hand.follow(handle_at(1));
+  EXPECT_LT(norm(rotation_vector(turn_of(before, now.X_WT) * conjugate(turn_of(from, to)))), 1e-14);
+  // Power is kept after it, too: torques are about where the handle is to the tool now.
+  const Wrench F_C_W{{1, -2, 3}, {0.1, 0.4, -0.2}};
+  const Wrench F_H_B = hand.at_handle(F_C_W);
+  const Twist V_BH = handle_at(1).V_BH;
+  EXPECT_NEAR(
+      dot(F_C_W.force, now.velocity.linear) + dot(F_C_W.torque, now.velocity.angular),
+      options.motion_scale * (dot(F_H_B.force, V_BH.linear) + dot(F_H_B.torque, V_BH.angular)),
+      1e-12);
+}
+
+TEST(Hand, TheClutchAsASettingTakesOver) {
+  CouplingOptions options = held_askew();
+  Hand holding(options, {});
+  const Pose before = holding.follow(handle_at(0.2)).X_WT;
+  options.clutch = true;
+  Hand free(options, {});
+  free.take_over({holding.X_BH(), holding.held().X_WT, {}, {}, {}});
+  EXPECT_LT(apart(free.follow(handle_at(0.6)).X_WT, before), 1e-14);
+  options.clutch = false;
+  options.motion_scale = 0.5;
+  Hand again(options, {});
+  again.take_over({free.X_BH(), free.held().X_WT, {}, {}, {}});
+  EXPECT_LT(apart(again.follow(handle_at(0.6)).X_WT, before), 1e-14);
+  const Vec3d way = again.follow(handle_at(0.7)).p_WH - again.follow(handle_at(0.6)).p_WH;
+  const Vec3d expected = rotate(options.X_WB.rotation, 0.5 * 0.1 * handle_at(0).V_BH.linear);
+  EXPECT_LT(norm(way - expected), 1e-14);
+}
+
+// The held tool stays in its box; what the hand feels there is the gradient of a spring's energy.
+TEST(Hand, WallsKeepTheToolInItsWorkspace) {
+  CouplingOptions options = held_askew();
+  options.stiffness = 300;
+  options.workspace_x = 0.05;
+  options.workspace_z = 0.08;
+  Hand hand(options, {0.01, -0.02, 0.05});
+  const auto energy = [&](const Pose& X_BH) {
+    Vec3d p_B =
+        options.motion_scale * X_BH.translation + rotate(X_BH.rotation, options.X_HT.translation);
+    double sum = 0;
+    for (const auto& [axis, half] : {std::pair{0, 0.05}, std::pair{2, 0.08}}) {
+      const double over = std::max(std::abs(p_B[axis]) - half, 0.0);
+      // As the hand sees it: its world is 1 / scale times as large.
+      sum += 0.5 * 300 / options.motion_scale * over * over / options.motion_scale;
+    }
+    return sum;
+  };
+  int num_outside = 0;
+  for (double time = -0.4; time < 0.4; time += 0.02) {
+    const DeviceState state = handle_at(time);
+    const HeldTool held = hand.follow(state);
+    const Vec3d p_B = inverse(options.X_WB) * held.X_WT.translation;
+    EXPECT_LE(std::abs(p_B.x), 0.05 + 1e-12);
+    EXPECT_LE(std::abs(p_B.z), 0.08 + 1e-12);
+    const Wrench felt = hand.at_handle({});
+    constexpr double kStep = 1e-6;
+    double power = dot(felt.force, state.V_BH.linear) + dot(felt.torque, state.V_BH.angular);
+    const double rise =
+        (energy(handle_at(time + kStep).X_BH) - energy(handle_at(time - kStep).X_BH)) / (2 * kStep);
+    EXPECT_NEAR(power, -rise, 1e-5) << time;
+    num_outside += energy(state.X_BH) > 0;
+    // The velocity is that of the tool that is kept inside.
+    const Vec3d was = hand.follow(handle_at(time - 1e-5)).p_WC;
+    const Vec3d will_be = hand.follow(handle_at(time + 1e-5)).p_WC;
+    EXPECT_LT(norm((will_be - was) / 2e-5 - held.velocity.linear), 1e-6) << time;
+  }
+  EXPECT_GT(num_outside, 10);
+  options.kind = CouplingKind::none;  // a robot has the tool where it is
+  EXPECT_GT(
+      norm((inverse(options.X_WB) * Hand(options, {}).follow(handle_at(0.4)).X_WT).translation),
+      0.2);
 }
 
 }  // namespace

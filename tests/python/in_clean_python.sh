@@ -44,8 +44,8 @@ PYTHON
         exit 1
       fi
     done
-    install_from_wheels pytest mypy pandas matplotlib pyarrow zarr foxglove-sdk mcap-protobuf-support
-    for large in torch "ray[data]" rerun-sdk pin quadprog; do install_from_wheels "$large" 2>/dev/null || true; done
+    install_from_wheels pytest mypy pandas matplotlib pyarrow foxglove-sdk mcap-protobuf-support
+    for large in zarr torch "ray[data]" rerun-sdk pin quadprog; do install_from_wheels "$large" 2>/dev/null || true; done
     ;;
   *) [ -x "$clean/bin/pytest" ] || { echo "skipped: the wheel is not installed in $clean"; exit 77; } ;;&
   test)

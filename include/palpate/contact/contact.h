@@ -8,7 +8,6 @@
 #include <optional>
 #include <span>
 #include <utility>
-#include <variant>
 
 #include "palpate/contact/contact_options.h"
 #include "palpate/core/core.h"

@@ -13,6 +13,8 @@
 #include <utility>
 #include <variant>
 
+// A function marked PALPATE_HOSTDEV is compiled by the C++ compiler and by nvcc from the same
+// lines.
 #if defined(__CUDACC__)
 #define PALPATE_HOSTDEV __host__ __device__
 #else
@@ -51,6 +53,9 @@ struct Error {
                message);
   std::abort();
 }
+
+// Errors at set-up travel as values. Members are named as in std::expected, so that it can take
+// this class' place once every compiler we support has it.
 
 /// Either a value or an Error. Check `has_value()` before `*`: asking for what is not there ends
 /// the program with a message, in every build type.

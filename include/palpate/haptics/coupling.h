@@ -100,8 +100,13 @@ struct CouplingOptions {
   double tool_mass = 0.1;        ///< kg; the inertia goes with it
   double force_at_eighth = 0;    ///< N at an eighth of the tool's volume; 0: the device's largest
   double motion_scale = 1;       ///< metres of tool per metre of hand
-  Pose X_WB;                     ///< where the device's base is in the scene
-  Pose X_HT;                     ///< where the tool is in the hand
+  bool clutch = false;           ///< the hand has let go: it moves, the tool stays, nothing is felt
+  int clutch_button = 0;         ///< that lets go while it is held, counted from 1; 0: none
+  /// m to either side of the middle of X_WB, along its axes: how far the origin of the held tool
+  /// goes. 0: as far as it likes.
+  double workspace_x = 0, workspace_y = 0, workspace_z = 0;
+  Pose X_WB;  ///< where the device's base is in the scene
+  Pose X_HT;  ///< where the tool is in the hand
   FrictionOptions friction;
   TextureOptions texture;
 };
@@ -117,6 +122,16 @@ inline void add_settings(SettingTable& t, CouplingOptions& o) {
   t.add("force_at_eighth", o.force_at_eighth, {0, 1e4, "N"},
         "at an eighth of the tool's volume; 0: the device's largest");
   t.add("motion_scale", o.motion_scale, {1e-4, 1e4}, "metres of tool per metre of hand");
+  t.add("clutch", o.clutch, "the hand has let go: it moves, the tool stays, and nothing is felt");
+  t.add("clutch_button", o.clutch_button, {0, 32},
+        "of the device, that lets go while it is held, counted from 1; 0: none");
+  for (const auto& [name, half] : {std::pair{"workspace_x", &o.workspace_x},
+                                   {"workspace_y", &o.workspace_y},
+                                   {"workspace_z", &o.workspace_z}}) {
+    t.add(name, *half, {0, 100, "m"},
+          "how far the tool goes to either side of base_in_scene, along its axis; 0: as far as it "
+          "likes");
+  }
   t.add("base_in_scene", o.X_WB,
         "X_WB: x y z in m, quaternion x y z w; identity: left out, poses are those of the device");
   t.add("tool_in_hand", o.X_HT, "X_HT: x y z in m, quaternion x y z w");

@@ -1,5 +1,5 @@
 // The only way to a motor. Whatever comes in, what goes out is finite, within the device's limits,
-// does not jump, and fades to zero when anything is wrong.
+// does not jump up, and fades to zero when anything is wrong.
 #pragma once
 
 #include <cstdint>
@@ -138,7 +138,9 @@ inline void add_settings(SettingTable& t, SafetyOptions& o) {
   constexpr double kShort = 1e-6, kLong = 3600;  // s
   t.section("safety");
   t.add("force_share", o.force_share, {0, 1}, "of the device's limits; no more goes out");
-  t.add("max_slew", o.max_slew, {1e-6, 1e7, "N/s"}, "how fast the force may change");
+  t.add(
+      "max_slew", o.max_slew, {1e-6, 1e7, "N/s"},
+      "how fast the force may rise; it falls as fast, or at once where it would empty energy_tank");
   t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"},
         "how fast the torque may change");
   t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from no force to all of it");
@@ -213,7 +215,7 @@ class SafetyFilter {
   /// All that it knows of the ticks before, for another one with the same limits and options.
   void remember(StateNumbers& numbers) noexcept {
     numbers(gate_, status_, last_, fade_from_, last_time_, last_valid_time_, last_buttons_,
-            last_X_BH_, motion_, has_ticked_, has_pose_, is_stopping_);
+            last_X_BH_, motion_, seen_motion_, has_ticked_, has_pose_, is_stopping_);
   }
   void stop() noexcept { is_stopping_ = true; }  ///< from the next tick on: Fault::stopped
 
@@ -236,8 +238,9 @@ class SafetyFilter {
   Wrench fade_from_;  // the same at a fault
   double last_time_ = 0, last_valid_time_ = 0;
   std::uint32_t last_buttons_ = 0;
-  Pose last_X_BH_;  // of the last valid state
-  Twist motion_;    // of the handle since the tick before, per second
+  Pose last_X_BH_;     // of the last valid state
+  Twist motion_;       // of the handle since the tick before, per second; 0 if that is not known
+  Twist seen_motion_;  // the last one that was known
   bool has_ticked_ = false, has_pose_ = false, is_stopping_ = false;
 };
 

@@ -42,8 +42,7 @@ void Publisher::tell_frames() {
 
 void Publisher::tell_contacts() {
   while (const ContactRecord* contact = contacts_.records().front()) {
-    const bool has_surface = contact->cameras.of[0].camera_frame >= 0;
-    if (has_surface && surfaces_.num_frames() <= contact->frame_number) return;
+    if (surfaces_.num_frames() <= contact->frame_number) return;
     tell_frames();
     tell_settings(contact->revision);
     observer_.on_contact(*contact);
@@ -56,11 +55,13 @@ void Publisher::tell_ticks() {
   while (ticks.front() != nullptr && has_told_contact_of(*ticks.front())) {
     batch_.clear();
     tell_moment(ticks.front()->number);
-    const HandMoment* const next = haptic_.moments().front();
     for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
          tick = ticks.front()) {
-      if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
       if (!has_told_contact_of(*tick)) break;
+      // Looked for last: a moment is written before its tick, and what is told meanwhile takes
+      // time.
+      const HandMoment* const next = haptic_.moments().front();
+      if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
       batch_.push_back(*tick);
       ticks.pop();
     }
