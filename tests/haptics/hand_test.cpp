@@ -114,7 +114,8 @@ TEST(Hand, TheClutchAsASettingTakesOver) {
   Hand again(options, {});
   again.take_over({free.X_BH(), free.held().X_WT, {}, {}, {}});
   EXPECT_LT(apart(again.follow(handle_at(0.6)).X_WT, before), 1e-14);
-  const Vec3d way = again.follow(handle_at(0.7)).p_WH - again.follow(handle_at(0.6)).p_WH;
+  const Vec3d first = again.follow(handle_at(0.6)).p_WH;
+  const Vec3d way = again.follow(handle_at(0.7)).p_WH - first;
   const Vec3d expected = rotate(options.X_WB.rotation, 0.5 * 0.1 * handle_at(0).V_BH.linear);
   EXPECT_LT(norm(way - expected), 1e-14);
 }
