@@ -11,9 +11,10 @@ if(PROJECT_IS_TOP_LEVEL)
   endif()
   find_program(PALPATE_CCACHE ccache)
   if(PALPATE_CCACHE)
-    # It keeps what is compiled with precompiled headers only where it is told that times do not matter.
+    # It keeps what is compiled with precompiled headers only where it is told that times do not matter,
+    # and finds it in another build folder (the Python package's) only where paths are relative.
     set(CMAKE_CXX_COMPILER_LAUNCHER
-        env CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime "${PALPATE_CCACHE}")
+        env "CCACHE_BASEDIR=${PROJECT_SOURCE_DIR}" CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime "${PALPATE_CCACHE}")
   endif()
 endif()
 
