@@ -42,7 +42,14 @@ TouchOptions touch_options(const Options& options) {
   if (!options.tool_frame.empty()) touch.ros.tool_frame = options.tool_frame;
   touch.ros.is_wanted = true;
   RobotFiles& robot = touch.robot.files;
-  if (robot.robot.ends_with(".urdf") && robot.joints.empty()) robot.joints = "ros2:/joint_states";
+  if (robot.robot.ends_with(".urdf") && robot.joints.empty()) {
+    if (robot.pose.empty() && options.world.empty()) {
+      usage_error(
+          "ros2: --robot: say where its base is: --world FRAME, then tf tells where its links are, "
+          "or --robot-pose with positions from /joint_states");
+    }
+    robot.joints = robot.pose.empty() ? "ros2:?world=" + options.world : "ros2:/joint_states";
+  }
   return touch;
 }
 

@@ -78,16 +78,17 @@ class PySensor {
     if (!nb::try_cast<PySurfaces*>(result, surfaces, false) || surfaces == nullptr) {
       throw nb::type_error("out: palpate.Surfaces are taken, which an earlier call gave");
     }
-    if (!out.is_none() &&
-        std::find(keepers_.begin(), keepers_.end(), surfaces->keeper) == keepers_.end()) {
-      throw nb::value_error("out: another sensor made these surfaces");
-    }
+    const bool is_given = !out.is_none();
     const auto num = static_cast<int>(images.shape(0));
     const DepthImageView first = view_of_image(images);
     const std::optional<CallerStream> where = stream_of(stream);
     if (first.gpu != kHostMemory && !where) wait_for_producers();
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
+    if (is_given &&
+        std::find(keepers_.begin(), keepers_.end(), surfaces->keeper) == keepers_.end()) {
+      throw nb::value_error("out: another sensor made these surfaces");
+    }
     if (surfaces->keeper == nullptr) surfaces->keeper = free_keeper();
     surfaces->batch = surfaces->keeper->update_batch(first, num, where);
     const Status status = surfaces->keeper->status();

@@ -9,7 +9,12 @@
 namespace palpate {
 
 /// Whose clock time stamps are by: nobody's (there are none), the camera's own, this computer's.
-enum class StampClock { none, cameras, ours };
+enum class StampClock {
+  none,
+  cameras,  ///< of a clock of their own
+  ours,     ///< say to be of this computer's, as far as that can be
+  shared,   ///< of a clock that people say is kept with this computer's: old ones are old
+};
 
 /// A frame arrives later than it was captured by a delay that is never below a smallest one, and
 /// often near it. So in the plane of time stamps and arrivals the clock of the camera is the line

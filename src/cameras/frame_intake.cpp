@@ -54,7 +54,8 @@ double FrameIntake::capture_time_of(double stamp, double arrival) {
   if (options_.stamps == StampClock::cameras) return clock_.add(stamp, arrival);
   // What says to be of this computer's clock is believed as far as it can be.
   constexpr double kOldest = 1;  // s
-  return stamp > arrival || stamp < arrival - kOldest ? arrival : stamp;
+  const bool is_too_old = options_.stamps == StampClock::ours && stamp < arrival - kOldest;
+  return stamp > arrival || is_too_old ? arrival : stamp;
 }
 
 /// Sets last_capture_ if the frame is to be felt.
@@ -79,7 +80,7 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
       if (periods < 1e6)
         num_missing_ += static_cast<std::uint64_t>(std::max(0.0, std::round(periods) - 1));
     }
-    if (options_.stamps == StampClock::ours && earliest != stamp && !has_foreign_stamps_) {
+    if (options_.stamps != StampClock::cameras && earliest != stamp && !has_foreign_stamps_) {
       has_foreign_stamps_ = true;
       note(
           "has time stamps that are not of this computer's clock; its frames count as captured "
@@ -203,7 +204,7 @@ std::string FrameIntake::closing_words() const {
     return text + "; it tells no times: a frame counts as captured when it arrives";
   }
   const std::string late = number("%.1f", lateness_.summary().p99 * 1e-3) + " ms of ";
-  if (options_.stamps == StampClock::ours) {
+  if (options_.stamps != StampClock::cameras) {
     return text + "; capture times are by this computer's clock; 99 % came within " + late +
            "their capture";
   }

@@ -99,9 +99,25 @@ void LinkImage::add_clipped(const Vec3d (&p_C)[3]) {
   for (int i = 2; i < num; ++i) add_triangle({{corners[0], corners[i - 1], corners[i]}});
 }
 
+/// Pixels, by which the padding reaches around what is at this inverse depth: the outline of a ball
+/// in perspective.
+double LinkImage::reach_of(double w) const {
+  const double share = std::min(padding_ * w, 0.95);
+  return padding_ * widest_ * std::max(intrinsics_.fx, intrinsics_.fy) * w / (1 - share * share);
+}
+
+/// In pieces of which no corner is padded much wider than it needs.
 void LinkImage::add_triangle(const Triangle& triangle) {
+  constexpr double kMostReach = 1.25, kFewPixels = 2;
   const auto& [a, b, c] = triangle.corners;
-  const float nearest = std::max({a.w, b.w, c.w});
+  const float nearest = std::max({a.w, b.w, c.w}), farthest = std::min({a.w, b.w, c.w});
+  const double reach = reach_of(nearest), least = reach_of(farthest);
+  if (reach > kMostReach * least && reach > least + kFewPixels) {
+    const auto [one, other] = halves_of(triangle);
+    add_triangle(one);
+    add_triangle(other);
+    return;
+  }
   const std::uint32_t first = shell_number(static_cast<float>(kNearest)),
                       number = std::max(shell_number(1 / nearest), first) - first;
   Shell& shell = shells_[std::min<std::size_t>(number, kNumShells - 1)];
@@ -116,9 +132,7 @@ void LinkImage::draw() {
 }
 
 void LinkImage::draw_shell(const Shell& shell) {
-  const double focal = std::max(intrinsics_.fx, intrinsics_.fy);
-  const int radius =
-      1 + static_cast<int>(std::ceil(padding_ * widest_ * focal * double(shell.nearest)));
+  const int radius = 1 + static_cast<int>(std::ceil(reach_of(shell.nearest)));
   // What is drawn beside the image reaches into it by the padding.
   Window drawn{width_ + radius, height_ + radius, -radius, -radius};
   const Window all{-radius, -radius, width_ + radius, height_ + radius};

@@ -55,6 +55,7 @@ class LinkImage {
 
   void add_clipped(const Vec3d (&p_C)[3]);
   void add_triangle(const Triangle& triangle);
+  double reach_of(double w) const;
   Corner corner_of(const Vec3d& p_C) const;
   void draw_shell(const Shell& shell);
   static std::pair<Triangle, Triangle> halves_of(const Triangle& triangle);

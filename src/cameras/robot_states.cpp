@@ -56,7 +56,9 @@ RobotStates::RobotStates(StateAddress address, std::vector<JointHistory::Joint> 
       transforms_(address_.kind == StateAddress::Kind::ros2 ? kSecondsKept : kForEver) {}
 
 Status RobotStates::positions(double time, double max_age, std::vector<double>& positions) const {
-  const bool may_stay = !is_live();
+  // A robot that stands still is written as one line; a recording in which a joint falls silent is
+  // none.
+  const bool may_stay = address_.kind == StateAddress::Kind::table;
   positions.resize(num_joints_);
   const std::lock_guard lock(mutex_);
   for (std::size_t i = 0; i < num_joints_; ++i) {
@@ -184,6 +186,7 @@ class LiveStates final : public RobotStates {
   }
   double time_of(double stamp, const std::string& who) override {
     constexpr std::size_t kMostClocks = 1000;
+    if (stamp == 0) return monotonic_now();  // it has none
     const std::string& clock = clocks_.size() < kMostClocks || clocks_.contains(who) ? who : "";
     return clocks_[clock].add(stamp, monotonic_now());
   }

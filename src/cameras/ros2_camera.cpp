@@ -183,7 +183,7 @@ class Ros2Source final : public DepthSource {
   const DepthStreamInfo& info() const override { return info_; }
   void cancel() noexcept override { heard_.cancel(); }
   std::vector<std::string> take_notes() override { return heard_.take_notes(); }
-  StampClock stamps() const { return has_our_clock_ ? StampClock::ours : StampClock::cameras; }
+  StampClock stamps() const { return has_our_clock_ ? StampClock::shared : StampClock::cameras; }
 
   Result<bool> next(DepthFrame& frame) override {
     if (has_first_) {

@@ -43,6 +43,10 @@ class SelfFilteredSource final : public DepthSource {
         leave_out(known.error().message);
         continue;
       }
+      if (!std::ranges::all_of(X_WL_, [](const Pose& X_WL) { return is_finite(X_WL); })) {
+        leave_out("a link's pose is not finite");
+        continue;
+      }
       tell_of_end();
       const Pose X_CW = inverse(frame.X_WC);
       image_.begin(frame.width, frame.height);
@@ -103,6 +107,16 @@ Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
                                       std::shared_ptr<const LinkPoses> poses,
                                       const SelfFilterOptions& options) {
   if (const Status status = check_settings(options); !status) return status.error();
+  if (poses == nullptr) {
+    return Error{Errc::invalid_argument, "a self filter needs to be told where the links are"};
+  }
+  for (const RobotLink& link : links) {
+    for (const auto& ids : link.mesh.triangles) {
+      if (std::ranges::max(ids) < link.mesh.vertices.size()) continue;
+      return Error{Errc::bad_input,
+                   "the mesh of link '" + link.name + "' has a triangle without its vertices"};
+    }
+  }
   if (options.scale != 1) {
     for (RobotLink& link : links) scale_about_middle(link.mesh, options.scale);
   }

@@ -18,10 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 using Element = tinyxml2::XMLElement;
 
-constexpr std::size_t kMostShown = 60;    // characters of what people wrote
-constexpr std::size_t kMostLinks = 2000;  // more than any robot has
-constexpr int kSegments = 32;             // of a cylinder
-constexpr double kLargest = 1e3;          // m, and times as large
+constexpr std::size_t kMostShown = 60;  // characters of what people wrote
+constexpr std::size_t kMostLinks = 2000, kMostTriangles = 2'000'000;  // more than any robot has
+constexpr int kSegments = 32;                                         // of a cylinder
+constexpr double kLargest = 1e3;                                      // m, and times as large
 
 std::string shown(std::string_view text) { return std::string(text.substr(0, kMostShown)); }
 
@@ -128,6 +128,10 @@ class Reader {
       if (shape == nullptr) return bad(*part, "needs a <geometry> with a shape in it");
       const auto added = shape_of(*shape);
       if (!added) return added.error();
+      num_triangles_ += added->triangles.size();
+      if (num_triangles_ > kMostTriangles) {
+        return bad(*shape, "the robot has more than 2 million triangles; take coarser meshes");
+      }
       const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
       for (const Vec3d& p_G : added->vertices) mesh.vertices.push_back(*X_LG * p_G);
       for (const auto& ids : added->triangles) {
@@ -241,6 +245,7 @@ class Reader {
                               "'; there are fixed, revolute, continuous, prismatic, floating and "
                               "planar");
     }
+    if (model_.joints.size() == kMostLinks) return bad(element, "more joints than any robot has");
     joint.kind = kind->second;
     joint.is_endless = *type == "continuous";
     for (const auto& [role, link] :
@@ -343,6 +348,7 @@ class Reader {
   const RobotGeometry geometry_;
   RobotModel model_;
   std::map<std::string, std::size_t, std::less<>> links_, joints_;
+  std::size_t num_triangles_ = 0;
   std::vector<const Element*> mimics_;  // of each joint; null: it has a position of its own
 };
 

@@ -114,6 +114,34 @@ TEST_P(LinkImageTest, LiesAroundExactRays) {
 }
 INSTANTIATE_TEST_SUITE_P(Paddings, LinkImageTest, testing::Values(0.0, 0.01, 0.03));
 
+// A long one that leads away from the camera is padded everywhere as its pieces are.
+TEST(LinkImage, PadsWhatIsLongAsItsPieces) {
+  constexpr double kNear = -0.2, kFar = 1.0, kPadding = 0.02;
+  constexpr int kPieces = 120;
+  const auto rod = [](double from, double to, LinkImage& image) {
+    image.add(make_box({0.02, 0.02, to - from}), {{0.05, 0, 0.5 * (from + to)}, {}});
+  };
+  LinkImage whole(kIntrinsics, kPadding), pieces(kIntrinsics, kPadding);
+  whole.begin(kWidth, kHeight);
+  rod(kNear, kFar, whole);
+  whole.draw();
+  pieces.begin(kWidth, kHeight);
+  for (int i = 0; i < kPieces; ++i) {
+    const double length = (kFar - kNear) / kPieces;
+    rod(kNear + i * length, kNear + (i + 1) * length, pieces);
+  }
+  pieces.draw();
+  int num_whole = 0, num_pieces = 0;
+  for (int v = 0; v < kHeight; ++v) {
+    for (int u = 0; u < kWidth; ++u) {
+      num_whole += whole.limit_at(u, v) < 0.5;
+      num_pieces += pieces.limit_at(u, v) < 0.5;
+    }
+  }
+  EXPECT_GT(num_pieces, kWidth * kHeight / 50);
+  EXPECT_LT(num_whole, num_pieces + kWidth * kHeight / 20);
+}
+
 TEST(LinkImage, HonoursThePaddingAroundABall) {
   // All that is nearer than the padding to a ball, in space and not in the image, is removed.
   Random random(11);
@@ -127,7 +155,10 @@ TEST(LinkImage, HonoursThePaddingAroundABall) {
   LinkImage image(kIntrinsics, padding);
   int num_near = 0, num_far = 0;
   for (int round = 0; round < 40; ++round) {
-    const Vec3d centre = random.in_box(0.5) + Vec3d{0, 0, random.uniform(0.75, 2.5)};
+    // Every fourth one as near as its surface may be seen.
+    const double nearest = round % 4 == 0 ? 0.2 : 0.75;
+    const Vec3d centre = random.in_box(0.1 + 0.4 * (round % 4 != 0)) +
+                         Vec3d{0, 0, random.uniform(nearest, round % 4 == 0 ? 0.3 : 2.5)};
     image.begin(kWidth, kHeight);
     image.add(ball, {centre, random.rotation(3)});
     image.draw();
