@@ -48,7 +48,7 @@ class Cameras(CameraCase):
                      status=2)
         self.refused("several cameras are joined by the method field", *touch, "--camera",
                      "scene:hand", "--camera", "scene:hand", "--method", "graph")
-        self.refused("frame of one camera", *touch, "--camera", "scene:hand?pose=1,0,0,0,0,0,1",
+        self.refused("--ros2-camera-frame FRAME", *touch, "--camera", "scene:hand?pose=1,0,0,0,0,0,1",
                      "--device", "sim", "--ros2", status=2)
         self.refused("no path is made up", *touch, "--probe", "80,60", "--camera",
                      f"scene:hand?poses={self.orbit()}")
