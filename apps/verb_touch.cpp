@@ -315,8 +315,8 @@ void add_touch(CLI::App& program, Action& action) {
     if (options->ros.is_wanted && options->ros.camera_frame.empty() &&
         (has_poses || !options->rig.empty() || (options->cameras.size() > 1 && !know_world))) {
       usage_error(
-          "touch: --ros2 tells poses in the world where cameras have poses or are several: say what "
-          "that is called, --ros2-camera-frame FRAME, or give each camera ?world=FRAME of tf");
+          "touch: --ros2 tells poses in the world where cameras have poses or are several: say "
+          "what that is called, --ros2-camera-frame FRAME, or give each camera ?world=FRAME of tf");
     }
     check(*options);
     action = [options] { return run_touch(*options); };
