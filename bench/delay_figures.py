@@ -8,8 +8,6 @@ build/python/bin/python). A wall goes to and fro and jumps; a simulated hand pro
 second. Said are, of each delay: how old the scene was that was felt, as the wrench says it, and what the hand was given,
 summed here of what the run recorded: wrench times motion of the device, tick by tick. The tank is what it may be.
 """
-import argparse
-import csv
 import json
 import math
 import os
@@ -21,6 +19,8 @@ import tempfile
 import time
 from collections import deque
 from pathlib import Path
+
+from ros_bench import local_ros, machine_now, options_of, pack_ball, programs_of, write_rows
 
 ROOT = Path(__file__).resolve().parent.parent
 DOMAIN, TANK = 92, 0.01  # J
@@ -105,22 +105,12 @@ def given(recording):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("build", type=Path)
-    parser.add_argument("--seconds", type=float, default=20)
-    parser.add_argument("--csv", type=Path)
-    options = parser.parse_args()
-    palpate = options.build.resolve() / "bin/palpate"
-    if not palpate.exists():
-        sys.exit(f"delay_figures: {palpate} is missing; build the target palpate")
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
-                            check=False).stdout.strip()
-    environment = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), ROS_LOCALHOST_ONLY="1")
+    options = options_of(__doc__, 20)
+    [palpate] = programs_of(options.build, "palpate")
+    environment = local_ros(DOMAIN)
     rows = []
     with tempfile.TemporaryDirectory() as work:
-        for words in (["shape", "sphere", "--size", "0.05", "-o", "ball.obj"],
-                      ["pack", "ball.obj", "-o", "ball.palp", "--spheres", "300"]):
-            subprocess.run([palpate, *words], cwd=work, check=True, capture_output=True)
+        pack_ball(palpate, work, 300)
         for delay, jitter, loss in CASES:
             before = os.getloadavg()[0]
             robot = subprocess.Popen([sys.executable, __file__, "--camera", str(delay / 1000), str(jitter / 1000),
@@ -142,11 +132,9 @@ def main():
                          1000 * TANK, seen["damped"], len(summary["faults"]),
                          round(sum(fault["seconds"] or 0 for fault in summary["faults"]), 2),
                          summary["microseconds"]["haptic_period"]["p99"],
-                         round(before, 2), round(os.getloadavg()[0], 2), os.cpu_count(), commit])
+                         *machine_now(before)])
             print(*(f"{name} {value}" for name, value in zip(COLUMNS, rows[-1])), sep=", ", flush=True)
-    if options.csv:
-        with options.csv.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([COLUMNS, *rows])
+    write_rows(options.csv, COLUMNS, rows)
 
 
 if __name__ == "__main__":

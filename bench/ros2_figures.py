@@ -8,14 +8,13 @@ sequence numbers of DDS), times between two wrenches, from a tick to its arrival
 written that shows contact to the arrival of the first force (0.6 MB written, read, surface, query, tick). Rows are of the
 machine as loaded as it was; load is said.
 """
-import argparse
-import csv
 import json
 import os
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
+
+from ros_bench import local_ros, machine_now, options_of, pack_ball, programs_of, write_rows
 
 DOMAIN = 91
 COLUMNS = ("case", "seconds", "images", "wrenches", "lost", "gap_p50_ms", "gap_p99_ms", "gap_max_ms",
@@ -25,24 +24,12 @@ COLUMNS = ("case", "seconds", "images", "wrenches", "lost", "gap_p50_ms", "gap_p
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("build", type=Path)
-    parser.add_argument("--seconds", type=float, default=60)
-    parser.add_argument("--csv", type=Path)
-    options = parser.parse_args()
-    programs = options.build.resolve() / "bin"
-    palpate, peer = programs / "palpate", programs / "fastdds_peer"
-    for needed in (palpate, peer):
-        if not needed.exists():
-            sys.exit(f"ros2_figures: {needed} is missing; build the targets palpate and fastdds_peer")
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
-                            check=False).stdout.strip()
-    environment = dict(os.environ, ROS_DOMAIN_ID=str(DOMAIN), ROS_LOCALHOST_ONLY="1")
+    options = options_of(__doc__, 60)
+    palpate, peer = programs_of(options.build, "palpate", "fastdds_peer")
+    environment = local_ros(DOMAIN)
     rows = []
     with tempfile.TemporaryDirectory() as work:
-        for words in (["shape", "sphere", "--size", "0.05", "-o", "ball.obj"],
-                      ["pack", "ball.obj", "-o", "ball.palp", "--spheres", "5000"]):
-            subprocess.run([palpate, *words], cwd=work, check=True, capture_output=True)
+        pack_ball(palpate, work, 5000)
         for qos in ("best_effort", "reliable"):
             before = os.getloadavg()[0]
             robot = subprocess.Popen([peer, str(DOMAIN), "640", "480"], stdin=subprocess.PIPE,
@@ -55,12 +42,9 @@ def main():
                 sys.exit(f"ros2_figures: {run.stderr}")
             rows.append([f"images {qos}, wrench reliable", round(seen["seconds"], 1), seen["images"],
                          seen["wrenches"], seen["lost"], *seen["gap_ms"], *seen["delay_ms"],
-                         *seen["image_to_wrench_ms"], seen["measured"], round(before, 2),
-                         round(os.getloadavg()[0], 2), os.cpu_count(), commit])
+                         *seen["image_to_wrench_ms"], seen["measured"], *machine_now(before)])
             print(*(f"{name} {value}" for name, value in zip(COLUMNS, rows[-1])), sep=", ")
-    if options.csv:
-        with options.csv.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([COLUMNS, *rows])
+    write_rows(options.csv, COLUMNS, rows)
 
 
 if __name__ == "__main__":
