@@ -208,6 +208,7 @@ Status find_what_is_there(TouchOptions& options) {
     options.cameras = {*camera};
     std::cerr << "palpate: note: taking the camera " << camera->text << "\n";
   }
+  if (const Status status = check_one_world(options.cameras); !status) return status;
   auto filter = open_robot(options.robot);
   if (!filter) return filter.error();
   options.self_filter = *std::move(filter);

@@ -52,13 +52,17 @@ class InterruptWatch {
 Status run(const Options& options) {
   std::vector<std::unique_ptr<DepthSource>> opened;
   std::vector<DepthSource*> all;
+  std::vector<CameraUri> cameras;
+  for (const std::string& camera : options.cameras) {
+    cameras.push_back(parse_camera_uri(camera).value());
+  }
+  if (const Status status = check_one_world(cameras); !status) return status;
   const auto filter = open_robot(options.robot);
   if (!filter) return filter.error();
-  for (const std::string& camera : options.cameras) {
+  for (const CameraUri& camera : cameras) {
     std::error_code ignored;
-    const auto uri = parse_camera_uri(camera);
-    const bool is_file = std::filesystem::is_regular_file(uri->target, ignored);
-    if (const Status status = check_output_file(options.output, is_file ? uri->target : "");
+    const bool is_file = std::filesystem::is_regular_file(camera.target, ignored);
+    if (const Status status = check_output_file(options.output, is_file ? camera.target : "");
         !status) {
       return status;
     }

@@ -13,6 +13,7 @@ struct Options {
   TouchOptions touch;
   std::vector<std::string> depths, camera_infos;
   std::string world, clock = "own", qos = "best_effort", tool_frame, pose;
+  double latency = 0;  // s
 };
 
 /// The same as palpate touch --camera ros2:... --device ros2:... --ros2.
@@ -26,8 +27,8 @@ TouchOptions touch_options(const Options& options) {
   }
   touch.cameras.clear();
   for (std::size_t k = 0; k < options.depths.size(); ++k) {
-    std::string uri =
-        "ros2:" + options.depths[k] + "?qos=" + options.qos + "&clock=" + options.clock;
+    std::string uri = "ros2:" + options.depths[k] + "?qos=" + options.qos +
+                      "&clock=" + options.clock + "&latency=" + shortest_decimal(options.latency);
     if (!options.camera_infos.empty()) uri += "&info=" + options.camera_infos[k];
     if (!options.world.empty()) uri += "&world=" + options.world;
     const auto camera = parse_camera_uri(uri);
@@ -82,6 +83,8 @@ void add_ros2(CLI::App& program, Action& action) {
                  "computer (PTP, NTP): then the delay of the network counts in ages")
       ->check(CLI::IsMember({"own", "shared"}))
       ->capture_default_str();
+  add_number(app, "--latency", options->latency, {0, 1, "s"},
+             "from the exposure of an image to its stamp, where drivers stamp late");
   app.add_option("--qos", options->qos, "how images are asked for")
       ->check(CLI::IsMember({"best_effort", "reliable"}))
       ->capture_default_str();

@@ -215,6 +215,7 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   const bool is_live = !device.is_none();
   touch.path = path_of(path);
   bool is_pushed = false;
+  std::vector<CameraUri> uris;
   for (const nb::handle camera : cameras) {
     PyPushedCamera* pushed = nullptr;
     if (nb::try_cast<PyPushedCamera*>(camera, pushed, false) && pushed != nullptr) {
@@ -224,8 +225,10 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
     }
     const auto uri = nb::cast<std::string>(camera);
     constexpr double kLongest = 86400;  // a hand takes its time
+    uris.push_back(taken(parse_camera_uri(uri)));
+    taken(check_one_world(uris));
     std::unique_ptr<DepthSource> source =
-        taken(open_camera(uri, {is_live, is_live ? std::optional(kLongest) : duration}));
+        taken(open_camera(uris.back(), {is_live, is_live ? std::optional(kLongest) : duration}));
     if (touch.path.empty()) touch.path = path_of_scene(uri);
     if (is_live && !source->info().is_live) source = taken(read_ahead(std::move(source)));
     request.sources.push_back(std::move(source));

@@ -194,7 +194,7 @@ Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, Contents& con
   CameraInTree place{std::move(contents.transforms), extra("world"), extra("frame")};
   if (place.world.empty() && place.frame.empty()) return std::optional<CameraInTree>();
   if (place.frame.empty()) place.frame = images.frame_id;
-  const bool is_there = place.transforms.find(place.world, place.frame, images.first).has_value();
+  const bool is_there = place.transforms.are_joined(place.world, place.frame);
   if (is_there) return std::optional(std::move(place));
   std::string frames;
   for (const std::string& frame : place.transforms.frames()) {
@@ -202,21 +202,21 @@ Result<std::optional<CameraInTree>> place_of(const CameraUri& uri, Contents& con
   }
   return Error{Errc::bad_input, "camera " + uri.text + ": no transform joins the world '" +
                                     place.world + "' and the camera '" + place.frame +
-                                    "' when the first image was taken; the recording knows " +
-                                    (frames.empty() ? "none" : frames)};
+                                    "'; the recording knows " + (frames.empty() ? "none" : frames)};
 }
 
 class BagSource final : public DepthSource {
  public:
   BagSource(std::unique_ptr<BagReader> reader, std::string topic, double unit,
             std::optional<double> said, DepthStreamInfo info, std::optional<CameraInTree> place,
-            bool was_cut_off)
+            double latency, bool was_cut_off)
       : reader_(std::move(reader)),
         topic_(std::move(topic)),
         unit_(unit),
         said_(said),
         info_(std::move(info)),
         place_(std::move(place)),
+        latency_(latency),
         tells_of_cut_(was_cut_off) {}
 
   const DepthStreamInfo& info() const override { return info_; }
@@ -240,7 +240,7 @@ class BagSource final : public DepthSource {
       if (num_read_++ > 0 && !(read->timestamp > last_)) continue;  // sent twice
       last_ = read->timestamp;
       if (place_) {
-        const auto X_WC = place_->transforms.find(place_->world, place_->frame, last_);
+        const auto X_WC = place_->transforms.find(place_->world, place_->frame, last_ - latency_);
         if (!X_WC) {
           num_unplaced_.fetch_add(1);
           continue;
@@ -248,6 +248,7 @@ class BagSource final : public DepthSource {
         read->X_WC = *X_WC;
       }
       frame = *std::move(read);
+      frame.timestamp -= latency_;
       if (said_) frame.unit = *said_;
       return true;
     }
@@ -260,7 +261,7 @@ class BagSource final : public DepthSource {
     }
     if (const int num = num_unplaced_.exchange(0); num > 0) {
       notes.push_back(std::to_string(num) + " frames were left out: no transform tells where '" +
-                      place_->frame + "' was in '" + place_->world + "' within a second of them");
+                      place_->frame + "' was in '" + place_->world + "' at their stamps");
     }
     return notes;
   }
@@ -272,6 +273,7 @@ class BagSource final : public DepthSource {
   std::optional<double> said_;
   const DepthStreamInfo info_;
   const std::optional<CameraInTree> place_;
+  const double latency_;  // s
   double last_ = 0;
   int num_read_ = 0;
   std::atomic<int> num_unplaced_ = 0;
@@ -317,7 +319,7 @@ Result<RawStream> open_bag_camera(const CameraUri& uri, const CameraOpening&) {
   auto again = BagReader::open(uri.target);
   if (!again) return again.error();
   return RawStream{std::make_unique<BagSource>(*std::move(again), *topic, unit, said,
-                                               std::move(info), *std::move(place),
+                                               std::move(info), *std::move(place), uri.latency,
                                                contents->was_cut_off)};
 }
 

@@ -154,6 +154,20 @@ Result<CameraUri> parse_camera_uri(std::string_view text) {
   return uri;
 }
 
+Status check_one_world(std::span<const CameraUri> cameras) {
+  const std::string* world = nullptr;
+  for (const CameraUri& camera : cameras) {
+    const auto given = camera.extras.find("world");
+    if (given == camera.extras.end()) continue;
+    if (world == nullptr) world = &given->second;
+    if (given->second == *world) continue;
+    return Error{Errc::invalid_argument, "cameras are placed in different worlds, '" + *world +
+                                             "' and '" + given->second +
+                                             "': give all of them the same world=FRAME"};
+  }
+  return Done{};
+}
+
 Status CameraUri::check_extras(std::initializer_list<std::string_view> known_ones) const {
   for (const auto& [name, value] : extras) {
     if (std::ranges::find(known_ones, name) != known_ones.end()) continue;

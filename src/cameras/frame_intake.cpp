@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kFirstFrameTimeout = 10;  // s
 constexpr double kBlackSeconds = 1;        // s without any measurement that people are told of
+constexpr double kLongestBack = 1;         // s; a stamp before that is of a clock that was set back
 constexpr std::size_t kMostNotes = 100;
 
 bool is_black(const DepthFrame& frame) {
@@ -70,7 +71,8 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
       return false;
     }
     const double earliest = capture_time_of(stamp, arrival);
-    if (clock_.num_restarts() > num_restarts) {
+    const bool is_set_back = has_last_ && stamp < last_stamp_ - kLongestBack;
+    if (clock_.num_restarts() > num_restarts || is_set_back) {
       note("has started its clock anew");
     } else if (has_last_ && !(stamp > last_stamp_)) {
       if (num_from_past_++ == 0) note("sends frames from the past, which are left out");

@@ -20,18 +20,26 @@ double way(double a, double b, bool is_endless) {
 
 }  // namespace
 
-JointHistory::JointHistory(std::vector<Joint> joints)
-    : joints_(std::move(joints)), told_(joints_.size()) {
+JointHistory::JointHistory(std::vector<Joint> joints, double kept_seconds)
+    : joints_(std::move(joints)), kept_seconds_(kept_seconds), told_(joints_.size()) {
   for (std::size_t i = 0; i < joints_.size(); ++i) numbers_.emplace(joints_[i].name, i);
 }
 
 void JointHistory::add(std::string_view joint, double time, double position) {
   const auto number = numbers_.find(joint);
-  if (number != numbers_.end()) insert_by_time(told_[number->second], Told{time, position});
+  if (number == numbers_.end()) return;
+  std::vector<Told>& told = told_[number->second];
+  std::isinf(kept_seconds_) ? insert_by_time(told, Told{time, position})
+                            : insert_newest(told, Told{time, position}, kept_seconds_);
 }
 
-void JointHistory::keep_newest(std::size_t num) {
-  for (auto& told : told_) palpate::keep_newest(told, num);
+double JointHistory::known_until() const {
+  double until = std::numeric_limits<double>::infinity();
+  for (const auto& told : told_) {
+    until =
+        std::min(until, told.empty() ? -std::numeric_limits<double>::infinity() : told.back().time);
+  }
+  return until;
 }
 
 Result<double> JointHistory::at(std::size_t joint, double time, double max_age,

@@ -1,6 +1,7 @@
 // Positions of joints at any time, from those that were told.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <string>
 #include <string_view>
@@ -18,17 +19,19 @@ class JointHistory {
     std::string name;
     bool is_endless = false;
   };
-  explicit JointHistory(std::vector<Joint> joints);
+  /// Of each joint, what is older than its newest by more than that, s, is forgotten: live ones.
+  explicit JointHistory(std::vector<Joint> joints,
+                        double kept_seconds = std::numeric_limits<double>::infinity());
 
   /// What is told of joints that nobody asks for is not kept. `position`: rad or m.
   void add(std::string_view joint, double time, double position);
-  /// So that no joint has more than twice so many.
-  void keep_newest(std::size_t num);
 
   /// Position of a joint, by its number: between those that were told before and after. After the
   /// last one it goes on as fast as in the 20 ms before. One that was told once, in a file, stays.
   /// Error: nothing was told of it within `max_age` of that time.
   Result<double> at(std::size_t joint, double time, double max_age, bool may_stay) const;
+  /// Until when all joints are told of, s; minus infinity: not all are.
+  double known_until() const;
   /// Names of those that nothing was told of, with commas between them.
   std::string missing() const;
 
@@ -37,6 +40,7 @@ class JointHistory {
     double time = 0, position = 0;
   };
   std::vector<Joint> joints_;
+  double kept_seconds_;
   std::vector<std::vector<Told>> told_;  // of each joint
   std::map<std::string, std::size_t, std::less<>> numbers_;
 };

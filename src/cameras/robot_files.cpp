@@ -48,10 +48,18 @@ class TreePoses final : public LinkPoses {
     if (states_ || X_WB_.size() > 1) return false;
     return std::nullopt;
   }
-  Status at(double time, std::span<Pose> X_WL) const override {
+  Status at(double time, std::span<Pose> X_WL) const override { return place({time, 0}, X_WL); }
+  Status at_frame(const DepthFrame& frame, std::span<Pose> X_WL) const override {
+    return place({frame.timestamp, frame.stamp}, X_WL);
+  }
+
+ private:
+  Status place(RobotStates::Moment moment, std::span<Pose> X_WL) const {
+    moment.max_age = max_age_;
+    const double time = moment.time;
     std::vector<double> told, positions(model_.joints.size());
     if (states_) {
-      if (const Status status = states_->positions(time, max_age_, told); !status) return status;
+      if (const Status status = states_->positions(moment, told); !status) return status;
       for (std::size_t i = 0; i < told_.size(); ++i) positions[told_[i]] = told[i];
     }
     if (X_WB_.size() > 1 && (time < X_WB_.front().time || time > X_WB_.back().time)) {
@@ -69,7 +77,6 @@ class TreePoses final : public LinkPoses {
     return Done{};
   }
 
- private:
   const RobotModel model_;
   const std::vector<TimedPose> X_WB_;
   const double max_age_;
@@ -86,16 +93,10 @@ class FramePoses final : public LinkPoses {
 
   std::optional<bool> is_live() const override { return states_->is_live(); }
   Status at(double time, std::span<Pose> X_WL) const override {
-    for (std::size_t i = 0; i < links_.size(); ++i) {
-      const auto pose = states_->link_in_world(links_[i], time, max_age_);
-      if (!pose) {
-        char text[60];
-        std::snprintf(text, sizeof text, "' was within %.3g s", max_age_);
-        return Error{Errc::unavailable, "tf does not tell where '" + links_[i] + text};
-      }
-      X_WL[i] = *pose;
-    }
-    return Done{};
+    return states_->links_in_world(links_, {time, 0, max_age_}, X_WL);
+  }
+  Status at_frame(const DepthFrame& frame, std::span<Pose> X_WL) const override {
+    return states_->links_in_world(links_, {frame.timestamp, frame.stamp, max_age_}, X_WL);
   }
 
  private:

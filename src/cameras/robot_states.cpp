@@ -1,5 +1,10 @@
 #include "src/cameras/robot_states.h"
 
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
 #include <utility>
 
 #include "palpate/cameras/cameras.h"
@@ -12,10 +17,21 @@
 namespace palpate {
 namespace {
 
-constexpr std::size_t kNumKept = 4096;       // live, of each joint: 4 s at 1 kHz
-constexpr double kSecondsKept = 5;           // live, of each frame
+constexpr double kSecondsKept = 5;           // live, of each joint and frame
+constexpr double kLongestWait = 1;           // s
 constexpr std::size_t kMostTold = 20000000;  // numbers in a file
-constexpr double kForEver = 1e12;            // s
+constexpr double kForEver = std::numeric_limits<double>::infinity();
+
+double kept_of(const StateAddress& address) {
+  return address.kind == StateAddress::Kind::ros2 ? kSecondsKept : kForEver;
+}
+
+/// Words for stamps that cannot be of one clock; `until`: s, the newest that was told.
+std::string clock_hint(bool is_by_stamp, double time, double until) {
+  constexpr double kFarAway = 60;  // s
+  if (!is_by_stamp || std::isinf(until) || std::abs(time - until) < kFarAway) return "";
+  return "; images and robot are stamped by different clocks: give both one, or say match=arrival";
+}
 
 }  // namespace
 
@@ -39,11 +55,13 @@ Result<StateAddress> parse_state_address(std::string_view text) {
       address.world = one.substr(6);
     } else if (is_bag && one.starts_with("topic=") && one.size() > 6) {
       address.topic = one.substr(6);
+    } else if (!is_bag && (one == "match=stamps" || one == "match=arrival")) {
+      address.goes_by_arrival = one == "match=arrival";
     } else {
-      return Error{Errc::invalid_argument, "joints " + address.text.substr(0, 60) + ": '" +
-                                               std::string(one.substr(0, 40)) +
-                                               "' is not known; there are " +
-                                               (is_bag ? "topic=/TOPIC and " : "") + "world=FRAME"};
+      return Error{Errc::invalid_argument,
+                   "joints " + address.text.substr(0, 60) + ": '" + std::string(one.substr(0, 40)) +
+                       "' is not known; there are " +
+                       (is_bag ? "topic=/TOPIC" : "match=stamps|arrival") + " and world=FRAME"};
     }
   }
   return address;
@@ -52,39 +70,87 @@ Result<StateAddress> parse_state_address(std::string_view text) {
 RobotStates::RobotStates(StateAddress address, std::vector<JointHistory::Joint> joints)
     : address_(std::move(address)),
       num_joints_(joints.size()),
-      joints_(std::move(joints)),
-      transforms_(address_.kind == StateAddress::Kind::ros2 ? kSecondsKept : kForEver) {}
+      by_time_{JointHistory(joints, kept_of(address_)), TfHistory(kept_of(address_))},
+      by_stamp_{JointHistory(std::move(joints), kSecondsKept), TfHistory(kSecondsKept)},
+      has_stamps_(address_.kind == StateAddress::Kind::ros2 && !address_.goes_by_arrival) {}
 
-Status RobotStates::positions(double time, double max_age, std::vector<double>& positions) const {
+template <class KnownUntil>
+std::pair<const RobotStates::Told&, double> RobotStates::told_at(
+    std::unique_lock<std::mutex>& lock, const Moment& moment, const KnownUntil& known_until) const {
+  const auto told = [&]() -> std::pair<const Told&, double> {
+    if (has_stamps_ && moment.stamp != 0) return {by_stamp_, moment.stamp};
+    return {by_time_, moment.time};
+  };
+  if (!is_live()) return told();
+  const std::chrono::duration<double> longest(std::min(moment.max_age, kLongestWait));
+  changed_.wait_for(lock, longest, [&] {
+    const auto [what, time] = told();
+    const double until = known_until(what, time);
+    // Who has been silent for long is not waited for with every image.
+    return until >= time || until < time - moment.max_age;
+  });
+  return told();
+}
+
+Status RobotStates::positions(const Moment& moment, std::vector<double>& positions) const {
   // A robot that stands still is written as one line; a recording in which a joint falls silent is
   // none.
   const bool may_stay = address_.kind == StateAddress::Kind::table;
   positions.resize(num_joints_);
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
+  const auto [told, time] =
+      told_at(lock, moment, [](const Told& what, double) { return what.joints.known_until(); });
   for (std::size_t i = 0; i < num_joints_; ++i) {
-    const auto position = joints_.at(i, time, max_age, may_stay);
-    if (!position) return position.error();
-    positions[i] = *position;
+    const auto position = told.joints.at(i, time, moment.max_age, may_stay);
+    if (position) {
+      positions[i] = *position;
+      continue;
+    }
+    return Error{position.error().code,
+                 position.error().message +
+                     clock_hint(&told == &by_stamp_, time, told.joints.known_until())};
   }
   return Done{};
 }
 
-std::optional<Pose> RobotStates::link_in_world(const std::string& link, double time,
-                                               double max_age) const {
-  const std::lock_guard lock(mutex_);
-  return transforms_.find(address_.world, link, time, max_age);
+Status RobotStates::links_in_world(std::span<const std::string> links, const Moment& moment,
+                                   std::span<Pose> X_WL) const {
+  std::unique_lock lock(mutex_);
+  const auto [told, time] = told_at(lock, moment, [&](const Told& what, double at) {
+    double until = kForEver;
+    for (const std::string& link : links) {
+      until = std::min(until, what.transforms.known_until(address_.world, link, at));
+    }
+    return until;
+  });
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    const auto X = told.transforms.find(address_.world, links[i], time, moment.max_age);
+    if (X) {
+      X_WL[i] = *X;
+      continue;
+    }
+    const double until = told.transforms.known_until(address_.world, links[i], time);
+    std::string why = "tf does not tell where '" + links[i] + "' was";
+    if (until < time && until > -kForEver) {
+      char text[80];
+      std::snprintf(text, sizeof text, " after %.3g s before the image", time - until);
+      why += text;
+    }
+    return Error{Errc::unavailable, why + clock_hint(&told == &by_stamp_, time, until)};
+  }
+  return Done{};
 }
 
 std::string RobotStates::missing_joints() const {
   const std::lock_guard lock(mutex_);
-  return joints_.missing();
+  return by_time_.joints.missing();
 }
 
 std::string RobotStates::missing_links(const std::vector<std::string>& links) const {
   const std::lock_guard lock(mutex_);
   std::string names;
   for (const std::string& link : links) {
-    if (transforms_.find(address_.world, link, 0, kForEver)) continue;
+    if (by_time_.transforms.are_joined(address_.world, link)) continue;
     names += (names.empty() ? "" : ", ") + link;
   }
   return names;
@@ -95,10 +161,12 @@ void RobotStates::hear_joints(std::string_view message) {
   if (!state || state->names.empty()) return;
   const std::lock_guard lock(mutex_);
   const double time = time_of(state->time, state->names.front());
+  has_stamps_ = has_stamps_ && state->time != 0;
   for (std::size_t i = 0; i < state->names.size(); ++i) {
-    joints_.add(state->names[i], time, state->positions[i]);
+    by_time_.joints.add(state->names[i], time, state->positions[i]);
+    if (has_stamps_) by_stamp_.joints.add(state->names[i], state->time, state->positions[i]);
   }
-  if (is_live()) joints_.keep_newest(kNumKept);
+  changed_.notify_all();
 }
 
 void RobotStates::hear_transforms(std::string_view message, bool is_static) {
@@ -106,9 +174,12 @@ void RobotStates::hear_transforms(std::string_view message, bool is_static) {
   if (!transforms) return;
   const std::lock_guard lock(mutex_);
   for (RosStampedTransform each : *transforms) {
+    has_stamps_ = has_stamps_ && (is_static || each.time != 0);
+    if (has_stamps_) by_stamp_.transforms.add(each, is_static);
     if (!is_static) each.time = time_of(each.time, each.child);
-    transforms_.add(each, is_static);
+    by_time_.transforms.add(each, is_static);
   }
+  changed_.notify_all();
 }
 
 namespace {
@@ -119,7 +190,7 @@ class TableStates final : public RobotStates {
   Status read() {
     const auto text = read_file(address_.target, kMostTold * 8);
     if (!text) return text.error();
-    return read_joint_table(*text, address_.target, joints_);
+    return read_joint_table(*text, address_.target, by_time_.joints);
   }
 };
 

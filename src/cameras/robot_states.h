@@ -1,12 +1,15 @@
 // What is told of a robot's joints and frames, by files, recordings or ROS 2.
 #pragma once
 
+#include <condition_variable>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "src/cameras/capture_clock.h"
@@ -19,13 +22,14 @@ namespace palpate {
 struct StateAddress {
   enum class Kind { table, bag, ros2 };
   Kind kind = Kind::table;
-  std::string text;    ///< as it was given, for humans
-  std::string target;  ///< file, or topic of JointState; of a bag that is `topic`
-  std::string topic;   ///< empty: all of JointState in the bag
-  std::string world;   ///< frame of tf that is W: places of links are told, not joints
+  std::string text;              ///< as it was given, for humans
+  std::string target;            ///< file, or topic of JointState; of a bag that is `topic`
+  std::string topic;             ///< empty: all of JointState in the bag
+  std::string world;             ///< frame of tf that is W: places of links are told, not joints
+  bool goes_by_arrival = false;  ///< stamps are of another clock than those of images
 };
-/// FILE.csv, bag:FILE[?topic=/T], ros2:[/T], and the last two with ?world=FRAME. Error: a parameter
-/// that there is not.
+/// FILE.csv, bag:FILE[?topic=/T], ros2:[/T], and the last two with ?world=FRAME; ros2: with
+/// &match=stamps|arrival. Error: a parameter that there is not.
 Result<StateAddress> parse_state_address(std::string_view text);
 
 /// What was told so far, or all that ever was. Any threads.
@@ -37,13 +41,24 @@ class RobotStates {
   RobotStates(StateAddress address, std::vector<JointHistory::Joint> joints);
   virtual ~RobotStates() = default;
 
-  /// On the monotonic clock of this computer, and goes on.
+  /// They go on.
   virtual bool is_live() const { return false; }
 
-  /// Positions of all joints at a time. Error: as of JointHistory::at.
-  Status positions(double time, double max_age, std::vector<double>& positions) const;
-  /// Link in the world at a time.
-  std::optional<Pose> link_in_world(const std::string& link, double time, double max_age) const;
+  /// When a frame was captured. Live it is looked for by its stamp, as messages say it, if both
+  /// have one; else on the monotonic clock of this computer, where each message's time counts from
+  /// the earliest that it can have come.
+  struct Moment {
+    double time = 0;       ///< s, on the clock of the frames
+    double stamp = 0;      ///< s; 0: none
+    double max_age = 0.1;  ///< s, that what is told may be away from it
+  };
+  /// Positions of all joints at a moment. Live, waits until they are told, at most `max_age`; then
+  /// they go on from what was told last. Error: as of JointHistory::at.
+  Status positions(const Moment& moment, std::vector<double>& positions) const;
+  /// Links in the world at a moment. Live, waits until they are told, at most `max_age`; nothing
+  /// goes on (as in tf2). Error: one that is not told of, in words.
+  Status links_in_world(std::span<const std::string> links, const Moment& moment,
+                        std::span<Pose> X_WL) const;
   /// Joints of which nothing has been told; of `links`, those that no transform ever placed.
   std::string missing_joints() const;
   std::string missing_links(const std::vector<std::string>& links) const;
@@ -54,11 +69,21 @@ class RobotStates {
   /// From a time stamp to the clock of the frames; `who` may have one of his own.
   virtual double time_of(double stamp, [[maybe_unused]] const std::string& who) { return stamp; }
 
+  struct Told {
+    JointHistory joints;
+    TfHistory transforms;
+  };
+  /// What was told, and the moment on its clock. Waits until `known_until` that is there.
+  template <class KnownUntil>
+  std::pair<const Told&, double> told_at(std::unique_lock<std::mutex>& lock, const Moment& moment,
+                                         const KnownUntil& known_until) const;
+
   const StateAddress address_;
   const std::size_t num_joints_;
   mutable std::mutex mutex_;
-  JointHistory joints_;
-  TfHistory transforms_;
+  mutable std::condition_variable changed_;
+  Told by_time_, by_stamp_;  // the latter live only
+  bool has_stamps_;          // all that was told has
 };
 
 }  // namespace palpate

@@ -83,7 +83,7 @@ class Heard {
     std::unique_lock lock(mutex_);
     double until = 0;
     const bool is_known = changed_.wait_for(lock, std::chrono::duration<double>(kLongestTf), [&] {
-      until = history_.known_until(world, frame);
+      until = history_.known_until(world, frame, time);
       return until >= time || is_cancelled_;
     });
     const auto X_WC = is_known ? history_.find(world, frame, time) : std::nullopt;
@@ -319,6 +319,7 @@ class Ros2Source final : public DepthSource {
       return false;
     }
     frame = *std::move(got);
+    if (frame.timestamp != 0) frame.stamp = frame.timestamp - uri_.latency;
     if (!place(frame)) return false;
     if (has_our_clock_) frame.timestamp += monotonic_now() - seconds_since_1970();
     if (image_.model) {
@@ -334,7 +335,7 @@ class Ros2Source final : public DepthSource {
     info_.frame = world_.empty() ? image_.frame : world_;
     if (world_.empty()) return true;
     if (camera_.empty()) camera_ = image_.frame;
-    const auto place = heard_.place(world_, camera_, frame.timestamp);
+    const auto place = heard_.place(world_, camera_, frame.stamp);
     is_unplaced_ = !place;
     if (is_unplaced_) {
       if (!is_open_) return false;  // tf may take longer to be found than images

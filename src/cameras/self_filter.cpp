@@ -38,7 +38,7 @@ class SelfFilteredSource final : public DepthSource {
         tell_of_end();
         return got;
       }
-      const Status known = poses_.at(frame.timestamp, X_WL_);
+      const Status known = poses_.at_frame(frame, X_WL_);
       if (!known) {
         leave_out(known.error().message);
         continue;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <vector>
 
 namespace palpate {
@@ -19,11 +20,17 @@ void insert_by_time(std::vector<Timed>& all, const Timed& one) {
   if (at->time != one.time) all.insert(at, one);
 }
 
-/// Of what goes on for ever only the newest are kept, at least `num` of them.
+/// The same of what goes on for ever: of all that is older than the newest one by more than `kept`
+/// s, the newest is kept, and for a while others. A clock that was set back has started anew.
 template <class Timed>
-void keep_newest(std::vector<Timed>& all, std::size_t num) {
-  if (all.size() > 2 * num) {
-    all.erase(all.begin(), all.end() - static_cast<std::ptrdiff_t>(num));
+void insert_newest(std::vector<Timed>& all, const Timed& one, double kept) {
+  constexpr double kLongestBack = 1;  // s that a message may be late
+  if (!all.empty() && one.time < all.back().time - kLongestBack) all.clear();
+  insert_by_time(all, one);
+  const auto first = std::ranges::lower_bound(all, all.back().time - kept, {}, &Timed::time);
+  // Not with each one, so that it costs little.
+  if (first - all.begin() > std::max<std::ptrdiff_t>(all.end() - first, 1)) {
+    all.erase(all.begin(), first - 1);
   }
 }
 

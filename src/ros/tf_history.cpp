@@ -1,49 +1,65 @@
 #include "src/ros/tf_history.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "src/ros/by_time.h"
 #include "src/ros/tf_tree.h"
 
 namespace palpate {
+namespace {
+
+constexpr std::size_t kMostParents = 100;  // of one frame
+
+}  // namespace
 
 void TfHistory::add(const RosStampedTransform& transform, bool is_static) {
   const std::string child = plain_frame(transform.child);
   if (links_.size() >= kMostFrames && !links_.contains(child)) return;
   Link& link = links_[child];
-  link.parent = plain_frame(transform.parent);
+  const std::string parent = plain_frame(transform.parent);
+  auto known = std::ranges::find(link.parents, parent);
+  if (known == link.parents.end()) {
+    if (link.parents.size() == kMostParents) return;
+    known = link.parents.insert(known, parent);
+  }
+  if (is_static || link.is_static) link.told.clear();
   link.is_static = is_static;
-  if (is_static) link.X_PC.clear();
-  std::vector<TimedPose>& poses = link.X_PC;
-  // A clock that was set back has started anew.
-  if (!poses.empty() && transform.time < poses.back().time - kept_seconds_) poses.clear();
-  insert_by_time(poses, TimedPose{transform.time, transform.X_PC});
-  // One that is too old is kept, so that there is one before all the others.
-  const double oldest = poses.back().time - kept_seconds_;
-  const auto first = std::ranges::lower_bound(poses, oldest, {}, &TimedPose::time);
-  if (first - poses.begin() > 1) poses.erase(poses.begin(), std::prev(first));
+  const auto number = static_cast<std::size_t>(known - link.parents.begin());
+  const Told told{transform.time, number, transform.X_PC};
+  std::isinf(kept_seconds_) ? insert_by_time(link.told, told)
+                            : insert_newest(link.told, told, kept_seconds_);
 }
 
-std::vector<std::string> TfHistory::ancestors(const std::string& frame) const {
+const TfHistory::Told& TfHistory::Link::before(double time) const {
+  const auto after = std::ranges::upper_bound(told, time, {}, &Told::time);
+  return after == told.begin() ? *after : *std::prev(after);
+}
+
+std::optional<Pose> TfHistory::Link::in_parent(double time, double most_apart) const {
+  if (is_static) return told.front().X_PC;
+  const bool is_between = time >= told.front().time && time <= told.back().time;
+  if (!is_between || nearest_in_time(told, time) > most_apart) return std::nullopt;
+  const Told& a = before(time);
+  const Told& b = a.time == told.back().time ? a : *(&a + 1);
+  if (a.time == time || a.parent != b.parent) return a.X_PC;
+  return interpolate(a.X_PC, b.X_PC, (time - a.time) / (b.time - a.time));
+}
+
+std::vector<std::string> TfHistory::ancestors(const std::string& frame, double time) const {
   std::vector<std::string> chain{plain_frame(frame)};
   for (auto link = links_.find(chain.back()); link != links_.end() && chain.size() < kMostFrames;
        link = links_.find(chain.back())) {
-    chain.push_back(link->second.parent);
+    chain.push_back(link->second.parent_at(time));
   }
   return chain;
 }
 
-std::optional<Pose> TfHistory::in_parent(const std::string& frame, double time,
-                                         double most_apart) const {
-  const Link& link = links_.at(frame);
-  if (!link.is_static && nearest_in_time(link.X_PC, time) > most_apart) return std::nullopt;
-  return pose_at(link.X_PC, time);
-}
-
 std::optional<TfHistory::Chains> TfHistory::chains_between(const std::string& a,
-                                                           const std::string& b) const {
-  Chains chains{ancestors(a), ancestors(b)};
+                                                           const std::string& b,
+                                                           double time) const {
+  Chains chains{ancestors(a, time), ancestors(b, time)};
   const auto met = std::ranges::find_first_of(chains.of_b, chains.of_a);
   if (met == chains.of_b.end()) return std::nullopt;
   chains.of_a.erase(std::ranges::find(chains.of_a, *met), chains.of_a.end());
@@ -53,12 +69,12 @@ std::optional<TfHistory::Chains> TfHistory::chains_between(const std::string& a,
 
 std::optional<Pose> TfHistory::find(const std::string& a, const std::string& b, double time,
                                     double most_apart) const {
-  const auto chains = chains_between(a, b);
+  const auto chains = chains_between(a, b, time);
   if (!chains) return std::nullopt;
   const auto up = [&](const std::vector<std::string>& chain) -> std::optional<Pose> {
     Pose X_MF;
     for (const std::string& frame : chain) {
-      const auto X_PF = in_parent(frame, time, most_apart);
+      const auto X_PF = links_.at(frame).in_parent(time, most_apart);
       if (!X_PF) return std::nullopt;
       X_MF = *X_PF * X_MF;
     }
@@ -69,15 +85,15 @@ std::optional<Pose> TfHistory::find(const std::string& a, const std::string& b, 
   return inverse(*X_MA) * *X_MB;
 }
 
-double TfHistory::known_until(const std::string& a, const std::string& b) const {
+double TfHistory::known_until(const std::string& a, const std::string& b, double time) const {
   constexpr double kForEver = std::numeric_limits<double>::infinity();
-  const auto chains = chains_between(a, b);
+  const auto chains = chains_between(a, b, time);
   if (!chains) return -kForEver;
   double until = kForEver;
   for (const auto* chain : {&chains->of_a, &chains->of_b}) {
     for (const std::string& frame : *chain) {
       const Link& link = links_.at(frame);
-      if (!link.is_static) until = std::min(until, link.X_PC.back().time);
+      if (!link.is_static) until = std::min(until, link.told.back().time);
     }
   }
   return until;
@@ -85,11 +101,13 @@ double TfHistory::known_until(const std::string& a, const std::string& b) const 
 
 bool TfHistory::is_moving(const std::string& a, const std::string& b) const {
   const auto moves = [&](const std::string& frame) {
-    const auto& poses = links_.at(frame).X_PC;
-    return std::ranges::any_of(
-        poses, [&](const TimedPose& pose) { return !(pose.X_WT == poses.front().X_WT); });
+    const Link& link = links_.at(frame);
+    const Told& first = link.told.front();
+    return std::ranges::any_of(link.told, [&](const Told& told) {
+      return told.parent != first.parent || !(told.X_PC == first.X_PC);
+    });
   };
-  const auto chains = chains_between(a, b);
+  const auto chains = chains_between(a, b, std::numeric_limits<double>::infinity());
   return chains &&
          (std::ranges::any_of(chains->of_a, moves) || std::ranges::any_of(chains->of_b, moves));
 }
@@ -98,7 +116,9 @@ std::vector<std::string> TfHistory::frames() const {
   std::vector<std::string> frames;
   for (const auto& [child, link] : links_) {
     frames.push_back(child);
-    if (!links_.contains(link.parent)) frames.push_back(link.parent);
+    for (const std::string& parent : link.parents) {
+      if (!links_.contains(parent)) frames.push_back(parent);
+    }
   }
   std::ranges::sort(frames);
   const auto twice = std::ranges::unique(frames);

@@ -21,32 +21,46 @@ class TfHistory {
 
   void add(const RosStampedTransform& transform, bool is_static);
 
-  /// Frame B in frame A at a time, s since 1970, between those that were told before and after it.
-  /// None: nothing joins them, or a frame that moves was not told of within `most_apart` s of that
-  /// time.
+  /// Frame B in frame A at a time, s since 1970, between what was told before and after it, by the
+  /// parents that frames had then. As in tf2, where a frame goes from one parent to another the
+  /// earlier one holds until it is told of the other. None: nothing joins them; a frame that moves
+  /// was told of only before or only after that time, or not within `most_apart` s of it.
   std::optional<Pose> find(const std::string& a, const std::string& b, double time,
                            double most_apart = 1) const;
-  /// Until when all that moves between the two is known, s; infinity if nothing may. Minus
-  /// infinity: nothing joins them.
-  double known_until(const std::string& a, const std::string& b) const;
+  /// Until when all that moves between the two is known, s, by the parents of that time; infinity
+  /// if nothing may move. Minus infinity: nothing joins them.
+  double known_until(const std::string& a, const std::string& b,
+                     double time = std::numeric_limits<double>::infinity()) const;
+  /// Whether they belong to one tree, at any time.
+  bool are_joined(const std::string& a, const std::string& b) const {
+    return known_until(a, b) >= 0 || known_until(a, b, 0) >= 0;
+  }
   /// Whether anything between the two moves, as far as it was told.
   bool is_moving(const std::string& a, const std::string& b) const;
   std::vector<std::string> frames() const;
 
  private:
+  struct Told {
+    double time = 0;
+    std::size_t parent = 0;  // number in Link::parents
+    Pose X_PC;
+  };
   struct Link {
-    std::string parent;
+    std::vector<std::string> parents;  // that it had
     bool is_static = false;
-    std::vector<TimedPose> X_PC;
+    std::vector<Told> told;
+    const Told& before(double time) const;  // the last one; else the first one
+    const std::string& parent_at(double time) const { return parents[before(time).parent]; }
+    std::optional<Pose> in_parent(double time, double most_apart) const;
   };
   /// From a frame up to the first one that is above the other, too; and the other way.
   struct Chains {
     std::vector<std::string> of_a, of_b;
   };
-  std::optional<Chains> chains_between(const std::string& a, const std::string& b) const;
-  /// From a frame up to its root, with the names of those in between.
-  std::vector<std::string> ancestors(const std::string& frame) const;
-  std::optional<Pose> in_parent(const std::string& frame, double time, double most_apart) const;
+  std::optional<Chains> chains_between(const std::string& a, const std::string& b,
+                                       double time) const;
+  /// From a frame up to its root at a time, with the names of those in between.
+  std::vector<std::string> ancestors(const std::string& frame, double time) const;
 
   double kept_seconds_;
   std::map<std::string, Link> links_;  // by child, poses by time

@@ -127,6 +127,10 @@ class Cameras(CameraCase):
             self.refused("no transform joins the world 'table' and the camera 'camera'", "touch",
                          self.tool, "--camera", f"bag:{bag}?world=table", "--path", self.path, "-o",
                          self.folder / "nowhere")
+        two = ["--camera", f"bag:{bag}?world=world", "--camera", f"bag:{bag}?world=table"]
+        for words in (["touch", self.tool, *two, "--path", self.path, "-o", self.folder / "nowhere"],
+                      ["record", *two, "-o", self.folder / "nowhere.mcap"]):
+            self.refused("different worlds, 'world' and 'table'", *words)
 
     def test_calibrate(self):
         true = [(0, 0, 0, 0, 0, 0, 1), (0.3420, -0.08, 0.0603, 0, -0.17365, 0, 0.98481)]

@@ -8,6 +8,7 @@
 
 #include "palpate/cameras/cameras.h"
 #include "src/cameras/camera_source.h"
+#include "src/cameras/frame_intake.h"
 #include "src/cameras/plausibility.h"
 #include "src/core/monotonic_clock.h"
 #include "tests/cameras/conformance.h"
@@ -49,6 +50,39 @@ Result<bool> give(DepthFrame& frame, int number, double stamp) {
 Result<bool> wait(const std::atomic<bool>& is_cancelled) {
   while (!is_cancelled) test::sleep_seconds(0.005);
   return false;
+}
+
+/// A clock that people say is kept with ours is set: back by ten seconds, forward by ten, and
+/// right.
+TEST(FrameIntake, GoesOnWhenASharedClockIsSet) {
+  struct Case {
+    std::vector<double> by;  // s, of each frame: what its clock is wrong by
+    double age;              // s, of the last frame
+    int num_notes;           // of a clock that was set back
+  };
+  for (const Case& one : {Case{{0, 0, -10, -10, -10}, 0.25, 1}, Case{{0, 0, -10, -10, 0}, 0.02, 1},
+                          Case{{0, 0, 10, 10, 0}, 0.02, 1}, Case{{0, 0, 0, 0, -0.5}, 0.12, 0}}) {
+    FrameIntake::Options options;
+    options.pinhole = {kWidth, kHeight, {60, 60, 15.5, 11.5}, {}};
+    options.stamps = StampClock::shared;
+    FrameIntake intake(options);
+    double now = 1000;
+    int number = 0;
+    for (const double by : one.by) {
+      now += 0.1;
+      DepthFrame frame = test::pattern_frame(kWidth, kHeight, number++, now - 0.02 + by);
+      intake.give(frame, options.pinhole, now);
+    }
+    intake.end(false);
+    DepthFrame frame;
+    ASSERT_TRUE(*intake.next(frame));
+    // Half a second back is taken for a frame from the past.
+    EXPECT_EQ(test::number_of(frame, 10), one.num_notes == 0 ? 3 : 4);
+    // Never before the frame before: what is older than it looks is as old as that one.
+    EXPECT_NEAR(now - frame.timestamp, one.age, 0.1001);
+    const std::string notes = joined(intake.take_notes());
+    EXPECT_EQ(has(notes, "has started its clock anew"), one.num_notes == 1) << notes;
+  }
 }
 
 TEST(LiveCamera, GivesFramesAsTheyComeWithTheTimeOfTheirArrival) {

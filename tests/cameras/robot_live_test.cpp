@@ -2,12 +2,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
 #include <thread>
 
+#include "src/cameras/robot_model.h"
 #include "src/core/monotonic_clock.h"
 #include "src/io/ros_messages.h"
 #include "src/ros/dds_api.h"
@@ -90,6 +92,91 @@ class PublishingRobot {
   std::thread thread_;
 };
 
+/// A robot that swings, and tells by its joints and by tf where it is, each 10 ms of its own clock.
+/// What it tells comes `lead` s before the image of the same moment, or as much after it.
+class SwingingRobot {
+ public:
+  static constexpr double kClock = 1000;  // s: its stamps at the first image
+  SwingingRobot(const RosNodeOptions& options, double lead)
+      : lead_(lead), node_(RosNode::join(options).value()) {
+    const RosQos kept{.is_reliable = true, .is_kept = true, .depth = 1};
+    joints_ = node_->publish("/arm/joint_states", "sensor_msgs/JointState", {}).value();
+    tf_ = node_->publish("/tf", "tf2_msgs/TFMessage", {}).value();
+    fixed_ = node_->publish("/tf_static", "tf2_msgs/TFMessage", kept).value();
+    const RosTransform still[] = {{"camera", "base", test::SwingingArm::base()},
+                                  {"forearm", "hand", {{0, 0, 0.3}, axis_angle({0, 0, 1}, 0.5)}}};
+    fixed_->publish(transform_message(0, still));
+    thread_ = std::thread([this] {
+      // All of it again and again: who was too busy to hear it hears it later.
+      while (!is_over_) {
+        for (int k = -50; !is_over_ && 0.01 * k <= now() + lead_ + 1e-6; ++k) tell(k);
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      }
+    });
+  }
+  ~SwingingRobot() {
+    is_over_ = true;
+    thread_.join();
+  }
+  /// An image of that moment, s after the first one, comes now.
+  void see(double moment) {
+    moment_ = moment;
+    seen_ = monotonic_now();
+  }
+
+ private:
+  double now() const {
+    return seen_ == 0 ? -0.2 : moment_ + std::min(monotonic_now() - seen_, 0.1);
+  }
+  void tell(int k) {
+    const auto ns = static_cast<std::uint64_t>(kClock * 1e9) +
+                    static_cast<std::uint64_t>(10000000LL * (k + 100)) - 1000000000ULL;
+    const double t = 0.01 * k;
+    const std::string names[] = {"shoulder", "elbow"};
+    const double positions[] = {test::SwingingArm::shoulder(t), test::SwingingArm::elbow(t)};
+    joints_->publish(joint_state_message({ns, ""}, names, positions));
+    const RosTransform moving[] = {
+        {"base", "upper_arm", {{}, axis_angle({1, 0, 0}, positions[0])}},
+        {"upper_arm", "forearm", {{0, 0, 0.3}, axis_angle({1, 0, 0}, positions[1])}}};
+    tf_->publish(transform_message(ns, moving));
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+  }
+
+  const double lead_;
+  const std::shared_ptr<RosNode> node_;
+  std::unique_ptr<RosPublisher> joints_, tf_, fixed_;
+  std::atomic<double> moment_ = 0, seen_ = 0;
+  std::atomic<bool> is_over_ = false;
+  std::thread thread_;
+};
+
+/// Frames of the arm that swings, stamped by the robot's clock.
+class StampedFrames : public DepthSource {
+ public:
+  StampedFrames(const std::vector<DepthFrame>& frames, SwingingRobot& robot)
+      : frames_(frames), robot_(robot) {
+    info_.width = frames.front().width;
+    info_.height = frames.front().height;
+    info_.intrinsics = {525, 525, 319.5, 239.5};
+    info_.is_live = true;
+  }
+  const DepthStreamInfo& info() const override { return info_; }
+  Result<bool> next(DepthFrame& frame) override {
+    if (next_ == frames_.size()) return false;
+    frame = frames_[next_++];
+    robot_.see(frame.timestamp);
+    frame.stamp = SwingingRobot::kClock + frame.timestamp;
+    frame.timestamp = monotonic_now();
+    return true;
+  }
+
+ private:
+  const std::vector<DepthFrame>& frames_;
+  SwingingRobot& robot_;
+  DepthStreamInfo info_;
+  std::size_t next_ = 0;
+};
+
 class RobotOverRos : public testing::Test {
  protected:
   void SetUp() override {
@@ -136,6 +223,52 @@ class RobotOverRos : public testing::Test {
         filter->applied_to(std::make_unique<test::FrameList>(std::vector<DepthFrame>{shown})));
   }
 
+  /// Pixels are removed as they are by the poses of the images' stamps.
+  void expect_the_arm_of_the_stamps(double lead) {
+    const auto shown = test::frames_of_arm([](double) { return Pose{}; }, true);
+    const auto filter_by = [&](double late) {
+      class Late : public LinkPoses {
+       public:
+        explicit Late(double by) : by_(by) {}
+        Status at(double time, std::span<Pose> X_WL) const override {
+          const auto poses = test::SwingingArm::poses(time - by_);
+          std::copy(poses.begin(), poses.end(), X_WL.begin());
+          return Done{};
+        }
+
+       private:
+        double by_;
+      };
+      return parse_arm(std::make_shared<Late>(late));
+    };
+    auto exact = filter_by(0).applied_to(std::make_unique<test::FrameList>(shown)).value();
+    auto wrong = filter_by(lead).applied_to(std::make_unique<test::FrameList>(shown)).value();
+    SwingingRobot robot(robot_node(), lead);
+    const auto filter = open_self_filter(files_, options_);
+    ASSERT_TRUE(filter) << filter.error().message;
+    auto source = filter->applied_to(std::make_unique<StampedFrames>(shown, robot)).value();
+    DepthFrame frame, wanted, not_wanted;
+    int num_different = 0;
+    for (std::size_t k = 0; k < shown.size(); ++k) {
+      ASSERT_TRUE(*source->next(frame)) << k;
+      ASSERT_TRUE(*exact->next(wanted) && *wrong->next(not_wanted));
+      int num_wrong = 0;
+      for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
+        num_wrong += frame.pixels[i] != wanted.pixels[i];
+        num_different += not_wanted.pixels[i] != wanted.pixels[i];
+      }
+      EXPECT_LE(num_wrong, 10) << "frame " << k;  // of rims, by rounding
+    }
+    EXPECT_GT(num_different, 10000);  // so far does the arm swing in that time
+    EXPECT_TRUE(source->take_notes().empty());
+  }
+  /// Its links as the files have them, round ones drawn around.
+  SelfFilter parse_arm(std::shared_ptr<const LinkPoses> poses) const {
+    auto model = parse_urdf(test::kArmUrdf, "arm.urdf", {}, RobotGeometry::collision).value();
+    std::erase_if(model.links, [](const RobotLink& link) { return link.mesh.triangles.empty(); });
+    return SelfFilter::create(std::move(model.links), std::move(poses), options_).value();
+  }
+
   const test::TemporaryFolder folder_;
   RobotFiles files_;
   SelfFilterOptions options_;
@@ -152,6 +285,17 @@ TEST_F(RobotOverRos, TellsOfItsFrames) {
   const PublishingRobot robot(robot_node());
   files_.joints = "ros2:?world=camera";
   expect_no_arm();
+}
+
+TEST_F(RobotOverRos, SwingsFastAndItsJointsComeEarlyOrLate) {
+  files_.joints = "ros2:/arm/joint_states";
+  files_.pose = "-0.35 0.1 0.8 0 0.70710678118654757 0 0.70710678118654757";
+  for (const double lead : {0.08, -0.08}) expect_the_arm_of_the_stamps(lead);
+}
+
+TEST_F(RobotOverRos, SwingsFastAndItsFramesComeEarlyOrLate) {
+  files_.joints = "ros2:?world=camera";
+  for (const double lead : {0.08, -0.08}) expect_the_arm_of_the_stamps(lead);
 }
 
 TEST_F(RobotOverRos, ThatIsSilentIsToldOf) {

@@ -62,9 +62,11 @@ TEST(TfHistory, knows_where_frames_were) {
   expect_near(*history.find("camera", "world", 10.5),
               inverse(kBaseArm * Pose{{0.05, 0, 0}, {}} * kArmTool));
   expect_near(*history.find("arm", "camera", 1e9), kArmTool);
-  expect_near(*history.find("world", "camera", 12.9), kBaseArm * Pose{{0.2, 0, 0}, {}} * kArmTool);
-  EXPECT_FALSE(history.find("world", "camera", 13.1));  // told too long ago
-  EXPECT_FALSE(history.find("world", "camera", 8.9));
+  expect_near(*history.find("world", "camera", 12), kBaseArm * Pose{{0.2, 0, 0}, {}} * kArmTool);
+  expect_near(*history.find("world", "camera", 10), kBaseArm * kArmTool);
+  EXPECT_FALSE(history.find("world", "camera", 12.001));  // nothing goes on
+  EXPECT_FALSE(history.find("world", "camera", 9.999));
+  EXPECT_FALSE(history.find("world", "camera", 11, 0.9));  // too long a gap
   EXPECT_FALSE(history.find("world", "gripper", 11));
   EXPECT_TRUE(history.is_moving("world", "camera"));
   EXPECT_FALSE(history.is_moving("world", "base"));
@@ -76,13 +78,42 @@ TEST(TfHistory, knows_where_frames_were) {
   (void)history.find("world", "arm", 11);
 }
 
+TEST(TfHistory, knows_who_carried_a_frame_when) {
+  // A cup stands on a table, is carried by an arm, and stands on the table again.
+  const Pose table_cup{{1, 0, 0}, {}}, arm_cup{{0, 0, 0.1}, {}}, there{{2, 0, 0}, {}};
+  for (const double kept : {5.0, std::numeric_limits<double>::infinity()}) {
+    TfHistory history(kept);
+    const auto arm = [](double time) { return Pose{{time, 5, 0}, {}}; };
+    for (const double time : {10.0, 11.0, 12.0, 13.0}) {
+      history.add({time, "table", "arm", arm(time)}, false);
+    }
+    for (const double time : {10.0, 11.0}) history.add({time, "table", "cup", table_cup}, false);
+    for (const double time : {11.2, 12.2}) history.add({time, "arm", "cup", arm_cup}, false);
+    history.add({12.5, "table", "cup", there}, false);
+    expect_near(*history.find("table", "cup", 10.5), table_cup);
+    expect_near(*history.find("table", "cup", 11), table_cup);
+    expect_near(*history.find("table", "cup", 11.1), table_cup);  // nobody told of the arm yet
+    expect_near(*history.find("table", "cup", 11.2), arm(11.2) * arm_cup);
+    expect_near(*history.find("cup", "table", 11.75), inverse(arm(11.75) * arm_cup));
+    expect_near(*history.find("table", "cup", 12.4), arm(12.4) * arm_cup);
+    expect_near(*history.find("table", "cup", 12.5), there);
+    EXPECT_FALSE(history.find("table", "cup", 12.6));
+    EXPECT_EQ(history.known_until("table", "cup"), 12.5);
+    EXPECT_EQ(history.known_until("arm", "cup", 11.5), 12.5);
+    EXPECT_TRUE(history.is_moving("table", "cup"));
+    EXPECT_TRUE(history.are_joined("table", "cup"));
+    EXPECT_FALSE(history.are_joined("saucer", "cup"));
+    EXPECT_EQ(history.frames(), (std::vector<std::string>{"arm", "cup", "table"}));
+  }
+}
+
 TEST(TfHistory, forgets_what_is_old) {
   TfHistory history(2);
   for (int i = 0; i <= 1000; ++i) {
     const double time = 0.01 * i;
     history.add({time, "base", "arm", {{time, 0, 0}, {}}}, false);
   }
-  EXPECT_FALSE(history.find("base", "arm", 5));
+  EXPECT_FALSE(history.find("base", "arm", 4));
   for (const double time : {8.0, 8.005, 9.123, 10.0}) {
     EXPECT_NEAR(history.find("base", "arm", time)->translation.x, time, 1e-9);
   }

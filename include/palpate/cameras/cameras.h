@@ -52,6 +52,8 @@ struct CameraUri {
 
 /// Errors: a parameter that is not what it should be, with its name. Kinds are not checked here.
 Result<CameraUri> parse_camera_uri(std::string_view text);
+/// Error: cameras that are felt together are told in different worlds (`world=`).
+Status check_one_world(std::span<const CameraUri> cameras);
 
 // Finding and opening depth cameras by the words of the command line.
 
@@ -188,6 +190,11 @@ class LinkPoses {
   /// X_WL of all links at a time on the clock of the frames, s. Any threads. Error: they are not
   /// known, in words that people are told.
   virtual Status at(double time, std::span<Pose> X_WL) const = 0;
+  /// The same when a frame was captured: who goes by its stamp looks at that. May wait until it is
+  /// known, a second at most.
+  virtual Status at_frame(const DepthFrame& frame, std::span<Pose> X_WL) const {
+    return at(frame.timestamp, X_WL);
+  }
   /// Whether times are on the clock of this computer, as those of live frames. None: go with both.
   virtual std::optional<bool> is_live() const { return std::nullopt; }
 };

@@ -65,6 +65,8 @@ struct DepthFrame {
   /// captured, on the monotonic clock of this computer.
   double timestamp = 0;
   Pose X_WC = {};  ///< of the camera in the world, when the frame was captured
+  /// The same moment on the clock that a robot stamps all its messages by, s; 0: of none.
+  double stamp = 0;
 };
 
 /// One depth image to look at, not owning: `counts` times `unit` metres (0 and 65535: no
