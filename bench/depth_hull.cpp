@@ -150,54 +150,64 @@ void cost(const Tool& tool, int num_cameras, bool with_stiffness, double seconds
 }
 
 /// What a memory costs: a frame's surface and a query of one thread, with nothing before the wall
-/// and with a hand of 50 mm radius that hides the tool or is far from it.
-void memory(const Tool& tool, double seconds) {
+/// and with a hand of 50 mm radius that hides the tool or is far from it; by one camera, and by
+/// cameras 60 mm apart.
+void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds) {
   const auto query = query_of(tool);
   const std::vector<Pose> poses = poses_in_surface();
   struct Hand {
     const char* name;
     std::optional<Vec3d> at;
   };
-  for (const DepthMemory kind : {DepthMemory::off, DepthMemory::on}) {
-    for (const Hand& hand : {Hand{"nothing in front", {}},
-                             {"a hand in front", Vec3d{0, 0, 0.7}},
-                             {"a hand beside", Vec3d{0.25, 0, 0.7}},
-                             {"a hand at the tool", Vec3d{0, 0, 0.96}}}) {
-      test::Random random(5);
-      const auto frame = [&](bool has_hand) {
-        std::vector<float> metres = test::depth_seen(
-            [&](const Vec3d& p, const Vec3d& d) {
-              const double wall = test::to_wall(p, d, 1);
-              return has_hand && hand.at ? std::min(wall, test::to_ball(p, d, *hand.at, 0.05))
-                                         : wall;
-            },
-            test::vga(), {});
-        for (float& z : metres) z += static_cast<float>(kNoise * random.normal());
-        return metres;
-      };
-      TimeOptions time;
-      time.memory.kind = kind;
-      auto timeline =
-          SurfaceTimeline::create(test::stream_of(test::vga()), {}, DepthFieldOptions{}, time, {})
-              .value();
-      const std::vector<float> before = frame(false), now = frame(true);
-      const Camera camera = test::vga();
-      ThreadPool pool(1);
-      double at = 0;
-      const auto push = [&](const std::vector<float>& metres) {
-        timeline.push({camera.width, camera.height, metres.data()}, at, pool);
-        at += 1.0 / 30;
-      };
-      for (int i = 0; i < 4; ++i) push(before);
-      for (int i = 0; i < 2; ++i) push(now);
-      const std::string what =
-          std::string(kind == DepthMemory::on ? "on" : "off") + "; " + hand.name;
-      const SurfaceBlend view{timeline.at(at).to, timeline.at(at).to, 1};
-      time_of("memory", "query; " + what, 1, seconds, [&](std::size_t i) {
-        query->measure({&view, 1}, poses[i % poses.size()]);
-      });
-      time_of("memory", "surface; " + what, 1, seconds, [&](std::size_t) { push(now); });
+  for (const Hand& hand : {Hand{"nothing in front", {}},
+                           {"a hand in front", Vec3d{0, 0, 0.7}},
+                           {"a hand beside", Vec3d{0.25, 0, 0.7}},
+                           {"a hand at the tool", Vec3d{0, 0, 0.96}}}) {
+    test::Random random(5);
+    const Camera camera = test::vga();
+    const auto frame = [&](bool has_hand, const Pose& X_WC) {
+      std::vector<float> metres = test::depth_seen(
+          [&](const Vec3d& p, const Vec3d& d) {
+            const double wall = test::to_wall(p, d, 1);
+            return has_hand && hand.at ? std::min(wall, test::to_ball(p, d, *hand.at, 0.05)) : wall;
+          },
+          camera, X_WC);
+      for (float& z : metres) z += static_cast<float>(kNoise * random.normal());
+      return metres;
+    };
+    TimeOptions time;
+    time.memory.kind = kind;
+    DepthFieldOptions field;
+    field.one_of_several = num_cameras > 1;
+    std::vector<SurfaceTimeline> timelines;
+    std::vector<SurfaceBlend> views;
+    std::vector<float> now;
+    ThreadPool pool(1);
+    double at = 0;
+    Pose X_WC;
+    const auto push = [&](SurfaceTimeline& timeline, const std::vector<float>& metres) {
+      DepthImageView image(camera.width, camera.height, metres.data());
+      image.X_WC = X_WC;
+      timeline.push(image, at, pool);
+      at += 1.0 / 30;
+    };
+    for (int k = 0; k < num_cameras; ++k) {
+      X_WC = {{0.06 * k, 0, 0}, {}};
+      timelines.push_back(
+          SurfaceTimeline::create(test::stream_of(camera), {}, field, time, {}).value());
+      const std::vector<float> before = frame(false, X_WC);
+      now = frame(true, X_WC);
+      for (int i = 0; i < 4; ++i) push(timelines.back(), before);
+      for (int i = 0; i < 2; ++i) push(timelines.back(), now);
     }
+    for (const SurfaceTimeline& timeline : timelines) {
+      views.push_back({timeline.at(at).to, timeline.at(at).to, 1});
+    }
+    const std::string what = std::string(kind == DepthMemory::on ? "on" : "off") + "; " + hand.name;
+    time_of("memory", "query; " + what, num_cameras, seconds,
+            [&](std::size_t i) { query->measure(views, poses[i % poses.size()]); });
+    time_of("memory", "surface; " + what, num_cameras, seconds,
+            [&](std::size_t) { push(timelines.back(), now); });
   }
 }
 
@@ -215,7 +225,11 @@ void run(bool is_quick) {
   for (const bool with_stiffness : {false, true}) {
     for (const int num : {1, 2, 3, 4}) cost(tool, num, with_stiffness, is_quick ? 0.1 : 2);
   }
-  memory(tool, is_quick ? 0.1 : 2);
+  for (const int num : {1, 2}) {
+    for (const DepthMemory kind : {DepthMemory::off, DepthMemory::on}) {
+      memory(tool, num, kind, is_quick ? 0.1 : 2);
+    }
+  }
 }
 
 }  // namespace

@@ -41,6 +41,7 @@ inline ContactResult unmeasured(StepStatus why, const ContactWants& wants, bool 
   if (wants.stiffness && has_stiffness) result.stiffness.emplace();
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
+  std::fill(wants.deciders.begin(), wants.deciders.end(), kNoCamera);
   return result;
 }
 

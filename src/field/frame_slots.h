@@ -20,7 +20,8 @@ struct SlotSettings {
   bool wants_depth_change = true;
   int binning = 1;  ///< `stream` is the binned one
 
-  /// The fields of each frame: of what is behind, of what was seen to be free, of what is in front.
+  /// The fields of each frame beside that of what it shows: of what was seen to be free, of what is
+  /// in front, and of what is remembered to be free.
   std::optional<DepthFieldOptions> seen_free() const {
     if (!field || !field->one_of_several) return {};
     return options_of_seen_free(*field);
@@ -28,6 +29,9 @@ struct SlotSettings {
   std::optional<DepthFieldOptions> in_front() const {
     if (!field || time.memory.kind == DepthMemory::off) return {};
     return options_of_in_front(*field, time.memory);
+  }
+  std::optional<DepthFieldOptions> remembered() const {
+    return in_front() ? seen_free() : std::nullopt;
   }
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }

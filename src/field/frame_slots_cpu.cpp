@@ -14,7 +14,7 @@ namespace {
 struct Slot {
   SurfaceEstimator estimator;
   std::optional<PointCloud> predicted;
-  std::optional<DepthField> field, seen_free, in_front;
+  std::optional<DepthField> field, seen_free, in_front, remembered;
   SurfaceView surfaces;
 };
 
@@ -73,20 +73,22 @@ class FrameSlotsCpu final : public FrameSlots {
     SurfaceView& surfaces = slot.surfaces;
     const PointCloudView& cloud = surfaces.cloud;
     if (memory_) memory_->update(cloud, interval, pool);
-    const auto make = [&](std::optional<DepthField>& field, const TangentPlane* remembered,
+    // Of planes, or of what the frame shows.
+    const auto make = [&](std::optional<DepthField>& field, const TangentPlane* planes,
                           DepthFieldView& view) {
       if (!field) return;
-      if (memory_) {
-        field->update(remembered, cloud.intrinsics, pool, asked);
+      if (planes != nullptr) {
+        field->update(planes, cloud.intrinsics, pool, asked);
       } else {
         field->update(cloud, pool, asked);
       }
       view = field->view();
     };
-    const TangentPlane* const behind = memory_ ? memory_->behind() : nullptr;
-    make(slot.field, behind, surfaces.field);
-    make(slot.seen_free, behind, surfaces.seen_free);
-    make(slot.in_front, memory_ ? memory_->in_front() : nullptr, surfaces.in_front);
+    const bool is_alone = memory_ && !slot.remembered;
+    make(slot.field, is_alone ? memory_->behind() : nullptr, surfaces.field);
+    make(slot.seen_free, nullptr, surfaces.seen_free);
+    make(slot.in_front, is_alone ? memory_->in_front() : nullptr, surfaces.in_front);
+    make(slot.remembered, memory_ ? memory_->behind() : nullptr, surfaces.remembered);
   }
 
   void predict(const Slot& last, Slot& now, double motion, ThreadPool& pool) const {
@@ -123,13 +125,14 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
     auto estimator = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics,
                                               settings.surface, best_isa(), stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       slot.predicted.emplace(stream.width, stream.height, stream.intrinsics);
     }
     for (const auto& [options, field] : {std::pair{settings.field, &slot.field},
                                          {settings.seen_free(), &slot.seen_free},
-                                         {settings.in_front(), &slot.in_front}}) {
+                                         {settings.in_front(), &slot.in_front},
+                                         {settings.remembered(), &slot.remembered}}) {
       if (!options) continue;
       auto made = DepthField::create(stream.width, stream.height, *options);
       if (!made) return made.error();

@@ -19,7 +19,7 @@ namespace {
 struct Slot {
   SurfaceCuda estimator;
   std::optional<CloudBlendCuda> predicted;
-  std::optional<DepthFieldCuda> field, seen_free, in_front;
+  std::optional<DepthFieldCuda> field, seen_free, in_front, remembered;
   gpu::Graph as_seen, as_predicted;  // all the work of a frame
 
   PointCloudView predicted_cloud() const {
@@ -87,6 +87,7 @@ class FrameSlotsCuda final : public FrameSlots {
     show(slot.field, surfaces.field);
     show(slot.seen_free, surfaces.seen_free);
     show(slot.in_front, surfaces.in_front);
+    show(slot.remembered, surfaces.remembered);
     return slot.estimator.stats();
   }
 
@@ -132,16 +133,20 @@ class FrameSlotsCuda final : public FrameSlots {
       cloud = slot.predicted_cloud();
     }
     if (field_memory_) field_memory_->enqueue(cloud, stream_);
-    for (auto* field : {&slot.field, &slot.seen_free, &slot.in_front}) {
-      if (!*field) continue;
-      if (!field_memory_) {
-        (*field)->enqueue(cloud, stream_);
-      } else if (field == &slot.in_front) {
-        (*field)->enqueue(field_memory_->in_front(), cloud, stream_);
+    // Of planes, or of what the frame shows.
+    const auto make = [&](std::optional<DepthFieldCuda>& field, const TangentPlane* planes) {
+      if (!field) return;
+      if (planes != nullptr) {
+        field->enqueue(planes, cloud, stream_);
       } else {
-        (*field)->enqueue(field_memory_->behind(), cloud, stream_);
+        field->enqueue(cloud, stream_);
       }
-    }
+    };
+    const bool is_alone = field_memory_ && !slot.remembered;
+    make(slot.field, is_alone ? field_memory_->behind() : nullptr);
+    make(slot.seen_free, nullptr);
+    make(slot.in_front, is_alone ? field_memory_->in_front() : nullptr);
+    make(slot.remembered, field_memory_ ? field_memory_->behind() : nullptr);
   }
   /// A frame in metres, or in the memory of this GPU: it has no place of its own in the graphs.
   void enqueue_image(Slot& slot, const DepthImageView& frame) {
@@ -197,7 +202,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
     auto estimator = SurfaceCuda::create(stream.width, stream.height, stream.intrinsics, surface,
                                          gpu, 1, stream.distortion);
     if (!estimator) return estimator.error();
-    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}};
+    Slot slot{*std::move(estimator), {}, {}, {}, {}, {}, {}, {}};
     if (settings.time.mode == TimeMode::predict) {
       auto made = CloudBlendCuda::create(stream.width, stream.height, stream.intrinsics, gpu);
       if (!made) return made.error();
@@ -205,7 +210,8 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
     }
     for (const auto& [options, field] : {std::pair{settings.field, &slot.field},
                                          {settings.seen_free(), &slot.seen_free},
-                                         {settings.in_front(), &slot.in_front}}) {
+                                         {settings.in_front(), &slot.in_front},
+                                         {settings.remembered(), &slot.remembered}}) {
       if (!options) continue;
       auto made = DepthFieldCuda::create(stream.width, stream.height, *options, gpu);
       if (!made) return made.error();

@@ -81,12 +81,6 @@ Error out_of_memory() {
 
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
                                       int num_spare, bool is_one_of_several) {
-  if (is_one_of_several && settings.time.memory.kind != DepthMemory::off) {
-    return Error{
-        Errc::invalid_argument,
-        "a memory (time.memory) is one of a single camera: what one of several remembers to "
-        "be free may be where another one sees something now; leave it out"};
-  }
   std::optional<DepthFieldOptions> field;
   if (settings.contact.method == MethodKind::field) {
     field = settings.field;

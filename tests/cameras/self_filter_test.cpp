@@ -394,7 +394,7 @@ TEST_F(FeltArm, WithAMemoryTheTableBehindItStays) {
   const DepthFrame hidden = filtered(with_)[0];
   frames.insert(frames.end(), 3, hidden);
   test::HullScene scene;
-  test::add_memory(scene, {kWidth, kHeight, kIntrinsics}, frames, {}, 1);
+  test::add_memory(scene, {kWidth, kHeight, kIntrinsics}, frames, {}, 1, false);
   const Vec3d in_arm = test::SwingingArm::middle_of_link(1, with_[0].timestamp);
   const Vec3d on_table = in_arm * ((test::kTableDepth - 0.01) / in_arm.z);
   const double want = felt(look_at(without_[0]), on_table).volume;

@@ -161,20 +161,17 @@ TimeOptions with_memory() {
 
 TEST(FieldMemory, FieldsShowWhatIsBehindAndWhatIsInFront) {
   ThreadPool pool(2);
-  DepthFieldOptions field;
-  field.one_of_several = true;
   auto timeline =
-      SurfaceTimeline::create(stream_info(), {}, field, with_memory(), Place::cpu()).value();
+      SurfaceTimeline::create(stream_info(), {}, DepthFieldOptions{}, with_memory(), Place::cpu())
+          .value();
   for (int i = 0; i < 5; ++i) timeline.push(frame_of(1.0, 0), i / 32.0, pool);
   const SurfaceView before = timeline.at(1).to;
   EXPECT_NEAR(sample_field(before.field, {0.0, 0.0, 0.95}, 0.005).phi, 0.05, 2e-4);
   EXPECT_GT(sample_field(before.in_front, {0.0, 0.0, 0.7}, 0.005).phi, 0.1);
   timeline.push(frame_of(1.0, 0.7), 5 / 32.0, pool);
   const SurfaceView now = timeline.at(1).to;
-  for (const DepthFieldView& behind : {now.field, now.seen_free}) {
-    EXPECT_NEAR(sample_field(behind, {0.0, 0.0, 0.95}, 0.005).phi, 0.05, 2e-4);
-    EXPECT_NEAR(sample_field(behind, {0.0, 0.0, 1.02}, 0.005).phi, -0.02, 5e-4);
-  }
+  EXPECT_NEAR(sample_field(now.field, {0.0, 0.0, 0.95}, 0.005).phi, 0.05, 2e-4);
+  EXPECT_NEAR(sample_field(now.field, {0.0, 0.0, 1.02}, 0.005).phi, -0.02, 5e-4);
   // 60 mm thick: out of the front, out of the back, and past it.
   EXPECT_NEAR(sample_field(now.in_front, {0.0, 0.0, 0.69}, 0.005).phi, 0.01, 2e-4);
   EXPECT_NEAR(sample_field(now.in_front, {0.0, 0.0, 0.71}, 0.005).phi, -0.01, 2e-4);
@@ -188,6 +185,36 @@ TEST(FieldMemory, FieldsShowWhatIsBehindAndWhatIsInFront) {
   }
   EXPECT_EQ(sample_field(after.field, {0.0, 0.0, 0.95}, 0.005).phi,
             sample_field(before.field, {0.0, 0.0, 0.95}, 0.005).phi);
+}
+
+// Of one of several cameras: what the frame shows, and apart from that what is remembered.
+TEST(FieldMemory, OneOfSeveralTellsApartWhatItSeesAndRemembers) {
+  ThreadPool pool(2);
+  DepthFieldOptions field;
+  field.one_of_several = true;
+  TimeOptions without = with_memory();
+  without.memory.kind = DepthMemory::off;
+  auto timeline = SurfaceTimeline::create(stream_info(), {}, field, with_memory(), {}).value(),
+       plain = SurfaceTimeline::create(stream_info(), {}, field, without, {}).value();
+  for (int i = 0; i < 6; ++i) {
+    const DepthFrame frame = frame_of(1.0, i < 5 ? 0 : 0.7);
+    timeline.push(frame, i / 32.0, pool);
+    plain.push(frame, i / 32.0, pool);
+  }
+  const SurfaceView now = timeline.at(1).to, want = plain.at(1).to;
+  test::Random random(8);
+  for (int k = 0; k < 200; ++k) {
+    const Vec3d p{random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), random.uniform(0.6, 1.1)};
+    EXPECT_EQ(sample_field(now.field, p, 0.005).phi, sample_field(want.field, p, 0.005).phi);
+    EXPECT_EQ(sample_field(now.seen_free, p, 0.005).phi,
+              sample_field(want.seen_free, p, 0.005).phi);
+  }
+  EXPECT_NEAR(sample_field(now.remembered, {0.0, 0.0, 0.95}, 0.005).phi, 0.05, 2e-4);
+  EXPECT_NEAR(sample_field(now.remembered, {0.0, 0.0, 1.02}, 0.005).phi, -0.02, 5e-4);
+  EXPECT_LT(sample_field(now.remembered, {2.0, 0.0, 0.95}, 0.005).phi, -0.5);  // not looked at
+  EXPECT_NEAR(sample_field(now.in_front, {0.0, 0.0, 0.71}, 0.005).phi, -0.01, 2e-4);
+  EXPECT_GT(sample_field(now.in_front, {0.0, 0.0, 0.80}, 0.005).phi, 0.03);
+  EXPECT_NEAR(sample_field(now.in_front, {-0.4, -0.3, 1.01}, 0.005).phi, -0.01, 5e-4);
 }
 
 // While nothing is hidden the field is that without a memory, in a window too.

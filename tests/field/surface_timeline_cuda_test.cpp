@@ -65,7 +65,8 @@ void expect_same(const SurfaceView& got, const SurfaceView& want, gpu::Stream& s
   EXPECT_EQ(want.cloud.gpu, kHostMemory);
   test::expect_same_cloud(got.cloud, want.cloud, stream);
   EXPECT_EQ(got.field.gpu, want.field.num_levels > 0 ? 0 : kHostMemory);
-  for (auto field : {&SurfaceView::field, &SurfaceView::seen_free, &SurfaceView::in_front}) {
+  for (auto field : {&SurfaceView::field, &SurfaceView::seen_free, &SurfaceView::in_front,
+                     &SurfaceView::remembered}) {
     ASSERT_EQ((got.*field).num_levels, (want.*field).num_levels);
     if ((want.*field).num_levels > 0) test::expect_same_field(got.*field, want.*field, stream);
   }
@@ -117,10 +118,12 @@ TEST(SurfaceTimelineCuda, HasTheBitsOfTheCpuInAllModes) {
 TEST(SurfaceTimelineCuda, RemembersWhatTheCpuRemembers) {
   PALPATE_GPU_OR_SKIP();
   for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate}) {
-    SlotSettings settings = settings_with(mode, DepthAverage::none);
-    settings.time.memory = {.kind = DepthMemory::on, .horizon = 0.05};
-    settings.field->one_of_several = true;
-    compare(settings);
+    for (const bool is_one_of_several : {false, true}) {
+      SlotSettings settings = settings_with(mode, DepthAverage::none);
+      settings.time.memory = {.kind = DepthMemory::on, .horizon = 0.05};
+      settings.field->one_of_several = is_one_of_several;
+      compare(settings);
+    }
   }
 }
 

@@ -8,6 +8,7 @@
 #include "src/io/ros_messages.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/run_reader.h"
+#include "tests/session/function_stream.h"
 #include "tests/session/path_run.h"
 #include "tests/session/recorded_messages.h"
 #include "tests/session/wrench_csv.h"
@@ -74,6 +75,27 @@ TEST(RunsOfSeveralCameras, AreRepeatedToTheBit) {
     EXPECT_EQ(replay->num_ticks, outcome->loop.num_ticks);
     EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
   }
+}
+
+TEST(RunsOfSeveralCameras, ThatRememberAreRepeatedToTheBit) {
+  const TemporaryFolder folder;
+  PosedWall left([](double) { return beside_wall(0.5); }, 30, 0.5, int(30 * kSeconds)),
+      right([](double) { return beside_wall(-0.4); }, 12, 0.5, int(12 * kSeconds));
+  // Something comes before the third one, and goes.
+  test::FunctionStream middle(
+      [](double time, int u, int) { return u < 60 && std::sin(9 * time) > 0 ? 0.3 : 0.5; },
+      test::every(1.0 / 30, int(30 * kSeconds)));
+  RunSettings settings = test::path_settings(kRate);
+  settings.time.memory.kind = DepthMemory::on;
+  auto device = test::path_device(pressing, kRate);
+  const auto outcome = record_run(tool(), DepthSources({&left, &middle, &right}), **device,
+                                  settings, folder.path() / "run", {});
+  ASSERT_TRUE(outcome) << outcome.error().message;
+  EXPECT_GT(outcome->peaks.volume, 1e-6);
+  const auto replay = replay_run(folder.path() / "run", {.num_threads = 2});
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->difference, "");
+  EXPECT_EQ(replay->num_contacts, outcome->loop.num_contacts);
 }
 
 TEST(RunsOfSeveralCameras, AreRepeatedInParts) {

@@ -106,15 +106,15 @@ inline DepthStreamInfo stream_of(const Camera& camera) {
 }
 
 /// Adds a camera that remembers: it has seen the first frames, and shows the way from the one
-/// before the last to that. `X_WC` of each of them.
+/// before the last to that; by itself or as one of several.
 inline void add_memory(HullScene& scene, const Camera& camera, const std::vector<DepthFrame>& seen,
-                       const Pose& X_WC, double progress, const MemoryOptions& memory = {},
-                       const DepthFieldOptions& field = {}) {
+                       const Pose& X_WC, double progress, bool is_one_of_several,
+                       const MemoryOptions& memory = {}) {
   TimeOptions time;
   time.memory = memory;
   time.memory.kind = DepthMemory::on;
-  DepthFieldOptions joined = field;
-  joined.one_of_several = true;
+  DepthFieldOptions joined;
+  joined.one_of_several = is_one_of_several;
   ThreadPool pool(1);
   scene.timelines.push_back(
       SurfaceTimeline::create(stream_of(camera), {}, joined, time, Place::cpu()).value());
@@ -129,8 +129,9 @@ inline void add_memory(HullScene& scene, const Camera& camera, const std::vector
   scene.views.push_back(view);
 }
 
-/// Rough frames, before which others come, for cameras that hardly stand apart.
-inline HullScene rough_memories(int num_cameras, Random& random) {
+/// Rough frames, before which others come, for cameras that hardly stand apart. One camera is by
+/// itself, or joined to none.
+inline HullScene rough_memories(int num_cameras, Random& random, bool is_joined) {
   HullScene scene;
   const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
   std::vector<DepthFrame> frames;
@@ -140,9 +141,13 @@ inline HullScene rough_memories(int num_cameras, Random& random) {
   }
   for (int k = 0; k < num_cameras; ++k) {
     const Pose X_WC{random.in_box(0.01), random.rotation(0.01)};
-    add_memory(scene, camera, frames, X_WC, k % 2 == 0 ? random.uniform(0, 1) : 1);
+    add_memory(scene, camera, frames, X_WC, k % 2 == 0 ? random.uniform(0, 1) : 1, is_joined);
   }
   return scene;
+}
+
+inline HullScene rough_memories(int num_cameras, Random& random) {
+  return rough_memories(num_cameras, random, num_cameras > 1);
 }
 
 /// A pose near something that has come before what the first camera remembers.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <span>
 
 #include "palpate/contact/contact.h"
@@ -43,8 +44,11 @@ inline HullSample agreed_of(const HullSample& a, const HullSample& b, double wid
           (0.5 + share) * more.gradient + (0.5 - share) * less.gradient};
 }
 
-/// What one camera's fields say at a point of the world to a ball, between its two moments.
-inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double radius, bool seen) {
+/// What one of a camera's fields says at a point of the world to a ball, between its two moments.
+/// What a camera has seen to be free is closed at its eye.
+inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double radius,
+                            DepthFieldView SurfaceView::*field, bool is_closed,
+                            bool joins_in_front = false) {
   const bool has_moved = !(view.from.X_WC == view.to.X_WC);
   const auto before_eye = [&](const HullSample& now, const Pose& X_WC) {
     const Vec3d z_W = rotate(X_WC.rotation, {0, 0, 1});
@@ -52,17 +56,16 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
   };
   const auto at = [&](const SurfaceView& surface) {
     const Vec3d p_C = inverse(surface.X_WC) * p_W;
-    const auto [phi, gradient] =
-        sample_field(seen ? surface.seen_free : surface.field, p_C, radius);
+    const auto [phi, gradient] = sample_field(surface.*field, p_C, radius);
     const HullSample far{2 * radius + agreement_of(radius), {}};
     HullSample here =
         rounded_min({phi, rotate(surface.X_WC.rotation, gradient)}, far, 0.25 * radius);
-    if (surface.in_front.num_levels > 0) {
+    if (joins_in_front) {
       const auto front = sample_field(surface.in_front, p_C, radius);
       here = rounded_min(here, {front.phi, rotate(surface.X_WC.rotation, front.gradient)},
                          0.1 * radius);
     }
-    return has_moved && seen ? before_eye(here, surface.X_WC) : here;
+    return has_moved && is_closed ? before_eye(here, surface.X_WC) : here;
   };
   const double t = view.progress;
   HullSample now = at(view.to);
@@ -70,7 +73,7 @@ inline HullSample hull_view(const SurfaceBlend& view, const Vec3d& p_W, double r
     const HullSample before = at(view.from);
     now = {(1 - t) * before.phi + t * now.phi, (1 - t) * before.gradient + t * now.gradient};
   }
-  return seen && !has_moved ? before_eye(now, view.to.X_WC) : now;
+  return is_closed && !has_moved ? before_eye(now, view.to.X_WC) : now;
 }
 
 /// Of a sphere that is so deep.
@@ -80,23 +83,67 @@ inline SphereState state_at(double phi, double radius) {
                          : SphereState::inside;
 }
 
-/// And all of them together. `seen_phi`: what they have seen to be free.
+/// And all of them together.
+struct HullTruth {
+  HullSample at;
+  double seen_phi = 0;  ///< of what they have seen to be free, or remember to be
+  int decider = -1;     ///< of the cameras
+};
+inline HullTruth hull_of(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius) {
+  const double w = 0.1 * radius, wide = agreement_of(radius);
+  const auto is_remembered = [](const SurfaceBlend& view) {
+    return view.to.remembered.num_levels > 0;
+  };
+  // One camera by itself is not asked for what it has seen to be free.
+  if (views.size() == 1 && !is_remembered(views[0])) {
+    const bool joins = views[0].to.in_front.num_levels > 0;
+    return {hull_view(views[0], p_W, radius, &SurfaceView::field, false, joins), 0, 0};
+  }
+  std::optional<HullSample> seen, shown, known, least;
+  int seer = -1, shower = -1, knower = -1;
+  double most_seen = -1e9, least_shown = 1e9, most_known = -1e9;
+  for (std::size_t k = 0; k < views.size(); ++k) {
+    const auto ask = [&](DepthFieldView SurfaceView::*field, bool is_closed) {
+      return hull_view(views[k], p_W, radius, field, is_closed);
+    };
+    const bool has_in_front = views[k].to.in_front.num_levels > 0;
+    if (views[k].to.seen_free.num_levels > 0) {
+      const HullSample now = ask(&SurfaceView::seen_free, true);
+      seen = seen ? agreed_of(*seen, now, wide) : now;
+      if (now.phi > most_seen) seer = static_cast<int>(k);
+      most_seen = std::max(most_seen, now.phi);
+      const HullSample slab =
+          ask(has_in_front ? &SurfaceView::in_front : &SurfaceView::field, false);
+      if (slab.phi < least_shown) shower = static_cast<int>(k);
+      least_shown = std::min(least_shown, slab.phi);
+      shown = shown ? rounded_min(*shown, slab, w) : slab;
+    }
+    if (is_remembered(views[k])) {
+      const HullSample before = ask(&SurfaceView::remembered, true);
+      known = known ? agreed_of(*known, before, wide) : before;
+      if (before.phi > most_known) knower = static_cast<int>(k);
+      most_known = std::max(most_known, before.phi);
+    }
+    const HullSample there = ask(&SurfaceView::field, false);
+    least = least ? rounded_min(*least, there, w) : there;
+  }
+  HullTruth hull{*seen, seen->phi, seer};
+  const auto join = [&](const HullSample& other, double later, int who) {
+    if (other.phi - later > hull.at.phi) hull.decider = who;
+    hull.at = rounded_max(hull.at, {other.phi - later, other.gradient}, w);
+  };
+  if (known) {
+    join(rounded_min(*known, *shown, w), w, known->phi < shown->phi ? knower : shower);
+  }
+  hull.seen_phi = hull.at.phi;
+  join(*least, wide, -1);
+  return hull;
+}
 inline HullSample hull_at(std::span<const SurfaceBlend> views, const Vec3d& p_W, double radius,
                           double* seen_phi = nullptr) {
-  const double w = 0.1 * radius;
-  // One camera with a memory is not asked for what it has seen to be free.
-  if (views.size() == 1) {
-    if (seen_phi != nullptr) *seen_phi = 0;
-    return hull_view(views[0], p_W, radius, false);
-  }
-  HullSample seen = hull_view(views[0], p_W, radius, true);
-  HullSample least = hull_view(views[0], p_W, radius, false);
-  for (const SurfaceBlend& view : views.subspan(1)) {
-    seen = agreed_of(seen, hull_view(view, p_W, radius, true), agreement_of(radius));
-    least = rounded_min(least, hull_view(view, p_W, radius, false), w);
-  }
-  if (seen_phi != nullptr) *seen_phi = seen.phi;
-  return rounded_max(seen, {least.phi - agreement_of(radius), least.gradient}, w);
+  const HullTruth hull = hull_of(views, p_W, radius);
+  if (seen_phi != nullptr) *seen_phi = hull.seen_phi;
+  return hull.at;
 }
 
 /// U = sum f G(phi) and its parts; the force follows gradients up to a length of `longest`.

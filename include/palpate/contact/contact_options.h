@@ -273,6 +273,11 @@ struct ContactWants {
   /// In T, likewise: the plane that cuts a boundary sphere or that an inside sphere takes from a
   /// donor; normal zero if none or, by `weighted` and Continuity::entry, many.
   std::span<Plane<float>> planes{};
+  /// Of each sphere that is felt, by `field`, which of the cameras of the call decided how deep it
+  /// is, by what it sees or remembers; kNoCamera where none looks, and of spheres that are not
+  /// felt. A camera that is alone decides all.
+  std::span<std::int8_t> deciders{};
 };
+inline constexpr std::int8_t kNoCamera = -1;
 
 }  // namespace palpate

@@ -54,10 +54,17 @@ struct SurfaceView {
   /// The frame with UnknownSpace::blocked, positive only in space that the camera has seen to be
   /// free; with DepthFieldOptions::one_of_several.
   DepthFieldView seen_free = {};
-  /// With MemoryOptions: the others show what is behind, which may be remembered, and this one what
-  /// has come before it, with its thickness. A sphere is as deep as the one says that has it
-  /// deeper.
+  /// With MemoryOptions, of a camera by itself: `field` shows what is behind, which may be
+  /// remembered, and this one what has come before it, with its thickness. A sphere is as deep as
+  /// the one says that has it deeper.
+  ///
+  /// And of one of several cameras: `field` and `seen_free` show the newest frame alone, and this
+  /// one the surfaces in it, with their thickness: there nothing counts that is only remembered.
   DepthFieldView in_front = {};
+  /// With MemoryOptions, of one of several cameras: as seen_free, of what the camera has seen last
+  /// behind what hides it now. It counts where no camera sees anything now. A surface with this and
+  /// `field` alone is one that was seen long ago, from where the camera was then.
+  DepthFieldView remembered = {};
   Pose X_WC = {};  ///< of the camera in the world, when the frame was captured
 };
 

@@ -28,6 +28,15 @@ Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses) {
                   std::to_string(poses.X_WC.size()) +
                   " poses X_WC of cameras; give one for each surface, or none");
   }
+  if (!surfaces.is_even()) {  // others are of frames without a memory
+    for (int k = 0; k < surfaces.size(); ++k) {
+      if (surfaces[k].in_front.num_levels == 0) continue;
+      return refuse("surface " + std::to_string(k) +
+                    " of a batch is one of a camera with a memory (SurfaceView::in_front), which "
+                    "batches do not look at; measure it by ContactQuery::measure, or make it "
+                    "without TimeOptions::memory");
+    }
+  }
   return Done{};
 }
 

@@ -74,6 +74,7 @@ struct SphereCuts {
   SphereState* states = nullptr;
   Plane<float>* planes = nullptr;  ///< in T
   float p_TC[3] = {};              ///< the centre of mass
+  std::int8_t* deciders = nullptr;
 };
 
 /// Each does the elements of one group of clusters, in a fixed order.

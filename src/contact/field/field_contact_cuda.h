@@ -54,6 +54,7 @@ class FieldContactCuda final : public ContactQuery {
   mutable AnswerBox answers_, stiffness_answers_;
   SphereState* states_;
   Plane<float>* planes_;
+  std::int8_t* deciders_;
   std::unique_ptr<DepthHullCuda> hull_;
 };
 

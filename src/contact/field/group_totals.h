@@ -84,9 +84,10 @@ struct GroupTotals {
 };
 
 /// Writes how the spheres of a vector of elements are cut that touch a surface: at `phi` from their
-/// centres, with the gradient n in W.
+/// centres, with the gradient n in W, as one of several cameras decided.
 inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, VecI is_touching,
-                     VecF phi, const Gradient3<VecF>& n, const SphereCuts& to) {
+                     VecF phi, const Gradient3<VecF>& n, const SphereCuts& to,
+                     VecI decider = VecI{}) {
   const SphereClusters& clusters = *job.clusters;
   const VecF length = max(length_of(n), splat(1e-20f));
   const VecF c_C[3] = {load(&clusters.x[first]), load(&clusters.y[first]),
@@ -109,6 +110,7 @@ inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, V
     if (to.planes != nullptr) {
       to.planes[id] = {{n_T[0][lane], n_T[1][lane], n_T[2][lane]}, along[lane]};
     }
+    if (to.deciders != nullptr) to.deciders[id] = static_cast<std::int8_t>(decider[lane]);
   }
 }
 

@@ -9,9 +9,18 @@
 namespace palpate {
 
 inline bool has_in_front(const SurfaceView& surface) { return surface.in_front.num_levels > 0; }
-/// Has the surface both fields that cameras are joined by? One that is alone needs `field` only.
-inline bool has_both(const SurfaceView& surface, bool is_alone) {
-  return surface.field.num_levels > 0 && (is_alone || surface.seen_free.num_levels > 0);
+inline bool is_remembered(const SurfaceView& surface) { return surface.remembered.num_levels > 0; }
+/// Has it what a camera sees now?
+inline bool is_seen(const SurfaceView& surface, bool is_alone) {
+  return is_alone || surface.seen_free.num_levels > 0;
+}
+/// Has the surface the fields that cameras are joined by? One that is alone needs `field` only.
+inline bool has_fields(const SurfaceView& surface, bool is_alone) {
+  return surface.field.num_levels > 0 && (is_seen(surface, is_alone) || is_remembered(surface));
+}
+inline bool are_alike(const SurfaceView& a, const SurfaceView& b) {
+  return has_in_front(a) == has_in_front(b) && is_remembered(a) == is_remembered(b) &&
+         (a.seen_free.num_levels > 0) == (b.seen_free.num_levels > 0);
 }
 
 /// Is this one camera that is asked by itself, not for what it has seen to be free?
@@ -21,8 +30,8 @@ inline bool is_alone(std::span<const SurfaceBlend> cameras) {
 
 struct CameraSeats {
   CameraSeats(const SurfaceBlend& view, const Pose& X_WT, bool is_alone) {
-    const bool is_between = view.progress < 1 && has_both(view.from, is_alone) &&
-                            has_in_front(view.from) == has_in_front(view.to) &&
+    const bool is_between = view.progress < 1 && has_fields(view.from, is_alone) &&
+                            are_alike(view.from, view.to) &&
                             have_one_grid(view.from.field, view.to.field);
     num_moments = is_between ? 2 : 1;
     has_moved = is_between && !(view.from.X_WC == view.to.X_WC);

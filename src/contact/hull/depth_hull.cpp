@@ -57,37 +57,58 @@ ContactStatus DepthHull::take(std::span<const SurfaceBlend> cameras, const Pose&
   job.tool.frame = frame_of({}, X_WT, p_TC_);
   job.num_cameras = 0;
   job.is_alone = is_alone(cameras);
+  job.has_memory = false;
   job.may_be_unseen = !job.is_alone;
-  for (const SurfaceBlend& view : cameras) {
-    const auto& [from, to, progress] = view;
-    if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
-    if (!has_both(to, job.is_alone)) return StepStatus::no_surface;
-    const CameraSeats seats(view, X_WT, job.is_alone);
-    if (seats.is_outside_window(view, p_TC_, elements_->reach)) return StepStatus::outside_window;
-    HullCamera& camera = job.cameras[job.num_cameras++];
-    camera.has_in_front = has_in_front(to);
-    camera.seen_free = camera.field = camera.in_front = camera.older = measure_job(*elements_);
-    camera.seen_free.fields[0] = job.is_alone ? to.field : to.seen_free;
-    camera.seen_free.fields[1] = job.is_alone ? from.field : from.seen_free;
-    camera.field.fields[0] = to.field;
-    camera.field.fields[1] = from.field;
-    camera.in_front.fields[0] = to.in_front;
-    camera.in_front.fields[1] = from.in_front;
-    camera.seen_free.num_fields = camera.field.num_fields = camera.in_front.num_fields =
-        seats.num_moments;
-    camera.progress = static_cast<float>(progress);
-    camera.has_moved = seats.has_moved;
-    camera.seen_free.frame = camera.field.frame = camera.in_front.frame =
-        frame_of(to.field.intrinsics, seats.X_CT[0], p_TC_);
-    camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
-    seats.write_rotations(camera.R_WC);
-    const bool is_solid_behind = to.field.thickness >= static_cast<float>(kSolidBehind);
-    if (job.may_be_unseen && !seats.has_moved && is_solid_behind &&
-        has_measured_around(camera.seen_free, seats.X_CT[0] * p_TC_, elements_->reach)) {
-      job.may_be_unseen = false;
+  for (const bool sees : {true, false}) {
+    for (std::size_t k = 0; k < cameras.size(); ++k) {
+      const SurfaceView& surface = cameras[k].to;
+      if (surface.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
+      if (is_seen(surface, job.is_alone) != sees) continue;
+      const ContactStatus status = take(cameras[k], X_WT, static_cast<int>(k));
+      if (status.is_unmeasured()) return status;
     }
+    if (sees) job.num_seeing = job.num_cameras;
   }
-  return job.num_cameras > 0 ? StepStatus::ok : StepStatus::no_surface;
+  return job.num_seeing > 0 ? StepStatus::ok : StepStatus::no_surface;
+}
+
+ContactStatus DepthHull::take(const SurfaceBlend& view, const Pose& X_WT, int number) {
+  HullJob& job = *job_;
+  const auto& [from, to, progress] = view;
+  if (!has_fields(to, job.is_alone)) return StepStatus::no_surface;
+  const CameraSeats seats(view, X_WT, job.is_alone);
+  if (seats.is_outside_window(view, p_TC_, elements_->reach)) return StepStatus::outside_window;
+  HullCamera& camera = job.cameras[job.num_cameras++];
+  camera.number = number;
+  camera.is_remembered = !job.is_alone && is_remembered(to);
+  camera.has_in_front = job.is_alone && has_in_front(to);
+  job.has_memory |= camera.is_remembered;
+  const auto show = [&](MeasureJob& fields, DepthFieldView SurfaceView::*field) {
+    fields = measure_job(*elements_);
+    fields.fields[0] = to.*field;
+    fields.fields[1] = from.*field;
+    fields.num_fields = seats.num_moments;
+    fields.frame = frame_of(to.field.intrinsics, seats.X_CT[0], p_TC_);
+  };
+  const bool sees = is_seen(to, job.is_alone);
+  show(camera.field, &SurfaceView::field);
+  show(camera.seen_free, job.is_alone ? &SurfaceView::field
+                         : sees       ? &SurfaceView::seen_free
+                                      : &SurfaceView::remembered);
+  // What has no thickness is solid as far as its camera sees.
+  show(camera.in_front, has_in_front(to) ? &SurfaceView::in_front : &SurfaceView::field);
+  show(camera.remembered, is_remembered(to) ? &SurfaceView::remembered : &SurfaceView::field);
+  camera.progress = static_cast<float>(progress);
+  camera.has_moved = seats.has_moved;
+  camera.older = measure_job(*elements_);
+  camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
+  seats.write_rotations(camera.R_WC);
+  const bool is_solid_behind = to.field.thickness >= static_cast<float>(kSolidBehind);
+  if (job.may_be_unseen && sees && !seats.has_moved && is_solid_behind &&
+      has_measured_around(camera.seen_free, seats.X_CT[0] * p_TC_, elements_->reach)) {
+    job.may_be_unseen = false;
+  }
+  return StepStatus::ok;
 }
 
 ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
@@ -113,11 +134,13 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
     result.stiffness = sums.stiffness.stiffness();
     result.moments = sums.stiffness.moments();
   }
-  if (wants.states.empty() && wants.planes.empty()) return result;
+  if (wants.states.empty() && wants.planes.empty() && wants.deciders.empty()) return result;
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
+  std::fill(wants.deciders.begin(), wants.deciders.end(), kNoCamera);
   const Vec3f p_TC = to_float(p_TC_);
-  const SphereCuts cuts{wants.states.data(), wants.planes.data(), {p_TC.x, p_TC.y, p_TC.z}};
+  const SphereCuts cuts{
+      wants.states.data(), wants.planes.data(), {p_TC.x, p_TC.y, p_TC.z}, wants.deciders.data()};
   pool.parallel_for(num_groups, [&](int group) { kernels_.describe_group(*job_, group, cuts); });
   return result;
 }

@@ -12,8 +12,10 @@ namespace palpate {
 /// A camera as the elements of a tool look at it.
 struct HullCamera {
   /// With the pose of the tool in the camera; its fields, the newer one first.
-  MeasureJob seen_free, field, in_front;
-  bool has_in_front = false;
+  MeasureJob seen_free, field, in_front, remembered;
+  bool has_in_front = false;  ///< a camera by itself, with a memory
+  bool is_remembered = false;
+  int number = 0;      ///< in the call
   float progress = 1;  ///< from the older to the newer one
   /// The camera has moved in between: then each moment has a pose of its own, and `older` that of
   /// the tool in the older one.
@@ -27,6 +29,8 @@ struct HullJob {
   MeasureJob tool;  ///< without fields; the pose in the world
   HullCamera cameras[kMostCameras];
   int num_cameras = 0;
+  int num_seeing = 0;  ///< those that show something now come first
+  bool has_memory = false;
   /// A single camera: its `field` stands for `seen_free`, and behind the eye nothing is.
   bool is_alone = false;
   /// No camera has measured all around the tool: `field` has to be asked, too.
@@ -50,6 +54,7 @@ class DepthHull {
 
  private:
   ContactStatus take(std::span<const SurfaceBlend> cameras, const Pose& X_WT);
+  ContactStatus take(const SurfaceBlend& view, const Pose& X_WT, int number);
 
   const FieldElements* elements_;
   Vec3d p_TC_;  // centre of mass

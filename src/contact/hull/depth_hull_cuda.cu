@@ -14,12 +14,14 @@ namespace palpate {
 // A camera as the kernel looks at it: its fields, the newer one first, with the pose of the tool in
 // the camera at that moment.
 struct HullEye {
-  FieldLook seen_free[2], field[2], in_front[2];
+  FieldLook seen_free[2], field[2], in_front[2], remembered[2];
   float R_WC[2][3][3] = {};
   float progress = 1;
   std::int32_t num_fields = 1;
-  bool has_moved = false;  // between its moments
-  bool has_in_front = false;
+  bool has_moved = false;     // between its moments
+  bool has_in_front = false;  // a camera by itself, with a memory
+  bool is_remembered = false;
+  std::int32_t number = 0;  // in the call
 };
 
 // The argument of the kernel. Few cameras make it short.
@@ -29,6 +31,8 @@ struct HullQuery {
   ElementsView elements;
   FieldFrame tool;  ///< its pose in the world
   std::int32_t num_cameras = 0;
+  std::int32_t num_seeing = 0;  ///< those that show something now come first
+  bool has_memory = false;
   bool skips_clusters = false;  ///< those in front: pays if blocks have several
   bool is_alone = false;        ///< as HullJob
   HullEye eyes[kMost];
@@ -90,39 +94,104 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
   return is_closed && !eye.has_moved ? before_eye(eye.R_WC[0], now, p[2], ball.radius) : now;
 }
 
-// A view is one field of one camera: first what each camera has seen to be free, then the fields.
+// A view is one field of one camera. First what each camera sees to be free, then the fields; and
+// of memories the surfaces that each camera sees, then what each remembers to be free.
 template <int kMost>
 __device__ int num_views(const HullQuery<kMost>& query) {
-  return query.is_alone ? 1 : 2 * query.num_cameras;
+  return query.is_alone ? 1 : query.num_seeing + query.num_cameras;
 }
 template <int kMost>
 __device__ const HullEye& eye_of(const HullQuery<kMost>& query, int view) {
-  return query.eyes[view < query.num_cameras ? view : view - query.num_cameras];
+  return query.eyes[view < query.num_seeing ? view : view - query.num_seeing];
 }
 template <class Sample, int kMost>
 __device__ InSpace<Sample> ask_view(const HullQuery<kMost>& query, int view, const Ball& ball,
                                     bool asks_in_front) {
-  const bool is_seen = view < query.num_cameras;
+  const bool is_seen = view < query.num_seeing;
   const HullEye& eye = eye_of(query, view);
   return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen && !query.is_alone,
                          asks_in_front);
 }
+template <class Sample, int kMost>
+__device__ InSpace<Sample> ask_memory(const HullQuery<kMost>& query, int view, const Ball& ball) {
+  const bool is_seen = view < query.num_seeing;
+  const HullEye& eye = eye_of(query, view);
+  if (!is_seen && !eye.is_remembered) return {};
+  return between<Sample>(eye, is_seen ? eye.in_front : eye.remembered, ball, !is_seen, false);
+}
 
-// What all views together say about a ball of this radius; view(number) is what one says.
-template <class Space, class View>
-__device__ Space join_views(int num_cameras, bool is_alone, float radius, const View& view,
-                            float& seen_phi) {
-  const HullWidth<float> width = hull_width(radius);
-  const float later = agreement(radius);
-  Space hull = view(0);
-  for (int k = 1; k < num_cameras; ++k) hull = agreed(hull, view(k), later);
-  seen_phi = first_of(hull).phi;
-  if (is_alone || !(seen_phi < radius)) return hull;
-  Space least = view(num_cameras);
-  for (int k = 1; k < num_cameras; ++k) least = lesser_of(least, view(num_cameras + k), width);
+// What all views together say about a ball of this radius, and which camera decides it (-1: none);
+// view(number) is what one of them says.
+template <class Space>
+struct Joined {
+  Space hull;
+  float seen_phi;
+  int decider;
+
+  __device__ void take(const Space& other, float radius, int camera) {
+    if (first_of(other).phi > first_of(hull).phi) decider = camera;
+    hull = greater_of(hull, other, hull_width(radius));
+  }
+};
+template <class Space>
+__device__ Space shifted(const Space& by, float phi) {
   Space shift{};
-  set(shift, SpaceGradient<float>{-later});
-  return greater_of(hull, plus(least, 1.0f, shift), width);
+  set(shift, SpaceGradient<float>{phi});
+  return plus(by, 1.0f, shift);
+}
+
+template <class Space, int kMost, class View>
+__device__ Joined<Space> join_seen(const HullQuery<kMost>& query, float radius, const View& view) {
+  Joined<Space> now{view(0), 0, 0};
+  float most = first_of(now.hull).phi;
+  for (int k = 1; k < query.num_seeing; ++k) {
+    const Space here = view(k);
+    if (first_of(here).phi > most) now.decider = k;
+    most = first_of(here).phi > most ? first_of(here).phi : most;
+    now.hull = agreed(now.hull, here, agreement(radius));
+  }
+  now.seen_phi = first_of(now.hull).phi;
+  return now;
+}
+// Likewise of memories: what counts where no camera sees a surface now.
+template <class Space, int kMost, class View>
+__device__ void join_memories(const HullQuery<kMost>& query, float radius, const View& view,
+                              Joined<Space>& to) {
+  const HullWidth<float> width = hull_width(radius);
+  Space shown = view(0);
+  int who = 0, who_knows = 0;
+  float most = -1e9f;
+  for (int k = 1; k < query.num_seeing; ++k) {
+    const Space here = view(k);
+    if (first_of(here).phi < first_of(shown).phi) who = k;
+    shown = lesser_of(shown, here, width);
+  }
+  if (!(first_of(shown).phi > first_of(to.hull).phi)) return;
+  Space known{};
+  bool is_first = true;
+  for (int k = 0; k < query.num_cameras; ++k) {
+    if (!query.eyes[k].is_remembered) continue;
+    const Space here = view(query.num_seeing + k);
+    known = is_first ? here : agreed(known, here, agreement(radius));
+    is_first = false;
+    if (first_of(here).phi > most) who_knows = k;
+    most = first_of(here).phi > most ? first_of(here).phi : most;
+  }
+  if (first_of(known).phi < first_of(shown).phi) who = who_knows;
+  to.take(shifted(lesser_of(known, shown, width), -width.w), radius, who);
+  to.seen_phi = first_of(to.hull).phi;
+}
+template <class Space, int kMost, class View>
+__device__ Space join_fields(const HullQuery<kMost>& query, float radius, const View& view) {
+  Space least = view(query.num_seeing);
+  for (int k = 1; k < query.num_cameras; ++k) {
+    least = lesser_of(least, view(query.num_seeing + k), hull_width(radius));
+  }
+  return shifted(least, -agreement(radius));
+}
+template <class Space, int kMost>
+__device__ bool asks_more(const HullQuery<kMost>& query, const Joined<Space>& at, float radius) {
+  return !query.is_alone && first_of(at.hull).phi < radius;
 }
 
 // Does a field of the camera say that all elements in a ball are well in front of everything? The
@@ -145,9 +214,9 @@ template <int kMost>
 __device__ bool is_seen_free(const HullQuery<kMost>& query, int cluster) {
   const Cluster& ball = query.elements.clusters[cluster];
   const float largest = query.elements.largest_radius[cluster];
-  for (int k = 0; k < query.num_cameras; ++k) {
+  for (int k = 0; k < query.num_seeing; ++k) {
     const HullEye& eye = query.eyes[k];
-    float distance = largest + free_margin(query.num_cameras, largest);
+    float distance = largest + free_margin(query.num_seeing, largest);
     if (eye.has_in_front) distance += front_margin(largest);
     if (sees_free(eye, eye.seen_free, ball, distance) &&
         (!eye.has_in_front || sees_free(eye, eye.in_front, ball, distance))) {
@@ -175,7 +244,7 @@ struct ViewScratch {
   static constexpr int kNum = sizeof(InSpace<Sample>) / sizeof(float);
 
   float numbers[2 * kMost][kNum][gpu::kWarpSize];
-  int is_free;
+  int is_free, asks_memory;
 
   __device__ void store(int view, const InSpace<Sample>& said) {
     const float* const from = reinterpret_cast<const float*>(&said);
@@ -221,13 +290,35 @@ __global__ void __launch_bounds__(kHullThreads, 2)
       views.store(view, ask_view<Sample>(query, view, ball, asks_in_front(query, view, cluster)));
     }
     __syncthreads();
+    using Space = InSpace<Sample>;
+    const auto said = [&](int view) { return views.load(view); };
+    Joined<Space> at_ball{};
+    Space fields{};
     if (gpu::warp_id() == 0) {
+      at_ball = join_seen<Space>(query, ball.radius, said);
+      if (asks_more(query, at_ball, ball.radius)) {
+        fields = join_fields<Space>(query, ball.radius, said);
+      }
+    }
+    if (query.has_memory) {
+      // What was said makes room for what is remembered, if anybody needs it.
+      const bool asks = gpu::warp_id() == 0 && asks_more(query, at_ball, ball.radius);
+      const bool any = __any_sync(gpu::kWholeWarp, asks);
+      if (threadIdx.x == 0) views.asks_memory = any;
+      __syncthreads();
+      if (views.asks_memory != 0) {
+        for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
+          views.store(view, ask_memory<Sample>(query, view, ball));
+        }
+        __syncthreads();
+        if (asks) join_memories<Space>(query, ball.radius, said, at_ball);
+      }
+    }
+    if (gpu::warp_id() == 0) {
+      if (asks_more(query, at_ball, ball.radius)) at_ball.take(fields, ball.radius, -1);
       const Element element = element_of(elements, cluster, query.tool);
-      float seen_phi = 0;
-      const InSpace<Sample> hull = join_views<InSpace<Sample>>(
-          query.num_cameras, query.is_alone, ball.radius,
-          [&](int view) { return views.load(view); }, seen_phi);
-      if (seen_phi < -static_cast<float>(kSeenBehind)) {
+      const Space& hull = at_ball.hull;
+      if (at_ball.seen_phi < -static_cast<float>(kSeenBehind)) {
         share.unseen += element.factor *
                         (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
       }
@@ -257,16 +348,24 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMost> query, co
     const Sphere sphere = spheres[id];
     const Vec3f c = sphere.centre - p_TC;
     const Ball ball{c.x, c.y, c.z, sphere.radius};
-    float seen_phi = 0;
-    const SpaceGradient<float> g = join_views<SpaceGradient<float>>(
-        query.num_cameras, query.is_alone, ball.radius,
-        [&](int view) {
-          return ask_view<Gradient>(query, view, ball, eye_of(query, view).has_in_front);
-        },
-        seen_phi);
+    const auto said = [&](int view) {
+      return ask_view<Gradient>(query, view, ball, eye_of(query, view).has_in_front);
+    };
+    using Space = SpaceGradient<float>;
+    Joined<Space> at = join_seen<Space>(query, ball.radius, said);
+    if (query.has_memory && asks_more(query, at, ball.radius)) {
+      const auto remembered = [&](int view) { return ask_memory<Gradient>(query, view, ball); };
+      join_memories<Space>(query, ball.radius, remembered, at);
+    }
+    if (asks_more(query, at, ball.radius)) {
+      at.take(join_fields<Space>(query, ball.radius, said), ball.radius, -1);
+    }
+    const Space& g = at.hull;
     to.states[id] = SphereState::outside;
     to.planes[id] = {};
+    to.deciders[id] = kNoCamera;
     if (!(g.phi < sphere.radius)) continue;
+    if (at.decider >= 0) to.deciders[id] = static_cast<std::int8_t>(query.eyes[at.decider].number);
     to.states[id] = g.phi > -sphere.radius ? SphereState::boundary : SphereState::inside;
     const float(&R)[3][3] = query.tool.R_WT;
     const Vec3f along{R[0][0] * g.x + R[1][0] * g.y + R[2][0] * g.z,
@@ -297,8 +396,8 @@ int num_blocks(int gpu, int num_clusters) {
 // All that a query asks, but the tool.
 struct DepthHullCuda::Views {
   HullEye eyes[kMostCameras];
-  int num = 0;
-  bool is_alone = false;
+  int num = 0, num_seeing = 0;
+  bool is_alone = false, has_memory = false;
   FieldFrame tool;
 };
 
@@ -309,7 +408,7 @@ DepthHullCuda::DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_sp
       answers_(gpu, num_blocks<Gradient>(gpu, tool.elements.num_clusters)),
       stiffness_answers_(gpu, num_blocks<Curvature>(gpu, tool.elements.num_clusters),
                          AnswerBox::kMostNumbers) {
-  for (int i = 0; i < 3 * kMostCameras; ++i) copies_.emplace_back(gpu);
+  for (int i = 0; i < 4 * kMostCameras; ++i) copies_.emplace_back(gpu);
 }
 
 const Status& DepthHullCuda::status() const {
@@ -320,34 +419,49 @@ ContactStatus DepthHullCuda::take(std::span<const SurfaceBlend> cameras, const P
                                   gpu::Stream& stream, Views& views) noexcept {
   views.tool = frame_of({}, X_WT, p_TC_);
   views.is_alone = is_alone(cameras);
-  std::size_t number = 0;
-  for (const SurfaceBlend& view : cameras) {
-    GpuFields &seen_free = copies_[3 * number], &field = copies_[3 * number + 1],
-              &in_front = copies_[3 * number + 2];
-    ++number;
-    const auto& [from, to, progress] = view;
-    if (to.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
-    if (!has_both(to, views.is_alone)) return StepStatus::no_surface;
-    const CameraSeats seats(view, X_WT, views.is_alone);
-    if (seats.is_outside_window(view, p_TC_, tool_.reach)) return StepStatus::outside_window;
-    const auto look = [&](GpuFields& copies, const DepthFieldView& of, int seat) {
-      return look_of(copies.on_gpu(of, stream),
-                     frame_of(to.field.intrinsics, seats.X_CT[seat], p_TC_), 1);
-    };
-    HullEye& eye = views.eyes[views.num++];
-    eye.num_fields = seats.num_moments;
-    eye.has_moved = seats.has_moved;
-    eye.progress = static_cast<float>(progress);
-    eye.has_in_front = has_in_front(to);
-    for (int f = eye.num_fields - 1; f >= 0; --f) {
-      const SurfaceView& surface = f == 0 ? to : from;
-      eye.field[f] = look(field, surface.field, f);
-      eye.seen_free[f] = views.is_alone ? eye.field[f] : look(seen_free, surface.seen_free, f);
-      if (eye.has_in_front) eye.in_front[f] = look(in_front, surface.in_front, f);
+  for (const bool sees : {true, false}) {
+    for (std::size_t k = 0; k < cameras.size(); ++k) {
+      const SurfaceView& surface = cameras[k].to;
+      if (surface.field.num_levels == 0) continue;  // it shows nothing yet: it abstains
+      if (is_seen(surface, views.is_alone) != sees) continue;
+      const ContactStatus status = take(cameras[k], X_WT, static_cast<int>(k), stream, views);
+      if (status.is_unmeasured()) return status;
     }
-    seats.write_rotations(eye.R_WC);
+    if (sees) views.num_seeing = views.num;
   }
-  return views.num > 0 ? StepStatus::ok : StepStatus::no_surface;
+  return views.num_seeing > 0 ? StepStatus::ok : StepStatus::no_surface;
+}
+
+ContactStatus DepthHullCuda::take(const SurfaceBlend& view, const Pose& X_WT, int number,
+                                  gpu::Stream& stream, Views& views) noexcept {
+  const auto& [from, to, progress] = view;
+  if (!has_fields(to, views.is_alone)) return StepStatus::no_surface;
+  const CameraSeats seats(view, X_WT, views.is_alone);
+  if (seats.is_outside_window(view, p_TC_, tool_.reach)) return StepStatus::outside_window;
+  GpuFields* const copies = &copies_[4 * static_cast<std::size_t>(number)];
+  const auto look = [&](GpuFields& copy, const DepthFieldView& of, int seat) {
+    return look_of(copy.on_gpu(of, stream), frame_of(to.field.intrinsics, seats.X_CT[seat], p_TC_),
+                   1);
+  };
+  HullEye& eye = views.eyes[views.num++];
+  eye.number = number;
+  eye.num_fields = seats.num_moments;
+  eye.has_moved = seats.has_moved;
+  eye.progress = static_cast<float>(progress);
+  eye.has_in_front = views.is_alone && has_in_front(to);
+  eye.is_remembered = !views.is_alone && is_remembered(to);
+  views.has_memory |= eye.is_remembered;
+  for (int f = eye.num_fields - 1; f >= 0; --f) {
+    const SurfaceView& surface = f == 0 ? to : from;
+    eye.field[f] = look(copies[0], surface.field, f);
+    eye.seen_free[f] =
+        surface.seen_free.num_levels > 0 ? look(copies[1], surface.seen_free, f) : eye.field[f];
+    // What has no thickness is solid as far as its camera sees.
+    eye.in_front[f] = has_in_front(to) ? look(copies[2], surface.in_front, f) : eye.field[f];
+    if (eye.is_remembered) eye.remembered[f] = look(copies[3], surface.remembered, f);
+  }
+  seats.write_rotations(eye.R_WC);
+  return StepStatus::ok;
 }
 
 namespace {
@@ -358,7 +472,9 @@ HullQuery<kMost> query_of(const Views& views, const ElementsView& elements) {
   query.elements = elements;
   query.tool = views.tool;
   query.num_cameras = views.num;
+  query.num_seeing = views.num_seeing;
   query.is_alone = views.is_alone;
+  query.has_memory = views.has_memory;
   std::copy_n(views.eyes, views.num, query.eyes);
   return query;
 }
@@ -391,6 +507,9 @@ void DepthHullCuda::describe(const Views& views, const ContactWants& wants,
   if (!wants.planes.empty()) {
     stream.copy(wants.planes.data(), cuts.planes, wants.planes.size_bytes());
   }
+  if (!wants.deciders.empty()) {
+    stream.copy(wants.deciders.data(), cuts.deciders, wants.deciders.size_bytes());
+  }
   stream.wait();
 }
 
@@ -421,7 +540,7 @@ ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, cons
     result.stiffness = sums.stiffness();
     result.moments = sums.moments();
   }
-  if (wants.states.empty() && wants.planes.empty()) return result;
+  if (wants.states.empty() && wants.planes.empty() && wants.deciders.empty()) return result;
   if (is_few) {
     describe<kFewCameras>(views, wants, cuts, stream);
   } else {

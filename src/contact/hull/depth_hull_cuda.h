@@ -15,6 +15,7 @@ namespace palpate {
 struct SphereCutsOnGpu {
   SphereState* states = nullptr;
   Plane<float>* planes = nullptr;  ///< in T
+  std::int8_t* deciders = nullptr;
 };
 
 /// Measures one tool against several cameras, as DepthHull, to 1e-5 of its results. All memory is
@@ -36,6 +37,8 @@ class DepthHullCuda {
 
   ContactStatus take(std::span<const SurfaceBlend> cameras, const Pose& X_WT, gpu::Stream& stream,
                      Views& views) noexcept;
+  ContactStatus take(const SurfaceBlend& view, const Pose& X_WT, int number, gpu::Stream& stream,
+                     Views& views) noexcept;
   template <int kMost, class Sample>
   bool launch(const Views& views, AnswerBox& answers, gpu::Stream& stream) noexcept;
   template <int kMost>
@@ -46,7 +49,7 @@ class DepthHullCuda {
   Vec3d p_TC_;  // centre of mass
   int num_spheres_;
   // Scratch.
-  std::vector<GpuFields> copies_;  // three per camera: seen_free, field, in_front
+  std::vector<GpuFields> copies_;  // four per camera, in the order of SurfaceView
   AnswerBox answers_, stiffness_answers_;
 };
 

@@ -43,14 +43,15 @@ struct Eye {
       : camera(&of),
         seen_free(of.seen_free),
         field(of.field),
-        in_front(of.has_in_front ? of.in_front : of.field),
+        in_front(of.in_front),
+        remembered(of.remembered),
         num_fields(of.field.num_fields) {}
 
   /// Whose lanes and rotation a moment has.
   int seat(int f) const { return camera->has_moved ? f : 0; }
 
   const HullCamera* camera;
-  FieldPair seen_free, field, in_front;
+  FieldPair seen_free, field, in_front, remembered;
   int num_fields;
 };
 
@@ -116,9 +117,9 @@ bool sees_free(const HullCamera& camera, const MeasureJob& job, const Cluster& b
           sees_free(job, camera.older.frame, 1, 1, ball, largest_radius, distance));
 }
 bool is_seen_free(const HullJob& job, const Cluster& ball, float largest_radius) {
-  for (int k = 0; k < job.num_cameras; ++k) {
+  for (int k = 0; k < job.num_seeing; ++k) {
     const HullCamera& camera = job.cameras[k];
-    float distance = largest_radius + free_margin(job.num_cameras, largest_radius);
+    float distance = largest_radius + free_margin(job.num_seeing, largest_radius);
     if (camera.has_in_front) distance += front_margin(largest_radius);
     if (sees_free(camera, camera.seen_free, ball, largest_radius, distance) &&
         (!camera.has_in_front ||
@@ -152,6 +153,7 @@ class Hull {
     if (!look(slot)) return false;
     radius_ = answers_[0].lanes[0].radius;
     join_seen_free();
+    if (job_.has_memory) join_remembered(slot);
     seen_phi = first_of(hull).phi;
     join_fields();
     return true;
@@ -159,6 +161,7 @@ class Hull {
 
   Space hull;
   VecF seen_phi;  // of what was seen to be free alone
+  VecI decider;   // whose numbers they are
 
  private:
   // Every camera's first answer, until all elements are free by one.
@@ -166,7 +169,7 @@ class Hull {
     VecI is_free{};
     shallowest_ = splat(-1e9f);
     is_between_ = false;
-    for (int k = 0; k < job_.num_cameras; ++k) {
+    for (int k = 0; k < job_.num_seeing; ++k) {
       const Eye& eye = eyes_[k];
       const MeasureJob& seen = eye.camera->seen_free;
       EyeAnswer<Sample>& answer = answers_[k];
@@ -205,7 +208,7 @@ class Hull {
       if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0]);
       shallowest_ = max(shallowest_, now);
       // Rounding makes the lesser of two no more than this less.
-      VecF limit = e.radius + free_margin(job_.num_cameras, e.radius);
+      VecF limit = e.radius + free_margin(job_.num_seeing, e.radius);
       if (answer.asks_in_front) limit += front_margin(e.radius);
       is_free |= now > limit;
       if (mask_bits(~is_free) == 0) return false;
@@ -220,7 +223,8 @@ class Hull {
     const VecF limit = -deep_limit(radius_);
     const VecI may_be_deep =
         is_felt_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
-    for (int k = 0; k < job_.num_cameras; ++k) {
+    VecF most = splat(-1e9f);
+    for (int k = 0; k < job_.num_seeing; ++k) {
       const Eye& eye = eyes_[k];
       EyeAnswer<Sample>& answer = answers_[k];
       Space moments[2];
@@ -247,7 +251,60 @@ class Hull {
         seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_);
       }
       hull = k == 0 ? seen : agreed(hull, seen, agreement(radius_));
+      decide(first_of(seen).phi > most, k, decider);
+      most = max(most, first_of(seen).phi);
     }
+  }
+
+  // What cameras have seen to be free before, where no camera sees a surface now: it counts from
+  // that up.
+  void join_remembered(std::size_t slot) {
+    const HullWidth<VecF> width = hull_width(radius_);
+    VecI counts = is_felt_ & (first_of(hull).phi < radius_);
+    if (mask_bits(counts) == 0) return;
+    Space shown;
+    VecI who{}, who_shows{};
+    for (int k = 0; k < job_.num_seeing; ++k) {
+      const Eye& eye = eyes_[k];
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        const int seat = eye.seat(f);
+        moments[f] = chosen(answers_[k].before[seat] > VecF{},
+                            ask(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
+      }
+      const Space here = between(eye, moments);
+      decide(k == 0 ? splat(-1) : first_of(here).phi < first_of(shown).phi, k, who_shows);
+      shown = k == 0 ? here : lesser_of(shown, here, width);
+      counts &= first_of(shown).phi > first_of(hull).phi;
+      if (mask_bits(counts) == 0) return;
+    }
+    Space known;
+    bool is_first = true;
+    VecF most = splat(-1e9f);
+    for (int k = 0; k < job_.num_cameras; ++k) {
+      const Eye& eye = eyes_[k];
+      if (!eye.camera->is_remembered) continue;
+      EyeAnswer<Sample>& answer = answers_[k];
+      if (k >= job_.num_seeing) take_seats(eye, slot, answer);
+      Space moments[2];
+      for (int f = 0; f < eye.num_fields; ++f) {
+        const int seat = eye.seat(f);
+        moments[f] = ask(eye, eye.remembered, f, answer.lanes[seat], counts);
+        if (eye.camera->has_moved) {
+          moments[f] = before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_);
+        }
+      }
+      Space here = between(eye, moments);
+      if (!eye.camera->has_moved) {
+        here = before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_);
+      }
+      known = is_first ? here : agreed(known, here, agreement(radius_));
+      decide(first_of(here).phi > most, k, who);
+      most = max(most, first_of(here).phi);
+      is_first = false;
+    }
+    who = first_of(known).phi < first_of(shown).phi ? who : who_shows;
+    join_greater(plus(lesser_of(known, shown, width), splat(1.0f), shifted(-width.w)), counts, who);
   }
 
   // What holds where no camera looks, as long as all of them say so.
@@ -255,18 +312,14 @@ class Hull {
     const HullWidth<VecF> width = hull_width(radius_);
     const VecI is_felt = is_felt_ & (first_of(hull).phi < radius_);
     if (!job_.may_be_unseen || mask_bits(is_felt) == 0) return;
+    const VecF later = -agreement(radius_);
     Space least;
     for (int k = 0; k < job_.num_cameras; ++k) {
       const Eye& eye = eyes_[k];
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
-        const Lanes& e = answers_[k].lanes[seat];
-        Sample sample =
-            ask_field<Sample>(eye.field.grid, eye.field.pixels[f],
-                              look_of(eye.field.grid, e, radius_), e.depth, e.inverse_depth);
-        deepen(eye.field, f, e, is_felt, sample);
-        moments[f] = in_world(eye.camera->R_WC[seat], eye.camera->field.frame, e, sample, radius_);
+        moments[f] = ask(eye, eye.field, f, answers_[k].lanes[seat], is_felt);
         if (answers_[k].asks_in_front) {
           moments[f] = lesser_of(moments[f], answers_[k].front[f], width);
         }
@@ -274,19 +327,40 @@ class Hull {
       }
       const Space here = between(eye, moments);
       least = k == 0 ? here : lesser_of(least, here, width);
-      const VecI counts =
-          is_felt & (first_of(least).phi - agreement(radius_) > first_of(hull).phi - width.w);
+      const VecI counts = is_felt & (first_of(least).phi + later > first_of(hull).phi - width.w);
       if (mask_bits(counts) == 0) return;
     }
-    Space later;
-    set(later, SpaceGradient<VecF>{-agreement(radius_)});
-    hull = chosen(is_felt, greater_of(hull, plus(least, splat(1.0f), later), width), hull);
+    join_greater(plus(least, splat(1.0f), shifted(later)), is_felt, splat(-1));
   }
 
-  Space nowhere() const {
-    Space free;
-    set(free, SpaceGradient<VecF>{free_limit(radius_)});
-    return free;
+  void join_greater(const Space& other, VecI which, VecI who) {
+    const VecI is_other = which & (first_of(other).phi > first_of(hull).phi);
+    decider = is_other ? who : decider;
+    hull = chosen(which, greater_of(hull, other, hull_width(radius_)), hull);
+  }
+  static void decide(VecI which, int camera, VecI& who) { who = which ? splat(camera) : who; }
+
+  Space nowhere() const { return shifted(free_limit(radius_)); }
+  static Space shifted(VecF phi) {
+    Space space;
+    set(space, SpaceGradient<VecF>{phi});
+    return space;
+  }
+
+  void take_seats(const Eye& eye, std::size_t slot, EyeAnswer<Sample>& answer) const {
+    for (int seat = 0; seat <= eye.seat(eye.num_fields - 1); ++seat) {
+      const MeasureJob& job = seat == 0 ? eye.camera->field : eye.camera->older;
+      answer.lanes[seat] = aim(job, eye.field.grid, slot);
+      answer.before[seat] = answer.lanes[seat].lz + (job.frame.p_WC[2] - kLeastDepth);
+    }
+  }
+
+  // What a field says at a moment, in the world.
+  Space ask(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
+    Sample sample = ask_field<Sample>(field.grid, field.pixels[f], look_of(field.grid, e, radius_),
+                                      e.depth, e.inverse_depth);
+    deepen(field, f, e, which, sample);
+    return in_world(eye.camera->R_WC[eye.seat(f)], eye.camera->field.frame, e, sample, radius_);
   }
 
   void deepen(const FieldPair& field, int f, const Lanes& e, VecI which, Sample& sample) {
@@ -359,7 +433,13 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   for_felt<Gradient>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
     const SpaceGradient<VecF>& g = at.hull;
-    describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to);
+    const VecI nobody = at.decider < VecI{};
+    VecI number{};
+    for (int k = 0; k < job.num_cameras; ++k) {
+      number = at.decider == splat(k) ? splat(job.cameras[k].number) : number;
+    }
+    describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
+             nobody ? splat(kNoCamera) : number);
   });
 }
 

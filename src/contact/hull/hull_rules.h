@@ -14,8 +14,15 @@
 // over w = kHullCorner radii to each side. So phi is once continuously differentiable as the fields
 // are, and what is W deeper than another camera says has no influence at all.
 //
-// With a memory both fields of a camera show what is behind, which may be remembered, and a third
-// one what has come before it (docs/decisions/0033-memory.md): the lesser of both counts for each.
+// With a memory (docs/decisions/0033-memory.md) the field of a camera by itself shows what is
+// behind, which may be remembered, and another one what has come before it: the lesser of both
+// counts. Of several cameras
+//
+//   max( agreed over k of seen_free_k,
+//        min( agreed over k of remembered_k, min over k of in_front_k ) - w )
+//
+// takes the place of the first part: what they see outranks what they remember, which counts only
+// where none of them sees a surface, as thick as in_front has it.
 #pragma once
 
 #include "src/contact/field/field_bound.h"

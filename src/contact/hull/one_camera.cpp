@@ -71,11 +71,15 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
     return unmeasured(StepStatus::no_surface, wants, true);
   }
   const Pose X{X_WT.translation, normalized(X_WT.rotation)};
-  if (cameras.size() > 1) return measure_hull(cameras, X, wants);
   const SurfaceBlend& camera = cameras.front();
+  if (cameras.size() > 1 || camera.to.remembered.num_levels > 0) {
+    return measure_hull(cameras, X, wants);
+  }
   ContactResult result = camera.to.in_front.num_levels > 0 ? measure_alone(camera, X, wants)
                                                            : measure_camera(camera, X_WT, wants);
-  if (camera.to.seen_free.num_levels > 0 && !result.penetration.status.is_unmeasured()) {
+  if (result.penetration.status.is_unmeasured()) return result;
+  std::fill(wants.deciders.begin(), wants.deciders.end(), 0);
+  if (camera.to.seen_free.num_levels > 0) {
     result.penetration.unseen_volume = measure_hull(cameras, X, {}).penetration.unseen_volume;
   }
   return result;

@@ -254,6 +254,10 @@ TEST(ContactBatch, WhatDoesNotFitIsRefusedInOneSentence) {
   std::vector<SurfaceView> on_gpu = surfaces;
   on_gpu[2].field.gpu = 1;
   expect_refused(on_gpu, poses.batch(), got.all(), "surface in the memory of GPU 1");
+  std::vector<SurfaceView> remembered = surfaces;
+  remembered[1].in_front = remembered[1].field;
+  expect_refused(remembered, poses.batch(), got.all(),
+                 "surface 1 of a batch is one of a camera with");
 
   const Contact by_points = std::move(Contact::create(tool, GraphMethod{})).value();
   const Status status = by_points.measure_batch(surfaces, poses.batch(), got.all());

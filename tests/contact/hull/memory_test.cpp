@@ -56,14 +56,18 @@ DepthFrame frame_of(const Camera& camera, const test::Ray& ray, double noise, Ra
 
 TEST(Memory, EqualsItsDefinition) {
   Random random(41);
-  for (const int num_cameras : {1, 1, 2, 3}) {
-    const HullScene scene = test::rough_memories(num_cameras, random);
+  for (const auto& [num_cameras, is_joined] :
+       {std::pair{1, false}, {1, false}, {1, true}, {2, true}, {3, true}}) {
+    const HullScene scene = test::rough_memories(num_cameras, random, is_joined);
     int num_felt = 0, num_other = 0;
     for (const int num_spheres : {1, 33, 400}) {
       const Tool tool = test::random_tool(num_spheres, 0.06, 3);
       const auto query = make_query(tool, SphereVolumes::own);
       std::vector<SurfaceBlend> without = scene.views;
-      for (SurfaceBlend& view : without) view.from.in_front = view.to.in_front = {};
+      for (SurfaceBlend& view : without) {
+        view.from.in_front = view.to.in_front = {};
+        view.from.remembered = view.to.remembered = {};
+      }
       for (int i = 0; i < 40; ++i) {
         const Pose X_WT = i % 2 == 0 ? random_pose(random) : test::pose_in_front(scene, random);
         const Penetration want = test::hull_truth(tool, scene.views, X_WT, SphereVolumes::own);
@@ -76,6 +80,9 @@ TEST(Memory, EqualsItsDefinition) {
         EXPECT_NEAR(got.potential, want.potential, 4e-6 * scale);
         EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
         EXPECT_NEAR(norm(got.measure_W.torque - want.measure_W.torque), 0, 2e-5 * scale);
+        if (is_joined && num_spheres > 100) {
+          EXPECT_NEAR(got.unseen_volume, want.unseen_volume, 0.02 * scale);
+        }
       }
     }
     EXPECT_GT(num_felt, 10);
@@ -112,7 +119,7 @@ TEST(Memory, StiffnessIsMinusTheDerivativeOfTheForce) {
   HullScene scene;
   const DepthFrame table = frame_of(test::vga(), table_with_hand({}), 0, random);
   const DepthFrame hand = frame_of(test::vga(), table_with_hand(0), 0, random);
-  test::add_memory(scene, test::vga(), {table, table, table, table, hand}, {}, 0.8);
+  test::add_memory(scene, test::vga(), {table, table, table, table, hand}, {}, 0.8, false);
   const Tool tool = test::random_tool(300, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   std::vector<double> errors;
@@ -178,7 +185,7 @@ TEST(Memory, WithNothingInFrontItIsOneCamera) {
   HullScene scene;
   const Camera camera{160, 120, {140, 140, 79.5, 59.5}};
   const DepthFrame frame = test::random_frame(camera.width, camera.height, random);
-  test::add_memory(scene, camera, {frame, frame}, {}, 0.5);
+  test::add_memory(scene, camera, {frame, frame}, {}, 0.5, false);
   SurfaceView plain = scene.views[0].to;
   plain.in_front = plain.seen_free = {};
   const Tool tool = test::random_tool(400, 0.06, 5);
@@ -269,27 +276,142 @@ TEST(Memory, AHandPassesOverATable) {
   }
 }
 
+// Two cameras side by side, both of which remember the table, and a hand that both see.
+TEST(Memory, AHandPassesBeforeTwoCameras) {
+  const Camera camera{320, 240, {262.5, 262.5, 159.5, 119.5}};
+  const Tool tool = test::ball_tool(0.03, 1500);
+  const auto query = make_query(tool, SphereVolumes::represented);
+  const double whole = tool.mesh_mass().volume;
+  const Pose eyes[] = {test::look_at({-0.03, 0, 0}, {0, 0, 1}),
+                       test::look_at({0.03, 0, 0}, {0, 0, 1})};
+  for (const double noise : {0.0, 0.0015}) {
+    Random random(56);
+    ThreadPool pool(1);
+    DepthFieldOptions joined;
+    joined.one_of_several = true;
+    std::vector<SurfaceTimeline> remember, forget;
+    for (int k = 0; k < 2; ++k) {
+      for (const DepthMemory kind : {DepthMemory::on, DepthMemory::off}) {
+        TimeOptions time;
+        time.memory = {.kind = kind, .thickness = kThickness};
+        (kind == DepthMemory::on ? remember : forget)
+            .push_back(
+                SurfaceTimeline::create(test::stream_of(camera), {}, joined, time, {}).value());
+      }
+    }
+    double time = 0;
+    // Only the second camera sees a small ball when there is one.
+    const auto push = [&](std::optional<double> x, std::optional<Vec3d> ball = {}) {
+      const test::Ray scene = [&](const Vec3d& p, const Vec3d& d) {
+        const double t = table_with_hand(x)(p, d);
+        return ball ? std::min(t, test::to_ball(p, d, *ball, 0.03)) : t;
+      };
+      for (std::size_t k = 0; k < 2; ++k) {
+        DepthFrame frame{camera.width, camera.height, 0.0001, {}, 0};
+        for (const float z : test::depth_seen(scene, camera, eyes[k])) {
+          const double seen = z > 0 ? static_cast<double>(z) + noise * random.normal() : 0;
+          frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(seen / frame.unit)));
+        }
+        frame.X_WC = eyes[k];
+        remember[k].push(frame, time, pool);
+        forget[k].push(frame, time, pool);
+      }
+      time += 1.0 / 30;
+    };
+    const auto measured = [&](std::vector<SurfaceTimeline>& timelines, const Vec3d& at) {
+      std::vector<SurfaceBlend> views;
+      for (SurfaceTimeline& timeline : timelines) {
+        views.push_back(timeline.at(time));
+        views.back().progress = 1;
+      }
+      return query->measure(views, {at, {}}).penetration;
+    };
+    const auto felt = [&](std::vector<SurfaceTimeline>& timelines, const Vec3d& at) {
+      return measured(timelines, at).volume / whole;
+    };
+    for (int i = 0; i < 5; ++i) push(std::nullopt);
+    double column = 0, worst = 0;
+    for (int i = 0; i <= 20; ++i) {
+      const double x = -0.2 + 0.02 * i;
+      push(x);
+      const Vec3d behind{x * 0.83 / kHandDepth, 0, 0.83};
+      column = std::max(column, felt(forget, behind));
+      worst = std::max(worst, felt(remember, behind));
+      EXPECT_LT(measured(remember, behind).unseen_volume, 0.01 * whole);
+      // What is seen is as without a memory: hand and table.
+      for (const Vec3d& p : {Vec3d{x, 0, 0.66}, {x + 0.25, 0, 0.99}, {x - 0.25, 0.05, 0.98}}) {
+        EXPECT_NEAR(felt(remember, p), felt(forget, p), 2e-3) << x;
+      }
+      // The table behind the hand is where it was.
+      const Vec3d at_table{x / kHandDepth, 0, 0.99};
+      EXPECT_NEAR(felt(remember, at_table), cap_volume(0.03, 0.01) / sphere_volume(0.03), 0.03)
+          << x;
+    }
+    EXPECT_GT(column, 0.9);
+    EXPECT_LT(worst, 0.01);
+    // What comes behind the hand for the first camera is felt where the second one sees it.
+    const double x = -0.12;
+    const Vec3d ball = eyes[0].translation + 1.3 * (Vec3d{x, 0, kHandDepth} - eyes[0].translation);
+    push(x, ball);
+    double least = 1;
+    for (int i = 0; i < 9; ++i) {
+      const Vec3d out =
+          rotate(axis_angle({0, 1, 0}, 0.1 * (i - 4)), normalized(eyes[1].translation - ball));
+      const Vec3d p = ball + 0.04 * out;
+      if (norm(cross(p - eyes[1].translation,
+                     normalized(Vec3d{x, 0, kHandDepth} - eyes[1].translation))) < 0.1) {
+        continue;  // not seen by the second one either
+      }
+      const std::vector<SurfaceBlend> second{{remember[1].at(time).to, remember[1].at(time).to, 1}};
+      const double alone = query->measure(second, {p, {}}).penetration.volume / whole;
+      least = std::min(least, felt(remember, p) / alone);
+      EXPECT_GT(alone, 0.05);
+    }
+    EXPECT_GT(least, 0.95);
+    // It leaves: nothing is left of it after one frame.
+    push(std::nullopt);
+    for (int i = 0; i <= 20; ++i) {
+      const double at = -0.2 + 0.02 * i;
+      for (const double z : {0.65, 0.7, 0.8, 0.95}) EXPECT_EQ(felt(remember, {at, 0, z}), 0);
+      EXPECT_EQ(felt(remember, {at, 0, 0.99}), felt(forget, {at, 0, 0.99}));
+    }
+  }
+}
+
 TEST(Memory, DescribesItsSpheres) {
   Random random(47);
-  const HullScene scene = test::rough_memories(1, random);
   const Tool tool = test::random_tool(200, 0.06, 5);
   const auto query = make_query(tool, SphereVolumes::own);
   std::vector<SphereState> states(200);
   std::vector<Plane<float>> planes(200);
-  int num_cut = 0;
-  for (int i = 0; i < 20; ++i) {
+  std::vector<std::int8_t> deciders(200);
+  int num_cut = 0, num_decided[4] = {};
+  for (int i = 0; i < 40; ++i) {
+    const int num_cameras = i % 2 == 0 ? 1 : 3;
+    const HullScene scene = test::rough_memories(num_cameras, random);
     const Pose X_WT = test::pose_in_front(scene, random);
-    query->measure(scene.views, X_WT, {.states = states, .planes = planes});
+    query->measure(scene.views, X_WT, {.states = states, .planes = planes, .deciders = deciders});
+    int num_wrong = 0;
     for (std::size_t s = 0; s < states.size(); ++s) {
       const double r = tool.spheres()[s].radius;
       const Vec3d c_T = to_double(tool.spheres()[s].centre);
-      const test::HullSample at = test::hull_at(scene.views, X_WT * c_T, r);
-      if (std::abs(std::abs(at.phi) - r) < 1e-5) continue;
-      EXPECT_EQ(states[s], test::state_at(at.phi, r));
+      const test::HullTruth want = test::hull_of(scene.views, X_WT * c_T, r);
+      if (std::abs(std::abs(want.at.phi) - r) < 1e-5) continue;
+      EXPECT_EQ(states[s], test::state_at(want.at.phi, r));
       num_cut += states[s] == SphereState::boundary;
+      if (num_cameras == 1) {
+        EXPECT_EQ(deciders[s], 0);
+      } else if (states[s] == SphereState::outside) {
+        EXPECT_EQ(deciders[s], kNoCamera);
+      } else {
+        ++num_decided[deciders[s] + 1];
+        num_wrong += deciders[s] != want.decider;
+      }
     }
+    EXPECT_LE(num_wrong, 2);  // who all but say the same
   }
   EXPECT_GT(num_cut, 20);
+  for (const int num : num_decided) EXPECT_GT(num, 5);
 }
 
 TEST(Memory, QueriesAllocateNothing) {
