@@ -116,8 +116,11 @@ TEST(Contact, ImagesThatCannotBeTakenSayWhyAndAreNoSurface) {
     EXPECT_TRUE(sensor.status());
   }
   EXPECT_FALSE(Sensor::create({4, 4, {1, 1, 2, 2}}));
-  EXPECT_FALSE(
-      Sensor::create(kCamera, Place::cpu(), {.surface = {}, .field = {}, .num_surfaces = 0}));
+  for (const auto& [num, is_possible] : {std::pair{0, false}, {1, true}, {64, true}, {65, false}}) {
+    const Result<Sensor> made =
+        Sensor::create(kCamera, Place::cpu(), {.surface = {}, .field = {}, .num_surfaces = num});
+    EXPECT_EQ(made.has_value(), is_possible) << num;
+  }
 }
 
 TEST(Contact, NeitherHalfAllocates) {

@@ -360,12 +360,12 @@ TEST(Friction, ASurfaceThatMovesAlongItsNormalCarriesWhatSticks) {
 // ------------------------------------------------------------------------ texture and damping
 
 /// Forces along the surface at constant speed, from the first whole second on.
-std::vector<double> felt_texture(TextureKind kind, double speed) {
+std::vector<double> felt_texture(TextureKind kind, double speed, int ticks = 5000) {
   CouplingOptions options = options_of(CouplingKind::none, 0.5);
   options.texture.kind = kind;
   Touch touch(options, {}, pressed(1e-3));
   std::vector<double> felt;
-  for (int i = 0; i < 5000; ++i) {
+  for (int i = 0; i < ticks; ++i) {
     touch.to(pressed(1e-3, {speed * kTick * i, 0, 0}));
     if (i >= 1000) felt.push_back(-touch.along().x / norm(touch.normal.force));
   }
@@ -390,6 +390,31 @@ TEST(Texture, RidgesComeAsOftenAsTheyLie) {
   EXPECT_NEAR(crossings, 4 * 20, 1);
   // 0.3 of the friction up and down, as far as the speed lets it.
   EXPECT_NEAR(spread(felt), 0.5 * 0.3 * 0.04 / 0.045 / std::sqrt(2.0), 0.003);
+}
+
+TEST(Texture, GrainIsSixWavesOfOneHeight) {
+  // 8 s at 0.016 m/s are 64 lengths of 2 mm, after which all waves begin anew.
+  const std::vector<double> felt = felt_texture(TextureKind::grain, 0.016, 9000);
+  ASSERT_EQ(felt.size(), 8000u);
+  const auto height_of = [&felt](double waves_per_length) {
+    double re = 0, im = 0;
+    for (std::size_t i = 0; i < felt.size(); ++i) {
+      const double angle = 2 * kPi * waves_per_length * 8 * kTick * static_cast<double>(i);
+      re += felt[i] * std::cos(angle);
+      im += felt[i] * std::sin(angle);
+    }
+    return 2 * std::hypot(re, im) / static_cast<double>(felt.size());
+  };
+  // Of a depth of 0.3 of the friction, as far as the speed lets it.
+  const double each = 0.5 * 0.3 * 0.016 / 0.021 / 6;
+  double power = 0;
+  for (const double waves : {64, 107, 173, 281, 449, 727}) {
+    const double height = height_of(waves / 64);
+    EXPECT_NEAR(height, each, 0.05 * each) << waves;
+    power += 0.5 * height * height;
+  }
+  // There is nothing else.
+  EXPECT_NEAR(power, spread(felt) * spread(felt), 0.05 * power);
 }
 
 TEST(Texture, IsLeftOutWhereItWouldComeTooFastOrNothingMoves) {
