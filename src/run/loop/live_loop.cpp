@@ -89,7 +89,9 @@ class LiveLoop final : public RunLoop {
                 {1 / device.info().rate, settings.wants_real_time,
                  static_cast<bool>(observer_.on_ticks)},
                 times_),
-        publisher_(observer_, surfaces_, contacts_, haptic_) {}
+        publisher_(observer_, {surfaces_.seen(), contacts_.records(), haptic_.records(),
+                               haptic_.moments(), [this] { return surfaces_.num_frames(); },
+                               [this] { return contacts_.num_contacts(); }}) {}
   ~LiveLoop() override { stop(); }
 
   Status start() override;

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "src/run/loop/surface_stage.h"
+
 namespace palpate {
 namespace {
 
@@ -9,9 +11,8 @@ constexpr std::size_t kBatch = 256;  // ticks given to the observer at a time
 
 }  // namespace
 
-Publisher::Publisher(const RunObserver& observer, SurfaceStage& surfaces, ContactStage& contacts,
-                     HapticStage& haptic)
-    : observer_(observer), surfaces_(surfaces), contacts_(contacts), haptic_(haptic) {
+Publisher::Publisher(const RunObserver& observer, LoopRecords records)
+    : observer_(observer), records_(std::move(records)) {
   batch_.reserve(kBatch);
 }
 
@@ -33,25 +34,25 @@ void Publisher::publish() {
 }
 
 void Publisher::tell_frames() {
-  while (const SeenFrame* seen = surfaces_.seen().front()) {
+  while (const SeenFrame* seen = records_.frames.front()) {
     tell_settings(seen->record.revision);
     observer_.on_frame(seen->record, seen->frame);
-    surfaces_.seen().pop();
+    records_.frames.pop();
   }
 }
 
 void Publisher::tell_contacts() {
-  while (const ContactRecord* contact = contacts_.records().front()) {
-    if (surfaces_.num_frames() <= contact->frame_number) return;
+  while (const ContactRecord* contact = records_.contacts.front()) {
+    if (records_.num_frames() <= contact->frame_number) return;
     tell_frames();
     tell_settings(contact->revision);
     observer_.on_contact(*contact);
-    contacts_.records().pop();
+    records_.contacts.pop();
   }
 }
 
 void Publisher::tell_ticks() {
-  RecordQueue<TickRecord>& ticks = haptic_.records();
+  RecordQueue<TickRecord>& ticks = records_.ticks;
   while (ticks.front() != nullptr && has_told_contact_of(*ticks.front())) {
     batch_.clear();
     tell_moment(ticks.front()->number);
@@ -60,7 +61,7 @@ void Publisher::tell_ticks() {
       if (!has_told_contact_of(*tick)) break;
       // Looked for last: a moment is written before its tick, and what is told meanwhile takes
       // time.
-      const HandMoment* const next = haptic_.moments().front();
+      const HandMoment* const next = records_.moments.front();
       if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
       batch_.push_back(*tick);
       ticks.pop();
@@ -72,15 +73,15 @@ void Publisher::tell_ticks() {
 
 /// Also where there was no room for the record of the contact.
 bool Publisher::has_told_contact_of(const TickRecord& tick) {
-  if (contacts_.num_contacts() < tick.contact_number) return false;
+  if (records_.num_contacts() < tick.contact_number) return false;
   tell_contacts();
-  const ContactRecord* const next = contacts_.records().front();
+  const ContactRecord* const next = records_.contacts.front();
   return next == nullptr || next->number > tick.contact_number;
 }
 
 /// Before the tick of this number. A moment comes before its tick, and may have lost it.
 void Publisher::tell_moment(std::uint64_t tick) {
-  RecordQueue<HandMoment>& moments = haptic_.moments();
+  RecordQueue<HandMoment>& moments = records_.moments;
   for (const HandMoment* now = moments.front(); now != nullptr && now->tick <= tick;
        now = moments.front()) {
     if (now->tick == tick && observer_.on_moment) observer_.on_moment(*now);

@@ -3,22 +3,32 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <vector>
 
 #include "palpate/run/run_loop.h"
-#include "src/run/loop/contact_stage.h"
-#include "src/run/loop/haptic_stage.h"
-#include "src/run/loop/surface_stage.h"
+#include "src/run/loop/record_queue.h"
 
 namespace palpate {
+
+struct SeenFrame;
+
+/// What the stages have written, and how many frames and contacts they are through with: a record
+/// is written before it is counted, and may be used by others before both.
+struct LoopRecords {
+  RecordQueue<SeenFrame>& frames;
+  RecordQueue<ContactRecord>& contacts;
+  RecordQueue<TickRecord>& ticks;
+  RecordQueue<HandMoment>& moments;
+  std::function<std::uint64_t()> num_frames, num_contacts;
+};
 
 /// Empties the queues of the stages, in one thread.
 class Publisher {
  public:
-  Publisher(const RunObserver& observer, SurfaceStage& surfaces, ContactStage& contacts,
-            HapticStage& haptic);
+  Publisher(const RunObserver& observer, LoopRecords records);
 
   /// Any thread: settings of the next revision, before a stage is offered them.
   void add_settings(const RunSettings& settings);
@@ -38,9 +48,7 @@ class Publisher {
   bool has_told_contact_of(const TickRecord& tick);
 
   const RunObserver& observer_;
-  SurfaceStage& surfaces_;
-  ContactStage& contacts_;
-  HapticStage& haptic_;
+  LoopRecords records_;
 
   std::mutex mutex_;
   std::deque<RunSettings> settings_;  // those after `told_revision_`

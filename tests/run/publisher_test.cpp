@@ -1,0 +1,233 @@
+// What a live loop tells its observer, for stages that write in any order the threads may give.
+#include "src/run/loop/publisher.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "src/run/loop/surface_stage.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::uint64_t kTicksPerMoment = 7;
+
+/// Three stages, each a step at a time: what is written may be used before its record is.
+class Stages {
+ public:
+  explicit Stages(std::size_t contacts_kept) : contacts(contacts_kept) {}
+
+  LoopRecords records() {
+    return {frames,
+            contacts,
+            ticks,
+            moments,
+            [this] { return num_frames_; },
+            [this] { return num_contacts_; }};
+  }
+
+  /// New settings come into use with the next frame, contact and tick.
+  void change(Publisher& publisher) {
+    publisher.add_settings({});
+    ++revision_;
+  }
+
+  void step_surface() {
+    if (made_frames_ == num_frames_) {
+      frame_revision_ = revision_;
+      ++made_frames_;  // can be felt
+      return;
+    }
+    SeenFrame seen;
+    seen.record.number = num_frames_;
+    seen.record.revision = frame_revision_;
+    frames.push(seen);
+    ++num_frames_;
+  }
+
+  void step_contact() {
+    if (made_frames_ == 0) return;
+    if (made_contacts_ == num_contacts_) {
+      contact_ = ContactRecord{};
+      contact_.number = ++made_contacts_;  // can be held
+      contact_.frame_number = made_frames_ - 1;
+      contact_.revision = revision_;
+      return;
+    }
+    contacts.push(contact_);
+    ++num_contacts_;
+  }
+
+  void step_haptic() {
+    if (made_contacts_ == 0) return;
+    if (num_ticks_ % kTicksPerMoment == 0 && !has_moment_) {
+      HandMoment moment;
+      moment.tick = num_ticks_;
+      moments.push(moment);
+      has_moment_ = true;
+      return;
+    }
+    TickRecord tick;
+    tick.number = num_ticks_++;
+    tick.contact_number = made_contacts_;
+    tick.revision = revision_;
+    ticks.push(tick);
+    has_moment_ = false;
+  }
+
+  /// All that was begun is written.
+  void finish() {
+    if (made_frames_ > num_frames_) step_surface();
+    if (made_contacts_ > num_contacts_) step_contact();
+    if (has_moment_) step_haptic();
+  }
+
+  std::uint64_t num_frames() const { return num_frames_; }
+  std::uint64_t num_contacts() const { return num_contacts_; }
+  std::uint64_t num_ticks() const { return num_ticks_; }
+
+  RecordQueue<SeenFrame> frames{512};
+  RecordQueue<ContactRecord> contacts;
+  RecordQueue<TickRecord> ticks{4096};
+  RecordQueue<HandMoment> moments{1024};
+
+ private:
+  std::uint64_t made_frames_ = 0, num_frames_ = 0, made_contacts_ = 0, num_contacts_ = 0;
+  std::uint64_t num_ticks_ = 0;
+  std::uint32_t revision_ = 0, frame_revision_ = 0;
+  ContactRecord contact_;
+  bool has_moment_ = false;
+};
+
+/// What was told, checked as it comes.
+struct Listener {
+  explicit Listener(std::function<void()> meanwhile) {
+    observer.on_frame = [this, meanwhile](const FrameRecord& frame, const DepthFrame&) {
+      EXPECT_EQ(frame.number, num_frames++);
+      EXPECT_LE(frame.revision, revision);
+      meanwhile();
+    };
+    observer.on_contact = [this, meanwhile](const ContactRecord& contact) {
+      EXPECT_GT(contact.number, newest_contact);
+      EXPECT_LT(contact.frame_number, num_frames) << "a contact before its frame";
+      EXPECT_LE(contact.revision, revision);
+      newest_contact = contact.number;
+      ++num_contacts;
+      meanwhile();
+    };
+    observer.on_ticks = [this, meanwhile](std::span<const TickRecord> ticks) {
+      ASSERT_FALSE(ticks.empty());
+      for (const TickRecord& tick : ticks) {
+        EXPECT_EQ(tick.number, num_ticks++);
+        EXPECT_LE(tick.revision, revision);
+        if (loses_no_contact) {
+          EXPECT_LE(tick.contact_number, newest_contact) << "a tick before its contact";
+        }
+        if (tick.number % kTicksPerMoment == 0) {
+          EXPECT_EQ(&tick, ticks.data()) << "a moment within a batch";
+          EXPECT_EQ(newest_moment, tick.number) << "a tick without its moment";
+        }
+      }
+      meanwhile();
+    };
+    observer.on_moment = [this, meanwhile](const HandMoment& moment) {
+      EXPECT_EQ(moment.tick, num_ticks) << "not right before its tick";
+      newest_moment = moment.tick;
+      meanwhile();
+    };
+    observer.on_settings = [this, meanwhile](std::uint32_t next, const RunSettings&) {
+      EXPECT_EQ(next, ++revision);
+      meanwhile();
+    };
+  }
+
+  RunObserver observer;
+  std::uint64_t num_frames = 0, num_contacts = 0, newest_contact = 0, num_ticks = 0;
+  std::uint64_t newest_moment = UINT64_MAX;
+  std::uint32_t revision = 0;
+  bool loses_no_contact = true;
+};
+
+/// Random steps of all three, some of them while the observer is being told.
+void run(Stages& stages, unsigned seed, bool loses_no_contact) {
+  std::mt19937 random(seed);
+  Publisher* told_by = nullptr;
+  int left = 3000;
+  const auto step = [&] {
+    if (left-- <= 0) return;
+    switch (random() % 8) {
+      case 0: stages.step_surface(); break;
+      case 1:
+      case 2: stages.step_contact(); break;
+      case 3:
+        if (random() % 20 == 0) stages.change(*told_by);
+        break;
+      default: stages.step_haptic();
+    }
+  };
+  Listener listener([&] {
+    while (left > 0 && random() % 3 != 0) step();
+  });
+  listener.loses_no_contact = loses_no_contact;
+  Publisher publisher(listener.observer, stages.records());
+  told_by = &publisher;
+  while (left > 0) {
+    for (unsigned i = random() % 40; i > 0; --i) step();
+    publisher.publish();
+  }
+  stages.finish();
+  publisher.publish();
+  EXPECT_EQ(listener.num_frames, stages.num_frames());
+  EXPECT_EQ(listener.num_contacts + stages.contacts.num_lost(), stages.num_contacts());
+  EXPECT_EQ(listener.num_ticks, stages.num_ticks());
+  EXPECT_EQ(stages.moments.front(), nullptr);
+  EXPECT_GT(listener.num_ticks, 100u);
+}
+
+TEST(Publisher, TellsEachRecordOnceAfterThoseItRestsOn) {
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    Stages stages(2048);
+    run(stages, seed, true);
+    if (HasFailure()) FAIL() << "seed " << seed;
+  }
+}
+
+TEST(Publisher, TellsTicksWhoseContactsWereLost) {
+  std::uint64_t lost = 0;
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    Stages stages(2);
+    run(stages, seed, false);
+    lost += stages.contacts.num_lost();
+    if (HasFailure()) FAIL() << "seed " << seed;
+  }
+  EXPECT_GT(lost, 100u);
+}
+
+TEST(Publisher, AContactWaitsForItsFrame) {
+  Stages stages(16);
+  Listener listener([] {});
+  Publisher publisher(listener.observer, stages.records());
+  stages.step_surface();  // felt, not written
+  stages.step_contact();
+  stages.step_contact();
+  stages.step_haptic();
+  stages.step_haptic();
+  publisher.publish();
+  EXPECT_EQ(listener.num_contacts, 0u);
+  EXPECT_EQ(listener.num_ticks, 0u);
+  stages.step_surface();
+  publisher.publish();
+  EXPECT_EQ(listener.num_frames, 1u);
+  EXPECT_EQ(listener.num_contacts, 1u);
+  EXPECT_EQ(listener.num_ticks, 1u);
+}
+
+}  // namespace
+}  // namespace palpate
