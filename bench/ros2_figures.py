@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""palpate ros2 beside a robot on Fast DDS: 640 x 480 depth at 30 Hz in, the wrench at 1 kHz out, on loopback.
+"""palpate ros2 beside a robot on Fast DDS: 640 x 480 depth at 30 Hz in, the wrench at 1 kHz out, on loopback; then beside
+one on the Python package cyclonedds (80 x 60: it writes lists), of which the losses alone are said.
 
 usage: bench/ros2_figures.py BUILD_DIR [--seconds S] [--csv FILE]
 
@@ -13,14 +14,35 @@ import os
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 from ros_bench import local_ros, machine_now, options_of, pack_ball, programs_of, write_rows
 
+ROOT = Path(__file__).resolve().parent.parent
 DOMAIN = 91
 COLUMNS = ("case", "seconds", "images", "wrenches", "lost", "gap_p50_ms", "gap_p99_ms", "gap_max_ms",
            "arrival_p50_ms", "arrival_p99_ms", "arrival_max_ms", "image_to_force_p50_ms",
            "image_to_force_p99_ms", "image_to_force_max_ms", "measured", "load_before", "load_after", "cores",
            "commit")
+
+
+def beside_python(palpate, work, environment, seconds):
+    """A row. Lost: of what was sent between the first and the last word of how many there are."""
+    before = os.getloadavg()[0]
+    python = ROOT / "build/python/bin/python"  # as scripts/setup.sh --test leaves it
+    robot = subprocess.Popen([python if python.exists() else sys.executable, ROOT / "tests/ros/cyclone_peer.py", str(DOMAIN)],
+                             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    run = subprocess.run([palpate, "ros2", "ball.palp", "--depth", "/camera/depth/image_raw", "--pose", "/tool_pose", "-o",
+                          "run", "--duration", str(seconds)], cwd=work, env=environment, capture_output=True, text=True,
+                         check=False)
+    seen = json.loads(robot.communicate()[0])
+    if run.returncode != 0:
+        sys.exit(f"ros2_figures: {run.stderr}")
+    # Wrenches that are on their way when a word comes are not yet counted: the last word comes after all of them.
+    sent, came = seen["sent"][-1][0], seen["wrenches"]
+    before_first = max(count - here for count, here in seen["sent"][:1])
+    return ["images best_effort, wrench reliable, peer cyclonedds in Python", seconds, seen["images"], came,
+            sent - came - before_first, *[""] * 10, *machine_now(before)]
 
 
 def main():
@@ -43,7 +65,9 @@ def main():
             rows.append([f"images {qos}, wrench reliable", round(seen["seconds"], 1), seen["images"],
                          seen["wrenches"], seen["lost"], *seen["gap_ms"], *seen["delay_ms"],
                          *seen["image_to_wrench_ms"], seen["measured"], *machine_now(before)])
-            print(*(f"{name} {value}" for name, value in zip(COLUMNS, rows[-1])), sep=", ")
+            print(*(f"{name} {value}" for name, value in zip(COLUMNS, rows[-1])), sep=", ", flush=True)
+        rows.append(beside_python(palpate, work, environment, options.seconds))
+        print(*(f"{name} {value}" for name, value in zip(COLUMNS, rows[-1])), sep=", ")
     write_rows(options.csv, COLUMNS, rows)
 
 

@@ -11,6 +11,10 @@ and the rows are made of one measurement of a guard body around the gripper: its
 and how deep) and the gradient of that, minus force and torque. U must not rise above a limit, and rises the more slowly
 the nearer it is (a control barrier function): dU/dt = -(f, t) V <= rate (U_max - U). To keep to a surface, U must not fall
 below one, either. The stiffness is the second derivative: it bounds what the row leaves out within a step.
+
+Where nothing was measured, U is zero and its row allows everything. What nobody has seen is a row of its own: the same
+measurement against all that was not seen to be free (the setting unknown = "blocked", holes not closed). Deep inside that has no
+gradient; no motion obeys the row then, and the arm stops.
 """
 
 import argparse
@@ -54,6 +58,17 @@ def seen():
     x, y = (u - 159.5) / 280 * 0.9, (v - 119.5) / 280 * 0.9
     depth = np.where((abs(x) < 0.1) & (abs(y) < 0.1), 900, 1000).astype(np.uint16)
     return depth, palpate.Camera(320, 240, 280.0, 280.0, 159.5, 119.5, pose=EYE)
+
+
+def dark_strip(depth):
+    """The same image of a camera that measures nothing on the block and beside it, because it is black."""
+    u = np.arange(depth.shape[1])
+    return np.where(abs(u - 159.5) < 31, 0, depth).astype(np.uint16)
+
+
+def not_seen_free(depth, camera):
+    """A surface around all that this image does not show to be free."""
+    return palpate.Sensor(camera, unknown="blocked", fill_levels=0).update(depth)
 
 
 def guard_rows(result, least, most):
@@ -106,17 +121,22 @@ class Arm:
         pinocchio.framesForwardKinematics(self.model, self.data, self.q)
 
 
-def go(tool, surface, way, least=None, most=None):
-    """Along a way of (time, point), as far as the guard lets it: times and poses of the guard, and what it met there."""
+def go(tool, surface, way, least=None, most=None, unseen=None):
+    """Along a way of (time, point), as far as the guard lets it: times and poses of the guard, and what it met there: U,
+    the share inside, the share that is unseen. `unseen`: a surface that it is kept away from, too."""
     robot, contact = Arm(), palpate.Contact(tool)
     times, points = np.array([t for t, _ in way]), np.array([p for _, p in way])
     path, met = [], []
     for k in range(int(times[-1] / STEP)):
         result = contact.measure(surface, robot.pose())
         path.append([k * STEP, *robot.pose()])
-        met.append([result.potential, result.fraction])
+        met.append([result.potential, result.fraction, result.unseen])
         aim = np.array([np.interp(k * STEP, times, column) for column in points.T])
-        robot.move(aim, *(([], []) if most is None else guard_rows(result, least, most)))
+        rows, bounds = (np.zeros((0, 6)), np.zeros(0)) if most is None else guard_rows(result, least, most)
+        if unseen is not None:
+            more, further = guard_rows(contact.measure(unseen, robot.pose()), None, most)
+            rows, bounds = np.vstack([rows, more]), np.concatenate([bounds, further])
+        robot.move(aim, rows, bounds)
     return np.array(path), np.array(met)
 
 
@@ -139,6 +159,12 @@ def main():
     _, met = go(tool, surface, down_and_up, most / 4, most)
     there = np.argmax(met[:, 0] > most / 4)
     print(f"keeps to: U from {met[there:, 0].min():.1e} to {met[there:, 0].max():.1e} m4 while it is pulled up")
+
+    dark = dark_strip(depth)
+    surface = palpate.Sensor(camera).update(dark)
+    for words, unseen in (("unseen space allowed", None), ("unseen space guarded", not_seen_free(dark, camera))):
+        _, met = go(tool, surface, [(0, START), (4, START + [0.3, 0, 0])], most=most, unseen=unseen)
+        print(f"{words}: up to {100 * met[:, 2].max():.0f} % of the guard where nothing was measured")
 
     output.mkdir(exist_ok=True)
     np.savetxt(output / "path.txt", path, fmt="%.9g")

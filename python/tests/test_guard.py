@@ -56,6 +56,31 @@ def test_it_keeps_to_the_block_when_it_is_pulled_up(scene):
     assert free[-1, 3] > 0.19 > 0.14 > path[-1, 3]
 
 
+def test_it_does_not_go_where_nothing_was_measured():
+    depth, camera = guard_arm.seen()
+    dark = guard_arm.dark_strip(depth)
+    tool, surface = guard_arm.guard_body(), palpate.Sensor(camera).update(dark)
+    way = [(0, guard_arm.START), (4, guard_arm.START + [0.3, 0, 0])]
+    # A row of what is seen allows it.
+    _, met = guard_arm.go(tool, surface, way, most=MOST)
+    assert met[:, 2].max() == 1
+    path, met = guard_arm.go(tool, surface, way, most=MOST, unseen=guard_arm.not_seen_free(dark, camera))
+    assert met[:, 2].max() < 0.02
+    # The strip begins half-way between two columns, 31 pixels from the middle; its side leans by as much.
+    bottom = 1 - (path[:, 3] - HALF)  # m, from the camera
+    inside = path[:, 1] + HALF - (0.6 - 31 / 280 * bottom)
+    pixel, deepest = bottom.max() / 280, np.sqrt(2 * MOST / BOTTOM)
+    assert -pixel < inside.max() < 1.5 * deepest + pixel
+
+
+def test_it_stops_where_it_cannot_know_the_way_out():
+    depth, camera = guard_arm.seen()
+    nothing = guard_arm.not_seen_free(np.zeros_like(depth), camera)
+    way = [(0, guard_arm.START), (2, guard_arm.START + [0.1, 0, 0])]
+    path, _ = guard_arm.go(guard_arm.guard_body(), nothing, way, most=MOST, unseen=nothing)
+    assert np.abs(path[:, 1:4] - path[0, 1:4]).max() < 1e-6
+
+
 def test_the_recording_can_be_read(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["guard_arm.py", "-o", "out"])

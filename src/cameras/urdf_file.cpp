@@ -32,6 +32,9 @@ class Reader {
       : name_(name), folders_(folders), geometry_(geometry) {}
 
   Result<RobotModel> read(std::string_view text) {
+    if (text.find_first_not_of(" \t\r\n") == std::string_view::npos) {
+      return Error{Errc::bad_input, name_ + " is empty; did xacro or a download fail?"};
+    }
     tinyxml2::XMLDocument document;
     if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
       return Error{Errc::bad_input, name_ + " line " + std::to_string(document.ErrorLineNum()) +

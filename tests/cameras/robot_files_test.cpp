@@ -156,6 +156,10 @@ TEST(Urdf, SaysWhatIsWrongAndWhere) {
   EXPECT_NE(parsed("solid").error().message.find("robot.urdf"), std::string::npos);
   EXPECT_NE(parsed("<sdf/>").error().message.find("no <robot>"), std::string::npos);
   EXPECT_NE(why_not("").find("no <link>"), std::string::npos);
+  for (const char* const nothing : {"", " \n\t\r\n"}) {
+    EXPECT_EQ(parsed(nothing).error().message,
+              "robot.urdf is empty; did xacro or a download fail?");
+  }
   EXPECT_NE(why_not("\n<link/>").find("line 2: <link> needs name"), std::string::npos);
   EXPECT_NE(why_not("<link name='a'/><link name='a'/>").find("two links"), std::string::npos);
   const std::string two = "<link name='a'/><link name='b'/>";

@@ -250,7 +250,7 @@ def main(domain, behavior):
     near, far = image(0, 490), image(0, 700)
     begin = time.time()
     seen = {"images": 0, "wrenches": 0, "touching": 0, "frames": [], "states": [], "reasons": [],
-            "nodes": [], "hashes": {}, "contact": None, "wild_touching": 0}
+            "nodes": [], "hashes": {}, "contact": None, "wild_touching": 0, "sent": []}
     next_image = begin
     wild_from = float("inf")
     while not has_ended():
@@ -300,6 +300,9 @@ def main(domain, behavior):
                 seen["states"].append(contact.state)
         for message in taken(diagnostics, 20):
             for status in message.status:
+                # How many it has sent by its own count, and how many of them came.
+                count = next((int(value.value) for value in status.values if value.key == "wrenches sent"), 0)
+                seen["sent"].append([count, seen["wrenches"]])
                 words = status.message.split(" is ")[0]
                 if words not in seen["reasons"]:
                     seen["reasons"].append(words)
