@@ -24,8 +24,7 @@ Result<DepthFrame> read_image(const std::string& file, double unit) {
                                                            : load_depth_png(file, unit);
 }
 
-Result<DepthFrame> first_frame(CameraUri uri, Intrinsics& intrinsics, SensorKind& sensor) {
-  uri.X_WC = {};  // we know where it stands
+Result<DepthFrame> first_frame(const CameraUri& uri, Intrinsics& intrinsics, SensorKind& sensor) {
   const auto source = open_camera(uri);
   if (!source) return source.error();
   DepthFrame frame;
@@ -144,7 +143,7 @@ Result<FrozenViews> FrozenViews::read(const FrozenOptions& options, const RunSet
     SensorKind sensor = SensorKind::none;
     const auto frame = first_frame(options.cameras[i], intrinsics, sensor);
     status = add(from_frame(options.cameras[i].text, frame, intrinsics, sensor),
-                 options.cameras[i].X_WC);
+                 frame ? frame->X_WC : Pose{});
   }
   if (!status) return status.error();
   if (settings.contact.method != MethodKind::field) scene.join_points();
@@ -162,6 +161,7 @@ Status FrozenViews::add(Frozen given, const Pose& X_WC, const RunSettings& setti
   if (frozen->field) surface.field = frozen->field->view();
   if (frozen->seen_free) surface.seen_free = frozen->seen_free->view();
   surface.X_WC = X_WC;
+  X_WC_.push_back(X_WC);
   views_.push_back({surface, surface, 1});
   num_usable_ += frozen->num_usable;
   frozen_.push_back(std::move(frozen));

@@ -37,6 +37,8 @@ class FrozenViews {
   static Result<FrozenViews> read(const FrozenOptions& options, const RunSettings& settings,
                                   const std::vector<std::string>& given, ThreadPool& pool);
 
+  /// Of each camera.
+  std::span<const Pose> X_WC() const { return X_WC_; }
   std::span<const SurfaceBlend> views() const { return views_; }
   /// Points with a normal.
   std::size_t num_usable() const { return num_usable_; }
@@ -49,6 +51,7 @@ class FrozenViews {
 
   std::vector<std::shared_ptr<Frozen>> frozen_;
   std::vector<SurfaceBlend> views_;
+  std::vector<Pose> X_WC_;
   PointCloud joined_;
   std::size_t num_usable_ = 0;
 };

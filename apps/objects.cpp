@@ -13,9 +13,9 @@
 namespace palpate::apps {
 namespace {
 
-constexpr const char* kForm = "TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU]";
+constexpr const char* kForm = "TOOL.palp@'tx ty tz qx qy qz qw'[,frame=NAME][,friction=MU]";
 constexpr const char* kFormMoving =
-    "TOOL.palp@'tx ty tz qx qy qz qw'[,friction=MU][,moving[,mass=KG]]";
+    "TOOL.palp@'tx ty tz qx qy qz qw'[,frame=NAME][,friction=MU][,moving[,mass=KG]]";
 
 double parse_number(const std::string& object, const char* what, std::string_view text, double low,
                     double high) {
@@ -30,17 +30,20 @@ double parse_number(const std::string& object, const char* what, std::string_vie
 
 /// "friction=0.3", "mass=0.5" or "moving".
 void parse_property(std::string_view text, bool can_move, ObjectOption& object) {
-  constexpr std::string_view kFriction = "friction=", kMass = "mass=";
+  constexpr std::string_view kFriction = "friction=", kMass = "mass=", kFrame = "frame=";
   if (text.starts_with(kFriction)) {
     object.friction = parse_number(object.file, "friction must be a number from 0 to 10",
                                    text.substr(kFriction.size()), 0, 10);
+  } else if (text.starts_with(kFrame) && text.size() > kFrame.size()) {
+    object.frame = text.substr(kFrame.size());
   } else if (can_move && text.starts_with(kMass)) {
     object.mass = parse_number(object.file, "mass must be a number from 1e-4 to 1000 (kg)",
                                text.substr(kMass.size()), 1e-4, 1000);
   } else if (can_move && text == "moving") {
     object.moves = true;
   } else {
-    usage_error("--object " + object.file + ": what follows the pose must be friction=MU" +
+    usage_error("--object " + object.file +
+                ": what follows the pose must be frame=NAME, friction=MU" +
                 (can_move ? ", mass=KG or moving" : "") + ", not '" + std::string(text) + "'");
   }
 }
@@ -87,8 +90,9 @@ void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool c
          [&objects, can_move](const std::vector<std::string>& texts) {
            for (const std::string& text : texts) objects.push_back(parse_object(text, can_move));
          },
-         "a rigid object to feel beside the depth images, where it stays in the world; may "
-         "be given several times; with friction=MU it has its own" +
+         "a rigid object to feel beside the depth images, where it stays in the world, or with "
+         "frame=NAME in that of a camera or the rig; may be given several times; with friction=MU "
+         "it has its own" +
              moving)
       ->allow_extra_args(false)
       ->type_name(can_move ? kFormMoving : kForm);

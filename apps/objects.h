@@ -1,5 +1,5 @@
 // Rigid objects beside the cloud: --object TOOL2.palp@'tx ty tz qx qy qz qw'[,friction=MU]
-// [,mass=KG][,moving].
+// [,frame=NAME][,mass=KG][,moving].
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -14,7 +14,8 @@ namespace palpate::apps {
 /// An object as the command line names it.
 struct ObjectOption {
   std::string file;
-  Pose X_WB;
+  Pose X_WB;          ///< in `frame`, until that is known
+  std::string frame;  ///< empty: the world
   std::optional<double> friction;
   bool moves = false;
   double mass = 0;  ///< kg; 0: by its volume

@@ -13,6 +13,7 @@
 #include "src/core/thread_rank.h"
 #include "src/io/ros_messages.h"
 #include "src/math/internal/rotation_vector.h"
+#include "src/math/internal/told_wrench.h"
 #include "src/ros/ros_node.h"
 
 namespace palpate::apps {
@@ -33,15 +34,9 @@ std::string milliseconds(const char* format, double seconds) {
   return text;
 }
 
-/// F_A about A's origin in A's axes, of a wrench about p_W in W's axes.
-Wrench told_in(const Pose& X_WA, const Wrench& F_W, const Vec3d& p_W) {
-  const Quaternion q_AW = conjugate(X_WA.rotation);
-  const Vec3d torque_W = F_W.torque + cross(p_W - X_WA.translation, F_W.force);
-  return {rotate(q_AW, F_W.force), rotate(q_AW, torque_W)};
-}
-
-/// The same of a stiffness: moved to the origin, A K A^T with the wrench's own map A, and turned.
-std::array<double, 36> told_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
+/// The same as told_in of a wrench: moved to the origin, A K A^T with the wrench's own map A, and
+/// turned.
+std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
   const Vec3d r = p_W - X_WA.translation;
   const double lever[3][3] = {{0, -r.z, r.y}, {r.z, 0, -r.x}, {-r.y, r.x, 0}};
   const Quaternion q_AW = conjugate(X_WA.rotation);
@@ -257,7 +252,7 @@ class Output final : public RosOutput {
     const std::lock_guard lock(mutex_);
     contact.max_stiffness = newest_.contact.max_stiffness;
     contact.stiffness =
-        told_in(newest_.contact.X_WT, newest_.contact.stiffness, newest_.contact.p_WC);
+        stiffness_in(newest_.contact.X_WT, newest_.contact.stiffness, newest_.contact.p_WC);
     return contact;
   }
 
@@ -334,9 +329,6 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
                  "where cameras have poses; default: as its images say")
       ->type_name("FRAME")
       ->group(group);
-  add_word(app, "--wrench-frame", options.frame,
-           "at whose origin, and in whose axes, the wrench is told")
-      ->group(group);
   add_number(app, "--wrench-rate", options.rate, {1, 1000, "Hz"}, "wrenches per second")
       ->group(group);
   add_number(app, "--contact-message-rate", options.contact_rate, {0.1, 1000, "Hz"},
@@ -348,6 +340,15 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
   add_number(app, "--max-age", options.max_age, {0.001, 10, "s"},
              "the wrench is zero when the depth image, the measurement or the tool's pose is older")
       ->group(group);
+}
+
+void check_wrench_frame(const RosOutputOptions& options, const std::string& frame,
+                        const std::string& verb) {
+  const std::initializer_list<std::string_view> known{"", "auto", "tool", "camera", "world"};
+  if (!options.is_wanted || std::ranges::find(known, frame) != known.end()) return;
+  usage_error(verb +
+              ": over ROS 2 --wrench-frame is tool, or camera or world, that of the poses; tf "
+              "gives the wrench in any other one");
 }
 
 Result<std::unique_ptr<RosOutput>> RosOutput::create(const Tool& tool,

@@ -11,22 +11,22 @@
 
 namespace palpate::apps {
 
-/// Which frame a wrench is told in: at its origin, in its axes.
-enum class WrenchFrame { tool, camera };
-constexpr auto names_of(WrenchFrame) { return std::array{"tool", "camera"}; }
-
 struct RosOutputOptions {
   bool is_wanted = false;
   std::string name_space = "/palpate";  ///< of the topics
   std::string wrench = "wrench";        ///< the topic; in the namespace unless it begins with "/"
   /// `camera_frame`: what poses are told in, W.
   std::string tool_frame = "palpate_tool", camera_frame;
+  /// At whose origin and in whose axes the wrench is told; what is not the tool is W.
   WrenchFrame frame = WrenchFrame::tool;
   double rate = 1000, contact_rate = 100, points_rate = 2;  ///< Hz
   double max_age = 0.1;                                     ///< s, of what a wrench rests on
 };
 /// Of a verb; their group in its help is "ROS 2".
 void add_ros_options(CLI::App& app, RosOutputOptions& options);
+/// Wrong usage: --wrench-frame is one that no frame of ROS 2 stands for.
+void check_wrench_frame(const RosOutputOptions& options, const std::string& frame,
+                        const std::string& verb);
 
 /// Publishes from a thread of its own, which looks at the newest tick: the haptic thread knows
 /// nothing of it. A wrench that rests on what is older than `max_age` is zero, and says why.

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/frames.h"
 #include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/robot.h"
@@ -29,17 +30,11 @@ enum class Align {
 };
 constexpr auto names_of(Align) { return std::array{"auto", "stamps", "starts"}; }
 
-/// What the poses of a path are.
-enum class PathFrame {
-  world,  ///< of the tool in W, which is the camera frame unless cameras have poses
-  base,   ///< of the handle in the base of the device
-};
-constexpr auto names_of(PathFrame) { return std::array{"world", "base"}; }
-
 struct TouchOptions {
   std::string tool, path, output;
-  std::vector<CameraUri> cameras;    ///< empty: those of the rig, or the one that is there
-  std::string rig;                   ///< file; empty: none
+  std::vector<CameraUri> cameras;  ///< empty: those of the rig, or the one that is there
+  std::string rig;                 ///< file; empty: none
+  std::optional<CameraRig> rig_read;
   std::optional<SensorKind> sensor;  ///< of the one that is there
   RobotOptions robot;
   std::optional<SelfFilter> self_filter;  ///< of that robot, once it is open
@@ -52,7 +47,8 @@ struct TouchOptions {
   std::string
       device;  ///< empty: the tool follows a path on a simulated clock; "auto": what is there
   Align align = Align::automatic;
-  PathFrame path_frame = PathFrame::world;
+  FrameOptions frames;
+  Pose X_WF;            ///< of the frame that the poses of a path are in
   int num_spheres = 0;  ///< 0: all
   bool json = false;
   RecordingOptions recording;
@@ -62,6 +58,7 @@ struct TouchOptions {
 
   bool is_given(std::string_view key) const { return std::ranges::find(given, key) != given.end(); }
   bool is_replay() const { return device.starts_with("replay:"); }
+  bool is_path_of_handle() const { return frames.path == "base"; }
   bool is_robot() const { return device.starts_with("ros2:"); }  ///< which holds the tool
   bool is_page() const { return device == "page"; }  ///< of the viewer, which holds the tool
   bool is_simulated_hand() const { return device == "sim" || device.starts_with("sim:"); }
@@ -83,6 +80,10 @@ struct TouchInput {
 /// Finds cameras and device, if they are not named, and opens the robot. Errors: those of the rig
 /// and of the robot; none, or several.
 Status find_what_is_there(TouchOptions& options);
+
+/// Puts what was given in frames that people name into the world, and lets gravity be what rig or
+/// cameras know of it. Errors: a frame that there is not, or that moves.
+Status know_frames(TouchOptions& options);
 
 /// Opens frames and path, makes up the path if there is none, and sets their clocks. Errors: what
 /// cannot be read; clocks that have nothing in common.

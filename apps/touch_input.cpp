@@ -110,6 +110,12 @@ Status add_path(const TouchOptions& options, const Tool& tool, TouchInput& input
     auto path = load_trajectory(given);
     if (!path) return path.error();
     input.path = *std::move(path);
+    const Pose X_ET = inverse(options.settings.output.X_TE);
+    const bool is_as_given = options.is_path_of_handle() ||
+                             (options.X_WF == Pose{} && options.settings.output.X_TE == Pose{});
+    for (TimedPose& pose : input.path) {
+      if (!is_as_given) pose.X_WT = options.X_WF * pose.X_WT * X_ET;
+    }
     return Done{};
   }
   if (comes_once(options, input.stream())) {
@@ -197,9 +203,10 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
 
 Status find_what_is_there(TouchOptions& options) {
   if (!options.rig.empty()) {
-    const auto rig = load_rig(options.rig);
+    auto rig = load_rig(options.rig);
     if (!rig) return rig.error();
     for (const CameraRig::Camera& camera : rig->cameras) options.cameras.push_back(camera.uri);
+    options.rig_read = *std::move(rig);
   }
   if (options.cameras.empty()) {
     auto camera = the_camera_that_is_there();
@@ -217,6 +224,34 @@ Status find_what_is_there(TouchOptions& options) {
     if (!device) return device.error();
     options.device = *device;
     std::cerr << "palpate: note: taking the device " << *device << "\n";
+  }
+  return Done{};
+}
+
+Status know_frames(TouchOptions& options) {
+  auto frames = NamedFrames::of(options.cameras);
+  if (!frames) return frames.error();
+  Status status = options.rig_read ? frames->add(*options.rig_read) : Done{};
+  if (status) status = put_in_world(*frames, options.frames, options.settings);
+  if (status && options.is_given("coupling.base_in_scene")) {
+    status = frames->add("device", options.settings.coupling.X_WB);
+  }
+  if (status) status = put_in_world(*frames, options.objects);
+  if (!status) return status;
+  if (!options.is_path_of_handle()) {
+    const auto X_WF = frames->find(options.frames.path);
+    if (!X_WF) return X_WF.error();
+    options.X_WF = *X_WF;
+  }
+  const auto gravity = options.rig_read ? options.rig_read->gravity : gravity_seen(options.cameras);
+  BodyOptions& bodies = options.settings.bodies;
+  const bool is_given = options.is_given("bodies.gravity_x") ||
+                        options.is_given("bodies.gravity_y") ||
+                        options.is_given("bodies.gravity_z");
+  if (gravity && !is_given) {
+    bodies.gravity_x = gravity->x;
+    bodies.gravity_y = gravity->y;
+    bodies.gravity_z = gravity->z;
   }
   return Done{};
 }

@@ -43,7 +43,7 @@ void place(const TouchOptions& options, const std::vector<TimedPose>& path,
 /// The handle along the path, at times since the run began.
 HandTarget follow(const TouchOptions& options, const TouchInput& input,
                   const CouplingOptions& coupling) {
-  const bool is_handle = options.path_frame == PathFrame::base;
+  const bool is_handle = options.is_path_of_handle();
   return [&path = input.path, start = input.path_start, coupling, is_handle](double time) {
     const Pose pose = pose_at(path, start + time);
     return is_handle ? pose : handle_at(coupling, pose);
@@ -249,7 +249,9 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   RunMonitor listener;
   std::unique_ptr<RosOutput> output;
   if (options.ros.is_wanted) {
-    auto made = RosOutput::create(tool, DepthSources(sources).infos(), options.ros);
+    RosOutputOptions ros = options.ros;
+    ros.frame = settings.output.wrench_frame.value_or(WrenchFrame::tool);
+    auto made = RosOutput::create(tool, DepthSources(sources).infos(), ros);
     if (!made) return made.error();
     output = *std::move(made);
     if (run.monitor == nullptr) run.monitor = &listener;

@@ -59,8 +59,13 @@ Result<DepthFrame> mean_frame(DepthSource& source, int num_frames) {
 
 /// Its surface; `estimator` owns it.
 Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int num_frames) {
-  if (!uri.poses.empty()) {
-    return Error{Errc::bad_input, name + " moves: only cameras that stand still are refined"};
+  const auto X_WC = standing_pose(uri);
+  if (!X_WC) return X_WC.error();
+  if (!*X_WC) {
+    return Error{Errc::bad_input,
+                 name +
+                     " moves, or tf tells where it is: only cameras with a pose or "
+                     "a URDF that stand still are refined"};
   }
   auto source = open_camera(uri);
   if (!source) return source.error();
@@ -128,7 +133,7 @@ Status run(const Options& options) {
     auto estimator = look(uri, name, options.num_frames);
     if (!estimator) return estimator.error();
     estimators.push_back(*std::move(estimator));
-    X_WC.push_back(uri.X_WC);
+    X_WC.push_back(**standing_pose(uri));
     names.push_back(name);
   }
   for (const SurfaceEstimator& estimator : estimators) clouds.push_back(estimator.cloud());

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/caps.h"
+#include "apps/frames.h"
 #include "apps/frozen_views.h"
 #include "apps/objects.h"
 #include "apps/options.h"
@@ -17,6 +18,7 @@
 #include "palpate/contact/body_contact.h"
 #include "palpate/io/files.h"
 #include "src/run/internal/pipeline.h"
+#include "src/run/internal/told_output.h"
 
 namespace palpate::apps {
 namespace {
@@ -27,6 +29,7 @@ struct Options {
   RunSettings settings;
   std::vector<std::string> given;  ///< keys of settings
   std::vector<ObjectOption> objects;
+  FrameOptions frames;
   CapsOptions caps;
   int num_spheres = 0;  ///< of the tool file; 0: all
   bool json = false;
@@ -37,17 +40,31 @@ struct Measurement {
   Penetration penetration;
   BodyMeasure shares;  ///< of cloud and objects
   double seconds = 0;
+  Pose X_WT;
 };
 
 nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
-void print_results_json(const Options& options, Backend backend, std::size_t num_usable,
+/// As --wrench-frame, --wrench-point and --tcp want it.
+nlohmann::ordered_json told(const OutputOptions& output, const Tool& tool, const Pose& X_WCamera,
+                            const Measurement& at) {
+  const ToldOutput told(output,
+                        {at.X_WT, at.X_WT * tool.sphere_mass().centre_of_mass, X_WCamera, Pose{}});
+  const VolumeWrench measure = told.wrench(at.penetration.measure_W);
+  return {{"pose", seven_numbers(told.pose())},
+          {"force", to_json(measure.force)},
+          {"torque", to_json(measure.torque)}};
+}
+
+void print_results_json(const Options& options, const RunSettings& settings, const Tool& tool,
+                        const Pose& X_WCamera, Backend backend, std::size_t num_usable,
                         double tool_volume, const std::vector<Measurement>& measurements) {
   nlohmann::ordered_json json{{"method", name_of(options.settings.contact.method)},
                               {"backend", name_of(backend)},
                               {"usable_points", num_usable},
                               {"results", nlohmann::ordered_json::array()}};
-  for (const auto& [penetration, shares, seconds] : measurements) {
+  for (const Measurement& measurement : measurements) {
+    const auto& [penetration, shares, seconds, X_WT] = measurement;
     json["results"].push_back({{"volume", penetration.volume},
                                {"fraction", penetration.volume / tool_volume},
                                {"force", to_json(penetration.measure_W.force)},
@@ -59,6 +76,9 @@ void print_results_json(const Options& options, Backend backend, std::size_t num
                                {"status", penetration.status.bits}});
     if (options.settings.contact.method == MethodKind::field) {
       json["results"].back()["unseen"] = penetration.unseen_volume / tool_volume;
+    }
+    if (!(settings.output == OutputOptions{})) {
+      json["results"].back()["told"] = told(settings.output, tool, X_WCamera, measurement);
     }
     if (options.objects.empty()) continue;
     const Penetration& objects = shares.bodies;
@@ -112,7 +132,19 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   return ChosenQuery{backend, *std::move(query)};
 }
 
-Status run(const Options& options) {
+/// Where the cameras of the query are, by name.
+Result<NamedFrames> frames_of(const FrozenViews& scene) {
+  auto frames = NamedFrames::of({});
+  if (!frames) return frames.error();
+  for (std::size_t i = 0; i < scene.X_WC().size(); ++i) {
+    const std::string name = i == 0 ? "camera" : "camera_" + std::to_string(i + 1);
+    if (const Status status = frames->add(name, scene.X_WC()[i]); !status) return status.error();
+  }
+  return frames;
+}
+
+Status run(const Options& given) {
+  Options options = given;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
   if (!tool) return tool.error();
@@ -122,8 +154,6 @@ Status run(const Options& options) {
     if (!trajectory) return trajectory.error();
     for (const TimedPose& pose : *trajectory) poses.push_back(pose.X_WT);
   }
-  const auto objects = load_objects(options.objects);
-  if (!objects) return objects.error();
   std::vector<std::string> inputs = options.views.depths;
   for (const std::string& file : {options.tool, options.views.cloud}) inputs.push_back(file);
   for (const std::string& input : inputs) {
@@ -135,6 +165,17 @@ Status run(const Options& options) {
   if (!chosen) return chosen.error();
   const auto scene = FrozenViews::read(options.views, options.settings, options.given, pool);
   if (!scene) return scene.error();
+
+  const auto frames = frames_of(*scene);
+  if (!frames) return frames.error();
+  Status known = put_in_world(*frames, options.frames, options.settings);
+  if (known) known = put_in_world(*frames, options.objects);
+  if (!known) return known;
+  const auto objects = load_objects(options.objects);
+  if (!objects) return objects.error();
+  if (const Pose& X_TE = options.settings.output.X_TE; !(X_TE == Pose{})) {
+    for (Pose& pose : poses) pose = pose * inverse(X_TE);
+  }
 
   BodyWorld world(options.settings.contact.bodies);
   const ContactQuery& query = *chosen->query;
@@ -155,7 +196,7 @@ Status run(const Options& options) {
     world.measure(scene->views());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
-    measurements.push_back({measured.total(), measured, elapsed.count()});
+    measurements.push_back({measured.total(), measured, elapsed.count(), X_WT});
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
   }
   std::size_t num_caps_triangles = 0;
@@ -166,7 +207,8 @@ Status run(const Options& options) {
   }
   const double tool_volume = full_volume(*tool, options.settings.contact);
   if (options.json) {
-    print_results_json(options, chosen->backend, scene->num_usable(), tool_volume, measurements);
+    print_results_json(options, options.settings, *tool, scene->X_WC().front(), chosen->backend,
+                       scene->num_usable(), tool_volume, measurements);
   } else {
     print_results_table(options, tool_volume, measurements);
     if (!options.caps.file.empty()) {
@@ -192,6 +234,9 @@ void check(Options& options) {
     usage_error(
         "query: poses in Parquet, --shard and -o are for the palpate of the Python package: "
         "pip install palpate-*.whl pyarrow (docs/guide/batches.md)");
+  }
+  if (options.frames.wrench == "device") {
+    usage_error("query: --wrench-frame device is of a run; no device is part of a query");
   }
   if (options.pose.empty() == options.poses.empty()) {
     usage_error("query: give one of --pose and --poses");
@@ -230,6 +275,7 @@ void add_query(CLI::App& program, Action& action) {
   app.add_option("-o,--output", options->output, "with Parquet: the poses with their answers")
       ->type_name("FILE.parquet");
   add_object_option(app, options->objects, false);
+  add_output_options(app, options->frames, options->settings);
   add_setting_options(app, "", settings_of(options->settings), kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", settings_of(options->settings),
@@ -238,6 +284,7 @@ void add_query(CLI::App& program, Action& action) {
   add_settings(frozen, options->settings.contact);
   add_settings(frozen, options->settings.surface);
   add_settings(frozen, options->settings.field);
+  add_settings(frozen, options->settings.output);
   add_set_option(app, frozen);
   add_caps_options(app, options->caps);
   app.add_flag("--json", options->json, "print the results as JSON");

@@ -108,6 +108,7 @@ void add_ros2(CLI::App& program, Action& action) {
   add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
   add_set_option(app, table);
   add_ros_options(app, touch.ros);
+  add_output_options(app, touch.frames, touch.settings);
   app.add_flag("--view", touch.has_page, "show the run in a browser meanwhile");
   add_page_options(app, "--view-", touch.page);
   app.add_flag("--json", touch.json, "print the summary as JSON");
@@ -117,6 +118,7 @@ void add_ros2(CLI::App& program, Action& action) {
   app.callback([options, &app, &action] {
     check_robot(app, "ros2");
     const TouchOptions ready = touch_options(*options);
+    check_wrench_frame(ready.ros, ready.frames.wrench, "ros2");
     action = [ready] { return run_touch(ready); };
   });
 }

@@ -27,6 +27,8 @@ Status check_inputs(const Options& options) {
   for (const CameraUri& camera : options.cameras) {
     if (std::filesystem::exists(camera.target, ignored)) inputs.push_back(camera.target);
     inputs.push_back(camera.poses);
+    inputs.push_back(camera.urdf.substr(0, camera.urdf.find('#')));
+    inputs.push_back(camera.joints);
   }
   if (options.is_replay()) inputs.push_back(options.device.substr(7));
   for (const ObjectOption& object : options.objects) inputs.push_back(object.file);
@@ -57,6 +59,7 @@ Status run_touch(const TouchOptions& given) {
   if (!given.settings_read) return given.settings_read;
   Options options = given;
   if (const Status status = find_what_is_there(options); !status) return status;
+  if (const Status status = know_frames(options); !status) return status;
   if (const Status status = check_inputs(options); !status) return status;
   const auto tool =
       load_tool_prefix(options.tool, options.num_spheres, options.settings.num_threads);
@@ -243,10 +246,17 @@ void add_path_options(CLI::App& app, Options& options) {
          "poses of the tool: lines 't tx ty tz qx qy qz qw'; default: the scene's, or a probe "
          "at one place, see --probe")
       ->type_name("FILE");
-  add_word(
-      app, "--path-frame", options.path_frame,
-      "what the poses of --path and replay: are: of the tool in the world, which is the camera "
-      "frame unless cameras have poses, or of the handle in the device's base");
+  app.add_option(
+         "--path-frame", options.frames.path,
+         "what the poses of --path and replay: are: of the tool in the world, which is the camera "
+         "frame unless cameras have poses; in camera, camera_2, ... or another frame of the rig; "
+         "in device (the base of coupling.base_in_scene); base: of the handle in that")
+      ->type_name("FRAME")
+      ->capture_default_str();
+  app.add_option("--base-frame", options.frames.base,
+                 "the frame that coupling.base_in_scene is in: camera, camera_2, ... or another "
+                 "one of the rig; default: the world")
+      ->type_name("FRAME");
   add_word(app, "--align", options.align,
            "path and depth frames by their time stamps, or both begin at once; auto: by stamps "
            "if both count from 1970");
@@ -272,6 +282,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_setting_options(app, "", table, kLoopOptions);
   add_prefix_option(app, options->num_spheres);
   add_object_option(app, options->objects, true);
+  add_output_options(app, options->frames, options->settings);
   add_setting_options(app, "", table, kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
@@ -307,8 +318,9 @@ void add_touch(CLI::App& program, Action& action) {
     if (options->ros.is_wanted && options->device.empty()) {
       usage_error("touch: --ros2 goes with --device: what is published is of a live run");
     }
+    check_wrench_frame(options->ros, options->frames.wrench, "touch");
     const bool has_poses = std::ranges::any_of(options->cameras, [](const CameraUri& camera) {
-      return !(camera.X_WC == Pose{}) || !camera.poses.empty();
+      return !(camera.X_WC == Pose{}) || !camera.poses.empty() || !camera.urdf.empty();
     });
     const bool know_world = std::ranges::all_of(
         options->cameras, [](const CameraUri& camera) { return camera.extras.contains("world"); });

@@ -49,6 +49,9 @@ class Parameters {
     if (name == "latency") return set_latency();
     if (name == "pose") return set_pose();
     if (name == "poses") return set_poses();
+    if (name == "urdf") return set_urdf();
+    if (name == "joints") return set_joints();
+    if (name == "accelerometer") return set_accelerometer();
     if (name == "sensor") return set_sensor();
     if (name == "crop") return set_crop();
     uri_.extras[std::string(name)] = value;
@@ -114,6 +117,25 @@ class Parameters {
     return value_.empty() ? Status(bad("a file of lines 't tx ty tz qx qy qz qw'")) : Done{};
   }
 
+  Status set_urdf() {
+    uri_.urdf = value_;
+    return value_.find('#') == std::string_view::npos ? Status(bad("FILE.urdf#LINK")) : Done{};
+  }
+
+  Status set_joints() {
+    uri_.joints = value_;
+    return value_.empty() ? Status(bad("FILE.csv, bag:FILE or ros2:[/T]")) : Done{};
+  }
+
+  Status set_accelerometer() {
+    const auto& n = numbers_;
+    if (n.size() != 3) return bad("ax,ay,az in m/s2, as it reads where the camera rests");
+    uri_.accelerometer = Vec3d{n[0], n[1], n[2]};
+    const double length = norm(*uri_.accelerometer);
+    if (!(length > 8 && length < 12)) return bad("about 9.81 m/s2 long, of a camera at rest");
+    return Done{};
+  }
+
   Status set_sensor() {
     uri_.sensor = value_named<SensorKind>(value_);
     return uri_.sensor ? Status(Done{})
@@ -172,7 +194,8 @@ Status CameraUri::check_extras(std::initializer_list<std::string_view> known_one
   for (const auto& [name, value] : extras) {
     if (std::ranges::find(known_ones, name) != known_ones.end()) continue;
     std::string known =
-        "intrinsics, distortion, size, unit, rate, latency, pose, poses, sensor, crop";
+        "intrinsics, distortion, size, unit, rate, latency, pose, poses, urdf, joints, "
+        "accelerometer, sensor, crop";
     for (const std::string_view more : known_ones) known += ", " + std::string(more);
     return Error{Errc::invalid_argument,
                  "camera " + text.substr(0, kMostShown) + ": there is no parameter '" +

@@ -42,8 +42,12 @@ Result<RawStream> open_scene_camera(const CameraUri& uri, const CameraOpening& o
   auto poses = CameraPoses::of(uri);
   if (!poses) return poses.error();
   scene->is_camera_moving = poses->is_moving();
-  if (!poses->is_at_origin()) {
-    scene->X_WC = [poses = *std::move(poses)](double time) { return poses.at(time); };
+  if (!poses->is_left_alone()) {
+    // Where nothing tells of it, its frames are left out.
+    scene->X_WC = [poses = *std::move(poses)](double time) {
+      const auto X_WC = poses.at(time);
+      return X_WC ? *X_WC : Pose{};
+    };
   }
   scenes::SimulatedCameraOptions camera;
   const auto extra = [&](const char* name) {

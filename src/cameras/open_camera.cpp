@@ -65,6 +65,25 @@ std::vector<FoundCameras> find_cameras() {
   return find_all_at_once(kKinds);
 }
 
+Result<std::optional<Pose>> standing_pose(const CameraUri& uri) {
+  const auto poses = CameraPoses::of(uri);
+  if (!poses) return poses.error();
+  if (poses->is_moving() || uri.extras.contains("world")) return std::optional<Pose>();
+  const auto X_WC = poses->at(0);
+  if (!X_WC) return X_WC.error();
+  return std::optional(*X_WC);
+}
+
+std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras) {
+  for (const CameraUri& camera : cameras) {
+    if (!camera.accelerometer) continue;
+    const auto X_WC = standing_pose(camera);
+    // At rest it is held against gravity.
+    if (X_WC && *X_WC) return -rotate((*X_WC)->rotation, *camera.accelerometer);
+  }
+  return std::nullopt;
+}
+
 Result<std::unique_ptr<DepthSource>> open_camera(std::string_view text,
                                                  const CameraOpening& opening) {
   const auto uri = parse_camera_uri(text);

@@ -1,7 +1,8 @@
 #include "src/cameras/posed_source.h"
 
-#include <atomic>
 #include <cstdio>
+#include <mutex>
+#include <string>
 #include <utility>
 
 namespace palpate {
@@ -11,7 +12,7 @@ class PosedSource final : public DepthSource {
  public:
   PosedSource(std::unique_ptr<DepthSource> source, CameraPoses poses)
       : source_(std::move(source)), poses_(std::move(poses)), info_(source_->info()) {
-    info_.is_moving = poses_.is_moving();
+    info_.is_moving = info_.is_moving || poses_.is_moving();
   }
 
   const DepthStreamInfo& info() const override { return info_; }
@@ -20,23 +21,22 @@ class PosedSource final : public DepthSource {
     for (;;) {
       const auto got = source_->next(frame);
       if (!got || !*got) return got;
-      if (!poses_.is_moving() ||
-          (frame.timestamp >= poses_.begin() && frame.timestamp <= poses_.end())) {
-        frame.X_WC = poses_.at(frame.timestamp);
+      const auto X_WC = poses_.at(frame);
+      if (X_WC) {
+        frame.X_WC = *X_WC;
         return true;
       }
-      num_unposed_.fetch_add(1);
+      const std::lock_guard lock(mutex_);
+      ++num_unposed_;
+      why_ = X_WC.error().message;
     }
   }
   std::vector<std::string> take_notes() override {
     std::vector<std::string> notes = source_->take_notes();
-    if (const int num = num_unposed_.exchange(0); num > 0) {
-      char text[160];
-      std::snprintf(
-          text, sizeof text,
-          "%d frames were left out: the camera's poses are known from %.3f to %.3f s only", num,
-          poses_.begin(), poses_.end());
-      notes.push_back(text);
+    const std::lock_guard lock(mutex_);
+    if (num_unposed_ > 0) {
+      notes.push_back(std::to_string(num_unposed_) + " frames were left out: " + why_);
+      num_unposed_ = 0;
     }
     return notes;
   }
@@ -45,35 +45,74 @@ class PosedSource final : public DepthSource {
   std::unique_ptr<DepthSource> source_;
   CameraPoses poses_;
   DepthStreamInfo info_;
-  std::atomic<int> num_unposed_ = 0;
+  std::mutex mutex_;
+  int num_unposed_ = 0;
+  std::string why_;
 };
 
 }  // namespace
 
 Result<CameraPoses> CameraPoses::of(const CameraUri& uri) {
   CameraPoses poses;
-  if (uri.poses.empty()) {
-    poses.path_ = {{0, uri.X_WC}};
-    return poses;
-  }
-  if (!(uri.X_WC == Pose{})) {
+  poses.X_HC_ = uri.X_WC;
+  poses.frames_tell_ = uri.extras.contains("world");
+  if (int(!uri.poses.empty()) + int(!uri.urdf.empty()) + int(poses.frames_tell_) > 1) {
     return Error{Errc::invalid_argument,
-                 "camera " + uri.text + ": give 'pose' or 'poses', not both"};
+                 "camera " + uri.text + ": give one of 'poses', 'urdf' and 'world'"};
   }
-  auto path = load_trajectory(uri.poses);
-  if (!path) return path.error();
-  poses.path_ = *std::move(path);
+  if (!uri.joints.empty() && uri.urdf.empty()) {
+    return Error{Errc::invalid_argument, "camera " + uri.text + ": 'joints' goes with 'urdf'"};
+  }
+  if (!uri.poses.empty()) {
+    auto path = load_trajectory(uri.poses);
+    if (!path) return path.error();
+    poses.path_ = *std::move(path);
+  }
+  if (!uri.urdf.empty()) {
+    auto link = LinkInTree::open(uri.urdf, uri.joints);
+    if (!link) {
+      return Error{link.error().code, "camera " + uri.text + ": " + link.error().message};
+    }
+    poses.link_ = std::make_shared<const LinkInTree>(*std::move(link));
+  }
   return poses;
+}
+
+std::optional<bool> CameraPoses::is_live() const {
+  if (link_) return link_->is_live();
+  return path_.size() > 1 ? std::optional(false) : std::nullopt;
+}
+
+Result<Pose> CameraPoses::at(double time, double stamp) const {
+  if (link_) {
+    const auto X_WH = link_->at(time, stamp);
+    if (!X_WH) return X_WH.error();
+    return *X_WH * X_HC_;
+  }
+  if (path_.size() > 1 && (time < path_.front().time || time > path_.back().time)) {
+    char text[120];
+    std::snprintf(text, sizeof text, "the camera's poses are known from %.3f to %.3f s only",
+                  path_.front().time, path_.back().time);
+    return Error{Errc::unavailable, text};
+  }
+  return pose_at(path_, time) * X_HC_;
+}
+
+Result<Pose> CameraPoses::at(const DepthFrame& frame) const {
+  if (frames_tell_) return frame.X_WC * X_HC_;
+  return at(frame.timestamp, frame.stamp);
 }
 
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,
                                                 CameraPoses poses) {
-  if (poses.is_at_origin()) return source;
-  if (poses.is_moving() && source->info().is_live) {
+  if (poses.is_left_alone()) return source;
+  const auto is_live = poses.is_live();
+  if (is_live && *is_live != source->info().is_live) {
     return Error{Errc::invalid_argument,
                  source->info().name +
-                     " is live: a file of poses does not know its clock; give its frames from a "
-                     "file, or 'pose' if it stands still"};
+                     (*is_live ? " is a recording, and its joints are told live"
+                               : " is live: a file of poses does not know its clock; give its "
+                                 "frames from a file, or 'pose' if it stands still")};
   }
   return std::unique_ptr<DepthSource>(
       std::make_unique<PosedSource>(std::move(source), std::move(poses)));

@@ -1,36 +1,44 @@
 // Where a camera is in the world at each of its frames.
 #pragma once
 
-#include <functional>
 #include <memory>
-#include <string>
+#include <optional>
+#include <vector>
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 #include "palpate/io/files.h"
+#include "src/cameras/link_in_tree.h"
 
 namespace palpate {
 
-/// X_WC by time stamps.
+/// X_WC by time stamps: where something is, and where the camera is in it (hand-eye).
 class CameraPoses {
  public:
-  /// Of a URI: its pose, or its file of poses. Errors: that of the file; both are given.
+  /// Of a URI: its pose, in what its file of poses, its URDF or tf tells of. Errors: of the files;
+  /// several of them.
   static Result<CameraPoses> of(const CameraUri& uri);
 
-  bool is_moving() const { return path_.size() > 1; }
-  /// The camera stays where others take it to be: at the origin of W.
-  bool is_at_origin() const { return path_.size() == 1 && path_.front().X_WT == Pose{}; }
-  Pose at(double time) const { return pose_at(path_, time); }
-  /// Of the first and the last pose of a camera that moves, s.
-  double begin() const { return path_.front().time; }
-  double end() const { return path_.back().time; }
+  bool is_moving() const { return path_.size() > 1 || (link_ && link_->is_moving()); }
+  /// The camera stays where others take it to be: at the origin of W, or where tf has it.
+  bool is_left_alone() const { return path_.size() == 1 && !link_ && X_HC_ == Pose{}; }
+  /// Whether times are on the clock of this computer. None: it stands still.
+  std::optional<bool> is_live() const;
+  /// Error: nothing tells where it was then.
+  Result<Pose> at(double time, double stamp = 0) const;
+  /// When this was captured; where tf tells, the frame has X_WH.
+  Result<Pose> at(const DepthFrame& frame) const;
 
  private:
-  std::vector<TimedPose> path_;
+  std::vector<TimedPose> path_{{0, {}}};  // of H in W
+  std::shared_ptr<const LinkInTree> link_;
+  bool frames_tell_ = false;  // X_WH, by tf
+  Pose X_HC_;
 };
 
 /// The same frames with their poses. Of a camera that moves, frames for whose time there is no pose
-/// are left out, and a note says so. Error: a camera that moves is live, whose clock no file knows.
+/// are left out, and a note says so. Error: a camera that moves is live and what tells of it is
+/// not, or the reverse.
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,
                                                 CameraPoses poses);
 

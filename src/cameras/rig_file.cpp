@@ -18,8 +18,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 8> kCameraKeys{"name", "uri",  "intrinsics", "distortion",
-                                                      "unit", "pose", "pose_from",  "latency"};
+constexpr std::array<std::string_view, 10> kCameraKeys{
+    "name", "uri",       "intrinsics", "distortion", "unit",
+    "pose", "pose_from", "joints",     "latency",    "accelerometer"};
+constexpr std::string_view kUrdf = "urdf:";
 
 /// "1,2,3" as the words of a URI have it; empty: these are no numbers.
 std::string numbers_text(const toml::node& node) {
@@ -52,9 +54,12 @@ class Reader {
       if (key == "world" && node.is_table()) continue;
       if (key == "camera" && node.is_array_of_tables()) {
         status = read_cameras(*node.as_array());
+      } else if (key == "frames" && node.is_table()) {
+        status = read_frames(*node.as_table());
       } else {
-        status = refuse(key.source(), "'" + std::string(key.str()) +
-                                          "' is not known: a rig has [world] and [[camera]]");
+        status =
+            refuse(key.source(), "'" + std::string(key.str()) +
+                                     "' is not known: a rig has [world], [frames] and [[camera]]");
       }
       if (!status) return status.error();
     }
@@ -63,15 +68,40 @@ class Reader {
       return Error{Errc::bad_input, path_.string() + " has " + std::to_string(num) +
                                         " [[camera]]; give 1 to " + std::to_string(kMostCameras)};
     }
+    if (!rig_.gravity) {
+      std::vector<CameraUri> uris;
+      for (const CameraRig::Camera& camera : rig_.cameras) uris.push_back(camera.uri);
+      rig_.gravity = gravity_seen(uris);
+    }
     return std::move(rig_);
   }
 
  private:
+  /// Seven numbers, or the link of a URDF: as of a camera there.
+  Status read_frames(const toml::table& frames) {
+    for (const auto& [key, node] : frames) {
+      const std::string from = node.value_or(std::string());
+      const auto uri =
+          parse_camera_uri(from.starts_with(kUrdf) ? "frame?urdf=" + link_in_world(from)
+                                                   : "frame?pose=" + numbers_text(node));
+      if (!uri) {
+        return refuse(key.source(), "[frames] " + std::string(key.str()) +
+                                        " must be [tx, ty, tz, qx, qy, qz, qw] or "
+                                        "\"urdf:FILE.urdf#LINK\"");
+      }
+      const auto X_WF = standing_pose(*uri);
+      if (!X_WF) return refuse(key.source(), X_WF.error().message);
+      rig_.frames[std::string(key.str())] = **X_WF;
+    }
+    return Done{};
+  }
+
   Status read_world(const toml::table& world) {
     for (const auto& [key, node] : world) {
       const std::string numbers = numbers_text(node);
       if (key == "frame" && node.is_string()) {
         rig_.frame = **node.as_string();
+        names_world_ = true;
       } else if (key == "gravity" && std::ranges::count(numbers, ',') == 2) {
         Vec3d& g = rig_.gravity.emplace();
         std::sscanf(numbers.c_str(), "%lf,%lf,%lf", &g.x, &g.y, &g.z);
@@ -111,8 +141,17 @@ class Reader {
       }
       if (word == "pose_from") {
         const std::string from = text_of("pose_from");
-        more += from.starts_with("tf:") ? "&world=" + rig_.frame + "&frame=" + from.substr(3)
-                                        : "&poses=" + beside(from);
+        more += from.starts_with("tf:")   ? "&world=" + rig_.frame + "&frame=" + from.substr(3)
+                : from.starts_with(kUrdf) ? "&urdf=" + link_in_world(from)
+                                          : "&poses=" + beside(from);
+        continue;
+      }
+      if (word == "joints") {
+        constexpr std::string_view kBag = "bag:";
+        const std::string from = text_of("joints");
+        more += "&joints=" + (from.starts_with("ros2:") ? from
+                              : from.starts_with(kBag)  ? "bag:" + beside(from.substr(kBag.size()))
+                                                        : beside(from));
         continue;
       }
       const std::string numbers = numbers_text(node);
@@ -134,6 +173,12 @@ class Reader {
     return Done{};
   }
 
+  /// "urdf:FILE#LINK" as a URI has it, in the link that W is called like, if people say how.
+  std::string link_in_world(const std::string& from) const {
+    const std::string address = beside(from.substr(kUrdf.size()));
+    const bool has_base = address.find('#') != address.rfind('#');
+    return has_base || !names_world_ ? address : address + "#" + rig_.frame;
+  }
   std::string beside(const std::string& file) const {
     return file.empty() ? file : (path_.parent_path() / file).string();
   }
@@ -144,6 +189,7 @@ class Reader {
 
   fs::path path_;
   CameraRig rig_;
+  bool names_world_ = false;
   std::set<std::string> names_;
 };
 
@@ -164,8 +210,9 @@ Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<
   }
   for (std::size_t i = 0; i < X_WC.size(); ++i) {
     const auto& [p, q] = X_WC[i];
-    (*cameras)[i].as_table()->insert_or_assign("pose",
-                                               toml::array{p.x, p.y, p.z, q.x, q.y, q.z, q.w});
+    toml::table& camera = *(*cameras)[i].as_table();
+    if (camera["pose_from"].value_or(std::string()).starts_with(kUrdf)) camera.erase("pose_from");
+    camera.insert_or_assign("pose", toml::array{p.x, p.y, p.z, q.x, q.y, q.z, q.w});
   }
   std::ostringstream text;
   text << *document << "\n";

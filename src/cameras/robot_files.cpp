@@ -1,15 +1,13 @@
 // Opens a self filter by the names that people give: a URDF or a mesh, and who tells where it is.
 #include <algorithm>
-#include <chrono>
-#include <thread>
 #include <utility>
 
 #include "palpate/cameras/cameras.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
+#include "src/cameras/link_in_tree.h"
 #include "src/cameras/robot_model.h"
 #include "src/cameras/robot_states.h"
-#include "src/core/monotonic_clock.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate {
@@ -17,31 +15,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kFirstStates = 10;            // s that live ones are waited for
 constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
 
 /// By joints, from the base on.
 class TreePoses final : public LinkPoses {
  public:
-  TreePoses(RobotModel model, std::vector<TimedPose> X_WB, double max_age)
+  /// `states`: null where no joint has to be told of.
+  TreePoses(RobotModel model, std::vector<TimedPose> X_WB, std::unique_ptr<RobotStates> states,
+            double max_age)
       : model_(std::move(model)),
         X_WB_(std::move(X_WB)),
+        states_(std::move(states)),
         max_age_(max_age),
         told_(model_.told_joints()) {
     for (std::size_t i = 0; i < model_.links.size(); ++i) {
       if (!model_.links[i].mesh.triangles.empty()) shown_.push_back(i);
     }
   }
-
-  std::vector<JointHistory::Joint> joints() const {
-    std::vector<JointHistory::Joint> joints;
-    for (const std::size_t i : told_) {
-      joints.push_back({model_.joints[i].name, model_.joints[i].is_endless});
-    }
-    return joints;
-  }
-  /// None: no joint has to be told of.
-  void set_states(std::unique_ptr<RobotStates> states) { states_ = std::move(states); }
 
   std::optional<bool> is_live() const override {
     if (states_ && states_->is_live()) return true;
@@ -79,10 +69,10 @@ class TreePoses final : public LinkPoses {
 
   const RobotModel model_;
   const std::vector<TimedPose> X_WB_;
+  const std::unique_ptr<RobotStates> states_;
   const double max_age_;
   const std::vector<std::size_t> told_;  // joints
   std::vector<std::size_t> shown_;       // links with a mesh
-  std::unique_ptr<RobotStates> states_;
 };
 
 /// By the frames of tf that are called like the links.
@@ -104,18 +94,6 @@ class FramePoses final : public LinkPoses {
   const std::unique_ptr<RobotStates> states_;
   const double max_age_;
 };
-
-/// Waits for live states; recorded ones are all there. Returns what is missing.
-template <class Missing>
-std::string what_is_missing(const RobotStates& states, const Missing& missing) {
-  const double start = monotonic_now();
-  std::string names = missing();
-  while (!names.empty() && states.is_live() && monotonic_now() - start < kFirstStates) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    names = missing();
-  }
-  return names;
-}
 
 Result<RobotModel> load_robot(const RobotFiles& files, RobotGeometry geometry) {
   const fs::path path(files.robot);
@@ -189,39 +167,10 @@ Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOpt
 
   auto X_WB = base_poses(files.pose);
   if (!X_WB) return X_WB.error();
-  for (const std::size_t i : model->told_joints()) {
-    const RobotJoint& joint = model->joints[i];
-    if (joint.kind == RobotJoint::Kind::floating) {
-      return Error{Errc::bad_input, files.robot + ": joint '" + joint.name +
-                                        "' is floating or planar: no position tells where it is; "
-                                        "take the frames of tf (world=FRAME)"};
-    }
-  }
-  auto poses = std::make_shared<TreePoses>(*std::move(model), *std::move(X_WB), options.max_age);
-  const auto joints = poses->joints();
-  if (!joints.empty()) {
-    std::vector<std::string> wanted;
-    for (const JointHistory::Joint& joint : joints) wanted.push_back(joint.name);
-    std::string all;
-    for (const std::string& name : wanted) all += (all.empty() ? "" : ", ") + name;
-    if (files.joints.empty()) {
-      return Error{Errc::invalid_argument,
-                   files.robot + " has joints that move: " + all +
-                       "; say who tells of them (--joints FILE.csv, bag:FILE or ros2:)"};
-    }
-    auto states = RobotStates::open(*address, joints);
-    if (!states) return states.error();
-    const std::string missing =
-        what_is_missing(**states, [&] { return (*states)->missing_joints(); });
-    if (!missing.empty()) {
-      return Error{Errc::bad_input,
-                   address->text + " tells nothing of joints of " + files.robot + ": " + missing};
-    }
-    poses->set_states(*std::move(states));
-  } else if (!files.joints.empty()) {
-    return Error{Errc::invalid_argument,
-                 files.robot + " has no joints that move: leave out " + address->text};
-  }
+  auto states = open_joint_states(*model, model->told_joints(), files.joints, files.robot);
+  if (!states) return states.error();
+  auto poses = std::make_shared<TreePoses>(*std::move(model), *std::move(X_WB), *std::move(states),
+                                           options.max_age);
   return SelfFilter::create(std::move(links), std::move(poses), options);
 }
 

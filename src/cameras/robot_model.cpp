@@ -3,6 +3,17 @@
 #include "src/core/shared_library.h"
 
 namespace palpate {
+namespace {
+
+std::vector<std::size_t> numbers_of(const std::vector<bool>& chosen) {
+  std::vector<std::size_t> numbers;
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    if (chosen[i]) numbers.push_back(i);
+  }
+  return numbers;
+}
+
+}  // namespace
 
 void RobotModel::place(std::span<const double> positions, std::span<Pose> X_BL) const {
   X_BL[root] = {};
@@ -27,11 +38,31 @@ std::vector<std::size_t> RobotModel::told_joints() const {
     const bool is_fixed = joint.kind == RobotJoint::Kind::fixed;
     if (!is_fixed && has_mesh[joint.child]) is_told[joint.source] = true;
   }
-  std::vector<std::size_t> told;
-  for (std::size_t i = 0; i < joints.size(); ++i) {
-    if (is_told[i]) told.push_back(i);
+  return numbers_of(is_told);
+}
+
+std::vector<std::size_t> RobotModel::joints_between(std::size_t a, std::size_t b) const {
+  // From the leaves on, an odd number of the two means that the joint lies between them.
+  std::vector<int> num_below(links.size());
+  ++num_below[a];
+  ++num_below[b];
+  std::vector<bool> is_told(joints.size());
+  for (auto joint = joints.rbegin(); joint != joints.rend(); ++joint) {
+    const int num = num_below[joint->child];
+    num_below[joint->parent] += num;
+    if (num == 1 && joint->kind != RobotJoint::Kind::fixed) is_told[joint->source] = true;
   }
-  return told;
+  return numbers_of(is_told);
+}
+
+Result<std::size_t> RobotModel::find_link(const std::string& link) const {
+  std::vector<std::string> names;
+  for (const RobotLink& each : links) {
+    if (each.name == link) return names.size();
+    names.push_back(each.name);
+  }
+  return Error{Errc::bad_input, "there is no link '" + link.substr(0, 60) +
+                                    "'; the nearest one is '" + nearest_word(link, names) + "'"};
 }
 
 std::vector<std::filesystem::path> RobotFolders::packages_of(std::string_view list) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -41,6 +42,10 @@ struct RobotModel {
   void place(std::span<const double> positions, std::span<Pose> X_BL) const;
   /// Joints that something has to tell of, so that every link with a mesh has a place.
   std::vector<std::size_t> told_joints() const;
+  /// The same, so that these links have a place in each other.
+  std::vector<std::size_t> joints_between(std::size_t a, std::size_t b) const;
+  /// Error: no link is called so, with the nearest one that there is.
+  Result<std::size_t> find_link(const std::string& name) const;
 };
 
 /// Where files of a robot are looked for.
@@ -53,8 +58,9 @@ struct RobotFolders {
 
 /// URDF: links with boxes, cylinders, spheres and meshes, joints of all kinds; limits are not
 /// looked at. Errors: not XML, with the line; what is missing, or no number, with its name; a link
-/// or joint that is not there, or is there twice; not a tree; a mesh that cannot be read.
+/// or joint that is not there, or is there twice; not a tree; a mesh that cannot be read. Without a
+/// `geometry` links have no meshes, and none is looked for.
 Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
-                              const RobotFolders& folders, RobotGeometry geometry);
+                              const RobotFolders& folders, std::optional<RobotGeometry> geometry);
 
 }  // namespace palpate

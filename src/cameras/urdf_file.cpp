@@ -28,7 +28,8 @@ std::string shown(std::string_view text) { return std::string(text.substr(0, kMo
 /// Reads one document. What is wrong is kept until the end, so that readers can go straight on.
 class Reader {
  public:
-  Reader(const std::string& name, const RobotFolders& folders, RobotGeometry geometry)
+  Reader(const std::string& name, const RobotFolders& folders,
+         std::optional<RobotGeometry> geometry)
       : name_(name), folders_(folders), geometry_(geometry) {}
 
   Result<RobotModel> read(std::string_view text) {
@@ -108,6 +109,7 @@ class Reader {
       }
       if (model_.links.size() == kMostLinks) return bad(*link, "more links than any robot has");
       model_.links.push_back({*name, {}});
+      if (!geometry_) continue;
       const bool is_visual = geometry_ == RobotGeometry::visual;
       const char* const wanted = is_visual ? "visual" : "collision";
       const char* const else_taken = is_visual ? "collision" : "visual";
@@ -348,7 +350,7 @@ class Reader {
 
   const std::string& name_;
   const RobotFolders& folders_;
-  const RobotGeometry geometry_;
+  const std::optional<RobotGeometry> geometry_;
   RobotModel model_;
   std::map<std::string, std::size_t, std::less<>> links_, joints_;
   std::size_t num_triangles_ = 0;
@@ -358,7 +360,7 @@ class Reader {
 }  // namespace
 
 Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
-                              const RobotFolders& folders, RobotGeometry geometry) {
+                              const RobotFolders& folders, std::optional<RobotGeometry> geometry) {
   return Reader(name, folders, geometry).read(text);
 }
 

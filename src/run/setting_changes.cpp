@@ -15,6 +15,7 @@ constexpr std::string_view kFixed[] = {"safety",
                                        "loop.real_time",
                                        "loop.thin_out",
                                        "bodies",
+                                       "output",
                                        "coupling.base_in_scene",
                                        "coupling.tool_in_hand"};
 

@@ -140,11 +140,17 @@ Result<bool> RunReader::next_frame(RecordedDepth& frame) {
   }
 }
 
-Result<bool> RunReader::next_tick(TickRecord& tick) {
+Result<bool> RunReader::next_tick(TickRecord& tick,
+                                  const std::function<void(const FrameRecord&)>& on_frame) {
   for (;;) {
     const auto message = next();
     if (!message) return message.error();
     if (!*message) return false;
+    if (on_frame && (*message)->topic == kFrameTopic) {
+      const auto frame = read_frame((*message)->data);
+      if (!frame) return in_file(frame.error());
+      on_frame(*frame);
+    }
     if ((*message)->topic != kTickTopic) continue;
     const auto read = read_tick((*message)->data);
     if (!read) return in_file(read.error());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -50,9 +51,11 @@ class RunReader {
   /// The next one after the first settings; none at the end of the last part. A part begins with
   /// what the one before ended with: its messages come twice. Errors: name the file.
   Result<std::optional<Message>> next();
-  /// The next frame or tick, whatever lies between, each once; false at the end.
+  /// The next frame or tick, whatever lies between, each once; false at the end. `on_frame` hears
+  /// of frames on the way.
   Result<bool> next_frame(RecordedDepth& frame);
-  Result<bool> next_tick(TickRecord& tick);
+  Result<bool> next_tick(TickRecord& tick,
+                         const std::function<void(const FrameRecord&)>& on_frame = {});
 
   /// The last part.
   bool was_cut_off() const { return reader_.was_cut_off(); }

@@ -10,6 +10,7 @@
 
 #include "palpate/io/files.h"
 #include "src/io/ros_messages.h"
+#include "src/math/internal/told_wrench.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"
 
@@ -35,11 +36,6 @@ std::string at(double seconds) {
   char text[40];
   std::snprintf(text, sizeof text, "%.2f s", seconds);
   return text;
-}
-
-Wrench turned_into(const Quaternion& q_AB, const Wrench& wrench_A) {
-  const Quaternion q_BA = conjugate(q_AB);
-  return {rotate(q_BA, wrench_A.force), rotate(q_BA, wrench_A.torque)};
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "src/io/internal/atomic_file.h"
+#include "src/run/internal/told_output.h"
 #include "src/session/run_reader.h"
 #include "src/session/text.h"
 
@@ -17,6 +18,7 @@ constexpr const char* kCsv = "wrench.csv";
 constexpr const char* kUnfinishedCsv = "wrench.csv.part";
 constexpr std::size_t kMostFaultPeriods = 1000;
 constexpr std::size_t kMostCaptures = 100'000;  // drawn in plots: an hour of frames
+constexpr std::size_t kNumPoses = 16;           // frames; a tick rests on one of the newest
 constexpr std::size_t kNumRecent = 3;           // frames; contacts are at most one behind
 
 /// `measure` is the contact's volume times direction, before the volume stiffness makes newtons.
@@ -31,6 +33,13 @@ constexpr const char* kHeader =
     "objects_measure_my_m4,objects_measure_mz_m4,contact,frame,"
     "status,contact_age_s,sensor_age_s,gain,fault";
 
+/// As OutputOptions has them, where somebody gave some.
+constexpr const char* kToldHeader =
+    ",told_x_m,told_y_m,told_z_m,told_qx,told_qy,told_qz,told_qw,"
+    "told_force_x_N,told_force_y_N,told_force_z_N,told_torque_x_Nm,told_torque_y_Nm,"
+    "told_torque_z_Nm,told_measure_x_m3,told_measure_y_m3,told_measure_z_m3,"
+    "told_measure_mx_m4,told_measure_my_m4,told_measure_mz_m4";
+
 }  // namespace
 
 RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup& setup,
@@ -38,11 +47,18 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
     : tool_(tool),
       full_volume_(full_volume(tool, setup.settings.contact)),
       time_origin_(setup.time_origin),
+      output_(setup.settings.output),
+      tells_more_(!(output_ == OutputOptions{})),
+      X_WB_(setup.settings.coupling.X_WB),
       cameras_(setup.streams.size()),
       all_ticks_(all_ticks) {
-  if (!all_ticks_) return;
+  if (all_ticks_) begin_csv(folder);
+}
+
+void RunResults::begin_csv(const fs::path& folder) {
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader << (cameras_.size() > 1 ? ",unseen\n" : "\n");
+  csv_ << kHeader << (cameras_.size() > 1 ? ",unseen" : "") << (tells_more_ ? kToldHeader : "")
+       << "\n";
 }
 
 void RunResults::add_settings(const RunSettings& settings) {
@@ -63,6 +79,7 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
       scarce_points_ = num_points;
     }
   }
+  if (record.camera == 0) keep_pose(record);
   std::deque<SeenFrame>& recent = cameras_[record.camera].recent;
   if (recent.size() == kNumRecent) {
     // Its memory once more.
@@ -73,6 +90,11 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
   }
   recent.back().number = record.number;
   recent.back().frame = frame;
+}
+
+void RunResults::keep_pose(const FrameRecord& record) {
+  if (first_poses_.size() == kNumPoses) first_poses_.pop_front();
+  first_poses_.push_back({record.number, record.X_WC});
 }
 
 void RunResults::add_tick(const TickRecord& tick) {
@@ -115,18 +137,42 @@ void RunResults::add_row(const TickRecord& tick) {
     append_number(line_, all.unseen_volume / full_volume_);
     line_ += '\n';
   }
+  if (tells_more_) {
+    const ToldOutput told(output_,
+                          {tick.step.X_WT, tick.step.X_WT * tool_.sphere_mass().centre_of_mass,
+                           first_camera_at(tick), X_WB_});
+    const auto [at, turned] = told.pose();
+    const Wrench wrench = told.wrench(on_tool);
+    const VolumeWrench measure = told.wrench(all.measure_W);
+    line_.back() = ',';
+    append_row(line_, ',', at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w, wrench.force.x,
+               wrench.force.y, wrench.force.z, wrench.torque.x, wrench.torque.y, wrench.torque.z,
+               measure.force.x, measure.force.y, measure.force.z, measure.torque.x,
+               measure.torque.y, measure.torque.z);
+  }
   csv_ << line_;
+}
+
+/// Where it was at the newest of its images that the tick rests on.
+Pose RunResults::first_camera_at(const TickRecord& tick) const {
+  Pose X_WC;
+  for (const SeenPose& seen : first_poses_) {
+    if (seen.number <= tick.frame_number) X_WC = seen.X_WC;
+  }
+  return X_WC;
 }
 
 /// As long as the volume of the tool is counted as in the last settings.
 void RunResults::write_kept_rows(const fs::path& folder, RunLog& log) {
-  csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader << (cameras_.size() > 1 ? ",unseen\n" : "\n");
+  begin_csv(folder);
+  first_poses_.clear();
   auto reader = RunReader::open(folder);
   TickRecord tick;
   Result<bool> got = true;
   while (reader && got && *got && csv_) {
-    got = reader->next_tick(tick);
+    got = reader->next_tick(tick, [this](const FrameRecord& frame) {
+      if (frame.camera == 0) keep_pose(frame);
+    });
     if (got && *got) add_row(tick);
   }
   if (!reader || !got) {

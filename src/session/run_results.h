@@ -30,7 +30,10 @@ class RunResults {
 
  private:
   void move_to(RunLog& log);
+  void begin_csv(const std::filesystem::path& folder);
   void add_row(const TickRecord& tick);
+  void keep_pose(const FrameRecord& record);
+  Pose first_camera_at(const TickRecord& tick) const;
   void write_kept_rows(const std::filesystem::path& folder, RunLog& log);
   void finish_csv(const std::filesystem::path& folder, RunLog& log);
   void add_fault(const TickRecord& tick);
@@ -41,6 +44,10 @@ class RunResults {
     std::uint64_t number = 0;
     DepthFrame frame;
   };
+  struct SeenPose {
+    std::uint64_t number = 0;
+    Pose X_WC;
+  };
   struct Camera {
     std::deque<SeenFrame> recent;
     SeenFrame deepest;
@@ -48,6 +55,10 @@ class RunResults {
 
   const Tool& tool_;
   double full_volume_, time_origin_;
+  const OutputOptions output_;
+  const bool tells_more_;  // than the world's axes and the center of mass
+  const Pose X_WB_;
+  std::deque<SeenPose> first_poses_;  // of the first camera
   std::vector<Camera> cameras_;
   const bool all_ticks_;
   std::ofstream csv_;

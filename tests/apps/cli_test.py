@@ -905,6 +905,50 @@ class CommandLine(unittest.TestCase):
         self.succeed(*touch, "-o", played, "--path", path, "--path-frame", "base")
         self.assertAlmostEqual(self.columns(played)["tool_z_m"][0], 0.55, delta=1e-12)
 
+    def test_what_is_given_and_told_in_other_frames(self):
+        """A camera turned about z at (1, 0, 0): the same touch, told in the world and in the camera."""
+        plain, turned, path = self.path("plain"), self.path("turned"), self.path("frames.txt")
+        with open(path, "w") as file:
+            file.write("0 0 0 0.45 0 0 0 1\n0.4 0.003 0 0.49 0 0.1 0 0.995\n")
+        self.succeed("touch", self.tool, "--depth-sequence", self.frames, "--intrinsics", INTRINSICS,
+                     "--depth-unit", 0.0001, "--depth-rate", 5, "--path", path, "-o", plain)
+        rig = self.path("frames.toml")
+        with open(rig, "w") as file:
+            file.write(f"""[world]
+gravity = [0, 0, -9.81]
+[frames]
+corner = [0, 2, 0, 0, 0, 0, 1]
+[[camera]]
+name = "side"
+uri = "folder:{self.frames}?rate=5"
+intrinsics = [{INTRINSICS}]
+unit = 0.0001
+pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
+""")
+        touch = ("touch", self.tool, "--rig", rig, "--path", path, "-o", turned)
+        self.succeed(*touch, "--path-frame", "side", "--wrench-frame", "camera", "--set", "coupling.kind=none")
+        a, b = self.columns(plain), self.columns(turned)
+        self.assertAlmostEqual(b["tool_x_m"][0], 1, delta=1e-12)
+        deepest = a["volume_m3"].index(max(a["volume_m3"]))
+        self.assertGreater(a["volume_m3"][deepest], 0)
+        # Turned by 90 degrees: x of the camera is y of the world.
+        for there, here in (("force_x_N", "force_y_N"), ("torque_z_Nm", "torque_z_Nm")):
+            self.assertAlmostEqual(a[there][deepest] / b[here][deepest], 1, delta=1e-6)
+        for name in ("force_x_N", "force_z_N", "torque_x_Nm", "torque_y_Nm", "measure_x_m3"):
+            self.assertAlmostEqual(a[name][deepest] / b["told_" + name][deepest], 1, delta=1e-6)
+        with open(os.path.join(turned, "summary.json")) as file:
+            settings = json.load(file)["settings"]
+        self.assertEqual(settings["bodies"]["gravity_z"], -9.81)
+        # A tool centre point: poses are its, and a frame of the rig's own.
+        self.succeed(*touch, "--path-frame", "corner", "--wrench-frame", "corner", "--tcp", "0 0 0.1",
+                     "--wrench-point", "tcp")
+        c = self.columns(turned)
+        for name, value in (("told_y_m", 0), ("told_z_m", 0.45), ("tool_y_m", 2), ("tool_z_m", 0.35)):
+            self.assertAlmostEqual(c[name][0], value, delta=1e-12)
+        self.expect_failure(1, *touch, "--path-frame", "cornre", mentions="there are camera, corner, side, world")
+        self.expect_failure(1, *touch, "--object", f"{self.tool}@0 0 0 0 0 0 1,frame=nowhere",
+                            mentions="there is no frame 'nowhere'")
+
     def test_clocks_are_taken_at_their_word(self):
         frames, path, run = self.path("stamped"), self.path("stamped.txt"), self.path("stamped_run")
         shutil.copytree(self.frames, frames)

@@ -63,7 +63,86 @@ TEST(CameraPoses, AreRefusedWhenTheyAreWrong) {
   const TemporaryFolder folder;
   const std::string file = (folder.path() / "way.tum").string();
   write(file, "0 0 0 0 0 0 0 1\n1 0 0 1 0 0 0 1\n");
-  EXPECT_NE(why_not("scene:wall?pose=1,0,0,0,0,0,1&poses=" + file).find("not both"),
+  EXPECT_NE(why_not("scene:wall?urdf=a.urdf%23b&poses=" + file).find("FILE.urdf#LINK"),
+            std::string::npos);
+  EXPECT_NE(why_not("scene:wall?urdf=a.urdf#b&poses=" + file).find("one of 'poses'"),
+            std::string::npos);
+  EXPECT_NE(why_not("scene:wall?joints=a.csv").find("goes with 'urdf'"), std::string::npos);
+  EXPECT_NE(why_not("scene:wall?accelerometer=0,0,1").find("m/s2"), std::string::npos);
+}
+
+TEST(CameraPoses, OfAHandAndOfTheCameraInItAreJoined) {
+  const TemporaryFolder folder;
+  const std::string file = (folder.path() / "hand.tum").string();
+  // The hand turns by 0.8 rad about z in 0.4 s; the camera is 0.1 m along its x.
+  write(file, "0.05 0 0 0 0 0 0 1\n0.45 0 0 0 0 0 0.3894183423 0.9210609940\n");
+  const auto camera =
+      open_camera("scene:wall?noise=off&size=32x24&rate=20&pose=0.1,0,0,0,0,0,1&poses=" + file)
+          .value();
+  DepthFrame frame;
+  int num = 0;
+  for (; *camera->next(frame); ++num) {
+    const double angle = 2 * (frame.timestamp - 0.05);
+    EXPECT_NEAR(frame.X_WC.translation.x, 0.1 * std::cos(angle), 1e-9);
+    EXPECT_NEAR(frame.X_WC.translation.y, 0.1 * std::sin(angle), 1e-9);
+  }
+  EXPECT_EQ(num, 9);
+}
+
+/// A column with a head that turns about it, on which a camera looks along the head's x: its
+/// optical frame has z there and y down. The cell around it is called "table".
+constexpr const char* kCell = R"(<robot name="cell">
+  <link name="floor"/><link name="table"><visual><geometry><mesh filename="package://none/a.stl"/>
+  </geometry></visual></link><link name="head"/><link name="front_optical"/><link name="bench"/>
+  <joint name="top" type="fixed"><parent link="floor"/><child link="table"/>
+    <origin xyz="0 0 0.8"/></joint>
+  <joint name="neck" type="revolute"><parent link="table"/><child link="head"/>
+    <origin xyz="0.5 0 0.2"/><axis xyz="0 0 1"/></joint>
+  <joint name="mount" type="fixed"><parent link="head"/><child link="front_optical"/>
+    <origin xyz="0.1 0 0" rpy="-1.5707963267948966 0 -1.5707963267948966"/></joint>
+  <joint name="there" type="fixed"><parent link="floor"/><child link="bench"/>
+    <origin xyz="1 2 0.8" rpy="0 0 1.5707963267948966"/></joint></robot>)";
+
+void expect_near(const Pose& a, const Pose& b) {
+  for (const Vec3d& p : {Vec3d{}, Vec3d{1, 0, 0}, Vec3d{0, 1, 0}}) {
+    EXPECT_NEAR(norm(a * p - b * p), 0, 1e-9);
+  }
+}
+
+TEST(CameraPoses, OfAUrdfFollowItsJoints) {
+  const TemporaryFolder folder;
+  const std::string urdf = (folder.path() / "cell.urdf").string(),
+                    joints = (folder.path() / "joints.csv").string();
+  write(urdf, kCell);
+  std::string told = "time,neck\n";
+  for (int i = 0; i < 20; ++i) {
+    told += std::to_string(0.05 * i) + "," + std::to_string(0.05 * i) + "\n";
+  }
+  write(joints, told);
+  const std::string camera =
+      "scene:wall?noise=off&size=32x24&rate=20&urdf=" + urdf + "#front_optical#table";
+  const auto opened = open_camera(camera + "&joints=" + joints);
+  ASSERT_TRUE(opened) << opened.error().message;
+  EXPECT_TRUE((*opened)->info().is_moving);
+  DepthFrame frame;
+  for (int num = 0; num < 8; ++num) {
+    ASSERT_TRUE(*(*opened)->next(frame));
+    const double neck = frame.timestamp;
+    const Quaternion optical = axis_angle({0, 0, 1}, -kPi / 2) * axis_angle({1, 0, 0}, -kPi / 2);
+    expect_near(frame.X_WC, Pose{{0.5 + 0.1 * std::cos(neck), 0.1 * std::sin(neck), 0.2},
+                                 axis_angle({0, 0, 1}, neck) * optical});
+  }
+  // It looks along the head's x, with y down.
+  EXPECT_NEAR(rotate(frame.X_WC.rotation, {0, 1, 0}).z, -1, 1e-9);
+
+  const auto why_not = [](const std::string& uri) {
+    const auto made = open_camera(uri);
+    return made ? std::string() : made.error().message;
+  };
+  EXPECT_NE(why_not(camera).find("has joints that move: neck"), std::string::npos);
+  EXPECT_NE(why_not("scene:wall?urdf=" + urdf + "#fornt_optical").find("is 'front_optical'"),
+            std::string::npos);
+  EXPECT_NE(why_not("scene:wall?urdf=" + urdf + "#bench&joints=" + joints).find("no joints"),
             std::string::npos);
 }
 
@@ -130,6 +209,52 @@ pose_from = "tf:wrist"
   EXPECT_EQ(again->cameras[0].uri.X_WC, moved);
   EXPECT_EQ(again->cameras[0].uri.intrinsics, front.intrinsics);
   EXPECT_EQ(again->gravity, rig->gravity);
+}
+
+TEST_F(RigFile, TakesFramesOfAUrdfAndGravityOfACamera) {
+  write(folder_.path() / "cell.urdf", kCell);
+  write(path_, R"([world]
+frame = "table"
+
+[frames]
+mine = [1, 2, 3, 0, 0, 0.6, 0.8]
+bench = "urdf:cell.urdf#bench"
+
+[[camera]]
+name = "beside"
+uri = "scene:wall"
+pose_from = "urdf:cell.urdf#bench"
+pose = [0, 0, 0.5, 0.6, 0, 0, 0.8]
+accelerometer = [0.5, -9.7, 1]
+
+[[camera]]
+uri = "scene:wall"
+pose_from = "urdf:cell.urdf#front_optical"
+joints = "joints.csv"
+)");
+  const auto rig = load_rig(path_);
+  ASSERT_TRUE(rig) << rig.error().message;
+  const Pose X_WBench{{1, 2, 0}, axis_angle({0, 0, 1}, kPi / 2)};  // in the table's frame
+  expect_near(rig->frames.at("mine"), Pose{{1, 2, 3}, {0, 0, 0.6, 0.8}});
+  expect_near(rig->frames.at("bench"), X_WBench);
+  const Pose X_WC = X_WBench * Pose{{0, 0, 0.5}, {0.6, 0, 0, 0.8}};
+  expect_near(standing_pose(rig->cameras[0].uri).value().value(), X_WC);
+  // What is at rest is held up: gravity is the other way, in the world.
+  EXPECT_NEAR(norm(*rig->gravity - rotate(X_WC.rotation, {-0.5, 9.7, -1})), 0, 1e-9);
+  EXPECT_EQ(rig->cameras[1].uri.joints, (folder_.path() / "joints.csv").string());
+
+  // A better pose takes the place of the file.
+  const auto text = rig_text_with_poses(path_, {{{4, 5, 6}, {}}, {}});
+  ASSERT_TRUE(text);
+  write(path_, *text);
+  expect_near(standing_pose(load_rig(path_)->cameras[0].uri).value().value(), {{4, 5, 6}, {}});
+
+  EXPECT_NE(why_not("[frames]\na = [1, 2]\n[[camera]]\nuri = 'scene:wall'").find("[frames] a must"),
+            std::string::npos);
+  EXPECT_NE(why_not("[world]\nframe = 'desk'\n[[camera]]\nuri = 'scene:wall'\n[frames]\n"
+                    "a = 'urdf:cell.urdf#bench'")
+                .find("there is no link 'desk'"),
+            std::string::npos);
 }
 
 TEST_F(RigFile, SaysWhatIsWrongAndWhere) {

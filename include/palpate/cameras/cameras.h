@@ -31,7 +31,10 @@ struct ImageSize {
 /// What such a text says. Parameters win over what the stream says of itself:
 ///   intrinsics=fx,fy,cx,cy  distortion=k1,k2,p1,p2[,k3[,k4,k5,k6]]  size=WIDTHxHEIGHT
 ///   unit=METRES_PER_COUNT  rate=HZ  latency=SECONDS  sensor=KIND  crop=none|valid
-///   pose=tx,ty,tz,qx,qy,qz,qw  poses=FILE: X_WC, or that of a camera that moves, by time (TUM)
+///   pose=tx,ty,tz,qx,qy,qz,qw: X_WC; with poses, urdf or world: where the camera is in what these
+///   tell of (hand-eye)  poses=FILE: of what moves, by time (TUM)  urdf=FILE#LINK[#BASE]: a link,
+///   in the base or the root  joints=FILE.csv|bag:FILE|ros2:[/T]: who tells of joints in between
+///   accelerometer=ax,ay,az: m/s2, as the camera at rest reads it, along its own axes
 struct CameraUri {
   std::string text;          ///< as it was given, for humans
   std::string kind, target;  ///< "folder" and "frames/"
@@ -43,7 +46,9 @@ struct CameraUri {
   bool is_cropped = false;  ///< to the largest rectangle whose every pixel the lens can see
   double latency = 0;       ///< s, from the exposure to the time stamp
   Pose X_WC;                ///< of the camera in the world
-  std::string poses;        ///< file of X_WC by time; empty: it stands still
+  std::string poses;        ///< file, by time; empty: it stands still
+  std::string urdf, joints;
+  std::optional<Vec3d> accelerometer;
   std::map<std::string, std::string> extras;  ///< parameters that only some kinds know
 
   /// Error: an extra parameter other than these, which this kind knows.
@@ -87,6 +92,11 @@ Result<std::unique_ptr<DepthSource>> open_camera(std::string_view uri,
                                                  const CameraOpening& opening = {});
 Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
                                                  const CameraOpening& opening = {});
+/// X_WC of a camera that stands still, by its pose or URDF. None: it moves, or tf tells. Errors: of
+/// its files.
+Result<std::optional<Pose>> standing_pose(const CameraUri& uri);
+/// m/s2, in W, by the first camera that stands still and has an accelerometer. None: no such one.
+std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras);
 
 // Several cameras in one file: where each of them is, and how it is opened.
 
@@ -105,21 +115,32 @@ Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
 ///   pose = [0, 0, 0, 0, 0, 0, 1]             # X_WC: tx ty tz qx qy qz qw
 ///   # or: pose_from = "front.tum"            # of a camera that moves, beside this file
 ///   # or: pose_from = "tf:front_optical"     # as the tf of a recording (bag:) tells of that frame
+///   # or: pose_from = "urdf:cell.urdf#front_optical"    # a link, in the link that W is called
+///   like # with pose, too: where the camera is in what these tell of (hand-eye) joints =
+///   "joints.csv"                    # or bag:FILE: of joints that move it accelerometer = [0,
+///   -9.81, 0]            # m/s2, of the camera at rest, along its axes
+///
+///   [frames]                                 # of yours, in W
+///   bench = [1, 0, 0, 0, 0, 0, 1]            # or "urdf:cell.urdf#bench"
 struct CameraRig {
   struct Camera {
     std::string name;
     CameraUri uri;
   };
   std::string frame = "world";
-  std::optional<Vec3d> gravity;  ///< m/s2, in W; none: nobody knows
+  /// m/s2, in W; where the file does not say: by the first camera that stands still and has an
+  /// accelerometer. None: nobody knows.
+  std::optional<Vec3d> gravity;
   std::vector<Camera> cameras;
+  std::map<std::string, Pose> frames;  ///< X_WF
 };
 
 /// Targets and files of poses that are relative are beside the rig's file. Errors: no such file,
 /// not TOML, a key that is not known or has another kind of value, two cameras of one name, no
 /// camera or more than kMostCameras; all with the file, and the camera.
 Result<CameraRig> load_rig(const std::filesystem::path& path);
-/// As text of such a file: of each camera its pose is written anew, everything else as it was read.
+/// As text of such a file: of each camera its pose is written anew, instead of its URDF if it had
+/// one, everything else as it was read.
 Result<std::string> rig_text_with_poses(const std::filesystem::path& path,
                                         const std::vector<Pose>& X_WC);
 

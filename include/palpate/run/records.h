@@ -1,7 +1,9 @@
 // What happens in a run: contacts and ticks, as they are recorded and shown.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/body_contact.h"
@@ -9,8 +11,57 @@
 #include "palpate/haptics/coupling.h"
 #include "palpate/haptics/local_contact.h"
 #include "palpate/haptics/safety.h"
+#include "palpate/math/geometry.h"
+#include "palpate/settings/setting_table.h"
 
 namespace palpate {
+
+// How they are told to others.
+
+/// In whose axes a wrench is told.
+enum class WrenchFrame {
+  world,
+  camera,  ///< the first one, where it was at the newest of its images that is felt
+  tool,    ///< its centre point E
+  device,  ///< its base
+  named,   ///< N, a frame of the user's
+};
+constexpr auto names_of(WrenchFrame) {
+  return std::array{"world", "camera", "tool", "device", "named"};
+}
+
+/// About which point a torque is told.
+enum class WrenchPoint {
+  center_of_mass,  ///< of the tool's spheres, as everything inside counts it
+  tcp,             ///< the tool's centre point
+  origin,          ///< of the frame that it is told in
+};
+constexpr auto names_of(WrenchPoint) { return std::array{"center_of_mass", "tcp", "origin"}; }
+
+/// What is told of pose and wrench beside what everything inside counts, which no setting changes:
+/// the world's axes and the center of mass.
+struct OutputOptions {
+  std::optional<WrenchFrame> wrench_frame;  ///< none: the world; over ROS 2 the tool
+  WrenchPoint wrench_point = WrenchPoint::center_of_mass;
+  Pose X_TE;  ///< the tool's centre point, with axes of its own, in the tool
+  Pose X_WN;  ///< the named frame in the world
+
+  friend bool operator==(const OutputOptions&, const OutputOptions&) = default;
+};
+inline void add_settings(SettingTable& t, OutputOptions& o) {
+  t.section("output");
+  t.add("wrench_frame", o.wrench_frame,
+        "in whose axes pose and wrench are told once more, in columns told_* of wrench.csv; auto: "
+        "the world's; over ROS 2 the tool's");
+  t.add("wrench_point", o.wrench_point, "about which point the torque of told_* is");
+  t.add("tcp", o.X_TE,
+        "X_TE, the tool's centre point in the frame of its mesh: x y z in m, quaternion x y z w; "
+        "poses of told_* are its");
+  t.add("named_frame", o.X_WN,
+        "X_WN of wrench_frame = named, in the world: x y z in m, quaternion");
+}
+
+// What is recorded and shown.
 
 /// A depth frame that has become a surface.
 struct FrameRecord {

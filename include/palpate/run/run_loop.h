@@ -59,6 +59,7 @@ struct RunSettings {
   bool wants_real_time = true;  ///< SCHED_FIFO and locked memory where that is allowed
   std::vector<SceneObject> objects;
   BodyOptions bodies;  ///< of objects that move
+  OutputOptions output;
 };
 inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.contact);
@@ -86,6 +87,7 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.coupling);
   add_settings(t, s.safety);
   add_settings(t, s.bodies);
+  add_settings(t, s.output);
 }
 
 /// What a running loop keeps when its settings are changed, with all that it has seen and felt so

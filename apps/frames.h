@@ -1,0 +1,48 @@
+// Frames that people name, and what they give or want told in them.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "apps/objects.h"
+#include "apps/options.h"
+#include "palpate/cameras/cameras.h"
+
+namespace palpate::apps {
+
+/// Of a verb: frames by name that are told to it. Empty names are the world.
+struct FrameOptions {
+  std::string path = "world";  ///< of the poses of a path; "base": those of the handle there
+  std::string base;            ///< of coupling.base_in_scene
+  std::string wrench;          ///< of what is told, or "auto"
+};
+
+/// --wrench-frame, --wrench-point and --tcp; they end up in `settings`.
+void add_output_options(CLI::App& app, FrameOptions& options, RunSettings& settings);
+
+/// Frames of the world that stand still.
+class NamedFrames {
+ public:
+  /// `cameras`: camera, camera_2, ... Errors: of the files of their poses.
+  static Result<NamedFrames> of(std::span<const CameraUri> cameras);
+  /// By their names in the rig, too, with its own frames. Errors: a name twice.
+  Status add(const CameraRig& rig);
+  Status add(const std::string& name, const Pose& X_WF);
+
+  /// X_WF. Error: no frame is called so, or it moves, with those that there are.
+  Result<Pose> find(const std::string& name) const;
+
+ private:
+  std::map<std::string, std::optional<Pose>> frames_{{"world", Pose{}}};  // none: it moves
+};
+
+/// What was given in other frames is put into the world's, and what is to be told in a frame of the
+/// user's is given its pose. Error: as of NamedFrames::find.
+Status put_in_world(const NamedFrames& frames, const FrameOptions& options, RunSettings& settings);
+Status put_in_world(const NamedFrames& frames, std::vector<ObjectOption>& objects);
+
+}  // namespace palpate::apps

@@ -1,0 +1,99 @@
+#include "src/cameras/link_in_tree.h"
+
+#include <utility>
+#include <vector>
+
+#include "src/io/internal/atomic_file.h"
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
+constexpr double kMaxAge = 0.1;                // s, of what is told of a joint
+
+}  // namespace
+
+Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
+                                                       std::span<const std::size_t> told,
+                                                       const std::string& joints,
+                                                       const std::string& robot) {
+  const auto address = parse_state_address(joints);
+  if (!address) return address.error();
+  std::vector<JointHistory::Joint> wanted;
+  std::string all;
+  for (const std::size_t i : told) {
+    const RobotJoint& joint = model.joints[i];
+    if (joint.kind == RobotJoint::Kind::floating) {
+      return Error{Errc::bad_input, robot + ": joint '" + joint.name +
+                                        "' is floating or planar: no position tells where it is; "
+                                        "take the frames of tf (world=FRAME)"};
+    }
+    wanted.push_back({joint.name, joint.is_endless});
+    all += (all.empty() ? "" : ", ") + joint.name;
+  }
+  if (wanted.empty() && !joints.empty()) {
+    return Error{Errc::invalid_argument,
+                 robot + " has no joints that move: leave out " + address->text};
+  }
+  if (wanted.empty()) return std::unique_ptr<RobotStates>();
+  if (joints.empty()) {
+    return Error{Errc::invalid_argument,
+                 robot + " has joints that move: " + all +
+                     "; say who tells of them (--joints FILE.csv, bag:FILE or ros2:)"};
+  }
+  auto states = RobotStates::open(*address, std::move(wanted));
+  if (!states) return states.error();
+  const std::string missing =
+      what_is_missing(**states, [&] { return (*states)->missing_joints(); });
+  if (!missing.empty()) {
+    return Error{Errc::bad_input,
+                 address->text + " tells nothing of joints of " + robot + ": " + missing};
+  }
+  return states;
+}
+
+Result<LinkInTree> LinkInTree::open(const std::string& address, const std::string& joints) {
+  const std::size_t first = address.find('#'), second = address.find('#', first + 1);
+  const std::string file = address.substr(0, first);
+  if (first == std::string::npos || first == 0) {
+    return Error{Errc::invalid_argument, "give FILE.urdf#LINK, the link that is meant, not '" +
+                                             address.substr(0, 60) + "'"};
+  }
+  const auto text = read_file(file, kMostBytes);
+  if (!text) return text.error();
+  auto model = parse_urdf(*text, file, {}, std::nullopt);
+  if (!model) return model.error();
+  LinkInTree found;
+  found.model_ = *std::move(model);
+  found.base_ = found.model_.root;
+  const auto find = [&](const std::string& name, std::size_t& link) -> Status {
+    const auto number = found.model_.find_link(name);
+    if (!number) return Error{number.error().code, file + ": " + number.error().message};
+    link = *number;
+    return Done{};
+  };
+  const std::size_t length = second == std::string::npos ? second : second - first - 1;
+  Status status = find(address.substr(first + 1, length), found.link_);
+  if (status && second != std::string::npos) status = find(address.substr(second + 1), found.base_);
+  if (!status) return status.error();
+  found.told_ = found.model_.joints_between(found.base_, found.link_);
+  auto states = open_joint_states(found.model_, found.told_, joints, file);
+  if (!states) return states.error();
+  found.states_ = *std::move(states);
+  return found;
+}
+
+Result<Pose> LinkInTree::at(double time, double stamp) const {
+  std::vector<double> told, positions(model_.joints.size());
+  if (states_) {
+    if (const Status status = states_->positions({time, stamp, kMaxAge}, told); !status) {
+      return status.error();
+    }
+    for (std::size_t i = 0; i < told_.size(); ++i) positions[told_[i]] = told[i];
+  }
+  std::vector<Pose> X_RL(model_.links.size());  // in the root
+  model_.place(positions, X_RL);
+  return inverse(X_RL[base_]) * X_RL[link_];
+}
+
+}  // namespace palpate

@@ -1,0 +1,66 @@
+// Where a link of a robot is in another one: what a URDF says of a camera, or of anything mounted.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+
+#include "src/cameras/robot_model.h"
+#include "src/cameras/robot_states.h"
+#include "src/core/monotonic_clock.h"
+
+namespace palpate {
+
+/// Of FILE.urdf#LINK[#BASE]: the pose of the link in the base, by default the URDF's root. Optical
+/// frames of ROS have x right, y down, z forward (REP 103), as cameras here.
+class LinkInTree {
+ public:
+  /// `joints`: who tells of joints that move between the two, as of RobotFiles::joints; empty if
+  /// none does. Errors: no such form; as of parse_urdf; no such link; joints that nobody tells of,
+  /// or that do not move.
+  static Result<LinkInTree> open(const std::string& address, const std::string& joints);
+
+  /// Whether anything between the two moves.
+  bool is_moving() const { return states_ != nullptr; }
+  /// Whether times are on the clock of this computer. None: nothing moves.
+  std::optional<bool> is_live() const {
+    return states_ ? std::optional(states_->is_live()) : std::nullopt;
+  }
+  /// X_BL at a time on the clock of the frames, s; `stamp`: as of DepthFrame. Error: nothing told
+  /// of a joint within 0.1 s.
+  Result<Pose> at(double time, double stamp = 0) const;
+
+ private:
+  LinkInTree() = default;
+
+  RobotModel model_;
+  std::size_t link_ = 0, base_ = 0;
+  std::vector<std::size_t> told_;  // joints
+  std::shared_ptr<const RobotStates> states_;
+};
+
+/// Who tells of these joints of a robot, once all of them were heard of; null where there are none.
+/// `robot` is its file, for messages. Errors: as of RobotStates::open; a floating joint; nobody was
+/// named, or somebody where nothing moves; a joint that is not told of.
+Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
+                                                       std::span<const std::size_t> told,
+                                                       const std::string& joints,
+                                                       const std::string& robot);
+
+/// Waits for live states; recorded ones are all there. Returns what is missing.
+template <class Missing>
+std::string what_is_missing(const RobotStates& states, const Missing& missing) {
+  constexpr double kFirstStates = 10;  // s that live ones are waited for
+  const double start = monotonic_now();
+  std::string names = missing();
+  while (!names.empty() && states.is_live() && monotonic_now() - start < kFirstStates) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    names = missing();
+  }
+  return names;
+}
+
+}  // namespace palpate

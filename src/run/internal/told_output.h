@@ -1,0 +1,49 @@
+// Where the frame and the point are that people want pose and wrench told in.
+#pragma once
+
+#include "palpate/run/records.h"
+#include "src/math/internal/told_wrench.h"
+
+namespace palpate {
+
+/// What the frames of OutputOptions hang on, at one moment.
+struct OutputPlaces {
+  Pose X_WT;
+  Vec3d p_WC;      ///< center of mass of the tool's spheres
+  Pose X_WCamera;  ///< the first one
+  Pose X_WB;       ///< base of the device
+};
+
+/// Tells what is known in the world's axes about the tool's center of mass.
+class ToldOutput {
+ public:
+  ToldOutput(const OutputOptions& options, const OutputPlaces& at)
+      : p_WC_(at.p_WC), X_WE_(at.X_WT * options.X_TE) {
+    switch (options.wrench_frame.value_or(WrenchFrame::world)) {
+      case WrenchFrame::world: break;
+      case WrenchFrame::camera: X_WF_ = at.X_WCamera; break;
+      case WrenchFrame::tool: X_WF_ = X_WE_; break;
+      case WrenchFrame::device: X_WF_ = at.X_WB; break;
+      case WrenchFrame::named: X_WF_ = options.X_WN; break;
+    }
+    switch (options.wrench_point) {
+      case WrenchPoint::center_of_mass: point_W_ = at.p_WC; break;
+      case WrenchPoint::tcp: point_W_ = X_WE_.translation; break;
+      case WrenchPoint::origin: point_W_ = X_WF_.translation; break;
+    }
+  }
+
+  /// X_FE: of the tool's centre point.
+  Pose pose() const { return inverse(X_WF_) * X_WE_; }
+  /// A Wrench or a VolumeWrench in the axes of F.
+  template <class Any>
+  Any wrench(const Any& F_C_W) const {
+    return turned_into(X_WF_.rotation, moved_to(point_W_, F_C_W, p_WC_));
+  }
+
+ private:
+  Vec3d p_WC_, point_W_;
+  Pose X_WE_, X_WF_;
+};
+
+}  // namespace palpate
