@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The main job, from a generated tool to a report: a stylus feels a simulated hand, and blocks that
-# fall on it, and, where the developers' data are present, a bottle feels a recorded desk. Everything is written under demo/.
+# fall on it, two cameras see a ball, and, where the developers' data are present, a bottle feels a recorded desk. Everything
+# is written under demo/.
 #
 # usage: scripts/demo.sh [--build JOBS]    with --build what is missing is installed and built first
 set -euo pipefail
@@ -42,6 +43,12 @@ for place in '0.01 0 0.5' '-0.15 0.05 1.05' '-0.15 0.05 1.0' '0.15 -0.05 1.05'; 
 done
 "$palpate" touch demo/stylus.palp --scene hand "${blocks[@]}" -o demo/blocks
 echo "To look at them: $palpate view demo/blocks"
+
+say "Two cameras see a ball from two sides, and the stylus goes into it"
+"$palpate" touch demo/stylus.palp -o demo/two-cameras --duration 2 \
+  --camera scene:sphere-out-320 --camera 'scene:sphere-out-320?pose=0.5,0,0.134,0,-0.259,0,0.966'
+reports+=(demo/two-cameras/report.html)
+echo "To look at it, with both cameras: $palpate view demo/two-cameras"
 
 recording=$data/sequences/visp_rbt/depth
 bottle=$data/meshes_good/fuze_bottle.obj
