@@ -122,6 +122,21 @@ TEST(Matrix6, SolvesAndKnowsWhatIsNotPositive) {
     }
     const Vec6 zero = positive * (rest * b);
     EXPECT_LT(norm(zero.linear) + norm(zero.angular), 1e-12);
+
+    // With angles counted as ways at a length: that of the stiffness in these units, and back.
+    const double length = random.uniform(0.02, 3);
+    const auto unit = [length](int i) { return i < 3 ? 1.0 : length; };
+    Stiffness scaled;
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j < 6; ++j) scaled.m[i][j] = s.m[i][j] / (unit(i) * unit(j));
+    }
+    const Mat6 at_length = positive_part(s, length), inner = positive_part(scaled, 1);
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j < 6; ++j) {
+        const double want = inner.m[i][j] * unit(i) * unit(j);
+        EXPECT_NEAR(at_length.m[i][j], want, 1e-9 * (1 + std::abs(want)));
+      }
+    }
   }
   Mat6 negative;
   for (int i = 0; i < 6; ++i) negative.m[i][i] = i == 4 ? -1 : 1;
