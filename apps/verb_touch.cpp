@@ -194,6 +194,11 @@ void check_motion(const CLI::App& app, const Options& options) {
   if (options.device.empty() && app.count("--dead-man") > 0) {
     usage_error("touch: --dead-man goes with --device");
   }
+  for (const char* const of_memory : {"--memory-horizon", "--memory-thickness"}) {
+    if (app.count(of_memory) == 0) continue;
+    if (options.settings.time.memory.kind != DepthMemory::off) break;
+    usage_error(std::string("touch: ") + of_memory + " goes with --memory on");
+  }
   if (!options.device.empty() && !options.path.empty()) {
     usage_error(
         "touch: --path does not go with --device, where the hand moves the tool; to play a path "

@@ -56,6 +56,8 @@ class Cameras(CameraCase):
         self.refused("'size' must be", *touch, "--camera", "pipe:-?size=big", status=2)
         self.refused("goes with --depth-sequence", *touch, "--camera", "pipe:-", "--intrinsics",
                      INTRINSICS, status=2)
+        self.refused("--memory-thickness goes with --memory on", *touch, "--camera", "scene:hand",
+                     "--memory-thickness", "0.03", status=2)
         self.refused("no kind of camera is called 'webcam'", *touch, "--camera", "webcam:0")
         self.refused("no such folder", *touch, "--camera",
                      f"folder:{self.folder}/none?intrinsics={INTRINSICS}")
