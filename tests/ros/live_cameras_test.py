@@ -5,11 +5,17 @@ usage: live_cameras_test.py PALPATE
 """
 
 import csv
+import json
+import math
 import os
 import pathlib
+import signal
+import socket
 import statistics
 import subprocess
+import time
 import unittest
+import urllib.request
 
 try:
     import rosbags.highlevel
@@ -112,6 +118,60 @@ class LiveCamerasTest(PeerCase):
         self.assertGreater(max(fractions), 0.05)
         seen = self.watch(f"bag:{bag}", "--max-age", "2", place=f"0,0,{z}", depth="/camera/depth/image_raw", duration=6)
         self.assertAlmostEqual(max(seen["fractions"]) / max(fractions), 1, places=2)
+
+    def test_the_clutch_and_the_workspace_hold_the_follower(self):
+        path = os.path.join(self.folder.name, "master.txt")
+        with open(path, "w", encoding="utf-8") as file:  # to and fro by 50 mm, once a second
+            for k in range(6001):
+                file.write(f"{0.01 * k} {0.05 * math.sin(0.02 * math.pi * k)} 0 0.3 0 0 0 1\n")
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+
+        def change(key, value):
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/api/command", timeout=10, data=json.dumps(
+                    {"command": "set", "key": key, "value": value}).encode()) as answer:
+                self.assertTrue(json.load(answer)["ok"])
+            return time.time()
+
+        robot = subprocess.Popen([str(word) for word in self.cyclone("follow", "camera_peer.py")],
+                                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        run = subprocess.Popen(
+            [PALPATE, "touch", self.tool, "--camera", "ros2:/camera/depth/image_raw", "--device", f"replay:{path}",
+             "--ros2", "--max-age", "10", "--set", "safety.max_sensor_age=10", "--set", "safety.max_contact_age=10",
+             "--view", "--view-port", str(port), "-o", os.path.join(self.folder.name, "held")],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env={**os.environ, "ROS_DOMAIN_ID": str(self.domain), "ROS_LOCALHOST_ONLY": "1"})
+        try:
+            self.assertIn("open http", run.stdout.readline())
+            time.sleep(3)
+            held = change("coupling.clutch", True)
+            time.sleep(2)
+            released = change("coupling.clutch", False)
+            time.sleep(2)
+            walled = change("coupling.workspace_x", 0.01)
+            time.sleep(2)
+        finally:
+            run.send_signal(signal.SIGINT)
+            said, _ = run.communicate(timeout=60)
+            seen = json.loads(robot.communicate(timeout=60)[0])
+        self.assertGreater(len(seen["poses"]), 300, said)
+
+        def span(begin, end, of="poses", part=1):
+            values = [each[part] for each in seen[of] if begin < each[0] < end]
+            self.assertGreater(len(values), 30, said)
+            return min(values), max(values)
+
+        low, high = span(0, held)
+        self.assertGreater(high - low, 0.06)
+        low, high = span(held + 0.8, released - 0.1)  # once it has come to rest
+        self.assertLess(high - low, 0.0005)
+        low, high = span(held + 0.8, released - 0.1, "twists")
+        self.assertLess(max(-low, high), 0.01)
+        low, high = span(released, walled)
+        self.assertGreater(high - low, 0.06)
+        low, high = span(walled + 0.8, float("inf"))
+        self.assertLess(max(-low, high), 0.012)
 
     def test_a_follower_hears_of_the_tool(self):
         path = os.path.join(self.folder.name, "path.txt")
