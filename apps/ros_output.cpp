@@ -66,6 +66,8 @@ class Output final : public RosOutput {
       : options_(std::move(options)), tool_(tool), streams_(std::move(streams)) {
     if (options_.camera_frame.empty()) options_.camera_frame = streams_.front().frame;
     if (options_.camera_frame.empty()) options_.camera_frame = "camera";
+    seen_.resize(streams_.size());
+    sphere_states_.resize(tool_.spheres().size());
   }
   ~Output() override { end(); }
 
@@ -85,6 +87,7 @@ class Output final : public RosOutput {
           publish(pose_, "tool_pose", "geometry_msgs/PoseStamped", {}),
           publish(twist_, "tool_twist", "geometry_msgs/TwistStamped", {}),
           publish(points_, "points", "sensor_msgs/PointCloud2", {true, false, 1}),
+          publish(spheres_, "spheres", "visualization_msgs/MarkerArray", {true, false, 1}),
           publish(markers_, "markers", "visualization_msgs/MarkerArray", {true, true, 1}),
           publish(diagnostics_, "/diagnostics", "diagnostic_msgs/DiagnosticArray", {})}) {
       if (!status) return status.error();
@@ -110,6 +113,7 @@ class Output final : public RosOutput {
     observer.on_frame = [this, others = std::move(observer.on_frame)](const FrameRecord& record,
                                                                       const DepthFrame& frame) {
       tell_points(record, frame);
+      keep(record, frame);
       if (others) others(record, frame);
     };
   }
@@ -159,6 +163,7 @@ class Output final : public RosOutput {
       last = time;
       const Verdict verdict = judge(time);
       tell(verdict);
+      tell_spheres(loop, time);
       const bool is_news = verdict.state != last_state_;
       if (time >= next_diagnostics_ ||
           (is_news && time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
@@ -265,6 +270,50 @@ class Output final : public RosOutput {
                                     streams_[record.camera].intrinsics, record.X_WC));
   }
 
+  /// From the thread of the observer: what cameras see, for who asks how the spheres are.
+  void keep(const FrameRecord& record, const DepthFrame& frame) {
+    if (!(options_.points_rate > 0) || spheres_->num_readers() == 0) return;
+    const std::lock_guard lock(mutex_);
+    Seen& seen = seen_[record.camera];
+    if (record.capture_time < seen.time + 1 / options_.points_rate) return;
+    seen = {record.capture_time, record.X_WC, frame};
+  }
+
+  bool is_seen(const Vec3d& p_W) const {
+    for (std::size_t k = 0; k < seen_.size(); ++k) {
+      const auto& [time, X_WC, frame] = seen_[k];
+      const Vec3d p_C = inverse(X_WC) * p_W;
+      const Intrinsics& camera = streams_[k].intrinsics;
+      if (!(p_C.z > 0)) continue;
+      const double u = std::floor(camera.fx * p_C.x / p_C.z + camera.cx + 0.5);
+      const double v = std::floor(camera.fy * p_C.y / p_C.z + camera.cy + 0.5);
+      if (!(u >= 0 && v >= 0 && u < frame.width && v < frame.height)) continue;
+      const std::uint16_t count = frame.pixels[static_cast<std::size_t>(v * frame.width + u)];
+      if (count == 0 || count == 65535) continue;
+      if (p_C.z <= count * frame.unit + kSeenBehind) return true;
+    }
+    return false;
+  }
+
+  /// As the last contact that was asked for found them.
+  void tell_spheres(RunLoop& loop, double time) {
+    if (const ContactPicture* const now = loop.new_contact_picture(Onlooker::robots)) {
+      const std::lock_guard lock(mutex_);
+      for (std::size_t i = 0; i < now->states.size(); ++i) {
+        const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].centre);
+        sphere_states_[i] = !is_seen(p_W)                             ? RosSphere::unseen
+                            : now->states[i] == SphereState::outside  ? RosSphere::free
+                            : now->states[i] == SphereState::boundary ? RosSphere::touching
+                                                                      : RosSphere::inside;
+      }
+      spheres_->publish(sphere_markers_message({wall_time(time), options_.tool_frame},
+                                               tool_.spheres(), sphere_states_));
+    }
+    if (!(options_.points_rate > 0) || time < next_spheres_ || spheres_->num_readers() == 0) return;
+    next_spheres_ = time + 1 / options_.points_rate;
+    loop.ask_for_contact_picture(Onlooker::robots);
+  }
+
   void say(const Verdict& verdict, double time) {
     last_state_ = verdict.state;
     last_diagnostics_ = time;
@@ -291,11 +340,18 @@ class Output final : public RosOutput {
   RosOutputOptions options_;
   const Tool& tool_;
   const std::vector<DepthStreamInfo> streams_;
-  std::unique_ptr<RosPublisher> wrench_, contact_, pose_, twist_, points_, markers_, diagnostics_;
+  std::unique_ptr<RosPublisher> wrench_, contact_, pose_, twist_, points_, spheres_, markers_,
+      diagnostics_;
   double full_volume_ = 0;
 
   std::mutex mutex_;
-  ContactRecord newest_;    // under the mutex
+  ContactRecord newest_;  // under the mutex
+  struct Seen {
+    double time = -1e9;  // s
+    Pose X_WC;
+    DepthFrame frame;
+  };
+  std::vector<Seen> seen_;  // of each camera, likewise
   double next_points_ = 0;  // s, of the observer's thread
 
   // Of the publishing thread, and of the others while it does not run.
@@ -303,6 +359,8 @@ class Output final : public RosOutput {
   bool has_tick_ = false, was_valid_ = false, has_last_pose_ = false;
   Pose last_X_WT_;
   double last_pose_time_ = 0;
+  std::vector<RosSphere> sphere_states_;
+  double next_spheres_ = 0;  // s
   std::uint64_t num_told_ = 0, num_sent_ = 0, num_not_sent_ = 0;
   LatencyHistogram periods_;
   State last_state_ = State::failed;

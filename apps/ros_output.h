@@ -37,6 +37,7 @@ void check_wrench_frame(const RosOutputOptions& options, const std::string& fram
 ///   NAMESPACE/tool_twist geometry_msgs/TwistStamped, of the tool's origin, in its axes
 ///   NAMESPACE/points     sensor_msgs/PointCloud2, what is felt
 ///   NAMESPACE/markers    visualization_msgs/MarkerArray, the tool's mesh
+///   NAMESPACE/spheres    visualization_msgs/MarkerArray, the tool's spheres by their state
 ///   /diagnostics         diagnostic_msgs/DiagnosticArray
 class RosOutput {
  public:

@@ -1,6 +1,8 @@
 #include "src/io/ros_messages.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "src/io/cdr.h"
@@ -46,26 +48,31 @@ Error no_pose(const char* what) {
 constexpr const char* kNoJointState =
     "a JointState is damaged or has not one finite position for each name";
 
-void put_tool_marker(CdrWriter& to, const RosHeader& header, const TriangleMesh& mesh) {
-  constexpr std::size_t kMostTriangles = 20000;
-  constexpr std::int32_t kTriangleList = 11, kAdd = 0;
-  const std::size_t step = (mesh.triangles.size() + kMostTriangles - 1) / kMostTriangles;
+struct RosMarker {
+  std::string_view name;
+  std::int32_t number = 0, type = 0;
+  double scale = 1;
+  std::array<float, 4> color{};
+  bool is_locked = false;  // to its frame, wherever that goes
+};
+constexpr std::int32_t kSphereList = 7, kTriangleList = 11;
+
+/// One without points is taken away.
+void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
+         std::span<const Vec3d> points) {
+  const std::int32_t add = 0, remove = 2;
   put(to, header);
-  to.text("tool");
-  for (const std::int32_t number : {0, kTriangleList, kAdd}) to.number(number);
-  put(to, Pose{});
-  put(to, Vec3d{1, 1, 1});
-  for (const float color : {0.35f, 0.6f, 0.85f, 1.0f}) to.number(color);
-  put(to, std::uint64_t{0});  // for ever
-  to.number(true);            // in its frame, wherever that goes
-  std::vector<std::size_t> shown;
-  for (std::size_t i = 0; i < mesh.triangles.size(); i += step) shown.push_back(i);
-  to.number(static_cast<std::uint32_t>(3 * shown.size()));
-  for (const std::size_t i : shown) {
-    for (const auto corner : mesh.triangles[i]) {
-      put(to, mesh.vertices[static_cast<std::size_t>(corner)]);
-    }
+  to.text(marker.name);
+  for (const std::int32_t number : {marker.number, marker.type, points.empty() ? remove : add}) {
+    to.number(number);
   }
+  put(to, Pose{});
+  put(to, Vec3d{1, 1, 1} * marker.scale);
+  for (const float color : marker.color) to.number(color);
+  put(to, std::uint64_t{0});  // for ever
+  to.number(marker.is_locked);
+  to.number(static_cast<std::uint32_t>(points.size()));
+  for (const Vec3d& point : points) put(to, point);
   to.number(std::uint32_t{0});  // colors
   to.text("");
   put(to, RosHeader{});  // texture
@@ -77,6 +84,18 @@ void put_tool_marker(CdrWriter& to, const RosHeader& header, const TriangleMesh&
   to.text("");  // mesh file
   to.number(std::uint32_t{0});
   to.number(false);
+}
+
+void put_tool_marker(CdrWriter& to, const RosHeader& header, const TriangleMesh& mesh) {
+  constexpr std::size_t kMostTriangles = 20000;
+  const std::size_t step = (mesh.triangles.size() + kMostTriangles - 1) / kMostTriangles;
+  std::vector<Vec3d> corners;
+  for (std::size_t i = 0; i < mesh.triangles.size(); i += step) {
+    for (const auto corner : mesh.triangles[i]) {
+      corners.push_back(mesh.vertices[static_cast<std::size_t>(corner)]);
+    }
+  }
+  put(to, header, {"tool", 0, kTriangleList, 1, {0.35f, 0.6f, 0.85f, 1}, true}, corners);
 }
 
 }  // namespace
@@ -178,6 +197,46 @@ std::string tool_markers_message(const RosHeader& header, const TriangleMesh& me
   CdrWriter to;
   to.number(std::uint32_t{1});
   put_tool_marker(to, header, mesh);
+  return to.take();
+}
+
+std::string sphere_markers_message(const RosHeader& header, std::span<const Sphere> spheres,
+                                   std::span<const RosSphere> states) {
+  constexpr std::size_t kNumSizes = 8, kNumStates = names_of(RosSphere{}).size();
+  constexpr std::array<std::array<float, 4>, kNumStates> kColors{{{0.6f, 0.6f, 0.6f, 0.3f},
+                                                                  {1, 0.7f, 0.1f, 1},
+                                                                  {0.9f, 0.1f, 0.1f, 1},
+                                                                  {0.3f, 0.3f, 0.9f, 0.6f}}};
+  float least = std::numeric_limits<float>::max(), most = 0;
+  for (const Sphere& sphere : spheres) {
+    least = std::min(least, sphere.radius);
+    most = std::max(most, sphere.radius);
+  }
+  const double range = std::max(std::log(double(most) / double(least)), 1e-9);
+  struct Group {
+    std::vector<Vec3d> centres;
+    double radii = 0;
+  };
+  std::array<std::array<Group, kNumSizes>, kNumStates> groups;
+  for (std::size_t i = 0; i < spheres.size(); ++i) {
+    const double size = std::log(double(spheres[i].radius) / double(least)) / range;
+    const auto number = std::min(static_cast<std::size_t>(size * kNumSizes), kNumSizes - 1);
+    Group& group = groups[static_cast<std::size_t>(states[i])][number];
+    group.centres.push_back(to_double(spheres[i].centre));
+    group.radii += double(spheres[i].radius);
+  }
+  CdrWriter to;
+  to.number(static_cast<std::uint32_t>(kNumStates * kNumSizes));
+  for (std::size_t state = 0; state < kNumStates; ++state) {
+    for (std::size_t size = 0; size < kNumSizes; ++size) {
+      const auto& [centres, radii] = groups[state][size];
+      const double diameter = centres.empty() ? 1 : 2 * radii / double(centres.size());
+      put(to, header,
+          {names_of(RosSphere{})[state], static_cast<std::int32_t>(size), kSphereList, diameter,
+           kColors[state], false},
+          centres);
+    }
+  }
   return to.take();
 }
 

@@ -43,6 +43,16 @@ std::string wrench_message(const RosHeader& header, const Wrench& wrench);
 std::string tool_marker_message(const RosHeader& header, const TriangleMesh& mesh);
 /// visualization_msgs/MarkerArray of that one.
 std::string tool_markers_message(const RosHeader& header, const TriangleMesh& mesh);
+
+/// How a sphere of the tool is shown.
+enum class RosSphere : std::uint8_t { free, touching, inside, unseen };
+constexpr auto names_of(RosSphere) { return std::array{"free", "touching", "inside", "unseen"}; }
+/// visualization_msgs/MarkerArray: of each state one SPHERE_LIST for each of its eight ranges of
+/// radii (all spheres of one are as large as their mean), in its color; those that hold none are
+/// taken away. In the frame of the header, by poses that the tool had at that time. `states`: of
+/// each sphere.
+std::string sphere_markers_message(const RosHeader& header, std::span<const Sphere> spheres,
+                                   std::span<const RosSphere> states);
 std::string pose_message(const RosHeader& header, const Pose& X);
 /// geometry_msgs/TwistStamped.
 std::string twist_message(const RosHeader& header, const Twist& V);

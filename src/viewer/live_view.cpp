@@ -198,10 +198,11 @@ void LiveViewImpl::poll(const ViewWishes& wishes, ViewUpdate& update) {
 void LiveViewImpl::take_pictures(const ViewWishes& wishes, ViewUpdate& update) {
   if (const double now = monotonic_now(); now >= next_picture_) {
     next_picture_ = now + kPicturePeriod;
-    if (wishes.contacts) loop_->ask_for_contact_picture();
+    if (wishes.contacts) loop_->ask_for_contact_picture(Onlooker::page);
     if (wishes.surfaces) loop_->ask_for_surface_picture();
   }
-  if (const ContactPicture* seen = wishes.contacts ? loop_->new_contact_picture() : nullptr) {
+  if (const ContactPicture* seen =
+          wishes.contacts ? loop_->new_contact_picture(Onlooker::page) : nullptr) {
     const auto contact = contacts_.take();
     contact->time = news_.contact_time(seen->contact_number);
     contact->frame_number = seen->frame_number;

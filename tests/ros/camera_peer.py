@@ -12,6 +12,7 @@ moving:             a camera that moves; tf tells late where it was
 two:                two cameras, one behind the other; the second one sees the wall half of the time
 late:               images come 0.2 to 0.25 s late, 5 % of them do not come
 follow:             nothing but images; somebody follows the tool's pose
+spheres:            a wall of which the right half is not measured; somebody draws the tool's spheres
 bag:FOLDER          rosbags plays the depth images of a bag, one every quarter of a second, again and again
 """
 
@@ -31,7 +32,7 @@ from cyclone_peer import (CameraInfo, Contact, Header, HEIGHT, Image, Pose, Pose
                           Robot, TFMessage, Time, TransformStamped, Vector3, WIDTH, WrenchStamped, has_ended, header,
                           taken)
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import sequence, uint8
+from cyclonedds.idl.types import float32, float64, int32, sequence, uint8, uint32
 
 FOCAL, U0, V0 = 64.0, 39.5, 29.5
 NEAR, FAR = 0.49, 0.7  # m
@@ -56,6 +57,67 @@ class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
 class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
     header: Header
     twist: Twist
+
+
+@dataclass
+class ColorRGBA(IdlStruct, typename="std_msgs::msg::dds_::ColorRGBA_"):
+    r: float32
+    g: float32
+    b: float32
+    a: float32
+
+
+@dataclass
+class Duration(IdlStruct, typename="builtin_interfaces::msg::dds_::Duration_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class UVCoordinate(IdlStruct, typename="visualization_msgs::msg::dds_::UVCoordinate_"):
+    u: float32
+    v: float32
+
+
+@dataclass
+class MeshFile(IdlStruct, typename="visualization_msgs::msg::dds_::MeshFile_"):
+    filename: str
+    data: sequence[uint8]
+
+
+@dataclass
+class Marker(IdlStruct, typename="visualization_msgs::msg::dds_::Marker_"):
+    header: Header
+    ns: str
+    id: int32
+    type: int32
+    action: int32
+    pose: Pose
+    scale: Vector3
+    color: ColorRGBA
+    lifetime: Duration
+    frame_locked: bool
+    points: sequence[Point]
+    colors: sequence[ColorRGBA]
+    texture_resource: str
+    texture: CompressedImage
+    uv_coordinates: sequence[UVCoordinate]
+    text: str
+    mesh_resource: str
+    mesh_file: MeshFile
+    mesh_use_embedded_materials: bool
+
+
+@dataclass
+class MarkerArray(IdlStruct, typename="visualization_msgs::msg::dds_::MarkerArray_"):
+    markers: sequence[Marker]
 
 
 def count_image(stamp, depths, frame="camera"):
@@ -211,6 +273,8 @@ class Cameras:
             self.images.write(float_image(now, flat(NEAR if is_near else FAR)))
         elif behavior == "moving":  # the wall stands in the base
             self.images.write(float_image(now, flat(NEAR - camera_height(now))))
+        elif behavior == "spheres":
+            self.images.write(count_image(now, [NEAR if i % WIDTH <= U0 else 0 for i in range(WIDTH * HEIGHT)]))
         elif behavior == "two":
             self.images.write(count_image(now, flat(NEAR)))
             self.other_infos.write(info(now, frame="behind_camera"))
@@ -232,7 +296,8 @@ def main(domain, behavior, place="0,0,0.5"):
     contacts = robot.reader("rt/palpate/contact", Contact, depth=200)
     followed = robot.reader("rt/palpate/tool_pose", PoseStamped, depth=200)
     twists = robot.reader("rt/palpate/tool_twist", TwistStamped, depth=200)
-    seen = {"wrenches": 0, "touching": 0, "fractions": [], "ages": [], "poses": [], "twists": [], "frames": []}
+    drawn = robot.reader("rt/palpate/spheres", MarkerArray, depth=5) if behavior == "spheres" else None
+    seen = {"spheres": [], "wrenches": 0, "touching": 0, "fractions": [], "ages": [], "poses": [], "twists": [], "frames": []}
     place = Vector3(*map(float, place.split(",")))
     next_image = next_tf = time.time()
     while not has_ended():
@@ -258,6 +323,9 @@ def main(domain, behavior, place="0,0,0.5"):
             seen["poses"].append([stamp.sec + 1e-9 * stamp.nanosec, p.x, p.y, p.z, q.x, q.y, q.z, q.w])
             if pose.header.frame_id not in seen["frames"]:
                 seen["frames"].append(pose.header.frame_id)
+        for message in taken(drawn, 5) if drawn else ():
+            seen["spheres"] = [[marker.ns, marker.scale.x / 2, point.x, point.y, point.z]
+                               for marker in message.markers if marker.action == 0 for point in marker.points]
         for twist in taken(twists, 200):
             stamp, v, w = twist.header.stamp, twist.twist.linear, twist.twist.angular
             seen["twists"].append([stamp.sec + 1e-9 * stamp.nanosec, v.x, v.y, v.z, w.x, w.y, w.z])

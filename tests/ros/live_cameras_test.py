@@ -119,6 +119,25 @@ class LiveCamerasTest(PeerCase):
         seen = self.watch(f"bag:{bag}", "--max-age", "2", place=f"0,0,{z}", depth="/camera/depth/image_raw", duration=6)
         self.assertAlmostEqual(max(seen["fractions"]) / max(fractions), 1, places=2)
 
+    def test_somebody_draws_the_spheres_by_their_state(self):
+        self.tool = os.path.join(self.folder.name, "box.palp")  # a ball is one sphere, but for dust
+        mesh = os.path.join(self.folder.name, "box.obj")
+        for words in (["shape", "box", "--size", "0.05", "-o", mesh], ["pack", mesh, "-o", self.tool, "--spheres", "300"]):
+            subprocess.run([PALPATE, *words], check=True, capture_output=True)
+        seen = self.watch("spheres", place="0,0,0.49", duration=5)
+        self.assertEqual(len(seen["spheres"]), 300)
+        margin, counts = 0.004, {"free": 0, "touching": 0, "inside": 0, "unseen": 0}
+        for state, radius, x, _, z in seen["spheres"]:
+            counts[state] += 1
+            # The tool's middle is in the wall, whose right half nobody has measured.
+            if x > margin or z > 0.02 + margin:
+                self.assertEqual(state, "unseen", (x, z))
+            elif x < -margin and z < 0.02 - margin:
+                may_be = {"free"} if z + radius < -margin else {"inside"} if z - radius > margin else \
+                    {"touching"} if abs(z) < radius - margin else {"free", "touching", "inside"}
+                self.assertIn(state, may_be, (radius, x, z))
+        self.assertGreater(min(counts.values()), 0, counts)
+
     def test_the_clutch_and_the_workspace_hold_the_follower(self):
         path = os.path.join(self.folder.name, "master.txt")
         with open(path, "w", encoding="utf-8") as file:  # to and fro by 50 mm, once a second

@@ -171,6 +171,10 @@ class MessagesTest(unittest.TestCase):
         contact = sample("Contact")
         self.assertEqual((contact.state, contact.reason, contact.volume, contact.stiffness[35],
                           contact.depth_age, contact.status), (1, "why", 1, 36, 0.25, 7))
+        markers = [marker for marker in sample("MarkerArray").markers if marker.points]
+        self.assertEqual([(marker.ns, marker.type, marker.action, marker.scale.x, len(marker.points),
+                           marker.points[-1].z) for marker in markers],
+                         [("inside", 7, 0, 1.0, 1, 3), ("unseen", 7, 0, 0.5, 2, 9)])
         node = sample("ParticipantEntitiesInfo").node_entities_info_seq[0]
         self.assertEqual((node.node_name, node.reader_gid_seq[1].data[15], len(node.writer_gid_seq)),
                          ("palpate", 200, 1))

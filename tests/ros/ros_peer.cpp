@@ -54,7 +54,11 @@ std::string sample(const std::string& name) {
   if (name == "PoseStamped") return pose_message(header, X);
   if (name == "TwistStamped") return twist_message(header, {{1, 2, 3}, {4, 5, 6}});
   if (name == "Marker") return tool_marker_message(header, mesh);
-  if (name == "MarkerArray") return tool_markers_message(header, mesh);
+  if (name == "MarkerArray") {
+    const Sphere spheres[] = {{{1, 2, 3}, 0.5f}, {{4, 5, 6}, 0.25f}, {{7, 8, 9}, 0.25f}};
+    const RosSphere states[] = {RosSphere::inside, RosSphere::unseen, RosSphere::unseen};
+    return sphere_markers_message(header, spheres, states);
+  }
   if (name == "DiagnosticArray") {
     const RosDiagnostic statuses[] = {
         {RosDiagnostic::Level::stale, "palpate: touch", "no image", "H", {{"age", "0.2"}}}, {}};

@@ -495,17 +495,19 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     RunSettings settings = patient_settings();
     settings.contact.method = method;
     Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }}, settings);
-    EXPECT_EQ(touching.loop->new_contact_picture(), nullptr);
+    EXPECT_EQ(touching.loop->new_contact_picture(Onlooker::robots), nullptr);
     EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
     touching.run_for(0.1);
-    touching.loop->ask_for_contact_picture();
+    touching.loop->ask_for_contact_picture(Onlooker::robots);
     touching.loop->ask_for_surface_picture();
     const ContactPicture* picture = nullptr;
     const SurfacePicture* surface = nullptr;
-    ASSERT_TRUE(wait_for([&] { return (picture = touching.loop->new_contact_picture()); }));
+    ASSERT_TRUE(
+        wait_for([&] { return (picture = touching.loop->new_contact_picture(Onlooker::robots)); }));
     ASSERT_TRUE(wait_for([&] { return (surface = touching.loop->new_surface_picture()); }));
     touching.run_for(0.05);
-    EXPECT_EQ(touching.loop->new_contact_picture(), nullptr);  // one for each question
+    EXPECT_EQ(touching.loop->new_contact_picture(Onlooker::robots),
+              nullptr);  // one for each question
     EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
     touching.loop->stop();
 

@@ -105,6 +105,10 @@ bool is_fixed_while_running(const Setting& setting);
 
 // Pictures of a run for humans who look on: how the spheres are, and the surface.
 
+/// Who looks at contacts while they are made, each at pictures of its own.
+enum class Onlooker { page, robots };
+inline constexpr std::size_t kNumOnlookers = 2;
+
 /// How every sphere of the tool was at one contact.
 struct ContactPicture {
   std::uint64_t contact_number = 0, frame_number = 0;
@@ -246,10 +250,11 @@ class RunLoop {
   virtual void step_frame() noexcept = 0;
   /// Asks for a picture of the next contact or surface, which is made once the thread has told the
   /// others what it measured. Wait-free.
-  virtual void ask_for_contact_picture() noexcept = 0;
+  virtual void ask_for_contact_picture(Onlooker who) noexcept = 0;
   virtual void ask_for_surface_picture() noexcept = 0;
-  /// The newest picture if there is a new one, else null; valid until the next call. One reader.
-  virtual const ContactPicture* new_contact_picture() noexcept = 0;
+  /// The newest picture if there is a new one, else null; valid until the next call. One reader, of
+  /// contacts one of each kind.
+  virtual const ContactPicture* new_contact_picture(Onlooker who) noexcept = 0;
   virtual const SurfacePicture* new_surface_picture() noexcept = 0;
 };
 

@@ -1,4 +1,5 @@
 // A run on a simulated clock: frames, contacts and ticks in turn, in one thread.
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -47,10 +48,13 @@ class ClockedLoop final : public RunLoop {
   RunSettings settings() const override;
   void hold_frames(bool is_held) noexcept override;
   void step_frame() noexcept override;
-  void ask_for_contact_picture() noexcept override { wants_contact_ = true; }
+  void ask_for_contact_picture(Onlooker who) noexcept override {
+    wants_contact_[std::size_t(who)] = true;
+  }
   void ask_for_surface_picture() noexcept override { wants_surface_ = true; }
-  const ContactPicture* new_contact_picture() noexcept override {
-    return contacts_.refresh() ? &contacts_.value() : nullptr;
+  const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
+    TripleBuffer<ContactPicture>& contacts = contacts_[std::size_t(who)];
+    return contacts.refresh() ? &contacts.value() : nullptr;
   }
   const SurfacePicture* new_surface_picture() noexcept override {
     return surfaces_.refresh() ? &surfaces_.value() : nullptr;
@@ -90,9 +94,10 @@ class ClockedLoop final : public RunLoop {
   std::uint64_t contact_number_ = 0;
 
   std::atomic<bool> is_running_ = false, is_stopping_ = false;
-  std::atomic<bool> wants_contact_ = false, wants_surface_ = false, wants_force_ = false;
+  std::array<std::atomic<bool>, kNumOnlookers> wants_contact_ = {};
+  std::atomic<bool> wants_surface_ = false, wants_force_ = false;
   TripleBuffer<TickRecord> newest_;
-  TripleBuffer<ContactPicture> contacts_;
+  std::array<TripleBuffer<ContactPicture>, kNumOnlookers> contacts_;
   TripleBuffer<SurfacePicture> surfaces_;
   std::thread thread_;
 };
@@ -244,8 +249,9 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
 
 void ClockedLoop::make_pictures() {
   const ContactRecord& contact = pipeline_.contact();
-  if (wants_contact_.exchange(false)) {
-    ContactPicture& picture = contacts_.draft();
+  for (std::size_t who = 0; who < kNumOnlookers; ++who) {
+    if (!wants_contact_[who].exchange(false)) continue;
+    ContactPicture& picture = contacts_[who].draft();
     picture.contact_number = contact.number;
     picture.frame_number = contact.frame_number;
     picture.X_WT = contact.X_WT;
@@ -255,7 +261,7 @@ void ClockedLoop::make_pictures() {
     picture.planes.resize(num_spheres);
     pipeline_.query().measure(pipeline_.cameras(), contact.X_WT,
                               {.states = picture.states, .planes = picture.planes});
-    contacts_.publish();
+    contacts_[who].publish();
   }
   if (wants_surface_.exchange(false)) {
     make_surface_picture(pipeline_.newest_cloud(), cameras_.front().newest, surfaces_.draft());

@@ -34,7 +34,8 @@ ContactStage::ContactStage(std::unique_ptr<ContactPart> part, SurfaceStage& surf
       cameras_(surfaces.num_cameras()),
       schedule_(1 / settings.rate),
       records_(settings.keeps_records ? kNumRecords : 0),
-      pictures_(blank_picture(settings.num_spheres)) {}
+      pictures_{TripleBuffer(blank_picture(settings.num_spheres)),
+                TripleBuffer(blank_picture(settings.num_spheres))} {}
 
 void ContactStage::start(double start_time) {
   settings_.start_time = start_time;
@@ -162,11 +163,14 @@ void ContactStage::measure(const ToolMoment& tool) {
   if (settings_.keeps_records) records_.push(contact);
   num_contacts_.store(contact.number, std::memory_order_release);
   contact_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-  if (wants_picture_.exchange(false, std::memory_order_relaxed)) make_picture(contact);
+  for (std::size_t who = 0; who < kNumOnlookers; ++who) {
+    if (!wants_picture_[who].exchange(false, std::memory_order_relaxed)) continue;
+    make_picture(contact, pictures_[who].draft());
+    pictures_[who].publish();
+  }
 }
 
-void ContactStage::make_picture(const ContactRecord& contact) {
-  ContactPicture& picture = pictures_.draft();
+void ContactStage::make_picture(const ContactRecord& contact, ContactPicture& picture) {
   picture.contact_number = num_contacts();
   picture.frame_number = newest_frame_;
   picture.X_WT = contact.X_WT;
@@ -176,7 +180,6 @@ void ContactStage::make_picture(const ContactRecord& contact) {
   picture.planes.resize(num_spheres);
   part_->query().measure(cameras_, contact.X_WT,
                          {.states = picture.states, .planes = picture.planes});
-  pictures_.publish();
 }
 
 }  // namespace palpate

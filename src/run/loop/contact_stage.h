@@ -1,6 +1,7 @@
 // The contact thread: measures the tool where it is now against the newest surfaces.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -59,10 +60,11 @@ class ContactStage {
   /// Must be offered before the surfaces that it waits for.
   Mailbox<ContactChange>& changes() noexcept { return changes_; }
 
-  void ask_for_picture() noexcept { wants_picture_.store(true); }
-  /// The newest one, if it is new; one reader.
-  const ContactPicture* new_picture() noexcept {
-    return pictures_.refresh() ? &pictures_.value() : nullptr;
+  void ask_for_picture(Onlooker who) noexcept { wants_picture_[std::size_t(who)].store(true); }
+  /// The newest one, if it is new; one reader of each kind.
+  const ContactPicture* new_picture(Onlooker who) noexcept {
+    TripleBuffer<ContactPicture>& pictures = pictures_[std::size_t(who)];
+    return pictures.refresh() ? &pictures.value() : nullptr;
   }
 
   bool has_backend_failed() const noexcept {
@@ -88,7 +90,7 @@ class ContactStage {
   void measure(const ToolMoment& tool);
   void look(double time);
   void take_change();
-  void make_picture(const ContactRecord& contact);
+  void make_picture(const ContactRecord& contact, ContactPicture& picture);
 
   std::unique_ptr<ContactPart> part_;
   SurfaceStage& surfaces_;
@@ -111,9 +113,9 @@ class ContactStage {
   TripleBuffer<ToolMoment> tools_;        // haptic thread to contact thread
   TripleBuffer<ContactRecord> contacts_;  // and back
   RecordQueue<ContactRecord> records_;    // to the publishing thread
-  TripleBuffer<ContactPicture> pictures_;
+  std::array<TripleBuffer<ContactPicture>, kNumOnlookers> pictures_;
   Mailbox<ContactChange> changes_;
-  std::atomic<bool> wants_picture_ = false;
+  std::array<std::atomic<bool>, kNumOnlookers> wants_picture_ = {};
   std::atomic<bool> is_stopping_ = false, backend_failed_ = false;
   std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0, num_outside_ = 0;
   std::atomic<int> real_time_error_ = 0;

@@ -111,15 +111,17 @@ class LiveLoop final : public RunLoop {
   void hold_frames(bool is_held) noexcept override { surfaces_.hold(is_held); }
   void step_frame() noexcept override { surfaces_.step(); }
   bool is_short_of_time() const noexcept override { return is_page_thinned_.load(); }
-  void ask_for_contact_picture() noexcept override {
+  void ask_for_contact_picture(Onlooker who) noexcept override {
     num_pictures_.fetch_add(1);
-    contacts_.ask_for_picture();
+    contacts_.ask_for_picture(who);
   }
   void ask_for_surface_picture() noexcept override {
     num_pictures_.fetch_add(1);
     surfaces_.ask_for_picture();
   }
-  const ContactPicture* new_contact_picture() noexcept override { return contacts_.new_picture(); }
+  const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
+    return contacts_.new_picture(who);
+  }
   const SurfacePicture* new_surface_picture() noexcept override { return surfaces_.new_picture(); }
 
  private:
