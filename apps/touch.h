@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apps/frames.h"
+#include "apps/materials.h"
 #include "apps/objects.h"
 #include "apps/options.h"
 #include "apps/robot.h"
@@ -42,6 +43,7 @@ struct TouchOptions {
   std::vector<std::string> given;  ///< keys of settings that somebody gave
   Status settings_read = Done{};   ///< of --settings
   std::vector<ObjectOption> objects;
+  MaterialOptions materials;
   std::optional<double> duration;
   ProbeAim aim;  ///< of a path that is not given
   std::string

@@ -32,6 +32,7 @@ Status check_inputs(const Options& options) {
   }
   if (options.is_replay()) inputs.push_back(options.device.substr(7));
   for (const ObjectOption& object : options.objects) inputs.push_back(object.file);
+  for (const std::string& file : options.materials.labels) inputs.push_back(file);
   const RobotFiles& robot = options.robot.files;
   for (const std::string& file : {robot.robot, robot.joints, robot.pose}) {
     if (std::filesystem::exists(file, ignored)) inputs.push_back(file);
@@ -67,6 +68,9 @@ Status run_touch(const TouchOptions& given) {
   auto objects = load_objects(options.objects);
   if (!objects) return objects.error();
   options.settings.objects = *std::move(objects);
+  auto regions = load_regions(options.materials);
+  if (!regions) return regions.error();
+  options.settings.regions = *std::move(regions);
   auto input = open_touch_input(options, *tool);
   if (!input) return input.error();
   return touch(options, *tool, *std::move(input));
@@ -212,6 +216,13 @@ void check(const Options& options) {
   }
 }
 
+/// What runs have unless somebody says otherwise.
+RunSettings settings_of_runs() {
+  RunSettings settings;
+  settings.time.average.kind = DepthAverage::kalman;
+  return settings;
+}
+
 /// The hand, and what is between it and the tool.
 void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Hand and settings";
@@ -238,7 +249,7 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   app.add_flag_callback(
          "--print-settings",
          [] {
-           RunSettings defaults;
+           const RunSettings defaults = settings_of_runs();
            throw CLI::CallForVersion(settings_toml(settings_of(defaults)), 0);  // ends well
          },
          "print a settings file with the defaults, each explained, and do nothing else")
@@ -271,6 +282,7 @@ void add_path_options(CLI::App& app, Options& options) {
 
 void add_touch(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
+  options->settings = settings_of_runs();
   CLI::App& app = *program.add_subcommand(
       "touch", "Move a tool through a stream of depth images and record what it feels.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
@@ -288,6 +300,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_prefix_option(app, options->num_spheres);
   add_object_option(app, options->objects, true);
   add_output_options(app, options->frames, options->settings);
+  add_material_options(app, options->materials);
   add_setting_options(app, "", table, kContactOptions);
   add_threads_option(app, options->settings.num_threads, kThreadsHelp);
   add_setting_options(app, "From depth to surface", table, kSurfaceOptions);
@@ -318,6 +331,7 @@ void add_touch(CLI::App& program, Action& action) {
       options->given.push_back(std::move(key));
     }
     check_motion(app, *options);
+    check_materials(options->materials);
     options->has_page = options->has_page || options->is_page();
     check_view(app, *options);
     if (options->ros.is_wanted && options->device.empty()) {

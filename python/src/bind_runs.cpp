@@ -5,6 +5,7 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -237,6 +238,9 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   const DepthStreamInfo& stream = request.sources.front()->info();
   request.settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
   request.settings.surface = surface_options_for(stream.sensor);
+  const bool moves = std::ranges::any_of(
+      request.sources, [](const auto& source) { return source->info().is_moving; });
+  request.settings.time.average.kind = moves ? DepthAverage::none : DepthAverage::kalman;
   SettingTable table = settings_of(request.settings);
   const auto take_settings = [&] {
     if (settings_file) taken(read_settings_file(*settings_file, table));

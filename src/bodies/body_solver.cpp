@@ -86,17 +86,23 @@ Mat6 mass_matrix(const RigidBody& body) {
 }  // namespace
 
 BodySolver::BodySolver(int most_bodies, std::span<const double> mass_of_place)
-    : rows_(static_cast<std::size_t>(most_bodies)),
+    : islands_(static_cast<std::size_t>(most_bodies)),
+      rows_(static_cast<std::size_t>(most_bodies)),
       system_(most_bodies),
       work_(mass_of_place.size()),
       velocities_(static_cast<std::size_t>(most_bodies)),
       motions_(3 * mass_of_place.size() * static_cast<std::size_t>(most_bodies)) {
   CouplingOptions options;  // coefficients come with each contact
   for (const double mass : mass_of_place) {
-    const double stiffness = mass * kGravity / kStretch;
-    places_.push_back(
-        {PatchFriction(options, stiffness, 2 * std::sqrt(mass / stiffness)), stiffness, {}});
+    places_.push_back({PatchFriction(options, 0, 0), mass, 0, {}});
+    places_.back().use(mass * kGravity / kStretch);
   }
+  touches_.reserve(mass_of_place.size());
+}
+
+void BodySolver::Place::use(double new_stiffness) {
+  stiffness = new_stiffness;
+  friction.use(stiffness, 2 * std::sqrt(mass / stiffness));
 }
 
 void BodySolver::reset() noexcept {
@@ -131,10 +137,6 @@ Vec6 BodySolver::motion(const BodyTouch& touch, const Work& work,
 
 void BodySolver::prepare(std::span<const RigidBody> bodies, std::span<const BodyTouch> touches,
                          double dt) {
-  num_rows_ = 0;
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    rows_[i] = bodies[i].is_asleep ? -1 : num_rows_++;
-  }
   for (std::size_t i = 0; i < touches.size(); ++i) {
     const BodyTouch& touch = touches[i];
     const RigidBody& a = bodies[static_cast<std::size_t>(touch.a)];
@@ -229,6 +231,7 @@ void BodySolver::find_patches(std::span<const BodyTouch> touches, double dt) {
     Place& place = places_[static_cast<std::size_t>(touch.place)];
     work.is_held = false;
     if (!work.is_pushing || !(touch.friction > 0)) continue;
+    if (touch.grip > 0 && touch.grip != place.stiffness) place.use(touch.grip);
     LocalContact contact;
     contact.patch = touch.patch;
     contact.patch.share = 0;
@@ -302,20 +305,52 @@ void BodySolver::solve_friction(std::span<const BodyTouch> touches, double dt) {
   }
 }
 
+/// Of bodies that are awake, by what they touch: one that is asleep joins nobody.
+void BodySolver::find_islands(std::span<const RigidBody> bodies,
+                              std::span<const BodyTouch> touches) {
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    islands_[i] = bodies[i].is_asleep ? -1 : static_cast<int>(i);
+  }
+  for (const BodyTouch& touch : touches) {
+    if (touch.b == BodyTouch::kNoBody) continue;
+    const int a = islands_[static_cast<std::size_t>(touch.a)],
+              b = islands_[static_cast<std::size_t>(touch.b)];
+    if (a < 0 || b < 0) continue;
+    std::replace(islands_.begin(), islands_.end(), std::max(a, b), std::min(a, b));
+  }
+}
+
 void BodySolver::step(std::span<RigidBody> bodies, std::span<const BodyTouch> touches,
                       const Forces& forces, double dt) noexcept {
   for (Place& place : places_) place.was_held = std::exchange(place.is_held, false);
+  find_islands(bodies, touches);
+  for (int first = 0; first < static_cast<int>(bodies.size()); ++first) {
+    if (islands_[static_cast<std::size_t>(first)] != first) continue;
+    num_rows_ = 0;
+    for (std::size_t i = 0; i < bodies.size(); ++i) {
+      rows_[i] = islands_[i] == first ? num_rows_++ : -1;
+    }
+    touches_.clear();
+    for (const BodyTouch& touch : touches) {
+      if (row(touch.a) >= 0 || row(touch.b) >= 0) touches_.push_back(touch);
+    }
+    solve_island(bodies, touches_, forces, dt);
+  }
+  for (Place& place : places_) {
+    if (place.is_held || !place.was_held) continue;
+    place.friction.reset();
+    place.force = {};
+  }
+}
+
+void BodySolver::solve_island(std::span<RigidBody> bodies, std::span<const BodyTouch> touches,
+                              const Forces& forces, double dt) {
   prepare(bodies, touches, dt);
   bool is_solved = solve_pushes(bodies, touches, forces, dt);
   for (int i = 0; is_solved && i < kMostTries && drop_pulls(touches); ++i) {
     is_solved = solve_pushes(bodies, touches, forces, dt);
   }
   if (is_solved) solve_friction(touches, dt);
-  for (Place& place : places_) {
-    if (place.is_held || !place.was_held) continue;
-    place.friction.reset();
-    place.force = {};
-  }
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     RigidBody& body = bodies[i];
     if (rows_[i] < 0) continue;

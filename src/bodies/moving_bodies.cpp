@@ -237,6 +237,7 @@ void MovingBodies::touch_tool(std::span<const Push> pushes) {
     touch.stiffness = push.stiffness;
     touch.patch = push.patch;
     touch.friction = push.friction;
+    touch.grip = push.grip;
     touch.V_W = push.V_W;
     touch.place = num_bodies() + i;
     rest(i).is_pushed = norm(push.F_B_W.force) > 0;
@@ -339,6 +340,20 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
   solver_->step(bodies_, touches_, {gravity(), options_.damping}, dt);
   fall_asleep(dt);
   return true;
+}
+
+void MovingBodies::use(const BodyOptions& options) noexcept {
+  const Vec3d before = gravity();
+  options_.gravity_x = options.gravity_x;
+  options_.gravity_y = options.gravity_y;
+  options_.gravity_z = options.gravity_z;
+  options_.damping = options.damping;
+  options_.may_sleep = options.may_sleep;
+  for (Rest& rest : rests_) {
+    if (gravity() == before && options_.may_sleep) break;
+    rest.is_asleep = false;
+    rest.seconds = 0;
+  }
 }
 
 void MovingBodies::take_over(const MovingBodies& other) noexcept {

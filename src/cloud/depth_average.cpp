@@ -1,7 +1,9 @@
 #include "palpate/cloud/depth_source.h"
 
 #include <algorithm>
+#include <cstring>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "src/cloud/depth_average_options.h"
@@ -20,6 +22,9 @@ EstimateBlock estimate_block_for(Isa isa) {
   return isa_baseline::estimate_block;
 }
 
+static_assert(std::is_trivially_copyable_v<BlockMemory> &&
+              sizeof(BlockMemory) % sizeof(float) == 0);
+
 struct DepthAverager::Impl {
   int width, height;
   DepthAverageOptions options;
@@ -33,6 +38,9 @@ struct DepthAverager::Impl {
   EstimateBlock estimate_block = nullptr;
 
   float update(std::size_t pixel, std::uint16_t count, double unit);
+  std::size_t at_row(int v) const {
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>(pass.stride);
+  }
 };
 
 float DepthAverager::Impl::update(std::size_t pixel, std::uint16_t count, double unit) {
@@ -66,6 +74,20 @@ Status check_average_settings(int width, int height, const DepthAverageOptions& 
                                              " pixels cannot be averaged; use 8 to 4096 a side"};
   }
   return check_settings(options);
+}
+
+std::size_t estimate_bytes(int width, int height) {
+  const auto blocks = [](int side) {
+    return static_cast<std::size_t>((side + kEstimateBlock - 1) / kEstimateBlock);
+  };
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  return 2 * sizeof(float) * pixels + blocks(width) * blocks(height) * sizeof(BlockMemory);
+}
+
+Error no_estimate(int width, int height) {
+  return {Errc::bad_input, "what is given is no estimate of depth images of " +
+                               std::to_string(width) + " x " + std::to_string(height) +
+                               " pixels; begin with the first frame"};
 }
 
 Result<DepthAverager> DepthAverager::create(int width, int height,
@@ -106,6 +128,42 @@ DepthAverager::DepthAverager(std::unique_ptr<Impl> impl) : impl_(std::move(impl)
 DepthAverager::DepthAverager(DepthAverager&&) noexcept = default;
 DepthAverager& DepthAverager::operator=(DepthAverager&&) noexcept = default;
 DepthAverager::~DepthAverager() = default;
+
+// Means and gains of all pixels, row by row, then what blocks remember.
+
+std::string DepthAverager::state() const {
+  const Impl& d = *impl_;
+  std::string bytes;
+  if (d.estimate_block == nullptr) return bytes;
+  const auto put = [&](const void* from, std::size_t size) {
+    bytes.append(static_cast<const char*>(from), size);
+  };
+  bytes.reserve(estimate_bytes(d.width, d.height));
+  const auto row = static_cast<std::size_t>(d.width) * sizeof(float);
+  for (const std::vector<float>* values : {&d.means, &d.gains}) {
+    for (int v = 0; v < d.height; ++v) put(&(*values)[d.at_row(v)], row);
+  }
+  put(d.blocks.data(), d.blocks.size() * sizeof(BlockMemory));
+  return bytes;
+}
+
+Status DepthAverager::go_on_from(std::string_view state) {
+  Impl& d = *impl_;
+  if (d.estimate_block == nullptr || state.size() != estimate_bytes(d.width, d.height)) {
+    return no_estimate(d.width, d.height);
+  }
+  const char* from = state.data();
+  const auto take = [&](void* to, std::size_t size) {
+    std::memcpy(to, from, size);
+    from += size;
+  };
+  const auto row = static_cast<std::size_t>(d.width) * sizeof(float);
+  for (std::vector<float>* values : {&d.means, &d.gains}) {
+    for (int v = 0; v < d.height; ++v) take(&(*values)[d.at_row(v)], row);
+  }
+  take(d.blocks.data(), d.blocks.size() * sizeof(BlockMemory));
+  return Done{};
+}
 
 std::span<const float> DepthAverager::update(const DepthImageView& image, ThreadPool& pool) {
   Impl& d = *impl_;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string_view>
 
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/image_rows.h"
@@ -34,6 +35,9 @@ class DepthAveragerCuda {
   /// which each is taken once, from the top down (SurfaceCuda::input_rows).
   void enqueue(gpu::Stream& stream);
   void enqueue(gpu::Stream& stream, ImageRows rows);
+
+  /// As DepthAverager::go_on_from; `state` must stay until the stream has done its work.
+  Status go_on_from(gpu::Stream& stream, std::string_view state);
 
   /// Metres on the GPU, NaN where there is no measurement; always the same array.
   const float* depth() const;

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <string_view>
 
 #include "palpate/field/sensor.h"
 #include "src/field/memory_pixel.h"
@@ -47,12 +48,19 @@ class FrameSlots {
   /// `motion` times the way. A field is made for what is asked in a window at least.
   virtual SurfaceStats take(int slot, const DepthImageView& frame, std::optional<double> motion,
                             const PixelWindow& asked, double interval, ThreadPool& pool) = 0;
+  /// As SurfaceTimeline::go_on_from.
+  virtual Status go_on_from(std::string_view state) = 0;
   virtual const SurfaceView& surfaces(int slot) const = 0;
   /// The points of a slot's frame as they were seen, in host memory.
   virtual PointCloud seen_cloud(int slot, ThreadPool& pool) = 0;
   /// An error once the GPU has failed.
   virtual const Status& status() const = 0;
 };
+
+inline Error without_averages() {
+  return {Errc::invalid_argument,
+          "these surfaces are made without averages, which go on from none"};
+}
 
 /// Errors: see SurfaceEstimator, DepthField and DepthAverager; no such GPU, too little memory on
 /// it.

@@ -49,6 +49,10 @@ class FrameSlotsCpu final : public FrameSlots {
     return stats;
   }
 
+  Status go_on_from(std::string_view state) override {
+    return averager_ ? averager_->go_on_from(state) : without_averages();
+  }
+
   const SurfaceView& surfaces(int slot) const override {
     return slots_[static_cast<std::size_t>(slot)].surfaces;
   }

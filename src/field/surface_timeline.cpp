@@ -141,6 +141,10 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
   return d.slots->take(d.newest, d.binning > 1 ? d.small : frame, motion, asked, interval, pool);
 }
 
+Status SurfaceTimeline::go_on_from(std::string_view state) {
+  return impl_->slots->go_on_from(state);
+}
+
 SurfaceBlend SurfaceTimeline::at(double time) const {
   const Impl& d = *impl_;
   const SurfaceView to = d.surface(d.newest);

@@ -91,8 +91,15 @@ ContactPatch joined(const ContactPatch& a, double force_a, const ContactPatch& b
   const Vec3d apart = b.lever_W - a.lever_W;
   const double inner =
       s * a.torsion_radius * a.torsion_radius + t * b.torsion_radius * b.torsion_radius;
-  return {s * a.lever_W + t * b.lever_W, std::sqrt(inner + s * t * dot(apart, apart)),
-          s * a.share + t * b.share, s * a.own_friction + t * b.own_friction};
+  const Ground &g = a.ground, &h = b.ground;
+  return {s * a.lever_W + t * b.lever_W,
+          std::sqrt(inner + s * t * dot(apart, apart)),
+          s * a.share + t * b.share,
+          s * a.own_friction + t * b.own_friction,
+          {s * g.share + t * h.share, s * g.friction + t * h.friction,
+           s * g.static_friction + t * h.static_friction, s * g.viscous + t * h.viscous,
+           s * g.ridges + t * h.ridges, s * g.grain + t * h.grain,
+           s * g.velocity_W + t * h.velocity_W, s * g.turning_W + t * h.turning_W}};
 }
 
 }  // namespace palpate

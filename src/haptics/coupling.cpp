@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "src/haptics/couplings.h"
+#include "src/haptics/internal/friction.h"
 
 namespace palpate {
 namespace {
@@ -16,6 +17,13 @@ double radius_of_gyration(const MassProperties& tool) {
   const double squared = (i.m[0][0] + i.m[1][1] + i.m[2][2]) / (3 * tool.volume);
   return std::isfinite(squared) ? std::sqrt(std::max(squared, kSmallestRadius * kSmallestRadius))
                                 : kSmallestRadius;
+}
+
+double friction_stiffness(const CouplingOptions& options, const DeviceLimits& limits) {
+  const double given = options.friction.stiffness / options.motion_scale;
+  if (given > 0) return given;
+  const double own = make_spring(options, limits).stiffness;
+  return options.kind == CouplingKind::direct ? own : kStiffer * own;
 }
 
 std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,

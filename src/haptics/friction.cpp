@@ -84,15 +84,18 @@ PatchFriction::PatchFriction(const CouplingOptions& options, double stiffness, d
       damping_time_(damping_time) {}
 
 bool PatchFriction::is_on(const LocalContact& contact) const {
-  return options_.coefficient > 0 || options_.contact_damping > 0 || contact.patch.own_friction > 0;
+  return options_.coefficient > 0 || options_.contact_damping > 0 ||
+         contact.patch.own_friction > 0 || contact.patch.ground.static_friction > 0;
 }
 
 bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, double dt,
                           TouchedPatch& patch) noexcept {
   const double force = norm(contact_W.force);
+  const Ground& ground = contact.patch.ground;
   const bool is_known = norm(contact.patch.lever_W) < kFarthest &&
                         contact.patch.torsion_radius >= 0 &&
-                        contact.patch.torsion_radius < kFarthest;
+                        contact.patch.torsion_radius < kFarthest &&
+                        norm(ground.velocity_W) < kFarthest && norm(ground.turning_W) < kFarthest;
   if (!(force > 0 && std::isfinite(force) && is_known)) {
     state_ = {};
     return false;
@@ -106,13 +109,24 @@ bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, 
   const double mu = std::clamp(
       contact.patch.share * options_.coefficient + contact.patch.own_friction, 0.0, kMost);
   patch.normal_force = force;
-  patch.limit = mu * force * (state_.is_sliding ? 1 + texture(dt) : options_.static_ratio);
-  patch.slope = mu > 0 ? options_.viscous * force : 0;
+  patch.limit = mu * force;
+  if (state_.is_sliding) {
+    patch.limit *= 1 + wave(texture_.kind, texture_.depth, dt);
+    patch.limit += force * (ground.friction + wave(TextureKind::ridges, ground.ridges, dt) +
+                            wave(TextureKind::grain, ground.grain, dt));
+  } else {
+    patch.limit *= options_.static_ratio;
+    patch.limit += force * ground.static_friction;
+  }
+  patch.slope = mu > 0 ? options_.viscous * force * (1 - ground.share) : 0;
+  patch.slope += force * ground.viscous;
   const Vec3d r = contact.patch.lever_W, t = first_tangent(n), u = cross(n, t);
   patch.slides[0] = {t, cross(r, t)};
   patch.slides[1] = {u, cross(r, u)};
   patch.slides[2] = {{}, contact.patch.torsion_radius * n};
   patch.approach = {n, cross(r, n)};
+  patch.carried = dt * Vec3d{dot(t, ground.velocity_W), dot(u, ground.velocity_W),
+                             contact.patch.torsion_radius * dot(n, ground.turning_W)};
   return true;
 }
 
@@ -128,7 +142,7 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
   const double damping = is_time(dt) ? damping_time_ * stiffness_ / dt : 0,
                k = stiffness_ + damping;
   // What grows with speed is a damper beside it.
-  Vec3d a = slid;
+  Vec3d a = slid - patch.carried;
   Mat3s w = compliance;
   const double slope = is_time(dt) ? patch.slope / dt : 0;
   if (slope > 0) {
@@ -180,12 +194,12 @@ double PatchFriction::contact_damping(double normal_force, double speed) const n
 
 /// Between -depth and depth. Grain is waves of a fourth of the length and so on, with phases that
 /// do not fit: irregular, but the same for the same way.
-double PatchFriction::texture(double dt) const noexcept {
-  if (texture_.kind == TextureKind::none || !is_time(dt)) return 0;
+double PatchFriction::wave(TextureKind kind, double depth, double dt) const noexcept {
+  if (kind == TextureKind::none || !is_time(dt)) return 0;
   const double bandwidth = std::min(texture_.bandwidth, 0.2 / dt);
   const double turns = state_.distance / texture_.length, rate = state_.speed / texture_.length;
-  const double strength = texture_.depth * state_.speed / (state_.speed + kTextureSpeed);
-  if (texture_.kind == TextureKind::ridges) {
+  const double strength = depth * state_.speed / (state_.speed + kTextureSpeed);
+  if (kind == TextureKind::ridges) {
     return strength * passed(rate, bandwidth) * std::sin(2 * kPi * turns);
   }
   // Waves per 64 lengths, and phases: whole numbers, so that 4096 lengths end where they began.

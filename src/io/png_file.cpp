@@ -60,6 +60,12 @@ class Reader {
            png_get_color_type(png_, info_) == PNG_COLOR_TYPE_GRAY;
   }
 
+  bool is_label8() const {
+    const auto type = png_get_color_type(png_, info_);
+    return png_get_bit_depth(png_, info_) == 8 &&
+           (type == PNG_COLOR_TYPE_GRAY || type == PNG_COLOR_TYPE_PALETTE);
+  }
+
   bool read_pixels(png_bytepp rows) {
     if (setjmp(png_jmpbuf(png_)) != 0) return false;
     if constexpr (std::endian::native == std::endian::little) png_set_swap(png_);
@@ -135,9 +141,7 @@ std::vector<png_bytep> rows_of(std::vector<std::uint16_t>& pixels, int width, in
   return rows;
 }
 
-std::optional<std::string> check_header(const Reader& reader) {
-  if (!reader.is_grey16())
-    return "is not a 16-bit greyscale PNG; save depth with 16 bits and one channel";
+std::optional<std::string> check_size(const Reader& reader) {
   if (reader.width() > kMaxImageWidth || reader.height() > kMaxImageHeight)
     return "claims " + std::to_string(reader.width()) + " x " + std::to_string(reader.height()) +
            " pixels, more than 4096 x 4096; give a smaller image";
@@ -173,7 +177,10 @@ Result<DepthFrame> decode_depth_png(std::string_view content, const std::string&
   };
   Reader reader(content);
   if (!reader.read_header()) return not_a_png(reader);
-  if (const auto trouble = check_header(reader)) return bad(*trouble);
+  if (!reader.is_grey16()) {
+    return bad("is not a 16-bit greyscale PNG; save depth with 16 bits and one channel");
+  }
+  if (const auto trouble = check_size(reader)) return bad(*trouble);
   DepthFrame frame;
   frame.width = static_cast<int>(reader.width());
   frame.height = static_cast<int>(reader.height());
@@ -182,6 +189,34 @@ Result<DepthFrame> decode_depth_png(std::string_view content, const std::string&
   std::vector<png_bytep> rows = rows_of(frame.pixels, frame.width, frame.height);
   if (!reader.read_pixels(rows.data())) return not_a_png(reader);
   return frame;
+}
+
+Result<LabelImage> load_label_png(const std::filesystem::path& path) {
+  const auto content = read_file(path, kMaxFileBytes);
+  if (!content) return content.error();
+  const auto bad = [&](const std::string& what) {
+    return Error{Errc::bad_input, path.string() + " " + what};
+  };
+  Reader reader(*content);
+  LabelImage image;
+  if (reader.read_header()) {
+    if (!reader.is_label8()) {
+      return bad(
+          "is not a PNG of labels; save it with 8 bits and one channel, greyscale or with a "
+          "palette");
+    }
+    if (const auto trouble = check_size(reader)) return bad(*trouble);
+    image.width = static_cast<int>(reader.width());
+    image.height = static_cast<int>(reader.height());
+    const auto wide = static_cast<std::size_t>(image.width);
+    image.labels.resize(wide * static_cast<std::size_t>(image.height));
+    std::vector<png_bytep> rows;
+    for (std::size_t at = 0; at < image.labels.size(); at += wide) {
+      rows.push_back(image.labels.data() + at);
+    }
+    if (reader.read_pixels(rows.data())) return image;
+  }
+  return bad(std::string("is not a good PNG: ") + reader.message() + "; make it again");
 }
 
 Status save_depth_png(const DepthFrame& frame, const std::filesystem::path& path) {

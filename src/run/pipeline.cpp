@@ -39,6 +39,7 @@ ContactPart::ContactPart(const Tool& tool, std::unique_ptr<ContactQuery> query,
     object_frictions_.push_back(object.friction);
   }
   pushes_.resize(static_cast<std::size_t>(num_moving));
+  velocities_.resize(static_cast<std::size_t>(num_moving));
 }
 
 void ContactPart::take_over(const ContactPart& before) noexcept {
@@ -73,10 +74,10 @@ void ContactPart::measure(std::span<const SurfaceBlend> cameras, bool with_stiff
   if (!(record.penetration.volume > 0)) {
     patch_ = {};
   } else if (record.has_new_stiffness || !has_stiffness()) {
-    patch_ = patch_at(record.X_WT);
+    patch_ = patch_at(cameras, record.X_WT);
   }
-  set_contact(record);
   if (moving_) move_bodies(cameras, record);
+  set_contact(record);
 }
 
 void ContactPart::place_bodies(ContactRecord& record) noexcept {
@@ -84,6 +85,7 @@ void ContactPart::place_bodies(ContactRecord& record) noexcept {
   for (int i = 0; i < moving_->num_bodies(); ++i) {
     const Pose& X_WB = moving_->bodies()[static_cast<std::size_t>(i)].X_WB;
     record.bodies.of[i] = X_WB;
+    velocities_[static_cast<std::size_t>(i)] = moving_->bodies()[static_cast<std::size_t>(i)].V_W;
     world_.set_pose(kToolBody + 1 + static_cast<int>(moving_->object(i)), X_WB);
   }
 }
@@ -100,6 +102,30 @@ void ContactPart::move_bodies(std::span<const SurfaceBlend> cameras,
     record.penetration.status |= StepStatus::backend_failed;
   }
   before_ = {time, record.X_WT};
+  carry(record.X_WT);
+}
+
+/// How what the tool touches is going to move until the next measurement: what sticks to it then
+/// is as far from where it was touched as the body is, and not a step behind.
+void ContactPart::carry(const Pose& X_WT) noexcept {
+  const BodyMeasure& measured = world_.measured(kToolBody);
+  Ground& ground = patch_.ground;
+  ground.velocity_W = ground.turning_W = {};
+  double all = norm(measured.cloud.measure_W.force);
+  const Vec3d p_W = X_WT * tool_mass_.centre_of_mass + patch_.lever_W;
+  for (std::size_t i = 0; i < object_frictions_.size(); ++i) {
+    all += norm(world_.measured(kToolBody + 1 + static_cast<int>(i)).bodies.measure_W.force);
+  }
+  if (!(all > 0)) return;
+  for (int i = 0; i < moving_->num_bodies(); ++i) {
+    const int object = static_cast<int>(moving_->object(i));
+    const double share = norm(world_.measured(kToolBody + 1 + object).bodies.measure_W.force) / all;
+    const RigidBody& body = moving_->bodies()[static_cast<std::size_t>(i)];
+    const Twist& before = velocities_[static_cast<std::size_t>(i)];
+    const Twist V_W{2 * body.V_W.linear - before.linear, 2 * body.V_W.angular - before.angular};
+    ground.velocity_W += share * (V_W.linear + cross(V_W.angular, p_W - body.center_W()));
+    ground.turning_W += share * V_W.angular;
+  }
 }
 
 /// The opposite of what the tool feels of it.
@@ -114,28 +140,41 @@ MovingBodies::Push ContactPart::push_on(int body, const Pose& X_WT, double dt) c
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) push.stiffness.m[i][j] = gain * measured.bodies_stiffness->m[i][j];
   }
-  push.patch = guessed_patch(measured.bodies.measure_W, measured.bodies.volume,
-                             moving_->shape(body).sphere_mass(), own.X_WB.rotation);
-  push.friction = object_frictions_[object].value_or(scale_.friction);
-  if (!(dt > 0)) return push;
+  // Where the tool has it, so that both feel one friction.
   const Vec3d center = own.center_W();
+  push.patch = contact_patch({-measured.bodies.measure_W.force, {}}, measured.bodies.volume, {},
+                             measured.bodies_moments);
+  push.patch.lever_W += X_WT * tool_mass_.centre_of_mass - center;
+  push.friction = object_frictions_[object].value_or(scale_.friction);
+  push.grip = scale_.grip;
+  if (!(dt > 0)) return push;
   const Vec3d was = before_->X_WT * (inverse(X_WT) * center);
   push.V_W = {(center - was) / dt, rotation_between(before_->X_WT.rotation, X_WT.rotation) / dt};
   return push;
 }
 
 /// Of what was measured just now.
-ContactPatch ContactPart::patch_at(const Pose& X_WT) const noexcept {
+ContactPatch ContactPart::patch_at(std::span<const SurfaceBlend> cameras,
+                                   const Pose& X_WT) const noexcept {
   const BodyMeasure& measured = world_.measured(kToolBody);
   const VolumeWrench &of_cloud = measured.cloud.measure_W, &of_bodies = measured.bodies.measure_W;
-  const ContactPatch cloud =
+  const Vec3d p_WC = X_WT * tool_mass_.centre_of_mass;
+  ContactPatch cloud =
       measured.stiffness
           ? contact_patch(of_cloud, measured.cloud.volume, *measured.stiffness, measured.moments)
           : guessed_patch(of_cloud, measured.cloud.volume, tool_mass_, X_WT.rotation);
+  if (!regions_.empty() && measured.cloud.volume > 0) {
+    cloud.ground =
+        ground_at(regions_, cameras, {p_WC + cloud.lever_W, of_cloud.force, cloud.torsion_radius});
+    cloud.share = 1 - cloud.ground.share;
+  }
   if (!(measured.bodies.volume > 0)) return cloud;
 
   ContactPatch objects =
-      guessed_patch(of_bodies, measured.bodies.volume, tool_mass_, X_WT.rotation);
+      measured.bodies_stiffness
+          ? contact_patch(of_bodies, measured.bodies.volume, *measured.bodies_stiffness,
+                          measured.bodies_moments)
+          : guessed_patch(of_bodies, measured.bodies.volume, tool_mass_, X_WT.rotation);
   double all = 0, with_own = 0, weighted = 0;
   for (std::size_t i = 0; i < object_frictions_.size(); ++i) {
     const BodyMeasure& object = world_.measured(kToolBody + 1 + static_cast<int>(i));

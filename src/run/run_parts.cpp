@@ -140,7 +140,8 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   parts.checked_coupling = coupling->options;
   parts.scale = {thesis_volume_stiffness(coupling->options.force_at_eighth,
                                          full_volume(tool, settings.contact)),
-                 coupling->options.friction.coefficient};
+                 coupling->options.friction.coefficient,
+                 friction_stiffness(coupling->options, device.limits), settings.bodies};
   if (before == nullptr || !keeps_coupling(*before, settings)) {
     parts.coupling = make_coupling(coupling->options, device.limits, tool.sphere_mass());
     parts.notes = std::move(coupling->warnings);
@@ -162,6 +163,9 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
     auto contact = make_contact_part(index, settings, parts.scale, options.query_threads);
     if (!contact) return contact.error();
     parts.contact = *std::move(contact);
+    auto regions = region_lookups(settings.regions, streams);
+    if (!regions) return regions.error();
+    parts.contact->set_regions(*std::move(regions));
   }
   return parts;
 }

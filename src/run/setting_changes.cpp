@@ -14,7 +14,9 @@ constexpr std::string_view kFixed[] = {"safety",
                                        "loop.contact_gpu",
                                        "loop.real_time",
                                        "loop.thin_out",
-                                       "bodies",
+                                       "bodies.friction",
+                                       "bodies.sink",
+                                       "bodies.spheres",
                                        "output",
                                        "coupling.base_in_scene",
                                        "coupling.tool_in_hand"};
@@ -32,7 +34,8 @@ bool has_friction(const RunSettings& settings) {
   const FrictionOptions& friction = settings.coupling.friction;
   return friction.coefficient > 0 || friction.contact_damping > 0 ||
          std::any_of(settings.objects.begin(), settings.objects.end(),
-                     [](const SceneObject& object) { return object.friction.value_or(0) > 0; });
+                     [](const SceneObject& object) { return object.friction.value_or(0) > 0; }) ||
+         !settings.regions.empty();
 }
 
 bool needs_depth_change(const RunSettings& settings) {

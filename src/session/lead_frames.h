@@ -10,13 +10,15 @@ namespace palpate {
 
 inline constexpr int kMostLead = 128;
 
+/// So many frames before it the surface of a frame is blended with or predicted from.
+inline int num_blended_frames(const TimeOptions& time) {
+  return time.mode == TimeMode::latest ? 0 : time.mode == TimeMode::interpolate ? 1 : 2;
+}
+
 /// How many frames before it decide what the surface of a frame is like: those that it is blended
 /// with or predicted from, and those in its average or memory. What is further back is not seen in
 /// an average with 8 bits, or too long ago to be made up for (kMostLead).
 inline int num_lead_frames(const TimeOptions& time) {
-  const int blended = time.mode == TimeMode::latest        ? 0
-                      : time.mode == TimeMode::interpolate ? 1
-                                                           : 2;
   const DepthAverageOptions& average = time.average;
   double averaged = 0;
   if (average.kind == DepthAverage::moving) {
@@ -29,14 +31,14 @@ inline int num_lead_frames(const TimeOptions& time) {
     averaged = kMostLead;
   }
   if (time.memory.kind != DepthMemory::off) averaged = kMostLead;
-  return blended + static_cast<int>(std::min<double>(averaged, kMostLead));
+  return num_blended_frames(time) + static_cast<int>(std::min<double>(averaged, kMostLead));
 }
 
-/// Whether that gives the same bits: an exponential average, an estimate and a memory go back
-/// farther.
+/// Whether that gives the same bits: an exponential average and a memory go back farther, and so
+/// does an estimate, of which a recording has what it knew before (LeadEstimate).
 inline bool has_whole_lead(const TimeOptions& time) {
   if (time.memory.kind != DepthMemory::off) return false;
-  return time.average.kind == DepthAverage::none ||
+  return time.average.kind == DepthAverage::none || time.average.kind == DepthAverage::kalman ||
          (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMostLead);
 }
 

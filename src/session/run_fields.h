@@ -156,6 +156,18 @@ void visit_fields(T& patch, auto&& visit) {
   visit("own_friction", patch.own_friction);
 }
 
+template <Of<Ground> T>
+void visit_fields(T& ground, auto&& visit) {
+  visit("share", ground.share);
+  visit("friction", ground.friction);
+  visit("static_friction", ground.static_friction);
+  visit("viscous", ground.viscous);
+  visit("ridges", ground.ridges);
+  visit("grain", ground.grain);
+  visit("velocity", ground.velocity_W);
+  visit("turning", ground.turning_W);
+}
+
 template <Of<LocalContact> T>
 void visit_fields(T& contact, auto&& visit) {
   visit("time", contact.time);
@@ -192,6 +204,7 @@ void visit_fields(T& record, auto&& visit) {
   visit("num_object_pairs", record.num_object_pairs);
   visit("contact", record.contact);
   visit("revision", record.revision);
+  visit("ground", record.contact.patch.ground);  // last: earlier recordings have none
 }
 
 template <Of<DeviceLimits> T>

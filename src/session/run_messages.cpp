@@ -38,6 +38,9 @@ void visit_fields(T& settings, auto&& visit) {
 /// A sequence of numbers.
 using Numbers = std::vector<double>;
 
+/// In the order of its fields; none: nothing special.
+constexpr std::uint32_t kGroundNumbers = 12;
+
 struct PartText {
   PartStart part;
   Numbers hand;
@@ -51,6 +54,22 @@ void visit_fields(T& text, auto&& visit) {
   visit("tick", text.part.hand.tick);
   visit("tick_revision", text.part.hand.revision);
   visit("hand", text.hand);
+}
+
+/// A sequence of bytes.
+struct Bytes {
+  std::string bytes;
+};
+
+struct EstimateText {
+  std::uint32_t camera = 0, revision = 0;
+  Bytes state;
+};
+template <Of<EstimateText> T>
+void visit_fields(T& text, auto&& visit) {
+  visit("camera", text.camera);
+  visit("revision", text.revision);
+  visit("state", text.state);
 }
 
 struct Note {
@@ -81,9 +100,15 @@ struct Writer {
       to.number(value);
     } else if constexpr (std::same_as<T, std::string>) {
       to.text(value);
+    } else if constexpr (std::same_as<T, Bytes>) {
+      to.bytes(value.bytes.data(), value.bytes.size());
     } else if constexpr (std::same_as<T, Numbers>) {
       to.number(static_cast<std::uint32_t>(value.size()));
       for (const double number : value) to.number(number);
+    } else if constexpr (std::same_as<T, Ground>) {
+      const bool is_plain = value == Ground{};
+      to.number(is_plain ? 0 : kGroundNumbers);
+      if (!is_plain) visit_fields(value, *this);
     } else if constexpr (std::same_as<T, CameraMoments>) {
       to.number(value.num);
       for (const CameraMoment& moment : seen(value)) visit_fields(moment, *this);
@@ -111,11 +136,18 @@ struct Reader {
       value = from.number<T>();
     } else if constexpr (std::same_as<T, std::string>) {
       value = std::string(from.text());
+    } else if constexpr (std::same_as<T, Bytes>) {
+      value.bytes = std::string(from.bytes());
     } else if constexpr (std::same_as<T, Numbers>) {
       const std::size_t num = from.number<std::uint32_t>();
       value.clear();
       for (std::size_t i = 0; i < num && from.is_good(); ++i) {
         value.push_back(from.number<double>());
+      }
+    } else if constexpr (std::same_as<T, Ground>) {
+      value = {};
+      if (from.num_left() > 0 && from.number<std::uint32_t>() == kGroundNumbers) {
+        visit_fields(value, *this);
       }
     } else if constexpr (std::same_as<T, CameraMoments>) {
       value.num = from.number<std::uint32_t>();
@@ -148,7 +180,7 @@ std::string type_name() {
   if constexpr (std::same_as<T, std::int32_t>) return "int32";
   if constexpr (std::same_as<T, Fault> || std::same_as<T, ForceState>) return "uint8";
   if constexpr (std::same_as<T, std::string>) return "string";
-  if constexpr (std::same_as<T, Numbers>) return "float64[]";
+  if constexpr (std::same_as<T, Numbers> || std::same_as<T, Ground>) return "float64[]";
   if constexpr (std::same_as<T, Stiffness>) return "float64[36]";
   if constexpr (std::same_as<T, Vec3d>) return "geometry_msgs/Vector3";
   if constexpr (std::same_as<T, Quaternion>) return "geometry_msgs/Quaternion";
@@ -174,6 +206,8 @@ std::string type_name() {
   if constexpr (std::same_as<T, DeviceInfo>) return "palpate_msgs/DeviceInfo";
   if constexpr (std::same_as<T, SettingsText>) return "palpate_msgs/Settings";
   if constexpr (std::same_as<T, PartText>) return "palpate_msgs/Part";
+  if constexpr (std::same_as<T, EstimateText>) return "palpate_msgs/Estimate";
+  if constexpr (std::same_as<T, Bytes>) return "uint8[]";
   if constexpr (std::same_as<T, Note>) return "palpate_msgs/Note";
 }
 
@@ -188,7 +222,8 @@ struct Describer {
     text += type + " " + name + "\n";
     constexpr bool is_plain = Scalar<T> || std::same_as<T, std::string> ||
                               std::same_as<T, Stiffness> || std::same_as<T, Numbers> ||
-                              std::same_as<T, BodyPoses>;
+                              std::same_as<T, BodyPoses> || std::same_as<T, Ground> ||
+                              std::same_as<T, Bytes>;
     if constexpr (std::same_as<T, CameraMoments>) {
       describe(CameraMoment{});
     } else if constexpr (!is_plain) {
@@ -302,6 +337,44 @@ std::vector<SceneObject> objects_from(const Json& list) {
   return objects;
 }
 
+/// Of each camera: materials by label, and the size of its labels.
+Json json_of(const std::vector<std::shared_ptr<const MaterialRegions>>& regions) {
+  Json list = Json::array();
+  for (const auto& own : regions) {
+    Json json{{"width", own ? own->width : 0}, {"height", own ? own->height : 0}};
+    Json& materials = json["materials"] = Json::object();
+    for (std::size_t label = 0; own && label < own->materials.size(); ++label) {
+      if (!own->materials[label]) continue;
+      const Material& m = *own->materials[label];
+      materials[std::to_string(label)] = {{"friction", m.friction},
+                                          {"static_ratio", m.static_ratio},
+                                          {"viscous", m.viscous},
+                                          {"ridges", m.ridges},
+                                          {"grain", m.grain}};
+    }
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
+std::vector<std::shared_ptr<const MaterialRegions>> regions_from(const Json& list) {
+  std::vector<std::shared_ptr<const MaterialRegions>> regions;
+  for (const Json& json : list) {
+    MaterialRegions own{json.at("width").get<int>(), json.at("height").get<int>(), {}, {}};
+    for (std::size_t label = 0; label < 256; ++label) {
+      const auto found = json.at("materials").find(std::to_string(label));
+      if (found == json.at("materials").end()) continue;
+      own.materials.resize(label + 1);
+      own.materials[label] =
+          Material{found->at("friction").get<double>(), found->at("static_ratio").get<double>(),
+                   found->at("viscous").get<double>(), found->at("ridges").get<double>(),
+                   found->at("grain").get<double>()};
+    }
+    regions.push_back(std::make_shared<const MaterialRegions>(std::move(own)));
+  }
+  return regions;
+}
+
 Result<RunSetup> setup_of(const SettingsText& text) {
   const Json json = Json::parse(text.json);
   if (json.at("format") != kRunFormat) {
@@ -317,6 +390,7 @@ Result<RunSetup> setup_of(const SettingsText& text) {
   const Status settings = read_json(settings_of(setup.settings), json.at("settings"));
   if (!settings) return settings.error();
   setup.settings.objects = objects_from(json.at("objects"));
+  if (json.contains("regions")) setup.settings.regions = regions_from(json.at("regions"));
   for (const Json& stream : json.at("streams")) setup.streams.push_back(stream_from_json(stream));
   if (setup.streams.empty() || setup.streams.size() > kMostCameras) {
     return Error{Errc::bad_input,
@@ -342,6 +416,12 @@ std::string object_file(std::size_t index) {
   return name;
 }
 
+std::string labels_file(std::size_t camera) {
+  char name[40];
+  std::snprintf(name, sizeof name, "labels-%03zu.u8", camera);
+  return name;
+}
+
 McapChannel ros_channel(const std::string& topic, std::string type) {
   const std::string schema = message_schema(type);
   type.insert(type.find('/'), "/msg");
@@ -349,6 +429,7 @@ McapChannel ros_channel(const std::string& topic, std::string type) {
 }
 
 McapChannel part_channel() { return channel_of<PartText>(kPartTopic); }
+McapChannel estimate_channel() { return channel_of<EstimateText>(kEstimateTopic); }
 McapChannel settings_channel() { return channel_of<SettingsText>(kSettingsTopic); }
 McapChannel frame_channel() { return channel_of<FrameRecord>(kFrameTopic); }
 McapChannel contact_channel() { return channel_of<ContactRecord>(kContactTopic); }
@@ -362,6 +443,7 @@ std::string settings_message(const RunSetup& setup) {
             {"settings", to_json(settings_of(setup.settings))},
             {"streams", to_json(setup.streams)},
             {"objects", json_of(setup.settings.objects)}};
+  if (!setup.settings.regions.empty()) json["regions"] = json_of(setup.settings.regions);
   if (setup.probe) json["probe"] = to_json(*setup.probe);
   return message_of(SettingsText{setup.revision, setup.time_origin, setup.device,
                                  json.dump(-1, ' ', false, Json::error_handler_t::replace)});
@@ -369,6 +451,9 @@ std::string settings_message(const RunSetup& setup) {
 std::string part_message(const PartStart& part) {
   const auto hand = part.hand.numbers.numbers();
   return message_of(PartText{part, {hand.begin(), hand.end()}});
+}
+std::string estimate_message(const EstimateStart& estimate) {
+  return message_of(EstimateText{estimate.camera, estimate.revision, {estimate.state}});
 }
 std::string frame_message(const FrameRecord& frame) { return message_of(frame); }
 std::string contact_message(const ContactRecord& contact) { return message_of(contact); }
@@ -390,6 +475,11 @@ Result<PartStart> read_part(std::string_view message) {
   if (!text) return text.error();
   text->part.hand.numbers = StateNumbers(text->hand);
   return text->part;
+}
+Result<EstimateStart> read_estimate(std::string_view message) {
+  auto text = read<EstimateText>(message);
+  if (!text) return text.error();
+  return EstimateStart{text->camera, text->revision, std::move(text->state.bytes)};
 }
 Result<FrameRecord> read_frame(std::string_view message) { return read<FrameRecord>(message); }
 Result<ContactRecord> read_contact(std::string_view message) {

@@ -37,6 +37,13 @@ struct PartStart {
   HandMoment hand;           ///< how the hand's side stands
 };
 
+/// What the estimate of a camera's depth knew before the first frame of a part.
+struct EstimateStart {
+  std::uint32_t camera = 0;
+  std::uint32_t revision = 0;  ///< of the settings with which it began
+  std::string state;           ///< DepthAverager::state
+};
+
 /// A depth frame with all that it takes to repeat its surface.
 struct RecordedDepth {
   FrameRecord record;
@@ -51,6 +58,7 @@ inline constexpr const char* kPartTopic = "/part";
 inline constexpr const char* kSettingsTopic = "/settings";
 inline constexpr const char* kFrameTopic = "/frame";  ///< palpate_msgs/Frame, before its image
 std::string depth_topic(std::uint32_t camera);  ///< sensor_msgs/Image: "/depth", "/camera_2/depth"
+inline constexpr const char* kEstimateTopic = "/estimate";
 inline constexpr const char* kContactTopic = "/contact";
 inline constexpr const char* kTickTopic = "/tick";
 inline constexpr const char* kNoteTopic = "/note";
@@ -58,12 +66,14 @@ inline constexpr const char* kNoteTopic = "/note";
 // Files inside the recording.
 inline constexpr const char* kToolFile = "tool.palp";
 std::string object_file(std::size_t index);
+std::string labels_file(std::size_t camera);  ///< a byte for each pixel
 
 /// Of a type of ROS, "sensor_msgs/Image".
 McapChannel ros_channel(const std::string& topic, std::string type);
 
 McapChannel part_channel();
 McapChannel settings_channel();
+McapChannel estimate_channel();
 McapChannel frame_channel();
 McapChannel contact_channel();
 McapChannel tick_channel();
@@ -71,14 +81,17 @@ McapChannel note_channel();
 
 std::string part_message(const PartStart& part);
 std::string settings_message(const RunSetup& setup);
+std::string estimate_message(const EstimateStart& estimate);
 std::string frame_message(const FrameRecord& frame);
 std::string contact_message(const ContactRecord& contact);
 std::string tick_message(const TickRecord& tick);
 std::string note_message(std::string_view text);
 
-/// Errors: not such a message, one of another version. Objects come without their shapes.
+/// Errors: not such a message, one of another version. Objects come without their shapes, regions
+/// without their labels.
 Result<RunSetup> read_settings(std::string_view message);
 Result<PartStart> read_part(std::string_view message);
+Result<EstimateStart> read_estimate(std::string_view message);
 Result<FrameRecord> read_frame(std::string_view message);
 Result<ContactRecord> read_contact(std::string_view message);
 Result<TickRecord> read_tick(std::string_view message);

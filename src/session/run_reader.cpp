@@ -110,6 +110,15 @@ Result<Tool> RunReader::load_tools() {
     if (!shape) return shape.error();
     objects[i].shape = std::make_shared<const Tool>(*std::move(shape));
   }
+  for (std::size_t k = 0; k < setup_.settings.regions.size(); ++k) {
+    auto& regions = setup_.settings.regions[k];
+    if (regions->width == 0) continue;
+    auto labels = reader_.attachment(labels_file(k));
+    if (!labels) return labels.error();
+    auto whole = std::make_shared<MaterialRegions>(*regions);
+    whole->labels.assign(labels->begin(), labels->end());
+    regions = std::move(whole);
+  }
   return load(kToolFile);
 }
 

@@ -51,9 +51,12 @@ RunRecorder::RunRecorder(const fs::path& path, const Tool& tool, const RunSetup&
       place_(std::make_unique<Place>()),
       setups_{setup},
       centre_of_mass_T_(tool.sphere_mass().centre_of_mass),
-      cameras_(setup.streams.size()),
       parts_{{path.filename(), 0}} {
   place_->folder = path.parent_path();
+  for (const DepthStreamInfo& stream : setup.streams) {
+    cameras_.push_back({{}, 0, {}, LeadEstimate(stream)});
+    cameras_.back().lead.begin(setup.revision, setup.settings);
+  }
   if (is_simulated) {
     wall_offset_ = setup.time_origin;
     last_time_ = wall_time(0);
@@ -95,6 +98,13 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
     return writer->attach(name, "application/x-palpate-tool", *bytes);
   };
   if (const Status status = attach(kToolFile, *tool_); !status) return status.error();
+  const auto& regions = setups_.back().settings.regions;
+  for (std::size_t k = 0; k < regions.size(); ++k) {
+    if (!regions[k] || regions[k]->labels.empty()) continue;
+    const std::string bytes(regions[k]->labels.begin(), regions[k]->labels.end());
+    const Status status = writer->attach(labels_file(k), "application/octet-stream", bytes);
+    if (!status) return status.error();
+  }
   const auto& objects = setups_.back().settings.objects;
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const Status status = attach(object_file(i), *objects[i].shape);
@@ -103,6 +113,7 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   McapWriter& w = *writer;
   channels_.part = w.add_channel(part_channel());
   channels_.settings = w.add_channel(settings_channel());
+  channels_.estimate = w.add_channel(estimate_channel());
   channels_.frame = w.add_channel(frame_channel());
   channels_.contact = w.add_channel(contact_channel());
   channels_.tick = w.add_channel(tick_channel());
@@ -123,6 +134,17 @@ Result<McapWriter> RunRecorder::make_file(const fs::path& path) {
   return writer;
 }
 
+/// Whether contacts can be repeated from here on.
+bool RunRecorder::can_begin_here() const {
+  const bool has_leads = std::all_of(setups_.begin(), setups_.end(), [](const RunSetup& setup) {
+    return has_whole_lead(setup.settings.time) && !has_moving_objects(setup.settings);
+  });
+  return has_leads && std::all_of(cameras_.begin(), cameras_.end(), [](const Camera& camera) {
+           return camera.frames.empty() || camera.lead.is_known_before(static_cast<std::int64_t>(
+                                               camera.frames.front().record.camera_frame));
+         });
+}
+
 /// What every part begins with; one that is not the first has its `moment`.
 Status RunRecorder::begin(const HandMoment* moment) {
   PartStart start;
@@ -130,18 +152,17 @@ Status RunRecorder::begin(const HandMoment* moment) {
     std::uint32_t first = std::min(moment->revision, setups_.back().revision);
     // Contacts and frames may be told after a tick that knew later settings.
     first = std::min({first, frame_revision_, contact_revision_});
-    for (const auto& [frames, next_points, X_WC] : cameras_) {
-      if (!frames.empty()) first = std::min(first, frames.front().record.revision);
+    for (const Camera& camera : cameras_) {
+      if (camera.frames.empty()) continue;
+      first = std::min(first, camera.frames.front().record.revision);
     }
     if (!contacts_.empty()) first = std::min(first, contacts_.front().revision);
     while (setups_.size() > 1 && setups_[1].revision <= first) setups_.pop_front();
     start.number = num_parts_;
     start.revision = setups_.front().revision;
-    start.has_surfaces = std::all_of(setups_.begin(), setups_.end(), [](const RunSetup& setup) {
-      return has_whole_lead(setup.settings.time) && !has_moving_objects(setup.settings);
-    });
-    for (const auto& [frames, next_points, X_WC] : cameras_) {
-      start.periods.push_back(frames.empty() ? 0 : frames.front().record.period);
+    start.has_surfaces = can_begin_here();
+    for (const Camera& camera : cameras_) {
+      start.periods.push_back(camera.frames.empty() ? 0 : camera.frames.front().record.period);
     }
     start.hand = *moment;
     write(channels_.part, last_time_, part_message(start));
@@ -159,8 +180,13 @@ Status RunRecorder::begin(const HandMoment* moment) {
   }
   write(channels_.marker, last_time_, tool_marker_message({last_time_, kToolFrame}, tool_->mesh()));
   if (moment != nullptr) {
-    for (const auto& [frames, next_points, X_WC] : cameras_) {
-      for (const auto& [record, frame] : frames) write_frame(record, frame);
+    for (std::uint32_t k = 0; k < cameras_.size(); ++k) {
+      const LeadEstimate& lead = cameras_[k].lead;
+      if (!start.has_surfaces || !lead.has_estimate()) continue;
+      write(channels_.estimate, last_time_, estimate_message({k, lead.revision(), lead.state()}));
+    }
+    for (const Camera& camera : cameras_) {
+      for (const auto& [record, frame] : camera.frames) write_frame(record, frame);
     }
     for (const ContactRecord& contact : contacts_) {
       write(channels_.contact, wall_time(contact.contact.time), contact_message(contact));
@@ -270,6 +296,9 @@ void RunRecorder::write(std::uint16_t channel, std::uint64_t time, std::string_v
 void RunRecorder::add_settings(std::uint32_t revision, const RunSettings& settings) {
   setups_.push_back(setups_.back());
   setups_.back().revision = revision;
+  if (!keeps_surfaces(setups_.back().settings, settings)) {
+    for (Camera& camera : cameras_) camera.lead.begin(revision, settings);
+  }
   setups_.back().settings = settings;
   write(channels_.settings, last_time_, settings_message(setups_.back()));
 }
@@ -339,7 +368,10 @@ void RunRecorder::forget(const TickRecord& tick) {
     contacts_.pop_front();
   }
   const TimeOptions& time = setups_.back().settings.time;
-  const auto lead = static_cast<std::int64_t>(has_whole_lead(time) ? num_lead_frames(time) : 2);
+  const bool is_estimate = time.average.kind == DepthAverage::kalman;
+  const auto lead = static_cast<std::int64_t>(is_estimate            ? num_blended_frames(time)
+                                              : has_whole_lead(time) ? num_lead_frames(time)
+                                                                     : 2);
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     std::deque<RecordedDepth>& frames = cameras_[k].frames;
     if (frames.empty()) continue;
@@ -349,7 +381,10 @@ void RunRecorder::forget(const TickRecord& tick) {
     const std::int64_t needed = contacts_.empty() ? number(frames.back()) - kMostUnfelt
                                                   : contacts_.front().cameras.of[k].camera_frame;
     // A contact may be told before its frame.
-    while (!frames.empty() && number(frames.front()) + lead < needed) frames.pop_front();
+    while (!frames.empty() && number(frames.front()) + lead < needed) {
+      cameras_[k].lead.take(frames.front());
+      frames.pop_front();
+    }
   }
 }
 

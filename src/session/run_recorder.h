@@ -12,6 +12,7 @@
 
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
+#include "src/session/lead_estimate.h"
 #include "src/session/run_messages.h"
 
 namespace palpate {
@@ -57,8 +58,8 @@ class RunRecorder {
     double end = 0;              // s, of its last tick
   };
   struct Channels {
-    std::uint16_t part, settings, frame, contact, tick, note, transforms, statics, tool_wrench,
-        hand_wrench, marker;
+    std::uint16_t part, settings, estimate, frame, contact, tick, note, transforms, statics,
+        tool_wrench, hand_wrench, marker;
     struct Camera {
       std::uint16_t depth, points, info;
     };
@@ -98,7 +99,9 @@ class RunRecorder {
     std::deque<RecordedDepth> frames;
     std::uint64_t next_points = 0;
     std::optional<Pose> X_WC;
+    LeadEstimate lead;  // of the frames before those
   };
+  bool can_begin_here() const;
   std::vector<Camera> cameras_;
   std::deque<ContactRecord> contacts_;
   std::uint32_t frame_revision_ = 0, contact_revision_ = 0;  // of the newest ones

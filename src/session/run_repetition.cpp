@@ -25,6 +25,15 @@ bool ContactRepetition::add(RecordedDepth frame) {
   return is_next;
 }
 
+Status ContactRepetition::add(const EstimateStart& estimate) {
+  if (estimate.camera >= cameras_.size() || cameras_[estimate.camera].newest >= 0) return Done{};
+  auto& timelines = cameras_[estimate.camera].timelines;
+  auto of_it = timelines.upper_bound(estimate.revision);
+  if (of_it != timelines.begin()) --of_it;
+  if (of_it == timelines.end()) return Done{};
+  return of_it->second.go_on_from(estimate.state);
+}
+
 bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     if (contact.cameras.of[k].camera_frame > cameras_[k].newest) return false;

@@ -26,6 +26,9 @@ class ContactRepetition {
   /// False if one before it, of its camera, is not there.
   bool add(RecordedDepth frame);
 
+  /// What a camera's estimate knew before its first frame; later it is known.
+  Status add(const EstimateStart& estimate);
+
   /// Whether all frames that it rests on are there.
   bool has_frames_of(const ContactRecord& contact) const;
 

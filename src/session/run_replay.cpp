@@ -45,6 +45,7 @@ class Repetition {
     if (has_settings_ && setup.revision < num_settings_) return Done{};  // a part begins with them
     if (setup.revision != num_settings_) return missing_settings();
     setup.settings.objects = first_.settings.objects;  // with their shapes
+    setup.settings.regions = first_.settings.regions;  // and labels
     RunPartsOptions options;
     if (has_settings_) options.before = &settings_;
     if (!has_settings_ && start_) options.first_periods = start_->periods;
@@ -90,6 +91,11 @@ class Repetition {
       auto setup = read_settings(message);
       if (!setup) return setup.error();
       if (const Status status = take(*std::move(setup)); !status) return status;
+    } else if (topic == kEstimateTopic) {
+      const auto estimate = read_estimate(message);
+      if (!estimate) return estimate.error();
+      if (!start_ || !can_repeat_contacts_) return Done{};
+      if (const Status status = contacts_.add(*estimate); !status) return status;
     } else if (topic == kContactTopic) {
       const auto contact = read_contact(message);
       if (!contact) return contact.error();

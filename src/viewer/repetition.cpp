@@ -104,14 +104,18 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
   moments_.assign(leads.size(), {});
   for (std::size_t k = 0; k < leads.size(); ++k) {
     Camera& camera = cameras_[k];
+    const std::size_t num_felt = 1 + static_cast<std::size_t>(num_blended_frames(settings.time));
+    std::size_t num_left = leads[k].size();
     for (const std::size_t index : leads[k]) {
+      // Of those before only what averages take from them matters.
+      const PixelWindow asked = num_left-- > num_felt ? PixelWindow{0, 0, 1, 1} : PixelWindow{};
       const std::int64_t number = run_.camera_frame(index).second;
       if (number <= camera.last) continue;
       if (!keep_going()) return false;
       const auto frame = frames_.get(index);
       if (!frame) return frame.error();
       camera.clock = (*frame)->clock;
-      camera.timeline.push((*frame)->shown.frame, camera.clock, pool_);
+      camera.timeline.push((*frame)->shown.frame, camera.clock, pool_, asked);
       if (camera.first < 0) camera.first = number;
       camera.last = number;
       camera.index = index;

@@ -336,6 +336,24 @@ TEST(BodySolver, NumbersThatAreNoneStopABody) {
   EXPECT_NEAR(world.body(1).V_W.linear.z, -kG * kTick, 1e-12);
 }
 
+// One that cannot be solved stops, with what it touches; the others go on as if alone.
+TEST(BodySolver, WhatCannotBeSolvedStopsNobodyElse) {
+  OnPlate world({box({{0, 0, kSize.z / 2 - 1e-4}, {}}), box({{1, 0, kSize.z / 2 - 1e-4}, {}})});
+  OnPlate alone({box({{0, 0, kSize.z / 2 - 1e-4}, {}})});
+  for (OnPlate* plate : {&world, &alone}) plate->body(0).V_W.linear = {0.5, 0, 0};
+  world.body(1).V_W.linear = {0.5, 0, 0};
+  world.body(1).mass = -1e6;
+  const Pose before = world.body(1).X_WB;
+  for (int i = 0; i < 100; ++i) {
+    world.step();
+    alone.step();
+  }
+  EXPECT_EQ(world.body(0).X_WB, alone.body(0).X_WB);
+  EXPECT_GT(world.body(0).X_WB.translation.x, 0.01);
+  EXPECT_EQ(world.body(1).X_WB, before);
+  EXPECT_EQ(world.body(1).V_W.linear, Vec3d{});
+}
+
 TEST(SymmetricBlocks, SolveAsTheWholeMatrix) {
   constexpr int kRows = 5;
   SymmetricBlocks blocks(8);

@@ -97,7 +97,7 @@ TEST(ContactPatch, OfADiscAndOfRectanglesFromTheirMoments) {
 }
 
 TEST(ContactPatch, OfTwoFeetAndOfNothing) {
-  const ContactPatch a{{0.03, 0, 0}, 0.004, 1, 0}, b{{-0.01, 0, 0}, 0.001, 0, 0.7};
+  const ContactPatch a{{0.03, 0, 0}, 0.004, 1, 0, {}}, b{{-0.01, 0, 0}, 0.001, 0, 0.7, {}};
   const ContactPatch both = joined(a, 3, b, 1);
   EXPECT_NEAR(both.lever_W.x, 0.02, 1e-15);
   EXPECT_NEAR(both.share, 0.75, 1e-15);

@@ -520,6 +520,55 @@ TEST(Friction, OfAnObjectIsItsOwn) {
   EXPECT_NEAR(-touch.along().x, 0.3 * n, 1e-3 * n);
 }
 
+/// The force along a belt that runs under a tool, over the force into it; `hand` and `belt` in m/s.
+double drag_on_belt(CouplingKind kind, double hand, double belt) {
+  const CouplingOptions options = options_of(kind, 0.4);
+  const Plate plate;
+  auto coupling = make_coupling(options, kLimits, box_tool());
+  coupling->reset(hand_at(pressed(-1e-3)));
+  CouplingStep step;
+  step.X_WT = pressed(-1e-3);
+  for (int i = 0; i < 1500; ++i) {
+    const Pose X = pressed(i < 100 ? -1e-3 : 1e-3, {hand * kTick * std::max(0, i - 300), 0, 0});
+    if (kind == CouplingKind::none) step.X_WT = X;
+    LocalContact contact = plate.contact(step.X_WT, kTick * i);
+    contact.patch.ground.velocity_W = {i <= 300 ? 0 : belt, 0, 0};
+    DeviceState state = hand_at(X);
+    state.V_BH.linear.x = i < 300 ? 0 : hand;
+    step = coupling->step(state, contact, kTick);
+  }
+  return step.contact_W.force.x / dot(step.contact_W.force, plate.n_W);
+}
+
+// What counts is how fast the tool goes over what it touches.
+TEST(Friction, ABeltTakesTheToolAlong) {
+  for (const CouplingKind kind : kAll) {
+    EXPECT_NEAR(drag_on_belt(kind, 0, 0.05), 0.4, 1e-3) << name_of(kind);
+    EXPECT_NEAR(drag_on_belt(kind, 0.05, 0), -0.4, 1e-3) << name_of(kind);
+    EXPECT_NEAR(drag_on_belt(kind, 0.05, 0.03), -0.4, 1e-3) << name_of(kind);
+    EXPECT_NEAR(drag_on_belt(kind, 0.03, 0.05), 0.4, 1e-3) << name_of(kind);
+    // It sticks, and what the start has stretched stays.
+    EXPECT_LT(std::abs(drag_on_belt(kind, 0.05, 0.05)), 0.1) << name_of(kind);
+  }
+}
+
+// Regions: sliding at once with their coefficient, sticking with theirs, the rest with the usual.
+TEST(Friction, OfRegionsIsTheirs) {
+  Touch touch(options_of(CouplingKind::none, 0.2), {}, pressed(1e-3));
+  double most = 0;
+  for (int i = 0; i < 500; ++i) {
+    const Pose X = pressed(1e-3, {1e-5 * i, 0, 0});
+    LocalContact contact = touch.plate.contact(X, i);
+    contact.patch.share = 0.25;
+    contact.patch.ground = {0.75, 0.75 * 0.4, 0.75 * 0.6, 0, 0, 0, {}, {}};
+    touch.step = touch.coupling->step(hand_at(X), contact, kTick);
+    most = std::max(most, -touch.along().x);
+  }
+  const double n = dot(touch.step.contact_W.force, touch.plate.n_W);
+  EXPECT_NEAR(most, (0.25 * 0.2 + 0.75 * 0.6) * n, 0.02 * n);
+  EXPECT_NEAR(-touch.along().x, (0.25 * 0.2 + 0.75 * 0.4) * n, 1e-3 * n);
+}
+
 // Whatever comes in: numbers come out, and no memory is asked for.
 TEST(Friction, SurvivesAnyInput) {
   const double bad[] = {std::numeric_limits<double>::quiet_NaN(),
@@ -553,7 +602,7 @@ TEST(Friction, SurvivesAnyInput) {
       contact.p_WC = {strange(0.1), strange(0.1), 0};
       contact.F_C_W = {{strange(10), strange(1), strange(1)}, {strange(1), 0, strange(1)}};
       contact.max_stiffness = strange(1e6);
-      contact.patch = {{strange(0.1), 0, strange(0.1)}, strange(0.02), 1, strange(0.1)};
+      contact.patch = {{strange(0.1), 0, strange(0.1)}, strange(0.02), 1, strange(0.1), {}};
       for (auto& row : contact.stiffness.m) {
         for (double& x : row) x = strange(random.uniform() < 0.1 ? 1e6 : 100);
       }

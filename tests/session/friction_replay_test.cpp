@@ -6,6 +6,8 @@
 #include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/run_folder.h"
+#include "src/session/run_messages.h"
+#include "src/session/run_reader.h"
 #include "tests/session/path_run.h"
 #include "tests/session/synthetic_stream.h"
 
@@ -77,6 +79,45 @@ TEST_F(FrictionRun, ObjectsKeepTheirOwn) {
   EXPECT_FALSE(summary.at("objects").at(1).contains("friction"));
   settings_.objects[1].friction = -1;
   EXPECT_FALSE(record(folder_.path() / "other"));
+}
+
+// Half of what the camera sees is of wood, a part says nothing.
+TEST_F(FrictionRun, RegionsAreRecordedAndRepeated) {
+  MaterialRegions regions{96, 72, {}, {{}, Material{0.3, 1.2, 0.5, 0, 0.4}, {}, Material{0.05}}};
+  for (int i = 0; i < 96 * 72; ++i) {
+    regions.labels.push_back(static_cast<std::uint8_t>(i % 96 < 48 ? 1 : i / 96 < 30 ? 3 : 0));
+  }
+  settings_.regions = {std::make_shared<const MaterialRegions>(regions)};
+  for (const CouplingKind kind : {CouplingKind::none, CouplingKind::virtual_coupling}) {
+    settings_.coupling.kind = kind;
+    ASSERT_TRUE(record(run()));
+    expect_repeats();
+  }
+  auto reader = RunReader::open(run());
+  ASSERT_TRUE(reader && reader->load_tools());
+  const auto& recorded = reader->setup().settings.regions;
+  ASSERT_EQ(recorded.size(), 1u);
+  EXPECT_EQ(recorded[0]->labels, regions.labels);
+  EXPECT_EQ(recorded[0]->materials, regions.materials);
+  regions.width = 95;
+  settings_.regions = {std::make_shared<const MaterialRegions>(regions)};
+  const auto refused = record(folder_.path() / "other");
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("96 x 72"), std::string::npos);
+}
+
+// Recordings of before know no ground.
+TEST_F(FrictionRun, ContactsWithoutGroundAreRead) {
+  ContactRecord record;
+  record.number = 7;
+  const std::string plain = contact_message(record);
+  const auto before = read_contact(std::string_view(plain).substr(0, plain.size() - 4));
+  ASSERT_TRUE(before) << before.error().message;
+  EXPECT_EQ(contact_message(*before), plain);
+  record.contact.patch.ground = {0.5, 0.1, 0.2, 0.3, 0.4, 0.5, {1, 2, 3}, {4, 5, 6}};
+  const auto read = read_contact(contact_message(record));
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->contact.patch.ground, record.contact.patch.ground);
 }
 
 // The same hand and frames with another friction.

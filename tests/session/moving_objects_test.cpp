@@ -98,9 +98,25 @@ TEST_F(MovingObjects, GoOnWhereTheyAreWhenSettingsChange) {
   for (int k = 0; k < 2; ++k) {
     EXPECT_EQ(one->contact().bodies.of[k], other->contact().bodies.of[k]) << k;
   }
-  RunSettings heavier = settings_;
-  heavier.bodies.gravity_z = 20;
-  EXPECT_FALSE(one->change(heavier)) << "fixed while running";
+  RunSettings softer = settings_;
+  softer.bodies.sink = 1e-3;
+  EXPECT_FALSE(one->change(softer)) << "fixed while running";
+}
+
+TEST_F(MovingObjects, FallUpWhenGravityChanges) {
+  SyntheticStream stream(1);
+  auto made = pipeline(stream);
+  ASSERT_TRUE(made);
+  DepthFrame frame;
+  ASSERT_TRUE(stream.next(frame).value());
+  made->push(frame, 0);
+  const Pose far{{0.3, 0, 0.2}, {}};
+  for (int i = 0; i < 2000; ++i) made->measure(far, 1e-3 * i);  // they lie, and may sleep
+  const double z = made->contact().bodies.of[0].translation.z;
+  settings_.bodies.gravity_z = -1;
+  ASSERT_TRUE(made->change(settings_));
+  for (int i = 0; i < 500; ++i) made->measure(far, 2 + 1e-3 * i);
+  EXPECT_NEAR(made->contact().bodies.of[0].translation.z, z - 0.5 * 0.25, 0.02);
 }
 
 TEST_F(MovingObjects, TicksDoNotAllocate) {

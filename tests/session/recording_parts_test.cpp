@@ -9,6 +9,7 @@
 #include "palpate/session/run.h"
 #include "src/io/internal/atomic_file.h"
 #include "src/session/internal/run_folder.h"
+#include "src/session/lead_estimate.h"
 #include "src/session/run_reader.h"
 #include "src/session/run_recorder.h"
 #include "tests/session/path_run.h"
@@ -91,12 +92,11 @@ TEST(RecordingParts, MovingAveragesAreRepeatedAndWhatIsEndlessSaysThatItIsNot) {
   ASSERT_TRUE(outcome) << outcome.error().message;
   expect_parts_repeat(run, *outcome);
 
-  RunSettings exponential = settings, kalman = settings, memory = settings;
+  RunSettings exponential = settings, memory = settings;
   exponential.time.average.kind = DepthAverage::exponential;
-  kalman.time.average.kind = DepthAverage::kalman;
   memory.time.average = {};
   memory.time.memory.kind = DepthMemory::on;
-  for (const RunSettings& without_end : {exponential, kalman, memory}) {
+  for (const RunSettings& without_end : {exponential, memory}) {
     const auto folder_of = folder.path() / (std::string(name_of(without_end.time.average.kind)) +
                                             name_of(without_end.time.memory.kind));
     const auto endless = record(folder_of, without_end, {.split_bytes = 1});
@@ -112,6 +112,62 @@ TEST(RecordingParts, MovingAveragesAreRepeatedAndWhatIsEndlessSaysThatItIsNot) {
     EXPECT_GT(alone->num_ticks, 100u);
     EXPECT_NE(alone->note.find("averages"), std::string::npos);
   }
+}
+
+// A Kalman filter never forgets: each part begins with what it knew.
+TEST(RecordingParts, EstimatesAreRepeatedFromEveryPartOn) {
+  for (const TimeMode mode : {TimeMode::latest, TimeMode::interpolate, TimeMode::predict}) {
+    for (const int binning : {1, 2}) {
+      const TemporaryFolder folder;
+      const auto run = folder.path() / "run";
+      RunSettings settings = settings_with(mode, CouplingKind::virtual_coupling);
+      settings.time.average.kind = DepthAverage::kalman;
+      settings.time.average.noise = 0.02;  // so that all frames count
+      settings.binning = binning;
+      const auto outcome = record(run, settings, {.split_bytes = 1});
+      ASSERT_TRUE(outcome) << outcome.error().message;
+      EXPECT_GT(outcome->peaks.volume, 0);
+      ASSERT_NO_FATAL_FAILURE(expect_parts_repeat(run, *outcome)) << name_of(mode) << binning;
+      // Without it another depth is felt, so it decides.
+      const fs::path other = folder.path() / "other" / kRecordingFile;
+      fs::create_directories(other.parent_path());
+      fs::copy_file(recording_parts(run)[3], other);
+      auto all = test::messages(other.parent_path());
+      std::erase_if(all,
+                    [](const auto& message) { return message.channel.topic == kEstimateTopic; });
+      test::rewrite(other.parent_path(), all);
+      const auto replay = replay_run(other.parent_path());
+      ASSERT_TRUE(replay) << replay.error().message;
+      EXPECT_NE(replay->difference, "");
+    }
+  }
+}
+
+// Frames that nobody was told of are no frames that it knew.
+TEST(LeadEstimate, IsUnknownAfterAGapUntilItBeginsAnew) {
+  SyntheticStream stream(6);
+  RunSettings settings;
+  settings.time.average.kind = DepthAverage::kalman;
+  LeadEstimate lead(stream.info());
+  lead.begin(0, settings);
+  lead.begin(2, settings);
+  RecordedDepth depth;
+  const auto take = [&](std::uint64_t number, std::uint32_t revision) {
+    depth.record.camera_frame = number;
+    depth.record.revision = revision;
+    lead.take(depth);
+  };
+  EXPECT_TRUE(lead.is_known_before(0));
+  ASSERT_TRUE(stream.next(depth.frame).value());
+  take(0, 0);
+  EXPECT_TRUE(lead.has_estimate());
+  EXPECT_TRUE(lead.is_known_before(1));
+  EXPECT_FALSE(lead.is_known_before(2));
+  take(2, 1);
+  EXPECT_FALSE(lead.is_known_before(3));
+  take(3, 2);
+  EXPECT_TRUE(lead.is_known_before(4));
+  EXPECT_EQ(lead.revision(), 2u);
 }
 
 // A tick may be told before the contact that it felt, which knew older settings.

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -202,7 +203,8 @@ struct DepthAverageOptions {
   double noise_patch = 2;
 };
 inline void add_settings(SettingTable& t, DepthAverageOptions& o) {
-  t.add("average", o.kind, "of each pixel's depth over time");
+  t.add("average", o.kind,
+        "of each pixel's depth over time; palpate touch takes kalman where cameras stand still");
   t.add("average_frames", o.frames, {1, 64, "frames"}, "moving: measurements in the mean");
   t.add("average_weight", o.weight, {1e-9, 1}, "exponential: of the newest measurement");
   t.add("average_max_jump", o.max_jump, {0, 10},
@@ -238,6 +240,12 @@ class DepthAverager {
   /// Returns metres, NaN where there is no measurement; valid until the next update. The same bits
   /// for any number of threads.
   std::span<const float> update(const DepthImageView& counts, ThreadPool& pool);
+
+  /// kalman: all that it knows of the frames so far, as bytes, the same ones at every place; about
+  /// 8 for each pixel. O(pixels).
+  std::string state() const;
+  /// Goes on from there. Error: not the state of an estimate of such images.
+  Status go_on_from(std::string_view state);
 
  private:
   struct Impl;

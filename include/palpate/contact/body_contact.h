@@ -180,6 +180,8 @@ struct BodyMeasure {
   Penetration bodies;                  ///< sum over the other bodies, see BodyPenetration
   /// Of `bodies` while they stay, likewise, by BodyMethod::field.
   std::optional<Stiffness> bodies_stiffness;
+  /// With it. Of an object: those of what it does to the tool, about that one.
+  VolumeMoments bodies_moments;
   std::int64_t num_pairs = 0;  ///< sum of BodyPenetration::num_pairs with other bodies
 
   /// Volume and wrench of both shares; counts and potential of the cloud alone. What lies both in

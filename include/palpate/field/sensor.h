@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "palpate/cloud/depth_source.h"
@@ -116,6 +117,9 @@ class SurfaceTimeline {
   /// for any number of threads, at every place and for any window. Waits for the GPU.
   SurfaceStats push(const DepthImageView& frame, double time, ThreadPool& pool,
                     const PixelWindow& asked = {});
+  /// Before the first frame: its averages go on from DepthAverager::state. Error: they have none,
+  /// or it is not one of such images.
+  Status go_on_from(std::string_view state);
   /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
   /// waited for. The views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceBlend at(double time) const;

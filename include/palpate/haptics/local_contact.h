@@ -5,15 +5,51 @@
 #include <cmath>
 #include <concepts>
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <span>
 #include <type_traits>
+#include <vector>
 
 #include "palpate/contact/contact.h"
 #include "palpate/mesh/mesh.h"
 
 namespace palpate {
 
-// Where and how wide a contact is: what friction acts on.
+// Where and how wide a contact is, and what is there: what friction acts on.
+
+/// What a surface is made of, where it has a material of its own.
+struct Material {
+  double friction = 0;      ///< force along the surface over the force into it, while it slides
+  double static_ratio = 1;  ///< what sticks holds so many times as much
+  double viscous = 0;       ///< s/m: force along the surface grows by this times N v
+  /// Texture: shares of the friction by which it goes up and down with even waves, and with
+  /// irregular ones.
+  double ridges = 0, grain = 0;
+
+  friend bool operator==(const Material&, const Material&) = default;
+};
+
+/// Materials by region of a camera's image: a label for each pixel, and what some labels are made
+/// of. What has no material is as the settings say.
+struct MaterialRegions {
+  int width = 0, height = 0;
+  std::vector<std::uint8_t> labels;                ///< row-major, width * height; empty: none
+  std::vector<std::optional<Material>> materials;  ///< by label
+};
+
+/// What a contact touches that friction should know of, in shares of the normal force.
+struct Ground {
+  double share = 0;  ///< on regions with a material of their own; of the rest, see ContactPatch
+  /// Of these, times their shares: coefficients while they slide and while they stick, ...
+  double friction = 0, static_friction = 0;
+  double viscous = 0;            ///< s/m
+  double ridges = 0, grain = 0;  ///< coefficients by which texture goes up and down
+  /// How the surface moves by itself: under the middle of the contact, m/s, and rad/s.
+  Vec3d velocity_W, turning_W;
+
+  friend bool operator==(const Ground&, const Ground&) = default;
+};
 
 struct ContactPatch {
   Vec3d lever_W;  ///< from the tool's centre of mass to the middle of the contact, m
@@ -25,6 +61,7 @@ struct ContactPatch {
   /// ... and mean coefficient of the rest, which is on objects with one of their own, times its
   /// share.
   double own_friction = 0;
+  Ground ground;
 };
 
 /// Of a contact with a surface, from the moments of its volume. Exact for parallel normals and, in
@@ -142,6 +179,7 @@ class StateNumbers {
       for (double& number : row) one(number);
     }
   }
+  /// But for the ground, of which nobody asks again: each tick brings its own contact.
   void one(LocalContact& c) {
     (*this)(c.time, c.X_WT, c.p_WC, c.F_C_W, c.stiffness.m, c.patch.lever_W, c.patch.torsion_radius,
             c.patch.share, c.patch.own_friction, c.volume, c.max_stiffness, c.surface_age,

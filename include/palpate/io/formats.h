@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "palpate/cloud/depth_source.h"
 #include "palpate/cloud/point_cloud.h"
@@ -49,6 +50,15 @@ Status save_depth_png(const DepthFrame& frame, const std::filesystem::path& path
 Result<DepthFrame> decode_depth_png(std::string_view content, const std::string& name,
                                     double unit = 0.001);
 Result<std::string> encode_depth_png(const DepthFrame& frame, const std::string& name);
+
+/// A label for each pixel: what is seen there, by numbers of the caller's.
+struct LabelImage {
+  int width = 0, height = 0;
+  std::vector<std::uint8_t> labels;  ///< row-major, width * height
+};
+/// A PNG of 8 bits a pixel, greyscale or with a palette, whose indices count. Errors: not such a
+/// PNG, larger than kMaxImage*.
+Result<LabelImage> load_label_png(const std::filesystem::path& path);
 
 struct DepthFolderOptions {
   Intrinsics intrinsics;

@@ -60,6 +60,8 @@ struct RunSettings {
   std::vector<SceneObject> objects;
   BodyOptions bodies;  ///< of objects that move
   OutputOptions output;
+  /// Of each camera, which stands still; null, or fewer than cameras: none.
+  std::vector<std::shared_ptr<const MaterialRegions>> regions;
 };
 inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.contact);

@@ -30,6 +30,7 @@ struct BodyTouch {
   Stiffness stiffness;  ///< N/m, N, N m: how F_A_W changes with the pose of a while b stays
   ContactPatch patch;   ///< levers are from a's center of mass
   double friction = 0;  ///< coefficient
+  double grip = 0;      ///< N/m: how stiff what sticks is; 0: by the weight of the lighter one
   /// How kNoBody moves: of the point of it that lies at a's center of mass.
   Twist V_W;
   /// Where what sticks is remembered: the same one as long as it is the same two that touch.
@@ -46,8 +47,8 @@ class BodySolver {
     double damping = 0;  ///< 1/s: of all motion
   };
   /// Places and velocities after `dt`. Several touches never have one place. No allocation; the
-  /// same input gives the same bits. Bodies that get numbers which are not finite stop where they
-  /// are.
+  /// same input gives the same bits. Bodies that touch each other are solved together, and apart
+  /// from all others. Those that cannot be solved stop where they are.
   void step(std::span<RigidBody> bodies, std::span<const BodyTouch> touches, const Forces& forces,
             double dt) noexcept;
 
@@ -62,7 +63,8 @@ class BodySolver {
  private:
   struct Place {
     PatchFriction friction;
-    double stiffness;
+    double mass, stiffness;
+    void use(double new_stiffness);
     Vec3d force;  // of the last step, where the next one looks first
     bool is_held = false, was_held = false;
   };
@@ -79,6 +81,9 @@ class BodySolver {
     PatchFriction::Grip grip;
   };
 
+  void find_islands(std::span<const RigidBody> bodies, std::span<const BodyTouch> touches);
+  void solve_island(std::span<RigidBody> bodies, std::span<const BodyTouch> touches,
+                    const Forces& forces, double dt);
   void prepare(std::span<const RigidBody> bodies, std::span<const BodyTouch> touches, double dt);
   bool solve_pushes(std::span<const RigidBody> bodies, std::span<const BodyTouch> touches,
                     const Forces& forces, double dt);
@@ -97,7 +102,9 @@ class BodySolver {
   }
 
   std::vector<Place> places_;
-  std::vector<int> rows_;  // of each body; -1: asleep
+  std::vector<int> islands_;        // of each body: the first one of it; -1: asleep
+  std::vector<BodyTouch> touches_;  // of one island
+  std::vector<int> rows_;           // of each body; -1: asleep, or of another island
   int num_rows_ = 0;
   SymmetricBlocks system_;
   std::vector<Work> work_;        // of each touch

@@ -34,13 +34,16 @@ class MovingBodies {
     Stiffness stiffness;  ///< N/m, N, N m
     ContactPatch patch;
     double friction = 0;
-    Twist V_W;  ///< of the tool's point at that reference
+    double grip = 0;  ///< N/m: see BodyTouch
+    Twist V_W;        ///< of the tool's point at that reference
   };
   /// Goes on by `dt`, s. `pushes` has one for each body. Without any surface, nobody moves. False:
   /// the backend has failed.
   bool step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
             double dt) noexcept;
 
+  /// From the next step on: gravity, damping, whether bodies sleep. The rest stays as it is.
+  void use(const BodyOptions& options) noexcept;
   /// Goes on from where another one of the same objects is.
   void take_over(const MovingBodies& other) noexcept;
 

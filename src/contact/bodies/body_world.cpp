@@ -9,6 +9,13 @@ void add_stiffness(const std::optional<Stiffness>& part, std::optional<Stiffness
   *sum += *part;
 }
 
+void add_moments(const VolumeMoments& part, VolumeMoments& sum) {
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) sum.first[i][j] += part.first[i][j];
+  }
+  sum.polar += part.polar;
+}
+
 void add_measure(const Penetration& part, Penetration& sum) {
   sum.volume += part.volume;
   sum.measure_W.force += part.measure_W.force;
@@ -81,6 +88,8 @@ void BodyWorld::measure(std::span<const SurfaceBlend> cameras) noexcept {
       body->measured.bodies.num_boundary_spheres += part->num_boundary_spheres;
       body->measured.num_pairs += shared.num_pairs;
     }
+    add_moments(shared.moments_a, a.measured.bodies_moments);
+    add_moments(shared.moments_a, b.measured.bodies_moments);
     if (a.wants.stiffness) add_stiffness(shared.stiffness_a, a.measured.bodies_stiffness);
     if (b.wants.stiffness) add_stiffness(shared.stiffness_b, b.measured.bodies_stiffness);
   }

@@ -17,6 +17,9 @@ struct Mat3s {
   double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
 };
 
+/// Of what sticks to a surface, N/m, with a coupling whose options are checked.
+double friction_stiffness(const CouplingOptions& options, const DeviceLimits& limits);
+
 /// Where and how the tool touches at a tick.
 struct TouchedPatch {
   double normal_force = 0;  ///< N
@@ -26,6 +29,7 @@ struct TouchedPatch {
   /// directions is their sum on the tool.
   Vec6 slides[3];
   Vec6 approach;  ///< the same along the normal, away from the surface
+  Vec3d carried;  ///< what the surface slides by itself in the tick
 
   Vec3d slid_by(const Vec6& motion) const;
   Vec6 wrench(const Vec3d& force) const;
@@ -43,6 +47,11 @@ class PatchFriction {
   /// Whether a contact has friction or damping at all.
   bool is_on(const LocalContact& contact) const;
   void reset() noexcept { state_ = {}; }
+  /// Of what sticks from now on, as of the constructor.
+  void use(double stiffness, double damping_time) noexcept {
+    stiffness_ = stiffness;
+    damping_time_ = damping_time;
+  }
   void take_over(const FrictionState& state) noexcept { state_ = state; }
   const FrictionState& state() const noexcept { return state_; }
   void remember(StateNumbers& numbers) noexcept {
@@ -56,7 +65,8 @@ class PatchFriction {
              TouchedPatch& patch) noexcept;
 
   /// What friction does in a tick: the force on the tool in the three directions when it slides by
-  /// `slid` + `compliance` times that force, m and m/N. `dt` is 0 where time does not matter. Then
+  /// `slid` + `compliance` times that force, m and m/N, over a surface that stands still or is
+  /// `carried` meanwhile. `dt` is 0 where time does not matter. Then
   /// `keep` makes it the state that the next tick begins with.
   struct Grip {
     Vec3d force;    // N
@@ -73,7 +83,7 @@ class PatchFriction {
   double contact_damping(double normal_force, double speed) const noexcept;
 
  private:
-  double texture(double dt) const noexcept;
+  double wave(TextureKind kind, double depth, double dt) const noexcept;
 
   FrictionOptions options_;
   TextureOptions texture_;

@@ -16,13 +16,16 @@
 #include "palpate/run/records.h"
 #include "palpate/run/run_loop.h"
 #include "src/bodies/internal/moving_bodies.h"
+#include "src/run/region_lookup.h"
 
 namespace palpate {
 
-/// What a contact counts in newtons.
+/// What a contact counts in newtons, and what else of the settings decides it while a run goes on.
 struct ContactScale {
   VolumeStiffness volume;
   double friction = 0;  ///< coefficient where an object has none of its own
+  double grip = 0;      ///< N/m: of what sticks to the tool
+  BodyOptions bodies = {};
 };
 
 /// From a pose to a contact: the tool against surfaces and objects.
@@ -37,7 +40,12 @@ class ContactPart {
   Status measure_pairs_at(Backend backend, int gpu);
 
   /// From the next measurement on.
-  void use(const ContactScale& scale) { scale_ = scale; }
+  void use(const ContactScale& scale) noexcept {
+    scale_ = scale;
+    if (moving_) moving_->use(scale.bodies);
+  }
+  /// Of each camera, where it sees what things are made of.
+  void set_regions(std::vector<RegionLookup> regions) { regions_ = std::move(regions); }
   /// Objects that move go on from where they are in the part before.
   void take_over(const ContactPart& before) noexcept;
 
@@ -58,8 +66,9 @@ class ContactPart {
     Pose X_WT;
   };
   void set_contact(ContactRecord& record) const noexcept;
-  ContactPatch patch_at(const Pose& X_WT) const noexcept;
+  ContactPatch patch_at(std::span<const SurfaceBlend> cameras, const Pose& X_WT) const noexcept;
   void place_bodies(ContactRecord& record) noexcept;
+  void carry(const Pose& X_WT) noexcept;
   void move_bodies(std::span<const SurfaceBlend> cameras, ContactRecord& record) noexcept;
   MovingBodies::Push push_on(int body, const Pose& X_WT, double dt) const noexcept;
 
@@ -71,9 +80,11 @@ class ContactPart {
   ContactScale scale_;
   std::unique_ptr<MovingBodies> moving_;
   std::vector<MovingBodies::Push> pushes_;  // of the tool on each of them
-  std::optional<ToolAt> before_;            // at the last measurement
-  Stiffness stiffness_;                     // measured last
-  ContactPatch patch_;  // likewise, or of this measurement if there is no stiffness
+  std::vector<Twist> velocities_;           // of each at the last measurement
+  std::vector<RegionLookup> regions_;
+  std::optional<ToolAt> before_;  // at the last measurement
+  Stiffness stiffness_;           // measured last
+  ContactPatch patch_;            // likewise, or of this measurement if there is no stiffness
 };
 
 /// What a tick cannot see by itself.

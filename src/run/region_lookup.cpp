@@ -1,0 +1,158 @@
+#include "src/run/region_lookup.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+constexpr int kNumSpots = 128;  // of the disc, that are looked at
+
+struct Spot {
+  double x = 0, y = 0;
+};
+
+/// Even over the unit disc: Vogel's spiral.
+std::array<Spot, kNumSpots> spots_of_disc() {
+  const double golden = kPi * (3 - std::sqrt(5.0));
+  std::array<Spot, kNumSpots> spots;
+  for (int i = 0; i < kNumSpots; ++i) {
+    const double r = std::sqrt((i + 0.5) / kNumSpots);
+    spots[static_cast<std::size_t>(i)] = {r * std::cos(i * golden), r * std::sin(i * golden)};
+  }
+  return spots;
+}
+const std::array<Spot, kNumSpots> kSpots = spots_of_disc();
+
+/// What labels say at one place: of materials their weights, and what they would be without any.
+struct Mix {
+  Ground ground;
+  double seen = 0;  // weight of all pixels
+
+  void add(const Material& m, double weight) {
+    ground.share += weight;
+    ground.friction += weight * m.friction;
+    ground.static_friction += weight * m.friction * m.static_ratio;
+    ground.viscous += weight * m.viscous;
+    ground.ridges += weight * m.friction * m.ridges;
+    ground.grain += weight * m.friction * m.grain;
+  }
+};
+
+/// Between the four pixels around it; beyond the image, nothing.
+void look_at(const RegionLookup& camera, const Vec3d& p_C, Mix& mix) {
+  const MaterialRegions& regions = *camera.regions;
+  if (!(p_C.z > 0)) return;
+  const double u = camera.intrinsics.fx * p_C.x / p_C.z + camera.intrinsics.cx,
+               v = camera.intrinsics.fy * p_C.y / p_C.z + camera.intrinsics.cy;
+  if (!(u > -1 && v > -1 && u < regions.width && v < regions.height)) return;
+  const int left = static_cast<int>(std::floor(u)), top = static_cast<int>(std::floor(v));
+  for (int k = 0; k < 4; ++k) {
+    const int column = left + k % 2, row = top + k / 2;
+    if (column < 0 || row < 0 || column >= regions.width || row >= regions.height) continue;
+    const double weight = (1 - std::abs(u - column)) * (1 - std::abs(v - row));
+    const std::size_t label =
+        regions.labels[static_cast<std::size_t>(row) * static_cast<std::size_t>(regions.width) +
+                       static_cast<std::size_t>(column)];
+    mix.seen += weight;
+    if (label < regions.materials.size() && regions.materials[label]) {
+      mix.add(*regions.materials[label], weight);
+    }
+  }
+}
+
+Error refused(std::string why) { return {Errc::invalid_argument, std::move(why)}; }
+
+bool is_possible(const Material& m) {
+  const auto within = [](double value, double low, double high) {
+    return value >= low && value <= high;
+  };
+  return within(m.friction, 0, 10) && within(m.static_ratio, 1, 10) && within(m.viscous, 0, 100) &&
+         within(m.ridges, 0, 1) && within(m.grain, 0, 1);
+}
+
+}  // namespace
+
+Result<std::vector<RegionLookup>> region_lookups(
+    std::span<const std::shared_ptr<const MaterialRegions>> regions,
+    std::span<const DepthStreamInfo> streams) {
+  std::vector<RegionLookup> lookups;
+  if (regions.size() > streams.size()) {
+    return refused("there are labels for " + std::to_string(regions.size()) +
+                   " cameras, but only " + std::to_string(streams.size()) +
+                   " of them: one label image for each");
+  }
+  for (std::size_t k = 0; k < regions.size(); ++k) {
+    const DepthStreamInfo& stream = streams[k];
+    const MaterialRegions* const own = regions[k].get();
+    if (own == nullptr || own->labels.empty()) {
+      lookups.push_back({nullptr, stream.intrinsics});
+      continue;
+    }
+    const std::size_t num =
+        static_cast<std::size_t>(stream.width) * static_cast<std::size_t>(stream.height);
+    if (own->width != stream.width || own->height != stream.height || own->labels.size() != num) {
+      return refused("labels of " + std::to_string(own->width) + " x " +
+                     std::to_string(own->height) + " pixels do not fit depth images of " +
+                     std::to_string(stream.width) + " x " + std::to_string(stream.height) +
+                     ": give one label for each pixel");
+    }
+    if (stream.is_moving) {
+      return refused(
+          "a camera that moves shows something else in each frame at one pixel: labels "
+          "need one that stands still; leave them out");
+    }
+    for (const std::optional<Material>& material : own->materials) {
+      if (material && !is_possible(*material)) {
+        return refused(
+            "a material has a friction of 0 to 10, a static_ratio of 1 to 10, a viscous "
+            "part of 0 to 100 s/m, and ridges and grain of 0 to 1");
+      }
+    }
+    lookups.push_back({regions[k], stream.intrinsics});
+  }
+  return lookups;
+}
+
+Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceBlend> cameras,
+                 const TouchedDisc& disc) noexcept {
+  const double length = norm(disc.n_W);
+  if (!(length > 0) || lookups.empty()) return {};
+  const Vec3d n = disc.n_W / length;
+  // The disc turns with the picture, and nobody sees a surface whose normal lies in that.
+  const std::size_t num = std::min(lookups.size(), cameras.size());
+  const double radius = 1.5 * disc.torsion_radius;
+  Ground ground;
+  std::array<Pose, kMostCameras> X_CW;
+  Vec3d t;
+  for (std::size_t k = num; k-- > 0;) {
+    X_CW[k] = inverse(cameras[k].to.X_WC);
+    if (lookups[k].regions) t = rotate(cameras[k].to.X_WC.rotation, Vec3d{1, 0, 0});
+  }
+  t = t - n * dot(n, t);
+  const double along = norm(t);
+  if (!(along > 1e-6)) return {};
+  t = t / along;
+  const Vec3d s = cross(n, t);
+  for (const Spot& spot : kSpots) {
+    const Vec3d p_W = disc.p_W + t * (radius * spot.x) + s * (radius * spot.y);
+    Mix mix;
+    for (std::size_t k = 0; k < num; ++k) {
+      if (lookups[k].regions) look_at(lookups[k], X_CW[k] * p_W, mix);
+    }
+    if (!(mix.seen > 0)) continue;
+    const double by = 1 / ((mix.seen > 1 ? mix.seen : 1) * kNumSpots);
+    ground.share += by * mix.ground.share;
+    ground.friction += by * mix.ground.friction;
+    ground.static_friction += by * mix.ground.static_friction;
+    ground.viscous += by * mix.ground.viscous;
+    ground.ridges += by * mix.ground.ridges;
+    ground.grain += by * mix.ground.grain;
+  }
+  return ground;
+}
+
+}  // namespace palpate
