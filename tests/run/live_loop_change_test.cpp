@@ -290,8 +290,8 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   surfaces.changes().offer(surface_change);
   haptic.changes().offer(haptic_change);
   EXPECT_TRUE(wait_for([&] {
-    contacts.ask_for_picture(Onlooker::viewer);
-    contacts.new_picture(Onlooker::viewer);
+    contacts.ask_for_picture(Onlooker::page);
+    contacts.new_picture(Onlooker::page);
     tick();
     return contacts.changes().is_settled() && surfaces.changes().is_settled() &&
            haptic.changes().is_settled();
