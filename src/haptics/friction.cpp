@@ -85,7 +85,8 @@ PatchFriction::PatchFriction(const CouplingOptions& options, double stiffness, d
 
 bool PatchFriction::is_on(const LocalContact& contact) const {
   return options_.coefficient > 0 || options_.contact_damping > 0 ||
-         contact.patch.own_friction > 0 || contact.patch.ground.static_friction > 0;
+         contact.patch.own_friction > 0 || contact.patch.ground.static_friction > 0 ||
+         contact.patch.ground.viscous > 0;
 }
 
 bool PatchFriction::touch(const LocalContact& contact, const Wrench& contact_W, double dt,
@@ -147,7 +148,7 @@ PatchFriction::Grip PatchFriction::hold(const TouchedPatch& patch, const Vec3d& 
   const double slope = is_time(dt) ? patch.slope / dt : 0;
   if (slope > 0) {
     const Mat3s eased = inverse_of_sum(1, slope, compliance);
-    a = eased * slid;
+    a = eased * a;
     w = product(eased, compliance);
   }
 

@@ -520,9 +520,11 @@ TEST(Friction, OfAnObjectIsItsOwn) {
   EXPECT_NEAR(-touch.along().x, 0.3 * n, 1e-3 * n);
 }
 
-/// The force along a belt that runs under a tool, over the force into it; `hand` and `belt` in m/s.
-double drag_on_belt(CouplingKind kind, double hand, double belt) {
-  const CouplingOptions options = options_of(kind, 0.4);
+/// The force along a belt that runs under a tool, over the force into it; `hand` and `belt` in m/s,
+/// `viscous` in s/m.
+double drag_on_belt(CouplingKind kind, double hand, double belt, double viscous = 0) {
+  CouplingOptions options = options_of(kind, 0.4);
+  options.friction.viscous = viscous;
   const Plate plate;
   auto coupling = make_coupling(options, kLimits, box_tool());
   coupling->reset(hand_at(pressed(-1e-3)));
@@ -549,7 +551,26 @@ TEST(Friction, ABeltTakesTheToolAlong) {
     EXPECT_NEAR(drag_on_belt(kind, 0.03, 0.05), 0.4, 1e-3) << name_of(kind);
     // It sticks, and what the start has stretched stays.
     EXPECT_LT(std::abs(drag_on_belt(kind, 0.05, 0.05)), 0.1) << name_of(kind);
+
+    // So does what grows with it.
+    EXPECT_NEAR(drag_on_belt(kind, 0, 0.05, 2), 0.4 + 2 * 0.05, 2e-3) << name_of(kind);
+    EXPECT_NEAR(drag_on_belt(kind, 0.05, 0.03, 2), -0.4 - 2 * 0.02, 2e-3) << name_of(kind);
+    EXPECT_LT(std::abs(drag_on_belt(kind, 0.05, 0.05, 2)), 0.1) << name_of(kind);
   }
+}
+
+// Without any friction, too.
+TEST(Friction, ARegionMayBeViscousAlone) {
+  Touch touch(options_of(CouplingKind::none, 0), {}, pressed(1e-3));
+  for (int i = 0; i < 500; ++i) {
+    const Pose X = pressed(1e-3, {5e-5 * i, 0, 0});
+    LocalContact contact = touch.plate.contact(X, i);
+    contact.patch.ground.share = 1;
+    contact.patch.ground.viscous = 2;
+    touch.step = touch.coupling->step(hand_at(X), contact, kTick);
+  }
+  const double n = dot(touch.step.contact_W.force, touch.plate.n_W);
+  EXPECT_NEAR(-touch.along().x, 2 * 0.05 * n, 1e-3 * n);
 }
 
 // Regions: sliding at once with their coefficient, sticking with theirs, the rest with the usual.
