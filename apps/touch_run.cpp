@@ -186,9 +186,9 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
     settings.coupling.kind = has_hand ? CouplingKind::virtual_coupling : CouplingKind::none;
   }
   use_sensor(input.stream().sensor, options.given, settings.surface);
-  const bool moves = std::ranges::any_of(
-      input.sources, [](const auto& source) { return source->info().is_moving; });
-  if (moves && !options.is_given("time.average")) settings.time.average.kind = DepthAverage::none;
+  std::vector<DepthStreamInfo> streams;
+  for (const auto& source : input.sources) streams.push_back(source->info());
+  if (!options.is_given("time.average")) settings.time.average.kind = usual_average(streams);
   use_sensor(input.stream().sensor, options.given, settings.time);
   // What a robot hides is no gap that an estimate may fill.
   if (options.self_filter && !options.is_given("time.average_keep_frames")) {

@@ -219,8 +219,21 @@ void check(const Options& options) {
 /// What runs have unless somebody says otherwise.
 RunSettings settings_of_runs() {
   RunSettings settings;
-  settings.time.average.kind = DepthAverage::kalman;
+  settings.time.average.kind = usual_average({});
   return settings;
+}
+
+/// Every key behind a #: what stands in a file counts as given, also where a run would choose by
+/// its cameras or its device.
+std::string commented_settings() {
+  const RunSettings defaults = settings_of_runs();
+  std::istringstream lines(settings_toml(settings_of(defaults)));
+  std::string text;
+  for (std::string line; std::getline(lines, line);) {
+    const bool is_key = !line.empty() && line.front() != '[' && line.front() != '#';
+    text += (is_key ? "# " : "") + line + "\n";
+  }
+  return text;
 }
 
 /// The hand, and what is between it and the tool.
@@ -248,11 +261,9 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   add_setting_options(app, group, settings_of(options->settings), kHandOptions);
   app.add_flag_callback(
          "--print-settings",
-         [] {
-           const RunSettings defaults = settings_of_runs();
-           throw CLI::CallForVersion(settings_toml(settings_of(defaults)), 0);  // ends well
-         },
-         "print a settings file with the defaults, each explained, and do nothing else")
+         [] { throw CLI::CallForVersion(commented_settings(), 0); },  // ends well
+         "print a settings file with the defaults, each explained and behind a #, and do nothing "
+         "else")
       ->group(group);
 }
 

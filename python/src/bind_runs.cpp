@@ -238,9 +238,9 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   const DepthStreamInfo& stream = request.sources.front()->info();
   request.settings.coupling.kind = is_live ? CouplingKind::virtual_coupling : CouplingKind::none;
   request.settings.surface = surface_options_for(stream.sensor);
-  const bool moves = std::ranges::any_of(
-      request.sources, [](const auto& source) { return source->info().is_moving; });
-  request.settings.time.average.kind = moves ? DepthAverage::none : DepthAverage::kalman;
+  std::vector<DepthStreamInfo> streams;
+  for (const auto& source : request.sources) streams.push_back(source->info());
+  request.settings.time.average.kind = usual_average(streams);
   SettingTable table = settings_of(request.settings);
   const auto take_settings = [&] {
     if (settings_file) taken(read_settings_file(*settings_file, table));

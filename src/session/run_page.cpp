@@ -129,6 +129,7 @@ std::string short_name(const std::string& name) {
 Json usual_settings(const Tool& tool, const RunLog& log) {
   RunSettings usual;
   usual.coupling.kind = log.coupling.kind;
+  usual.time.average.kind = usual_average(log.setup.streams);
   const DeviceInfo& device = log.setup.device;
   const auto coupling =
       check_coupling(usual.coupling, device.limits, 1 / device.rate, tool.sphere_mass());

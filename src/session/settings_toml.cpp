@@ -113,6 +113,11 @@ Result<std::vector<std::string>> read_settings_file(const std::filesystem::path&
   return Reader(path.string(), table).read(*document);
 }
 
+DepthAverage usual_average(std::span<const DepthStreamInfo> streams) noexcept {
+  const bool moves = std::ranges::any_of(streams, &DepthStreamInfo::is_moving);
+  return moves ? DepthAverage::none : DepthAverage::kalman;
+}
+
 std::string settings_toml(const SettingTable& table) {
   std::string text;
   std::string_view section;

@@ -1188,6 +1188,17 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         for section in ("contact", "surface", "field", "time", "loop", "coupling", "safety"):
             self.assertIn(f"[{section}]", text)
         self.assertIn("to 10000000 N/s)", text)
+        # As it is printed a file gives nothing: a camera that moves is taken as without it.
+        for line in text.splitlines():
+            self.assertTrue(line == "" or line[0] in "[#", line)
+        written = self.path("printed.toml")
+        with open(written, "w") as file:
+            file.write(text)
+        for more, average in (([], "kalman"), (["--average", "none"], "none")):
+            run = self.path("printed-" + average)
+            self.succeed("touch", self.tool, "--scene", "wall", "--duration", "0.3", "--settings", written, *more, "-o", run)
+            with open(os.path.join(run, "summary.json")) as file:
+                self.assertEqual(json.load(file)["settings"]["time"]["average"], average)
 
     def test_devices(self):
         self.assertIn("sim", self.succeed("devices"))

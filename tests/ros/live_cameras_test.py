@@ -165,11 +165,11 @@ class LiveCamerasTest(PeerCase):
             self.assertIn("open http", run.stdout.readline())
             time.sleep(3)
             held = change("coupling.clutch", True)
-            time.sleep(2)
+            time.sleep(4)
             released = change("coupling.clutch", False)
-            time.sleep(2)
+            time.sleep(4)
             walled = change("coupling.workspace_x", 0.01)
-            time.sleep(2)
+            time.sleep(4)
         finally:
             run.send_signal(signal.SIGINT)
             said, _ = run.communicate(timeout=60)
@@ -178,18 +178,18 @@ class LiveCamerasTest(PeerCase):
 
         def span(begin, end, of="poses", part=1):
             values = [each[part] for each in seen[of] if begin < each[0] < end]
-            self.assertGreater(len(values), 30, said)
+            self.assertGreater(len(values), 10, said)
             return min(values), max(values)
 
         low, high = span(0, held)
         self.assertGreater(high - low, 0.06)
-        low, high = span(held + 0.8, released - 0.1)  # once it has come to rest
+        low, high = span(held + 2.5, released - 0.1)  # once it has come to rest
         self.assertLess(high - low, 0.0005)
-        low, high = span(held + 0.8, released - 0.1, "twists")
+        low, high = span(held + 2.5, released - 0.1, "twists")
         self.assertLess(max(-low, high), 0.01)
         low, high = span(released, walled)
         self.assertGreater(high - low, 0.06)
-        low, high = span(walled + 0.8, float("inf"))
+        low, high = span(walled + 2.5, float("inf"))
         self.assertLess(max(-low, high), 0.012)
 
     def test_a_follower_hears_of_the_tool(self):

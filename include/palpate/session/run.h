@@ -199,6 +199,10 @@ Result<Options> load_settings(const std::filesystem::path& path, Options default
   return defaults;
 }
 
+/// How runs average depth unless somebody says otherwise: estimated, where every camera stands
+/// still.
+DepthAverage usual_average(std::span<const DepthStreamInfo> streams) noexcept;
+
 /// Such a file with the values as they are, and a comment on every key: what it means, its range
 /// and its unit.
 std::string settings_toml(const SettingTable& table);
