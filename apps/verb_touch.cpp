@@ -338,7 +338,7 @@ void add_touch(CLI::App& program, Action& action) {
     options->rig = source->rig;
     options->sensor = source->sensor;
     if (app.count("--device") > 0 && options->device.empty()) options->device = "auto";
-    for (std::string& key : given_settings(app, {kSurfaceOptions, kHandOptions})) {
+    for (std::string& key : given_settings(app, {kSurfaceOptions, kTimeOptions, kHandOptions})) {
       options->given.push_back(std::move(key));
     }
     check_motion(app, *options);

@@ -250,6 +250,7 @@ std::unique_ptr<RunInThread> start_run(const PyTool& tool, const nb::list& camer
   if (DepthAverageOptions& average = request.settings.time.average;
       average.kind == DepthAverage::kalman) {
     average = depth_average_options_for(stream.sensor);
+    average.kind = DepthAverage::kalman;
     take_settings();  // what is given wins
   }
   const CouplingOptions& coupling = request.settings.coupling;
