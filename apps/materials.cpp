@@ -89,6 +89,10 @@ void parse_material(const std::string& text, MaterialOptions& options) {
     parse_property(text, rest.substr(0, end), material);
     rest = end == std::string_view::npos ? "" : rest.substr(end + 1);
   } while (!rest.empty());
+  if (material.friction == 0 &&
+      (material.static_ratio != 1 || material.ridges > 0 || material.grain > 0)) {
+    refuse(text, "static_ratio, ridges and grain are felt through friction; add friction=0.3");
+  }
   if (options.materials.size() <= index) options.materials.resize(index + 1);
   options.materials[index] = material;
 }

@@ -363,6 +363,9 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
     bodies_[i].V_W = from.V_W;
     bodies_[i].is_asleep = from.is_asleep;
     rests_[i] = other.rests_[i];
+    if (gravity() == other.gravity() && options_.may_sleep) continue;
+    bodies_[i].is_asleep = rests_[i].is_asleep = false;
+    rests_[i].seconds = 0;
   }
   solver_->take_over(*other.solver_);
 }

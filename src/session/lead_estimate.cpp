@@ -1,5 +1,6 @@
 #include "src/session/lead_estimate.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace palpate {
@@ -8,9 +9,19 @@ void LeadEstimate::begin(std::uint32_t revision, const RunSettings& settings) {
   beginnings_.push_back({revision, settings.time.average, settings.binning});
 }
 
+bool LeadEstimate::is_known_before(std::int64_t camera_frame, std::uint32_t revision) const {
+  if (begins_with(revision)) {
+    const auto begins =
+        std::find_if(beginnings_.rbegin(), beginnings_.rend(),
+                     [&](const Beginning& beginning) { return beginning.revision <= revision; });
+    return begins->average.kind != DepthAverage::kalman || last_ + 1 == camera_frame;
+  }
+  return averager_ == nullptr || (is_whole_ && last_ + 1 == camera_frame);
+}
+
 void LeadEstimate::take(const RecordedDepth& frame) {
   std::optional<Beginning> begins;
-  while (!beginnings_.empty() && beginnings_.front().revision <= frame.record.revision) {
+  while (begins_with(frame.record.revision)) {
     begins = beginnings_.front();
     beginnings_.pop_front();
   }

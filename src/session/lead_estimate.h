@@ -23,11 +23,12 @@ class LeadEstimate {
   /// begins anew. O(pixels) with an estimate, else O(1).
   void take(const RecordedDepth& frame);
 
-  /// Whether a run that goes on with this frame can be repeated from here.
-  bool is_known_before(std::int64_t camera_frame) const {
-    return averager_ == nullptr || (is_whole_ && last_ + 1 == camera_frame);
+  /// Whether a run that goes on with this frame, of this revision, can be repeated from here.
+  bool is_known_before(std::int64_t camera_frame, std::uint32_t revision) const;
+  /// Whether a frame of this revision goes on with an estimate that others have begun.
+  bool has_estimate(std::uint32_t revision) const {
+    return averager_ != nullptr && !begins_with(revision);
   }
-  bool has_estimate() const { return averager_ != nullptr; }
   /// Of the settings with which it began.
   std::uint32_t revision() const { return revision_; }
   std::string state() const { return averager_->state(); }
@@ -38,6 +39,11 @@ class LeadEstimate {
     DepthAverageOptions average;
     int binning = 1;
   };
+
+  /// Whether surfaces are made anew with the next frame if it is of this revision.
+  bool begins_with(std::uint32_t revision) const {
+    return !beginnings_.empty() && beginnings_.front().revision <= revision;
+  }
 
   DepthStreamInfo stream_;
   std::deque<Beginning> beginnings_;  // that no frame was of yet

@@ -140,8 +140,10 @@ bool RunRecorder::can_begin_here() const {
     return has_whole_lead(setup.settings.time) && !has_moving_objects(setup.settings);
   });
   return has_leads && std::all_of(cameras_.begin(), cameras_.end(), [](const Camera& camera) {
-           return camera.frames.empty() || camera.lead.is_known_before(static_cast<std::int64_t>(
-                                               camera.frames.front().record.camera_frame));
+           if (camera.frames.empty()) return true;
+           const FrameRecord& next = camera.frames.front().record;
+           return camera.lead.is_known_before(static_cast<std::int64_t>(next.camera_frame),
+                                              next.revision);
          });
 }
 
@@ -182,7 +184,7 @@ Status RunRecorder::begin(const HandMoment* moment) {
   if (moment != nullptr) {
     for (std::uint32_t k = 0; k < cameras_.size(); ++k) {
       const LeadEstimate& lead = cameras_[k].lead;
-      if (!start.has_surfaces || !lead.has_estimate()) continue;
+      if (!start.has_surfaces || !lead.has_estimate(setups_.front().revision)) continue;
       write(channels_.estimate, last_time_, estimate_message({k, lead.revision(), lead.state()}));
     }
     for (const Camera& camera : cameras_) {

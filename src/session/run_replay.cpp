@@ -363,13 +363,16 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   if (!tool) return tool.error();
   RunSettings settings = ticks->setup().settings;
   if (const Status status = change(settings); !status) return status.error();
-  const bool remembers = settings.time.memory.kind != DepthMemory::off;
-  if (ticks->start() && (remembers || has_moving_objects(settings))) {
+  const bool remembers = settings.time.memory.kind != DepthMemory::off,
+             estimates = settings.time.average.kind == DepthAverage::kalman;
+  if (ticks->start() && (remembers || estimates || has_moving_objects(settings))) {
     return Error{
         Errc::bad_input,
         folder.string() + " does not begin where its run did: " +
-            (remembers ? "what its camera remembered then is not kept; leave the memory out"
-                       : "where its objects had moved to is not kept; leave them out") +
+            (remembers   ? "what its camera remembered then is not kept; leave the memory out"
+             : estimates ? "a new run does not know the estimate of depth of then; leave it out "
+                           "(--average none)"
+                         : "where its objects had moved to is not kept; leave them out") +
             " to feel it anew"};
   }
   RunOptions run = options;

@@ -59,8 +59,9 @@ std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, i
   return leads;
 }
 
-/// Whether the timelines come to these frames by the next ones of each camera.
-bool Repetition::goes_on_to(const std::vector<Lead>& leads) {
+/// Whether the timelines come to these frames by the next ones of each camera, and have all of the
+/// last `num_felt` of them.
+bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_felt) {
   if (cameras_.empty()) return false;
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     const Camera& camera = cameras_[k];
@@ -69,6 +70,8 @@ bool Repetition::goes_on_to(const std::vector<Lead>& leads) {
     const std::int64_t first = run_.camera_frame(leads[k].front()).second;
     const std::int64_t last = run_.camera_frame(leads[k].back()).second;
     if (camera.first > first || camera.last > last || camera.last + 1 < first) return false;
+    const std::size_t felt = leads[k].size() - std::min(leads[k].size(), num_felt);
+    if (run_.camera_frame(leads[k][felt]).second <= camera.unfelt) return false;
   }
   return true;
 }
@@ -95,7 +98,8 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     if (const Status status = make_part(settings); !status) return status.error();
   }
   const std::vector<Lead> leads = leads_of(query, num_lead_frames(settings.time));
-  if (!makes_same_surfaces(settings, made_with_) || !goes_on_to(leads)) {
+  const std::size_t num_felt = 1 + static_cast<std::size_t>(num_blended_frames(settings.time));
+  if (!makes_same_surfaces(settings, made_with_) || !goes_on_to(leads, num_felt)) {
     made_with_ = settings;
     const Status status = prepare(leads, settings);
     if (!status) return status.error();
@@ -104,11 +108,11 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
   moments_.assign(leads.size(), {});
   for (std::size_t k = 0; k < leads.size(); ++k) {
     Camera& camera = cameras_[k];
-    const std::size_t num_felt = 1 + static_cast<std::size_t>(num_blended_frames(settings.time));
     std::size_t num_left = leads[k].size();
     for (const std::size_t index : leads[k]) {
       // Of those before only what averages take from them matters.
-      const PixelWindow asked = num_left-- > num_felt ? PixelWindow{0, 0, 1, 1} : PixelWindow{};
+      const bool is_felt = num_left-- <= num_felt;
+      const PixelWindow asked = is_felt ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
       const std::int64_t number = run_.camera_frame(index).second;
       if (number <= camera.last) continue;
       if (!keep_going()) return false;
@@ -118,6 +122,7 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
       camera.timeline.push((*frame)->shown.frame, camera.clock, pool_, asked);
       if (camera.first < 0) camera.first = number;
       camera.last = number;
+      if (!is_felt) camera.unfelt = number;
       camera.index = index;
     }
     if (!camera.timeline.status()) return camera.timeline.status().error();

@@ -45,10 +45,11 @@ def page_data(path):
     return json.loads(read(path).split(begin)[1].split("</script>")[0])
 
 
-def write_depth_png(path, width, height, value):
-    """16-bit greyscale; value(u, v) in counts."""
+def write_depth_png(path, width, height, value, bits=16):
+    """Greyscale; value(u, v) in counts. Labels have 8 bits."""
+    of_row = f">{width}" + {8: "B", 16: "H"}[bits]
     rows = b"".join(
-        b"\0" + struct.pack(f">{width}H", *(value(u, v) for u in range(width))) for v in range(height))
+        b"\0" + struct.pack(of_row, *(value(u, v) for u in range(width))) for v in range(height))
 
     def chunk(kind, data):
         body = kind + data
@@ -56,7 +57,7 @@ def write_depth_png(path, width, height, value):
 
     with open(path, "wb") as file:
         file.write(b"\x89PNG\r\n\x1a\n" +
-                   chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)) +
+                   chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)) +
                    chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
@@ -202,6 +203,33 @@ class CommandLine(unittest.TestCase):
         ):
             self.expect_failure(2, *verb, option, value, mentions=f"{option}: must be ")
             self.assertLess(len(palpate(*verb, option, value).stderr), 160)
+
+    def test_materials_that_cannot_be_are_refused(self):
+        out, labels, other = self.path("of_wood"), self.path("labels.png"), self.path("other.png")
+        write_depth_png(labels, 160, 120, lambda u, v: u // 80, bits=8)
+        touch = self.sequence("-o", out, "--probe", "80,60")
+        for arguments, mentions in (
+            (("--labels", labels), "--labels: nothing says what a label is made of; add --material"),
+            (("--material", "1=wood"), "--material: nothing says where it is; add --labels"),
+            (("--labels", labels, "--material", "wood"), "a label and what it is made of"),
+            (("--labels", labels, "--material", "256=wood"), "the label must be a number from 0 to 255"),
+            (("--labels", labels, "--material", "1.5=wood"), "a label is a whole number"),
+            (("--labels", labels, "--material", "1=cheese"), "'cheese' is none of ice, metal"),
+            (("--labels", labels, "--material", "1=friction=11"), "friction must be a number from 0 to 10"),
+            (("--labels", labels, "--material", "1=static_ratio=1.2"), "add friction="),
+            (("--labels", labels, "--material", "1=ridges=0.3"), "add friction="),
+            (("--labels", labels, "--material", "1=viscous=2,grain=0.3"), "add friction="),
+        ):
+            self.expect_failure(2, *touch, *arguments, mentions=mentions)
+        wood = ("--material", "1=wood")
+        write_depth_png(other, 80, 60, lambda u, v: 1, bits=8)
+        self.expect_failure(1, *touch, "--labels", other, *wood,
+                            mentions="labels of 80 x 60 pixels do not fit depth images of 160 x 120")
+        write_depth_png(other, 160, 120, lambda u, v: 1)
+        self.expect_failure(1, *touch, "--labels", other, *wood,
+                            mentions="other.png is not a PNG of labels; save it with 8 bits")
+        self.assertFalse(os.path.exists(out))
+        self.succeed(*touch, "--labels", labels, "--material", "0=viscous=2", *wood)
 
     def test_outputs_never_replace_inputs(self):
         mesh, tool = self.path("precious.ply"), self.path("precious.palp")

@@ -82,6 +82,33 @@ TEST(MovingBodies, SleepUntilSomethingChanges) {
   EXPECT_FALSE(is_asleep(0));
 }
 
+// As when settings change that make new queries.
+TEST(MovingBodies, WakeUpInQueriesWithAnotherGravity) {
+  const std::vector<SceneObject> objects{box_at(0, 0.005)};
+  TableTop world(objects, {});
+  go_on(world, 2);
+  ASSERT_TRUE(world.body(0).is_asleep);
+  BodyOptions options;
+  options.gravity_y = 0;
+  options.gravity_z = 9.81;
+  const auto next = [&] {
+    auto made = MovingBodies::create(objects, options, Place::cpu(), nullptr).value();
+    made->take_over(*world.bodies);
+    world.bodies = std::move(made);
+  };
+  const double before = world.body(0).X_WB.translation.z;
+  next();
+  go_on(world, 0.1);
+  EXPECT_TRUE(world.body(0).is_asleep);
+  EXPECT_EQ(world.body(0).X_WB.translation.z, before);
+  options.gravity_z = -1;  // up
+  next();
+  go_on(world, 0.1);
+  EXPECT_FALSE(world.body(0).is_asleep);
+  // As it falls freely, or more: what held it gives it a push.
+  EXPECT_LT(world.body(0).X_WB.translation.z, before - 0.99 * 0.5 * 0.1 * 0.1);
+}
+
 TEST(MovingBodies, StandOnEachOther) {
   TableTop world({box_at(0, 0), box_at(0.002, 0.041), box_at(-0.002, 0.082)}, {}, awake());
   go_on(world, 3);

@@ -30,8 +30,8 @@ DepthFrame noise(int width, int height) {
   return frame;
 }
 
-/// Any kind of PNG, written by libpng itself from rows of zeros or, for 16-bit greyscale, of
-/// `frame`.
+/// Any kind of PNG, written by libpng itself from rows of zeros or, with one channel, of `frame`:
+/// of 8 bits its lower ones.
 void write_png(const std::filesystem::path& path, int bits, int colour_type, int interlace,
                const DepthFrame& frame) {
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
@@ -40,8 +40,8 @@ void write_png(const std::filesystem::path& path, int bits, int colour_type, int
   png_init_io(png, file);
   png_set_IHDR(png, info, png_uint_32(frame.width), png_uint_32(frame.height), bits, colour_type,
                interlace, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  const png_color palette[2] = {{0, 0, 0}, {255, 255, 255}};
-  if (colour_type == PNG_COLOR_TYPE_PALETTE) png_set_PLTE(png, info, palette, 2);
+  const png_color palette[256] = {{0, 0, 0}, {255, 255, 255}};
+  if (colour_type == PNG_COLOR_TYPE_PALETTE) png_set_PLTE(png, info, palette, 256);
   png_write_info(png, info);
   std::vector<png_byte> bytes(frame.pixels.size() * 8, 0);
   const std::size_t pixel_bytes = png_get_rowbytes(png, info) / frame.width;
@@ -50,6 +50,8 @@ void write_png(const std::filesystem::path& path, int bits, int colour_type, int
       bytes[2 * i] = png_byte(frame.pixels[i] >> 8);
       bytes[2 * i + 1] = png_byte(frame.pixels[i] & 255);
     }
+  } else if (bits == 8 && pixel_bytes == 1) {
+    for (std::size_t i = 0; i < frame.pixels.size(); ++i) bytes[i] = png_byte(frame.pixels[i]);
   }
   std::vector<png_bytep> rows;
   for (int v = 0; v < frame.height; ++v)
@@ -97,6 +99,43 @@ TEST(DepthPng, RefusesOtherKindsOfPng) {
     write_png(folder / "other.png", bits, colour, PNG_INTERLACE_NONE, frame);
     expect_error(load_depth_png(folder / "other.png"), "16-bit greyscale");
   }
+}
+
+TEST(LabelPng, ReadsGreysAndIndicesAsTheyAre) {
+  const TemporaryFolder folder;
+  const DepthFrame frame = noise(61, 43);
+  for (const int colour : {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_PALETTE}) {
+    for (const int interlace : {PNG_INTERLACE_NONE, PNG_INTERLACE_ADAM7}) {
+      write_png(folder / "labels.png", 8, colour, interlace, frame);
+      const auto loaded = load_label_png(folder / "labels.png");
+      ASSERT_TRUE(loaded.has_value()) << loaded.error().message;
+      EXPECT_EQ(loaded->width, 61);
+      EXPECT_EQ(loaded->height, 43);
+      ASSERT_EQ(loaded->labels.size(), frame.pixels.size());
+      for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
+        ASSERT_EQ(loaded->labels[i], frame.pixels[i] & 255) << i;
+      }
+    }
+  }
+}
+
+TEST(LabelPng, RefusesWhatIsNone) {
+  const TemporaryFolder folder;
+  const auto path = folder / "labels.png";
+  for (const auto& [bits, colour] : {std::pair(16, PNG_COLOR_TYPE_GRAY),
+                                     {8, PNG_COLOR_TYPE_RGB},
+                                     {8, PNG_COLOR_TYPE_GRAY_ALPHA},
+                                     {4, PNG_COLOR_TYPE_GRAY}}) {
+    write_png(path, bits, colour, PNG_INTERLACE_NONE, noise(8, 8));
+    expect_error(load_label_png(path), "save it with 8 bits and one channel");
+  }
+  write_bytes(path, "this is not an image");
+  expect_error(load_label_png(path), "not a good PNG");
+  EXPECT_EQ(load_label_png(folder / "absent.png").error().code, Errc::not_found);
+  write_png(path, 8, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, noise(64, 48));
+  test::for_each_truncation(path, 200, [](const std::filesystem::path& cut, std::size_t length) {
+    EXPECT_FALSE(load_label_png(cut).has_value()) << length;
+  });
 }
 
 TEST(DepthPng, RefusesBombsBeforeAllocating) {

@@ -157,17 +157,93 @@ TEST(LeadEstimate, IsUnknownAfterAGapUntilItBeginsAnew) {
     depth.record.revision = revision;
     lead.take(depth);
   };
-  EXPECT_TRUE(lead.is_known_before(0));
+  EXPECT_TRUE(lead.is_known_before(0, 0));
   ASSERT_TRUE(stream.next(depth.frame).value());
   take(0, 0);
-  EXPECT_TRUE(lead.has_estimate());
-  EXPECT_TRUE(lead.is_known_before(1));
-  EXPECT_FALSE(lead.is_known_before(2));
+  EXPECT_TRUE(lead.has_estimate(1));
+  EXPECT_TRUE(lead.is_known_before(1, 0));
+  EXPECT_FALSE(lead.is_known_before(2, 0));
   take(2, 1);
-  EXPECT_FALSE(lead.is_known_before(3));
+  EXPECT_FALSE(lead.is_known_before(3, 1));
+  // It begins anew with the next one, which may be the first of a part.
+  EXPECT_TRUE(lead.is_known_before(3, 2));
+  EXPECT_FALSE(lead.is_known_before(4, 2));
+  EXPECT_FALSE(lead.has_estimate(2));
   take(3, 2);
-  EXPECT_TRUE(lead.is_known_before(4));
+  EXPECT_TRUE(lead.is_known_before(4, 2));
+  EXPECT_TRUE(lead.has_estimate(2));
   EXPECT_EQ(lead.revision(), 2u);
+}
+
+// Surfaces are made anew with the very frame that a part begins with: it begins without what was
+// known before.
+TEST(RecordingParts, BeginWithTheEstimateOfTheirFirstFrame) {
+  const Tool tool = small_tool();
+  for (const bool is_anew : {false, true}) {
+    const TemporaryFolder folder;
+    SyntheticStream stream(3);
+    RunSetup setup;
+    setup.settings = settings_with(TimeMode::latest, CouplingKind::none);
+    setup.settings.time.average.kind = DepthAverage::kalman;
+    setup.streams = {stream.info()};
+    setup.device.rate = kRate;
+    auto recorder =
+        RunRecorder::create(folder.path() / kRecordingFile, tool, setup, true, {.split_bytes = 1});
+    ASSERT_TRUE(recorder) << recorder.error().message;
+    FrameRecord record;
+    ContactRecord contact;
+    TickRecord tick;
+    DepthFrame frame;
+    for (int i = 0; i < 3; ++i) {
+      ASSERT_TRUE(stream.next(frame).value());
+      if (i == 2) {
+        if (is_anew) setup.settings.binning = 2;
+        recorder->add_settings(1, setup.settings);
+        record.revision = contact.revision = tick.revision = 1;
+      }
+      record.number = record.camera_frame = static_cast<std::uint64_t>(i);
+      recorder->add_frame(record, frame);
+      contact.number = tick.contact_number = static_cast<std::uint64_t>(i) + 1;
+      contact.cameras.of[0].camera_frame = i;
+      recorder->add_contact(contact);
+      recorder->add_tick(tick);
+    }
+    HandMoment moment;
+    moment.tick = 3;
+    moment.revision = 1;
+    recorder->add_moment(moment);
+    recorder->finish();
+    auto part = RunReader::open(folder.path() / part_file(2));
+    ASSERT_TRUE(part) << part.error().message;
+    ASSERT_TRUE(part->start());
+    EXPECT_TRUE(part->start()->has_surfaces);
+    EXPECT_EQ(part->setup().revision, 1u);
+    int num_estimates = 0;
+    for (auto message = part->next(); message && *message; message = part->next()) {
+      num_estimates += (*message)->topic == kEstimateTopic;
+    }
+    EXPECT_EQ(num_estimates, is_anew ? 0 : 1);
+  }
+}
+
+// What an estimate knew is not taken over by another run.
+TEST(RecordingParts, KeptOnesAreFeltAnewWithoutTheEstimate) {
+  const TemporaryFolder folder;
+  const auto run = folder.path() / "run";
+  RunSettings settings = settings_with(TimeMode::latest, CouplingKind::none);
+  settings.time.average.kind = DepthAverage::kalman;
+  ASSERT_TRUE(record(run, settings, {.split_bytes = 1}, 3));
+  ASSERT_TRUE(retry_run(run, folder.path() / "all", [](RunSettings&) { return Done{}; }));
+  fs::remove(run / kRecordingFile);
+  const auto retry = retry_run(run, folder.path() / "kept", [](RunSettings&) { return Done{}; });
+  ASSERT_FALSE(retry);
+  EXPECT_NE(retry.error().message.find("(--average none)"), std::string::npos)
+      << retry.error().message;
+  EXPECT_FALSE(fs::exists(folder.path() / "kept"));
+  EXPECT_TRUE(retry_run(run, folder.path() / "kept", [](RunSettings& changed) {
+    changed.time.average.kind = DepthAverage::none;
+    return Done{};
+  }));
 }
 
 // A tick may be told before the contact that it felt, which knew older settings.

@@ -329,6 +329,33 @@ TEST(Repetition, GivesTheSameBitsFromAnywhere) {
   }
 }
 
+// Frames that were looked at in passing only are looked at once more to be felt.
+TEST(Repetition, GivesTheSameBitsAfterAJumpThatWasGivenUp) {
+  const TemporaryFolder folder;
+  RunSettings settings = path_settings(TimeMode::latest);
+  settings.time.average.kind = DepthAverage::kalman;
+  record_path(folder.path() / "run", settings);
+  auto run = open_recorded_run(folder.path() / "run");
+  ASSERT_TRUE(run);
+  const auto always = [] { return true; };
+  const auto far = (*run)->query_at(70 / kRate), near = (*run)->query_at(20 / kRate);
+  ASSERT_TRUE(far && near);
+  Repetition fresh(**run);
+  ASSERT_TRUE(*fresh.go_to(*near, (*run)->settings(0), always));
+  const Penetration expected = fresh.measure();
+  EXPECT_GT(expected.volume, 0);
+  for (int num_pushed = 1; num_pushed < 8; ++num_pushed) {
+    Repetition repetition(**run);
+    int num_left = num_pushed;
+    const auto gone = repetition.go_to(*far, (*run)->settings(0), [&] { return num_left-- > 0; });
+    ASSERT_TRUE(gone);
+    ASSERT_FALSE(*gone);
+    ASSERT_TRUE(*repetition.go_to(*near, (*run)->settings(0), always));
+    EXPECT_EQ(repetition.measure().volume, expected.volume) << num_pushed;
+    EXPECT_EQ(repetition.measure().measure_W.force, expected.measure_W.force) << num_pushed;
+  }
+}
+
 TEST(Repetition, LooksBackAsFarAsTheTimeOptionsDo) {
   TimeOptions time;
   EXPECT_EQ(num_lead_frames(time), 1);
