@@ -123,12 +123,10 @@ struct LevelBlend {
   return clamped_at_silhouette(own, plane, side, depth, k_by);
 }
 
-// Has any of the nine pixels around an element another value than that of its own plane?
-[[gnu::always_inline]] inline VecI is_near_silhouette(const Grid& grid, const Pixels& pixels,
-                                                      VecI pixel) {
-  if (grid.thickness < static_cast<float>(kSolidBehind)) return splat(-1);
-  if (!any_byte(pixels.near_silhouette, pixel)) return VecI{};
-  return gather_bytes(pixels.near_silhouette, pixel) != 0;
+// Is one of the nine pixels around an element near a silhouette?
+[[gnu::always_inline]] inline bool is_near_silhouette(const Pixels& pixels, VecI pixel) {
+  return any_byte(pixels.near_silhouette, pixel) &&
+         mask_bits(gather_bytes(pixels.near_silhouette, pixel) != 0) != 0;
 }
 
 // The values of the nine pixels around, row by row, each element on a level of its own.
@@ -170,6 +168,16 @@ template <class Sample>
 // The values of nine pixels of which none is near a silhouette: planes.
 struct Planes {
   VecF value[3][3], slope[3][3];
+
+  /// Does with_back leave the values of all elements as they are?
+  [[gnu::always_inline]] bool have_no_back(float thickness) const {
+    if (!(thickness < static_cast<float>(kSolidBehind))) return true;
+    VecF least = value[0][0];
+    for (const VecF(&row)[3] : value) {
+      for (const VecF& each : row) least = min(least, each);
+    }
+    return mask_bits(~(below_unbent(least, splat(thickness)) <= VecF{})) == 0;
+  }
 };
 [[gnu::always_inline]] inline Planes planes_around(const Grid& grid, const Pixels& pixels,
                                                    VecI pixel, VecF depth) {
@@ -187,9 +195,8 @@ struct Planes {
 
 // phi with its derivatives by the image, where no pixel around is near a silhouette.
 template <class Sample>
-[[gnu::always_inline]] inline Sample sample_planes(const Grid& grid, const Pixels& pixels,
-                                                   const Spot& at, VecI level, VecF depth) {
-  const Planes planes = planes_around(grid, pixels, at.pixel, depth);
+[[gnu::always_inline]] inline Sample sample_planes(const Planes& planes, const Spot& at,
+                                                   VecI level) {
   Curved<VecF> phi[3], by_z[3];
   for (int q = 0; q < 3; ++q) {
     const VecF(&value)[3] = planes.value[q], (&slope)[3] = planes.slope[q];
@@ -219,10 +226,11 @@ template <class Sample>
 template <class Sample>
 [[gnu::always_inline]] inline Sample sample(const Grid& grid, const Pixels& pixels, const Spot& at,
                                             VecI level, VecF depth) {
-  if (mask_bits(is_near_silhouette(grid, pixels, at.pixel)) != 0) {
-    return sample_silhouettes<Sample>(grid, pixels, at, level, depth);
+  if (!is_near_silhouette(pixels, at.pixel)) {
+    const Planes planes = planes_around(grid, pixels, at.pixel, depth);
+    if (planes.have_no_back(grid.thickness)) return sample_planes<Sample>(planes, at, level);
   }
-  return sample_planes<Sample>(grid, pixels, at, level, depth);
+  return sample_silhouettes<Sample>(grid, pixels, at, level, depth);
 }
 
 // `blend` of the next wider level.

@@ -68,6 +68,13 @@ PALPATE_FORMULA Curved<Real> plane_value(Real offset, Real slope, Real z) {
   return {offset - z * slope, -slope, Real{}};
 }
 
+/// How far below the values that with_back leaves as they are; where this is 0 or less it adds 0.
+template <class Real>
+PALPATE_FORMULA Real below_unbent(Real value, Real thickness) {
+  const Real zero{}, most = thickness < zero ? -thickness : thickness;
+  return (-most - value) + 0.25f * most;
+}
+
 /// As deep as it is down to -thickness, from there on out of the back: |x + thickness| - thickness,
 /// rounded. With a negative thickness no deeper than that: max(x, thickness).
 template <class Real>
@@ -75,9 +82,8 @@ PALPATE_FORMULA Curved<Real> with_back(const Curved<Real>& x, Real thickness) {
   const Real zero{}, one = zero + 1.0f;
   const auto is_fading = thickness < zero;
   const Real most = is_fading ? -thickness : thickness, share = is_fading ? one : one + one;
-  const Real k = 0.25f * most;
-  const Curved<Real> depth{-most - x.value, -x.slope, -x.bend};
-  const Curved<Real> behind = corner<Real>({depth.value + k, depth.slope, depth.bend}, k, Real{});
+  const Curved<Real> behind =
+      corner<Real>({below_unbent(x.value, thickness), -x.slope, -x.bend}, 0.25f * most, Real{});
   return {x.value + share * behind.value, x.slope + share * behind.slope,
           x.bend + share * behind.bend};
 }
