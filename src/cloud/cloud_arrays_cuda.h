@@ -9,7 +9,8 @@
 
 namespace palpate {
 
-/// The arrays of a cloud, as PointCloudView wants them, or of several one after the other.
+/// The arrays of a cloud, as PointCloudView wants them, or of several one after the other. All lie
+/// in one block: others (DLPack) take x, y, z for one array, and copy them at once.
 struct CloudArrays {
   float* channels[6] = {};  ///< x, y, z, nx, ny, nz
   PointCloudView view;      ///< of these
@@ -24,9 +25,15 @@ struct CloudArrays {
     view.pinhole = true;
     view.intrinsics = k;
     view.gpu = memory.gpu();
-    const std::vector<float> none(static_cast<std::size_t>(num_clouds) * padded_size(view),
-                                  std::numeric_limits<float>::quiet_NaN());
-    for (float*& channel : cloud.channels) channel = memory.copy_of(none);
+    const std::size_t size = static_cast<std::size_t>(num_clouds) * padded_size(view);
+    const std::vector<float> none(size, std::numeric_limits<float>::quiet_NaN());
+    float* next = memory.take<float>(std::size(cloud.channels) * size);
+    for (float*& channel : cloud.channels) {
+      channel = next;
+      if (next == nullptr) continue;
+      memory.upload(channel, none.data(), size * sizeof(float));
+      next += size;
+    }
     view.x = cloud.channels[0];
     view.y = cloud.channels[1];
     view.z = cloud.channels[2];

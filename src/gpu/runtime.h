@@ -45,6 +45,8 @@ class Memory {
   T* copy_of(const std::vector<T>& values) {
     return copy_of(std::span<const T>(values));
   }
+  /// Into an array of this; waits. Failures are left in `status`.
+  void upload(void* to, const void* from, std::size_t num_bytes);
   /// `num` zeroed values in page-locked host memory, which kernels of this GPU may read and write
   /// at the same address (over the bus); null after a failure.
   template <class T>
@@ -64,7 +66,6 @@ class Memory {
   };
 
   void* take_bytes(std::size_t num_bytes, bool pinned);
-  void upload(void* to, const void* from, std::size_t num_bytes);
   void release();
 
   int gpu_;

@@ -51,6 +51,15 @@ SurfaceOptions default_options() {
   return options;
 }
 
+TEST(SurfaceCuda, ChannelsAreOneArray) {
+  PALPATE_GPU_OR_SKIP();
+  const Pair pair(test::cluttered_scene(45, 37, 60, 1.5, 1), default_options());
+  const PointCloudView cloud = pair.cuda.cloud(), on_cpu = pair.cpu.cloud();
+  const std::ptrdiff_t apart = on_cpu.y - on_cpu.x;
+  const float* const channels[] = {cloud.x, cloud.y, cloud.z, cloud.nx, cloud.ny, cloud.nz};
+  for (std::ptrdiff_t k = 0; k < 6; ++k) EXPECT_EQ(channels[k], cloud.x + k * apart) << k;
+}
+
 TEST(SurfaceCuda, EqualsTheCpuWithEveryOption) {
   PALPATE_GPU_OR_SKIP();
   std::uint64_t seed = 0;
