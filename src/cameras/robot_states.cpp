@@ -72,13 +72,17 @@ RobotStates::RobotStates(StateAddress address, std::vector<JointHistory::Joint> 
       num_joints_(joints.size()),
       by_time_{JointHistory(joints, kept_of(address_)), TfHistory(kept_of(address_))},
       by_stamp_{JointHistory(std::move(joints), kSecondsKept), TfHistory(kSecondsKept)},
-      has_stamps_(address_.kind == StateAddress::Kind::ros2 && !address_.goes_by_arrival) {}
+      may_go_by_stamps_(address_.kind == StateAddress::Kind::ros2 && !address_.goes_by_arrival) {}
+
+bool RobotStates::goes_by_stamps() const {
+  return may_go_by_stamps_ && monotonic_now() - unstamped_at_ > kSecondsKept;
+}
 
 template <class KnownUntil>
 std::pair<const RobotStates::Told&, double> RobotStates::told_at(
     std::unique_lock<std::mutex>& lock, const Moment& moment, const KnownUntil& known_until) const {
   const auto told = [&]() -> std::pair<const Told&, double> {
-    if (has_stamps_ && moment.stamp != 0) return {by_stamp_, moment.stamp};
+    if (moment.stamp != 0 && goes_by_stamps()) return {by_stamp_, moment.stamp};
     return {by_time_, moment.time};
   };
   if (!is_live()) return told();
@@ -161,10 +165,11 @@ void RobotStates::hear_joints(std::string_view message) {
   if (!state || state->names.empty()) return;
   const std::lock_guard lock(mutex_);
   const double time = time_of(state->time, state->names.front());
-  has_stamps_ = has_stamps_ && state->time != 0;
+  const bool has_stamp = may_go_by_stamps_ && state->time != 0;
+  if (!has_stamp) unstamped_at_ = monotonic_now();
   for (std::size_t i = 0; i < state->names.size(); ++i) {
     by_time_.joints.add(state->names[i], time, state->positions[i]);
-    if (has_stamps_) by_stamp_.joints.add(state->names[i], state->time, state->positions[i]);
+    if (has_stamp) by_stamp_.joints.add(state->names[i], state->time, state->positions[i]);
   }
   changed_.notify_all();
 }
@@ -174,8 +179,9 @@ void RobotStates::hear_transforms(std::string_view message, bool is_static) {
   if (!transforms) return;
   const std::lock_guard lock(mutex_);
   for (RosStampedTransform each : *transforms) {
-    has_stamps_ = has_stamps_ && (is_static || each.time != 0);
-    if (has_stamps_) by_stamp_.transforms.add(each, is_static);
+    const bool has_stamp = may_go_by_stamps_ && (is_static || each.time != 0);
+    if (!has_stamp) unstamped_at_ = monotonic_now();
+    if (has_stamp) by_stamp_.transforms.add(each, is_static);
     if (!is_static) each.time = time_of(each.time, each.child);
     by_time_.transforms.add(each, is_static);
   }
@@ -234,7 +240,9 @@ class LiveStates final : public RobotStates {
     node_ = *std::move(node);
     if (address_.world.empty()) {
       const std::string topic = address_.target.empty() ? "/joint_states" : address_.target;
-      return join(topic, "sensor_msgs/JointState", RosQos::sensor(),
+      // All that came while this computer was busy is heard.
+      const RosQos sensor{.is_reliable = false, .is_kept = false, .depth = 100};
+      return join(topic, "sensor_msgs/JointState", sensor,
                   [this](std::string_view message) { hear_joints(message); });
     }
     const RosQos moving{.is_reliable = true, .is_kept = false, .depth = 100},

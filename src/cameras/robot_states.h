@@ -2,6 +2,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -45,8 +46,8 @@ class RobotStates {
   virtual bool is_live() const { return false; }
 
   /// When a frame was captured. Live it is looked for by its stamp, as messages say it, if both
-  /// have one; else on the monotonic clock of this computer, where each message's time counts from
-  /// the earliest that it can have come.
+  /// have one, as has all that was told in the last 5 s; else on the monotonic clock of this
+  /// computer, where each message's time counts from the earliest that it can have come.
   struct Moment {
     double time = 0;       ///< s, on the clock of the frames
     double stamp = 0;      ///< s; 0: none
@@ -69,6 +70,9 @@ class RobotStates {
   /// From a time stamp to the clock of the frames; `who` may have one of his own.
   virtual double time_of(double stamp, [[maybe_unused]] const std::string& who) { return stamp; }
 
+  /// Live, if all that was told in the last seconds has stamps.
+  bool goes_by_stamps() const;
+
   struct Told {
     JointHistory joints;
     TfHistory transforms;
@@ -83,7 +87,8 @@ class RobotStates {
   mutable std::mutex mutex_;
   mutable std::condition_variable changed_;
   Told by_time_, by_stamp_;  // the latter live only
-  bool has_stamps_;          // all that was told has
+  const bool may_go_by_stamps_;
+  double unstamped_at_ = -std::numeric_limits<double>::infinity();  // s, when the newest came
 };
 
 }  // namespace palpate
