@@ -40,6 +40,22 @@ void add_output_options(CLI::App& app, FrameOptions& options, RunSettings& setti
       ->group(group);
 }
 
+namespace {
+
+/// No word of --wrench-frame and --path-frame that means something else.
+bool is_free(const std::string& name) {
+  const std::initializer_list<std::string_view> words{"auto", "base", "tool", "device", "named"};
+  return std::ranges::find(words, name) == words.end();
+}
+
+Error taken(const std::string& name) {
+  return {Errc::bad_input, "two frames are called '" + name +
+                               "', or the word means something else: give the one of the rig "
+                               "another name"};
+}
+
+}  // namespace
+
 Result<NamedFrames> NamedFrames::of(std::span<const CameraUri> cameras) {
   NamedFrames frames;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -51,20 +67,26 @@ Result<NamedFrames> NamedFrames::of(std::span<const CameraUri> cameras) {
 }
 
 Status NamedFrames::add(const std::string& name, const Pose& X_WF) {
-  if (!frames_.emplace(name, X_WF).second) {
-    return Error{Errc::bad_input, "two frames are called '" + name + "'"};
-  }
-  return Done{};
+  return frames_.emplace(name, X_WF).second ? Status(Done{}) : taken(name);
+}
+
+/// A camera may be called as it is called anyway: camera, camera_2, ...
+Status NamedFrames::add_of_rig(const std::string& name, const std::optional<Pose>& X_WF) {
+  const auto [known, is_new] = frames_.emplace(name, X_WF);
+  const bool is_same = known->second && X_WF && *known->second == *X_WF;
+  if (is_new ? is_free(name) : is_same) return Done{};
+  return taken(name);
 }
 
 Status NamedFrames::add(const CameraRig& rig) {
   for (const CameraRig::Camera& camera : rig.cameras) {
     const auto X_WC = standing_pose(camera.uri);
     if (!X_WC) return X_WC.error();
-    frames_.emplace(camera.name, *X_WC);
+    if (const Status status = add_of_rig(camera.name, *X_WC); !status) return status;
   }
-  frames_.emplace(rig.frame, Pose{});
+  if (const Status status = add_of_rig(rig.frame, Pose{}); !status) return status;
   for (const auto& [name, X_WF] : rig.frames) {
+    if (!is_free(name)) return taken(name);
     if (const Status status = add(name, X_WF); !status) return status;
   }
   return Done{};

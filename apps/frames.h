@@ -29,7 +29,8 @@ class NamedFrames {
  public:
   /// `cameras`: camera, camera_2, ... Errors: of the files of their poses.
   static Result<NamedFrames> of(std::span<const CameraUri> cameras);
-  /// By their names in the rig, too, with its own frames. Errors: a name twice.
+  /// By their names in the rig, too, with its own frames. Errors: a name twice, or one that is a
+  /// word of the options (tool, device, base, auto, named).
   Status add(const CameraRig& rig);
   Status add(const std::string& name, const Pose& X_WF);
 
@@ -37,6 +38,8 @@ class NamedFrames {
   Result<Pose> find(const std::string& name) const;
 
  private:
+  Status add_of_rig(const std::string& name, const std::optional<Pose>& X_WF);
+
   std::map<std::string, std::optional<Pose>> frames_{{"world", Pose{}}};  // none: it moves
 };
 

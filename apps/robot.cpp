@@ -30,8 +30,10 @@ void check_robot(const CLI::App& app, const std::string& verb) {
   }
 }
 
-Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options) {
+Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options,
+                                             std::span<const CameraUri> cameras) {
   if (options.files.robot.empty()) return std::optional<SelfFilter>();
+  if (const Status status = check_one_world(cameras, options.files); !status) return status.error();
   auto filter = open_self_filter(options.files, options.filter);
   if (!filter) return filter.error();
   return std::optional(*std::move(filter));

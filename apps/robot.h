@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "apps/options.h"
 #include "palpate/cameras/cameras.h"
@@ -17,8 +18,9 @@ void add_robot_options(CLI::App& app, RobotOptions& options);
 /// Wrong usage: what goes with --robot, without it. `verb` is for messages.
 void check_robot(const CLI::App& app, const std::string& verb);
 
-/// None if no robot is given. Errors: as of open_self_filter.
-Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options);
+/// None if no robot is given. Errors: as of open_self_filter; `cameras` are in another world.
+Result<std::optional<SelfFilter>> open_robot(const RobotOptions& options,
+                                             std::span<const CameraUri> cameras);
 /// `source` as it is if there is no filter. Error: as of SelfFilter::applied_to.
 Result<std::unique_ptr<DepthSource>> without_robot(const std::optional<SelfFilter>& filter,
                                                    std::unique_ptr<DepthSource> source);

@@ -400,10 +400,18 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
       ->group(group);
 }
 
-void check_wrench_frame(const RosOutputOptions& options, const std::string& frame,
-                        const std::string& verb) {
+void check_told_over_ros(const RosOutputOptions& options, const std::string& frame,
+                         const OutputOptions& output, const std::string& verb) {
+  if (!options.is_wanted) return;
+  if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {
+    usage_error(verb +
+                ": over ROS 2 a wrench is told at the origin of its frame: take --tcp and "
+                "--wrench-point away, and let tf have a frame at the tool's centre point");
+  }
   const std::initializer_list<std::string_view> known{"", "auto", "tool", "camera", "world"};
-  if (!options.is_wanted || std::ranges::find(known, frame) != known.end()) return;
+  const bool is_known = std::ranges::find(known, frame) != known.end();
+  const auto& set = output.wrench_frame;
+  if (is_known && set != WrenchFrame::device && set != WrenchFrame::named) return;
   usage_error(verb +
               ": over ROS 2 --wrench-frame is tool, or camera or world, that of the poses; tf "
               "gives the wrench in any other one");

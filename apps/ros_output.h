@@ -24,9 +24,10 @@ struct RosOutputOptions {
 };
 /// Of a verb; their group in its help is "ROS 2".
 void add_ros_options(CLI::App& app, RosOutputOptions& options);
-/// Wrong usage: --wrench-frame is one that no frame of ROS 2 stands for.
-void check_wrench_frame(const RosOutputOptions& options, const std::string& frame,
-                        const std::string& verb);
+/// Wrong usage: --wrench-frame is one that no frame of ROS 2 stands for, or torques are wanted
+/// about a point that is not the origin of a frame.
+void check_told_over_ros(const RosOutputOptions& options, const std::string& frame,
+                         const OutputOptions& output, const std::string& verb);
 
 /// Publishes from a thread of its own, which looks at the newest tick: the haptic thread knows
 /// nothing of it. A wrench that rests on what is older than `max_age` is zero, and says why.

@@ -71,7 +71,8 @@ struct TouchInput {
   std::vector<std::unique_ptr<DepthSource>> sources;  ///< of each camera
   std::vector<TimedPose> path;                        ///< X_WT, or X_BH where the options say so
   std::optional<ProbeChoice> probe;                   ///< if the path was made up
-  double path_start = 0;                              ///< on the path's clock: when the run begins
+  std::optional<Pose> X_WC;          ///< of the first camera, if the path was made up
+  double path_start = 0;             ///< on the path's clock: when the run begins
   std::optional<double> frame_zero;  ///< on that of the frames; none: with the first one
   double time_origin = 0;            ///< of wrench.csv: when the run begins
 

@@ -35,6 +35,17 @@ bool comes_once(const TouchOptions& options, const DepthStreamInfo& stream) {
   return stream.is_live || first_camera(options).kind == "pipe";
 }
 
+/// Where the first camera is, as its first frame has it.
+Result<Pose> first_pose(const OpenDepthSource& open) {
+  const auto source = open();
+  if (!source) return source.error();
+  DepthFrame frame;
+  const auto got = (*source)->next(frame);
+  if (!got) return got.error();
+  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
+  return frame.X_WC;
+}
+
 /// Makes up the path: in the frame of the first camera, which stands still.
 Status add_probing_path(const TouchOptions& options, const Tool& tool, const OpenDepthSource& open,
                         TouchInput& input) {
@@ -43,7 +54,9 @@ Status add_probing_path(const TouchOptions& options, const Tool& tool, const Ope
         Errc::bad_input,
         input.stream().name + " moves: no path is made up for it; give --path, or a --device"};
   }
-  const Pose& X_WC = first_camera(options).X_WC;
+  const auto found = first_pose(open);
+  if (!found) return found.error();
+  const Pose& X_WC = *found;
   ProbeAim aim = options.aim;
   if (aim.point_W) aim.point_W = inverse(X_WC) * *aim.point_W;
   const auto open_in_camera = [&]() -> Result<std::unique_ptr<DepthSource>> {
@@ -57,6 +70,7 @@ Status add_probing_path(const TouchOptions& options, const Tool& tool, const Ope
   for (TimedPose& pose : input.path) pose.X_WT = X_WC * pose.X_WT;
   input.probe = std::move(path->choice);
   input.probe->p_W = X_WC * input.probe->p_W;
+  input.X_WC = X_WC;
   if (!input.probe->note.empty()) std::cerr << "palpate: note: " << input.probe->note << "\n";
   return Done{};
 }
@@ -216,7 +230,7 @@ Status find_what_is_there(TouchOptions& options) {
     std::cerr << "palpate: note: taking the camera " << camera->text << "\n";
   }
   if (const Status status = check_one_world(options.cameras); !status) return status;
-  auto filter = open_robot(options.robot);
+  auto filter = open_robot(options.robot, options.cameras);
   if (!filter) return filter.error();
   options.self_filter = *std::move(filter);
   if (options.device == "auto") {

@@ -28,14 +28,15 @@ const Quaternion kDeviceInCamera{1, 0, 0, 0};
 
 /// Where a hand that nobody has placed is: its middle where the path begins, with the tool as it is
 /// there. A path that is played is where it says.
-void place(const TouchOptions& options, const std::vector<TimedPose>& path,
-           CouplingOptions& coupling) {
-  const Quaternion q_WB = options.cameras.front().X_WC.rotation * kDeviceInCamera;
+void place(const TouchOptions& options, const TouchInput& input, CouplingOptions& coupling) {
   const bool has_hand = !options.device.empty() && !options.is_replay();
   const bool is_placed =
       options.is_given("coupling.base_in_scene") || options.is_given("coupling.tool_in_hand");
-  if (!has_hand || path.empty() || is_placed) return;
-  const Pose& X_WT = path.front().X_WT;
+  if (!has_hand || input.path.empty() || is_placed) return;
+  const auto stands = standing_pose(options.cameras.front());
+  const Pose X_WC = input.X_WC ? *input.X_WC : stands ? stands->value_or(Pose{}) : Pose{};
+  const Quaternion q_WB = X_WC.rotation * kDeviceInCamera;
+  const Pose& X_WT = input.path.front().X_WT;
   coupling.X_WB = {X_WT.translation, q_WB};
   coupling.X_HT.rotation = normalized(conjugate(q_WB) * X_WT.rotation);
 }
@@ -194,7 +195,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   if (options.self_filter && !options.is_given("time.average_keep_frames")) {
     settings.time.average.keep_frames = 0;
   }
-  place(options, input.path, settings.coupling);
+  place(options, input, settings.coupling);
 
   RunOptions run;
   run.probe = input.probe;

@@ -235,7 +235,8 @@ void check(Options& options) {
         "query: poses in Parquet, --shard and -o are for the palpate of the Python package: "
         "pip install palpate-*.whl pyarrow (docs/guide/batches.md)");
   }
-  if (options.frames.wrench == "device") {
+  if (options.frames.wrench == "device" ||
+      options.settings.output.wrench_frame == WrenchFrame::device) {
     usage_error("query: --wrench-frame device is of a run; no device is part of a query");
   }
   if (options.pose.empty() == options.poses.empty()) {

@@ -57,7 +57,7 @@ Status run(const Options& options) {
     cameras.push_back(parse_camera_uri(camera).value());
   }
   if (const Status status = check_one_world(cameras); !status) return status;
-  const auto filter = open_robot(options.robot);
+  const auto filter = open_robot(options.robot, cameras);
   if (!filter) return filter.error();
   for (const CameraUri& camera : cameras) {
     std::error_code ignored;

@@ -118,7 +118,7 @@ void add_ros2(CLI::App& program, Action& action) {
   app.callback([options, &app, &action] {
     check_robot(app, "ros2");
     const TouchOptions ready = touch_options(*options);
-    check_wrench_frame(ready.ros, ready.frames.wrench, "ros2");
+    check_told_over_ros(ready.ros, ready.frames.wrench, ready.settings.output, "ros2");
     action = [ready] { return run_touch(ready); };
   });
 }

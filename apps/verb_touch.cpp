@@ -341,6 +341,8 @@ void add_touch(CLI::App& program, Action& action) {
     for (std::string& key : given_settings(app, {kSurfaceOptions, kTimeOptions, kHandOptions})) {
       options->given.push_back(std::move(key));
     }
+    // A frame alone says where the base is, too.
+    if (!options->frames.base.empty()) options->given.push_back("coupling.base_in_scene");
     check_motion(app, *options);
     check_materials(options->materials);
     options->has_page = options->has_page || options->is_page();
@@ -348,7 +350,7 @@ void add_touch(CLI::App& program, Action& action) {
     if (options->ros.is_wanted && options->device.empty()) {
       usage_error("touch: --ros2 goes with --device: what is published is of a live run");
     }
-    check_wrench_frame(options->ros, options->frames.wrench, "touch");
+    check_told_over_ros(options->ros, options->frames.wrench, options->settings.output, "touch");
     const bool has_poses = std::ranges::any_of(options->cameras, [](const CameraUri& camera) {
       return !(camera.X_WC == Pose{}) || !camera.poses.empty() || !camera.urdf.empty();
     });

@@ -21,7 +21,9 @@ class CameraPoses {
 
   bool is_moving() const { return path_.size() > 1 || (link_ && link_->is_moving()); }
   /// The camera stays where others take it to be: at the origin of W, or where tf has it.
-  bool is_left_alone() const { return path_.size() == 1 && !link_ && X_HC_ == Pose{}; }
+  bool is_left_alone() const {
+    return path_.size() == 1 && path_.front().X_WT == Pose{} && !link_ && X_HC_ == Pose{};
+  }
   /// Whether times are on the clock of this computer. None: it stands still.
   std::optional<bool> is_live() const;
   /// Error: nothing tells where it was then.

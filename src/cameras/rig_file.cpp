@@ -204,14 +204,19 @@ Result<CameraRig> load_rig(const fs::path& path) {
 Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<Pose>& X_WC) {
   auto document = read_toml(path);
   if (!document) return document.error();
+  const auto rig = load_rig(path);
+  if (!rig) return rig.error();
   toml::array* const cameras = (*document)["camera"].as_array();
   if (cameras == nullptr || cameras->size() != X_WC.size()) {
     return Error{Errc::bad_input, path.string() + " has changed meanwhile"};
   }
   for (std::size_t i = 0; i < X_WC.size(); ++i) {
-    const auto& [p, q] = X_WC[i];
+    CameraUri unposed = rig->cameras[i].uri;
+    unposed.X_WC = {};
+    const auto X_WH = standing_pose(unposed);
+    if (!X_WH) return X_WH.error();
+    const auto [p, q] = inverse(X_WH->value_or(Pose{})) * X_WC[i];
     toml::table& camera = *(*cameras)[i].as_table();
-    if (camera["pose_from"].value_or(std::string()).starts_with(kUrdf)) camera.erase("pose_from");
     camera.insert_or_assign("pose", toml::array{p.x, p.y, p.z, q.x, q.y, q.z, q.w});
   }
   std::ostringstream text;

@@ -174,4 +174,18 @@ Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOpt
   return SelfFilter::create(std::move(links), std::move(poses), options);
 }
 
+Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& robot) {
+  const auto states = parse_state_address(robot.joints);
+  if (!states) return states.error();
+  for (const CameraUri& camera : cameras) {
+    const auto given = camera.extras.find("world");
+    if (given == camera.extras.end() || states->world.empty()) continue;
+    if (given->second == states->world) continue;
+    return Error{Errc::invalid_argument, "--robot is placed in the world '" + states->world +
+                                             "' and a camera in '" + given->second +
+                                             "': give both the same world=FRAME"};
+  }
+  return Done{};
+}
+
 }  // namespace palpate

@@ -18,7 +18,6 @@ constexpr const char* kCsv = "wrench.csv";
 constexpr const char* kUnfinishedCsv = "wrench.csv.part";
 constexpr std::size_t kMostFaultPeriods = 1000;
 constexpr std::size_t kMostCaptures = 100'000;  // drawn in plots: an hour of frames
-constexpr std::size_t kNumPoses = 16;           // frames; a tick rests on one of the newest
 constexpr std::size_t kNumRecent = 3;           // frames; contacts are at most one behind
 
 /// `measure` is the contact's volume times direction, before the volume stiffness makes newtons.
@@ -79,7 +78,7 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
       scarce_points_ = num_points;
     }
   }
-  if (record.camera == 0) keep_pose(record);
+  if (record.camera == 0 && all_ticks_ && tells_more_) keep_pose(record);
   std::deque<SeenFrame>& recent = cameras_[record.camera].recent;
   if (recent.size() == kNumRecent) {
     // Its memory once more.
@@ -93,7 +92,6 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
 }
 
 void RunResults::keep_pose(const FrameRecord& record) {
-  if (first_poses_.size() == kNumPoses) first_poses_.pop_front();
   first_poses_.push_back({record.number, record.X_WC});
 }
 
@@ -154,12 +152,13 @@ void RunResults::add_row(const TickRecord& tick) {
 }
 
 /// Where it was at the newest of its images that the tick rests on.
-Pose RunResults::first_camera_at(const TickRecord& tick) const {
-  Pose X_WC;
-  for (const SeenPose& seen : first_poses_) {
-    if (seen.number <= tick.frame_number) X_WC = seen.X_WC;
-  }
-  return X_WC;
+Pose RunResults::first_camera_at(const TickRecord& tick) {
+  // Ticks come in order: what one of them has left behind no later one asks for.
+  const auto is_passed = [&](std::size_t i) {
+    return i < first_poses_.size() && first_poses_[i].number <= tick.frame_number;
+  };
+  while (is_passed(1)) first_poses_.pop_front();
+  return is_passed(0) ? first_poses_.front().X_WC : Pose{};
 }
 
 /// As long as the volume of the tool is counted as in the last settings.

@@ -33,7 +33,7 @@ class RunResults {
   void begin_csv(const std::filesystem::path& folder);
   void add_row(const TickRecord& tick);
   void keep_pose(const FrameRecord& record);
-  Pose first_camera_at(const TickRecord& tick) const;
+  Pose first_camera_at(const TickRecord& tick);
   void write_kept_rows(const std::filesystem::path& folder, RunLog& log);
   void finish_csv(const std::filesystem::path& folder, RunLog& log);
   void add_fault(const TickRecord& tick);

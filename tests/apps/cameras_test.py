@@ -133,6 +133,10 @@ class Cameras(CameraCase):
         for words in (["touch", self.tool, *two, "--path", self.path, "-o", self.folder / "nowhere"],
                       ["record", *two, "-o", self.folder / "nowhere.mcap"]):
             self.refused("different worlds, 'world' and 'table'", *words)
+        (self.folder / "cell.urdf").write_text(self.CELL)
+        self.refused("--robot is placed in the world 'table' and a camera in 'world'", "touch",
+                     self.tool, *two[:2], "--robot", self.folder / "cell.urdf", "--joints",
+                     f"bag:{bag}?world=table", "--path", self.path, "-o", self.folder / "nowhere")
 
     def test_calibrate(self):
         true = [(0, 0, 0, 0, 0, 0, 1), (0.3420, -0.08, 0.0603, 0, -0.17365, 0, 0.98481)]
@@ -172,6 +176,68 @@ class Cameras(CameraCase):
             "\n" for k in range(2)))
         self.refused("too flat", "calibrate", "--rig", walls, "-o", self.folder / "none.toml")
         self.assertFalse((self.folder / "none.toml").exists())
+
+    CELL = ("<robot name='cell'><link name='table'/><link name='bench'/><joint name='mount' "
+            "type='fixed'><parent link='table'/><child link='bench'/><origin xyz='0.1 -0.05 0.2' "
+            "rpy='0 0 1.5707963267948966'/></joint></robot>")
+    BENCH = "0.1,-0.05,0.2,0,0,0.7071067811865476,0.7071067811865476"  # X_WC that it gives
+
+    def test_a_made_up_probe_wherever_it_is_said_that_the_camera_stands(self):
+        urdf, line = self.folder / "cell.urdf", self.folder / "still.tum"
+        urdf.write_text(self.CELL)
+        line.write_text("0 " + self.BENCH.replace(",", " ") + "\n")
+        scene = "scene:wall?noise=off&size=160x120&"
+        probes = []
+        for k, place in enumerate((f"pose={self.BENCH}", f"urdf={urdf}#bench#table",
+                                   f"poses={line}")):
+            run = self.folder / f"placed_{k}"
+            self.check(palpate("touch", self.tool, "--camera", scene + place, "--probe", "80,60",
+                               "--duration", 2, "-o", run))
+            summary = self.summary(run)
+            self.assertGreater(summary["peaks"]["volume_m3"], 0)
+            probes.append(summary["probe"]["point"])
+        for probe in probes[1:]:
+            for a, b in zip(probe, probes[0]):
+                self.assertAlmostEqual(a, b, delta=1e-9)
+
+    def test_calibrate_refines_a_camera_on_a_link(self):
+        """The pose that is written is on the link, which the rig keeps."""
+        (self.folder / "cell.urdf").write_text(self.CELL)
+        for k in range(2):
+            self.check(palpate("record", "--camera",
+                               f"scene:mannequin?size=320x240&seed={k}&pose={0.03 * k},0,0,0,0,0,1",
+                               "--duration", 0.3, "-o", self.folder / f"link{k}.mcap"))
+        # The inverse of the link, and 3 cm beside that.
+        half = math.sqrt(0.5)
+        on_link = [[0.05, 0.1, -0.2, 0, 0, -half, half], [0.05, 0.072, -0.2, 0, 0, -half, half]]
+        rig = self.rig("".join(
+            f"[[camera]]\nname = 'eye{k}'\nuri = 'bag:link{k}.mcap'\n"
+            f"pose_from = 'urdf:cell.urdf#bench#table'\npose = {pose}\n"
+            for k, pose in enumerate(on_link)))
+        better = self.folder / "better.toml"
+        told = json.loads(self.check(palpate("calibrate", "--rig", rig, "-o", better,
+                                             "--json")).stdout)
+        self.assertAlmostEqual(told["cameras"][1]["pose"][0], 0.03, delta=0.002)
+        again = json.loads(self.check(palpate("calibrate", "--rig", better, "-o", better,
+                                              "--json")).stdout)
+        self.assertLess(again["pairs"][0]["moved_mm"], 0.5)
+        for old, new in zip(told["cameras"][1]["pose"], again["cameras"][1]["pose"]):
+            self.assertAlmostEqual(old, new, delta=1e-3)
+
+    def test_names_of_frames_mean_one_thing(self):
+        scene = "uri = 'scene:wall?noise=off&size=160x120'"
+        for rig, why in (
+                (f"[[camera]]\nname = 'front'\n{scene}\n[[camera]]\nname = 'camera'\n{scene}\n"
+                 "pose = [0.1, 0, 0, 0, 0, 0, 1]\n", "two frames are called 'camera'"),
+                (f"[frames]\ntool = [0, 0, 1, 0, 0, 0, 1]\n[[camera]]\n{scene}\n",
+                 "two frames are called 'tool'")):
+            self.refused(why, "touch", self.tool, "--rig", self.rig(rig), "--path", self.path,
+                         "-o", self.run_folder())
+        self.refused("over ROS 2 a wrench is told at",
+                     "ros2", self.tool, "--depth", "/depth", "--tool-frame", "hand", "--tcp",
+                     "0 0 0.1", status=2)
+        self.refused("over ROS 2 --wrench-frame is", "ros2", self.tool, "--depth", "/depth",
+                     "--tool-frame", "hand", "--set", "output.wrench_frame=device", status=2)
 
     def test_rosbags_reads_several_cameras(self):
         try:

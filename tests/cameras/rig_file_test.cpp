@@ -200,6 +200,7 @@ pose_from = "tf:wrist"
   EXPECT_EQ(rig->cameras[2].uri.extras.at("world"), "table");
   EXPECT_EQ(rig->cameras[2].uri.extras.at("frame"), "wrist");
 
+  write(folder_.path() / "hand.tum", "0 0 0 0 0 0 0 1\n1 0 0 1 0 0 0 1\n");  // its camera moves
   const Pose moved{{4, 5, 6.25}, {0, 1, 0, 0}};
   const auto text = rig_text_with_poses(path_, {moved, {}, {}});
   ASSERT_TRUE(text);
@@ -213,6 +214,7 @@ pose_from = "tf:wrist"
 
 TEST_F(RigFile, TakesFramesOfAUrdfAndGravityOfACamera) {
   write(folder_.path() / "cell.urdf", kCell);
+  write(folder_.path() / "joints.csv", "time,neck\n0,0\n1,0\n");
   write(path_, R"([world]
 frame = "table"
 
@@ -243,7 +245,7 @@ joints = "joints.csv"
   EXPECT_NEAR(norm(*rig->gravity - rotate(X_WC.rotation, {-0.5, 9.7, -1})), 0, 1e-9);
   EXPECT_EQ(rig->cameras[1].uri.joints, (folder_.path() / "joints.csv").string());
 
-  // A better pose takes the place of the file.
+  // A better pose is where the camera was refined to, also on its link.
   const auto text = rig_text_with_poses(path_, {{{4, 5, 6}, {}}, {}});
   ASSERT_TRUE(text);
   write(path_, *text);

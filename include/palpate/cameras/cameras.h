@@ -139,8 +139,8 @@ struct CameraRig {
 /// not TOML, a key that is not known or has another kind of value, two cameras of one name, no
 /// camera or more than kMostCameras; all with the file, and the camera.
 Result<CameraRig> load_rig(const std::filesystem::path& path);
-/// As text of such a file: of each camera its pose is written anew, instead of its URDF if it had
-/// one, everything else as it was read.
+/// As text of such a file: of each camera its pose is written anew, in the link of a URDF or the
+/// pose of a file if it hangs on one, everything else as it was read.
 Result<std::string> rig_text_with_poses(const std::filesystem::path& path,
                                         const std::vector<Pose>& X_WC);
 
@@ -250,5 +250,7 @@ struct RobotFiles {
 /// Errors: a file that cannot be read, with the place; a mesh that is not found, with the places
 /// that were tried; joints of the robot of which the source tells nothing.
 Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOptions& options = {});
+/// Error: tf places the robot in another world than one of the cameras.
+Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& robot);
 
 }  // namespace palpate
