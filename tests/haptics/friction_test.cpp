@@ -328,6 +328,27 @@ TEST(Friction, HoldsAsMuchOnASurfaceThatTurns) {
   }
 }
 
+// What slides from rest is held back against its way, by the limit, however differently the tool
+// gives way in the three directions: also where the limit is small beside 1 N.
+TEST(Friction, HoldsBackAgainstTheWayThatWasSlid) {
+  PatchFriction friction(options_of(CouplingKind::none, 0.2), 1e4, 1e-4);
+  LocalContact contact;
+  contact.patch.torsion_radius = 0.01;
+  TouchedPatch patch;
+  for (const double normal_force : {0.05, 0.5, 5.0}) {
+    friction.reset();
+    ASSERT_TRUE(friction.touch(contact, {{0, 0, normal_force}, {}}, kTick, patch));
+    for (const Vec3d slid : {Vec3d{3e-4, -1e-4, 2e-4}, Vec3d{-2e-3, 5e-3, 1e-3}}) {
+      const Mat3s compliance{2e-4, -3e-5, 5e-5, 4e-5, 1e-5, 9e-4};
+      const auto grip = friction.hold(patch, slid, compliance, kTick);
+      ASSERT_TRUE(grip.is_sliding);
+      EXPECT_NEAR(norm(grip.force), 0.2 * normal_force, 1e-9 * normal_force);
+      const double cosine = dot(grip.force, grip.slid) / (norm(grip.force) * norm(grip.slid));
+      EXPECT_NEAR(cosine, -1, 1e-9);
+    }
+  }
+}
+
 // A surface that moves along its normal carries the tool and what sticks; a draught across stays.
 TEST(Friction, ASurfaceThatMovesAlongItsNormalCarriesWhatSticks) {
   for (const CouplingKind kind : {CouplingKind::virtual_coupling, CouplingKind::proxy}) {
