@@ -20,6 +20,18 @@ Pose parse_tcp(const std::string& text) {
   return pose ? *pose : *point;
 }
 
+/// No word of --wrench-frame and --path-frame that means something else.
+bool is_free(const std::string& name) {
+  const std::initializer_list<std::string_view> words{"auto", "base", "tool", "device", "named"};
+  return std::ranges::find(words, name) == words.end();
+}
+
+Error taken(const std::string& name) {
+  return {Errc::bad_input, "two frames are called '" + name +
+                               "', or the word means something else: give the one of the rig "
+                               "another name"};
+}
+
 }  // namespace
 
 void add_output_options(CLI::App& app, FrameOptions& options, RunSettings& settings) {
@@ -39,22 +51,6 @@ void add_output_options(CLI::App& app, FrameOptions& options, RunSettings& setti
       ->type_name("'x y z [qx qy qz qw]'")
       ->group(group);
 }
-
-namespace {
-
-/// No word of --wrench-frame and --path-frame that means something else.
-bool is_free(const std::string& name) {
-  const std::initializer_list<std::string_view> words{"auto", "base", "tool", "device", "named"};
-  return std::ranges::find(words, name) == words.end();
-}
-
-Error taken(const std::string& name) {
-  return {Errc::bad_input, "two frames are called '" + name +
-                               "', or the word means something else: give the one of the rig "
-                               "another name"};
-}
-
-}  // namespace
 
 Result<NamedFrames> NamedFrames::of(std::span<const CameraUri> cameras) {
   NamedFrames frames;

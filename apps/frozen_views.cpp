@@ -243,6 +243,9 @@ void check(FrozenOptions& options) {
     if (!uri) usage_error("--" + uri.error().message);
     options.cameras.push_back(*uri);
   }
+  if (const Status status = check_one_world(options.cameras); !status) {
+    usage_error("query: " + status.error().message);
+  }
 }
 
 }  // namespace palpate::apps

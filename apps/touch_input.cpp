@@ -35,15 +35,15 @@ bool comes_once(const TouchOptions& options, const DepthStreamInfo& stream) {
   return stream.is_live || first_camera(options).kind == "pipe";
 }
 
-/// Where the first camera is, as its first frame has it.
-Result<Pose> first_pose(const OpenDepthSource& open) {
+/// With the pose of its camera and its time stamp. Error: there is none.
+Result<DepthFrame> first_frame(const OpenDepthSource& open) {
   const auto source = open();
   if (!source) return source.error();
   DepthFrame frame;
   const auto got = (*source)->next(frame);
   if (!got) return got.error();
   if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
-  return frame.X_WC;
+  return frame;
 }
 
 /// Makes up the path: in the frame of the first camera, which stands still.
@@ -54,9 +54,9 @@ Status add_probing_path(const TouchOptions& options, const Tool& tool, const Ope
         Errc::bad_input,
         input.stream().name + " moves: no path is made up for it; give --path, or a --device"};
   }
-  const auto found = first_pose(open);
-  if (!found) return found.error();
-  const Pose& X_WC = *found;
+  const auto first = first_frame(open);
+  if (!first) return first.error();
+  const Pose& X_WC = first->X_WC;
   ProbeAim aim = options.aim;
   if (aim.point_W) aim.point_W = inverse(X_WC) * *aim.point_W;
   const auto open_in_camera = [&]() -> Result<std::unique_ptr<DepthSource>> {
@@ -155,17 +155,6 @@ Status add_sources(const TouchOptions& options, TouchInput& input) {
   return Done{};
 }
 
-/// s: the time stamp of the first frame.
-Result<double> first_stamp(const TouchOptions& options) {
-  auto source = open_stream(options, first_camera(options), options.duration);
-  if (!source) return source.error();
-  DepthFrame frame;
-  const auto got = (*source)->next(frame);
-  if (!got) return got.error();
-  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
-  return frame.timestamp;
-}
-
 /// Nothing is shifted silently: what counts from 1970 is taken at its word.
 Status set_clocks(const TouchOptions& options, TouchInput& input) {
   input.path_start = input.path.empty() ? 0 : input.path.front().time;
@@ -173,14 +162,16 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
   const bool has_file = !options.path.empty() || options.is_replay();
   const bool is_recorded = scene_name(options).empty() && !comes_once(options, input.stream());
   if (!is_recorded || !has_file) return Done{};
-  const auto first = first_stamp(options);
-  if (!first) return first.error();
+  const auto frame =
+      first_frame([&] { return open_stream(options, first_camera(options), options.duration); });
+  if (!frame) return frame.error();
+  const double first = frame->timestamp;
   const bool path_counts = counts_from_1970(input.path_start),
-             frames_count = counts_from_1970(*first);
+             frames_count = counts_from_1970(first);
   const bool by_stamps = options.align == Align::stamps ||
                          (options.align == Align::automatic && path_counts && frames_count);
   if (!by_stamps) {
-    if (frames_count && !path_counts) input.time_origin = *first;
+    if (frames_count && !path_counts) input.time_origin = first;
     if (options.align == Align::automatic && path_counts != frames_count) {
       std::cerr << "palpate: note: only the "
                 << (path_counts ? "path's time stamps count" : "frames' time stamps count")
@@ -189,9 +180,9 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
     return Done{};
   }
   const DepthStreamInfo& info = input.stream();
-  const double last = *first + info.num_frames.value_or(1) / info.rate;
+  const double last = first + info.num_frames.value_or(1) / info.rate;
   const double path_end = input.path.back().time;
-  if (*first > path_end || last < input.path_start) {
+  if (first > path_end || last < input.path_start) {
     const auto range = [](double from, double to) {
       char text[80];
       std::snprintf(text, sizeof text, "%.3f to %.3f s", from, to);
@@ -199,11 +190,11 @@ Status set_clocks(const TouchOptions& options, TouchInput& input) {
     };
     return Error{Errc::bad_input,
                  "the path (" + range(input.path_start, path_end) + ") and the depth frames (" +
-                     range(*first, last) +
+                     range(first, last) +
                      ") have no time in common; check their clocks, or let both begin at once: "
                      "--align starts"};
   }
-  input.path_start = input.time_origin = std::max(input.path_start, *first);
+  input.path_start = input.time_origin = std::max(input.path_start, first);
   input.frame_zero = input.path_start;
   if (!options.device.empty()) {
     for (auto& source : input.sources) {

@@ -78,6 +78,11 @@ bool RobotStates::goes_by_stamps() const {
   return may_go_by_stamps_ && monotonic_now() - unstamped_at_ > kSecondsKept;
 }
 
+bool RobotStates::counts_by_stamp(bool has_stamp) {
+  if (may_go_by_stamps_ && !has_stamp) unstamped_at_ = monotonic_now();
+  return may_go_by_stamps_ && has_stamp;
+}
+
 template <class KnownUntil>
 std::pair<const RobotStates::Told&, double> RobotStates::told_at(
     std::unique_lock<std::mutex>& lock, const Moment& moment, const KnownUntil& known_until) const {
@@ -165,11 +170,10 @@ void RobotStates::hear_joints(std::string_view message) {
   if (!state || state->names.empty()) return;
   const std::lock_guard lock(mutex_);
   const double time = time_of(state->time, state->names.front());
-  const bool has_stamp = may_go_by_stamps_ && state->time != 0;
-  if (!has_stamp) unstamped_at_ = monotonic_now();
+  const bool is_by_stamp = counts_by_stamp(state->time != 0);
   for (std::size_t i = 0; i < state->names.size(); ++i) {
     by_time_.joints.add(state->names[i], time, state->positions[i]);
-    if (has_stamp) by_stamp_.joints.add(state->names[i], state->time, state->positions[i]);
+    if (is_by_stamp) by_stamp_.joints.add(state->names[i], state->time, state->positions[i]);
   }
   changed_.notify_all();
 }
@@ -179,9 +183,7 @@ void RobotStates::hear_transforms(std::string_view message, bool is_static) {
   if (!transforms) return;
   const std::lock_guard lock(mutex_);
   for (RosStampedTransform each : *transforms) {
-    const bool has_stamp = may_go_by_stamps_ && (is_static || each.time != 0);
-    if (!has_stamp) unstamped_at_ = monotonic_now();
-    if (has_stamp) by_stamp_.transforms.add(each, is_static);
+    if (counts_by_stamp(is_static || each.time != 0)) by_stamp_.transforms.add(each, is_static);
     if (!is_static) each.time = time_of(each.time, each.child);
     by_time_.transforms.add(each, is_static);
   }

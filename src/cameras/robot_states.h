@@ -72,6 +72,8 @@ class RobotStates {
 
   /// Live, if all that was told in the last seconds has stamps.
   bool goes_by_stamps() const;
+  /// Whether a message that came now counts by its stamp, too. One that has none ends that for all.
+  bool counts_by_stamp(bool has_stamp);
 
   struct Told {
     JointHistory joints;

@@ -133,6 +133,8 @@ class Cameras(CameraCase):
         for words in (["touch", self.tool, *two, "--path", self.path, "-o", self.folder / "nowhere"],
                       ["record", *two, "-o", self.folder / "nowhere.mcap"]):
             self.refused("different worlds, 'world' and 'table'", *words)
+        self.refused("different worlds, 'world' and 'table'", "query", self.tool, *two, "--pose",
+                     "0 0 0.8 0 0 0 1", status=2)
         (self.folder / "cell.urdf").write_text(self.CELL)
         self.refused("--robot is placed in the world 'table' and a camera in 'world'", "touch",
                      self.tool, *two[:2], "--robot", self.folder / "cell.urdf", "--joints",

@@ -957,6 +957,12 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         self.succeed(*touch, "--path-frame", "side", "--wrench-frame", "camera", "--set", "coupling.kind=none")
         a, b = self.columns(plain), self.columns(turned)
         self.assertAlmostEqual(b["tool_x_m"][0], 1, delta=1e-12)
+        # A device that stands in that frame: a path in the device's base is the same.
+        self.succeed(*touch[:-1], self.path("based"), "--base-frame", "side", "--path-frame", "device", "--set",
+                     "coupling.kind=none")
+        based = self.columns(self.path("based"))
+        for name in ("tool_x_m", "tool_y_m", "tool_z_m"):
+            self.assertLess(max(abs(x - y) for x, y in zip(based[name], b[name], strict=True)), 1e-12)
         deepest = a["volume_m3"].index(max(a["volume_m3"]))
         self.assertGreater(a["volume_m3"][deepest], 0)
         # Turned by 90 degrees: x of the camera is y of the world.

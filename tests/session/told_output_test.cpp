@@ -4,6 +4,7 @@
 
 #include "palpate/session/run.h"
 #include "src/run/internal/told_output.h"
+#include "src/session/run_results.h"
 #include "tests/session/path_run.h"
 #include "tests/session/wrench_csv.h"
 #include "tests/test_util/contact_scenes.h"
@@ -117,6 +118,37 @@ TEST(ToldOutput, OfACameraThatMovesIsInRowsOfItsOwn) {
       num_touched += norm(force) > 0;
     }
     EXPECT_GT(num_touched, 50u);
+  }
+}
+
+// A disk may be slow: images are kept long before the ticks that rest on them are written.
+TEST(ToldOutput, OfACameraThatMovesComesLongAfterItsImages) {
+  const Tool tool = test::random_tool(200, 0.03, 7);
+  const TemporaryFolder folder;
+  constexpr int kLate = 100;
+  RunSetup setup;
+  setup.streams.resize(1);
+  setup.settings.output.wrench_frame = WrenchFrame::camera;
+  {
+    RunResults results(folder.path(), tool, setup);
+    for (int k = 0; k < kLate; ++k) {
+      FrameRecord frame;
+      frame.number = static_cast<std::uint64_t>(k) + 1;
+      frame.X_WC = orbit(k / kFrames);
+      results.add_frame(frame, DepthFrame{});
+    }
+    for (int k = 0; k < kLate; ++k) {
+      TickRecord tick;
+      tick.frame_number = static_cast<std::uint64_t>(k) + 1;
+      results.add_tick(tick);
+    }
+  }
+  auto csv = test::columns_of(folder.path() / "wrench.csv.part");
+  ASSERT_EQ(csv["told_x_m"].size(), std::size_t{kLate});
+  for (int k = 0; k < kLate; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const Vec3d told{csv["told_x_m"][i], csv["told_y_m"][i], csv["told_z_m"][i]};
+    EXPECT_NEAR(norm(told - inverse(orbit(k / kFrames)).translation), 0, 1e-9) << k;
   }
 }
 
