@@ -82,7 +82,8 @@ inline constexpr SettingOption kTimeOptions[] = {{"--time", "time.mode"},
                                                  {"--average-weight", "time.average_weight"},
                                                  {"--memory", "time.memory"},
                                                  {"--memory-horizon", "time.memory_horizon"},
-                                                 {"--memory-thickness", "time.memory_thickness"}};
+                                                 {"--memory-thickness", "time.memory_thickness"},
+                                                 {"--memory-frames", "time.memory_frames"}};
 inline constexpr SettingOption kLoopOptions[] = {{"--rate", "loop.contact_rate"},
                                                  {"--sensing-gpu", "loop.sensing_gpu"}};
 /// Between tool, surface and hand.

@@ -21,10 +21,15 @@ struct SlotSettings {
   bool wants_depth_change = true;
   int binning = 1;  ///< `stream` is the binned one
 
+  /// A camera that stands still remembers by its pixels, one that moves by frames from where it was.
+  bool has_pixel_memory() const { return in_front() && !stream.is_moving; }
+  bool has_key_frames() const {
+    return field && time.memory.kind != DepthMemory::off && stream.is_moving;
+  }
   /// The fields of each frame beside that of what it shows: of what was seen to be free, of what is
   /// in front, and of what is remembered to be free.
   std::optional<DepthFieldOptions> seen_free() const {
-    if (!field || !field->one_of_several) return {};
+    if (!field || !(field->one_of_several || has_key_frames())) return {};
     return options_of_seen_free(*field);
   }
   std::optional<DepthFieldOptions> in_front() const {
@@ -32,7 +37,7 @@ struct SlotSettings {
     return options_of_in_front(*field, time.memory);
   }
   std::optional<DepthFieldOptions> remembered() const {
-    return in_front() ? seen_free() : std::nullopt;
+    return has_pixel_memory() ? seen_free() : std::nullopt;
   }
   /// With the newest frame alone there is nothing to blend.
   int num_slots() const { return (time.mode == TimeMode::latest ? 1 : 2) + num_spare; }

@@ -199,7 +199,7 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cuda(const SlotSettings& se
   SurfaceOptions surface = settings.surface;
   surface.depth_change.enabled &= settings.wants_depth_change;
   std::optional<FieldMemoryCuda> memory;
-  if (settings.in_front()) {
+  if (settings.has_pixel_memory()) {
     auto made = FieldMemoryCuda::create(stream.width, stream.height, settings.time.memory, gpu);
     if (!made) return made.error();
     memory = *std::move(made);

@@ -8,6 +8,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/cloud_blend.h"
 #include "src/field/frame_slots.h"
+#include "src/field/key_frames.h"
 
 namespace palpate {
 namespace {
@@ -32,10 +33,9 @@ Status check(const SlotSettings& settings) {
                  "a memory (time.memory) is one of depth fields; use the method field, or leave it "
                  "out"};
   }
-  if (settings.stream.is_moving || time.mode == TimeMode::predict) {
+  if (time.mode == TimeMode::predict) {
     return Error{Errc::invalid_argument,
-                 "a memory (time.memory) needs a camera that stands still, and time.mode latest or "
-                 "interpolate; leave it out"};
+                 "a memory (time.memory) needs time.mode latest or interpolate; leave it out"};
   }
   return Done{};
 }
@@ -63,6 +63,7 @@ struct SurfaceTimeline::Impl {
   int newest = 0;
   int num_frames = 0;
   double time = 0;  // of the newest frame
+  std::optional<KeyFrames> key_frames = {};
   std::vector<Pose> X_WC = std::vector<Pose>(static_cast<std::size_t>(num_slots));
 
   /// What is in a slot.
@@ -116,7 +117,13 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
   if (const Status status = check(settings); !status) return status.error();
   auto slots = make_frame_slots(settings, place);
   if (!slots) return slots.error();
-  return make_timeline(*std::move(slots), settings);
+  auto timeline = make_timeline(*std::move(slots), settings);
+  if (timeline && settings.has_key_frames()) {
+    auto key_frames = KeyFrames::create(settings, place);
+    if (!key_frames) return key_frames.error();
+    timeline->impl_->key_frames = *std::move(key_frames);
+  }
+  return timeline;
 }
 
 SurfaceTimeline::SurfaceTimeline(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -137,8 +144,14 @@ SurfaceStats SurfaceTimeline::push(const DepthImageView& frame, double time, Thr
   d.newest = (d.newest + 1) % d.num_slots;
   d.X_WC[static_cast<std::size_t>(d.newest)] = frame.X_WC;
   ++d.num_frames;
-  if (d.binning > 1) bin_depth(frame, d.binning, d.small);
-  return d.slots->take(d.newest, d.binning > 1 ? d.small : frame, motion, asked, interval, pool);
+  DepthImageView image = frame;
+  if (d.binning > 1) {
+    bin_depth(frame, d.binning, d.small);
+    image = d.small;
+    image.X_WC = frame.X_WC;
+  }
+  if (d.key_frames) d.key_frames->take(image, pool);
+  return d.slots->take(d.newest, image, motion, asked, interval, pool);
 }
 
 Status SurfaceTimeline::go_on_from(std::string_view state) {
@@ -153,6 +166,11 @@ SurfaceBlend SurfaceTimeline::at(double time) const {
   return {d.surface(last), to, frame_progress(time, d.time, d.period)};
 }
 
+std::span<const SurfaceBlend> SurfaceTimeline::key_frames() const {
+  if (!impl_->key_frames) return {};
+  return impl_->key_frames->views();
+}
+
 PointCloud SurfaceTimeline::newest_cloud(ThreadPool& pool) {
   return impl_->slots->seen_cloud(impl_->newest, pool);
 }
@@ -161,6 +179,9 @@ const DepthStreamInfo& SurfaceTimeline::stream() const { return impl_->stream; }
 
 double SurfaceTimeline::period() const { return impl_->period; }
 
-const Status& SurfaceTimeline::status() const { return impl_->slots->status(); }
+const Status& SurfaceTimeline::status() const {
+  const std::optional<KeyFrames>& kept = impl_->key_frames;
+  return kept && !kept->status() ? kept->status() : impl_->slots->status();
+}
 
 }  // namespace palpate

@@ -341,10 +341,12 @@ SurfaceStats Pipeline::push(const DepthFrame& frame, double time, std::size_t ca
 const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   ContactRecord contact;
   contact.capture_time = time;
-  contact.cameras.num = static_cast<std::uint32_t>(cameras_.size());
+  contact.cameras.num = static_cast<std::uint32_t>(timelines_.size());
   bool has_failed = false;
-  for (std::size_t k = 0; k < cameras_.size(); ++k) {
+  cameras_.begin();
+  for (std::size_t k = 0; k < timelines_.size(); ++k) {
     cameras_[k] = timelines_[k].at(time);
+    cameras_.remember(timelines_[k].key_frames(), cameras_[k].progress);
     contact.cameras.of[k] = {seen_[k].number, cameras_[k].progress};
     if (seen_[k].number >= 0) {
       contact.capture_time = std::min(contact.capture_time, seen_[k].capture_time);
@@ -358,7 +360,7 @@ const ContactRecord& Pipeline::measure(const Pose& X_WT, double time) noexcept {
   contact.frame_number = num_frames_ - 1;
   contact.contact.time = time;
   const bool is_coupled = settings_.coupling.kind != CouplingKind::none;
-  contacts_->measure(cameras_, is_coupled || has_friction(settings_), contact);
+  contacts_->measure(cameras_.all(), is_coupled || has_friction(settings_), contact);
   if (contact.penetration.status.has(StepStatus::backend_failed) || has_failed) {
     has_backend_failed_ = true;
     return contact_;

@@ -67,6 +67,13 @@ Result<std::shared_ptr<const ToolIndex>> thinned_index(const Tool& tool, int num
 
 }  // namespace
 
+int num_key_frames(std::span<const DepthStreamInfo> streams) {
+  const auto num_moving =
+      static_cast<int>(std::ranges::count_if(streams, &DepthStreamInfo::is_moving));
+  const int num = kMostCameras - static_cast<int>(streams.size());
+  return std::max(1, num_moving > 0 ? num / num_moving : num);
+}
+
 Error lost_backend() {
   return {Errc::unavailable,
           "the GPU did not answer a contact query in time or is lost; check it with nvidia-smi, or "
@@ -152,6 +159,7 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
       if (k < options.first_periods.size() && options.first_periods[k] > 0) {
         made_with.time.first_period = options.first_periods[k];
       }
+      made_with.time.memory.frames = std::min(settings.time.memory.frames, num_key_frames(streams));
       auto timeline =
           make_surfaces(streams[k], made_with, options.num_spare_surfaces, streams.size() > 1);
       if (!timeline) return timeline.error();

@@ -8,7 +8,7 @@ namespace palpate {
 
 void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
   cameras_.resize(setup.streams.size());
-  moments_.resize(setup.streams.size());
+  if (moments_.num_cameras() != setup.streams.size()) moments_ = CameraViews(setup.streams.size());
   for (std::size_t k = 0; k < parts.timelines.size(); ++k) {
     cameras_[k].timelines.emplace(setup.revision, std::move(parts.timelines[k]));
   }
@@ -51,6 +51,7 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& moment) {
   SurfaceTimeline& timeline = timelines.begin()->second;
   timeline.push(next.frame, next.record.capture_time, *pool_, next.record.asked);
   moment = timeline.at(next.record.capture_time);
+  camera.key_frames = timeline.key_frames();
   camera.capture_time = next.record.capture_time;
   camera.pushed = static_cast<std::int64_t>(next.record.camera_frame);
   camera.frames.pop_front();
@@ -59,12 +60,14 @@ void ContactRepetition::push_next(Camera& camera, SurfaceBlend& moment) {
 ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
   ContactRecord repeated = recorded;
   bool is_seen = false;
+  moments_.begin();
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     Camera& camera = cameras_[k];
     const auto& [wanted, progress] = recorded.cameras.of[k];
     while (camera.pushed < wanted && !camera.frames.empty()) push_next(camera, moments_[k]);
     moments_[k].progress = progress;
     if (wanted < 0) continue;
+    moments_.remember(camera.key_frames, progress);
     repeated.capture_time =
         is_seen ? std::min(repeated.capture_time, camera.capture_time) : camera.capture_time;
     is_seen = true;
@@ -76,7 +79,7 @@ ContactRecord ContactRepetition::repeat(const ContactRecord& recorded) {
     part_->use(scale);
     measuring_.erase(measuring_.begin());
   }
-  part_->measure(moments_, recorded.has_new_stiffness, repeated);
+  part_->measure(moments_.all(), recorded.has_new_stiffness, repeated);
   if (!recorded.has_new_stiffness) {
     // Kept from an earlier contact, which may not have been recorded.
     repeated.contact.stiffness = recorded.contact.stiffness;

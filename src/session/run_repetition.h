@@ -45,11 +45,12 @@ class ContactRepetition {
     std::deque<RecordedDepth> frames;                    // not yet pushed
     std::int64_t newest = -1, pushed = -1;               // camera_frame: there; pushed last
     double capture_time = 0;                             // of that one
+    std::span<const SurfaceBlend> key_frames;            // and after it
   };
   void push_next(Camera& camera, SurfaceBlend& moment);
 
   std::deque<Camera> cameras_;
-  std::vector<SurfaceBlend> moments_;             // of each
+  CameraViews moments_{0};                        // of each
   std::map<std::uint32_t, Measuring> measuring_;  // not yet used
   std::unique_ptr<ContactPart> part_;
   std::unique_ptr<ThreadPool> pool_;

@@ -85,6 +85,7 @@ Status Repetition::prepare(const std::vector<Lead>& leads, const RunSettings& se
       const double period = run_.period_after(leads[k].front());
       if (period > 0) used.time.first_period = period;
     }
+    used.time.memory.frames = std::min(used.time.memory.frames, num_key_frames(run_.streams()));
     auto timeline = make_surfaces(run_.streams()[k], used, 0, leads.size() > 1);
     if (!timeline) return timeline.error();
     cameras_.push_back({*std::move(timeline)});
@@ -105,7 +106,8 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     if (!status) return status.error();
   }
   const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
-  moments_.assign(leads.size(), {});
+  if (moments_.num_cameras() != leads.size()) moments_ = CameraViews(leads.size());
+  moments_.clear();
   for (std::size_t k = 0; k < leads.size(); ++k) {
     Camera& camera = cameras_[k];
     std::size_t num_left = leads[k].size();
@@ -129,13 +131,14 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     if (camera.last < 0) continue;  // it had shown nothing yet
     moments_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
     if (is_as_recorded) moments_[k].progress = query.cameras.of[k].progress;
+    moments_.remember(camera.timeline.key_frames(), moments_[k].progress);
   }
   asked_.X_WT = query.X_WT;
   return true;
 }
 
 const Penetration& Repetition::measure() {
-  part_->measure(moments_, false, asked_);
+  part_->measure(moments_.all(), false, asked_);
   return asked_.penetration;
 }
 

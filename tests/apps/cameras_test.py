@@ -110,6 +110,25 @@ class Cameras(CameraCase):
                            "safety.max_contact_age=10", "-o", live))
         self.assertIn(b"identical", self.check(palpate("replay", live)).stdout)
 
+    def test_memory_of_a_camera_that_moves(self):
+        camera = f"scene:sphere-out-320?noise=off&size=160x120&poses={self.orbit()}"
+        walked = ["touch", self.tool, "--camera", camera, "--path", self.path, "--align", "starts"]
+        runs = {}
+        for name, memory in (("off", ["--memory", "off"]), ("on", ["--memory", "on"]),
+                             ("few", ["--memory", "on", "--memory-frames", "1"])):
+            runs[name] = self.folder / f"memory_{name}"
+            self.check(palpate(*walked, *memory, "-o", runs[name]))
+        self.assertNotEqual((runs["on"] / "wrench.csv").read_bytes(),
+                            (runs["off"] / "wrench.csv").read_bytes())
+        self.assertIn(b"identical", self.check(palpate("replay", runs["on"])).stdout)
+        live = self.folder / "live_memory"
+        self.check(palpate("touch", self.tool, "--camera", camera, "--device", "sim", "--memory",
+                           "on", "--duration", 2, "--set", "safety.max_sensor_age=10", "--set",
+                           "safety.max_contact_age=10", "-o", live))
+        self.assertIn(b"identical", self.check(palpate("replay", live)).stdout)
+        self.refused("needs time.mode latest or interpolate", *walked, "--memory", "on", "--time",
+                     "predict", "-o", self.folder / "predicted")
+
     def test_poses_of_a_bag(self):
         """What record writes of where a camera was, a bag gives again."""
         scene = "scene:sphere-out-320?noise=off&size=160x120"

@@ -12,13 +12,15 @@
 
 namespace palpate {
 
-// What a camera that stands still remembers of what is hidden now: a hand before a table does not
-// make everything behind it solid.
+// What a camera remembers of what is hidden now, or out of its sight: a hand before a table does
+// not make everything behind it solid.
 
 enum class DepthMemory {
   off,  ///< every frame by itself: all that lies behind its surface is solid
   /// Each pixel keeps the farthest surface that it has seen since that was last contradicted. What
-  /// comes before it is as thick as MemoryOptions::thickness, and behind that is what was seen.
+  /// comes before it is as thick as MemoryOptions::thickness, and behind that is what was seen. A
+  /// camera that moves keeps frames from where it was: space that they have seen to be free is free
+  /// until a newer frame contradicts that, and what they show is felt.
   on,
 };
 constexpr auto names_of(DepthMemory) { return std::array{"off", "on"}; }
@@ -35,18 +37,24 @@ struct MemoryOptions {
   /// Share of the depth: what is nearer than what is remembered by more comes before it, and what
   /// is farther by more contradicts it. Wider than the camera's noise.
   double step = 0.02;
+  /// Of a camera that moves: it keeps no more frames. Fewer where several cameras do
+  /// (kMostCameras).
+  int frames = 8;
 };
 inline void add_settings(SettingTable& t, MemoryOptions& o) {
   t.add("memory", o.kind,
-        "by the field, a camera that stands still: what lies behind something that has come before "
-        "it stays known");
+        "by the field: what lies behind something that has come before it stays known, and by a "
+        "camera that moves what it has seen before");
   t.add("memory_horizon", o.horizon, {0, kForEver, "s"},
-        "memory: what has been hidden for longer is forgotten; 1000000: nothing is");
+        "memory, a camera that stands still: what has been hidden for longer is forgotten; "
+        "1000000: nothing is");
   t.add("memory_thickness", o.thickness, {1e-3, 10, "m"},
         "memory: of what has come before what is remembered");
   t.add("memory_step", o.step, {1e-3, 1},
         "memory: share of the depth; what is nearer by more has come before what is remembered, "
         "what is farther by more contradicts it");
+  t.add("memory_frames", o.frames, {1, 15},
+        "memory, a camera that moves: keeps no more frames from where it was");
 }
 
 struct TangentPlane;  // of a pixel, see src/field/field_pixels.h

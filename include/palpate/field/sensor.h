@@ -94,7 +94,7 @@ class SurfaceTimeline {
   /// With `field` each frame gets a depth field. Depth-change vectors only if they are wanted, or
   /// with `newest_cloud`. Errors: see SurfaceEstimator, DepthField and
   /// DepthAverager; max_jump or first_period negative; prediction or averages with a camera that
-  /// moves; a memory with one, with prediction or without a field; the place is not in this build
+  /// moves; a memory with prediction or without a field; the place is not in this build
   /// or on this machine, or has too little memory. With `num_spare` more surfaces in memory the
   /// views of `at` outlive so many pushes more: a thread can look at them while another one pushes.
   /// With `binning` above 1 surfaces are those of smaller images, see depth_binning.h.
@@ -123,6 +123,10 @@ class SurfaceTimeline {
   /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
   /// waited for. The views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceBlend at(double time) const;
+  /// With a memory of a camera that moves: what it remembers, as further views for queries
+  /// (ContactQuery::measure), each from what it was before the last frame to what it is now. They
+  /// are at the progress of `at`, and valid as long.
+  std::span<const SurfaceBlend> key_frames() const;
 
   /// A copy in host memory of the newest frame's points as they were seen, not predicted, with
   /// depth-change vectors if they are found on the CPU; before the first push, without any points.

@@ -155,7 +155,7 @@ class Hull {
     join_seen_free();
     if (job_.has_memory) join_remembered(slot);
     seen_phi = first_of(hull).phi;
-    join_fields();
+    join_fields(slot);
     return true;
   }
 
@@ -308,7 +308,7 @@ class Hull {
   }
 
   // What holds where no camera looks, as long as all of them say so.
-  void join_fields() {
+  void join_fields(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
     const VecI is_felt = is_felt_ & (first_of(hull).phi < radius_);
     if (!job_.may_be_unseen || mask_bits(is_felt) == 0) return;
@@ -316,6 +316,7 @@ class Hull {
     Space least;
     for (int k = 0; k < job_.num_cameras; ++k) {
       const Eye& eye = eyes_[k];
+      if (k >= job_.num_seeing) take_seats(eye, slot, answers_[k]);
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);

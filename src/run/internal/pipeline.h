@@ -145,10 +145,43 @@ inline bool is_moment(std::uint64_t num_ticks, double tick_seconds) {
   return num_ticks > 0 && num_ticks % (period > 0 ? period : 1) == 0;
 }
 
+/// What a query is measured against: a moment of each camera, and after those what the ones that
+/// move remember, at the progress of its camera.
+class CameraViews {
+ public:
+  explicit CameraViews(std::size_t num_cameras) : num_cameras_(num_cameras) {
+    views_.reserve(std::max<std::size_t>(num_cameras, kMostCameras));
+    clear();
+  }
+  /// No camera shows anything.
+  void clear() { views_.assign(num_cameras_, {}); }
+  /// Forgets what cameras remember: for the next moment. No allocation.
+  void begin() { views_.resize(num_cameras_); }
+  SurfaceBlend& operator[](std::size_t camera) { return views_[camera]; }
+  const SurfaceBlend& operator[](std::size_t camera) const { return views_[camera]; }
+  void remember(std::span<const SurfaceBlend> key_frames, double progress) {
+    for (const SurfaceBlend& view : key_frames) {
+      if (views_.size() == views_.capacity()) return;
+      views_.push_back(view);
+      views_.back().progress = progress;
+    }
+  }
+  std::span<const SurfaceBlend> all() const { return views_; }
+  std::size_t num_cameras() const { return num_cameras_; }
+
+ private:
+  std::size_t num_cameras_;
+  std::vector<SurfaceBlend> views_;
+};
+
 /// What StepStatus::backend_failed means.
 Error lost_backend();
 /// What a run ends with whose threads get no memory any more.
 Error out_of_memory();
+
+/// So many frames may each camera that moves remember: all views of a query together are no more
+/// than kMostCameras.
+int num_key_frames(std::span<const DepthStreamInfo> streams);
 
 /// By the backend, the GPU and the options of the settings; with `is_one_of_several` cameras.
 Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
@@ -231,8 +264,8 @@ class Pipeline {
   PointCloud newest_cloud(std::size_t camera = 0) {
     return timelines_[camera].newest_cloud(*pool_);
   }
-  /// What was measured last, of each camera.
-  std::span<const SurfaceBlend> cameras() const { return cameras_; }
+  /// What was measured last, of each camera, and after these what they remember.
+  std::span<const SurfaceBlend> cameras() const { return cameras_.all(); }
   double period(std::size_t camera = 0) const { return timelines_[camera].period(); }
 
  private:
@@ -270,7 +303,7 @@ class Pipeline {
   double start_time_ = 0;
   bool has_begun_ = false, has_backend_failed_ = false;
   // Of each camera.
-  std::vector<SurfaceBlend> cameras_;
+  CameraViews cameras_;
   std::vector<CameraFrame> seen_;
   std::vector<std::int64_t> num_camera_frames_;
   ContactRecord contact_;

@@ -99,6 +99,7 @@ void ContactStage::look(double time) {
                                     ? change->surface_revision
                                     : ~std::uint32_t{0};
   newest_frame_ = 0;
+  cameras_.begin();
   for (std::size_t k = 0; k < views_.size(); ++k) {
     View& view = views_[k];
     const LiveSurfaces& taken = surfaces_.taken(k);
@@ -108,6 +109,7 @@ void ContactStage::look(double time) {
     }
     cameras_[k] = view.surfaces.moment;
     if (cameras_[k].progress < 1) cameras_[k].progress = view.blend.progress(time);
+    cameras_.remember(view.surfaces.remembered(), cameras_[k].progress);
     newest_frame_ = std::max(newest_frame_, view.surfaces.frame_number);
   }
 }
@@ -147,7 +149,7 @@ void ContactStage::measure(const ToolMoment& tool) {
         k == 0 ? surfaces.capture_time : std::min(contact.capture_time, surfaces.capture_time);
   }
   contact.contact.time = tool.time;
-  part_->measure(cameras_, part_->has_stiffness() && schedule_.is_due(), contact);
+  part_->measure(cameras_.all(), part_->has_stiffness() && schedule_.is_due(), contact);
   const bool has_failed = contact.penetration.status.has(StepStatus::backend_failed);
   backend_failed_.store(has_failed, std::memory_order_release);
   if (has_failed) return;  // it may pass: another part comes by a change
@@ -178,7 +180,7 @@ void ContactStage::make_picture(const ContactRecord& contact, ContactPicture& pi
   const std::size_t num_spheres = part_->query().index()->tool().spheres().size();
   picture.states.resize(num_spheres);  // no more than there was room for at the start
   picture.planes.resize(num_spheres);
-  part_->query().measure(cameras_, contact.X_WT,
+  part_->query().measure(cameras_.all(), contact.X_WT,
                          {.states = picture.states, .planes = picture.planes});
 }
 

@@ -103,7 +103,7 @@ class ContactStage {
     BlendClock blend;
   };
   std::vector<View> views_;
-  std::vector<SurfaceBlend> cameras_;  // likewise, at the moment
+  CameraViews cameras_;                // likewise, at the moment
   std::uint64_t newest_frame_ = 0;     // of these
   std::uint32_t oldest_revision_ = 0;  // of the surfaces taken last
   StiffnessSchedule schedule_;

@@ -261,8 +261,18 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   backend_failed_.store(!timeline.status(), std::memory_order_release);
   if (!timeline.status()) return;
   const SurfaceBlend moment = timeline.at(newest.capture_time);
-  camera.surfaces.publish(
-      {moment, end, newest.capture_time, timeline.period(), number, camera_frame, revision});
+  LiveSurfaces& made = camera.surfaces.draft();
+  made.moment = moment;
+  const std::span<const SurfaceBlend> remembered = timeline.key_frames();
+  made.num_key_frames = remembered.size();
+  std::copy(remembered.begin(), remembered.end(), made.key_frames.begin());
+  made.ready_time = end;
+  made.capture_time = newest.capture_time;
+  made.period = timeline.period();
+  made.frame_number = number;
+  made.camera_frame = camera_frame;
+  made.revision = revision;
+  camera.surfaces.publish();
   if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
     seen->frame = newest.frame;
     FrameRecord& record = seen->record = {};

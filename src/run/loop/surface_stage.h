@@ -2,11 +2,13 @@
 // surfaces by one thread.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 #include <vector>
 
@@ -21,12 +23,16 @@ namespace palpate {
 
 /// What the contact thread looks at of a camera until it takes the next ones.
 struct LiveSurfaces {
-  SurfaceBlend moment;                      ///< progress 1: there is nothing to blend
+  SurfaceBlend moment;                                ///< progress 1: there is nothing to blend
+  std::array<SurfaceBlend, kMostCameras> key_frames;  ///< SurfaceTimeline::key_frames
+  std::size_t num_key_frames = 0;
   double ready_time = 0, capture_time = 0;  ///< s, monotonic
   double period = 1;                        ///< s, expected until the next ones
   std::uint64_t frame_number = 0;           ///< FrameRecord::number of `moment.to`
   std::uint64_t camera_frame = 0;           ///< likewise; `from` is the one before
   std::uint32_t revision = 0;               ///< of the settings it was made with
+
+  std::span<const SurfaceBlend> remembered() const { return {key_frames.data(), num_key_frames}; }
 };
 
 /// A frame that has become a surface, for observers.

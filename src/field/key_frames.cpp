@@ -1,0 +1,347 @@
+#include "src/field/key_frames.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "src/cloud/internal/lens_table.h"
+#include "src/cloud/raw_depth.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kWidestImage = 320;  // pixels, of what is kept
+constexpr int kGridStride = 2;     // of these, from one point that is compared to the next
+/// A frame is kept when more of what it has seen is known by no other.
+constexpr double kWorthKeeping = 0.05;
+/// At these shares of a ray's depth it is asked what others know.
+constexpr double kAlongRay[] = {0.4, 0.7, 1.0};
+/// Surfaces that are made at a frame: the others wait for the next ones.
+constexpr int kMostMade = 3;
+/// What has come is asked for at so many points of its thickness.
+constexpr int kNumInside = 8;
+/// Of a point that is not seen itself.
+constexpr float kInside = 1e9f;
+/// Points of nine that say the same: fewer are noise, or an edge that two frames see otherwise.
+constexpr int kFewest = 7;
+
+bool knows(const DepthGrid& grid, const Vec3d& p_W, double tolerance) {
+  const Vec3d p_C = inverse(grid.X_WC) * p_W;
+  const int i = grid.index_of(p_C);
+  return i >= 0 &&
+         p_C.z <= static_cast<double>(grid.depth[static_cast<std::size_t>(i)]) * (1 + tolerance);
+}
+
+}  // namespace
+
+int DepthGrid::index_of(const Vec3d& p_C) const {
+  if (!(p_C.z > 0)) return -1;
+  const double u = p_C.x / p_C.z * intrinsics.fx + intrinsics.cx + 0.5;
+  const double v = p_C.y / p_C.z * intrinsics.fy + intrinsics.cy + 0.5;
+  if (!(u >= 0 && v >= 0 && u < width && v < height)) return -1;
+  return static_cast<int>(v) * width + static_cast<int>(u);
+}
+
+FrameEvidence::FrameEvidence(int num_points, const MemoryOptions& options)
+    : tolerance_(static_cast<float>(2 * options.step)), thickness_(options.thickness) {
+  const auto num = static_cast<std::size_t>(num_points);
+  for (auto* values : {&near_, &beyond_, &come_, &gone_}) values->resize(num);
+  is_through_.resize(num);
+}
+
+void FrameEvidence::look(const DepthGrid& kept, const DepthGrid& now) {
+  for (auto* values : {&near_, &beyond_, &come_, &gone_}) {
+    std::fill(values->begin(), values->end(), 0.0f);
+  }
+  std::fill(is_through_.begin(), is_through_.end(), 0);
+  const auto lesser = [](float& least, float z) { least = least > 0 ? std::min(least, z) : z; };
+  // What is seen now, along the rays of what is kept.
+  const Pose X_KN = inverse(kept.X_WC) * now.X_WC, X_NK = inverse(X_KN);
+  for (int j = 0; j < now.width * now.height; ++j) {
+    if (!(now.depth[static_cast<std::size_t>(j)] > 0)) continue;
+    const Vec3d p_K = X_KN * now.point(j);
+    const int i = kept.index_of(p_K);
+    if (i < 0) continue;
+    const auto at = static_cast<std::size_t>(i);
+    const float shown = kept.depth[at], z = static_cast<float>(p_K.z);
+    if (!(shown > 0)) continue;
+    if (z < shown * (1 - tolerance_)) lesser(near_[at], z);
+    if (z > shown * (1 + tolerance_)) lesser(beyond_[at], z);
+  }
+  // And the other way round: is what is kept still there?
+  for (int i = 0; i < kept.width * kept.height; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    is_through_[at] = kept.depth[at] > 0 && sight(now, X_NK * kept.point(i)) == Sight::through;
+  }
+  // What several points side by side say counts, and who is next to them and says the same.
+  const auto say_so = [&](int i, const auto& says) {
+    int num = 0;
+    for (int dv = -kept.width; dv <= kept.width; dv += kept.width) {
+      for (int du = -1; du <= 1; ++du) num += says(static_cast<std::size_t>(i + dv + du));
+    }
+    return num;
+  };
+  for (const bool is_next : {false, true}) {
+    for (int v = 1; v + 1 < kept.height; ++v) {
+      for (int u = 1; u + 1 < kept.width; ++u) {
+        const int i = v * kept.width + u;
+        const auto at = static_cast<std::size_t>(i);
+        if (near_[at] > 0 && come_[at] == 0) {
+          const int num = is_next ? say_so(i, [&](std::size_t k) { return come_[k] > 0; })
+                                  : say_so(i, [&](std::size_t k) { return near_[k] > 0; });
+          if (num >= (is_next ? 1 : kFewest)) come_[at] = is_next ? -near_[at] : near_[at];
+        }
+        if (is_through_[at] != 0 && gone_[at] == 0) {
+          const int num = is_next ? say_so(i, [&](std::size_t k) { return gone_[k] == 1; })
+                                  : say_so(i, [&](std::size_t k) { return is_through_[k] != 0; });
+          if (num >= (is_next ? 1 : kFewest)) gone_[at] = is_next ? 2.0f : 1.0f;
+        }
+      }
+    }
+  }
+  thicken(kept, now);
+}
+
+/// What has come is solid for some way behind where it is seen.
+void FrameEvidence::thicken(const DepthGrid& kept, const DepthGrid& now) {
+  const Pose X_KN = inverse(kept.X_WC) * now.X_WC;
+  for (int j = 0; j < now.width * now.height; ++j) {
+    if (!(now.depth[static_cast<std::size_t>(j)] > 0)) continue;
+    const Vec3d p_N = now.point(j), p_K = X_KN * p_N;
+    const int front = kept.index_of(p_K);
+    if (front < 0) continue;
+    const float come = come_[static_cast<std::size_t>(front)];
+    if (come == 0 || come == kInside || p_K.z > std::abs(come) * (1 + tolerance_)) continue;
+    for (int k = 1; k <= kNumInside; ++k) {
+      const Vec3d inside = X_KN * ((1 + thickness_ * k / (kNumInside * norm(p_N))) * p_N);
+      const int i = kept.index_of(inside);
+      if (i < 0) continue;
+      const auto at = static_cast<std::size_t>(i);
+      const auto z = static_cast<float>(inside.z);
+      if (!(z < kept.depth[at] * (1 - tolerance_))) continue;
+      near_[at] = near_[at] > 0 ? std::min(near_[at], z) : z;
+      if (come_[at] == 0) come_[at] = kInside;
+    }
+  }
+}
+
+float FrameEvidence::come(int i) const {
+  const auto at = static_cast<std::size_t>(i);
+  return come_[at] != 0 ? near_[at] : 0;
+}
+
+std::optional<float> FrameEvidence::gone(int i) const {
+  const auto at = static_cast<std::size_t>(i);
+  if (gone_[at] == 0) return {};
+  return beyond_[at];
+}
+
+Sight FrameEvidence::sight(const DepthGrid& now, const Vec3d& p_N) const {
+  const int j = now.index_of(p_N);
+  if (j < 0) return Sight::outside;
+  const double seen = now.depth[static_cast<std::size_t>(j)];
+  const double tolerance = tolerance_;
+  if (!(seen > 0)) return Sight::unknown;
+  return seen > p_N.z * (1 + tolerance)   ? Sight::through
+         : seen < p_N.z * (1 - tolerance) ? Sight::hidden
+                                          : Sight::seen;
+}
+
+KeyFrames::Seat::Seat(std::size_t num_points, const MemoryOptions& options)
+    : before(num_points), evidence(static_cast<int>(num_points), options) {}
+
+Result<KeyFrames> KeyFrames::create(const SlotSettings& settings, const Place& place) {
+  const DepthStreamInfo& whole = settings.stream;
+  const int binning = std::clamp((whole.width + kWidestImage - 1) / kWidestImage, 1, kMaxBinning);
+  SlotSettings kept;
+  kept.stream = binned(whole, binning);
+  kept.stream.is_moving = false;  // a frame by itself
+  kept.surface = settings.surface;
+  kept.field = settings.field;
+  kept.field->one_of_several = true;
+  kept.time.mode = TimeMode::latest;
+  kept.wants_depth_change = false;
+  // In use, those that are being made, and those that views of spare surfaces show.
+  const int num_slots = settings.time.memory.frames + kMostMade * (settings.num_spare + 1) + 1;
+  kept.num_spare = num_slots - kept.num_slots();
+  auto slots = make_frame_slots(kept, place);
+  if (!slots) return slots.error();
+  return KeyFrames(settings, kept.stream, binning, *std::move(slots), num_slots);
+}
+
+KeyFrames::KeyFrames(const SlotSettings& settings, const DepthStreamInfo& stream, int binning,
+                     std::unique_ptr<FrameSlots> slots, int num_slots)
+    : stream_(stream),
+      binning_(binning),
+      step_(settings.time.memory.step),
+      slots_(std::move(slots)),
+      last_shown_(static_cast<std::size_t>(num_slots), -1) {
+  const CameraModel model{stream.width, stream.height, stream.intrinsics, {}};
+  std::vector<std::uint32_t> table;
+  if (stream.distortion != Distortion{}) {
+    table = lens_table(model, {stream.width, stream.height, stream.intrinsics, stream.distortion});
+  }
+  now_.width = stream.width / kGridStride;
+  now_.height = stream.height / kGridStride;
+  const auto [fx, fy, cx, cy] = stream.intrinsics;
+  now_.intrinsics = {fx / kGridStride, fy / kGridStride, cx / kGridStride, cy / kGridStride};
+  const auto num = static_cast<std::size_t>(now_.width) * static_cast<std::size_t>(now_.height);
+  now_.depth.resize(num);
+  for (int v = 0; v < now_.height * kGridStride; ++v) {
+    for (int u = 0; u < now_.width * kGridStride; ++u) {
+      const auto pixel = static_cast<std::uint32_t>(v * stream.width + u);
+      pixels_.push_back(table.empty() ? pixel : table[pixel]);
+    }
+  }
+  small_.pixels.resize(static_cast<std::size_t>(stream.width) *
+                       static_cast<std::size_t>(stream.height));
+  const auto num_seats = static_cast<std::size_t>(settings.time.memory.frames);
+  views_.resize(num_seats);
+  for (std::size_t k = 0; k < num_seats; ++k) {
+    seats_.emplace_back(num, settings.time.memory);
+    seats_.back().image = small_;
+    seats_.back().grid = now_;
+  }
+}
+
+void KeyFrames::sample(const DepthFrame& image, DepthGrid& grid) const {
+  const auto row = static_cast<std::size_t>(grid.width * kGridStride);
+  grid.X_WC = image.X_WC;
+  for (std::size_t i = 0; i < grid.depth.size(); ++i) {
+    const auto width = static_cast<std::size_t>(grid.width);
+    const std::uint32_t pixel = pixels_[i / width * kGridStride * row + i % width * kGridStride];
+    const std::uint16_t count = pixel < image.pixels.size() ? image.pixels[pixel] : 0;
+    grid.depth[i] = is_measurement(count) ? static_cast<float>(count * image.unit) : 0.0f;
+  }
+}
+
+/// A point of a frame, and the pixels that it stands for.
+void KeyFrames::change(Seat& seat, int i, float depth) const {
+  DepthGrid& grid = seat.grid;
+  grid.depth[static_cast<std::size_t>(i)] = depth;
+  const double counts = static_cast<double>(depth) / seat.image.unit;
+  const auto row = static_cast<std::size_t>(grid.width * kGridStride);
+  for (int y = 0; y < kGridStride; ++y) {
+    for (int x = 0; x < kGridStride; ++x) {
+      const auto at = static_cast<std::size_t>(i / grid.width * kGridStride + y) * row +
+                      static_cast<std::size_t>(i % grid.width * kGridStride + x);
+      const std::uint32_t pixel = pixels_[at];
+      if (pixel >= seat.image.pixels.size()) continue;
+      seat.image.pixels[pixel] = counts < 65534 ? static_cast<std::uint16_t>(counts + 0.5) : 0;
+    }
+  }
+  seat.has_changed = true;
+}
+
+/// By the newest frame.
+void KeyFrames::contradict(Seat& seat) const {
+  DepthGrid& grid = seat.grid;
+  seat.evidence.look(grid, now_);
+  const Pose X_NK = inverse(now_.X_WC) * grid.X_WC;
+  for (int i = 0; i < grid.width * grid.height; ++i) {
+    float& before = seat.before[static_cast<std::size_t>(i)];
+    if (const float come = seat.evidence.come(i); come > 0) {
+      before = come;
+      continue;
+    }
+    if (before > 0) {
+      const Sight sight = seat.evidence.sight(now_, X_NK * grid.point(i, before));
+      if (sight == Sight::through) before = 0;
+      // It has been there when it was seen last.
+      if (sight == Sight::outside) change(seat, i, std::exchange(before, 0.0f));
+    } else if (const std::optional<float> beyond = seat.evidence.gone(i)) {
+      change(seat, i, *beyond);
+    }
+  }
+}
+
+/// Of what a frame has seen: what no frame that is kept knows, but that in `but`, nor `also`.
+double KeyFrames::share_of_new(const DepthGrid& grid, int stride, const Seat* but,
+                               const DepthGrid* also) const {
+  int num = 0, num_new = 0;
+  for (int v = stride / 2; v < grid.height; v += stride) {
+    for (int u = stride / 2; u < grid.width; u += stride) {
+      const int i = v * grid.width + u;
+      if (!(grid.depth[static_cast<std::size_t>(i)] > 0)) continue;
+      for (const double along : kAlongRay) {
+        const Vec3d p_W = grid.X_WC * (along * grid.point(i));
+        const auto is_known_by = [&](const DepthGrid& other) {
+          return knows(other, p_W, 2 * step_);
+        };
+        bool is_known = also != nullptr && is_known_by(*also);
+        for (std::size_t k = 0; k < num_used_ && !is_known; ++k) {
+          is_known = &seats_[k] != but && is_known_by(seats_[k].grid);
+        }
+        ++num;
+        num_new += !is_known;
+      }
+    }
+  }
+  return num > 0 ? static_cast<double>(num_new) / num : 0;
+}
+
+/// The newest frame, if it is worth that: in a place of its own, or of the one that adds least.
+KeyFrames::Seat* KeyFrames::keep() {
+  if (!(share_of_new(now_, 4, nullptr, nullptr) > kWorthKeeping)) return nullptr;
+  Seat* to = nullptr;
+  if (num_used_ < seats_.size()) {
+    to = &seats_[num_used_++];
+  } else {
+    double least = 2;
+    for (Seat& seat : seats_) {
+      const double adds = share_of_new(seat.grid, 8, &seat, &now_);
+      if (adds < least) to = &seat;
+      least = std::min(least, adds);
+    }
+  }
+  to->image = small_;
+  to->grid = now_;
+  std::fill(to->before.begin(), to->before.end(), 0.0f);
+  return to;
+}
+
+/// Shown by no view that may still be looked at.
+int KeyFrames::free_slot() const {
+  return static_cast<int>(std::min_element(last_shown_.begin(), last_shown_.end()) -
+                          last_shown_.begin());
+}
+
+void KeyFrames::make(Seat& seat, ThreadPool& pool) {
+  seat.slot = free_slot();
+  seat.has_changed = false;
+  slots_->take(seat.slot, seat.image, {}, {}, 0, pool);
+  const SurfaceView& made = slots_->surfaces(seat.slot);
+  SurfaceView& shown = views_[static_cast<std::size_t>(&seat - seats_.data())].to;
+  shown = {};
+  shown.field = made.field;
+  shown.remembered = made.seen_free;
+  shown.X_WC = seat.image.X_WC;
+  last_shown_[static_cast<std::size_t>(seat.slot)] = num_frames_;
+}
+
+void KeyFrames::take(const DepthImageView& frame, ThreadPool& pool) {
+  if (!is_finite(frame.X_WC)) return;
+  bin_depth(frame, binning_, small_);
+  small_.X_WC = frame.X_WC;
+  sample(small_, now_);
+  pool.parallel_for(static_cast<int>(num_used_),
+                    [&](int k) { contradict(seats_[static_cast<std::size_t>(k)]); });
+  for (std::size_t k = 0; k < num_used_; ++k) {
+    views_[k].from = views_[k].to;
+    last_shown_[static_cast<std::size_t>(seats_[k].slot)] = num_frames_;
+  }
+  int num_made = 0;
+  if (Seat* const kept = keep()) {
+    make(*kept, pool);
+    ++num_made;
+  }
+  for (std::size_t i = 0; i < num_used_ && num_made < kMostMade; ++i) {
+    Seat& seat = seats_[(turn_ + i) % num_used_];
+    if (!seat.has_changed) continue;
+    make(seat, pool);
+    if (++num_made == kMostMade) turn_ = (turn_ + i + 1) % num_used_;
+  }
+  ++num_frames_;
+}
+
+}  // namespace palpate

@@ -1,0 +1,117 @@
+// What a camera that moves remembers: frames from where it has been, as further views of the depth
+// hull (docs/decisions/0036-key-frames.md).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "src/field/frame_slots.h"
+
+namespace palpate {
+
+/// A grid of depths as a pinhole camera at X_WC has them along the z axis; 0: nothing is known.
+struct DepthGrid {
+  int width = 0, height = 0;
+  Intrinsics intrinsics;  ///< of its points
+  Pose X_WC;
+  std::vector<float> depth;  ///< m, row by row
+
+  Vec3d point(int i) const { return point(i, depth[static_cast<std::size_t>(i)]); }
+  Vec3d point(int i, double z) const {
+    return {(i % width - intrinsics.cx) / intrinsics.fx * z,
+            (i / width - intrinsics.cy) / intrinsics.fy * z, z};
+  }
+  /// The number of the point that sees p_C; -1: none does.
+  int index_of(const Vec3d& p_C) const;
+};
+
+/// What a frame shows of a point.
+enum class Sight {
+  outside,  ///< of the image
+  unknown,  ///< nothing was measured there
+  hidden,   ///< behind something
+  seen,
+  through,  ///< what is farther away: there is nothing
+};
+
+/// What a newer frame says about the points of an older one.
+class FrameEvidence {
+ public:
+  FrameEvidence(int num_points, const MemoryOptions& options);
+
+  /// Compares what `kept` shows with what is seen now.
+  void look(const DepthGrid& kept, const DepthGrid& now);
+  /// Of a point of `kept` after that: the depth of what has come before it, as thick as
+  /// MemoryOptions::thickness along the rays of `now`; 0: nothing has.
+  float come(int i) const;
+  /// If what it showed has gone: the depth of what is seen behind that, 0 if nobody knows.
+  std::optional<float> gone(int i) const;
+  Sight sight(const DepthGrid& now, const Vec3d& p_N) const;
+
+ private:
+  void thicken(const DepthGrid& kept, const DepthGrid& now);
+
+  float tolerance_;
+  double thickness_;
+  std::vector<float> near_, beyond_, come_, gone_;
+  std::vector<std::uint8_t> is_through_;
+};
+
+/// The frames that are kept, and their surfaces. One more is kept when enough of what it has seen
+/// to be free is known by none of them; once there is no place left, for the one that adds least.
+/// What newer frames see otherwise goes out of them: at once where these see through what a frame
+/// shows, and where something has come before that once it is out of sight.
+class KeyFrames {
+ public:
+  /// Of the frames of a timeline that is made with `settings`. Errors: see make_frame_slots.
+  static Result<KeyFrames> create(const SlotSettings& settings, const Place& place);
+
+  /// Takes the next frame, counts in host memory. Makes at most three surfaces. The same bits for
+  /// any number of threads; no allocation. O(points of all frames): about 0.1 ms for each.
+  void take(const DepthImageView& frame, ThreadPool& pool);
+  /// Each from what it was before the last frame to what it is now, for as long as the views of a
+  /// timeline.
+  std::span<const SurfaceBlend> views() const { return {views_.data(), num_used_}; }
+  const Status& status() const { return slots_->status(); }
+
+ private:
+  struct Seat {
+    Seat(std::size_t num_points, const MemoryOptions& options);
+
+    DepthFrame image;           // in half the resolution, with what has changed
+    DepthGrid grid;             // some of its points
+    std::vector<float> before;  // what has come before these; 0: nothing
+    FrameEvidence evidence;
+    bool has_changed = false;
+    int slot = -1;  // of its surface
+  };
+  KeyFrames(const SlotSettings& settings, const DepthStreamInfo& stream, int binning,
+            std::unique_ptr<FrameSlots> slots, int num_slots);
+
+  void sample(const DepthFrame& image, DepthGrid& grid) const;
+  void contradict(Seat& seat) const;
+  void change(Seat& seat, int i, float depth) const;
+  double share_of_new(const DepthGrid& grid, int stride, const Seat* but,
+                      const DepthGrid* also) const;
+  Seat* keep();
+  void make(Seat& seat, ThreadPool& pool);
+  int free_slot() const;
+
+  DepthStreamInfo stream_;
+  int binning_;
+  double step_;
+  std::unique_ptr<FrameSlots> slots_;
+  std::vector<std::uint32_t> pixels_;  // of the points of a grid, by number
+  std::vector<Seat> seats_;
+  std::size_t num_used_ = 0, turn_ = 0;
+  std::vector<SurfaceBlend> views_;
+  std::vector<std::int64_t> last_shown_;  // of each slot: in views after this frame
+  std::int64_t num_frames_ = 0;
+  DepthFrame small_;
+  DepthGrid now_;
+};
+
+}  // namespace palpate

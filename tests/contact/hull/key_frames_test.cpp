@@ -1,0 +1,240 @@
+// What a camera that moves remembers: against exact solids, and queries against their definition in
+// double.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "palpate/contact/contact.h"
+#include "tests/test_util/allocation_counter.h"
+#include "tests/test_util/contact_scenes.h"
+#include "tests/test_util/hull_scenes.h"
+#include "tests/test_util/hull_truth.h"
+
+namespace palpate {
+namespace {
+
+using test::Random;
+
+constexpr double kWall = 1.0, kBallRadius = 0.06, kToolRadius = 0.03;
+constexpr Vec3d kBall{0, 0, 0.7};
+
+test::Ray wall_with_ball(const std::optional<Vec3d>& ball) {
+  return [ball](const Vec3d& p, const Vec3d& d) {
+    const double wall = test::to_wall(p, d, kWall);
+    return ball ? std::min(wall, test::to_ball(p, d, *ball, kBallRadius)) : wall;
+  };
+}
+
+/// A camera that moves, one with a memory and one without.
+class MovingCamera {
+ public:
+  explicit MovingCamera(int frames = 8, int num_threads = 1, double noise = 0)
+      : noise_(noise),
+        pool_(num_threads),
+        remembers_(make(DepthMemory::on, frames)),
+        forgets_(make(DepthMemory::off, frames)) {}
+
+  void push(const Pose& X_WC, const std::optional<Vec3d>& ball) {
+    DepthFrame frame{camera_.width, camera_.height, 0.0001, {}, 0};
+    for (const float z : test::depth_seen(wall_with_ball(ball), camera_, X_WC)) {
+      const double seen = z > 0 ? static_cast<double>(z) + noise_ * random_.normal() : 0;
+      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(seen / frame.unit)));
+    }
+    frame.X_WC = X_WC;
+    const std::size_t before = test::num_allocations();
+    remembers_.push(frame, time_, pool_);
+    num_allocations_ += test::num_allocations() - before;
+    forgets_.push(frame, time_, pool_);
+    time_ += 1.0 / 30;
+  }
+  /// Along an arc around what is looked at, x from -0.35 to 0.35 m.
+  void pass(const std::optional<Vec3d>& ball) {
+    for (int i = 0; i <= 14; ++i) push(eye(-0.35 + 0.05 * i), ball);
+  }
+  /// Until all that it looked at is out of sight.
+  void turn_away(const std::optional<Vec3d>& ball) {
+    for (int i = 1; i <= 8; ++i) {
+      push(test::look_at({0.35, 0, 0}, {0.35 + 0.25 * i, 0, 1}), ball);
+    }
+  }
+  static Pose eye(double x) { return test::look_at({x, 0, 0}, {0, 0, 0.8}); }
+
+  std::vector<SurfaceBlend> views(double progress = 1) {
+    std::vector<SurfaceBlend> views{remembers_.at(time_)};
+    for (const SurfaceBlend& kept : remembers_.key_frames()) views.push_back(kept);
+    for (SurfaceBlend& view : views) view.progress = progress;
+    return views;
+  }
+  /// Share of the tool.
+  double felt(const Vec3d& at) {
+    return query_->measure(views(), {at, {}}).penetration.volume / whole();
+  }
+  double felt_without(const Vec3d& at) {
+    SurfaceBlend view = forgets_.at(time_);
+    view.progress = 1;
+    return query_->measure({&view, 1}, {at, {}}).penetration.volume / whole();
+  }
+  std::size_t num_key_frames() const { return remembers_.key_frames().size(); }
+  std::size_t num_allocations() const { return num_allocations_; }
+  const ContactQuery& query() const { return *query_; }
+  const Tool& tool() const { return tool_; }
+
+ private:
+  double whole() const { return tool_.mesh_mass().volume; }
+  SurfaceTimeline make(DepthMemory kind, int frames) const {
+    DepthStreamInfo stream = test::stream_of(camera_);
+    stream.is_moving = true;
+    TimeOptions time;
+    time.memory = {.kind = kind};
+    time.memory.frames = frames;
+    return SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time).value();
+  }
+
+  Camera camera_{320, 240, {262.5, 262.5, 159.5, 119.5}};
+  double noise_, time_ = 0;
+  Random random_{61};
+  ThreadPool pool_;
+  SurfaceTimeline remembers_, forgets_;
+  Tool tool_ = test::ball_tool(kToolRadius, 1500);
+  std::unique_ptr<ContactQuery> query_ =
+      make_contact_query(Backend::cpu, tool_, FieldMethod{SphereVolumes::represented}).value();
+  std::size_t num_allocations_ = 0;
+};
+
+double exact_share(const std::optional<Vec3d>& ball, const Vec3d& centre) {
+  int num = 0, num_solid = 0;
+  test::for_points_in_ball(centre, kToolRadius, [&](const Vec3d& p) {
+    ++num;
+    num_solid += p.z > kWall || (ball && norm(p - *ball) < kBallRadius);
+  });
+  return static_cast<double>(num_solid) / num;
+}
+
+TEST(KeyFrames, WhatIsBehindABallIsKnownFromWhereTheCameraWas) {
+  for (const double noise : {0.0, 0.0015}) {
+    MovingCamera camera(8, 1, noise);
+    camera.pass(kBall);
+    camera.push(MovingCamera::eye(0), kBall);
+    EXPECT_GE(camera.num_key_frames(), 3u);
+    // In the ball's shadow.
+    EXPECT_GT(camera.felt_without({0, 0, 0.89}), 0.99);
+    EXPECT_LT(camera.felt({0, 0, 0.89}), 0.01);
+    for (const Vec3d& p :
+         {Vec3d{0, 0, 0.99}, {0.1, 0, 0.985}, {0, 0, 0.62}, {0.07, 0, 0.68}, {0.15, 0.05, 0.8}}) {
+      EXPECT_NEAR(camera.felt(p), exact_share(kBall, p), 0.03) << p.x << " " << p.z;
+    }
+  }
+}
+
+TEST(KeyFrames, WhatIsOutOfSightStaysFelt) {
+  MovingCamera camera;
+  camera.pass(kBall);
+  camera.turn_away(kBall);
+  EXPECT_EQ(camera.felt_without({0, 0, 0.99}), 0);
+  for (const Vec3d& p :
+       {Vec3d{0, 0, 0.99}, {-0.1, 0, 0.985}, {0, 0, 0.62}, {0.02, 0, 0.89}, {-0.2, 0.05, 0.7}}) {
+    EXPECT_NEAR(camera.felt(p), exact_share(kBall, p), 0.04) << p.x << " " << p.z;
+  }
+}
+
+TEST(KeyFrames, WhatHasGoneIsFeltNoMore) {
+  MovingCamera camera;
+  camera.pass(kBall);
+  camera.push(MovingCamera::eye(0.35), std::nullopt);
+  const auto expect_none = [&] {
+    for (const Vec3d& p :
+         {kBall, kBall - Vec3d{0, 0, 0.06}, kBall + Vec3d{0.06, 0, 0}, kBall + Vec3d{0, 0, 0.1}}) {
+      EXPECT_EQ(camera.felt(p), 0) << p.x << " " << p.z;
+    }
+  };
+  EXPECT_GT(exact_share(kBall, kBall), 0.99);
+  expect_none();
+  // It was there in frames that are kept; by the time it is out of sight it is in none.
+  for (int i = 0; i < 4; ++i) camera.push(MovingCamera::eye(0.35), std::nullopt);
+  camera.turn_away(std::nullopt);
+  expect_none();
+  EXPECT_NEAR(camera.felt({0, 0, 0.99}), exact_share({}, {0, 0, 0.99}), 0.04);
+}
+
+TEST(KeyFrames, WhatHasComeIsFeltOutOfSight) {
+  MovingCamera camera;
+  camera.pass(std::nullopt);
+  EXPECT_EQ(camera.felt({0, 0, 0.62}), 0);
+  camera.push(MovingCamera::eye(0.35), kBall);
+  camera.turn_away(kBall);
+  // The front that was seen.
+  const Vec3d front = kBall + kBallRadius * normalized(Vec3d{0.35, 0, 0} - kBall);
+  EXPECT_GT(camera.felt(front), 0.2);
+  EXPECT_GT(camera.felt(kBall), 0.9);
+  // And nothing beside it.
+  EXPECT_LT(camera.felt(kBall - Vec3d{0.2, 0, 0}), 0.01);
+}
+
+TEST(KeyFrames, AreNoMoreThanAsked) {
+  MovingCamera camera(2);
+  camera.pass(kBall);
+  camera.turn_away(kBall);
+  EXPECT_EQ(camera.num_key_frames(), 2u);
+  EXPECT_GT(MovingCamera(1).views().size(), 0u);
+}
+
+TEST(KeyFrames, QueriesEqualTheirDefinition) {
+  MovingCamera camera;
+  camera.pass(kBall);
+  camera.turn_away(kBall);
+  Random random(62);
+  const Tool tool = test::random_tool(33, 0.06, 3);
+  const double scale = tool.sphere_mass().volume;
+  const auto query =
+      make_contact_query(Backend::cpu, tool, FieldMethod{SphereVolumes::own}).value();
+  int num_felt = 0;
+  for (const double progress : {1.0, 0.3}) {
+    const std::vector<SurfaceBlend> views = camera.views(progress);
+    for (int i = 0; i < 60; ++i) {
+      const Pose X_WT{
+          {random.uniform(-0.3, 1.4), random.uniform(-0.1, 0.1), random.uniform(0.6, 1.05)},
+          random.rotation(3.0)};
+      const Penetration want = test::hull_truth(tool, views, X_WT, SphereVolumes::own);
+      const Penetration got = query->measure(views, X_WT).penetration;
+      num_felt += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+      EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale);
+      EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
+    }
+  }
+  EXPECT_GT(num_felt, 15);
+}
+
+TEST(KeyFrames, GiveTheSameBitsWithAnyThreadsAndAllocateNothing) {
+  MovingCamera one(8, 1, 0.0015), many(8, 3, 0.0015);
+  for (MovingCamera* camera : {&one, &many}) {
+    camera->pass(kBall);
+    camera->turn_away(std::nullopt);
+  }
+  EXPECT_EQ(one.num_key_frames(), many.num_key_frames());
+  EXPECT_EQ(one.num_allocations(), 0u);
+  Random random(63);
+  for (int i = 0; i < 40; ++i) {
+    const Vec3d p{random.uniform(-0.3, 1.0), random.uniform(-0.1, 0.1), random.uniform(0.6, 1.05)};
+    EXPECT_EQ(one.felt(p), many.felt(p));
+  }
+}
+
+TEST(KeyFrames, NoiseContradictsNothing) {
+  MovingCamera camera(8, 1, 0.003);
+  camera.pass(kBall);
+  for (int i = 0; i < 4; ++i) camera.push(MovingCamera::eye(0), kBall);
+  const std::size_t num = camera.num_key_frames();
+  std::vector<std::uint64_t> stamps;
+  for (const SurfaceBlend& view : camera.views()) stamps.push_back(view.to.field.stamp);
+  for (int i = 0; i < 10; ++i) camera.push(MovingCamera::eye(0), kBall);
+  EXPECT_EQ(camera.num_key_frames(), num);
+  const auto views = camera.views();
+  for (std::size_t k = 1; k < views.size(); ++k) EXPECT_EQ(views[k].to.field.stamp, stamps[k]);
+}
+
+}  // namespace
+}  // namespace palpate
