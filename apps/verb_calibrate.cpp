@@ -14,6 +14,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/cloud/surface_estimator.h"
+#include "src/cloud/internal/mean_frame.h"
 #include "src/io/internal/atomic_file.h"
 
 namespace palpate::apps {
@@ -26,36 +27,6 @@ struct Options {
   int num_frames = 30;
   bool json = false;
 };
-
-/// What a camera sees while nothing moves: of each pixel the mean of its measurements, if it has
-/// them in at least half of the frames.
-Result<DepthFrame> mean_frame(DepthSource& source, int num_frames) {
-  const DepthStreamInfo& stream = source.info();
-  std::vector<double> sums;
-  std::vector<int> nums;
-  DepthFrame frame;
-  int num = 0;
-  for (; num < num_frames; ++num) {
-    const auto got = source.next(frame);
-    if (!got) return got.error();
-    if (!*got) break;
-    sums.resize(frame.pixels.size());
-    nums.resize(frame.pixels.size());
-    for (std::size_t i = 0; i < sums.size() && i < frame.pixels.size(); ++i) {
-      if (frame.pixels[i] == 0 || frame.pixels[i] == 65535) continue;
-      sums[i] += frame.pixels[i] * frame.unit;
-      ++nums[i];
-    }
-  }
-  if (num == 0) return Error{Errc::bad_input, stream.name + " holds no frame"};
-  frame.unit = 1.5e-4;  // m: up to 9.8 m
-  for (std::size_t i = 0; i < sums.size(); ++i) {
-    const double counts = nums[i] > 0 ? sums[i] / nums[i] / frame.unit : 0;
-    frame.pixels[i] =
-        2 * nums[i] >= num && counts < 65534 ? static_cast<std::uint16_t>(std::lround(counts)) : 0;
-  }
-  return frame;
-}
 
 /// Its surface; `estimator` owns it.
 Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int num_frames) {

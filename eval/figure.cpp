@@ -7,7 +7,7 @@ std::vector<FigureSpec> all_figures() {
   for (const auto group :
        {speed_figures, recorded_figures, synthetic_figures, accuracy_figures, option_figures,
         edge_figures, silhouette_figures, time_figures, frame_figures, robustness_figures,
-        response_figures, cube_figures, flat_figures, peer_figures, drawings}) {
+        rig_figures, response_figures, cube_figures, flat_figures, peer_figures, drawings}) {
     for (const FigureSpec& figure : group()) all.push_back(figure);
   }
   return all;

@@ -10,6 +10,7 @@
 #include "eval/context.h"
 #include "eval/studies/accuracy.h"
 #include "eval/studies/random.h"
+#include "eval/studies/range.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 
@@ -35,13 +36,6 @@ double rms(const std::vector<double>& values) {
   double sum = 0;
   for (const double v : values) sum += v * v;
   return values.empty() ? 0 : std::sqrt(sum / static_cast<double>(values.size()));
-}
-
-double percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  const auto last = static_cast<double>(values.size() - 1);
-  return values[static_cast<std::size_t>(std::lround(share * last))];
 }
 
 struct Configuration {

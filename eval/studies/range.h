@@ -1,9 +1,10 @@
-// The least and the largest of several numbers.
+// The least and the largest of several numbers, and what a share of them does not exceed.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 namespace palpate::eval {
 
@@ -15,5 +16,13 @@ struct Range {
     high = std::isnan(x) ? x : std::max(high, x);
   }
 };
+
+/// The value at this share of the sorted ones, 0.5 being the median; 0 if there are none.
+inline double percentile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  const auto last = static_cast<double>(values.size() - 1);
+  return values[static_cast<std::size_t>(std::lround(share * last))];
+}
 
 }  // namespace palpate::eval

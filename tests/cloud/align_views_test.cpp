@@ -8,6 +8,7 @@
 
 #include "palpate/cloud/surface_estimator.h"
 #include "scenes/scene.h"
+#include "src/cloud/internal/mean_frame.h"
 
 namespace palpate {
 namespace {
@@ -50,23 +51,7 @@ View view_of(scenes::Scene scene, const Pose& X_WC, bool has_noise, std::uint64_
   options.unit = 0.0001;
   options.duration = kNumFrames / scene.rate;
   auto camera = scenes::open_simulated_camera(scene, options).value();
-  std::vector<double> sums;
-  std::vector<int> nums;
-  DepthFrame frame;
-  while (*camera->next(frame)) {
-    sums.resize(frame.pixels.size());
-    nums.resize(frame.pixels.size());
-    for (std::size_t i = 0; i < frame.pixels.size(); ++i) {
-      if (frame.pixels[i] == 0) continue;
-      sums[i] += frame.pixels[i];
-      ++nums[i];
-    }
-  }
-  for (std::size_t i = 0; i < sums.size(); ++i) {
-    frame.pixels[i] = nums[i] >= kNumFrames / 2
-                          ? static_cast<std::uint16_t>(std::lround(sums[i] / nums[i]))
-                          : std::uint16_t{0};
-  }
+  const DepthFrame frame = mean_frame(*camera, kNumFrames).value();
   View view{X_WC,
             std::make_unique<SurfaceEstimator>(
                 SurfaceEstimator::create(scene.width, scene.height, scene.intrinsics, {}).value())};
