@@ -123,7 +123,7 @@ std::vector<FigureSpec> time_figures();        // 3.15, 3.16
 std::vector<FigureSpec> frame_figures();       // frames
 std::vector<FigureSpec> robustness_figures();  // noise, missing, distance, resolution, packing
 std::vector<FigureSpec> rig_figures();         // two cameras, one of them off: misplaced
-std::vector<FigureSpec> cube_figures();        // a recorded cube: cube, cube-world
+std::vector<FigureSpec> cube_figures();        // a recorded cube: cube, cube-world, cube-tracked
 std::vector<FigureSpec> flat_figures();        // recorded frames where they are flat
 std::vector<FigureSpec> response_figures();    // the 6-DOF collision-response benchmark
 std::vector<FigureSpec> peer_figures();        // other libraries

@@ -396,7 +396,9 @@ Result<FigureResult> cube_figure(Context& context) {
 std::vector<FigureSpec> cube_figures() {
   return {{"cube", "A recorded cube that is known exactly", "Real data", cube_figure},
           {"cube-world", "The same cube in the world, while the camera moves", "Real data",
-           moving_cube_figure}};
+           moving_cube_figure},
+          {"cube-tracked", "Fixed tools in the cube, while a tracked camera moves", "Real data",
+           tracked_cube_figure}};
 }
 
 }  // namespace palpate::eval

@@ -6,6 +6,7 @@
 
 namespace palpate::eval {
 
-Result<FigureResult> moving_cube_figure(Context& context);  ///< cube-world
+Result<FigureResult> moving_cube_figure(Context& context);   ///< cube-world
+Result<FigureResult> tracked_cube_figure(Context& context);  ///< cube-tracked
 
 }  // namespace palpate::eval

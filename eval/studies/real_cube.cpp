@@ -13,6 +13,8 @@ namespace palpate::eval {
 namespace {
 
 constexpr const char* kRecording = "sequences/visp_rbt";
+/// X_WC by time, as `poses=` of a camera takes it.
+constexpr const char* kTracked = "trajectories/visp_rbt_camera_in_grid_tum.txt";
 /// Where a person sees it in the first picture.
 const Pose kFirstGuess{{-0.05, 0.05, 0.5}, normalized(Quaternion{-0.36, 0.63, -0.62, -0.29})};
 
@@ -64,6 +66,26 @@ double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+/// Of the poses that the frames say the cube has in W: the medians along the axes, and the rotation
+/// that is least far from all, in sum.
+Pose middle_pose(const std::vector<CubeFrame>& frames) {
+  std::vector<Pose> X_WB;
+  for (const CubeFrame& f : frames) X_WB.push_back(f.frame.X_WC * f.X_CB);
+  Pose middle;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    std::vector<double> values;
+    for (const Pose& X : X_WB) values.push_back(X.translation[axis]);
+    middle.translation[axis] = median(std::move(values));
+  }
+  double least = INFINITY;
+  for (const Pose& candidate : X_WB) {
+    double sum = 0;
+    for (const Pose& X : X_WB) sum += norm(rotation_between(candidate.rotation, X.rotation));
+    if (sum < least) least = sum, middle.rotation = normalized(candidate.rotation);
+  }
+  return middle;
 }
 
 }  // namespace
@@ -151,35 +173,28 @@ Result<std::optional<RealCube>> real_cube(Context& context, std::size_t stride) 
   if (!frames) return frames.error();
   if (!*frames) return std::optional<RealCube>();
   const auto& data = context.settings().data;
-  const auto board = load_trajectory(data / kRecording / "camera_T_grid_tum.txt");
-  if (!board) return board.error();
+  const auto tracked = load_trajectory(data / kTracked);
+  if (!tracked) return tracked.error();
   const auto mesh = load_mesh(data / "meshes_good/visp_cube.obj");
   if (!mesh) return mesh.error();
   cube.half_size = bounds(*mesh).high.x;
 
-  Pose X_GB;  // G: the board
-  for (std::size_t i = 0; i < (*frames)->size() && i < board->size(); ++i) {
-    const Pose X_CG = (*board)[i].X_WT;
-    CubeFrame seen{std::move((**frames)[i]), i == 0 ? kFirstGuess : X_CG * X_GB, {}};
+  Pose X_WB;
+  for (std::size_t i = 0; i < (*frames)->size(); ++i) {
+    CubeFrame seen{std::move((**frames)[i]), kFirstGuess, {}};
+    seen.frame.X_WC = pose_at(*tracked, seen.frame.timestamp);
+    if (i > 0) seen.X_CB = inverse(seen.frame.X_WC) * X_WB;
     if (!lay_on(cube.stream, seen.frame, cube.half_size, seen.X_CB)) {
       return Error{Errc::bad_input, std::string(kRecording) + ", frame " + std::to_string(i) +
                                         ": the cube cannot be found in it"};
     }
-    X_GB = inverse(X_CG) * seen.X_CB;
-    seen.tracked_shift = X_GB;  // for now
+    X_WB = seen.frame.X_WC * seen.X_CB;
     if (i % stride == 0) cube.frames.push_back(std::move(seen));
     context.progress(0.2 * static_cast<double>(i) / static_cast<double>((*frames)->size()));
   }
-  Vec3d middle;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    std::vector<double> values;
-    for (const CubeFrame& f : cube.frames) values.push_back(f.tracked_shift.translation[axis]);
-    middle[axis] = median(std::move(values));
-  }
+  cube.X_WB = middle_pose(cube.frames);
   for (CubeFrame& f : cube.frames) {
-    const Pose X_GB_here = f.tracked_shift;
-    f.tracked_shift = {rotate(conjugate(X_GB_here.rotation), middle - X_GB_here.translation),
-                       conjugate(X_GB_here.rotation) * cube.frames.front().tracked_shift.rotation};
+    f.tracked_shift = inverse(f.frame.X_WC * f.X_CB) * cube.X_WB;
   }
   return std::optional(std::move(cube));
 }

@@ -26,14 +26,15 @@ std::optional<CubeHit> hit_cube(const Pose& X_CB, double half_size, const Vec3d&
 
 /// One frame with its cube.
 struct CubeFrame {
-  DepthFrame frame;
+  DepthFrame frame;    ///< its X_WC is what the board says, W being the board's frame
   Pose X_CB;           ///< laid on the faces
-  Pose tracked_shift;  ///< where the board's tracking has the cube, in B; the median of all is zero
+  Pose tracked_shift;  ///< where the board's tracking has the cube that stands still, in B
 };
 
 struct RealCube {
   DepthStreamInfo stream;
   double half_size = 0;  ///< m
+  Pose X_WB;             ///< where it stands: the middle of what all frames say
   std::vector<CubeFrame> frames;
 };
 
