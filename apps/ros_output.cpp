@@ -10,29 +10,31 @@
 #include <thread>
 #include <utility>
 
+#include "apps/ros_verdict.h"
+#include "src/core/internal/triple_buffer.h"
+#include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
 #include "src/io/ros_messages.h"
 #include "src/math/internal/rotation_vector.h"
 #include "src/math/internal/told_wrench.h"
 #include "src/ros/ros_node.h"
+#include "src/run/loop/event.h"
+#include "src/run/loop/real_time.h"
 
 namespace palpate::apps {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using State = RosContact::State;
 
 constexpr double kDiagnosticsPeriod = 1, kShortestDiagnosticsPeriod = 0.1;  // s
 constexpr double kLongestLag = 0.02;  // s behind the clock; what is later is left out
+constexpr double kLooks = 100;        // Hz, at least: how often the rest is looked after
+constexpr int kPriority = 60;         // below the contact thread
+/// Of a period: so long after a tick its wrench is told. Where ticks are is followed slowly, so
+/// that a wrench is not late because a tick was.
+constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
 double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
-double now() { return seconds_of(Clock::now().time_since_epoch()); }
-
-std::string milliseconds(const char* format, double seconds) {
-  char text[120];
-  std::snprintf(text, sizeof text, format, 1e3 * seconds);
-  return text;
-}
 
 /// The same as told_in of a wrench: moved to the origin, A K A^T with the wrench's own map A, and
 /// turned.
@@ -104,10 +106,7 @@ class Output final : public RosOutput {
     RunObserver& observer = monitor.observer;
     observer.on_contact = [this,
                            others = std::move(observer.on_contact)](const ContactRecord& contact) {
-      {
-        const std::lock_guard lock(mutex_);
-        newest_ = contact;
-      }
+      contacts_.publish(contact);
       if (others) others(contact);
     };
     observer.on_frame = [this, others = std::move(observer.on_frame)](const FrameRecord& record,
@@ -119,115 +118,142 @@ class Output final : public RosOutput {
   }
 
  private:
-  /// Why there is no wrench now; valid: there is one.
-  struct Verdict {
-    State state = State::valid;
-    std::string reason;
-    double depth_age = 0, contact_age = 0;  // s
+  using Why = RosVerdict::Why;
+
+  /// What the wrench's thread hands over: the tick that it told, and what it made of it.
+  struct Told {
+    TickRecord tick;
+    RosVerdict verdict;
+    double time = 0;            // s, monotonic
+    std::uint64_t num_due = 0;  // contacts that were to be told until then
   };
 
   void begin(RunLoop& loop) {
     full_volume_ = full_volume(tool_, loop.settings().contact);
     is_ending_ = false;
     try {
-      thread_ = std::thread([this, &loop] { go_on(loop); });
+      rest_thread_ = std::thread([this, &loop] { tell_rest(loop); });
+      wrench_thread_ = std::thread([this, &loop] { tell_wrenches(loop); });
     } catch (const std::system_error&) {
-      say({State::failed, "the system gives no thread to publish from", 0, 0}, now());
+      end_with({State::failed, Why::no_thread});
     }
   }
 
   void end() {
-    is_ending_ = true;
-    if (!thread_.joinable()) return;
-    thread_.join();
-    // Whoever follows the wrench is not left with the last one.
-    const Verdict verdict{State::failed, "the run has ended", 0, 0};
-    tell(verdict);
-    say(verdict, now());
+    if (rest_thread_.joinable()) end_with({State::failed, Why::has_ended});
   }
 
-  void go_on(RunLoop& loop) {
-    take_rank(ThreadRank::surface);  // it has little to do, and does it by the clock
-    const auto period = std::chrono::duration_cast<Clock::duration>(
-        std::chrono::duration<double>(1 / options_.rate));
-    auto next = Clock::now();
+  /// Whoever follows the wrench is not left with the last one.
+  void end_with(const RosVerdict& verdict) {
+    is_ending_ = true;
+    bell_.ring();
+    if (wrench_thread_.joinable()) wrench_thread_.join();
+    if (rest_thread_.joinable()) rest_thread_.join();
+    told_.refresh();
+    Told last = told_.value();
+    last.verdict = verdict;
+    last.time = monotonic_now();
+    tell_wrench(last);
+    tell_contact(last);
+    say(last);
+  }
+
+  /// The wrench's thread: all that others can wait for is told by another one.
+  void tell_wrenches(RunLoop& loop) {
+    if (!loop.settings().wants_real_time || ask_for_real_time(kPriority) != 0) {
+      take_rank(ThreadRank::surface);
+    }
+    const double period = 1 / options_.rate;
+    const auto every = [&](double rate) {
+      return std::max<std::uint64_t>(static_cast<std::uint64_t>(options_.rate / rate), 1);
+    };
+    const std::uint64_t contacts_every = every(options_.contact_rate), look_every = every(kLooks);
+    TickRecord tick;
+    bool has_tick = false, was_valid = false;
+    std::uint64_t number = 0, num_due = 0;
     double last = 0;
-    while (!is_ending_) {
+    for (double next = monotonic_now(); !is_ending_;) {
       next += period;
-      std::this_thread::sleep_until(next);
-      if (seconds_of(Clock::now() - next) > kLongestLag) next = Clock::now();
-      has_tick_ = loop.latest(tick_) || has_tick_;
-      if (!has_tick_) continue;
-      const double time = now();
+      sleep_until(next);
+      const double time = monotonic_now();
+      if (time - next > kLongestLag) next = time;
+      if (loop.latest(tick)) {
+        has_tick = true;
+        next += kFollowing * std::remainder(tick.device.time + kAfterTick * period - next, period);
+      }
+      if (!has_tick) continue;
       if (last > 0) periods_.record(static_cast<std::int64_t>(1e9 * (time - last)));
       last = time;
-      const Verdict verdict = judge(time);
-      tell(verdict);
-      tell_spheres(loop, time);
-      const bool is_news = verdict.state != last_state_;
-      if (time >= next_diagnostics_ ||
-          (is_news && time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
-        say(verdict, time);
-      }
+      Told& told = told_.draft();
+      told.tick = tick;
+      told.time = time;
+      told.verdict = judge(tick, time, options_.max_age);
+      tell_wrench(told);
+      const bool is_due = number % contacts_every == 0 || told.verdict.is_valid() != was_valid;
+      was_valid = told.verdict.is_valid();
+      told.num_due = num_due += is_due ? 1 : 0;
+      const bool is_looked_for = is_due || number % look_every == 0;
+      ++number;
+      told_.publish();
+      if (is_looked_for) bell_.ring();
     }
   }
 
-  Verdict judge(double time) const {
-    const double since = time - tick_.device.time;
-    Verdict verdict{State::valid, "", tick_.sensor_age + since, tick_.contact_age + since};
-    const auto because = [&](State state, std::string reason) {
-      verdict.state = state;
-      verdict.reason = std::move(reason);
-      return verdict;
-    };
-    if (tick_.has_sensor_failed) return because(State::failed, "the camera is lost");
-    if (tick_.has_backend_failed) return because(State::failed, "the GPU is lost");
-    if (!tick_.device.is_valid || since > options_.max_age) {
-      return because(State::stale, "the tool's pose is too old");
+  void tell_wrench(const Told& told) {
+    const bool in_tool = options_.frame == WrenchFrame::tool;
+    const std::string& frame = in_tool ? options_.tool_frame : options_.camera_frame;
+    const Pose& X_WT = told.tick.step.X_WT;
+    Wrench wrench;
+    if (told.verdict.is_valid()) {
+      wrench = told_in(in_tool ? X_WT : Pose{}, told.tick.step.contact_W,
+                       X_WT * tool_.sphere_mass().centre_of_mass);
     }
-    if (tick_.contact_number == 0) return because(State::stale, "nothing has been measured yet");
-    if (!(verdict.depth_age <= options_.max_age)) {
-      return because(State::stale,
-                     milliseconds("the depth image is %.0f ms old", verdict.depth_age));
+    const bool was_sent =
+        wrench_->publish(wrench_message({wall_time(told.tick.device.time), frame}, wrench));
+    ++(was_sent ? num_sent_ : num_not_sent_);
+  }
+
+  /// The other thread, woken by the wrench's.
+  void tell_rest(RunLoop& loop) {
+    take_rank(ThreadRank::recorder);
+    std::uint64_t num_told = 0;
+    for (;;) {
+      const std::uint32_t heard = bell_.count();
+      if (is_ending_) return;
+      if (!told_.refresh()) {
+        bell_.wait(heard);
+        continue;
+      }
+      const Told& told = told_.value();
+      if (told.num_due != num_told) tell_contact(told);
+      num_told = told.num_due;
+      tell_spheres(loop, told.time);
+      const bool is_news = told.verdict.state != last_state_;
+      if (told.time >= next_diagnostics_ ||
+          (is_news && told.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
+        say(told);
+      }
+      bell_.wait(heard);
     }
-    if (!(verdict.contact_age <= options_.max_age)) {
-      return because(State::stale,
-                     milliseconds("the last measurement is %.0f ms old", verdict.contact_age));
-    }
-    if (tick_.penetration.status.is_unmeasured()) {
-      return because(State::failed, "the tool could not be measured against the image");
-    }
-    return verdict;
   }
 
   static std::uint64_t wall_time(double time) {
     const double since_1970 = seconds_of(std::chrono::system_clock::now().time_since_epoch());
-    return static_cast<std::uint64_t>(1e9 * (since_1970 + time - now()));
+    return static_cast<std::uint64_t>(1e9 * (since_1970 + time - monotonic_now()));
   }
 
-  /// The wrench, and at a lower rate the rest.
-  void tell(const Verdict& verdict) {
-    const std::uint64_t time = wall_time(tick_.device.time);
-    const bool is_valid = verdict.state == State::valid;
-    const Pose& X_WT = tick_.step.X_WT;
-    const Vec3d p_WC = X_WT * tool_.sphere_mass().centre_of_mass;
-    const bool in_tool = options_.frame == WrenchFrame::tool;
-    const std::string& frame = in_tool ? options_.tool_frame : options_.camera_frame;
-    Wrench wrench;
-    if (is_valid) wrench = told_in(in_tool ? X_WT : Pose{}, tick_.step.contact_W, p_WC);
-    count(wrench_->publish(wrench_message({time, frame}, wrench)));
-    const auto contact_period = static_cast<std::uint64_t>(options_.rate / options_.contact_rate);
-    if (num_told_++ % std::max<std::uint64_t>(contact_period, 1) != 0 && is_valid == was_valid_)
-      return;
-    was_valid_ = is_valid;
-    pose_->publish(pose_message({time, options_.camera_frame}, X_WT));
-    tell_twist(time, X_WT, is_valid);
-    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(verdict, p_WC)));
+  void tell_contact(const Told& told) {
+    const std::uint64_t time = wall_time(told.tick.device.time);
+    pose_->publish(pose_message({time, options_.camera_frame}, told.tick.step.X_WT));
+    tell_twist(time, told);
+    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(told)));
   }
 
   /// Since the pose that was told before. Who follows stands still where the wrench is not valid.
-  void tell_twist(std::uint64_t time, const Pose& X_WT, bool is_valid) {
-    const double now_told = tick_.device.time, seconds = now_told - last_pose_time_;
+  void tell_twist(std::uint64_t time, const Told& told) {
+    const double now_told = told.tick.device.time, seconds = now_told - last_pose_time_;
+    const bool is_valid = told.verdict.is_valid();
+    const Pose& X_WT = told.tick.step.X_WT;
     Twist V_WT;
     if (is_valid && has_last_pose_ && seconds > 0 && seconds <= options_.max_age) {
       V_WT = {(X_WT.translation - last_X_WT_.translation) / seconds,
@@ -241,23 +267,25 @@ class Output final : public RosOutput {
     twist_->publish(twist_message({time, options_.camera_frame}, V_WT));
   }
 
-  RosContact contact_of(const Verdict& verdict, const Vec3d& p_WC) {
+  RosContact contact_of(const Told& told) {
+    const auto& [tick, verdict, time, num_due] = told;
     RosContact contact;
     contact.state = verdict.state;
-    contact.reason = verdict.reason;
+    contact.reason = verdict.reason();
     contact.depth_age = verdict.depth_age;
     contact.contact_age = verdict.contact_age;
-    contact.status = tick_.penetration.status.bits;
-    if (verdict.state != State::valid) return contact;
-    contact.volume = tick_.penetration.volume;
+    contact.status = tick.penetration.status.bits;
+    if (!verdict.is_valid()) return contact;
+    contact.volume = tick.penetration.volume;
     contact.fraction = full_volume_ > 0 ? contact.volume / full_volume_ : 0;
-    contact.unseen = full_volume_ > 0 ? tick_.penetration.unseen_volume / full_volume_ : 0;
-    contact.potential = tick_.penetration.potential;
-    contact.wrench = told_in(tick_.step.X_WT, tick_.step.contact_W, p_WC);
-    const std::lock_guard lock(mutex_);
-    contact.max_stiffness = newest_.contact.max_stiffness;
-    contact.stiffness =
-        stiffness_in(newest_.contact.X_WT, newest_.contact.stiffness, newest_.contact.p_WC);
+    contact.unseen = full_volume_ > 0 ? tick.penetration.unseen_volume / full_volume_ : 0;
+    contact.potential = tick.penetration.potential;
+    const Pose& X_WT = tick.step.X_WT;
+    contact.wrench = told_in(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
+    contacts_.refresh();
+    const LocalContact& newest = contacts_.value().contact;
+    contact.max_stiffness = newest.max_stiffness;
+    contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
     return contact;
   }
 
@@ -273,7 +301,7 @@ class Output final : public RosOutput {
   /// From the thread of the observer: what cameras see, for who asks how the spheres are.
   void keep(const FrameRecord& record, const DepthFrame& frame) {
     if (!(options_.points_rate > 0) || spheres_->num_readers() == 0) return;
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(seen_mutex_);
     Seen& seen = seen_[record.camera];
     if (record.capture_time < seen.time + 1 / options_.points_rate) return;
     seen = {record.capture_time, record.X_WC, frame};
@@ -298,7 +326,7 @@ class Output final : public RosOutput {
   /// As the last contact that was asked for found them.
   void tell_spheres(RunLoop& loop, double time) {
     if (const ContactPicture* const now = loop.new_contact_picture(Onlooker::robots)) {
-      const std::lock_guard lock(mutex_);
+      const std::lock_guard lock(seen_mutex_);
       for (std::size_t i = 0; i < now->states.size(); ++i) {
         const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].centre);
         sphere_states_[i] = !is_seen(p_W)                             ? RosSphere::unseen
@@ -314,28 +342,32 @@ class Output final : public RosOutput {
     loop.ask_for_contact_picture(Onlooker::robots);
   }
 
-  void say(const Verdict& verdict, double time) {
+  void say(const Told& told) {
+    const RosVerdict& verdict = told.verdict;
     last_state_ = verdict.state;
-    last_diagnostics_ = time;
-    next_diagnostics_ = time + kDiagnosticsPeriod;
+    last_diagnostics_ = told.time;
+    next_diagnostics_ = told.time + kDiagnosticsPeriod;
     constexpr RosDiagnostic::Level kLevels[] = {
         RosDiagnostic::Level::ok, RosDiagnostic::Level::stale, RosDiagnostic::Level::error};
     const auto periods = periods_.summary();
+    const auto milliseconds = [](double seconds) {
+      char text[32];
+      std::snprintf(text, sizeof text, "%.1f", 1e3 * seconds);
+      return std::string(text);
+    };
     const RosDiagnostic status[] = {
         {kLevels[static_cast<int>(verdict.state)],
          "palpate: contact",
-         verdict.reason.empty() ? "the wrench is valid" : verdict.reason,
+         verdict.is_valid() ? "the wrench is valid" : verdict.reason(),
          "",
-         {{"age of the depth image, ms", milliseconds("%.1f", verdict.depth_age)},
-          {"age of the measurement, ms", milliseconds("%.1f", verdict.contact_age)},
+         {{"age of the depth image, ms", milliseconds(verdict.depth_age)},
+          {"age of the measurement, ms", milliseconds(verdict.contact_age)},
           {"wrenches sent", std::to_string(num_sent_)},
           {"wrenches not sent", std::to_string(num_not_sent_)},
           {"readers of the wrench", std::to_string(wrench_->num_readers())},
           {"period of the wrench, p99, us", std::to_string(static_cast<int>(periods.p99))}}}};
-    diagnostics_->publish(diagnostics_message({wall_time(time), ""}, status));
+    diagnostics_->publish(diagnostics_message({wall_time(told.time), ""}, status));
   }
-
-  void count(bool was_sent) { ++(was_sent ? num_sent_ : num_not_sent_); }
 
   RosOutputOptions options_;
   const Tool& tool_;
@@ -344,30 +376,33 @@ class Output final : public RosOutput {
       diagnostics_;
   double full_volume_ = 0;
 
-  std::mutex mutex_;
-  ContactRecord newest_;  // under the mutex
   struct Seen {
     double time = -1e9;  // s
     Pose X_WC;
     DepthFrame frame;
   };
-  std::vector<Seen> seen_;  // of each camera, likewise
-  double next_points_ = 0;  // s, of the observer's thread
+  std::mutex seen_mutex_;                 // of the observer and of who tells the rest
+  std::vector<Seen> seen_;                // of each camera
+  double next_points_ = 0;                // s, of the observer's thread
+  TripleBuffer<ContactRecord> contacts_;  // from it
 
-  // Of the publishing thread, and of the others while it does not run.
-  TickRecord tick_;
-  bool has_tick_ = false, was_valid_ = false, has_last_pose_ = false;
+  // Of the wrench's thread, which others read.
+  TripleBuffer<Told> told_;
+  Event bell_;
+  LatencyHistogram periods_;
+  std::atomic<std::uint64_t> num_sent_ = 0, num_not_sent_ = 0;
+
+  // Of who tells the rest.
+  bool has_last_pose_ = false;
   Pose last_X_WT_;
   double last_pose_time_ = 0;
   std::vector<RosSphere> sphere_states_;
   double next_spheres_ = 0;  // s
-  std::uint64_t num_told_ = 0, num_sent_ = 0, num_not_sent_ = 0;
-  LatencyHistogram periods_;
   State last_state_ = State::failed;
   double last_diagnostics_ = 0, next_diagnostics_ = 0;
 
   std::atomic<bool> is_ending_ = false;
-  std::thread thread_;
+  std::thread wrench_thread_, rest_thread_;
 };
 
 }  // namespace

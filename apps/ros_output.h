@@ -29,8 +29,9 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options);
 void check_told_over_ros(const RosOutputOptions& options, const std::string& frame,
                          const OutputOptions& output, const std::string& verb);
 
-/// Publishes from a thread of its own, which looks at the newest tick: the haptic thread knows
-/// nothing of it. A wrench that rests on what is older than `max_age` is zero, and says why.
+/// Publishes the wrench from a thread of its own, which looks at the newest tick: the haptic thread
+/// knows nothing of it. All else is told by another thread, of lower priority. A wrench that rests
+/// on what is older than `max_age` is zero, and says why.
 ///
 ///   NAMESPACE/wrench     geometry_msgs/WrenchStamped, on the tool
 ///   NAMESPACE/contact    palpate_msgs/Contact

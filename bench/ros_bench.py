@@ -8,11 +8,14 @@ import sys
 from pathlib import Path
 
 
-def options_of(description, seconds):
+def options_of(description, seconds, before=False):
     parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("build", type=Path)
     parser.add_argument("--seconds", type=float, default=seconds)
     parser.add_argument("--csv", type=Path)
+    if before:
+        parser.add_argument("--before", type=Path)
+        parser.add_argument("--turns", type=int, default=1)
     return parser.parse_args()
 
 

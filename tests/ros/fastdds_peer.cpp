@@ -1,7 +1,8 @@
 // A robot on another maker's DDS: eProsima Fast DDS, the default of ROS 2. Publishes depth images
 // with camera_info and the tool's pose, and reads the wrench. Prints what it saw as JSON.
 //
-// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND], until the standard input ends
+// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks]], until the standard input
+// ends; who looks also asks for points and spheres.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -71,6 +72,7 @@ class RawType final : public fast::TopicDataType {
 };
 
 /// Counts wrenches, and how long one takes from an image that shows contact to the first force.
+/// Their times apart are told twice: as they came here, and as their writer stamped them.
 class WrenchListener final : public fast::DataReaderListener {
  public:
   void on_data_available(fast::DataReader* reader) override {
@@ -84,10 +86,15 @@ class WrenchListener final : public fast::DataReaderListener {
       const double stamp = palpate::read_ros_header(from).time;
       double force = 0;
       for (int axis = 0; axis < 3; ++axis) force += std::pow(from.number<double>(), 2);
+      const double sent = 1e-9 * static_cast<double>(info.source_timestamp.to_ns());
       const std::lock_guard lock(mutex_);
       if (num_ == 0) first_ = number;
-      if (num_ > 0) gaps_.push_back(time - last_time_);
+      if (num_ > 0) {
+        gaps_.push_back(time - last_time_);
+        sent_gaps_.push_back(sent - last_sent_);
+      }
       delays_.push_back(time - stamp);
+      last_sent_ = sent;
       last_ = std::max(last_, number);
       last_time_ = time;
       ++num_;
@@ -104,16 +111,19 @@ class WrenchListener final : public fast::DataReaderListener {
     const std::lock_guard lock(mutex_);
     shown_ = is_contact && !is_touching_ ? now() : 0;
   }
-  void print(int num_images) {
+  void print(int num_images, int num_looked_at) {
     const std::lock_guard lock(mutex_);
     std::printf(
         "{\"images\": %d, \"wrenches\": %lld, \"lost\": %lld, \"touching\": %lld, "
-        "\"seconds\": %.3f, \"gap_ms\": [%.3f, %.3f, %.3f], \"delay_ms\": [%.3f, %.3f, %.3f], "
-        "\"image_to_wrench_ms\": [%.3f, %.3f, %.3f], \"measured\": %zu}\n",
+        "\"seconds\": %.3f, \"gap_ms\": [%.3f, %.3f, %.3f], \"sent_gap_ms\": [%.3f, %.3f, %.3f], "
+        "\"delay_ms\": [%.3f, %.3f, %.3f], "
+        "\"image_to_wrench_ms\": [%.3f, %.3f, %.3f], \"measured\": %zu, "
+        "\"looked_at\": %d}\n",
         num_images, num_, num_ > 0 ? last_ - first_ + 1 - num_ : 0, num_touching_, sum(gaps_),
-        part(gaps_, 0.5), part(gaps_, 0.99), part(gaps_, 1), part(delays_, 0.5),
-        part(delays_, 0.99), part(delays_, 1), part(latencies_, 0.5), part(latencies_, 0.99),
-        part(latencies_, 1), latencies_.size());
+        part(gaps_, 0.5), part(gaps_, 0.99), part(gaps_, 1), part(sent_gaps_, 0.5),
+        part(sent_gaps_, 0.99), part(sent_gaps_, 1), part(delays_, 0.5), part(delays_, 0.99),
+        part(delays_, 1), part(latencies_, 0.5), part(latencies_, 0.99), part(latencies_, 1),
+        latencies_.size(), num_looked_at);
   }
 
  private:
@@ -133,9 +143,23 @@ class WrenchListener final : public fast::DataReaderListener {
 
   std::mutex mutex_;
   long long num_ = 0, first_ = 0, last_ = 0, num_touching_ = 0;
-  double last_time_ = 0, shown_ = 0;
+  double last_time_ = 0, last_sent_ = 0, shown_ = 0;
   bool is_touching_ = false;
-  std::vector<double> gaps_, delays_, latencies_;
+  std::vector<double> gaps_, sent_gaps_, delays_, latencies_;
+};
+
+/// Counts what comes.
+class Dropper final : public fast::DataReaderListener {
+ public:
+  void on_data_available(fast::DataReader* reader) override {
+    std::string message;
+    fast::SampleInfo info;
+    while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK) ++num_;
+  }
+  int num() const { return num_; }
+
+ private:
+  std::atomic<int> num_ = 0;
 };
 
 struct Robot {
@@ -181,7 +205,7 @@ struct Robot {
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(stderr, "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND]\n");
+    std::fprintf(stderr, "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks]]\n");
     return 2;
   }
   const double rate = argc > 4 ? std::atof(argv[4]) : 30;
@@ -198,6 +222,11 @@ int main(int argc, char** argv) {
   Robot robot(static_cast<std::uint32_t>(std::atoi(argv[1])));
   WrenchListener listener;
   robot.reader("/palpate/wrench", "geometry_msgs/WrenchStamped", 1024, &listener);
+  Dropper dropper;
+  if (argc > 5) {
+    robot.reader("/palpate/points", "sensor_msgs/PointCloud2", 1 << 20, &dropper);
+    robot.reader("/palpate/spheres", "visualization_msgs/MarkerArray", 1 << 20, &dropper);
+  }
   auto* const images = robot.writer("/camera/depth/image_raw", "sensor_msgs/Image",
                                     static_cast<std::uint32_t>(2 * num_pixels + 1024));
   auto* const infos = robot.writer("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 4096);
@@ -231,7 +260,7 @@ int main(int argc, char** argv) {
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(rate > 200 ? 1 : 5));
   }
-  listener.print(num_images);
+  listener.print(num_images, dropper.num());
   std::fflush(stdout);
   std::_Exit(0);
 }

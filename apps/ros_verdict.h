@@ -1,0 +1,39 @@
+// Whether there is a wrench to tell over ROS 2 now, and why not.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "palpate/run/records.h"
+#include "src/io/ros_messages.h"
+
+namespace palpate::apps {
+
+/// Made a thousand times a second, so without words.
+struct RosVerdict {
+  enum class Why : std::uint8_t {
+    none,
+    camera_is_lost,
+    gpu_is_lost,
+    pose_is_old,
+    nothing_measured,
+    depth_is_old,
+    contact_is_old,
+    not_measured,
+    has_ended,
+    no_thread,
+  };
+
+  RosContact::State state = RosContact::State::valid;
+  Why why = Why::none;
+  double depth_age = 0, contact_age = 0;  // s
+
+  bool is_valid() const { return state == RosContact::State::valid; }
+  /// Empty: it is valid.
+  std::string reason() const;
+};
+
+/// Of the newest tick, at a time, s, monotonic: what it rests on may be as old as `max_age`, s.
+RosVerdict judge(const TickRecord& tick, double time, double max_age);
+
+}  // namespace palpate::apps
