@@ -1,6 +1,9 @@
 #include "apps/objects.h"
 
+#include <algorithm>
+#include <cctype>
 #include <charconv>
+#include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -96,6 +99,23 @@ void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool c
              moving)
       ->allow_extra_args(false)
       ->type_name(can_move ? kFormMoving : kForm);
+}
+
+std::vector<std::string> names_of_objects(const std::vector<ObjectOption>& options) {
+  std::vector<std::string> names;
+  const auto is_taken = [&](const std::string& name) {
+    return std::ranges::find(names, name) != names.end();
+  };
+  for (const ObjectOption& option : options) {
+    std::string stem = std::filesystem::path(option.file).stem().string();
+    for (char& letter : stem) {
+      if (std::isalnum(static_cast<unsigned char>(letter)) == 0) letter = '_';
+    }
+    std::string name = stem;
+    for (int number = 2; is_taken(name); ++number) name = stem + "_" + std::to_string(number);
+    names.push_back(std::move(name));
+  }
+  return names;
 }
 
 Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& options) {

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -73,7 +74,7 @@ class Output final : public RosOutput {
   }
   ~Output() override { end(); }
 
-  Status open() {
+  Status open(const std::vector<SceneObject>& objects) {
     auto node = RosNode::join();
     if (!node) return node.error();
     const auto publish = [&](std::unique_ptr<RosPublisher>& to, const std::string& name,
@@ -94,8 +95,18 @@ class Output final : public RosOutput {
           publish(diagnostics_, "/diagnostics", "diagnostic_msgs/DiagnosticArray", {})}) {
       if (!status) return status.error();
     }
-    markers_->publish(tool_markers_message({0, options_.tool_frame}, tool_.mesh()));
-    return Done{};
+    const std::vector<std::string>& names = options_.object_names;
+    std::vector<RosBody> bodies;
+    body_frames_.reserve(objects.size());  // bodies look at them
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+      const auto& [shape, X_WB, friction, moves, mass] = objects[i];
+      if (moves) body_frames_.push_back(full_topic(names[i], options_.name_space).substr(1));
+      bodies.push_back({moves ? body_frames_.back() : options_.camera_frame, names[i],
+                        shape->mesh(), moves ? Pose{} : X_WB});
+    }
+    markers_->publish(mesh_markers_message(options_.tool_frame, tool_.mesh(), bodies));
+    if (body_frames_.empty()) return Done{};
+    return publish(transforms_, "/tf", "tf2_msgs/TFMessage", {true, false, 100});
   }
 
   void join(RunMonitor& monitor) override {
@@ -225,7 +236,10 @@ class Output final : public RosOutput {
         continue;
       }
       const Told& told = told_.value();
-      if (told.num_due != num_told) tell_contact(told);
+      if (told.num_due != num_told) {
+        if (contacts_.refresh()) tell_bodies(contacts_.value());
+        tell_contact(told);
+      }
       num_told = told.num_due;
       tell_spheres(loop, told.time);
       const bool is_news = told.verdict.state != last_state_;
@@ -237,9 +251,18 @@ class Output final : public RosOutput {
     }
   }
 
+  /// Who is interrupted between the two clocks looks at them again.
   static std::uint64_t wall_time(double time) {
-    const double since_1970 = seconds_of(std::chrono::system_clock::now().time_since_epoch());
-    return static_cast<std::uint64_t>(1e9 * (since_1970 + time - monotonic_now()));
+    constexpr double kShort = 20e-6;  // s
+    double shortest = std::numeric_limits<double>::infinity(), from_1970 = 0;
+    for (int i = 0; i < 5 && shortest > kShort; ++i) {
+      const double before = monotonic_now();
+      const double wall = seconds_of(std::chrono::system_clock::now().time_since_epoch());
+      const double took = monotonic_now() - before;
+      if (took < shortest) from_1970 = wall - (before + took / 2);
+      shortest = std::min(shortest, took);
+    }
+    return static_cast<std::uint64_t>(1e9 * (from_1970 + time));
   }
 
   void tell_contact(const Told& told) {
@@ -247,6 +270,17 @@ class Output final : public RosOutput {
     pose_->publish(pose_message({time, options_.camera_frame}, told.tick.step.X_WT));
     tell_twist(time, told);
     contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(told)));
+  }
+
+  /// Where they were when they were measured.
+  void tell_bodies(const ContactRecord& contact) {
+    if (body_frames_.empty()) return;
+    std::vector<RosTransform> transforms;
+    for (std::size_t i = 0; i < std::min<std::size_t>(body_frames_.size(), contact.bodies.num);
+         ++i) {
+      transforms.push_back({options_.camera_frame, body_frames_[i], contact.bodies.of[i]});
+    }
+    transforms_->publish(transform_message(wall_time(contact.contact.time), transforms));
   }
 
   /// Since the pose that was told before. Who follows stands still where the wrench is not valid.
@@ -282,7 +316,6 @@ class Output final : public RosOutput {
     contact.potential = tick.penetration.potential;
     const Pose& X_WT = tick.step.X_WT;
     contact.wrench = told_in(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
-    contacts_.refresh();
     const LocalContact& newest = contacts_.value().contact;
     contact.max_stiffness = newest.max_stiffness;
     contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
@@ -373,7 +406,8 @@ class Output final : public RosOutput {
   const Tool& tool_;
   const std::vector<DepthStreamInfo> streams_;
   std::unique_ptr<RosPublisher> wrench_, contact_, pose_, twist_, points_, spheres_, markers_,
-      diagnostics_;
+      diagnostics_, transforms_;
+  std::vector<std::string> body_frames_;  // of objects that move
   double full_volume_ = 0;
 
   struct Seen {
@@ -425,7 +459,7 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
   add_number(app, "--wrench-rate", options.rate, {1, 1000, "Hz"}, "wrenches per second")
       ->group(group);
   add_number(app, "--contact-message-rate", options.contact_rate, {0.1, 1000, "Hz"},
-             "contacts and poses of the tool per second")
+             "contacts and poses of the tool and of moving objects per second")
       ->group(group);
   add_number(app, "--points-rate", options.points_rate, {0, 30, "Hz"},
              "point clouds per second, at most; 0: none")
@@ -453,10 +487,11 @@ void check_told_over_ros(const RosOutputOptions& options, const std::string& fra
 }
 
 Result<std::unique_ptr<RosOutput>> RosOutput::create(const Tool& tool,
+                                                     const std::vector<SceneObject>& objects,
                                                      std::vector<DepthStreamInfo> streams,
                                                      const RosOutputOptions& options) {
   auto output = std::make_unique<Output>(tool, std::move(streams), options);
-  if (const Status status = output->open(); !status) return status.error();
+  if (const Status status = output->open(objects); !status) return status.error();
   return std::unique_ptr<RosOutput>(std::move(output));
 }
 

@@ -13,8 +13,9 @@ namespace palpate::apps {
 
 struct RosOutputOptions {
   bool is_wanted = false;
-  std::string name_space = "/palpate";  ///< of the topics
-  std::string wrench = "wrench";        ///< the topic; in the namespace unless it begins with "/"
+  std::string name_space = "/palpate";    ///< of the topics
+  std::string wrench = "wrench";          ///< the topic; in the namespace unless it begins with "/"
+  std::vector<std::string> object_names;  ///< of the run's objects, in their order
   /// `camera_frame`: what poses are told in, W.
   std::string tool_frame = "palpate_tool", camera_frame;
   /// At whose origin and in whose axes the wrench is told; what is not the tool is W.
@@ -37,14 +38,16 @@ void check_told_over_ros(const RosOutputOptions& options, const std::string& fra
 ///   NAMESPACE/contact    palpate_msgs/Contact
 ///   NAMESPACE/tool_pose  geometry_msgs/PoseStamped, in the camera's frame or the world's
 ///   NAMESPACE/tool_twist geometry_msgs/TwistStamped, of the tool's origin, in its axes
+///   /tf                  tf2_msgs/TFMessage, the frame NAMESPACE/NAME of each object that moves
 ///   NAMESPACE/points     sensor_msgs/PointCloud2, what is felt
-///   NAMESPACE/markers    visualization_msgs/MarkerArray, the tool's mesh
+///   NAMESPACE/markers    visualization_msgs/MarkerArray, meshes of the tool and of objects
 ///   NAMESPACE/spheres    visualization_msgs/MarkerArray, the tool's spheres by their state
 ///   /diagnostics         diagnostic_msgs/DiagnosticArray
 class RosOutput {
  public:
   /// `tool` must outlive it. Errors: no Cyclone DDS, what it says.
   static Result<std::unique_ptr<RosOutput>> create(const Tool& tool,
+                                                   const std::vector<SceneObject>& objects,
                                                    std::vector<DepthStreamInfo> streams,
                                                    const RosOutputOptions& options);
   virtual ~RosOutput() = default;

@@ -94,6 +94,7 @@ void add_ros2(CLI::App& program, Action& action) {
   app.add_option("--pose", options->pose, "where the tool is: PoseStamped of the frame of its mesh")
       ->type_name("TOPIC")
       ->excludes(frame);
+  add_object_option(app, touch.objects, true);
   add_robot_options(app, touch.robot);
   app.add_option("-o,--output", touch.output, "folder of the run, of which the last minute is kept")
       ->type_name("RUN")

@@ -54,6 +54,7 @@ struct RosMarker {
   double scale = 1;
   std::array<float, 4> color{};
   bool is_locked = false;  // to its frame, wherever that goes
+  Pose X = {};
 };
 constexpr std::int32_t kSphereList = 7, kTriangleList = 11;
 
@@ -66,7 +67,7 @@ void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
   for (const std::int32_t number : {marker.number, marker.type, points.empty() ? remove : add}) {
     to.number(number);
   }
-  put(to, Pose{});
+  put(to, marker.X);
   put(to, Vec3d{1, 1, 1} * marker.scale);
   for (const float color : marker.color) to.number(color);
   put(to, std::uint64_t{0});  // for ever
@@ -86,7 +87,11 @@ void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
   to.number(false);
 }
 
-void put_tool_marker(CdrWriter& to, const RosHeader& header, const TriangleMesh& mesh) {
+constexpr RosMarker kToolMarker{"tool", 0, kTriangleList, 1, {0.35f, 0.6f, 0.85f, 1}, true};
+
+/// Of large meshes every n-th triangle.
+void put(CdrWriter& to, const RosHeader& header, const RosMarker& marker,
+         const TriangleMesh& mesh) {
   constexpr std::size_t kMostTriangles = 20000;
   const std::size_t step = (mesh.triangles.size() + kMostTriangles - 1) / kMostTriangles;
   std::vector<Vec3d> corners;
@@ -95,7 +100,7 @@ void put_tool_marker(CdrWriter& to, const RosHeader& header, const TriangleMesh&
       corners.push_back(mesh.vertices[static_cast<std::size_t>(corner)]);
     }
   }
-  put(to, header, {"tool", 0, kTriangleList, 1, {0.35f, 0.6f, 0.85f, 1}, true}, corners);
+  put(to, header, marker, std::span<const Vec3d>(corners));
 }
 
 }  // namespace
@@ -189,14 +194,20 @@ std::string wrench_message(const RosHeader& header, const Wrench& wrench) {
 
 std::string tool_marker_message(const RosHeader& header, const TriangleMesh& mesh) {
   CdrWriter to;
-  put_tool_marker(to, header, mesh);
+  put(to, header, kToolMarker, mesh);
   return to.take();
 }
 
-std::string tool_markers_message(const RosHeader& header, const TriangleMesh& mesh) {
+std::string mesh_markers_message(std::string_view tool_frame, const TriangleMesh& tool,
+                                 std::span<const RosBody> bodies) {
+  constexpr std::array<float, 4> kWood{0.8f, 0.65f, 0.45f, 1};
   CdrWriter to;
-  to.number(std::uint32_t{1});
-  put_tool_marker(to, header, mesh);
+  to.number(static_cast<std::uint32_t>(1 + bodies.size()));
+  put(to, {0, tool_frame}, kToolMarker, tool);
+  std::int32_t number = 0;  // one may be called as the tool is
+  for (const auto& [frame, name, mesh, X_FB] : bodies) {
+    put(to, {0, frame}, {name, ++number, kTriangleList, 1, kWood, true, X_FB}, mesh);
+  }
   return to.take();
 }
 

@@ -41,8 +41,16 @@ std::string wrench_message(const RosHeader& header, const Wrench& wrench);
 /// visualization_msgs/Marker: the tool's mesh, at rest in its frame; of large ones every n-th
 /// triangle.
 std::string tool_marker_message(const RosHeader& header, const TriangleMesh& mesh);
-/// visualization_msgs/MarkerArray of that one.
-std::string tool_markers_message(const RosHeader& header, const TriangleMesh& mesh);
+
+/// A body as it is drawn.
+struct RosBody {
+  std::string_view frame, name;
+  const TriangleMesh& mesh;
+  Pose X_FB;  ///< at rest there in its frame, wherever that goes
+};
+/// visualization_msgs/MarkerArray: the tool in its frame, like that one, and bodies.
+std::string mesh_markers_message(std::string_view tool_frame, const TriangleMesh& tool,
+                                 std::span<const RosBody> bodies);
 
 /// How a sphere of the tool is shown.
 enum class RosSphere : std::uint8_t { free, touching, inside, unseen };

@@ -13,6 +13,7 @@ two:                two cameras, one behind the other; the second one sees the w
 late:               images come 0.2 to 0.25 s late, 5 % of them do not come
 follow:             nothing but images; somebody follows the tool's pose
 spheres:            a wall of which the right half is not measured; somebody draws the tool's spheres
+bodies:             a wall; somebody looks at the bodies of the run, who began to look late at what they are like
 bag:FOLDER          rosbags plays the depth images of a bag, one every quarter of a second, again and again
 """
 
@@ -297,7 +298,9 @@ def main(domain, behavior, place="0,0,0.5"):
     followed = robot.reader("rt/palpate/tool_pose", PoseStamped, depth=200)
     twists = robot.reader("rt/palpate/tool_twist", TwistStamped, depth=200)
     drawn = robot.reader("rt/palpate/spheres", MarkerArray, depth=5) if behavior == "spheres" else None
-    seen = {"spheres": [], "wrenches": 0, "touching": 0, "fractions": [], "ages": [], "poses": [], "twists": [], "frames": []}
+    frames = robot.reader("rt/tf", TFMessage, depth=100) if behavior == "bodies" else None
+    shapes = None
+    seen = {"bodies": [], "shapes": {}, "spheres": [], "wrenches": 0, "touching": 0, "fractions": [], "ages": [], "poses": [], "twists": [], "frames": []}
     place = Vector3(*map(float, place.split(",")))
     next_image = next_tf = time.time()
     while not has_ended():
@@ -326,6 +329,19 @@ def main(domain, behavior, place="0,0,0.5"):
         for message in taken(drawn, 5) if drawn else ():
             seen["spheres"] = [[marker.ns, marker.scale.x / 2, point.x, point.y, point.z]
                                for marker in message.markers if marker.action == 0 for point in marker.points]
+        for message in taken(frames, 200) if frames else ():
+            for each in message.transforms:
+                stamp, p, q = each.header.stamp, each.translation, each.rotation
+                seen["bodies"].append([stamp.sec + 1e-9 * stamp.nanosec, each.header.frame_id, each.child_frame_id,
+                                       p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+        if frames and not shapes and len(seen["bodies"]) > 10:
+            shapes = robot.reader("rt/palpate/markers", MarkerArray, kept=True, depth=1)
+        for message in taken(shapes, 5) if shapes else ():
+            for marker in message.markers:
+                p, q = marker.pose.position, marker.pose.orientation
+                seen["shapes"][marker.ns] = {
+                    "frame": marker.header.frame_id, "type": marker.type, "locked": marker.frame_locked,
+                    "place": [p.x, p.y, p.z, q.x, q.y, q.z, q.w], "size": max(abs(point.x) for point in marker.points)}
         for twist in taken(twists, 200):
             stamp, v, w = twist.header.stamp, twist.twist.linear, twist.twist.angular
             seen["twists"].append([stamp.sec + 1e-9 * stamp.nanosec, v.x, v.y, v.z, w.x, w.y, w.z])

@@ -138,6 +138,43 @@ class LiveCamerasTest(PeerCase):
                 self.assertIn(state, may_be, (radius, x, z))
         self.assertGreater(min(counts.values()), 0, counts)
 
+    def test_bodies_that_move_are_frames_of_tf(self):
+        mesh, block = (os.path.join(self.folder.name, f"block.{kind}") for kind in ("obj", "palp"))
+        path = os.path.join(self.folder.name, "away.txt")
+        for words in (["shape", "box", "--size", "0.04", "-o", mesh], ["pack", mesh, "-o", block, "--spheres", "100"]):
+            subprocess.run([PALPATE, *words], check=True, capture_output=True)
+        with open(path, "w", encoding="utf-8") as file:
+            file.write("".join(f"{0.1 * k} 1.3 2.3 3 0 0 0 1\n" for k in range(61)))
+        # The camera looks along the world's y; a block falls from before it along -z, another one stays.
+        gravity, turned = 0.1, [0, 0, 0.6, 0.8]
+        seen, said = self.converse(self.cyclone("bodies", "camera_peer.py"), words=[
+            "touch", self.tool, "--camera", f"ros2:/camera/depth/image_raw?pose=1,2,3,{-(0.5**0.5)},0,0,{0.5**0.5}",
+            "--device", f"replay:{path}", "--ros2", "--ros2-camera-frame", "map", "--ros2-namespace", "/palpate",
+            "--object", f"{block}@1 2.3 3 0 0 0.6 0.8,moving", "--object", f"{block}@0 2 1 0 0 0.6 0.8",
+            "--set", "bodies.gravity_y=0", "--set", f"bodies.gravity_z={-gravity}", "--set", "bodies.damping=0"])
+        told = seen["bodies"]
+        self.assertGreater(len(told), 50, said)
+        self.assertEqual({tuple(each[1:3]) for each in told}, {("map", "palpate/block")})
+        for each in told:
+            for part, expected in zip((3, 4, 6, 7, 8, 9), [1, 2.3, *turned]):
+                self.assertAlmostEqual(each[part], expected, delta=1e-6)
+        # By Galilei, where it is says how long it has been falling: never longer than the stamps say, and shorter where
+        # the computer was too busy for the run's steps. 1 ms: of the calendar's clock.
+        fallen = [(each[0], math.sqrt(max(2 * (3 - each[5]) / gravity, 0))) for each in told]
+        for before, after in zip(fallen, fallen[1:]):
+            self.assertGreater(after[0], before[0])
+            self.assertLess(after[1] - before[1], after[0] - before[0] + 0.001)
+        self.assertGreater(fallen[-1][1] - fallen[0][1], 0.5 * (fallen[-1][0] - fallen[0][0]))
+        shapes = seen["shapes"]
+        self.assertEqual({name: shape["frame"] for name, shape in shapes.items()},
+                         {"tool": "palpate_tool", "block": "palpate/block", "block_2": "map"})
+        self.assertEqual(shapes["block"]["place"], [0, 0, 0, 0, 0, 0, 1])
+        for part, expected in zip(shapes["block_2"]["place"], [0, 2, 1, *turned]):
+            self.assertAlmostEqual(part, expected, delta=1e-9)
+        for name in ("block", "block_2"):
+            self.assertEqual((shapes[name]["type"], shapes[name]["locked"]), (11, True))
+            self.assertAlmostEqual(shapes[name]["size"], 0.02, delta=1e-6)
+
     def test_the_clutch_and_the_workspace_hold_the_follower(self):
         path = os.path.join(self.folder.name, "master.txt")
         with open(path, "w", encoding="utf-8") as file:  # to and fro by 50 mm, once a second
