@@ -11,9 +11,8 @@ namespace {
 constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
 constexpr double kMaxAge = 0.1;                // s, of what is told of a joint
 
-}  // namespace
-
-Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
+/// Of whom is to be told. Errors: as of open_joint_states, by what stands in the URDF alone.
+Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
                                                        std::span<const std::size_t> told,
                                                        const std::string& joints,
                                                        const std::string& robot) {
@@ -35,13 +34,26 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
     return Error{Errc::invalid_argument,
                  robot + " has no joints that move: leave out " + address->text};
   }
-  if (wanted.empty()) return std::unique_ptr<RobotStates>();
-  if (joints.empty()) {
+  if (!wanted.empty() && joints.empty()) {
     return Error{Errc::invalid_argument,
                  robot + " has joints that move: " + all +
                      "; say who tells of them (--joints FILE.csv, bag:FILE or ros2:)"};
   }
-  auto states = RobotStates::open(*address, std::move(wanted));
+  return wanted;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
+                                                       std::span<const std::size_t> told,
+                                                       const std::string& joints,
+                                                       const std::string& robot) {
+  auto wanted = wanted_joints(model, told, joints, robot);
+  if (!wanted) return wanted.error();
+  if (wanted->empty()) return std::unique_ptr<RobotStates>();
+  const auto address = parse_state_address(joints);
+  if (!address) return address.error();
+  auto states = RobotStates::open(*address, *std::move(wanted));
   if (!states) return states.error();
   const std::string missing =
       what_is_missing(**states, [&] { return (*states)->missing_joints(); });
@@ -52,7 +64,8 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
   return states;
 }
 
-Result<LinkInTree> LinkInTree::open(const std::string& address, const std::string& joints) {
+Result<LinkInTree> LinkInTree::open(const std::string& address, const std::string& joints,
+                                    bool is_heard) {
   const std::size_t first = address.find('#'), second = address.find('#', first + 1);
   const std::string file = address.substr(0, first);
   if (first == std::string::npos || first == 0) {
@@ -77,6 +90,11 @@ Result<LinkInTree> LinkInTree::open(const std::string& address, const std::strin
   if (status && second != std::string::npos) status = find(address.substr(second + 1), found.base_);
   if (!status) return status.error();
   found.told_ = found.model_.joints_between(found.base_, found.link_);
+  if (!is_heard) {
+    const auto wanted = wanted_joints(found.model_, found.told_, joints, file);
+    if (!wanted) return wanted.error();
+    return found;
+  }
   auto states = open_joint_states(found.model_, found.told_, joints, file);
   if (!states) return states.error();
   found.states_ = *std::move(states);

@@ -20,11 +20,13 @@ class LinkInTree {
  public:
   /// `joints`: who tells of joints that move between the two, as of RobotFiles::joints; empty if
   /// none does. Errors: no such form; as of parse_urdf; no such link; joints that nobody tells of,
-  /// or that do not move.
-  static Result<LinkInTree> open(const std::string& address, const std::string& joints);
+  /// or that do not move. Not heard: nothing is opened that tells of joints, nor waited for, and
+  /// nobody may ask where a link is that moves.
+  static Result<LinkInTree> open(const std::string& address, const std::string& joints,
+                                 bool is_heard);
 
   /// Whether anything between the two moves.
-  bool is_moving() const { return states_ != nullptr; }
+  bool is_moving() const { return !told_.empty(); }
   /// Whether times are on the clock of this computer. None: nothing moves.
   std::optional<bool> is_live() const {
     return states_ ? std::optional(states_->is_live()) : std::nullopt;

@@ -66,7 +66,7 @@ std::vector<FoundCameras> find_cameras() {
 }
 
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri) {
-  const auto poses = CameraPoses::of(uri);
+  const auto poses = CameraPoses::of(uri, false);
   if (!poses) return poses.error();
   if (poses->is_moving() || uri.extras.contains("world")) return std::optional<Pose>();
   const auto X_WC = poses->at(0);

@@ -132,6 +132,14 @@ TEST(CameraPoses, OfAUrdfFollowItsJoints) {
     expect_near(frame.X_WC, Pose{{0.5 + 0.1 * std::cos(neck), 0.1 * std::sin(neck), 0.2},
                                  axis_angle({0, 0, 1}, neck) * optical});
   }
+  // That it moves is said without opening what tells of its joints.
+  const std::string elsewhere = camera + "&joints=bag:/nowhere/work.mcap";
+  const auto stands = standing_pose(parse_camera_uri(elsewhere).value());
+  ASSERT_TRUE(stands) << stands.error().message;
+  EXPECT_FALSE(*stands);
+  EXPECT_NE(
+      standing_pose(parse_camera_uri(camera).value()).error().message.find("joints that move"),
+      std::string::npos);
   // It looks along the head's x, with y down.
   EXPECT_NEAR(rotate(frame.X_WC.rotation, {0, 1, 0}).z, -1, 1e-9);
 
@@ -140,6 +148,7 @@ TEST(CameraPoses, OfAUrdfFollowItsJoints) {
     return made ? std::string() : made.error().message;
   };
   EXPECT_NE(why_not(camera).find("has joints that move: neck"), std::string::npos);
+  EXPECT_NE(why_not(elsewhere).find("/nowhere/work.mcap"), std::string::npos);
   EXPECT_NE(why_not("scene:wall?urdf=" + urdf + "#fornt_optical").find("is 'front_optical'"),
             std::string::npos);
   EXPECT_NE(why_not("scene:wall?urdf=" + urdf + "#bench&joints=" + joints).find("no joints"),

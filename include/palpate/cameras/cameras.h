@@ -92,8 +92,8 @@ Result<std::unique_ptr<DepthSource>> open_camera(std::string_view uri,
                                                  const CameraOpening& opening = {});
 Result<std::unique_ptr<DepthSource>> open_camera(const CameraUri& uri,
                                                  const CameraOpening& opening = {});
-/// X_WC of a camera that stands still, by its pose or URDF. None: it moves, or tf tells. Errors: of
-/// its files.
+/// X_WC of a camera that stands still, by its pose or URDF. None: it moves, or tf tells; who tells
+/// of joints is not asked. Errors: of its files.
 Result<std::optional<Pose>> standing_pose(const CameraUri& uri);
 /// m/s2, in W, by the first camera that stands still and has an accelerometer. None: no such one.
 std::optional<Vec3d> gravity_seen(std::span<const CameraUri> cameras);
