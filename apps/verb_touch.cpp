@@ -198,7 +198,8 @@ void check_motion(const CLI::App& app, const Options& options) {
   if (options.device.empty() && app.count("--dead-man") > 0) {
     usage_error("touch: --dead-man goes with --device");
   }
-  for (const char* const of_memory : {"--memory-horizon", "--memory-thickness", "--memory-frames"}) {
+  for (const char* const of_memory :
+       {"--memory-horizon", "--memory-thickness", "--memory-frames"}) {
     if (app.count(of_memory) == 0) continue;
     if (options.settings.time.memory.kind != DepthMemory::off) break;
     usage_error(std::string("touch: ") + of_memory + " goes with --memory on");

@@ -21,7 +21,8 @@ struct SlotSettings {
   bool wants_depth_change = true;
   int binning = 1;  ///< `stream` is the binned one
 
-  /// A camera that stands still remembers by its pixels, one that moves by frames from where it was.
+  /// A camera that stands still remembers by its pixels, one that moves by frames from where it
+  /// was.
   bool has_pixel_memory() const { return in_front() && !stream.is_moving; }
   bool has_key_frames() const {
     return field && time.memory.kind != DepthMemory::off && stream.is_moving;

@@ -123,7 +123,8 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots_cpu(const SlotSettings& set
     averager = *std::move(made);
   }
   std::optional<FieldMemory> memory;
-  if (settings.has_pixel_memory()) memory.emplace(stream.width, stream.height, settings.time.memory);
+  if (settings.has_pixel_memory())
+    memory.emplace(stream.width, stream.height, settings.time.memory);
   std::vector<Slot> slots;
   for (int i = 0; i < settings.num_slots(); ++i) {
     auto estimator = SurfaceEstimator::create(stream.width, stream.height, stream.intrinsics,

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "src/cloud/internal/lens_table.h"
-#include "src/cloud/raw_depth.h"
 
 namespace palpate {
 namespace {
@@ -210,8 +209,9 @@ void KeyFrames::sample(const DepthFrame& image, DepthGrid& grid) const {
   for (std::size_t i = 0; i < grid.depth.size(); ++i) {
     const auto width = static_cast<std::size_t>(grid.width);
     const std::uint32_t pixel = pixels_[i / width * kGridStride * row + i % width * kGridStride];
+    // Where nothing was measured a binned image has 0.
     const std::uint16_t count = pixel < image.pixels.size() ? image.pixels[pixel] : 0;
-    grid.depth[i] = is_measurement(count) ? static_cast<float>(count * image.unit) : 0.0f;
+    grid.depth[i] = static_cast<float>(count * image.unit);
   }
 }
 
