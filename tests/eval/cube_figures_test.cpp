@@ -30,7 +30,8 @@ TEST(CubeFigures, TrackedSaysWhatIsSkipped) {
 }
 
 TEST(CubeFigures, PosesAreThoseOfACameraWithAFileOfPoses) {
-  PALPATE_DATA_OR_SKIP(data, "");
+  PALPATE_DATA_OR_SKIP(recording, "sequences/visp_rbt");
+  const auto data = recording.parent_path().parent_path();
   Context context(quick_with(data));
   const auto cube = real_cube(context, 1);
   ASSERT_TRUE(cube) << cube.error().message;
@@ -54,7 +55,8 @@ TEST(CubeFigures, PosesAreThoseOfACameraWithAFileOfPoses) {
 }
 
 TEST(CubeFigures, TrackedByFixedTools) {
-  PALPATE_DATA_OR_SKIP(data, "");
+  PALPATE_DATA_OR_SKIP(recording, "sequences/visp_rbt");
+  const auto data = recording.parent_path().parent_path();
   Context context(quick_with(data));
   const auto made = [&] { return tracked_cube_figure(context).value(); };
   const FigureResult result = made(), again = made();
