@@ -70,7 +70,7 @@ class KeyFrames {
   static Result<KeyFrames> create(const SlotSettings& settings, const Place& place);
 
   /// Takes the next frame, counts in host memory. Makes at most three surfaces. The same bits for
-  /// any number of threads; no allocation. O(points of all frames): about 0.1 ms for each.
+  /// any number of threads; no allocation. O(points of all frames).
   void take(const DepthImageView& frame, ThreadPool& pool);
   /// Each from what it was before the last frame to what it is now, for as long as the views of a
   /// timeline.
