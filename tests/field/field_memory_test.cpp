@@ -259,9 +259,6 @@ TEST(FieldMemory, RefusesWhatItCannotRemember) {
   };
   EXPECT_EQ(error(stream_info(), with_memory(), true), "");
   EXPECT_NE(error(stream_info(), with_memory(), false).find("method field"), std::string::npos);
-  DepthStreamInfo moving = stream_info();
-  moving.is_moving = true;
-  EXPECT_NE(error(moving, with_memory(), true).find("stands still"), std::string::npos);
   TimeOptions predict = with_memory();
   predict.mode = TimeMode::predict;
   EXPECT_NE(error(stream_info(), predict, true).find("interpolate"), std::string::npos);
