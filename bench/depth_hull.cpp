@@ -211,6 +211,51 @@ void memory(const Tool& tool, int num_cameras, DepthMemory kind, double seconds)
   }
 }
 
+/// The same of a camera that moves: it passes 40 times on an arc of 0.7 m before a ball and the
+/// wall, and then stands at its middle.
+void moving_memory(const Tool& tool, DepthMemory kind, double seconds) {
+  const auto query = query_of(tool);
+  const std::vector<Pose> poses = poses_in_surface();
+  test::Random random(6);
+  const Camera camera = test::vga();
+  std::vector<DepthFrame> frames;
+  for (int i = -7; i <= 7; ++i) {
+    DepthFrame frame{camera.width, camera.height, 0.0001, {}, 0};
+    frame.X_WC = test::look_at({0.05 * i, 0, 0}, {0, 0, 0.8});
+    const auto ray = [](const Vec3d& p, const Vec3d& d) {
+      return std::min(test::to_wall(p, d, 1), test::to_ball(p, d, {0.15, 0, 0.7}, 0.06));
+    };
+    for (const float z : test::depth_seen(ray, camera, frame.X_WC)) {
+      const double seen = static_cast<double>(z) + kNoise * random.normal();
+      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(seen / frame.unit)));
+    }
+    frames.push_back(std::move(frame));
+  }
+  DepthStreamInfo stream = test::stream_of(camera);
+  stream.is_moving = true;
+  TimeOptions time;
+  time.memory.kind = kind;
+  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}).value();
+  ThreadPool pool(1);
+  double at = 0;
+  const auto push = [&](std::size_t i) { timeline.push(frames[i], at += 1.0 / 30, pool); };
+  const auto number = [&](std::size_t i) {
+    return i / frames.size() % 2 == 0 ? i % frames.size() : frames.size() - 1 - i % frames.size();
+  };
+  for (std::size_t i = 0; i < 40 * frames.size(); ++i) push(number(i));
+  push(frames.size() / 2);
+  std::vector<SurfaceBlend> views{{timeline.at(at).to, timeline.at(at).to, 1}};
+  for (SurfaceBlend view : timeline.key_frames()) {
+    view.progress = 1;
+    views.push_back(view);
+  }
+  const std::string what = std::string(kind == DepthMemory::on ? "on" : "off") + "; it moves, " +
+                           std::to_string(views.size() - 1) + " frames kept";
+  time_of("memory", "query; " + what, 1, seconds,
+          [&](std::size_t i) { query->measure(views, poses[i % poses.size()]); });
+  time_of("memory", "surface; " + what, 1, seconds, [&](std::size_t i) { push(number(i)); });
+}
+
 void run(bool is_quick) {
   const Tool tool = test::ball_tool(kToolRadius, 5000);
   std::puts(
@@ -229,6 +274,9 @@ void run(bool is_quick) {
     for (const DepthMemory kind : {DepthMemory::off, DepthMemory::on}) {
       memory(tool, num, kind, is_quick ? 0.1 : 2);
     }
+  }
+  for (const DepthMemory kind : {DepthMemory::off, DepthMemory::on}) {
+    moving_memory(tool, kind, is_quick ? 0.1 : 2);
   }
 }
 

@@ -8,6 +8,7 @@
 #include "eval/studies/flat_region.h"
 #include "eval/studies/parallel.h"
 #include "eval/studies/random.h"
+#include "eval/studies/range.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 
@@ -202,10 +203,6 @@ Result<FigureResult> planes(Context& context) {
     }
     by_frame.rows.push_back(std::move(cells));
   }
-  const auto median = [](std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    return values[values.size() / 2];
-  };
   Table overall{"What is felt of the plane, all frames",
                 {"method", "from the plane, mm rms", "of that of the points (median frame)",
                  "moved by 1 mm, mm rms", "of the points' rms (median frame)", "direction, ° rms",
@@ -213,7 +210,7 @@ Result<FigureResult> planes(Context& context) {
                 {}};
   std::vector<double> ratio(methods.size()), calm(methods.size());
   for (std::size_t m = 0; m < methods.size(); ++m) {
-    ratio[m] = median(off[m]), calm[m] = median(shake[m]);
+    ratio[m] = percentile(off[m], 0.5), calm[m] = percentile(shake[m], 0.5);
     overall.rows.push_back({methods[m].name, words("%.2f", all[m].rms()), words("%.2f", ratio[m]),
                             words("%.2f", all[m].shake_rms()), words("%.3f", calm[m]),
                             words("%.2f", all[m].direction_rms()),

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "eval/studies/range.h"
 #include "palpate/io/files.h"
 #include "palpate/io/formats.h"
 #include "src/math/internal/rotation_vector.h"
@@ -62,12 +63,6 @@ void slide(const DepthStreamInfo& stream, const DepthFrame& frame, double half, 
   X_CB = best;
 }
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Of the poses that the frames say the cube has in W: the medians along the axes, and the rotation
 /// that is least far from all, in sum.
 Pose middle_pose(const std::vector<CubeFrame>& frames) {
@@ -77,7 +72,7 @@ Pose middle_pose(const std::vector<CubeFrame>& frames) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     std::vector<double> values;
     for (const Pose& X : X_WB) values.push_back(X.translation[axis]);
-    middle.translation[axis] = median(std::move(values));
+    middle.translation[axis] = percentile(std::move(values), 0.5);
   }
   double least = INFINITY;
   for (const Pose& candidate : X_WB) {

@@ -2,6 +2,9 @@
 
 #include <cmath>
 #include <cstdint>
+#include <vector>
+
+#include "src/cloud/raw_depth.h"
 
 namespace palpate {
 
@@ -18,7 +21,7 @@ Result<DepthFrame> mean_frame(DepthSource& source, int num_frames) {
     sums.resize(frame.pixels.size());
     nums.resize(frame.pixels.size());
     for (std::size_t i = 0; i < sums.size() && i < frame.pixels.size(); ++i) {
-      if (frame.pixels[i] == 0 || frame.pixels[i] == 65535) continue;
+      if (!is_measurement(frame.pixels[i])) continue;
       sums[i] += frame.pixels[i] * frame.unit;
       ++nums[i];
     }

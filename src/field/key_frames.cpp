@@ -1,7 +1,7 @@
 #include "src/field/key_frames.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 #include <utility>
 
 #include "src/cloud/internal/lens_table.h"
@@ -19,13 +19,13 @@ constexpr double kAlongRay[] = {0.4, 0.7, 1.0};
 constexpr int kMostMade = 3;
 /// What has come is asked for at so many points of its thickness.
 constexpr int kNumInside = 8;
-/// Of a point that is not seen itself.
-constexpr float kInside = 1e9f;
 /// Points of nine that say the same: fewer are noise, or an edge that two frames see otherwise.
 constexpr int kFewest = 7;
 
-bool knows(const DepthGrid& grid, const Vec3d& p_W, double tolerance) {
-  const Vec3d p_C = inverse(grid.X_WC) * p_W;
+/// The least of what was seen; 0: nothing.
+void see(float& least, float depth) { least = least > 0 ? std::min(least, depth) : depth; }
+
+bool knows(const DepthGrid& grid, const Vec3d& p_C, double tolerance) {
   const int i = grid.index_of(p_C);
   return i >= 0 &&
          p_C.z <= static_cast<double>(grid.depth[static_cast<std::size_t>(i)]) * (1 + tolerance);
@@ -33,27 +33,16 @@ bool knows(const DepthGrid& grid, const Vec3d& p_W, double tolerance) {
 
 }  // namespace
 
-int DepthGrid::index_of(const Vec3d& p_C) const {
-  if (!(p_C.z > 0)) return -1;
-  const double u = p_C.x / p_C.z * intrinsics.fx + intrinsics.cx + 0.5;
-  const double v = p_C.y / p_C.z * intrinsics.fy + intrinsics.cy + 0.5;
-  if (!(u >= 0 && v >= 0 && u < width && v < height)) return -1;
-  return static_cast<int>(v) * width + static_cast<int>(u);
-}
-
 FrameEvidence::FrameEvidence(int num_points, const MemoryOptions& options)
     : tolerance_(static_cast<float>(2 * options.step)), thickness_(options.thickness) {
   const auto num = static_cast<std::size_t>(num_points);
-  for (auto* values : {&near_, &beyond_, &come_, &gone_}) values->resize(num);
+  for (auto* depths : {&near_, &beyond_, &inside_}) depths->resize(num);
+  for (auto* marks : {&come_, &gone_}) marks->resize(num);
   is_through_.resize(num);
 }
 
 void FrameEvidence::look(const DepthGrid& kept, const DepthGrid& now) {
-  for (auto* values : {&near_, &beyond_, &come_, &gone_}) {
-    std::fill(values->begin(), values->end(), 0.0f);
-  }
-  std::fill(is_through_.begin(), is_through_.end(), 0);
-  const auto lesser = [](float& least, float z) { least = least > 0 ? std::min(least, z) : z; };
+  for (auto* depths : {&near_, &beyond_, &inside_}) std::fill(depths->begin(), depths->end(), 0.0f);
   // What is seen now, along the rays of what is kept.
   const Pose X_KN = inverse(kept.X_WC) * now.X_WC, X_NK = inverse(X_KN);
   for (int j = 0; j < now.width * now.height; ++j) {
@@ -64,74 +53,76 @@ void FrameEvidence::look(const DepthGrid& kept, const DepthGrid& now) {
     const auto at = static_cast<std::size_t>(i);
     const float shown = kept.depth[at], z = static_cast<float>(p_K.z);
     if (!(shown > 0)) continue;
-    if (z < shown * (1 - tolerance_)) lesser(near_[at], z);
-    if (z > shown * (1 + tolerance_)) lesser(beyond_[at], z);
+    if (z < shown * (1 - tolerance_)) see(near_[at], z);
+    if (z > shown * (1 + tolerance_)) see(beyond_[at], z);
   }
   // And the other way round: is what is kept still there?
   for (int i = 0; i < kept.width * kept.height; ++i) {
     const auto at = static_cast<std::size_t>(i);
     is_through_[at] = kept.depth[at] > 0 && sight(now, X_NK * kept.point(i)) == Sight::through;
   }
-  // What several points side by side say counts, and who is next to them and says the same.
-  const auto say_so = [&](int i, const auto& says) {
-    int num = 0;
-    for (int dv = -kept.width; dv <= kept.width; dv += kept.width) {
-      for (int du = -1; du <= 1; ++du) num += says(static_cast<std::size_t>(i + dv + du));
-    }
-    return num;
-  };
-  for (const bool is_next : {false, true}) {
+  mark(
+      kept, [&](std::size_t i) { return near_[i] > 0; }, come_);
+  mark(
+      kept, [&](std::size_t i) { return is_through_[i] != 0; }, gone_);
+  thicken(kept, now);
+}
+
+/// What several points side by side say counts, and then who is beside them and says the same.
+template <class Says>
+void FrameEvidence::mark(const DepthGrid& kept, const Says& says, std::vector<Mark>& marks) {
+  std::fill(marks.begin(), marks.end(), Mark::none);
+  const auto mark_all = [&](Mark mark, int fewest, const auto& speaks) {
     for (int v = 1; v + 1 < kept.height; ++v) {
       for (int u = 1; u + 1 < kept.width; ++u) {
         const int i = v * kept.width + u;
         const auto at = static_cast<std::size_t>(i);
-        if (near_[at] > 0 && come_[at] == 0) {
-          const int num = is_next ? say_so(i, [&](std::size_t k) { return come_[k] > 0; })
-                                  : say_so(i, [&](std::size_t k) { return near_[k] > 0; });
-          if (num >= (is_next ? 1 : kFewest)) come_[at] = is_next ? -near_[at] : near_[at];
+        if (!says(at) || marks[at] != Mark::none) continue;
+        int num = 0;
+        for (int dv = -kept.width; dv <= kept.width; dv += kept.width) {
+          for (int du = -1; du <= 1; ++du) num += speaks(static_cast<std::size_t>(i + dv + du));
         }
-        if (is_through_[at] != 0 && gone_[at] == 0) {
-          const int num = is_next ? say_so(i, [&](std::size_t k) { return gone_[k] == 1; })
-                                  : say_so(i, [&](std::size_t k) { return is_through_[k] != 0; });
-          if (num >= (is_next ? 1 : kFewest)) gone_[at] = is_next ? 2.0f : 1.0f;
-        }
+        if (num >= fewest) marks[at] = mark;
       }
     }
-  }
-  thicken(kept, now);
+  };
+  mark_all(Mark::several, kFewest, says);
+  mark_all(Mark::beside, 1, [&](std::size_t i) { return marks[i] == Mark::several; });
 }
 
 /// What has come is solid for some way behind where it is seen.
 void FrameEvidence::thicken(const DepthGrid& kept, const DepthGrid& now) {
+  const auto has_come = [](Mark mark) { return mark != Mark::none; };
+  if (std::none_of(come_.begin(), come_.end(), has_come)) return;
   const Pose X_KN = inverse(kept.X_WC) * now.X_WC;
   for (int j = 0; j < now.width * now.height; ++j) {
     if (!(now.depth[static_cast<std::size_t>(j)] > 0)) continue;
     const Vec3d p_N = now.point(j), p_K = X_KN * p_N;
     const int front = kept.index_of(p_K);
-    if (front < 0) continue;
-    const float come = come_[static_cast<std::size_t>(front)];
-    if (come == 0 || come == kInside || p_K.z > std::abs(come) * (1 + tolerance_)) continue;
+    if (front < 0 || come_[static_cast<std::size_t>(front)] == Mark::none) continue;
+    if (p_K.z > near_[static_cast<std::size_t>(front)] * (1 + tolerance_)) continue;
     for (int k = 1; k <= kNumInside; ++k) {
       const Vec3d inside = X_KN * ((1 + thickness_ * k / (kNumInside * norm(p_N))) * p_N);
       const int i = kept.index_of(inside);
       if (i < 0) continue;
       const auto at = static_cast<std::size_t>(i);
       const auto z = static_cast<float>(inside.z);
-      if (!(z < kept.depth[at] * (1 - tolerance_))) continue;
-      near_[at] = near_[at] > 0 ? std::min(near_[at], z) : z;
-      if (come_[at] == 0) come_[at] = kInside;
+      if (z < kept.depth[at] * (1 - tolerance_)) see(inside_[at], z);
     }
   }
 }
 
 float FrameEvidence::come(int i) const {
   const auto at = static_cast<std::size_t>(i);
-  return come_[at] != 0 ? near_[at] : 0;
+  if (come_[at] == Mark::none && inside_[at] == 0) return 0;
+  float least = near_[at];
+  if (inside_[at] > 0) see(least, inside_[at]);
+  return least;
 }
 
 std::optional<float> FrameEvidence::gone(int i) const {
   const auto at = static_cast<std::size_t>(i);
-  if (gone_[at] == 0) return {};
+  if (gone_[at] == Mark::none) return {};
   return beyond_[at];
 }
 
@@ -258,22 +249,30 @@ void KeyFrames::contradict(Seat& seat) const {
 /// Of what a frame has seen: what no frame that is kept knows, but that in `but`, nor `also`.
 double KeyFrames::share_of_new(const DepthGrid& grid, int stride, const Seat* but,
                                const DepthGrid* also) const {
+  struct Other {
+    const DepthGrid* grid;
+    Pose X_OC;
+  };
+  std::array<Other, kMostCameras + 1> others;
+  std::size_t num_others = 0;
+  const auto ask = [&](const DepthGrid& other) {
+    others[num_others++] = {&other, inverse(other.X_WC) * grid.X_WC};
+  };
+  if (also != nullptr) ask(*also);
+  for (std::size_t k = 0; k < num_used_; ++k) {
+    if (&seats_[k] != but) ask(seats_[k].grid);
+  }
   int num = 0, num_new = 0;
   for (int v = stride / 2; v < grid.height; v += stride) {
     for (int u = stride / 2; u < grid.width; u += stride) {
       const int i = v * grid.width + u;
       if (!(grid.depth[static_cast<std::size_t>(i)] > 0)) continue;
       for (const double along : kAlongRay) {
-        const Vec3d p_W = grid.X_WC * (along * grid.point(i));
-        const auto is_known_by = [&](const DepthGrid& other) {
-          return knows(other, p_W, 2 * step_);
-        };
-        bool is_known = also != nullptr && is_known_by(*also);
-        for (std::size_t k = 0; k < num_used_ && !is_known; ++k) {
-          is_known = &seats_[k] != but && is_known_by(seats_[k].grid);
-        }
+        const Vec3d p_C = along * grid.point(i);
         ++num;
-        num_new += !is_known;
+        num_new += std::none_of(others.begin(), others.begin() + num_others, [&](const Other& o) {
+          return knows(*o.grid, o.X_OC * p_C, 2 * step_);
+        });
       }
     }
   }
@@ -320,6 +319,13 @@ void KeyFrames::make(Seat& seat, ThreadPool& pool) {
 }
 
 void KeyFrames::take(const DepthImageView& frame, ThreadPool& pool) {
+  status_ = Done{};
+  if (frame.counts == nullptr || frame.gpu != kHostMemory) {
+    status_ = Error{Errc::invalid_argument,
+                    "a memory of a camera that moves takes depth images as 16-bit counts in host "
+                    "memory; give it such, or leave the memory out"};
+    return;
+  }
   if (!is_finite(frame.X_WC)) return;
   bin_depth(frame, binning_, small_);
   small_.X_WC = frame.X_WC;

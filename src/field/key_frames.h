@@ -25,7 +25,13 @@ struct DepthGrid {
             (i / width - intrinsics.cy) / intrinsics.fy * z, z};
   }
   /// The number of the point that sees p_C; -1: none does.
-  int index_of(const Vec3d& p_C) const;
+  int index_of(const Vec3d& p_C) const {
+    if (!(p_C.z > 0)) return -1;
+    const double u = p_C.x / p_C.z * intrinsics.fx + intrinsics.cx + 0.5;
+    const double v = p_C.y / p_C.z * intrinsics.fy + intrinsics.cy + 0.5;
+    if (!(u >= 0 && v >= 0 && u < width && v < height)) return -1;
+    return static_cast<int>(v) * width + static_cast<int>(u);
+  }
 };
 
 /// What a frame shows of a point.
@@ -52,11 +58,19 @@ class FrameEvidence {
   Sight sight(const DepthGrid& now, const Vec3d& p_N) const;
 
  private:
+  /// What speaks for a change of a point.
+  enum class Mark : std::uint8_t { none, several, beside };
+
+  template <class Says>
+  static void mark(const DepthGrid& kept, const Says& says, std::vector<Mark>& marks);
   void thicken(const DepthGrid& kept, const DepthGrid& now);
 
   float tolerance_;
   double thickness_;
-  std::vector<float> near_, beyond_, come_, gone_;
+  // Of each point: the depth of what is seen before it and behind it, and of what must be behind
+  // what has come; 0: of nothing.
+  std::vector<float> near_, beyond_, inside_;
+  std::vector<Mark> come_, gone_;
   std::vector<std::uint8_t> is_through_;
 };
 
@@ -75,7 +89,8 @@ class KeyFrames {
   /// Each from what it was before the last frame to what it is now, for as long as the views of a
   /// timeline.
   std::span<const SurfaceBlend> views() const { return {views_.data(), num_used_}; }
-  const Status& status() const { return slots_->status(); }
+  /// An error if the last frame could not be taken, or the GPU has failed.
+  const Status& status() const { return status_ ? slots_->status() : status_; }
 
  private:
   struct Seat {
@@ -110,6 +125,7 @@ class KeyFrames {
   std::vector<SurfaceBlend> views_;
   std::vector<std::int64_t> last_shown_;  // of each slot: in views after this frame
   std::int64_t num_frames_ = 0;
+  Status status_ = Done{};
   DepthFrame small_;
   DepthGrid now_;
 };

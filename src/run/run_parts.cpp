@@ -65,14 +65,15 @@ Result<std::shared_ptr<const ToolIndex>> thinned_index(const Tool& tool, int num
   return std::shared_ptr<const ToolIndex>(thinned, thinned->index.get());
 }
 
-}  // namespace
-
+/// So many frames may each camera that moves remember.
 int num_key_frames(std::span<const DepthStreamInfo> streams) {
   const auto num_moving =
       static_cast<int>(std::ranges::count_if(streams, &DepthStreamInfo::is_moving));
   const int num = kMostCameras - static_cast<int>(streams.size());
   return std::max(1, num_moving > 0 ? num / num_moving : num);
 }
+
+}  // namespace
 
 Error lost_backend() {
   return {Errc::unavailable,
@@ -86,14 +87,16 @@ Error out_of_memory() {
           "programs"};
 }
 
-Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
-                                      int num_spare, bool is_one_of_several) {
+Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, std::size_t camera,
+                                      const RunSettings& settings, int num_spare) {
   std::optional<DepthFieldOptions> field;
   if (settings.contact.method == MethodKind::field) {
     field = settings.field;
-    field->one_of_several = is_one_of_several;
+    field->one_of_several = streams.size() > 1;
   }
-  return SurfaceTimeline::create(stream, settings.surface, field, settings.time,
+  TimeOptions time = settings.time;
+  time.memory.frames = std::min(time.memory.frames, num_key_frames(streams));
+  return SurfaceTimeline::create(streams[camera], settings.surface, field, time,
                                  {backend_of(settings), settings.sensing_gpu}, num_spare,
                                  needs_depth_change(settings), settings.binning);
 }
@@ -159,9 +162,7 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
       if (k < options.first_periods.size() && options.first_periods[k] > 0) {
         made_with.time.first_period = options.first_periods[k];
       }
-      made_with.time.memory.frames = std::min(settings.time.memory.frames, num_key_frames(streams));
-      auto timeline =
-          make_surfaces(streams[k], made_with, options.num_spare_surfaces, streams.size() > 1);
+      auto timeline = make_surfaces(streams, k, made_with, options.num_spare_surfaces);
       if (!timeline) return timeline.error();
       parts.timelines.push_back(*std::move(timeline));
     }

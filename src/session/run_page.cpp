@@ -95,7 +95,7 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   std::vector<SurfaceBlend> cameras;
   for (std::size_t k = 0; k < log.deepest_frames.size(); ++k) {
     if (log.deepest_frames[k].pixels.empty()) continue;
-    auto surfaces = make_surfaces(log.setup.streams[k], settings, 0, log.deepest_frames.size() > 1);
+    auto surfaces = make_surfaces(log.setup.streams, k, settings);
     if (!surfaces) return surfaces.error();
     timelines.push_back(*std::move(surfaces));
     timelines.back().push(log.deepest_frames[k], 0, pool);

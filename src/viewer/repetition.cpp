@@ -85,8 +85,7 @@ Status Repetition::prepare(const std::vector<Lead>& leads, const RunSettings& se
       const double period = run_.period_after(leads[k].front());
       if (period > 0) used.time.first_period = period;
     }
-    used.time.memory.frames = std::min(used.time.memory.frames, num_key_frames(run_.streams()));
-    auto timeline = make_surfaces(run_.streams()[k], used, 0, leads.size() > 1);
+    auto timeline = make_surfaces(run_.streams(), k, used);
     if (!timeline) return timeline.error();
     cameras_.push_back({*std::move(timeline)});
   }

@@ -179,13 +179,14 @@ Error lost_backend();
 /// What a run ends with whose threads get no memory any more.
 Error out_of_memory();
 
-/// So many frames may each camera that moves remember: all views of a query together are no more
-/// than kMostCameras.
-int num_key_frames(std::span<const DepthStreamInfo> streams);
-
-/// By the backend, the GPU and the options of the settings; with `is_one_of_several` cameras.
-Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream, const RunSettings& settings,
-                                      int num_spare = 0, bool is_one_of_several = false);
+/// Of one of the cameras, by the backend, the GPU and the options of the settings. Cameras that
+/// move remember no more frames than a query can take of all together (kMostCameras).
+Result<SurfaceTimeline> make_surfaces(std::span<const DepthStreamInfo> streams, std::size_t camera,
+                                      const RunSettings& settings, int num_spare = 0);
+inline Result<SurfaceTimeline> make_surfaces(const DepthStreamInfo& stream,
+                                             const RunSettings& settings) {
+  return make_surfaces({&stream, 1}, 0, settings);
+}
 /// The same, with `threads` for queries too, which may be null and must outlive it.
 Result<std::unique_ptr<ContactPart>> make_contact_part(std::shared_ptr<const ToolIndex> index,
                                                        const RunSettings& settings,

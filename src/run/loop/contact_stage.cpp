@@ -109,7 +109,7 @@ void ContactStage::look(double time) {
     }
     cameras_[k] = view.surfaces.moment;
     if (cameras_[k].progress < 1) cameras_[k].progress = view.blend.progress(time);
-    cameras_.remember(view.surfaces.remembered(), cameras_[k].progress);
+    cameras_.remember(view.surfaces.key_frames.all(), cameras_[k].progress);
     newest_frame_ = std::max(newest_frame_, view.surfaces.frame_number);
   }
 }

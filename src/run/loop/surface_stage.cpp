@@ -263,9 +263,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   const SurfaceBlend moment = timeline.at(newest.capture_time);
   LiveSurfaces& made = camera.surfaces.draft();
   made.moment = moment;
-  const std::span<const SurfaceBlend> remembered = timeline.key_frames();
-  made.num_key_frames = remembered.size();
-  std::copy(remembered.begin(), remembered.end(), made.key_frames.begin());
+  made.key_frames = timeline.key_frames();
   made.ready_time = end;
   made.capture_time = newest.capture_time;
   made.period = timeline.period();

@@ -2,6 +2,7 @@
 // surfaces by one thread.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -21,18 +22,33 @@
 
 namespace palpate {
 
+/// SurfaceTimeline::key_frames. Copies are as long as there are any.
+class KeyFrameViews {
+ public:
+  KeyFrameViews() = default;
+  KeyFrameViews(const KeyFrameViews& other) { *this = other.all(); }
+  KeyFrameViews& operator=(const KeyFrameViews& other) { return *this = other.all(); }
+  KeyFrameViews& operator=(std::span<const SurfaceBlend> views) {
+    num_ = std::min(views.size(), views_.size());
+    std::copy_n(views.begin(), num_, views_.begin());
+    return *this;
+  }
+  std::span<const SurfaceBlend> all() const { return {views_.data(), num_}; }
+
+ private:
+  std::array<SurfaceBlend, kMostCameras> views_;
+  std::size_t num_ = 0;
+};
+
 /// What the contact thread looks at of a camera until it takes the next ones.
 struct LiveSurfaces {
-  SurfaceBlend moment;                                ///< progress 1: there is nothing to blend
-  std::array<SurfaceBlend, kMostCameras> key_frames;  ///< SurfaceTimeline::key_frames
-  std::size_t num_key_frames = 0;
+  SurfaceBlend moment;  ///< progress 1: there is nothing to blend
+  KeyFrameViews key_frames;
   double ready_time = 0, capture_time = 0;  ///< s, monotonic
   double period = 1;                        ///< s, expected until the next ones
   std::uint64_t frame_number = 0;           ///< FrameRecord::number of `moment.to`
   std::uint64_t camera_frame = 0;           ///< likewise; `from` is the one before
   std::uint32_t revision = 0;               ///< of the settings it was made with
-
-  std::span<const SurfaceBlend> remembered() const { return {key_frames.data(), num_key_frames}; }
 };
 
 /// A frame that has become a surface, for observers.

@@ -41,7 +41,8 @@ class MovingCamera {
   void push(const Pose& X_WC, const std::optional<Vec3d>& ball) {
     DepthFrame frame{camera_.width, camera_.height, 0.0001, {}, 0};
     for (const float z : test::depth_seen(wall_with_ball(ball), camera_, X_WC)) {
-      const double seen = z > 0 ? static_cast<double>(z) + noise_ * random_.normal() : 0;
+      double seen = z > 0 ? static_cast<double>(z) + noise_ * random_.normal() : 0;
+      if (random_.uniform(0, 1) < speckles_) seen *= random_.uniform(0.5, 1.5);
       frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(seen / frame.unit)));
     }
     frame.X_WC = X_WC;
@@ -51,6 +52,8 @@ class MovingCamera {
     forgets_.push(frame, time_, pool_);
     time_ += 1.0 / 30;
   }
+  /// From now on this share of all pixels shows anything.
+  void speckle(double share) { speckles_ = share; }
   /// Along an arc around what is looked at, x from -0.35 to 0.35 m.
   void pass(const std::optional<Vec3d>& ball) {
     for (int i = 0; i <= 14; ++i) push(eye(-0.35 + 0.05 * i), ball);
@@ -95,7 +98,7 @@ class MovingCamera {
   }
 
   Camera camera_{320, 240, {262.5, 262.5, 159.5, 119.5}};
-  double noise_, time_ = 0;
+  double noise_, speckles_ = 0, time_ = 0;
   Random random_{61};
   ThreadPool pool_;
   SurfaceTimeline remembers_, forgets_;
@@ -182,6 +185,18 @@ TEST(KeyFrames, AreNoMoreThanAsked) {
   EXPECT_GT(MovingCamera(1).views().size(), 0u);
 }
 
+TEST(KeyFrames, TheOneThatAddsLeastMakesRoom) {
+  MovingCamera camera(2);
+  const Vec3d in_wall{0, 0, kWall + kToolRadius};
+  for (const double x : {0.0, 3.0, 0.3}) {
+    camera.push(test::look_at({x, 0, 0}, {x, 0, 1}), std::nullopt);
+  }
+  // The third sees much of what the first one knows, and takes its place.
+  EXPECT_GT(camera.felt(in_wall + Vec3d{3.4, 0, 0}), 0.9);
+  EXPECT_GT(camera.felt(in_wall + Vec3d{0.7, 0, 0}), 0.9);
+  EXPECT_LT(camera.felt(in_wall - Vec3d{0.5, 0, 0}), 0.1);
+}
+
 TEST(KeyFrames, QueriesEqualTheirDefinition) {
   MovingCamera camera;
   camera.pass(kBall);
@@ -223,17 +238,43 @@ TEST(KeyFrames, GiveTheSameBitsWithAnyThreadsAndAllocateNothing) {
   }
 }
 
+TEST(KeyFrames, AreOfCountsInHostMemory) {
+  const Camera camera{64, 48, {52, 52, 31.5, 23.5}};
+  DepthStreamInfo stream = test::stream_of(camera);
+  stream.is_moving = true;
+  TimeOptions time;
+  time.memory.kind = DepthMemory::on;
+  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time).value();
+  ThreadPool pool(1);
+  const std::vector<float> metres(64 * 48, 1.0f);
+  timeline.push(DepthImageView(64, 48, metres.data()), 0, pool);
+  ASSERT_FALSE(timeline.status());
+  EXPECT_NE(timeline.status().error().message.find("16-bit counts"), std::string::npos);
+  const std::vector<std::uint16_t> counts(64 * 48, 1000);
+  timeline.push(DepthImageView(64, 48, counts.data(), 0.001), 0.1, pool);
+  EXPECT_TRUE(timeline.status());
+  EXPECT_EQ(timeline.key_frames().size(), 1u);
+}
+
 TEST(KeyFrames, NoiseContradictsNothing) {
-  MovingCamera camera(8, 1, 0.003);
-  camera.pass(kBall);
-  for (int i = 0; i < 4; ++i) camera.push(MovingCamera::eye(0), kBall);
-  const std::size_t num = camera.num_key_frames();
-  std::vector<std::uint64_t> stamps;
-  for (const SurfaceBlend& view : camera.views()) stamps.push_back(view.to.field.stamp);
-  for (int i = 0; i < 10; ++i) camera.push(MovingCamera::eye(0), kBall);
-  EXPECT_EQ(camera.num_key_frames(), num);
-  const auto views = camera.views();
-  for (std::size_t k = 1; k < views.size(); ++k) EXPECT_EQ(views[k].to.field.stamp, stamps[k]);
+  for (const bool has_speckles : {false, true}) {
+    // A speckle more at the ball's edge, which two frames sample otherwise, may be too much.
+    const std::optional<Vec3d> ball = has_speckles ? std::nullopt : std::optional(kBall);
+    MovingCamera camera(8, 1, 0.003);
+    camera.pass(ball);
+    for (int i = 0; i < 4; ++i) camera.push(MovingCamera::eye(0), ball);
+    const auto stamps = [&] {
+      std::vector<std::uint64_t> all;
+      for (const SurfaceBlend& view : camera.views()) all.push_back(view.to.field.stamp);
+      all.erase(all.begin());  // of the newest frame
+      return all;
+    };
+    const std::vector<std::uint64_t> before = stamps();
+    if (has_speckles) camera.speckle(0.01);
+    for (int i = 0; i < 10; ++i) camera.push(MovingCamera::eye(0), ball);
+    EXPECT_EQ(stamps(), before);
+    EXPECT_GE(before.size(), 2u);
+  }
 }
 
 }  // namespace
