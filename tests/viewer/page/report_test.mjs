@@ -1,7 +1,7 @@
 // Reports in a real browser, as a double click opens them: their numbers are those of the files
 // beside them, plots zoom, and they are readable on a phone, in the dark and on paper.
 import assert from 'node:assert/strict';
-import { existsSync, mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after } from 'node:test';
@@ -94,6 +94,17 @@ pageTest('a run: its numbers are those of summary.json', async () => {
   assert.ok(!/NaN|undefined|null/.test(text), text.match(/.*(NaN|undefined|null).*/)?.[0]);
   assert.equal(await empty(page, '.plot canvas'), 0);
   assert.equal(await page.locator('.plot').count(), 4);
+});
+
+pageTest('a run: its times may begin shortly before a power of ten', async () => {
+  await make();
+  const page = readFileSync(join(folder, 'path', 'report.html'), 'utf8');
+  const other = page.replace(/("latencies":{"[a-z_]+":)\[(\[[^\]]*\],?)*\]/, '$1[[9.7,7999],[97,1]]');
+  assert.notEqual(page, other);
+  writeFileSync(join(folder, 'other.html'), other);
+  const shown = await openReport(['other.html']);
+  assert.equal(await empty(shown, '.plot canvas'), 0);
+  assert.deepEqual(shown.problems, []);
 });
 
 pageTest('a run: the deepest moment shows cloud, tool and wrench', async () => {

@@ -158,8 +158,10 @@ class ZoomedPlot {
     const [low, high] = this.heights();
     const factor = spec.right?.factor ?? 1;
     const axes: uPlot.Axis[] = [
-      { ...axis, label: spec.xWords, labelSize: 18, size: 26, space: isNarrow ? 60 : 70 },
-      { ...axis, label: spec.yWords, labelSize: 18, size: isNarrow ? 44 : 54, space: 32 },
+      { ...axis, label: spec.xWords, labelSize: 18, size: 26, space: isNarrow ? 60 : 70,
+        ...(spec.xLogarithmic ? { splits: decades } : {}) },
+      { ...axis, label: spec.yWords, labelSize: 18, size: isNarrow ? 44 : 54, space: 32,
+        ...(spec.yLogarithmic ? { splits: decades } : {}) },
     ];
     if (spec.right) {
       axes.push({
@@ -293,6 +295,19 @@ class ZoomedPlot {
       ctx.fillText(spec.limit.words, bbox.left + bbox.width - 6 * size, y - 4 * size);
     }
   }
+}
+
+/// One to nine of each power of ten. uPlot's own never end on an axis that begins shortly before a
+/// power of ten, as at 0.0096.
+function decades(_: uPlot, __: number, from: number, to: number): number[] {
+  const made: number[] = [];
+  for (let power = Math.floor(Math.log10(from)); power <= Math.log10(to); ++power) {
+    for (let digit = 1; digit <= 9; ++digit) {
+      const at = Number(`${digit}e${power}`);
+      if (at >= from && at <= to) made.push(at);
+    }
+  }
+  return made;
 }
 
 /// Which values have a mark.
