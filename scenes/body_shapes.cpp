@@ -2,7 +2,7 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 
 TriangleMesh block(const Vec3d& low, const Vec3d& high) {
   TriangleMesh mesh = make_box(high - low);
@@ -18,4 +18,4 @@ void append(TriangleMesh& body, const TriangleMesh& part) {
   }
 }
 
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

@@ -12,7 +12,7 @@
 #include <embree3/rtcore.h>
 #endif
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -222,4 +222,4 @@ std::vector<float> render_depth(const Scene& scene, double t) {
   return {depth.begin(), depth.end()};
 }
 
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

@@ -12,7 +12,7 @@
 #include "scenes/mesh_faces.h"
 #include "scenes/truth.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 /// Means over a triangle of phi and of phi (x - C).
@@ -264,4 +264,4 @@ ExactPenetration exact_penetration(const TriangleMesh& tool_T, const Pose& X_WT,
           exact_wrench(tool_T, X_WT, environment, centre_W)};
 }
 
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

@@ -7,7 +7,7 @@
 
 #include "scenes/scene.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 
 /// Turns images of one size into counts. Owns its buffers.
 class DepthSensor {
@@ -31,4 +31,4 @@ class DepthSensor {
   std::vector<float> lit_;  ///< depth where the projector's light falls, else NaN
 };
 
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

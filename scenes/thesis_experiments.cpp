@@ -3,7 +3,7 @@
 
 #include "scenes/truth.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 constexpr double kDepth = 1;               // Where every environment meets the optical axis.
@@ -95,4 +95,4 @@ std::vector<std::string> environment_names() {
   return names;
 }
 
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

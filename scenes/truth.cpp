@@ -8,7 +8,7 @@
 
 #include "scenes/mesh_faces.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 /// Six planes at most.
@@ -134,4 +134,4 @@ double exact_volume(const TriangleMesh& tool_T, const Pose& X_WT, const Environm
   return 0;
 }
 
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

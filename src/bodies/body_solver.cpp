@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Of the stiffest direction of a contact: what falls does not bounce.
@@ -370,4 +370,4 @@ void BodySolver::solve_island(std::span<RigidBody> bodies, std::span<const BodyT
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

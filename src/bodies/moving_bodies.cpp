@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // At rest: so long within so much.
@@ -378,4 +378,4 @@ double MovingBodies::energy() const noexcept {
   return energy;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

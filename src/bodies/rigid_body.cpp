@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kMostIterations = 50;  // five do at 100 rad/s and a millisecond
@@ -93,4 +93,4 @@ void move(RigidBody& body, const Vec3d& shift, double dt) noexcept {
   body.X_WB.translation = center - rotate(q, body.p_BC);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Cholesky by blocks. What is zero costs nothing: bodies that do not touch each other, directly or
 /// by others, are solved as if alone.
@@ -38,4 +38,4 @@ class SymmetricBlocks {
   std::vector<std::uint8_t> filled_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -14,7 +14,7 @@
 #include "src/io/ros_messages.h"
 #include "src/ros/tf_history.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::string_view kImage = "sensor_msgs/msg/Image";
@@ -334,4 +334,4 @@ FoundCameras find_bag_cameras() {
           "their camera_info; ?world=FRAME: the camera is where their tf says"};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

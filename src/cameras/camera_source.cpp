@@ -12,7 +12,7 @@
 #include "src/cameras/plausibility.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kRetryPeriod = 0.5;                   // s
@@ -239,4 +239,4 @@ Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, con
   return std::unique_ptr<DepthSource>(std::move(source));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "src/cameras/capture_clock.h"
 #include "src/cameras/rectifier.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A stream as its kind opens it, a *raw* one: `info()` may change with every frame, distortion is
 /// in it, time stamps are the camera's own.
@@ -32,4 +32,4 @@ Result<std::unique_ptr<DepthSource>> make_live(RawStream raw, OpenRaw again, con
 /// What the URI says of such a stream. Error: neither says what the intrinsics are.
 Result<CameraTruth> truth_of(const CameraUri& uri, const DepthStreamInfo& stream);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

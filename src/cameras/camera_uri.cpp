@@ -8,7 +8,7 @@
 #include "palpate/settings/setting_table.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kMostShown = 60;  // characters of what people wrote
@@ -204,4 +204,4 @@ Status CameraUri::check_extras(std::initializer_list<std::string_view> known_one
   return Done{};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

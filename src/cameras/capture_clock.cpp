@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 double CaptureClock::add(double stamp, double arrival) {
   const double delay = arrival - stamp;
@@ -64,4 +64,4 @@ void CaptureClock::fit() {
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <optional>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Whose clock time stamps are by: nobody's (there are none), the camera's own, this computer's.
 enum class StampClock {
@@ -52,4 +52,4 @@ class CaptureClock {
   bool has_begun_ = false;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -11,7 +11,7 @@
 #include "src/io/ros_image.h"
 #include "src/io/rvl.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kMillimetre = 0.001;
@@ -109,4 +109,4 @@ void set_ros_camera(const RosCameraModel& camera, const std::string& topic, Dept
   scale_camera({camera.width, camera.height}, info);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

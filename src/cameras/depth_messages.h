@@ -7,7 +7,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// sensor_msgs/CompressedImage of the transport compressedDepth: PNG or RVL of 16UC1 or 32FC1.
 /// Errors: another format, a damaged image.
@@ -40,4 +40,4 @@ inline std::string_view ros_parent(std::string_view topic) {
   return topic.substr(0, topic.rfind('/'));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

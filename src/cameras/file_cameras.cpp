@@ -5,7 +5,7 @@
 #include "src/cameras/posed_source.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&) {
   if (const Status status = uri.check_extras(); !status) return status.error();
@@ -81,4 +81,4 @@ FoundCameras find_scene_cameras() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

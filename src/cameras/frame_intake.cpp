@@ -9,7 +9,7 @@
 
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;  // s
@@ -219,4 +219,4 @@ std::vector<std::string> FrameIntake::take_notes() {
   return std::exchange(notes_, {});
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "src/cameras/capture_clock.h"
 #include "src/cameras/rectifier.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The newest frame wins. Frames without any measurement and frames from the past are left out, so
 /// that what the hand feels gets old and fades, as with a camera that sends nothing.
@@ -80,4 +80,4 @@ class FrameIntake {
   std::uint64_t num_black_ = 0, num_black_in_a_row_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

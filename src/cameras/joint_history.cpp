@@ -8,7 +8,7 @@
 #include "src/io/text_scanner.h"
 #include "src/ros/by_time.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kShortestBase = 0.02;  // s that a velocity is told from, so that noise stays small
@@ -124,4 +124,4 @@ Status read_joint_table(std::string_view text, const std::string& name, JointHis
                                     "time in s and positions in rad or m"};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

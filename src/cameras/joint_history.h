@@ -9,7 +9,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Of the joints of one robot.
 class JointHistory {
@@ -50,4 +50,4 @@ class JointHistory {
 /// line: no number, too many or too few of them, time going backwards.
 Status read_joint_table(std::string_view text, const std::string& name, JointHistory& history);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

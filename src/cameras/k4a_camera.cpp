@@ -12,7 +12,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/core/shared_library.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kSucceeded = 0;       // of every call
@@ -291,4 +291,4 @@ FoundCameras find_k4a_cameras() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // Of single precision: exponent and the first two digits after the point make a shell.
@@ -323,4 +323,4 @@ double LinkImage::limit_at(int u, int v) const {
   return front > 0 ? 1 / front - padding_ : std::numeric_limits<double>::infinity();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Draws meshes into an image of inverse depth, wider by a padding on all sides, and takes from
 /// depth frames what they show of these meshes and what lies behind them. Every mesh is drawn, open
@@ -75,4 +75,4 @@ class LinkImage {
   Window covered_;            // of the image
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

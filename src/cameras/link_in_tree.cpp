@@ -5,7 +5,7 @@
 
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
@@ -114,4 +114,4 @@ Result<Pose> LinkInTree::at(double time, double stamp) const {
   return inverse(X_RL[base_]) * X_RL[link_];
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

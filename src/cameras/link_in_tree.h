@@ -12,7 +12,7 @@
 #include "src/cameras/robot_states.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Of FILE.urdf#LINK[#BASE]: the pose of the link in the base, by default the URDF's root. Optical
 /// frames of ROS have x right, y down, z forward (REP 103), as cameras here.
@@ -65,4 +65,4 @@ std::string what_is_missing(const RobotStates& states, const Missing& missing) {
   return names;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

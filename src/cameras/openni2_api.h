@@ -7,7 +7,7 @@
 #include "palpate/core/core.h"
 #include "src/core/lasting_thread.h"
 
-namespace palpate::openni2 {
+namespace palpate::inline v0::openni2 {
 
 struct Device;  // OniDeviceHandle points at it
 struct Stream;
@@ -75,4 +75,4 @@ LastingThread& caller();
 /// what it says itself.
 const Result<Api>& api();
 
-}  // namespace palpate::openni2
+}  // namespace palpate::inline v0::openni2

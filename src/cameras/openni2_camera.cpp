@@ -14,7 +14,7 @@
 #include "src/cameras/raw_frames.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using namespace openni2;
@@ -251,4 +251,4 @@ FoundCameras find_openni2_cameras() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::orbbec {
+namespace palpate::inline v0::orbbec {
 
 // Objects of the library.
 struct Failure;
@@ -87,4 +87,4 @@ struct Api {
 /// place that was tried.
 const Result<Api>& api();
 
-}  // namespace palpate::orbbec
+}  // namespace palpate::inline v0::orbbec

@@ -12,7 +12,7 @@
 #include "src/cameras/raw_frames.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using namespace orbbec;
@@ -237,4 +237,4 @@ FoundCameras find_orbbec_cameras() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

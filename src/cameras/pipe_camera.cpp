@@ -24,7 +24,7 @@
 #include "src/cameras/camera_kinds.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "pixels are little-endian");
@@ -256,4 +256,4 @@ FoundCameras find_pipe_cameras() {
           "?size=WIDTHxHEIGHT&intrinsics="};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 bool is_measurement(int count) { return count != 0 && count != 65535; }
@@ -97,4 +97,4 @@ std::string Plausibility::look(const DepthFrame& frame, const CameraModel& model
   return doubt;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/cameras/rectifier.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Looks at the first frames of a stream. What it says are doubts: nothing is changed.
 class Plausibility {
@@ -24,4 +24,4 @@ class Plausibility {
 /// multiples of 5 only.
 int common_divisor(const DepthFrame& frame);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 class PosedSource final : public DepthSource {
@@ -118,4 +118,4 @@ Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> sou
       std::make_unique<PosedSource>(std::move(source), std::move(poses)));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "palpate/io/files.h"
 #include "src/cameras/link_in_tree.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// X_WC by time stamps: where something is, and where the camera is in it (hand-eye).
 class CameraPoses {
@@ -44,4 +44,4 @@ class CameraPoses {
 Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> source,
                                                 CameraPoses poses);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,7 +3,7 @@
 #include "src/cameras/frame_intake.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 class Pushed final : public PushedSource {
@@ -66,4 +66,4 @@ Result<std::unique_ptr<PushedSource>> PushedSource::create(const DepthStreamInfo
   return create(info, {});
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

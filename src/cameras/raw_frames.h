@@ -10,7 +10,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 inline constexpr int kWaitMilliseconds = 100;  // so often is asked whether somebody has cancelled
 inline constexpr double kLongestSilence = 2;   // s without a frame, then a camera is lost
@@ -46,4 +46,4 @@ std::string listed_models(std::vector<std::string> models, std::string_view othe
 /// "2.59.1" of 25901.
 std::string dotted_version(int number);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

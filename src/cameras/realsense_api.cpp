@@ -7,7 +7,7 @@
 #include "src/cameras/python_packages.h"
 #include "src/core/shared_library.h"
 
-namespace palpate::realsense {
+namespace palpate::inline v0::realsense {
 namespace {
 
 std::vector<std::string> places() {
@@ -103,4 +103,4 @@ const Result<Api>& api() {
   return loaded;
 }
 
-}  // namespace palpate::realsense
+}  // namespace palpate::inline v0::realsense

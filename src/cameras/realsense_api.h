@@ -7,7 +7,7 @@
 #include "palpate/cameras/cameras.h"
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate::realsense {
+namespace palpate::inline v0::realsense {
 
 // Objects of the library.
 struct Failure;
@@ -92,4 +92,4 @@ const Result<Api>& api();
 Result<std::unique_ptr<DepthSource>> open_device(Device* device, const CameraUri& uri,
                                                  const std::string& file);
 
-}  // namespace palpate::realsense
+}  // namespace palpate::inline v0::realsense

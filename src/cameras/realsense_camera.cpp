@@ -11,7 +11,7 @@
 #include "src/cameras/realsense_api.h"
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using namespace realsense;
@@ -298,4 +298,4 @@ FoundCameras find_realsense_cameras() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// The same view with another number of pixels; pixel centres are at whole numbers.
@@ -85,4 +85,4 @@ void Rectifier::apply(const CameraModel& model, DepthFrame& frame) {
   frame.height = pinhole_.height;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "src/cloud/internal/lens_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What people say of a camera, which wins over what it says of itself. Intrinsics are those of the
 /// first image size and are scaled for others.
@@ -44,4 +44,4 @@ class Rectifier {
   std::vector<std::uint16_t> spare_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -13,7 +13,7 @@
 #include "palpate/settings/setting_table.h"
 #include "src/io/internal/toml_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -224,4 +224,4 @@ Result<std::string> rig_text_with_poses(const fs::path& path, const std::vector<
   return text.str();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/cameras/robot_states.h"
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -188,4 +188,4 @@ Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& rob
   return Done{};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

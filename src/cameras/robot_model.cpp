@@ -2,7 +2,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 std::vector<std::size_t> numbers_of(const std::vector<bool>& chosen) {
@@ -81,4 +81,4 @@ std::vector<std::filesystem::path> RobotFolders::packages_of(std::string_view li
   return folders;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 
 #include "palpate/cameras/cameras.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 struct RobotJoint {
   enum class Kind {
@@ -63,4 +63,4 @@ struct RobotFolders {
 Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
                               const RobotFolders& folders, std::optional<RobotGeometry> geometry);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -14,7 +14,7 @@
 #include "src/io/ros_messages.h"
 #include "src/ros/ros_node.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kSecondsKept = 5;           // live, of each joint and frame
@@ -303,4 +303,4 @@ Result<std::unique_ptr<RobotStates>> RobotStates::open(const StateAddress& addre
   return opened(std::move(states), status);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

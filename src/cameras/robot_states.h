@@ -17,7 +17,7 @@
 #include "src/cameras/joint_history.h"
 #include "src/ros/tf_history.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Where it is told.
 struct StateAddress {
@@ -93,4 +93,4 @@ class RobotStates {
   double unstamped_at_ = -std::numeric_limits<double>::infinity();  // s, when the newest came
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -19,7 +19,7 @@
 #include "src/ros/ros_node.h"
 #include "src/ros/tf_history.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using namespace std::chrono_literals;
@@ -419,4 +419,4 @@ FoundCameras find_ros2_cameras() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

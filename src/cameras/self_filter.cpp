@@ -7,7 +7,7 @@
 
 #include "src/cameras/link_image.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 struct SelfFilter::Robot {
   std::vector<RobotLink> links;
@@ -139,4 +139,4 @@ Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(
       std::move(source), robot_->links, robot_, *robot_->poses, robot_->padding));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "src/cameras/robot_model.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -364,4 +364,4 @@ Result<RobotModel> parse_urdf(std::string_view text, const std::string& name,
   return Reader(name, folders, geometry).read(text);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFewestPoints = 500;    // that hold a view
@@ -353,4 +353,4 @@ Result<AlignedViews> align_views(std::span<const PointCloudView> views, std::spa
   return Alignment(views, X_WC, names, options).run();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

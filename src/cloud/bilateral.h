@@ -6,7 +6,7 @@
 
 #include "src/core/lanes.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// The mean is taken over differences to the centre, which keeps all digits and a flat patch exact.
@@ -31,4 +31,4 @@ PALPATE_FORMULA VecF filtered(const float* centre, std::ptrdiff_t stride, VecF z
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

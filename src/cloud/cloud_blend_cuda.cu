@@ -8,7 +8,7 @@
 #include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What the kernel reads and writes.
 struct CloudBlendJob {
@@ -91,4 +91,4 @@ void CloudBlendCuda::enqueue(gpu::Stream& stream, const PointCloudView& old_clou
 
 PointCloudView CloudBlendCuda::cloud() const { return impl_->cloud.view; }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

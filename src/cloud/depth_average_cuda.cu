@@ -9,7 +9,7 @@
 #include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What the kernel reads and writes.
 struct DepthAverageJob {
@@ -238,4 +238,4 @@ Status DepthAveragerCuda::go_on_from(gpu::Stream& stream, std::string_view state
 
 const float* DepthAveragerCuda::depth() const { return impl_->job.depth; }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

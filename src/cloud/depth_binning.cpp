@@ -6,7 +6,7 @@
 
 #include "src/cloud/raw_depth.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 DepthStreamInfo binned(const DepthStreamInfo& stream, int binning) {
   DepthStreamInfo small = stream;
@@ -59,4 +59,4 @@ void bin_depth(const DepthImageView& image, int binning, DepthFrame& small) {
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

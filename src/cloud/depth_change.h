@@ -7,7 +7,7 @@
 #include "src/cloud/surface_kernels.h"
 #include "src/core/lanes.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// Depth, or 0 where there is none: never farther than anything.
@@ -54,4 +54,4 @@ PALPATE_FORMULA DepthChange depth_change(const Around& q, VecF z, VecF ray_x, Ve
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

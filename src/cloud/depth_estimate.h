@@ -18,7 +18,7 @@
 #include "palpate/cloud/depth_source.h"
 #include "src/core/lanes.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Numbers that all pixels share.
 struct EstimateModel {
@@ -89,9 +89,9 @@ struct SharedChange {
   float keep = 0;    ///< 1: what is not seen may still be there
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// From 0 to 1: how surely something changed, by a number that is normal and of unit variance if
@@ -148,9 +148,9 @@ PALPATE_FORMULA PixelEstimate estimate_of(VecF measured, VecF mean, VecF gain, V
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 PALPATE_FORMULA float clamped(float value, float least, float most) {
   return value < least ? least : value > most ? most : value;
@@ -258,4 +258,4 @@ struct BlockChange {
   }
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

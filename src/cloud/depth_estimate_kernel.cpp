@@ -7,7 +7,7 @@
 #include "src/cloud/raw_depth.h"
 #include "src/core/simd.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kSide = kEstimateBlock, kTile = kEstimateTile;
@@ -142,4 +142,4 @@ void estimate_block(const EstimatePass& pass, int index) {
   estimate(pass, block, changes);
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -7,7 +7,7 @@
 #include "src/cloud/surface_kernels.h"
 #include "src/core/simd.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// Each number by itself, as the compiler's vectors have it.
@@ -78,4 +78,4 @@ void filter_depth(const FilterPass& pass, const PixelWindow& part) {
   }
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -7,7 +7,7 @@
 #include "src/cloud/surface_kernels.h"
 #include "src/core/lanes.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// Does `z` lie between the depths of two opposite neighbours, farther than `gap` z from both?
@@ -28,4 +28,4 @@ PALPATE_FORMULA Mask is_flying(const float* here, std::ptrdiff_t stride, VecF z,
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// r' of a point at r, without the tangential part.
@@ -51,4 +51,4 @@ std::vector<std::uint32_t> lens_table(const CameraModel& pinhole, const CameraMo
   return raw_pixels;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

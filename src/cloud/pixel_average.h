@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "src/cloud/raw_depth.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 constexpr float kNoAverage = std::numeric_limits<float>::quiet_NaN();
 
@@ -80,4 +80,4 @@ PALPATE_HOSTDEV inline float newest_depth(std::uint16_t count, double unit) {
   return is_measurement(count) ? static_cast<float>(count * unit) : kNoAverage;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

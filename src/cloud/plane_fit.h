@@ -10,7 +10,7 @@
 
 #include "src/core/lanes.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// Of the determinant of the spread in the image, relative to the spread itself: less means that
@@ -176,4 +176,4 @@ PALPATE_FORMULA UnitNormal unit_normal(const SymmetricMatrix& e, const PixelFram
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

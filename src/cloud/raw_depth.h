@@ -3,7 +3,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 PALPATE_HOSTDEV inline bool is_measurement(int count) { return count != 0 && count != 65535; }
 
@@ -17,4 +17,4 @@ PALPATE_HOSTDEV inline bool is_usable_depth(float z, float min_depth, float max_
   return (z >= min_depth) & (z <= max_depth);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -13,7 +13,7 @@
 #include "src/cloud/surface_settings.h"
 #include "src/core/internal/assert.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using one_lane::FilterJob;
@@ -196,4 +196,4 @@ SurfaceStats SurfaceCuda::stats() const {
           std::accumulate(d.normals.num_points, d.normals.num_points + d.num_tiles, 0)};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

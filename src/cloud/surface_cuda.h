@@ -10,7 +10,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "src/cloud/image_rows.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 namespace gpu {
 class Stream;
@@ -66,4 +66,4 @@ class SurfaceCuda {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -15,7 +15,7 @@
 #include "src/cloud/window_moments.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate::one_lane {
+namespace palpate::inline v0::one_lane {
 /// Which tiles a launch does: block b is tile first_tile + b of the image, row by row. Of several
 /// images each has num_tiles of these blocks.
 struct Tiling {
@@ -318,4 +318,4 @@ __global__ void __launch_bounds__(kTileThreads)
 }
 
 }  // namespace
-}  // namespace palpate::one_lane
+}  // namespace palpate::inline v0::one_lane

@@ -7,7 +7,7 @@
 
 #include "palpate/cloud/point_cloud.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Inside the room an invalid depth is this large number: it fails every "close enough" test by
 /// itself, and unlike NaN it survives minima and maxima.
@@ -106,4 +106,4 @@ PALPATE_DECLARE_SURFACE_KERNELS(isa_avx2)
 PALPATE_DECLARE_SURFACE_KERNELS(isa_avx512)
 #undef PALPATE_DECLARE_SURFACE_KERNELS
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

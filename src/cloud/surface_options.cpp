@@ -1,6 +1,6 @@
 #include "src/cloud/surface_options.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 Status check(const SurfaceOptions& options) {
   // The ranges keep every intermediate result inside single precision.
@@ -45,4 +45,4 @@ Status check_surface_settings(int width, int height, const Intrinsics& intrinsic
   return check(options);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,10 +3,10 @@
 
 #include "palpate/cloud/surface_estimator.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// An error names the first setting that is out of range.
 Status check_surface_settings(int width, int height, const Intrinsics& intrinsics,
                               const SurfaceOptions& options);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "src/cloud/surface_kernels.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Call the stages in the order read, filter, estimate_normals, find_depth_change. None allocates.
 /// Points may be wanted in a window alone: filter and normals then do that and what it needs.
@@ -51,4 +51,4 @@ class SurfaceStages {
   DepthChangePass change_pass_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "src/cloud/plane_fit.h"
 #include "src/cloud/surface_kernels.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// Beyond this relative distance from the reference depth of its column the separable sums would
@@ -256,4 +256,4 @@ PALPATE_FORMULA Neighbours gather_directly(const NormalPass& pass, const float* 
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

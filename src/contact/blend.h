@@ -5,7 +5,7 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// (1 - alpha) times `from` and alpha times `to`, whose are counts, states and planes.
 inline ContactResult blend(const ContactResult& from, const ContactResult& to, double alpha) {
@@ -45,4 +45,4 @@ inline ContactResult unmeasured(StepStatus why, const ContactWants& wants, bool 
   return result;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

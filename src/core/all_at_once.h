@@ -6,7 +6,7 @@
 #include <system_error>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The answers of `kind.find()` for all kinds, in their order. Most of the time goes into waiting,
 /// so each is asked on a thread of its own while there are any to be had.
@@ -26,4 +26,4 @@ auto find_all_at_once(const Kinds& kinds) {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

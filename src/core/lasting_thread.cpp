@@ -3,7 +3,7 @@
 #include <system_error>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 LastingThread::LastingThread() {
   try {
@@ -36,4 +36,4 @@ void LastingThread::serve() {
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

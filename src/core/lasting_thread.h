@@ -8,7 +8,7 @@
 #include <optional>
 #include <thread>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Does what it is told, one thing after the other; from itself at once. It lives in memory that is
 /// never freed:
@@ -39,4 +39,4 @@ class LastingThread {
   std::thread::id id_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <cmath>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 double seconds_of(const timespec& time) {
@@ -31,4 +31,4 @@ void sleep_until(double time) noexcept {
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kSpins = 2000;  // a few microseconds before a waiting thread goes to sleep
@@ -132,4 +132,4 @@ void ThreadPool::run(int num_tasks, void* context, void (*call)(void*, int)) {
   workers_->close();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 
 #include <algorithm>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 #if defined(__linux__)
 /// Of one thread, which POSIX does not know but Linux does.
@@ -23,4 +23,4 @@ int take_rank(ThreadRank rank) noexcept {
 int take_rank(ThreadRank) noexcept { return 0; }
 #endif
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

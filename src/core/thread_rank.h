@@ -1,7 +1,7 @@
 // The order in which threads of the program get processors.
 #pragma once
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Who waits when processors are short, beside the haptic and the contact thread, which come first.
 enum class ThreadRank {
@@ -13,4 +13,4 @@ enum class ThreadRank {
 /// The calling thread's, once: a nice value. Returns the one that it has then. No allocation.
 int take_rank(ThreadRank rank) noexcept;
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "palpate/devices/devices.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Opens by what follows the kind's name and a colon; empty: the first one there is.
 using OpenDevice = Result<std::unique_ptr<HapticDevice>> (*)(std::string_view address);
@@ -32,4 +32,4 @@ FoundDevice find_vrpn_device();
 FoundDevice find_ros2_device();
 FoundDevice find_page_device();
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

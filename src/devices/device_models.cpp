@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cctype>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // Forces, torques, stiffnesses, damping limits and radii are those of the tables in CHAI3D 3.3.0
@@ -68,4 +68,4 @@ std::optional<DeviceModel> find_device_model(std::string_view key) {
   return *found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Results below zero are errors. Positive ones are not: 1, asked again sooner than the device
 /// refreshes (DHD_TIMEGUARD); 2, a motor gives all it has (DHD_MOTOR_SATURATED).
@@ -49,4 +49,4 @@ constexpr int kDhdStatusCapacity = 32, kDhdStatusForce = 5, kDhdStatusForceOffCa
 /// Looks for the library and loads it. Errors: nowhere, with what was tried; not usable, with why.
 Result<ForceDimensionApi> load_force_dimension();
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

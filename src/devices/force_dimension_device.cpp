@@ -16,7 +16,7 @@
 #include "src/devices/motor_wrench.h"
 #include "src/devices/polling_device.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::string_view kKind = "forcedimension";
@@ -271,4 +271,4 @@ FoundDevice find_force_dimension_device() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

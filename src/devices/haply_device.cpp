@@ -20,7 +20,7 @@
 #include "src/devices/polling_device.h"
 #include "src/devices/web_socket.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kMaxSilence = 0.1;     // s without a usable state: lost
@@ -400,4 +400,4 @@ FoundDevice find_haply_device_at(const HaplyAddress& address) {
 
 FoundDevice find_haply_device() { return find_haply_device_at({}); }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

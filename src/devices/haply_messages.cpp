@@ -6,7 +6,7 @@
 
 #include "src/devices/json_scanner.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::array kKinds = {HaplyKind::inverse3, HaplyKind::verse_grip,
@@ -240,4 +240,4 @@ std::optional<HaplyVersion> read_haply_version(std::string_view body) {
   return std::nullopt;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

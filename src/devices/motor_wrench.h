@@ -5,7 +5,7 @@
 
 #include "palpate/haptics/device.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// `v`, shortened to `longest` if it is longer; zero if it is not finite.
 inline Vec3d shortened(const Vec3d& v, double longest) {
@@ -38,4 +38,4 @@ inline Quaternion quaternion_of(const Mat3d& R) {
   return normalized(q);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 #include "src/core/all_at_once.h"
 #include "src/devices/device_kinds.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 struct Kind {
@@ -55,4 +55,4 @@ Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri) {
                                            known};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

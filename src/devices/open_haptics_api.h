@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 using HdHandle = unsigned int;                         // HHD
 using HdEnum = unsigned int;                           // HDenum, HDerror
@@ -76,4 +76,4 @@ constexpr bool is_force_error(HdEnum code) {
 /// Looks for the library and loads it. Errors: nowhere, with what was tried; not usable, with why.
 Result<OpenHapticsApi> load_open_haptics();
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

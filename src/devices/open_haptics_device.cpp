@@ -19,7 +19,7 @@
 #include "src/devices/open_haptics_api.h"
 #include "src/devices/open_haptics_servo.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::string_view kKind = "openhaptics";
@@ -259,4 +259,4 @@ FoundDevice find_open_haptics_device() {
   return found;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/devices/motor_wrench.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kMetresPerMillimetre = 1e-3, kMillinewtonMetres = 1e3;  // per N m
@@ -88,4 +88,4 @@ void OpenHapticsServo::judge(HdEnum code) noexcept {
   if (is_serious && failure() == 0) failure_.store(code, std::memory_order_release);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "palpate/haptics/device.h"
 #include "src/devices/open_haptics_api.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// One run of one device, from start to stop. The driver's thread calls `call_back`; everything
 /// else may be called from any thread.
@@ -48,4 +48,4 @@ class OpenHapticsServo {
   std::atomic<HdEnum> failure_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
@@ -54,4 +54,4 @@ void PeriodicThread::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Runs rounds at absolute times of the monotonic clock, so that lateness does not add up. Beats
 /// that were overslept are left out, never made up for in a burst. Nothing is allocated between
@@ -36,4 +36,4 @@ class PeriodicThread {
   std::atomic<bool> wants_stop_ = false;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

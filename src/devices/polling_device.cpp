@@ -2,7 +2,7 @@
 
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 Status PollingDevice::start(DeviceTick tick) {
   stop();
@@ -28,4 +28,4 @@ Status PollingDevice::status() const {
   return Done{};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "palpate/haptics/device.h"
 #include "src/devices/periodic_thread.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What differs between such devices. `begin` is called from the thread of start(), all the others
 /// (but info and trouble) from the ticking thread, which must not wait, allocate or throw.
@@ -49,4 +49,4 @@ class PollingDevice final : public HapticDevice {
   PeriodicThread thread_;  // last: stops before anything else goes
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

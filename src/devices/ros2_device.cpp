@@ -17,7 +17,7 @@
 #include "src/ros/ros_node.h"
 #include "src/ros/tf_tree.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFirstPose = 10;         // s, at the start
@@ -199,4 +199,4 @@ FoundDevice find_ros2_device() {
           ""};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

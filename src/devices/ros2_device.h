@@ -6,7 +6,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// "/topic[@FRAME]": geometry_msgs/PoseStamped, told in FRAME if that is given and the message
 /// names another one. "FRAME@BASE": a frame of tf, in the frame BASE.
@@ -16,4 +16,4 @@ struct Ros2ToolAddress {
 /// Error: neither of them.
 Result<Ros2ToolAddress> parse_ros2_tool(std::string_view address);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

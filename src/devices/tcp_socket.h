@@ -9,7 +9,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// HOST, HOST:PORT, [IPV6] or [IPV6]:PORT.
 struct NetAddress {
@@ -51,4 +51,4 @@ class TcpSocket {
   int descriptor_ = -1;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// 24 bytes: the version and that nothing is to be logged. Versions agree up to the last point.
 std::string vrpn_cookie();
@@ -88,4 +88,4 @@ struct VrpnForceField {
 };
 std::array<char, 64> vrpn_force_field(const VrpnForceField& field) noexcept;
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/devices/tcp_socket.h"
 #include "src/devices/web_socket_frames.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The body of what the server answers to GET `path`, if that is 200 and comes within `timeout`
 /// seconds. At most 64 KiB.
@@ -40,4 +40,4 @@ class WebSocket {
   std::uint32_t mask_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

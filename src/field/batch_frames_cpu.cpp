@@ -6,7 +6,7 @@
 
 #include "src/field/batch_frames.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Each image is made by one thread.
@@ -79,4 +79,4 @@ Result<std::unique_ptr<BatchFrames>> make_batch_frames_cpu(const SlotSettings& s
   return std::unique_ptr<BatchFrames>(std::make_unique<BatchFramesCpu>(settings));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "src/field/field_rows.h"
 #include "src/field/field_windows.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kBorder = DepthFieldLevel::kBorder;
@@ -226,4 +226,4 @@ PixelWindow DepthField::points_for(const PixelWindow& asked) const {
 
 const DepthFieldView& DepthField::view() const { return impl_->view; }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

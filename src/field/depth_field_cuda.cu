@@ -8,7 +8,7 @@
 #include "src/field/silhouette_rules.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // A block makes all levels of a square of level 0, of which the widest level has one pixel. A
@@ -502,4 +502,4 @@ void DepthFieldCuda::enqueue(FieldJob job, const PointCloudView& cloud, int num,
   view_.stamp = next_stamp();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

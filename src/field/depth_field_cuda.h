@@ -10,7 +10,7 @@
 #include "src/field/field_pyramid.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Those of one field on the GPU.
 struct FieldArrays {
@@ -83,4 +83,4 @@ class DepthFieldCuda {
   DepthFieldView view_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

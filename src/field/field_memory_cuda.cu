@@ -3,7 +3,7 @@
 #include "src/core/internal/assert.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kThreads = 256;
@@ -47,4 +47,4 @@ void FieldMemoryCuda::enqueue(const PointCloudView& cloud, gpu::Stream& stream) 
   gpu::launch(stream, {.blocks = blocks, .threads = kThreads}, remember_planes, job_, cloud);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "src/field/memory_pixel.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What the kernel reads and writes.
 struct FieldMemoryJob {
@@ -48,4 +48,4 @@ class FieldMemoryCuda {
   float *interval_, *device_interval_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "palpate/core/core.h"
 #include "palpate/field/depth_field.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Where there is no surface: so far in front that no sphere is near.
 inline constexpr float kFreeOffset = 10.0f;
@@ -138,4 +138,4 @@ PALPATE_FORMULA Tile tile_of(const Plane& plane) {
           is_surface ? plane.slope : empty.least_slope};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOptions& options) {
   constexpr int kLeast = 8;
@@ -66,4 +66,4 @@ int PyramidLayout::num_filled(const DepthFieldOptions& options) const {
   return options.unknown == UnknownSpace::solid ? top : std::min(options.fill_levels, top);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "palpate/core/core.h"
 #include "src/field/field_pixels.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// So far beyond the image silhouettes are looked for.
 inline constexpr int kSilhouetteBorder = 5;
@@ -58,4 +58,4 @@ struct PyramidLayout {
 /// Errors: as DepthField::create.
 Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOptions& options);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 #define PALPATE_DECLARE_FIELD_ROWS(isa)                                                        \
   namespace isa {                                                                              \
@@ -38,4 +38,4 @@ FieldRows field_rows(Isa isa) {
   return isa_baseline::kFieldRows;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

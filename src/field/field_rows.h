@@ -9,7 +9,7 @@
 #include "palpate/core/core.h"
 #include "src/field/field_pyramid.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// One level.
 struct FieldImage {
@@ -88,4 +88,4 @@ struct FieldRows {
 /// An instruction set that the processor lacks is lowered.
 FieldRows field_rows(Isa isa);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -4,7 +4,7 @@
 #include "src/core/simd.h"
 #include "src/field/field_rows.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 /// The planes of kLanes pixels side by side.
@@ -134,4 +134,4 @@ void find_tiles(const FieldImage& image, const PixelWindow& window, int v, Depth
   }
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

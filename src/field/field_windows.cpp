@@ -1,6 +1,6 @@
 #include "src/field/field_windows.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// On a level: the spots of what is seen from `left` to `right`, pixels of level 0, rounded to
@@ -59,4 +59,4 @@ FieldWindows field_windows(const PyramidLayout& layout, int num_filled, const Pi
   return windows;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,7 +3,7 @@
 
 #include "src/field/field_pyramid.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Windows of level k, in its own pixels. Columns of level 0 begin and end at multiples of
 /// kColumnStep or at the end of the image. Those of silhouettes reach beyond the image, all others
@@ -24,4 +24,4 @@ struct FieldWindows {
 /// `asked` as PixelWindow at(...): at least one pixel, inside of the image.
 FieldWindows field_windows(const PyramidLayout& layout, int num_filled, const PixelWindow& asked);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 #include "palpate/field/sensor.h"
 #include "src/field/memory_pixel.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What the surfaces of frames depend on.
 struct SlotSettings {
@@ -80,4 +80,4 @@ Result<std::unique_ptr<FrameSlots>> make_frame_slots(const SlotSettings& setting
 Result<SurfaceTimeline> make_timeline(std::unique_ptr<FrameSlots> slots,
                                       const SlotSettings& settings);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/cloud/internal/lens_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kWidestImage = 320;  // pixels, of what is kept
@@ -350,4 +350,4 @@ void KeyFrames::take(const DepthImageView& frame, ThreadPool& pool) {
   ++num_frames_;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

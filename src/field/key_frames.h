@@ -10,7 +10,7 @@
 
 #include "src/field/frame_slots.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A grid of depths as a pinhole camera at X_WC has them along the z axis; 0: nothing is known.
 struct DepthGrid {
@@ -130,4 +130,4 @@ class KeyFrames {
   DepthGrid now_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

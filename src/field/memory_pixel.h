@@ -7,7 +7,7 @@
 #include "palpate/field/depth_field.h"
 #include "src/field/field_pixels.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// So many frames have to show a surface for it to be remembered: what flies through the image for
 /// one frame, or is measured wrongly in it, is not.
@@ -67,4 +67,4 @@ PALPATE_HOSTDEV inline MemoryPlanes remember(const TangentPlane& now, float z,
   return {now, nothing};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "src/field/field_rows.h"
 #include "src/field/silhouette_rules.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kSegment = SilhouetteScratch::kSegment, kBorder = SilhouetteScratch::kBorder;
@@ -223,4 +223,4 @@ void mark_silhouettes(const FieldImage& image, const PixelWindow& window, int v,
   }
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

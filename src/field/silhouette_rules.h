@@ -7,7 +7,7 @@
 #include "src/core/lanes.h"
 #include "src/field/field_pyramid.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kReach = DepthFieldLevel::kSilhouetteReach;
@@ -162,4 +162,4 @@ PALPATE_FORMULA VecF side_of(const NearestSilhouette& nearest, VecF x, VecF y,
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -1,7 +1,7 @@
 // What both runtimes share.
 #include "src/gpu/runtime.h"
 
-namespace palpate::gpu {
+namespace palpate::inline v0::gpu {
 
 Memory::Memory(Memory&& other) noexcept
     : gpu_(other.gpu_),
@@ -24,4 +24,4 @@ void Stream::fail(Error error) noexcept {
   if (status_) status_ = std::move(error);
 }
 
-}  // namespace palpate::gpu
+}  // namespace palpate::inline v0::gpu

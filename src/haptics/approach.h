@@ -7,7 +7,7 @@
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Such a tool is at once where it belongs. Unless another coupling had it elsewhere: then it comes
 /// from there, within some tenths of a second.
@@ -47,4 +47,4 @@ class Approach {
   bool has_begun_ = true;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

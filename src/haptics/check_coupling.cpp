@@ -4,7 +4,7 @@
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/couplings.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Where the device renders no force, the tool still stops at surfaces, N.
@@ -136,4 +136,4 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   return checked;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

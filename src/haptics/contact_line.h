@@ -3,7 +3,7 @@
 
 #include "palpate/haptics/local_contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// F - K (shift, turn), wherever it leads: beyond the end of the contact it pulls.
 Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now);
@@ -11,4 +11,4 @@ Wrench contact_line(const LocalContact& contact, const Pose& X_WT_now);
 /// The part of a wrench on that line that the tool may feel.
 Wrench limit_contact(const LocalContact& contact, const Wrench& line);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

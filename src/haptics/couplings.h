@@ -4,7 +4,7 @@
 #include "src/haptics/held_contact.h"
 #include "src/haptics/spring.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Longest time that one step covers, s: a tick that comes later than this is taken as this late.
 constexpr double kMaxStep = 0.02;
@@ -31,4 +31,4 @@ std::unique_ptr<Coupling> make_proxy_coupling(const CouplingOptions& options,
 /// Of the tool, m: what a radian of it counts as.
 double radius_of_gyration(const MassProperties& tool);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

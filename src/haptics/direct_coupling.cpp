@@ -7,7 +7,7 @@
 #include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// A spring that is held over a tick gives back more than it took, see check_coupling: as long as
@@ -189,4 +189,4 @@ std::unique_ptr<Coupling> make_direct_coupling(const CouplingOptions& options,
   return std::make_unique<DirectCoupling>(options, limits, tool);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

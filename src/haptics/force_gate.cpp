@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// A late tick does not earn a leap of the ramp, s.
@@ -99,4 +99,4 @@ void ForceGate::step_off(const Input& input) noexcept {
   if (state_ == ForceState::off && is_well) wait(input.time);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

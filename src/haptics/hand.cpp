@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// No device reaches as far (m) or moves as fast (m/s, rad/s): more than that is a glitch.
@@ -106,4 +106,4 @@ Wrench Hand::at_handle(const Wrench& F_C_W) const noexcept {
   return {rotate(q_BW, F_C_W.force + wall_W), rotate(q_BW, torque_W / options_.motion_scale)};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

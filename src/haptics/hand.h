@@ -11,7 +11,7 @@
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The tool as the hand holds it.
 struct HeldTool {
@@ -59,4 +59,4 @@ class Hand {
   bool is_clutched_ = false, has_pose_ = false;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

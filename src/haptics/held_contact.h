@@ -4,7 +4,7 @@
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 class HeldContact {
  public:
@@ -47,4 +47,4 @@ class HeldContact {
   double elapsed_ = 0, interval_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// A line through one measurement says little about a force of several times that size: force and
@@ -105,4 +105,4 @@ LocalContact local_contact(const Penetration& penetration, const Stiffness& stif
   return contact;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "src/core/internal/triple_buffer.h"
 #include "src/math/internal/rotation_vector.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kUnitWithin = 1e-3;    // of a quaternion's length
@@ -96,4 +96,4 @@ const PageHandle::News* PageHandle::heard() noexcept {
   return mailbox_->news.refresh() ? &mailbox_->news.value() : nullptr;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

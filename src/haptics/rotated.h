@@ -3,11 +3,11 @@
 
 #include "src/math/internal/rotation_vector.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// exp(turn) q.
 inline Quaternion rotated(const Quaternion& q, const Vec3d& turn) {
   return norm(turn) > 0 ? normalized(rotation_by(turn) * q) : q;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

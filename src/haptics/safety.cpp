@@ -7,7 +7,7 @@
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// A late tick does not earn a leap: the slew counts no more than this of it, s.
@@ -219,4 +219,4 @@ Wrench SafetyFilter::slew(const Wrench& wrench, double dt) const noexcept {
           approached(last_.torque, wrench.torque, options_.max_torque_slew * counted)};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -1,6 +1,6 @@
 #include "palpate/haptics/safety.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// More than any device renders: N, N m, N s/m.
@@ -69,4 +69,4 @@ Result<SafetyFilter> SafetyFilter::create(const DeviceLimits& limits,
   return SafetyFilter(limits, options);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

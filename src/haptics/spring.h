@@ -5,7 +5,7 @@
 
 #include "src/haptics/hand.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// In the tool's world: see hand.h for what the motion scale does.
 struct Spring {
@@ -31,4 +31,4 @@ Spring make_spring(const CouplingOptions& options, const DeviceLimits& limits);
 /// From the tool to where the hand holds it: of the centre of mass, and the short way round.
 Vec6 stretch_between(const Pose& X_WT, const Vec3d& p_WC, const HeldTool& held);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

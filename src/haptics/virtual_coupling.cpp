@@ -15,7 +15,7 @@
 #include "src/haptics/internal/friction.h"
 #include "src/haptics/rotated.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Of the stiffest direction of the contact: enough that the tool does not ring on it.
@@ -250,4 +250,4 @@ std::unique_ptr<Coupling> make_virtual_coupling(const CouplingOptions& options,
   return std::make_unique<VirtualCoupling>(options, limits, tool);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Closes its descriptor when it goes out of scope.
@@ -128,4 +128,4 @@ Result<std::string> read_file(const std::filesystem::path& path, std::size_t max
   return content;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 
 #include "src/io/internal/bag_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 inline constexpr std::string_view kRos1Magic = "#ROSBAG V2.0\n";
 /// Format 2.0 of ROS 1, with chunks by LZ4, bzip2 or as they are; its index is not needed.
@@ -15,4 +15,4 @@ inline constexpr std::string_view kSqliteMagic{"SQLite format 3\0", 16};
 /// What rosbag2 and RealSense cameras write.
 Result<std::unique_ptr<BagReader>> open_sqlite_bag(const std::filesystem::path& path);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "src/io/bag_formats.h"
 #include "src/io/mcap_format.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -68,4 +68,4 @@ Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
                                     "(.bag) or of ROS 2 (.db3)"};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The columns asked for, in that order, each width * height long.
 struct CloudColumns {
@@ -30,4 +30,4 @@ inline Error missing_column(std::string_view name) {
   return {Errc::bad_input, "has no '" + std::string(name) + "' of type float or double"};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

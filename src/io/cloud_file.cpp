@@ -7,7 +7,7 @@
 #include "src/io/cloud_columns.h"
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::array<std::string_view, 6> kPlyNames{"x", "y", "z", "nx", "ny", "nz"};
@@ -89,4 +89,4 @@ Status save_cloud_ply(const PointCloudView& cloud, const std::filesystem::path& 
   return write_file_atomically(path, text);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -13,7 +13,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 namespace fs = std::filesystem;
@@ -210,4 +210,4 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
       std::make_unique<FolderSource>(*std::move(entries), std::move(info)));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

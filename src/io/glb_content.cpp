@@ -8,7 +8,7 @@
 #include <assimp/scene.h>
 #include <assimp/Exporter.hpp>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// glTF wants its colours linear.
@@ -88,4 +88,4 @@ Result<std::string> glb_content(std::span<const ColouredMesh* const> parts) try 
                                      std::string(error.what()) + "); write a .ply file"};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

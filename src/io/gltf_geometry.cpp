@@ -12,7 +12,7 @@
 
 #include "src/io/mesh_parsers.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::json;
@@ -397,4 +397,4 @@ Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::
   return Error{Errc::bad_input, "is damaged (" + std::string(error.what()) + ")"};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace palpate::mcap {
+namespace palpate::inline v0::mcap {
 
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
 
@@ -100,4 +100,4 @@ class Cursor {
   bool is_good_ = true;
 };
 
-}  // namespace palpate::mcap
+}  // namespace palpate::inline v0::mcap

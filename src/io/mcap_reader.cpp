@@ -8,7 +8,7 @@
 #include "src/io/mcap_format.h"
 #include "src/io/unpack.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 using mcap::Cursor;
 using mcap::Op;
@@ -241,4 +241,4 @@ void McapReader::seek(std::uint64_t chunk_place) {
   impl_->is_over = impl_->is_cut_off = false;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

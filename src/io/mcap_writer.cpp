@@ -13,7 +13,7 @@
 #include "src/io/internal/mcap_file.h"
 #include "src/io/mcap_format.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 using mcap::Bytes;
 using mcap::Op;
@@ -272,4 +272,4 @@ Status McapWriter::finish() {
 
 std::uint64_t McapWriter::bytes_written() const { return impl_->size; }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

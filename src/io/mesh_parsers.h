@@ -13,7 +13,7 @@
 #include "palpate/core/core.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// PLY: ascii, binary little or big endian; any properties besides x, y, z and vertex_indices are
 /// skipped.
@@ -46,4 +46,4 @@ Result<std::string> gltf_geometry(std::string_view json, const std::filesystem::
 std::optional<Error> add_polygon(TriangleMesh& mesh, std::span<const double> indices,
                                  const std::string& where);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/io/glb_content.h"
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 template <class T>
@@ -152,4 +152,4 @@ Status save_coloured_meshes(std::span<const ColouredMesh> parts,
   return write_file_atomically(path, *content);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

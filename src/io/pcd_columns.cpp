@@ -9,7 +9,7 @@
 #include "src/io/cloud_columns.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "PCD files are read as they lie");
@@ -211,4 +211,4 @@ Result<CloudColumns> read_pcd_columns(std::string_view content,
   return columns;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "src/io/mesh_parsers.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Index = std::uint32_t;
@@ -102,4 +102,4 @@ std::optional<Error> add_polygon(TriangleMesh& mesh, std::span<const double> ind
   return std::nullopt;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

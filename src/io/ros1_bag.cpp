@@ -10,7 +10,7 @@
 #include "src/io/ros_types.h"
 #include "src/io/unpack.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using mcap::Cursor;
@@ -181,4 +181,4 @@ Result<std::unique_ptr<BagReader>> open_ros1_bag(const std::filesystem::path& pa
   return std::unique_ptr<BagReader>(std::move(bag));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

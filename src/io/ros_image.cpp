@@ -8,7 +8,7 @@
 
 #include "src/io/cdr.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kMillimetre = 0.001;
@@ -79,4 +79,4 @@ Result<DepthFrame> read_depth_image(std::string_view message, double unit) {
   return frame;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 class CdrReader;
 
@@ -23,4 +23,4 @@ RosStamp read_ros_header(CdrReader& from);
 /// Metres to counts; what cannot be counted is no measurement, 0.
 std::uint16_t count_of(double metres, double unit);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -14,7 +14,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// When, in ns since 1970 (or since the run began), and in which frame.
 struct RosHeader {
@@ -130,4 +130,4 @@ struct RosJointState {
 /// sensor_msgs/JointState; those that tell nothing of positions have no names here.
 Result<RosJointState> read_joint_state(std::string_view message);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/io/sha256.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 struct Definition {
@@ -212,4 +212,4 @@ std::string dds_type_name(std::string_view type) {
          "::msg::dds_::" + std::string(type.substr(slash + 1)) + "_";
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "src/core/shared_library.h"
 #include "src/io/bag_formats.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // sqlite3.h
@@ -143,4 +143,4 @@ Result<std::unique_ptr<BagReader>> open_sqlite_bag(const std::filesystem::path& 
   return std::unique_ptr<BagReader>(std::move(bag));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

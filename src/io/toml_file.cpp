@@ -7,7 +7,7 @@
 
 #include "src/io/internal/atomic_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kLargestFile = 1 << 16;
@@ -65,4 +65,4 @@ Result<toml::table> read_toml(const std::filesystem::path& path) {
   return std::move(document).table();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

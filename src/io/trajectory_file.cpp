@@ -11,7 +11,7 @@
 #include "src/io/internal/atomic_file.h"
 #include "src/io/text_scanner.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Exactly `values.size()` finite numbers; otherwise what is wrong.
@@ -103,4 +103,4 @@ Pose pose_at(const std::vector<TimedPose>& poses, double time) {
   return interpolate(a.X_WT, b.X_WT, (time - a.time) / (b.time - a.time));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

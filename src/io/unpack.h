@@ -7,7 +7,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// LZ4 frames (liblz4) and bzip2 (libbz2): `size` bytes that were packed into `packed`. Memory is
 /// taken as it is filled, whatever `size` says. Errors: the library is not there, the bytes are
@@ -15,4 +15,4 @@ namespace palpate {
 Status unpack_lz4(std::string_view packed, std::uint64_t size, std::string& to);
 Status unpack_bzip2(std::string_view packed, std::uint64_t size, std::string& to);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

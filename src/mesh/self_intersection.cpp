@@ -9,7 +9,7 @@
 
 #include "src/mesh/exact_intersection.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 struct GridBox {
@@ -207,4 +207,4 @@ std::optional<std::pair<std::uint32_t, std::uint32_t>> find_self_intersection(
   return BoxTree(triangles).find_meeting_pair();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,11 +7,11 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Two faces that have a point in common besides the corners and edges they share, or nothing.
 /// Exact for coordinates rounded to 2^-40 of the longest side of the box. O(n log n) for surfaces.
 std::optional<std::pair<std::uint32_t, std::uint32_t>> find_self_intersection(
     const TriangleMesh& mesh);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

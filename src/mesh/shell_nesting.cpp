@@ -6,7 +6,7 @@
 #include "palpate/math/geometry.h"
 #include "src/mesh/mesh_topology.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 bool contains(const Bounds& box, const Vec3d& p) {
@@ -70,4 +70,4 @@ std::vector<std::vector<std::size_t>> find_enclosing_shells(const TriangleMesh& 
   return enclosing;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

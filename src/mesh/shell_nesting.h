@@ -7,7 +7,7 @@
 
 #include "palpate/mesh/mesh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// One closed part of a surface that does not cross itself.
 struct Shell {
@@ -25,4 +25,4 @@ std::vector<Shell> find_shells(const TriangleMesh& mesh);
 std::vector<std::vector<std::size_t>> find_enclosing_shells(const TriangleMesh& mesh,
                                                             const std::vector<Shell>& shells);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

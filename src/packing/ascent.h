@@ -7,7 +7,7 @@
 #include "src/packing/sphere_levels.h"
 #include "src/packing/triangle_bvh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 struct Ball {
   Vec3d centre;
@@ -88,4 +88,4 @@ class Ascent {
   LinearConstraints constraints_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

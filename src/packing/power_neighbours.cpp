@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kNodeSize = 8;
@@ -95,4 +95,4 @@ bool PowerNeighbours::gather(std::size_t i, double reach, std::vector<Pull>& out
   return true;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A plane, seen from a point that is not on it: the points x with pull . (x - point) = 1. In a
 /// unit direction u it is met at the distance 1 / (pull . u); it is 1 / strength away.
@@ -47,4 +47,4 @@ class PowerNeighbours {
   std::vector<Sphere> spheres_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

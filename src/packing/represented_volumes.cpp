@@ -15,7 +15,7 @@
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // Rays per sphere. Against a fine octree the error of a volume is .5 and .4 % rms with the fewest
@@ -235,4 +235,4 @@ Result<std::vector<float>> represented_volumes(const TriangleMesh& solid,
   return volumes;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

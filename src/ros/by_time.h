@@ -7,7 +7,7 @@
 #include <iterator>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// `Timed` has a `time`. Messages mostly come in order; of two of one time the first one counts.
 template <class Timed>
@@ -43,4 +43,4 @@ double nearest_in_time(const std::vector<Timed>& all, double time) {
                                                     : std::min(to, time - (after - 1)->time);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -4,7 +4,7 @@
 
 #include "src/core/shared_library.h"
 
-namespace palpate::dds {
+namespace palpate::inline v0::dds {
 namespace {
 
 /// libddsc.so of a build by its makers, of Debian and Ubuntu, of distributions of ROS 2.
@@ -81,4 +81,4 @@ const Result<Api>& api() {
   return loaded;
 }
 
-}  // namespace palpate::dds
+}  // namespace palpate::inline v0::dds

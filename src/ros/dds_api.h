@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate::dds {
+namespace palpate::inline v0::dds {
 
 using Entity = std::int32_t;  // above 0; else the error's number
 using Status = std::int32_t;  // likewise
@@ -111,4 +111,4 @@ struct Api {
 /// Loaded once. Error: no Cyclone DDS here; every place that was tried, and what to do.
 const Result<Api>& api();
 
-}  // namespace palpate::dds
+}  // namespace palpate::inline v0::dds

@@ -16,7 +16,7 @@
 #include "src/ros/dds_api.h"
 #include "src/ros/native_layout.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr const char* kEntitiesType = "rmw_dds_common/ParticipantEntitiesInfo";
@@ -397,4 +397,4 @@ std::string full_topic(const std::string& topic, const std::string& node_namespa
   return node_namespace + (node_namespace.ends_with("/") ? "" : "/") + topic;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

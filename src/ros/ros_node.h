@@ -13,7 +13,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What publishers offer and subscribers ask for.
 struct RosQos {
@@ -81,4 +81,4 @@ class RosNode : public std::enable_shared_from_this<RosNode> {
 /// "/robot/wrench" of "wrench" in the namespace "/robot"; as it is if it begins with "/".
 std::string full_topic(const std::string& topic, const std::string& node_namespace);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "src/ros/by_time.h"
 #include "src/ros/tf_tree.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kMostParents = 100;  // of one frame
@@ -126,4 +126,4 @@ std::vector<std::string> TfHistory::frames() const {
   return frames;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

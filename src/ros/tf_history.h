@@ -10,7 +10,7 @@
 #include "palpate/io/files.h"
 #include "src/io/ros_messages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Transforms, which may come in any order.
 class TfHistory {
@@ -66,4 +66,4 @@ class TfHistory {
   std::map<std::string, Link> links_;  // by child, poses by time
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

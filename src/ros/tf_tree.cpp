@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 void TfTree::add(const RosStampedTransform& transform) {
   const std::string child = plain_frame(transform.child);
@@ -49,4 +49,4 @@ std::optional<TfTree::Found> TfTree::find(const std::string& a, const std::strin
   return std::nullopt;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

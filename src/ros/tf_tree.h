@@ -8,7 +8,7 @@
 
 #include "src/io/ros_messages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 inline constexpr std::size_t kMostFrames = 10000;  // of a tree, and in a chain of a damaged one
 
@@ -41,4 +41,4 @@ class TfTree {
   std::map<std::string, Link> links_;  // by child
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

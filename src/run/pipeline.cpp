@@ -6,7 +6,7 @@
 #include "src/math/internal/rotation_vector.h"
 #include "src/run/setting_changes.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kToolBody = 0;
@@ -430,4 +430,4 @@ Status Pipeline::status() const {
   return lost_backend();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kNumSpots = 128;  // of the disc, that are looked at
@@ -155,4 +155,4 @@ Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceB
   return ground;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "palpate/field/sensor.h"
 #include "palpate/haptics/local_contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Of one camera.
 struct RegionLookup {
@@ -36,4 +36,4 @@ struct TouchedDisc {
 Ground ground_at(std::span<const RegionLookup> lookups, std::span<const SurfaceBlend> cameras,
                  const TouchedDisc& disc) noexcept;
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

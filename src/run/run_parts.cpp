@@ -4,7 +4,7 @@
 
 #include "src/run/internal/pipeline.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 Backend backend_of(const RunSettings& settings) { return settings.backend.value_or(Backend::cpu); }
@@ -179,4 +179,4 @@ Result<RunParts> make_run_parts(const std::shared_ptr<const ToolIndex>& index,
   return parts;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <iterator>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Sections and settings that a running loop keeps.
@@ -74,4 +74,4 @@ bool keeps_coupling(const RunSettings& before, const RunSettings& after) {
   return has_same_settings(before.coupling, after.coupling);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,8 +3,8 @@
 
 #include <string>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 std::string base64(const std::string& bytes);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "src/session/run_messages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Follows a run, one camera's frames one after the other, as far as no part needs them any more.
 class LeadEstimate {
@@ -56,4 +56,4 @@ class LeadEstimate {
   bool is_whole_ = true;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

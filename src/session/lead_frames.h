@@ -6,7 +6,7 @@
 
 #include "palpate/field/sensor.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 inline constexpr int kMostLead = 128;
 
@@ -42,4 +42,4 @@ inline bool has_whole_lead(const TimeOptions& time) {
          (time.average.kind == DepthAverage::moving && num_lead_frames(time) < kMostLead);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "src/session/internal/packing_report.h"
 #include "src/session/statistics.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 double distance(const Vec3d& p, const Sphere& sphere) {
@@ -185,4 +185,4 @@ PackingStatistics packing_statistics(const Tool& tool) {
   return s;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -11,7 +11,7 @@
 #include "palpate/settings/setting_table.h"
 #include "src/session/internal/compact_json.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -136,4 +136,4 @@ Json seen_tool_json(const Tool& tool, const Pose& X_CT, const DepthStreamInfo& s
   return json;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "palpate/cloud/surface_estimator.h"
 #include "palpate/contact/contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFraction = ProbingMotion::kFraction;  // of the tool, behind the surface
@@ -158,4 +158,4 @@ Result<ProbeDepths> feel_stream(DepthSource& stream, const Tool& tool, const Pro
   return depths;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

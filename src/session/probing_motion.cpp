@@ -5,7 +5,7 @@
 
 #include "palpate/math/geometry.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kLean = 0.45;       // rad, between the tool's axis and the viewing ray
@@ -139,4 +139,4 @@ std::vector<double> within_speed(std::vector<double> wanted, const std::vector<d
   return wanted;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "src/session/coarse_depth.h"
 #include "src/session/lead_end.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Where the tool will touch, and where its slide ends: cells of a CoarseDepth.
 struct ProbeTarget {
@@ -64,4 +64,4 @@ class ProbingMotion {
 /// 1 to i: where `wanted` jumps, they turn in time.
 std::vector<double> within_speed(std::vector<double> wanted, const std::vector<double>& steps);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

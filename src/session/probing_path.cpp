@@ -11,7 +11,7 @@
 #include "src/session/probing_feeler.h"
 #include "src/session/probing_motion.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kClearance = 0.02;    // m, at least, between the tool and everything at both ends
@@ -270,4 +270,4 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
   return path;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/session/run_results.h"
 #include "src/session/unit_watch.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -293,4 +293,4 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
                     log.why_not_cuda, log.failure, log.not_kept, log.was_interrupted};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

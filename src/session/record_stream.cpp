@@ -15,7 +15,7 @@
 #include "src/session/run_messages.h"
 #include "src/session/run_recorder.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 std::string text_message(std::string_view text) {
@@ -244,4 +244,4 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
   return status.error();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "palpate/run/records.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// T or const T.
 template <class T, class Plain>
@@ -229,4 +229,4 @@ void visit_fields(T& device, auto&& visit) {
   visit("num_buttons", device.num_buttons);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -15,7 +15,7 @@
 #include "src/session/settings_json.h"
 #include "src/session/text.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -508,4 +508,4 @@ std::string difference(const TickRecord& recorded, const TickRecord& repeated) {
   return difference_of(recorded, repeated);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "src/session/run_stages.h"
 #include "src/session/settings_json.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -173,4 +173,4 @@ Result<std::string> run_page(const Json& summary, const Tool& tool, const RunLog
   return report_page("Palpate: " + tool.source() + " in " + stream_name, page_text(json));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "src/io/ros_messages.h"
 #include "src/session/internal/run_folder.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 
 RunReader::RunReader(std::vector<fs::path> parts, McapReader reader, RunSetup setup)
@@ -186,4 +186,4 @@ Result<std::optional<RecordedDepth>> FrameJoiner::take(std::string_view topic,
   return std::optional<RecordedDepth>();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "palpate/tool/tool.h"
 #include "src/session/run_messages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Tells frames that come twice, once in each of two parts.
 class NewestFrames {
@@ -93,4 +93,4 @@ class FrameJoiner {
   std::string depth_topic_;  // of its camera
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

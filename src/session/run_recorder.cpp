@@ -14,7 +14,7 @@
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -415,4 +415,4 @@ void RunRecorder::finish() {
               ("nothing was recorded from " + at(paused_at_) + " on: " + reason_);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -15,7 +15,7 @@
 #include "src/session/lead_estimate.h"
 #include "src/session/run_messages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// How recordings name a camera's frame of coordinates: "camera", "camera_2", ...
 std::string camera_frame(std::size_t camera);
@@ -115,4 +115,4 @@ class RunRecorder {
   std::vector<std::string> news_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 void ContactRepetition::add(const RunSetup& setup, RunParts& parts) {
   cameras_.resize(setup.streams.size());
@@ -133,4 +133,4 @@ TickRecord TickRepetition::repeat(const TickRecord& recorded, const ContactRecor
   return tick;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "src/run/internal/pipeline.h"
 #include "src/session/run_messages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The contact side: frames to surfaces, poses to contacts.
 class ContactRepetition {
@@ -79,4 +79,4 @@ class TickRepetition {
   std::optional<PartStart> start_;  // until the first tick
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/session/run_reader.h"
 #include "src/session/run_repetition.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -408,4 +408,4 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
   return outcome;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -11,7 +11,7 @@
 #include "src/session/run_messages.h"
 #include "src/session/run_series.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A time without force.
 struct FaultPeriod {
@@ -54,4 +54,4 @@ std::string file_text(const nlohmann::ordered_json& json);
 Result<std::string> run_page(const nlohmann::ordered_json& summary, const Tool& tool,
                              const RunLog& log, const LoopTimes& times);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

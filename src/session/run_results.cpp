@@ -10,7 +10,7 @@
 #include "src/session/run_reader.h"
 #include "src/session/text.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace fs = std::filesystem;
 namespace {
 
@@ -275,4 +275,4 @@ std::string RunResults::write(const fs::path& folder, const Tool& tool, const Lo
   return text;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 
 #include "src/session/run_report.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 class RunResults {
  public:
@@ -76,4 +76,4 @@ class RunResults {
   int scarce_points_ = 0, pixels_of_scarce_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

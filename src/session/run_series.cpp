@@ -4,7 +4,7 @@
 
 #include "palpate/session/run.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Of hand or tool.
@@ -65,4 +65,4 @@ Fault told_fault(const TickRecord& tick) {
   return tick.safety.fault == Fault::stopped ? Fault::none : tick.safety.fault;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

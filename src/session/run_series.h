@@ -5,7 +5,7 @@
 
 #include "palpate/run/records.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Ticks of a run of any length in bounded memory: of each group of neighbours the one with the
 /// largest force stays; groups double when there are too many.
@@ -25,4 +25,4 @@ bool is_contact_lost(const TickRecord& tick);
 /// That the force fades at the end is none.
 Fault told_fault(const TickRecord& tick);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

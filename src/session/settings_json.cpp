@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -135,4 +135,4 @@ DepthStreamInfo stream_from_json(const Json& json) {
   return stream;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

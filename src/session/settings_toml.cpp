@@ -6,7 +6,7 @@
 #include "src/io/internal/toml_file.h"
 #include "src/session/settings_json.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 std::optional<SettingValue> value_of(const toml::node& node) {
@@ -139,4 +139,4 @@ std::string settings_toml(const SettingTable& table) {
   return text;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

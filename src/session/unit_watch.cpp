@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <limits>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kUsualUnits[] = {0.001, 0.00025, 0.0002, 0.000125, 0.0001};
@@ -98,4 +98,4 @@ std::vector<std::string> UnitWatch::doubts() {
   return doubts;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

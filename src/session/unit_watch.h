@@ -8,7 +8,7 @@
 #include "palpate/run/records.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// In a run in which the tool never meets what is seen, though both lie in the same directions, by
 /// a factor by which people get units wrong (counts of 1/5000 m read as millimetres: everything is
@@ -45,4 +45,4 @@ class UnitWatch {
   std::vector<std::uint16_t> counts_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

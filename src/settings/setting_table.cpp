@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Of a pose: metres, and how far the quaternion's length may be from 1.
@@ -259,4 +259,4 @@ void copy_settings(const SettingTable& from, SettingTable to, std::span<const st
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

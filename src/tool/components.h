@@ -6,7 +6,7 @@
 #include <numeric>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Union-find with path halving; the lowest index of a component names it.
 class Components {
@@ -37,4 +37,4 @@ class Components {
   int count_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 #include "src/tool/components.h"
 #include "src/tool/gap_search.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Edge = std::pair<int, int>;
@@ -108,4 +108,4 @@ std::vector<std::pair<int, int>> LeafGraph::edges() const {
   return result;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kMaxSpheres = std::size_t(1) << 30;
@@ -144,4 +144,4 @@ Result<Tool> Tool::thinned(int num_spheres, int num_threads) const {
   return tool;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "src/viewer/http_answer.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// 16 to 128 letters, digits, - and _.
 bool is_good_token(std::string_view token);
@@ -24,4 +24,4 @@ std::optional<HttpAnswer> refuse_stranger(const HttpQuestion& question, std::str
 std::optional<HttpAnswer> refuse_without_token(const HttpQuestion& question,
                                                std::string_view token);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

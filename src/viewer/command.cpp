@@ -2,7 +2,7 @@
 
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 using Json = nlohmann::ordered_json;
 
@@ -51,4 +51,4 @@ Error ViewCommand::unknown(std::string_view known) const {
                                       "' here; there are " + std::string(known)};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

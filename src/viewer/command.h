@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 class ViewCommand {
  public:
@@ -31,4 +31,4 @@ class ViewCommand {
   std::string name_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -16,7 +16,7 @@
 
 #include "src/viewer/view_hub.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 namespace asio = boost::asio;
 namespace beast = boost::beast;
@@ -58,4 +58,4 @@ class Membership {
   typename std::list<T*>::iterator place_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/session/settings_json.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -76,4 +76,4 @@ Result<Json> set_control(SettingTable table, IsControl is_control, std::string_v
   return value_to_json(*setting);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

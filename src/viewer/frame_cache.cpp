@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kMostBytes = std::size_t(64) << 20, kFewest = 3;
@@ -34,4 +34,4 @@ Result<std::shared_ptr<const RecordedFrame>> FrameCache::get(std::size_t index) 
   return frames_.front().second;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/viewer/recorded_run.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 class FrameCache {
  public:
@@ -21,4 +21,4 @@ class FrameCache {
   std::list<std::pair<std::size_t, std::shared_ptr<const RecordedFrame>>> frames_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

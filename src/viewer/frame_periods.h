@@ -7,7 +7,7 @@
 
 #include "palpate/field/sensor.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A timeline of tiny frames has the same sense of time as one of large ones.
 class FramePeriods {
@@ -38,4 +38,4 @@ class FramePeriods {
   std::optional<SurfaceTimeline> timeline_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -13,7 +13,7 @@
 #include "src/viewer/shown.h"
 #include "src/viewer/stages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -355,4 +355,4 @@ std::unique_ptr<LiveView> LiveView::create(const Tool& tool, std::vector<DepthSt
                                         std::move(handle), std::move(objects));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include <system_error>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::chrono::milliseconds kPatience{1000};  // for what is short to be known as a whole
@@ -209,4 +209,4 @@ IndexedChunk McapIndex::chunk(std::size_t index) const {
   return chunks_[index];
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -15,7 +15,7 @@
 #include "src/viewer/frame_periods.h"
 #include "src/viewer/recorded_run.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A chunk of the file with the ticks and queries in it.
 struct IndexedChunk {
@@ -87,4 +87,4 @@ class McapIndex {
   std::thread thread_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

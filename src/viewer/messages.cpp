@@ -10,7 +10,7 @@
 #include <utility>
 #include "palpate/version.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::json;
@@ -387,4 +387,4 @@ ViewRequest parse_request(std::string_view text) {
   return request;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

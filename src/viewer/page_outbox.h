@@ -8,7 +8,7 @@
 
 #include "src/viewer/view_hub.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Holds no more than the picture that is being sent and a few answers, whatever the page does: the
 /// next picture is put together when the page has acknowledged the last one, of what is newest
@@ -59,4 +59,4 @@ class PageOutbox {
   std::uint64_t next_sample_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -11,7 +11,7 @@
 #include "palpate/run/run_loop.h"
 #include "palpate/viewer/viewer.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A query that was made.
 struct RecordedQuery {
@@ -69,4 +69,4 @@ class RecordedRun {
 /// The run in this folder.
 Result<std::unique_ptr<RecordedRun>> open_recorded_run(const std::filesystem::path& folder);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

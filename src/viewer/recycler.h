@@ -4,7 +4,7 @@
 #include <array>
 #include <memory>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// One thread: of this and of all who hold what it gave.
 template <class T>
@@ -23,4 +23,4 @@ class Recycler {
   std::array<std::shared_ptr<T>, 3> kept_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/viewer/shown.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Are surfaces made alike with these?
@@ -148,4 +148,4 @@ ViewSurface Repetition::surface() {
   return shown;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

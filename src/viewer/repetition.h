@@ -10,7 +10,7 @@
 #include "src/session/lead_frames.h"
 #include "src/viewer/frame_cache.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 class Repetition {
  public:
@@ -72,4 +72,4 @@ class Repetition {
   CameraViews moments_{0};  // of each
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

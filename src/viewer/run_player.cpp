@@ -8,7 +8,7 @@
 
 #include "src/viewer/shown.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -300,4 +300,4 @@ void RunPlayer::tell(std::string note) {
   shown_.frame_number = number;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

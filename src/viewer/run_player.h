@@ -11,7 +11,7 @@
 #include "src/viewer/samples.h"
 #include "src/viewer/view_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What there is to tell of it.
 struct RunShown {
@@ -104,4 +104,4 @@ class RunPlayer {
   std::thread thread_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 #include "src/viewer/run_player.h"
 #include "src/viewer/shown.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -128,4 +128,4 @@ Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "palpate/run/run_loop.h"
 #include "palpate/viewer/viewer.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Without a hand, the force on the tool stands for what it would feel.
 ViewSample sample_of(const TickRecord& tick, bool has_hand);
@@ -27,4 +27,4 @@ class SampleQueue {
   std::deque<ViewSample> samples_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

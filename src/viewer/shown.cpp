@@ -1,6 +1,6 @@
 #include "src/viewer/shown.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                           const Pose& X_WT, double time, std::uint64_t frame_number) {
@@ -12,4 +12,4 @@ ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlen
   return contact;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

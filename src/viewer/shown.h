@@ -4,7 +4,7 @@
 #include "palpate/contact/body_contact.h"
 #include "palpate/viewer/viewer.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// How the spheres were at the last query.
 ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
@@ -27,4 +27,4 @@ inline std::vector<std::shared_ptr<const Tool>> shapes_of(const std::vector<Scen
   return shapes;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,7 +3,7 @@
 #include "palpate/viewer/viewer.h"
 #include "src/viewer/command.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 /// Nothing moves, and nothing can be turned.
@@ -34,4 +34,4 @@ std::unique_ptr<ViewSource> view_tool(const Tool& tool, std::string title) {
   return std::make_unique<ToolView>(tool, std::move(title));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

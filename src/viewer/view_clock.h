@@ -5,7 +5,7 @@
 
 #include "src/core/monotonic_clock.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// One thread at a time.
 class ViewClock {
@@ -41,4 +41,4 @@ class ViewClock {
   bool is_paused_ = false;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

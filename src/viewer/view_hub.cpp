@@ -5,7 +5,7 @@
 
 #include "src/viewer/page_outbox.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kStatePeriod = 0.25;  // s
@@ -168,4 +168,4 @@ void ViewHub::remove(PageOutbox* page) {
   is_state_old_ = true;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 
 #include "src/viewer/messages.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 class PageOutbox;
 
@@ -107,4 +107,4 @@ class ViewHub {
   std::array<ViewMessage, 5> stored_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

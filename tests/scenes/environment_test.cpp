@@ -5,7 +5,7 @@
 #include "scenes/truth.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 using test::Random;
@@ -113,4 +113,4 @@ TEST(Environment, RidgeAndCornerOpenAsFarAsTheirNamesSay) {
 }
 
 }  // namespace
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

@@ -6,7 +6,7 @@
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 using test::Random;
@@ -243,4 +243,4 @@ TEST(ExactPenetration, ZeroInFreeSpace) {
 }
 
 }  // namespace
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

@@ -10,7 +10,7 @@
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 /// Each edge occurs once in each direction, and the volume is positive.
@@ -264,4 +264,4 @@ TEST(BodyShapes, BlendFillsTheCrease) {
 }
 
 }  // namespace
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

@@ -6,7 +6,7 @@
 #include "scenes/noise_model.h"
 #include "scenes/scene.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 Scene wall_at(double depth) {
@@ -267,4 +267,4 @@ TEST(SimulatedCamera, RefusesNonsense) {
 }
 
 }  // namespace
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

@@ -6,7 +6,7 @@
 #include "tests/scenes/column_quadrature.h"
 #include "tests/test_util/random.h"
 
-namespace palpate::scenes {
+namespace palpate::inline v0::scenes {
 namespace {
 
 using test::column_volume;
@@ -257,4 +257,4 @@ TEST(ThesisExperiments, UnknownScenesHaveNoEnvironment) {
 }
 
 }  // namespace
-}  // namespace palpate::scenes
+}  // namespace palpate::inline v0::scenes

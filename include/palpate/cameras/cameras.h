@@ -18,7 +18,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // The words that name a depth camera: KIND[:TARGET][?NAME=VALUE&...].
 
@@ -253,4 +253,4 @@ Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOpt
 /// Error: tf places the robot in another world than one of the cameras.
 Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& robot);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -16,7 +16,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // The pinhole model of a depth camera. Camera frame C: x right, y down, z forward.
 
@@ -253,4 +253,4 @@ class DepthAverager {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

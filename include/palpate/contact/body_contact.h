@@ -13,7 +13,7 @@
 #include "palpate/settings/setting_table.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Rigid objects beside what the camera sees: some stay where they are, some move.
 
@@ -254,4 +254,4 @@ class BodyWorld {
   std::vector<Pair> pairs_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

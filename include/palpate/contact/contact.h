@@ -15,7 +15,7 @@
 #include "palpate/gpu/devices.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // What contact queries know of a tool, whatever its pose.
 
@@ -261,4 +261,4 @@ class Contact {
   mutable std::unique_ptr<BatchQuery> batches_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

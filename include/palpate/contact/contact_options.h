@@ -14,7 +14,7 @@
 #include "palpate/settings/setting_table.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Levers l_s go from the tool's centre of mass to the spheres, in W.
 struct VolumeMoments {
@@ -280,4 +280,4 @@ struct ContactWants {
 };
 inline constexpr std::int8_t kNoCamera = -1;
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

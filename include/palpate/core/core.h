@@ -29,7 +29,7 @@
 #define PALPATE_FORMULA [[gnu::always_inline]] inline
 #endif
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What kind of thing went wrong; the message says the rest.
 enum class Errc {
@@ -166,4 +166,4 @@ class LatencyHistogram {
   std::atomic<std::int64_t> max_ = 0, sum_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -13,7 +13,7 @@
 #include "palpate/io/files.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Limits of known devices (vendor and CHAI3D 3.3 tables), for simulation and where a driver does
 // not tell them.
@@ -118,4 +118,4 @@ Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri);
 /// `name` is for humans.
 std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<TimedPose> X_BH);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

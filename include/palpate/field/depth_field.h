@@ -10,7 +10,7 @@
 #include "palpate/core/core.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // What a camera remembers of what is hidden now, or out of its sight: a hand before a table does
 // not make everything behind it solid.
@@ -201,4 +201,4 @@ class DepthField {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

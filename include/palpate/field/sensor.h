@@ -13,7 +13,7 @@
 #include "palpate/field/depth_field.h"
 #include "palpate/gpu/devices.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // What lies between depth frames. Frames come at 30 Hz and the hand feels at 1 kHz: whoever
 // switches to a new frame when it arrives makes a step in the force, thirty times a second.
@@ -247,4 +247,4 @@ class Sensor {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A cudaStream_t; null is CUDA's default stream. What is asked for in it is done in its order and
 /// not waited for, and may be captured in a CUDA graph.
@@ -46,4 +46,4 @@ struct GpuInfo {
 /// too old for this build; no GPU.
 Result<std::vector<GpuInfo>> find_gpus();
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // What a surface feels like beside its shape: friction, texture, damping.
 
@@ -197,4 +197,4 @@ Pose handle_at(const CouplingOptions& options, const Pose& X_WT) noexcept;
 std::unique_ptr<Coupling> make_coupling(const CouplingOptions& options, const DeviceLimits& limits,
                                         const MassProperties& tool);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -11,7 +11,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What a device can do without harm. SI units.
 struct DeviceLimits {
@@ -125,4 +125,4 @@ class PageHandle {
   std::unique_ptr<Mailbox> mailbox_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

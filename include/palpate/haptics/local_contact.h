@@ -14,7 +14,7 @@
 #include "palpate/contact/contact.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Where and how wide a contact is, and what is there: what friction acts on.
 
@@ -191,4 +191,4 @@ class StateNumbers {
   bool is_saving_ = true, is_good_ = true;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

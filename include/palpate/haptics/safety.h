@@ -9,7 +9,7 @@
 #include "palpate/haptics/local_contact.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // When the hand is given a force: the state machine of faults and of recovery from them. Its
 // picture is in docs/guide/haptics.md.
@@ -244,4 +244,4 @@ class SafetyFilter {
   bool has_ticked_ = false, has_pose_ = false, is_stopping_ = false;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // The tool file (.palp): one versioned, checksummed file with mesh, spheres and leaf graph.
 
@@ -44,4 +44,4 @@ Result<Pose> parse_pose(std::string_view text);
 /// Pose at a time: slerp between neighbours, clamped at both ends. `poses` must not be empty.
 Pose pose_at(const std::vector<TimedPose>& poses, double time);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -15,7 +15,7 @@
 #include "palpate/core/core.h"
 #include "palpate/mesh/mesh.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Meshes on disk.
 
@@ -84,4 +84,4 @@ Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit
 /// Binary PLY with x y z nx ny nz of all valid points. Never leaves half a file.
 Status save_cloud_ply(const PointCloudView& cloud, const std::filesystem::path& path);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

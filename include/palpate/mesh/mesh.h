@@ -13,7 +13,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Triangle meshes in metres.
 
@@ -130,4 +130,4 @@ std::vector<std::string> shape_names();
 /// A hand-sized shape whose longest side is `size` metres. Error: unknown name, size not > 0.
 Result<TriangleMesh> make_shape(std::string_view name, double size);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

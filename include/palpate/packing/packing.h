@@ -13,7 +13,7 @@
 #include "palpate/mesh/mesh.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Fills a solid with non-overlapping spheres of many sizes (the job of Protosphere in the thesis).
 
@@ -147,4 +147,4 @@ class SolidField {
   std::vector<float> values_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -14,7 +14,7 @@
 #include "palpate/math/geometry.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // How they are told to others.
 
@@ -149,4 +149,4 @@ struct ContactRecord {
   bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -20,7 +20,7 @@
 #include "palpate/haptics/safety.h"
 #include "palpate/run/records.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // Everything that decides the numbers of a run, beside tool, frames and hand.
 
@@ -260,4 +260,4 @@ class RunLoop {
   virtual const SurfacePicture* new_surface_picture() noexcept = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

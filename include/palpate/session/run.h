@@ -22,7 +22,7 @@
 #include "palpate/run/run_loop.h"
 #include "palpate/settings/setting_table.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // What a path that nobody gave is to touch, and what was chosen.
 
@@ -207,4 +207,4 @@ DepthAverage usual_average(std::span<const DepthStreamInfo> streams) noexcept;
 /// and its unit.
 std::string settings_toml(const SettingTable& table);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

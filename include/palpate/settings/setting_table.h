@@ -13,7 +13,7 @@
 #include "palpate/core/core.h"
 #include "palpate/math/geometry.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // The words for the values of an enumeration, on the command line, in files and in reports.
 //
@@ -206,4 +206,4 @@ void SettingTable::add(std::string_view name, std::optional<Enum>& value, std::s
   };
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -18,7 +18,7 @@
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // What a browser page shows: a live run, a recording, or a tool alone (thesis section 4.4).
 
@@ -170,4 +170,4 @@ class ViewServer {
   virtual int num_pages() const noexcept = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

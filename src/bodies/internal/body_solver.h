@@ -18,7 +18,7 @@
 #include "src/bodies/symmetric_blocks.h"
 #include "src/haptics/internal/friction.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What touches what, at the beginning of a step.
 struct BodyTouch {
@@ -112,4 +112,4 @@ class BodySolver {
   std::vector<Vec6> motions_;     // by friction of each touch, in three directions, of each row
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 #include "palpate/contact/body_contact.h"
 #include "src/bodies/internal/body_solver.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// They feel the surfaces that cameras see, each other, the objects that stay, and the tool. All
 /// memory is allocated at construction; the same input gives the same bits.
@@ -120,4 +120,4 @@ class MovingBodies {
   std::unique_ptr<BodySolver> solver_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

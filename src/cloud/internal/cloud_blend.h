@@ -7,7 +7,7 @@
 #include "palpate/cloud/point_cloud.h"
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// How far `time` is from one frame to the next, `period` later: (t_C - t_L) / t_D of eq. 3.18,
 /// which is 1 if the next frame is late.
@@ -24,4 +24,4 @@ inline double frame_progress(double time, double last_frame, double period) {
 void blend_clouds(const PointCloudView& old_cloud, const PointCloudView& new_cloud, double t,
                   double max_jump, ThreadPool& pool, PointCloud& out);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

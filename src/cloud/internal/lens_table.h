@@ -6,7 +6,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// How one image was taken.
 struct CameraModel {
@@ -26,4 +26,4 @@ std::vector<std::uint32_t> lens_table(const CameraModel& pinhole, const CameraMo
 /// r (X / Z) up to `limit` below which the radial distortion grows with r.
 double largest_radius(const Distortion& distortion, double limit);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

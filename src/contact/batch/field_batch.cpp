@@ -6,7 +6,7 @@
 
 #include "src/contact/batch/batch_pose.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses) {
   const auto refuse = [](const std::string& message) {
@@ -157,4 +157,4 @@ Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
   return Done{};
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/field/field_contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What all backends refuse.
 Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses);
@@ -32,4 +32,4 @@ class FieldBatch final : public BatchQuery {
   ThreadPool* pool_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_elements_cuda.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // The argument of the kernel.
 struct BatchJob {
@@ -460,4 +460,4 @@ Result<std::unique_ptr<BatchQuery>> make_batch_query_cuda(std::shared_ptr<const 
   return std::unique_ptr<BatchQuery>(std::move(query));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

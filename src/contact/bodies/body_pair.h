@@ -7,7 +7,7 @@
 
 #include "palpate/contact/body_contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A sphere of A and one of B. Inner nodes of their trees, too.
 struct SpherePair {
@@ -55,4 +55,4 @@ BodyPenetration body_penetration(const BodySums& sums, const Tool& a, const Tool
 /// With a pose that is not finite: the status that says so. False if both are finite.
 bool is_non_finite(const Pose& X_WA, const Pose& X_WB, BodyPenetration& result);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "src/contact/bodies/solid_sample.h"
 #include "src/contact/field/field_contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A SolidField in the memory of this machine, which must stay.
 SolidFieldView view_of(const SolidField& field);
@@ -83,4 +83,4 @@ class SolidContact final : public BodyPairQuery {
   bool wants_stiffness_ = false;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

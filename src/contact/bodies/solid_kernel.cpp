@@ -2,7 +2,7 @@
 #include "src/contact/bodies/solid_contact.h"
 #include "src/contact/field/group_totals.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 // The grids of a field, to pick from by the level of each lane.
@@ -136,4 +136,4 @@ void measure_solid_group(const SolidJob& job, int group, bool with_stiffness, Gr
   measure_solid<SolidGradient<VecF>>(job, group, sums);
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

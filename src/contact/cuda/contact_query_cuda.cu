@@ -22,7 +22,7 @@
 #include "src/gpu/runtime.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // The shares of all threads, and what one of them says about the whole query.
@@ -356,4 +356,4 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query_cuda(
       std::move(index), method, std::move(measurement)));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "palpate/gpu/devices.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Where values come from. With one stamp they are the same, unless it is 0.
 struct CopySource {
@@ -48,4 +48,4 @@ class CopySlots {
   std::uint64_t num_uses_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/contact/field/field_element.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What the threads of a query add up. Counts are whole numbers.
 struct MeasureTerms {
@@ -89,4 +89,4 @@ class AnswerBox {
   double numbers_[kMostNumbers] = {};
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/contact/cuda/query_answer.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // Longer under a debugger or a checker, which make kernels slow.
@@ -98,4 +98,4 @@ bool AnswerBox::await(gpu::Stream& stream) noexcept {
   return true;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

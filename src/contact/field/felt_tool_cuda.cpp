@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {
   const Tool& tool = index.tool();
@@ -32,4 +32,4 @@ FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& m
   return felt;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

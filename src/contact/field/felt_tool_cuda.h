@@ -5,7 +5,7 @@
 #include "src/contact/index/tool_parts.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// An element: its centre from the centre of mass, in T.
 struct alignas(16) ElementBall {
@@ -33,4 +33,4 @@ struct FeltTool {
 /// Copies that `memory` owns; it also keeps failures.
 FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,7 +3,7 @@
 
 #include "src/contact/field/field_lanes.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 using Gradient = ImageGradient<VecF>;
@@ -81,4 +81,4 @@ template <class Sample, int kFields>
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -7,7 +7,7 @@
 #include "src/contact/index/sphere_clusters.h"
 #include "src/field/internal/asked_window.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A field and the pose of the tool in its camera, in single precision.
 struct FieldFrame {
@@ -121,4 +121,4 @@ PALPATE_FORMULA bool is_behind(const DepthTile& tile, float farthest, float radi
   return tile.least_slope * (tile.nearest - farthest) > radius;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "src/contact/hull/depth_hull.h"
 #include "src/core/select_isa.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 PALPATE_DECLARE_KERNELS(void measure_group(const MeasureJob&, int group, bool with_stiffness,
                                            GroupSums* sums);
                         void describe_group(const MeasureJob&, int group, const SphereCuts& to);
@@ -109,4 +109,4 @@ void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,
                       [&](int group) { kernels_.describe_group(asked, group, cuts); });
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "src/contact/field/field_element.h"
 #include "src/contact/index/tool_parts.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Sums over some elements, in W; the torque is about the centre of mass C.
 struct FieldSums {
@@ -125,4 +125,4 @@ class FieldContact final : public ContactQuery {
   std::unique_ptr<DepthHull> hull_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

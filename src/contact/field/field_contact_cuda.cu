@@ -10,7 +10,7 @@
 #include "src/contact/cuda/finish_measure.cuh"
 #include "src/contact/field/field_elements_cuda.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // The argument of the kernel.
@@ -228,4 +228,4 @@ void FieldContactCuda::describe(const DepthFieldView& field, const Pose& X_WT,
   stream_.wait();
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 #include "src/contact/hull/depth_hull_cuda.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What the field method is asked, on the device.
 struct FieldQuestion {
@@ -58,4 +58,4 @@ class FieldContactCuda final : public ContactQuery {
   std::unique_ptr<DepthHullCuda> hull_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

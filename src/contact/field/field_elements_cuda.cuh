@@ -8,7 +8,7 @@
 #include "src/contact/field/field_element.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 static_assert(SphereClusters::kSize == gpu::kWarpSize);
 
 // A field as a kernel looks at it: what all its levels share, and what differs.
@@ -292,4 +292,4 @@ __device__ inline bool is_in_front(const FieldLook& field, const Cluster& ball,
 }
 
 }  // namespace
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -1,7 +1,7 @@
 // Elements against the depth field, compiled once per instruction set.
 #include "src/contact/field/group_totals.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 // The elements of a cluster and what the fields say to them. Each step is a short loop: then the
@@ -101,4 +101,4 @@ void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
       });
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -8,7 +8,7 @@
 #include "src/core/simd.h"
 #include "src/field/internal/field_curvature.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kSize = SphereClusters::kSize;
@@ -321,4 +321,4 @@ template <int kFields, class F>
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

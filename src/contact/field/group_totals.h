@@ -4,7 +4,7 @@
 
 #include "src/contact/field/field_answers.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 // Sums of one group.
@@ -115,4 +115,4 @@ inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, V
 }
 
 }  // namespace
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

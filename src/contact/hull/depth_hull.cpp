@@ -6,7 +6,7 @@
 #include "src/contact/hull/camera_seats.h"
 #include "src/core/select_isa.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 PALPATE_DECLARE_KERNELS(void measure_hull_group(const HullJob&, int group, bool with_stiffness,
                                                 GroupSums* sums);
                         void describe_hull_group(const HullJob&, int group, const SphereCuts& to);
@@ -145,4 +145,4 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
   return result;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 
 #include "src/contact/field/field_contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A camera as the elements of a tool look at it.
 struct HullCamera {
@@ -64,4 +64,4 @@ class DepthHull {
   std::vector<GroupSums> group_sums_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

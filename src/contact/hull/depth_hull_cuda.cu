@@ -9,7 +9,7 @@
 #include "src/contact/hull/camera_seats.h"
 #include "src/contact/hull/hull_rules.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 // A camera as the kernel looks at it: its fields, the newer one first, with the pose of the tool in
 // the camera at that moment.
@@ -549,4 +549,4 @@ ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, cons
   return result;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 #include "src/contact/field/felt_tool_cuda.h"
 #include "src/gpu/runtime.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Where a description goes on the GPU, a place for each sphere of the tool.
 struct SphereCutsOnGpu {
@@ -53,4 +53,4 @@ class DepthHullCuda {
   AnswerBox answers_, stiffness_answers_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 #include "src/contact/hull/depth_hull.h"
 #include "src/contact/hull/hull_rules.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 namespace {
 
 template <class Sample>
@@ -444,4 +444,4 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
   });
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -28,7 +28,7 @@
 #include "src/contact/field/field_bound.h"
 #include "src/contact/field/field_element.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// In radii: half the width over which two cameras are joined.
 inline constexpr float kHullCorner = 0.1f;
@@ -223,4 +223,4 @@ PALPATE_FORMULA auto in_world(const float (&R_WC)[3][3], const FieldFrame& frame
   return composed(limited(first_of(space).phi, radius), space);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,7 +3,7 @@
 
 #include "src/contact/blend.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 Mat3d product(const Mat3d& a, const Mat3d& b) {
@@ -121,4 +121,4 @@ ContactResult ContactQuery::measure_hull(std::span<const SurfaceBlend>, const Po
   return unmeasured(StepStatus::no_surface, wants, true);
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

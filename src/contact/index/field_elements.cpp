@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // Thirty balls of radius kPartRadius with centres kPartDistance from the middle of a unit ball,
@@ -113,4 +113,4 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes)
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include "palpate/contact/contact.h"
 #include "src/contact/index/sphere_clusters.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The ball that a sphere of a tool is felt as. With own volumes it is the sphere. With represented
 /// volumes it is as large as the part of the solid that the sphere stands for: a sphere of the
@@ -40,4 +40,4 @@ struct FieldElements {
   double reach = 0;                   ///< no centre is farther from the tool's centre of mass, m
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -4,11 +4,11 @@
 #include <cstddef>
 #include <vector>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 template <class... T>
 std::size_t bytes_of(const std::vector<T>&... vectors) {
   return (... + (vectors.capacity() * sizeof(T)));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "palpate/tool/tool.h"
 #include "src/contact/index/num_bytes.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The way goes from centre to centre.
 struct PathLengths {
@@ -19,4 +19,4 @@ struct PathLengths {
   std::size_t num_bytes() const { return bytes_of(lengths); }
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

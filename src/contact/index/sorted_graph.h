@@ -9,7 +9,7 @@
 #include "palpate/tool/tool.h"
 #include "src/contact/index/num_bytes.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Rows one after the other; edges go both ways.
 struct SortedGraph {
@@ -43,4 +43,4 @@ struct SortedGraph {
   std::size_t num_bytes() const { return bytes_of(sphere_ids, place_of, row_starts, neighbours); }
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

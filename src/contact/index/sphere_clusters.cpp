@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 // Puts ids into an order in which every aligned run of `kSize * 2^k` is compact: halves the longest
@@ -91,4 +91,4 @@ SphereClusters::SphereClusters(std::span<const Sphere> spheres) {
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

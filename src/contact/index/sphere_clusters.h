@@ -8,7 +8,7 @@
 #include "palpate/math/geometry.h"
 #include "src/contact/index/num_bytes.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A few neighbouring spheres: the box around their *centres*, and a ball around its middle that
 /// covers their surfaces.
@@ -45,4 +45,4 @@ class SphereClusters {
   std::vector<Cluster> groups;  ///< around kClustersPerGroup clusters
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

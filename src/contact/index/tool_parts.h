@@ -16,7 +16,7 @@
 #include "src/contact/points/donors/donor.h"
 #include "src/contact/points/scan/image_window.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Made by the first thread that asks; the others wait for it.
 template <class Value>
@@ -98,4 +98,4 @@ struct ToolIndex::Parts {
   Lazy<SolidField> solid_field_;     // of a tool without
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,11 +5,11 @@
 
 #include "palpate/contact/contact.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// `method` is none of the field.
 std::unique_ptr<ContactQuery> make_point_contact(std::shared_ptr<const ToolIndex> index,
                                                  const ContactMethod& method,
                                                  const ExecutionOptions& capacities);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/contact/blend.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// `Measurement` has measure(cloud, pose) and describe(wants), which is of the last measure.
 template <class Measurement>
@@ -31,4 +31,4 @@ class PointContactOf final : public ContactQuery {
   std::unique_ptr<Measurement> measurement_;  // scratch
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

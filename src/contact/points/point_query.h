@@ -25,7 +25,7 @@
 #include "src/contact/points/scan/image_window.h"
 #include "src/contact/points/scan/point_lookup.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Threads of each block of the kernel.
 inline constexpr int kQueryThreads = 512;
@@ -174,4 +174,4 @@ struct PointQuery {
   }
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

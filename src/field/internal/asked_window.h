@@ -5,7 +5,7 @@
 
 #include "src/field/internal/field_sample.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The pixels of the image where points are seen that are at most `reach` (m) from p_C. A window at
 /// the border of the image stands for all that is beyond, too. Of a ball that is not in front of
@@ -36,4 +36,4 @@ inline bool is_known_around(const DepthFieldView& field, const Vec3d& p_C, doubl
          field.asked.contains(asked_window(field.intrinsics, width, height, p_C, reach));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 
 #include "palpate/field/depth_field.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A number and its derivative.
 template <class Real>
@@ -151,4 +151,4 @@ PALPATE_HOSTDEV inline void values_around(const DepthFieldLevel& level, std::ptr
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -10,7 +10,7 @@
 #include "palpate/haptics/coupling.h"
 #include "src/haptics/internal/matrix6.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Symmetric, of the three numbers.
 struct Mat3s {
@@ -91,4 +91,4 @@ class PatchFriction {
   FrictionState state_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

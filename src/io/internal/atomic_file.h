@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Writes a temporary file in the same folder, flushes it to disk and renames it over `path`. A
 /// symbolic link is followed; a file that is replaced keeps its permissions; anything but a regular
@@ -19,4 +19,4 @@ Status write_file_atomically(const std::filesystem::path& path, std::string_view
 Result<std::string> read_file(const std::filesystem::path& path,
                               std::size_t max_bytes = std::size_t(4) << 30);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

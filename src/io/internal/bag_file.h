@@ -10,7 +10,7 @@
 
 #include "src/io/internal/mcap_file.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Messages in the order of the file, one chunk in memory at a time. Whatever the file, schemas are
 /// named as in ROS 2 ("sensor_msgs/msg/Image") and messages are in CDR; those of a type of ROS 1
@@ -30,4 +30,4 @@ class BagReader {
   virtual bool was_cut_off() const = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

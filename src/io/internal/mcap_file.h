@@ -16,7 +16,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What a channel carries: messages of ROS 2 (CDR), described by their `.msg` text.
 struct McapChannel {
@@ -98,4 +98,4 @@ class McapReader {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,9 +8,9 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Letters beyond ASCII become '?'. Errors: no such file, too large, not TOML, with the line.
 Result<toml::table> read_toml(const std::filesystem::path& path);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -18,7 +18,7 @@
 #include "src/bodies/internal/moving_bodies.h"
 #include "src/run/region_lookup.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What a contact counts in newtons, and what else of the settings decides it while a run goes on.
 struct ContactScale {
@@ -311,4 +311,4 @@ class Pipeline {
   TickRecord record_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The same frames, read by a thread of its own up to `num_ahead` frames before they are asked for:
 /// one that takes long to be made, by a simulated camera or from a compressed file, is there when
@@ -16,4 +16,4 @@ namespace palpate {
 Result<std::unique_ptr<DepthSource>> read_ahead(std::unique_ptr<DepthSource> source,
                                                 int num_ahead = 8);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -4,7 +4,7 @@
 #include "palpate/run/records.h"
 #include "src/math/internal/told_wrench.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What the frames of OutputOptions hang on, at one moment.
 struct OutputPlaces {
@@ -46,4 +46,4 @@ class ToldOutput {
   Pose X_WE_, X_WF_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -5,7 +5,7 @@
 
 #include "src/cloud/internal/cloud_blend.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// A new surface is taken up when the blend to the one before is complete, so that no surface that
 /// comes early makes a step in the force. What was waited is made up for by a shorter blend, down
@@ -25,4 +25,4 @@ class BlendClock {
   double duration_ = 1e-9;  // nothing yet: complete
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

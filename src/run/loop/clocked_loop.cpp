@@ -15,7 +15,7 @@
 #include "src/run/internal/pipeline.h"
 #include "src/run/loop/frame_queue.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kMostBehind = 0.25;  // s; what is later is not made up for
@@ -331,4 +331,4 @@ Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSo
       sources, device, std::move(observer), clock, *std::move(pipeline)));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/real_time.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kPriority = 70;              // below the haptic thread
@@ -184,4 +184,4 @@ void ContactStage::make_picture(const ContactRecord& contact, ContactPicture& pi
                          {.states = picture.states, .planes = picture.planes});
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -15,7 +15,7 @@
 #include "src/run/loop/stiffness_schedule.h"
 #include "src/run/loop/surface_stage.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Where the tool is.
 struct ToolMoment {
@@ -122,4 +122,4 @@ class ContactStage {
   std::thread thread_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <mutex>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// One thread sleeps until another one rings. Ringing never waits. A ring between `count` and
 /// `wait` is not missed:
@@ -49,4 +49,4 @@ class StopSignal {
   std::condition_variable changed_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/run/loop/paced_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Reads one frame ahead, so that the end of the stream is known while its last frame is current.
 class FrameQueue {
@@ -60,4 +60,4 @@ class FrameQueue {
   std::optional<double> zero_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

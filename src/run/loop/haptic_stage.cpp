@@ -6,7 +6,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/real_time.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr int kPriority = 80;
@@ -85,4 +85,4 @@ bool HapticStage::latest(TickRecord& record) noexcept {
   return true;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

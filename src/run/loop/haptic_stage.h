@@ -13,7 +13,7 @@
 #include "src/run/loop/record_queue.h"
 #include "src/run/loop/surface_stage.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Another coupling, or none: only the number changes. Once settled, the one before.
 struct HapticChange {
@@ -90,4 +90,4 @@ class HapticStage {
   std::atomic<int> real_time_error_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -22,7 +22,7 @@
 #include "src/run/loop/surface_stage.h"
 #include "src/run/setting_changes.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kPublishingPeriod = 0.005;  // s
@@ -528,4 +528,4 @@ Result<std::unique_ptr<RunLoop>> RunLoop::create(const Tool& tool, const DepthSo
                                  std::move(query_threads), *std::move(parts), *std::move(safety)));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

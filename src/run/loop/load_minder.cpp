@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kWindow = 1;  // s
@@ -146,4 +146,4 @@ std::string time_thinned(const LoopReport& report) {
          "fewer spheres or a GPU help";
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "palpate/run/run_loop.h"
 #include "src/run/loop/load_relief.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What has been counted so far; the difference of two is a window.
 struct LoadCounts {
@@ -65,4 +65,4 @@ std::string describe_relief(const ReliefSteps& before, const ReliefSteps& after,
 /// For how long less was computed; empty: never.
 std::string time_thinned(const LoopReport& report);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -11,7 +11,7 @@
 
 #include <algorithm>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// How far it went; each from 0.
 struct ReliefSteps {
@@ -96,4 +96,4 @@ class LoadRelief {
   double calm_ = 0, patience_ = kCalm, since_back_ = kRelapse;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -3,7 +3,7 @@
 
 #include <atomic>
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// One giver, one taker. What is offered belongs to the taker until it is settled: it exchanges
 /// what it has for what is new, and the giver finds there what was replaced, to keep or to destroy.
@@ -22,4 +22,4 @@ class Mailbox {
   std::atomic<T*> offered_ = nullptr;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -9,7 +9,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Checks the frames of a source and says when each of them is to be felt: as far apart as their
 /// time stamps. A source that is slower than its time stamps shifts all that follows, so that the
@@ -64,4 +64,4 @@ class PacedSource {
   std::atomic<std::uint64_t> num_late_ = 0;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -4,7 +4,7 @@
 
 #include "src/run/loop/surface_stage.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kBatch = 256;  // ticks given to the observer at a time
@@ -114,4 +114,4 @@ void Publisher::tell_notes() {
   }
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -11,7 +11,7 @@
 #include "palpate/run/run_loop.h"
 #include "src/run/loop/record_queue.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 struct SeenFrame;
 
@@ -58,4 +58,4 @@ class Publisher {
   std::vector<TickRecord> batch_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

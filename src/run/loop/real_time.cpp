@@ -10,7 +10,7 @@
 #include <cmath>
 #include <system_error>
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 std::string text_of(int error_number) {
@@ -73,4 +73,4 @@ std::string frames_left_out(std::uint64_t num, std::uint64_t num_late,
   return text;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -12,7 +12,7 @@
 #include "src/field/internal/asked_window.h"
 #include "src/run/internal/pipeline.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;        // s
@@ -323,4 +323,4 @@ bool SurfaceStage::take(std::size_t camera) noexcept {
   return true;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -20,7 +20,7 @@
 #include "src/run/loop/paced_source.h"
 #include "src/run/loop/record_queue.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// SurfaceTimeline::key_frames. Copies are as long as there are any.
 class KeyFrameViews {
@@ -199,4 +199,4 @@ class SurfaceStage {
   std::thread surface_thread_;
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 #include "palpate/contact/contact.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What a page holds at most.
 inline constexpr std::size_t kMostPageSpheres = 200000, kMostPageTriangles = 200000;
@@ -23,4 +23,4 @@ nlohmann::ordered_json seen_tool_json(const Tool& tool, const Pose& X_CT,
                                       std::span<const SphereState> states,
                                       std::span<const Plane<float>> planes);
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

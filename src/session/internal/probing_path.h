@@ -12,7 +12,7 @@
 #include "palpate/session/run.h"
 #include "palpate/tool/tool.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Opens the same stream once more, from its first frame.
 using OpenDepthSource = std::function<Result<std::unique_ptr<DepthSource>>()>;
@@ -52,4 +52,4 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
 /// s.
 inline constexpr double kShortestProbe = 3;
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

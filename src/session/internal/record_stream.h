@@ -10,7 +10,7 @@
 
 #include "palpate/cloud/depth_source.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 struct RecordStreamOptions {
   double duration = std::numeric_limits<double>::infinity();  ///< s, by the time stamps
@@ -35,4 +35,4 @@ Result<StreamRecording> record_stream(const DepthSources& sources,
                                       const std::filesystem::path& path,
                                       const RecordStreamOptions& options = {});
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -8,7 +8,7 @@
 
 #include "palpate/core/core.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// The recording inside the folder of its run, which marks it as ours.
 inline constexpr const char* kRecordingFile = "recording.mcap";
@@ -46,4 +46,4 @@ class RunFolder {
   int lock_ = -1;                           ///< file descriptor of the recording
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

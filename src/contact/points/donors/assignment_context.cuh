@@ -9,7 +9,7 @@
 #include "src/contact/points/point_query.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Warps are numbered so that neighbouring numbers are in different blocks: work lies together.
 __device__ inline int spread_warp() {
@@ -146,4 +146,4 @@ class AssignmentContext {
   }
 };
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

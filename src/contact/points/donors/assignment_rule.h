@@ -6,7 +6,7 @@
 #include "src/contact/points/donors/donor.h"
 #include "src/core/lanes.h"
 
-namespace palpate::PALPATE_ISA_NAMESPACE {
+namespace palpate::inline v0::PALPATE_ISA_NAMESPACE {
 
 /// Relative slack of comparisons between single-precision distances. Closer calls go to double.
 inline constexpr float kSlack = 4e-6f;
@@ -61,4 +61,4 @@ PALPATE_FORMULA VecF agreement_weight(VecF along, VecF inverse_distance) {
          inverse_distance;
 }
 
-}  // namespace palpate::PALPATE_ISA_NAMESPACE
+}  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

@@ -12,7 +12,7 @@
 #include "src/contact/points/donors/assign_nearest.cuh"
 #include "src/contact/points/donors/assignment_context.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 inline constexpr std::size_t kAssignmentSharedBytes = sizeof(AssignmentShared);
 
@@ -134,4 +134,4 @@ __device__ inline MeasureSums assign_planes(const PointQuery& q, MethodKind meth
   return sums;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

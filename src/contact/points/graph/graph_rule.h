@@ -6,7 +6,7 @@
 
 #include "src/contact/points/donors/donor.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// An edge is walked only if it points away from the collision normal of its start's reference.
 PALPATE_HOSTDEV inline bool leads_inside(const Vec3d& edge, const Vec3d& normal) {
@@ -37,4 +37,4 @@ PALPATE_HOSTDEV inline double reached_volume(const DonorsView& donors, const Don
   return sphere_volume(static_cast<double>(donors.spheres[sphere_id].radius));
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -6,7 +6,7 @@
 
 #include "src/contact/points/donors/donor.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// How planes are made of sums.
 struct BoundaryPlaneRule {
@@ -59,4 +59,4 @@ PALPATE_HOSTDEV inline BoundarySphere boundary_sphere(std::int32_t sphere_id, co
   return result;
 }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0

@@ -15,7 +15,7 @@
 #include "src/contact/points/scan/point_lookup.h"
 #include "src/gpu/team.cuh"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// What one point adds to a sphere, as the eight numbers of PointSums.
 struct FixedPoint {
@@ -284,4 +284,4 @@ __device__ inline void scan_points(const PointQuery& q, bool with_edges) {
 /// Only if q.scan.edges is not null, after scan_points and a barrier: fills q.edge_sums.
 __device__ inline void scan_edges(const PointQuery& q) { ScanStage(q).add_edges(); }
 
-}  // namespace palpate
+}  // namespace palpate::inline v0
