@@ -33,7 +33,7 @@ static_assert(sizeof(FieldLook) == 19 * sizeof(std::uint64_t), "no padding: look
 
 constexpr int kMostWarps = 8;
 // A warp adds up so many clusters in single precision.
-constexpr int kClustersAtOnce = 32;
+constexpr int kClustersAtOnce = gpu::kWarpSize;
 // Whether a whole tool is in front is found out from so many tiles, or not at all.
 constexpr int kMostTiles = 2 * gpu::kWarpSize;
 
@@ -90,6 +90,25 @@ __device__ void prepare(const BatchJob& job, int pose, Scratch& shared) {
   __syncthreads();
 }
 
+// Is no element in a ball near the surface? As is_in_front, for each lane a ball of its own. Balls
+// that cover many tiles are taken for near.
+__device__ inline bool is_ball_in_front(const FieldLook& field, const Cluster& ball,
+                                        float largest_radius) {
+  constexpr int kMost = 24;
+  const BallWindow window =
+      window_of(field.frame, ball, largest_radius, field.tiles_wide, field.tiles_high);
+  if (!window.is_before_camera()) return window.farthest < kLeastDepth;
+  if ((window.right - window.left + 1) * (window.bottom - window.top + 1) > kMost) return false;
+  for (int v = window.top; v <= window.bottom; ++v) {
+    for (int u = window.left; u <= window.right; ++u) {
+      if (!is_behind(field.tiles[v * field.tiles_wide + u], window.farthest, largest_radius)) {
+        return false;
+      }
+    }
+  }
+  return true;
+}
+
 // What the elements of this lane add, each sum folded over the warp: of_warp is sum lane / 4, and
 // of_stiffness number `lane`.
 template <class Sample>
@@ -99,16 +118,16 @@ __device__ void add_clusters(const BatchJob& job, const FieldLook& field, double
   const int num_warps = gpu::warps_per_block();
   for (int begin = gpu::warp_id(); begin < elements.num_clusters;
        begin += kClustersAtOnce * num_warps) {
-    const int end = begin + kClustersAtOnce * num_warps;
     FieldShare share;
     StiffnessShare stiffness;
-    for (int cluster = begin; cluster < end && cluster < elements.num_clusters;
-         cluster += num_warps) {
-      if (is_in_front(field, elements.clusters[cluster], elements.largest_radius[cluster])) {
-        continue;
-      }
-      const Element element = element_of(elements, cluster, field.frame);
-      add_element<Sample>(field, element, share, &stiffness);
+    const int mine = begin + gpu::lane_id() * num_warps;
+    unsigned touching = __ballot_sync(
+        gpu::kWholeWarp,
+        mine < elements.num_clusters &&
+            !is_ball_in_front(field, elements.clusters[mine], elements.largest_radius[mine]));
+    for (; touching != 0; touching &= touching - 1) {
+      const int cluster = begin + (__ffs(static_cast<int>(touching)) - 1) * num_warps;
+      add_element<Sample>(field, element_of(elements, cluster, field.frame), share, &stiffness);
     }
     double values[kNumTerms] = {share.volume,   share.potential, share.force[0],  share.force[1],
                                 share.force[2], share.torque[0], share.torque[1], share.torque[2]};
@@ -163,8 +182,12 @@ __device__ void put_stiffness(const BatchJob& job, int pose, Scratch& shared) {
   }
 }
 
+// Blocks of a multiprocessor at least: of gradients so few that nothing spills out of registers.
 template <class Sample>
-__global__ void __launch_bounds__(kThreadsOf<Sample>, 3)
+constexpr int kBlocksOf = std::is_same_v<Sample, Curvature> ? 3 : 2;
+
+template <class Sample>
+__global__ void __launch_bounds__(kThreadsOf<Sample>, kBlocksOf<Sample>)
     measure_poses(const __grid_constant__ BatchJob job) {
   auto& shared = gpu::shared_memory<BatchScratch<Sample>>();
   const int pose = static_cast<int>(blockIdx.x), thread = static_cast<int>(threadIdx.x);

@@ -128,8 +128,10 @@ __device__ Sample ask_field(const FieldLook& field, float u, float v, float dept
     const DepthFieldLevel level = level_of(field, number);
     const PixelSpot<float> spot = spot_at(level, u, v);
     Curved<float> values[3][3];
-    values_around(level, spot.pixel, depth, field.thickness, field.frame.fx, values);
-    if constexpr (std::is_same_v<Sample, Curvature>) {
+    constexpr bool kIsCurvature = std::is_same_v<Sample, Curvature>;
+    values_around<kIsCurvature ? 1 : 3>(level, spot.pixel, depth, field.thickness, field.frame.fx,
+                                        values);
+    if constexpr (kIsCurvature) {
       answer = blended(answer, curvature_of(values, spot.s, spot.t, level.scale), part.blend.value,
                        part.blend.slope, part.blend_by_zz);
     } else {

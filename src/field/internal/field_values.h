@@ -124,8 +124,10 @@ PALPATE_HOSTDEV inline Curved<Real> silhouette_value(const DepthFieldLevel& leve
   return clamped_at_silhouette(own, plane, Real(other.side), z, k_by);
 }
 
-/// The values at depth z of the nine pixels around a spot, row by row.
-template <class Real>
+/// The values at depth z of the nine pixels around a spot, row by row. On a GPU they stay in registers
+/// if the loops over silhouettes are unrolled `kUnrolled` = 3 times, which second derivatives,
+/// short of registers, do better without.
+template <int kUnrolled = 3, class Real>
 PALPATE_HOSTDEV inline void values_around(const DepthFieldLevel& level, std::ptrdiff_t pixel,
                                           Real z, Real thickness, Real fx,
                                           Curved<Real> (&values)[3][3]) {
@@ -143,7 +145,13 @@ PALPATE_HOSTDEV inline void values_around(const DepthFieldLevel& level, std::ptr
   }
   if (level.near_silhouette[pixel] == 0) return;
   const Real k_by = Real(kCorner) / (Real(level.scale) * fx);
+#ifdef __CUDA_ARCH__
+#pragma unroll kUnrolled
+#endif
   for (int q = 0; q < 3; ++q) {
+#ifdef __CUDA_ARCH__
+#pragma unroll kUnrolled
+#endif
     for (int p = 0; p < 3; ++p) {
       const std::ptrdiff_t at = pixel + (q - 1) * level.stride + p - 1;
       values[q][p] = silhouette_value(level, at, values[q][p], z, thickness, k_by);
