@@ -1,5 +1,5 @@
-// From a raw depth frame to an organised cloud with normals and depth-change vectors (thesis
-// sections 3.4 and 3.5, equations corrected).
+// Surface estimation: from a raw depth frame to an organized cloud with normals and depth-change
+// vectors (thesis sections 3.4 and 3.5, equations corrected).
 #pragma once
 
 #include <memory>
@@ -19,7 +19,7 @@ struct DepthFilterOptions {
   bool enabled = true;
   int radius = 2;            ///< pixels; window 2*radius+1
   double sigma_space = 1.5;  ///< pixels
-  /// Similarity width is sigma_depth * z^2 (z in metres): noise of structured light grows so.
+  /// The similarity width is sigma_depth * z^2 (z in m), like the noise of structured light.
   double sigma_depth = 0.01;  ///< metres at 1 m
 };
 inline void add_settings(SettingTable& t, DepthFilterOptions& o) {
@@ -31,30 +31,30 @@ inline void add_settings(SettingTable& t, DepthFilterOptions& o) {
         "difference of depth at which a pixel counts less, at a depth of 1 m");
 }
 
-/// Which plane fits the neighbours' covariance C best.
+/// The noise model of the plane fit to the neighbors' covariance C.
 enum class PlaneFit {
-  /// Only the distance along the ray r of the centre pixel is noisy, as a depth camera's is: n
-  /// minimises n^T C n subject to n.r = 1, that is n ~ C^-1 r. No bias on slanted surfaces.
+  /// Only the distance along the ray r of the center pixel is noisy, as in a depth camera: n
+  /// minimizes n^T C n subject to n.r = 1, that is n ~ C^-1 r. No bias on slanted surfaces.
   along_ray,
-  /// All coordinates are equally noisy: n is the eigenvector of the smallest eigenvalue (eq. 3.7).
+  /// All coordinates are equally noisy: n is the eigenvector of the smallest eigenvalue (3.7).
   principal,
 };
 constexpr auto names_of(PlaneFit) { return std::array{"along_ray", "principal"}; }
 
-/// Plane fit over a window (eqs. 3.7-3.11): the normal is of unit length and towards the camera. No
-/// normal if all neighbours lie on one line of the image: their plane would contain the eye.
+/// Plane fit over a window (eqs. 3.7-3.11). The normal has unit length and points to the camera. No
+/// normal if all neighbors lie on one image line: their plane would contain the eye.
 struct NormalOptions {
   PlaneFit fit = PlaneFit::along_ray;
   int radius = 3;  ///< pixels; window 2*radius+1
-  /// Neighbours count only if their depth differs by at most max_depth_change * z (z in metres,
-  /// depth of the centre pixel): the window must not reach across an edge.
+  /// Neighbors count only if their depth differs by at most max_depth_change * z (z: depth of the
+  /// center pixel, m), so the window does not reach across an edge.
   double max_depth_change = 0.03;
   bool anchoring = false;      ///< plane through the point itself (3.9)
   bool weighting = false;      ///< weights exp(-|p-q|^2 / (2 sigma^2)) (3.10, also in the mean)
   double weight_sigma = 0.01;  ///< metres at 1 m; grows with z^2
-  /// Difference vectors scaled to unit length (3.11); those shorter than 1e-5 z are left out.
+  /// Difference vectors scaled to unit length (3.11); those below 1e-5 z are ignored.
   bool normalization = false;
-  /// Fewer valid neighbours (with the point itself): no normal. More than the window has: all.
+  /// With fewer valid neighbors (including the point): no normal. Larger than the window: all.
   int min_neighbours = 6;
 };
 inline void add_settings(SettingTable& t, NormalOptions& o) {
@@ -71,9 +71,9 @@ inline void add_settings(SettingTable& t, NormalOptions& o) {
         "fewer with a depth around a point give no normal; more than the window has: all of it");
 }
 
-/// Where the surface ends towards something farther away (eqs. 3.13-3.16 corrected: foreground
-/// only, pointing outward, orthogonal to the viewing ray). l = sum max(0, z_q - z_p - min_step)
-/// (du, dv, 0) over the valid ones of the eight neighbours, then l - (l.v) v with v = p / |p|.
+/// Silhouettes of the foreground (eqs. 3.13-3.16 corrected: outward, orthogonal to the viewing
+/// ray). l = sum max(0, z_q - z_p - min_step) (du, dv, 0) over the valid ones of the 8 neighbors,
+/// then l - (l.v) v with v = p / |p|.
 struct DepthChangeOptions {
   bool enabled = true;
   double min_step = 0.05;  ///< metres: smaller steps do not count
@@ -89,9 +89,9 @@ struct SurfaceOptions {
   DepthChangeOptions depth_change;
   double min_depth = 0.1;   ///< metres; nearer pixels are no measurement
   double max_depth = 10.0;  ///< metres; farther pixels are no measurement
-  /// A pixel between the depths of two opposite neighbours and farther from both than this share of
-  /// its own depth lies on neither of the surfaces at an edge: it is no measurement. Surfaces
-  /// steeper than atan(this * focal length in pixels) are lost with them. 0: all pixels count.
+  /// Flying pixels: a pixel between the depths of two opposite neighbors and farther from both than
+  /// this share of its own depth lies on neither surface and is discarded. So are surfaces steeper
+  /// than atan(this * focal length in pixels). 0: no pixel is discarded.
   double flying_pixel_gap = 0;
 };
 inline void add_settings(SettingTable& t, SurfaceOptions& o) {
@@ -106,31 +106,31 @@ inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   add_settings(t, o.normals);
   add_settings(t, o.depth_change);
 }
-/// Errors: a setting out of range; min_depth beyond max_depth.
+/// Errors: a setting out of range; min_depth greater than max_depth.
 Status check(const SurfaceOptions& options);
-/// What the noise and the edges of such a camera ask for (docs/guide/cameras.md, "By kind of
-/// sensor"). Of none: the defaults.
+/// Options for the noise and the edges of a kind of sensor (docs/guide/cameras.md, "By kind of
+/// sensor"). For none: the defaults.
 SurfaceOptions surface_options_for(SensorKind sensor);
 
 /// Counts of one update.
 struct SurfaceStats {
-  int num_valid = 0;   ///< pixels with a usable depth, flying ones among them
+  int num_valid = 0;   ///< pixels with a usable depth, including flying pixels
   int num_points = 0;  ///< of these, points with a normal
 };
 
-/// What is made of a frame; the rest can follow later.
+/// The parts to compute for a frame; the rest can follow later by complete().
 struct SurfaceParts {
-  PixelWindow points;  ///< where points are needed; around it there may be more, or old ones
+  PixelWindow points;  ///< where points are needed; outside there may be more, or old ones
   bool depth_change = true;
 };
 
-/// Owns all buffers for one image size; `update` allocates nothing.
+/// Estimates surfaces of one image size. Owns all buffers; `update` allocates nothing.
 class SurfaceEstimator {
  public:
   /// Errors: size out of 8..kMaxImageWidth, intrinsics not positive and finite, options out of
-  /// range. All instruction sets give the same bits; one that the processor lacks is lowered.
-  /// Images that a lens has bent by `distortion` are straightened as they are read, each pixel from
-  /// the nearest one.
+  /// range. All instruction sets give the same bits; an unsupported one falls back to a lower one.
+  /// Images with lens `distortion` are undistorted on reading: each pixel takes the nearest raw
+  /// pixel.
   static Result<SurfaceEstimator> create(int width, int height, const Intrinsics& intrinsics,
                                          const SurfaceOptions& options = {}, Isa isa = best_isa(),
                                          const Distortion& distortion = {});
@@ -139,21 +139,21 @@ class SurfaceEstimator {
   ~SurfaceEstimator();
 
   /// Computes cloud and depth-change vectors of an image in host memory, of the size given at
-  /// construction. The same bits for any number of threads in `pool`, and for any parts where they
-  /// are. No allocation.
+  /// construction. Same bits for any number of threads in `pool` and for any `parts`. O(pixels). No
+  /// allocation.
   SurfaceStats update(const DepthImageView& image, ThreadPool& pool,
                       const SurfaceParts& parts = {});
-  /// The same from depth in metres (NaN or 0: no measurement), width * height values.
+  /// The same from depth in meters (NaN or 0: no measurement), width * height values.
   SurfaceStats update(std::span<const float> depth, ThreadPool& pool,
                       const SurfaceParts& parts = {});
-  /// Makes what the last update left out. What it has made keeps its values.
+  /// Computes the parts that the last update omitted. Existing parts keep their values.
   void complete(ThreadPool& pool);
 
-  /// Valid until the next update. Without edge vectors unless the depth change was made.
+  /// Valid until the next update. Has edge vectors only if the depth change was computed.
   PointCloudView cloud() const;
-  /// Filtered depth in metres, NaN where there is no measurement.
+  /// Filtered depth in meters, width * height values, NaN where there is no measurement.
   std::span<const float> depth() const;
-  /// Depth-change vector of each pixel in camera axes (m): zero away from edges. Three arrays.
+  /// Depth-change vectors, camera axes, m; zero away from edges. `axis`: 0 x, 1 y, 2 z.
   std::span<const float> depth_change(int axis) const;
 
  private:
