@@ -107,9 +107,9 @@ struct DepthStreamInfo {
   std::optional<int> num_frames;  ///< nullopt for an endless stream
   std::string name;               ///< for display
   bool is_live = false;           ///< frames arrive when they are captured, not on request
-  Distortion distortion = {};  ///< zero for the streams of cameras/, which are undistorted
+  Distortion distortion = {};     ///< zero for the streams of cameras/, which are undistorted
   SensorKind sensor = SensorKind::none;  ///< see surface_options_for
-  std::string frame = {};  ///< frame id of C as the stream names it; empty: unnamed
+  std::string frame = {};                ///< frame id of C as the stream names it; empty: unnamed
   bool is_moving = false;  ///< the camera moves: DepthFrame::X_WC changes between frames
 };
 

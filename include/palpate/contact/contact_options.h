@@ -19,7 +19,7 @@ namespace palpate::inline v0 {
 /// Moments of the volume. Levers l_s go from the tool's center of mass to the spheres, in W.
 struct VolumeMoments {
   double first[3][3] = {};  ///< sum of l_s (V_s n_s)^T, m4
-  double polar = 0;  ///< sum of V_s |l_s x n_s|^2, plus the share of cut balls, m5
+  double polar = 0;         ///< sum of V_s |l_s x n_s|^2, plus the share of cut balls, m5
 };
 
 // Results of a measurement: volume, wrench, stiffness, and status bits.
