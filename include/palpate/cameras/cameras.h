@@ -189,13 +189,12 @@ struct SelfFilterOptions {
 };
 inline void add_settings(SettingTable& t, SelfFilterOptions& o) {
   t.section("robot");
-  t.add("padding", o.padding, {0, 0.1, "m"},
-        "what a camera sees this near to the robot is not felt");
-  t.add("scale", o.scale, {0.5, 2, ""}, "of the meshes of its links, about their middles");
+  t.add("padding", o.padding, {0, 0.1, "m"}, "pixels this near to the robot are removed");
+  t.add("scale", o.scale, {0.5, 2, ""}, "of the link meshes, about their centers");
   t.add("max_age", o.max_age, {1e-3, 10, "s"},
-        "depth images are left out when nothing newer than this tells where the robot is");
+        "depth images are dropped if the newest robot state is older");
   t.add("geometry", o.geometry,
-        "which meshes of a URDF stand for a link; one that has none of these takes the others");
+        "meshes of the URDF for a link; a link without them uses the others");
 }
 
 /// A rigid part to remove, in its own frame L, m.

@@ -204,21 +204,22 @@ struct DepthAverageOptions {
 };
 inline void add_settings(SettingTable& t, DepthAverageOptions& o) {
   t.add("average", o.kind,
-        "of each pixel's depth over time; palpate touch takes kalman where cameras stand still");
-  t.add("average_frames", o.frames, {1, 64, "frames"}, "moving: measurements in the mean");
-  t.add("average_weight", o.weight, {1e-9, 1}, "exponential: of the newest measurement");
+        "average of each pixel's depth over time; touch uses kalman for static cameras");
+  t.add("average_frames", o.frames, {1, 64, "frames"},
+        "moving: number of measurements in the mean");
+  t.add("average_weight", o.weight, {1e-9, 1}, "exponential: weight of the newest measurement");
   t.add("average_max_jump", o.max_jump, {0, 10},
-        "moving, exponential: share of the mean; a measurement farther off is another surface");
+        "moving, exponential: share of the mean; a measurement farther off restarts it");
   t.add("average_keep_frames", o.keep_frames, {0, 100, "frames"},
-        "a pixel without measurement keeps its mean so long");
+        "a pixel without measurement keeps its mean for this long");
   t.add("average_rest_frames", o.rest_frames, {1, 10000, "frames"},
-        "kalman: of a pixel at rest, at most, are in its mean");
+        "kalman: maximum frames in the mean of a static pixel");
   t.add("average_noise", o.noise, {1e-6, 1, "m"},
-        "kalman: standard deviation of a measurement, close to the camera");
+        "kalman: standard deviation of a measurement at depth 0");
   t.add("average_noise_growth", o.noise_growth, {0, 1, "m"},
-        "kalman: what it has grown by at 1 m; it grows with the square of the depth");
+        "kalman: its growth at 1 m; it grows with the square of the depth");
   t.add("average_noise_patch", o.noise_patch, {1, 10000, "pixels"},
-        "kalman: of neighbouring pixels so many have their noise in common");
+        "kalman: number of neighboring pixels with correlated noise");
 }
 
 /// kalman: noise settings for a kind of sensor (docs/guide/cameras.md, "By kind of sensor"). For

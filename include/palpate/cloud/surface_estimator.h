@@ -24,11 +24,11 @@ struct DepthFilterOptions {
 };
 inline void add_settings(SettingTable& t, DepthFilterOptions& o) {
   t.add("filter", o.enabled, "bilateral filter of the depth");
-  t.add("filter_radius", o.radius, {1, 7, "pixels"}, "window of 2 radius + 1 pixels a side");
-  t.add("filter_sigma_space", o.sigma_space, {0.1, 1000, "pixels"},
-        "distance in the image at which a pixel counts less");
+  t.add("filter_radius", o.radius, {1, 7, "pixels"},
+        "half width of the filter window of 2 radius + 1 pixels");
+  t.add("filter_sigma_space", o.sigma_space, {0.1, 1000, "pixels"}, "filter width in the image");
   t.add("filter_sigma_depth", o.sigma_depth, {1e-6, 1, "m"},
-        "difference of depth at which a pixel counts less, at a depth of 1 m");
+        "filter width in depth, at a depth of 1 m");
 }
 
 /// The noise model of the plane fit to the neighbors' covariance C.
@@ -58,17 +58,17 @@ struct NormalOptions {
   int min_neighbours = 6;
 };
 inline void add_settings(SettingTable& t, NormalOptions& o) {
-  t.add("plane_fit", o.fit, "which coordinates of a pixel are noisy: its depth or all");
-  t.add("normal_radius", o.radius, {1, 7, "pixels"}, "around a point for its normal");
+  t.add("plane_fit", o.fit, "noise model of the plane fit: along the ray, or all coordinates");
+  t.add("normal_radius", o.radius, {1, 7, "pixels"}, "neighborhood for normals");
   t.add("normal_max_depth_change", o.max_depth_change, {1e-6, 10},
-        "share of the depth; a pixel farther off belongs to another surface");
-  t.add("anchoring", o.anchoring, "planes through the point itself");
-  t.add("weighting", o.weighting, "near neighbours count more");
+        "share of the depth; a neighbor farther off belongs to another surface");
+  t.add("anchoring", o.anchoring, "fit planes through the point itself");
+  t.add("weighting", o.weighting, "weight near neighbors more");
   t.add("weight_sigma", o.weight_sigma, {1e-6, 10, "m"},
-        "distance at which a neighbour counts less, at a depth of 1 m");
-  t.add("normalization", o.normalization, "all neighbours count the same");
+        "width of the neighbor weights, at a depth of 1 m");
+  t.add("normalization", o.normalization, "scale difference vectors to unit length");
   t.add("min_neighbours", o.min_neighbours, {3, 225, "pixels"},
-        "fewer with a depth around a point give no normal; more than the window has: all of it");
+        "minimum valid neighbors for a normal; more than the window has: all of them");
 }
 
 /// Silhouettes of the foreground (eqs. 3.13-3.16 corrected: outward, orthogonal to the viewing
@@ -79,8 +79,8 @@ struct DepthChangeOptions {
   double min_step = 0.05;  ///< metres: smaller steps do not count
 };
 inline void add_settings(SettingTable& t, DepthChangeOptions& o) {
-  t.add("depth_change", o.enabled, "find where the surface ends, for `edges`");
-  t.add("depth_change_min_step", o.min_step, {0, 1000, "m"}, "smaller steps do not count");
+  t.add("depth_change", o.enabled, "compute depth-change vectors, for `edges`");
+  t.add("depth_change_min_step", o.min_step, {0, 1000, "m"}, "smaller depth steps do not count");
 }
 
 struct SurfaceOptions {
@@ -98,10 +98,9 @@ inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   t.section("surface");
   t.add("min_depth", o.min_depth, {1e-3, 1e3, "m"}, "nearer pixels are no measurement");
   t.add("max_depth", o.max_depth, {1e-3, 1e3, "m"}, "farther pixels are no measurement");
-  t.add(
-      "flying_pixel_gap", o.flying_pixel_gap, {0, 1},
-      "share of the depth; a pixel between the depths of two opposite neighbours and farther from "
-      "both is no measurement; 0: all count");
+  t.add("flying_pixel_gap", o.flying_pixel_gap, {0, 1},
+        "share of the depth; removes pixels between two opposite neighbors and farther "
+        "from both; 0: off");
   add_settings(t, o.filter);
   add_settings(t, o.normals);
   add_settings(t, o.depth_change);

@@ -46,19 +46,20 @@ struct BodyOptions {
 inline void add_settings(SettingTable& t, BodyOptions& o) {
   t.section("bodies");
   t.add("gravity_x", o.gravity_x, {-100, 100, "m/s2"},
-        "of objects that move: which way and how strongly they fall, in the world");
+        "moving objects: gravity in the world frame");
   t.add("gravity_y", o.gravity_y, {-100, 100, "m/s2"},
-        "the same; down in the image, as of a camera that is held level");
-  t.add("gravity_z", o.gravity_z, {-100, 100, "m/s2"}, "the same; away from the camera");
+        "the same; +y is down in the image of a level camera");
+  t.add("gravity_z", o.gravity_z, {-100, 100, "m/s2"}, "the same; +z is away from the camera");
   t.add("friction", o.friction, {0, 10},
-        "of objects that move, with all but the tool; those with a coefficient of their own have "
-        "that");
-  t.add("damping", o.damping, {0, 100, "1/s"}, "share of its speed that an object loses by itself");
+        "moving objects: friction with everything but the tool, unless they have their "
+        "own");
+  t.add("damping", o.damping, {0, 100, "1/s"},
+        "moving objects: share of the speed lost per second");
   t.add("sink", o.sink, {1e-6, 0.01, "m"},
-        "how deep a cube at rest lies in what carries it: less is stiffer");
+        "how deep a cube at rest sinks into its support: less is stiffer");
   t.add("spheres", o.num_spheres, {0, 1 << 30, "spheres"},
-        "of an object that moves, the first ones, are asked by queries; 0: all");
-  t.add("sleep", o.may_sleep, "objects at rest stand still until something changes");
+        "moving objects: queries use the first N spheres; 0: all");
+  t.add("sleep", o.may_sleep, "moving objects: bodies at rest sleep until something changes");
 }
 
 // Body against body: the common volume of two rigid bodies, and the wrench on each.

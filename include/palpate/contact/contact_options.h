@@ -208,17 +208,17 @@ struct ContactOptions {
 };
 inline void add_settings(SettingTable& t, ContactOptions& o) {
   t.section("contact");
-  t.add("method", o.method, "by the depth field, or by the points that are in the spheres");
-  t.add("priority", o.priority, "what makes a boundary sphere a good reference");
-  t.add("inside", o.inside, "graph: volume of a sphere that is reached");
+  t.add("method", o.method, "contact method: depth field, or points in the spheres");
+  t.add("priority", o.priority, "ranking of donor spheres");
+  t.add("inside", o.inside, "graph: volume of a reached sphere");
   t.add("volumes", o.volumes,
-        "what a sphere counts: itself, or the part of the tool that it stands for, which is auto "
-        "for the field");
-  t.add("edges", o.edges, "where the surface ends in front of something farther away");
-  t.add("continuity", o.continuity,
-        "how weighted, simplified and graph smooth over points that enter and leave spheres");
+        "volume of a sphere: its own, or the part of the tool it represents (auto for "
+        "field)");
+  t.add("edges", o.edges, "handling of silhouettes, where a surface ends in front of another");
+  t.add("continuity", o.continuity, "point methods: smoothing when points enter and leave spheres");
   t.add("bodies", o.bodies,
-        "how objects are felt: by the distance fields of their meshes, or sphere against sphere");
+        "contact with objects: distance fields of their meshes, or sphere against "
+        "sphere");
 }
 
 /// A method together with its own options only.

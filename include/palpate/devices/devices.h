@@ -60,7 +60,7 @@ inline void add_settings(SettingTable& t, SimulatedDeviceOptions& o) {
   t.section("simulated device");
   t.add("rate", rate, {100, 8000, "Hz"}, "ticks per second");
   t.add("quantum", quantum, {0, 0.01, "m"}, "position resolution; 0: none");
-  t.add("velocity_filter", velocity_filter, {0, 1, "s"}, "of the velocity estimate");
+  t.add("velocity_filter", velocity_filter, {0, 1, "s"}, "time constant of the velocity estimate");
   t.add("moving_mass", model.moving_mass, {1e-3, 100, "kg"}, "of the device");
   t.add("max_force", model.limits.max_force, {0, 1e4, "N"}, "");
   t.add("max_torque", model.limits.max_torque, {0, 1e3, "N m"}, "");

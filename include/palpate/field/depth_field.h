@@ -43,18 +43,17 @@ struct MemoryOptions {
 };
 inline void add_settings(SettingTable& t, MemoryOptions& o) {
   t.add("memory", o.kind,
-        "by the field: what lies behind something that has come before it stays known, and by a "
-        "camera that moves what it has seen before");
+        "field: remember space that is now occluded; a moving camera also what is out "
+        "of view");
   t.add("memory_horizon", o.horizon, {0, kForEver, "s"},
-        "memory, a camera that stands still: what has been hidden for longer is forgotten; "
-        "1000000: nothing is");
+        "memory, static camera: forget space that has been occluded for longer; "
+        "1000000: never");
   t.add("memory_thickness", o.thickness, {1e-3, 10, "m"},
-        "memory: of what has come before what is remembered");
+        "memory: thickness of foreground objects");
   t.add("memory_step", o.step, {1e-3, 1},
-        "memory: share of the depth; what is nearer by more has come before what is remembered, "
-        "what is farther by more contradicts it");
-  t.add("memory_frames", o.frames, {1, 15},
-        "memory, a camera that moves: keeps no more frames from where it was");
+        "memory: share of the depth; nearer by more is a foreground, farther by more a "
+        "contradiction");
+  t.add("memory_frames", o.frames, {1, 15}, "memory, moving camera: maximum number of key frames");
 }
 
 struct TangentPlane;  // of a pixel, see src/field/field_pixels.h
@@ -101,15 +100,13 @@ inline DepthFieldOptions options_of_seen_free(const DepthFieldOptions& options) 
 }
 inline void add_settings(SettingTable& t, DepthFieldOptions& o) {
   t.section("field");
-  t.add("unknown", o.unknown, "by the field: what lies where nothing was measured");
-  t.add("fill_levels", o.fill_levels, {0, 5},
-        "by the field: close holes up to about 2^this pixels wide");
+  t.add("unknown", o.unknown, "field: space without measurement");
+  t.add("fill_levels", o.fill_levels, {0, 5}, "field: fill holes up to about 2^this pixels wide");
   t.add("thickness", o.thickness, {1e-3, kSolidBehind, "m"},
-        "by the field: how far behind a surface a tool is pushed out of its front");
-  t.add(
-      "beyond", o.beyond,
-      "by the field, with a thickness: deeper a tool is pushed out of the back and then nothing is "
-      "there, or what lies there is pushed no more");
+        "field: depth behind a surface up to which a tool is pushed out of its front");
+  t.add("beyond", o.beyond,
+        "field, beyond the thickness: push the tool out of the back and then free "
+        "space, or no force but volume");
 }
 
 /// The nearest silhouette of a pixel: where a surface ends in front of something farther away. In

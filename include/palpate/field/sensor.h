@@ -39,11 +39,12 @@ struct TimeOptions {
 };
 inline void add_settings(SettingTable& t, TimeOptions& o) {
   t.section("time");
-  t.add("mode", o.mode, "what is felt until the next depth frame comes");
+  t.add("mode", o.mode, "blend between two depth frames");
   t.add("max_jump", o.max_jump, {0, 10},
-        "predict: share of the depth; a pixel that changed more shows another surface");
+        "predict: share of the depth; a pixel that changed more belongs to another "
+        "surface");
   t.add("first_period", o.first_period, {0, 3600, "s"},
-        "between the first frames; 0: as the stream says");
+        "time between the first frames; 0: as the stream reports");
   add_settings(t, o.average);
   add_settings(t, o.memory);
 }

@@ -28,15 +28,16 @@ struct FrictionOptions {
 inline void add_settings(SettingTable& t, FrictionOptions& o) {
   t.section("friction");
   t.add("coefficient", o.coefficient, {0, 10},
-        "force along the surface over the force into it, while it slides; 0: no friction");
-  t.add("static_ratio", o.static_ratio, {1, 10}, "what sticks holds so many times as much");
+        "kinetic friction: tangential over normal force; 0: no friction");
+  t.add("static_ratio", o.static_ratio, {1, 10}, "static over kinetic friction");
   t.add("viscous", o.viscous, {0, 100, "s/m"},
-        "force along the surface that grows with speed: times the force into it and the speed");
+        "viscous friction: this times normal force times sliding speed");
   t.add("stiffness", o.stiffness, {0, 1e6, "N/m"},
-        "how little gives way what sticks; 0: 10 times the coupling's stiffness, direct: as much");
+        "of the sticking contact; 0: 10 times the coupling's stiffness, with direct: "
+        "the same");
   t.add("contact_damping", o.contact_damping, {0, 100, "s/m"},
-        "approaching at a speed, the contact pushes 1 + this times the speed as much, and leaving "
-        "the less");
+        "the contact force grows by 1 + this times the approach speed, and shrinks "
+        "when leaving");
 }
 
 /// Pattern of the texture.
@@ -56,11 +57,11 @@ struct TextureOptions {
 };
 inline void add_settings(SettingTable& t, TextureOptions& o) {
   t.section("texture");
-  t.add("kind", o.kind, "what sliding meets on its way; needs friction");
-  t.add("depth", o.depth, {0, 1}, "share of the friction by which it goes up and down");
-  t.add("length", o.length, {1e-5, 1, "m"}, "from ridge to ridge; of grain the longest");
+  t.add("kind", o.kind, "pattern of the texture; needs friction");
+  t.add("depth", o.depth, {0, 1}, "amplitude, as a share of the friction");
+  t.add("length", o.length, {1e-5, 1, "m"}, "wavelength; for grain the longest");
   t.add("bandwidth", o.bandwidth, {1, 10000, "Hz"},
-        "ridges that come faster are left out; at most a fifth of the ticks");
+        "faster texture is suppressed; at most a fifth of the tick rate");
 }
 
 /// State of friction between ticks.
@@ -112,28 +113,29 @@ struct CouplingOptions {
 };
 inline void add_settings(SettingTable& t, CouplingOptions& o) {
   t.section("coupling");
-  t.add("kind", o.kind, "what joins hand and tool");
-  t.add("hold", o.hold, "how contact between queries is known");
-  t.add("stiffness", o.stiffness, {0, 1e6, "N/m"}, "0: as much as device and passivity allow");
+  t.add("kind", o.kind, "coupling between hand and tool");
+  t.add("hold", o.hold, "contact model between two queries");
+  t.add("stiffness", o.stiffness, {0, 1e6, "N/m"}, "0: as large as device and passivity allow");
   t.add("angular_stiffness", o.angular_stiffness, {0, 1e4, "N m/rad"},
-        "0: as much as device and passivity allow");
+        "0: as large as device and passivity allow");
   t.add("damping_ratio", o.damping_ratio, {0, 100}, "of the spring; 1: critical");
   t.add("tool_mass", o.tool_mass, {1e-4, 1e3, "kg"}, "of the simulated tool");
   t.add("force_at_eighth", o.force_at_eighth, {0, 1e4, "N"},
-        "at an eighth of the tool's volume; 0: the device's largest");
-  t.add("motion_scale", o.motion_scale, {1e-4, 1e4}, "metres of tool per metre of hand");
-  t.add("clutch", o.clutch, "the hand has let go: it moves, the tool stays, and nothing is felt");
+        "force at an eighth of the tool's volume; 0: the device's maximum");
+  t.add("motion_scale", o.motion_scale, {1e-4, 1e4}, "meters of tool per meter of hand");
+  t.add("clutch", o.clutch, "released: the hand moves without the tool and without force");
   t.add("clutch_button", o.clutch_button, {0, 32},
-        "of the device, that lets go while it is held, counted from 1; 0: none");
+        "device button that releases the tool while held, counted from 1; 0: none");
   for (const auto& [name, half] : {std::pair{"workspace_x", &o.workspace_x},
                                    {"workspace_y", &o.workspace_y},
                                    {"workspace_z", &o.workspace_z}}) {
     t.add(name, *half, {0, 100, "m"},
-          "how far the tool goes to either side of base_in_scene, along its axis; 0: as far as it "
-          "likes");
+          "range of the tool to either side of base_in_scene, along this axis; 0: "
+          "unlimited");
   }
   t.add("base_in_scene", o.X_WB,
-        "X_WB: x y z in m, quaternion x y z w; identity: left out, poses are those of the device");
+        "X_WB: x y z in m, quaternion x y z w; if left out, the run chooses; identity: "
+        "device poses");
   t.add("tool_in_hand", o.X_HT, "X_HT: x y z in m, quaternion x y z w");
   add_settings(t, o.friction);
   add_settings(t, o.texture);

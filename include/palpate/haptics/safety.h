@@ -137,33 +137,31 @@ struct SafetyOptions : ForceGateOptions {
 inline void add_settings(SettingTable& t, SafetyOptions& o) {
   constexpr double kShort = 1e-6, kLong = 3600;  // s
   t.section("safety");
-  t.add("force_share", o.force_share, {0, 1}, "of the device's limits; no more goes out");
-  t.add(
-      "max_slew", o.max_slew, {1e-6, 1e7, "N/s"},
-      "how fast the force may rise; it falls as fast, or at once where it would empty energy_tank");
-  t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"},
-        "how fast the torque may change");
-  t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from no force to all of it");
+  t.add("force_share", o.force_share, {0, 1}, "output limit, as a share of the device's limits");
+  t.add("max_slew", o.max_slew, {1e-6, 1e7, "N/s"},
+        "maximum rate of the force; it drops at once if it would empty energy_tank");
+  t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"}, "maximum rate of the torque");
+  t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from zero to full force");
   t.add("engage_force", o.engage_force, {0, 1e4, "N"},
-        "engages once the wanted force is below this");
-  t.add("engage_ticks", o.engage_ticks, {1, 1e6, "ticks"}, "in a row below it");
+        "the force engages once the wanted force is below this");
+  t.add("engage_ticks", o.engage_ticks, {1, 1e6, "ticks"}, "consecutive ticks below engage_force");
   t.add("engage_timeout", o.engage_timeout, {0, kLong, "s"},
-        "then a hand that is inside something is let in by the ramp");
-  t.add("fade_seconds", o.fade_seconds, {0, 1, "s"}, "from any force to none after a fault");
+        "after this, a hand that starts in contact gets the ramp");
+  t.add("fade_seconds", o.fade_seconds, {0, 1, "s"}, "from any force to zero after a fault");
   t.add("recover_seconds", o.recover_seconds, {0, kLong, "s"},
-        "all has to be well that long after a fault before the force comes back");
+        "time without a fault before the force returns");
   t.add("max_recoveries", o.max_recoveries, {0, 1000, "per minute"},
-        "returns of the force after faults; then it stays off until it is asked for");
+        "recoveries after faults; then the force stays off until requested");
   t.add("max_contact_age", o.max_contact_age, {kShort, kLong, "s"}, "an older contact is a fault");
   t.add("max_sensor_age", o.max_sensor_age, {kShort, kLong, "s"},
         "an older depth frame is a fault");
   t.add("max_device_silence", o.max_device_silence, {kShort, kLong, "s"},
-        "longer without a usable state is a fault");
+        "a longer time without a usable state is a fault");
   t.add("max_tick", o.max_tick, {kShort, kLong, "s"}, "a longer time between ticks is a fault");
   t.add("dead_man", o.dead_man, "force only while button 0 is held");
-  t.add("passivity_control", o.passivity_control, "damps when the hand is given energy");
+  t.add("passivity_control", o.passivity_control, "adds damping when the hand is given energy");
   t.add("energy_tank", o.energy_tank, {1e-6, 1e3, "J"},
-        "that may be given to the hand; from half of it on the force is damped");
+        "energy that may be given to the hand; damping from half of it on");
 }
 
 /// Inputs of the filter at a tick, in addition to the wanted wrench.

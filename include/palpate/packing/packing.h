@@ -43,10 +43,10 @@ struct PackOptions {
 inline void add_settings(SettingTable& t, PackOptions& o) {
   t.section("packing");
   // Two million spheres need 2.5 GB while they are packed.
-  t.add("spheres", o.max_spheres, {1, 2e6, "spheres"}, "at most so many");
+  t.add("spheres", o.max_spheres, {1, 2e6, "spheres"}, "maximum number");
   t.add("standoff", o.standoff, {0, 1000, "m"},
-        "enough if 95 % of the surface are as near to a sphere; 0: no such limit");
-  t.add("max_radius", o.max_radius, {1e-9, 1000, "m"}, "no larger sphere");
+        "stop when 95 % of the surface are this near to a sphere; 0: no limit");
+  t.add("max_radius", o.max_radius, {1e-9, 1000, "m"}, "maximum radius");
   t.add("min_radius", o.min_radius, {0, 1000, "m"}, "stop at smaller spheres");
   t.add("max_fill", o.max_fill, {1e-9, 1}, "stop at this fraction of the mesh volume");
   t.add("max_seconds", o.max_seconds, {1e-3, 1e9, "s"}, "stop after this time");

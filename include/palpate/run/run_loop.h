@@ -33,11 +33,9 @@ struct WindowOptions {
 };
 inline void add_settings(SettingTable& t, WindowOptions& o) {
   t.section("window");
-  t.add("enabled", o.enabled,
-        "live on a CPU, by the field: make surfaces where the tool can be, not everywhere");
+  t.add("enabled", o.enabled, "live on a CPU, field: process frames only around the tool");
   t.add("speed", o.speed, {0, 100, "m/s"},
-        "how fast the tool is expected to move at least; a faster one is given room for twice its "
-        "speed");
+        "minimum expected tool speed; for a faster tool, twice its speed");
 }
 
 struct RunSettings {
@@ -70,22 +68,20 @@ inline void add_settings(SettingTable& t, RunSettings& s) {
   add_settings(t, s.time);
   add_settings(t, s.window);
   t.section("loop");
-  t.add("backend", s.backend,
-        "where surfaces and queries are computed; auto: on a GPU if there is one");
-  t.add("sensing_gpu", s.sensing_gpu, {0, 63}, "cuda: which GPU makes the surfaces");
-  t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: which GPU computes queries");
+  t.add("backend", s.backend, "backend of surfaces and queries; auto: a GPU if there is one");
+  t.add("sensing_gpu", s.sensing_gpu, {0, 63}, "cuda: GPU index for surfaces");
+  t.add("contact_gpu", s.contact_gpu, {0, 63}, "cuda: GPU index for queries");
   t.add("threads", s.num_threads, {0, 256, "threads"},
-        "for surfaces, and at most so many for queries of large tools; 0: one per core");
+        "for surfaces, and the maximum for queries of large tools; 0: one per core");
   t.add("binning", s.binning, {1, kMaxBinning, "pixels"},
-        "of the depth image become one, along each side, before its surface is made");
+        "depth pixels combined along each side before the surface is computed");
   t.add("spheres", s.num_spheres, {0, 1 << 30, "spheres"},
-        "of the tool, the first ones, are asked by queries; 0: all");
+        "queries use the first N spheres of the tool; 0: all");
   t.add("thin_out", s.may_thin,
-        "live: before the force is lost because the computer cannot keep up, draw the page less, "
-        "then make images smaller (binning) or ask fewer spheres, until it can");
-  t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "queries per second, at most");
-  t.add("real_time", s.wants_real_time,
-        "real-time scheduling and locked memory where they are allowed");
+        "live, on a busy computer: update the page less, then bin images or use fewer "
+        "spheres, before the force is lost");
+  t.add("contact_rate", s.contact_rate, {1, 100000, "Hz"}, "maximum queries per second");
+  t.add("real_time", s.wants_real_time, "real-time scheduling and locked memory if permitted");
   add_settings(t, s.coupling);
   add_settings(t, s.safety);
   add_settings(t, s.bodies);
