@@ -20,7 +20,7 @@ find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench|scri
 cat >$out/pages/api.md <<'END'
 # C++ library
 
-[Every class and function](doxygen/html/index.html){target=_blank} of the public headers. The front door is
+[Every class and function](doxygen/html/index.html){target=_blank} of the public headers. Start with
 `palpate/palpate.h`: `load_tool`, `Sensor`, `Contact`.
 END
 mkdir -p $out/doxygen
