@@ -16,7 +16,7 @@ cp -r docs/. $out/pages
 rm $out/pages/Doxyfile
 # README is the first page; what lies beside the documentation is named, not linked.
 sed -E 's#\]\(docs/#](#g' README.md >$out/pages/index.md
-find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench|scripts|LICENSE|CHANGELOG|CONTRIBUTING|examples|web|tests|eval)[^)]*\)#\1#g' {} +
+find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench/|scripts/|LICENSE|CHANGELOG|CONTRIBUTING|THIRD_PARTY|CITATION|include/|examples|web/|tests/|eval/)[^)]*\)#\1#g' {} +
 cat >$out/pages/api.md <<'END'
 # C++ library
 
