@@ -51,13 +51,13 @@ struct CameraUri {
   std::optional<Vec3d> accelerometer;
   std::map<std::string, std::string> extras;  ///< parameters of single kinds
 
-  /// Error: an extra parameter that is not in `known`.
+  /// Checks `extras`. Error: an extra parameter that is not in `known`.
   Status check_extras(std::initializer_list<std::string_view> known = {}) const;
 };
 
-/// Errors: an invalid parameter, with its name. Does not check the kind.
+/// Parses a URI, except its kind. Errors: an invalid parameter, with its name.
 Result<CameraUri> parse_camera_uri(std::string_view text);
-/// Error: the cameras of one measurement have different worlds (`world=`).
+/// Checks that all cameras have the same world. Error: different worlds (`world=`).
 Status check_one_world(std::span<const CameraUri> cameras);
 
 // Finding and opening depth cameras by URI.
@@ -225,7 +225,7 @@ class LinkPoses {
 /// the camera, for all backends.
 class SelfFilter {
  public:
-  /// Error: an option out of range.
+  /// Creates a filter. Error: an option out of its range.
   static Result<SelfFilter> create(std::vector<RobotLink> links,
                                    std::shared_ptr<const LinkPoses> poses,
                                    const SelfFilterOptions& options = {});
@@ -246,10 +246,10 @@ struct RobotFiles {
   std::string pose;    ///< X_WB of its base: "tx ty tz qx qy qz qw" or a TUM file; empty: identity
   std::string packages;  ///< folders for package://, separated by ':'
 };
-/// Errors: an unreadable file, with its path; a missing mesh, with the paths that were tried;
-/// joints without a state in the source.
+/// Opens the files. Errors: an unreadable file, with its path; a missing mesh, with the paths that
+/// were tried; joints without a state in the source.
 Result<SelfFilter> open_self_filter(const RobotFiles& files, const SelfFilterOptions& options = {});
-/// Error: tf places the robot in another world than one of the cameras.
+/// Checks the worlds. Error: tf places the robot in another world than one of the cameras.
 Status check_one_world(std::span<const CameraUri> cameras, const RobotFiles& robot);
 
 }  // namespace palpate::inline v0

@@ -229,8 +229,8 @@ DepthAverageOptions depth_average_options_for(SensorKind sensor);
 /// Averages depth over time. Owns all buffers for one image size; `update` allocates nothing.
 class DepthAverager {
  public:
-  /// Errors: a size out of 8..4096, options out of range. All instruction sets give the same bits;
-  /// an unsupported one falls back to a lower one.
+  /// Allocates all buffers. Errors: a size out of 8..4096, options out of range. All instruction
+  /// sets give the same bits; an unsupported one falls back to a lower one.
   static Result<DepthAverager> create(int width, int height, const DepthAverageOptions& options,
                                       Isa isa = best_isa());
   DepthAverager(DepthAverager&&) noexcept;

@@ -105,7 +105,7 @@ inline void add_settings(SettingTable& t, SurfaceOptions& o) {
   add_settings(t, o.normals);
   add_settings(t, o.depth_change);
 }
-/// Errors: a setting out of range; min_depth greater than max_depth.
+/// Checks the options. Errors: a setting out of range; min_depth greater than max_depth.
 Status check(const SurfaceOptions& options);
 /// Options for the noise and the edges of a kind of sensor (docs/guide/cameras.md, "By kind of
 /// sensor"). For none: the defaults.
@@ -126,10 +126,10 @@ struct SurfaceParts {
 /// Estimates surfaces of one image size. Owns all buffers; `update` allocates nothing.
 class SurfaceEstimator {
  public:
-  /// Errors: size out of 8..kMaxImageWidth, intrinsics not positive and finite, options out of
-  /// range. All instruction sets give the same bits; an unsupported one falls back to a lower one.
-  /// Images with lens `distortion` are undistorted on reading: each pixel takes the nearest raw
-  /// pixel.
+  /// Allocates all buffers. Errors: size out of 8..kMaxImageWidth, intrinsics not positive and
+  /// finite, options out of range. All instruction sets give the same bits; an unsupported one
+  /// falls back to a lower one. Images with lens `distortion` are undistorted on reading: each
+  /// pixel takes the nearest raw pixel.
   static Result<SurfaceEstimator> create(int width, int height, const Intrinsics& intrinsics,
                                          const SurfaceOptions& options = {}, Isa isa = best_isa(),
                                          const Distortion& distortion = {});

@@ -111,7 +111,7 @@ struct ExecutionOptions {
   int gpu = 0;                 ///< GPU index, for the CUDA backend
 };
 
-/// Errors: the backend is not in this build or on this machine.
+/// Creates a query. Errors: the backend is not in this build or on this machine.
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
@@ -177,8 +177,8 @@ class BatchQuery {
   virtual Status reserve(int num_surfaces, int num_poses) const = 0;
 };
 
-/// Errors: a method other than FieldMethod; the backend is not in this build or on this machine.
-/// `capacities.pool` distributes a batch over its threads.
+/// Creates a batch query; `capacities.pool` spreads a batch over its threads. Errors: a method
+/// other than FieldMethod; the backend is not in this build or on this machine.
 Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
                                                      std::shared_ptr<const ToolIndex> index,
                                                      const ContactMethod& method = {},
@@ -187,9 +187,9 @@ Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
 /// A ContactQuery with its own threads: the simplest way to measure. One thread at a time.
 class Contact {
  public:
-  /// `tool` must outlive it. On a CPU, a measurement uses the caller's thread and `num_threads` - 1
-  /// more (0: one per core), which is worth it for more than about 50,000 spheres. Errors: the
-  /// place is not in this build or on this machine.
+  /// Creates a contact; `tool` must outlive it. On a CPU, a measurement uses the caller's thread
+  /// and `num_threads` - 1 more (0: one per core), worth it for over 50,000 spheres or so. Errors:
+  /// the place is not in this build or on this machine.
   static Result<Contact> create(const Tool& tool, const ContactMethod& method = FieldMethod{},
                                 const Place& place = Place::cpu(), int num_threads = 1) {
     auto pool = std::make_unique<ThreadPool>(num_threads);

@@ -248,7 +248,7 @@ using ContactMethod = std::variant<FieldMethod, WeightedMethod, SimplifiedMethod
 /// Resets options that the method does not have to their defaults. Returns the names of those that
 /// differed.
 std::vector<std::string> drop_foreign_options(ContactOptions& options);
-/// Error: an option that the method does not have is not at its default.
+/// The method with its options. Error: an option that the method does not have was changed.
 Result<ContactMethod> contact_method(const ContactOptions& options);
 /// The inverse.
 ContactOptions contact_options(const ContactMethod& method);

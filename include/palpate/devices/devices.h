@@ -78,7 +78,7 @@ inline void add_settings(SettingTable& t, SimulatedDeviceOptions& o) {
 
 class SimulatedDevice : public HapticDevice {
  public:
-  /// Errors: options out of range.
+  /// Creates a device. Errors: options out of range.
   static Result<std::unique_ptr<SimulatedDevice>> create(const SimulatedDeviceOptions& options);
 
   /// With in_real_time = false: computes `num_ticks` ticks. Call start() first.

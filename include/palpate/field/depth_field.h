@@ -171,8 +171,8 @@ struct DepthFieldView {
 /// A depth field of one image size. Owns its buffers; `update` allocates nothing.
 class DepthField {
  public:
-  /// Errors: a size out of 8..4096, options out of range. All instruction sets give the same bits;
-  /// an unsupported one falls back to a lower one.
+  /// Allocates all buffers. Errors: a size out of 8..4096, options out of range. All instruction
+  /// sets give the same bits; an unsupported one falls back to a lower one.
   static Result<DepthField> create(int width, int height, const DepthFieldOptions& options = {},
                                    Isa isa = best_isa());
   DepthField(DepthField&&) noexcept;

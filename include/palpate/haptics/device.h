@@ -96,7 +96,7 @@ class PageHandle {
   PageHandle();
   ~PageHandle();
 
-  /// Error: another page holds the handle.
+  /// Takes the handle for `page`. Error: another page holds it.
   Status hold(PageNumber page, double now);
   /// The first pose after hold() is the reference for the current pose of the handle, and moves
   /// nothing; differences of later poses move the handle, in B. Errors: `page` does not hold it;

@@ -203,8 +203,8 @@ std::string_view describe_change(const SafetyStatus& before, const SafetyStatus&
 /// after a fault requests it.
 class SafetyFilter {
  public:
-  /// Errors: options out of range or not finite, limits negative or not finite. A limit of 0 means
-  /// that the device renders none.
+  /// Creates a filter. Errors: options out of range or not finite, limits negative or not finite. A
+  /// limit of 0 means that the device renders none.
   static Result<SafetyFilter> create(const DeviceLimits& limits, const SafetyOptions& options);
 
   /// Force and torque are limited separately and keep their direction.

@@ -17,8 +17,8 @@ namespace palpate::inline v0 {
 /// Writes to a temporary file beside `path`, then renames it: never leaves half a file.
 Status save_tool(const Tool& tool, const std::filesystem::path& path);
 
-/// Errors: not a tool file, newer version, truncated, checksum mismatch, values out of range. Sizes
-/// are checked against the file's length before any allocation.
+/// Reads a tool file. Errors: not a tool file, newer version, truncated, checksum mismatch, values
+/// out of range. Checks sizes against the file's length before any allocation.
 Result<Tool> load_tool(const std::filesystem::path& path);
 
 /// The same in memory. Errors: as above, without a file name in the message.

@@ -75,8 +75,8 @@ class Setting {
   /// The full name: "coupling.stiffness".
   std::string key() const;
   SettingValue get() const;
-  /// Errors: a value of another kind or out of range; nothing changes then. The message has the
-  /// name (`told_as`, or the key), the accepted range with its unit, and the value.
+  /// Sets the value. Errors: another kind, or out of range; nothing changes then. The message has
+  /// the name (`told_as`, or the key), the accepted range with its unit, and the value.
   Status set(const SettingValue& value, std::string_view told_as = {});
   /// Checks the current value. Errors: same as set.
   Status check() const;
@@ -120,7 +120,7 @@ class SettingTable {
   /// Finds by section and name, "coupling.stiffness"; null if there is none.
   Setting* find(std::string_view key);
   const Setting* find(std::string_view key) const;
-  /// Errors: an unknown key (with the nearest one); otherwise same as Setting::set.
+  /// Sets a value by key. Errors: an unknown key (with the nearest one); as of Setting::set.
   Status set(std::string_view key, const SettingValue& value);
 
  private:
@@ -143,7 +143,7 @@ const SettingTable settings_of(const Options& options) {
   return settings_of(const_cast<Options&>(options));
 }
 
-/// Error: the first setting that is out of range.
+/// Checks all settings. Error: the first setting that is out of range.
 Status check_settings(const SettingTable& table);
 /// The first setting whose values differ, or null. Both tables are of the same options type.
 const Setting* first_difference(const SettingTable& a, const SettingTable& b);
