@@ -53,14 +53,14 @@ InsideParts inside_parts(std::span<const Sphere> spheres, const ContactQuery& qu
 }  // namespace
 
 void add_caps_options(CLI::App& app, CapsOptions& options) {
-  const std::string group = "Picture of what is inside";
+  const std::string group = "Export of the penetrating part";
   app.add_option("--caps", options.file,
-                 "write the inside part of every sphere in the camera frame, cut ones purple and "
-                 "whole ones blue (.ply or .glb); for one --pose, without objects")
+                 "write the part of every sphere inside the scene, in the camera frame, cut "
+                 "spheres purple, whole ones blue (.ply or .glb); for one --pose, without objects")
       ->type_name("FILE.ply")
       ->group(group);
   add_number(app, "--caps-segments", options.segments, {3, 1000, "triangles"},
-             "round each sphere of --caps")
+             "triangles around each sphere of --caps")
       ->group(group);
 }
 

@@ -37,17 +37,17 @@ Error taken(const std::string& name) {
 void add_output_options(CLI::App& app, FrameOptions& options, RunSettings& settings) {
   const std::string group = "Frames";
   app.add_option("--wrench-frame", options.wrench,
-                 "in whose axes pose and wrench are told once more (columns told_* of wrench.csv, "
-                 "\"told\" of query): world, camera, tool, device, or a frame of the rig; over "
-                 "ROS 2 tool, or camera: that of the poses there")
+                 "frame of the reported pose and wrench (columns told_* of wrench.csv, \"told\" "
+                 "of query): world, camera, tool, device, or a frame of the rig; over ROS 2: "
+                 "tool, or camera for the frame of the poses there")
       ->type_name("FRAME")
       ->group(group);
   SettingTable table = settings_of(settings);
   add_setting(app, "--wrench-point", *table.find("output.wrench_point"))->group(group);
   app.add_option_function<std::string>(
          "--tcp", [&settings](const std::string& text) { settings.output.X_TE = parse_tcp(text); },
-         "the tool's centre point in the frame of its mesh, m: poses of tools that are given and "
-         "told are its, and torques are told about it (--wrench-point tcp)")
+         "tool center point (TCP) in the frame of its mesh, m: reference of all input and "
+         "output poses, and of torques with --wrench-point tcp")
       ->type_name("'x y z [qx qy qz qw]'")
       ->group(group);
 }

@@ -177,9 +177,10 @@ void FrozenViews::join_points() {
 }
 
 void add_frozen_options(CLI::App& app, FrozenOptions& options) {
-  app.add_option("--cloud", options.cloud, "points with normals (PLY or PCD)")->type_name("FILE");
+  app.add_option("--cloud", options.cloud, "cloud: points with normals (PLY or PCD)")
+      ->type_name("FILE");
   app.add_option("--depth", options.depths,
-                 "16-bit depth image (PNG; or an organised PCD); several, of several cameras, each "
+                 "16-bit depth image (PNG; or an organized PCD); repeat for several cameras, each "
                  "with its --camera-pose")
       ->type_name("FILE");
   app.add_option_function<std::vector<double>>(
@@ -189,12 +190,12 @@ void add_frozen_options(CLI::App& app, FrozenOptions& options) {
              options.intrinsics.push_back(checked_intrinsics({k[i], k[i + 1], k[i + 2], k[i + 3]}));
            }
          },
-         "of the depth image's camera, in pixels; once for all images, or once for each")
+         "intrinsics of the camera, in pixels; once for all images, or once for each")
       ->delimiter(',')
       ->type_size(4)
       ->expected(1, kMostCameras)
       ->type_name("fx,fy,cx,cy");
-  add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "of a count of the depth images");
+  add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "depth scale, meters per count");
   app.add_option_function<std::vector<std::string>>(
          "--camera-pose",
          [&options](const std::vector<std::string>& poses) {
@@ -204,11 +205,11 @@ void add_frozen_options(CLI::App& app, FrozenOptions& options) {
              options.X_WC.push_back(*pose);
            }
          },
-         "of a depth image's camera in the world, once for each image; the first one may be left "
-         "out: its frame is the world then")
+         "pose of the camera in the world, once for each image; without the first one, "
+         "its frame is the world")
       ->type_name("'tx ty tz qx qy qz qw'");
   app.add_option("--camera", options.streams,
-                 "the first frame of a depth stream, as palpate touch takes it; several, each with "
+                 "depth stream, of which the first frame is used; repeat for several, each with "
                  "?pose=tx,ty,tz,qx,qy,qz,qw of its camera in the world")
       ->type_name("URI");
   add_sensor_option(app, options.sensor);

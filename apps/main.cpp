@@ -10,12 +10,13 @@
 int main(int argc, char** argv) {
   CLI::App program(
       "Feel what a depth camera sees: how much of a rigid tool lies in the scene, and "
-      "the wrench that follows.",
+      "the resulting wrench.",
       "palpate");
   palpate::apps::add_common_options(program);
   program.require_subcommand(1);
   program.footer(
-      "palpate VERB --help tells more. SI units; camera frame: x right, y down, z forward.\n"
+      "palpate VERB --help explains each verb. SI units; camera frame: x right, y down, z "
+      "forward.\n"
       "Exit status: 0 ok, 1 the input or environment is at fault, 2 wrong usage.");
   palpate::apps::Action action;
   palpate::apps::add_shape(program, action);

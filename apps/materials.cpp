@@ -102,8 +102,8 @@ void parse_material(const std::string& text, MaterialOptions& options) {
 void add_material_options(CLI::App& app, MaterialOptions& options) {
   const std::string group = "Materials by region of the image";
   app.add_option("--labels", options.labels,
-                 "an image of 8 bits a pixel, as large as the depth image: what is seen where; "
-                 "of several cameras one each, in their order")
+                 "label image, 8 bits per pixel, size of the depth image; with several cameras "
+                 "one each, in their order")
       ->allow_extra_args(false)
       ->type_name("FILE.png")
       ->group(group);

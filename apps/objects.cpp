@@ -93,9 +93,8 @@ void add_object_option(CLI::App& app, std::vector<ObjectOption>& objects, bool c
          [&objects, can_move](const std::vector<std::string>& texts) {
            for (const std::string& text : texts) objects.push_back(parse_object(text, can_move));
          },
-         "a rigid object to feel beside the depth images, where it stays in the world, or with "
-         "frame=NAME in that of a camera or the rig; may be given several times; with friction=MU "
-         "it has its own" +
+         "rigid CAD object in the scene, with its pose in the world, or with frame=NAME "
+         "in a frame of the rig; repeat for several; friction=MU: its own friction" +
              moving)
       ->allow_extra_args(false)
       ->type_name(can_move ? kFormMoving : kForm);

@@ -111,8 +111,8 @@ void add_set_option(CLI::App& app, const SettingTable& table) {
   };
   app.add_option_function<std::vector<std::string>>(
          "--set", take,
-         "any setting, by its name in a settings file (docs/settings.md); may be given several "
-         "times")
+         "any setting, by its name in a settings file (docs/settings.md); repeat for "
+         "several")
       ->allow_extra_args(false)
       ->type_name("KEY=VALUE");
 }
@@ -192,17 +192,17 @@ void add_camera_options(CLI::App& app, CameraOptions& options) {
     options.intrinsics = checked_intrinsics({k[0], k[1], k[2], k[3]});
   };
   app.add_option_function<std::vector<double>>("--intrinsics", parse,
-                                               "of the depth camera, in pixels")
+                                               "intrinsics of the depth camera, in pixels")
       ->delimiter(',')
       ->expected(4)
       ->type_name("fx,fy,cx,cy");
-  add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "of a count of the depth images");
+  add_number(app, "--depth-unit", options.unit, {1e-6, 1, "m"}, "depth scale, meters per count");
 }
 
 void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor) {
   add_word(app, "--sensor", sensor,
-           "kind of depth camera, which chooses settings of surfaces that nobody gives; auto: as "
-           "the camera says");
+           "kind of depth camera: selects defaults of surface settings; auto: as the camera "
+           "reports");
 }
 
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface) {
@@ -214,7 +214,7 @@ void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOp
 
 void add_prefix_option(CLI::App& app, int& num_spheres) {
   add_number(app, "--spheres", num_spheres, {1, 1 << 30, "spheres"},
-             "only the first so many spheres of the tool file")
+             "use only the first N spheres of the tool file")
       ->default_str("all");
 }
 

@@ -46,11 +46,11 @@ bool is_token(const std::string& text) {
 
 void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOptions& options) {
   options.option_prefix = prefix;
-  app.add_option(prefix + "port", options.port, "of the page; 0: any free one")
+  app.add_option(prefix + "port", options.port, "port of the page; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
   app.add_option(prefix + "address", options.address,
-                 "where the page is served; all but this computer itself needs a token")
+                 "listen address of the page; any but loopback needs a token")
       ->type_name("ADDRESS")
       ->capture_default_str();
   app.add_option_function<std::string>(
@@ -61,7 +61,7 @@ void add_page_options(CLI::App& app, const std::string& prefix, ViewServerOption
            }
            options.token = text;
          },
-         "who does not know it gets nothing; default: made where one is needed")
+         "access token; default: generated if one is needed")
       ->type_name("TOKEN");
 }
 

@@ -78,7 +78,7 @@ void add_common_options(CLI::App& program) {
   program
       .add_flag_callback(
           "--licenses", [] { throw CLI::CallForVersion(license_notices(), 0); },
-          "Print what others ask us to say about their work in this program and exit")
+          "Print third-party notices and exit")
       ->configurable(false);
 }
 

@@ -40,24 +40,26 @@ CameraUri camera_of_scene(const SourceOptions& options) {
 
 void add_source_options(CLI::App& app, SourceOptions& options) {
   app.add_option("--camera", options.cameras,
-                 "depth stream, KIND[:TARGET][?NAME=VALUE&...], e.g. 'folder:frames/?intrinsics="
-                 "525,525,319.5,239.5' or 'pipe:-?size=640x480&intrinsics=...'; palpate cameras "
-                 "tells the kinds; several are joined, each with its &pose=tx,ty,tz,qx,qy,qz,qw in "
-                 "the world; without any source the camera that is plugged in")
+                 "depth stream, KIND[:TARGET][?NAME=VALUE&...], e.g. "
+                 "'folder:frames/?intrinsics=525,525,319.5,239.5' or "
+                 "'pipe:-?size=640x480&intrinsics=...'; palpate cameras lists the kinds; repeat "
+                 "for several, each with its &pose=tx,ty,tz,qx,qy,qz,qw in the world; default: "
+                 "the camera that is plugged in")
       ->type_name("URI");
-  app.add_option("--rig", options.rig, "several cameras by file: [[camera]] with uri and pose")
+  app.add_option("--rig", options.rig,
+                 "rig file with several cameras: [[camera]] with uri and pose")
       ->type_name("RIG.toml");
   app.add_option("--depth-sequence", options.depth_sequence,
-                 "folder of 16-bit PNGs, with depth.txt of time stamps or in name order")
+                 "folder of 16-bit PNGs, with timestamps in depth.txt or in name order")
       ->type_name("DIR");
   add_camera_options(app, options.camera);
   add_number(app, "--depth-rate", options.rate, {0.01, 10000, "Hz"},
-             "frames per second without time stamps");
+             "frames per second, if there are no timestamps");
   app.add_option("--scene", options.scene,
                  "simulated camera: " + scene_names() + "; palpate scenes tells more")
       ->type_name("NAME");
   app.add_flag_callback(
-      "--no-noise", [&options] { options.noise = false; }, "a perfect simulated camera");
+      "--no-noise", [&options] { options.noise = false; }, "simulated camera without noise");
   add_seed_option(app, options.seed, "of the simulated noise");
   add_sensor_option(app, options.sensor);
 }

@@ -126,15 +126,16 @@ Status run(const Options& options) {
 void add_calibrate(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
-      "calibrate", "Refine where the cameras of a rig are by what they see of one still scene.");
-  app.add_option("--rig", options->rig,
-                 "the cameras, with poses that are right to some centimetres")
+      "calibrate",
+      "Refine the camera poses of a rig from what the cameras see of one static scene.");
+  app.add_option("--rig", options->rig, "rig file, with poses within some centimeters")
       ->required()
       ->type_name("RIG.toml");
-  app.add_option("-o,--output", options->output, "the same with better poses; beside it, or itself")
+  app.add_option("-o,--output", options->output,
+                 "rig file to write, in the same folder; may be the input")
       ->required()
       ->type_name("RIG.toml");
-  app.add_option("--frames", options->num_frames, "of each camera are averaged")
+  app.add_option("--frames", options->num_frames, "number of averaged frames per camera")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_flag("--json", options->json, "print poses and residuals as JSON");

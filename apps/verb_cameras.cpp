@@ -132,18 +132,17 @@ Status self_test(std::vector<std::string> uris, double seconds) {
 void add_cameras(CLI::App& program, Action& action) {
   const auto json = std::make_shared<bool>(false);
   CLI::App& app = *program.add_subcommand(
-      "cameras", "List depth cameras; '-' marks kinds that cannot be used, and says why.");
+      "cameras", "List depth cameras; '-' marks kinds that cannot be used, with the reason.");
   app.alias("sensors");
   app.add_flag("--json", *json, "print the list as JSON");
   const auto uris = std::make_shared<std::vector<std::string>>();
   const auto tests = std::make_shared<bool>(false);
   CLI::Option* const self =
       app.add_flag("--selftest", *tests,
-                   "take frames from every camera for a few seconds and say what "
-                   "they are like: please tell us");
+                   "take frames from every camera for a few seconds and report their properties");
   app.add_option("uri", *uris, "--selftest: only these")->type_name("URI")->needs(self);
   const auto seconds = std::make_shared<double>(5);
-  app.add_option("--seconds", *seconds, "--selftest: how long each is read")
+  app.add_option("--seconds", *seconds, "--selftest: time per camera")
       ->check(CLI::Range(0.1, 86400.0))
       ->needs(self);
   app.footer("Example: palpate cameras --selftest");

@@ -35,7 +35,7 @@ Status run(bool json) {
 void add_devices(CLI::App& program, Action& action) {
   const auto json = std::make_shared<bool>(false);
   CLI::App& app = *program.add_subcommand(
-      "devices", "List haptic devices; '-' marks those that cannot be used, and says why.");
+      "devices", "List haptic devices; '-' marks those that cannot be used, with the reason.");
   app.add_flag("--json", *json, "print the list as JSON");
   app.footer("Example: palpate devices");
   app.callback([json, &action] { action = [json] { return run(*json); }; });

@@ -80,9 +80,9 @@ void add_export(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand("export", "Write a tool's spheres, graph or mesh.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
-  app.add_option("--spheres", options->spheres, "x,y,z,r of every sphere, in metres")
+  app.add_option("--spheres", options->spheres, "x,y,z,r of every sphere, in meters")
       ->type_name("FILE.csv");
-  app.add_option("--edges", options->edges, "a,b: neighbours in the leaf graph")
+  app.add_option("--edges", options->edges, "a,b: neighbors in the leaf graph")
       ->type_name("FILE.csv");
   app.add_option("--mesh", options->mesh, "the repaired mesh (.ply, .stl or .obj)")
       ->type_name("FILE.ply");

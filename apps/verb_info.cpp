@@ -44,9 +44,9 @@ Status run(const Options& options) {
 
 void add_info(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
-  CLI::App& app = *program.add_subcommand("info", "Tell what is in a tool file.");
+  CLI::App& app = *program.add_subcommand("info", "Print the contents of a tool file.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
-  app.add_option("--report", options->page, "write a page that shows the packing")
+  app.add_option("--report", options->page, "write an HTML page about the packing")
       ->type_name("PAGE.html");
   app.add_flag("--json", options->json, "print it as JSON");
   app.footer("Example: palpate info drill.palp --json");

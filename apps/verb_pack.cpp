@@ -127,17 +127,16 @@ void add_limits(CLI::App& app, PackRequest& request) {
       };
   app.add_option_function<std::string>(
          "--spheres", parse_spheres,
-         "at most so many spheres; auto: from 1000 to 50000, as many as it takes for 95 % of the "
-         "surface to be nearer to a sphere than 0.5 % of the tool's longest side")
+         "maximum number of spheres; auto: from 1000 to 50000, until 95 % of the surface "
+         "is within 0.5 % of the tool's longest side of a sphere")
       ->type_name("NUMBER|auto")
       ->default_str(std::to_string(pack.max_spheres));
   add_word(app, "--unit", request.unit, "unit of the mesh file");
-  add_number(app, "--scale", request.scale, {1e-9, 1e9}, "factor on top of the unit");
+  add_number(app, "--scale", request.scale, {1e-9, 1e9}, "additional scale factor");
   add_setting_options(app, "", limits, kPackLimits);
-  app.add_option(
-         "--camera-spacing", request.camera_spacing,
-         "no sphere too small to be sure to hold a point of a camera at depth Z metres with "
-         "focal length F pixels: --min-radius Z / F / sqrt 2 at least")
+  app.add_option("--camera-spacing", request.camera_spacing,
+                 "omit spheres too small to resolve for a camera at depth Z meters with focal "
+                 "length F pixels: --min-radius of at least Z / F / sqrt 2")
       ->delimiter(',')
       ->expected(2)
       ->type_name("Z,F");
@@ -157,14 +156,15 @@ void add_pack(CLI::App& program, Action& action) {
       ->required()
       ->type_name("MESH");
   app.add_option("-o,--output", options->output,
-                 "tool file to write; for a folder of meshes the folder of tools")
+                 "tool file to write; for a folder of meshes, the folder of tools")
       ->required()
       ->type_name("TOOL.palp");
   add_limits(app, options->request);
   CLI::Option* report =
-      app.add_option("--report", options->page,
-                     "write a page that shows the packing; for a folder, without a name, one "
-                     "beside each tool")
+      app.add_option(
+             "--report", options->page,
+             "write an HTML page about the packing; for a folder, without a name: one beside "
+             "each tool")
           ->expected(0, 1)
           ->type_name("PAGE.html");
   app.add_flag("--json", options->json, "print the result as JSON");

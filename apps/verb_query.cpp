@@ -258,22 +258,24 @@ void check(Options& options) {
 void add_query(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
-      "query", "Measure a tool against frozen views of one or more cameras, once for each pose.");
+      "query",
+      "Measure a tool against single depth images of one or more cameras, once per "
+      "pose.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
   add_prefix_option(app, options->num_spheres);
   add_frozen_options(app, options->views);
   app.add_option("--pose", options->pose,
-                 "tool in the world, which is the frame of a single camera")
+                 "pose of the tool in the world (with a single camera: the camera frame)")
       ->type_name("'tx ty tz qx qy qz qw'");
-  app.add_option(
-         "--poses", options->poses,
-         "many poses: lines 't tx ty tz qx qy qz qw'; or Parquet with columns tx ty tz qx qy "
-         "qz qw, answered into -o by the program of the Python package")
+  app.add_option("--poses", options->poses,
+                 "file of poses: lines 't tx ty tz qx qy qz qw'; or Parquet with columns tx ty tz "
+                 "qx qy qz qw and output to -o, with the program of the Python package")
       ->type_name("FILE");
   app.add_option("--shard", options->shard,
-                 "with Parquet: the K-th of N parts of the poses, from 1")
+                 "with Parquet: compute the K-th of N parts, counted from 1")
       ->type_name("K/N");
-  app.add_option("-o,--output", options->output, "with Parquet: the poses with their answers")
+  app.add_option("-o,--output", options->output,
+                 "with Parquet: output file, the poses with their results")
       ->type_name("FILE.parquet");
   add_object_option(app, options->objects, false);
   add_output_options(app, options->frames, options->settings);

@@ -114,16 +114,17 @@ Status run(const Options& options) {
 void add_record(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
-      "record", "Record depth streams as an MCAP file, which --camera bag:FILE gives again.");
+      "record", "Record depth streams as an MCAP file, which --camera bag:FILE plays back.");
   app.add_option("--camera", options->cameras,
-                 "depth stream; palpate cameras tells the kinds; several are recorded together")
+                 "depth stream; palpate cameras lists the kinds; repeat for several")
       ->required()
       ->type_name("URI");
   app.add_option("-o,--output", options->output, "the file to write")
       ->required()
       ->type_name("FILE.mcap");
   add_robot_options(app, options->robot);
-  app.add_option("--duration", options->duration, "seconds; default: until the stream or you end")
+  app.add_option("--duration", options->duration,
+                 "seconds; default: until the stream ends or Ctrl-C")
       ->check(CLI::Range(1e-3, 86400.0));
   app.add_flag("--json", options->json, "print what was recorded as JSON");
   app.footer("Example: palpate record --camera openni2 --duration 10 -o hand.mcap");

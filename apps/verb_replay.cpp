@@ -31,7 +31,7 @@ void add_all_settings(CLI::App& app, RunSettings& settings) {
            const auto read = read_settings_file(path, settings_of(settings));
            if (!read) throw CLI::ValidationError(read.error().message);
          },
-         "settings as of palpate touch; other options win over it")
+         "settings file as for palpate touch; other options override it")
       ->trigger_on_parse()
       ->type_name("FILE.toml");
   const SettingTable table = settings_of(settings);
@@ -165,13 +165,11 @@ void add_replay(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand(
       "replay",
-      "Repeat a run from its recording and compare every number, or try the same hand and frames "
-      "with other settings.");
-  app.add_option("run", options->run, "folder that palpate touch wrote")
-      ->required()
-      ->type_name("RUN");
+      "Repeat a run from its recording and compare every number, or compute the same "
+      "motion and frames with other settings.");
+  app.add_option("run", options->run, "folder of a run")->required()->type_name("RUN");
   app.add_option("-o,--output", options->output,
-                 "write what the same hand and frames give with these settings as a run of its own")
+                 "write a new run: the same motion and frames with these settings")
       ->type_name("RUN2");
   add_all_settings(app, options->settings);
   app.add_flag("--json", options->json, "print the verdict as JSON");

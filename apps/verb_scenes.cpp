@@ -43,7 +43,7 @@ Status run(bool as_json) {
 void add_scenes(CLI::App& program, Action& action) {
   const auto as_json = std::make_shared<bool>(false);
   CLI::App& app = *program.add_subcommand(
-      "scenes", "List the simulated scenes for touch --scene, each with the tool that fits.");
+      "scenes", "List the simulated scenes for touch --scene, each with a tool that fits.");
   app.add_flag("--json", *as_json, "print it as JSON");
   app.footer("Example: palpate scenes");
   app.callback([as_json, &action] { action = [as_json] { return run(*as_json); }; });

@@ -32,7 +32,7 @@ Status run(const Options& options) {
 
 void add_shape(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
-  CLI::App& app = *program.add_subcommand("shape", "Write a simple closed mesh, in metres.");
+  CLI::App& app = *program.add_subcommand("shape", "Write a generated closed mesh, in meters.");
   std::string names;
   for (const std::string& name : shape_names()) names += (names.empty() ? "" : ", ") + name;
   const auto parse_name = [options, names](const std::string& name) {

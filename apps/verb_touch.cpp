@@ -95,8 +95,8 @@ std::vector<double> parse_place(const std::string& text) {
 
 /// What a path that is not given touches.
 void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
-  const std::string group = "Without --path: what the tool probes";
-  const std::string places = "a pixel u,v of the depth image or a point x,y,z in metres";
+  const std::string group = "Without --path: target of the probing";
+  const std::string places = "a pixel u,v of the depth image or a point x,y,z in meters";
   app.add_option_function<std::string>(
          "--probe",
          [options, places](const std::string& text) {
@@ -109,10 +109,11 @@ void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
              usage_error("--probe: must be " + places + ", not '" + text + "'");
            }
          },
-         places + "; default: the nearest place near the middle that is seen well")
+         "target: " + places +
+             "; default: a well-measured place near the camera and the image center")
       ->type_name("u,v|x,y,z")
       ->group(group);
-  const std::string tips = "a point x,y,z of the tool in metres, in the frame of its mesh";
+  const std::string tips = "a point x,y,z of the tool in meters, in the frame of its mesh";
   app.add_option_function<std::string>(
          "--tip",
          [options, tips](const std::string& text) {
@@ -120,7 +121,7 @@ void add_aim_options(CLI::App& app, const std::shared_ptr<Options>& options) {
            if (tip.size() != 3) usage_error("--tip: must be " + tips + ", not '" + text + "'");
            options->aim.tip_T = Vec3d{tip[0], tip[1], tip[2]};
          },
-         tips + ": this end leads; default: the thinnest end")
+         "leading end: " + tips + "; default: the thinnest end")
       ->type_name("x,y,z")
       ->group(group);
 }
@@ -154,8 +155,8 @@ void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) 
              refuse("--record-keep", text, "a time of 1s or more, as 90s, 10min, 2h");
            options->recording.keep_seconds = seconds;
          },
-         "keep only so much of the end of the run, e.g. 10min: the recording comes in parts, and "
-         "older ones are removed")
+         "keep only the last part of the run, e.g. 10min: splits the recording and "
+         "removes older parts")
       ->type_name("TIME")
       ->group(group);
   app.add_option_function<std::string>(
@@ -166,17 +167,16 @@ void add_record_options(CLI::App& app, const std::shared_ptr<Options>& options) 
            if (bytes < 1e6) refuse("--record-split", text, "a size of 1MB or more, as 500MB, 1GB");
            options->recording.split_bytes = bytes;
          },
-         "begin another file of the recording when one is so large, e.g. 1GB; each can be repeated "
-         "and shown by itself")
+         "split the recording into files of this size, e.g. 1GB; each can be replayed and "
+         "viewed alone")
       ->type_name("SIZE")
       ->group(group);
 }
 
 /// Of the page that is shown meanwhile.
 void add_view_options(CLI::App& app, Options& options) {
-  app.add_flag(
-      "--view", options.has_page,
-      "show the run in a browser meanwhile; without --device it keeps pace with the clock");
+  app.add_flag("--view", options.has_page,
+               "show the run in a browser; without --device it then runs in real time");
   add_page_options(app, "--view-", options.page);
 }
 
@@ -241,11 +241,11 @@ std::string commented_settings() {
 void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   const std::string group = "Hand and settings";
   app.add_option("--device", options->device,
-                 "run live with the tool in the hand: sim[:MODEL], replay:FILE, spacenav, "
-                 "haply[:URL], forcedimension, openhaptics, vrpn:NAME@HOST, ros2:/POSE_TOPIC, "
-                 "page (mouse, finger or gamepad in the page of --view); palpate devices tells "
-                 "what is there; --device alone takes the one that is; without it the tool follows "
-                 "the path on a simulated clock")
+                 "run live with a haptic device: sim[:MODEL], replay:FILE, spacenav, haply[:URL], "
+                 "forcedimension, openhaptics, vrpn:NAME@HOST, ros2:/POSE_TOPIC, page (mouse, "
+                 "finger or gamepad in the page of --view); palpate devices lists them; --device "
+                 "alone uses the one that is connected; default: the tool follows a path on a "
+                 "simulated clock")
       ->type_name("DEVICE")
       ->expected(0, 1)
       ->group(group);
@@ -255,7 +255,8 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
          [options](const std::string& path) {
            options->settings_read = read_settings(path, *options);
          },
-         "settings of surfaces, contact, loop, coupling and safety; other options win over it")
+         "settings file for surfaces, contact, loop, coupling and safety; other options "
+         "override it")
       ->trigger_on_parse()
       ->type_name("FILE.toml")
       ->group(group);
@@ -263,31 +264,29 @@ void add_hand_options(CLI::App& app, const std::shared_ptr<Options>& options) {
   app.add_flag_callback(
          "--print-settings",
          [] { throw CLI::CallForVersion(commented_settings(), 0); },  // ends well
-         "print a settings file with the defaults, each explained and behind a #, and do nothing "
-         "else")
+         "print a settings file with all defaults as comments, and exit")
       ->group(group);
 }
 
 void add_path_options(CLI::App& app, Options& options) {
-  app.add_option(
-         "--path", options.path,
-         "poses of the tool: lines 't tx ty tz qx qy qz qw'; default: the scene's, or a probe "
-         "at one place, see --probe")
+  app.add_option("--path", options.path,
+                 "file of tool poses: lines 't tx ty tz qx qy qz qw'; default: the scene's path, "
+                 "or automatic probing, see --probe")
       ->type_name("FILE");
-  app.add_option(
-         "--path-frame", options.frames.path,
-         "what the poses of --path and replay: are: of the tool in the world, which is the camera "
-         "frame unless cameras have poses; in camera, camera_2, ... or another frame of the rig; "
-         "in device (the base of coupling.base_in_scene); base: of the handle in that")
+  app.add_option("--path-frame", options.frames.path,
+                 "frame of the poses of --path and replay: (tool poses): world, which is the "
+                 "camera frame unless cameras have poses; camera, camera_2, ... or another frame "
+                 "of the rig; device (the base at coupling.base_in_scene); base: poses of the "
+                 "handle in the device base")
       ->type_name("FRAME")
       ->capture_default_str();
   app.add_option("--base-frame", options.frames.base,
-                 "the frame that coupling.base_in_scene is in: camera, camera_2, ... or another "
-                 "one of the rig; default: the world")
+                 "frame of coupling.base_in_scene: camera, camera_2, ... or another frame of the "
+                 "rig; default: the world")
       ->type_name("FRAME");
   add_word(app, "--align", options.align,
-           "path and depth frames by their time stamps, or both begin at once; auto: by stamps "
-           "if both count from 1970");
+           "align path and depth frames by timestamps, or start both together; auto: by "
+           "timestamps if both count from 1970");
 }
 
 }  // namespace
@@ -296,7 +295,7 @@ void add_touch(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   options->settings = settings_of_runs();
   CLI::App& app = *program.add_subcommand(
-      "touch", "Move a tool through a stream of depth images and record what it feels.");
+      "touch", "Move a tool through a stream of depth images and record the contact forces.");
   app.add_option("tool", options->tool, "tool file")->required()->type_name("TOOL.palp");
   app.add_option("-o,--output", options->output, "folder of the run: new, empty or an earlier run")
       ->required()
@@ -305,7 +304,8 @@ void add_touch(CLI::App& program, Action& action) {
   add_source_options(app, *source);
   add_robot_options(app, options->robot);
   add_path_options(app, *options);
-  app.add_option("--duration", options->duration, "seconds; default: until path or frames end")
+  app.add_option("--duration", options->duration,
+                 "seconds; default: until the path or the frames end")
       ->check(CLI::Range(1e-3, 86400.0));
   const SettingTable table = settings_of(options->settings);
   add_setting_options(app, "", table, kLoopOptions);
@@ -323,7 +323,7 @@ void add_touch(CLI::App& program, Action& action) {
   add_record_options(app, options);
   add_view_options(app, *options);
   app.add_flag("--ros2", options->ros.is_wanted,
-               "publish wrench, contact, the tool's pose and points over ROS 2 meanwhile")
+               "also publish wrench, contact, tool pose and points over ROS 2")
       ->group("ROS 2");
   add_ros_options(app, options->ros);
   app.add_flag("--json", options->json, "print the summary as JSON");

@@ -65,11 +65,11 @@ Status run(const Options& options) {
 void add_view(CLI::App& program, Action& action) {
   const auto options = std::make_shared<Options>();
   CLI::App& app = *program.add_subcommand("view", "Show a run or a tool in a browser.");
-  app.add_option("what", options->what, "folder that palpate touch wrote, or a tool file")
+  app.add_option("what", options->what, "folder of a run, or a tool file")
       ->required()
       ->type_name("RUN|TOOL.palp");
   add_page_options(app, "--", options->server);
-  app.add_flag("--open", options->opens_browser, "open the browser of this computer, too");
+  app.add_flag("--open", options->opens_browser, "also open the browser of this computer");
   app.footer(
       "Example: palpate view run1\n"
       "Example: palpate view drill.palp --port 0 --open");

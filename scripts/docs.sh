@@ -16,11 +16,11 @@ cp -r docs/. $out/pages
 rm $out/pages/Doxyfile
 # README is the first page; what lies beside the documentation is named, not linked.
 sed -E 's#\]\(docs/#](#g' README.md >$out/pages/index.md
-find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench|scripts|LICENSE|CHANGELOG|CONTRIBUTING|examples|web|tests|eval)[^)]*\)#\1#g' {} +
+find $out/pages -name '*.md' -exec sed -i -E 's#\[([^]]*)\]\((\.\./)*(bench/|scripts/|LICENSE|CHANGELOG|CONTRIBUTING|THIRD_PARTY|CITATION|include/|examples|web/|tests/|eval/)[^)]*\)#\1#g' {} +
 cat >$out/pages/api.md <<'END'
 # C++ library
 
-[Every class and function](doxygen/html/index.html){target=_blank} of the public headers. The front door is
+[Every class and function](doxygen/html/index.html){target=_blank} of the public headers. Start with
 `palpate/palpate.h`: `load_tool`, `Sensor`, `Contact`.
 END
 mkdir -p $out/doxygen

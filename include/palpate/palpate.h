@@ -1,5 +1,5 @@
-// Everything from a depth image to a force: pack or load a tool, give each image to a Sensor, ask a
-// Contact how much of the tool is inside the scene. Needs nothing but the standard library.
+// The main header: pack or load a tool, turn images into surfaces with a Sensor, and measure the
+// contact with a Contact. Needs only the standard library.
 //
 //   auto tool = palpate::load_tool("stylus.palp").value();
 //   auto sensor = palpate::Sensor::create({640, 480, {525, 525, 319.5, 239.5}}).value();
@@ -7,7 +7,7 @@
 //   auto result = contact.measure(sensor.update({640, 480, counts, 0.001}), X_WT);
 //   palpate::Wrench F_W = palpate::VolumeStiffness{1e6} * result.penetration.measure_W;
 //
-// With palpate::Place::cuda() for both, the same on a GPU.
+// Pass palpate::Place::cuda() to both to compute on a GPU.
 #pragma once
 
 #include "palpate/contact/contact.h"

@@ -1,4 +1,4 @@
-// Which Palpate this is. The build reads the number here.
+// The version of Palpate. The build reads the number here.
 #pragma once
 
 #define PALPATE_VERSION "0.1.0"

@@ -1,5 +1,5 @@
-// Point clouds of the size of an image, windows of it, and clouds of several cameras laid onto each
-// other.
+// Point clouds of the size of an image, pixel windows, and the alignment of clouds from several
+// cameras.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace palpate::inline v0 {
 
 // A rectangle of pixels.
 
-/// Columns [left, right) and rows [top, bottom); by default those of every image.
+/// Columns [left, right) and rows [top, bottom); the default covers every image.
 struct PixelWindow {
   static constexpr int kEverything = 1 << 20;
 
@@ -28,7 +28,7 @@ struct PixelWindow {
   int width() const { return right - left; }
   int height() const { return bottom - top; }
   bool is_empty() const { return left >= right || top >= bottom; }
-  /// Of an image of this size.
+  /// True if it covers an image of this size.
   bool has_all(int image_width, int image_height) const {
     return left <= 0 && top <= 0 && right >= image_width && bottom >= image_height;
   }
@@ -42,12 +42,12 @@ struct PixelWindow {
     return {std::max(left, 0), std::max(top, 0), std::min(right, image_width),
             std::min(bottom, image_height)};
   }
-  /// Around both.
+  /// Bounding window of both.
   PixelWindow joined(const PixelWindow& other) const {
     return {std::min(left, other.left), std::min(top, other.top), std::max(right, other.right),
             std::max(bottom, other.bottom)};
   }
-  /// From multiples of `step` to multiples of `step`, not negative.
+  /// Extended to multiples of `step`, clamped at 0.
   PixelWindow aligned(int step) const {
     const auto down = [step](int at) { return std::max(at, 0) / step * step; };
     return {down(left), down(top), down(right + step - 1), down(bottom + step - 1)};
@@ -55,12 +55,12 @@ struct PixelWindow {
   friend bool operator==(const PixelWindow&, const PixelWindow&) = default;
 };
 
-// Oriented point clouds, organised like an image or not.
+// Oriented point clouds, organized like an image or not.
 
-/// What a query sees. Not owning, trivially copyable. Point i has coordinates x[i], y[i], z[i]
-/// (camera frame C, metres) and a unit normal out of the environment. An invalid point is NaN in
-/// all six. Point (u, v) of an organised cloud is i = v * width + u; an unorganised cloud has
-/// height 1. The arrays are readable up to the next multiple of kPadding points; the padding is
+/// Input of a query. Non-owning, trivially copyable. Point i has coordinates x[i], y[i], z[i]
+/// (camera frame C, m) and a unit normal that points out of the environment. An invalid point is
+/// NaN in all six. Point (u, v) of an organized cloud is i = v * width + u; an unorganized cloud
+/// has height 1. The arrays are readable up to the next multiple of kPadding points; the padding is
 /// NaN.
 struct PointCloudView {
   static constexpr std::size_t kPadding = 64;
@@ -68,15 +68,15 @@ struct PointCloudView {
   const float *x = nullptr, *y = nullptr, *z = nullptr;
   const float *nx = nullptr, *ny = nullptr, *nz = nullptr;
   int width = 0, height = 0;
-  /// True if point (u, v) lies on the viewing ray of pixel (u, v) of `intrinsics`. Lets a query
-  /// look only at the pixels the tool can cover.
+  /// True if point (u, v) lies on the viewing ray of pixel (u, v) of `intrinsics`. Then a query
+  /// reads only the pixels that the tool can cover.
   bool pinhole = false;
   Intrinsics intrinsics;
-  /// Depth-change vector of each point in camera axes, m (SurfaceEstimator::depth_change); zero
-  /// away from edges. Null if there are none.
+  /// Depth-change vector of each point, camera axes, m (SurfaceEstimator::depth_change); zero away
+  /// from edges. Null if there are none.
   const float *edge_x = nullptr, *edge_y = nullptr, *edge_z = nullptr;
   int gpu = kHostMemory;  ///< whose memory the arrays are in
-  /// Two views with one stamp show the same values, unless it is 0.
+  /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;
 
   std::size_t size() const {
@@ -84,7 +84,7 @@ struct PointCloudView {
   }
 };
 
-/// Owns the arrays. All points start invalid.
+/// A point cloud that owns its arrays. All points start invalid.
 class PointCloud {
  public:
   PointCloud() = default;
@@ -97,8 +97,8 @@ class PointCloud {
     return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   }
   bool has_edges() const { return has_edges_; }
-  /// Mutable access to one of the six arrays, in the order x, y, z, nx, ny, nz; with edges nine: of
-  /// their vectors, which are NaN at the beginning.
+  /// Mutable access to an array, not bounds-checked: 0..5 are x, y, z, nx, ny, nz; with edges 6..8
+  /// are their vectors, initially NaN.
   float* channel(int which) { return data_.data() + static_cast<std::size_t>(which) * stride_; }
   const float* channel(int which) const {
     return data_.data() + static_cast<std::size_t>(which) * stride_;
@@ -106,7 +106,7 @@ class PointCloud {
   Vec3f point(std::size_t i) const { return {channel(0)[i], channel(1)[i], channel(2)[i]}; }
   Vec3f normal(std::size_t i) const { return {channel(3)[i], channel(4)[i], channel(5)[i]}; }
   Vec3f edge(std::size_t i) const { return {channel(6)[i], channel(7)[i], channel(8)[i]}; }
-  /// Stores a point with its normal (any length but zero; it is normalised). Anything not finite
+  /// Sets a point and its normal (any nonzero length; it is normalized). A value that is not finite
   /// or a zero normal makes the point invalid.
   void set(std::size_t i, const Vec3f& p, const Vec3f& n);
 
@@ -120,42 +120,42 @@ class PointCloud {
   std::vector<float> data_;
 };
 
-// Where cameras are that look at one scene, found out from what they see.
+// Refinement of the poses of several cameras from their views of one scene.
 
-/// Two views of one scene: how far their surfaces are apart, where both see the same.
+/// Two views of one scene: the distance of their surfaces where both overlap.
 struct ViewPair {
   int a = 0, b = 0;            ///< numbers of the views
-  std::size_t num_points = 0;  ///< of one that have been compared with the other, both ways
-  /// m, of points from the planes of the other view: the standard deviation by the median.
+  std::size_t num_points = 0;  ///< compared points of one view with the other, both ways
+  /// m: robust standard deviation (by the median) of point-to-plane distances.
   double before = 0;
-  double after = 0;   ///< m, likewise, with the refined poses
-  double turned = 0;  ///< rad, by how much the pose of one in the other has changed
-  double moved = 0;   ///< m, likewise, at the middle of what both see
+  double after = 0;   ///< m, the same with the refined poses
+  double turned = 0;  ///< rad, change of the relative rotation
+  double moved = 0;   ///< m, change of the relative position, at the center of the overlap
 };
 
 struct AlignedViews {
-  std::vector<Pose> X_WC;  ///< the first one's is as it was
+  std::vector<Pose> X_WC;  ///< the first one is unchanged
   std::vector<ViewPair> pairs;
-  /// m: about how far the worst camera may be off in the direction in which the scene holds it
-  /// least, by the noise of what is seen; turns count at the size of the scene.
+  /// m: estimated error of the worst camera in the direction that the scene constrains least, from
+  /// the noise of the views; rotations are scaled by the size of the scene.
   double uncertainty = 0;
 };
 
 struct AlignOptions {
-  /// m: surfaces of two views that are farther apart than this are not the same; shrinks to
-  /// `least_reach` as the poses get better.
+  /// m: points of two views farther apart than this do not correspond; shrinks to `least_reach` as
+  /// the poses converge.
   double reach = 0.06, least_reach = 0.01;
-  int max_points = 20000;  ///< of each view
+  int max_points = 20000;  ///< per view
   int max_rounds = 100;
 };
 
-/// Refines poses that are about right (5 cm, 5 degrees): all views at once, so that the surfaces of
-/// those that see the same lie on each other (point to plane, Chen & Medioni 1992, with projective
-/// association both ways, Blais & Levine 1995; robust by Tukey's weights). Organised pinhole clouds
-/// with normals, in host memory. `names` are for messages. O(points x pairs x rounds): about a
-/// second for four views. Errors: fewer than two views; a view that shares nothing with the others;
-/// a scene with too little shape (a wall, a ball); surfaces that stay more than 5 mm apart; no
-/// convergence.
+/// Refines approximate poses (within 5 cm, 5 degrees) of all views together, so that
+/// overlapping surfaces coincide (point to plane, Chen & Medioni 1992, with projective
+/// association both ways, Blais & Levine 1995; robust with Tukey weights). Views: organized
+/// pinhole clouds with normals, in host memory. `names` are for messages. O(points x pairs x
+/// rounds): about a second for four views. Errors: fewer than two views; a view without
+/// overlap; a scene with too little shape (a wall, a ball); surfaces that stay more than 5 mm
+/// apart; no convergence.
 Result<AlignedViews> align_views(std::span<const PointCloudView> views, std::span<const Pose> X_WC,
                                  std::span<const std::string> names,
                                  const AlignOptions& options = {});

@@ -1,5 +1,5 @@
-// How much of the tool is inside the scene, and the wrench that follows (thesis sections 3.2, 3.3):
-// one pose at a time, or many.
+// Contact queries: how much of the tool is inside the scene, and the wrench (thesis sections 3.2,
+// 3.3); for one pose at a time, or for many.
 #pragma once
 
 #include <cstddef>
@@ -17,12 +17,12 @@
 
 namespace palpate::inline v0 {
 
-// What contact queries know of a tool, whatever its pose.
+// The part of a query that depends on the tool only, not on its pose.
 
 /// Spheres in spatial order, the grid that finds the sphere of a point, the leaf graph in that
-/// order, and the elements that ask the depth field: built once for a tool and shared by all its
-/// queries and bodies, on any thread. Each part is built when a query first needs it, so that one
-/// by `field` pays for the elements alone.
+/// order, and the elements for the depth field. Built once per tool and shared by all its queries
+/// and bodies, on any thread. Each part is built on first use, so `field` builds only the
+/// elements.
 class ToolIndex {
  public:
   /// `tool` must outlive it. O(1).
@@ -31,10 +31,10 @@ class ToolIndex {
   ~ToolIndex();
 
   const Tool& tool() const { return *tool_; }
-  /// Memory of the parts that have been built, bytes.
+  /// Memory of the parts built so far, bytes.
   std::size_t num_bytes() const;
 
-  /// For the contact module: src/contact/index/tool_parts.h.
+  /// Internal to the contact module: src/contact/index/tool_parts.h.
   struct Parts;
   const Parts& parts() const { return *parts_; }
 
@@ -45,37 +45,37 @@ class ToolIndex {
   std::unique_ptr<const Parts> parts_;
 };
 
-/// Measures one tool by one method. All memory is allocated at construction. One thread at a time.
+/// Measures one tool with one method. Allocates at construction only. One thread at a time.
 class ContactQuery {
  public:
   virtual ~ContactQuery() = default;
 
-  /// One measurement at a pose, in the world that SurfaceView::X_WC says. O(points in the tool's
-  /// image window + spheres), with stiffness half as much more, with states or planes twice as
-  /// much. No allocation, no lock. The same input gives the same bits, whatever was asked before
-  /// and for any number of threads. A GPU may be given views of host memory and of other GPUs: they
-  /// are copied once for each stamp, with memory for the first ones of their size.
+  /// One measurement at a pose, in the world defined by SurfaceView::X_WC. O(points in the tool's
+  /// image window + spheres); stiffness adds half, states or planes double it. No allocation, no
+  /// lock. The same input gives the same bits, whatever was measured before and for any number of
+  /// threads. A GPU accepts views of host memory and of other GPUs: they are copied once per stamp,
+  /// with an allocation for the first ones of their size.
   ContactResult measure(const SurfaceView& surface, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return measure(surface, surface, 1, X_WT, wants);
   }
-  /// Between two surfaces: (1 - alpha) times the measure against `from` and alpha times that
-  /// against `to`, whose are counts, states and planes. Whatever changed between the two, the force
-  /// so goes from the one to the other, and with `field` it is at every alpha the exact gradient of
-  /// one potential. With alpha = 1 `from` is not looked at; else it takes up to twice as long.
+  /// Between two surfaces: (1 - alpha) times the measure against `from` plus alpha times the
+  /// measure against `to`, whose counts, states and planes are returned. So the force changes
+  /// continuously from one to the other, and with `field` it is the exact gradient of one potential
+  /// at every alpha. alpha = 1 ignores `from`; otherwise it takes up to twice as long.
   ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
                         const Pose& X_WT, const ContactWants& wants = {}) const noexcept {
     const SurfaceBlend camera{from, to, alpha};
     return measure({&camera, 1}, X_WT, wants);
   }
 
-  /// Against what all cameras together know: the depth hull (docs/decisions/0029-depth-hull.md). A
-  /// sphere is as deep as the camera says that has it least deep; cameras that do not see it
-  /// abstain. By the field, force and torque still are the exact derivatives of one potential. At
-  /// most K times as long with K cameras, and what one of them sees free in front of its surface
-  /// costs nothing more. One camera is measured against as by the other calls. No surface of any
-  /// camera, more than kMostCameras, several without SurfaceView::seen_free, or several by a method
-  /// of points (which take `joined_clouds`): StepStatus::no_surface.
+  /// Against several cameras combined: the depth hull (docs/decisions/0029-depth-hull.md). A sphere
+  /// takes the depth of the camera that has it least deep; cameras that do not see it abstain. With
+  /// the field, force and torque are exact derivatives of one potential. Takes at most K times as
+  /// long with K cameras; free space in front of a surface costs nothing. One camera is measured as
+  /// in the other calls. StepStatus::no_surface if no camera has a surface, for more than
+  /// kMostCameras, for several without SurfaceView::seen_free, and for several with a point method
+  /// (use `joined_clouds`).
   ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept;
 
@@ -88,10 +88,10 @@ class ContactQuery {
   ContactQuery(std::shared_ptr<const ToolIndex> index, const ContactMethod& method)
       : index_(std::move(index)), method_(method) {}
 
-  /// Between two surfaces of one camera, in its frame.
+  /// Between two surfaces of one camera, in the camera frame.
   virtual ContactResult measure_one(const SurfaceView& from, const SurfaceView& to, double alpha,
                                     const Pose& X_CT, const ContactWants& wants) const noexcept = 0;
-  /// More than one camera, or one with a memory; the pose is finite.
+  /// More than one camera, or one with memory; the pose is finite.
   virtual ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                      const ContactWants& wants) const noexcept;
 
@@ -107,16 +107,16 @@ class ContactQuery {
 
 struct ExecutionOptions {
   Isa isa = best_isa();
-  ThreadPool* pool = nullptr;  ///< used inside one query; null: the caller's thread alone
-  int gpu = 0;                 ///< which one, for the CUDA backend
+  ThreadPool* pool = nullptr;  ///< used inside one query; null: only the caller's thread
+  int gpu = 0;                 ///< GPU index, for the CUDA backend
 };
 
-/// Errors: the backend is not in this build or on this machine.
+/// Creates a query. Errors: the backend is not in this build or on this machine.
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend,
                                                          std::shared_ptr<const ToolIndex> index,
                                                          const ContactMethod& method,
                                                          const ExecutionOptions& capacities = {});
-/// The same with an index of its own. `tool` must outlive the query.
+/// The same with its own index. `tool` must outlive the query.
 Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend backend, const Tool& tool,
                                                          const ContactMethod& method = {},
                                                          const ExecutionOptions& capacities = {});
@@ -124,72 +124,72 @@ Result<std::unique_ptr<ContactQuery>> make_contact_query(Backend, const Tool&&,
                                                          const ContactMethod& = {},
                                                          const ExecutionOptions& = {}) = delete;
 
-// Many poses of one tool against many surfaces in one call: for planning and learning, where not
-// the time of one query counts but how many are answered in a second.
+// Batches: many poses of one tool against many surfaces in one call, for planning and learning,
+// where throughput counts rather than latency.
 
-/// What is asked: P poses of the tool, each against one surface.
+/// Input of a batch: P poses of the tool, each against one surface.
 struct PoseBatch {
-  /// P poses: 7 doubles each, the translation x y z (m) and the unit quaternion x y z w.
+  /// P poses: 7 doubles each, translation x y z (m) and unit quaternion x y z w.
   std::span<const Pose> X_WT = {};
-  /// P numbers of surfaces. Empty: there is one surface, or each pose has its own. A number that no
-  /// surface has gives StepStatus::no_surface.
+  /// P indices of surfaces. Empty: one surface for all, or one per pose. An invalid index gives
+  /// StepStatus::no_surface.
   std::span<const std::int32_t> surface_of_pose = {};
-  /// Of each surface, where its camera is in W. Empty: W is the camera's frame C for all.
+  /// Pose of the camera of each surface in W. Empty: W is the camera frame C for all.
   std::span<const Pose> X_WC = {};
-  int gpu = kHostMemory;  ///< whose memory all three are in
+  int gpu = kHostMemory;  ///< memory of all three arrays
 };
 
-/// Where the answers go: row-major arrays of the caller's. What is null is not wanted; a stiffness
-/// takes about twice as long.
+/// Output of a batch: row-major arrays of the caller. Null arrays are not computed. Stiffness takes
+/// about twice as long.
 struct BatchAnswers {
   double* volume = nullptr;         ///< P, m3: Penetration::volume
   double* potential = nullptr;      ///< P, m4
   double* force = nullptr;          ///< P x 3, m3, in W: Penetration::measure_W
   double* torque = nullptr;         ///< P x 3, m4, in W, about the tool's centre of mass C
   double* stiffness = nullptr;      ///< P x 6 x 6, in W: Stiffness
-  std::uint32_t* status = nullptr;  ///< P: ContactStatus::bits; where unmeasured all is zero
-  int gpu = kHostMemory;            ///< whose memory they are in
+  std::uint32_t* status = nullptr;  ///< P: ContactStatus::bits; if unmeasured the rest is zero
+  int gpu = kHostMemory;            ///< memory of the arrays
 };
 
-/// Measures batches by FieldMethod. One thread at a time.
+/// Measures batches with FieldMethod. One thread at a time.
 class BatchQuery {
  public:
   virtual ~BatchQuery() = default;
 
-  /// O(poses * spheres). What a pose is answered is the same to the last bit whatever else is in
-  /// the batch, and on every run. On a CPU it is what ContactQuery::measure answers, to the bit
-  /// (but rounding where there is an X_WC), on a GPU to 1e-5 of its results.
+  /// O(poses * spheres). The result of a pose has the same bits whatever else is in the batch, and
+  /// on every run. On a CPU it equals ContactQuery::measure to the bit (up to rounding with an
+  /// X_WC), on a GPU to 1e-5 of its results.
   ///
-  /// On a GPU one launch. If poses and answers are there and a stream is given, the call only asks
-  /// for the work; else it waits for it. After the first call with as many surfaces it allocates
-  /// nothing and may be captured in a CUDA graph: a replay reads the poses, fields and places for
-  /// answers that it was captured with. Poses and answers in host memory are copied, some ten
-  /// thousand at a time; so are surfaces in host memory, once for each stamp.
+  /// On a GPU one launch. With poses and outputs in GPU memory and a stream, the call only enqueues
+  /// the work; otherwise it waits. After the first call with as many surfaces it allocates nothing,
+  /// and a CUDA graph may capture it: a replay uses the captured arrays of poses, fields and
+  /// outputs. Poses and outputs in host memory are copied, some ten thousand at a time, and
+  /// surfaces in host memory once per stamp.
   ///
   /// Errors: surface_of_pose has another size than X_WT, or is empty and there are neither one
   /// surface nor as many as poses; X_WC has another size than there are surfaces; arrays in memory
-  /// where the query cannot read them; on a GPU, a field made for a window of the image only; no
-  /// memory; the GPU has failed. Then nothing has been answered.
+  /// that the query cannot read; on a GPU, a field for a window of the image; out of memory; the
+  /// GPU has failed. Then there is no result.
   virtual Status measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
                          const BatchAnswers& answers,
                          std::optional<CallerStream> stream = {}) const = 0;
-  /// Takes the memory for so many surfaces, and poses in host memory. Errors: there is too little.
+  /// Allocates for so many surfaces, and poses in host memory. Error: too little memory.
   virtual Status reserve(int num_surfaces, int num_poses) const = 0;
 };
 
-/// Errors: a method other than FieldMethod; the backend is not in this build or on this machine.
-/// `capacities.pool` spreads a batch over its threads.
+/// Creates a batch query; `capacities.pool` spreads a batch over its threads. Errors: a method
+/// other than FieldMethod; the backend is not in this build or on this machine.
 Result<std::unique_ptr<BatchQuery>> make_batch_query(Backend backend,
                                                      std::shared_ptr<const ToolIndex> index,
                                                      const ContactMethod& method = {},
                                                      const ExecutionOptions& capacities = {});
 
-/// A ContactQuery of a tool with the threads that it needs. One thread at a time.
+/// A ContactQuery with its own threads: the simplest way to measure. One thread at a time.
 class Contact {
  public:
-  /// `tool` must outlive it. On a CPU a measurement runs on the caller's thread and on
-  /// `num_threads` - 1 more (0: one per core), which pay for tools of more than about 50,000
-  /// spheres. Errors: the place is not in this build or on this machine.
+  /// Creates a contact; `tool` must outlive it. On a CPU, a measurement uses the caller's thread
+  /// and `num_threads` - 1 more (0: one per core), worth it for over 50,000 spheres or so. Errors:
+  /// the place is not in this build or on this machine.
   static Result<Contact> create(const Tool& tool, const ContactMethod& method = FieldMethod{},
                                 const Place& place = Place::cpu(), int num_threads = 1) {
     auto pool = std::make_unique<ThreadPool>(num_threads);
@@ -201,34 +201,34 @@ class Contact {
   static Result<Contact> create(const Tool&&, const ContactMethod& = FieldMethod{},
                                 const Place& = Place::cpu(), int = 1) = delete;
 
-  /// As ContactQuery::measure: the tool at the pose X_WT. No allocation.
+  /// See ContactQuery::measure: the tool at the pose X_WT. No allocation.
   ContactResult measure(const SurfaceView& surface, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return query_->measure(surface, X_WT, wants);
   }
-  /// Between two surfaces, alpha of the way from the one to the other.
+  /// Between two surfaces: alpha = 0 is `from`, 1 is `to`.
   ContactResult measure(const SurfaceView& from, const SurfaceView& to, double alpha,
                         const Pose& X_WT, const ContactWants& wants = {}) const noexcept {
     return query_->measure(from, to, alpha, X_WT, wants);
   }
-  /// Against what several cameras know together, each somewhere in the world.
+  /// Against several cameras combined, each with its pose in the world.
   ContactResult measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                         const ContactWants& wants = {}) const noexcept {
     return query_->measure(cameras, X_WT, wants);
   }
-  /// As BatchQuery::measure: many poses in one call, by FieldMethod. On a CPU over all cores. The
-  /// first call takes threads and memory for it.
+  /// See BatchQuery::measure: many poses in one call, with FieldMethod. On a CPU over all cores.
+  /// The first call allocates threads and memory.
   Status measure_batch(const SurfaceBatch& surfaces, const PoseBatch& poses,
                        const BatchAnswers& answers, std::optional<CallerStream> stream = {}) const {
     if (const Status status = make_batches(); !status) return status;
     return batches_->measure(surfaces, poses, answers, stream);
   }
-  /// So that the first batch need not: memory for so many surfaces, and poses in host memory.
+  /// Allocates for the first batch: so many surfaces, and poses in host memory.
   Status reserve_batch(int num_surfaces, int num_poses = 0) const {
     if (const Status status = make_batches(); !status) return status;
     return batches_->reserve(num_surfaces, num_poses);
   }
-  /// The share of the tool that a volume is.
+  /// The volume relative to that of the whole tool.
   double fraction(const Penetration& penetration) const {
     return penetration.volume / full_volume_;
   }

@@ -1,4 +1,4 @@
-// How contact is measured, what may be asked, and what a measurement gives.
+// Contact methods with their options, requested outputs, and results of a measurement.
 #pragma once
 
 #include <array>
@@ -16,31 +16,31 @@
 
 namespace palpate::inline v0 {
 
-/// Levers l_s go from the tool's centre of mass to the spheres, in W.
+/// Moments of the volume. Levers l_s go from the tool's center of mass to the spheres, in W.
 struct VolumeMoments {
   double first[3][3] = {};  ///< sum of l_s (V_s n_s)^T, m4
-  double polar = 0;  ///< sum of V_s |l_s x n_s|^2 and of what cut balls have of their own, m5
+  double polar = 0;         ///< sum of V_s |l_s x n_s|^2, plus the share of cut balls, m5
 };
 
-// What a measurement gives: volume, wrench, stiffness, and what the caller has to know about them.
+// Results of a measurement: volume, wrench, stiffness, and status bits.
 
-/// Things a caller may want to know about a measurement.
+/// Unusual conditions of a measurement.
 enum class StepStatus : std::uint32_t {
   ok = 0,
-  non_finite_pose = 1,    ///< the pose was not finite: nothing was measured, all zero
+  non_finite_pose = 1,    ///< the pose was not finite: no measurement, all zero
   ambiguous_normals = 2,  ///< a boundary sphere's points disagree (|mean normal| < 0.5)
-  /// The GPU did not answer in time or is lost: nothing was measured, all zero. It stays so.
+  /// The GPU did not answer in time or is lost: no measurement, all zero. Permanent.
   backend_failed = 4,
-  /// There is no surface of the kind that the method asks, a cloud or a field: nothing was measured
-  /// against it.
+  /// The method needs a cloud or a field, and the surface has none: no measurement against
+  /// it.
   no_surface = 8,
-  no_edge_vectors = 16,  ///< edges are wanted, but the cloud tells none: measured without
-  /// Some of the tool may be seen outside of the window that the depth field was made for
-  /// (DepthFieldView::asked): nothing was measured against it.
+  no_edge_vectors = 16,  ///< edges are enabled, but the cloud has no edge vectors: measured without
+  /// The tool may extend outside of the window of the depth field (DepthFieldView::asked): no
+  /// measurement against it.
   outside_window = 32,
 };
 
-/// Any number of them.
+/// A set of StepStatus bits.
 struct ContactStatus {
   std::uint32_t bits = 0;
 
@@ -48,7 +48,7 @@ struct ContactStatus {
   constexpr ContactStatus(StepStatus one) : bits(static_cast<std::uint32_t>(one)) {}
 
   constexpr bool has(StepStatus one) const { return (bits & static_cast<std::uint32_t>(one)) != 0; }
-  /// Whether the result says nothing about the surface.
+  /// True if there was no measurement against the surface.
   constexpr bool is_unmeasured() const {
     return has(StepStatus::non_finite_pose) || has(StepStatus::backend_failed) ||
            has(StepStatus::no_surface) || has(StepStatus::outside_window);
@@ -60,8 +60,8 @@ struct ContactStatus {
   friend constexpr bool operator==(ContactStatus, ContactStatus) = default;
 };
 
-/// Newtons per volume times direction. The thesis: the device's largest force at an eighth of the
-/// tool's volume.
+/// Newtons per volume times direction. In the thesis: the device's maximum force at an eighth of
+/// the tool's volume.
 struct VolumeStiffness {
   double newtons_per_cubic_metre = 0;
 
@@ -71,27 +71,27 @@ struct VolumeStiffness {
   }
 };
 
-/// What lies closer behind a seen surface counts as seen, m.
+/// Space up to this depth behind a visible surface counts as seen, m.
 inline constexpr double kSeenBehind = 0.02;
 
-/// The measure for one pose.
+/// The measure at one pose.
 struct Penetration {
-  double volume = 0;  ///< m3: sum of V_s, kept apart from |force|
-  /// force: sum V_s n_s; torque: sum (c_s - C) x V_s n_s about the tool's centre of mass C; both in
-  /// W. |force| <= volume for the point methods, 1.05 volume for field.
+  double volume = 0;  ///< m3: sum of V_s, separate from |force|
+  /// force: sum V_s n_s; torque: sum (c_s - C) x V_s n_s about the tool's center of mass C; both in
+  /// W. |force| <= volume for the point methods, <= 1.05 volume for field.
   VolumeWrench measure_W;
-  /// field: U with measure_W = -dU/dpose where no gradient had to be shortened, m4; else 0
+  /// field: U with measure_W = -dU/dpose if no gradient was shortened, m4; else 0
   double potential = 0;
   int num_boundary_spheres = 0;  ///< spheres that contain at least one point
   int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
   int num_points = 0;            ///< points inside some sphere
   ContactStatus status;
-  /// Against cameras with SurfaceView::seen_free: the part of the tool that lies more than
-  /// kSeenBehind behind all that any camera has seen, or where none looks, m3. Else 0.
+  /// With SurfaceView::seen_free: the part of the tool more than kSeenBehind behind everything that
+  /// any camera has seen, or outside of all images, m3. Else 0.
   double unseen_volume = 0;
 };
 
-/// How the measure changes with the pose: moved by `shift` and turned by the small rotation vector
+/// Derivative of the measure by the pose. For a translation `shift` and a small rotation vector
 /// `turn` about C (both in W), (force, torque) becomes (force, torque) - m (shift, turn). Rows and
 /// columns: x, y, z of force / shift, then of torque / turn. m2, m3 and m4.
 struct Stiffness {
@@ -107,8 +107,8 @@ struct Stiffness {
 
 struct ContactResult {
   Penetration penetration;
-  std::optional<Stiffness> stiffness;  ///< if it was wanted and the method has one
-  VolumeMoments moments = {};          ///< with the stiffness; else zero
+  std::optional<Stiffness> stiffness;  ///< if requested and the method supports it
+  VolumeMoments moments = {};          ///< together with the stiffness; else zero
 };
 
 /// How spheres that no point touches get their plane.
@@ -116,60 +116,60 @@ enum class MethodKind {
   weighted,    ///< average over all boundary spheres (Alg. 3.3)
   simplified,  ///< the best boundary sphere only (Alg. 3.4)
   graph,       ///< along the leaf graph, away from the surface (Algs. 3.5-3.7)
-  field,       ///< no points at all: every sphere asks the depth field (field/depth_field.h)
+  field,       ///< no points: every sphere evaluates the depth field (field/depth_field.h)
 };
 constexpr auto names_of(MethodKind) {
   return std::array{"weighted", "simplified", "graph", "field"};
 }
 
-/// What makes a boundary sphere a good one to take a plane from; d is the distance of the centres.
-/// `simplified` takes the best one: by distance, square and gaussian the same. The thesis has the
-/// first two and leaves the choice open (section 6).
+/// Quality of a boundary sphere as a donor (it gives its plane to other spheres); d is the distance
+/// of the centers. `simplified` takes the best one: the same for distance, square and gaussian. The
+/// thesis has the first two and leaves the choice open (section 6).
 enum class Priority {
   distance,   ///< 1 / d
   count,      ///< number of points inside the boundary sphere
   square,     ///< 1 / d^2
   gaussian,   ///< exp(-min(d^2 / 2 s^2, 40)), s a twelfth of the longest side of the tool's box
-  agreement,  ///< a / d, a >= 0.001 the cosine between the sphere's normal and the way to it
-  path,       ///< 1 / the shortest way along the leaf graph; tools of at most kMostSpheresOfPaths
+  agreement,  ///< a / d, a >= 0.001 the cosine between the sphere's normal and the direction to it
+  path,       ///< 1 / the shortest path along the leaf graph; at most kMostSpheresOfPaths spheres
 };
 constexpr auto names_of(Priority) {
   return std::array{"distance", "count", "square", "gaussian", "agreement", "path"};
 }
 inline constexpr std::size_t kMostSpheresOfPaths = 4096;  ///< a table of 64 MB
 
-/// Volume of a sphere that the graph reaches.
+/// Volume of a sphere that the graph search reaches.
 enum class InsideVolume {
   full,  ///< the whole sphere (Alg. 3.7)
   cap,   ///< cut by the plane of its reference (footnote of Alg. 3.7)
 };
 constexpr auto names_of(InsideVolume) { return std::array{"full", "cap"}; }
 
-/// What a sphere that is wholly inside counts.
+/// Volume that a fully inside sphere counts.
 enum class SphereVolumes {
   own,          ///< its own volume: all spheres together fill 80 to 90 % of the tool
-  represented,  ///< the part of the tool that it stands for: together the volume of the mesh
+  represented,  ///< the part of the tool that it represents: in total the volume of the mesh
 };
 constexpr auto names_of(SphereVolumes) { return std::array{"spheres", "represented"}; }
 
-/// Where the surface ends towards something farther away, a camera does not see what is behind the
-/// edge: an edge plane (thesis section 3.5), which contains the viewing ray, keeps planes of the
-/// surface from reaching beyond it. Needs a cloud with depth-change vectors.
+/// Handling of silhouettes. A camera does not see behind the end of a surface. An edge plane
+/// (thesis section 3.5) through the viewing ray limits the planes of the surface there. Needs a
+/// cloud with depth-change vectors.
 enum class Edges {
   none,
-  centre,  ///< nothing is taken by spheres with their centre beyond the edge
-  strict,  ///< nor by spheres that the edge plane cuts
+  centre,  ///< spheres whose center is beyond the edge take no plane
+  strict,  ///< nor do spheres that the edge plane cuts
   cut,     ///< every sphere is cut by its surface plane and by the edge plane: continuous
 };
 constexpr auto names_of(Edges) { return std::array{"none", "centre", "strict", "cut"}; }
 
-/// How the point-hit methods smooth over points that enter and leave spheres. Kernel weights
-/// w = (1 - |p - c|^2 / r^2)^2 vanish at the rim of a sphere with centre c.
+/// Smoothing of the point methods when points enter and leave spheres. Kernel weights w = (1 - |p -
+/// c|^2 / r^2)^2 vanish at the surface of a sphere with center c.
 enum class Continuity {
   none,
   kernel,  ///< planes through weighted means; the priority `count` is the sum of the weights W
-  /// A boundary sphere counts as one by W / (W + 1/4) only, as donor and for its own volume; for
-  /// the rest it is as if no point touched it.
+  /// A boundary sphere counts as one with weight W / (W + 1/4) only, as donor and for its own
+  /// volume; for the rest it counts as untouched.
   entry,
   both,
 };
@@ -177,29 +177,29 @@ constexpr auto names_of(Continuity) { return std::array{"none", "kernel", "entry
 
 /// How two bodies are measured against each other, see contact/body_contact.h.
 enum class BodyMethod {
-  /// The spheres of each ask the smooth distance field of the other (packing/packing.h), with
-  /// represented volumes and the arithmetic of the depth field: faces are felt as they are.
+  /// The spheres of each evaluate the smooth distance field of the other (packing/packing.h), with
+  /// represented volumes and the formulas of the depth field: faces are exact.
   field,
-  /// What the spheres of the one share with those of the other, tree against tree (thesis section
+  /// Common volume of the spheres of both, tree against tree (thesis section
   /// 3.1.1).
   spheres,
 };
 constexpr auto names_of(BodyMethod) { return std::array{"field", "spheres"}; }
 
-/// The method and its options as settings: files and command lines name them one by one. See
+/// The method and all options as settings, for files and command lines. See
 /// contact_method.
 struct ContactOptions {
   MethodKind method = MethodKind::field;
   Priority priority = Priority::distance;
   InsideVolume inside = InsideVolume::full;
-  /// `represented` scales every V_s by represented / own volume of its sphere. nullopt: as fits the
-  /// method, see `counted`.
+  /// `represented` scales every V_s by represented / own volume of its sphere. nullopt: the default
+  /// of the method, see `counted`.
   std::optional<SphereVolumes> volumes = std::nullopt;
   Edges edges = Edges::none;
   Continuity continuity = Continuity::none;
-  BodyMethod bodies = BodyMethod::field;  ///< of objects; of all methods
+  BodyMethod bodies = BodyMethod::field;  ///< for CAD objects, with any method
 
-  /// The field measures the tool, the methods of the thesis measure its spheres.
+  /// `field` measures the volume of the tool, the other methods that of its spheres.
   SphereVolumes counted() const {
     if (volumes) return *volumes;
     return method == MethodKind::field ? SphereVolumes::represented : SphereVolumes::own;
@@ -208,20 +208,20 @@ struct ContactOptions {
 };
 inline void add_settings(SettingTable& t, ContactOptions& o) {
   t.section("contact");
-  t.add("method", o.method, "by the depth field, or by the points that are in the spheres");
-  t.add("priority", o.priority, "what makes a boundary sphere a good reference");
-  t.add("inside", o.inside, "graph: volume of a sphere that is reached");
+  t.add("method", o.method, "contact method: depth field, or points in the spheres");
+  t.add("priority", o.priority, "ranking of donor spheres");
+  t.add("inside", o.inside, "graph: volume of a reached sphere");
   t.add("volumes", o.volumes,
-        "what a sphere counts: itself, or the part of the tool that it stands for, which is auto "
-        "for the field");
-  t.add("edges", o.edges, "where the surface ends in front of something farther away");
-  t.add("continuity", o.continuity,
-        "how weighted, simplified and graph smooth over points that enter and leave spheres");
+        "volume of a sphere: its own, or the part of the tool it represents (auto for "
+        "field)");
+  t.add("edges", o.edges, "handling of silhouettes, where a surface ends in front of another");
+  t.add("continuity", o.continuity, "point methods: smoothing when points enter and leave spheres");
   t.add("bodies", o.bodies,
-        "how objects are felt: by the distance fields of their meshes, or sphere against sphere");
+        "contact with objects: distance fields of their meshes, or sphere against "
+        "sphere");
 }
 
-/// A method with the options that it has, and no other.
+/// A method together with its own options only.
 struct FieldMethod {
   SphereVolumes volumes = SphereVolumes::represented;
 };
@@ -245,15 +245,15 @@ struct GraphMethod {
 };
 using ContactMethod = std::variant<FieldMethod, WeightedMethod, SimplifiedMethod, GraphMethod>;
 
-/// Options that the method does not have go to their defaults. Returns the names of those that did
-/// not have them.
+/// Resets options that the method does not have to their defaults. Returns the names of those that
+/// differed.
 std::vector<std::string> drop_foreign_options(ContactOptions& options);
-/// Error: an option that the method does not have is not at its default.
+/// The method with its options. Error: an option that the method does not have was changed.
 Result<ContactMethod> contact_method(const ContactOptions& options);
-/// The way back.
+/// The inverse.
 ContactOptions contact_options(const ContactMethod& method);
 
-/// What Penetration::volume is when the whole tool is inside, m3.
+/// Penetration::volume when the whole tool is inside, m3.
 inline double full_volume(const Tool& tool, SphereVolumes volumes) {
   return volumes == SphereVolumes::own ? tool.sphere_mass().volume : tool.mesh_mass().volume;
 }
@@ -261,21 +261,21 @@ inline double full_volume(const Tool& tool, const ContactOptions& options) {
   return full_volume(tool, options.counted());
 }
 
-/// State of one sphere after a query, for pictures and tests.
+/// State of one sphere after a query, for display and tests.
 enum class SphereState : std::uint8_t { outside, boundary, inside };
 
-/// What a measurement is to give beside the penetration, and where it goes.
+/// Optional outputs of a measurement, and their arrays.
 struct ContactWants {
-  /// By `field`, in closed form, with VolumeMoments; the other measures are not differentiable.
+  /// `field` only: closed-form stiffness and VolumeMoments.
   bool stiffness = false;
-  /// Of each sphere; empty if not wanted, else as many as the tool has spheres.
+  /// State of each sphere; empty, or as many elements as the tool has spheres.
   std::span<SphereState> states{};
-  /// In T, likewise: the plane that cuts a boundary sphere or that an inside sphere takes from a
-  /// donor; normal zero if none or, by `weighted` and Continuity::entry, many.
+  /// In T, likewise: the plane that cuts a boundary sphere, or that an inside sphere takes from a
+  /// donor; normal zero if there is none or, for `weighted` and Continuity::entry, many.
   std::span<Plane<float>> planes{};
-  /// Of each sphere that is felt, by `field`, which of the cameras of the call decided how deep it
-  /// is, by what it sees or remembers; kNoCamera where none looks, and of spheres that are not
-  /// felt. A camera that is alone decides all.
+  /// `field` only, likewise: the camera that determined the depth of each sphere in contact, by
+  /// what it sees or remembers; kNoCamera outside of all images, and for spheres without contact. A
+  /// single camera determines all.
   std::span<std::int8_t> deciders{};
 };
 inline constexpr std::int8_t kNoCamera = -1;

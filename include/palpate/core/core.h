@@ -1,5 +1,5 @@
-// What everything stands on: results and errors, code for host and device, instruction sets,
-// threads, latencies.
+// Basics for all modules: results and errors, macros for shared host/device code, vector
+// instruction sets, a thread pool, latency histograms.
 #pragma once
 
 #include <array>
@@ -13,16 +13,16 @@
 #include <utility>
 #include <variant>
 
-// A function marked PALPATE_HOSTDEV is compiled by the C++ compiler and by nvcc from the same
-// lines.
+// A function marked PALPATE_HOSTDEV is compiled by the C++ compiler and by nvcc, from the same
+// source lines.
 #if defined(__CUDACC__)
 #define PALPATE_HOSTDEV __host__ __device__
 #else
 #define PALPATE_HOSTDEV
 #endif
 
-// The same for formulas that vector kernels use too: always part of the caller, because a copy of
-// its own would be one for all instruction sets.
+// The same for formulas that vector kernels also use: always inlined, because an out-of-line copy
+// would be shared by all instruction sets.
 #if defined(__CUDACC__)
 #define PALPATE_FORMULA __host__ __device__ inline
 #else
@@ -31,7 +31,7 @@
 
 namespace palpate::inline v0 {
 
-/// What kind of thing went wrong; the message says the rest.
+/// The kind of an error; the message has the details.
 enum class Errc {
   invalid_argument,  ///< a parameter is out of its documented range
   not_found,         ///< a file, scene or device does not exist
@@ -47,7 +47,7 @@ struct Error {
   std::string message;
 };
 
-/// Ends the program: somebody took the value of an error without looking, or the other way round.
+/// Aborts the program: the caller took the value of an error without a check, or the reverse.
 [[noreturn]] inline void end_for_wrong_result(const char* wanted, const char* message) {
   std::fprintf(stderr, "palpate: a Result was asked for its %s, but has none: %s\n", wanted,
                message);
@@ -57,8 +57,8 @@ struct Error {
 // Errors at set-up travel as values. Members are named as in std::expected, so that it can take
 // this class' place once every compiler we support has it.
 
-/// Either a value or an Error. Check `has_value()` before `*`: asking for what is not there ends
-/// the program with a message, in every build type.
+/// Either a value or an Error. Check `has_value()` before `*`: access to the missing one aborts the
+/// program with a message, in every build type.
 template <class T>
 class [[nodiscard]] Result {
  public:
@@ -98,8 +98,8 @@ using Status = Result<Done>;
 /// Vector instruction levels, lowest first. `baseline` is x86-64-v2 (or NEON on 64-bit Arm).
 enum class Isa { baseline, avx2, avx512 };
 
-/// The best level this processor and operating system support, or the one named by the environment
-/// variable PALPATE_ISA (baseline, avx2, avx512) if that is lower.
+/// The best level that this CPU and operating system support, or a lower one set by the environment
+/// variable PALPATE_ISA (baseline, avx2, avx512).
 Isa best_isa();
 
 /// "baseline", "avx2" or "avx512".
@@ -107,26 +107,26 @@ const char* isa_name(Isa isa);
 
 // A fixed set of worker threads for loops whose tasks are independent.
 
-/// Runs `task(0) ... task(n-1)` on a fixed number of threads. Tasks are handed out in any order;
-/// a caller that wants the same bits for any thread count gives each task its own output and
-/// combines them in task order.
+/// Runs `task(0) ... task(n-1)` on a fixed number of threads, in any order. For the same bits
+/// with any thread count, give each task its own output and combine the outputs in task
+/// order.
 class ThreadPool {
  public:
-  /// `num_threads` >= 1 counts the calling thread; 1 starts no thread at all. 0 means one per core.
-  /// Where the system starts no more threads the pool works with those that it has. Each thread
-  /// that it starts calls `begin` first, where that is given.
+  /// `num_threads` >= 1 counts the calling thread; 1 starts no thread. 0 means one per core. If the
+  /// system cannot start more threads, the pool works with those it has. Each started thread calls
+  /// `begin` first, unless it is null.
   explicit ThreadPool(int num_threads = 1, void (*begin)() = nullptr);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
-  /// That it has, with the calling one.
+  /// Threads in the pool, including the calling one.
   int num_threads() const;
 
   /// Runs the tasks and returns when all are done. No allocation. With one thread it is a plain
-  /// loop; with more, the caller works too and then waits for tasks that others have begun. It
-  /// never waits for a thread that has not woken up yet.
-  /// Not reentrant: a task may not call parallel_for on the same pool.
+  /// loop; with more, the caller also works and then waits for tasks already begun by others. It
+  /// never waits for a thread that has not woken up yet. Not reentrant: a task must not call
+  /// parallel_for on the same pool.
   template <class Task>
   void parallel_for(int num_tasks, Task&& task) {
     run(num_tasks, const_cast<void*>(static_cast<const void*>(&task)),
@@ -141,10 +141,10 @@ class ThreadPool {
   std::unique_ptr<Workers> workers_;
 };
 
-// How long something takes, again and again: percentiles without keeping the samples.
+// Percentiles of repeated durations, without storing the samples.
 
 /// Counts durations in buckets that are 1/32 of an octave wide (error <= 2.2 %), from 1 ns to 18 s.
-/// One thread records, wait-free and without allocation; any thread may read meanwhile.
+/// One thread records, wait-free and without allocation; any thread may read concurrently.
 class LatencyHistogram {
  public:
   void record(std::int64_t nanoseconds) noexcept;
@@ -157,7 +157,7 @@ class LatencyHistogram {
   std::uint64_t num_above(std::int64_t nanoseconds) const noexcept;
 
   static constexpr int kBucketsPerOctave = 32, kNumBuckets = 35 * kBucketsPerOctave;
-  /// For drawing: samples in a bucket, and its lower end in nanoseconds.
+  /// For plots: the number of samples in a bucket, and its lower bound in nanoseconds.
   std::uint64_t count(int bucket) const noexcept;
   static double lower_end(int bucket) noexcept;
 

@@ -1,4 +1,4 @@
-// Haptic devices: which there are, how they are opened, and simulated ones.
+// Haptic devices: finding and opening them, and simulated devices.
 #pragma once
 
 #include <functional>
@@ -15,8 +15,8 @@
 
 namespace palpate::inline v0 {
 
-// Limits of known devices (vendor and CHAI3D 3.3 tables), for simulation and where a driver does
-// not tell them.
+// Limits of known devices (vendor and CHAI3D 3.3 tables), for simulation and for drivers that do
+// not report them.
 
 struct DeviceModel {
   std::string_view key;  ///< e.g. "touch", "omega.6", "inverse3"
@@ -25,15 +25,15 @@ struct DeviceModel {
   double moving_mass = 0.1;  ///< kg, apparent at the handle
 };
 
-/// All of them; the first one is the default.
+/// All known models; the first one is the default.
 std::span<const DeviceModel> device_models();
 std::optional<DeviceModel> find_device_model(std::string_view key);
 
-// A device and a hand that exist in memory only: the impedance of an arm that follows a target.
+// A simulated device with a simulated hand: the impedance of an arm that follows a target.
 
-/// The arm: mass, damping and stiffness towards where it wants to be (typical of a human grip).
+/// The arm: mass, damping and stiffness toward its target (typical of a human grip).
 struct HandModel {
-  double mass = 0.15;              ///< kg, added to the device's own
+  double mass = 0.15;              ///< kg, in addition to the device's own
   double damping = 3;              ///< N s/m
   double stiffness = 150;          ///< N/m
   double angular_inertia = 2e-4;   ///< kg m2
@@ -41,7 +41,7 @@ struct HandModel {
   double angular_stiffness = 0.5;  ///< N m/rad
 };
 
-/// Where the hand wants the handle at time t (s since start), in B.
+/// Target pose of the handle at time t (s since start), in B.
 using HandTarget = std::function<Pose(double time)>;
 
 struct SimulatedDeviceOptions {
@@ -50,9 +50,9 @@ struct SimulatedDeviceOptions {
   HandTarget target;               ///< empty: rests at the origin
   double rate = 1000;              ///< ticks per second, 100..8000
   double quantum = 0;              ///< m, position resolution (encoders); 0: none
-  double velocity_filter = 0.005;  ///< s, of the velocity estimate from positions
-  /// True: ticks follow the computer's clock, in a thread of its own. False: `run` computes them as
-  /// fast as it can on a simulated clock, for tests.
+  double velocity_filter = 0.005;  ///< s, time constant of the velocity estimate from positions
+  /// True: ticks follow the computer's clock, in a separate thread. False: `run` computes them as
+  /// fast as possible on a simulated clock, for tests.
   bool in_real_time = true;
 };
 inline void add_settings(SettingTable& t, SimulatedDeviceOptions& o) {
@@ -60,7 +60,7 @@ inline void add_settings(SettingTable& t, SimulatedDeviceOptions& o) {
   t.section("simulated device");
   t.add("rate", rate, {100, 8000, "Hz"}, "ticks per second");
   t.add("quantum", quantum, {0, 0.01, "m"}, "position resolution; 0: none");
-  t.add("velocity_filter", velocity_filter, {0, 1, "s"}, "of the velocity estimate");
+  t.add("velocity_filter", velocity_filter, {0, 1, "s"}, "time constant of the velocity estimate");
   t.add("moving_mass", model.moving_mass, {1e-3, 100, "kg"}, "of the device");
   t.add("max_force", model.limits.max_force, {0, 1e4, "N"}, "");
   t.add("max_torque", model.limits.max_torque, {0, 1e3, "N m"}, "");
@@ -78,44 +78,44 @@ inline void add_settings(SettingTable& t, SimulatedDeviceOptions& o) {
 
 class SimulatedDevice : public HapticDevice {
  public:
-  /// Errors: options out of range.
+  /// Creates a device. Errors: options out of range.
   static Result<std::unique_ptr<SimulatedDevice>> create(const SimulatedDeviceOptions& options);
 
-  /// Not in real time: so many ticks. start() first.
+  /// With in_real_time = false: computes `num_ticks` ticks. Call start() first.
   virtual void run(int num_ticks) = 0;
-  /// The true state of the hand, and the net energy that the device has given it so far, J.
+  /// The true state of the hand, and the net energy that the device has given it, J.
   virtual DeviceState true_state() const = 0;
   virtual double energy_given() const = 0;
 };
 
-// A hand in a browser: a page moves the handle, and shows what it feels.
+// A hand in the browser: a page moves the handle and shows the force.
 
-/// A device that ticks a thousand times a second and follows the page that holds its handle, by a
-/// critically damped motion and never faster than 1 m/s or 10 rad/s. Button 0 is down while a page
-/// holds it and its poses are fresh. Who lets go, falls silent or goes away leaves a handle that
-/// gives way to what it feels for half a second, and then stays, with the button up.
+/// A device that ticks 1000 times per second and follows the page that holds its handle, with
+/// critically damped motion, never faster than 1 m/s or 10 rad/s. Button 0 is down while a page
+/// holds it and its poses are fresh. After a release, silence or disconnect, the handle yields to
+/// the force for half a second and then stays, with the button up.
 std::unique_ptr<HapticDevice> make_page_device(std::shared_ptr<PageHandle> handle);
 
-// Finding and opening haptic devices by the words of the command line.
+// Finding and opening haptic devices by their URI.
 
-/// What can be used here.
+/// One device, and whether it is usable on this machine.
 struct FoundDevice {
   std::string uri;  ///< e.g. "haply:ws://localhost:10001"
   std::string kind;
   bool is_usable = false;
   std::string what;  ///< the device, or every path and address that was tried
-  std::string hint;  ///< what to do next if it is not usable
+  std::string hint;  ///< if it is not usable: what to do next
 };
-/// Asks every kind; takes a second at most. Never fails, never moves a device.
+/// Probes every kind; takes at most a second. Never fails, never moves a device.
 std::vector<FoundDevice> find_devices();
 
-/// sim[:MODEL], replay:FILE, spacenav[:SOCKET], haply[:URL], forcedimension[:ID],
-/// openhaptics[:NAME], vrpn:NAME@HOST[:PORT], ros2:/POSE_TOPIC[@FRAME], ros2:FRAME@BASE. Errors: no
-/// such kind; nothing there: what was tried, and what to do.
+/// URI: sim[:MODEL], replay:FILE, spacenav[:SOCKET], haply[:URL], forcedimension[:ID],
+/// openhaptics[:NAME], vrpn:NAME@HOST[:PORT], ros2:/POSE_TOPIC[@FRAME], ros2:FRAME@BASE. Errors:
+/// unknown kind; no device: what was tried, and what to do.
 Result<std::unique_ptr<HapticDevice>> open_device(std::string_view uri);
 
-/// A path that is played in real time: the handle goes where it says, in B, and feels nothing.
-/// `name` is for humans.
+/// Plays a path in real time: the handle follows it, in B, without force. `name` is for
+/// display.
 std::unique_ptr<HapticDevice> make_replay_device(std::string name, std::vector<TimedPose> X_BH);
 
 }  // namespace palpate::inline v0

@@ -1,6 +1,6 @@
-// One scalar field per depth frame that does not depend on the tool: in front of the surface the
-// distance to it, behind it minus the distance to free space. A sphere asks it at its centre, and
-// its gradient is where the force points. What makes contact continuous and conservative.
+// The depth field: one smooth scalar field per frame: distance to the surface in front of it, minus
+// the distance to free space behind it. Spheres evaluate it at their centers; its gradient is the
+// force direction. It makes contact continuous and conservative.
 #pragma once
 
 #include <cstdint>
@@ -12,87 +12,86 @@
 
 namespace palpate::inline v0 {
 
-// What a camera remembers of what is hidden now, or out of its sight: a hand before a table does
-// not make everything behind it solid.
+// Memory of a camera for space that is now occluded or out of view: so a hand in front of a table
+// does not make everything behind it solid.
 
 enum class DepthMemory {
-  off,  ///< every frame by itself: all that lies behind its surface is solid
-  /// Each pixel keeps the farthest surface that it has seen since that was last contradicted. What
-  /// comes before it is as thick as MemoryOptions::thickness, and behind that is what was seen. A
-  /// camera that moves keeps frames from where it was: space that they have seen to be free is free
-  /// until a newer frame contradicts that, and what they show is felt.
+  off,  ///< each frame alone: everything behind its surface is solid
+  /// A static camera: each pixel stores the farthest surface since the last contradiction. A
+  /// foreground object is MemoryOptions::thickness thick, and behind it is what was seen before. A
+  /// moving camera stores key frames: the space they have seen to be free stays free, and their
+  /// surfaces stay solid, until a newer frame contradicts them.
   on,
 };
 constexpr auto names_of(DepthMemory) { return std::array{"off", "on"}; }
 
-/// "Remembering for ever": MemoryOptions::horizon, s.
+/// MemoryOptions::horizon, s: never forget.
 inline constexpr double kForEver = 1e6;
 
 struct MemoryOptions {
   DepthMemory kind = DepthMemory::off;
-  /// What has been hidden for longer is forgotten, s: then all behind what hides it is solid, from
-  /// one frame to the next, also where a tool is.
+  /// s: space that has been occluded for longer is forgotten. Then everything behind the occluder
+  /// is solid, from one frame to the next, also where a tool is.
   double horizon = kForEver;
-  double thickness = 0.06;  ///< of what comes before what is remembered, m
-  /// Share of the depth: what is nearer than what is remembered by more comes before it, and what
-  /// is farther by more contradicts it. Wider than the camera's noise.
+  double thickness = 0.06;  ///< of a foreground object, m
+  /// Share of the depth: a measurement nearer than the memory by more is a foreground, one that is
+  /// farther by more contradicts it. Must exceed the camera's noise.
   double step = 0.02;
-  /// Of a camera that moves: it keeps no more frames. Fewer where several cameras do
+  /// Moving camera: maximum number of key frames. Fewer with several moving cameras
   /// (kMostCameras).
   int frames = 8;
 };
 inline void add_settings(SettingTable& t, MemoryOptions& o) {
   t.add("memory", o.kind,
-        "by the field: what lies behind something that has come before it stays known, and by a "
-        "camera that moves what it has seen before");
+        "field: remember space that is now occluded; a moving camera also what is out "
+        "of view");
   t.add("memory_horizon", o.horizon, {0, kForEver, "s"},
-        "memory, a camera that stands still: what has been hidden for longer is forgotten; "
-        "1000000: nothing is");
+        "memory, static camera: forget space that has been occluded for longer; "
+        "1000000: never");
   t.add("memory_thickness", o.thickness, {1e-3, 10, "m"},
-        "memory: of what has come before what is remembered");
+        "memory: thickness of foreground objects");
   t.add("memory_step", o.step, {1e-3, 1},
-        "memory: share of the depth; what is nearer by more has come before what is remembered, "
-        "what is farther by more contradicts it");
-  t.add("memory_frames", o.frames, {1, 15},
-        "memory, a camera that moves: keeps no more frames from where it was");
+        "memory: share of the depth; nearer by more is a foreground, farther by more a "
+        "contradiction");
+  t.add("memory_frames", o.frames, {1, 15}, "memory, moving camera: maximum number of key frames");
 }
 
 struct TangentPlane;  // of a pixel, see src/field/field_pixels.h
 
-/// What lies where the camera measured nothing and hole filling did not reach.
+/// Space where the camera measured nothing and hole filling did not reach.
 enum class UnknownSpace {
   free,   ///< nothing: contact fades out over the width of a sphere at the border
-  solid,  ///< the surface goes on from what is around it, flat, however wide the hole
-  /// Everything, from the camera on: free is only what was seen to be free. Not with a thickness.
+  solid,  ///< the surrounding surface continues flat, however wide the hole
+  /// Everything is solid unless seen to be free. Not with a thickness.
   blocked,
 };
 constexpr auto names_of(UnknownSpace) { return std::array{"free", "solid", "blocked"}; }
 
-/// Thick enough for everything behind a surface to be solid, metres.
+/// A thickness for which everything behind a surface is solid, m.
 inline constexpr double kSolidBehind = 1e6;
 
-/// What lies behind surfaces deeper than DepthFieldOptions::thickness, where no camera has seen
-/// anything.
+/// Unobserved space behind surfaces, deeper than
+/// DepthFieldOptions::thickness.
 enum class Beyond {
-  free,  ///< a tool is pushed out of the back, and from twice as far on there is nothing
-  fade,  ///< whatever: what lies there is pushed no more, but counts as volume
+  free,  ///< the tool is pushed out of the back; beyond twice the thickness: free
+  fade,  ///< no force, but it counts as volume
 };
 constexpr auto names_of(Beyond) { return std::array{"free", "fade"}; }
 
 struct DepthFieldOptions {
   UnknownSpace unknown = UnknownSpace::free;
-  /// Holes up to about 2^fill_levels pixels across are closed by surface interpolated from around
-  /// them; 0 closes none.
+  /// Holes up to about 2^fill_levels pixels wide are filled by interpolation from their borders; 0
+  /// fills none.
   int fill_levels = 4;
-  /// How far behind the first surface along its normal a tool is pushed back out of the front,
-  /// metres.
+  /// m: up to this depth behind the first surface, along its normal, a tool is pushed out of the
+  /// front.
   double thickness = kSolidBehind;
   Beyond beyond = Beyond::free;
-  /// Each frame also tells what its camera has seen to be free (SurfaceView::seen_free), at as much
-  /// cost again: what several cameras are joined by.
+  /// Each frame also stores which space its camera has seen to be free (SurfaceView::seen_free), at
+  /// twice the cost. Needed to combine several cameras.
   bool one_of_several = false;
 };
-/// Of the field that tells what its camera has seen to be free.
+/// Options of the field of space that the camera has seen to be free.
 inline DepthFieldOptions options_of_seen_free(const DepthFieldOptions& options) {
   DepthFieldOptions seen_free;
   seen_free.unknown = UnknownSpace::blocked;
@@ -101,95 +100,93 @@ inline DepthFieldOptions options_of_seen_free(const DepthFieldOptions& options) 
 }
 inline void add_settings(SettingTable& t, DepthFieldOptions& o) {
   t.section("field");
-  t.add("unknown", o.unknown, "by the field: what lies where nothing was measured");
-  t.add("fill_levels", o.fill_levels, {0, 5},
-        "by the field: close holes up to about 2^this pixels wide");
+  t.add("unknown", o.unknown, "field: space without measurement");
+  t.add("fill_levels", o.fill_levels, {0, 5}, "field: fill holes up to about 2^this pixels wide");
   t.add("thickness", o.thickness, {1e-3, kSolidBehind, "m"},
-        "by the field: how far behind a surface a tool is pushed out of its front");
-  t.add(
-      "beyond", o.beyond,
-      "by the field, with a thickness: deeper a tool is pushed out of the back and then nothing is "
-      "there, or what lies there is pushed no more");
+        "field: depth behind a surface up to which a tool is pushed out of its front");
+  t.add("beyond", o.beyond,
+        "field, beyond the thickness: push the tool out of the back and then free "
+        "space, or no force but volume");
 }
 
-/// How a pixel sees the nearest place where a surface ends in front of something farther away. For
-/// a pixel of the near surface `side` is negative and the plane that of the far one; for a pixel of
-/// the far surface it is positive and the plane that of the near one. At depth z, |side| z is the
-/// distance from the pixel's ray to the side wall of the near surface's shadow, in metres.
+/// The nearest silhouette of a pixel: where a surface ends in front of something farther away. In
+/// the near surface, `side` is negative and the plane is that of the far one; in the far surface,
+/// `side` is positive and the plane is that of the near one. At depth z, |side| z is the distance
+/// from the pixel's ray to the side wall of the near surface's shadow, m.
 struct alignas(16) Silhouette {
-  float side = 0;               ///< 0: there is none within kSilhouetteReach pixels
-  float offset = 0, slope = 0;  ///< the other surface, as DepthFieldLevel::planes
+  float side = 0;               ///< 0: no silhouette within kSilhouetteReach pixels
+  float offset = 0, slope = 0;  ///< the other surface, see DepthFieldLevel::planes
   float unused = 0;
 };
 
-/// One resolution. Each pixel has the tangent plane of its surface point as it is met along the
-/// pixel's own ray: at depth z it is `offset - z * slope` metres away, with offset = d of the plane
-/// n . x = -d and slope = d / (depth of the point). A pixel without surface has slope 0. Pixel (u,
-/// v) is number v * stride + u, and kBorder more pixels follow on all sides; all levels have one
-/// stride.
+/// One resolution. Each pixel has the tangent plane of its surface point, evaluated along the
+/// pixel's own ray: at depth z the plane is `offset - z * slope` meters away, with offset = d of
+/// the plane n . x = -d and slope = d / (depth of the point). A pixel without surface has slope 0.
+/// Pixel (u, v) is number v * stride + u, and kBorder more pixels follow on all sides; all levels
+/// have one stride.
 struct DepthFieldLevel {
   static constexpr int kBorder = 10;
-  /// So many pixels away silhouettes are known; from farther away wider pixels see them.
+  /// Search radius of silhouettes, pixels; coarser levels see those farther away.
   static constexpr int kSilhouetteReach = 3;
 
   const float* planes = nullptr;  ///< offset, slope, offset, slope, ...
-  /// Two a pixel: of the pixel as a near surface, and as a far one. Written only around pixels that
-  /// are near silhouettes.
+  /// Two per pixel: as near surface, and as far surface. Valid only around pixels near
+  /// silhouettes.
   const Silhouette* silhouettes = nullptr;
-  const std::uint8_t* near_silhouette = nullptr;  ///< 1: one of the nine pixels around has any
+  const std::uint8_t* near_silhouette = nullptr;  ///< 1: one of the 3 x 3 pixels has a silhouette
   int width = 0, height = 0;
   int stride = 0;
   float scale = 1;  ///< pixels of this level per pixel of the depth image: 2^-level
-  /// Greatest column and row that can be asked, the image's width and height here plus 5; the least
-  /// is kFirst. Beyond them everything is constant: no silhouette is that near.
+  /// Largest column and row that may be queried: image width and height plus 5; the smallest is
+  /// kFirst. Beyond them everything is constant: there is no silhouette nearby.
   float last_u = 0, last_v = 0;
   static constexpr float kFirst = -5;
 };
 
 /// A bound for a square of kTileSize pixels: at depth z, each of their planes is at least
-/// least_slope * (nearest - z) away as long as that is positive.
+/// least_slope * (nearest - z) away, if that is positive.
 struct DepthTile {
   float nearest = 0;      ///< least depth of their surface points, m
   float least_slope = 0;  ///< least slope of their planes
 };
 
-/// What queries see; not owning, trivially copyable. Level k has pixels 2^k wide.
+/// Input of queries; non-owning, trivially copyable. Level k has pixels 2^k wide.
 struct DepthFieldView {
   static constexpr int kMaxLevels = 6, kTileSize = 16;
 
   DepthFieldLevel levels[kMaxLevels];
   int num_levels = 0;  ///< 0: no field
-  /// Where the field may be asked (src/field/internal/asked_window.h): there all levels have the
-  /// values that they have in a field of the whole image; elsewhere they may be anything.
+  /// The window in which the field is valid (src/field/internal/asked_window.h): there all levels
+  /// equal those of a field of the whole image; elsewhere they may be anything.
   PixelWindow asked;
-  const DepthTile* tiles = nullptr;  ///< row by row; pixels beyond the image count to the outermost
+  const DepthTile* tiles = nullptr;  ///< row-major; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   Intrinsics intrinsics;
-  float thickness = 0;    ///< as DepthFieldOptions; negative: with Beyond::fade
+  float thickness = 0;    ///< see DepthFieldOptions; negative: with Beyond::fade
   int gpu = kHostMemory;  ///< whose memory the arrays are in
-  /// Two views with one stamp show the same values, unless it is 0.
+  /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;
 };
 
-/// Owns the images for one image size; `update` allocates nothing.
+/// A depth field of one image size. Owns its buffers; `update` allocates nothing.
 class DepthField {
  public:
-  /// Errors: a size out of 8..4096, options out of range. All instruction sets give the same bits;
-  /// one that the processor lacks is lowered.
+  /// Allocates all buffers. Errors: a size out of 8..4096, options out of range. All instruction
+  /// sets give the same bits; an unsupported one falls back to a lower one.
   static Result<DepthField> create(int width, int height, const DepthFieldOptions& options = {},
                                    Isa isa = best_isa());
   DepthField(DepthField&&) noexcept;
   DepthField& operator=(DepthField&&) noexcept;
   ~DepthField();
 
-  /// Rebuilds the field from an organised pinhole cloud of the size given at construction, for
-  /// queries inside of `asked`. The same bits for any number of threads and any window. O(pixels of
-  /// the window and about 2^kMaxLevels * 6 around).
+  /// Recomputes the field from an organized pinhole cloud of the size given at construction, for
+  /// queries inside `asked`. Same bits for any number of threads and any window. O(pixels of the
+  /// window and about 2^kMaxLevels * 6 around it).
   void update(const PointCloudView& cloud, ThreadPool& pool, const PixelWindow& asked = {});
-  /// The same from the planes of all its points, row by row, where none has one the slope is 0.
+  /// The same from the planes of all points, row-major; a point without plane has slope 0.
   void update(const TangentPlane* planes, const Intrinsics& intrinsics, ThreadPool& pool,
               const PixelWindow& asked = {});
-  /// The points of a cloud that an update for `asked` looks at.
+  /// The points of a cloud that an update for `asked` reads.
   PixelWindow points_for(const PixelWindow& asked) const;
 
   /// Valid until the next update; no levels before the first one.

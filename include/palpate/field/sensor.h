@@ -1,4 +1,4 @@
-// From depth frames to surfaces: one after the other in time, many at once, or by a Sensor.
+// From depth frames to surfaces: a timeline of frames, batches of images, or a single Sensor.
 #pragma once
 
 #include <cstddef>
@@ -15,14 +15,14 @@
 
 namespace palpate::inline v0 {
 
-// What lies between depth frames. Frames come at 30 Hz and the hand feels at 1 kHz: whoever
-// switches to a new frame when it arrives makes a step in the force, thirty times a second.
+// Between depth frames. Frames arrive at 30 Hz and the haptic loop runs at 1 kHz: switching to each
+// new frame on arrival would make the force jump thirty times per second.
 
 enum class TimeMode {
   latest,       ///< the newest frame at once: no lag, but steps
-  interpolate,  ///< from the last frame to the newest one: no steps, but one frame of lag
-  /// Towards where the newest frame's surface will be when the next one comes, each pixel moving as
-  /// it did between the last two frames. What was predicted wrongly is corrected on the way.
+  interpolate,  ///< blend from the last frame to the newest: no steps, one frame of lag
+  /// Blend toward the predicted surface at the time of the next frame, each pixel moving as it did
+  /// between the last two frames. Errors of the prediction are corrected without a step.
   predict,
 };
 constexpr auto names_of(TimeMode) { return std::array{"latest", "interpolate", "predict"}; }
@@ -31,73 +31,74 @@ struct TimeOptions {
   TimeMode mode = TimeMode::interpolate;
   DepthAverageOptions average;
   MemoryOptions memory;
-  /// predict: a pixel whose depth changed by more than this share shows another surface and is not
-  /// moved.
+  /// predict: a pixel whose depth changed by more than this share belongs to another surface and is
+  /// not moved.
   double max_jump = 0.03;
-  /// Expected time between the first frames, s; 0: as the stream says.
+  /// Expected time between the first frames, s; 0: as the stream reports.
   double first_period = 0;
 };
 inline void add_settings(SettingTable& t, TimeOptions& o) {
   t.section("time");
-  t.add("mode", o.mode, "what is felt until the next depth frame comes");
+  t.add("mode", o.mode, "blend between two depth frames");
   t.add("max_jump", o.max_jump, {0, 10},
-        "predict: share of the depth; a pixel that changed more shows another surface");
+        "predict: share of the depth; a pixel that changed more belongs to another "
+        "surface");
   t.add("first_period", o.first_period, {0, 3600, "s"},
-        "between the first frames; 0: as the stream says");
+        "time between the first frames; 0: as the stream reports");
   add_settings(t, o.average);
   add_settings(t, o.memory);
 }
 
-/// What queries look at; not owning, trivially copyable.
+/// The surface of one frame: input of queries; non-owning, trivially copyable.
 struct SurfaceView {
   PointCloudView cloud;
   DepthFieldView field;  ///< no levels if there is none
-  /// The frame with UnknownSpace::blocked, positive only in space that the camera has seen to be
-  /// free; with DepthFieldOptions::one_of_several.
+  /// Field with UnknownSpace::blocked, positive only in space that the camera has seen to be free.
+  /// With DepthFieldOptions::one_of_several only.
   DepthFieldView seen_free = {};
-  /// With MemoryOptions, of a camera by itself: `field` shows what is behind, which may be
-  /// remembered, and this one what has come before it, with its thickness. A sphere is as deep as
-  /// the one says that has it deeper.
+  /// With MemoryOptions, single camera: `field` is the background, which may be
+  /// remembered, and this one the foreground, with its thickness. A sphere takes the
+  /// deeper one.
   ///
-  /// And of one of several cameras: `field` and `seen_free` show the newest frame alone, and this
-  /// one the surfaces in it, with their thickness: there nothing counts that is only remembered.
+  /// With several cameras: `field` and `seen_free` are the newest frame alone, and this
+  /// one is its surfaces, with their thickness: inside them nothing remembered counts.
   DepthFieldView in_front = {};
-  /// With MemoryOptions, of one of several cameras: as seen_free, of what the camera has seen last
-  /// behind what hides it now. It counts where no camera sees anything now. A surface with this and
-  /// `field` alone is one that was seen long ago, from where the camera was then.
+  /// With MemoryOptions, several cameras: like seen_free, for the last view of now occluded space.
+  /// It counts only where no camera sees anything now. A surface with only this and `field` is a
+  /// key frame: seen earlier, from an earlier pose of the camera.
   DepthFieldView remembered = {};
-  Pose X_WC = {};  ///< of the camera in the world, when the frame was captured
+  Pose X_WC = {};  ///< pose of the camera in the world at the capture of the frame
 };
 
-/// A moment between two surfaces: the measure is (1 - progress) times that of `from` and progress
-/// times that of `to` (contact/contact.h). So whatever appears or vanishes fades in or out,
-/// be it a pixel or a wall.
+/// A blend of two surfaces: the measure is (1 - progress) times that of `from` plus progress times
+/// that of `to` (contact/contact.h). So everything that appears or disappears fades in or out, a
+/// pixel as well as a wall.
 struct SurfaceBlend {
   SurfaceView from, to;
   double progress = 1;
 };
 
-/// So many cameras can be measured against at once. Each has its own moments: they need neither one
-/// rate nor one size.
+/// Maximum number of cameras in one measurement. Each has its own blend, and may have its own rate
+/// and size.
 inline constexpr int kMostCameras = 16;
 
-/// The points of the newest surfaces of all cameras, in W, in one cloud: what methods of points
-/// measure several cameras by, whatever lies in front of whom. Clouds in host memory; O(points).
+/// The points of the newest surfaces of all cameras in one cloud, in W: input of point methods;
+/// ignores occlusion. Clouds in host memory. O(points).
 PointCloud joined_clouds(std::span<const SurfaceBlend> cameras);
 
 class FrameSlots;  // how the surfaces of frames are made, see src/field/frame_slots.h
 struct SlotSettings;
 
-/// Frames in, moments out. All memory is allocated at construction.
+/// Turns a stream of frames into blends of surfaces. All memory is allocated at construction.
 class SurfaceTimeline {
  public:
-  /// With `field` each frame gets a depth field. Depth-change vectors only if they are wanted, or
-  /// with `newest_cloud`. Errors: see SurfaceEstimator, DepthField and
-  /// DepthAverager; max_jump or first_period negative; prediction or averages with a camera that
-  /// moves; a memory with prediction or without a field; the place is not in this build
-  /// or on this machine, or has too little memory. With `num_spare` more surfaces in memory the
-  /// views of `at` outlive so many pushes more: a thread can look at them while another one pushes.
-  /// With `binning` above 1 surfaces are those of smaller images, see depth_binning.h.
+  /// With `field`, each frame gets a depth field. Depth-change vectors are computed only if wanted,
+  /// or by `newest_cloud`. `num_spare` more surfaces in memory keep the views of `at` valid for
+  /// that many more pushes: then one thread can read them while another one pushes. `binning` above
+  /// 1 uses smaller images, see bin_depth. Errors: see SurfaceEstimator, DepthField and
+  /// DepthAverager; max_jump or first_period negative; prediction or averages with a moving camera;
+  /// memory with prediction or without a field; the place is not in this build or on this machine,
+  /// or has too little memory.
   static Result<SurfaceTimeline> create(const DepthStreamInfo& stream,
                                         const SurfaceOptions& surface,
                                         const std::optional<DepthFieldOptions>& field,
@@ -108,29 +109,29 @@ class SurfaceTimeline {
   SurfaceTimeline& operator=(SurfaceTimeline&&) noexcept;
   ~SurfaceTimeline();
 
-  /// Of the images that surfaces are made of: the frames', or smaller ones. Windows are in theirs.
+  /// The stream of the processed images: the input, or binned. Windows refer to it.
   const DepthStreamInfo& stream() const;
 
-  /// Takes the frame that became current at `time` (s, later than the one before). With a field it
-  /// is made for queries inside of `asked`, which SurfaceView::field says, and there is no cloud
-  /// unless that is the whole image; a GPU always makes the whole one. No allocation; the same bits
-  /// for any number of threads, at every place and for any window. Waits for the GPU.
+  /// Adds the frame that became current at `time` (s, increasing). A field is computed for queries
+  /// inside `asked` (see SurfaceView::field), and there is no cloud unless `asked` is the whole
+  /// image; a GPU always computes the whole image. No allocation. Same bits for any number of
+  /// threads, on every backend and for any window. Waits for the GPU.
   SurfaceStats push(const DepthImageView& frame, double time, ThreadPool& pool,
                     const PixelWindow& asked = {});
-  /// Before the first frame: its averages go on from DepthAverager::state. Error: they have none,
-  /// or it is not one of such images.
+  /// Before the first frame: continues averages from DepthAverager::state. Errors: there are no
+  /// averages, or the state is not that of such images.
   Status go_on_from(std::string_view state);
-  /// What the hand feels at `time`, which does not lie before the last frame. Late frames are
-  /// waited for. The views stay valid until the next push, or longer with spare surfaces. O(1).
+  /// The blend at `time` (s), not before the last frame. It waits for late frames (progress 1).
+  /// Views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceBlend at(double time) const;
-  /// With a memory of a camera that moves: what it remembers, as further views for queries
-  /// (ContactQuery::measure), each from what it was before the last frame to what it is now. They
-  /// are at the progress of `at`, and valid as long.
+  /// With memory of a moving camera: its key frames, as additional views for queries
+  /// (ContactQuery::measure), each from its state before the last frame to its state now. They have
+  /// the progress of `at`, and the same lifetime.
   std::span<const SurfaceBlend> key_frames() const;
 
-  /// A copy in host memory of the newest frame's points as they were seen, not predicted, with
-  /// depth-change vectors if they are found on the CPU; before the first push, without any points.
-  /// Makes what `push` did without; queries by field may go on meanwhile.
+  /// A copy in host memory of the newest frame's points, not predicted, with depth-change vectors
+  /// if computed on the CPU; before the first push, without points. Computes what `push` omitted;
+  /// queries with `field` may run concurrently.
   PointCloud newest_cloud(ThreadPool& pool);
   /// Expected time to the next frame, s: the first one's, then a running mean.
   double period() const;
@@ -145,18 +146,18 @@ class SurfaceTimeline {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Surfaces that poses are measured against (contact/contact.h), not owning: views in host
-/// memory, which may show arrays anywhere, or depth fields of one camera model whose arrays lie at
-/// equal distances in memory, as Sensor::update_batch makes them.
+/// Surfaces for batches (contact/contact.h), non-owning: views in host memory, whose arrays may be
+/// anywhere, or depth fields of one camera model at equal distances in memory, from
+/// Sensor::update_batch.
 class SurfaceBatch {
  public:
   SurfaceBatch() = default;
-  /// `one` must outlive it; so must views.
+  /// `one` must outlive it; the same holds for `views`.
   SurfaceBatch(const SurfaceView& one) : SurfaceBatch(std::span(&one, 1)) {}
   SurfaceBatch(std::span<const SurfaceView> views)
       : views_(views.data()), size_(static_cast<int>(views.size())) {}
   SurfaceBatch(const std::vector<SurfaceView>& views) : SurfaceBatch(std::span(views)) {}
-  /// `num` fields without clouds. Distances from one to the next: in pixels of planes, silhouettes
+  /// `num` fields without clouds. Distances between two fields: in pixels for planes, silhouettes
   /// and near_silhouette, and in tiles.
   SurfaceBatch(const DepthFieldView& first, int num, std::ptrdiff_t pixels_apart,
                std::ptrdiff_t tiles_apart)
@@ -190,23 +191,23 @@ class SurfaceBatch {
   std::ptrdiff_t pixels_apart_ = 0, tiles_apart_ = 0;
 };
 
-/// A depth camera. World W is its frame C: x right, y down, z forward.
+/// A depth camera. Frame C: x right, y down, z forward; W = C unless images have an X_WC.
 struct Camera {
   int width = 0, height = 0;  ///< pixels
   Intrinsics intrinsics;
-  Distortion distortion = {};  ///< of its lens: images are straightened, at any place
+  Distortion distortion = {};  ///< lens distortion: images are undistorted, on any backend
 };
 
 struct SensorOptions {
   SurfaceOptions surface;
   DepthFieldOptions field;
-  int num_surfaces = 1;  ///< so many of the newest ones stay valid
+  int num_surfaces = 1;  ///< number of newest surfaces that stay valid
   int num_threads = 0;   ///< on a CPU; 0: one per core
 };
 
-/// Makes a surface of each image: a cloud with normals for the methods of points, and a depth field
-/// for FieldMethod. Images are looked at one by one; for what lies between two of them see
-/// ContactQuery::measure and SurfaceTimeline. One thread at a time.
+/// Computes a surface for each image: a cloud with normals for point methods, and a depth field for
+/// FieldMethod. Images are independent; for blends of two, see ContactQuery::measure and
+/// SurfaceTimeline. One thread at a time.
 class Sensor {
  public:
   /// Allocates all memory. Errors: see SurfaceEstimator and DepthField; fewer than one surface or
@@ -217,27 +218,27 @@ class Sensor {
   Sensor& operator=(Sensor&&) noexcept;
   ~Sensor();
 
-  /// The surface of an image, valid for the next num_surfaces - 1 updates; on a GPU its arrays are
-  /// there. An image that cannot be taken (see status) gives a surface that is none: whoever is
-  /// measured against it gets StepStatus::no_surface. O(pixels): about 5 ms of one core or 0.2 ms
-  /// of a GPU for 640 x 480. No allocation; the same bits for any number of threads, at every
-  /// place.
+  /// The surface of an image, valid for the next num_surfaces - 1 updates; on a GPU its
+  /// arrays are in GPU memory. An invalid image (see status) gives an empty surface:
+  /// measurements against it set StepStatus::no_surface. O(pixels): about 5 ms of one core or
+  /// 0.2 ms of a GPU for 640 x 480. No allocation. Same bits for any number of threads, on
+  /// every backend.
   SurfaceView update(const DepthImageView& image);
 
-  /// The fields of `num` images of this camera's model, one after the other in memory, of which
-  /// `first` shows the first; without clouds, valid until the next batch. On a CPU each image is
-  /// made by one thread. On a GPU a few launches make all; if the images are there and a stream is
-  /// given, the call only asks for the work, and after one with as many images it may be captured
-  /// in a CUDA graph. Takes memory when it meets more images than before: about 95 bytes for each
-  /// pixel of a large image, 190 for each of 64 x 64. The values are those of `update`, to the bit.
-  /// A batch that cannot be taken (see status) is empty.
+  /// The fields of `num` images of this camera model, consecutive in memory, starting at `first`;
+  /// without clouds, valid until the next batch. On a CPU one thread computes each image. On a GPU
+  /// a few launches compute all; with images in GPU memory and a stream, the call only enqueues
+  /// the work, and after a call with as many images a CUDA graph may capture it. Allocates when
+  /// there are more images than before: about 95 bytes per pixel of a large image, 190 per pixel
+  /// of 64 x 64. Values equal those of `update`, to the bit. An invalid batch (see status) is
+  /// empty.
   SurfaceBatch update_batch(const DepthImageView& first, int num,
                             std::optional<CallerStream> stream = {});
-  /// So that the first batch need not. Errors: there is too little memory; it says what fits.
+  /// Allocates for the first batch beforehand. Error: too little memory; it says what fits.
   Status reserve_batch(int num_images);
 
-  /// An error if the last image or batch was not taken: another size than the camera's, no values,
-  /// in the memory of another place; or the GPU has failed, which lasts.
+  /// An error if the last image or batch was rejected: wrong size, no values, memory of another
+  /// place; or if the GPU has failed, which is permanent.
   const Status& status() const;
   const Place& place() const;
 

@@ -1,4 +1,4 @@
-// Which GPUs the CUDA backend can use on this machine.
+// The GPUs that the CUDA backend can use on this machine.
 #pragma once
 
 #include <array>
@@ -10,17 +10,17 @@
 
 namespace palpate::inline v0 {
 
-/// A cudaStream_t; null is CUDA's default stream. What is asked for in it is done in its order and
-/// not waited for, and may be captured in a CUDA graph.
+/// A cudaStream_t; null is CUDA's default stream. Work is enqueued in order and not waited for, and
+/// a CUDA graph may capture it.
 struct CallerStream {
   void* handle = nullptr;
 };
 
-/// Where work is done.
+/// Where the computation runs.
 enum class Backend { cpu, cuda };
 constexpr auto names_of(Backend) { return std::array{"cpu", "cuda"}; }
 
-/// Where surfaces are made and queries computed, and where their arrays are.
+/// Where surfaces and queries are computed, and where their arrays are.
 struct Place {
   Backend backend = Backend::cpu;
   int gpu = 0;  ///< of the CUDA backend: GpuInfo::index
@@ -30,10 +30,10 @@ struct Place {
   friend constexpr bool operator==(const Place&, const Place&) = default;
 };
 
-/// Where arrays are: in host memory, or in that of a GPU.
+/// Memory of an array: host memory, or the index of a GPU.
 inline constexpr int kHostMemory = -1;
 
-/// One GPU, known everywhere by its index.
+/// One GPU, identified by its index.
 struct GpuInfo {
   int index = 0;
   std::string name;
@@ -42,8 +42,8 @@ struct GpuInfo {
   int compute_major = 0, compute_minor = 0;  ///< 9, 0 for Hopper
 };
 
-/// At least one. Errors (unavailable): this build has no CUDA backend; no driver; a driver that is
-/// too old for this build; no GPU.
+/// At least one GPU. Errors (unavailable): this build has no CUDA backend; there is no driver; the
+/// driver is too old; there is no GPU.
 Result<std::vector<GpuInfo>> find_gpus();
 
 }  // namespace palpate::inline v0

@@ -1,6 +1,6 @@
-// A haptic device: where the hand is, and what it is to feel. Who calls whom differs (some drivers
-// are asked, some call back from a thread of their own, some answer one message with one), so the
-// device keeps the clock and asks for the wrench of each tick.
+// The interface of a haptic device: pose of the hand in, wrench out. Drivers differ (some are
+// polled, some call back from their own thread, some answer one message with one), so the device
+// owns the clock and requests the wrench of each tick.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace palpate::inline v0 {
 
-/// What a device can do without harm. SI units.
+/// Safe limits of a device. SI units.
 struct DeviceLimits {
   double max_force = 0;              ///< N
   double max_torque = 0;             ///< N m; 0: the device renders no torque
@@ -21,97 +21,97 @@ struct DeviceLimits {
   double max_angular_stiffness = 0;  ///< N m/rad
   double max_damping = 0;            ///< N s/m
   double workspace_radius = 0;       ///< m
-  double damping = 0;                ///< N s/m, of the mechanism itself: what makes it passive
+  double damping = 0;                ///< N s/m, of the mechanism itself: makes it passive
   double angular_damping = 0;        ///< N m s/rad
 };
 
 struct DeviceInfo {
   std::string kind;  ///< as on the command line: sim, replay, spacenav, haply, ...
-  std::string name;  ///< for humans: model and serial number or address
+  std::string name;  ///< for display: model and serial number or address
   DeviceLimits limits;
   double rate = 1000;  ///< ticks per second, nominal
   bool senses_orientation = true;
   int num_buttons = 0;
 };
 
-/// What is known of the hand at one tick. Base frame B of the device; handle frame H.
+/// State of the hand at one tick. Base frame B of the device; handle frame H.
 struct DeviceState {
   double time = 0;  ///< s, monotonic clock of this computer
   Pose X_BH;
   Twist V_BH;                 ///< of the handle's origin, in B
   std::uint32_t buttons = 0;  ///< bit per button
-  bool is_valid = false;      ///< false: the device said nothing usable this time; the rest is old
+  bool is_valid = false;      ///< false: the device sent nothing usable this time; the rest is old
 };
 
-/// The wrench that the hand is to feel from this state on: force and torque at the handle's origin,
-/// in B. Called from the device's own thread; it does not throw, allocate, lock or wait.
+/// Computes the wrench for the hand from this state: force (N) and torque (N m) at the handle's
+/// origin, in B. Called from the device's thread; does not throw, allocate, lock or wait.
 using DeviceTick = std::function<Wrench(const DeviceState& state)>;
 
 class HapticDevice {
  public:
-  virtual ~HapticDevice() = default;  ///< stops
+  virtual ~HapticDevice() = default;  ///< stops the device
 
   virtual const DeviceInfo& info() const = 0;
-  /// Begins to tick. Errors: the device does not answer, what it said.
+  /// Starts to tick. Errors: the device does not answer, with its message.
   virtual Status start(DeviceTick tick) = 0;
-  /// No tick runs or comes any more, and the motors are off. Never waits for more than a second.
+  /// Afterwards no tick runs or starts, and the motors are off. Waits for at most a second.
   virtual void stop() noexcept = 0;
-  /// An error once the device is lost or has refused to go on: it has stopped ticking, and the
-  /// motors are off as far as it can be known.
+  /// An error once the device is lost or has refused to continue: it has stopped ticking, and the
+  /// motors are off as far as this can be known.
   virtual Status status() const = 0;
 };
 
-/// A device on a simulated clock, which begins at 0: it ticks when it is told to.
+/// A device on a simulated clock that starts at 0: it ticks on request.
 class SteppedDevice : public HapticDevice {
  public:
-  /// The next tick, as fast as it can be computed. False: there is none any more.
+  /// Computes the next tick, as fast as possible. False: there are no more ticks.
   virtual bool step() = 0;
 };
 
-// The handle of a device that a page in a browser moves: by pointer, keys or gamepad.
+// The handle of a device that a browser page moves: by pointer, keys or gamepad.
 
-/// Which page; any number but 0.
+/// Identifies a page; any number except 0.
 using PageNumber = std::uint64_t;
 
-/// From a page to the device. One page holds the handle at a time. All calls but heard() come from
-/// one thread, which is never waited for and does not wait. Times are s, monotonic.
+/// Carries poses from a page to the device. One page holds the handle at a time. All calls except
+/// heard() come from one thread; nobody waits for it, and it never waits. Times: s, monotonic.
 class PageHandle {
  public:
-  static constexpr double kFastest = 3;       ///< m/s, of the poses that a page tells
+  static constexpr double kFastest = 3;       ///< m/s, limit for the poses of a page
   static constexpr double kFastestTurn = 30;  ///< rad/s
   static constexpr double kFarthest = 100;    ///< m
-  /// Poses come in bunches where a network or a page is busy, s.
+  /// Poses arrive in bursts if a network or a page is busy, s.
   static constexpr double kBunch = 0.1;
-  /// Who has told no pose for so long can be relieved by another page, s.
+  /// After this time without a pose, another page may take the handle, s.
   static constexpr double kPatience = 5;
 
-  /// What the device is told.
+  /// Update for the device.
   struct News {
-    std::uint64_t grip = 0;  ///< counts: the first pose of each is where the handle is already
+    std::uint64_t grip = 0;  ///< counter: the first pose of each grip is a reference
     bool is_held = false;
-    double time = 0;  ///< when the pose came
+    double time = 0;  ///< s, when the pose arrived
     Pose X_BH;
   };
 
   PageHandle();
   ~PageHandle();
 
-  /// Error: another page holds it.
+  /// Takes the handle for `page`. Error: another page holds it.
   Status hold(PageNumber page, double now);
-  /// The first pose after hold() stands for where the handle is then, and moves nothing; what later
-  /// ones differ from it the handle moves, in B. Errors: `page` does not hold it; no pose, or one
-  /// that no hand can have come to since the last one. The handle then stays where it is.
+  /// The first pose after hold() is the reference for the current pose of the handle, and moves
+  /// nothing; differences of later poses move the handle, in B. Errors: `page` does not hold it;
+  /// not a pose, or one that no hand can reach in this time. Then the handle stays.
   Status move(PageNumber page, const Pose& X_BH, double now);
-  /// The next pose stands for where the handle is then, again.
+  /// The next pose is again the reference for the current pose of the handle.
   void grip_anew() { ++grip_; }
-  /// Nothing if `page` does not hold it.
+  /// No effect if `page` does not hold it.
   void let_go(PageNumber page);
 
   bool is_held() const { return holder_ != 0; }
-  /// The limits of a device that is only seen: as soft as a spring has to be for that.
+  /// The limits of a device that is only displayed: soft enough to see the spring.
   static DeviceLimits limits();
 
-  /// The device's thread: the newest if there is news, else null. Valid until the next call.
+  /// Device's thread: the newest update, or null if there is none. Valid until the next call.
   const News* heard() noexcept;
 
  private:

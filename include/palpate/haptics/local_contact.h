@@ -1,4 +1,4 @@
-// A contact as the hand's side of a run sees it, and what that side remembers between two ticks.
+// The last contact as the haptic loop uses it, and the state of the loop between two ticks.
 #pragma once
 
 #include <array>
@@ -16,111 +16,111 @@
 
 namespace palpate::inline v0 {
 
-// Where and how wide a contact is, and what is there: what friction acts on.
+// Place, width and material of a contact: the input of friction.
 
-/// What a surface is made of, where it has a material of its own.
+/// Material of a surface region.
 struct Material {
-  double friction = 0;      ///< force along the surface over the force into it, while it slides
-  double static_ratio = 1;  ///< what sticks holds so many times as much
-  double viscous = 0;       ///< s/m: force along the surface grows by this times N v
-  /// Texture: shares of the friction by which it goes up and down with even waves, and with
-  /// irregular ones.
+  double friction = 0;      ///< tangential force over normal force while sliding
+  double static_ratio = 1;  ///< static over kinetic friction
+  double viscous = 0;       ///< s/m: adds a tangential force of this times N v
+  /// Texture amplitudes as shares of the friction: regular waves, and irregular
+  /// ones.
   double ridges = 0, grain = 0;
 
   friend bool operator==(const Material&, const Material&) = default;
 };
 
-/// Materials by region of a camera's image: a label for each pixel, and what some labels are made
-/// of. What has no material is as the settings say.
+/// Materials by region of a camera's image: a label per pixel, and the material of some labels.
+/// Labels without material use the settings.
 struct MaterialRegions {
   int width = 0, height = 0;
   std::vector<std::uint8_t> labels;                ///< row-major, width * height; empty: none
   std::vector<std::optional<Material>> materials;  ///< by label
 };
 
-/// What a contact touches that friction should know of, in shares of the normal force.
+/// Material under a contact, for friction. Shares are of the normal force.
 struct Ground {
-  double share = 0;  ///< on regions with a material of their own; of the rest, see ContactPatch
-  /// Of these, times their shares: coefficients while they slide and while they stick, ...
+  double share = 0;  ///< on regions with their own material; for the rest, see ContactPatch
+  /// Mean values times their shares: coefficients while sliding and while sticking, ...
   double friction = 0, static_friction = 0;
   double viscous = 0;            ///< s/m
-  double ridges = 0, grain = 0;  ///< coefficients by which texture goes up and down
-  /// How the surface moves by itself: under the middle of the contact, m/s, and rad/s.
+  double ridges = 0, grain = 0;  ///< amplitudes of the texture, as coefficients
+  /// Motion of the surface itself under the center of the contact: m/s, and rad/s.
   Vec3d velocity_W, turning_W;
 
   friend bool operator==(const Ground&, const Ground&) = default;
 };
 
 struct ContactPatch {
-  Vec3d lever_W;  ///< from the tool's centre of mass to the middle of the contact, m
-  /// How far from there the normal force is on average, m: what slides by turning about the normal
-  /// resists with mu N times this.
+  Vec3d lever_W;  ///< from the tool's center of mass to the center of the contact, m
+  /// Mean distance of the normal force from there, m: the torsional resistance is mu N times
+  /// this.
   double torsion_radius = 0;
-  /// Of the normal force: what is felt with the friction of the settings ...
+  /// Share of the normal force with the friction of the settings ...
   double share = 1;
-  /// ... and mean coefficient of the rest, which is on objects with one of their own, times its
+  /// ... and mean coefficient of the rest, on objects with their own friction, times its
   /// share.
   double own_friction = 0;
   Ground ground;
 };
 
-/// Of a contact with a surface, from the moments of its volume. Exact for parallel normals and, in
-/// its torsion radius, for a patch that is an ellipse of even pressure; a rectangle is off by 2 %.
+/// Patch of a contact with a surface, from the moments of its volume. Exact for parallel normals
+/// and, in its torsion radius, for an elliptic patch with even pressure; a rectangle is off by 2 %.
 ContactPatch contact_patch(const VolumeWrench& measure_W, double volume, const Stiffness& stiffness,
                            const VolumeMoments& moments);
 
-/// Where no moments are known: the middle from the wrench, as far out as a tool of this inertia
-/// reaches, and a round cap of that volume. `tool` is in T.
+/// Estimate without moments: the center from the wrench, limited by the reach of this inertia, and
+/// a round cap of that volume. `tool` is in T.
 ContactPatch guessed_patch(const VolumeWrench& measure_W, double volume, const MassProperties& tool,
                            const Quaternion& q_WT);
 
-/// Two contacts of the same tool as one, in shares of their forces `force_a` and `force_b`, N.
+/// Combines two contacts of one tool, weighted by their forces `force_a` and `force_b`, N.
 ContactPatch joined(const ContactPatch& a, double force_a, const ContactPatch& b, double force_b);
 
-// What the last contact query said, as far as it holds around its pose: lets the hand be served at
-// several kilohertz, however long a query takes.
+// Linear model of the last contact query around its pose: it lets the haptic loop run at several
+// kilohertz, however long a query takes.
 
-/// Contact wrench on the tool at one pose, in newtons, and how it changes around it.
+/// Contact wrench on the tool at one pose, in N, and its derivative around it.
 struct LocalContact {
-  double time = 0;  ///< s, monotonic clock: of the device state that was measured
+  double time = 0;  ///< s, monotonic clock: time of the measured device state
   Pose X_WT;
-  Vec3d p_WC;                ///< the tool's centre of mass: the wrench is about it
+  Vec3d p_WC;                ///< the tool's center of mass, reference point of the wrench
   Wrench F_C_W;              ///< N, N m
   Stiffness stiffness;       ///< N/m, N, N m: see Stiffness, times the gain
-  ContactPatch patch;        ///< of the query that the stiffness is of
+  ContactPatch patch;        ///< of the query with the stiffness
   double volume = 0;         ///< m3
   double max_stiffness = 0;  ///< N/m: largest eigenvalue of the force-translation block, 0 or more
-  double surface_age = 0;    ///< s, of the depth frame that was measured, at `time`
+  double surface_age = 0;    ///< s, age of the measured depth frame at `time`
   ContactStatus status;
-  bool is_valid = false;  ///< false: nothing has been measured yet
+  bool is_valid = false;  ///< false: no measurement yet
 
-  /// The wrench with the tool at another pose near by, about its own centre of mass there:
-  /// F - K (shift, turn). It never pulls the tool in: where the line crosses zero along the
-  /// measured direction, it stays zero.
+  /// The wrench with the tool at another pose nearby, about its center of mass there: F - K (shift,
+  /// turn). It never pulls the tool in: if the linear model crosses zero along the measured
+  /// direction, the force stays zero.
   Wrench at(const Pose& X_WT_now) const;
 };
 
 VolumeStiffness thesis_volume_stiffness(double max_force, double tool_volume);
 
-/// `measure_W` and `stiffness` in m3 ... as a contact of that scale.
+/// Converts a measure and its stiffness (m3 ...) to newtons by `scale`.
 LocalContact local_contact(const Penetration& penetration, const Stiffness& stiffness,
                            const Pose& X_WT, const Vec3d& centre_of_mass_T,
                            const VolumeStiffness& scale, double time, double surface_age,
                            const ContactPatch& patch = {});
 
-// What a part of the hand's side remembers between two ticks, as numbers: written down, a recording
-// can begin anywhere, and a repetition with it.
+// State of the haptic side between two ticks, as numbers: with it, a recording and its replay can
+// start at any tick.
 
-/// Each class has one function `remember(StateNumbers&)` that names its members, which saves them
-/// or takes them back, in the same order. No allocation. What is taken back may come from a file:
-/// numbers that a member cannot have make it bad.
+/// Each class has one function `remember(StateNumbers&)` that lists its members. It saves or
+/// restores them, in the same order. No allocation. Restored numbers may come from a file: invalid
+/// values clear is_good().
 class StateNumbers {
  public:
   static constexpr std::size_t kMost = 320;
 
-  /// Saves.
+  /// Saves a state.
   StateNumbers() = default;
-  /// Takes back what another one saved.
+  /// Restores a saved state.
   explicit StateNumbers(std::span<const double> saved) : is_saving_(false) {
     is_good_ = saved.size() <= kMost;
     for (const double number : saved.first(is_good_ ? saved.size() : 0)) {
@@ -130,7 +130,7 @@ class StateNumbers {
 
   bool is_saving() const { return is_saving_; }
   std::span<const double> numbers() const { return {numbers_.data(), end_}; }
-  /// Saved: all had room. Taken back: all numbers were there, and none is left.
+  /// Saving: everything fit. Restoring: all numbers were there, and none is left.
   bool is_good() const { return is_good_ && (is_saving_ || at_ == end_); }
 
   template <class... Members>
@@ -179,7 +179,7 @@ class StateNumbers {
       for (double& number : row) one(number);
     }
   }
-  /// But for the ground, of which nobody asks again: each tick brings its own contact.
+  /// Without `ground`: each tick brings its own contact.
   void one(LocalContact& c) {
     (*this)(c.time, c.X_WT, c.p_WC, c.F_C_W, c.stiffness.m, c.patch.lever_W, c.patch.torsion_radius,
             c.patch.share, c.patch.own_friction, c.volume, c.max_stiffness, c.surface_age,

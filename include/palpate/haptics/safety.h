@@ -1,5 +1,5 @@
-// The only way to a motor. Whatever comes in, what goes out is finite, within the device's limits,
-// does not jump up, and fades to zero when anything is wrong.
+// The safety filter: the only way to a motor. Its output is finite, within the device's limits, has
+// no upward jumps, and fades to zero when anything is wrong.
 #pragma once
 
 #include <cstdint>
@@ -11,23 +11,23 @@
 
 namespace palpate::inline v0 {
 
-// When the hand is given a force: the state machine of faults and of recovery from them. Its
-// picture is in docs/guide/haptics.md.
+// The state machine of faults and recovery: decides when the hand gets a force.
+// docs/guide/haptics.md has the diagram.
 
-/// Why there is no force.
+/// Reason for no force.
 enum class Fault : std::uint8_t {
   none,
-  // Passing ones: the force comes back by itself.
-  not_finite,     ///< a wrench or a state that is no number
+  // Temporary faults: the force returns by itself.
+  not_finite,     ///< a wrench or a state is not finite
   stale_contact,  ///< no fresh contact within the limit
   stale_sensor,   ///< no fresh depth frame within the limit
   device,         ///< the device gave no usable state within the limit
-  loop,           ///< ticks came too late
+  loop,           ///< ticks were too late
   backend,        ///< the contact query failed (StepStatus::backend_failed)
   energy,         ///< the passivity controller ran out of damping
-  // Lasting ones: the run ends.
-  sensor,   ///< the source of depth frames has failed for good
-  stopped,  ///< asked for
+  // Permanent faults: the run ends.
+  sensor,   ///< the source of depth frames has failed permanently
+  stopped,  ///< requested by stop()
 };
 constexpr auto names_of(Fault) {
   return std::array{"none", "not_finite", "stale_contact", "stale_sensor", "device",
@@ -37,28 +37,28 @@ constexpr bool is_lasting(Fault fault) { return fault >= Fault::sensor; }
 std::string_view describe(Fault fault);  ///< one sentence: what happened and what to do
 
 enum class ForceState : std::uint8_t {
-  waiting,   ///< no force: for fresh measurements and a hand that is free of contact
-  engaged,   ///< the force: by the ramp from none to all of it
-  fading,    ///< a fault: from the force that there was to none
-  off,       ///< no force: until all has been well for a while
-  held_off,  ///< no force after too many faults: until somebody asks for it
-  ended,     ///< no force any more
+  waiting,   ///< no force: waits for fresh measurements and a hand free of contact
+  engaged,   ///< force on; the ramp raises it from zero
+  fading,    ///< a fault: the force fades to zero
+  off,       ///< no force until all has been well for a while
+  held_off,  ///< no force after too many faults, until it is requested
+  ended,     ///< no force anymore
 };
 constexpr auto names_of(ForceState) {
   return std::array{"waiting", "engaged", "fading", "off", "held_off", "ended"};
 }
 
 struct ForceGateOptions {
-  double ramp_seconds = 0.5;  ///< from no force to all of it after engaging
-  /// Engages only when the tool has touched nothing, or the wanted force has been below this, for
-  /// `engage_ticks`; a hand that begins inside something is let in by the ramp after
-  /// `engage_timeout` instead, but not after a fault.
+  double ramp_seconds = 0.5;  ///< from zero to full force after engaging
+  /// Engages only if the tool had no contact, or the wanted force was below this, for
+  /// `engage_ticks` ticks. A hand that starts in contact gets the ramp after `engage_timeout`
+  /// instead, but not after a fault.
   double engage_force = 0.2;  ///< N
   int engage_ticks = 10;
   double engage_timeout = 2;     ///< s
   double fade_seconds = 0.05;    ///< from any force to zero after a fault
-  double recover_seconds = 0.5;  ///< all has to be well that long after a fault
-  /// After this many returns of the force within a minute it stays off until it is asked for.
+  double recover_seconds = 0.5;  ///< time without any fault before the force returns
+  /// After this many recoveries within a minute, the force stays off until requested.
   int max_recoveries = 10;
 };
 
@@ -68,15 +68,15 @@ class ForceGate {
   explicit ForceGate(const ForceGateOptions& options)
       : options_(options), budget_(options.max_recoveries) {}
 
-  /// What is known at a tick.
+  /// Inputs at one tick.
   struct Input {
-    double time = 0;            ///< s; does not run backwards
+    double time = 0;            ///< s; must not decrease
     double dt = 0;              ///< s since the last tick
-    Fault fault = Fault::none;  ///< what is wrong
-    bool is_ready = false;      ///< all that a force rests on is there and fresh
+    Fault fault = Fault::none;  ///< the current fault
+    bool is_ready = false;      ///< all inputs of a force are there and fresh
     bool is_quiet = false;      ///< the hand is free of contact
-    bool is_permitted = true;   ///< false: somebody has let go of the dead-man switch
-    bool is_asked_for = false;  ///< somebody wants the force back: also in contact
+    bool is_permitted = true;   ///< false: the dead-man switch is released
+    bool is_asked_for = false;  ///< the user requests the force: also in contact
   };
   void step(const Input& input) noexcept;
 
@@ -86,16 +86,16 @@ class ForceGate {
   }
 
   ForceState state() const noexcept { return state_; }
-  /// Why there is no force; none in `waiting` and `engaged`.
+  /// Reason for no force; none in `waiting` and `engaged`.
   Fault fault() const noexcept { return fault_; }
-  /// s: when that began.
+  /// s: start of the fault.
   double fault_time() const noexcept { return fault_time_; }
   std::uint32_t num_faults() const noexcept { return num_faults_; }
-  /// Share of the wanted force, 0 to 1; in `fading` what is left of it.
+  /// Share of the wanted force, 0 to 1; in `fading` the remaining share.
   double gain() const noexcept { return gain_; }
-  /// In `fading`: share of the wrench that went out when the fault was found, from 1 to 0.
+  /// In `fading`: share of the wrench at the start of the fault, from 1 to 0.
   double fade() const noexcept { return fade_; }
-  /// s: how long it has been waiting.
+  /// s: time in `waiting`.
   double waiting_seconds(double time) const noexcept {
     return has_begun_ ? time - waiting_since_ : 0;
   }
@@ -121,7 +121,7 @@ class ForceGate {
 };
 
 struct SafetyOptions : ForceGateOptions {
-  double force_share = 1;            ///< of the device's limits: no more goes out
+  double force_share = 1;            ///< output limit, as a share of the device's limits
   double max_slew = 500;             ///< N/s
   double max_torque_slew = 10;       ///< N m/s
   double max_contact_age = 0.02;     ///< s
@@ -130,89 +130,87 @@ struct SafetyOptions : ForceGateOptions {
   double max_tick = 0.02;            ///< s between ticks
   bool dead_man = false;             ///< force only while button 0 is held
   bool passivity_control = true;
-  /// J that may be given to the hand, net. From half of it on the controller damps; beyond it the
-  /// force is shut off.
+  /// J, net energy that may be given to the hand. From half of it the controller damps; beyond it
+  /// the force is shut off.
   double energy_tank = 0.01;
 };
 inline void add_settings(SettingTable& t, SafetyOptions& o) {
   constexpr double kShort = 1e-6, kLong = 3600;  // s
   t.section("safety");
-  t.add("force_share", o.force_share, {0, 1}, "of the device's limits; no more goes out");
-  t.add(
-      "max_slew", o.max_slew, {1e-6, 1e7, "N/s"},
-      "how fast the force may rise; it falls as fast, or at once where it would empty energy_tank");
-  t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"},
-        "how fast the torque may change");
-  t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from no force to all of it");
+  t.add("force_share", o.force_share, {0, 1}, "output limit, as a share of the device's limits");
+  t.add("max_slew", o.max_slew, {1e-6, 1e7, "N/s"},
+        "maximum rate of the force; it drops at once if it would empty energy_tank");
+  t.add("max_torque_slew", o.max_torque_slew, {1e-6, 1e7, "N m/s"}, "maximum rate of the torque");
+  t.add("ramp_seconds", o.ramp_seconds, {0, kLong, "s"}, "from zero to full force");
   t.add("engage_force", o.engage_force, {0, 1e4, "N"},
-        "engages once the wanted force is below this");
-  t.add("engage_ticks", o.engage_ticks, {1, 1e6, "ticks"}, "in a row below it");
+        "the force engages once the wanted force is below this");
+  t.add("engage_ticks", o.engage_ticks, {1, 1e6, "ticks"}, "consecutive ticks below engage_force");
   t.add("engage_timeout", o.engage_timeout, {0, kLong, "s"},
-        "then a hand that is inside something is let in by the ramp");
-  t.add("fade_seconds", o.fade_seconds, {0, 1, "s"}, "from any force to none after a fault");
+        "after this, a hand that starts in contact gets the ramp");
+  t.add("fade_seconds", o.fade_seconds, {0, 1, "s"}, "from any force to zero after a fault");
   t.add("recover_seconds", o.recover_seconds, {0, kLong, "s"},
-        "all has to be well that long after a fault before the force comes back");
+        "time without a fault before the force returns");
   t.add("max_recoveries", o.max_recoveries, {0, 1000, "per minute"},
-        "returns of the force after faults; then it stays off until it is asked for");
+        "recoveries after faults; then the force stays off until requested");
   t.add("max_contact_age", o.max_contact_age, {kShort, kLong, "s"}, "an older contact is a fault");
   t.add("max_sensor_age", o.max_sensor_age, {kShort, kLong, "s"},
         "an older depth frame is a fault");
   t.add("max_device_silence", o.max_device_silence, {kShort, kLong, "s"},
-        "longer without a usable state is a fault");
+        "a longer time without a usable state is a fault");
   t.add("max_tick", o.max_tick, {kShort, kLong, "s"}, "a longer time between ticks is a fault");
   t.add("dead_man", o.dead_man, "force only while button 0 is held");
-  t.add("passivity_control", o.passivity_control, "damps when the hand is given energy");
+  t.add("passivity_control", o.passivity_control, "adds damping when the hand is given energy");
   t.add("energy_tank", o.energy_tank, {1e-6, 1e3, "J"},
-        "that may be given to the hand; from half of it on the force is damped");
+        "energy that may be given to the hand; damping from half of it on");
 }
 
-/// What the filter knows at a tick, beside the wanted wrench.
+/// Inputs of the filter at a tick, in addition to the wanted wrench.
 struct SafetyInput {
   double time = 0;  ///< s, monotonic
   DeviceState state;
   double contact_age = 0;  ///< s
   double sensor_age = 0;   ///< s
   bool backend_failed = false;
-  bool sensor_failed = false;  ///< for good
-  bool is_asked_for = false;   ///< somebody wants the force back
-  bool is_free = false;        ///< the tool touches nothing: what is wanted moves the tool only
+  bool sensor_failed = false;  ///< permanently
+  bool is_asked_for = false;   ///< the user requests the force
+  bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
 };
 
 struct SafetyStatus {
   ForceState state = ForceState::waiting;
-  Fault fault = Fault::none;     ///< why there is no force
-  double fault_time = 0;         ///< s, of SafetyInput::time: when the last fault began
+  Fault fault = Fault::none;     ///< reason for no force
+  double fault_time = 0;         ///< s, on the clock of SafetyInput::time: start of the last fault
   std::uint32_t num_faults = 0;  ///< so far
   double gain = 0;               ///< ramp or fade, 0..1
-  /// J, passivity observer: what the hand has been given net. Beyond the tank: Fault::energy.
+  /// J, passivity observer: net energy given to the hand. Beyond the tank: Fault::energy.
   double energy = 0;
   double damping = 0;             ///< N s/m, of the passivity controller at this tick
-  std::uint64_t num_limited = 0;  ///< ticks at which a limit bent the wrench
+  std::uint64_t num_limited = 0;  ///< ticks at which a limit changed the wrench
   bool is_engaged() const { return state == ForceState::engaged; }
   void remember(StateNumbers& numbers) noexcept {
     numbers(state, fault, fault_time, num_faults, gain, energy, damping, num_limited);
   }
 };
 
-/// One sentence about what has changed between two ticks, for humans; empty if nothing has.
+/// One sentence about the change between two ticks, for display; empty if there is none.
 std::string_view describe_change(const SafetyStatus& before, const SafetyStatus& after);
 
 /// One per device, one thread at a time. No allocation, no throw; O(1).
 ///
-/// A ForceGate says when there is a force. While the gate waits, what would be a fault otherwise
-/// (nothing measured yet, a device that has not spoken) only delays it, for `engage_timeout`. While
-/// the force fades, the fade and not the slew limit says how fast. A press of button 0 while the
-/// force is off after a fault asks for it.
+/// A ForceGate decides when there is a force. While it waits, conditions that would otherwise be
+/// faults (no measurement yet, a silent device) only delay the force, for `engage_timeout`. During
+/// a fade, the fade sets the rate, not the slew limit. A press of button 0 while the force is off
+/// after a fault requests it.
 class SafetyFilter {
  public:
-  /// Errors: options out of range or not finite, limits that are negative or not finite. A limit of
-  /// 0 is a device that renders none.
+  /// Creates a filter. Errors: options out of range or not finite, limits negative or not finite. A
+  /// limit of 0 means that the device renders none.
   static Result<SafetyFilter> create(const DeviceLimits& limits, const SafetyOptions& options);
 
-  /// Force and torque keep their direction when they are limited, each by itself.
+  /// Force and torque are limited separately and keep their direction.
   Wrench filter(const Wrench& wanted, const SafetyInput& input) noexcept;
   const SafetyStatus& status() const { return status_; }
-  /// All that it knows of the ticks before, for another one with the same limits and options.
+  /// Saves or restores the complete state, for a filter with the same limits and options.
   void remember(StateNumbers& numbers) noexcept {
     numbers(gate_, status_, last_, fade_from_, last_time_, last_valid_time_, last_buttons_,
             last_X_BH_, motion_, seen_motion_, has_ticked_, has_pose_, is_stopping_);

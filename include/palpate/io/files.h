@@ -1,4 +1,4 @@
-// Files of tools and of trajectories.
+// Tool files (.palp) and trajectory files (TUM).
 #pragma once
 
 #include <filesystem>
@@ -12,16 +12,16 @@
 
 namespace palpate::inline v0 {
 
-// The tool file (.palp): one versioned, checksummed file with mesh, spheres and leaf graph.
+// The tool file (.palp): one versioned file with checksum, mesh, spheres and leaf graph.
 
-/// Writes to a temporary beside `path`, then renames: never half a file.
+/// Writes to a temporary file beside `path`, then renames it: never leaves half a file.
 Status save_tool(const Tool& tool, const std::filesystem::path& path);
 
-/// Errors: not a tool file, newer version, truncated, checksum does not match, values out of range.
-/// Sizes are checked against the file's length before anything is allocated.
+/// Reads a tool file. Errors: not a tool file, newer version, truncated, checksum mismatch, values
+/// out of range. Checks sizes against the file's length before any allocation.
 Result<Tool> load_tool(const std::filesystem::path& path);
 
-/// What such a file holds. Errors: as above; messages begin with what is wrong, not with a name.
+/// The same in memory. Errors: as above, without a file name in the message.
 Result<std::string> tool_to_bytes(const Tool& tool);
 Result<Tool> tool_from_bytes(std::string_view bytes);
 
@@ -32,16 +32,16 @@ struct TimedPose {
   Pose X_WT;
 };
 
-/// Lines "t tx ty tz qx qy qz qw", # comments, blank lines. Quaternions are normalised. Errors: no
-/// pose, wrong number of values, not finite, zero quaternion, time going backwards; all with the
-/// line number.
+/// Reads lines "t tx ty tz qx qy qz qw", # comments, blank lines (s, m). Quaternions are
+/// normalized. Errors, with the line number: no pose, wrong number of values, not finite, zero
+/// quaternion, time going backwards.
 Result<std::vector<TimedPose>> load_trajectory(const std::filesystem::path& path);
 Status save_trajectory(const std::vector<TimedPose>& poses, const std::filesystem::path& path);
 
-/// "tx ty tz qx qy qz qw".
+/// Parses "tx ty tz qx qy qz qw" (m, unit quaternion).
 Result<Pose> parse_pose(std::string_view text);
 
-/// Pose at a time: slerp between neighbours, clamped at both ends. `poses` must not be empty.
+/// Pose at a time (s): interpolated (slerp), clamped at both ends. `poses` must not be empty.
 Pose pose_at(const std::vector<TimedPose>& poses, double time);
 
 }  // namespace palpate::inline v0

@@ -1,4 +1,4 @@
-// Files of meshes, depth images and clouds, in the formats of others.
+// Readers and writers of meshes, depth images and clouds in common formats.
 #pragma once
 
 #include <array>
@@ -17,71 +17,71 @@
 
 namespace palpate::inline v0 {
 
-// Meshes on disk.
+// Mesh files.
 
 /// Reads OBJ, STL, PLY, OFF, glTF or GLB; all parts become one mesh; polygons are triangulated;
-/// coordinates are multiplied by `scale` (e.g. 0.001 for a file in millimetres). The mesh is not
-/// checked: see check_solid. Errors: no such file, not a mesh, truncated, indices out of range.
+/// coordinates are multiplied by `scale` (e.g. 0.001 for a file in millimeters). Does not check the
+/// mesh: see check_solid. Errors: no such file, not a mesh, truncated, indices out of range.
 Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double scale = 1.0);
 
-/// Writes by extension: .ply (binary) or .stl (binary) or .obj. Never leaves half a file.
+/// Writes .ply (binary), .stl (binary) or .obj, by extension. Never leaves half a file.
 Status save_mesh(const TriangleMesh& mesh, const std::filesystem::path& path);
 
-/// A mesh in one colour, for pictures.
+/// A mesh in one color, for display.
 struct ColouredMesh {
   std::string name;
   std::array<std::uint8_t, 3> rgb{};  ///< sRGB
   TriangleMesh mesh;
 };
 
-/// Writes by extension: .ply (binary; all parts in one mesh, each vertex with its colour) or .glb
-/// (each part a node and a material of its name; single precision). Coordinates as they are, in
-/// metres: programs that take y for up, as glTF does, show them so. Parts without faces are left
-/// out. Error: no part has any. Never leaves half a file.
+/// Writes .ply (binary; all parts in one mesh, each vertex with its color) or .glb (each part a
+/// node and a material of its name; single precision), by extension. Coordinates are written
+/// unchanged, in meters: programs with y up, like glTF, show them so. Parts without faces are
+/// omitted. Error: no part has any. Never leaves half a file.
 Status save_coloured_meshes(std::span<const ColouredMesh> parts, const std::filesystem::path& path);
 
-// Depth frames and clouds on disk.
+// Files of depth frames and clouds.
 
-/// A 16-bit greyscale PNG; 0 = no measurement. Errors: not such a PNG, larger than kMaxImage*.
+/// Reads a 16-bit grayscale PNG; 0: no measurement. Errors: another format, over kMaxImage*.
 Result<DepthFrame> load_depth_png(const std::filesystem::path& path, double unit = 0.001);
 /// Never leaves half a file.
 Status save_depth_png(const DepthFrame& frame, const std::filesystem::path& path);
-/// The same in memory; `name` is what errors call the image.
+/// The same in memory; `name` identifies the image in messages.
 Result<DepthFrame> decode_depth_png(std::string_view content, const std::string& name,
                                     double unit = 0.001);
 Result<std::string> encode_depth_png(const DepthFrame& frame, const std::string& name);
 
-/// A label for each pixel: what is seen there, by numbers of the caller's.
+/// A label per pixel. The caller defines the meaning of the numbers.
 struct LabelImage {
   int width = 0, height = 0;
   std::vector<std::uint8_t> labels;  ///< row-major, width * height
 };
-/// A PNG of 8 bits a pixel, greyscale or with a palette, whose indices count. Errors: not such a
-/// PNG, larger than kMaxImage*.
+/// Reads a PNG of 8 bits per pixel, grayscale or palette (the indices are the labels). Errors:
+/// another format, larger than kMaxImage*.
 Result<LabelImage> load_label_png(const std::filesystem::path& path);
 
 struct DepthFolderOptions {
   Intrinsics intrinsics;
   double unit = 0.001;  ///< metres per count
-  double rate = 30;     ///< frames per second, where the folder holds no time stamps
+  double rate = 30;     ///< frames per second, if the folder has no timestamps
 };
 
 /// A folder of 16-bit PNGs: TUM layout (a file depth.txt of "timestamp path" lines) or plain (all
-/// *.png of the folder, or of its subfolder "depth", in name order, at `rate`). Only the list is
-/// read now; frames are read when asked for. Errors: no such folder, no frames, sizes differ.
+/// *.png of the folder, or of its subfolder "depth", in name order, at `rate`). Reads only the list
+/// now, and frames on demand. Errors: no such folder, no frames, sizes differ.
 Result<std::unique_ptr<DepthSource>> open_depth_folder(const std::filesystem::path& folder,
                                                        const DepthFolderOptions& options);
 
-/// A cloud with normals from a PLY (ascii or binary; properties x y z nx ny nz) or PCD (ascii,
-/// binary, binary_compressed; fields x y z normal_x normal_y normal_z). A PCD with height > 1 stays
-/// organised. Clouds without normals: Error that says so. Errors also for truncated files and
-/// counts that the file cannot hold (checked before allocating).
+/// Reads a cloud with normals from a PLY (ascii or binary; properties x y z nx ny nz) or PCD
+/// (ascii, binary, binary_compressed; fields x y z normal_x normal_y normal_z). A PCD with height >
+/// 1 stays organized. Errors: no normals; truncated files; counts that the file cannot hold
+/// (checked before allocating).
 Result<PointCloud> load_cloud(const std::filesystem::path& path);
 
-/// Depth image of an organised PCD without normals: z as 16-bit counts of `unit`.
+/// Depth image of an organized PCD without normals: z as 16-bit counts of `unit` (m).
 Result<DepthFrame> load_depth_pcd(const std::filesystem::path& path, double unit = 0.001);
 
-/// Binary PLY with x y z nx ny nz of all valid points. Never leaves half a file.
+/// Writes all valid points as binary PLY with x y z nx ny nz. Never leaves half a file.
 Status save_cloud_ply(const PointCloudView& cloud, const std::filesystem::path& path);
 
 }  // namespace palpate::inline v0

@@ -83,7 +83,7 @@ struct Mat3d {
 };
 
 // Poses, twists and wrenches in monogram notation: X_WT is the pose of frame T in frame W and maps
-// T-coordinates to W-coordinates; chaining reads like dominoes: X_WC = X_WT * X_TC.
+// T coordinates to W coordinates. Adjacent letters match: X_WC = X_WT * X_TC.
 
 /// Unit quaternion, stored x, y, z, w (the order of TUM files).
 struct Quaternion {
@@ -123,7 +123,7 @@ PALPATE_HOSTDEV inline Mat3d rotation_matrix(const Quaternion& q) {
            {2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)}}};
 }
 
-/// Rigid motion: rotation, then translation (metres).
+/// Rigid transform: rotation, then translation (meters).
 struct Pose {
   Vec3d translation;
   Quaternion rotation;
@@ -177,7 +177,7 @@ struct Wrench {
   Vec3d torque;  ///< N m
 };
 
-/// Volumes times directions: a wrench before any stiffness, about a stated point and in a stated
+/// Volume times direction: a wrench before any stiffness, about a stated point and in a stated
 /// frame.
 struct VolumeWrench {
   Vec3d force;   ///< m3
@@ -190,7 +190,7 @@ struct Twist {
   Vec3d angular;
 };
 
-/// Of all seven numbers.
+/// True if all seven numbers are finite.
 inline bool is_finite(const Pose& X) {
   const Vec3d& t = X.translation;
   const Quaternion& q = X.rotation;
@@ -201,8 +201,8 @@ inline bool is_finite(const Pose& X) {
 
 inline constexpr double kPi = 3.14159265358979323846;
 
-/// A ball in the tool frame, single precision: the stored numbers are the truth that every check
-/// and every backend uses.
+/// A ball in the tool frame, in single precision. All checks and backends use exactly these stored
+/// numbers.
 struct Sphere {
   Vec3f centre;
   float radius = 0;
@@ -221,8 +221,8 @@ PALPATE_HOSTDEV constexpr Real sphere_volume(Real radius) {
   return Real(4.0 / 3.0 * kPi) * radius * radius * radius;
 }
 
-/// Volume of the part of a ball of radius r that lies behind a plane, d being the *signed* distance
-/// of the centre in front of it (thesis Alg. 3.1 and eq. 3.1; d = n.(c - p) with |n| = 1, eq. 3.2
+/// Volume of the part of a ball of radius r behind a plane. d is the *signed* distance of the
+/// center in front of the plane (thesis Alg. 3.1 and eq. 3.1; d = n.(c - p) with |n| = 1, eq. 3.2
 /// corrected). 0 for d >= r, the whole ball for d <= -r. Branch-free after the clamp.
 template <class Real>
 PALPATE_HOSTDEV constexpr Real cap_volume(Real radius, Real distance) {
@@ -232,7 +232,7 @@ PALPATE_HOSTDEV constexpr Real cap_volume(Real radius, Real distance) {
   return Real(kPi / 3.0) * h * h * (Real(3) * radius - h);
 }
 
-/// Volume common to two balls with centres `distance` apart (theory: lens of two caps).
+/// Intersection volume of two balls with centers `distance` apart (a lens made of two caps).
 template <class Real>
 PALPATE_HOSTDEV constexpr Real lens_volume(Real a, Real b, Real distance) {
   const Real small = a < b ? a : b, large = a < b ? b : a;

@@ -1,4 +1,4 @@
-// Triangle meshes: whether they bound a solid, their mass, cut ones closed, generated shapes.
+// Triangle meshes: checks for watertight solids, mass properties, closed caps, generated shapes.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@
 
 namespace palpate::inline v0 {
 
-// Triangle meshes in metres.
+// Triangle meshes in meters.
 
 /// Indexed triangles; counter-clockwise seen from outside.
 struct TriangleMesh {
@@ -31,71 +31,71 @@ struct Bounds {
 /// Smallest box around all vertices; zero box for an empty mesh.
 Bounds bounds(const TriangleMesh& mesh);
 
-// Is this mesh a solid? Everything downstream relies on the answer.
+// Checks that a mesh bounds a solid. All later steps rely on it.
 
 struct MeshCheckOptions {
-  /// Vertices closer than this fraction of the bounding box diagonal become one.
+  /// Vertices closer than this fraction of the bounding box diagonal are merged.
   double weld_fraction = 1e-7;
-  /// A tool with a longer box side (metres) is refused: its unit is probably wrong.
+  /// A tool with a longer box side (m) is rejected: its unit is probably wrong.
   double max_extent = 2.0;
-  /// A tool whose longest box side (metres) is shorter is refused likewise.
+  /// A tool whose longest box side (m) is shorter is rejected too.
   double min_extent = 1e-4;
 };
 
-/// A mesh that bounds a solid, and what was repaired to make it so (each a sentence for the user).
+/// A mesh that bounds a solid, and the repairs that were made (one sentence each).
 struct SolidMesh {
   TriangleMesh mesh;
   std::vector<std::string> warnings;
 };
 
 /// Welds vertices, drops unused ones and zero-area faces, then checks: finite coordinates, indices
-/// in range, every edge in exactly two faces with opposite directions, positive volume (an inside
-/// out mesh is turned, with a warning), no self-intersection, no overlapping or nested shells with
-/// the wrong orientation, a sane extent. The first fault found is returned as an Error that says
-/// what, where and what to do. O(n log n).
+/// in range, every edge in exactly two faces with opposite directions, positive volume (an
+/// inside-out mesh is flipped, with a warning), no self-intersection, no overlapping or nested
+/// shells with the wrong orientation, a plausible extent. The first defect is returned as an Error
+/// that says what is wrong, where, and what to do. O(n log n).
 Result<SolidMesh> check_solid(const TriangleMesh& raw, const MeshCheckOptions& options = {});
 
-// Volume, centre of mass and inertia of solids.
+// Volume, center of mass and inertia of solids.
 
-/// At density 1 kg/m3, so that mass equals volume.
+/// Mass properties at density 1 kg/m3: mass equals volume.
 struct MassProperties {
   double volume = 0;     ///< m3
   Vec3d centre_of_mass;  ///< m
   Mat3d inertia;         ///< kg m2 about the centre of mass, axes of the given frame
 };
 
-/// Exact for a closed mesh (divergence theorem). O(triangles).
+/// Mass properties of a closed mesh, exact (divergence theorem). O(triangles).
 MassProperties mass_properties(const TriangleMesh& mesh);
 
-/// Of disjoint balls of density 1 (thesis eqs. 3.4-3.6). O(spheres).
+/// Mass properties of disjoint balls of density 1 (thesis eqs. 3.4-3.6). O(spheres).
 MassProperties mass_properties(std::span<const Sphere> spheres);
 
-// The part of a sphere behind a plane as triangles, for pictures (thesis section 4.3.1).
+// The part of a sphere behind a plane as triangles, for display (thesis section 4.3.1).
 
-/// A cap flatter than this share of the radius is left out, and a ball that misses no more is
-/// whole: 1e-12 of the volume, and its corners could hardly be told apart.
+/// A cap flatter than this share of the radius is omitted, and a ball that misses no more is whole:
+/// 1e-12 of the volume. Its corners would nearly coincide.
 inline constexpr double kFlattestCap = 1e-6;
 
-/// The closed surface, outward, of the points of the ball with normal . x <= offset: a disc on the
-/// plane, rings of triangles about as high as wide, and a pole (Alg. 4.1 corrected). The normal may
-/// have any length; a zero one cuts nothing. The whole ball if all of it lies behind the plane,
-/// empty if none does. All vertices but the disc's centre lie on the sphere, those of the disc on
-/// the plane too, so that the volume is less than cap_volume, by 20 / segments^2 of it at most.
-/// `segments`, at least 3, go round.
+/// The closed surface, facing outward, of the points of the ball with normal . x <= offset: a disc
+/// on the plane, rings of triangles about as high as wide, and a pole (Alg. 4.1 corrected). The
+/// normal may have any length; a zero normal cuts nothing. The whole ball if all of it lies behind
+/// the plane; empty if none does. All vertices except the disc center lie on the sphere, and those
+/// of the disc also on the plane. So the volume is smaller than cap_volume, by at most 20 /
+/// segments^2 of it. `segments`, at least 3, is the number of triangles around.
 TriangleMesh cap_mesh(const Sphere& sphere, const Plane<double>& plane, int segments);
 
-/// cap_mesh of every sphere and its plane, one after the other in one mesh: closed shells that
-/// share no vertices. There are as many planes as spheres, and fewer than 2^32 vertices in all.
+/// cap_mesh of every sphere and its plane, appended to one mesh: closed shells without shared
+/// vertices. As many planes as spheres; fewer than 2^32 vertices in total.
 TriangleMesh inside_mesh(std::span<const Sphere> spheres, std::span<const Plane<double>> planes,
                          int segments);
 
-/// No cap has more triangles.
+/// Upper bound of the number of triangles of a cap.
 constexpr std::size_t max_cap_triangles(int segments) {
   const auto n = static_cast<std::size_t>(segments);
   return n * (n + 1);
 }
 
-// Closed meshes as code: the tools of the thesis and what tests need. Centred at the origin.
+// Generated closed meshes: the tools of the thesis and shapes for tests. Centered at the origin.
 
 TriangleMesh make_box(const Vec3d& size);
 /// Regular octahedron; `diameter` is the distance of opposite vertices, which lie on the axes.
@@ -108,14 +108,14 @@ TriangleMesh make_icosphere(double radius, int subdivisions);
 TriangleMesh make_cylinder(double radius, double height, int segments);
 /// A pen: cylinder along z that ends in a cone with its tip at the lowest z.
 TriangleMesh make_stylus(double radius, double length, double tip_length, int segments);
-/// Where a bar along z is how thick: the sides of its rectangle.
+/// Thickness of a bar at a height z: the sides of its rectangle, m.
 struct BarSection {
   double z, x, y;
 };
 /// A straight bar along z with flat walls from section to section, in ascending z.
 TriangleMesh make_bar(std::initializer_list<BarSection> sections);
-/// Teeth of the width `tooth_width` that hang `pitch` apart from a back along x and taper to
-/// `tip_width` at the lowest z; `thickness` is along y.
+/// A comb: teeth of width `tooth_width`, `pitch` apart along x, that hang from a back and taper to
+/// `tip_width` at the lowest z; `thickness` is along y. All in m.
 TriangleMesh make_comb(int num_teeth, double pitch, double tooth_width, double tip_width,
                        double tooth_length, double back_height, double thickness);
 /// Helix of round wire with flat ends (thesis Fig. 3.6), axis z.
@@ -127,7 +127,7 @@ TriangleMesh make_torus(double ring_radius, double tube_radius, int ring_segment
 /// Names accepted by make_shape: box, octahedron, tetrahedron, sphere, cylinder, stylus, spiral,
 /// torus, finger, comb, needle, blade.
 std::vector<std::string> shape_names();
-/// A hand-sized shape whose longest side is `size` metres. Error: unknown name, size not > 0.
+/// A hand-sized shape whose longest side is `size` (m). Errors: unknown name, size not > 0.
 Result<TriangleMesh> make_shape(std::string_view name, double size);
 
 }  // namespace palpate::inline v0

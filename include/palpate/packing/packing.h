@@ -1,4 +1,4 @@
-// Filling a solid with disjoint spheres; what each of them stands for; how far the surface is.
+// Fills a solid with disjoint spheres; represented volumes; the distance field of a mesh.
 #pragma once
 
 #include <algorithm>
@@ -15,9 +15,9 @@
 
 namespace palpate::inline v0 {
 
-// Fills a solid with non-overlapping spheres of many sizes (the job of Protosphere in the thesis).
+// Fills a solid with disjoint spheres of many sizes (Protosphere in the thesis).
 
-/// Seen by the progress callback a few times a second.
+/// Passed to the progress callback a few times per second.
 struct PackProgress {
   int num_spheres = 0;
   double fill = 0;         ///< sphere volume / mesh volume so far
@@ -27,8 +27,8 @@ struct PackProgress {
 /// Packing stops at the first limit reached.
 struct PackOptions {
   int max_spheres = 5000;
-  /// Metres: enough spheres if 95 % of the surface are not farther than this from the nearest one.
-  /// Looked at from kReachingSpheres on, whenever there are a twentieth more. 0: no such limit.
+  /// m: stop when 95 % of the surface are at most this far from the nearest sphere. Checked from
+  /// kReachingSpheres spheres on, each time their number has grown by a twentieth. 0: no limit.
   double standoff = 0;
   double max_radius = 1000;  ///< metres
   double min_radius = 0;     ///< metres, at most max_radius
@@ -39,33 +39,33 @@ struct PackOptions {
   /// Called on the packing thread; return false to cancel. May be empty.
   std::function<bool(const PackProgress&)> progress;
 };
-/// What limits a packing.
+/// Limits of a packing, as settings.
 inline void add_settings(SettingTable& t, PackOptions& o) {
   t.section("packing");
   // Two million spheres need 2.5 GB while they are packed.
-  t.add("spheres", o.max_spheres, {1, 2e6, "spheres"}, "at most so many");
+  t.add("spheres", o.max_spheres, {1, 2e6, "spheres"}, "maximum number");
   t.add("standoff", o.standoff, {0, 1000, "m"},
-        "enough if 95 % of the surface are as near to a sphere; 0: no such limit");
-  t.add("max_radius", o.max_radius, {1e-9, 1000, "m"}, "no larger sphere");
+        "stop when 95 % of the surface are this near to a sphere; 0: no limit");
+  t.add("max_radius", o.max_radius, {1e-9, 1000, "m"}, "maximum radius");
   t.add("min_radius", o.min_radius, {0, 1000, "m"}, "stop at smaller spheres");
   t.add("max_fill", o.max_fill, {1e-9, 1}, "stop at this fraction of the mesh volume");
   t.add("max_seconds", o.max_seconds, {1e-3, 1e9, "s"}, "stop after this time");
 }
 
-/// Why packing ended.
+/// The limit that ended the packing.
 enum class PackStop { count, fill, radius, time, exhausted, standoff };
 
-/// The standoff of a point of the surface is its distance to the nearest sphere: how late it is
-/// felt. Greedy filling alone leaves ends empty that are thinner than its smallest spheres. So from
-/// kReachingSpheres spheres on no standoff is beyond standoff_bound of what 95 % of the surface do
-/// not exceed (at kStandoffSamples surface_points) and the longest side of the solid, unless a
-/// limit of PackOptions or single precision keeps spheres out of there.
+/// The standoff of a surface point is its distance to the nearest sphere; a contact is measured
+/// late by it. Greedy packing alone leaves ends empty that are thinner than its smallest spheres.
+/// So from kReachingSpheres spheres on, no standoff exceeds standoff_bound(95 % quantile, longest
+/// side of the solid), checked at kStandoffSamples surface points, unless a limit of PackOptions or
+/// single precision excludes spheres there.
 inline constexpr int kReachingSpheres = 1000;
 inline constexpr int kStandoffSamples = 20000;
 inline double standoff_bound(double p95, double size) { return std::max(4 * p95, 0.01 * size); }
 
-/// Spheres in insertion order: every prefix is the packing for that smaller number. They are about
-/// the largest first, but for those that reach for thin ends.
+/// Spheres in insertion order: every prefix is the packing of that smaller number. Roughly the
+/// largest first, except for those in thin ends.
 struct SpherePacking {
   std::vector<Sphere> spheres;  ///< mesh frame, metres
   double mesh_volume = 0;       ///< m3
@@ -73,57 +73,57 @@ struct SpherePacking {
 };
 
 /// Packs a mesh that passed check_solid. Spheres are strictly inside and disjoint, verified in
-/// double on the stored single-precision numbers. Errors: cancelled; invalid options; no sphere
-/// fits. Fewer spheres than asked for is not an error (`stop` says why).
+/// double precision on the stored single-precision numbers. Errors: cancelled; invalid options; no
+/// sphere fits. Fewer spheres than requested is not an error (see `stop`).
 Result<SpherePacking> pack_spheres(const TriangleMesh& solid, const PackOptions& options);
 
-// The part of a solid that each sphere of its packing stands for.
+// The part of a solid that each sphere of its packing represents.
 
-/// Spheres fill 80 to 90 % of a solid; the rest belongs to them as well. The volume of each
-/// sphere's power cell (the points x where |x - c|^2 - r^2 is least), clipped to the solid, in m3.
-/// The sphere itself is known exactly; what its cell holds besides is measured along 512 rays or
-/// more, to .5 % rms of the volume or better; over 10 % for single ones that reach into a sharp
-/// edge. What is measured is scaled so that all together are the volume of the mesh. None is less
-/// than its sphere as long as the spheres are disjoint and inside. Same bits for any number of
-/// threads. Error: the mesh encloses no volume, there are no spheres.
+/// Represented volume of each sphere, m3. Spheres fill 80 to 90 % of a solid; the rest is assigned
+/// to them. It is the volume of the sphere's power cell (the points x where |x - c|^2 - r^2 is
+/// smallest), clipped to the solid. The sphere itself is exact; the rest of the cell is measured
+/// along at least 512 rays, to .5 % rms of the volume or better, and over 10 % for single cells
+/// that reach into a sharp edge. The measured parts are scaled so that the sum is the volume of the
+/// mesh. No value is below the sphere's volume if the spheres are disjoint and inside. Same bits
+/// for any number of threads. Errors: the mesh encloses no volume; no spheres.
 Result<std::vector<float>> represented_volumes(const TriangleMesh& solid,
                                                std::span<const Sphere> spheres, ThreadPool& pool);
 
-// How far the surface of a solid is: a smooth scalar field in the frame of its mesh.
+// Distance field of a solid: a smooth scalar field in the frame of its mesh.
 
-/// Signed distances to a closed mesh, negative inside, at the nodes of a few grids over one box:
-/// the first with the finest spacing, each further one twice as wide. A grid's field is the
-/// quadratic B-spline with the distances as coefficients: once continuously differentiable, exact
-/// where the surface is flat, elsewhere the mean of the distance over about a ball of 1.12 times
-/// its spacing. So a sphere is told the distance as it is over its own extent, and is cut rightly
-/// at edges, not only at faces (docs/decisions/0030-bodies-as-fields.md).
+/// Signed distances to a closed mesh, negative inside, at the nodes of a few grids over one box.
+/// The first grid is the finest; each next spacing is twice as large. The field of a grid is the
+/// quadratic B-spline with the distances as coefficients: C1, exact where the surface is flat,
+/// elsewhere the mean of the distance over about a ball of 1.12 times the spacing. So a sphere gets
+/// the distance averaged over its own extent, and is cut correctly at edges, not only at faces
+/// (docs/decisions/0030-bodies-as-fields.md).
 ///
-/// Node (i, j, k) of a level lies at origin + spacing (i, j, k). Each grid has kMargin nodes around
-/// the box on all sides, so that a ball that asks it is known to be free before it has left it.
+/// Node (i, j, k) of a level lies at origin + spacing (i, j, k). Each grid has kMargin extra nodes
+/// around the box on all sides, so a sphere is known to be in free space before it leaves the grid.
 class SolidField {
  public:
   static constexpr int kMargin = 4;
   static constexpr int kMostLevels = 8;
-  /// Of the finest grid, with its margins: what bounds the size of a tool, and the resolution.
+  /// Nodes of the finest grid with margins: limits the size of a tool and the resolution.
   static constexpr std::size_t kMostNodes = std::size_t(1) << 19;
 
-  /// What decides the grids.
+  /// Determines the grids.
   struct Layout {
     Vec3d origin;                             ///< lower corner of the mesh's box, m
     double spacing = 0;                       ///< of the finest grid, m
-    std::array<std::int32_t, 3> num_cells{};  ///< that the finest grid needs to cover the box
+    std::array<std::int32_t, 3> num_cells{};  ///< of the finest grid, to cover the box
   };
   struct Level {
     double spacing = 0;                       ///< m
-    std::array<std::int32_t, 3> num_nodes{};  ///< with both margins
+    std::array<std::int32_t, 3> num_nodes{};  ///< including both margins
     std::size_t first = 0;                    ///< in values(); x runs fastest, then y
   };
 
-  /// Of a mesh that bounds a solid (check_solid). The sign is that of the majority of three rays
-  /// near the surface, and follows from the distances elsewhere. O(kMostNodes) searches of the
-  /// nearest triangle: about a second. Same bits for any number of threads.
+  /// Computes the field of a mesh that bounds a solid (check_solid). Near the surface the sign is
+  /// the majority of three rays; elsewhere it follows from the distances. O(kMostNodes)
+  /// nearest-triangle searches: about a second. Same bits for any number of threads.
   static SolidField of(const TriangleMesh& solid, ThreadPool& pool);
-  /// From stored parts. Error: they do not belong together, or are no distances.
+  /// From stored parts. Errors: inconsistent sizes, or values that are not distances.
   static Result<SolidField> restore(const Layout& layout, std::span<const float> values);
 
   const Layout& layout() const { return layout_; }
@@ -131,7 +131,7 @@ class SolidField {
   std::span<const float> values() const {
     return std::span(values_).first(values_.size() - kSpareValues);
   }
-  /// Values of a level.
+  /// Values of one level.
   std::span<const float> values(int level) const;
 
   std::size_t num_bytes() const { return values_.size() * sizeof(float); }

@@ -1,4 +1,4 @@
-// What happens in a run: contacts and ticks, as they are recorded and shown.
+// Records of a run: frames, contacts and ticks, as recorded and shown.
 #pragma once
 
 #include <array>
@@ -16,13 +16,13 @@
 
 namespace palpate::inline v0 {
 
-// How they are told to others.
+// Output conventions.
 
-/// In whose axes a wrench is told.
+/// The frame in which a wrench is reported.
 enum class WrenchFrame {
   world,
-  camera,  ///< the first one, where it was at the newest of its images that is felt
-  tool,    ///< its centre point E
+  camera,  ///< the first one, at the capture of its newest image in use
+  tool,    ///< its center point E
   device,  ///< its base
   named,   ///< N, a frame of the user's
 };
@@ -30,20 +30,20 @@ constexpr auto names_of(WrenchFrame) {
   return std::array{"world", "camera", "tool", "device", "named"};
 }
 
-/// About which point a torque is told.
+/// The reference point of a reported torque.
 enum class WrenchPoint {
-  center_of_mass,  ///< of the tool's spheres, as everything inside counts it
-  tcp,             ///< the tool's centre point
-  origin,          ///< of the frame that it is told in
+  center_of_mass,  ///< of the tool's spheres, as used internally
+  tcp,             ///< the tool center point
+  origin,          ///< of the frame of the wrench
 };
 constexpr auto names_of(WrenchPoint) { return std::array{"center_of_mass", "tcp", "origin"}; }
 
-/// What is told of pose and wrench beside what everything inside counts, which no setting changes:
-/// the world's axes and the center of mass.
+/// Additional output of pose and wrench in another frame. Internally everything stays in world axes
+/// and about the center of mass.
 struct OutputOptions {
   std::optional<WrenchFrame> wrench_frame;  ///< none: the world; over ROS 2 the tool
   WrenchPoint wrench_point = WrenchPoint::center_of_mass;
-  Pose X_TE;  ///< the tool's centre point, with axes of its own, in the tool
+  Pose X_TE;  ///< the tool center point with its own axes, in the tool
   Pose X_WN;  ///< the named frame in the world
 
   friend bool operator==(const OutputOptions&, const OutputOptions&) = default;
@@ -51,49 +51,49 @@ struct OutputOptions {
 inline void add_settings(SettingTable& t, OutputOptions& o) {
   t.section("output");
   t.add("wrench_frame", o.wrench_frame,
-        "in whose axes pose and wrench are told once more, in columns told_* of wrench.csv; auto: "
-        "the world's; over ROS 2 the tool's");
-  t.add("wrench_point", o.wrench_point, "about which point the torque of told_* is");
+        "frame of pose and wrench in the columns told_* of wrench.csv; auto: the "
+        "world, over ROS 2 the tool");
+  t.add("wrench_point", o.wrench_point, "reference point of the torque in told_*");
   t.add("tcp", o.X_TE,
-        "X_TE, the tool's centre point in the frame of its mesh: x y z in m, quaternion x y z w; "
-        "poses of told_* are its");
+        "X_TE, tool center point in the frame of its mesh: x y z in m, quaternion x y "
+        "z w; told_* reports its pose");
   t.add("named_frame", o.X_WN,
         "X_WN of wrench_frame = named, in the world: x y z in m, quaternion");
 }
 
 // What is recorded and shown.
 
-/// A depth frame that has become a surface.
+/// A depth frame that became a surface.
 struct FrameRecord {
   std::uint64_t number = 0;        ///< from 0, without gaps, of all cameras together
-  std::uint32_t camera = 0;        ///< which one saw it
+  std::uint32_t camera = 0;        ///< index of the camera
   std::uint64_t camera_frame = 0;  ///< from 0, without gaps, of that camera
   std::uint32_t revision = 0;      ///< of the settings that its surface was made with
   double capture_time = 0;         ///< s, on the clock of the device states
   double source_time = 0;          ///< s, DepthFrame::timestamp
   double unit = 0.001;             ///< m per count
-  Pose X_WC;                       ///< of the camera in the world, when the frame was captured
+  Pose X_WC;                       ///< pose of the camera in the world at the capture of the frame
   SurfaceStats surface;
-  PixelWindow asked;  ///< as DepthFieldView: where its surface can be asked
+  PixelWindow asked;  ///< as DepthFieldView: the window in which its surface is valid
   std::int64_t compute_nanoseconds = 0;
-  double period = 0;  ///< s, to the next frame as the timeline expects it; not recorded with it
+  double period = 0;  ///< s, expected time to the next frame; not recorded
 };
 
-/// The hand's side between two ticks: where a recording, and a repetition, can begin.
+/// State of the haptic side between two ticks: a recording and its replay can start here.
 struct HandMoment {
-  std::uint64_t tick = 0;      ///< number of the next one
+  std::uint64_t tick = 0;      ///< number of the next tick
   std::uint32_t revision = 0;  ///< of the settings that the last one was computed with
   StateNumbers numbers;        ///< HandPart::remember
 };
 
-/// One tick of the haptic thread, as it is published.
+/// One tick of the haptic thread, as published.
 struct TickRecord {
   std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
-  double time = 0;             ///< s since the loop began
+  double time = 0;             ///< s since the start of the loop
   DeviceState device;
   CouplingStep step;
-  Wrench F_H_B;             ///< what went to the device
-  Penetration penetration;  ///< of the contact it rests on: cloud and objects
+  Wrench F_H_B;             ///< sent to the device
+  Penetration penetration;  ///< of the contact in use: cloud and objects
   Penetration objects;      ///< the objects' share of it
   std::int64_t num_object_pairs = 0;
   double contact_age = 0;  ///< s
@@ -102,36 +102,36 @@ struct TickRecord {
   SafetyStatus safety;
   std::int64_t compute_nanoseconds = 0;
 
-  // What else it takes to repeat the tick.
+  // Further data to replay the tick.
   std::uint64_t number = 0;         ///< from 0
-  double dt = 0;                    ///< s, of the coupling's step; 0: no hand has been seen yet
-  bool is_stopping = false;         ///< the safety filter has been told to stop
-  bool is_force_asked_for = false;  ///< somebody wants it back after a fault
+  double dt = 0;                    ///< s, of the coupling's step; 0: no hand yet
+  bool is_stopping = false;         ///< stop() was called on the safety filter
+  bool is_force_asked_for = false;  ///< the user requests the force after a fault
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 
-/// What one camera showed at a contact.
+/// The blend of one camera at a contact.
 struct CameraMoment {
-  /// FrameRecord::camera_frame of its newest surface; -1: it had shown nothing yet.
+  /// FrameRecord::camera_frame of its newest surface; -1: none yet.
   std::int64_t camera_frame = -1;
-  double progress = 1;  ///< from the surface before to that one
+  double progress = 1;  ///< from the previous surface to that one
 
   friend bool operator==(const CameraMoment&, const CameraMoment&) = default;
 };
 
-/// Of each camera of a run.
+/// One per camera of a run.
 struct CameraMoments {
   std::uint32_t num = 0;
   CameraMoment of[kMostCameras] = {};
 };
 
-/// Where objects that move were, in the order of the objects.
+/// Poses of moving objects, in the order of the objects.
 struct BodyPoses {
   std::uint32_t num = 0;
   Pose of[kMostMovingBodies] = {};  ///< X_WB
 };
 
-/// One contact query, with all that it takes to repeat it.
+/// One contact query, with all data to replay it.
 struct ContactRecord {
   std::uint32_t revision = 0;  ///< of the settings that it was computed with, from 0
   double time = 0;
@@ -140,13 +140,13 @@ struct ContactRecord {
   Penetration objects;                ///< the objects' share of it
   std::int64_t num_object_pairs = 0;  ///< spheres of tool and objects that overlap
   std::uint64_t number = 0;
-  std::uint64_t frame_number = 0;  ///< of the newest frame that it rests on
+  std::uint64_t frame_number = 0;  ///< of the newest frame in use
   CameraMoments cameras;
-  BodyPoses bodies;  ///< that the tool was measured against
+  BodyPoses bodies;  ///< against which the tool was measured
 
-  double capture_time = 0;  ///< s, monotonic: of the oldest one of the cameras' newest frames
-  LocalContact contact;     ///< what the haptic thread is told
-  bool has_new_stiffness = false;  ///< else that of an earlier contact, or none
+  double capture_time = 0;         ///< s, monotonic: the oldest of the cameras' newest frames
+  LocalContact contact;            ///< passed to the haptic thread
+  bool has_new_stiffness = false;  ///< otherwise that of an earlier contact, or none
 };
 
 }  // namespace palpate::inline v0

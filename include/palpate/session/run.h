@@ -24,33 +24,33 @@
 
 namespace palpate::inline v0 {
 
-// What a path that nobody gave is to touch, and what was chosen.
+// The target of an automatic probing path, and the choice that was made.
 
-/// What people say about a probing path. All may be empty: then it is chosen.
+/// Optional target of a probing path. Empty members are chosen automatically.
 struct ProbeAim {
-  std::optional<std::array<double, 2>> pixel = {};  ///< of the depth image; this or `point_W`
-  std::optional<Vec3d> point_W = {};                ///< m, on a surface that the camera sees
-  std::optional<Vec3d> tip_T = {};                  ///< m, on the tool: the end that leads
+  std::optional<std::array<double, 2>> pixel = {};  ///< of the depth image; or use `point_W`
+  std::optional<Vec3d> point_W = {};                ///< m, on a visible surface
+  std::optional<Vec3d> tip_T = {};                  ///< m, on the tool: the leading end
 };
 
-/// For people; decides nothing any more.
+/// The automatic choice, for display only.
 struct ProbeChoice {
-  double u = 0, v = 0;    ///< pixel at which the tool goes in
-  Vec3d p_W;              ///< the surface there when it arrives
-  double time = 0;        ///< s, when that is
-  Vec3d tip_T;            ///< the point of the tool that leads
+  double u = 0, v = 0;    ///< target pixel
+  Vec3d p_W;              ///< the surface point at contact
+  double time = 0;        ///< s, time of contact
+  Vec3d tip_T;            ///< the leading point of the tool
   std::string why_place;  ///< "the nearest ..."
   std::string why_tip;
-  std::string note;  ///< what people should know about the path, and what helps; else empty
+  std::string note;  ///< problems of the path and how to avoid them; else empty
 };
 
-/// How to choose otherwise, by the options of `palpate touch`.
+/// Help text for the options of `palpate touch`.
 inline constexpr const char* kHowToAim =
     "aim with --probe u,v (a pixel of the depth image) or --probe x,y,z (a point, m, in camera "
     "axes); choose the end that leads with --tip x,y,z (a point of the tool, m, in the frame of "
     "its mesh)";
 
-/// Largest values of a run, of all ticks.
+/// Maxima of a run over all ticks.
 struct RunPeaks {
   double force = 0, torque = 0;                  ///< N and N m, on the hand
   double wanted_force = 0;                       ///< N, before the safety filter
@@ -68,7 +68,7 @@ struct RunPeaks {
   void add(const TickRecord& tick);
 };
 
-/// What people have to say about a run while it goes on. Any thread adds, one takes.
+/// Marks that users add during a run. Any thread adds, one takes.
 class RunMarks {
  public:
   struct Mark {
@@ -76,9 +76,9 @@ class RunMarks {
     std::string text;
   };
 
-  /// A note in the recording, at this moment.
+  /// Adds a note to the recording, at this moment.
   void add(std::string text);
-  /// All that were added since the last call.
+  /// Returns all marks since the last call.
   std::vector<Mark> take();
 
  private:
@@ -86,112 +86,112 @@ class RunMarks {
   std::vector<Mark> marks_;
 };
 
-/// Who looks on while a run is recorded.
+/// Observer of a run that is being recorded.
 struct RunMonitor {
-  RunObserver observer;  ///< hears what the recorder hears, after it
-  /// The loop once it has started, and null before it is stopped: then it must not be used any
-  /// more. From the thread of record_run.
+  RunObserver observer;  ///< called after the recorder, with the same data
+  /// Called with the loop once it has started, and with null before it is stopped: then it must not
+  /// be used anymore. From the thread of record_run.
   std::function<void(RunLoop*)> on_loop;
   RunMarks marks;
 };
 
-/// How a recording is kept that would become too large: in parts that can each be repeated and
-/// shown by themselves, and all together.
+/// Limits for long recordings: they are split into parts that can be replayed and shown alone or
+/// together.
 struct RecordingOptions {
-  /// s of the run; what is older is removed, and wrench.csv has the rest.
+  /// s of the run; older data is removed, and wrench.csv has the rest.
   double keep_seconds = std::numeric_limits<double>::infinity();
-  double split_bytes = std::numeric_limits<double>::infinity();  ///< a part is about so large
-  /// Nothing is recorded while less is free on the disk; none: 1 GiB, or 2 % of a smaller disk.
+  double split_bytes = std::numeric_limits<double>::infinity();  ///< approximate size of a part
+  /// Recording pauses below this free disk space; none: 1 GiB, or 2 % of a smaller disk.
   std::optional<double> reserve_bytes = {};
 
   bool is_bounded() const { return keep_seconds < std::numeric_limits<double>::infinity(); }
 };
 
 struct RunOptions {
-  double duration = std::numeric_limits<double>::infinity();  ///< s, of the computer's clock
-  /// Asked ten times a second; false ends the run, which is kept.
+  double duration = std::numeric_limits<double>::infinity();  ///< s, on the computer's clock
+  /// Called ten times per second; false ends the run, which is kept.
   std::function<bool()> keep_going = {};
-  /// Hears at once what people should know: faults, the force's return, the end of the recording.
-  /// From the thread that records.
+  /// Called with messages for the user: faults, recoveries, the end of the recording. From the
+  /// recording thread.
   std::function<void(double time, std::string_view text)> say = {};
   RunMonitor* monitor = nullptr;
   RecordingOptions recording = {};
-  std::optional<ProbeChoice> probe = {};  ///< told in the report; decides nothing
+  std::optional<ProbeChoice> probe = {};  ///< for the report only
   // For a SteppedDevice:
   SimulatedClock clock = {};
-  double time_origin = 0;  ///< s, on the clock of path and frames: when the run's clock is 0
+  double time_origin = 0;  ///< s, on the clock of path and frames: zero of the run's clock
 };
 
-/// What a finished run tells.
+/// Result of a finished run.
 struct RunOutcome {
   LoopReport loop;
   RunPeaks peaks;
   RunSettings settings;  ///< as used
   std::string summary_json;
-  std::vector<std::string> warnings;  ///< for humans
-  std::string why_not_cuda;           ///< if the fastest backend was asked for and it is another
-  std::string failure;                ///< why it ended early; else empty
+  std::vector<std::string> warnings;  ///< for display
+  std::string why_not_cuda;           ///< if auto was requested and the backend is not CUDA
+  std::string failure;                ///< reason for an early end; else empty
   std::string not_kept;               ///< what could not be written, and why; else empty
   bool was_interrupted = false;       ///< keep_going() was false
 };
 
 /// Runs live, or on the clock of a SteppedDevice, until the device or a source ends, a fault, or
-/// as the options say. What was recorded is kept in any case; a disk that is full or slow
-/// interrupts or thins the recording, says so, and never disturbs the loop. Errors: settings,
-/// source, device, folder: nothing has run then.
+/// the limits in the options. Everything recorded so far is always kept; a full or slow disk pauses
+/// or thins the recording, with a message, and never disturbs the loop. Errors: settings, source,
+/// device, folder: then nothing has run.
 Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, HapticDevice& device,
                               const RunSettings& settings, const std::filesystem::path& folder,
                               const RunOptions& options = {});
 
-/// Is this the folder of a run, be it one of another version?
+/// True if this is the folder of a run, also of another version.
 bool is_run(const std::filesystem::path& folder);
 
-/// How a repetition compares with the run.
+/// Comparison of a replay with the run.
 struct ReplayOutcome {
   std::size_t num_ticks = 0, num_contacts = 0;
-  /// The first number that differs, as "tick N, PLACE: recorded ..., repeated ..."; empty if all
-  /// are the same bit for bit.
+  /// The first difference, as "tick N, PLACE: recorded ..., repeated ..."; empty if everything is
+  /// the same bit for bit.
   std::string difference;
-  std::string note;  ///< what could not be repeated, and why; else empty
+  std::string note;  ///< what could not be replayed, and why; else empty
 };
 struct ReplayOptions {
   std::optional<int> num_threads = {};  ///< nullopt: as recorded
   std::function<bool()> keep_going = {};
 };
 
-/// Repeats every contact and every tick from recording.mcap alone, as fast as it can, and compares
-/// them bit by bit with what was recorded. A recording that was cut off is repeated as far as it
+/// Repeats every contact and every tick from recording.mcap alone, as fast as possible, and
+/// compares them bit by bit with the recording. A truncated recording is repeated as far as it
 /// goes. Errors: no recording; stopped by keep_going.
 Result<ReplayOutcome> replay_run(const std::filesystem::path& folder,
                                  const ReplayOptions& options = {});
 
-/// How the forces of two runs of the same hand differ, tick by tick.
+/// Force difference of two runs with the same hand motion, tick by tick.
 struct ForceComparison {
-  std::size_t num_ticks = 0;               ///< that both have
+  std::size_t num_ticks = 0;               ///< in both runs
   double rms = 0, max = 0;                 ///< N, of the difference of the forces on the tool
   double max_time = 0;                     ///< s
-  double peak_before = 0, peak_after = 0;  ///< N, largest force on the tool
+  double peak_before = 0, peak_after = 0;  ///< N, maximum force on the tool
 };
 struct RetryOutcome {
   RunOutcome run;
   ForceComparison forces;
 };
-/// What the same hand and the same frames would have given with other settings, on a simulated
-/// clock: writes a run of its own. `change` gets the recorded settings; a monitor hears the ticks.
+/// Computes the same hand motion and frames with other settings, on a simulated clock, and writes a
+/// new run. `change` gets the recorded settings; a monitor gets the ticks.
 Result<RetryOutcome> retry_run(const std::filesystem::path& folder,
                                const std::filesystem::path& output,
                                const std::function<Status(RunSettings&)>& change,
                                const RunOptions& options = {});
 
-// Settings as people write them: TOML files.
+// Settings files (TOML).
 
-/// Sets what the file names, [coupling] stiffness = 800, and returns the keys. Errors: file and
-/// line of what cannot be read, a key that is not in the table (with the nearest one), a value out
-/// of range. Then the settings are partly those of the file.
+/// Applies a file, e.g. [coupling] stiffness = 800, and returns the keys. Errors: file and line of
+/// a syntax error, an unknown key (with the nearest one), a value out of range. Then the settings
+/// may be partly changed.
 Result<std::vector<std::string>> read_settings_file(const std::filesystem::path& path,
                                                     SettingTable table);
 
-/// What the file does not name is as in `defaults`.
+/// Settings that the file does not contain are as in `defaults`.
 template <class Options>
 Result<Options> load_settings(const std::filesystem::path& path, Options defaults = {}) {
   const auto read = read_settings_file(path, settings_of(defaults));
@@ -199,12 +199,12 @@ Result<Options> load_settings(const std::filesystem::path& path, Options default
   return defaults;
 }
 
-/// How runs average depth unless somebody says otherwise: estimated, where every camera stands
-/// still.
+/// The default average of runs: kalman if no camera
+/// moves.
 DepthAverage usual_average(std::span<const DepthStreamInfo> streams) noexcept;
 
-/// Such a file with the values as they are, and a comment on every key: what it means, its range
-/// and its unit.
+/// The text of a settings file with the current values, and a comment per key: its meaning, range
+/// and unit.
 std::string settings_toml(const SettingTable& table);
 
 }  // namespace palpate::inline v0

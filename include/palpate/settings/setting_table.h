@@ -1,5 +1,5 @@
-// Options structs as tables of settings: the members by name, with unit, range and meaning, for all
-// ways in.
+// Tables of settings: the members of an options struct by name, with unit, range and meaning.
+// Files, command line, viewer and recordings all use them.
 #pragma once
 
 #include <array>
@@ -15,9 +15,9 @@
 
 namespace palpate::inline v0 {
 
-// The words for the values of an enumeration, on the command line, in files and in reports.
+// Keywords for the values of an enumeration, on the command line, in files and in reports.
 //
-// An enumeration that counts from 0 is given its words by a function beside it, in their order:
+// An enumeration that counts from 0 gets its keywords, in order, from a function beside it:
 //
 //   constexpr auto names_of(Priority) { return std::array{"distance", "count"}; }
 
@@ -26,20 +26,20 @@ concept NamedEnum = requires(Enum value) {
   names_of(value).size();
 };
 
-/// The word for a value, "?" for none of the enumeration.
+/// The keyword of a value; "?" if the value is not in the enumeration.
 template <NamedEnum Enum>
 std::string name_of(Enum value) {
   constexpr auto names = names_of(Enum{});
   const auto index = static_cast<std::size_t>(value);
   return index < names.size() ? names[index] : "?";
 }
-/// No value: the program chooses.
+/// No value ("auto"): the program chooses.
 template <NamedEnum Enum>
 std::string name_of(const std::optional<Enum>& value) {
   return value ? name_of(*value) : "auto";
 }
 
-/// The value that a word stands for, or nullopt.
+/// The value of a keyword, or nullopt.
 template <NamedEnum Enum>
 std::optional<Enum> value_named(std::string_view name) {
   constexpr auto names = names_of(Enum{});
@@ -49,7 +49,7 @@ std::optional<Enum> value_named(std::string_view name) {
   return std::nullopt;
 }
 
-/// What a number may be, both ends included.
+/// The valid range of a number, both ends included.
 struct NumberRange {
   double low = 0, high = 0;
   const char* unit = "";  ///< SI, or what is counted; empty: a plain number
@@ -57,30 +57,30 @@ struct NumberRange {
   bool holds(double value) const { return value >= low && value <= high; }  ///< NaN: false
 };
 
-/// A value as files, pages and people give it. Whole numbers are numbers too.
+/// The value of a setting. Integers are stored as double.
 using SettingValue = std::variant<bool, double, std::string, Pose>;
 
 enum class SettingKind { flag, whole, number, word, pose };
 
-/// One member of an options struct, which must outlive it.
+/// One member of an options struct. The struct must outlive it.
 class Setting {
  public:
   std::string_view section;  ///< in files: "coupling"; empty for the table of a part
-  std::string_view name;     ///< in its section: "stiffness"
-  std::string_view help;     ///< what it means, in a line
+  std::string_view name;     ///< within its section: "stiffness"
+  std::string_view help;     ///< the meaning, in one line
   SettingKind kind = SettingKind::flag;
-  NumberRange range;               ///< of numbers
-  std::vector<const char*> words;  ///< of a word, all there are
+  NumberRange range;               ///< for numbers
+  std::vector<const char*> words;  ///< for keywords: all of them
 
-  /// As it is told: "coupling.stiffness".
+  /// The full name: "coupling.stiffness".
   std::string key() const;
   SettingValue get() const;
-  /// Errors: a value of another kind or out of range; then nothing has changed. The sentence says
-  /// name (`told_as`, or the key), what is accepted with its unit, and the value.
+  /// Sets the value. Errors: another kind, or out of range; nothing changes then. The message has
+  /// the name (`told_as`, or the key), the accepted range with its unit, and the value.
   Status set(const SettingValue& value, std::string_view told_as = {});
-  /// Is the value that it has now accepted? Error: as of set.
+  /// Checks the current value. Errors: same as set.
   Status check() const;
-  /// "1 to 7 pixels", or the words with commas between them; else empty.
+  /// "1 to 7 pixels", or the keywords separated by commas; otherwise empty.
   std::string range_text() const;
   /// "a whole number from 1 to 7 pixels"
   std::string accepted() const;
@@ -99,7 +99,7 @@ class Setting {
 /// The settings of an options struct, in the order of a settings file.
 class SettingTable {
  public:
-  /// What is added from now on belongs to this section.
+  /// Settings added from now on belong to this section.
   void section(std::string_view name) { section_ = name; }
 
   void add(const Setting& setting) { settings_.push_back(setting); }
@@ -109,7 +109,7 @@ class SettingTable {
   void add(std::string_view name, Pose& value, std::string_view help);
   template <NamedEnum Enum>
   void add(std::string_view name, Enum& value, std::string_view help);
-  /// With the word "auto" for no value.
+  /// Adds the keyword "auto" for no value.
   template <NamedEnum Enum>
   void add(std::string_view name, std::optional<Enum>& value, std::string_view help);
 
@@ -117,10 +117,10 @@ class SettingTable {
   auto end() { return settings_.end(); }
   auto begin() const { return settings_.begin(); }
   auto end() const { return settings_.end(); }
-  /// By section and name, "coupling.stiffness"; null if there is none.
+  /// Finds by section and name, "coupling.stiffness"; null if there is none.
   Setting* find(std::string_view key);
   const Setting* find(std::string_view key) const;
-  /// Error: a key that is not there, with the nearest one; as of Setting::set.
+  /// Sets a value by key. Errors: an unknown key (with the nearest one); as of Setting::set.
   Status set(std::string_view key, const SettingValue& value);
 
  private:
@@ -130,25 +130,25 @@ class SettingTable {
   std::string_view section_;
 };
 
-/// The table of an options struct, which must outlive it.
+/// The table of an options struct. The struct must outlive it.
 template <class Options>
 SettingTable settings_of(Options& options) {
   SettingTable table;
   add_settings(table, options);
   return table;
 }
-/// To read only.
+/// Read-only.
 template <class Options>
 const SettingTable settings_of(const Options& options) {
   return settings_of(const_cast<Options&>(options));
 }
 
-/// Error: the first setting that is out of its range.
+/// Checks all settings. Error: the first setting that is out of range.
 Status check_settings(const SettingTable& table);
-/// The first setting whose values differ, or null. The tables are of one type of options.
+/// The first setting whose values differ, or null. Both tables are of the same options type.
 const Setting* first_difference(const SettingTable& a, const SettingTable& b);
-/// Gives every setting of `to` that `from` has too, but those of the keys `except`, the value it
-/// has there, if it accepts that.
+/// Copies every setting that both tables have, except the keys in `except`, from `from` to `to`, if
+/// `to` accepts the value.
 void copy_settings(const SettingTable& from, SettingTable to,
                    std::span<const std::string> except = {});
 
@@ -161,14 +161,14 @@ bool has_same_settings(const Options& a, const Options& b) {
   return first_difference(settings_of(a), settings_of(b)) == nullptr;
 }
 
-/// x y z qx qy qz qw, and back. Error: other than seven numbers.
+/// Converts to x y z qx qy qz qw and back. nullopt if there are not exactly seven numbers.
 std::array<double, 7> seven_numbers(const Pose& X);
 std::optional<Pose> pose_of(std::span<const double> seven);
 
-/// The word that takes the fewest insertions, deletions and replacements to become `word`. `words`
-/// is not empty.
+/// The entry of `words` with the smallest edit distance to `word`. `words` must not be
+/// empty.
 std::string nearest_word(std::string_view word, std::span<const std::string> words);
-/// The shortest decimals that read back to the same bits; whole numbers up to 1e15 digit by digit.
+/// The shortest decimal that reads back to the same bits; integers up to 1e15 with all digits.
 std::string shortest_decimal(double value);
 
 // Implementation

@@ -1,4 +1,4 @@
-// A tool: its mesh, the spheres that fill it, their tree and their leaf graph.
+// A tool: its mesh, the spheres that fill it, their sphere tree and their leaf graph.
 #pragma once
 
 #include <array>
@@ -20,8 +20,8 @@ namespace palpate::inline v0 {
 // The wrapped inner sphere tree: leaves are the spheres of the packing, every inner node is a ball
 // that contains all *leaves* below it (thesis section 3.1.1, Fig. 3.2c).
 
-/// One node. Inner nodes have `num_children` children stored next to each other from
-/// `first_child`; leaves have num_children = 0 and name their sphere.
+/// One node. Inner nodes have `num_children` contiguous children from `first_child` on; leaves have
+/// num_children = 0 and a sphere_id.
 struct IstNode {
   Sphere bound;
   std::int32_t first_child = -1;
@@ -34,46 +34,46 @@ struct IstNode {
 class InnerSphereTree {
  public:
   static constexpr int kBranching = 4;
-  /// Halves differ by at most one leaf, so 2^30 spheres make at most 16 levels.
+  /// Halves differ by at most one leaf, so 2^30 spheres need at most 16 levels.
   static constexpr int kMaxLevels = 16;
-  /// Room a depth-first traversal needs on its stack: each level leaves at most three siblings.
+  /// Stack size of a depth-first traversal: each level leaves at most three siblings.
   static constexpr int kMaxWaiting = kMaxLevels * (kBranching - 1) + 1;
 
   InnerSphereTree() = default;
   explicit InnerSphereTree(std::span<const Sphere> spheres);
-  /// Of nodes that were stored. Error: they are not laid out as nodes() are (breadth first,
-  /// siblings side by side), a sphere is missing or does not lie in all nodes above it. O(n log n).
+  /// From stored nodes. Errors: they are not laid out like nodes() (breadth first, siblings
+  /// contiguous), or a sphere is missing or not inside all its ancestors. O(n log n).
   static Result<InnerSphereTree> restore(std::vector<IstNode> nodes,
                                          std::span<const Sphere> spheres);
 
   std::span<const IstNode> nodes() const { return nodes_; }
 
-  /// The sphere that contains p (|p - c| <= r, double precision on the stored numbers), or -1. At
-  /// most one can: the packing is disjoint (thesis Alg. 3.2, corrected). No allocation.
+  /// The sphere that contains p (|p - c| <= r, in double on the stored numbers), or -1. At most one
+  /// can, because the packing is disjoint (thesis Alg. 3.2, corrected). No allocation.
   int find_leaf(const Vec3d& p) const;
 
  private:
   std::vector<IstNode> nodes_;
 };
 
-// Which spheres of a packing are neighbours (thesis section 3.3.1).
+// Neighborhood graph of the spheres of a packing (thesis section 3.3.1).
 
-/// The rule that makes two spheres neighbours, by the gap between their surfaces.
+/// Decides by the gap between their surfaces whether two spheres are neighbors.
 enum class GapRule {
   absolute,  ///< gap < 2 * smallest radius of the packing: the thesis' rule
   relative,  ///< gap <= 0.5 * smaller of the two radii: scale-free, stable under prefixes
 };
 constexpr auto names_of(GapRule) { return std::array{"absolute", "relative"}; }
 
-/// Undirected graph over the spheres, 1-connected. Stored as compressed rows: the neighbours of
-/// sphere i are neighbours()[row_starts()[i] ... row_starts()[i+1]), ascending.
+/// Undirected, connected graph over the spheres, in compressed rows: the neighbors of sphere i are
+/// neighbours()[row_starts()[i] ... row_starts()[i+1]), ascending.
 class LeafGraph {
  public:
   LeafGraph() = default;
   /// Edges by the gap rule, then the shortest bridges (smallest gap, ties by lower indices) until
-  /// one component is left. O(n log n) for packings.
+  /// one component remains. O(n log n) for packings.
   LeafGraph(std::span<const Sphere> spheres, GapRule rule);
-  /// A graph that was stored; edges as (a, b) with a < b.
+  /// From stored edges (a, b) with a < b. The ids must be valid; they are not checked here.
   LeafGraph(std::size_t num_spheres, std::span<const std::pair<int, int>> edges, int num_bridges,
             int num_components_before_bridging);
 
@@ -94,36 +94,36 @@ class LeafGraph {
   int num_components_before_bridging_ = 0;
 };
 
-// A rigid CAD tool ready for contact: its mesh, the spheres that fill it, and all that is built
-// from them once, before the hand moves.
+// A rigid CAD tool ready for contact: its mesh, its spheres, and everything that is computed once
+// from them.
 
-/// Immutable after construction. Everything is in the tool frame T, which is the frame of the mesh.
+/// Immutable. Everything is in the tool frame T, which is the frame of the mesh. SI units.
 class Tool {
  public:
   /// Builds tree, graph, mass properties and represented volumes; same bits for any `num_threads`
-  /// (0: one per core). Error: no spheres, or more than 2^30; the mesh encloses no volume.
+  /// (0: one per core). Errors: no spheres, or more than 2^30; the mesh encloses no volume.
   static Result<Tool> build(TriangleMesh mesh, SpherePacking packing, GapRule rule,
                             std::string source, int num_threads = 0);
-  /// What takes long to compute and is therefore stored in tool files.
+  /// Parts that take long to compute and are stored in tool files.
   struct StoredParts {
     LeafGraph graph;
-    GapRule gap_rule = GapRule::relative;  ///< of the graph
+    GapRule gap_rule = GapRule::relative;  ///< rule of the graph
     std::vector<float> represented_volumes;
     std::vector<IstNode> tree_nodes;
-    std::shared_ptr<const SolidField> solid_field = nullptr;  ///< null: it has none
+    std::shared_ptr<const SolidField> solid_field = nullptr;  ///< null: none
   };
-  /// The same with a distance field: what `palpate pack` stores for bodies that meet this one.
-  /// About a second.
+  /// Adds a distance field: `palpate pack` stores it, for contact with other bodies. About a
+  /// second.
   Tool with_solid_field(int num_threads = 0) &&;
   /// From stored parts (used by load_tool).
   static Result<Tool> restore(TriangleMesh mesh, SpherePacking packing, StoredParts parts,
                               std::string source);
-  /// A coarser tool of the first `num_spheres` spheres: what packing only so many would have given.
-  /// Error: fewer than one, or more than there are.
+  /// A coarser tool of the first `num_spheres` spheres, identical to a packing of that number.
+  /// Errors: fewer than one, or more than there are.
   Result<Tool> prefix(int num_spheres, int num_threads = 0) const;
 
-  /// The same, but torques are about the same point as this tool's: a stand-in for it in a run that
-  /// has no time for all spheres.
+  /// The same, but torques keep the reference point of this tool: replaces it in a run that cannot
+  /// compute all spheres in time.
   Result<Tool> thinned(int num_spheres, int num_threads = 1) const;
 
   const TriangleMesh& mesh() const { return mesh_; }
@@ -132,17 +132,17 @@ class Tool {
   const InnerSphereTree& tree() const { return tree_; }
   const LeafGraph& graph() const { return parts_.graph; }
   GapRule gap_rule() const { return parts_.gap_rule; }
-  /// The part of the solid that each sphere stands for, m3: together the volume of the mesh.
+  /// The part of the solid that each sphere represents, m3. The sum is the volume of the mesh.
   std::span<const float> represented_volumes() const { return parts_.represented_volumes; }
-  /// How far its surface is; null if the tool was made without: then bodies that meet it make one
-  /// for themselves (ToolIndex).
+  /// The distance field of its surface; null if the tool has none: then contact with other bodies
+  /// computes one (ToolIndex).
   const std::shared_ptr<const SolidField>& solid_field() const { return parts_.solid_field; }
-  /// Of the spheres at density 1 (eqs. 3.4-3.6): its centre of mass is the reference point of all
-  /// torques.
+  /// Mass properties of the spheres at density 1 (eqs. 3.4-3.6). Their center of mass is the
+  /// reference point of all torques.
   const MassProperties& sphere_mass() const { return sphere_mass_; }
-  /// Of the solid itself at density 1, exact.
+  /// Mass properties of the solid itself at density 1, exact.
   const MassProperties& mesh_mass() const { return mesh_mass_; }
-  /// Where the mesh came from, for humans.
+  /// Where the mesh came from, for display.
   const std::string& source() const { return source_; }
 
  private:
