@@ -61,8 +61,8 @@ void read_camera(const std::string& uri) {
     const auto got = (*camera)->next(frame);
     if (!got || !*got) break;
     require(frame.width == info.width && frame.height == info.height &&
-                frame.pixels.size() == static_cast<std::size_t>(info.width) *
-                                           static_cast<std::size_t>(info.height),
+                frame.pixels.size() ==
+                    static_cast<std::size_t>(info.width) * static_cast<std::size_t>(info.height),
             "a camera's images are of one size");
     require(frame.unit > 0 && std::isfinite(frame.unit) && is_finite(frame.X_WC),
             "a frame has a unit and a place");
@@ -126,8 +126,8 @@ std::vector<Told> told() {
   std::vector<Told> all;
   for (const std::uint64_t t : {1, 2}) {
     const RosTransform there[] = {{"map", "cam", {{0.1 * static_cast<double>(t), 0, 0}, {}}}};
-    all.push_back({"/tf", "tf2_msgs/msg/TFMessage", t * kSecond,
-                   transform_message(t * kSecond, there)});
+    all.push_back(
+        {"/tf", "tf2_msgs/msg/TFMessage", t * kSecond, transform_message(t * kSecond, there)});
     all.push_back({"/camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", t * kSecond,
                    camera_info_message({t * kSecond, "cam"}, small_stream())});
     all.push_back({"/camera/depth/image_raw", "sensor_msgs/msg/Image", t * kSecond,
@@ -156,17 +156,17 @@ std::vector<std::string> ros1_bags() {
   const DepthFrame frame = small_frame();
   const std::string_view counts(reinterpret_cast<const char*>(frame.pixels.data()), 192);
   for (std::uint32_t t = 1; t < 3; ++t) {
-    records += test::ros1_message(2, t, 0, test::bytes_of(0x3a83126f)) +
-               test::ros1_message(1, t, 0,
-                                  test::ros1_image(test::ros1_stamp(t, 0, "cam"), 12, 8, counts));
+    records +=
+        test::ros1_message(2, t, 0, test::bytes_of(0x3a83126f)) +
+        test::ros1_message(1, t, 0, test::ros1_image(test::ros1_stamp(t, 0, "cam"), 12, 8, counts));
   }
   std::vector<std::string> bags{image_bag(test::ros1_chunk(records))};
   const auto add = [&](const std::string& packed, const char* kind) {
-    bags.push_back(image_bag(test::ros1_record(
-        {{"op", test::op(5)},
-         {"compression", kind},
-         {"size", test::bytes_of(static_cast<std::uint32_t>(records.size()))}},
-        packed)));
+    bags.push_back(image_bag(
+        test::ros1_record({{"op", test::op(5)},
+                           {"compression", kind},
+                           {"size", test::bytes_of(static_cast<std::uint32_t>(records.size()))}},
+                          packed)));
   };
   std::string packed(2 * records.size() + 1000, '\0');
   const std::string lz4_name = "liblz4.so.1", bzip2_name = "libbz2.so.1.0";
@@ -249,7 +249,6 @@ frame = "table"
 gravity = [0, 9.81, 0]
 [frames]
 bench = [1, 0, 0, 0, 0, 0, 1]
-link = "urdf:none.urdf#bench"
 [[camera]]
 name = "front"
 uri = "scene:wall?size=32x24"
@@ -284,7 +283,7 @@ std::vector<std::string> seeds() {
       kCompressed + compressed_image("16UC1; compressedDepth png", png),
       kCompressed + compressed_image("32FC1; compressedDepth", png),
       kCompressed + compressed_image("16UC1; compressedDepth rvl",
-                                     std::string("\x04\0\0\0\x02\0\0\0", 8) + "\x10\x81\x11\x18"),
+                                     std::string("\x08\0\0\0\x08\0\0\0\0\0\x10\x88", 12)),
       kInfo + camera_info_message({1, "cam"}, small_stream()),
       kBag + mcap_bag()};
   for (const std::string& bag : ros1_bags()) all.push_back(kBag + bag);

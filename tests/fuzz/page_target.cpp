@@ -43,9 +43,9 @@ class HeldByPages final : public test::ScriptedSource {
               "a handle stays in its workspace");
       require(norm(X.translation - before.translation) <= 2 * PageHand::kFastest * kTick,
               "a handle never jumps");
-      require(norm(rotation_between(before.rotation, X.rotation)) <=
-                  2 * PageHand::kFastestTurn * kTick,
-              "a handle never turns at once");
+      require(
+          norm(rotation_between(before.rotation, X.rotation)) <= 2 * PageHand::kFastestTurn * kTick,
+          "a handle never turns at once");
     }
     set_time(now_ - kBegin);
   }
@@ -83,7 +83,8 @@ std::vector<std::string> seeds() {
       "\x61{\"id\":3,\"command\":\"let_go\"}\n\x02{\"hand\":[0,0,0,0,0,0,1]}\n",
       "\x01{\"command\":\"hold\"}\n\x01{\"hand\":[0,0,0,0,0,0,1]}\n"
       "\x11{\"hand\":[1e300,0,0,0,0,0,1]}\n\x11{\"hand\":[0,0,0,0,0,0,2]}\n"
-      "\x11{\"hand\":[90,0,0,0,0,0,1]}\n\x11{\"hand\":[0,null,0]}\n\xf1{\"hand\":[0.2,0,0,0,0,0,1]}",
+      "\x11{\"hand\":[90,0,0,0,0,0,1]}\n\x11{\"hand\":[0,null,0]}\n\xf1{\"hand\":[0.2,0,0,0,0,0,1]"
+      "}",
       "\x01{\"id\":1,\"command\":\"show\",\"frames\":true,\"contacts\":true,\"surfaces\":true,"
       "\"samples\":true}\n\x31{\"ack\":1}\n\x31{\"ack\":2}\n\x32{\"ack\":18446744073709551615}\n",
       "\x02{\"id\":-1.5,\"command\":\"get\",\"what\":\"mesh\"}\n\x02{\"command\":\"get\",\"what\":"

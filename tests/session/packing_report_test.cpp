@@ -12,8 +12,8 @@
 #include "palpate/mesh/mesh.h"
 #include "src/mesh/internal/surface_points.h"
 #include "src/session/internal/checksum.h"
-#include "tests/test_util/scan_mesh.h"
 #include "tests/test_util/report_data.h"
+#include "tests/test_util/scan_mesh.h"
 #include "tests/test_util/standoff_truth.h"
 
 namespace palpate {

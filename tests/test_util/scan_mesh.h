@@ -29,13 +29,13 @@ inline TriangleMesh made_scan() {
 }
 
 /// `variable` = the scan of GetParam() (an Origin); skips the test by name where it is not there.
-#define PALPATE_SCAN_OR_SKIP(variable)                                                        \
-  if (GetParam() == ::palpate::test::Origin::recorded && !::palpate::test::data_folder())     \
-    GTEST_SKIP() << "SKIPPED: no real data for meshes_good/bunny_3k.off (set PALPATE_DATA)";  \
-  const TriangleMesh variable =                                                               \
-      GetParam() == ::palpate::test::Origin::made                                             \
-          ? ::palpate::test::made_scan()                                                      \
-          : ::palpate::test::read_off(*::palpate::test::data_folder() / "meshes_good/bunny_3k.off")
+#define PALPATE_SCAN_OR_SKIP(variable)                                                            \
+  if (GetParam() == ::palpate::test::Origin::recorded && !::palpate::test::data_folder())         \
+    GTEST_SKIP() << "SKIPPED: no real data for meshes_good/bunny_3k.off (set PALPATE_DATA)";      \
+  const TriangleMesh variable = GetParam() == ::palpate::test::Origin::made                       \
+                                    ? ::palpate::test::made_scan()                                \
+                                    : ::palpate::test::read_off(*::palpate::test::data_folder() / \
+                                                                "meshes_good/bunny_3k.off")
 
 /// TEST_P(suite, ...) on both.
 #define PALPATE_ON_SCANS(suite)                                                          \
