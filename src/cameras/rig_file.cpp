@@ -162,6 +162,7 @@ class Reader {
       more += "&" + std::string(word) + "=" + numbers;
     }
     if (!more.empty() && uri.find('?') == std::string::npos) more.front() = '?';
+    if (uri.ends_with('?') || uri.ends_with('&')) more.erase(0, 1);
     auto parsed = parse_camera_uri(uri + more);
     if (!parsed) return refuse(table.source(), parsed.error().message);
     const bool is_file = parsed->kind == "folder" || fs::exists(beside(parsed->target));

@@ -33,12 +33,56 @@ bool opens_nothing(std::string_view line) {
   return !is_word && std::string_view("_-\"']").find(c) == std::string_view::npos;
 }
 
-/// The text without what the parser cannot bear: a byte order mark, letters beyond ASCII (which no
-/// key or word has), lines without end and sections without a name.
+/// Knows, letter by letter, whether a text is between quotes or in a comment.
+class Quotes {
+ public:
+  /// Whether text[at] is; to be asked of each letter in turn.
+  bool hold(std::string_view text, std::size_t at) {
+    if (at < skip_to_) return is_open_;
+    const char c = text[at];
+    if (!is_open_) {
+      if (c == '#') open("\n", at);
+      if (c == '"' || c == '\'') open(closing(text, at), at);
+      return is_open_;
+    }
+    const bool is_broken = c == '\n' && end_.size() == 1;  // strings of one line
+    if (c == '\\' && end_.front() == '"') {
+      skip_to_ = at + 2;
+    } else if (is_broken || text.substr(at).starts_with(end_)) {
+      is_open_ = false;
+      // The last quotes of a long string may be two of its own.
+      for (skip_to_ = at + end_.size(); end_.size() == 3 && skip_to_ < at + 5 &&
+                                        skip_to_ < text.size() && text[skip_to_] == c;) {
+        ++skip_to_;
+      }
+    }
+    return true;
+  }
+
+ private:
+  static std::string_view closing(std::string_view text, std::size_t at) {
+    const std::string_view three = text[at] == '"' ? R"(""")" : "'''";
+    return text.substr(at).starts_with(three) ? three : three.substr(0, 1);
+  }
+  void open(std::string_view end, std::size_t at) {
+    end_ = end;
+    is_open_ = true;
+    skip_to_ = at + end.size();
+  }
+
+  std::string_view end_;  // what closes it
+  bool is_open_ = false;
+  std::size_t skip_to_ = 0;
+};
+
+/// The text without what the parser cannot bear: a byte order mark, letters beyond ASCII in keys
+/// (which none has), lines without end and sections without a name.
 Result<std::string> harmless(std::string text, const std::string& file) {
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
-  for (char& c : text) {
-    if (static_cast<unsigned char>(c) > 127) c = '?';
+  Quotes quotes;
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    const bool is_quoted = quotes.hold(text, at);
+    if (static_cast<unsigned char>(text[at]) > 127 && !is_quoted) text[at] = '?';
   }
   std::size_t line = 1;
   for (auto at = text.begin(); at != text.end(); ++line) {

@@ -167,6 +167,37 @@ class RigFile : public testing::Test {
   std::filesystem::path path_ = folder_.path() / "rig.toml";
 };
 
+TEST_F(RigFile, NamesFilesInAnyLanguage) {
+  write(path_,
+        "# gr\u00fc\u00df\n[world]\nframe = 'T\u00efsch'  # \"\u00e4\n[[camera]]\nname = "
+        "\"\"\"v\u00f6rn\"\"\"\"\n"
+        "uri = \"folder:M\u00f6bel/\u6df1\u5ea6\"\npose_from = 'W\u00e9g.tum'\n[frames]\n"
+        "\"B\\\"\u00e4nk\" = [1, 0, 0, 0, 0, 0, 1]\n");
+  const auto rig = load_rig(path_);
+  ASSERT_TRUE(rig) << rig.error().message;
+  EXPECT_EQ(rig->frame, "T\u00efsch");
+  EXPECT_EQ(rig->cameras[0].name, "v\u00f6rn\"");
+  EXPECT_EQ(rig->cameras[0].uri.target, (path_.parent_path() / "M\u00f6bel/\u6df1\u5ea6").string());
+  EXPECT_EQ(rig->cameras[0].uri.poses, (path_.parent_path() / "W\u00e9g.tum").string());
+  EXPECT_TRUE(rig->frames.contains("B\"\u00e4nk"));
+  // What is no UTF-8, and keys beyond ASCII, are errors with their line.
+  for (const char* text : {"[world]\nframe = \"\xc1\"\n", "[world]\nfr\u00e4me = \"a\"\n"}) {
+    write(path_, text);
+    EXPECT_NE(load_rig(path_).error().message.find("line 2"), std::string::npos) << text;
+  }
+}
+
+TEST_F(RigFile, WithAnOpenListOfParametersIsWrittenAnew) {
+  write(path_, "[[camera]]\nuri = \"scene:wall?\"\n[[camera]]\nuri = \"scene:hand?rate=20&\"\n");
+  const auto text = rig_text_with_poses(path_, {Pose{{1, 2, 3}, {}}, Pose{}});
+  ASSERT_TRUE(text) << text.error().message;
+  write(path_, *text);
+  const auto rig = load_rig(path_);
+  ASSERT_TRUE(rig) << rig.error().message << *text;
+  EXPECT_EQ(rig->cameras[0].uri.X_WC.translation, (Vec3d{1, 2, 3}));
+  EXPECT_EQ(rig->cameras[1].uri.rate, 20);
+}
+
 TEST_F(RigFile, NamesCamerasAndWhereTheyAre) {
   write(path_, R"([world]
 frame = "table"

@@ -4,6 +4,7 @@ Whatever happens: an end within its time; exit status 0 with whole results, or 1
 file under its final name that is not whole; what was recorded repeats to the bit.
 
 usage: faults_test.py PALPATE FAULTS_LIBRARY    PALPATE_KILLS=200: as many moments to be killed at
+                                                PALPATE_PLANS=200: as many plans made by chance
                                                 PALPATE_KEEP=1: leaves what a failed test worked on"""
 
 import contextlib
@@ -11,6 +12,7 @@ import json
 import os
 import pathlib
 import random
+import resource
 import shutil
 import signal
 import subprocess
@@ -22,6 +24,7 @@ import urllib.request
 
 PALPATE = FAULTS = None
 KILLS = int(os.environ.get("PALPATE_KILLS", 6))
+PLANS = int(os.environ.get("PALPATE_PLANS", 6))
 # What a busy machine must not end is no fault here.
 PATIENT = ("[safety]\nmax_contact_age = 60\nmax_sensor_age = 60\nmax_tick = 60\n"
            "max_device_silence = 60\nenergy_tank = 100\n")
@@ -52,9 +55,10 @@ class Faults(unittest.TestCase):
     def path_run(self, output, duration=0.3):
         return ("touch", self.tool, "--scene", "wall", "--duration", duration, "-o", output)
 
-    def live_run(self, output, duration=0.5):
+    def live_run(self, output, duration=0.5, is_patient=True):
+        settings = ("--settings", self.settings) if is_patient else ()
         return ("touch", self.tool, "--scene", "wall", "--device", "sim", "--duration", duration,
-                "--settings", self.settings, "-o", output)
+                *settings, "-o", output)
 
     def check(self, arguments, faults, may_fail=True):
         """Runs it; returns the exit status."""
@@ -191,17 +195,92 @@ class Faults(unittest.TestCase):
         self.assertGreater(self.check_run(self.folder / "live"), 0)
 
     def test_a_process_that_stands_still_fades_and_can_be_repeated(self):
-        output = self.folder / "stopped"
-        process = subprocess.Popen([PALPATE, *map(str, self.live_run(output, 2))],
-                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.wait_for(output / "recording.mcap", process)
-        for pause in (0.1, 0.5, 1):
-            time.sleep(0.2)
-            process.send_signal(signal.SIGSTOP)
-            time.sleep(pause)
-            process.send_signal(signal.SIGCONT)
-        self.assertIn(process.wait(120), (0, 1))
+        for is_patient, pauses in ((True, (0.1, 0.5, 1)), (False, (0.3, 3))):
+            output = self.folder / f"stopped-{is_patient}"
+            process = subprocess.Popen(
+                [PALPATE, *map(str, self.live_run(output, 8, is_patient))],
+                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            self.wait_for(output / "recording.mcap", process)
+            for pause in pauses:
+                time.sleep(0.5)
+                process.send_signal(signal.SIGSTOP)
+                time.sleep(pause)
+                process.send_signal(signal.SIGCONT)
+            told = process.communicate(timeout=300)[1]
+            # It is told and the run goes on: its own time is what ends it.
+            self.assertEqual(process.returncode, 0, told)
+            self.assertGreater(self.check_run(output), 0)
+            if not is_patient:
+                self.assertNotEqual(self.summary(output)["faults"], [])
+
+    def summary(self, folder):
+        return json.loads((folder / "summary.json").read_text())
+
+    def test_a_computer_whose_cores_are_all_busy_does_not_end_a_run(self):
+        """Two loops for every core; half of them walk through 64 MB each, so that caches are of no use."""
+        compute = "while True: pass"
+        walk = "b = bytearray(1 << 26)\nwhile True:\n for i in range(0, len(b), 64): b[i] ^= 1"
+        busy = [subprocess.Popen([sys.executable, "-c", body])
+                for _ in range(os.cpu_count()) for body in (compute, walk)]
+        try:
+            output = self.folder / "busy"
+            self.check(self.live_run(output, 6, is_patient=False), "", may_fail=False)
+        finally:
+            for process in busy:
+                process.kill()
+                process.wait()
+        summary = self.summary(output)
+        self.assertGreaterEqual(summary["seconds"], 5.9)
+        self.assertEqual(summary["ending"], "")
         self.assertGreater(self.check_run(output), 0)
+
+    def test_little_address_space_is_a_sentence(self):
+        """As under `ulimit -v`: whoever asks for more is refused, wherever that is."""
+        num_refused = num_whole = 0
+        for megabytes in (160, 320, 448, 512, 1024):
+            def limit(most=megabytes << 20):
+                resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+            def limited(*arguments):
+                return subprocess.run([PALPATE, *map(str, arguments)], capture_output=True,
+                                      text=True, timeout=300, preexec_fn=limit)
+
+            if limited("--version").returncode != 0:
+                continue  # the loader's own end
+            for run_of in (self.path_run, self.live_run):
+                output = self.folder / f"{run_of.__name__}-{megabytes}"
+                done = limited(*run_of(output, 0.2))
+                told = f"{run_of.__name__} in {megabytes} MB: {done.returncode}, {done.stderr}"
+                self.assertIn(done.returncode, (0, 1), told)
+                if done.returncode == 1:
+                    num_refused += 1
+                    self.assertRegex(done.stderr.strip().splitlines()[-1], "^palpate: .{20,}", told)
+                else:
+                    num_whole += 1
+                    self.assertGreater(self.check_run(output), 0, told)
+        self.assertGreater(num_refused, 0)
+        self.assertGreater(num_whole, 0)
+
+    def test_plans_made_by_chance(self):
+        """Several faults at once, each from a call that is chosen by chance."""
+        choose = random.Random(11)
+        num_failed, num_ticks = 0, 0
+        for number in range(PLANS):
+            plan = [f"{kind}@{choose.randint(1, most)}" for kind, most in
+                    (("short", 1), ("interrupted", 1), ("full", 200), ("broken", 200), ("unreadable", 30),
+                     ("slow", 1), ("threadless", 12), ("memoryless", 200), ("yesterday", 20))
+                    if choose.random() < 0.25]
+            plan = [each + f"-{int(each.split('@')[1]) + choose.randint(0, 3)}"
+                    if each.startswith(("full", "broken")) and choose.random() < 0.5 else each for each in plan]
+            run_of = choose.choice((self.path_run, self.live_run))
+            output = self.folder / f"chance-{number}"
+            with self.subTest(plan=",".join(plan), run=run_of.__name__):
+                num_failed += self.check(run_of(output, choose.uniform(0.1, 2)), ",".join(plan))
+                for folder in self.folder.glob(f"chance-{number}*"):
+                    num_ticks += self.check_run(folder)
+                    shutil.rmtree(folder)
+        print(f"{PLANS} plans: {num_failed} runs ended with a sentence; {num_ticks} ticks repeated",
+              file=sys.stderr)
 
     def wait_for(self, path, process):
         deadline = time.monotonic() + 120

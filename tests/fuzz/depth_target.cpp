@@ -1,4 +1,4 @@
-// Depth images (PNG, RVL) and clouds (PCD, PLY): the first byte says which.
+// Depth images (PNG, RVL), images of labels (PNG) and clouds (PCD, PLY): the first byte says which.
 #include "palpate/io/formats.h"
 #include "src/io/rvl.h"
 #include "tests/fuzz/target.h"
@@ -7,7 +7,7 @@
 namespace palpate::fuzz {
 namespace {
 
-constexpr char kPng = 'n', kRvl = 'r', kPcd = 'd', kPly = 'l';
+constexpr char kPng = 'n', kRvl = 'r', kPcd = 'd', kPly = 'l', kLabels = 'b';
 
 DepthFrame small_frame() {
   DepthFrame frame{12, 9, 0.001, {}, 0};
@@ -25,6 +25,40 @@ void read_png(std::string_view bytes) {
   require(written.has_value(), "an image that was read can be written");
   const auto again = decode_depth_png(*written, "image");
   require(again && again->pixels == frame->pixels, "an image comes back with the same counts");
+}
+
+void read_labels(std::string_view bytes) {
+  static ScratchFile file(".labels.png");
+  const auto image = load_label_png(file.write(bytes));
+  if (!image) return;
+  require(image->labels.size() ==
+              static_cast<std::size_t>(image->width) * static_cast<std::size_t>(image->height),
+          "an image of labels has all its pixels");
+}
+
+/// 4 x 2 pixels of one byte each, as few bytes as the format allows: not even compressed.
+std::string label_image(char colour_type) {
+  const auto big = [](std::uint32_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift);
+    return bytes;
+  };
+  const auto chunk = [&](const std::string& name, const std::string& data) {
+    std::uint32_t crc = 0xffffffff;
+    for (const char c : name + data) {
+      crc ^= static_cast<unsigned char>(c);
+      for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ ((crc & 1u) != 0 ? 0xedb88320 : 0);
+    }
+    return big(static_cast<std::uint32_t>(data.size())) + name + data + big(~crc);
+  };
+  const std::string rows("\0\1\2\3\1\0\3\2\1\0", 10);
+  std::uint32_t a = 1, b = 0;
+  for (const char c : rows) b += a += static_cast<unsigned char>(c);
+  const std::string packed = std::string("\x78\x01\x01\x0a\0\xf5\xff", 7) + rows + big(b << 16 | a);
+  return "\x89PNG\r\n\x1a\n" +
+         chunk("IHDR", big(4) + big(2) + '\x08' + colour_type + std::string(3, '\0')) +
+         (colour_type == 3 ? chunk("PLTE", std::string(12, '\x40')) : "") + chunk("IDAT", packed) +
+         chunk("IEND", "");
 }
 
 /// As its page says it; the reader has its own arithmetic.
@@ -103,6 +137,8 @@ std::vector<std::string> seeds() {
   return {
       kRvl + encode_rvl(small_frame()),
       kPng + *encode_depth_png(small_frame(), "seed"),
+      kLabels + label_image(0),
+      kLabels + label_image(3),
       kPly + file.read(),
       kPcd + header + "DATA ascii\n0 0 1 0 0 -1\n1 0 1 0 0 -1\n0 1 1 0 0 -1\nnan nan nan 0 0 0\n",
       kPcd + header + "DATA binary\n" + raw,
@@ -119,6 +155,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   switch (data[0]) {
     case kPng: read_png(bytes); break;
     case kRvl: read_rvl(bytes); break;
+    case kLabels: read_labels(bytes); break;
     case kPcd: read_cloud(bytes, ".pcd"); break;
     case kPly: read_cloud(bytes, ".ply"); break;
     default: break;

@@ -7,9 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "palpate/mesh/mesh.h"
-#include "tests/test_util/data.h"
-#include "tests/test_util/off_mesh.h"
 #include "tests/test_util/random.h"
+#include "tests/test_util/scan_mesh.h"
 
 namespace palpate {
 namespace {
@@ -138,16 +137,17 @@ TEST(Packer, FillsWell) {
   EXPECT_GT(fill(pack(make_octahedron(0.1), 1000)), 0.855);
 }
 
-// Measured: .8022 at 1000, .8779 at 10000.
-TEST(Packer, FillsTheBunny) {
-  PALPATE_DATA_OR_SKIP(path, "meshes_good/bunny_3k.off");
-  const TriangleMesh bunny = test::read_off(path);
-  const SpherePacking packing = pack(bunny, 10000);
+PALPATE_ON_SCANS(PackerOfScans);
+
+// Measured: the rabbit .8022 at 1000, .8779 at 10000.
+TEST_P(PackerOfScans, FillsThem) {
+  PALPATE_SCAN_OR_SKIP(scan);
+  const SpherePacking packing = pack(scan, 10000);
   EXPECT_GT(fill(packing), 0.875);
   SpherePacking first = packing;
   first.spheres.resize(1000);
   EXPECT_GT(fill(first), 0.798);
-  expect_exact(bunny, first.spheres);
+  expect_exact(scan, first.spheres);
   // Approximately largest first.
   int num_late = 0;
   float least = 1;

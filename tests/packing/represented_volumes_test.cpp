@@ -11,9 +11,8 @@
 #include "src/packing/power_neighbours.h"
 #include "src/packing/ray_patches.h"
 #include "src/packing/triangle_bvh.h"
-#include "tests/test_util/data.h"
-#include "tests/test_util/off_mesh.h"
 #include "tests/test_util/random.h"
+#include "tests/test_util/scan_mesh.h"
 
 namespace palpate {
 namespace {
@@ -159,11 +158,12 @@ TEST(RepresentedVolumes, AgreeWithAFineSampling) {
   }
 }
 
+PALPATE_ON_SCANS(RepresentedVolumesOfScans);
+
 // Random points in a scanned surface: were the volumes right, chi squared per sphere would be 1.
-TEST(RepresentedVolumes, RandomPointsInTheBunnyAgree) {
-  PALPATE_DATA_OR_SKIP(path, "meshes_good/bunny_3k.off");
+TEST_P(RepresentedVolumesOfScans, AgreeWithRandomPoints) {
+  PALPATE_SCAN_OR_SKIP(mesh);
   ThreadPool pool(2);
-  const TriangleMesh mesh = test::read_off(path);
   const auto spheres = pack(mesh, 1000);
   const auto volumes = represented_volumes(mesh, spheres, pool).value();
   const TriangleBvh bvh(mesh);

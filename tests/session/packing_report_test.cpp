@@ -12,8 +12,8 @@
 #include "palpate/mesh/mesh.h"
 #include "src/mesh/internal/surface_points.h"
 #include "src/session/internal/checksum.h"
-#include "tests/test_util/data.h"
 #include "tests/test_util/report_data.h"
+#include "tests/test_util/scan_mesh.h"
 #include "tests/test_util/standoff_truth.h"
 
 namespace palpate {
@@ -128,31 +128,42 @@ TEST(Standoff, IsTheNearestOfAllSpheres) {
   EXPECT_EQ(standoff(tool, 3000).samples, measured.samples);
 }
 
-// Brute force over points of its own, with real tools.
+/// Brute force over points of its own.
+void expect_within_bound(TriangleMesh raw) {
+  const double scale = 0.2 / test::longest_side(raw);  // their units differ
+  for (Vec3d& p : raw.vertices) p *= scale;
+  const auto solid = check_solid(raw);
+  ASSERT_TRUE(solid) << solid.error().message;
+  const auto spheres = pack_spheres(solid->mesh, PackOptions{})->spheres;
+  ASSERT_EQ(spheres.size(), 5000u);
+  test::StandoffMeter meter(solid->mesh, 1000, 3);
+  for (std::size_t n = 1; n <= spheres.size(); ++n) {
+    meter.add(spheres[n - 1]);
+    if (n != 1000 && n != 2000 && n != 5000) continue;
+    const test::StandoffTruth truth = meter.measure();
+    EXPECT_LE(truth.max, standoff_bound(truth.p95, 0.2)) << n;
+  }
+}
+
 TEST(Standoff, OfRealToolsIsWithinItsBound) {
   PALPATE_DATA_OR_SKIP(folder, "meshes_good");
   int num_meshes = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     SCOPED_TRACE(entry.path().filename().string());
-    auto raw = load_mesh(entry.path(), 1);
+    const auto raw = load_mesh(entry.path(), 1);
     ASSERT_TRUE(raw);
-    const double scale = 0.2 / test::longest_side(*raw);  // their units differ
-    for (Vec3d& p : raw->vertices) p *= scale;
-    const auto solid = check_solid(*raw);
-    ASSERT_TRUE(solid) << solid.error().message;
-    PackOptions options;
-    const auto spheres = pack_spheres(solid->mesh, options)->spheres;
-    ASSERT_EQ(spheres.size(), 5000u);
-    test::StandoffMeter meter(solid->mesh, 1000, 3);
-    for (std::size_t n = 1; n <= spheres.size(); ++n) {
-      meter.add(spheres[n - 1]);
-      if (n != 1000 && n != 2000 && n != 5000) continue;
-      const test::StandoffTruth truth = meter.measure();
-      EXPECT_LE(truth.max, standoff_bound(truth.p95, 0.2)) << n;
-    }
+    expect_within_bound(*raw);
     ++num_meshes;
   }
   EXPECT_GE(num_meshes, 10);
+}
+
+TEST(Standoff, OfMadeToolsIsWithinItsBound) {
+  expect_within_bound(test::made_scan());
+  for (const char* name : {"stylus", "spiral", "torus", "finger", "blade"}) {
+    SCOPED_TRACE(name);
+    expect_within_bound(make_shape(name, 0.2).value());
+  }
 }
 
 TEST(Standoff, EmptyPartsAreTold) {

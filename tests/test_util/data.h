@@ -1,4 +1,4 @@
-// The optional folder of real data.
+// The optional folder of real data, and tests that run on them and on made ones alike.
 #pragma once
 
 #include <filesystem>
@@ -18,5 +18,12 @@ std::optional<std::filesystem::path> data_folder();
   if (!variable##_folder)                                                              \
     GTEST_SKIP() << "SKIPPED: no real data for " << relative << " (set PALPATE_DATA)"; \
   const std::filesystem::path variable = *variable##_folder / relative
+
+/// Where what a test works on comes from.
+enum class Origin { recorded, made };
+
+inline std::string name_of(const testing::TestParamInfo<Origin>& origin) {
+  return origin.param == Origin::recorded ? "recorded" : "made";
+}
 
 }  // namespace palpate::test

@@ -42,12 +42,6 @@ struct TriedFrame {
   DepthFrame frame;
 };
 
-enum class Origin { recorded, made };
-
-inline std::string name_of(const testing::TestParamInfo<Origin>& origin) {
-  return origin.param == Origin::recorded ? "recorded" : "made";
-}
-
 /// Recorded: those of `names` (none: all) by load(path) -> DepthFrame, nothing where there are no
 /// data. Made: all made ones.
 template <class Load>

@@ -13,9 +13,8 @@
 #include "src/contact/points/graph/graph_memory.h"
 #include "src/contact/points/graph/graph_traversal.h"
 #include "tests/test_util/contact_scenes.h"
-#include "tests/test_util/data.h"
 #include "tests/test_util/gpu.h"
-#include "tests/test_util/off_mesh.h"
+#include "tests/test_util/scan_mesh.h"
 
 namespace palpate {
 namespace {
@@ -338,13 +337,16 @@ TEST_F(GraphStageTest, AnyNumberOfSeeds) {
   EXPECT_EQ(solid.expect_same({}, InsideVolume::full), 0) << "nothing is left of earlier queries";
 }
 
-TEST_F(GraphStageTest, EqualsTheCpuInTheBunny) {
-  PALPATE_DATA_OR_SKIP(file, "meshes_good/bunny_3k.off");
-  Searched bunny = packed(test::read_off(file), 1200, GapRule::relative);
+PALPATE_ON_SCANS(GraphStageOfScans);
+
+TEST_P(GraphStageOfScans, EqualsTheCpu) {
+  PALPATE_GPU_OR_SKIP();
+  PALPATE_SCAN_OR_SKIP(mesh);
+  Searched scan = packed(mesh, 1200, GapRule::relative);
   Random random(4);
   for (const double share : {0.1, 0.9}) {
-    const Scene scene = cut_by_surface(bunny.spheres(), share, 0.3, random);
-    EXPECT_GT(bunny.expect_same(scene, InsideVolume::full), 10);
+    const Scene scene = cut_by_surface(scan.spheres(), share, 0.3, random);
+    EXPECT_GT(scan.expect_same(scene, InsideVolume::full), 10);
   }
 }
 
