@@ -241,11 +241,16 @@ int main(int argc, char** argv) {
   }).detach();
   const double begin = now();
   int num_images = 0;
-  double next_image = begin;
-  for (long long tick = 0; !has_ended; ++tick) {
+  double next_image = begin, next_pose = begin;
+  while (!has_ended) {
+    std::this_thread::sleep_for(
+        std::chrono::duration<double>(std::min(next_image, next_pose) - now()));
     const double time = now();
-    std::string pose = palpate::pose_message({nanoseconds(time), "camera"}, {{0, 0, 0.5}, {}});
-    poses->write(&pose);
+    if (time >= next_pose) {
+      next_pose = std::max(next_pose + 0.005, time);
+      std::string pose = palpate::pose_message({nanoseconds(time), "camera"}, {{0, 0, 0.5}, {}});
+      poses->write(&pose);
+    }
     if (time >= next_image) {
       next_image = std::max(next_image + 1 / rate, time - 1 / rate);
       const bool is_contact = num_images / std::max(1, static_cast<int>(rate / 4)) % 2 == 1;
@@ -258,7 +263,6 @@ int main(int argc, char** argv) {
       images->write(&image);
       ++num_images;
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(rate > 200 ? 1 : 5));
   }
   listener.print(num_images, dropper.num());
   std::fflush(stdout);
