@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """palpate ros2 beside a robot on Fast DDS: 640 x 480 depth at 30 Hz in, the wrench at 1 kHz out, on loopback; then beside
-one on the Python package cyclonedds (80 x 60: it writes lists), of which the losses alone are said.
+one on the Python package cyclonedds, which says nothing of arrivals: it looks for messages now and then.
 
 usage: bench/ros2_figures.py BUILD_DIR [--seconds S] [--csv FILE] [--before BUILD_DIR] [--turns N]
 
 BUILD_DIR needs the targets palpate and fastdds_peer; with --before, the program of another build takes turns with it. Said
 are, by the robot's own clock: wrenches lost (by the sequence numbers of DDS), times between two wrenches as they were sent
 and as they came, from a tick to its arrival, and from before an image is written that shows contact to the arrival of
-the first force (0.6 MB written, read, surface, query, tick). The robot runs as any program, or in real time as the
+the first force (0.6 MB written, read, surface, query, tick) and to when it was sent. The robot runs as any program, or in real time as the
 controller of an arm does, and then looks at points and spheres too, 30 times a second. Rows are of the machine as loaded
 as it was; load is said.
 """
@@ -25,7 +25,8 @@ DOMAIN = 91
 COLUMNS = ("program", "case", "seconds", "images", "wrenches", "lost", "sent_gap_p50_ms", "sent_gap_p99_ms",
            "sent_gap_max_ms", "gap_p50_ms", "gap_p99_ms", "gap_max_ms",
            "arrival_p50_ms", "arrival_p99_ms", "arrival_max_ms", "image_to_force_p50_ms",
-           "image_to_force_p99_ms", "image_to_force_max_ms", "measured", "load_before", "load_after", "cores",
+           "image_to_force_p99_ms", "image_to_force_max_ms", "image_to_sent_p50_ms", "image_to_sent_p99_ms",
+           "image_to_sent_max_ms", "measured", "load_before", "load_after", "cores",
            "commit")
 # How images are asked for, and how the robot is run.
 CASES = {"images best_effort, wrench reliable": ("best_effort", []),
@@ -34,10 +35,10 @@ CASES = {"images best_effort, wrench reliable": ("best_effort", []),
 
 
 def beside_python(palpate, work, environment, seconds):
-    """A row. Lost: of what was sent between the first and the last word of how many there are."""
+    """A row. Lost: by the program's own count of what it sent, since the first wrench came."""
     before = os.getloadavg()[0]
     python = ROOT / "build/python/bin/python"  # as scripts/setup.sh --test leaves it
-    robot = subprocess.Popen([python if python.exists() else sys.executable, ROOT / "tests/ros/cyclone_peer.py", str(DOMAIN)],
+    robot = subprocess.Popen([python if python.exists() else sys.executable, ROOT / "tests/ros/cyclone_peer.py", str(DOMAIN), "good", "640x480"],
                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     run = subprocess.run([palpate, "ros2", "ball.palp", "--depth", "/camera/depth/image_raw", "--pose", "/tool_pose", "-o",
                           "run", "--duration", str(seconds)], cwd=work, env=environment, capture_output=True, text=True,
@@ -45,11 +46,8 @@ def beside_python(palpate, work, environment, seconds):
     seen = json.loads(robot.communicate()[0])
     if run.returncode != 0:
         sys.exit(f"ros2_figures: {run.stderr}")
-    # Wrenches that are on their way when a word comes are not yet counted: the last word comes after all of them.
-    sent, came = seen["sent"][-1][0], seen["wrenches"]
-    before_first = max(count - here for count, here in seen["sent"][:1])
-    return ["this", "images best_effort, wrench reliable, peer cyclonedds in Python", seconds, seen["images"], came,
-            sent - came - before_first, *[""] * 13, *machine_now(before)]
+    return ["this", "images best_effort, wrench reliable, peer cyclonedds in Python", seconds, seen["images"], seen["wrenches"],
+            seen["lost"], *seen["sent_gap_ms"], *[""] * 9, *seen["image_to_sent_ms"], seen["measured"], *machine_now(before)]
 
 
 def beside_fast_dds(program, palpate, peer, case, work, environment, seconds):
@@ -68,7 +66,7 @@ def beside_fast_dds(program, palpate, peer, case, work, environment, seconds):
         sys.exit(f"ros2_figures: {' '.join(as_robot)} fastdds_peer ended with {robot.returncode}")
     seen = json.loads(said)
     return [program, case, round(seen["seconds"], 1), seen["images"], seen["wrenches"], seen["lost"], *seen["sent_gap_ms"],
-            *seen["gap_ms"], *seen["delay_ms"], *seen["image_to_wrench_ms"], seen["measured"], *machine_now(before)]
+            *seen["gap_ms"], *seen["delay_ms"], *seen["image_to_wrench_ms"], *seen["image_to_sent_ms"], seen["measured"], *machine_now(before)]
 
 
 def main():

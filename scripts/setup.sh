@@ -81,6 +81,8 @@ fi
 
 # Python packages go into a folder of the build: Debian keeps pip away from the system's Python.
 python_packages=(mcap mcap-ros2-support rosbags cyclonedds)
+# Hashes types of ROS 2 without zenoh, which it asks for.
+hash_package=zenoh-ros2-sdk
 # Libraries of camera makers inside of Python packages: what these need of Python is not needed.
 camera_packages=(pyrealsense2 pyk4a-bundle pyorbbecsdk2)
 # One of RealSense whose recorder writes .bag files: those of today only read them.
@@ -127,6 +129,13 @@ install_python_packages() {
       echo "setup: could not install ${python_packages[*]}: see the message above. The tests that read" >&2
       echo "setup: recordings with them are left out until this command is repeated with a network." >&2
       return 0
+    fi
+  fi
+  if ! "$python" -c "import sys; from importlib.util import find_spec; sys.exit(find_spec('zenoh_ros2_sdk') is None)"; then
+    echo "setup: installing $hash_package into build/python"
+    if ! "$python" -m pip install -q --no-deps "$hash_package"; then
+      echo "setup: could not install $hash_package: see the message above. One of two comparisons of type hashes" >&2
+      echo "setup: is skipped until this command is repeated with a network." >&2
     fi
   fi
   if [ ! -d build/python-realsense-bag ]; then

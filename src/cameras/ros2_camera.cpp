@@ -30,6 +30,7 @@ constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera
 constexpr double kLongestTf = 0.1;       // s that an image waits for what tells where it was taken
 constexpr double kKeptTf = 5;            // s
 constexpr std::size_t kNumModels = 32;   // camera_infos that are kept
+constexpr int kMostImages = 200;         // a second; more are a mistake that people are told of
 
 double seconds_since_1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -45,6 +46,7 @@ class Heard {
     image_.assign(message);
     image_stamp_ = stamp.time;
     image_arrival_ = monotonic_now();
+    note_flood(image_arrival_);
     frame_ = std::string(stamp.frame);
     has_image_ = true;
     changed_.notify_all();
@@ -153,6 +155,16 @@ class Heard {
     }
     return nullptr;
   }
+  void note_flood(double now) {
+    ++num_since_;
+    if (now - since_ < 1) return;
+    if (num_since_ > kMostImages * (now - since_)) {
+      note("sends more than " + std::to_string(kMostImages) +
+           " images per second; the newest one is felt, the others are left out");
+    }
+    since_ = now;
+    num_since_ = 0;
+  }
   void note(const std::string& text) {
     if (said_.insert(text).second) notes_.push_back(text);
   }
@@ -163,6 +175,8 @@ class Heard {
   double image_stamp_ = 0, image_arrival_ = 0, taken_stamp_ = 0;  // s
   std::deque<std::pair<double, RosCameraModel>> models_;
   TfHistory history_{kKeptTf};
+  double since_ = 0;   // s, monotonic: images are counted
+  int num_since_ = 0;  // these
   bool has_image_ = false, comes_in_pairs_ = true, is_cancelled_ = false;
   std::set<std::string> said_;
   std::vector<std::string> notes_;

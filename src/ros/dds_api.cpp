@@ -1,5 +1,9 @@
 #include "src/ros/dds_api.h"
 
+#include <dlfcn.h>
+
+#include <filesystem>
+#include <system_error>
 #include <vector>
 
 #include "src/core/shared_library.h"
@@ -28,6 +32,15 @@ std::vector<std::string> candidates() {
     }
   }
   return files;
+}
+
+/// The file that a function was loaded from, which the loader may have found by a shorter name.
+std::string file_of(const void* function, const std::string& name) {
+  Dl_info info;
+  if (dladdr(function, &info) == 0 || info.dli_fname == nullptr) return name;
+  std::error_code error;
+  const auto file = std::filesystem::canonical(info.dli_fname, error);
+  return error ? name : file.string();
 }
 
 Result<Api> load() {
@@ -69,7 +82,7 @@ Result<Api> load() {
     return Error{Errc::unavailable, library->path() + " lacks " + listed(library->missing()) +
                                         "; install Cyclone DDS 0.10 or newer"};
   }
-  api.path = library->path();
+  api.path = file_of(reinterpret_cast<const void*>(api.create_participant), library->path());
   api.version = version_of_file(api.path);
   return api;
 }

@@ -2,16 +2,20 @@
 types and bytes of its own. Publishes depth images with camera_info and the tool's pose, reads
 wrench, contact, diagnostics and the graph, and prints what it saw as JSON.
 
-usage: cyclone_peer.py DOMAIN [BEHAVIOR]
+usage: cyclone_peer.py DOMAIN [BEHAVIOR [WIDTHxHEIGHT [NAMESPACE WRENCH]]]
 
 It goes on until its standard input ends. BEHAVIOR is what it does from the second after the first
-wrench on: good, silent, flood, wrong_encoding, wrong_size, tomorrow; tf: good, and the tool's pose
-comes by tf.
+wrench on: good, silent, flood (1000 images per second), wrong_encoding, wrong_size, tomorrow, dies;
+tf: good, and the tool's pose comes by tf; watches: no more than that, another robot has the camera.
+NAMESPACE and WRENCH are where it looks for what the program tells, as topics of DDS.
 """
 
+import bisect
 import json
 import os
 import select
+import signal
+import struct
 import sys
 import time
 from dataclasses import dataclass
@@ -23,6 +27,7 @@ os.environ["CYCLONEDDS_URI"] = (
     "<MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
     '<Peers><Peer address="127.0.0.1"/></Peers></Discovery>')
 
+from cyclonedds._clayer import ddspy_write  # noqa: E402
 from cyclonedds.core import Policy, Qos  # noqa: E402
 from cyclonedds.domain import DomainParticipant  # noqa: E402
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication  # noqa: E402
@@ -220,71 +225,104 @@ def header(stamp, frame="camera"):
     return Header(Time(int(stamp), int(stamp % 1 * 1e9)), frame)
 
 
-def image(stamp, depth, encoding="16UC1", cut=0):
-    data = depth.to_bytes(2, "little") * (WIDTH * HEIGHT)
-    return Image(header(stamp), HEIGHT, WIDTH, encoding, 0, 2 * WIDTH, list(data[:len(data) - cut]))
+def image(depth, width, height, encoding="16UC1", cut=0):
+    data = depth.to_bytes(2, "little") * (width * height)
+    return Image(header(0), height, width, encoding, 0, 2 * width, list(data[:len(data) - cut]))
+
+
+def camera_info(width, height):
+    model = [0.8 * width, 0, width / 2 - 0.5, 0, 0.8 * width, height / 2 - 0.5, 0, 0, 1]
+    return CameraInfo(header(0), height, width, "plumb_bob", [0.0] * 5, model, [1.0, 0, 0, 0, 1, 0, 0, 0, 1],
+                      model[:3] + [0.0] + model[3:6] + [0.0] + model[6:] + [0.0], 0, 0, RegionOfInterest())
+
+
+class Prepared:
+    """A message that begins with a header, sent again and again with other stamps: a list of bytes takes Python long."""
+
+    def __init__(self, writer, message):
+        self.writer = writer
+        data = message.serialize(use_version_2=writer._use_version_2)
+        self.data = bytearray(data.ljust((len(data) + 3) // 4 * 4, b"\0"))
+
+    def send(self, stamp):
+        struct.pack_into("<iI", self.data, 4, int(stamp), int(stamp % 1 * 1e9))
+        if ddspy_write(self.writer._ref, bytes(self.data)) < 0:
+            raise RuntimeError("an image was not written")
+
+
+def parts(values):
+    """Median, what 99 % are within and the largest, ms."""
+    values = sorted(values) or [0]
+    return [round(1e3 * values[int(share * (len(values) - 1))], 3) for share in (0.5, 0.99, 1)]
 
 
 def has_ended():
     return bool(select.select([sys.stdin], [], [], 0)[0])
 
 
-def main(domain, behavior):
+def main(domain, behavior="good", size=f"{WIDTH}x{HEIGHT}", namespace="rt/palpate", wrench_topic="rt/palpate/wrench"):
+    width, height = map(int, size.split("x"))
     robot = Robot(domain)
+    has_camera = behavior != "watches"
     images = robot.writer("rt/camera/depth/image_raw", Image, reliable=False, depth=5)
     infos = robot.writer("rt/camera/depth/camera_info", CameraInfo, reliable=False, depth=5)
     poses = robot.writer("rt/tool_pose", PoseStamped)
     moving = robot.writer("rt/tf", TFMessage)
     fixed = robot.writer("rt/tf_static", TFMessage, kept=True, depth=1)
-    wrenches = robot.reader("rt/palpate/wrench", WrenchStamped, depth=1000)
-    contacts = robot.reader("rt/palpate/contact", Contact)
+    wrenches = robot.reader(wrench_topic, WrenchStamped, depth=1000)
+    contacts = robot.reader(namespace + "/contact", Contact, depth=100)
     diagnostics = robot.reader("rt/diagnostics", DiagnosticArray)
     graph = robot.reader("ros_discovery_info", ParticipantEntitiesInfo, kept=True, depth=1)
     offers = BuiltinDataReader(robot.participant, BuiltinTopicDcpsPublication)
-    model = [64.0, 0, 39.5, 0, 64, 29.5, 0, 0, 1]
     upright = Quaternion(0, 0, 0, 1)
     turned = Quaternion(0.5**0.5, 0, 0, 0.5**0.5)  # its y is the camera's z
     # The camera looks along the base's z from its origin; the tool is 0.5 m before it.
     fixed.write(TFMessage([TransformStamped(header(time.time(), "base"), "camera", Vector3(),
                                             upright)]))
-    near, far = image(0, 490), image(0, 700)
+    near, far = (Prepared(images, image(depth, width, height)) for depth in (490, 700))
+    wild = {"wrong_encoding": lambda: Prepared(images, image(490, width, height, "rgb8")),
+            "wrong_size": lambda: Prepared(images, image(490, width, height, cut=1000))}.get(behavior, lambda: None)()
+    model = Prepared(infos, camera_info(width, height))
     begin = time.time()
-    seen = {"images": 0, "wrenches": 0, "touching": 0, "frames": [], "states": [], "reasons": [],
-            "nodes": [], "hashes": {}, "contact": None, "wild_touching": 0, "sent": []}
+    seen = {"images": 0, "wrenches": 0, "touching": 0, "frames": [], "states": [], "turns": [], "reasons": [],
+            "nodes": [], "hashes": {}, "contact": None, "wild_touching": 0, "wild_from": None}
     next_image = begin
     wild_from = float("inf")
+    shown, is_touching = 0, False
+    sent, counts, latencies = [], [], []
     while not has_ended():
         now = time.time()
         is_wild = now > wild_from
+        if is_wild and behavior == "dies":
+            os.kill(os.getpid(), signal.SIGKILL)
         if behavior == "tf":
             moving.write(TFMessage([TransformStamped(header(now, "base"), "tool0",
                                                      Vector3(0, 0, 0.5), turned)]))
-        else:
+        elif has_camera:
             poses.write(PoseStamped(header(now), Pose(Vector3(0, 0, 0.5), upright)))
         is_flood = is_wild and behavior == "flood"
-        if now >= next_image or is_flood:
-            next_image = max(next_image + 1 / 30, now - 1 / 30)
-            stamp = now + (86400 if is_wild and behavior == "tomorrow" else 0)
-            shown = near if seen["images"] // 8 % 2 else far
-            if is_wild and behavior == "wrong_encoding":
-                shown = image(stamp, 490, "rgb8")
-            if is_wild and behavior == "wrong_size":
-                shown = image(stamp, 490, cut=1000)
-            if not (is_wild and behavior == "silent"):
-                shown.header = header(stamp)
-                infos.write(CameraInfo(header(stamp), HEIGHT, WIDTH, "plumb_bob", [0.0] * 5, model,
-                                       [1.0, 0, 0, 0, 1, 0, 0, 0, 1], model[:3] + [0.0] + model[3:6]
-                                       + [0.0] + model[6:] + [0.0], 0, 0, RegionOfInterest()))
-                images.write(shown)
-                seen["images"] += 1
+        period = 0.001 if is_flood else 1 / 30
+        while has_camera and now >= next_image and not (is_wild and behavior == "silent"):
+            next_image = max(next_image + period, now - 0.05)
+            stamp = time.time() + (86400 if is_wild and behavior == "tomorrow" else 0)
+            is_near = seen["images"] // 8 % 2 == 1
+            if seen["images"] % 8 == 0:
+                shown = stamp if is_near and not is_touching else 0
+            model.send(stamp)
+            (wild if is_wild and wild else near if is_near else far).send(stamp)
+            seen["images"] += 1
         for wrench in taken(wrenches, 200):
             seen["wrenches"] += 1
             wild_from = min(wild_from, now + 1)
+            sent.append(1e-9 * wrench.sample_info.source_timestamp)
             force = wrench.wrench.force
             is_touching = force != Vector3()
             seen["touching"] += is_touching
             if is_touching:
                 seen["force"] = [force.x, force.y, force.z]
+                if shown > 0:
+                    latencies.append(sent[-1] - shown)
+                    shown = 0
             if now > wild_from + 0.5:
                 seen["wild_touching"] += is_touching
             if wrench.header.frame_id not in seen["frames"]:
@@ -298,11 +336,13 @@ def main(domain, behavior):
                                    "depth_age": contact.depth_age}
             if contact.state not in seen["states"]:
                 seen["states"].append(contact.state)
+            if not seen["turns"] or seen["turns"][-1][1] != contact.state:
+                seen["turns"].append([now, contact.state])
         for message in taken(diagnostics, 20):
             for status in message.status:
-                # How many it has sent by its own count, and how many of them came.
+                # How many it had sent then, by its own count.
                 count = next((int(value.value) for value in status.values if value.key == "wrenches sent"), 0)
-                seen["sent"].append([count, seen["wrenches"]])
+                counts.append([1e-9 * message.sample_info.source_timestamp, count])
                 words = status.message.split(" is ")[0]
                 if words not in seen["reasons"]:
                     seen["reasons"].append(words)
@@ -311,14 +351,21 @@ def main(domain, behavior):
                 seen["nodes"].append([node.node_namespace + node.node_name,
                                       len(node.reader_gid_seq), len(node.writer_gid_seq)])
         for offer in offers.take(50):
-            if (offer.topic_name or "").startswith("rt/palpate"):
+            topic = offer.topic_name or ""
+            if topic == wrench_topic or topic.startswith(namespace):
                 data = next((policy.data for policy in offer.qos
                              if isinstance(policy, Policy.Userdata)), b"")
-                seen["hashes"][offer.topic_name] = bytes(data).decode()
-        time.sleep(0.0005 if is_flood else 0.004)
+                seen["hashes"][topic] = bytes(data).decode()
+        time.sleep(0.0005 if is_flood else max(0, min(0.004, next_image - time.time())))
     seen["nodes"] = seen["nodes"][-1:]
+    # How many were sent and had not come here, by each word of how many there are: the same number from the first one on,
+    # give or take one that was being sent, if none is lost.
+    missing = [count - bisect.bisect_right(sent, stamp) for stamp, count in counts if sent and stamp > sent[0]]
+    seen["lost"] = missing[-1] - sorted(missing[:-1])[len(missing[:-1]) // 2] if len(missing) > 2 else None
+    seen["sent_gap_ms"] = parts([after - before for before, after in zip(sent, sent[1:])])
+    seen["image_to_sent_ms"], seen["measured"] = parts(latencies), len(latencies)
     print(json.dumps(seen), flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "good")
+    main(int(sys.argv[1]), *sys.argv[2:])

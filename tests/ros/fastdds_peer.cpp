@@ -1,8 +1,10 @@
 // A robot on another maker's DDS: eProsima Fast DDS, the default of ROS 2. Publishes depth images
 // with camera_info and the tool's pose, and reads the wrench. Prints what it saw as JSON.
 //
-// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks]], until the standard input
-// ends; who looks also asks for points and spheres.
+// usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm]], until the standard input
+// ends; who looks also asks for points and spheres. An arm tells where the tool is by tf, whose
+// fixed part it says once, before anybody hears it; it keeps contacts, transforms and markers that
+// come, the last of which it asks for late, and prints their bytes.
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -101,6 +103,7 @@ class WrenchListener final : public fast::DataReaderListener {
       num_touching_ += force > 0 ? 1 : 0;
       if (force > 0 && shown_ > 0) {
         latencies_.push_back(time - shown_);
+        sent_latencies_.push_back(sent - shown_);
         shown_ = 0;
       }
       is_touching_ = force > 0;
@@ -111,19 +114,24 @@ class WrenchListener final : public fast::DataReaderListener {
     const std::lock_guard lock(mutex_);
     shown_ = is_contact && !is_touching_ ? now() : 0;
   }
-  void print(int num_images, int num_looked_at) {
+  bool has_heard() {
+    const std::lock_guard lock(mutex_);
+    return num_ > 0;
+  }
+  void print(int num_images, int num_looked_at, const std::string& messages) {
     const std::lock_guard lock(mutex_);
     std::printf(
         "{\"images\": %d, \"wrenches\": %lld, \"lost\": %lld, \"touching\": %lld, "
         "\"seconds\": %.3f, \"gap_ms\": [%.3f, %.3f, %.3f], \"sent_gap_ms\": [%.3f, %.3f, %.3f], "
         "\"delay_ms\": [%.3f, %.3f, %.3f], "
-        "\"image_to_wrench_ms\": [%.3f, %.3f, %.3f], \"measured\": %zu, "
-        "\"looked_at\": %d}\n",
+        "\"image_to_wrench_ms\": [%.3f, %.3f, %.3f], \"image_to_sent_ms\": [%.3f, %.3f, %.3f], "
+        "\"measured\": %zu, \"looked_at\": %d, \"messages\": {%s}}\n",
         num_images, num_, num_ > 0 ? last_ - first_ + 1 - num_ : 0, num_touching_, sum(gaps_),
         part(gaps_, 0.5), part(gaps_, 0.99), part(gaps_, 1), part(sent_gaps_, 0.5),
         part(sent_gaps_, 0.99), part(sent_gaps_, 1), part(delays_, 0.5), part(delays_, 0.99),
         part(delays_, 1), part(latencies_, 0.5), part(latencies_, 0.99), part(latencies_, 1),
-        latencies_.size(), num_looked_at);
+        part(sent_latencies_, 0.5), part(sent_latencies_, 0.99), part(sent_latencies_, 1),
+        latencies_.size(), num_looked_at, messages.c_str());
   }
 
  private:
@@ -145,7 +153,38 @@ class WrenchListener final : public fast::DataReaderListener {
   long long num_ = 0, first_ = 0, last_ = 0, num_touching_ = 0;
   double last_time_ = 0, last_sent_ = 0, shown_ = 0;
   bool is_touching_ = false;
-  std::vector<double> gaps_, sent_gaps_, delays_, latencies_;
+  std::vector<double> gaps_, sent_gaps_, delays_, latencies_, sent_latencies_;
+};
+
+/// Keeps what comes.
+class Keeper final : public fast::DataReaderListener {
+ public:
+  void on_data_available(fast::DataReader* reader) override {
+    std::string message;
+    fast::SampleInfo info;
+    while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK) {
+      const std::lock_guard lock(mutex_);
+      if (info.valid_data) messages_.push_back(message);
+    }
+  }
+  /// "name": ["hexadecimal digits", ...]
+  std::string told(const std::string& name) {
+    const std::lock_guard lock(mutex_);
+    std::string text = "\"" + name + "\": [";
+    for (const std::string& message : messages_) {
+      text += text.ends_with('[') ? "\"" : ", \"";
+      for (const char byte : message) {
+        text += "0123456789abcdef"[static_cast<unsigned char>(byte) >> 4];
+        text += "0123456789abcdef"[byte & 15];
+      }
+      text += '"';
+    }
+    return text + "]";
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::string> messages_;
 };
 
 /// Counts what comes.
@@ -179,12 +218,17 @@ struct Robot {
     subscriber = participant->create_subscriber(fast::SUBSCRIBER_QOS_DEFAULT);
   }
   fast::Topic* topic(const std::string& name, const std::string& type, std::uint32_t most) {
+    if (auto* const known = participant->lookup_topicdescription("rt" + name)) {
+      return dynamic_cast<fast::Topic*>(known);
+    }
     const fast::TypeSupport support(new RawType(type, most));
     support.register_type(participant);
     return participant->create_topic("rt" + name, support.get_type_name(), fast::TOPIC_QOS_DEFAULT);
   }
-  fast::DataWriter* writer(const std::string& name, const std::string& type, std::uint32_t most) {
+  fast::DataWriter* writer(const std::string& name, const std::string& type, std::uint32_t most,
+                           bool is_kept = false) {
     fast::DataWriterQos qos = fast::DATAWRITER_QOS_DEFAULT;
+    if (is_kept) qos.durability().kind = fast::TRANSIENT_LOCAL_DURABILITY_QOS;
     qos.reliability().kind = fast::RELIABLE_RELIABILITY_QOS;
     qos.history().depth = 5;
     qos.publish_mode().kind = fast::ASYNCHRONOUS_PUBLISH_MODE;
@@ -192,8 +236,9 @@ struct Robot {
     return publisher->create_datawriter(topic(name, type, most), qos);
   }
   fast::DataReader* reader(const std::string& name, const std::string& type, std::uint32_t most,
-                           fast::DataReaderListener* listener) {
+                           fast::DataReaderListener* listener, bool is_kept = false) {
     fast::DataReaderQos qos = fast::DATAREADER_QOS_DEFAULT;
+    if (is_kept) qos.durability().kind = fast::TRANSIENT_LOCAL_DURABILITY_QOS;
     qos.reliability().kind = fast::RELIABLE_RELIABILITY_QOS;
     qos.history().depth = 1000;
     qos.endpoint().history_memory_policy = rtps::DYNAMIC_RESERVE_MEMORY_MODE;
@@ -205,7 +250,8 @@ struct Robot {
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    std::fprintf(stderr, "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks]]\n");
+    std::fprintf(stderr,
+                 "usage: fastdds_peer DOMAIN WIDTH HEIGHT [IMAGES_PER_SECOND [looks|arm]]\n");
     return 2;
   }
   const double rate = argc > 4 ? std::atof(argv[4]) : 30;
@@ -223,7 +269,9 @@ int main(int argc, char** argv) {
   WrenchListener listener;
   robot.reader("/palpate/wrench", "geometry_msgs/WrenchStamped", 1024, &listener);
   Dropper dropper;
-  if (argc > 5) {
+  const std::string part = argc > 5 ? argv[5] : "";
+  const bool is_arm = part == "arm";
+  if (part == "looks") {
     robot.reader("/palpate/points", "sensor_msgs/PointCloud2", 1 << 20, &dropper);
     robot.reader("/palpate/spheres", "visualization_msgs/MarkerArray", 1 << 20, &dropper);
   }
@@ -231,6 +279,18 @@ int main(int argc, char** argv) {
                                     static_cast<std::uint32_t>(2 * num_pixels + 1024));
   auto* const infos = robot.writer("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 4096);
   auto* const poses = robot.writer("/tool_pose", "geometry_msgs/PoseStamped", 1024);
+  Keeper contacts, transforms, markers;
+  fast::DataWriter* moving = nullptr;
+  if (is_arm) {
+    robot.reader("/palpate/contact", "palpate_msgs/Contact", 4096, &contacts);
+    robot.reader("/tf", "tf2_msgs/TFMessage", 4096, &transforms);
+    moving = robot.writer("/tf", "tf2_msgs/TFMessage", 4096);
+    auto* const fixed = robot.writer("/tf_static", "tf2_msgs/TFMessage", 4096, true);
+    const palpate::RosTransform stands[] = {{"base", "camera", {}}};
+    std::string message = palpate::transform_message(nanoseconds(now()), stands);
+    fixed->write(&message);
+  }
+  bool has_asked_for_markers = false;
 
   // The tool stays at 0.5 m; every fourth part of a second the wall comes to it and goes again.
   std::atomic<bool> has_ended = false;
@@ -241,13 +301,26 @@ int main(int argc, char** argv) {
   }).detach();
   const double begin = now();
   int num_images = 0;
-  double next_image = begin;
-  for (long long tick = 0; !has_ended; ++tick) {
+  double next_image = begin, next_pose = begin;
+  while (!has_ended) {
+    std::this_thread::sleep_for(
+        std::chrono::duration<double>(std::min(next_image, next_pose) - now()));
     const double time = now();
-    std::string pose = palpate::pose_message({nanoseconds(time), "camera"}, {{0, 0, 0.5}, {}});
-    poses->write(&pose);
+    if (time >= next_pose) {
+      next_pose = std::max(next_pose + 0.005, time);
+      const palpate::Pose X{{0, 0, 0.5}, {}};
+      std::string pose = palpate::pose_message({nanoseconds(time), "camera"}, X);
+      poses->write(&pose);
+      const palpate::RosTransform transform[] = {{"base", "tool0", X}};
+      std::string told = palpate::transform_message(nanoseconds(time), transform);
+      if (is_arm) moving->write(&told);
+      if (is_arm && !has_asked_for_markers && listener.has_heard()) {
+        has_asked_for_markers = true;
+        robot.reader("/palpate/markers", "visualization_msgs/MarkerArray", 1 << 20, &markers, true);
+      }
+    }
     if (time >= next_image) {
-      next_image = std::max(next_image + 1 / rate, time - 1 / rate);
+      next_image = std::max(next_image + 1 / rate, time - std::max(1 / rate, 0.05));
       const bool is_contact = num_images / std::max(1, static_cast<int>(rate / 4)) % 2 == 1;
       frame.pixels.assign(num_pixels, is_contact ? 490 : 700);
       const palpate::RosHeader header{nanoseconds(time), "camera"};
@@ -258,9 +331,10 @@ int main(int argc, char** argv) {
       images->write(&image);
       ++num_images;
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(rate > 200 ? 1 : 5));
   }
-  listener.print(num_images, dropper.num());
+  listener.print(
+      num_images, dropper.num(),
+      contacts.told("contact") + ", " + transforms.told("tf") + ", " + markers.told("markers"));
   std::fflush(stdout);
   std::_Exit(0);
 }

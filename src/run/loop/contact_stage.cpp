@@ -105,13 +105,15 @@ void ContactStage::look(double time) {
     const LiveSurfaces& taken = surfaces_.taken(k);
     if (taken.ready_time != view.surfaces.ready_time && taken.revision < awaited) {
       view.surfaces = taken;
-      if (taken.moment.progress < 1) view.blend.begin(time, taken.ready_time, taken.period);
+      if (taken.moment.progress < 1)
+        view.blend.begin(time, last_look_, taken.ready_time, taken.period);
     }
     cameras_[k] = view.surfaces.moment;
     if (cameras_[k].progress < 1) cameras_[k].progress = view.blend.progress(time);
     cameras_.remember(view.surfaces.key_frames.all(), cameras_[k].progress);
     newest_frame_ = std::max(newest_frame_, view.surfaces.frame_number);
   }
+  last_look_ = time;
 }
 
 void ContactStage::take_change() {

@@ -105,6 +105,7 @@ class ContactStage {
   std::vector<View> views_;
   CameraViews cameras_;                // likewise, at the moment
   std::uint64_t newest_frame_ = 0;     // of these
+  double last_look_ = 0;               // s, monotonic
   std::uint32_t oldest_revision_ = 0;  // of the surfaces taken last
   StiffnessSchedule schedule_;
   double next_due_ = 0;
