@@ -171,15 +171,12 @@ void tunnel_tool() {
       settings.coupling.force_at_eighth = most_force;
       settings.bodies.gravity_y = 0;
       settings.objects = {object_at(plate, {{0, 0, 0.4}, {}}, 0)};
-      const Tool tool =
-          Tool::build(make_box(kBox), pack_spheres(make_box(kBox), {.max_spheres = 1000}).value(),
-                      GapRule::relative, "tool")
-              .value();
+      const auto tool = packed_shape(make_box(kBox), 1000);
       DepthStreamInfo stream;
       stream.width = 64, stream.height = 48;
       stream.intrinsics = {60, 60, 31.5, 23.5};
       stream.unit = 0.001;
-      auto pipeline = Pipeline::create(tool, stream, DeviceInfo{}, settings).value();
+      auto pipeline = Pipeline::create(*tool, stream, DeviceInfo{}, settings).value();
       DepthFrame frame;
       frame.width = 64, frame.height = 48, frame.unit = 0.001;
       frame.pixels.assign(64 * 48, 3000);

@@ -109,6 +109,7 @@ void BodySolver::reset() noexcept {
   for (Place& place : places_) {
     place.friction.reset();
     place.force = {};
+    place.potential = place.paid = 0;
     place.is_held = place.was_held = false;
   }
 }
@@ -305,6 +306,44 @@ void BodySolver::solve_friction(std::span<const BodyTouch> touches, double dt) {
   }
 }
 
+/// What a contact holds, its bodies have paid, or pay now: from what they come together with. The
+/// step only knew what touched at its beginning, and how stiff that was there.
+void BodySolver::collect(std::span<RigidBody> bodies, std::span<const BodyTouch> touches) noexcept {
+  for (Place& place : places_) place.paid += std::exchange(place.potential, 0);
+  for (const BodyTouch& touch : touches) {
+    Place& place = places_[static_cast<std::size_t>(touch.place)];
+    if (touch.potential == BodyTouch::kUnknown) continue;
+    const double owed = touch.potential - place.paid;
+    place.potential = touch.potential;
+    if (!(owed > 0) || !is_finite(touch.F_A_W)) continue;
+    RigidBody* of[2] = {&bodies[static_cast<std::size_t>(touch.a)], nullptr};
+    Wrench on[2] = {touch.F_A_W, {}};
+    if (touch.b != BodyTouch::kNoBody) {
+      of[1] = &bodies[static_cast<std::size_t>(touch.b)];
+      const Vec6 opposite = at_other(to_vec6(on[0]), of[0]->center_W() - of[1]->center_W());
+      on[1] = {opposite.linear, opposite.angular};
+    }
+    // J per share of the wrench that pushes for a second: power, and what that itself moves.
+    double power = 0, moved = 0;
+    Twist change[2];
+    for (int i = 0; i < 2; ++i) {
+      if (of[i] == nullptr || of[i]->is_asleep) continue;
+      change[i] = changed_by(*of[i], on[i]);
+      power += dot(on[i].force, of[i]->V_W.linear) + dot(on[i].torque, of[i]->V_W.angular);
+      moved += dot(on[i].force, change[i].linear) + dot(on[i].torque, change[i].angular);
+    }
+    if (!(power < 0) || !(moved > 0)) continue;
+    const double left = power * power - 2 * owed * moved;
+    const double share = (-power - (left > 0 ? std::sqrt(left) : 0)) / moved;
+    for (int i = 0; i < 2; ++i) {
+      if (of[i] == nullptr || of[i]->is_asleep) continue;
+      of[i]->V_W.linear += share * change[i].linear;
+      of[i]->V_W.angular += share * change[i].angular;
+    }
+  }
+  for (Place& place : places_) place.paid = 0;
+}
+
 /// Of bodies that are awake, by what they touch: one that is asleep joins nobody.
 void BodySolver::find_islands(std::span<const RigidBody> bodies,
                               std::span<const BodyTouch> touches) {
@@ -351,6 +390,14 @@ void BodySolver::solve_island(std::span<RigidBody> bodies, std::span<const BodyT
     is_solved = solve_pushes(bodies, touches, forces, dt);
   }
   if (is_solved) solve_friction(touches, dt);
+  for (std::size_t i = 0; is_solved && i < touches.size(); ++i) {
+    const Work& work = work_[i];
+    if (!work.is_pushing || touches[i].potential == BodyTouch::kUnknown) continue;
+    const Vec6 moves = motion(touches[i], work, velocities_);
+    const Vec6 push = to_vec6(work.wrench) - work.resistance * (work.stiffness * moves);
+    places_[static_cast<std::size_t>(touches[i].place)].paid =
+        -dt * (dot(push.linear, moves.linear) + dot(push.angular, moves.angular));
+  }
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     RigidBody& body = bodies[i];
     if (rows_[i] < 0) continue;

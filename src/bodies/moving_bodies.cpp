@@ -63,6 +63,7 @@ Result<std::unique_ptr<MovingBodies>> MovingBodies::create(const std::vector<Sce
   std::unique_ptr<MovingBodies> bodies(new MovingBodies(options));
   if (const Status status = bodies->add(objects, place, threads); !status) return status.error();
   if (const Status status = bodies->add_pairs(place); !status) return status.error();
+  bodies->add_energy();
   return bodies;
 }
 
@@ -179,7 +180,8 @@ bool MovingBodies::touch_clouds(std::span<const SurfaceBlend> cameras) {
     touch.place = i;
     own.force_W += touch.F_A_W.force;
     own.stiffness = std::max(own.stiffness, largest(touch.stiffness));
-    pressed_ += body.scale * found.potential;
+    touch.potential = body.scale * found.potential;
+    pressed_ += touch.potential;
     add_touch(touch);
   }
   return true;
@@ -219,7 +221,8 @@ void MovingBodies::touch_pairs() {
         contact_patch(found.on_a.measure_W, found.on_a.volume, *found.stiffness_a, found.moments_a);
     touch.friction = (a.friction + other) / 2;
     touch.place = 2 * num_bodies() + static_cast<int>(i);
-    pressed_ += scale * found.on_a.potential;
+    touch.potential = scale * found.on_a.potential;
+    pressed_ += touch.potential;
     if (pair.is_fixture) {
       rest(pair.a).force_W += touch.F_A_W.force;
       rest(pair.a).stiffness = std::max(rest(pair.a).stiffness, largest(touch.stiffness));
@@ -319,6 +322,13 @@ void MovingBodies::fall_asleep(double dt) {
   }
 }
 
+void MovingBodies::add_energy() {
+  energy_ = pressed_ + solver_->friction_energy();
+  for (const RigidBody& body : bodies_) {
+    energy_ += kinetic_energy(body) - body.mass * dot(gravity(), body.center_W());
+  }
+}
+
 bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
                         double dt) noexcept {
   touches_.clear();
@@ -337,6 +347,8 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
   touch_tool(pushes);
   touch_pairs();
   wake(dt);
+  solver_->collect(bodies_, touches_);
+  add_energy();
   solver_->step(bodies_, touches_, {gravity(), options_.damping}, dt);
   fall_asleep(dt);
   return true;
@@ -368,14 +380,6 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
     rests_[i].seconds = 0;
   }
   solver_->take_over(*other.solver_);
-}
-
-double MovingBodies::energy() const noexcept {
-  double energy = pressed_ + solver_->friction_energy();
-  for (const RigidBody& body : bodies_) {
-    energy += kinetic_energy(body) - body.mass * dot(gravity(), body.center_W());
-  }
-  return energy;
 }
 
 }  // namespace palpate::inline v0

@@ -60,6 +60,10 @@ Mat3d inertia_W(const RigidBody& body) {
   return whole;
 }
 
+Twist changed_by(const RigidBody& body, const Wrench& impulse) {
+  return {impulse.force / body.mass, inverse(inertia_W(body)) * impulse.torque};
+}
+
 Vec3d angular_momentum(const RigidBody& body) { return inertia_W(body) * body.V_W.angular; }
 
 double kinetic_energy(const RigidBody& body) {

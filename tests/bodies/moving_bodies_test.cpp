@@ -64,6 +64,33 @@ TEST(MovingBodies, FallOnTheTableThatTheCameraSees) {
   EXPECT_FALSE(body.is_asleep);
 }
 
+// Corners, edges and faces, on the table and on each other: what contacts hold counts as well.
+TEST(MovingBodies, NeverHaveMoreEnergyThanBefore) {
+  const double fallen = 3 * 0.3 * 9.81 * 0.1;  // J, about
+  for (int run = 0; run < 4; ++run) {
+    std::vector<SceneObject> boxes;
+    for (int i = 0; i < 3; ++i) {
+      boxes.push_back(box_at(0.01 * i, 0.03 + 0.08 * i));
+      boxes.back().X_WB.rotation = axis_angle({1, 0.4 * run, 0.3 * i}, 0.5 + run + i);
+    }
+    BodyOptions options = awake();
+    options.damping = 0;
+    TableTop world(boxes, {}, options);
+    double least = world.bodies->energy(), most_held = 0, most = 0;
+    for (int i = 0; i < 1000; ++i) {
+      world.step();
+      const double now = world.bodies->energy();
+      most = std::max(most, now - least);
+      least = std::min(least, now);
+      for (const BodyTouch& touch : world.bodies->touches()) {
+        most_held = std::max(most_held, touch.potential);
+      }
+    }
+    EXPECT_LT(most, 2e-6 * fallen) << "places are single precision: some 6e-8 m times the weight";
+    EXPECT_GT(most_held, 0.01 * fallen);
+  }
+}
+
 TEST(MovingBodies, SleepUntilSomethingChanges) {
   TableTop world({box_at(0, 0.005), box_at(0.01, 0.09)}, {});
   const auto is_asleep = [&](int i) { return world.body(i).is_asleep; };

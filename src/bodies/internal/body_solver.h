@@ -23,6 +23,7 @@ namespace palpate::inline v0 {
 /// What touches what, at the beginning of a step.
 struct BodyTouch {
   static constexpr int kNoBody = -1;
+  static constexpr double kUnknown = -1;
 
   int a = 0;
   int b = kNoBody;      ///< kNoBody: what forces do not move
@@ -31,6 +32,8 @@ struct BodyTouch {
   ContactPatch patch;   ///< levers are from a's center of mass
   double friction = 0;  ///< coefficient
   double grip = 0;      ///< N/m: how stiff what sticks is; 0: by the weight of the lighter one
+  /// J: what the contact holds. Unless it is told, nobody asks where that came from.
+  double potential = kUnknown;
   /// How kNoBody moves: of the point of it that lies at a's center of mass.
   Twist V_W;
   /// Where what sticks is remembered: the same one as long as it is the same two that touch.
@@ -46,6 +49,9 @@ class BodySolver {
     Vec3d gravity_W;     ///< m/s2
     double damping = 0;  ///< 1/s: of all motion
   };
+  /// Before a step, of what touches now: what contacts hold beyond what bodies have put into them
+  /// is taken from how fast these come together.
+  void collect(std::span<RigidBody> bodies, std::span<const BodyTouch> touches) noexcept;
   /// Places and velocities after `dt`. Several touches never have one place. No allocation; the
   /// same input gives the same bits. Bodies that touch each other are solved together, and apart
   /// from all others. Those that cannot be solved stop where they are.
@@ -65,7 +71,8 @@ class BodySolver {
     PatchFriction friction;
     double mass, stiffness;
     void use(double new_stiffness);
-    Vec3d force;  // of the last step, where the next one looks first
+    Vec3d force;                     // of the last step, where the next one looks first
+    double potential = 0, paid = 0;  // J: at the last step, and what bodies put into it since
     bool is_held = false, was_held = false;
   };
   struct Work {

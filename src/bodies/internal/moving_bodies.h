@@ -47,8 +47,8 @@ class MovingBodies {
   /// Goes on from where another one of the same objects is.
   void take_over(const MovingBodies& other) noexcept;
 
-  /// J: of motion and height, and of all that is pressed at the beginning of the last step.
-  double energy() const noexcept;
+  /// J, at the beginning of the last step: of motion and height, and of all that is pressed.
+  double energy() const { return energy_; }
   /// Of the last step, for tests.
   std::span<const BodyTouch> touches() const { return touches_; }
 
@@ -100,6 +100,7 @@ class MovingBodies {
   void touch_tool(std::span<const Push> pushes);
   void add_touch(const BodyTouch& touch);
   void wake(double dt);
+  void add_energy();
   void fall_asleep(double dt);
   int group_of(int body);
 
@@ -116,7 +117,7 @@ class MovingBodies {
   std::vector<Rest> rests_;
   std::vector<int> groups_;  // of bodies that touch: another one of it, or itself
   std::vector<BodyTouch> touches_;
-  double pressed_ = 0;  // J
+  double pressed_ = 0, energy_ = 0;  // J
   std::unique_ptr<BodySolver> solver_;
 };
 

@@ -25,6 +25,9 @@ RigidBody rigid_body(double mass, const MassProperties& shape, const Vec3d& cent
 /// About the center of mass, in W.
 Mat3d inertia_W(const RigidBody& body);
 
+/// How an impulse at the center of mass, in W, changes the velocity.
+Twist changed_by(const RigidBody& body, const Wrench& impulse);
+
 /// J, of moving and turning.
 double kinetic_energy(const RigidBody& body);
 

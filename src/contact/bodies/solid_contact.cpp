@@ -170,8 +170,8 @@ SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
 SolidPair::SolidPair(std::shared_ptr<const ToolIndex> of_a, std::shared_ptr<const ToolIndex> of_b)
     : a(std::move(of_a)),
       b(std::move(of_b)),
-      elements_a(&a->parts().elements(SphereVolumes::represented)),
-      elements_b(&b->parts().elements(SphereVolumes::represented)),
+      elements_a(&a->parts().solid_elements()),
+      elements_b(&b->parts().solid_elements()),
       field_a(&a->parts().solid_field()),
       field_b(&b->parts().solid_field()),
       asking_a(*elements_a, *field_b),

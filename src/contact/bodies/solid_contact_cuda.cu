@@ -150,7 +150,7 @@ class SolidWay {
         stiffness_answers_(gpu, solid_blocks<SolidBend>(gpu, num_clusters(asks)),
                            AnswerBox::kMostNumbers) {
     if (!is_asked_) return;
-    query_.elements = felt_tool(asks, SphereVolumes::represented, memory_).elements;
+    query_.elements = elements_view(asks.parts().solid_elements(), memory_);
     query_.level = memory_.copy_of(asking.level);
     query_.wider_share = memory_.copy_of(asking.wider_share);
     query_.rounding = memory_.copy_of(asking.rounding);
@@ -192,7 +192,7 @@ class SolidWay {
 
  private:
   static int num_clusters(const ToolIndex& index) {
-    return index.parts().elements(SphereVolumes::represented).clusters.num_clusters();
+    return index.parts().solid_elements().clusters.num_clusters();
   }
   template <class Sample>
   void launch(gpu::Stream& stream, AnswerBox& answers) {

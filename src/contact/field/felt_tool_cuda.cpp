@@ -5,9 +5,7 @@
 
 namespace palpate::inline v0 {
 
-FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {
-  const Tool& tool = index.tool();
-  const FieldElements& elements = index.parts().elements(volumes);
+ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory) {
   const SphereClusters& c = elements.clusters;
   std::vector<ElementBall> balls(c.x.size());
   std::vector<float> factors(c.x.size());
@@ -16,18 +14,21 @@ FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& m
     const float factor = elements.factor[slot];
     factors[slot] = elements.counted[slot] > 0 ? factor : -factor;
   }
+  return {memory.copy_of(balls), memory.copy_of(factors), memory.copy_of(c.clusters),
+          memory.copy_of(elements.largest_radius), c.num_clusters()};
+}
+
+FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory) {
+  const Tool& tool = index.tool();
+  const FieldElements& elements = index.parts().elements(volumes);
   std::vector<Sphere> spheres(tool.spheres().size());
   for (std::size_t id = 0; id < spheres.size(); ++id) spheres[id] = felt_ball(tool, id, volumes);
-  FeltTool felt{{memory.copy_of(balls), memory.copy_of(factors), memory.copy_of(c.clusters),
-                 memory.copy_of(elements.largest_radius), c.num_clusters()},
-                memory.copy_of(spheres),
-                elements.reach,
-                {},
-                0};
-  for (const ElementBall& ball : balls) {
-    const float from_centre = norm(Vec3f{ball.x, ball.y, ball.z});
-    felt.whole.reach = std::max(felt.whole.reach, 1.00001f * (from_centre + ball.radius));
-    felt.largest_radius = std::max(felt.largest_radius, ball.radius);
+  FeltTool felt{elements_view(elements, memory), memory.copy_of(spheres), elements.reach, {}, 0};
+  const SphereClusters& c = elements.clusters;
+  for (std::size_t slot = 0; slot < c.x.size(); ++slot) {
+    const float from_centre = norm(Vec3f{c.x[slot], c.y[slot], c.z[slot]});
+    felt.whole.reach = std::max(felt.whole.reach, 1.00001f * (from_centre + elements.radius[slot]));
+    felt.largest_radius = std::max(felt.largest_radius, elements.radius[slot]);
   }
   return felt;
 }

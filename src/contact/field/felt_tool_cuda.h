@@ -31,6 +31,7 @@ struct FeltTool {
 };
 
 /// Copies that `memory` owns; it also keeps failures.
+ElementsView elements_view(const FieldElements& elements, gpu::Memory& memory);
 FeltTool felt_tool(const ToolIndex& index, SphereVolumes volumes, gpu::Memory& memory);
 
 }  // namespace palpate::inline v0

@@ -3,15 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/contact/index/ball_parts.h"
+
 namespace palpate::inline v0 {
 namespace {
 
-// Thirty balls of radius kPartRadius with centres kPartDistance from the middle of a unit ball,
-// each with a thirtieth of its volume: close to the least squares fit to the cap volumes of the
-// ball.
-constexpr double kPartRadius = 0.43, kPartDistance = 0.7;
 // Spheres are felt in parts if they are larger than this share of the tool's reach.
 constexpr double kLargest = 0.2;
+// And evenly in parts of this share, over the sixth root of the number of spheres: that of all
+// parts grows as its square root, from about 1,000 for 1,000 spheres.
+constexpr double kLargestEven = 0.2435;
 // A ball has at most so many times the radius of its sphere.
 constexpr double kMostGrowth = 1.5;
 // Of the padding: anything positive.
@@ -24,25 +25,7 @@ struct Element {
   bool counted;
 };
 
-/// Of length 1: the midpoints of the edges of an icosahedron.
-std::vector<Vec3d> icosidodecahedron() {
-  std::vector<Vec3d> corners;
-  const double golden = (1 + std::sqrt(5.0)) / 2;
-  for (const double a : {-1.0, 1.0}) {
-    corners.insert(corners.end(), {{a, 0, 0}, {0, a, 0}, {0, 0, a}});
-    for (const double b : {-golden, golden}) {
-      for (const double c : {-golden * golden, golden * golden}) {
-        for (const Vec3d& corner : {Vec3d{a, b, c}, Vec3d{b, c, a}, Vec3d{c, a, b}}) {
-          corners.push_back(normalized(corner));
-        }
-      }
-    }
-  }
-  return corners;
-}
-
-/// Elements that are small enough, after as many steps of dividing as that takes.
-std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes) {
+std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeSpheres large) {
   double reach = 0;
   std::vector<Element> elements;
   for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
@@ -55,14 +38,17 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes) {
         {to_double(ball.centre) - tool.sphere_mass().centre_of_mass, radius, volume, true});
     reach = std::max(reach, norm(elements.back().centre) + radius);
   }
-  const std::vector<Vec3d> corners = icosidodecahedron();
+  const bool is_even = large == LargeSpheres::evenly;
+  const double largest =
+      reach *
+      (is_even ? kLargestEven / std::pow(static_cast<double>(elements.size()), 1.0 / 6) : kLargest);
+  const std::vector<BallPart> thirty = thirty_parts();
   for (std::size_t i = 0; i < elements.size(); ++i) {
-    if (elements[i].radius <= kLargest * reach) continue;
+    if (elements[i].radius <= largest || (is_even && !elements[i].counted)) continue;
     const Element whole = elements[i];
-    for (const Vec3d& corner : corners) {
-      elements.push_back({whole.centre + kPartDistance * whole.radius * corner,
-                          kPartRadius * whole.radius,
-                          whole.volume / static_cast<double>(corners.size()), false});
+    for (const BallPart& part : is_even ? even_parts(largest / whole.radius) : thirty) {
+      elements.push_back({whole.centre + whole.radius * part.centre, whole.radius * part.radius,
+                          whole.volume * part.share, false});
     }
     // What is left of it is only counted.
     elements[i].volume = 0;
@@ -90,9 +76,9 @@ Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
   return ball;
 }
 
-FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes)
+FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpheres large)
     : clusters(std::vector<Sphere>{}) {
-  const std::vector<Element> elements = elements_of(tool, volumes);
+  const std::vector<Element> elements = elements_of(tool, volumes, large);
   clusters = SphereClusters(balls_of(elements));
   radius = clusters.radius;
   factor.resize(radius.size());

@@ -18,14 +18,18 @@ Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 
 /// A ball takes one value of the field and cuts itself by one plane. That is exact for a flat
 /// surface, and wrong by percents of the tool's volume for a ball as large as a third of the tool
-/// at a ridge or a curved surface. So a large ball is felt at thirty places (the edge midpoints of
-/// an icosahedron) by smaller ones that together have its volume and its second moments: the share
-/// of it behind any plane is off by 0.8 % of its volume at most, 0.4 % rms.
-///
+/// at a ridge or a curved surface. So large balls are felt in smaller ones that together have their
+/// volume and second moments.
+enum class LargeSpheres {
+  in_thirty,  ///< thirty parts (thirty_parts): few, for the surfaces that cameras see
+  evenly,     ///< many (even_parts): for bodies, of which a corner goes between thirty
+};
+
 /// Elements are in cluster order; centres are relative to the tool's centre of mass. The numbers
 /// (`sphere_id`) of those that are counted are those of their spheres.
 struct FieldElements {
-  FieldElements(const Tool& tool, SphereVolumes volumes);
+  FieldElements(const Tool& tool, SphereVolumes volumes,
+                LargeSpheres large = LargeSpheres::in_thirty);
 
   std::size_t num_bytes() const {
     return clusters.num_bytes() + bytes_of(radius, factor, counted, largest_radius);

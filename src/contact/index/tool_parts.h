@@ -62,6 +62,11 @@ struct ToolIndex::Parts {
   const FieldElements& elements(SphereVolumes volumes) const {
     return elements_[static_cast<int>(volumes)].get([&] { return FieldElements(tool, volumes); });
   }
+  /// What asks the fields of other bodies.
+  const FieldElements& solid_elements() const {
+    return solid_elements_.get(
+        [&] { return FieldElements(tool, SphereVolumes::represented, LargeSpheres::evenly); });
+  }
 
   /// The tool's, or one made now.
   const SolidField& solid_field() const {
@@ -75,7 +80,7 @@ struct ToolIndex::Parts {
   std::size_t num_bytes() const {
     return clusters_.num_bytes() + grid_.num_bytes() + graph_.num_bytes() + paths_.num_bytes() +
            scales_[0].num_bytes() + scales_[1].num_bytes() + elements_[0].num_bytes() +
-           elements_[1].num_bytes() + solid_field_.num_bytes();
+           elements_[1].num_bytes() + solid_elements_.num_bytes() + solid_field_.num_bytes();
   }
 
   /// `paths`: of paths(), where the query runs; needed for Priority::path alone.
@@ -95,7 +100,8 @@ struct ToolIndex::Parts {
   Lazy<PathLengths> paths_;
   Lazy<VolumeScales> scales_[2];     // by SphereVolumes
   Lazy<FieldElements> elements_[2];  // likewise
-  Lazy<SolidField> solid_field_;     // of a tool without
+  Lazy<FieldElements> solid_elements_;
+  Lazy<SolidField> solid_field_;  // of a tool without
 };
 
 }  // namespace palpate::inline v0
