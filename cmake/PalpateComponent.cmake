@@ -25,6 +25,48 @@ endforeach()
 set(palpate_install_runtime COMPONENT library)
 set(palpate_install_dev COMPONENT development)
 
+# palpate_write_map(FILE): what a shared library of ours shows (decision 37): names of public headers, with the
+# version PALPATE_0; and with PALPATE_PRIVATE all others of the namespace, which the components need of each other.
+# A program that needs one of those relies on what may change at any time. Nothing else is shown: nothing of what was
+# compiled in from other libraries, or as a template of theirs. Names in headers begin their lines.
+function(palpate_write_map file)
+  file(GLOB_RECURSE headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/include/*.h")
+  set(patterns "")
+  foreach(header IN LISTS headers "${PROJECT_SOURCE_DIR}/scenes/scene.h")
+    file(STRINGS "${header}" lines REGEX "^(class|struct) [A-Za-z]|^[A-Za-z[][^=]*[a-z_0-9]+\\(|^[a-z_0-9]+\\(")
+    foreach(line IN LISTS lines)
+      if(line MATCHES "^(class|struct) ([A-Za-z]+)")
+        set(name "palpate::v0::${CMAKE_MATCH_2}")
+        list(APPEND patterns "${name}::*" "typeinfo?for?${name}" "typeinfo?name?for?${name}" "vtable?for?${name}")
+      elseif(NOT line MATCHES "^(static_assert|template|inline|constexpr)" AND line MATCHES "^([^(]*[ *&>])?([a-z_0-9]+)[(]")
+        list(APPEND patterns "palpate::v0::${CMAKE_MATCH_2}[!a-z0-9_]*")  # its parameters follow, or [abi:cxx11]
+      endif()
+    endforeach()
+  endforeach()
+  list(REMOVE_DUPLICATES patterns)
+  list(JOIN patterns ";\n    " patterns)
+  file(CONFIGURE OUTPUT "${file}" @ONLY CONTENT "PALPATE_PRIVATE {
+  global: extern \"C++\" {
+    palpate::*;
+    typeinfo?for?palpate::*;
+    typeinfo?name?for?palpate::*;
+    vtable?for?palpate::*;
+    guard?variable?for?palpate::*;
+  };
+  local: *;
+};
+PALPATE_0 {
+  global: extern \"C++\" {
+    ${patterns};
+  };
+};
+")
+endfunction()
+set(palpate_map "${PROJECT_BINARY_DIR}/palpate.map")
+if(BUILD_SHARED_LIBS)
+  palpate_write_map("${palpate_map}")
+endif()
+
 # palpate_component(NAME [DEPENDS components ...] [HEADERS folders and files below include/palpate ...])
 # The library palpate::NAME (core: palpate::palpate) out of the modules of that component so far, static
 # or shared as BUILD_SHARED_LIBS says. Headers that no component names belong to core.
@@ -48,10 +90,10 @@ function(palpate_component name)
                          ARCHIVE_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/lib"
                          LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/lib"
                          VERSION ${PROJECT_VERSION} SOVERSION 1
-                         LINK_DEPENDS "${PROJECT_SOURCE_DIR}/cmake/palpate.map")
+                         LINK_DEPENDS "$<$<BOOL:${BUILD_SHARED_LIBS}>:${palpate_map}>")
   if(BUILD_SHARED_LIBS)
     target_link_options(${target} PRIVATE -Wl,--no-undefined -Wl,-Bsymbolic-functions
-                        "-Wl,--version-script=${PROJECT_SOURCE_DIR}/cmake/palpate.map")
+                        "-Wl,--version-script=${palpate_map}")
   endif()
   target_compile_features(${target} INTERFACE cxx_std_20)
   target_include_directories(${target} INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>

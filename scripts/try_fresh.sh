@@ -41,6 +41,7 @@ cp -r /usr/share/doc/libpalpate-dev/examples .
 cmake -S examples -B built >/dev/null
 cmake --build built
 ctest --test-dir built --output-on-failure
+if objdump -T built/0* | grep PALPATE_PRIVATE; then echo "the examples need what is private (decision 37)"; exit 1; fi
 
 say "the same from the archive, wherever it is unpacked"
 apt-get -q purge -y libpalpate1 libpalpate-dev palpate >>install.log 2>&1
