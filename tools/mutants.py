@@ -120,21 +120,23 @@ class Build:
     """The unchanged tree, built: how each object is compiled, what it includes, and of which objects
     and libraries a test program is linked."""
 
-    def __init__(self, tree, jobs):
+    def __init__(self, tree, programs, jobs):
         # As the release lies in its tree: what was compiled there is in the compiler's cache.
         self.tree, self.folder = tree, tree / "build" / "release"
         subprocess.run(["cmake", "-S", str(tree), "-B", str(self.folder), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
                         "-DPALPATE_APPS=OFF", "-DCMAKE_EXPORT_COMPILE_COMMANDS=ON"],
                        check=True, stdout=subprocess.DEVNULL)
         self.link = {}  # command by program
-        for program in sorted({program for programs in TESTS.values() for program in programs}):
-            told = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", program],
+        for program in sorted(programs):
+            told = subprocess.run(["ninja", "-C", str(self.folder), "-t", "commands", "-s", f"bin/{program}"],
                                   capture_output=True, text=True)
             link = re.search(r": && (.* -o .*?) && ", told.stdout)
             if link:
                 self.link[program] = shlex.split(link[1])
             else:
                 print(f"mutants: this build has no {program}: it is not asked")
+        if not self.link:
+            sys.exit("mutants: this build has none of the tests")
         subprocess.run(["ninja", "-C", str(self.folder), f"-j{jobs}", *self.link], check=True,
                        stdout=subprocess.DEVNULL)
         self.included = {}  # by file
@@ -262,7 +264,6 @@ def main():
     except BlockingIOError:
         sys.exit(f"mutants: {tree} is in use; give this run a --tree of its own")
     copied(tree)
-    build = Build(tree, options.jobs)
 
     mutants = all_mutants(tree)
     random.Random(options.seed).shuffle(mutants)
@@ -272,6 +273,7 @@ def main():
         name, _, line = options.only.partition(":")
         mutants = [m for m in all_mutants(tree) if m[1] == name and line in ("", str(m[2] + 1))]
         count = len(mutants)
+    build = Build(tree, {program for mutant in mutants for program in TESTS[mutant[0]]}, options.jobs)
 
     pool = ThreadPoolExecutor(options.jobs)
 
@@ -282,9 +284,7 @@ def main():
             return None
         return time.monotonic() - begin
 
-    asked = {program for module in {mutant[0] for mutant in mutants} for program in TESTS[module]}
-    asked = [program for program in build.link if program in asked]
-    seconds = dict(zip(asked, pool.map(seconds_of, asked)))
+    seconds = dict(zip(build.link, pool.map(seconds_of, build.link)))
     if None in seconds.values():
         return 1
 

@@ -17,8 +17,7 @@ namespace {
 DepthField rough_field() {
   const test::RoughImages images(161, 120, 1, 12);
   DepthFrame frame{images.camera.width, images.camera.height, 0.001, images.counts, 0};
-  SurfaceEstimator estimator =
-      SurfaceEstimator::create(161, 120, images.camera.intrinsics).value();
+  SurfaceEstimator estimator = SurfaceEstimator::create(161, 120, images.camera.intrinsics).value();
   ThreadPool pool(1);
   estimator.update(frame, pool);
   DepthField field = std::move(DepthField::create(161, 120)).value();

@@ -1,4 +1,5 @@
-// What the safety filter knows of the energy that it gives to a hand, and what it takes away for it.
+// What the safety filter knows of the energy that it gives to a hand, and what it takes away for
+// it.
 #include <algorithm>
 #include <cmath>
 
@@ -251,8 +252,8 @@ double most_given(const Vec3d& force, const Vec3d& velocity, double rise, double
   return std::max(dot(force, velocity) + rise * dt * norm(force), 0.0) * dt;
 }
 
-/// `out` is `before` if the tank's rest holds that; else it has so much less along the motion; and if
-/// that was not enough it is shorter, too. Returns whether something was taken.
+/// `out` is `before` if the tank's rest holds that; else it has so much less along the motion; and
+/// if that was not enough it is shorter, too. Returns whether something was taken.
 bool expect_within(const Vec3d& out, const Vec3d& before, const Vec3d& velocity, double rise,
                    double dt, double rest) {
   EXPECT_LE(most_given(out, velocity, rise, dt), rest * (1 + 1e-6) + 1e-15);
@@ -302,7 +303,8 @@ TEST(SafetyEnergy, WhatGoesOutNeverEmptiesTheTank) {
         if (random.uniform() < 0.1) hand.velocity = {};
       }
       if (!rig.input.state.is_valid) silence += dt, ++num_silent;
-      const Wrench out = rig.input.state.is_valid ? hand.tick(rig, wanted, dt) : rig.tick(wanted, dt);
+      const Wrench out =
+          rig.input.state.is_valid ? hand.tick(rig, wanted, dt) : rig.tick(wanted, dt);
       ASSERT_EQ(rig.filter.status().state, ForceState::fading);
       const double next_fade = i == 0 ? 1 : fade - dt / options.fade_seconds;
       const Vec3d force = next_fade / fade * last.force, torque = next_fade / fade * last.torque;

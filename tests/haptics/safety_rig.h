@@ -15,7 +15,8 @@ inline constexpr double kInf = std::numeric_limits<double>::infinity();
 inline const DeviceLimits kLimits{.max_force = 10, .max_torque = 0.2, .max_damping = 20};
 inline const Wrench kNothing{};
 
-inline SafetyFilter make_filter(const SafetyOptions& options = {}, const DeviceLimits& limits = kLimits) {
+inline SafetyFilter make_filter(const SafetyOptions& options = {},
+                                const DeviceLimits& limits = kLimits) {
   auto filter = SafetyFilter::create(limits, options);
   EXPECT_TRUE(filter.has_value()) << filter.error().message;
   return *filter;

@@ -137,7 +137,8 @@ TEST(SphereGrid, LiesAroundAllSpheresWithAboutOneCellAndAHalfPerSphere) {
     }
     const SphereGrid grid(spheres);
     const SphereGridView view = grid.view();
-    const Vec3d low{-0.1 - 1e-4, 1 - 1e-4, -0.05 - 1e-4}, high{-0.09 + 1e-4, 1.2 + 1e-4, 0.05 + 1e-4};
+    const Vec3d low{-0.1 - 1e-4, 1 - 1e-4, -0.05 - 1e-4},
+        high{-0.09 + 1e-4, 1.2 + 1e-4, 0.05 + 1e-4};
     EXPECT_NEAR(view.cells_per_metre, longest / (high.y - low.y), 1e-4 * view.cells_per_metre);
     const int num_cells[3] = {view.num_x, view.num_y, view.num_z};
     for (int axis = 0; axis < 3; ++axis) {

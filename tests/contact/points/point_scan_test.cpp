@@ -1,4 +1,5 @@
-// The points in each sphere and their sums, against a look at every point and every sphere in double.
+// The points in each sphere and their sums, against a look at every point and every sphere in
+// double.
 #include "src/contact/points/scan/point_scan.h"
 
 #include <algorithm>
