@@ -7,68 +7,14 @@
 
 #include "src/haptics/internal/matrix6.h"
 #include "src/haptics/rotated.h"
+#include "tests/haptics/safety_rig.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/random.h"
 
 namespace palpate {
 namespace {
 
-constexpr double kTick = 1e-3;
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
-const DeviceLimits kLimits{.max_force = 10, .max_torque = 0.2, .max_damping = 20};
-const Wrench kNothing{};
-
-SafetyFilter make_filter(const SafetyOptions& options = {}, const DeviceLimits& limits = kLimits) {
-  auto filter = SafetyFilter::create(limits, options);
-  EXPECT_TRUE(filter.has_value()) << filter.error().message;
-  return *filter;
-}
-
-/// A filter and a clock.
-struct Rig {
-  explicit Rig(const SafetyOptions& options = {}, const DeviceLimits& limits = kLimits)
-      : filter(make_filter(options, limits)) {
-    input.time = 100;
-    input.state.is_valid = true;
-  }
-  Wrench tick(const Wrench& wanted, double dt = kTick) {
-    input.time += dt;
-    return filter.filter(wanted, input);
-  }
-  /// Engages and goes up to this wrench.
-  Wrench hold(const Wrench& wanted) {
-    for (int i = 0; i < 20; ++i) tick(kNothing);
-    Wrench out;
-    for (int i = 0; i < 1000; ++i) out = tick(wanted);
-    return out;
-  }
-  Fault fault() const { return filter.status().fault; }
-
-  SafetyFilter filter;
-  SafetyInput input;
-};
-
-const Wrench kPush{{3, -2, 1}, {0.05, 0, -0.1}};
-
-double distance(const Wrench& a, const Wrench& b) {
-  return norm(a.force - b.force) + norm(a.torque - b.torque);
-}
-
-/// Ticks without contact until the force is back; -1: it did not come.
-int ticks_until_engaged(Rig& rig, int most) {
-  for (int i = 0; i < most; ++i) {
-    if (rig.filter.status().is_engaged()) return i;
-    rig.tick(kNothing);
-  }
-  return -1;
-}
-
-void break_once(Rig& rig) {
-  rig.input.backend_failed = true;
-  rig.tick(kPush);
-  rig.input.backend_failed = false;
-}
+using namespace test::safety_rig;  // NOLINT: all of it
 
 TEST(SafetyFilter, LetsThroughWhatIsHarmless) {
   Rig rig;
@@ -241,6 +187,55 @@ TEST(SafetyFilter, FadesOnEveryFault) {
       Fault::loop, [](auto& in, auto&) { in.time += 0.02; }, 1);
   expect_fade(
       Fault::loop, [](auto& in, auto&) { in.time -= 0.01; }, 1);
+}
+
+// Ages and times that are powers of two, so that they are met to the bit.
+TEST(SafetyFilter, AtTheLimitsAllIsStillWell) {
+  SafetyOptions options;
+  options.max_contact_age = options.max_device_silence = 0.0078125;
+  options.max_sensor_age = 0.25;
+  options.max_tick = 0.015625;
+  const auto fault_after = [&](auto change) {
+    Rig rig(options);
+    rig.input.time = 128;
+    for (int i = 0; i < 600; ++i) rig.tick(kNothing, 0.0009765625);
+    EXPECT_TRUE(rig.filter.status().is_engaged());
+    change(rig);
+    return rig.fault();
+  };
+  const double kMore = 1.0009765625;
+  for (const double sign : {1.0, -1.0}) {  // a clock may be a little ahead
+    EXPECT_EQ(fault_after([&](Rig& rig) {
+                rig.input.contact_age = sign * options.max_contact_age;
+                rig.tick(kPush);
+              }),
+              Fault::none);
+    EXPECT_EQ(fault_after([&](Rig& rig) {
+                rig.input.contact_age = sign * kMore * options.max_contact_age;
+                rig.tick(kPush);
+              }),
+              Fault::stale_contact);
+    EXPECT_EQ(fault_after([&](Rig& rig) {
+                rig.input.sensor_age = sign * options.max_sensor_age;
+                rig.tick(kPush);
+              }),
+              Fault::none);
+    EXPECT_EQ(fault_after([&](Rig& rig) {
+                rig.input.sensor_age = sign * kMore * options.max_sensor_age;
+                rig.tick(kPush);
+              }),
+              Fault::stale_sensor);
+  }
+  EXPECT_EQ(fault_after([&](Rig& rig) { rig.tick(kPush, options.max_tick); }), Fault::none);
+  EXPECT_EQ(fault_after([&](Rig& rig) { rig.tick(kPush, kMore * options.max_tick); }), Fault::loop);
+  EXPECT_EQ(fault_after([&](Rig& rig) { rig.tick(kPush, 0); }), Fault::none);
+  for (const int ticks : {8, 9}) {
+    EXPECT_EQ(fault_after([&](Rig& rig) {
+                rig.input.state.is_valid = false;
+                for (int i = 0; i < ticks; ++i) rig.tick(kPush, 0.0009765625);
+              }),
+              ticks == 8 ? Fault::none : Fault::device);
+  }
 }
 
 TEST(SafetyFilter, StopFadesToo) {
@@ -425,118 +420,6 @@ TEST(SafetyFilter, WaitsForContactAndDeviceBeforeItEngages) {
 TEST(SafetyFilter, EveryFaultIsDescribed) {
   for (int i = 0; i <= static_cast<int>(Fault::stopped); ++i) {
     EXPECT_GT(describe(static_cast<Fault>(i)).size(), 7u);
-  }
-}
-
-// The observer against the exact work of a force that is constant over each tick.
-TEST(SafetyFilter, CountsTheEnergyThatTheHandIsGiven) {
-  SafetyOptions options;
-  options.passivity_control = false;
-  options.ramp_seconds = 0;
-  options.max_slew = 1e6;
-  options.max_torque_slew = 1e6;
-  Rig rig(options);
-  for (int i = 0; i < 20; ++i) rig.tick(kNothing);
-  test::Random random(1);
-  Wrench out;
-  double work = 0, angle = 0;
-  for (int i = 0; i < 1000; ++i) {
-    const Vec3d way = random.in_box(1e-3);
-    const double turn = random.uniform(-0.01, 0.01);
-    angle += turn;
-    rig.input.state.X_BH.translation += way;
-    rig.input.state.X_BH.rotation = axis_angle({0, 0, 1}, angle);
-    work += dot(out.force, way) + out.torque.z * turn;
-    out = rig.tick({random.in_box(4), {0, 0, random.uniform(-0.2, 0.2)}});
-    ASSERT_NEAR(rig.filter.status().energy, work, 1e-9);
-  }
-}
-
-TEST(SafetyFilter, AForceThatPushesTheHandAlongStopsAtTheTank) {
-  for (double speed : {0.02, 0.1, 0.5}) {
-    Rig rig;
-    for (int i = 0; i < 20; ++i) rig.tick(kNothing);
-    double largest = 0;
-    for (int i = 0; i < 3000; ++i) {
-      rig.input.state.X_BH.translation.x += speed * kTick;  // the hand gives way
-      rig.tick({{5, 3, 0}, {}});
-      largest = std::max(largest, rig.filter.status().energy);
-    }
-    EXPECT_EQ(rig.fault(), Fault::none) << speed;
-    EXPECT_LT(largest, 0.0051) << speed;  // half the tank; the rest is for surprises
-    EXPECT_GT(largest, 0.004);
-    rig.input.state.X_BH.translation.x += speed * kTick;
-    const Wrench out = rig.tick({{5, 3, 0}, {}});
-    EXPECT_LT(std::abs(out.force.x), 0.2);
-    EXPECT_NEAR(out.force.y, 3, 1e-6);  // across the motion nothing is lost
-  }
-}
-
-// A light hand that the force itself makes faster, against which the slew limit is slow.
-TEST(SafetyFilter, AForceThatThrowsTheHandStopsAtTheTank) {
-  for (const double mass : {0.2, 0.5, 1.0}) {
-    for (const double slew : {20.0, 100.0, 500.0}) {
-      SafetyOptions options;
-      options.max_slew = slew;
-      Rig rig(options);
-      for (int i = 0; i < 600; ++i) rig.tick(kNothing);
-      double v = 0, work = 0, largest = 0;
-      Wrench out;
-      for (int i = 0; i < 3000; ++i) {
-        // It holds still until there is a force, and then lets go.
-        v = i < 500 ? 0 : v + (out.force.x - 0.5 * v) / mass * kTick;
-        rig.input.state.X_BH.translation.x += v * kTick;
-        work += out.force.x * v * kTick;
-        largest = std::max(largest, work);
-        out = rig.tick({{8, 0, 0}, {}});
-      }
-      EXPECT_LE(largest, SafetyOptions{}.energy_tank) << mass << " kg, " << slew << " N/s";
-      EXPECT_GT(largest, 0.004);
-    }
-  }
-}
-
-TEST(SafetyFilter, GivesBackWhatTheHandHasStored) {
-  Rig rig;
-  for (int i = 0; i < 600; ++i) rig.tick(kNothing);
-  // Into a spring wall of 500 N/m and out again, slowly: nothing is taken away.
-  for (int i = 0; i <= 400; ++i) {
-    const double depth = 0.01 * std::sin(kPi * i / 400);
-    rig.input.state.X_BH.translation.z = -depth;
-    const Wrench out = rig.tick({{0, 0, 500 * depth}, {}});
-    ASSERT_NEAR(out.force.z, 500 * depth, 1e-9) << i;
-  }
-  EXPECT_LT(rig.filter.status().energy, 1e-3);
-}
-
-// A wall stiffer than device and rate bear, a hand that leans on it. Without the controller it
-// shakes; with it the energy given stays at the tank, or the force is shut off.
-TEST(SafetyFilter, TamesAWallThatWouldShake) {
-  for (bool is_controlled : {false, true}) {
-    SafetyOptions options;
-    options.passivity_control = is_controlled;
-    Rig rig(options);
-    for (int i = 0; i < 600; ++i) rig.tick(kNothing);
-    const double m = 0.1, b = 0.3, k = 3000, push = -2;
-    double z = 0.002, v = 0, largest = -1e9, swing = 0;
-    for (int i = 0; i < 5000; ++i) {
-      rig.input.state.X_BH.translation.z = z;
-      rig.input.state.V_BH.linear.z = v;
-      const Wrench out = rig.tick({{0, 0, k * std::max(0.0, -z)}, {}});
-      for (int sub = 0; sub < 10; ++sub) {
-        v += (out.force.z + push - b * v) / m * kTick / 10;
-        z += v * kTick / 10;
-      }
-      largest = std::max(largest, rig.filter.status().energy);
-      if (i > 4000) swing = std::max(swing, std::abs(v));
-      if (rig.fault() != Fault::none) break;
-    }
-    if (is_controlled) {
-      EXPECT_LE(largest, 0.03);
-      EXPECT_TRUE(rig.fault() == Fault::energy || swing < 0.5) << swing;
-    } else {
-      EXPECT_GT(largest, 0.1);
-    }
   }
 }
 

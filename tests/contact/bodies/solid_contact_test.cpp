@@ -302,6 +302,91 @@ TEST(SolidContact, TheFinerWayCountsMore) {
   EXPECT_LT(weights(coarse, cube), 0.5);
 }
 
+// A sphere asks the grid on which the field is about as smooth as the sphere is large, or two grids
+// whose second moments make up what is wanted.
+TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
+  const TorusAndBox bodies;
+  const SolidField& field = *bodies.box.solid_field();
+  const double spacing = field.layout().spacing;
+  const auto last = static_cast<std::int32_t>(field.levels().size()) - 1;
+  ASSERT_GE(last, 2);
+  // Radii from far below the spacing to nearly the widest grid.
+  SpherePacking packing;
+  double at = 0;
+  const double widest = 1.9 * std::ldexp(spacing, last) / 0.9;
+  for (int i = 0; i < 300; ++i) {
+    const double radius = 0.3 * spacing * std::pow(widest / (0.3 * spacing), i / 299.0);
+    at += radius;
+    packing.spheres.push_back({to_float(Vec3d{at, 0, 0}), static_cast<float>(radius * 0.999)});
+    at += radius;
+  }
+  const Tool row =
+      Tool::build(make_box({2 * at, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+  const FieldElements elements(row, SphereVolumes::own);
+  const SolidAsking asking(elements, field);
+  double volume = 0, squares = 0;
+  std::vector<int> num_by_level(static_cast<std::size_t>(last) + 1);
+  for (std::size_t place = 0; place < elements.radius.size(); ++place) {
+    const double radius = elements.radius[place];
+    const double counts = elements.factor[place] * std::pow(radius, 3);
+    volume += counts, squares += counts * radius * radius;
+    // Of the widths, in spacings: between those of the level and of the next one.
+    const double wanted = std::pow(0.8944272 * radius / spacing, 2);
+    const std::int32_t level = asking.level[place];
+    const double wider = asking.wider_share[place];
+    ++num_by_level[static_cast<std::size_t>(level)];
+    ASSERT_TRUE(level >= 0 && level <= last && wider >= 0 && wider <= 1);
+    ASSERT_TRUE(level < last || wider == 0);
+    const double fine = std::ldexp(1.0, 2 * level), coarse = 4 * fine;
+    const double got = (1 - wider) * fine + wider * coarse;
+    if (wanted < 1) {
+      EXPECT_TRUE(level == 0 && wider == 0) << radius;
+    } else if (level < last) {
+      EXPECT_NEAR(got, wanted, 1e-4 * wanted) << radius;
+    } else {
+      EXPECT_GE(wanted, fine * (1 - 1e-6)) << radius;
+    }
+    // For a cluster counts what reaches farthest: half the diagonal of a cell of the wider grid.
+    const std::size_t cluster = place / SphereClusters::kSize;
+    const double reach = 0.8660254 * std::ldexp(spacing, level + (wider > 0 ? 1 : 0));
+    EXPECT_GE(static_cast<double>(asking.rounding[cluster]), reach);
+  }
+  EXPECT_EQ(asking.rounding.size(), elements.clusters.clusters.size());
+  for (const int num : num_by_level) EXPECT_GT(num, 0);
+  EXPECT_NEAR(asking.coarseness, squares / volume + spacing * spacing,
+              1e-6 * (squares / volume + spacing * spacing));
+  EXPECT_TRUE(asking.is_possible);
+}
+
+// No cluster is given more room for rounding than its widest sphere asks for.
+TEST(SolidAsking, SmallSpheresNeedLittleRoomForRounding) {
+  const TorusAndBox bodies;
+  const SolidField& field = *bodies.box.solid_field();
+  const double spacing = field.layout().spacing;
+  for (const double radius : {0.5 * spacing, 1.5 * spacing, 3 * spacing}) {
+    SpherePacking packing;
+    for (int i = 0; i < 100; ++i) {
+      packing.spheres.push_back(
+          {to_float(Vec3d{2.01 * radius * i, 0, 0}), static_cast<float>(radius)});
+    }
+    const Tool row =
+        Tool::build(make_box({1, 1, 1}), std::move(packing), GapRule::absolute, "").value();
+    const SolidAsking asking(FieldElements(row, SphereVolumes::own), field);
+    const int asked = radius < spacing ? 0 : (radius < 2 * spacing ? 1 : 2);
+    for (const float rounding : asking.rounding) {
+      EXPECT_NEAR(static_cast<double>(rounding), 0.8660254 * std::ldexp(spacing, asked),
+                  1e-3 * spacing);
+    }
+    EXPECT_NEAR(asking.coarseness, radius * radius + spacing * spacing, 1e-5 * spacing * spacing);
+  }
+  // Spheres wider than the widest grid cannot be felt so.
+  SpherePacking packing;
+  packing.spheres.push_back({{0, 0, 0}, 1.0f});
+  const Tool ball =
+      Tool::build(make_box({3, 3, 3}), std::move(packing), GapRule::absolute, "").value();
+  EXPECT_FALSE(SolidAsking(FieldElements(ball, SphereVolumes::own), field).is_possible);
+}
+
 // The stored field and one that is made now are the same.
 TEST(SolidContact, AFieldThatTheToolHasIsAsked) {
   const Tool torus = packed(make_torus(0.05, 0.02, 24, 16), 700);
