@@ -131,6 +131,10 @@ nb::ndarray<const T, nb::c_contig, nb::device::cpu> numbers_of(nb::handle given,
   try {
     const nb::module_ numpy = nb::module_::import_("numpy");
     copied = numpy.attr("ascontiguousarray")(given, numpy_type);
+    if (std::is_integral_v<T> && !nb::cast<bool>(numpy.attr("array_equal")(given, copied))) {
+      throw nb::value_error(
+          (std::string(name) + ": not whole numbers that fit " + numpy_type).c_str());
+    }
   } catch (nb::python_error& error) {
     const std::string why = nb::cast<std::string>(nb::str(error.value()));
     throw nb::value_error(

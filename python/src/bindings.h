@@ -22,6 +22,8 @@ void bind_scenes(nanobind::module_& m);
 /// palpate.Tool.
 struct PyTool {
   std::shared_ptr<const Tool> tool;
+  /// Pairs of neighbours, when they are first asked for.
+  std::shared_ptr<const std::vector<std::int32_t>> edges = nullptr;
 };
 
 /// palpate.Camera: a Camera, how its numbers are to be read, and where it is.
