@@ -5,6 +5,7 @@
 
 #include <memory>
 
+#include "palpate/contact/body_contact.h"
 #include "palpate/field/sensor.h"
 #include "palpate/tool/tool.h"
 
@@ -51,6 +52,12 @@ struct PySurfaces {
   SurfaceBatch batch;
   Pose X_WC;
   Place place;
+};
+
+/// palpate.Body: a rigid body that stays where it is.
+struct PyBody {
+  PyTool shape;  // outlives what is known of it
+  PlacedBody placed;
 };
 
 }  // namespace palpate::python
