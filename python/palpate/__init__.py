@@ -13,6 +13,7 @@ arrays of a wrong shape raise ValueError.
 
 from palpate._core import (
     Batch,
+    Body,
     Camera,
     Contact,
     Error,
@@ -37,6 +38,7 @@ from palpate._run import Run, touch
 
 __all__ = [
     "Batch",
+    "Body",
     "Camera",
     "Contact",
     "Error",

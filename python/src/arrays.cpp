@@ -61,13 +61,14 @@ Pose pose_of_matrix(const double* m, const char* name) {
 }
 
 Pose pose_of_seven(const double* v, const char* name) {
-  Pose X{{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}};
-  if (!all_finite(v, 7)) return X;
   if (v[3] == 0 && v[4] == 0 && v[5] == 0 && v[6] == 0) {
     refuse_pose(name, "the quaternion qx qy qz qw is zero");
   }
-  X.rotation = normalized(X.rotation);
-  return X;
+  return {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}};
+}
+
+Pose with_unit_quaternion(const Pose& X) {
+  return is_finite(X) ? Pose{X.translation, normalized(X.rotation)} : X;
 }
 
 }  // namespace
@@ -131,6 +132,10 @@ nb::ndarray<const T, nb::c_contig, nb::device::cpu> numbers_of(nb::handle given,
   try {
     const nb::module_ numpy = nb::module_::import_("numpy");
     copied = numpy.attr("ascontiguousarray")(given, numpy_type);
+    if (std::is_integral_v<T> && !nb::cast<bool>(numpy.attr("array_equal")(given, copied))) {
+      throw nb::value_error(
+          (std::string(name) + ": not whole numbers that fit " + numpy_type).c_str());
+    }
   } catch (nb::python_error& error) {
     const std::string why = nb::cast<std::string>(nb::str(error.value()));
     throw nb::value_error(
@@ -161,7 +166,7 @@ Doubles points_of(nb::handle given, const char* name) {
   return points;
 }
 
-Pose pose_of(nb::handle given, const char* name) {
+Pose given_pose(nb::handle given, const char* name) {
   const Doubles numbers = doubles_of(given, name);
   if (numbers.ndim() == 1 && numbers.shape(0) == 7) return pose_of_seven(numbers.data(), name);
   if (numbers.ndim() == 2 && numbers.shape(0) == 4 && numbers.shape(1) == 4) {
@@ -170,16 +175,33 @@ Pose pose_of(nb::handle given, const char* name) {
   refuse_shape(name, shape_of(numbers), "(4, 4) or (7,)");
 }
 
+Pose pose_of(nb::handle given, const char* name) {
+  return with_unit_quaternion(given_pose(given, name));
+}
+
+std::span<const Pose> poses_in(const Doubles& numbers, const char* name,
+                               std::vector<Pose>& converted) {
+  static_assert(sizeof(Pose) == 7 * sizeof(double));
+  const std::size_t num = numbers.ndim() > 0 ? numbers.shape(0) : 0;
+  if (numbers.ndim() == 2 && numbers.shape(1) == 7) {
+    for (std::size_t i = 0; i < num; ++i) pose_of_seven(numbers.data() + 7 * i, name);
+    return {reinterpret_cast<const Pose*>(numbers.data()), num};
+  }
+  if (numbers.ndim() != 3 || numbers.shape(1) != 4 || numbers.shape(2) != 4) {
+    refuse_shape(name, shape_of(numbers), "(P, 4, 4) or (P, 7)");
+  }
+  converted.reserve(num);
+  for (std::size_t i = 0; i < num; ++i) {
+    converted.push_back(pose_of_matrix(numbers.data() + 16 * i, name));
+  }
+  return converted;
+}
+
 std::vector<Pose> poses_of(nb::handle given, const char* name) {
   const Doubles numbers = doubles_of(given, name);
-  const bool is_seven = numbers.ndim() == 2 && numbers.shape(1) == 7;
-  const bool is_matrix = numbers.ndim() == 3 && numbers.shape(1) == 4 && numbers.shape(2) == 4;
-  if (!is_seven && !is_matrix) refuse_shape(name, shape_of(numbers), "(P, 4, 4) or (P, 7)");
-  std::vector<Pose> poses;
-  poses.reserve(numbers.shape(0));
-  for (std::size_t i = 0; i < numbers.shape(0); ++i) {
-    poses.push_back(is_seven ? pose_of_seven(numbers.data() + 7 * i, name)
-                             : pose_of_matrix(numbers.data() + 16 * i, name));
+  std::vector<Pose> converted, poses;
+  for (const Pose& X : poses_in(numbers, name, converted)) {
+    poses.push_back(with_unit_quaternion(X));
   }
   return poses;
 }

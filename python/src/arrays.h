@@ -8,6 +8,7 @@
 #include <initializer_list>
 #include <optional>
 #include <stdexcept>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -86,8 +87,14 @@ Doubles points_of(nb::handle given, const char* name);
 /// (4, 4) or (7,) tx ty tz qx qy qz qw, which is normalized. ValueError: another shape, no
 /// rotation, a quaternion of length zero. What is not finite stays so.
 Pose pose_of(nb::handle given, const char* name);
+/// The same with a quaternion as long as it was given, as batches take them.
+Pose given_pose(nb::handle given, const char* name);
 /// (P, 4, 4) or (P, 7).
 std::vector<Pose> poses_of(nb::handle given, const char* name);
+/// The same as they lie there if they are (P, 7), else converted into `converted`. Quaternions stay
+/// as long as they are.
+std::span<const Pose> poses_in(const Doubles& numbers, const char* name,
+                               std::vector<Pose>& converted);
 
 /// "cpu", "cuda" or "cuda:1". ValueError: another word.
 Place place_of(const std::string& word);

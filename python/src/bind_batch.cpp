@@ -144,8 +144,25 @@ struct AskedSurfaces {
   }
 };
 
+/// Bodies in place of surfaces: one, or a list that begins with one; empty: none.
+std::vector<PyBody*> bodies_of(nb::handle given) {
+  std::vector<PyBody*> bodies;
+  PyBody* body = nullptr;
+  if (nb::try_cast<PyBody*>(given, body, false) && body != nullptr) return {body};
+  if (!nb::isinstance<nb::list>(given) && !nb::isinstance<nb::tuple>(given)) return {};
+  for (nb::handle one : nb::borrow<nb::sequence>(given)) {
+    if (!nb::try_cast<PyBody*>(one, body, false) || body == nullptr) {
+      if (bodies.empty()) return {};
+      throw nb::type_error("surfaces: a list has bodies or surfaces, not both");
+    }
+    bodies.push_back(body);
+  }
+  return bodies;
+}
+
 /// Poses and numbers of surfaces, and what keeps them.
 struct AskedPoses {
+  Doubles numbers_of_poses;  // of the caller, where they are as they have to be
   std::vector<Pose> poses;
   AnyArray poses_on_gpu, surface_of_pose_on_gpu;
   nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> surface_of_pose;
@@ -163,8 +180,8 @@ struct AskedPoses {
       batch.gpu = array->device_id();
       batch.X_WT = {static_cast<const Pose*>(array->data()), array->shape(0)};
     } else {
-      poses = poses_of(given, "poses");
-      batch.X_WT = poses;
+      numbers_of_poses = doubles_of(given, "poses");
+      batch.X_WT = poses_in(numbers_of_poses, "poses", poses);
     }
     if (!numbers.is_none()) add_numbers(numbers, stream);
   }
@@ -200,15 +217,27 @@ struct AskedPoses {
 nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
                          nb::handle surface_of_pose, bool stiffness, nb::handle out,
                          nb::handle stream) {
-  const AskedSurfaces asked(surfaces);
+  const std::vector<PyBody*> bodies = bodies_of(surfaces);
+  if (!bodies.empty() && (self.place().backend != Backend::cpu || self.method() != "field")) {
+    throw PalpateError(
+        "batches against bodies are measured on the CPU by the method field: create the contact "
+        "with Contact(tool, \"field\", place=\"cpu\")");
+  }
+  const std::optional<AskedSurfaces> fields =
+      bodies.empty() ? std::optional<AskedSurfaces>(surfaces) : std::nullopt;
   AskedPoses given(poses, surface_of_pose, stream);
   const bool is_on_gpu = given.batch.gpu != kHostMemory;
-  if (is_on_gpu && !asked.X_WC.empty()) {
+  if (is_on_gpu && fields && !fields->X_WC.empty()) {
     throw PalpateError(
         "cameras with a pose take poses in host memory: give those of the tool there, "
         "or in the camera's frame");
   }
-  given.batch.X_WC = asked.X_WC;
+  if (is_on_gpu && !fields) {
+    throw PalpateError(
+        "batches against bodies take poses in host memory, where they are measured: copy them "
+        "there");
+  }
+  if (fields) given.batch.X_WC = fields->X_WC;
   const std::size_t num = given.batch.X_WT.size();
   nb::object result;
   if (out.is_none()) {
@@ -227,10 +256,20 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
     result = nb::borrow(out);
   }
   const BatchAnswers answers = nb::cast<PyBatch&>(result).answers;
+  if (!fields) {
+    std::vector<PlacedBody> placed;
+    std::vector<PyTool> shapes;
+    for (const PyBody* body : bodies) {
+      placed.push_back(body->placed);
+      shapes.push_back(body->shape);
+    }
+    check(self.measure_bodies(placed, std::move(shapes), given.batch, answers));
+    return result;
+  }
   auto where = stream_of(stream);
   if (!where && is_on_gpu) where.emplace();
   check(self.alone([&](const Contact& contact) {
-    return contact.measure_batch(asked.batch, given.batch, answers, where);
+    return contact.measure_batch(fields->batch, given.batch, answers, where);
   }));
   return result;
 }
@@ -244,6 +283,31 @@ void bind_batch(nb::module_& m) {
       m, "Surfaces",
       R"(The depth fields of many images, made by Sensor.update_batch. They stay while it is held.)")
       .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
+
+  nb::class_<PyBody>(
+      m, "Body",
+      R"(A rigid body that stays where it is, to be touched by Contact.measure_batch.
+
+shape: a Tool, which has the distance field that spheres ask; one made by another version makes it
+now, which takes about a second. pose: X_WB, (4, 4) or (7,); None: W is its frame. Several bodies of one
+shape share what is known of it if they are made by `at`.)")
+      .def(
+          "__init__",
+          [](PyBody* self, const PyTool& shape, nb::handle pose) {
+            const Pose X_WB = pose.is_none() ? Pose{} : pose_of(pose, "pose");
+            new (self) PyBody{shape, {ToolIndex::create(*shape.tool), X_WB}};
+          },
+          nb::arg("shape"), nb::arg("pose") = nb::none(),
+          nb::sig("def __init__(self, shape: Tool, pose: palpate._types.Array | None = None) -> None"))
+      .def(
+          "at",
+          [](const PyBody& self, nb::handle pose) {
+            return PyBody{self.shape, {self.placed.shape, pose_of(pose, "pose")}};
+          },
+          nb::arg("pose"), nb::sig("def at(self, pose: palpate._types.Array) -> Body"),
+          "The same shape at another pose X_WB.")
+      .def_prop_ro(
+          "shape", [](const PyBody& self) { return self.shape; }, "The Tool that it is shaped as.");
 
   nb::class_<PyBatch>(
       m, "Batch",

@@ -42,7 +42,8 @@ double unseen_share(const PyResult& result) {
   if (cloud.x == nullptr || cloud.gpu != kHostMemory) {
     throw PalpateError("what of the tool is unseen is only known of surfaces in host memory");
   }
-  const Pose X_CT = surface.X_CW * result.X_WT;
+  const Pose& X_WT = result.X_WT;
+  const Pose X_CT = surface.X_CW * Pose{X_WT.translation, normalized(X_WT.rotation)};
   double unseen = 0;
   for (const Sphere& sphere : result.tool->spheres()) {
     if (!is_seen(cloud, X_CT * to_double(sphere.centre))) {
@@ -85,9 +86,11 @@ void check_joined(const std::vector<nb::object>& surfaces, const PyContact& cont
   }
 }
 
-PyResult measure(PyContact& self, nb::handle given, const Pose& X_WT, bool with_stiffness,
+PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_stiffness,
                  bool with_states) {
   const std::vector<nb::object> surfaces = surfaces_of(given);
+  // With the bits of a batch, which takes quaternions as they are.
+  const Pose X_WT = surfaces.size() == 1 ? given_pose(pose, "pose") : pose_of(pose, "pose");
   check_joined(surfaces, self);
   std::vector<SurfaceBlend> cameras;
   for (const nb::object& one : surfaces) {
@@ -207,7 +210,7 @@ options: of docs/settings.md [contact]: volumes, priority, inside, edges, contin
       .def(
           "measure",
           [](PyContact& self, nb::handle surface, nb::handle pose, bool stiffness, bool states) {
-            return measure(self, surface, pose_of(pose, "pose"), stiffness, states);
+            return measure(self, surface, pose, stiffness, states);
           },
           nb::arg("surface"), nb::arg("pose"), nb::kw_only(), nb::arg("stiffness") = false,
           nb::arg("states") = false,
@@ -226,12 +229,13 @@ A pose that is not finite, or a surface that is none, is told by Result.status; 
            nb::arg("out") = nb::none(), nb::arg("stream") = nb::none(),
            nb::sig(
                "def measure_batch(self, surfaces: Surface | collections.abc.Sequence[Surface] | "
-               "Surfaces, poses: palpate._types.Array, *, "
+               "Surfaces | Body | collections.abc.Sequence[Body], poses: palpate._types.Array, *, "
                "surface_of_pose: palpate._types.Array | None = None, stiffness: bool = False, "
                "out: Batch | None = None, stream: palpate._types.Stream | None = None) -> Batch"),
            R"(Many poses in one call, over all cores or in one launch on a GPU; method "field".
 
-surfaces: one, a list, or what Sensor.update_batch made.
+surfaces: one, a list, or what Sensor.update_batch made. Or palpate.Body, one or a list, on a CPU:
+    surface_of_pose then is the number of the body, volume what both share, and what the tool feels.
 poses: X_WT, (P, 4, 4) or (P, 7) tx ty tz qx qy qz qw; on a GPU (P, 7) float64 of unit quaternions.
 surface_of_pose: (P,) int32, the number of the surface of each pose; None: there is one surface, or
     each pose has its own.

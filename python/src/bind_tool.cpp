@@ -112,14 +112,6 @@ PyTool packed(const TriangleMesh& raw, PackRequest request, const nb::object& pr
   return made;
 }
 
-nb::object vector_of(const Vec3d& v) { return array_of<double>({v.x, v.y, v.z}, {3}); }
-
-nb::object matrix_of(const Mat3d& m) {
-  std::vector<double> numbers;
-  for (const auto& row : m.m) numbers.insert(numbers.end(), row, row + 3);
-  return array_of(std::move(numbers), {3, 3});
-}
-
 const Tool& tool_of(nb::handle self) { return *nb::cast<PyTool&>(self).tool; }
 
 }  // namespace
@@ -142,12 +134,15 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
       .def_prop_ro(
           "edges",
           [](nb::handle self) {
-            std::vector<std::int32_t> numbers;
-            for (const auto& [a, b] : tool_of(self).graph().edges()) {
-              numbers.insert(numbers.end(), {a, b});
+            auto& edges = nb::cast<PyTool&>(self).edges;
+            if (edges == nullptr) {
+              auto numbers = std::make_shared<std::vector<std::int32_t>>();
+              for (const auto& [a, b] : tool_of(self).graph().edges()) {
+                numbers->insert(numbers->end(), {a, b});
+              }
+              edges = std::move(numbers);
             }
-            const std::size_t num = numbers.size() / 2;
-            return array_of(std::move(numbers), {num, 2});
+            return view_of(edges->data(), {edges->size() / 2, 2}, self);
           },
           nb::sig("def edges(self) -> numpy.typing.NDArray[numpy.int32]"),
           "(E, 2) int32: which spheres are neighbours, each pair once, the lower index first.")
@@ -159,11 +154,17 @@ Immutable. Made by `pack`, `pack_file` or `load_tool`. Arrays are views that can
           "Volume of all spheres, m3.")
       .def_prop_ro(
           "centre_of_mass",
-          [](nb::handle self) { return vector_of(tool_of(self).sphere_mass().centre_of_mass); },
+          [](nb::handle self) {
+            static_assert(sizeof(Vec3d) == 3 * sizeof(double));
+            return view_of(&tool_of(self).sphere_mass().centre_of_mass.x, {3}, self);
+          },
           nb::sig("def centre_of_mass(self) -> numpy.typing.NDArray[numpy.float64]"),
           "(3,) m in T: of the spheres. All torques are about this point.")
       .def_prop_ro(
-          "inertia", [](nb::handle self) { return matrix_of(tool_of(self).sphere_mass().inertia); },
+          "inertia",
+          [](nb::handle self) {
+            return view_of(&tool_of(self).sphere_mass().inertia.m[0][0], {3, 3}, self);
+          },
           nb::sig("def inertia(self) -> numpy.typing.NDArray[numpy.float64]"),
           "(3, 3) kg m2 of the spheres at 1 kg/m3, about their centre of mass, axes of T.")
       .def_prop_ro(

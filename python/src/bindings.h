@@ -5,6 +5,7 @@
 
 #include <memory>
 
+#include "palpate/contact/body_contact.h"
 #include "palpate/field/sensor.h"
 #include "palpate/tool/tool.h"
 
@@ -22,6 +23,8 @@ void bind_scenes(nanobind::module_& m);
 /// palpate.Tool.
 struct PyTool {
   std::shared_ptr<const Tool> tool;
+  /// Pairs of neighbours, when they are first asked for.
+  std::shared_ptr<const std::vector<std::int32_t>> edges = nullptr;
 };
 
 /// palpate.Camera: a Camera, how its numbers are to be read, and where it is.
@@ -49,6 +52,12 @@ struct PySurfaces {
   SurfaceBatch batch;
   Pose X_WC;
   Place place;
+};
+
+/// palpate.Body: a rigid body that stays where it is.
+struct PyBody {
+  PyTool shape;  // outlives what is known of it
+  PlacedBody placed;
 };
 
 }  // namespace palpate::python

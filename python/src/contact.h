@@ -1,10 +1,13 @@
 // palpate.Contact, for its files of bindings.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
+#include "palpate/contact/body_contact.h"
 #include "palpate/contact/contact.h"
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
@@ -28,6 +31,27 @@ class PyContact {
     const std::lock_guard lock(mutex_);
     return work(contact_);
   }
+  /// Many poses against bodies. What is made for some bodies is kept until others are asked about.
+  /// `keeper`: of the bodies' shapes.
+  Status measure_bodies(const std::vector<PlacedBody>& bodies, std::vector<PyTool> keeper,
+                        const PoseBatch& poses, const BatchAnswers& answers) {
+    const nb::gil_scoped_release no_gil;
+    const std::lock_guard lock(mutex_);
+    const auto is_same = [](const PlacedBody& a, const PlacedBody& b) {
+      return a.shape == b.shape && a.X_WB == b.X_WB;
+    };
+    if (body_batch_ == nullptr ||
+        !std::equal(bodies.begin(), bodies.end(), bodies_.begin(), bodies_.end(), is_same)) {
+      if (body_pool_ == nullptr) body_pool_ = std::make_unique<ThreadPool>(0);
+      auto made = make_body_batch_query(place_.backend, contact_.query().index(), bodies, {},
+                                        body_pool_.get());
+      if (!made) return made.error();
+      body_batch_ = *std::move(made);
+      bodies_ = bodies;
+      shapes_ = std::move(keeper);
+    }
+    return body_batch_->measure(poses.X_WT, poses.surface_of_pose, answers);
+  }
 
  private:
   static Contact make(const Tool& tool, const ContactMethod& method, const Place& place,
@@ -43,6 +67,10 @@ class PyContact {
   PyTool tool_;  // outlives the contact
   Place place_;
   Contact contact_;
+  std::vector<PyTool> shapes_;
+  std::vector<PlacedBody> bodies_;
+  std::unique_ptr<ThreadPool> body_pool_;
+  std::unique_ptr<BodyBatchQuery> body_batch_;
   std::mutex mutex_;
 };
 

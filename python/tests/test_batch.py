@@ -207,3 +207,84 @@ def test_bad_batches(cube, scene):
         contact.measure_batch([], poses)
     with pytest.raises(palpate.Error, match="field"):
         palpate.Contact(cube, "graph").measure_batch(surface, poses)
+
+
+def test_poses_lie_where_they_are(cube, scene):
+    """A (P, 7) float64 array is read in place: measured again after it changed, nothing is remembered."""
+    *_, surface, poses = scene
+    contact = palpate.Contact(cube)
+    asked = poses.copy()
+    lengths = np.linalg.norm(asked[:, 3:], axis=1)
+    assert lengths.min() < 0.9 and lengths.max() > 1.1
+    first = rows(contact.measure_batch(surface, asked, stiffness=True))
+    one_by_one = [numbers(contact.measure(surface, pose, stiffness=True)) for pose in asked]
+    assert np.array_equal(first, np.array(one_by_one))
+    asked[:] = asked[::-1].copy()
+    assert np.array_equal(rows(contact.measure_batch(surface, asked, stiffness=True)), first[::-1])
+    for other in (np.asfortranarray(poses), poses.tolist()):
+        assert np.array_equal(rows(contact.measure_batch(surface, other, stiffness=True)), first)
+    asked[5, 3:] = 0
+    with pytest.raises(ValueError, match="quaternion qx qy qz qw is zero"):
+        contact.measure_batch(surface, asked)
+
+
+def test_numbers_of_surfaces_are_whole_ones(cube, scene):
+    *_, surface, poses = scene
+    contact = palpate.Contact(cube)
+    few = poses[:3]
+    for whole in (np.array([0, 1, 0]), [0, 1, 0], np.array([0, 1, 0], np.uint8)):
+        assert contact.measure_batch([surface, surface], few, surface_of_pose=whole).volume.shape == (3,)
+    for broken in ([0, 0.5, 1], np.array([0, 1 << 32, 1])):
+        with pytest.raises(ValueError, match="surface_of_pose: not whole numbers that fit int32"):
+            contact.measure_batch([surface, surface], few, surface_of_pose=broken)
+
+
+@pytest.fixture(scope="module")
+def block():
+    """A cube of 10 cm."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 0.05
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6],
+             [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    return palpate.pack(corners, faces, 50)
+
+
+def test_bodies_in_place_of_surfaces(cube, block):
+    contact = palpate.Contact(cube)
+    side = cube.volume ** (1 / 3)
+    near = palpate.Body(block, [0, 0, 0.5, 0, 0, 0, 1])
+    far = near.at([1, 0, 0.5, 0, 0, 0, 1])
+    depth = np.linspace(-0.004, 0.006, 11)  # of the face, from below
+    poses = np.tile([0.0, 0, 0, 0, 0, 0, 1], (11, 1))
+    poses[:, 2] = 0.45 - side / 2 + depth
+    alone = contact.measure_batch(near, poses, stiffness=True)
+    assert alone.volume == pytest.approx(side**2 * np.maximum(depth, 0), rel=0.05, abs=0.02 * side**2 * 0.006)
+    assert (alone.force[6:, 2] < 0).all() and (alone.volume[:4] == 0).all()
+    assert alone.potential[-1] > 0 and alone.stiffness.shape == (11, 6, 6)
+    # The force is how the potential changes with a shift.
+    step = 1e-5
+    shifted = [contact.measure_batch(near, poses + [0, 0, s, 0, 0, 0, 0]).potential for s in (step, -step)]
+    assert -(shifted[0] - shifted[1]) / (2 * step) == pytest.approx(alone.force[:, 2], rel=2e-3, abs=1e-9)
+
+    numbers_of = np.arange(11) % 2
+    poses[numbers_of == 1, 0] += 1
+    both = contact.measure_batch([near, far], poses, surface_of_pose=numbers_of, stiffness=True)
+    assert both.volume == pytest.approx(alone.volume, rel=1e-4, abs=1e-12)
+    again = contact.measure_batch([near, far], poses[3:9], surface_of_pose=numbers_of[3:9], stiffness=True)
+    assert np.array_equal(rows(again), rows(both)[3:9])
+    assert contact.measure_batch([near, far], poses, surface_of_pose=numbers_of + 1).status[1] != 0
+
+
+def test_bad_batches_against_bodies(cube, block, scene):
+    *_, surface, poses = scene
+    body = palpate.Body(block)
+    contact = palpate.Contact(cube)
+    with pytest.raises(palpate.Error, match="200 poses was given 2 bodies"):
+        contact.measure_batch([body, body], poses)
+    with pytest.raises(TypeError, match="not both"):
+        contact.measure_batch([body, surface], poses, surface_of_pose=np.zeros(200, np.int32))
+    with pytest.raises(TypeError):
+        contact.measure_batch([surface, body], poses, surface_of_pose=np.zeros(200, np.int32))
+    with pytest.raises(palpate.Error, match="by the method field"):
+        palpate.Contact(cube, "graph").measure_batch(body, poses)
+    with pytest.raises(ValueError, match=r"\(3,\)"):
+        palpate.Body(block, [1, 2, 3])

@@ -38,6 +38,9 @@ def test_arrays_are_views_that_outlive_the_tool():
     spheres, again = tool.spheres, tool.spheres
     assert np.shares_memory(spheres, again)
     assert not spheres.flags.writeable
+    for name in ("edges", "centre_of_mass", "inertia"):
+        view = getattr(tool, name)
+        assert np.shares_memory(view, getattr(tool, name)) and not view.flags.writeable, name
     copy = spheres.copy()
     del tool, again
     assert np.array_equal(spheres, copy)

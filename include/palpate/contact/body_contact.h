@@ -171,6 +171,35 @@ class BodyContact final : public BodyPairQuery {
   std::vector<std::uint8_t> touched_a_, touched_b_;  // one per sphere, of this measurement
 };
 
+// Many poses of one tool against bodies that stay, in one call.
+
+/// A body of a batch, and where it stays.
+struct PlacedBody {
+  std::shared_ptr<const ToolIndex> shape;
+  Pose X_WB = {};
+};
+
+/// Measures batches against bodies, as BatchQuery does against surfaces. One thread at a time.
+class BodyBatchQuery {
+ public:
+  virtual ~BodyBatchQuery() = default;
+
+  /// Each pose of the tool against one body: `body_of_pose` has P numbers of them, or is empty if
+  /// there is one body or each pose has its own. A number that no body has gives
+  /// StepStatus::no_surface. A pose is answered what BodyPairQuery::measure answers on the tool, to
+  /// the bit, whatever else is in the batch: with body b BodyPenetration::on_a and stiffness_a at
+  /// X_WA = X_WT and X_WB. Errors: sizes that do not fit; answers in the memory of a GPU.
+  virtual Status measure(std::span<const Pose> X_WT, std::span<const std::int32_t> body_of_pose,
+                         const BatchAnswers& answers) const = 0;
+};
+
+/// On a CPU, by the threads of `pool` (null: the caller's alone). The indices share what is known of
+/// a shape between all its places; one without a stored field gets it now, which takes about a
+/// second. Errors: no body; a body without a shape; on a GPU there are no batches against bodies.
+Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(
+    Backend backend, std::shared_ptr<const ToolIndex> tool, std::vector<PlacedBody> bodies,
+    const BodyPairOptions& options = {}, ThreadPool* pool = nullptr);
+
 // Several bodies: any number of moving tools and of rigid objects around one cloud.
 
 /// Contacts of one body: with the cloud, and with all other bodies together.

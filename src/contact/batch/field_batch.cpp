@@ -1,12 +1,60 @@
 #include "src/contact/batch/field_batch.h"
 
 #include <algorithm>
+#include <bit>
 #include <string>
 #include <utility>
 
 #include "src/contact/batch/batch_pose.h"
 
 namespace palpate::inline v0 {
+namespace {
+
+constexpr int kMostPosesPerTask = 4096, kLeastPosesPerTask = 64;
+/// With fewer poses for each surface an overview costs more than it saves.
+constexpr std::size_t kPosesPerOverview = 32;
+
+}  // namespace
+
+/// The tiles of a field, joined to 8 x 8 blocks at most: enough to see that a tool is far in front
+/// of all that is near it in the image.
+struct FieldBatch::Overview {
+  static constexpr int kBlocks = 8;
+
+  void look_at(const DepthFieldView& field) {
+    shift_u = shift_over(field.tiles_wide);
+    shift_v = shift_over(field.tiles_high);
+    for (DepthTile& block : blocks) block = {1e30f, 1};
+    for (int v = 0; v < field.tiles_high; ++v) {
+      for (int u = 0; u < field.tiles_wide; ++u) {
+        const DepthTile& tile = field.tiles[v * field.tiles_wide + u];
+        DepthTile& block = blocks[(v >> shift_v) * kBlocks + (u >> shift_u)];
+        block = {std::min(block.nearest, tile.nearest),
+                 std::min(block.least_slope, tile.least_slope)};
+      }
+    }
+  }
+
+  /// If so, no sphere in the ball touches anything.
+  bool is_in_front(const BallWindow& window, float largest_radius) const {
+    if (!window.is_before_camera()) return false;
+    for (int v = window.top >> shift_v; v <= window.bottom >> shift_v; ++v) {
+      for (int u = window.left >> shift_u; u <= window.right >> shift_u; ++u) {
+        if (!is_behind(blocks[v * kBlocks + u], window.farthest, largest_radius)) return false;
+      }
+    }
+    return true;
+  }
+
+ private:
+  static int shift_over(int num_tiles) {
+    const auto blocks_wanted = static_cast<unsigned>((num_tiles + kBlocks - 1) / kBlocks);
+    return static_cast<int>(std::bit_width(blocks_wanted - 1));
+  }
+
+  int shift_u = 0, shift_v = 0;
+  DepthTile blocks[kBlocks * kBlocks];
+};
 
 Status check_batch(const SurfaceBatch& surfaces, const PoseBatch& poses) {
   const auto refuse = [](const std::string& message) {
@@ -46,15 +94,37 @@ struct FieldBatch::Worker {
   const SurfaceBatch& surfaces;
   const PoseBatch& poses;
   const BatchAnswers& answers;
+  bool has_overviews;
   MeasureJob job{};
   int surface = -1;     // in the job
   bool has_all = true;  // is its field of the whole image?
   GroupSums of_group[2]{};
 
-  void measure(std::size_t pose);
+  void measure(std::size_t first, std::size_t last);
+  bool is_in_front(std::size_t pose, std::uint64_t& place);
+  bool look_at(int asked);
+  int surface_asked(std::size_t pose) const;
   ContactResult ask(std::size_t pose, BatchPose& at);
   void put(std::size_t pose, const BatchPose& at, ContactResult& result) const;
+  void put_nothing(std::size_t pose) const;
 };
+
+int FieldBatch::Worker::surface_asked(std::size_t pose) const {
+  const auto* const numbers =
+      poses.surface_of_pose.empty() ? nullptr : poses.surface_of_pose.data();
+  return surface_of(numbers, surfaces.size(), static_cast<int>(pose));
+}
+
+/// Takes a surface into the job. Returns whether it has a field.
+bool FieldBatch::Worker::look_at(int asked) {
+  const DepthFieldView& field = job.fields[0];
+  if (asked != surface) {
+    job.fields[0] = surfaces[asked].field;
+    has_all = field.asked.has_all(field.levels[0].width, field.levels[0].height);
+    surface = asked;
+  }
+  return field.num_levels > 0;
+}
 
 ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
   const bool with_stiffness = answers.stiffness != nullptr;
@@ -64,17 +134,9 @@ ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
     if (with_stiffness) result.stiffness.emplace();
     return result;
   };
-  const auto* const numbers =
-      poses.surface_of_pose.empty() ? nullptr : poses.surface_of_pose.data();
-  const int asked = surface_of(numbers, surfaces.size(), static_cast<int>(pose));
-  if (asked < 0) return nothing(StepStatus::no_surface);
+  const int asked = surface_asked(pose);
+  if (asked < 0 || !look_at(asked)) return nothing(StepStatus::no_surface);
   const DepthFieldView& field = job.fields[0];
-  if (asked != surface) {
-    job.fields[0] = surfaces[asked].field;
-    has_all = field.asked.has_all(field.levels[0].width, field.levels[0].height);
-    surface = asked;
-  }
-  if (field.num_levels == 0) return nothing(StepStatus::no_surface);
   at = pose_in_camera(poses.X_WT[pose], poses.X_WC.empty() ? nullptr : &poses.X_WC[asked]);
   if (!at.is_finite) return nothing(StepStatus::non_finite_pose);
   if (!has_all && !is_known_around(field, at.X_CT * query.p_TC_, query.elements_->reach)) {
@@ -97,7 +159,7 @@ ContactResult FieldBatch::Worker::ask(std::size_t pose, BatchPose& at) {
 
 void FieldBatch::Worker::put(std::size_t pose, const BatchPose& at, ContactResult& result) const {
   Penetration& measured = result.penetration;
-  if (!poses.X_WC.empty()) {
+  if (!poses.X_WC.empty() && measured.volume > 0) {
     measured.measure_W = {at.R_WC * measured.measure_W.force, at.R_WC * measured.measure_W.torque};
     if (result.stiffness) rotate_stiffness(at.R_WC, *result.stiffness);
   }
@@ -114,10 +176,68 @@ void FieldBatch::Worker::put(std::size_t pose, const BatchPose& at, ContactResul
   if (answers.status != nullptr) answers.status[pose] = measured.status.bits;
 }
 
-void FieldBatch::Worker::measure(std::size_t pose) {
-  BatchPose at;
-  ContactResult result = ask(pose, at);
-  put(pose, at, result);
+void FieldBatch::Worker::put_nothing(std::size_t pose) const {
+  if (answers.volume != nullptr) answers.volume[pose] = 0;
+  if (answers.potential != nullptr) answers.potential[pose] = 0;
+  if (answers.force != nullptr) std::fill_n(answers.force + 3 * pose, 3, 0.0);
+  if (answers.torque != nullptr) std::fill_n(answers.torque + 3 * pose, 3, 0.0);
+  if (answers.stiffness != nullptr) {
+    const Stiffness none = StiffnessSums{}.stiffness();
+    std::copy_n(&none.m[0][0], 36, answers.stiffness + 36 * pose);
+  }
+  if (answers.status != nullptr) answers.status[pose] = 0;
+}
+
+/// Is a pose so far in front that its answer is nothing? Else, where its surface and its tiles are
+/// among all of them. The tool is taken as a ball around its origin: that needs no rotation.
+bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
+  place = 0;
+  const int asked = surface_asked(pose);
+  if (asked < 0) return false;
+  place = static_cast<std::uint64_t>(asked) << 16;
+  if (!has_overviews || !look_at(asked) || !has_all) return false;
+  const Pose& X_WT = poses.X_WT[pose];
+  const Quaternion& q = X_WT.rotation;
+  Vec3d p_C = X_WT.translation;
+  if (!poses.X_WC.empty()) p_C = inverse(poses.X_WC[static_cast<std::size_t>(asked)]) * p_C;
+  const double total = p_C.x + p_C.y + p_C.z + q.x + q.y + q.z + q.w;
+  if (total - total != 0) return false;
+  const DepthFieldView& field = job.fields[0];
+  FieldFrame& frame = job.frame;
+  frame.fx = static_cast<float>(field.intrinsics.fx);
+  frame.fy = static_cast<float>(field.intrinsics.fy);
+  frame.cx = static_cast<float>(field.intrinsics.cx);
+  frame.cy = static_cast<float>(field.intrinsics.cy);
+  for (int axis = 0; axis < 3; ++axis) frame.p_WC[axis] = static_cast<float>(p_C[axis]);
+  const BallWindow window =
+      window_of(frame, {{}, {}, query.reach_}, query.largest_radius_, field.tiles_wide,
+                field.tiles_high);
+  place |= static_cast<std::uint64_t>(window.top * field.tiles_wide + window.left);
+  const Overview& overview = query.overviews_[static_cast<std::size_t>(asked)];
+  return overview.is_in_front(window, query.largest_radius_);
+}
+
+/// What is seen at one place lies together in memory: poses are measured in that order.
+void FieldBatch::Worker::measure(std::size_t first, std::size_t last) {
+  std::uint64_t order[kMostPosesPerTask];
+  std::size_t num = 0;
+  for (std::size_t pose = first; pose < last; ++pose) {
+    std::uint64_t place = 0;
+    if (is_in_front(pose, place)) {
+      put_nothing(pose);
+    } else {
+      order[num++] = place * kMostPosesPerTask + (pose - first);
+    }
+  }
+  std::sort(order, order + num);
+  for (std::size_t i = 0; i < num; ++i) {
+    const std::size_t pose = first + order[i] % kMostPosesPerTask;
+    const std::size_t soon = first + order[std::min(i + 4, num - 1)] % kMostPosesPerTask;
+    __builtin_prefetch(&poses.X_WT[soon]);
+    BatchPose at;
+    ContactResult result = ask(pose, at);
+    put(pose, at, result);
+  }
 }
 
 FieldBatch::FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
@@ -126,7 +246,19 @@ FieldBatch::FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod
       elements_(&index_->parts().elements(method.volumes)),
       p_TC_(index_->tool().sphere_mass().centre_of_mass),
       kernels_(field_contact_kernels(capacities.isa)),
+      largest_radius_(*std::max_element(elements_->largest_radius.begin(),
+                                        elements_->largest_radius.end())),
+      reach_(static_cast<float>(1.0001 * (norm(p_TC_) + elements_->reach) +
+                                static_cast<double>(largest_radius_))),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_) {}
+
+FieldBatch::~FieldBatch() = default;
+
+Status FieldBatch::reserve(int num_surfaces, int) const {
+  const auto num = static_cast<std::size_t>(num_surfaces);
+  if (overviews_.size() < num) overviews_.resize(num);
+  return Done{};
+}
 
 Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
                            const BatchAnswers& answers, std::optional<CallerStream>) const {
@@ -145,14 +277,20 @@ Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
     if (field.num_levels > 0 && field.gpu != kHostMemory) return refuse(field.gpu, "a surface");
     if (surfaces.is_even()) break;
   }
-  constexpr std::size_t kPosesPerTask = 64;
-  const std::size_t num = poses.X_WT.size();
-  pool_->parallel_for(static_cast<int>((num + kPosesPerTask - 1) / kPosesPerTask), [&](int task) {
-    Worker worker{*this, surfaces, poses, answers, measure_job(*elements_)};
-    const std::size_t first = static_cast<std::size_t>(task) * kPosesPerTask;
-    for (std::size_t i = first; i < std::min(num, first + kPosesPerTask); ++i) {
-      worker.measure(i);
-    }
+  const std::size_t num = poses.X_WT.size(), num_surfaces = static_cast<std::size_t>(surfaces.size());
+  const bool has_overviews = num >= kPosesPerOverview * num_surfaces;
+  (void)reserve(surfaces.size(), 0);
+  pool_->parallel_for(has_overviews ? surfaces.size() : 0, [&](int i) {
+    const DepthFieldView field = surfaces[i].field;
+    if (field.num_levels > 0) overviews_[static_cast<std::size_t>(i)].look_at(field);
+  });
+  // Tasks enough that no thread waits long for the last one.
+  const std::size_t share = num / (8 * static_cast<std::size_t>(pool_->num_threads()));
+  const std::size_t of_task = std::clamp<std::size_t>(share, kLeastPosesPerTask, kMostPosesPerTask);
+  pool_->parallel_for(static_cast<int>((num + of_task - 1) / of_task), [&](int task) {
+    Worker worker{*this, surfaces, poses, answers, has_overviews, measure_job(*elements_)};
+    const std::size_t first = static_cast<std::size_t>(task) * of_task;
+    worker.measure(first, std::min(num, first + of_task));
   });
   return Done{};
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "palpate/contact/contact.h"
 #include "src/contact/field/field_contact.h"
@@ -16,18 +17,22 @@ class FieldBatch final : public BatchQuery {
  public:
   FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod& method,
              const ExecutionOptions& capacities);
+  ~FieldBatch() override;
 
   Status measure(const SurfaceBatch& surfaces, const PoseBatch& poses, const BatchAnswers& answers,
                  std::optional<CallerStream> stream) const override;
-  Status reserve(int, int) const override { return Done{}; }
+  Status reserve(int num_surfaces, int num_poses) const override;
 
  private:
+  struct Overview;
   struct Worker;
 
   std::shared_ptr<const ToolIndex> index_;
   const FieldElements* elements_;  // of the index
   Vec3d p_TC_;                     // centre of mass
   FieldContactKernels kernels_;
+  float largest_radius_, reach_;  // of elements; of the tool from its origin
+  mutable std::vector<Overview> overviews_;  // of the surfaces, if that pays
   mutable ThreadPool own_pool_{1};
   ThreadPool* pool_;
 };

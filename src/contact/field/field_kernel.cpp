@@ -15,11 +15,12 @@ struct Answers {
 template <class Sample, int kFields>
 [[gnu::always_inline]] inline void ask_cluster(const MeasureJob& job, const Grid& grid,
                                                const Pixels (&fields)[kFields], std::size_t begin,
-                                               std::uint32_t near, Answers<Sample, kFields>& to) {
-  for (int i = 0; i < kNumVectors; ++i) {
+                                               int num_vectors, std::uint32_t near,
+                                               Answers<Sample, kFields>& to) {
+  for (int i = 0; i < num_vectors; ++i) {
     to.lanes[i] = aim(job, grid, begin + static_cast<std::size_t>(i * kLanes));
   }
-  for (int i = 0; i < kNumVectors; ++i) {
+  for (int i = 0; i < num_vectors; ++i) {
     const Lanes& e = to.lanes[i];
     const Look look = look_of(grid, e, e.radius);
     const VecI is_before_camera = e.lz + job.frame.p_WC[2] > splat(kLeastDepth);
@@ -31,7 +32,7 @@ template <class Sample, int kFields>
       answer.is_touching[k] = is_before_camera & (first_of(answer.samples[k]).phi < e.radius);
     }
   }
-  for (int i = 0; i < kNumVectors; ++i) {
+  for (int i = 0; i < num_vectors; ++i) {
     ask_deeper<Sample, kFields>(grid, fields, to.lanes[i], to.fields[i]);
   }
 }
@@ -46,8 +47,10 @@ template <class Sample, int kFields, class F>
   for (int k = 0; k < kFields; ++k) fields[k] = pixels_of(job.fields[k]);
   Answers<Sample, kFields> answers;
   for_near_clusters<kFields>(job, group, [&](std::size_t begin, std::uint32_t near) {
-    ask_cluster<Sample, kFields>(job, grid, fields, begin, near, answers);
-    for (int i = 0; i < kNumVectors; ++i) {
+    const int num = job.clusters->num_spheres(static_cast<int>(begin / kSize));
+    const int num_vectors = (num + kLanes - 1) / kLanes;
+    ask_cluster<Sample, kFields>(job, grid, fields, begin, num_vectors, near, answers);
+    for (int i = 0; i < num_vectors; ++i) {
       const std::size_t slot = begin + static_cast<std::size_t>(i * kLanes);
       Answer<Sample, kFields>& answer = answers.fields[i];
       for (int k = 0; k < kFields; ++k) {

@@ -116,6 +116,7 @@ struct LevelBlend {
   gather_fours(&pixels.silhouettes->side, 2 * pixel + (own.value < VecF{} ? VecI{} : VecI{} + 1),
                numbers);
   const VecF& side = numbers[0];
+  if (mask_bits(side != VecF{}) == 0) return own;  // as clamped_at_silhouette would
   Curved<VecF> plane = plane_value(numbers[1], numbers[2], depth);
   if (grid.thickness < static_cast<float>(kSolidBehind)) {
     plane = with_back(plane, splat(grid.thickness));

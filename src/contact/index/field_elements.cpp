@@ -15,8 +15,6 @@ constexpr double kLargest = 0.2;
 constexpr double kLargestEven = 0.2435;
 // A ball has at most so many times the radius of its sphere.
 constexpr double kMostGrowth = 1.5;
-// Of the padding: anything positive.
-constexpr float kTinyRadius = 1e-6f;
 
 struct Element {
   Vec3d centre;
@@ -84,12 +82,14 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   factor.resize(radius.size());
   counted.resize(radius.size());
   for (std::size_t place = 0; place < radius.size(); ++place) {
-    const Vec3f centre{clusters.x[place], clusters.y[place], clusters.z[place]};
-    reach = std::max(reach, norm(to_double(centre)));
-    if (clusters.sphere_id[place] < 0) {
-      radius[place] = kTinyRadius;
+    if (clusters.sphere_id[place] < 0) {  // asks what its neighbour asks, and counts nothing
+      for (std::vector<float>* const array : {&clusters.x, &clusters.y, &clusters.z, &radius}) {
+        (*array)[place] = (*array)[place - 1];
+      }
       continue;
     }
+    const Vec3f centre{clusters.x[place], clusters.y[place], clusters.z[place]};
+    reach = std::max(reach, norm(to_double(centre)));
     const Element& e = elements[static_cast<std::size_t>(clusters.sphere_id[place])];
     factor[place] = static_cast<float>(e.volume / sphere_volume(e.radius));
     counted[place] = e.counted ? 1.0f : 0.0f;

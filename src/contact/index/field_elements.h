@@ -37,8 +37,8 @@ struct FieldElements {
 
   SphereClusters clusters;
   // Per place:
-  std::vector<float> radius;          ///< as in `clusters`, but padding has a tiny ball
-  std::vector<float> factor;          ///< volume that counts / volume of the ball
+  std::vector<float> radius;          ///< as in `clusters`; padding is the ball before it again
+  std::vector<float> factor;          ///< volume that counts / volume of the ball; padding: 0
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted
   std::vector<float> largest_radius;  ///< per cluster
   double reach = 0;                   ///< no centre is farther from the tool's centre of mass, m

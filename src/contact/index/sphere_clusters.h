@@ -1,6 +1,7 @@
 // The spheres of a tool in spatial order, in small groups: what the plane stage loops over.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -29,6 +30,10 @@ class SphereClusters {
 
   int num_clusters() const { return static_cast<int>(clusters.size()); }
   int num_groups() const { return static_cast<int>(groups.size()); }
+  /// Of a cluster, without padding.
+  int num_spheres(int cluster) const {
+    return std::min(kSize, static_cast<int>(place_of.size()) - cluster * kSize);
+  }
   /// All spheres in cluster order.
   std::span<const std::int32_t> order() const {
     return std::span(sphere_id).first(place_of.size());

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "palpate/packing/packing.h"
 #include "tests/contact/batch/batch_cases.h"
 #include "tests/test_util/allocation_counter.h"
 #include "tests/test_util/field_truth.h"
@@ -61,6 +62,31 @@ TEST(ContactBatch, IsManyMeasurementsToTheBit) {
       }
     }
   }
+}
+
+// Its origin is 0.3 m in front of everything while its spheres are in it.
+TEST(ContactBatch, AToolMayLieFarFromItsOrigin) {
+  const auto scenes = test::batch_scenes();
+  const SurfaceView surface{{}, scenes[0].field.view()};
+  TriangleMesh mesh = make_box({0.02, 0.016, 0.08});
+  for (Vec3d& vertex : mesh.vertices) vertex.z += 0.3;
+  PackOptions options;
+  options.max_spheres = 50;
+  const Tool tool =
+      Tool::build(mesh, pack_spheres(mesh, options).value(), GapRule::relative, "").value();
+  std::vector<Pose> X_WT;
+  for (int i = 0; i < 64; ++i) X_WT.push_back({{0, 0, 0.2 + 0.002 * i}, {}});
+  Answers got(64);
+  ASSERT_TRUE(batches_of(tool, SphereVolumes::represented)->measure(surface, {X_WT}, got.all()));
+  const auto query = make_contact_query(Backend::cpu, tool).value();
+  int num_touching = 0;
+  for (std::size_t i = 0; i < 64; ++i) {
+    const ContactResult want = query->measure(surface, X_WT[i], {.stiffness = true});
+    expect_measured(got, i, want);
+    num_touching += want.penetration.volume > 0;
+  }
+  EXPECT_GT(num_touching, 10);
+  EXPECT_LT(num_touching, 60);
 }
 
 TEST(ContactBatch, IsTheDefinition) {

@@ -1,0 +1,130 @@
+// Many poses of one tool against bodies that stay: queries of pairs, one for each thread and shape.
+#include <algorithm>
+#include <atomic>
+#include <string>
+#include <utility>
+
+#include "palpate/contact/body_contact.h"
+#include "src/contact/batch/batch_pose.h"
+
+namespace palpate::inline v0 {
+namespace {
+
+constexpr std::size_t kPosesAtATime = 64;
+
+Error refused(const std::string& message) { return {Errc::invalid_argument, message}; }
+
+void put(std::size_t pose, const Penetration& measured, const std::optional<Stiffness>& stiffness,
+         const BatchAnswers& answers) {
+  if (answers.volume != nullptr) answers.volume[pose] = measured.volume;
+  if (answers.potential != nullptr) answers.potential[pose] = measured.potential;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::size_t i = 3 * pose + static_cast<std::size_t>(axis);
+    if (answers.force != nullptr) answers.force[i] = measured.measure_W.force[axis];
+    if (answers.torque != nullptr) answers.torque[i] = measured.measure_W.torque[axis];
+  }
+  if (answers.stiffness != nullptr) {
+    const Stiffness k = stiffness.value_or(Stiffness{});
+    std::copy_n(&k.m[0][0], 36, answers.stiffness + 36 * pose);
+  }
+  if (answers.status != nullptr) answers.status[pose] = measured.status.bits;
+}
+
+class BodyBatch final : public BodyBatchQuery {
+ public:
+  /// `shape_of_body`: which of the pairs a body is; `pairs`: of each thread, one of each shape.
+  BodyBatch(std::vector<Pose> X_WB, std::vector<std::size_t> shape_of_body,
+            std::vector<std::vector<std::unique_ptr<BodyPairQuery>>> pairs, ThreadPool* pool)
+      : X_WB_(std::move(X_WB)),
+        shape_of_body_(std::move(shape_of_body)),
+        pairs_(std::move(pairs)),
+        pool_(pool != nullptr ? pool : &own_pool_) {}
+
+  Status measure(std::span<const Pose> X_WT, std::span<const std::int32_t> body_of_pose,
+                 const BatchAnswers& answers) const override {
+    const std::size_t num = X_WT.size(), num_bodies = X_WB_.size();
+    if (body_of_pose.empty() && num > 0 && num_bodies != 1 && num_bodies != num) {
+      return refused("a batch of " + std::to_string(num) + " poses was given " +
+                     std::to_string(num_bodies) +
+                     " bodies; say in body_of_pose which one each is measured against");
+    }
+    if (!body_of_pose.empty() && body_of_pose.size() != num) {
+      return refused("a batch of " + std::to_string(num) + " poses was given body_of_pose of " +
+                     std::to_string(body_of_pose.size()) + "; give one number for each pose");
+    }
+    if (answers.gpu != kHostMemory) {
+      return refused("an array for answers in the memory of GPU " + std::to_string(answers.gpu) +
+                     " was given to a batch against bodies, which is measured on the CPU; take "
+                     "one in host memory");
+    }
+    const auto* const numbers = body_of_pose.empty() ? nullptr : body_of_pose.data();
+    std::atomic<std::size_t> next = 0;
+    pool_->parallel_for(static_cast<int>(pairs_.size()), [&](int thread) {
+      const auto& pairs = pairs_[static_cast<std::size_t>(thread)];
+      for (std::size_t first = next.fetch_add(kPosesAtATime); first < num;
+           first = next.fetch_add(kPosesAtATime)) {
+        for (std::size_t i = first; i < std::min(num, first + kPosesAtATime); ++i) {
+          const int body = surface_of(numbers, static_cast<int>(num_bodies), static_cast<int>(i));
+          BodyPenetration measured;
+          if (body < 0) {
+            measured.on_a.status = StepStatus::no_surface;
+          } else {
+            const auto b = static_cast<std::size_t>(body);
+            measured = pairs[shape_of_body_[b]]->measure(X_WT[i], X_WB_[b],
+                                                         answers.stiffness != nullptr);
+            measured.on_a.status.bits |= measured.on_b.status.bits;
+          }
+          put(i, measured.on_a, measured.stiffness_a, answers);
+        }
+      }
+    });
+    return Done{};
+  }
+
+ private:
+  std::vector<Pose> X_WB_;
+  std::vector<std::size_t> shape_of_body_;
+  std::vector<std::vector<std::unique_ptr<BodyPairQuery>>> pairs_;
+  mutable ThreadPool own_pool_{1};
+  ThreadPool* pool_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<BodyBatchQuery>> make_body_batch_query(Backend backend,
+                                                              std::shared_ptr<const ToolIndex> tool,
+                                                              std::vector<PlacedBody> bodies,
+                                                              const BodyPairOptions& options,
+                                                              ThreadPool* pool) {
+  if (backend != Backend::cpu) {
+    return Error{Errc::unavailable,
+                 "batches against bodies are measured on the CPU alone: make the query with "
+                 "Backend::cpu, or measure pair by pair with make_body_pair_query"};
+  }
+  if (bodies.empty()) return refused("a batch was given no body; give one or more");
+  std::vector<std::shared_ptr<const ToolIndex>> shapes;
+  std::vector<std::size_t> shape_of_body;
+  std::vector<Pose> X_WB;
+  for (const PlacedBody& body : bodies) {
+    if (body.shape == nullptr) {
+      return refused("body " + std::to_string(X_WB.size()) + " of a batch has no shape");
+    }
+    const auto found = std::find(shapes.begin(), shapes.end(), body.shape);
+    shape_of_body.push_back(static_cast<std::size_t>(found - shapes.begin()));
+    if (found == shapes.end()) shapes.push_back(body.shape);
+    X_WB.push_back(body.X_WB);
+  }
+  std::vector<std::vector<std::unique_ptr<BodyPairQuery>>> pairs(
+      static_cast<std::size_t>(pool != nullptr ? pool->num_threads() : 1));
+  for (auto& of_thread : pairs) {
+    for (const auto& shape : shapes) {
+      auto made = make_body_pair_query(backend, tool, shape, options);
+      if (!made) return made.error();
+      of_thread.push_back(*std::move(made));
+    }
+  }
+  return std::unique_ptr<BodyBatchQuery>(std::make_unique<BodyBatch>(
+      std::move(X_WB), std::move(shape_of_body), std::move(pairs), pool));
+}
+
+}  // namespace palpate::inline v0
