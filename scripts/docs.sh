@@ -21,7 +21,8 @@ cat >$out/pages/api.md <<'END'
 # C++ library
 
 [Every class and function](doxygen/html/index.html){target=_blank} of the public headers. Start with
-`palpate/palpate.h`: `load_tool`, `Sensor`, `Contact`.
+`palpate/palpate.h`: `load_tool`, `Sensor`, `Contact`. All functions are on the page of the
+[namespace](doxygen/html/namespacepalpate.html){target=_blank}.
 END
 mkdir -p $out/doxygen
 doxygen docs/Doxyfile
