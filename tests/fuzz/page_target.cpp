@@ -21,10 +21,24 @@ constexpr double kTick = 1e-3;  // s
 /// A tool that pages hold, on a clock of the test's; B is W.
 class HeldByPages final : public test::ScriptedSource {
  public:
-  Status hold(std::uint64_t page) override { return handle_->hold(page, now_); }
+  Status hold(std::uint64_t page) override {
+    const Status status = handle_->hold(page, now_);
+    if (status) has_moved_ = false;
+    return status;
+  }
   Status move(std::uint64_t page, const Pose& X_WT) override {
     const Status status = handle_->move(page, X_WT, now_);
-    if (status) require(is_finite(X_WT), "a pose that is taken is finite");
+    if (!status) return status;
+    const Quaternion& q = X_WT.rotation;
+    require(norm(X_WT.translation) <= PageHandle::kFarthest &&
+                std::abs(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1) < 3e-3,
+            "a pose that is taken is one");
+    const double most = PageHandle::kFastest * (now_ - last_time_ + PageHandle::kBunch);
+    require(!has_moved_ || norm(X_WT.translation - last_p_W_) <= most * (1 + 1e-9),
+            "a hand that is believed is no faster than hands are");
+    has_moved_ = true;
+    last_time_ = now_;
+    last_p_W_ = X_WT.translation;
     return status;
   }
   void let_go(std::uint64_t page) override { handle_->let_go(page); }
@@ -53,7 +67,9 @@ class HeldByPages final : public test::ScriptedSource {
 
  private:
   static constexpr double kBegin = 100;  // s
-  double now_ = kBegin;
+  double now_ = kBegin, last_time_ = 0;
+  Vec3d last_p_W_;  // that was told last
+  bool has_moved_ = false;
   DeviceState state_;
   std::shared_ptr<PageHandle> handle_ = std::make_shared<PageHandle>();
   PageHand hand_{handle_};
