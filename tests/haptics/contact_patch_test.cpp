@@ -109,9 +109,9 @@ TEST(ContactPatch, OfTwoFeetAndOfNothing) {
   // Forces that cancel, a wrench without a volume, a tool without one.
   const VolumeWrench wrench{{0, 0, 1e-7}, {}};
   for (const ContactPatch& none :
-       {guessed_patch({}, 1e-6, test::box_tool(), {}), guessed_patch(wrench, 0, test::box_tool(), {}),
-        guessed_patch(wrench, 1e-6, {}, {}), contact_patch({}, 1e-6, {}, {}),
-        contact_patch(wrench, 0, {}, {})}) {
+       {guessed_patch({}, 1e-6, test::box_tool(), {}),
+        guessed_patch(wrench, 0, test::box_tool(), {}), guessed_patch(wrench, 1e-6, {}, {}),
+        contact_patch({}, 1e-6, {}, {}), contact_patch(wrench, 0, {}, {})}) {
     EXPECT_EQ(none.lever_W, Vec3d{});
     EXPECT_EQ(none.torsion_radius, 0);
   }

@@ -69,8 +69,8 @@ TEST(Friction, GrowsWithSpeedIfItIsViscous) {
   }
 }
 
-// A scene that is turned as a whole is felt turned as a whole: a patch beside the middle of the tool,
-// so that sliding and turning are one motion, on a viscous surface.
+// A scene that is turned as a whole is felt turned as a whole: a patch beside the middle of the
+// tool, so that sliding and turning are one motion, on a viscous surface.
 TEST(Friction, IsTheSameInEveryDirection) {
   test::Random random(31);
   for (const CouplingKind kind : kAll) {
