@@ -86,13 +86,15 @@ TEST_F(V4l2, ComesBackWithAnotherSize) {
 
 TEST_F(V4l2, BelievesTimesOfItsOwnClockAndLeavesDamagedFramesOut) {
   kernel_.num_damaged = 6;
+  double last = monotonic_now() - 0.02;  // exposed and transferred so much before it comes
   auto camera = open(kSmall).value();
   DepthFrame frame;
   for (int k = 0; k < 10; ++k) {
     ASSERT_TRUE(*camera->next(frame));
     EXPECT_GE(test::number_of(frame, 1000), 6);
     EXPECT_LT(frame.timestamp, monotonic_now() - 0.02);
-    EXPECT_GT(frame.timestamp, monotonic_now() - 0.3);
+    EXPECT_GT(frame.timestamp, last);
+    last = frame.timestamp;
   }
   camera->cancel();
   const std::string notes = test::all_notes(*camera);

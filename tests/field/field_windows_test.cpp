@@ -1,12 +1,14 @@
 // What is made for a window of the image, stage by stage.
 #include "src/field/field_windows.h"
 
+#include <cmath>
 #include <cstring>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "palpate/cloud/surface_estimator.h"
+#include "src/field/internal/asked_window.h"
 #include "tests/test_util/random_frame.h"
 
 namespace palpate {
@@ -45,6 +47,37 @@ void for_pixels(const PixelWindow& window, const F& f) {
 template <class T>
 bool has_same_bits(const T* a, const T* b, std::size_t num) {
   return std::memcmp(a, b, num * sizeof(T)) == 0;
+}
+
+// The pixels in which a ball is seen: all of them, and none that is farther than a pixel from one.
+TEST(AskedWindow, IsWhereTheBallIsSeen) {
+  constexpr int kWidth = 640, kHeight = 480;
+  const Intrinsics k{525, 520, 300.5, 251.25};
+  Random random(15);
+  int num_inside = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const double reach = 0.3 * std::pow(random.uniform(), 2), z = 0.03 + reach + random.uniform();
+    const Vec3d p{z * random.uniform(-0.7, 0.7), z * random.uniform(-0.6, 0.6), z};
+    const PixelWindow window = asked_window(k, kWidth, kHeight, p, reach);
+    // Along each axis the ball is seen as wide as a circle: the angles of its two tangents.
+    const auto expect_tight = [&](double x, double focal, double centre, int size, int first,
+                                  int last) {
+      const double middle = std::atan2(x, z), half = std::asin(reach / std::hypot(x, z));
+      const double low = focal * std::tan(middle - half) + centre;
+      const double high = focal * std::tan(middle + half) + centre;
+      if (low < 0 || low > size - 1 || high < 1 || high > size) return;  // the image ends there
+      EXPECT_LE(first, low + 1e-6);
+      EXPECT_GE(last, high - 1e-6);
+      EXPECT_GE(first, low - 1 - 1e-6);
+      EXPECT_LE(last, high + 1 + 1e-6);
+      ++num_inside;
+    };
+    expect_tight(p.x, k.fx, k.cx, kWidth, window.left, window.right);
+    expect_tight(p.y, k.fy, k.cy, kHeight, window.top, window.bottom);
+  }
+  EXPECT_GT(num_inside, 1000);
+  const PixelWindow all{0, 0, kWidth, kHeight};
+  EXPECT_EQ(asked_window(k, kWidth, kHeight, {0, 0, 0.3}, 0.29), all) << "up to the eye";
 }
 
 // To the last pixel of every stage, in memory where another frame was before.

@@ -106,6 +106,15 @@ TEST(ContactPatch, OfTwoFeetAndOfNothing) {
   EXPECT_EQ(joined(a, 0, b, 0).torsion_radius, a.torsion_radius);
   EXPECT_EQ(contact_patch({}, 0, {}, {}).torsion_radius, 0);
   EXPECT_EQ(guessed_patch({}, 0, test::box_tool(), {}).torsion_radius, 0);
+  // Forces that cancel, a wrench without a volume, a tool without one.
+  const VolumeWrench wrench{{0, 0, 1e-7}, {}};
+  for (const ContactPatch& none :
+       {guessed_patch({}, 1e-6, test::box_tool(), {}),
+        guessed_patch(wrench, 0, test::box_tool(), {}), guessed_patch(wrench, 1e-6, {}, {}),
+        contact_patch({}, 1e-6, {}, {}), contact_patch(wrench, 0, {}, {})}) {
+    EXPECT_EQ(none.lever_W, Vec3d{});
+    EXPECT_EQ(none.torsion_radius, 0);
+  }
 }
 
 // A ball: as far out as it is, where the wrench points.
@@ -120,6 +129,11 @@ TEST(ContactPatch, IsGuessedFromTheWrench) {
     const ContactPatch patch =
         guessed_patch({force, cross(aside, force)}, 1e-7, ball, random.rotation(3));
     EXPECT_NEAR(norm(patch.lever_W - (aside - r * n)), 0, 1e-9);
+    // A torque that no point of the tool explains: as far aside as the tool may be wide.
+    const Vec3d far = 9 * r * normalized(aside);
+    const ContactPatch widest =
+        guessed_patch({force, cross(far, force)}, 1e-7, ball, random.rotation(3));
+    EXPECT_NEAR(norm(widest.lever_W - (std::sqrt(3) * r * normalized(aside) - r * n)), 0, 1e-9);
   }
 }
 

@@ -69,6 +69,41 @@ TEST(Friction, GrowsWithSpeedIfItIsViscous) {
   }
 }
 
+// A scene that is turned as a whole is felt turned as a whole: a patch beside the middle of the
+// tool, so that sliding and turning are one motion, on a viscous surface.
+TEST(Friction, IsTheSameInEveryDirection) {
+  test::Random random(31);
+  for (const CouplingKind kind : kAll) {
+    CouplingOptions options = options_of(kind, 0.3);
+    options.friction.viscous = 4;
+    for (int run = 0; run < 5; ++run) {
+      const Pose X_WQ{{}, run == 0 ? axis_angle({0, 0, 1}, kPi / 2) : random.rotation(3)};
+      Plate plate;
+      plate.foot_T = {0.012, -0.02, -0.03};
+      Plate turned = plate;
+      turned.n_W = rotate(X_WQ.rotation, plate.n_W);
+      const auto at = [](int i) {
+        const double t = i * kTick;
+        Pose X = pressed(1e-3, {0.02 * std::sin(9 * t), 0.015 * (1 - std::cos(11 * t)), 0});
+        X.rotation = axis_angle({0, 0, 1}, 0.3 * std::sin(7 * t));
+        return X;
+      };
+      Touch touch(options, plate, at(0)), other(options, turned, X_WQ * at(0));
+      double largest_force = 0;
+      for (int i = 0; i < 600; ++i) {
+        touch.to(at(i));
+        other.to(X_WQ * at(i));
+        const Wrench &a = touch.step.contact_W, &b = other.step.contact_W;
+        largest_force = std::max(largest_force, norm(touch.along()));
+        ASSERT_LT(norm(rotate(X_WQ.rotation, a.force) - b.force), 1e-7 * (1 + norm(a.force)))
+            << static_cast<int>(kind) << " " << run << " " << i;
+        ASSERT_LT(norm(rotate(X_WQ.rotation, a.torque) - b.torque), 1e-7 * (1 + norm(a.torque)));
+      }
+      EXPECT_GT(largest_force, 0.3);
+    }
+  }
+}
+
 // What pulls less than the limit holds for ever: not even by the last bit.
 TEST(Friction, SticksWithoutCreepFor60Seconds) {
   for (const CouplingKind kind : {CouplingKind::virtual_coupling, CouplingKind::proxy}) {

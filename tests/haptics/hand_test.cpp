@@ -158,6 +158,17 @@ TEST(Hand, WallsKeepTheToolInItsWorkspace) {
     EXPECT_LT(norm((will_be - was) / 2e-5 - held.velocity.linear), 1e-6) << time;
   }
   EXPECT_GT(num_outside, 10);
+  // A wall across one axis alone.
+  for (int axis = 0; axis < 3; ++axis) {
+    CouplingOptions one = held_askew();
+    one.stiffness = 300;
+    (axis == 0 ? one.workspace_x : axis == 1 ? one.workspace_y : one.workspace_z) = 1e-3;
+    Hand between(one, {});
+    for (double time = -0.4; time < 0.4; time += 0.1) {
+      const Pose X_WT = between.follow(handle_at(time)).X_WT;
+      EXPECT_LE(std::abs((inverse(one.X_WB) * X_WT.translation)[axis]), 1e-3 + 1e-12);
+    }
+  }
   options.kind = CouplingKind::none;  // a robot has the tool where it is
   EXPECT_GT(
       norm((inverse(options.X_WB) * Hand(options, {}).follow(handle_at(0.4)).X_WT).translation),

@@ -186,6 +186,29 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
   EXPECT_TRUE(has_note);
 }
 
+// Contacts that take a thousandth of the time between them: however busy the machine, most bring
+// their stiffness.
+TEST(LiveLoop, TheStiffnessIsLeftOutOnlyForWantOfTime) {
+  WallSource source({});
+  ScriptedDevice device({.hand = pressing_hand});
+  RunSettings settings = patient_settings();
+  settings.contact_rate = 50;
+  Seen seen;
+  auto loop = RunLoop::create(box_tool(), source, device, settings, seen.observer());
+  ASSERT_TRUE(loop) << loop.error().message;
+  ASSERT_TRUE((*loop)->start());
+  EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > 80; }));
+  (*loop)->stop();
+  std::size_t num_felt = 0, num_new = 0;
+  for (const ContactRecord& contact : seen.contacts) {
+    num_felt += contact.penetration.volume > 0;
+    num_new += contact.penetration.volume > 0 && contact.has_new_stiffness;
+  }
+  EXPECT_GT(num_felt, 30u);
+  EXPECT_GT(num_new, num_felt / 4);
+  EXPECT_EQ((*loop)->report().num_spared_stiffnesses, num_felt - num_new);
+}
+
 TEST(LiveLoop, NothingIsAllocatedWhileItRuns) {
   for (const TimeMode mode : {TimeMode::interpolate, TimeMode::latest}) {
     WallSource source({});

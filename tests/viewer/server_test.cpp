@@ -367,9 +367,9 @@ TEST(ViewServer, ASlowPageMissesPicturesButSeesTheNewest) {
   PageClient slow(fixture.port), quick(fixture.port);
   for (PageClient* page : {&slow, &quick}) page->send(R"({"command": "show", "frames": true})");
   Json held = read_until(slow, "picture");
-  int num_quick = 0;
-  for (const double end = monotonic_now() + 1; monotonic_now() < end; ++num_quick)
+  for (int num_quick = 0; num_quick < 20; ++num_quick) {
     acknowledge(quick, read_until(quick, "picture"));
+  }
   Received message;
   int num_binary = 0;
   while (slow.receive(message, 0.05)) num_binary += message.is_text ? 0 : 1;
@@ -379,7 +379,6 @@ TEST(ViewServer, ASlowPageMissesPicturesButSeesTheNewest) {
   std::map<int, std::string> newest;
   read_until(slow, "picture", nullptr, &newest);
   EXPECT_GE(static_cast<int>(MessageReader(newest[10]).number), now - 2);
-  EXPECT_GE(num_quick, 5);
 }
 
 TEST(ViewServer, PagesSeeWhatTheyWishForAndEachOthersCommands) {
@@ -419,8 +418,10 @@ TEST(ViewServer, RestsWhenNobodyLooks) {
   const Fixture fixture;
   sleep_for(0.1);
   const std::int64_t before = fixture.source.num_polls();
+  const double begin = monotonic_now();
   sleep_for(1);
-  EXPECT_LE(fixture.source.num_polls() - before, 6);
+  const std::int64_t num_polls = fixture.source.num_polls() - before;
+  EXPECT_LE(static_cast<double>(num_polls), 6 * (monotonic_now() - begin));
 }
 
 TEST(ViewServer, EndsWhilePagesAreOpenAndBeginsAgainAtOnce) {

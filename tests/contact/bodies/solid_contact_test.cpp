@@ -106,6 +106,40 @@ TEST(SolidContact, AFaceIsFeltAsItIs) {
   }
 }
 
+// Two cubes face on face, each of which asks the other: a square under even pressure.
+TEST(SolidContact, MomentsAreThoseOfTheFace) {
+  const Tool cube = packed(make_box({0.1, 0.1, 0.1}), 1000);
+  SolidContact contact = contact_of(cube, cube);
+  for (const double depth : {0.01, 0.02}) {
+    const Pose X_WB{{0.3, -0.2, 0.1 - depth}, {}};
+    const BodyPenetration result = contact.measure({{0.3, -0.2, 0}, {}}, X_WB, true);
+    const double volume = 0.01 * depth;
+    // Spheres at the rim of one face ask beside the other one.
+    EXPECT_NEAR(result.on_a.volume, volume, 0.06 * volume);
+    // Of a square: V (a^2 + a^2) / 12.
+    EXPECT_NEAR(result.moments_a.polar, volume * 0.1 * 0.1 / 6, 0.2 * volume * 0.1 * 0.1 / 6);
+  }
+}
+
+TEST(SolidContact, WhatLiesInAHoleIsKnownToBeFree) {
+  const TorusAndBox bodies;
+  const SolidPair pair(ToolIndex::create(bodies.box), ToolIndex::create(bodies.torus));
+  const SolidFieldView field = view_of(*pair.field_b);  // of the torus
+  SolidFrame frame;
+  for (int axis = 0; axis < 3; ++axis) {
+    frame.R_FE[axis][axis] = 1;
+    frame.p_FC[axis] = field.box[axis] / 2;
+  }
+  const float room = 0.03f - 0.8660255f * field.spacing;  // the hole has a radius of 3 cm
+  Cluster ball;
+  for (const float share : {0.05f, 0.3f, 0.5f}) {
+    ball.reach = share * room;
+    EXPECT_TRUE(is_clear(field, frame, ball, 0.8660255f * field.spacing)) << share;
+  }
+  ball.reach = 0.031f;
+  EXPECT_FALSE(is_clear(field, frame, ball, 0.8660255f * field.spacing));
+}
+
 TEST(SolidContact, WrenchIsTheGradientOfThePotential) {
   const TorusAndBox bodies;
   const double step = 1e-4;

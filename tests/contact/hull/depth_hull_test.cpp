@@ -308,6 +308,27 @@ TEST(DepthHull, WhatLiesInUnseenSpaceIsAsTheFieldsSay) {
   }
 }
 
+// What a camera has measured all around is nowhere unseen; at each border of its image it is.
+TEST(DepthHull, BeyondTheBordersOfAnImageSpaceIsUnseen) {
+  HullScene scene;
+  const auto wall = [](const Vec3d& p, const Vec3d& d) { return test::to_wall(p, d, 0.8); };
+  for (int k = 0; k < 2; ++k) {
+    test::add_view(scene, test::vga(), {}, test::depth_seen(wall, test::vga(), {}));
+  }
+  // So small that at the middle of each border all else around it has been measured.
+  const Tool tool = test::random_tool(300, 0.012, 5);
+  const auto query = make_query(tool, SphereVolumes::own);
+  const double whole = tool.sphere_mass().volume, x = 0.8 * 320 / 525, y = 0.8 * 240 / 525;
+  EXPECT_LT(query->measure(scene.views, {{0, 0, 0.78}, {}}).penetration.unseen_volume, 0.9 * whole);
+  for (const Vec3d& border : {Vec3d{-x, 0, 0}, {x, 0, 0}, {0, -y, 0}, {0, y, 0}}) {
+    const Pose X_WT{border + Vec3d{0, 0, 0.75}, {}};
+    const double unseen = query->measure(scene.views, X_WT).penetration.unseen_volume;
+    const Penetration want = test::hull_truth(tool, scene.views, X_WT, SphereVolumes::own);
+    EXPECT_GT(unseen, 0.2 * whole) << border.x << " " << border.y;
+    EXPECT_NEAR(unseen, want.unseen_volume, 0.02 * whole) << border.x << " " << border.y;
+  }
+}
+
 TEST(DepthHull, NothingIsWhereNoCameraLooks) {
   const HullScene scene = test::wall_scene(2, false);
   const Tool tool = test::random_tool(100, 0.03, 5);

@@ -79,6 +79,8 @@ TEST(EdgePoints, LookAcrossHolesToWhatLiesBehind) {
 TEST(EdgePoints, KnownChangesComeFirst) {
   test::CloudWithEdges scene = ragged_step(40, 12, 5);
   const std::size_t i = 5 * 40 + 15;
+  for (const std::size_t k : {i - 1, i + 1, i - 40, i + 40}) scene.cloud.channel(2)[k] = NAN;
+  scene.cloud.set(i, {0, 0, 0.4f}, {0, 0, -1});
   for (const auto& [x, y] : {std::pair{0.02f, 0.0f}, {0.0f, -0.03f}, {0.001f, 0.002f}}) {
     scene.edge[0][i] = x, scene.edge[1][i] = y, scene.edge[2][i] = 0.001f;
     const PointCloudView view = scene.view();
