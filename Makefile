@@ -116,9 +116,11 @@ lint:  ## all checks that need no build
 format:  ## lay out the source text
 	tools/check_format.sh --fix
 
-tidy:  ## optional: clang-tidy over all sources (slow)
-	cmake --preset dev
-	run-clang-tidy -quiet -p build/dev '^$(CURDIR)/(src|apps|scenes)/'
+# Files that are compiled together are looked at together: a third of the time. Kernels are looked at once.
+tidy:  ## clang-tidy over library, scenes and program: make tidy [MODULE=contact]; slow
+	scripts/setup.sh --tidy
+	cmake --preset tidy
+	run-clang-tidy-16 -quiet -j $(JOBS) -p build/tidy '^$(CURDIR)/(build/tidy/)?$(if $(MODULE),src/$(MODULE),(src|scenes|apps))/(?!.*_avx)'
 
 asan: setup  ## all tests with the address and undefined behaviour sanitizers
 	$(call build_preset,asan)
@@ -180,8 +182,8 @@ try-demo:  ## make demo in a fresh Debian 12, with the seconds of every step
 	scripts/setup.sh --packages
 	scripts/try_fresh.sh demo
 
-ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang and fuzzing, Arm, packages; hours
-	for check in test asan tsan fuzz arm64 try-packages; do $(MAKE) $$check || exit 1; done
+ci-all:  ## all that needs no special hardware: tests, sanitizers, Clang, fuzzing and clang-tidy, Arm, packages; hours
+	for check in test asan tsan fuzz tidy arm64 try-packages; do $(MAKE) $$check || exit 1; done
 
 clean:  ## remove build/ and demo/
 	rm -rf build demo

@@ -2,12 +2,13 @@
 # Installs what is missing to build and test Palpate on Debian 12 or Ubuntu 24.04, and nothing else.
 # A second run finds everything in place and needs neither network nor rights.
 #
-# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]
+# usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]
 #   --program only what the program itself needs
 #   --test    also what only the tests need; Python packages for them go into build/python, and what
 #             makes and tries the Python package into build/wheel-tools and build/wheelhouse
 #   --wheel   also what only make wheel needs
 #   --fuzz    also what only make fuzz needs
+#   --tidy    also what only make tidy needs
 #   --docs    also what only make docs needs
 #   --packages also what making and trying packages needs
 #   --arm64   also what building and testing for 64-bit Arm needs
@@ -25,6 +26,7 @@ for argument in "$@"; do
     --test) groups="$groups test " ;;
     --wheel) groups="$groups wheel " ;;
     --fuzz) groups="$groups fuzz " ;;
+    --tidy) groups="$groups tidy " ;;
     --docs) groups="$groups docs " ;;
     --packages) groups="$groups packages " ;;
     --arm64) groups="$groups arm64 " ;;
@@ -32,7 +34,7 @@ for argument in "$@"; do
     --robot) groups="$groups robot " ;;
     --list) list_only=yes ;;
     *)
-      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]" >&2
+      echo "setup: unknown option $argument; usage: scripts/setup.sh [--program] [--test] [--wheel] [--fuzz] [--tidy] [--docs] [--packages] [--arm64] [--peers] [--robot] [--list]" >&2
       exit 2
       ;;
   esac

@@ -171,7 +171,7 @@ class ZoomedPlot {
     }
     return {
       width: this.width, height: HEIGHT, axes,
-      padding: [12, spec.right ? 0 : 16, 0, 0],
+      padding: [12, spec.right ? 0 : spec.xLogarithmic ? 28 : 16, 0, 0], // so that the last label, of seven digits, is whole
       legend: { show: !spec.curves && (spec.lines.length > 1 || !onPaper()), live: !onPaper(), markers: { width: 2 } },
       cursor: {
         drag: { x: true, y: false, dist: 6, setScale: false },
