@@ -7,8 +7,8 @@
 
 #include <initializer_list>
 #include <optional>
-#include <stdexcept>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>

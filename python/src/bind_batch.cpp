@@ -284,9 +284,8 @@ void bind_batch(nb::module_& m) {
       R"(The depth fields of many images, made by Sensor.update_batch. They stay while it is held.)")
       .def("__len__", [](const PySurfaces& self) { return self.batch.size(); });
 
-  nb::class_<PyBody>(
-      m, "Body",
-      R"(A rigid body that stays where it is, to be touched by Contact.measure_batch.
+  nb::class_<PyBody>(m, "Body",
+                     R"(A rigid body that stays where it is, to be touched by Contact.measure_batch.
 
 shape: a Tool, which has the distance field that spheres ask; one made by another version makes it
 now, which takes about a second. pose: X_WB, (4, 4) or (7,); None: W is its frame. Several bodies of one
@@ -298,7 +297,8 @@ shape share what is known of it if they are made by `at`.)")
             new (self) PyBody{shape, {ToolIndex::create(*shape.tool), X_WB}};
           },
           nb::arg("shape"), nb::arg("pose") = nb::none(),
-          nb::sig("def __init__(self, shape: Tool, pose: palpate._types.Array | None = None) -> None"))
+          nb::sig(
+              "def __init__(self, shape: Tool, pose: palpate._types.Array | None = None) -> None"))
       .def(
           "at",
           [](const PyBody& self, nb::handle pose) {

@@ -209,9 +209,8 @@ bool FieldBatch::Worker::is_in_front(std::size_t pose, std::uint64_t& place) {
   frame.cx = static_cast<float>(field.intrinsics.cx);
   frame.cy = static_cast<float>(field.intrinsics.cy);
   for (int axis = 0; axis < 3; ++axis) frame.p_WC[axis] = static_cast<float>(p_C[axis]);
-  const BallWindow window =
-      window_of(frame, {{}, {}, query.reach_}, query.largest_radius_, field.tiles_wide,
-                field.tiles_high);
+  const BallWindow window = window_of(frame, {{}, {}, query.reach_}, query.largest_radius_,
+                                      field.tiles_wide, field.tiles_high);
   place |= static_cast<std::uint64_t>(window.top * field.tiles_wide + window.left);
   const Overview& overview = query.overviews_[static_cast<std::size_t>(asked)];
   return overview.is_in_front(window, query.largest_radius_);
@@ -246,8 +245,8 @@ FieldBatch::FieldBatch(std::shared_ptr<const ToolIndex> index, const FieldMethod
       elements_(&index_->parts().elements(method.volumes)),
       p_TC_(index_->tool().sphere_mass().centre_of_mass),
       kernels_(field_contact_kernels(capacities.isa)),
-      largest_radius_(*std::max_element(elements_->largest_radius.begin(),
-                                        elements_->largest_radius.end())),
+      largest_radius_(
+          *std::max_element(elements_->largest_radius.begin(), elements_->largest_radius.end())),
       reach_(static_cast<float>(1.0001 * (norm(p_TC_) + elements_->reach) +
                                 static_cast<double>(largest_radius_))),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_) {}
@@ -277,7 +276,8 @@ Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
     if (field.num_levels > 0 && field.gpu != kHostMemory) return refuse(field.gpu, "a surface");
     if (surfaces.is_even()) break;
   }
-  const std::size_t num = poses.X_WT.size(), num_surfaces = static_cast<std::size_t>(surfaces.size());
+  const std::size_t num = poses.X_WT.size(),
+                    num_surfaces = static_cast<std::size_t>(surfaces.size());
   const bool has_overviews = num >= kPosesPerOverview * num_surfaces;
   (void)reserve(surfaces.size(), 0);
   pool_->parallel_for(has_overviews ? surfaces.size() : 0, [&](int i) {

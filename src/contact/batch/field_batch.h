@@ -31,7 +31,7 @@ class FieldBatch final : public BatchQuery {
   const FieldElements* elements_;  // of the index
   Vec3d p_TC_;                     // centre of mass
   FieldContactKernels kernels_;
-  float largest_radius_, reach_;  // of elements; of the tool from its origin
+  float largest_radius_, reach_;             // of elements; of the tool from its origin
   mutable std::vector<Overview> overviews_;  // of the surfaces, if that pays
   mutable ThreadPool own_pool_{1};
   ThreadPool* pool_;

@@ -70,8 +70,8 @@ class BodyBatch final : public BodyBatchQuery {
             measured.on_a.status = StepStatus::no_surface;
           } else {
             const auto b = static_cast<std::size_t>(body);
-            measured = pairs[shape_of_body_[b]]->measure(X_WT[i], X_WB_[b],
-                                                         answers.stiffness != nullptr);
+            measured =
+                pairs[shape_of_body_[b]]->measure(X_WT[i], X_WB_[b], answers.stiffness != nullptr);
             measured.on_a.status.bits |= measured.on_b.status.bits;
           }
           put(i, measured.on_a, measured.stiffness_a, answers);

@@ -62,9 +62,9 @@ TEST(BodyBatch, IsManyMeasurementsToTheBit) {
   ThreadPool two(2);
   for (const BodyMethod method : {BodyMethod::field, BodyMethod::spheres}) {
     for (ThreadPool* const pool : {static_cast<ThreadPool*>(nullptr), &two}) {
-      const auto batch = make_body_batch_query(Backend::cpu, bodies.index, bodies.placed,
-                                               {.method = method}, pool)
-                             .value();
+      const auto batch =
+          make_body_batch_query(Backend::cpu, bodies.index, bodies.placed, {.method = method}, pool)
+              .value();
       Answers got(200);
       BatchAnswers answers = got.all();
       if (method == BodyMethod::spheres) answers.stiffness = nullptr;
@@ -84,8 +84,8 @@ TEST(BodyBatch, IsManyMeasurementsToTheBit) {
         }
         EXPECT_EQ(got.status[i], want.on_a.status.bits);
         if (answers.stiffness != nullptr) {
-          EXPECT_EQ(
-              std::memcmp(&got.stiffness[36 * i], want.stiffness_a->m, 36 * sizeof(double)), 0);
+          EXPECT_EQ(std::memcmp(&got.stiffness[36 * i], want.stiffness_a->m, 36 * sizeof(double)),
+                    0);
         }
         num_touching += want.on_a.volume > 0;
       }
