@@ -71,23 +71,25 @@ constexpr auto names_of(UnknownSpace) { return std::array{"free", "solid", "bloc
 /// Thick enough for everything behind a surface to be solid, metres.
 inline constexpr double kSolidBehind = 1e6;
 
-/// What lies behind surfaces deeper than DepthFieldOptions::thickness, where no camera has seen
-/// anything.
-enum class Beyond {
-  free,  ///< a tool is pushed out of the back, and from twice as far on there is nothing
-  fade,  ///< whatever: what lies there is pushed no more, but counts as volume
+/// What lies behind surfaces where no camera has seen anything: the policy.
+enum class UnseenSpace {
+  solid,  ///< the surface goes on, however deep
+  /// A surface is as thick as DepthFieldOptions::thickness, from where on a tool is pushed out of
+  /// the back; from twice as far on there is nothing.
+  free,
+  fade,  ///< what lies deeper than the thickness is pushed no more, but counts as volume
 };
-constexpr auto names_of(Beyond) { return std::array{"free", "fade"}; }
+constexpr auto names_of(UnseenSpace) { return std::array{"solid", "free", "fade"}; }
 
 struct DepthFieldOptions {
   UnknownSpace unknown = UnknownSpace::free;
   /// Holes up to about 2^fill_levels pixels across are closed by surface interpolated from around
   /// them; 0 closes none.
   int fill_levels = 4;
-  /// How far behind the first surface along its normal a tool is pushed back out of the front,
-  /// metres.
-  double thickness = kSolidBehind;
-  Beyond beyond = Beyond::free;
+  UnseenSpace unseen = UnseenSpace::solid;
+  /// Unless it is solid: how far behind the first surface along its normal a tool is pushed back
+  /// out of the front, m.
+  double thickness = 0.05;
   /// Each frame also tells what its camera has seen to be free (SurfaceView::seen_free), at as much
   /// cost again: what several cameras are joined by.
   bool one_of_several = false;
@@ -104,12 +106,12 @@ inline void add_settings(SettingTable& t, DepthFieldOptions& o) {
   t.add("unknown", o.unknown, "by the field: what lies where nothing was measured");
   t.add("fill_levels", o.fill_levels, {0, 5},
         "by the field: close holes up to about 2^this pixels wide");
-  t.add("thickness", o.thickness, {1e-3, kSolidBehind, "m"},
-        "by the field: how far behind a surface a tool is pushed out of its front");
-  t.add(
-      "beyond", o.beyond,
-      "by the field, with a thickness: deeper a tool is pushed out of the back and then nothing is "
-      "there, or what lies there is pushed no more");
+  t.add("unseen", o.unseen,
+        "by the field: what lies behind surfaces, where no camera has seen anything, is solid; or, "
+        "deeper than thickness, free, or pushed no more");
+  t.add("thickness", o.thickness, {1e-3, 10, "m"},
+        "by the field, with unseen free or fade: how far behind a surface a tool is pushed out of "
+        "its front");
 }
 
 /// How a pixel sees the nearest place where a surface ends in front of something farther away. For
@@ -165,10 +167,16 @@ struct DepthFieldView {
   const DepthTile* tiles = nullptr;  ///< row by row; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   Intrinsics intrinsics;
-  float thickness = 0;    ///< as DepthFieldOptions; negative: with Beyond::fade
+  /// As DepthFieldOptions; kSolidBehind: UnseenSpace::solid, negative: UnseenSpace::fade.
+  float thickness = 0;
   int gpu = kHostMemory;  ///< whose memory the arrays are in
   /// Two views with one stamp show the same values, unless it is 0.
   std::uint64_t stamp = 0;
+
+  UnseenSpace unseen() const {
+    if (thickness < 0) return UnseenSpace::fade;
+    return thickness < static_cast<float>(kSolidBehind) ? UnseenSpace::free : UnseenSpace::solid;
+  }
 };
 
 /// Owns the images for one image size; `update` allocates nothing.
