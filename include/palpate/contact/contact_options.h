@@ -86,8 +86,9 @@ struct Penetration {
   int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
   int num_points = 0;            ///< points inside some sphere
   ContactStatus status;
-  /// Against cameras with SurfaceView::seen_free: the part of the tool that lies more than
-  /// kSeenBehind behind all that any camera has seen, or where none looks, m3. Else 0.
+  /// field: the part of the tool that lies more than kSeenBehind behind all that any camera has
+  /// seen, or where none looks, m3. Of a camera without SurfaceView::seen_free only if it was
+  /// wanted; else 0.
   double unseen_volume = 0;
 };
 
@@ -268,6 +269,9 @@ enum class SphereState : std::uint8_t { outside, boundary, inside };
 struct ContactWants {
   /// By `field`, in closed form, with VolumeMoments; the other measures are not differentiable.
   bool stiffness = false;
+  /// Penetration::unseen_volume also of a camera that has no SurfaceView::seen_free, on a CPU: what
+  /// lies behind the surface of its own pixel, where that shows none, or outside of the image.
+  bool unseen_volume = false;
   /// Of each sphere; empty if not wanted, else as many as the tool has spheres.
   std::span<SphereState> states{};
   /// In T, likewise: the plane that cuts a boundary sphere or that an inside sphere takes from a
@@ -277,7 +281,30 @@ struct ContactWants {
   /// is, by what it sees or remembers; kNoCamera where none looks, and of spheres that are not
   /// felt. A camera that is alone decides all.
   std::span<std::int8_t> deciders{};
+  /// Of each sphere, by `field`, whether its centre lies in what unseen_volume counts: 1, else 0.
+  std::span<std::uint8_t> unseen{};
+
+  bool has_spheres() const {
+    return !(states.empty() && planes.empty() && deciders.empty() && unseen.empty());
+  }
 };
 inline constexpr std::int8_t kNoCamera = -1;
+
+/// How each sphere of a tool is, for pictures; see ContactWants.
+struct SpherePicture {
+  std::vector<SphereState> states;
+  std::vector<Plane<float>> planes;
+  std::vector<std::int8_t> deciders;
+  std::vector<std::uint8_t> unseen;
+
+  /// To be filled by a query of a tool of so many spheres.
+  ContactWants wants(std::size_t num_spheres) {
+    states.resize(num_spheres);
+    planes.resize(num_spheres);
+    deciders.resize(num_spheres);
+    unseen.resize(num_spheres);
+    return {.states = states, .planes = planes, .deciders = deciders, .unseen = unseen};
+  }
+};
 
 }  // namespace palpate::inline v0
