@@ -66,8 +66,8 @@ inline constexpr SettingOption kContactOptions[] = {
     {"--inside", "contact.inside"},         {"--volumes", "contact.volumes"},
     {"--edges", "contact.edges"},           {"--continuity", "contact.continuity"},
     {"--bodies", "contact.bodies"},         {"--unknown", "field.unknown"},
-    {"--fill-levels", "field.fill_levels"}, {"--thickness", "field.thickness"},
-    {"--beyond", "field.beyond"},           {"--backend", "loop.backend"},
+    {"--fill-levels", "field.fill_levels"}, {"--unseen", "field.unseen"},
+    {"--thickness", "field.thickness"},     {"--backend", "loop.backend"},
     {"--contact-gpu", "loop.contact_gpu"}};
 /// From depth to surface.
 inline constexpr SettingOption kSurfaceOptions[] = {

@@ -1,7 +1,7 @@
 // What several cameras gain and cost, one CSV row for each case: mean and rms error of the volume
 // against exact solids, angle of the force, largest step of the volume over the exact one, net work
 // of a closed loop over all work, and the time of a query of one thread; and what a memory costs.
-//   depth_hull [--quick]
+//   depth_hull [--quick] [--only error|loop|cost|memory]
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -16,6 +16,17 @@ namespace palpate::bench {
 namespace {
 
 constexpr double kToolRadius = 0.03, kNoise = 0.0015;
+
+/// A ball of many spheres alike. Left to itself a packing of a ball is one sphere, which has nearly
+/// all of the volume, and dust.
+Tool ball_of_spheres() {
+  TriangleMesh mesh = make_icosphere(kToolRadius, 4);
+  PackOptions options;
+  options.max_spheres = 5000;
+  options.max_radius = 0.003;
+  SpherePacking packing = pack_spheres(mesh, options).value();
+  return Tool::build(std::move(mesh), std::move(packing), GapRule::relative, "ball").value();
+}
 
 std::unique_ptr<ContactQuery> query_of(const Tool& tool) {
   return make_contact_query(Backend::cpu, tool, FieldMethod{}).value();
@@ -256,20 +267,71 @@ void moving_memory(const Tool& tool, DepthMemory kind, double seconds) {
   time_of("memory", "surface; " + what, 1, seconds, [&](std::size_t i) { push(number(i)); });
 }
 
-void run(bool is_quick) {
-  const Tool tool = test::ball_tool(kToolRadius, 5000);
+/// A camera that turned once around in a room of 2 m, and looks to the side of the tool now: most
+/// of what it keeps does not see the tool.
+void looking_around(const Tool& tool, DepthMemory kind, double seconds) {
+  const auto query = query_of(tool);
+  const std::vector<Pose> poses = poses_in_surface();
+  const Camera camera{320, 240, {262.5, 262.5, 159.5, 119.5}};
+  DepthStreamInfo stream = test::stream_of(camera);
+  stream.is_moving = true;
+  TimeOptions time;
+  time.memory.kind = kind;
+  auto timeline = SurfaceTimeline::create(stream, {}, DepthFieldOptions{}, time, {}).value();
+  ThreadPool pool(1);
+  test::Random random(7);
+  double at = 0;
+  const auto ray = [](const Vec3d& p, const Vec3d& d) {
+    double t = 1e30;
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double wall : {-1.0, 1.0}) {
+        if (d[axis] * wall > 1e-9) t = std::min(t, (wall - p[axis]) / d[axis]);
+      }
+    }
+    return t;
+  };
+  for (int degrees = 0; degrees <= 360 + 90; degrees += 15) {
+    const double a = degrees * kPi / 180;
+    const Vec3d ahead{std::sin(a), 0, std::cos(a)};
+    DepthFrame frame{camera.width, camera.height, 0.0001, {}, 0};
+    frame.X_WC = test::look_at(0.02 * ahead, 1.02 * ahead);
+    for (const float z : test::depth_seen(ray, camera, frame.X_WC)) {
+      const double seen = static_cast<double>(z) + kNoise * random.normal();
+      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(seen / frame.unit)));
+    }
+    timeline.push(frame, at += 1.0 / 30, pool);
+  }
+  std::vector<SurfaceBlend> views{{timeline.at(at).to, timeline.at(at).to, 1}};
+  for (SurfaceBlend view : timeline.key_frames()) {
+    view.progress = 1;
+    views.push_back(view);
+  }
+  const std::string what = std::string(kind == DepthMemory::on ? "on" : "off") +
+                           "; it looks elsewhere, " + std::to_string(views.size() - 1) +
+                           " frames kept";
+  time_of("memory", "query; " + what, 1, seconds,
+          [&](std::size_t i) { query->measure(views, poses[i % poses.size()]); });
+}
+
+void run(bool is_quick, const std::string& only) {
+  const auto wants = [&](const char* kind) { return only.empty() || only == kind; };
+  const Tool tool = ball_of_spheres();
   std::puts(
       "kind,case,cameras,volume_mean_percent,volume_rms_percent,direction_degrees,jump_over_exact,"
       "loop_net_work,median_us,p99_us,p99.9_us,max_us");
   for (const Solid& solid : solids()) {
+    if (!wants("error")) break;
     for (const int num : {1, 2, 3, 4}) press(solid, tool, num, is_quick ? 4 : 10);
   }
   for (const Solid& solid : solids()) {
+    if (!wants("loop")) break;
     for (const int num : {1, 2, 3}) loop(solid, tool, num, is_quick ? 200 : 4000);
   }
   for (const bool with_stiffness : {false, true}) {
+    if (!wants("cost")) break;
     for (const int num : {1, 2, 3, 4}) cost(tool, num, with_stiffness, is_quick ? 0.1 : 2);
   }
+  if (!wants("memory")) return;
   for (const int num : {1, 2}) {
     for (const DepthMemory kind : {DepthMemory::off, DepthMemory::on}) {
       memory(tool, num, kind, is_quick ? 0.1 : 2);
@@ -277,6 +339,7 @@ void run(bool is_quick) {
   }
   for (const DepthMemory kind : {DepthMemory::off, DepthMemory::on}) {
     moving_memory(tool, kind, is_quick ? 0.1 : 2);
+    looking_around(tool, kind, is_quick ? 0.1 : 2);
   }
 }
 
@@ -284,5 +347,11 @@ void run(bool is_quick) {
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  palpate::bench::run(argc > 1 && std::strcmp(argv[1], "--quick") == 0);
+  bool is_quick = false;
+  std::string only;
+  for (int i = 1; i < argc; ++i) {
+    is_quick |= std::strcmp(argv[i], "--quick") == 0;
+    if (std::strcmp(argv[i], "--only") == 0 && i + 1 < argc) only = argv[i + 1];
+  }
+  palpate::bench::run(is_quick, only);
 }

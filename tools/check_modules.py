@@ -90,6 +90,8 @@ SHARED_PRIVATE = {
     "src/core/one_lane.h": ("cloud", "contact"),
     "src/core/lanes.h": ("cloud", "contact", "field"),
     "src/core/select_isa.h": ("cloud", "contact", "field"),
+    # Tests of queries keep frames on the emulated GPU, too.
+    "src/field/key_frames.h": ("contact",),
     # The evaluation times the stages of a query one by one.
     "src/contact/points/scan/image_window.h": ("eval",),
     "src/contact/points/scan/point_scan.h": ("eval",),

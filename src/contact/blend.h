@@ -42,6 +42,7 @@ inline ContactResult unmeasured(StepStatus why, const ContactWants& wants, bool 
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   std::fill(wants.deciders.begin(), wants.deciders.end(), kNoCamera);
+  std::fill(wants.unseen.begin(), wants.unseen.end(), 0);
   return result;
 }
 

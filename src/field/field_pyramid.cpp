@@ -15,14 +15,15 @@ Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOpti
                                              " pixels is not possible; use 8 to 4096 a side"};
   }
   if (const Status status = check_settings(options); !status) return status.error();
-  if (options.unknown == UnknownSpace::blocked && options.thickness < kSolidBehind) {
+  if (options.unknown == UnknownSpace::blocked && options.unseen != UnseenSpace::solid) {
     return Error{Errc::invalid_argument,
-                 "unknown blocked says that all is solid which was not seen to be free, thickness "
-                 "that nothing is behind surfaces: leave one of them out"};
+                 "unknown blocked says that all is solid which was not seen to be free, unseen "
+                 "free or fade that what lies behind surfaces is not: leave one of them out"};
   }
-  if (options.beyond == Beyond::fade && !(options.thickness < kSolidBehind)) {
+  if (options.unseen == UnseenSpace::solid && options.thickness != DepthFieldOptions{}.thickness) {
     return Error{Errc::invalid_argument,
-                 "beyond fade lets go of what lies deeper than thickness: say how deep that is"};
+                 "thickness says how far behind a surface what nobody sees begins to be free or to "
+                 "fade, and it is solid: say unseen free or unseen fade, or leave thickness out"};
   }
   PyramidLayout layout;
   layout.stride = width + 2 * DepthFieldLevel::kBorder;
@@ -56,8 +57,11 @@ DepthFieldView PyramidLayout::view(const TangentPlane* planes, const Silhouette*
   view.tiles = tiles;
   view.tiles_wide = tiles_wide();
   view.tiles_high = tiles_high();
-  view.thickness =
-      static_cast<float>(options.beyond == Beyond::fade ? -options.thickness : options.thickness);
+  switch (options.unseen) {
+    case UnseenSpace::solid: view.thickness = static_cast<float>(kSolidBehind); break;
+    case UnseenSpace::free: view.thickness = static_cast<float>(options.thickness); break;
+    case UnseenSpace::fade: view.thickness = static_cast<float>(-options.thickness); break;
+  }
   return view;
 }
 

@@ -140,7 +140,7 @@ Sight FrameEvidence::sight(const DepthGrid& now, const Vec3d& p_N) const {
 KeyFrames::Seat::Seat(std::size_t num_points, const MemoryOptions& options)
     : before(num_points), evidence(static_cast<int>(num_points), options) {}
 
-Result<KeyFrames> KeyFrames::create(const SlotSettings& settings, const Place& place) {
+Result<KeyFrames> KeyFrames::create(const SlotSettings& settings, const MakeSlots& make_slots) {
   const DepthStreamInfo& whole = settings.stream;
   const int binning = std::clamp((whole.width + kWidestImage - 1) / kWidestImage, 1, kMaxBinning);
   SlotSettings kept;
@@ -154,7 +154,7 @@ Result<KeyFrames> KeyFrames::create(const SlotSettings& settings, const Place& p
   // In use, those that are being made, and those that views of spare surfaces show.
   const int num_slots = settings.time.memory.frames + kMostMade * (settings.num_spare + 1) + 1;
   kept.num_spare = num_slots - kept.num_slots();
-  auto slots = make_frame_slots(kept, place);
+  auto slots = make_slots(kept);
   if (!slots) return slots.error();
   return KeyFrames(settings, kept.stream, binning, *std::move(slots), num_slots);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -80,8 +81,9 @@ class FrameEvidence {
 /// shows, and where something has come before that once it is out of sight.
 class KeyFrames {
  public:
-  /// Of the frames of a timeline that is made with `settings`. Errors: see make_frame_slots.
-  static Result<KeyFrames> create(const SlotSettings& settings, const Place& place);
+  using MakeSlots = std::function<Result<std::unique_ptr<FrameSlots>>(const SlotSettings&)>;
+  /// Of the frames of a timeline that is made with `settings`. Errors: those of `make_slots`.
+  static Result<KeyFrames> create(const SlotSettings& settings, const MakeSlots& make_slots);
 
   /// Takes the next frame, counts in host memory. Makes at most three surfaces. The same bits for
   /// any number of threads; no allocation. O(points of all frames).

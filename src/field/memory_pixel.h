@@ -29,6 +29,7 @@ inline DepthFieldOptions options_of_in_front(const DepthFieldOptions& field,
                                              const MemoryOptions& memory) {
   DepthFieldOptions options;
   options.fill_levels = field.fill_levels;
+  options.unseen = UnseenSpace::free;
   options.thickness = memory.thickness / 2;  // from there on out of the back
   return options;
 }

@@ -119,7 +119,8 @@ Result<SurfaceTimeline> SurfaceTimeline::create(const DepthStreamInfo& stream,
   if (!slots) return slots.error();
   auto timeline = make_timeline(*std::move(slots), settings);
   if (timeline && settings.has_key_frames()) {
-    auto key_frames = KeyFrames::create(settings, place);
+    auto key_frames = KeyFrames::create(
+        settings, [&](const SlotSettings& kept) { return make_frame_slots(kept, place); });
     if (!key_frames) return key_frames.error();
     timeline->impl_->key_frames = *std::move(key_frames);
   }

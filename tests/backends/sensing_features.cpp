@@ -148,7 +148,7 @@ FeatureGroup field() {
                    [](SlotSettings& s) { s.field->unknown = UnknownSpace::solid; }),
               with("holes filled far", [](SlotSettings& s) { s.field->fill_levels = 5; }),
               with("no hole filled", [](SlotSettings& s) { s.field->fill_levels = 0; }),
-              with("thickness", [](SlotSettings& s) { s.field->thickness = 0.05; }),
+              with("thickness", [](SlotSettings& s) { s.field->unseen = UnseenSpace::free; }),
               with("no field made", [](SlotSettings& s) { s.field = std::nullopt; }),
           }};
 }

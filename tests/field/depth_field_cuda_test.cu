@@ -81,7 +81,8 @@ TEST(DepthFieldCuda, FillsHolesAsTheCpuDoes) {
   PALPATE_GPU_OR_SKIP();
   for (int fill_levels = 0; fill_levels < DepthFieldView::kMaxLevels; ++fill_levels) {
     SCOPED_TRACE(fill_levels);
-    compare(rough_cloud(131, 99, 7, true), {.fill_levels = fill_levels, .thickness = 0.03});
+    compare(rough_cloud(131, 99, 7, true),
+            {.fill_levels = fill_levels, .unseen = UnseenSpace::free, .thickness = 0.03});
   }
   compare(PointCloud(40, 50, Intrinsics{40, 40, 20, 25}), {.unknown = UnknownSpace::solid});
   PointCloud one(70, 50, Intrinsics{40, 40, 20, 25});

@@ -129,9 +129,9 @@ TEST(DepthField, IsTheDistanceToAPlaneForSpheresOfAllSizes) {
 }
 
 TEST(DepthField, GradientIsTheDerivativeOfTheValueEverywhere) {
-  for (const DepthFieldOptions& options : {DepthFieldOptions{UnknownSpace::free, 2, kSolidBehind},
-                                           DepthFieldOptions{UnknownSpace::solid, 2, kSolidBehind},
-                                           DepthFieldOptions{UnknownSpace::free, 2, 0.03}}) {
+  for (const DepthFieldOptions& options :
+       {DepthFieldOptions{UnknownSpace::free, 2}, DepthFieldOptions{UnknownSpace::solid, 2},
+        DepthFieldOptions{UnknownSpace::free, 2, UnseenSpace::free, 0.03}}) {
     const DepthField field = make_field(rough_cloud(2), options);
     test::Random random(3);
     for (int i = 0; i < 4000; ++i) {
@@ -157,8 +157,9 @@ TEST(DepthField, GradientIsTheDerivativeOfTheValueEverywhere) {
 // What counts is the force on a sphere, V_cap(phi) grad phi: where nothing is near, the field only
 // says so.
 TEST(DepthField, ForceIsContinuous) {
-  const DepthField solid = make_field(rough_cloud(4), {UnknownSpace::free, 2, kSolidBehind});
-  const DepthField thin = make_field(rough_cloud(4), {UnknownSpace::free, 2, 0.03});
+  const DepthField solid = make_field(rough_cloud(4), {UnknownSpace::free, 2});
+  const DepthField thin =
+      make_field(rough_cloud(4), {UnknownSpace::free, 2, UnseenSpace::free, 0.03});
   test::Random random(5);
   for (int line = 0; line < 80; ++line) {
     const DepthField& field = line % 2 == 0 ? solid : thin;
@@ -223,10 +224,9 @@ TEST(DepthField, SmallHolesAreClosedAndLargeOnesFree) {
   const double radius = 0.003;
   EXPECT_NEAR(sample_field(make_field(with_hole(0)).view(), behind, radius).phi, exact, 3e-4);
   EXPECT_NEAR(sample_field(make_field(with_hole(5)).view(), behind, radius).phi, exact, 4e-3);
-  EXPECT_GT(sample_field(make_field(with_hole(5), {UnknownSpace::free, 0, kSolidBehind}).view(),
-                         behind, radius)
-                .phi,
-            radius);
+  EXPECT_GT(
+      sample_field(make_field(with_hole(5), {UnknownSpace::free, 0}).view(), behind, radius).phi,
+      radius);
   EXPECT_GT(sample_field(make_field(with_hole(40)).view(), behind, radius).phi, radius);
 }
 
@@ -237,7 +237,7 @@ TEST(DepthField, SolidUnknownSpaceClosesEveryHole) {
       [](int, int) {
         return Vec3d{0, 0, -1};
       });
-  const DepthField field = make_field(cloud, {UnknownSpace::solid, 4, kSolidBehind});
+  const DepthField field = make_field(cloud, {UnknownSpace::solid, 4});
   for (double u = 20; u < 140; u += 3.7) {
     EXPECT_NEAR(sample_field(field.view(), at_pixel(u, 60, 0.81), 0.003).phi, -0.01, 1e-3) << u;
   }
@@ -248,10 +248,7 @@ TEST(DepthField, OutsideOfTheImageIsFreeUnlessUnknownSpaceIsSolid) {
   const Vec3d left = at_pixel(-60, 60, 0.9);
   const double radius = 0.002;
   EXPECT_GT(sample_field(make_field(cloud).view(), left, radius).phi, radius);
-  EXPECT_LT(
-      sample_field(make_field(cloud, {UnknownSpace::solid, 4, kSolidBehind}).view(), left, radius)
-          .phi,
-      0);
+  EXPECT_LT(sample_field(make_field(cloud, {UnknownSpace::solid, 4}).view(), left, radius).phi, 0);
 }
 
 /// Two frontal walls, the near one at the left of column 80.
@@ -441,7 +438,7 @@ TEST_P(DepthFieldIsa, SameBitsAsBaseline) {
     for (const UnknownSpace unknown :
          {UnknownSpace::free, UnknownSpace::solid, UnknownSpace::blocked}) {
       for (const int fill_levels : {0, 4}) {
-        const DepthFieldOptions options{unknown, fill_levels, kSolidBehind};
+        const DepthFieldOptions options{unknown, fill_levels};
         const DepthField narrow = make_field(cloud, options, Isa::baseline);
         const DepthField wide = make_field(cloud, options, GetParam());
         EXPECT_TRUE(same_bits(numbers_of(narrow.view()), numbers_of(wide.view()))) << width;
@@ -484,7 +481,7 @@ std::pair<float, float> merged(const DepthFieldLevel& fine, int level, int u, in
 }
 
 TEST(DepthField, LevelsAndTilesAreWhatTheyAreSaidToBe) {
-  const DepthField field = make_field(rough_cloud(9), {UnknownSpace::free, 1, kSolidBehind});
+  const DepthField field = make_field(rough_cloud(9), {UnknownSpace::free, 1});
   const DepthFieldView& view = field.view();
   int num_free = 0;
   for (int k = 0; k < view.num_levels; ++k) {
@@ -532,9 +529,11 @@ TEST(DepthField, RefusesBadSizesAndOptions) {
   EXPECT_FALSE(DepthField::create(100, 100, {.fill_levels = -1}));
   EXPECT_FALSE(DepthField::create(100, 100, {.fill_levels = 99}));
   for (const double thickness : {0.0, -1.0, 1e9, double(NAN)}) {
-    EXPECT_FALSE(DepthField::create(100, 100, {.thickness = thickness}));
+    EXPECT_FALSE(
+        DepthField::create(100, 100, {.unseen = UnseenSpace::free, .thickness = thickness}));
   }
-  EXPECT_FALSE(DepthField::create(100, 100, {.beyond = Beyond::fade}));
+  // A thickness of what is solid.
+  EXPECT_FALSE(DepthField::create(100, 100, {.thickness = 0.03}));
 }
 
 TEST(DepthField, TakesTheSmallestAndEmptyImages) {
@@ -542,7 +541,7 @@ TEST(DepthField, TakesTheSmallestAndEmptyImages) {
   const DepthField empty = make_field(cloud);
   EXPECT_GT(sample_field(empty.view(), {0.0, 0.0, 1.0}, 0.01).phi, 0.01);
   cloud.set(27, {0, 0, 0.5f}, {0, 0, -1});
-  const DepthField one = make_field(cloud, {UnknownSpace::solid, 4, kSolidBehind});
+  const DepthField one = make_field(cloud, {UnknownSpace::solid, 4});
   EXPECT_TRUE(std::isfinite(sample_field(one.view(), {0.0, 0.0, 1.0}, 0.01).phi));
 }
 

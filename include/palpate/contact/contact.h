@@ -94,6 +94,10 @@ class ContactQuery {
   /// More than one camera, or one with memory; the pose is finite.
   virtual ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                                      const ContactWants& wants) const noexcept;
+  /// What one camera by itself does not see, m3, at a finite pose in its frame; marks
+  /// ContactWants::unseen, which is zero. By the field, on a CPU; else 0.
+  virtual double unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
+                               std::span<std::uint8_t> unseen) const noexcept;
 
  private:
   ContactResult measure_camera(const SurfaceBlend& camera, const Pose& X_WT,

@@ -86,8 +86,8 @@ struct Penetration {
   int num_inside_spheres = 0;    ///< untouched spheres with V_s > 0
   int num_points = 0;            ///< points inside some sphere
   ContactStatus status;
-  /// With SurfaceView::seen_free: the part of the tool more than kSeenBehind behind everything that
-  /// any camera has seen, or outside of all images, m3. Else 0.
+  /// field: the part of the tool more than kSeenBehind behind everything that any camera has seen, or
+  /// outside of all images, m3. For a camera without SurfaceView::seen_free only on request; else 0.
   double unseen_volume = 0;
 };
 
@@ -268,6 +268,9 @@ enum class SphereState : std::uint8_t { outside, boundary, inside };
 struct ContactWants {
   /// `field` only: closed-form stiffness and VolumeMoments.
   bool stiffness = false;
+  /// Computes Penetration::unseen_volume also for a camera without SurfaceView::seen_free, on a CPU:
+  /// behind the surface of its own pixel, where that has none, or outside of the image.
+  bool unseen_volume = false;
   /// State of each sphere; empty, or as many elements as the tool has spheres.
   std::span<SphereState> states{};
   /// In T, likewise: the plane that cuts a boundary sphere, or that an inside sphere takes from a
@@ -277,7 +280,30 @@ struct ContactWants {
   /// what it sees or remembers; kNoCamera outside of all images, and for spheres without contact. A
   /// single camera determines all.
   std::span<std::int8_t> deciders{};
+  /// Of each sphere, by `field`, whether its centre lies in what unseen_volume counts: 1, else 0.
+  std::span<std::uint8_t> unseen{};
+
+  bool has_spheres() const {
+    return !(states.empty() && planes.empty() && deciders.empty() && unseen.empty());
+  }
 };
 inline constexpr std::int8_t kNoCamera = -1;
+
+/// How each sphere of a tool is, for pictures; see ContactWants.
+struct SpherePicture {
+  std::vector<SphereState> states;
+  std::vector<Plane<float>> planes;
+  std::vector<std::int8_t> deciders;
+  std::vector<std::uint8_t> unseen;
+
+  /// To be filled by a query of a tool of so many spheres.
+  ContactWants wants(std::size_t num_spheres) {
+    states.resize(num_spheres);
+    planes.resize(num_spheres);
+    deciders.resize(num_spheres);
+    unseen.resize(num_spheres);
+    return {.states = states, .planes = planes, .deciders = deciders, .unseen = unseen};
+  }
+};
 
 }  // namespace palpate::inline v0

@@ -70,23 +70,25 @@ constexpr auto names_of(UnknownSpace) { return std::array{"free", "solid", "bloc
 /// A thickness for which everything behind a surface is solid, m.
 inline constexpr double kSolidBehind = 1e6;
 
-/// Unobserved space behind surfaces, deeper than
-/// DepthFieldOptions::thickness.
-enum class Beyond {
-  free,  ///< the tool is pushed out of the back; beyond twice the thickness: free
-  fade,  ///< no force, but it counts as volume
+/// Policy for space behind surfaces that no camera has seen.
+enum class UnseenSpace {
+  solid,  ///< the surface continues, however deep
+  /// A surface is DepthFieldOptions::thickness thick; deeper, a tool is pushed out of the back, and
+  /// beyond twice the thickness there is nothing.
+  free,
+  fade,  ///< beyond the thickness there is no force, but it counts as volume
 };
-constexpr auto names_of(Beyond) { return std::array{"free", "fade"}; }
+constexpr auto names_of(UnseenSpace) { return std::array{"solid", "free", "fade"}; }
 
 struct DepthFieldOptions {
   UnknownSpace unknown = UnknownSpace::free;
   /// Holes up to about 2^fill_levels pixels wide are filled by interpolation from their borders; 0
   /// fills none.
   int fill_levels = 4;
-  /// m: up to this depth behind the first surface, along its normal, a tool is pushed out of the
-  /// front.
-  double thickness = kSolidBehind;
-  Beyond beyond = Beyond::free;
+  UnseenSpace unseen = UnseenSpace::solid;
+  /// m, unless `unseen` is solid: up to this depth behind the first surface, along its normal, a tool
+  /// is pushed out of the front.
+  double thickness = 0.05;
   /// Each frame also stores which space its camera has seen to be free (SurfaceView::seen_free), at
   /// twice the cost. Needed to combine several cameras.
   bool one_of_several = false;
@@ -102,11 +104,12 @@ inline void add_settings(SettingTable& t, DepthFieldOptions& o) {
   t.section("field");
   t.add("unknown", o.unknown, "field: space without measurement");
   t.add("fill_levels", o.fill_levels, {0, 5}, "field: fill holes up to about 2^this pixels wide");
-  t.add("thickness", o.thickness, {1e-3, kSolidBehind, "m"},
-        "field: depth behind a surface up to which a tool is pushed out of its front");
-  t.add("beyond", o.beyond,
-        "field, beyond the thickness: push the tool out of the back and then free "
-        "space, or no force but volume");
+  t.add("unseen", o.unseen,
+        "field: space behind surfaces that no camera sees: solid, or beyond the thickness free or "
+        "without force");
+  t.add("thickness", o.thickness, {1e-3, 10, "m"},
+        "field, with unseen free or fade: depth behind a surface up to which a tool is pushed out "
+        "of its front");
 }
 
 /// The nearest silhouette of a pixel: where a surface ends in front of something farther away. In
@@ -162,10 +165,16 @@ struct DepthFieldView {
   const DepthTile* tiles = nullptr;  ///< row-major; pixels beyond the image count to the outermost
   int tiles_wide = 0, tiles_high = 0;
   Intrinsics intrinsics;
-  float thickness = 0;    ///< see DepthFieldOptions; negative: with Beyond::fade
+  /// See DepthFieldOptions; kSolidBehind: UnseenSpace::solid, negative: UnseenSpace::fade.
+  float thickness = 0;
   int gpu = kHostMemory;  ///< whose memory the arrays are in
   /// Two views with the same stamp show the same values, except for stamp 0.
   std::uint64_t stamp = 0;
+
+  UnseenSpace unseen() const {
+    if (thickness < 0) return UnseenSpace::fade;
+    return thickness < static_cast<float>(kSolidBehind) ? UnseenSpace::free : UnseenSpace::solid;
+  }
 };
 
 /// A depth field of one image size. Owns its buffers; `update` allocates nothing.

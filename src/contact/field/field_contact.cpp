@@ -1,6 +1,7 @@
 #include "src/contact/field/field_contact.h"
 
 #include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "src/contact/blend.h"
@@ -11,7 +12,9 @@ namespace palpate::inline v0 {
 PALPATE_DECLARE_KERNELS(void measure_group(const MeasureJob&, int group, bool with_stiffness,
                                            GroupSums* sums);
                         void describe_group(const MeasureJob&, int group, const SphereCuts& to);
-                        constexpr FieldContactKernels kFieldContact{measure_group, describe_group};)
+                        double unseen_in_group(const MeasureJob&, int group, std::uint8_t* spheres);
+                        constexpr FieldContactKernels kFieldContact{measure_group, describe_group,
+                                                                    unseen_in_group};)
 
 namespace {
 
@@ -29,6 +32,7 @@ FieldContact::FieldContact(std::shared_ptr<const ToolIndex> index, const FieldMe
       kernels_(field_contact_kernels(capacities.isa)),
       pool_(capacities.pool != nullptr ? capacities.pool : &own_pool_),
       group_sums_(2 * static_cast<std::size_t>(elements_->clusters.num_groups())),
+      unseen_(static_cast<std::size_t>(elements_->clusters.num_groups())),
       hull_(std::make_unique<DepthHull>(*elements_, p_TC_, capacities.isa)) {}
 
 FieldContact::~FieldContact() = default;
@@ -59,15 +63,24 @@ ContactResult FieldContact::measure_one(const SurfaceView& from, const SurfaceVi
   ContactResult results[2];
   if (alpha >= 1) {
     ask({fields, 1}, X, wants.stiffness, results);
-    return results[0];
-  }
-  if (have_one_grid(to.field, from.field)) {
+  } else if (have_one_grid(to.field, from.field)) {
     ask(fields, X, wants.stiffness, results);
   } else {
     ask({fields, 1}, X, wants.stiffness, results);
     ask({fields + 1, 1}, X, wants.stiffness, results + 1);
   }
-  return blend(results[1], results[0], alpha);
+  return alpha >= 1 ? results[0] : blend(results[1], results[0], alpha);
+}
+
+double FieldContact::unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
+                                   std::span<std::uint8_t> unseen) const noexcept {
+  if (surface.field.num_levels == 0) return 0;
+  const MeasureJob asked = job({&surface.field, 1}, X_CT);
+  pool_->parallel_for(asked.clusters->num_groups(), [&](int group) {
+    unseen_[static_cast<std::size_t>(group)] =
+        kernels_.unseen_in_group(asked, group, unseen.data());
+  });
+  return std::accumulate(unseen_.begin(), unseen_.end(), 0.0);
 }
 
 void FieldContact::ask(std::span<const DepthFieldView> fields, const Pose& X_WT,
@@ -102,8 +115,7 @@ void FieldContact::describe(const DepthFieldView& field, const Pose& X_WT,
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   if (field.num_levels == 0) return;
-  const Vec3f p_TC = to_float(p_TC_);
-  const SphereCuts cuts{wants.states.data(), wants.planes.data(), {p_TC.x, p_TC.y, p_TC.z}};
+  const SphereCuts cuts = cuts_of(wants, p_TC_);
   const MeasureJob asked = job({&field, 1}, X_WT);
   pool_->parallel_for(asked.clusters->num_groups(),
                       [&](int group) { kernels_.describe_group(asked, group, cuts); });

@@ -75,7 +75,15 @@ struct SphereCuts {
   Plane<float>* planes = nullptr;  ///< in T
   float p_TC[3] = {};              ///< the centre of mass
   std::int8_t* deciders = nullptr;
+  std::uint8_t* unseen = nullptr;
 };
+inline SphereCuts cuts_of(const ContactWants& wants, const Vec3d& p_TC) {
+  return {wants.states.data(),
+          wants.planes.data(),
+          {static_cast<float>(p_TC.x), static_cast<float>(p_TC.y), static_cast<float>(p_TC.z)},
+          wants.deciders.data(),
+          wants.unseen.data()};
+}
 
 /// Each does the elements of one group of clusters, in a fixed order.
 struct FieldContactKernels {
@@ -83,6 +91,8 @@ struct FieldContactKernels {
   void (*measure_group)(const MeasureJob&, int group, bool with_stiffness, GroupSums* sums);
   /// Writes what is cut or inside of the first field; the rest is outside.
   void (*describe_group)(const MeasureJob&, int group, const SphereCuts& to);
+  /// What of it the camera of the first field does not see, m3; and which spheres, if wanted.
+  double (*unseen_in_group)(const MeasureJob&, int group, std::uint8_t* spheres);
 };
 
 /// An instruction set that the processor lacks is lowered.
@@ -107,6 +117,8 @@ class FieldContact final : public ContactQuery {
  protected:
   ContactResult measure_hull(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
                              const ContactWants& wants) const noexcept override;
+  double unseen_by_one(const SurfaceView& surface, const Pose& X_CT,
+                       std::span<std::uint8_t> unseen) const noexcept override;
 
  private:
   // At a pose that is finite, with a unit quaternion.
@@ -122,6 +134,7 @@ class FieldContact final : public ContactQuery {
   ThreadPool* pool_;
   // Scratch.
   mutable std::vector<GroupSums> group_sums_;  // two a group
+  mutable std::vector<double> unseen_;         // of each group
   std::unique_ptr<DepthHull> hull_;
 };
 

@@ -134,13 +134,14 @@ FieldContactCuda::FieldContactCuda(std::shared_ptr<const ToolIndex> index,
       states_(memory_.take<SphereState>(static_cast<std::size_t>(num_spheres_))),
       planes_(memory_.take<Plane<float>>(static_cast<std::size_t>(num_spheres_))),
       deciders_(memory_.take<std::int8_t>(static_cast<std::size_t>(num_spheres_))),
+      unseen_(memory_.take<std::uint8_t>(static_cast<std::size_t>(num_spheres_))),
       hull_(std::make_unique<DepthHullCuda>(felt_tool_, centre_of_mass_, num_spheres_, gpu)) {}
 
 ContactResult FieldContactCuda::measure_hull(std::span<const SurfaceBlend> cameras,
                                              const Pose& X_WT,
                                              const ContactWants& wants) const noexcept {
   if (!status()) return unmeasured(StepStatus::backend_failed, wants, true);
-  return hull_->measure(cameras, X_WT, wants, {states_, planes_, deciders_}, stream_);
+  return hull_->measure(cameras, X_WT, wants, {states_, planes_, deciders_, unseen_}, stream_);
 }
 
 const Status& FieldContactCuda::status() const {

@@ -55,6 +55,7 @@ class FieldContactCuda final : public ContactQuery {
   SphereState* states_;
   Plane<float>* planes_;
   std::int8_t* deciders_;
+  std::uint8_t* unseen_;
   std::unique_ptr<DepthHullCuda> hull_;
 };
 

@@ -104,4 +104,32 @@ void describe_group(const MeasureJob& job, int group, const SphereCuts& to) {
       });
 }
 
+// A camera by itself: what lies more than kSeenBehind behind the surface that its pixel shows,
+// where that shows none, or out of its sight.
+double unseen_in_group(const MeasureJob& job, int group, std::uint8_t* spheres) {
+  const SphereClusters& clusters = *job.clusters;
+  const DepthFieldView& field = job.fields[0];
+  const Grid grid(field);
+  const float* const planes = field.levels[0].planes;
+  const int first = group * SphereClusters::kClustersPerGroup;
+  const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
+  RowSums unseen;
+  for (int cluster = first; cluster < last; ++cluster) {
+    for (int i = 0; i < kNumVectors; ++i) {
+      const auto slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
+      const Lanes e = aim(job, grid, slot);
+      const VecF u = e.from_u + (grid.cx + 0.5f), v = e.from_v + (grid.cy + 0.5f);
+      const VecI is_in_image = (e.lz + job.frame.p_WC[2] > splat(kLeastDepth)) & (u >= VecF{}) &
+                               (v >= VecF{}) & (u < splat(grid.width)) & (v < splat(grid.height));
+      const VecI pixel = is_in_image ? to_int(v) * grid.stride + to_int(u) : VecI{};
+      const VecF offset = gather(planes, 2 * pixel), slope = gather(planes + 1, 2 * pixel);
+      const VecI is_seen = is_in_image & (slope > VecF{}) &
+                           (offset - e.depth * slope >= splat(-static_cast<float>(kSeenBehind)));
+      unseen.add(i % RowSums::kParts, select(is_seen, VecF{}, whole_volume(job, slot, e.radius)));
+      mark_unseen(job, slot, ~is_seen, spheres);
+    }
+  }
+  return unseen.total();
+}
+
 }  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

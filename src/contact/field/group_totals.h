@@ -83,6 +83,23 @@ struct GroupTotals {
   }
 };
 
+/// Marks the spheres of a vector of elements that are unseen.
+inline void mark_unseen(const MeasureJob& job, std::size_t first, VecI is_unseen,
+                        std::uint8_t* spheres) {
+  if (spheres == nullptr) return;
+  const VecI is_counted = is_unseen & (load(job.counted + first) > VecF{});
+  for (std::uint32_t bits = mask_bits(is_counted); bits != 0; bits &= bits - 1) {
+    const auto slot = first + static_cast<std::size_t>(__builtin_ctz(bits));
+    spheres[job.clusters->sphere_id[slot]] = 1;
+  }
+}
+
+/// What elements are together that are wholly inside, m3.
+[[gnu::always_inline]] inline VecF whole_volume(const MeasureJob& job, std::size_t slot,
+                                                VecF radius) {
+  return load(job.factor + slot) * (static_cast<float>(4 * kPi / 3) * radius * radius * radius);
+}
+
 /// Writes how the spheres of a vector of elements are cut that touch a surface: at `phi` from their
 /// centres, with the gradient n in W, as one of several cameras decided.
 inline void describe(const MeasureJob& job, std::size_t first, const Lanes& e, VecI is_touching,

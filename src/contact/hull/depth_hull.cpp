@@ -1,6 +1,7 @@
 #include "src/contact/hull/depth_hull.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "src/contact/blend.h"
 #include "src/contact/hull/camera_seats.h"
@@ -40,6 +41,37 @@ bool has_measured_around(const MeasureJob& seen_free, const Vec3d& p_C, double r
     }
   }
   return true;
+}
+
+/// The greatest that a camera says, which sees all that it has not measured as blocked, about a
+/// ball that is out of its image, by so much that none of its levels has a silhouette there.
+/// Infinity: it is not.
+float out_of_image(const DepthFieldView& field, const Vec3d& p_C, double reach) {
+  constexpr double kMargin = 1e-3;  // m, for what rounding does
+  if (p_C.z + reach < 0) return static_cast<float>(p_C.z + reach + kMargin);
+  const double z = p_C.z - reach;
+  if (!(z > static_cast<double>(kLeastDepth))) return std::numeric_limits<float>::infinity();
+  const double border = 6 << (field.num_levels - 1);  // pixels
+  const auto is_beyond = [&](double x, double focal, double centre, int size) {
+    // Of the planes through the eye and the borders, far out.
+    const double low = (-border - centre) / focal, high = (size + border - centre) / focal;
+    return x - low * p_C.z < -reach * std::hypot(1, low) ||
+           x - high * p_C.z > reach * std::hypot(1, high);
+  };
+  const auto& [fx, fy, cx, cy] = field.intrinsics;
+  if (!is_beyond(p_C.x, fx, cx, field.levels[0].width) &&
+      !is_beyond(p_C.y, fy, cy, field.levels[0].height)) {
+    return std::numeric_limits<float>::infinity();
+  }
+  // Unmeasured is blocked from there on.
+  return static_cast<float>(kLeastDepth - z + kMargin);
+}
+
+/// Does a field in host memory have no surface beyond its image?
+bool is_free_beyond(const DepthFieldView& field) {
+  const DepthFieldLevel& level = field.levels[0];
+  const int at = static_cast<int>(DepthFieldLevel::kFirst);
+  return level.planes[2 * (at * level.stride + at) + 1] == 0;
 }
 
 }  // namespace
@@ -103,12 +135,28 @@ ContactStatus DepthHull::take(const SurfaceBlend& view, const Pose& X_WT, int nu
   camera.older = measure_job(*elements_);
   camera.older.frame = frame_of(to.field.intrinsics, seats.X_CT[1], p_TC_);
   seats.write_rotations(camera.R_WC);
+  leave_out(view, seats, camera);
   const bool is_solid_behind = to.field.thickness >= static_cast<float>(kSolidBehind);
   if (job.may_be_unseen && sees && !seats.has_moved && is_solid_behind &&
       has_measured_around(camera.seen_free, seats.X_CT[0] * p_TC_, elements_->reach)) {
     job.may_be_unseen = false;
   }
   return StepStatus::ok;
+}
+
+/// Says what it can be left out by.
+void DepthHull::leave_out(const SurfaceBlend& view, const CameraSeats& seats,
+                          HullCamera& camera) const {
+  camera.at_most = std::numeric_limits<float>::infinity();
+  if (job_->is_alone) return;
+  float most = -camera.at_most;
+  for (int f = 0; f < seats.num_moments; ++f) {
+    const DepthFieldView& field = (f == 0 ? view.to : view.from).field;
+    most = std::max(most, is_free_beyond(field)
+                              ? out_of_image(field, seats.X_CT[f] * p_TC_, elements_->reach)
+                              : camera.at_most);
+  }
+  camera.at_most = most;
 }
 
 ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Pose& X_WT,
@@ -134,13 +182,12 @@ ContactResult DepthHull::measure(std::span<const SurfaceBlend> cameras, const Po
     result.stiffness = sums.stiffness.stiffness();
     result.moments = sums.stiffness.moments();
   }
-  if (wants.states.empty() && wants.planes.empty() && wants.deciders.empty()) return result;
+  if (!wants.has_spheres()) return result;
   std::fill(wants.states.begin(), wants.states.end(), SphereState::outside);
   std::fill(wants.planes.begin(), wants.planes.end(), Plane<float>{});
   std::fill(wants.deciders.begin(), wants.deciders.end(), kNoCamera);
-  const Vec3f p_TC = to_float(p_TC_);
-  const SphereCuts cuts{
-      wants.states.data(), wants.planes.data(), {p_TC.x, p_TC.y, p_TC.z}, wants.deciders.data()};
+  std::fill(wants.unseen.begin(), wants.unseen.end(), 0);
+  const SphereCuts cuts = cuts_of(wants, p_TC_);
   pool.parallel_for(num_groups, [&](int group) { kernels_.describe_group(*job_, group, cuts); });
   return result;
 }

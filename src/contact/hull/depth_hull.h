@@ -1,6 +1,7 @@
 // The field method against several cameras at once, on a CPU.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -9,17 +10,24 @@
 
 namespace palpate::inline v0 {
 
+struct CameraSeats;
+
 /// A camera as the elements of a tool look at it.
 struct HullCamera {
   /// With the pose of the tool in the camera; its fields, the newer one first.
   MeasureJob seen_free, field, in_front, remembered;
   bool has_in_front = false;  ///< a camera by itself, with a memory
   bool is_remembered = false;
-  int number = 0;      ///< in the call
+  int number = 0;  ///< in the call
+  /// The tool is out of its image: what it has seen to be free is at most this, and its `field` has
+  /// nothing there. Infinity: it may see some of the tool.
+  float at_most = std::numeric_limits<float>::infinity();
   float progress = 1;  ///< from the older to the newer one
   /// The camera has moved in between: then each moment has a pose of its own, and `older` that of
   /// the tool in the older one.
   bool has_moved = false;
+
+  bool may_see() const { return at_most == std::numeric_limits<float>::infinity(); }
   float R_WC[2][3][3] = {};
   MeasureJob older;
 };
@@ -55,6 +63,7 @@ class DepthHull {
  private:
   ContactStatus take(std::span<const SurfaceBlend> cameras, const Pose& X_WT);
   ContactStatus take(const SurfaceBlend& view, const Pose& X_WT, int number);
+  void leave_out(const SurfaceBlend& view, const CameraSeats& seats, HullCamera& camera) const;
 
   const FieldElements* elements_;
   Vec3d p_TC_;  // centre of mass

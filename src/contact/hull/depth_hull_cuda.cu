@@ -134,6 +134,10 @@ struct Joined {
   }
 };
 template <class Space>
+__device__ bool is_unseen(const Joined<Space>& at) {
+  return at.seen_phi < -static_cast<float>(kSeenBehind);
+}
+template <class Space>
 __device__ Space shifted(const Space& by, float phi) {
   Space shift{};
   set(shift, SpaceGradient<float>{phi});
@@ -318,7 +322,7 @@ __global__ void __launch_bounds__(kHullThreads, 2)
       if (asks_more(query, at_ball, ball.radius)) at_ball.take(fields, ball.radius, -1);
       const Element element = element_of(elements, cluster, query.tool);
       const Space& hull = at_ball.hull;
-      if (at_ball.seen_phi < -static_cast<float>(kSeenBehind)) {
+      if (is_unseen(at_ball)) {
         share.unseen += element.factor *
                         (static_cast<float>(4 * kPi / 3) * ball.radius * ball.radius * ball.radius);
       }
@@ -364,6 +368,7 @@ __global__ void describe_hull(const __grid_constant__ HullQuery<kMost> query, co
     to.states[id] = SphereState::outside;
     to.planes[id] = {};
     to.deciders[id] = kNoCamera;
+    to.unseen[id] = is_unseen(at);
     if (!(g.phi < sphere.radius)) continue;
     if (at.decider >= 0) to.deciders[id] = static_cast<std::int8_t>(query.eyes[at.decider].number);
     to.states[id] = g.phi > -sphere.radius ? SphereState::boundary : SphereState::inside;
@@ -510,6 +515,9 @@ void DepthHullCuda::describe(const Views& views, const ContactWants& wants,
   if (!wants.deciders.empty()) {
     stream.copy(wants.deciders.data(), cuts.deciders, wants.deciders.size_bytes());
   }
+  if (!wants.unseen.empty()) {
+    stream.copy(wants.unseen.data(), cuts.unseen, wants.unseen.size_bytes());
+  }
   stream.wait();
 }
 
@@ -540,7 +548,7 @@ ContactResult DepthHullCuda::measure(std::span<const SurfaceBlend> cameras, cons
     result.stiffness = sums.stiffness();
     result.moments = sums.moments();
   }
-  if (wants.states.empty() && wants.planes.empty() && wants.deciders.empty()) return result;
+  if (!wants.has_spheres()) return result;
   if (is_few) {
     describe<kFewCameras>(views, wants, cuts, stream);
   } else {

@@ -16,6 +16,7 @@ struct SphereCutsOnGpu {
   SphereState* states = nullptr;
   Plane<float>* planes = nullptr;  ///< in T
   std::int8_t* deciders = nullptr;
+  std::uint8_t* unseen = nullptr;
 };
 
 /// Measures one tool against several cameras, as DepthHull, to 1e-5 of its results. All memory is

@@ -58,9 +58,10 @@ struct Eye {
 // What one camera says about a vector of elements.
 template <class Sample>
 struct EyeAnswer {
-  Lanes lanes[2];     // in the camera at its moments; the older one's only if it has moved
-  VecF before[2];     // how far before the camera, likewise
-  Sample samples[2];  // of seen_free, not yet of what lies deep
+  Lanes lanes[2];         // in the camera at its moments; the older one's only if it has moved
+  VecF before[2];         // how far before the camera, likewise
+  Sample samples[2];      // of seen_free, not yet of what lies deep
+  bool is_asked = false;  // else it has no say
   bool asks_in_front = false;
   Sample in_front[2];  // likewise
   InSpace<Sample> front[2];
@@ -150,14 +151,16 @@ class Hull {
 
   // False if some camera sees that all elements are free.
   bool ask(std::size_t slot) {
+    radius_ = load(job_.tool.radius + slot);
     if (!look(slot)) return false;
-    radius_ = answers_[0].lanes[0].radius;
     join_seen_free();
     if (job_.has_memory) join_remembered(slot);
     seen_phi = first_of(hull).phi;
     join_fields(slot);
     return true;
   }
+
+  VecI is_unseen() const { return seen_phi < splat(-static_cast<float>(kSeenBehind)); }
 
   Space hull;
   VecF seen_phi;  // of what was seen to be free alone
@@ -169,52 +172,68 @@ class Hull {
     VecI is_free{};
     shallowest_ = splat(-1e9f);
     is_between_ = false;
-    for (int k = 0; k < job_.num_seeing; ++k) {
-      const Eye& eye = eyes_[k];
-      const MeasureJob& seen = eye.camera->seen_free;
-      EyeAnswer<Sample>& answer = answers_[k];
-      Lanes& e = answer.lanes[0] = aim(seen, eye.seen_free.grid, slot);
-      answer.before[0] = e.lz + (seen.frame.p_WC[2] - kLeastDepth);
-      Look look = look_of(eye.seen_free.grid, e, e.radius);
-      VecF phi[2];
-      for (int f = 0; f < eye.num_fields; ++f) {
-        const int seat = eye.seat(f);
-        if (seat > 0) {
-          const MeasureJob& older = eye.camera->older;
-          answer.lanes[1] = aim(older, eye.seen_free.grid, slot);
-          answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kLeastDepth);
-          look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
-        }
-        const Lanes& at = answer.lanes[seat];
-        answer.samples[f] = ask_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
-                                              at.depth, at.inverse_depth);
-        phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
-        if (answer.asks_in_front) {
-          answer.in_front[f] = ask_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
-                                                 at.depth, at.inverse_depth);
-          phi[f] = min(phi[f], first_of(answer.in_front[f]).phi);
-        }
-        if (job_.is_alone) {
-          phi[f] = select(answer.before[seat] > VecF{}, phi[f], free_limit(e.radius));
-        } else if (eye.camera->has_moved) {
-          phi[f] = min(phi[f], answer.before[seat]);
-        }
+    for (const bool may_see : {true, false}) {
+      for (int k = 0; k < job_.num_seeing; ++k) {
+        if (job_.cameras[k].may_see() != may_see) continue;
+        answers_[k].is_asked = may_see || !has_no_say(k, is_free);
+        if (answers_[k].is_asked && !look(slot, k, is_free)) return false;
       }
-      is_between_ |= eye.num_fields > 1;
-      VecF now = phi[0];
-      if (eye.num_fields > 1) {
-        now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
-      }
-      if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0]);
-      shallowest_ = max(shallowest_, now);
-      // Rounding makes the lesser of two no more than this less.
-      VecF limit = e.radius + free_margin(job_.num_seeing, e.radius);
-      if (answer.asks_in_front) limit += front_margin(e.radius);
-      is_free |= now > limit;
-      if (mask_bits(~is_free) == 0) return false;
     }
     is_felt_ = ~is_free;
     return true;
+  }
+
+  // What a camera says that does not see the tool, is it far below what others say?
+  bool has_no_say(int k, VecI is_free) const {
+    // What is deep may get half as deep again as it appears to the pixels of its size.
+    const VecF least = min(shallowest_, 1.5f * shallowest_) - 3.0f * agreement(radius_);
+    return mask_bits(~is_free & ~(least > splat(job_.cameras[k].at_most))) == 0;
+  }
+
+  // One camera's first answer. False: now all elements are free.
+  bool look(std::size_t slot, int k, VecI& is_free) {
+    const Eye& eye = eyes_[k];
+    const MeasureJob& seen = eye.camera->seen_free;
+    EyeAnswer<Sample>& answer = answers_[k];
+    Lanes& e = answer.lanes[0] = aim(seen, eye.seen_free.grid, slot);
+    answer.before[0] = e.lz + (seen.frame.p_WC[2] - kLeastDepth);
+    Look look = look_of(eye.seen_free.grid, e, e.radius);
+    VecF phi[2];
+    for (int f = 0; f < eye.num_fields; ++f) {
+      const int seat = eye.seat(f);
+      if (seat > 0) {
+        const MeasureJob& older = eye.camera->older;
+        answer.lanes[1] = aim(older, eye.seen_free.grid, slot);
+        answer.before[1] = answer.lanes[1].lz + (older.frame.p_WC[2] - kLeastDepth);
+        look = look_of(eye.seen_free.grid, answer.lanes[1], e.radius);
+      }
+      const Lanes& at = answer.lanes[seat];
+      answer.samples[f] = ask_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
+                                            at.depth, at.inverse_depth);
+      phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
+      if (answer.asks_in_front) {
+        answer.in_front[f] = ask_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
+                                               at.depth, at.inverse_depth);
+        phi[f] = min(phi[f], first_of(answer.in_front[f]).phi);
+      }
+      if (job_.is_alone) {
+        phi[f] = select(answer.before[seat] > VecF{}, phi[f], free_limit(e.radius));
+      } else if (eye.camera->has_moved) {
+        phi[f] = min(phi[f], answer.before[seat]);
+      }
+    }
+    is_between_ |= eye.num_fields > 1;
+    VecF now = phi[0];
+    if (eye.num_fields > 1) {
+      now = phi[1] + splat(eye.camera->progress) * (phi[0] - phi[1]);
+    }
+    if (!eye.camera->has_moved && !job_.is_alone) now = min(now, answer.before[0]);
+    shallowest_ = max(shallowest_, now);
+    // Rounding makes the lesser of two no more than this less.
+    VecF limit = e.radius + free_margin(job_.num_seeing, e.radius);
+    if (answer.asks_in_front) limit += front_margin(e.radius);
+    is_free |= now > limit;
+    return mask_bits(~is_free) != 0;
   }
 
   // The greatest of what the cameras have seen to be free. Who is deep and not the least deep one
@@ -224,9 +243,11 @@ class Hull {
     const VecI may_be_deep =
         is_felt_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
     VecF most = splat(-1e9f);
+    bool is_first = true;
     for (int k = 0; k < job_.num_seeing; ++k) {
       const Eye& eye = eyes_[k];
       EyeAnswer<Sample>& answer = answers_[k];
+      if (!answer.is_asked) continue;
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
@@ -250,7 +271,8 @@ class Hull {
       if (!eye.camera->has_moved && !job_.is_alone) {
         seen = before_eye(eye.camera->R_WC[0], seen, answer.before[0], radius_);
       }
-      hull = k == 0 ? seen : agreed(hull, seen, agreement(radius_));
+      hull = is_first ? seen : agreed(hull, seen, agreement(radius_));
+      is_first = false;
       decide(first_of(seen).phi > most, k, decider);
       most = max(most, first_of(seen).phi);
     }
@@ -262,9 +284,11 @@ class Hull {
     const HullWidth<VecF> width = hull_width(radius_);
     VecI counts = is_felt_ & (first_of(hull).phi < radius_);
     if (mask_bits(counts) == 0) return;
-    Space shown;
+    Space shown = nowhere();
     VecI who{}, who_shows{};
+    bool is_first = true;
     for (int k = 0; k < job_.num_seeing; ++k) {
+      if (!job_.cameras[k].may_see()) continue;
       const Eye& eye = eyes_[k];
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
@@ -273,38 +297,48 @@ class Hull {
                             ask(eye, eye.in_front, f, answers_[k].lanes[seat], counts), nowhere());
       }
       const Space here = between(eye, moments);
-      decide(k == 0 ? splat(-1) : first_of(here).phi < first_of(shown).phi, k, who_shows);
-      shown = k == 0 ? here : lesser_of(shown, here, width);
+      decide(is_first ? splat(-1) : first_of(here).phi < first_of(shown).phi, k, who_shows);
+      shown = is_first ? here : lesser_of(shown, here, width);
+      is_first = false;
       counts &= first_of(shown).phi > first_of(hull).phi;
       if (mask_bits(counts) == 0) return;
     }
     Space known;
-    bool is_first = true;
+    is_first = true;
     VecF most = splat(-1e9f);
-    for (int k = 0; k < job_.num_cameras; ++k) {
-      const Eye& eye = eyes_[k];
-      if (!eye.camera->is_remembered) continue;
-      EyeAnswer<Sample>& answer = answers_[k];
-      if (k >= job_.num_seeing) take_seats(eye, slot, answer);
-      Space moments[2];
-      for (int f = 0; f < eye.num_fields; ++f) {
-        const int seat = eye.seat(f);
-        moments[f] = ask(eye, eye.remembered, f, answer.lanes[seat], counts);
-        if (eye.camera->has_moved) {
-          moments[f] = before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_);
-        }
+    for (const bool may_see : {true, false}) {
+      for (int k = 0; k < job_.num_cameras; ++k) {
+        const HullCamera& camera = job_.cameras[k];
+        if (!camera.is_remembered || camera.may_see() != may_see) continue;
+        // The others know more.
+        const VecI has_a_say = most < splat(camera.at_most) + 2.0f * agreement(radius_);
+        if (!may_see && mask_bits(counts & has_a_say) == 0) continue;
+        const Space here = remembered_by(k, slot, counts);
+        known = is_first ? here : agreed(known, here, agreement(radius_));
+        decide(first_of(here).phi > most, k, who);
+        most = max(most, first_of(here).phi);
+        is_first = false;
       }
-      Space here = between(eye, moments);
-      if (!eye.camera->has_moved) {
-        here = before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_);
-      }
-      known = is_first ? here : agreed(known, here, agreement(radius_));
-      decide(first_of(here).phi > most, k, who);
-      most = max(most, first_of(here).phi);
-      is_first = false;
     }
     who = first_of(known).phi < first_of(shown).phi ? who : who_shows;
     join_greater(plus(lesser_of(known, shown, width), splat(1.0f), shifted(-width.w)), counts, who);
+  }
+
+  Space remembered_by(int k, std::size_t slot, VecI counts) {
+    const Eye& eye = eyes_[k];
+    EyeAnswer<Sample>& answer = answers_[k];
+    if (k >= job_.num_seeing || !answer.is_asked) take_seats(eye, slot, answer);
+    Space moments[2];
+    for (int f = 0; f < eye.num_fields; ++f) {
+      const int seat = eye.seat(f);
+      moments[f] = ask(eye, eye.remembered, f, answer.lanes[seat], counts);
+      if (eye.camera->has_moved) {
+        moments[f] = before_eye(eye.camera->R_WC[seat], moments[f], answer.before[seat], radius_);
+      }
+    }
+    const Space here = between(eye, moments);
+    if (eye.camera->has_moved) return here;
+    return before_eye(eye.camera->R_WC[0], here, answer.before[0], radius_);
   }
 
   // What holds where no camera looks, as long as all of them say so.
@@ -313,8 +347,10 @@ class Hull {
     const VecI is_felt = is_felt_ & (first_of(hull).phi < radius_);
     if (!job_.may_be_unseen || mask_bits(is_felt) == 0) return;
     const VecF later = -agreement(radius_);
-    Space least;
+    Space least = nowhere();
+    bool is_first = true;
     for (int k = 0; k < job_.num_cameras; ++k) {
+      if (!job_.cameras[k].may_see()) continue;
       const Eye& eye = eyes_[k];
       if (k >= job_.num_seeing) take_seats(eye, slot, answers_[k]);
       Space moments[2];
@@ -327,7 +363,8 @@ class Hull {
         moments[f] = chosen(answers_[k].before[seat] > VecF{}, moments[f], nowhere());
       }
       const Space here = between(eye, moments);
-      least = k == 0 ? here : lesser_of(least, here, width);
+      least = is_first ? here : lesser_of(least, here, width);
+      is_first = false;
       const VecI counts = is_felt & (first_of(least).phi + later > first_of(hull).phi - width.w);
       if (mask_bits(counts) == 0) return;
     }
@@ -416,9 +453,7 @@ template <class Sample>
     Symmetric<VecF> h;
     if constexpr (kWithStiffness) h = at.hull.h;
     totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
-    const VecF whole = load(job.tool.factor + slot) *
-                       (static_cast<float>(4 * kPi / 3) * e.radius * e.radius * e.radius);
-    unseen.add(part, select(at.seen_phi < splat(-static_cast<float>(kSeenBehind)), whole, VecF{}));
+    unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
   });
   totals.write(*to);
   to->measure.unseen = unseen.total();
@@ -441,6 +476,7 @@ void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
     }
     describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
              nobody ? splat(kNoCamera) : number);
+    mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
   });
 }
 

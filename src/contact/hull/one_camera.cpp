@@ -79,8 +79,12 @@ ContactResult ContactQuery::measure(std::span<const SurfaceBlend> cameras, const
                                                            : measure_camera(camera, X_WT, wants);
   if (result.penetration.status.is_unmeasured()) return result;
   std::fill(wants.deciders.begin(), wants.deciders.end(), 0);
+  double& unseen = result.penetration.unseen_volume = 0;
   if (camera.to.seen_free.num_levels > 0) {
-    result.penetration.unseen_volume = measure_hull(cameras, X, {}).penetration.unseen_volume;
+    unseen = measure_hull(cameras, X, {.unseen = wants.unseen}).penetration.unseen_volume;
+  } else if (wants.unseen_volume || !wants.unseen.empty()) {
+    std::fill(wants.unseen.begin(), wants.unseen.end(), 0);
+    unseen = unseen_by_one(camera.to, Seat(camera.to, X).X_CT, wants.unseen);
   }
   return result;
 }
@@ -111,9 +115,12 @@ ContactResult ContactQuery::measure_camera(const SurfaceBlend& camera, const Pos
 ContactResult ContactQuery::measure_alone(SurfaceBlend camera, const Pose& X_WT,
                                           const ContactWants& wants) const noexcept {
   camera.from.seen_free = camera.to.seen_free = {};
-  ContactResult result = measure_hull({&camera, 1}, X_WT, wants);
-  result.penetration.unseen_volume = 0;
-  return result;
+  return measure_hull({&camera, 1}, X_WT, wants);
+}
+
+double ContactQuery::unseen_by_one(const SurfaceView&, const Pose&,
+                                   std::span<std::uint8_t>) const noexcept {
+  return 0;
 }
 
 ContactResult ContactQuery::measure_hull(std::span<const SurfaceBlend>, const Pose&,

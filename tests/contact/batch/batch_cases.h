@@ -24,7 +24,7 @@ inline std::vector<FrozenField> batch_scenes() {
   all.emplace_back(block(2));
   all.emplace_back(noisy_wall(64, 64, 60, 0.62, 0.002, 3),
                    DepthFieldOptions{.unknown = UnknownSpace::solid});
-  all.emplace_back(block(4), DepthFieldOptions{.thickness = 0.03});
+  all.emplace_back(block(4), DepthFieldOptions{.unseen = UnseenSpace::free, .thickness = 0.03});
   return all;
 }
 inline std::vector<SurfaceView> surfaces_of(const std::vector<FrozenField>& scenes) {

@@ -89,9 +89,10 @@ std::vector<Scene> scenes() {
   all.push_back({"block", block_before_wall(2), {}});
   all.push_back({"tilted, hole", tilted_wall_with_hole(), {.fill_levels = 0}});
   all.push_back({"tilted, filled", tilted_wall_with_hole(), {.unknown = UnknownSpace::solid}});
-  all.push_back({"thin block", block_before_wall(3), {.thickness = 0.03}});
   all.push_back(
-      {"fading block", block_before_wall(3), {.thickness = 0.03, .beyond = Beyond::fade}});
+      {"thin block", block_before_wall(3), {.unseen = UnseenSpace::free, .thickness = 0.03}});
+  all.push_back(
+      {"fading block", block_before_wall(3), {.unseen = UnseenSpace::fade, .thickness = 0.03}});
   all.push_back({"near", rough_wall(4, 0.12), {}});
   return all;
 }
@@ -224,7 +225,7 @@ TEST(FieldContactCuda, StiffnessAndDescriptionEqualTheCpu) {
       // The GPU finds them in double precision.
       for (std::size_t k = 0; k < planes.size(); ++k) {
         // What is pushed no more has no direction.
-        if (scene.options.beyond == Beyond::fade && states[k] == SphereState::inside) continue;
+        if (scene.options.unseen == UnseenSpace::fade && states[k] == SphereState::inside) continue;
         EXPECT_NEAR(norm(planes[k].normal - want_planes[k].normal), 0, 4e-4) << k;
         EXPECT_NEAR(planes[k].offset, want_planes[k].offset, 1e-5) << k;
       }

@@ -31,17 +31,19 @@ constexpr ContactOptions kOwn{.method = MethodKind::field, .volumes = SphereVolu
 constexpr ContactOptions kRepresented{.method = MethodKind::field,
                                       .volumes = SphereVolumes::represented};
 
-FrozenField rough_wall(std::uint64_t seed, double thickness = kSolidBehind,
-                       Beyond beyond = Beyond::free) {
+constexpr double kThickness = DepthFieldOptions{}.thickness;
+
+FrozenField rough_wall(std::uint64_t seed, UnseenSpace unseen = UnseenSpace::solid,
+                       double thickness = kThickness) {
   return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.002, seed),
-                     {.thickness = thickness, .beyond = beyond});
+                     {.unseen = unseen, .thickness = thickness});
 }
 
 // So calm that no gradient is shortened.
-FrozenField calm_wall(std::uint64_t seed, double thickness = kSolidBehind,
-                      Beyond beyond = Beyond::free) {
+FrozenField calm_wall(std::uint64_t seed, UnseenSpace unseen = UnseenSpace::solid,
+                      double thickness = kThickness) {
   return FrozenField(test::noisy_wall(160, 120, 140, 0.6, 0.00005, seed),
-                     {.thickness = thickness, .beyond = beyond});
+                     {.unseen = unseen, .thickness = thickness});
 }
 
 // A block in front of a wall: silhouettes on all sides, in the middle of where the tools are.
@@ -107,7 +109,7 @@ void expect_equals_brute_force(const FrozenField& scene) {
 
 TEST(FieldContact, EqualsBruteForce) {
   expect_equals_brute_force(rough_wall(1));
-  expect_equals_brute_force(rough_wall(1, 0.03, Beyond::fade));
+  expect_equals_brute_force(rough_wall(1, UnseenSpace::fade, 0.03));
 }
 
 TEST(FieldContact, EqualsBruteForceAtSilhouettes) {
@@ -142,7 +144,7 @@ void expect_derivative_of_the_potential(const FrozenField& scene) {
 
 TEST(FieldContact, WrenchIsMinusTheDerivativeOfThePotential) {
   expect_derivative_of_the_potential(rough_wall(4));
-  expect_derivative_of_the_potential(rough_wall(4, 0.03, Beyond::fade));
+  expect_derivative_of_the_potential(rough_wall(4, UnseenSpace::fade, 0.03));
 }
 
 TEST(FieldContact, WrenchIsMinusTheDerivativeOfThePotentialAtSilhouettes) {
@@ -194,7 +196,7 @@ TEST(FieldContact, StiffnessIsTheDerivativeOfTheWrench) {
 // Round a closed path of translation and rotation hardly any net work is done. Measured: 4.8e-4 of
 // all work, because gradients where two levels meet are a little longer than a force may be; with
 // none shortened 1e-7.
-class ClosedLoops : public testing::TestWithParam<std::pair<double, Beyond>> {};
+class ClosedLoops : public testing::TestWithParam<std::pair<UnseenSpace, double>> {};
 
 TEST_P(ClosedLoops, CostNoWork) {
   const FrozenField scene = calm_wall(7, GetParam().first, GetParam().second);
@@ -226,9 +228,9 @@ TEST_P(ClosedLoops, CostNoWork) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Thickness, ClosedLoops,
-                         testing::Values(std::pair{kSolidBehind, Beyond::free},
-                                         std::pair{0.02, Beyond::free},
-                                         std::pair{0.02, Beyond::fade}));
+                         testing::Values(std::pair{UnseenSpace::solid, kThickness},
+                                         std::pair{UnseenSpace::free, 0.02},
+                                         std::pair{UnseenSpace::fade, 0.02}));
 
 // The surface passes between two layers of spheres, has a hole in the middle of the tool, and is
 // left far behind: contact neither drops nor doubles.
@@ -269,17 +271,16 @@ TEST(FieldContact, SweepsBetweenLayersThroughAHoleAndCleanThrough) {
 // A tool that is pushed clean through a wall of some thickness comes out behind it, or is let go.
 TEST(FieldContact, BehindTheThicknessThereIsNothing) {
   const Tool tool = test::random_tool(300, 0.02, 23);
-  for (const auto& [thickness, beyond] :
-       {std::pair{kSolidBehind, Beyond::free}, {0.05, Beyond::free}, {0.05, Beyond::fade}}) {
-    const FrozenField scene(plane({{0, 0, -1}, -0.5}).cloud,
-                            {.thickness = thickness, .beyond = beyond});
+  for (const UnseenSpace unseen : {UnseenSpace::solid, UnseenSpace::free, UnseenSpace::fade}) {
+    const FrozenField scene(plane({{0, 0, -1}, -0.5}).cloud, {.unseen = unseen});
     const auto query = make_query(tool, scene);
     const Penetration inside = query->query({{0, 0, 0.525}, {}}, kOwn);
     const Penetration behind = query->query({{0, 0, 0.65}, {}}, kOwn);
     EXPECT_NEAR(inside.volume / full_volume(tool, kOwn), 1, 1e-4);
     EXPECT_NEAR(inside.measure_W.force.z / inside.volume, -1, 0.05);
-    const double left = thickness == kSolidBehind ? 1 : 0;
-    EXPECT_NEAR(behind.volume / full_volume(tool, kOwn), beyond == Beyond::fade ? 1 : left, 1e-4);
+    const double left = unseen == UnseenSpace::solid ? 1 : 0;
+    EXPECT_NEAR(behind.volume / full_volume(tool, kOwn), unseen == UnseenSpace::fade ? 1 : left,
+                1e-4);
     EXPECT_NEAR(-behind.measure_W.force.z / full_volume(tool, kOwn), left, 0.05);
   }
 }
@@ -355,13 +356,14 @@ std::vector<TwoFrames> frame_pairs() {
   std::vector<TwoFrames> pairs;
   pairs.push_back({rough_wall(31), rough_wall(32)});
   pairs.push_back({block_before_wall(33), rough_wall(34)});
-  pairs.push_back({rough_wall(35, 0.03), rough_wall(36, 0.03)});
+  pairs.push_back(
+      {rough_wall(35, UnseenSpace::free, 0.03), rough_wall(36, UnseenSpace::free, 0.03)});
   // Elements between the two touch only one.
   pairs.push_back({rough_wall(37), FrozenField(test::noisy_wall(160, 120, 140, 0.7, 0.002, 38))});
   // No pass for both: other sizes, other cameras, other thicknesses.
   pairs.push_back({rough_wall(39), FrozenField(test::noisy_wall(96, 72, 140, 0.6, 0.002, 40))});
   pairs.push_back({rough_wall(41), FrozenField(test::noisy_wall(160, 120, 150, 0.6, 0.002, 42))});
-  pairs.push_back({rough_wall(43), rough_wall(44, 0.03)});
+  pairs.push_back({rough_wall(43), rough_wall(44, UnseenSpace::free, 0.03)});
   return pairs;
 }
 

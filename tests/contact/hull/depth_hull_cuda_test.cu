@@ -1,10 +1,13 @@
 // The depth hull on the GPU against the CPU's.
+#include <cmath>
 #include <cstring>
+#include <span>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "src/contact/cuda/contact_query_cuda.h"
+#include "src/field/key_frames.h"
 #include "tests/test_util/contact_scenes.h"
 #include "tests/test_util/gpu.h"
 #include "tests/test_util/hull_scenes.h"
@@ -121,6 +124,104 @@ TEST_F(DepthHullCuda, RemembersAsTheCpu) {
     }
     EXPECT_GT(num_felt, 8);
   }
+}
+
+/// A camera that passes a ball before a wall, and what it remembers: surfaces of these slots.
+class Passing {
+ public:
+  explicit Passing(const KeyFrames::MakeSlots& make)
+      : newest_(make(settings()).value()), kept_(KeyFrames::create(settings(), make).value()) {}
+
+  static SlotSettings settings() {
+    SlotSettings settings;
+    settings.stream = test::stream_of(kCamera);
+    settings.stream.is_moving = true;
+    settings.field.emplace();
+    settings.time.mode = TimeMode::latest;
+    settings.time.memory = {.kind = DepthMemory::on, .frames = 4};
+    settings.wants_depth_change = false;
+    return settings;
+  }
+  void push(double x, bool has_ball) {
+    DepthFrame frame{kCamera.width, kCamera.height, 0.0001, {}, 0};
+    frame.X_WC = test::look_at({x, 0, 0}, {0, 0, 0.8});
+    const auto ray = [&](const Vec3d& p, const Vec3d& d) {
+      const double wall = test::to_wall(p, d, 1);
+      return has_ball ? std::min(wall, test::to_ball(p, d, {0, 0, 0.7}, 0.06)) : wall;
+    };
+    for (const float z : test::depth_seen(ray, kCamera, frame.X_WC)) {
+      frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(z / frame.unit)));
+    }
+    kept_.take(frame, pool_);
+    newest_->take(0, frame, {}, {}, 1.0 / 30, pool_);
+    X_WC_ = frame.X_WC;
+  }
+  std::vector<SurfaceBlend> views(double progress) const {
+    SurfaceView now = newest_->surfaces(0);
+    now.X_WC = X_WC_;
+    std::vector<SurfaceBlend> views{{now, now, 1}};
+    for (SurfaceBlend view : kept_.views()) {
+      view.progress = progress;
+      views.push_back(view);
+    }
+    return views;
+  }
+  const Status& status() const { return kept_.status(); }
+
+ private:
+  static constexpr Camera kCamera{128, 96, {105, 105, 63.5, 47.5}};
+
+  ThreadPool pool_{1};
+  std::unique_ptr<FrameSlots> newest_;
+  KeyFrames kept_;
+  Pose X_WC_;
+};
+
+// Frames that a camera keeps from where it was, made and asked on the GPU.
+TEST_F(DepthHullCuda, KeyFramesAreThoseOfTheCpu) {
+  Passing on_cpu(make_frame_slots_cpu);
+  Passing on_gpu([](const SlotSettings& settings) { return make_frame_slots_cuda(settings, 0); });
+  const Tool tool = test::ball_tool(0.03, 300);
+  const auto index = ToolIndex::create(tool);
+  const auto cpu = make_contact_query(Backend::cpu, index, FieldMethod{}).value();
+  const auto gpu = make_contact_query_cuda(index, FieldMethod{}, {}).value();
+  const double whole = tool.mesh_mass().volume;
+  const Vec3d behind_ball{0, 0, 0.89};
+  std::vector<std::int8_t> want_deciders(300), got_deciders(300);
+  Random random(35);
+  int num_felt = 0, num_decided = 0, num_other = 0;
+  for (const bool has_ball : {true, false}) {  // then it has gone
+    for (const double x : {-0.35, -0.2, -0.1, 0.0, 0.1, 0.2, 0.35, 0.0}) {
+      on_cpu.push(x, has_ball);
+      on_gpu.push(x, has_ball);
+      ASSERT_TRUE(on_gpu.status()) << on_gpu.status().error().message;
+      for (int i = 0; i < 4; ++i) {
+        const double progress = i % 2 == 0 ? 1 : random.uniform(0, 1);
+        const Pose X_WT{{random.uniform(-0.2, 0.2), random.uniform(-0.1, 0.1),
+                         random.uniform(i < 2 ? 0.7 : 0.97, 1.02)},
+                        random.rotation(3)};
+        const auto want_views = on_cpu.views(progress), got_views = on_gpu.views(progress);
+        ASSERT_EQ(got_views.size(), want_views.size());
+        const ContactResult want = cpu->measure(want_views, X_WT, {.deciders = want_deciders});
+        const ContactResult got = gpu->measure(got_views, X_WT, {.deciders = got_deciders});
+        expect_near(got, want, whole);
+        num_felt += want.penetration.volume > 0.01 * whole;
+        for (std::size_t s = 0; s < want_deciders.size(); ++s) {
+          num_decided += want_deciders[s] > 0;
+          num_other += got_deciders[s] != want_deciders[s];
+        }
+      }
+    }
+    const auto views = on_gpu.views(1);
+    EXPECT_GE(views.size(), 4u);
+    EXPECT_LT(gpu->measure(views, {behind_ball, {}}).penetration.volume, 0.02 * whole);
+    if (!has_ball) continue;
+    const auto without = std::span(views).first(1);
+    EXPECT_GT(gpu->measure(without, {behind_ball, {}}).penetration.volume, 0.9 * whole);
+  }
+  EXPECT_GT(num_felt, 15);
+  EXPECT_GT(num_decided, 200);  // by what is remembered
+  EXPECT_LT(num_other, num_decided / 20);
 }
 
 TEST_F(DepthHullCuda, RefusesWhatTheCpuRefuses) {

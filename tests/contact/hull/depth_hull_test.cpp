@@ -58,7 +58,7 @@ TEST(DepthHull, EqualsItsDefinition) {
   for (const int num_cameras : {2, 3, 5}) {
     for (const DepthFieldOptions& field :
          {DepthFieldOptions{}, DepthFieldOptions{.unknown = UnknownSpace::solid},
-          DepthFieldOptions{.thickness = 0.03, .beyond = Beyond::fade}}) {
+          DepthFieldOptions{.unseen = UnseenSpace::fade, .thickness = 0.03}}) {
       const HullScene scene = test::rough_scene(num_cameras, field, random);
       int num_felt = 0;
       for (const int num_spheres : {1, 33, 400}) {
@@ -291,8 +291,8 @@ TEST(DepthHull, WhatLiesInUnseenSpaceIsAsTheFieldsSay) {
   const double whole = tool.sphere_mass().volume;
   for (const auto& [field, volume, force] :
        {std::tuple{DepthFieldOptions{}, 1.0, 1.0},
-        {DepthFieldOptions{.thickness = 0.03}, 0.0, 0.0},
-        {DepthFieldOptions{.thickness = 0.03, .beyond = Beyond::fade}, 1.0, 0.0}}) {
+        {DepthFieldOptions{.unseen = UnseenSpace::free, .thickness = 0.03}, 0.0, 0.0},
+        {DepthFieldOptions{.unseen = UnseenSpace::fade, .thickness = 0.03}, 1.0, 0.0}}) {
     HullScene scene;
     for (int k = 0; k < 2; ++k) {
       const Pose X_WC = test::look_at({0.2 * k, 0, 0}, {0, 0, 0.8});
@@ -339,6 +339,135 @@ TEST(DepthHull, NothingIsWhereNoCameraLooks) {
     EXPECT_EQ(norm(at.measure_W.force), 0);
     EXPECT_NEAR(at.unseen_volume, tool.sphere_mass().volume, 1e-9);
   }
+}
+
+// Cameras that look elsewhere are left out: with them all is as without, to the last bit.
+TEST(DepthHull, CamerasThatLookElsewhereChangeNothing) {
+  Random random(18);
+  for (const UnknownSpace unknown : {UnknownSpace::free, UnknownSpace::solid}) {
+    const HullScene scene = test::rough_scene(2, {.unknown = unknown}, random);
+    HullScene away = test::rough_scene(5, {.unknown = unknown}, random);
+    // The tool is beside the image of three, and behind two.
+    const Pose places[] = {{{6, 0, -1}, {}},
+                           {{-7, 1, -1}, axis_angle({0, 0, 1}, 0.3)},
+                           {{0.2, -6.5, -0.8}, {}},
+                           {{0, 0, 4}, {}},
+                           {{-3, 0, 1}, axis_angle({0, 1, 0}, -1.6)}};
+    for (std::size_t k = 0; k < away.views.size(); ++k) {
+      away.views[k].to.X_WC = away.views[k].from.X_WC = places[k];
+    }
+    std::vector<SurfaceBlend> all = scene.views;
+    all.insert(all.end(), away.views.begin(), away.views.end());
+    const std::vector<SurfaceBlend> backwards(all.rbegin(), all.rend());
+    const Tool tool = test::random_tool(300, 0.05, 3);
+    const double scale = tool.sphere_mass().volume;
+    const auto query = make_query(tool, SphereVolumes::own);
+    int num_felt = 0;
+    for (int i = 0; i < 40; ++i) {
+      const Pose X_WT{
+          {random.uniform(-0.15, 0.15), random.uniform(-0.1, 0.1), random.uniform(0.9, 1.3)},
+          random.rotation(3.0)};
+      const ContactWants wants{.stiffness = i % 2 == 0};
+      const ContactResult without = query->measure(scene.views, X_WT, wants);
+      num_felt += without.penetration.volume > 0.01 * scale;
+      const ContactResult got = query->measure(all, X_WT, wants);
+      // A surface that goes on beyond the image is one more opinion.
+      if (unknown == UnknownSpace::free) expect_same_bits(got, without);
+      const Penetration want = test::hull_truth(tool, backwards, X_WT, SphereVolumes::own);
+      const Penetration last = query->measure(backwards, X_WT).penetration;
+      EXPECT_NEAR(last.volume, want.volume, 3e-5 * scale);
+      EXPECT_NEAR(norm(last.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
+      EXPECT_NEAR(last.unseen_volume, want.unseen_volume, 0.02 * scale);
+    }
+    EXPECT_GT(num_felt, 5);
+  }
+}
+
+/// By its own pixel, in double.
+bool is_seen_by(const SurfaceView& surface, const Vec3d& p_C) {
+  const DepthFieldView& field = surface.field;
+  const Intrinsics& k = field.intrinsics;
+  const double u = std::floor(k.fx * p_C.x / p_C.z + k.cx + 0.5);
+  const double v = std::floor(k.fy * p_C.y / p_C.z + k.cy + 0.5);
+  const DepthFieldLevel& level = field.levels[0];
+  if (!(p_C.z > 0.02 && u >= 0 && v >= 0 && u < level.width && v < level.height)) return false;
+  const auto at =
+      2 * (static_cast<std::ptrdiff_t>(v) * level.stride + static_cast<std::ptrdiff_t>(u));
+  const double offset = level.planes[at], slope = level.planes[at + 1];
+  return slope > 0 && offset - p_C.z * slope >= -kSeenBehind;
+}
+
+// One camera by itself says what it does not see, too, where that is wanted.
+TEST(DepthHull, OneCameraSaysWhatItDoesNotSee) {
+  Random random(19);
+  const Tool tool = test::random_tool(400, 0.06, 3);
+  const double scale = tool.mesh_mass().volume;
+  const FieldElements elements(tool, SphereVolumes::represented);
+  for (const UnseenSpace unseen : {UnseenSpace::solid, UnseenSpace::free}) {
+    HullScene scene = test::rough_scene(1, {.unseen = unseen}, random);
+    SurfaceBlend& view = scene.views[0];
+    view.to.seen_free = view.from.seen_free = {};
+    int num_parts = 0;
+    for (int i = 0; i < 40; ++i) {
+      Pose X_WT = random_pose(random);
+      if (i % 8 == 0) X_WT.translation.z = -0.5;
+      if (i % 8 == 1) X_WT.translation.x = 0.6 * X_WT.translation.z;  // the image's border
+      const Pose X_CT = inverse(view.to.X_WC) * X_WT;
+      const Vec3d C_T = tool.sphere_mass().centre_of_mass;
+      double want = 0;
+      for (std::size_t e = 0; e < elements.factor.size(); ++e) {
+        const SphereClusters& c = elements.clusters;
+        if (c.sphere_id[e] < 0) continue;
+        const Vec3d p_C = X_CT * (C_T + Vec3d{double{c.x[e]}, double{c.y[e]}, double{c.z[e]}});
+        if (!is_seen_by(view.to, p_C)) {
+          want += double{elements.factor[e]} * sphere_volume(double{elements.radius[e]});
+        }
+      }
+      num_parts += want > 0.05 * scale && want < 0.95 * scale;
+      std::vector<std::uint8_t> marks(tool.spheres().size(), 7);
+      std::vector<std::int8_t> deciders(marks.size());
+      for (const Isa isa : isas()) {
+        const auto query = make_query(tool, SphereVolumes::represented, isa);
+        const Penetration plain = query->measure(scene.views, X_WT).penetration;
+        const Penetration at =
+            query->measure(scene.views, X_WT, {.unseen_volume = true}).penetration;
+        EXPECT_NEAR(at.unseen_volume, want, 0.01 * scale);
+        EXPECT_EQ(plain.unseen_volume, 0);
+        EXPECT_EQ(at.volume, plain.volume);
+        query->measure(scene.views, X_WT, {.deciders = deciders, .unseen = marks});
+      }
+      int num_wrong = 0;
+      for (std::size_t s = 0; s < marks.size(); ++s) {
+        EXPECT_EQ(deciders[s], 0);
+        num_wrong += marks[s] != !is_seen_by(view.to, X_CT * to_double(tool.spheres()[s].centre));
+      }
+      EXPECT_LE(num_wrong, 2);
+    }
+    EXPECT_GT(num_parts, 4);
+  }
+}
+
+TEST(DepthHull, SpheresInUnseenSpaceAreMarked) {
+  Random random(20);
+  const HullScene scene = test::rough_scene(3, {}, random);
+  const Tool tool = test::random_tool(200, 0.06, 3);
+  const auto query = make_query(tool, SphereVolumes::own);
+  int num_marked = 0;
+  for (int i = 0; i < 30; ++i) {
+    const Pose X_WT = random_pose(random);
+    std::vector<std::uint8_t> marks(200, 7);
+    query->measure(scene.views, X_WT, {.unseen = marks});
+    int num_wrong = 0;
+    for (std::size_t s = 0; s < marks.size(); ++s) {
+      const Sphere& sphere = tool.spheres()[s];
+      const auto truth = test::hull_of(scene.views, X_WT * to_double(sphere.centre),
+                                       static_cast<double>(sphere.radius));
+      num_wrong += marks[s] != (truth.seen_phi < -kSeenBehind);
+      num_marked += marks[s] == 1;
+    }
+    EXPECT_LE(num_wrong, 1);
+  }
+  EXPECT_GT(num_marked, 300);
 }
 
 TEST(DepthHull, RefusesWhatItCannotMeasure) {

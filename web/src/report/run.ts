@@ -111,13 +111,10 @@ function headline(summary: Summary): HTMLElement {
 
 // Plots.
 
-/// More is all that lies behind a surface.
-const SOLID_BEHIND = 1e6;
-
 function unseenWords({ settings: { field } }: Summary): string {
   const thickness = field.thickness as number;
-  const policy = thickness >= SOLID_BEHIND ? 'counts as solid'
-    : field.beyond === 'fade' ? `pushes it no more from ${withUnit(thickness, LENGTH)} on`
+  const policy = field.unseen === 'solid' ? 'counts as solid'
+    : field.unseen === 'fade' ? `pushes it no more from ${withUnit(thickness, LENGTH)} on`
       : `is ${withUnit(2 * thickness, LENGTH)} thick, and then there is nothing`;
   return 'How much of the tool lies more than 20 mm behind all that any camera has seen, or where none of them looks. ' +
     `What is felt there is a guess: what is behind a surface ${policy}.`;
