@@ -51,6 +51,12 @@ Result<std::shared_ptr<const Tool>> thinned(const std::shared_ptr<const Tool>& s
   return std::make_shared<const Tool>(*std::move(tool));
 }
 
+/// Whether what is at rest by the one stays so by the other.
+bool is_carried_alike(const BodyOptions& a, const BodyOptions& b) {
+  return a.gravity_x == b.gravity_x && a.gravity_y == b.gravity_y && a.gravity_z == b.gravity_z &&
+         a.friction == b.friction && a.sink == b.sink;
+}
+
 Error refused(const std::string& why) { return {Errc::invalid_argument, why}; }
 
 }  // namespace
@@ -74,11 +80,11 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
     const SceneObject& object = objects[i];
     const Vec3d center = center_of(*object.shape);
     const double reach = reach_of(*object.shape, center);
-    const double friction = object.friction.value_or(options_.friction);
     auto& index = indices[object.shape.get()];
     if (!object.moves) {
       const auto own = ToolIndex::create(*object.shape);
-      fixtures_.push_back({object.shape, own, object.X_WB, object.X_WB * center, reach, friction});
+      fixtures_.push_back(
+          {object.shape, own, object.X_WB, object.X_WB * center, reach, object.friction});
       continue;
     }
     if (!(object.mass >= 0 && object.mass <= 1000)) {
@@ -104,12 +110,8 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
     body.reach = reach;
     const MassProperties& solid = object.shape->mesh_mass();
     body.volume = solid.volume;
-    body.friction = friction;
-    const double mass = mass_of(object);
-    // A cube of this volume lies `sink` deep with its weight on one face.
-    const double area = std::pow(solid.volume, 2.0 / 3);
-    body.scale = mass * 9.81 / (area * options_.sink);
-    bodies_.push_back(rigid_body(mass, solid, center, object.X_WB));
+    body.own_friction = object.friction;
+    bodies_.push_back(rigid_body(mass_of(object), solid, center, object.X_WB));
     Rest rest;
     rest.X_WB = object.X_WB;
     rests_.push_back(rest);
@@ -119,7 +121,21 @@ Status MovingBodies::add(const std::vector<SceneObject>& objects, const Place& p
     return refused("at most " + std::to_string(kMostMovingBodies) + " objects can move, not " +
                    std::to_string(num_bodies()));
   }
+  use_materials();
   return Done{};
+}
+
+void MovingBodies::use_materials() {
+  for (std::size_t i = 0; i < shapes_.size(); ++i) {
+    Body& body = shapes_[i];
+    body.friction = body.own_friction.value_or(options_.friction);
+    // A cube of this volume lies `sink` deep with its weight on one face.
+    const double area = std::pow(body.volume, 2.0 / 3);
+    body.scale = bodies_[i].mass * 9.81 / (area * options_.sink);
+  }
+  for (Fixture& fixture : fixtures_) {
+    fixture.friction = fixture.own_friction.value_or(options_.friction);
+  }
 }
 
 /// And the places of all contacts: with surfaces, with the tool, with each other.
@@ -355,14 +371,17 @@ bool MovingBodies::step(std::span<const SurfaceBlend> cameras, std::span<const P
 }
 
 void MovingBodies::use(const BodyOptions& options) noexcept {
-  const Vec3d before = gravity();
+  const BodyOptions before = options_;
   options_.gravity_x = options.gravity_x;
   options_.gravity_y = options.gravity_y;
   options_.gravity_z = options.gravity_z;
   options_.damping = options.damping;
   options_.may_sleep = options.may_sleep;
+  options_.friction = options.friction;
+  options_.sink = options.sink;
+  use_materials();
   for (Rest& rest : rests_) {
-    if (gravity() == before && options_.may_sleep) break;
+    if (is_carried_alike(before, options_) && options_.may_sleep) break;
     rest.is_asleep = false;
     rest.seconds = 0;
   }
@@ -375,7 +394,7 @@ void MovingBodies::take_over(const MovingBodies& other) noexcept {
     bodies_[i].V_W = from.V_W;
     bodies_[i].is_asleep = from.is_asleep;
     rests_[i] = other.rests_[i];
-    if (gravity() == other.gravity() && options_.may_sleep) continue;
+    if (is_carried_alike(other.options_, options_) && options_.may_sleep) continue;
     bodies_[i].is_asleep = rests_[i].is_asleep = false;
     rests_[i].seconds = 0;
   }

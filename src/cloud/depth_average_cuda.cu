@@ -58,10 +58,15 @@ constexpr int kRows = kEstimateTile;  // of a thread, which does its column of a
 constexpr int kEstimateThreads = kColumns * kTilesPerBlock;
 constexpr int kTiles = kTilesPerBlock * kTilesPerBlock;
 
+// What is remembered of a block is read and written by all threads at once, a word each: tests that
+// wait for each other then wait for no memory.
+constexpr int kMemoryWords = static_cast<int>(sizeof(BlockMemory) / sizeof(float));
+static_assert(sizeof(BlockMemory) % sizeof(float) == 0 && kMemoryWords <= kEstimateThreads);
+
 struct EstimateShared {
+  BlockMemory memory;
   TileSum columns[kEstimateThreads];
   BlockChange changes;
-  float scales[kTiles];
   SharedChange tiles[kTiles];
 };
 
@@ -78,8 +83,11 @@ __global__ void __launch_bounds__(kEstimateThreads)
   const int my_tile = row * kTilesPerBlock + column / kEstimateTile;
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(v0) * job.width + u;
   const double unit = *job.raw.unit;
-  BlockMemory& memory = job.blocks[block];
+  float* const remembered = reinterpret_cast<float*>(job.blocks + block);
+  float* const words = reinterpret_cast<float*>(&shared.memory);
+  BlockMemory& memory = shared.memory;
 
+  if (thread < kMemoryWords) words[thread] = remembered[thread];
   float measured[kRows], mean[kRows], gain[kRows], own_gain[kRows];
 #pragma unroll
   for (int v = 0; v < kRows; ++v) {
@@ -89,14 +97,14 @@ __global__ void __launch_bounds__(kEstimateThreads)
     mean[v] = inside ? job.mean[i] : 0.0f;
     gain[v] = inside ? job.gain[i] : kUnknownGain;
   }
-  if (thread < kTiles) shared.scales[thread] = memory.noise_scale(thread);
   __syncthreads();
 
+  const float scale = memory.noise_scale(my_tile);
   TileSum sum;
 #pragma unroll
   for (int v = 0; v < kRows; ++v) {
     const one_lane::PixelDeviation d =
-        one_lane::deviation_of(measured[v], mean[v], gain[v], shared.scales[my_tile], job.model);
+        one_lane::deviation_of(measured[v], mean[v], gain[v], scale, job.model);
     own_gain[v] = d.gain;
     sum.deviations.sum += d.sum;
     sum.deviations.num += d.num;
@@ -114,7 +122,7 @@ __global__ void __launch_bounds__(kEstimateThreads)
     for (int i = 0; i < kEstimateTile; ++i) tile.add(columns[i]);
     shared.changes.take(thread, tile);
     shared.changes.test(thread, memory, job.model);
-    memory.learn_noise(thread, tile, shared.scales[thread]);
+    memory.learn_noise(thread, tile, memory.noise_scale(thread));
   }
   __syncthreads();
   for (int level = 1; level < kEstimateLevels; ++level) {
@@ -130,6 +138,7 @@ __global__ void __launch_bounds__(kEstimateThreads)
   }
   __syncthreads();
 
+  if (thread < kMemoryWords) remembered[thread] = words[thread];
   const SharedChange change = shared.tiles[my_tile];
 #pragma unroll
   for (int v = 0; v < kRows; ++v) {

@@ -109,6 +109,36 @@ TEST(MovingBodies, SleepUntilSomethingChanges) {
   EXPECT_FALSE(is_asleep(0));
 }
 
+TEST(MovingBodies, LieDeeperAndSlideWhenMaterialsChange) {
+  BodyOptions options;
+  options.gravity_y = 0;
+  options.gravity_z = 9.81;
+  SceneObject rough = box_at(0, 0.001);
+  rough.X_WB.translation.y = 0.12;
+  rough.friction = 0.5;
+  TableTop world({box_at(0, 0.001), rough}, {}, options);
+  const auto use_for = [&](double seconds) {
+    world.bodies->use(options);
+    go_on(world, seconds);
+    return world.body(0).X_WB.translation;
+  };
+  const Vec3d before = use_for(1.5);
+  EXPECT_TRUE(world.body(0).is_asleep);
+  options.sink += 5e-4;
+  const Vec3d deeper = use_for(1);
+  // The lowest balls reach out of the face a little: a light touch is softer than the rest.
+  EXPECT_GT(deeper.z, before.z + 2e-4);
+  EXPECT_LT(deeper.z, before.z + 1.2e-3);
+  options.gravity_x = 0.3 * 9.81;
+  const Vec3d held = use_for(0.5);
+  EXPECT_NEAR(held.x, deeper.x, 1e-3);
+  // On ice it gives way to the slope; the other one has a coefficient of its own.
+  options.friction = 0.1;
+  const Vec3d slid = use_for(0.5);
+  EXPECT_NEAR(slid.x, held.x + 0.5 * (0.3 - 0.1) * 9.81 * 0.25, 0.03);
+  EXPECT_NEAR(world.body(1).X_WB.translation.x, 0, 2e-3);
+}
+
 // As when settings change that make new queries.
 TEST(MovingBodies, WakeUpInQueriesWithAnotherGravity) {
   const std::vector<SceneObject> objects{box_at(0, 0.005)};

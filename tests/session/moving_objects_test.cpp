@@ -98,9 +98,12 @@ TEST_F(MovingObjects, GoOnWhereTheyAreWhenSettingsChange) {
   for (int k = 0; k < 2; ++k) {
     EXPECT_EQ(one->contact().bodies.of[k], other->contact().bodies.of[k]) << k;
   }
-  RunSettings softer = settings_;
+  RunSettings softer = settings_, fewer = settings_;
   softer.bodies.sink = 1e-3;
-  EXPECT_FALSE(one->change(softer)) << "fixed while running";
+  softer.bodies.friction = 0.2;
+  fewer.bodies.num_spheres = 50;
+  EXPECT_TRUE(one->change(softer));
+  EXPECT_FALSE(one->change(fewer)) << "fixed while running";
 }
 
 TEST_F(MovingObjects, FallUpWhenGravityChanges) {

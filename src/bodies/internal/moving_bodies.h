@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -42,7 +43,7 @@ class MovingBodies {
   bool step(std::span<const SurfaceBlend> cameras, std::span<const Push> pushes,
             double dt) noexcept;
 
-  /// From the next step on: gravity, damping, whether bodies sleep. The rest stays as it is.
+  /// From the next step on. The number of spheres stays as it is.
   void use(const BodyOptions& options) noexcept;
   /// Goes on from where another one of the same objects is.
   void take_over(const MovingBodies& other) noexcept;
@@ -59,10 +60,10 @@ class MovingBodies {
     std::shared_ptr<const Tool> shape;
     std::shared_ptr<const ToolIndex> index;
     std::unique_ptr<ContactQuery> cloud;
-    double reach = 0;     // from the center of mass, m
-    double volume = 0;    // of all its spheres, m3
-    double scale = 0;     // N/m3
-    double friction = 0;  // coefficient
+    double reach = 0;   // from the center of mass, m
+    double volume = 0;  // of all its spheres, m3
+    std::optional<double> own_friction;
+    double friction = 0, scale = 0;  // coefficient; N/m3: as the options have them
   };
   /// What stays.
   struct Fixture {
@@ -70,7 +71,9 @@ class MovingBodies {
     std::shared_ptr<const ToolIndex> index;
     Pose X_WB;
     Vec3d center_W;
-    double reach = 0, friction = 0;
+    double reach = 0;
+    std::optional<double> own_friction;
+    double friction = 0;
   };
   struct Pair {
     int a = 0, b = 0;         // bodies; b: or a fixture
@@ -98,6 +101,7 @@ class MovingBodies {
   bool touch_clouds(std::span<const SurfaceBlend> cameras);
   void touch_pairs();
   void touch_tool(std::span<const Push> pushes);
+  void use_materials();
   void add_touch(const BodyTouch& touch);
   void wake(double dt);
   void add_energy();

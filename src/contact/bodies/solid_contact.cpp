@@ -41,9 +41,9 @@ SolidFrame frame_of(const Pose& X_WE, const Vec3d& centre_E, const Pose& X_WF,
 }
 
 SolidJob job_of(const FieldElements& elements, const SolidAsking& asking, const SolidField& field) {
-  return {&elements.clusters,      elements.radius.data(), elements.factor.data(),
-          elements.counted.data(), asking.level.data(),    asking.wider_share.data(),
-          asking.rounding.data(),  view_of(field),         {}};
+  return {
+      &elements.clusters,  elements.radius.data(), elements.factor.data(), elements.counted.data(),
+      asking.level.data(), asking.rounding.data(), view_of(field),         {}};
 }
 
 Vec3d times(const Stiffness& k, int first_row, const Vec3d& shift, const Vec3d& turn) {
@@ -137,28 +137,34 @@ SolidFieldView view_of(const SolidField& field) {
 }
 
 SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
-    : level(elements.radius.size()), wider_share(elements.radius.size()) {
+    : level(elements.radius.size()) {
   const auto last = static_cast<std::int32_t>(field.levels().size()) - 1;
   const double spacing = field.layout().spacing;
-  double volume = 0, squares = 0, widest = 0;
+  double volume = 0, squares = 0, widest = 0, owed = 0;
   for (std::size_t place = 0; place < level.size(); ++place) {
     const double radius = elements.radius[place];
     const double counts = elements.factor[place] * sphere_volume(radius);
     volume += counts;
     squares += counts * radius * radius;
-    // Second moments, in those of the finest grid.
-    double wanted = std::pow(kSpacingPerRadius * radius / spacing, 2);
-    while (wanted >= 4 && level[place] < last) {
-      wanted /= 4;
+    // Second moments, in those of the finest grid: what the ball has lies between those of two
+    // grids, and it asks the one by which all so far have theirs most nearly.
+    const double wanted = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
+    double moment = 1;
+    while (moment * 4 <= wanted && level[place] < last) {
+      moment *= 4;
       ++level[place];
     }
-    if (wanted > 1 && level[place] < last) {
-      wider_share[place] = static_cast<float>((wanted - 1) / 3);
-    } else if (wanted > 4 && counts > 0) {
+    const double missing = counts * (wanted - moment), more = counts * 3 * moment;
+    if (level[place] < last) {
+      if (owed + missing > more / 2 && counts > 0) {
+        ++level[place];
+        owed -= more;
+      }
+      owed += missing;
+    } else if (wanted > 4 * moment && counts > 0) {
       is_possible = false;
     }
-    const int asked = level[place] + (wider_share[place] > 0 ? 1 : 0);
-    widest = std::max(widest, std::ldexp(spacing, asked));
+    widest = std::max(widest, std::ldexp(spacing, level[place]));
     if (place % SphereClusters::kSize == SphereClusters::kSize - 1) {
       rounding.push_back(static_cast<float>(kMostRounding * 1.0001 * widest));
       widest = 0;

@@ -18,8 +18,7 @@ struct SolidAsking {
   SolidAsking(const FieldElements& elements, const SolidField& field);
 
   // Per place of the elements:
-  std::vector<std::int32_t> level;  ///< the finer one of the two grids that are asked
-  std::vector<float> wider_share;   ///< of the wider one
+  std::vector<std::int32_t> level;  ///< the grid that is asked
   std::vector<float> rounding;      ///< per cluster: see is_clear
   /// Mean square of the lengths, m2, below which nothing is told apart: radii and spacing.
   double coarseness = 0;
@@ -31,7 +30,6 @@ struct SolidJob {
   const SphereClusters* clusters = nullptr;
   const float *radius = nullptr, *factor = nullptr, *counted = nullptr;  ///< per place
   const std::int32_t* level = nullptr;                                   ///< likewise
-  const float* wider_share = nullptr;                                    ///< likewise
   const float* rounding = nullptr;                                       ///< per cluster
   SolidFieldView field;
   SolidFrame frame;

@@ -17,8 +17,7 @@ namespace {
 /// One way of asking; an argument of the kernel.
 struct SolidQuery {
   ElementsView elements;
-  const std::int32_t* level = nullptr;  // per place, as the two below in SolidAsking
-  const float* wider_share = nullptr;
+  const std::int32_t* level = nullptr;  // as in SolidAsking
   const float* rounding = nullptr;
   SolidFieldView field;
   SolidFrame frame;
@@ -74,15 +73,8 @@ __device__ void add_solid_element(const SolidQuery& query, int cluster, FieldSha
   for (int axis = 0; axis < 3; ++axis) {
     p[axis] = rotated(query.frame.R_FE[axis]) + query.frame.p_FC[axis];
   }
-  const int level = query.level[slot];
   Sample sample;
-  const bool is_inside = sample_level(query.field, p, level, sample);
-  const float wider_share = query.wider_share[slot];
-  if (wider_share > 0.0f) {
-    Sample wider;
-    (void)sample_level(query.field, p, level + 1, wider);
-    sample = mixed(sample, wider, wider_share);
-  }
+  const bool is_inside = sample_level(query.field, p, query.level[slot], sample);
   const SolidGradient<float>& g = first_of(sample);
   if (!is_inside || !(g.phi < ball.radius)) return;
   Element e;
@@ -152,7 +144,6 @@ class SolidWay {
     if (!is_asked_) return;
     query_.elements = elements_view(asks.parts().solid_elements(), memory_);
     query_.level = memory_.copy_of(asking.level);
-    query_.wider_share = memory_.copy_of(asking.wider_share);
     query_.rounding = memory_.copy_of(asking.rounding);
     query_.field = view_of(field);
     query_.field.values = memory_.copy_of(field.values());

@@ -74,21 +74,6 @@ template <class Sample>
   return sample;
 }
 
-template <class Sample>
-[[gnu::always_inline]] inline Sample ask_solid(const SolidJob& job, const Grids& grids,
-                                               std::size_t slot, const SolidLanes& e,
-                                               VecI& is_inside) {
-  const VecI level = load(job.level + slot);
-  Sample sample = sample_level<Sample>(grids, e, level, is_inside);
-  const VecF share = load(job.wider_share + slot);
-  const VecI is_mixed = share > VecF{};
-  if (mask_bits(is_mixed) == 0) return sample;
-  // Lanes without a wider grid may have no next one.
-  VecI is_inside_wider;
-  const Sample wider = sample_level<Sample>(grids, e, level - is_mixed, is_inside_wider);
-  return mixed(sample, wider, share);
-}
-
 [[gnu::always_inline]] inline Gradient3<VecF> to_world(const float (&R)[3][3],
                                                        const Gradient3<VecF>& n) {
   return {R[0][0] * n.x + R[0][1] * n.y + R[0][2] * n.z,
@@ -116,7 +101,7 @@ template <class Sample>
       const std::size_t slot = static_cast<std::size_t>(cluster * kSize + i * kLanes);
       const SolidLanes e = aim_at(job, slot);
       VecI is_inside;
-      Sample sample = ask_solid<Sample>(job, grids, slot, e, is_inside);
+      Sample sample = sample_level<Sample>(grids, e, load(job.level + slot), is_inside);
       const SolidGradient<VecF>& g = first_of(sample);
       const VecI is_touching = is_inside & (g.phi < e.radius);
       if (mask_bits(is_touching) == 0) continue;

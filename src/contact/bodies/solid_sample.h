@@ -82,24 +82,6 @@ PALPATE_FORMULA void sample_spline(Real s, Real t, Real w, Real per_spacing, con
   to.h.zz = z.bend * squared;
 }
 
-/// a where `share` is 0, b where it is 1.
-template <class Real>
-PALPATE_FORMULA SolidGradient<Real> mixed(const SolidGradient<Real>& a,
-                                          const SolidGradient<Real>& b, Real share) {
-  return {a.phi + share * (b.phi - a.phi),
-          {a.n.x + share * (b.n.x - a.n.x), a.n.y + share * (b.n.y - a.n.y),
-           a.n.z + share * (b.n.z - a.n.z)}};
-}
-template <class Real>
-PALPATE_FORMULA SolidCurvature<Real> mixed(const SolidCurvature<Real>& a,
-                                           const SolidCurvature<Real>& b, Real share) {
-  const Symmetric<Real>&g = a.h, &h = b.h;
-  return {
-      mixed(a.first, b.first, share),
-      {g.xx + share * (h.xx - g.xx), g.xy + share * (h.xy - g.xy), g.xz + share * (h.xz - g.xz),
-       g.yy + share * (h.yy - g.yy), g.yz + share * (h.yz - g.yz), g.zz + share * (h.zz - g.zz)}};
-}
-
 /// R h R^T: second derivatives in other axes.
 template <class Real>
 PALPATE_FORMULA Symmetric<Real> turned(const float (&R)[3][3], const Symmetric<Real>& h) {

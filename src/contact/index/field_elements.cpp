@@ -11,8 +11,8 @@ namespace {
 // Spheres are felt in parts if they are larger than this share of the tool's reach.
 constexpr double kLargest = 0.2;
 // And evenly in parts of this share, over the sixth root of the number of spheres: that of all
-// parts grows as its square root, from about 1,000 for 1,000 spheres.
-constexpr double kLargestEven = 0.2435;
+// parts grows as its square root, from about 1,300 for 1,000 spheres.
+constexpr double kLargestEven = 0.2214;
 // A ball has at most so many times the radius of its sphere.
 constexpr double kMostGrowth = 1.5;
 

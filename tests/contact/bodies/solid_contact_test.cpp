@@ -140,6 +140,55 @@ TEST(SolidContact, WhatLiesInAHoleIsKnownToBeFree) {
   EXPECT_FALSE(is_clear(field, frame, ball, 0.8660255f * field.spacing));
 }
 
+/// Is a cube's face at z = side / 2 nearer than its others to all of another one behind it?
+bool is_nearest_face(const Pose& X_WA, double side) {
+  const auto corner = [&](int i) {
+    return X_WA * (side / 2 * Vec3d{i & 1 ? 1.0 : -1.0, i & 2 ? 1.0 : -1.0, i & 4 ? 1.0 : -1.0});
+  };
+  for (int i = 0; i < 8; ++i) {
+    for (const int j : {i ^ 1, i ^ 2, i ^ 4}) {
+      const Vec3d a = corner(i), b = corner(j);
+      if (a.z > side / 2) continue;
+      // Ends of what is behind it of this edge.
+      const double t = b.z > side / 2 ? (side / 2 - a.z) / (b.z - a.z) : 0;
+      for (const Vec3d& p : {a, a + t * (b - a)}) {
+        if (std::max(std::abs(p.x), std::abs(p.y)) > p.z) return false;
+      }
+    }
+  }
+  return true;
+}
+
+// Half of the force comes from the spheres behind the face, which feel a corner. Where they are
+// large, it is their parts that must not lie unevenly.
+TEST(SolidContact, ACornerInTheFaceOfAnEqualCubeIsFeltAlongItsNormal) {
+  const double side = 0.1;
+  const Tool cube = packed(make_box({side, side, side}), 1000).with_solid_field();
+  SolidContact contact = contact_of(cube, cube);
+  const struct { double depth, most_off; } cases[] = {{0.05, 5}, {0.1, 2.2}, {0.15, 1.15}};
+  for (const auto& [depth, most_off] : cases) {
+    Random random(9);
+    double squares = 0;
+    int num = 0;
+    for (int i = 0; i < 600; ++i) {
+      const Quaternion turned = random.rotation(kPi);
+      const double x = random.uniform(-0.01, 0.01), y = random.uniform(-0.01, 0.01);
+      const Vec3d n = rotate(conjugate(turned), Vec3d{0, 0, 1});
+      const double extent = side * (std::abs(n.x) + std::abs(n.y) + std::abs(n.z));
+      const Pose X_WA{{x, y, side / 2 + (0.5 - depth) * extent}, turned};
+      if (!is_nearest_face(X_WA, side)) continue;
+      const Vec3d f = contact.measure(X_WA, {}).on_a.measure_W.force;
+      const double off = std::atan2(std::hypot(f.x, f.y), f.z) * 180 / kPi;
+      squares += off * off;
+      ++num;
+    }
+    ASSERT_GT(num, 50);
+    const double rms = std::sqrt(squares / num);
+    RecordProperty("degrees_at_" + std::to_string(std::lround(100 * depth)), std::to_string(rms));
+    EXPECT_LT(rms, most_off) << depth;
+  }
+}
+
 TEST(SolidContact, WrenchIsTheGradientOfThePotential) {
   const TorusAndBox bodies;
   const double step = 1e-4;
