@@ -28,8 +28,7 @@ bool is_free(const std::string& name) {
 
 Error taken(const std::string& name) {
   return {Errc::bad_input, "two frames are called '" + name +
-                               "', or the word means something else: give the one of the rig "
-                               "another name"};
+                               "', or the name is reserved: rename the frame in the rig"};
 }
 
 }  // namespace
@@ -92,9 +91,10 @@ Result<Pose> NamedFrames::find(const std::string& name) const {
   const auto found = frames_.find(name.empty() ? "world" : name);
   if (found != frames_.end() && found->second) return *found->second;
   if (found != frames_.end()) {
-    return Error{Errc::bad_input, "the frame '" + name +
-                                      "' moves, or tf tells where it is: give what is in the "
-                                      "world, or in a frame that stands still there"};
+    return Error{
+        Errc::bad_input,
+        "the frame '" + name +
+            "' moves, or is placed by tf: give coordinates in the world or in a static frame"};
   }
   std::string known;
   for (const auto& [each, X_WF] : frames_) known += (known.empty() ? "" : ", ") + each;

@@ -31,7 +31,7 @@ Result<DepthFrame> first_frame(const CameraUri& uri, Intrinsics& intrinsics, Sen
   const auto got = (*source)->next(frame);
   for (const std::string& note : (*source)->take_notes()) warn(note);
   if (!got) return got.error();
-  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
+  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " has no frames"};
   intrinsics = (*source)->info().intrinsics;
   sensor = (*source)->info().sensor;
   return frame;

@@ -91,7 +91,7 @@ void parse_material(const std::string& text, MaterialOptions& options) {
   } while (!rest.empty());
   if (material.friction == 0 &&
       (material.static_ratio != 1 || material.ridges > 0 || material.grain > 0)) {
-    refuse(text, "static_ratio, ridges and grain are felt through friction; add friction=0.3");
+    refuse(text, "static_ratio, ridges and grain need friction; add friction=0.3");
   }
   if (options.materials.size() <= index) options.materials.resize(index + 1);
   options.materials[index] = material;
@@ -121,10 +121,10 @@ void add_material_options(CLI::App& app, MaterialOptions& options) {
 
 void check_materials(const MaterialOptions& options) {
   if (!options.labels.empty() && options.materials.empty()) {
-    usage_error("--labels: nothing says what a label is made of; add --material 1=wood");
+    usage_error("--labels: no label has a material; add --material 1=wood");
   }
   if (options.labels.empty() && !options.materials.empty()) {
-    usage_error("--material: nothing says where it is; add --labels FILE.png");
+    usage_error("--material: there is no label image; add --labels FILE.png");
   }
 }
 

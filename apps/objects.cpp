@@ -126,8 +126,9 @@ Result<std::vector<SceneObject>> load_objects(const std::vector<ObjectOption>& o
       auto tool = load_tool(option.file);
       if (!tool) return tool.error();
       if (tool->solid_field() == nullptr) {
-        std::cerr << "palpate: note: " << option.file
-                  << " holds no distance field, one is made now; pack the mesh again to keep it\n";
+        std::cerr
+            << "palpate: note: " << option.file
+            << " has no distance field; it is computed now. Pack the mesh again to store it\n";
         tool = std::move(*tool).with_solid_field();
       }
       shape = std::make_shared<const Tool>(*std::move(tool));

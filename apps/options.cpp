@@ -208,8 +208,8 @@ void add_sensor_option(CLI::App& app, std::optional<SensorKind>& sensor) {
 void use_sensor(SensorKind sensor, std::span<const std::string> given, SurfaceOptions& surface) {
   if (sensor == SensorKind::none) return;
   copy_settings(settings_of(surface_options_for(sensor)), settings_of(surface), given);
-  std::cerr << "palpate: note: surfaces are made as for a camera of the kind " << name_of(sensor)
-            << "; --sensor none is without\n";
+  std::cerr << "palpate: note: using the surface settings for sensor kind " << name_of(sensor)
+            << "; --sensor none turns this off\n";
 }
 
 void add_prefix_option(CLI::App& app, int& num_spheres) {

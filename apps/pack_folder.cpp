@@ -58,7 +58,7 @@ Result<std::vector<fs::path>> list_meshes(const fs::path& folder) {
   if (meshes.empty()) {
     return Error{Errc::not_found, "there is no mesh in " + folder.string() +
                                       " (.obj, .stl, .ply, .off, .gltf, .glb); subfolders are not "
-                                      "searched, give the one that holds them"};
+                                      "searched, so pass the folder with the meshes"};
   }
   std::sort(meshes.begin(), meshes.end());
   return meshes;

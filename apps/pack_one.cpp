@@ -33,12 +33,12 @@ class StopWatch {
 
 const char* reason(PackStop stop) {
   switch (stop) {
-    case PackStop::count: return "as many as asked for";
+    case PackStop::count: return "the requested number was reached";
     case PackStop::fill: return "the fill limit was reached";
     case PackStop::radius: return "the next one would be smaller than the smallest radius allowed";
     case PackStop::time: return "the time was up";
     case PackStop::exhausted: return "no further one fits at single precision";
-    case PackStop::standoff: return "95 % of the surface are as near to a sphere as asked for";
+    case PackStop::standoff: return "95 % of the surface is within the requested standoff";
   }
   return "";
 }

@@ -196,7 +196,7 @@ void add_options(CLI::App& app, Options& options) {
       ->type_name("FILE.csv");
   app.add_option("--threads", settings.num_threads, "for what is not timed; default: one per core")
       ->check(CLI::Range(0, 1024));
-  app.add_option("--commit", options.evaluation.commit, "of the source, told in the report")
+  app.add_option("--commit", options.evaluation.commit, "of the source, shown in the report")
       ->type_name("NAME");
   app.add_option(
          "--write-docs", options.write_docs,

@@ -10,7 +10,7 @@ void add_robot_options(CLI::App& app, RobotOptions& options) {
     app.add_option(flag, value, help)->type_name(type)->group(group);
   };
   add("--robot", options.files.robot, "FILE.urdf|MESH",
-      "a robot that cameras see: taken out of depth images before anything is felt");
+      "robot to remove from the depth images (self filter)");
   add("--joints", options.files.joints, "SOURCE",
       "positions of its joints: FILE.csv, bag:FILE[?topic=/T] or ros2:/TOPIC; bag:FILE?world=FRAME "
       "and ros2:?world=FRAME take the frames of tf that are called like its links");

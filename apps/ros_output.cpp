@@ -452,8 +452,8 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
       ->capture_default_str()
       ->group(group);
   app.add_option("--ros2-camera-frame", options.camera_frame,
-                 "what the frame is called that poses are told in: the camera's, or the world "
-                 "where cameras have poses; default: as its images say")
+                 "frame id of the published poses: the camera's, or the world's where cameras have "
+                 "poses; default: that of its images")
       ->type_name("FRAME")
       ->group(group);
   add_number(app, "--wrench-rate", options.rate, {1, 1000, "Hz"}, "wrenches per second")
@@ -474,16 +474,16 @@ void check_told_over_ros(const RosOutputOptions& options, const std::string& fra
   if (!options.is_wanted) return;
   if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {
     usage_error(verb +
-                ": over ROS 2 a wrench is told at the origin of its frame: take --tcp and "
-                "--wrench-point away, and let tf have a frame at the tool's centre point");
+                ": over ROS 2 a wrench refers to the origin of its frame: remove --tcp and "
+                "--wrench-point, and add a tf frame at the tool center point");
   }
   const std::initializer_list<std::string_view> known{"", "auto", "tool", "camera", "world"};
   const bool is_known = std::ranges::find(known, frame) != known.end();
   const auto& set = output.wrench_frame;
   if (is_known && set != WrenchFrame::device && set != WrenchFrame::named) return;
   usage_error(verb +
-              ": over ROS 2 --wrench-frame is tool, or camera or world, that of the poses; tf "
-              "gives the wrench in any other one");
+              ": over ROS 2 --wrench-frame must be tool, or the frame of the poses (camera or "
+              "world); use tf to transform the wrench to another frame");
 }
 
 Result<std::unique_ptr<RosOutput>> RosOutput::create(const Tool& tool,

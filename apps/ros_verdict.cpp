@@ -27,7 +27,7 @@ std::string RosVerdict::reason() const {
       return milliseconds("the last measurement is %.0f ms old", contact_age);
     case Why::not_measured: return "the tool could not be measured against the image";
     case Why::has_ended: return "the run has ended";
-    case Why::no_thread: return "the system gives no thread to publish from";
+    case Why::no_thread: return "cannot start the publishing thread";
   }
   return "";
 }

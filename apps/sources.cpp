@@ -56,7 +56,7 @@ void add_source_options(CLI::App& app, SourceOptions& options) {
   add_number(app, "--depth-rate", options.rate, {0.01, 10000, "Hz"},
              "frames per second, if there are no timestamps");
   app.add_option("--scene", options.scene,
-                 "simulated camera: " + scene_names() + "; palpate scenes tells more")
+                 "simulated camera: " + scene_names() + "; palpate scenes describes them")
       ->type_name("NAME");
   app.add_flag_callback(
       "--no-noise", [&options] { options.noise = false; }, "simulated camera without noise");

@@ -42,7 +42,7 @@ Result<DepthFrame> first_frame(const OpenDepthSource& open) {
   DepthFrame frame;
   const auto got = (*source)->next(frame);
   if (!got) return got.error();
-  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " holds no frame"};
+  if (!*got) return Error{Errc::bad_input, (*source)->info().name + " has no frames"};
   return frame;
 }
 
@@ -86,7 +86,7 @@ Status add_path_at_first_sight(const TouchOptions& options, const Tool& tool, To
     if (!*got) break;
   }
   const DepthStreamInfo info = input.stream();
-  if (seen.empty()) return Error{Errc::bad_input, info.name + " holds no frame"};
+  if (seen.empty()) return Error{Errc::bad_input, info.name + " has no frames"};
   TouchOptions short_probe = options;
   short_probe.duration.reset();
   const Status added = add_probing_path(

@@ -73,8 +73,7 @@ Result<double> path_duration(const TouchOptions& options, const TouchInput& inpu
   const double length = input.path.back().time - input.path_start;
   if (length > 0) return length;
   if (input.stream().num_frames) return std::numeric_limits<double>::infinity();
-  return Error{Errc::bad_input,
-               "neither the path nor the frames end by themselves: give --duration"};
+  return Error{Errc::bad_input, "neither the path nor the frames end: pass --duration"};
 }
 
 Result<std::unique_ptr<HapticDevice>> make_path(const TouchOptions& options,
@@ -163,7 +162,7 @@ Status tell(const TouchOptions& options, const Tool& tool, const RunOutcome& out
   }
   if (!outcome.not_kept.empty()) {
     return Error{Errc::io_failure, "not all of the run could be kept: " + outcome.not_kept +
-                                       "; what there is lies in " + options.output};
+                                       "; the files that were written are in " + options.output};
   }
   if (is_cut_short) {
     return Error{Errc::cancelled, "interrupted; the run so far is complete in " + options.output};

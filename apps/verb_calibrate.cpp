@@ -33,10 +33,10 @@ Result<SurfaceEstimator> look(const CameraUri& uri, const std::string& name, int
   const auto X_WC = standing_pose(uri);
   if (!X_WC) return X_WC.error();
   if (!*X_WC) {
-    return Error{Errc::bad_input,
-                 name +
-                     " moves, or tf tells where it is: only cameras with a pose or "
-                     "a URDF that stand still are refined"};
+    return Error{
+        Errc::bad_input,
+        name +
+            " moves, or is placed by tf: only static cameras with a pose or a URDF can be refined"};
   }
   auto source = open_camera(uri);
   if (!source) return source.error();
@@ -93,7 +93,7 @@ Status run(const Options& options) {
   const fs::path from = fs::absolute(options.rig).parent_path();
   if (std::error_code ignored;
       !fs::equivalent(from, fs::absolute(options.output).parent_path(), ignored)) {
-    return Error{Errc::invalid_argument, "files that a rig names are beside it: write " +
+    return Error{Errc::invalid_argument, "paths in a rig file are relative to it: write " +
                                              options.output + " into the folder of " + options.rig};
   }
   std::vector<SurfaceEstimator> estimators;

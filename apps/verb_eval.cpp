@@ -34,7 +34,7 @@ void add_eval(CLI::App& program, Action& action) {
       "eval", "Make the figures of the thesis again: runs the program palpate_eval.");
   app.set_help_flag();
   app.prefix_command();
-  app.footer("palpate_eval --help tells its options. Built by make eval; packages are without it.");
+  app.footer("palpate_eval --help lists its options. Built by make eval; packages are without it.");
   app.callback([&app, &action] {
     action = [words = app.remaining()] { return become_palpate_eval(words); };
   });

@@ -104,11 +104,11 @@ void check(Options& options) {
   }
   if (limits.min_radius > limits.max_radius) {
     usage_error(
-        "--min-radius (or what --camera-spacing asks for) must not be greater than --max-radius");
+        "--min-radius (or the one from --camera-spacing) must not be greater than --max-radius");
   }
   if (!options.report) return;
   if (is_folder(options.input) && !options.page.empty()) {
-    usage_error("--report: the pages of a folder lie beside its tools; give no name");
+    usage_error("--report: for a folder, each page is written beside its tool; leave out the name");
   }
   if (!is_folder(options.input) && options.page.empty()) {
     usage_error("--report: give the name of the page to write");

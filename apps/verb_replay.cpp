@@ -77,7 +77,7 @@ Status change(const std::vector<std::string>& words, RunSettings& settings, std:
   if (const Status status = parse(words, wanted); !status) return status;
   settings.contact.method = wanted.contact.method;
   for (const std::string& name : drop_foreign_options(settings.contact)) {
-    note += (note.empty() ? "left out what the run had and the method " +
+    note += (note.empty() ? "dropped options of the run that the method " +
                                 name_of(settings.contact.method) + " does not have: "
                           : ", ") +
             name;
@@ -184,7 +184,7 @@ void add_replay(CLI::App& program, Action& action) {
     if (app.count("--threads") > 0) options->num_threads = options->settings.num_threads;
     const bool only_threads = options->changes.size() == app.count("--threads");
     if (options->output.empty() && !only_threads) {
-      usage_error("replay: other settings give another run: say where with -o RUN2");
+      usage_error("replay: other settings make a new run: pass its folder with -o RUN2");
     }
     action = [options] { return run(*options); };
   });

@@ -23,7 +23,7 @@ TouchOptions touch_options(const Options& options) {
     usage_error("ros2: give --camera-info as often as --depth, in the same order, or not at all");
   }
   if (options.depths.size() > 1 && options.world.empty()) {
-    usage_error("ros2: several cameras are placed by tf: say in which frame, --world FRAME");
+    usage_error("ros2: several cameras need a common tf frame: pass --world FRAME");
   }
   touch.cameras.clear();
   for (std::size_t k = 0; k < options.depths.size(); ++k) {
@@ -36,7 +36,7 @@ TouchOptions touch_options(const Options& options) {
     touch.cameras.push_back(*camera);
   }
   if (options.tool_frame.empty() == options.pose.empty()) {
-    usage_error("ros2: say where the tool is: --tool-frame FRAME (of tf) or --pose /TOPIC");
+    usage_error("ros2: needs the tool's pose: pass --tool-frame FRAME (of tf) or --pose /TOPIC");
   }
   touch.device = "ros2:" + (options.pose.empty() ? options.tool_frame : options.pose);
   if (!touch.ros.camera_frame.empty()) touch.device += "@" + touch.ros.camera_frame;
@@ -46,8 +46,8 @@ TouchOptions touch_options(const Options& options) {
   if (robot.robot.ends_with(".urdf") && robot.joints.empty()) {
     if (robot.pose.empty() && options.world.empty()) {
       usage_error(
-          "ros2: --robot: say where its base is: --world FRAME, then tf tells where its links are, "
-          "or --robot-pose with positions from /joint_states");
+          "ros2: --robot needs the pose of its base: pass --world FRAME to take its links from tf, "
+          "or --robot-pose to take joint positions from /joint_states");
     }
     robot.joints = robot.pose.empty() ? "ros2:?world=" + options.world : "ros2:/joint_states";
   }
@@ -85,7 +85,7 @@ void add_ros2(CLI::App& program, Action& action) {
       ->capture_default_str();
   add_number(app, "--latency", options->latency, {0, 1, "s"},
              "from the exposure of an image to its stamp, where drivers stamp late");
-  app.add_option("--qos", options->qos, "how images are asked for")
+  app.add_option("--qos", options->qos, "reliability of the image subscription")
       ->check(CLI::IsMember({"best_effort", "reliable"}))
       ->capture_default_str();
   auto* const frame = app.add_option("--tool-frame", options->tool_frame,

@@ -206,8 +206,8 @@ void check_motion(const CLI::App& app, const Options& options) {
   }
   if (!options.device.empty() && !options.path.empty()) {
     usage_error(
-        "touch: --path does not go with --device, where the hand moves the tool; to play a path "
-        "in real time give --device replay:FILE");
+        "touch: --path and --device exclude each other; to play a path in real time use --device "
+        "replay:FILE");
   }
 }
 
@@ -360,8 +360,8 @@ void add_touch(CLI::App& program, Action& action) {
     if (options->ros.is_wanted && options->ros.camera_frame.empty() &&
         (has_poses || !options->rig.empty() || (options->cameras.size() > 1 && !know_world))) {
       usage_error(
-          "touch: --ros2 tells poses in the world where cameras have poses or are several: say "
-          "what that is called, --ros2-camera-frame FRAME, or give each camera ?world=FRAME of tf");
+          "touch: --ros2 with several cameras or with camera poses needs the name of the world "
+          "frame: pass --ros2-camera-frame FRAME, or ?world=FRAME (of tf) for each camera");
     }
     check(*options);
     action = [options] { return run_touch(*options); };

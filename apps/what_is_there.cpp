@@ -31,7 +31,7 @@ Result<CameraUri> the_camera_that_is_there() {
     return Error{Errc::invalid_argument,
                  "there are several cameras: give one --camera of " + joined(cameras, ", ")};
   }
-  std::string text = "no source is named, and no camera is plugged in";
+  std::string text = "no source is given, and no camera is plugged in";
   if (!without_library.empty()) {
     text += " that could be seen without the libraries for " + joined(without_library, ", ");
   }

@@ -79,7 +79,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(f"palpate query: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("palpate query: interrupted; the same command goes on where it was", file=sys.stderr)
+        print("palpate query: interrupted; run the same command again to resume", file=sys.stderr)
         return 130
     print(f"{num} poses answered: {given.output}")
     return 0

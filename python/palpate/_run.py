@@ -81,7 +81,7 @@ class Run:
     def mark(self, text: str) -> None:
         """A note in the recording, at this moment."""
         if self._loop is None:
-            raise _core.Error("only a run that goes on can be marked")
+            raise _core.Error("only a live run can be marked")
         self._loop.mark(text)
 
     def wait(self, seconds: Optional[float] = None) -> bool:

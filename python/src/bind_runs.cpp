@@ -179,7 +179,7 @@ struct Touch {
     options.name = "a path";
     if (!(options.duration > 0)) {
       if (!request.sources.front()->info().num_frames) {
-        throw PalpateError("neither the path nor the frames end by themselves: give duration");
+        throw PalpateError("neither the path nor the frames end: pass duration");
       }
       options.duration = std::numeric_limits<double>::infinity();
     }

@@ -140,7 +140,7 @@ Result<std::string> choose_topic(const CameraUri& uri, Contents& contents,
                                  const std::string& wanted) {
   std::erase_if(contents.images, [](const auto& each) { return each.second.num_frames < 1; });
   if (contents.images.empty()) {
-    return Error{Errc::bad_input, "camera " + uri.text + " holds no depth images" +
+    return Error{Errc::bad_input, "camera " + uri.text + " has no depth images" +
                                       (wanted.empty() ? "" : " on " + wanted) +
                                       "; they are sensor_msgs/Image of 16UC1 or 32FC1, or "
                                       "CompressedImage of compressedDepth"};
@@ -260,8 +260,8 @@ class BagSource final : public DepthSource {
       notes.push_back(info_.name + " was cut off: it ends where its last whole chunk does");
     }
     if (const int num = num_unplaced_.exchange(0); num > 0) {
-      notes.push_back(std::to_string(num) + " frames were left out: no transform tells where '" +
-                      place_->frame + "' was in '" + place_->world + "' at their stamps");
+      notes.push_back(std::to_string(num) + " frames were dropped: there is no transform for '" +
+                      place_->frame + "' in '" + place_->world + "' at their stamps");
     }
     return notes;
   }

@@ -177,7 +177,7 @@ class LiveSource final : public DepthSource {
     try {
       thread_ = std::thread([camera = camera_] { camera->run(); });
     } catch (const std::system_error& error) {
-      return Error{Errc::unavailable, std::string("the system gives no thread to read frames: ") +
+      return Error{Errc::unavailable, std::string("cannot start the thread that reads frames: ") +
                                           error.what() + "; end other programs and try again"};
     }
     return Done{};
@@ -209,9 +209,9 @@ class LiveSource final : public DepthSource {
 
 Result<CameraTruth> truth_of(const CameraUri& uri, const DepthStreamInfo& stream) {
   if (!uri.intrinsics && !(stream.intrinsics.fx > 0 && stream.intrinsics.fy > 0)) {
-    return Error{Errc::invalid_argument, "camera " + uri.text +
-                                             ": nothing says what its intrinsics are; give "
-                                             "?intrinsics=fx,fy,cx,cy in pixels"};
+    return Error{
+        Errc::invalid_argument,
+        "camera " + uri.text + ": unknown intrinsics; pass ?intrinsics=fx,fy,cx,cy in pixels"};
   }
   return CameraTruth{uri.intrinsics, uri.distortion, uri.unit, {stream.width, stream.height}};
 }

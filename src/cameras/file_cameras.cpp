@@ -10,9 +10,10 @@ namespace palpate::inline v0 {
 Result<RawStream> open_folder_camera(const CameraUri& uri, const CameraOpening&) {
   if (const Status status = uri.check_extras(); !status) return status.error();
   if (!uri.intrinsics) {
-    return Error{Errc::invalid_argument, "camera " + uri.text +
-                                             ": images do not tell their intrinsics; give "
-                                             "?intrinsics=fx,fy,cx,cy in pixels"};
+    return Error{
+        Errc::invalid_argument,
+        "camera " + uri.text +
+            ": a folder of images has no intrinsics; pass ?intrinsics=fx,fy,cx,cy in pixels"};
   }
   DepthFolderOptions folder;
   folder.intrinsics = *uri.intrinsics;

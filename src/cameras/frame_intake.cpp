@@ -73,9 +73,9 @@ bool FrameIntake::accept(const DepthFrame& frame, const CameraModel& model, doub
     const double earliest = capture_time_of(stamp, arrival);
     const bool is_set_back = has_last_ && stamp < last_stamp_ - kLongestBack;
     if (clock_.num_restarts() > num_restarts || is_set_back) {
-      note("has started its clock anew");
+      note("has restarted its clock");
     } else if (has_last_ && !(stamp > last_stamp_)) {
-      if (num_from_past_++ == 0) note("sends frames from the past, which are left out");
+      if (num_from_past_++ == 0) note("sends frames with old timestamps, which are dropped");
       return false;
     } else if (has_last_ && options_.rate > 0) {
       const double periods = (stamp - last_stamp_) * options_.rate;
@@ -119,7 +119,7 @@ void FrameIntake::note_change(const CameraModel& model, double unit) {
     const bool has_new_size =
         last_model_->width != model.width || last_model_->height != model.height;
     note(has_new_size ? "has changed its image from " + size_text(*last_model_) + " to " +
-                            size_text(model) + " pixels; it is felt as before"
+                            size_text(model) + " pixels; it is resampled to the previous size"
                       : "has changed its intrinsics; they are followed");
   }
   if (last_model_ && last_unit_ != unit) {
@@ -199,11 +199,11 @@ std::string FrameIntake::closing_words() const {
     if (count > 0) text += "; " + std::to_string(count) + " " + what;
   };
   add(num_missing_, "are missing between them");
-  add(num_left_out_, "were left out for newer ones");
-  add(num_from_past_, "were from the past");
+  add(num_left_out_, "were dropped for newer ones");
+  add(num_from_past_, "had old timestamps");
   add(num_black_, "had no measurement");
   if (options_.stamps == StampClock::none) {
-    return text + "; it tells no times: a frame counts as captured when it arrives";
+    return text + "; it has no timestamps: a frame counts as captured on arrival";
   }
   const std::string late = number("%.1f", lateness_.summary().p99 * 1e-3) + " ms of ";
   if (options_.stamps != StampClock::cameras) {

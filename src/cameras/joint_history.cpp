@@ -49,10 +49,10 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
   if (may_stay && told.size() == 1) return told.front().position;
   if (told.empty() || nearest_in_time(told, time) > max_age) {
     char text[80];
-    if (told.empty()) return Error{Errc::unavailable, "nothing tells of joint '" + name + "'"};
-    std::snprintf(text, sizeof text, "' within %.3g s, but %.3g s away", max_age,
+    if (told.empty()) return Error{Errc::unavailable, "no state for joint '" + name + "'"};
+    std::snprintf(text, sizeof text, "' within %.3g s, the nearest is %.3g s away", max_age,
                   nearest_in_time(told, time));
-    return Error{Errc::unavailable, "nothing tells of joint '" + name + text};
+    return Error{Errc::unavailable, "no state for joint '" + name + text};
   }
   const auto after = std::ranges::lower_bound(told, time, {}, &Told::time);
   if (after == told.begin()) return after->position;
@@ -118,10 +118,11 @@ Status read_joint_table(std::string_view text, const std::string& name, JointHis
     for (std::size_t i = 0; i < joints.size(); ++i) history.add(joints[i], last, numbers[i + 1]);
   }
   if (num_rows > 0) return Done{};
-  return Error{Errc::bad_input, name +
-                                    " holds no positions of joints; the first line names the "
-                                    "columns, e.g. 'time,elbow,wrist', each other one has a "
-                                    "time in s and positions in rad or m"};
+  return Error{
+      Errc::bad_input,
+      name +
+          " has no joint positions; the first line names the columns, e.g. 'time,elbow,wrist', and "
+          "each other line has a time in s and positions in rad or m"};
 }
 
 }  // namespace palpate::inline v0

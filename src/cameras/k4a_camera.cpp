@@ -172,7 +172,7 @@ class K4aSource final : public DepthSource {
     // The size comes with the first image, which is kept for next().
     const auto got = take();
     if (!got) return got.error();
-    if (!*got) return Error{Errc::bad_input, info_.name + " holds no depth"};
+    if (!*got) return Error{Errc::bad_input, info_.name + " has no depth"};
     info_.width = api_.width(held_);
     info_.height = api_.height(held_);
     if (told == kSucceeded) set_camera(calibration.depth);
@@ -259,7 +259,8 @@ Result<RawStream> open_k4a_camera(const CameraUri& uri, const CameraOpening&) {
   if (is_file) {
     if (!loaded->no_record.empty()) return Error{Errc::unavailable, loaded->no_record};
     if (loaded->open_file(uri.target.c_str(), &handle) != kSucceeded) {
-      return Error{Errc::bad_input, uri.target + " cannot be played: it is no recording of libk4a"};
+      return Error{Errc::bad_input,
+                   uri.target + " cannot be played: it is not a recording of libk4a"};
     }
   } else if (const auto at = static_cast<std::uint32_t>(*index);
              loaded->device_count() <= at || loaded->open_device(at, &handle) != kSucceeded) {

@@ -24,8 +24,8 @@ Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
     const RobotJoint& joint = model.joints[i];
     if (joint.kind == RobotJoint::Kind::floating) {
       return Error{Errc::bad_input, robot + ": joint '" + joint.name +
-                                        "' is floating or planar: no position tells where it is; "
-                                        "take the frames of tf (world=FRAME)"};
+                                        "' is floating or planar: a joint position does not place "
+                                        "it; use the frames of tf (world=FRAME)"};
     }
     wanted.push_back({joint.name, joint.is_endless});
     all += (all.empty() ? "" : ", ") + joint.name;
@@ -37,7 +37,7 @@ Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
   if (!wanted.empty() && joints.empty()) {
     return Error{Errc::invalid_argument,
                  robot + " has joints that move: " + all +
-                     "; say who tells of them (--joints FILE.csv, bag:FILE or ros2:)"};
+                     "; pass a source of joint states (--joints FILE.csv, bag:FILE or ros2:)"};
   }
   return wanted;
 }
@@ -59,7 +59,7 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
       what_is_missing(**states, [&] { return (*states)->missing_joints(); });
   if (!missing.empty()) {
     return Error{Errc::bad_input,
-                 address->text + " tells nothing of joints of " + robot + ": " + missing};
+                 address->text + " has no states for joints of " + robot + ": " + missing};
   }
   return states;
 }

@@ -54,7 +54,7 @@ class Openni2Source final : public DepthSource {
     if (api_.get(stream_, kMirroring, &is_mirrored_, &bytes) != kOk) is_mirrored_ = 0;
     VideoMode mode{};
     bytes = sizeof mode;
-    if (api_.get(stream_, kVideoMode, &mode, &bytes) != kOk) return failed("tells no image size");
+    if (api_.get(stream_, kVideoMode, &mode, &bytes) != kOk) return failed("reports no image size");
     if (mode.format != kMillimetres && mode.format != kTenths) {
       return Error{Errc::bad_input, info_.name + " sends no millimetres but the format " +
                                         std::to_string(mode.format)};
@@ -88,7 +88,7 @@ class Openni2Source final : public DepthSource {
   /// Preferably in millimetres.
   Status choose_mode(const CameraUri& uri) {
     const SensorInfo* const sensor = api_.sensor_info(device_, kDepth);
-    if (sensor == nullptr) return failed("tells no modes");
+    if (sensor == nullptr) return failed("reports no modes");
     std::vector<const VideoMode*> modes;
     std::vector<ImageMode> choices;
     for (const int format : {kMillimetres, kTenths}) {

@@ -63,8 +63,7 @@ class PipeSource final : public DepthSource {
     const auto got = read_all(start_, kMagicBytes);
     if (!got) return got.error();
     if (!*got) {
-      return Error{Errc::bad_input,
-                   info_.name + " holds no frame; write raw 16-bit frames into it"};
+      return Error{Errc::bad_input, info_.name + " has no frames; write raw 16-bit frames into it"};
     }
     deadline_ = 0;
     has_header_ = std::memcmp(start_, kMagic, kMagicBytes) == 0;
@@ -72,7 +71,7 @@ class PipeSource final : public DepthSource {
     if (!has_header_) {
       if (has_size) return Done{};
       return Error{Errc::invalid_argument,
-                   info_.name + ": raw frames do not tell their size; give ?size=WIDTHxHEIGHT"};
+                   info_.name + ": unknown size of raw frames; pass ?size=WIDTHxHEIGHT"};
     }
     const auto rest = read_all(start_ + kMagicBytes, kHeaderBytes - kMagicBytes);
     if (!rest || !*rest) return cut_off("in its first header");

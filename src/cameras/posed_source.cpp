@@ -35,7 +35,7 @@ class PosedSource final : public DepthSource {
     std::vector<std::string> notes = source_->take_notes();
     const std::lock_guard lock(mutex_);
     if (num_unposed_ > 0) {
-      notes.push_back(std::to_string(num_unposed_) + " frames were left out: " + why_);
+      notes.push_back(std::to_string(num_unposed_) + " frames were dropped: " + why_);
       num_unposed_ = 0;
     }
     return notes;
@@ -110,9 +110,9 @@ Result<std::unique_ptr<DepthSource>> make_posed(std::unique_ptr<DepthSource> sou
   if (is_live && *is_live != source->info().is_live) {
     return Error{Errc::invalid_argument,
                  source->info().name +
-                     (*is_live ? " is a recording, and its joints are told live"
-                               : " is live: a file of poses does not know its clock; give its "
-                                 "frames from a file, or 'pose' if it stands still")};
+                     (*is_live ? " is a recording, but its joint states are live"
+                               : " is live, and a file of poses has another clock; read its frames "
+                                 "from a file, or pass 'pose' if it is static")};
   }
   return std::unique_ptr<DepthSource>(
       std::make_unique<PosedSource>(std::move(source), std::move(poses)));

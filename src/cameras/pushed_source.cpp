@@ -29,7 +29,7 @@ class Pushed final : public PushedSource {
         frame.height > kMaxImageHeight ||
         frame.pixels.size() !=
             static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height)) {
-      intake_.add_note("was given a frame whose pixels do not fit its size; it is left out");
+      intake_.add_note("got a frame whose number of pixels does not match its size; it is dropped");
       return;
     }
     const Pose X_WC = frame.X_WC;

@@ -53,7 +53,7 @@ class TreePoses final : public LinkPoses {
       for (std::size_t i = 0; i < told_.size(); ++i) positions[told_[i]] = told[i];
     }
     if (X_WB_.size() > 1 && (time < X_WB_.front().time || time > X_WB_.back().time)) {
-      return Error{Errc::unavailable, "nothing tells of the pose of the robot's base"};
+      return Error{Errc::unavailable, "the pose of the robot's base is unknown"};
     }
     std::vector<Pose> X_BL(model_.links.size());
     model_.place(positions, X_BL);

@@ -139,10 +139,10 @@ Status RobotStates::links_in_world(std::span<const std::string> links, const Mom
       continue;
     }
     const double until = told.transforms.known_until(address_.world, links[i], time);
-    std::string why = "tf does not tell where '" + links[i] + "' was";
+    std::string why = "tf has no transform for '" + links[i] + "'";
     if (until < time && until > -kForEver) {
       char text[80];
-      std::snprintf(text, sizeof text, " after %.3g s before the image", time - until);
+      std::snprintf(text, sizeof text, " later than %.3g s before the image", time - until);
       why += text;
     }
     return Error{Errc::unavailable, why + clock_hint(&told == &by_stamp_, time, until)};

@@ -58,7 +58,7 @@ class Heard {
     const auto model = read_camera_model(message);
     const std::lock_guard lock(mutex_);
     if (!model) {
-      note(model.error().message + "; it is left out");
+      note(model.error().message + "; it is ignored");
       return;
     }
     models_.emplace_back(stamp, *model);
@@ -95,7 +95,7 @@ class Heard {
   std::string frames() const {
     const std::lock_guard lock(mutex_);
     const auto frames = history_.frames();
-    return frames.empty() ? "nobody tells of any frame by tf" : "tf knows " + listed(frames);
+    return frames.empty() ? "no tf message has come" : "tf knows " + listed(frames);
   }
 
   struct Image {
@@ -160,7 +160,7 @@ class Heard {
     if (now - since_ < 1) return;
     if (num_since_ > kMostImages * (now - since_)) {
       note("sends more than " + std::to_string(kMostImages) +
-           " images per second; the newest one is felt, the others are left out");
+           " images per second; the newest one is used, the others are dropped");
     }
     since_ = now;
     num_since_ = 0;
@@ -209,7 +209,7 @@ class Ros2Source final : public DepthSource {
       if (read(frame)) return true;
       // Whoever sends may come back: DDS finds it again by itself.
       if (monotonic_now() - last_image_ > kLongestSilence) {
-        heard_.add_note("sends no images any more; they are felt when it does again");
+        heard_.add_note("has stopped sending images; they are used again when it resumes");
       }
     }
     return false;
@@ -295,13 +295,13 @@ class Ros2Source final : public DepthSource {
     std::string why;
     for (const std::string& note : heard_.take_notes()) why += ": " + note;
     if (is_unplaced_) {
-      return Error{Errc::unavailable, info_.name + " sends images, but tf does not tell where '" +
-                                          camera_ + "' is in '" + world_ +
-                                          "' when they are taken; " + heard_.frames()};
+      return Error{Errc::unavailable, info_.name + " sends images, but tf has no transform for '" +
+                                          camera_ + "' in '" + world_ + "' at their stamps; " +
+                                          heard_.frames()};
     }
     if (has_first_) {
       return Error{Errc::unavailable, info_.name + " sends images, but " + info_topic_ +
-                                          " says nothing of its intrinsics within 10 s" + why +
+                                          " has sent no intrinsics within 10 s" + why +
                                           "; give ?info=/TOPIC or ?intrinsics=fx,fy,cx,cy"};
     }
     return Error{Errc::unavailable, info_.name + " has sent no depth image within 10 s" + why +
@@ -315,8 +315,8 @@ class Ros2Source final : public DepthSource {
         others.push_back(topic.name);
       }
     }
-    if (images_->num_writers() > 0) return "somebody offers the topic and sends nothing";
-    return others.empty() ? "nobody here sends images; check ROS_DOMAIN_ID, the network and "
+    if (images_->num_writers() > 0) return "the topic has a publisher that sends nothing";
+    return others.empty() ? "there is no publisher of images; check ROS_DOMAIN_ID, the network and "
                             "ROS_LOCALHOST_ONLY"
                           : "there are images on " + listed(others);
   }
@@ -329,7 +329,7 @@ class Ros2Source final : public DepthSource {
     auto got = is_compressed_ ? read_compressed_depth(image_.message, unit)
                               : read_depth_image(image_.message, unit);
     if (!got) {
-      heard_.add_note("sends what is left out: " + got.error().message);
+      heard_.add_note("sends images that are dropped: " + got.error().message);
       return false;
     }
     frame = *std::move(got);
@@ -353,8 +353,8 @@ class Ros2Source final : public DepthSource {
     is_unplaced_ = !place;
     if (is_unplaced_) {
       if (!is_open_) return false;  // tf may take longer to be found than images
-      heard_.add_note("has images for whose time tf does not tell within 0.1 s where '" + camera_ +
-                      "' was in '" + world_ + "'; they are left out");
+      heard_.add_note("has images without a tf transform within 0.1 s for '" + camera_ + "' in '" +
+                      world_ + "'; they are dropped");
       return false;
     }
     frame.X_WC = place->X_WC;
@@ -388,8 +388,9 @@ Result<RawStream> open_ros2_camera(const CameraUri& uri, const CameraOpening&) {
                  "ros2: needs the topic of the depth image, e.g. ros2:/camera/depth/image_raw"};
   }
   if (uri.extras.contains("world") && (!(uri.X_WC == Pose{}) || !uri.poses.empty())) {
-    return Error{Errc::invalid_argument,
-                 "camera " + uri.text + ": give 'world', and tf tells where it is, or its pose"};
+    return Error{
+        Errc::invalid_argument,
+        "camera " + uri.text + ": pass either 'world', to take its pose from tf, or its pose"};
   }
   auto source = Ros2Source::open(uri);
   if (!source) return source.error();
@@ -428,7 +429,7 @@ FoundCameras find_ros2_cameras() {
       found.devices.push_back("ros2:" + topic.name);
     }
   }
-  found.reason = found.devices.empty() ? "nobody here sends images over ROS 2 now"
+  found.reason = found.devices.empty() ? "there is no publisher of images over ROS 2 now"
                                        : "images of ROS 2; not all of them need be of depth";
   return found;
 }

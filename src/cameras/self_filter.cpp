@@ -70,13 +70,13 @@ class SelfFilteredSource final : public DepthSource {
  private:
   void leave_out(const std::string& why) {
     if (num_left_out_++ == 0) {
-      note(info().name + ": depth images are left out: " + why);
+      note(info().name + ": depth images are dropped: " + why);
     }
   }
   void tell_of_end() {
     if (num_left_out_ == 0) return;
     note(info().name + ": " + std::to_string(num_left_out_) +
-         " depth images were left out, for which the robot's pose was not known");
+         " depth images were dropped because the robot's pose was unknown");
     num_left_out_ = 0;
   }
   void note(std::string text) {
@@ -108,7 +108,7 @@ Result<SelfFilter> SelfFilter::create(std::vector<RobotLink> links,
                                       const SelfFilterOptions& options) {
   if (const Status status = check_settings(options); !status) return status.error();
   if (poses == nullptr) {
-    return Error{Errc::invalid_argument, "a self filter needs to be told where the links are"};
+    return Error{Errc::invalid_argument, "a self filter needs a source of link poses"};
   }
   for (const RobotLink& link : links) {
     for (const auto& ids : link.mesh.triangles) {
@@ -133,7 +133,7 @@ Result<std::unique_ptr<DepthSource>> SelfFilter::applied_to(
                  info.name +
                      (info.is_live ? " is live and the robot's poses are recorded"
                                    : " is recorded and the robot's poses are live") +
-                     ": nobody knows which belong together; take both from one clock"};
+                     ": they cannot be matched; use one clock for both"};
   }
   return std::unique_ptr<DepthSource>(std::make_unique<SelfFilteredSource>(
       std::move(source), robot_->links, robot_, *robot_->poses, robot_->padding));

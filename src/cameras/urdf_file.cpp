@@ -188,7 +188,7 @@ class Reader {
     if (!mesh) return bad(shape, mesh.error().message);
     for (Vec3d& p : mesh->vertices) {
       p = {p.x * (*scale)[0], p.y * (*scale)[1], p.z * (*scale)[2]};
-      if (!std::isfinite(p.x + p.y + p.z)) return bad(shape, "has a vertex that is no number");
+      if (!std::isfinite(p.x + p.y + p.z)) return bad(shape, "has a vertex that is not a number");
     }
     return mesh;
   }

@@ -176,7 +176,7 @@ class V4l2Source final : public DepthSource {
     const v4l2_pix_format& given = format.fmt.pix;
     if (given.pixelformat != V4L2_PIX_FMT_Z16 || given.width < 1 || given.height < 1 ||
         given.width > kMaxImageWidth || given.height > kMaxImageHeight) {
-      return Error{Errc::unavailable, info_.name + " gives another image than was asked for"};
+      return Error{Errc::unavailable, info_.name + " delivers another image format than requested"};
     }
     info_.width = static_cast<int>(given.width);
     info_.height = static_cast<int>(given.height);
@@ -257,9 +257,10 @@ class V4l2Source final : public DepthSource {
 Result<RawStream> open_camera(System& system, const CameraUri& uri) {
   if (const Status status = uri.check_extras(); !status) return status.error();
   if (!uri.intrinsics) {
-    return Error{Errc::invalid_argument, "camera " + uri.text +
-                                             ": the kernel does not tell the intrinsics; give "
-                                             "?intrinsics=fx,fy,cx,cy in pixels"};
+    return Error{
+        Errc::invalid_argument,
+        "camera " + uri.text +
+            ": the kernel does not report intrinsics; pass ?intrinsics=fx,fy,cx,cy in pixels"};
   }
   std::string file = uri.target;
   if (const auto number = camera_number(file); number && !file.empty()) {

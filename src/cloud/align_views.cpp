@@ -148,8 +148,8 @@ class Alignment {
       reach = std::max(options_.least_reach, 0.8 * reach);
     }
     return Error{Errc::bad_input,
-                 "the poses do not settle: check intrinsics and units, and that the scene and the "
-                 "cameras stand still"};
+                 "the poses do not converge: check intrinsics and units, and that the scene and "
+                 "the cameras are static"};
   }
 
  private:
@@ -285,10 +285,9 @@ class Alignment {
         if (pair.after > kMostApart) {
           char text[64];
           std::snprintf(text, sizeof text, " stay %.1f mm apart", 1e3 * pair.after);
-          return Error{Errc::bad_input, "the surfaces that " + name(a) + " and " + name(b) +
-                                            " see" + text +
-                                            ": check intrinsics and units, and that the scene "
-                                            "stands still"};
+          return Error{Errc::bad_input,
+                       "the surfaces that " + name(a) + " and " + name(b) + " see" + text +
+                           ": check intrinsics and units, and that the scene is static"};
         }
         worst = std::max(worst, pair.after);
         aligned.pairs.push_back(pair);

@@ -85,7 +85,7 @@ std::size_t estimate_bytes(int width, int height) {
 }
 
 Error no_estimate(int width, int height) {
-  return {Errc::bad_input, "what is given is no estimate of depth images of " +
+  return {Errc::bad_input, "the given state is not a depth estimate for images of " +
                                std::to_string(width) + " x " + std::to_string(height) +
                                " pixels; begin with the first frame"};
 }

@@ -26,7 +26,7 @@ Result<DepthFrame> mean_frame(DepthSource& source, int num_frames) {
       ++nums[i];
     }
   }
-  if (num == 0) return Error{Errc::bad_input, stream.name + " holds no frame"};
+  if (num == 0) return Error{Errc::bad_input, stream.name + " has no frames"};
   frame.unit = 1.5e-4;  // m: up to 9.8 m
   for (std::size_t i = 0; i < sums.size(); ++i) {
     const double counts = nums[i] > 0 ? sums[i] / nums[i] / frame.unit : 0;

@@ -58,7 +58,7 @@ const char* describe_force_off(int cause) {
     case 1: return "its force button was pressed; start again when the hand is ready";
     case 2: return "the hand was faster than its velocity limit; move more slowly and start again";
     case 3: return "this computer left its watchdog waiting; end other programs and start again";
-    case 4: return "a program asked for it; end other programs that use it and start again";
+    case 4: return "a program switched it off; close other programs that use it and start again";
     case 5: return "the USB connection broke off; check the cable and start again";
     case 6: return "its dead-man switch was let go; hold the handle and start again";
     default: return "it does not say why; press its force button and start again";
@@ -203,9 +203,10 @@ Result<int> device_number(std::string_view address) {
   const char* end = address.data() + address.size();
   const auto [rest, error] = std::from_chars(address.data(), end, number);
   if (error != std::errc{} || rest != end || number < 0 || number > kMaxDeviceNumber) {
-    return Error{Errc::invalid_argument, "'" + std::string(address) +
-                                             "' is no number of a Force Dimension device; write "
-                                             "forcedimension:0 for the first one"};
+    return Error{Errc::invalid_argument,
+                 "'" + std::string(address) +
+                     "' is not the number of a Force Dimension device; write "
+                     "forcedimension:0 for the first one"};
   }
   return number;
 }

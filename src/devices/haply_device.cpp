@@ -210,7 +210,7 @@ Status HaplyDevice::begin() {
     state.is_valid = take(text, state);
   }
   if (!state.is_valid || !send(std::nullopt, kAnswerTimeout)) {
-    const std::string message = info_.name + " gives no usable state: " + std::string(unusable_);
+    const std::string message = info_.name + " reports no usable state: " + std::string(unusable_);
     end();
     return Error{Errc::unavailable, message};
   }
@@ -335,7 +335,7 @@ bool HaplyDevice::write(const Wrench& F_H_B) noexcept {
   // No answer yet: the service drops the last force by itself, and gets the newest one next time.
   if (is_waiting_) return true;
   sent_ = motor_wrench(F_H_B, info_.limits).force * share_;
-  return send(sent_, 0) || give_up("the service takes no more messages");
+  return send(sent_, 0) || give_up("the service no longer accepts messages");
 }
 
 void HaplyDevice::end() noexcept {
@@ -378,7 +378,7 @@ Result<std::unique_ptr<HapticDevice>> open_haply_device(std::string_view address
     if (!parsed) {
       return Error{Errc::invalid_argument,
                    "haply:" + std::string(address) +
-                       " is no address of an Inverse Service; write haply:ws://HOST:PORT"};
+                       " is not an address of an Inverse Service; write haply:ws://HOST:PORT"};
     }
     where.service = *parsed;
   }

@@ -185,12 +185,13 @@ class OpenHapticsDevice final : public HapticDevice {
     if (is_stuck_) return stuck();
     if (servo_ == nullptr) return Done{};
     if (const HdEnum code = servo_->failure(); code != 0) {
-      return Error{Errc::io_failure,
-                   info_.name + (is_force_error(code)
-                                     ? " gives no more force: " + what_it_said(api_, {code, 0, 0}) +
-                                           "; let its motors cool down and start again"
-                                     : " has stopped: " + what_it_said(api_, {code, 0, 0}) +
-                                           "; check its cable and power and start again")};
+      return Error{
+          Errc::io_failure,
+          info_.name + (is_force_error(code)
+                            ? " has stopped its force: " + what_it_said(api_, {code, 0, 0}) +
+                                  "; let its motors cool down and start again"
+                            : " has stopped: " + what_it_said(api_, {code, 0, 0}) +
+                                  "; check its cable and power and start again")};
     }
     if (is_running_ && monotonic_now() - servo_->last_time() > kMaxSilence) return stuck();
     return Done{};

@@ -42,7 +42,7 @@ Status PeriodicThread::start(double rate, Round round, std::function<void()> fin
   try {
     thread_ = std::thread(std::move(run));
   } catch (const std::system_error& error) {
-    return Error{Errc::unavailable, std::string("the system gives no thread for the device: ") +
+    return Error{Errc::unavailable, std::string("cannot start the device's thread: ") +
                                         error.what() + "; end other programs and try again"};
   }
   return Done{};

@@ -133,13 +133,14 @@ class Ros2Tool final : public PolledDevice {
     const std::string seconds = " within 10 s";
     if (!address_.topic.empty()) {
       return "no pose has come" + seconds +
-             (pose_->num_writers() == 0 ? "; nobody publishes " + address_.topic
+             (pose_->num_writers() == 0 ? "; there is no publisher of " + address_.topic
               : address_.base.empty()   ? ""
                                         : "; is its frame joined to " + address_.base + " by tf?");
     }
     return "tf joins no " + address_.frame + " to " + address_.base + seconds +
-           (transforms_->num_writers() + statics_->num_writers() == 0 ? "; nobody publishes /tf"
-                                                                      : "");
+           (transforms_->num_writers() + statics_->num_writers() == 0
+                ? "; there is no publisher of /tf"
+                : "");
   }
 
   /// The ticking thread.

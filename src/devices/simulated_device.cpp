@@ -104,7 +104,7 @@ class DeviceInMemory final : public SimulatedDevice {
   Status status() const override {
     if (has_refused_)
       return Error{Errc::bad_input,
-                   "the simulated device was told a wrench that is no number and has shut down; "
+                   "the simulated device received a wrench that is not finite and has shut down; "
                    "check what computes it"};
     return Done{};
   }

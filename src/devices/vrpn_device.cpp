@@ -260,7 +260,7 @@ bool VrpnDevice::write(const Wrench& F_H_B) noexcept {
   field.origin = X_BH_.translation;
   field.radius = kRadius;
   field.force = motor_wrench(F_H_B, info_.limits).force;
-  return connection_->send(field) || give_up("the server takes no more messages");
+  return connection_->send(field) || give_up("the server no longer accepts messages");
 }
 
 void VrpnDevice::end() noexcept {

@@ -70,7 +70,7 @@ Result<Response> ask(TcpSocket& socket, const NetAddress& address, const std::st
       }
     }
   }
-  return Error{Errc::unavailable, describe(address) + " gives no answer to an HTTP request"};
+  return Error{Errc::unavailable, describe(address) + " does not answer an HTTP request"};
 }
 
 std::string request_head(std::string_view path, const NetAddress& address) {

@@ -322,8 +322,8 @@ void KeyFrames::take(const DepthImageView& frame, ThreadPool& pool) {
   status_ = Done{};
   if (frame.counts == nullptr || frame.gpu != kHostMemory) {
     status_ = Error{Errc::invalid_argument,
-                    "a memory of a camera that moves takes depth images as 16-bit counts in host "
-                    "memory; give it such, or leave the memory out"};
+                    "the memory of a moving camera needs 16-bit depth images in host memory; use "
+                    "them, or turn the memory off"};
     return;
   }
   if (!is_finite(frame.X_WC)) return;

@@ -24,8 +24,8 @@ Status check(const SlotSettings& settings) {
   const bool looks_back = time.mode == TimeMode::predict || time.average.kind != DepthAverage::none;
   if (settings.stream.is_moving && looks_back) {
     return Error{Errc::invalid_argument,
-                 "a camera that moves shows something else in each frame at one pixel: time.mode "
-                 "predict and averages (time.average) need one that stands still; leave them out"};
+                 "time.mode = predict and averages (time.average) need a static camera; turn them "
+                 "off for a moving one"};
   }
   if (time.memory.kind == DepthMemory::off) return Done{};
   if (!settings.field) {
@@ -35,7 +35,7 @@ Status check(const SlotSettings& settings) {
   }
   if (time.mode == TimeMode::predict) {
     return Error{Errc::invalid_argument,
-                 "a memory (time.memory) needs time.mode latest or interpolate; leave it out"};
+                 "a memory (time.memory) needs time.mode latest or interpolate; turn it off"};
   }
   return Done{};
 }

@@ -55,7 +55,7 @@ void settle(const Axis& axis, const std::string& what, const std::string& unit, 
   if (axis.max_stiffness > 0 && stiffness > axis.max_stiffness) {
     warnings.push_back("the " + what + " is lowered from " + number(stiffness) +
                        " to the device's " + number(axis.max_stiffness) + " " + unit +
-                       ": ask for no more than that");
+                       ": use no higher value");
     stiffness = axis.max_stiffness;
   }
   const double limit = axis.passive_limit(stiffness);
@@ -74,7 +74,7 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   if (const Status status = check_settings(options); !status) return status.error();
   if (!(tick_seconds >= 1e-6 && tick_seconds <= 1)) {
     return Error{Errc::invalid_argument, "the device ticks every " + number(tick_seconds) +
-                                             " s; its driver has to tell from 1e-06 to 1 s"};
+                                             " s; its driver must report 1e-06 to 1 s"};
   }
   for (double limit :
        {limits.max_force, limits.max_torque, limits.max_stiffness, limits.max_angular_stiffness,

@@ -43,8 +43,7 @@ DeviceLimits PageHandle::limits() {
 
 Status PageHandle::hold(PageNumber page, double now) {
   if (holder_ != 0 && holder_ != page && now - last_time_ <= kPatience) {
-    return Error{Errc::unavailable,
-                 "another page holds the tool: it can be taken when that page lets go of it"};
+    return Error{Errc::unavailable, "another page holds the tool; wait until it releases it"};
   }
   holder_ = page;
   last_time_ = now;
@@ -81,8 +80,8 @@ Status PageHandle::check(const Pose& X_BH, double now) const {
   const double turn = norm(rotation_between(last_X_BH_.rotation, normalized(X_BH.rotation)));
   if (way <= kFastest * seconds && turn <= kFastestTurn * seconds) return Done{};
   return refused(
-      "the hand has jumped by %.3g m and %.3g rad: it may move by %g m/s and turn by %g rad/s; go "
-      "on from where it was",
+      "the hand has jumped by %.3g m and %.3g rad; the limits are %g m/s and %g rad/s; continue "
+      "from the previous pose",
       way, turn, kFastest, kFastestTurn);
 }
 

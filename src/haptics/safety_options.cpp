@@ -20,8 +20,8 @@ std::string_view describe(Fault fault) {
       return "no depth frame came in time: the force is off; look at the camera, or allow a larger "
              "sensor age";
     case Fault::device:
-      return "the device told no usable state in time: the force is off; look at its cable, power "
-             "and calibration";
+      return "the device reported no usable state in time: the force is off; check its cable, "
+             "power and calibration";
     case Fault::loop:
       return "ticks came too late or time ran backwards: the force is off; allow real-time "
              "scheduling and close other programs";
@@ -33,7 +33,7 @@ std::string_view describe(Fault fault) {
              "lower the coupling's stiffness or the force";
     case Fault::sensor:
       return "the depth frames have failed: the force is off; look at the camera or its files";
-    case Fault::stopped: return "the force was switched off as asked";
+    case Fault::stopped: return "the force was switched off on request";
   }
   return "unknown fault: the force is off";
 }
@@ -48,7 +48,7 @@ std::string_view describe_change(const SafetyStatus& before, const SafetyStatus&
                  : "all is well again: the force comes back once the hand is free of contact";
     case ForceState::engaged: return "the force comes up";
     case ForceState::held_off:
-      return "too many faults within a minute: the force stays off until it is asked for, on the "
+      return "too many faults within a minute: the force stays off until you switch it on, on the "
              "page or by button 0 of the device";
     case ForceState::fading:
     case ForceState::off:

@@ -59,13 +59,12 @@ Result<std::unique_ptr<BagReader>> BagReader::open(const fs::path& target) {
   if (begin.starts_with(kRos1Magic)) return open_ros1_bag(path);
   if (begin.starts_with(kSqliteMagic)) return open_sqlite_bag(path);
   if (begin.starts_with("#ROSBAG V1")) {
-    return Error{Errc::bad_input, path.string() +
-                                      " is a bag of before 2010 (format 1); write it anew with "
-                                      "rosbag reindex"};
+    return Error{
+        Errc::bad_input,
+        path.string() + " is a bag of before 2010 (format 1); rewrite it with rosbag reindex"};
   }
-  return Error{Errc::bad_input, path.string() +
-                                    " is no recording: neither an MCAP file, nor a bag of ROS 1 "
-                                    "(.bag) or of ROS 2 (.db3)"};
+  return Error{Errc::bad_input,
+               path.string() + " is not a recording (MCAP, ROS 1 .bag or ROS 2 .db3)"};
 }
 
 }  // namespace palpate::inline v0

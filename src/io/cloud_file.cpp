@@ -40,7 +40,7 @@ Result<PointCloud> load_cloud(const std::filesystem::path& path) {
                              "; a cloud needs x y z and normals (PLY: nx ny nz, PCD: normal_x "
                              "normal_y normal_z), without normals give a depth image instead");
   }
-  if (columns->width == 0) return in_file(path, "holds no points; give a cloud that has some");
+  if (columns->width == 0) return in_file(path, "has no points; give a cloud that has some");
   PointCloud cloud(columns->width, columns->height);
   const auto& v = columns->values;
   for (std::size_t i = 0; i < cloud.size(); ++i)

@@ -182,7 +182,7 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
     entries = list_pngs(folder / "depth", options.rate);
   if (!entries) return entries.error();
   if (entries->empty())
-    return bad(folder, "holds no depth frames; give a folder with 16-bit PNGs or a depth.txt");
+    return bad(folder, "has no depth frames; give a folder with 16-bit PNGs or a depth.txt");
 
   const auto size = read_size(entries->front().path);
   if (!size) return size.error();
@@ -204,7 +204,7 @@ Result<std::unique_ptr<DepthSource>> open_depth_folder(const fs::path& folder,
     info.rate =
         static_cast<double>(entries->size() - 1) / (entries->back().time - entries->front().time);
     if (!(info.rate > 0) || !std::isfinite(info.rate))
-      return bad(folder / "depth.txt", "has time stamps that are no seconds; correct them");
+      return bad(folder / "depth.txt", "has timestamps that are not seconds; correct them");
   }
   return std::unique_ptr<DepthSource>(
       std::make_unique<FolderSource>(*std::move(entries), std::move(info)));

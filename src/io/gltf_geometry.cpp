@@ -44,7 +44,7 @@ const Json& list(const Json& object, const char* key) {
 
 std::uint64_t whole(const Json& value, const char* what) {
   if (value.is_number_unsigned()) return value.get<std::uint64_t>();
-  throw Fault{std::string("has a '") + what + "' that is no whole number"};
+  throw Fault{std::string("has a '") + what + "' that is not a whole number"};
 }
 
 /// A member that is a whole number.
@@ -124,7 +124,7 @@ std::uint64_t available_bytes(const Json& buffer, const std::filesystem::path& f
                               std::size_t num_file_bytes) {
   const auto uri = buffer.find("uri");
   if (uri == buffer.end()) return num_file_bytes;
-  if (!uri->is_string()) throw Fault{"has a 'uri' that is no text"};
+  if (!uri->is_string()) throw Fault{"has a 'uri' that is not a string"};
   const std::string& name = uri->get_ref<const std::string&>();
   if (name.starts_with("data:")) return name.size();
   std::error_code error;
@@ -132,7 +132,7 @@ std::uint64_t available_bytes(const Json& buffer, const std::filesystem::path& f
   const std::filesystem::path path = (folder / "").string() + name;
   const bool is_file = std::filesystem::is_regular_file(path, error);
   const std::uintmax_t size = is_file ? std::filesystem::file_size(path, error) : 0;
-  if (!is_file || error) throw Fault{"needs " + path.string() + ", which is no readable file"};
+  if (!is_file || error) throw Fault{"needs " + path.string() + ", which is not a readable file"};
   return size;
 }
 
@@ -220,7 +220,7 @@ std::vector<double> check_meshes(const Json& root, const std::vector<double>& co
       size += counts[index_into(counts.size(), whole(accessor, "accessor"), "accessor")];
     };
     for (const Json& primitive : list(mesh, "primitives")) {
-      if (!primitive.is_object()) throw Fault{"has a primitive that is no object"};
+      if (!primitive.is_object()) throw Fault{"has a primitive that is not an object"};
       if (primitive.contains("indices")) add(primitive["indices"]);
       Json groups = list(primitive, "targets");
       if (primitive.contains("attributes")) groups.push_back(primitive["attributes"]);

@@ -118,7 +118,7 @@ Result<bool> McapReader::Impl::next_chunk() {
       const std::string_view compression = fields.text();
       if (!compression.empty() && compression != mcap::kZstd && compression != mcap::kLz4) {
         return damaged("its chunks are compressed by " + std::string(compression) +
-                       "; write it anew with Zstandard (mcap compress --compression zstd)");
+                       "; rewrite it with Zstandard (mcap compress --compression zstd)");
       }
       const std::string_view records = fields.raw(fields.number<std::uint64_t>());
       if (!fields.is_good()) return damaged("a chunk is too short");
@@ -185,7 +185,7 @@ Result<std::optional<McapMessage>> McapReader::next() {
     if (!message) continue;
     if (!d.channels.contains(message->channel)) {
       d.is_over = true;
-      return d.damaged("a message is of a channel that was not told before");
+      return d.damaged("a message refers to an undeclared channel");
     }
     return message;
   }

@@ -96,7 +96,7 @@ Result<Header> take_header(std::string_view& content) {
   if (header.encoding.empty()) return bad("is truncated: its header has no line 'DATA'");
   constexpr std::uint64_t kMaxSide = std::numeric_limits<int>::max();
   if (header.fields.empty() || header.width == 0 || header.height == 0)
-    return bad("holds no points: its header has no fields, or WIDTH or HEIGHT 0");
+    return bad("has no points: its header has no fields, or WIDTH or HEIGHT 0");
   if (header.width > kMaxSide || header.height > kMaxSide ||
       header.width * header.height > kMaxSide)
     return bad("claims more than 2^31 points");

@@ -71,7 +71,7 @@ class Ros1Bag final : public BagReader {
  private:
   Error damaged(const std::string& what) const {
     return {Errc::bad_input, path_.string() + " is damaged at byte " + std::to_string(position_) +
-                                 ": " + what + "; rosbag fix may mend it"};
+                                 ": " + what + "; rosbag fix may repair it"};
   }
 
   /// Notes connections; gives a message if it is one.
@@ -91,11 +91,11 @@ class Ros1Bag final : public BagReader {
     }
     if (op != Op::message) return std::optional<McapMessage>();
     const auto found = types_.find(connection);
-    if (found == types_.end()) return damaged("a message is of a topic that was not told before");
+    if (found == types_.end()) return damaged("a message refers to an undeclared connection");
     const std::string_view time = value_of(header, "time");
     Cursor at(time);
     const auto seconds = at.number<std::uint32_t>(), nanoseconds = at.number<std::uint32_t>();
-    if (!at.is_good()) return damaged("a message tells no time");
+    if (!at.is_good()) return damaged("a message has no time");
     const bool is_known = !ros_fields(found->second.name).empty();
     auto message = cdr_of_ros1(found->second.name, data);
     if (is_known && !message) {
@@ -127,19 +127,20 @@ class Ros1Bag final : public BagReader {
     if (is_cut_off_) return false;
     const auto op = Op{number_of<std::uint8_t>(header, "op")};
     if (op == Op::bag && !value_of(header, "encryptor").empty()) {
-      return Error{Errc::bad_input, path_.string() + " is encrypted; write it anew as it is"};
+      return Error{Errc::bad_input,
+                   path_.string() + " is encrypted; rewrite it without encryption"};
     }
     if (op != Op::chunk) {
       // A record by itself, as if it were alone in a chunk.
       mcap::Bytes record;
       chunk_ = record.text(header).text(data).str();
     } else {
-      if (value_of(header, "size").size() != 4) return damaged("a chunk does not tell its size");
+      if (value_of(header, "size").size() != 4) return damaged("a chunk has no size field");
       const auto size = number_of<std::uint32_t>(header, "size");
       const std::string_view packing = value_of(header, "compression");
       Status unpacked = Done{};
       if (packing == "none" && data.size() != size) {
-        return damaged("a chunk is not as large as it tells");
+        return damaged("a chunk has a wrong size field");
       } else if (packing == "none") {
         chunk_ = std::move(data);
       } else if (packing == "lz4") {

@@ -42,7 +42,7 @@ bool take_pose(CdrReader& from, Pose& X) {
 }
 
 Error no_pose(const char* what) {
-  return {Errc::bad_input, std::string(what) + " is damaged or holds numbers that are no pose"};
+  return {Errc::bad_input, std::string(what) + " is damaged or has an invalid pose"};
 }
 
 constexpr const char* kNoJointState =

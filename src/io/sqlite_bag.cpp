@@ -69,7 +69,7 @@ class SqliteBag final : public BagReader {
              "'% AS(%'") ||
         sqlite_.step(query_) != kRow || sqlite_.number(query_, 0) != 2) {
       return Error{Errc::bad_input, path_.string() +
-                                        " is no bag of ROS 2: it has no tables 'topics' and "
+                                        " is not a bag of ROS 2: it has no tables 'topics' and "
                                         "'messages'; give one that ros2 bag wrote"};
     }
     if (!ask("SELECT id, name, type, serialization_format FROM topics")) return failure();
@@ -79,7 +79,7 @@ class SqliteBag final : public BagReader {
       const std::string type = text(2), format = text(3);
       if (id < 0 || id > 65535) {
         return Error{Errc::bad_input, path_.string() + " numbers a topic " + std::to_string(id) +
-                                          ", and at most 65535 is read; write it anew"};
+                                          ", and at most 65535 is read; rewrite it"};
       }
       channels_[static_cast<std::uint16_t>(id)] = {text(1), format == "cdr" ? type : "", ""};
     }
@@ -122,7 +122,7 @@ class SqliteBag final : public BagReader {
   Error failure() const {
     return {Errc::bad_input,
             path_.string() + " cannot be read as a bag of ROS 2: " + sqlite_.message(database_) +
-                "; copy it anew, or mend it by .recover of sqlite3"};
+                "; copy it again, or repair it with .recover of sqlite3"};
   }
 
   const Sqlite& sqlite_;

@@ -63,7 +63,7 @@ Result<std::vector<TimedPose>> load_trajectory(const std::filesystem::path& path
   }
   if (poses.empty())
     return Error{Errc::bad_input,
-                 path.string() + " holds no pose; a line is 't tx ty tz qx qy qz qw'"};
+                 path.string() + " has no pose; a line is 't tx ty tz qx qy qz qw'"};
   return poses;
 }
 

@@ -27,7 +27,7 @@ Status fill(std::string_view packed, std::uint64_t size, std::string& to, const 
   if (size > kLargest || size > kSmall + kMostRatio * packed.size()) {
     return Error{Errc::bad_input, "a compressed chunk of " + std::to_string(packed.size()) +
                                       " bytes would be " + std::to_string(size) +
-                                      " bytes, more than is believed"};
+                                      " bytes, which is implausible"};
   }
   while (filled < size) {
     to.resize(static_cast<std::size_t>(std::min(size, std::max(kFirstStep, 2 * filled))));
@@ -39,7 +39,7 @@ Status fill(std::string_view packed, std::uint64_t size, std::string& to, const 
   }
   char more = 0;
   if (step(&more, 1) == 0) return Done{};
-  return Error{Errc::bad_input, "a compressed chunk holds more than it tells"};
+  return Error{Errc::bad_input, "a compressed chunk is larger than its size field"};
 }
 
 // lz4frame.h

@@ -186,10 +186,9 @@ std::optional<Error> orient(SolidMesh& solid, std::vector<Shell> shells) {
   for (std::size_t i = 0; i < shells.size(); ++i) {
     const bool is_cavity = enclosing[i].size() % 2 == 1;
     if ((shells[i].signed_volume < 0) == is_cavity) continue;
-    return bad_mesh(
-        "a closed part of the mesh at " + point(shells[i].sample) +
-        " lies inside another one with the same orientation; remove it, or turn its normals if it "
-        "is meant as a cavity");
+    return bad_mesh("a closed part of the mesh at " + point(shells[i].sample) +
+                    " is inside another one with the same orientation; remove it, or flip its "
+                    "normals if it is a cavity");
   }
   return std::nullopt;
 }

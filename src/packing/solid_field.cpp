@@ -120,7 +120,7 @@ Result<SolidField> SolidField::restore(const Layout& layout, std::span<const flo
                     static_cast<double>(widest.num_nodes[2])};
   const auto farthest = static_cast<float>(widest.spacing * norm(nodes));
   for (const float value : values) {
-    if (!(std::abs(value) <= farthest)) return bad("holds a number that is no distance");
+    if (!(std::abs(value) <= farthest)) return bad("has a number that is not a distance");
   }
   std::copy(values.begin(), values.end(), field.values_.begin());
   return field;

@@ -30,7 +30,7 @@ class ReadAhead final : public DepthSource {
     try {
       thread_ = std::thread([this] { read_all(); });
     } catch (const std::system_error& error) {
-      return Error{Errc::unavailable, std::string("the system gives no thread to read frames: ") +
+      return Error{Errc::unavailable, std::string("cannot start the thread that reads frames: ") +
                                           error.what() + "; end other programs and try again"};
     }
     return Done{};

@@ -101,9 +101,7 @@ Result<std::vector<RegionLookup>> region_lookups(
                      ": give one label for each pixel");
     }
     if (stream.is_moving) {
-      return refused(
-          "a camera that moves shows something else in each frame at one pixel: labels "
-          "need one that stands still; leave them out");
+      return refused("labels need a static camera; remove them for a moving one");
     }
     for (const std::optional<Material>& material : own->materials) {
       if (material && !is_possible(*material)) {

@@ -12,8 +12,7 @@ Backend backend_of(const RunSettings& settings) { return settings.backend.value_
 Status check(const RunSettings& settings, const DeviceInfo& device) {
   if (Status status = check_settings(settings); !status) return status;
   if (!(device.rate > 0 && std::isfinite(device.rate))) {
-    return Error{Errc::invalid_argument,
-                 device.name + " tells no rate of ticks; it cannot be used"};
+    return Error{Errc::invalid_argument, device.name + " reports no tick rate; it cannot be used"};
   }
   for (const SceneObject& object : settings.objects) {
     if (object.shape == nullptr || !is_finite(object.X_WB)) {
@@ -34,8 +33,8 @@ Status check_moving(const RunSettings& settings) {
     return Done{};
   }
   return Error{Errc::invalid_argument,
-               "objects that move need --method field and --bodies field, which tell how stiff "
-               "contacts are"};
+               "moving objects need --method field and --bodies field, which give the stiffness of "
+               "contacts"};
 }
 
 Status check_cameras(std::size_t num, const RunSettings& settings) {

@@ -138,7 +138,7 @@ Result<CoarseDepth> CoarseDepth::scan(DepthSource& stream, double until,
     coarse.add(frame);
   }
   if (coarse.times_.empty()) {
-    return Error{Errc::bad_input, "the depth stream holds no frame; give at least one"};
+    return Error{Errc::bad_input, "the depth stream has no frames; give at least one"};
   }
   coarse.duration_ = std::max(shortest, coarse.times_.back() + 1 / stream.info().rate);
   return coarse;

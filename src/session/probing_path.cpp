@@ -119,8 +119,8 @@ Result<ProbeTarget> aimed_target(const CoarseDepth& scene, const ProbeAim& aim) 
     }
     if (std::abs(nearest - aim.point_W->z) > kOffPoint) {
       return bad_aim(
-          "the point %g, %g, %g to probe lies on no surface: on this viewing ray the "
-          "camera sees z = %.3g m; give a point there, or the pixel %.0f,%.0f",
+          "the point %g, %g, %g to probe is not on a surface: on this viewing ray the camera sees "
+          "z = %.3g m; give a point there, or the pixel %.0f,%.0f",
           aim.point_W->x, aim.point_W->y, aim.point_W->z, nearest, u, v);
     }
   }
@@ -229,7 +229,7 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
   if (!stream) return stream.error();
   if (!duration && !(*stream)->info().num_frames) {
     return Error{Errc::invalid_argument,
-                 "the depth stream has no end: say how long the probing path is to be"};
+                 "the depth stream has no end: give the duration of the probing path"};
   }
   if (duration && !(*duration > 0 && *duration * kPoseRate < 1e7)) {
     return Error{Errc::invalid_argument,

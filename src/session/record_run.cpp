@@ -30,7 +30,7 @@ class UnseenWatch {
     }
     if (tick.time - since_ < kPatience) return {};
     is_told_ = is_unseen;
-    return is_unseen ? "most of the tool is where no camera sees: what is felt there is a guess"
+    return is_unseen ? "most of the tool is in unobserved space: the contact there is an assumption"
                      : "the cameras see the tool's surroundings again";
   }
 

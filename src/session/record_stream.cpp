@@ -125,7 +125,7 @@ class Copy {
       read(0);
     } catch (const std::system_error& error) {
       const std::lock_guard lock(mutex_);
-      end_all(Error{Errc::unavailable, std::string("the system gives no thread to read frames: ") +
+      end_all(Error{Errc::unavailable, std::string("cannot start the thread that reads frames: ") +
                                            error.what() + "; end other programs and try again"});
     }
     for (std::thread& other : others) other.join();

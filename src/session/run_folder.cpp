@@ -81,7 +81,7 @@ Status check_replaceable(const fs::path& folder) {
   const std::string what =
       foreign.empty() ? "" : " (" + foreign.lexically_relative(folder).string() + ")";
   return Error{Errc::io_failure, "cannot write a run to " + folder.string() +
-                                     ": it holds other things than an earlier run" + what +
+                                     ": it contains files that are not of an earlier run" + what +
                                      "; give a new name"};
 }
 

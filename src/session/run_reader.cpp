@@ -49,7 +49,7 @@ Result<RunReader> RunReader::open(const fs::path& place) {
   if (!setup) return in_path(setup.error());
   if (!(setup->device.rate > 0)) {
     return Error{Errc::bad_input,
-                 path.string() + ": the recording tells no rate of ticks; record the run again"};
+                 path.string() + ": the recording has no tick rate; record the run again"};
   }
   RunReader run(std::move(parts), *std::move(reader), *std::move(setup));
   run.start_ = std::move(start);

@@ -214,7 +214,7 @@ Result<double> start_of(const fs::path& path) {
   TickRecord tick;
   const auto got = reader->next_tick(tick);
   if (!got) return got.error();
-  if (!*got) return Error{Errc::bad_input, path.string() + " holds no tick; record the run again"};
+  if (!*got) return Error{Errc::bad_input, path.string() + " has no ticks; record the run again"};
   return tick.device.time - tick.time;
 }
 
@@ -347,7 +347,7 @@ Result<ReplayOutcome> replay_run(const fs::path& folder, const ReplayOptions& op
   add((*repetition)->outcome());
   if (all.difference.empty() && all.num_ticks == 0) {
     const std::string why = all.note.empty() ? "record the run again" : all.note;
-    return Error{Errc::bad_input, folder.string() + " holds no tick that can be repeated: " + why};
+    return Error{Errc::bad_input, folder.string() + " has no tick that can be repeated: " + why};
   }
   return all;
 }
@@ -369,11 +369,11 @@ Result<RetryOutcome> retry_run(const fs::path& folder, const fs::path& output,
     return Error{
         Errc::bad_input,
         folder.string() + " does not begin where its run did: " +
-            (remembers   ? "what its camera remembered then is not kept; leave the memory out"
-             : estimates ? "a new run does not know the estimate of depth of then; leave it out "
-                           "(--average none)"
-                         : "where its objects had moved to is not kept; leave them out") +
-            " to feel it anew"};
+            (remembers ? "the camera's memory of that time is not kept; turn the memory off"
+             : estimates
+                 ? "the depth estimate of that time is not kept; turn it off (--average none)"
+                 : "the poses of its objects at that time are not kept; leave them out") +
+            " to run it with other settings"};
   }
   RunOptions run = options;
   run.probe = ticks->setup().probe;

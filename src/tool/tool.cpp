@@ -130,7 +130,7 @@ Result<Tool> Tool::prefix(int num_spheres, int num_threads) const {
     return Error{Errc::invalid_argument,
                  "the tool has " + std::to_string(spheres().size()) + " spheres, " +
                      std::to_string(num_spheres) +
-                     " were asked for; ask for fewer or pack the mesh with more"};
+                     " were requested; use fewer, or pack the mesh with more"};
   const auto first = spheres().first(static_cast<std::size_t>(num_spheres));
   SpherePacking packing{{first.begin(), first.end()}, packing_.mesh_volume, PackStop::count};
   auto tool = build(mesh_, std::move(packing), gap_rule(), source_, num_threads);

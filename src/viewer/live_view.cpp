@@ -245,7 +245,7 @@ Json LiveViewImpl::note(const TickRecord& last) const {
   if (last.sensor_age > stale_age_ && last.contact_number > 0) {
     return "the depth images are stale: the last one was taken " + tenths(last.sensor_age) + " ago";
   }
-  if (are_frames_held_) return "depth images are held: the scene stands still";
+  if (are_frames_held_) return "depth frames are held: the scene is frozen";
   return {};
 }
 
@@ -288,8 +288,8 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
   const bool is_known = name == "set" || name == "pause" || name == "resume" || name == "step" ||
                         name == "force" || name == "mark" || name == "end";
   if (name == "hold" || name == "let_go") {
-    return Error{Errc::invalid_argument,
-                 "the tool is held over a WebSocket, by " + name + " there: its end lets go of it"};
+    return Error{Errc::invalid_argument, "the tool is held over a WebSocket: send " + name +
+                                             " there; closing it releases the tool"};
   }
   if (!is_known) return command->unknown(kKnown);
   const std::lock_guard lock(mutex_);

@@ -46,7 +46,7 @@ Result<std::unique_ptr<McapIndex>> McapIndex::open(const std::filesystem::path& 
   try {
     index->thread_ = std::thread([i = index.get()] { i->read_all(); });
   } catch (const std::system_error& error) {
-    return Error{Errc::unavailable, "the system gives no thread to read " + path.string() + ": " +
+    return Error{Errc::unavailable, "cannot start the thread that reads " + path.string() + ": " +
                                         error.what() + "; end other programs and try again"};
   }
   std::unique_lock lock(index->mutex_);

@@ -150,7 +150,7 @@ Result<RecordedQuery> RunInFile::query_at(double time) {
     if (!content) return content.error();
     if (!(*content)->queries.empty()) found = &(*content)->queries.front();
   }
-  if (found == nullptr) return Error{Errc::bad_input, "the recording holds no contact query"};
+  if (found == nullptr) return Error{Errc::bad_input, "the recording has no contact query"};
   return RecordedQuery{found->time,    found->time + index_->start(),
                        found->X_WT,    index_->index_of(found->frame_number),
                        found->cameras, found->bodies,

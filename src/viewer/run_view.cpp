@@ -123,7 +123,7 @@ Result<std::unique_ptr<ViewSource>> view_run(const std::filesystem::path& folder
   try {
     return std::unique_ptr<ViewSource>(std::make_unique<RunView>(*std::move(run), title.string()));
   } catch (const std::system_error& problem) {
-    return Error{Errc::unavailable, "the system gives no thread to play " + folder.string() + ": " +
+    return Error{Errc::unavailable, "cannot start the thread that plays " + folder.string() + ": " +
                                         problem.what() + "; end other programs and try again"};
   }
 }

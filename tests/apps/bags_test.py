@@ -69,7 +69,7 @@ class Bags(CameraCase):
         self.refused("cannot open", "record", *arguments, "--camera",
                      f"pipe:{self.folder}/none?size=8x8&intrinsics=1,1,1,1", "-o",
                      self.folder / "never.mcap")
-        self.refused("holds no frame", "record", *arguments, "--camera",
+        self.refused("has no frames", "record", *arguments, "--camera",
                      f"pipe:/dev/null?size=8x8&rate=1&intrinsics=1,1,4,4", "-o",
                      self.folder / "never.mcap")
         self.assertFalse((self.folder / "never.mcap").exists())
@@ -183,7 +183,7 @@ class Bags(CameraCase):
         self.refused("intrinsics=", *touch, "--camera", "bag:" + str(self.write_bag(
             "bare", info=False, num=2)))
         (self.folder / "no.mcap").write_bytes(b"no recording")
-        self.refused("is no recording", *touch, "--camera", f"bag:{self.folder}/no.mcap")
+        self.refused("is not a recording", *touch, "--camera", f"bag:{self.folder}/no.mcap")
 
     def images(self, count=31):
         raw = self.folder / f"images_{count}.raw"
@@ -251,14 +251,14 @@ class Bags(CameraCase):
             self.refused(words, "record", "--camera", f"bag:{broken}", "-o", never)
             self.assertFalse(never.exists())
 
-        refused("is no recording", whole[:10])
-        refused("holds no depth images", whole[:20])
+        refused("is not a recording", whole[:10])
+        refused("has no depth images", whole[:20])
         refused("before 2010", b"#ROSBAG V1.1\n" + whole[13:])
         refused("compressed by 'zip'", whole.replace(b"compression=lz4", b"compression=zip", 1))
         huge = whole.find(b"size=", whole.find(b"compression=lz4") - 30)
         for size in (b"\xff\xff\xff\xff", b"\xff\xff\xff\x3f", b"\x00\x10\x00\x00"):
             refused("a compressed chunk", whole[:huge + 5] + size + whole[huge + 9:])
-        refused("does not tell its size", whole[:huge] + b"sice=" + whole[huge + 5:])
+        refused("a chunk has no size field", whole[:huge] + b"sice=" + whole[huge + 5:])
         middle = whole.find(b"compression=lz4") + 600
         refused("is damaged at byte", whole[:middle] + bytes(400) + whole[middle + 400:])
         # A bag that is cut off holds what it holds.
@@ -291,10 +291,10 @@ class Bags(CameraCase):
         columns = "topic_id INTEGER, timestamp INTEGER, data BLOB"
         for number, (statement, words) in enumerate((
                 ("CREATE VIEW messages AS SELECT 1 AS id, 1 AS topic_id, 1 AS timestamp, "
-                 "zeroblob(1000000000) AS data", "no bag of ROS 2"),
+                 "zeroblob(1000000000) AS data", "not a bag of ROS 2"),
                 (f"CREATE TABLE messages(id INTEGER PRIMARY KEY, {columns}, "
-                 "more BLOB AS (zeroblob(1000000000)))", "no bag of ROS 2"),
-                ("CREATE TABLE other(id INTEGER PRIMARY KEY)", "no bag of ROS 2"),
+                 "more BLOB AS (zeroblob(1000000000)))", "not a bag of ROS 2"),
+                ("CREATE TABLE other(id INTEGER PRIMARY KEY)", "not a bag of ROS 2"),
                 (f"CREATE TABLE messages(id INTEGER PRIMARY KEY, {columns})", "numbers a topic 70000"))):
             path = self.folder / f"computed{number}.db3"
             with sqlite3.connect(path) as database:

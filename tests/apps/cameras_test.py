@@ -62,7 +62,7 @@ class Cameras(CameraCase):
         self.refused("no such folder", *touch, "--camera",
                      f"folder:{self.folder}/none?intrinsics={INTRINSICS}")
         self.refused("?size=", *touch, "--camera", f"pipe:-?intrinsics={INTRINSICS}", input=wall())
-        self.refused("holds no frame", *touch, "--camera",
+        self.refused("has no frames", *touch, "--camera",
                      f"pipe:-?size=160x120&intrinsics={INTRINSICS}", input=b"")
         self.assertFalse(self.run_folder().exists())
 
@@ -254,10 +254,10 @@ class Cameras(CameraCase):
                  "two frames are called 'tool'")):
             self.refused(why, "touch", self.tool, "--rig", self.rig(rig), "--path", self.path,
                          "-o", self.run_folder())
-        self.refused("over ROS 2 a wrench is told at",
+        self.refused("over ROS 2 a wrench refers to the origin",
                      "ros2", self.tool, "--depth", "/depth", "--tool-frame", "hand", "--tcp",
                      "0 0 0.1", status=2)
-        self.refused("over ROS 2 --wrench-frame is", "ros2", self.tool, "--depth", "/depth",
+        self.refused("over ROS 2 --wrench-frame must be", "ros2", self.tool, "--depth", "/depth",
                      "--tool-frame", "hand", "--set", "output.wrench_frame=device", status=2)
 
     def test_rosbags_reads_several_cameras(self):
@@ -340,7 +340,7 @@ class Cameras(CameraCase):
         summary = self.summary(run)
         self.assertEqual((summary["stream"]["width"], summary["stream"]["rate"]), (640, 30))
         self.assertEqual(summary["stream"]["sensor"], "structured_light")
-        self.assertIn(b"of the kind structured_light", done.stderr)
+        self.assertIn(b"for sensor kind structured_light", done.stderr)
         self.assertGreater(summary["peaks"]["volume_m3"], 0)
         said = self.check(palpate("cameras", "--selftest", "--seconds", 1,
                                   env=environment)).stdout.decode()
@@ -404,7 +404,7 @@ class Cameras(CameraCase):
             done = self.check(palpate("touch", self.tool, "--camera",
                                       f"pipe:{raw}?size=160x120&intrinsics={INTRINSICS}{uri}", "--path",
                                       self.path, "-o", run, *options))
-            self.assertEqual(b"of the kind" in done.stderr, sensor != "none", done.stderr)
+            self.assertEqual(b"for sensor kind" in done.stderr, sensor != "none", done.stderr)
             summary = self.summary(run)
             self.assertEqual(summary["stream"]["sensor"], sensor)
             self.assertEqual(palpate("replay", run).returncode, 0)
@@ -480,7 +480,7 @@ class Cameras(CameraCase):
         self.live_run(run, frames, uri=f"intrinsics={INTRINSICS}&rate=30&latency=0.02")
         summary = self.summary(run)
         warnings = "\n".join(summary["warnings"])
-        self.assertIn("frames from the past", warnings)
+        self.assertIn("frames with old timestamps", warnings)
         self.assertIn("1 had no measurement", warnings)
         self.assertIn("capture times are from its clock", warnings)
         self.assertGreater(summary["peaks"]["volume_m3"], 0)
@@ -491,7 +491,7 @@ class Cameras(CameraCase):
         run = self.run_folder()
         frames = [(1 / 30, wall(k)) for k in range(30)]
         self.live_run(run, frames, uri=f"size=160x120&intrinsics={INTRINSICS}", duration=20)
-        self.assertIn("tells no times", "\n".join(self.summary(run)["warnings"]))
+        self.assertIn("has no timestamps", "\n".join(self.summary(run)["warnings"]))
 
     def test_wrong_by_a_factor_is_told(self):
         run = self.run_folder()

@@ -209,8 +209,8 @@ class CommandLine(unittest.TestCase):
         write_depth_png(labels, 160, 120, lambda u, v: u // 80, bits=8)
         touch = self.sequence("-o", out, "--probe", "80,60")
         for arguments, mentions in (
-            (("--labels", labels), "--labels: nothing says what a label is made of; add --material"),
-            (("--material", "1=wood"), "--material: nothing says where it is; add --labels"),
+            (("--labels", labels), "--labels: no label has a material; add --material"),
+            (("--material", "1=wood"), "--material: there is no label image; add --labels"),
             (("--labels", labels, "--material", "wood"), "a label and what it is made of"),
             (("--labels", labels, "--material", "256=wood"), "the label must be a number from 0 to 255"),
             (("--labels", labels, "--material", "1.5=wood"), "a label is a whole number"),
@@ -371,7 +371,7 @@ class CommandLine(unittest.TestCase):
         packed = json.loads(self.succeed("pack", self.mesh, "-o", tool, "--spheres", 300,
                                          "--max-radius", 0.012, "--report", page, "--json"))
         self.assertEqual(packed["report"], page)
-        data = self.expect_page(page, source="box.ply", stopped="as many as asked for", num_spheres=300)
+        data = self.expect_page(page, source="box.ply", stopped="the requested number was reached", num_spheres=300)
         self.assertIn(["--max-radius", "12 mm"], data["options"])
         self.assertIn("packing", [name for name, seconds in data["steps"]])
         self.assertEqual(data["graph"]["edges"], packed["graph"]["edges"])
@@ -594,7 +594,7 @@ class CommandLine(unittest.TestCase):
         pack = ("pack", folder, "-o")
         self.expect_failure(1, *pack, self.mesh, mentions="cannot write tools into")
         self.expect_failure(1, *pack, self.path("no/such/folder"), mentions="cannot write tools")
-        self.expect_failure(2, *pack, tools, "--report", "page.html", mentions="give no name")
+        self.expect_failure(2, *pack, tools, "--report", "page.html", mentions="leave out the name")
         self.expect_failure(1, "pack", os.path.join(folder, "c.obj"), "-o", tools,
                             mentions="there is no mesh in")
         self.assertFalse(os.path.exists(tools))
@@ -839,8 +839,8 @@ class CommandLine(unittest.TestCase):
                                     "--continuity", "both"))
         result = palpate("replay", edges, "-o", field, "--method", "field")
         self.assertEqual(result.returncode, 0, result.stderr)
-        notes = [line for line in result.stderr.splitlines() if "left out" in line]
-        self.assertEqual(notes, ["palpate: note: left out what the run had and the method field "
+        notes = [line for line in result.stderr.splitlines() if "dropped" in line]
+        self.assertEqual(notes, ["palpate: note: dropped options of the run that the method field "
                                  "does not have: priority, continuity"])
         self.succeed(*self.sequence("-o", direct))
         self.assertEqual(self.columns(field), self.columns(direct))
@@ -1204,7 +1204,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
     def test_touch_live_says_what_is_wrong(self):
         run = self.path("never")
         live = self.sequence("-o", run, "--device", "sim")
-        self.expect_failure(2, *live, "--path", "poses.txt", mentions="the hand moves the tool")
+        self.expect_failure(2, *live, "--path", "poses.txt", mentions="--path and --device exclude each other")
         self.expect_failure(1, *self.sequence("-o", run, "--device", "lightsabre"),
                             mentions="'lightsabre'; give one of sim")
         self.expect_failure(1, *self.sequence("-o", run, "--device", "sim:wand"), mentions="'wand'")
@@ -1307,7 +1307,7 @@ pose = [1, 0, 0, 0, 0, {0.5 ** 0.5}, {0.5 ** 0.5}]
         for option, value, words in (
             ("--probe", "160,60", "outside the image, whose columns u are 0 to 159"),
             ("--probe", "0,0,-0.5", "not in front of the camera"),
-            ("--probe", "0,0,0.3", "lies on no surface"),
+            ("--probe", "0,0,0.3", "to probe is not on a surface"),
             ("--tip", "1,0,0", "away from the tool"),
         ):
             self.expect_failure(1, *self.sequence("-o", absent, option, value), mentions=words)

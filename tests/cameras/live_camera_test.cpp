@@ -81,7 +81,7 @@ TEST(FrameIntake, GoesOnWhenASharedClockIsSet) {
     // Never before the frame before: what is older than it looks is as old as that one.
     EXPECT_NEAR(now - frame.timestamp, one.age, 0.1001);
     const std::string notes = joined(intake.take_notes());
-    EXPECT_EQ(has(notes, "has started its clock anew"), one.num_notes == 1) << notes;
+    EXPECT_EQ(has(notes, "has restarted its clock"), one.num_notes == 1) << notes;
   }
 }
 
@@ -119,7 +119,7 @@ TEST(LiveCamera, TheNewestFrameWins) {
   ASSERT_TRUE(*camera->next(frame));
   EXPECT_EQ(test::number_of(frame, 20), 9);
   camera->cancel();
-  EXPECT_TRUE(has(joined(camera->take_notes()), "9 were left out for newer ones"));
+  EXPECT_TRUE(has(joined(camera->take_notes()), "9 were dropped for newer ones"));
 }
 
 TEST(LiveCamera, ComesBackAfterItWasUnplugged) {
@@ -246,7 +246,7 @@ TEST(LiveCamera, BlackFramesAndFramesFromThePastAreLeftOut) {
   }
   camera->cancel();
   const std::string notes = joined(camera->take_notes());
-  EXPECT_TRUE(has(notes, "frames from the past")) << notes;
+  EXPECT_TRUE(has(notes, "frames with old timestamps")) << notes;
   EXPECT_TRUE(has(notes, "had no measurement")) << notes;
 }
 
@@ -344,7 +344,7 @@ TEST(PushedSource, RemovesDistortionAndRefusesWhatDoesNotFit) {
   EXPECT_EQ(frame.pixels.size(), std::size_t{kWidth * kHeight});
   EXPECT_EQ(frame.pixels[0], 0);  // a corner that the lens does not show
   EXPECT_EQ(frame.pixels[12 * kWidth + 16], test::count_at(16, 12, 1));
-  EXPECT_TRUE(has(joined(camera->take_notes()), "do not fit"));
+  EXPECT_TRUE(has(joined(camera->take_notes()), "does not match its size"));
   EXPECT_FALSE(PushedSource::create(stream_info(2, 2)));
 }
 

@@ -111,7 +111,7 @@ TEST_F(PipeCamera, SaysWhatIsWrong) {
     return text.find(words) != std::string::npos;
   };
   EXPECT_EQ(opened(raw(0), kSize), "");
-  EXPECT_TRUE(has(opened("", kSize), "holds no frame"));
+  EXPECT_TRUE(has(opened("", kSize), "has no frames"));
   EXPECT_TRUE(has(opened("abc", kSize), "cut off"));
   EXPECT_TRUE(has(opened(raw(0) + "ab", kSize), "cut off within a frame"));
   EXPECT_TRUE(has(opened(raw(0), kNoSize), "?size="));

@@ -49,7 +49,7 @@ TEST(CameraPoses, OfACameraThatMovesAreInterpolatedAtEachFrame) {
   EXPECT_EQ(num, 9);  // those from 0.05 to 0.45 s
   const auto notes = camera->take_notes();
   ASSERT_EQ(notes.size(), 1u);
-  EXPECT_NE(notes[0].find("frames were left out"), std::string::npos) << notes[0];
+  EXPECT_NE(notes[0].find("frames were dropped"), std::string::npos) << notes[0];
   EXPECT_TRUE(camera->take_notes().empty());
 }
 

@@ -255,8 +255,8 @@ TEST(JointTable, IsReadAndRefused) {
     const Status status = read_joint_table(text, "f.csv", any);
     return status ? std::string() : status.error().message;
   };
-  EXPECT_NE(why("").find("no positions"), std::string::npos);
-  EXPECT_NE(why("time,a\n").find("no positions"), std::string::npos);
+  EXPECT_NE(why("").find("no joint positions"), std::string::npos);
+  EXPECT_NE(why("time,a\n").find("no joint positions"), std::string::npos);
   EXPECT_NE(why("0,1\n").find("line 1 must name"), std::string::npos);
   EXPECT_NE(why("time,a\n0,1\n1\n").find("line 3 has 1 values"), std::string::npos);
   EXPECT_NE(why("time,a\n0,x\n").find("'x'"), std::string::npos);
@@ -337,14 +337,14 @@ TEST_F(ArmFiles, ThatAreTooOldLeaveFramesOut) {
   const auto left = filtered(&notes);
   EXPECT_EQ(left.size(), 5u);  // up to 0.2 s: the last states are of 0.147 s
   ASSERT_EQ(notes.size(), 2u);
-  EXPECT_NE(notes[0].find("nothing tells of joint"), std::string::npos) << notes[0];
-  EXPECT_NE(notes[1].find("2 depth images were left out"), std::string::npos) << notes[1];
+  EXPECT_NE(notes[0].find("no state for joint"), std::string::npos) << notes[0];
+  EXPECT_NE(notes[1].find("2 depth images were dropped"), std::string::npos) << notes[1];
 }
 
 TEST_F(ArmFiles, SaysWhatIsWrong) {
   EXPECT_NE(why_not().find("joints.csv"), std::string::npos) << why_not();
   write(files_.joints, "time,elbow\n0,1\n");
-  EXPECT_NE(why_not().find("nothing of joints of"), std::string::npos) << why_not();
+  EXPECT_NE(why_not().find("no states for joints of"), std::string::npos) << why_not();
   EXPECT_NE(why_not().find("shoulder"), std::string::npos);
   files_.joints = "";
   EXPECT_NE(why_not().find("--joints"), std::string::npos) << why_not();
@@ -456,7 +456,7 @@ TEST_F(ArmBag, TellsOfJointsOrOfFrames) {
   std::vector<std::string> notes;
   expect_no_arm(filtered(&notes), 1);
   ASSERT_EQ(notes.size(), 2u);
-  EXPECT_NE(notes[0].find("tf does not tell where 'upper_arm' was"), std::string::npos) << notes[0];
+  EXPECT_NE(notes[0].find("tf has no transform for 'upper_arm'"), std::string::npos) << notes[0];
   files_.joints = bag + "?world=moon";
   EXPECT_NE(why_not().find("no transform joins 'moon'"), std::string::npos) << why_not();
 }

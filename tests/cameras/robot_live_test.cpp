@@ -223,7 +223,7 @@ class RobotOverRos : public testing::Test {
     EXPECT_FALSE(*source->next(frame));
     const auto notes = source->take_notes();
     ASSERT_EQ(notes.size(), 2u);
-    EXPECT_NE(notes[1].find("2 depth images were left out"), std::string::npos) << notes[1];
+    EXPECT_NE(notes[1].find("2 depth images were dropped"), std::string::npos) << notes[1];
     // Live states do not tell of recorded frames.
     EXPECT_FALSE(
         filter->applied_to(std::make_unique<test::FrameList>(std::vector<DepthFrame>{shown})));
@@ -326,7 +326,7 @@ TEST_F(RobotOverRos, ThatIsSilentIsToldOf) {
   files_.joints = "ros2:/nobody";
   const auto filter = open_self_filter(files_, options_);
   ASSERT_FALSE(filter);
-  EXPECT_NE(filter.error().message.find("ros2:/nobody tells nothing of joints"), std::string::npos)
+  EXPECT_NE(filter.error().message.find("ros2:/nobody has no states for joints"), std::string::npos)
       << filter.error().message;
 }
 

@@ -297,7 +297,7 @@ TEST(SelfFilter, LeavesFramesOutForWhichNobodyKnowsThePoses) {
   const auto notes = source->take_notes();
   ASSERT_EQ(notes.size(), 2u);
   EXPECT_NE(notes[0].find("the arm is asleep"), std::string::npos) << notes[0];
-  EXPECT_NE(notes[1].find("3 depth images were left out"), std::string::npos) << notes[1];
+  EXPECT_NE(notes[1].find("3 depth images were dropped"), std::string::npos) << notes[1];
 }
 
 TEST(SelfFilter, RefusesWhatIsOutOfRange) {

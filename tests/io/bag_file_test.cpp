@@ -170,7 +170,7 @@ TEST_F(Ros1Bag, SaysWhatIsWrong) {
   };
   const std::string topic = test::ros1_connection(0, "/depth", "sensor_msgs/Image");
   expect(test::ros1_bag({test::ros1_chunk(test::ros1_message(0, 1, 2, image(1)))}),
-         "not told before");
+         "refers to an undeclared connection");
   expect(test::ros1_bag({test::ros1_chunk(topic + test::ros1_message(0, 1, 2, "short"))}),
          "shorter than a sensor_msgs/Image");
   expect(test::ros1_bag({test::ros1_chunk(topic, "zip")}), "compressed by 'zip'");
@@ -178,7 +178,7 @@ TEST_F(Ros1Bag, SaysWhatIsWrong) {
   expect(test::ros1_bag({test::ros1_chunk(topic, "lz4")}), "damaged");
   expect("#ROSBAG V2.0\n" + test::ros1_record({{"op", test::op(3)}, {"encryptor", "x"}}, ""),
          "encrypted");
-  EXPECT_NE(open("nothing").error().message.find("is no recording"), std::string::npos);
+  EXPECT_NE(open("nothing").error().message.find("is not a recording"), std::string::npos);
   EXPECT_NE(open("SQLite format 3" + std::string(100, '\0')).error().message.find(path_.string()),
             std::string::npos);
   EXPECT_EQ(BagReader::open("/nowhere/x.bag").error().code, Errc::not_found);

@@ -108,7 +108,7 @@ TEST(DepthFolder, SaysWhatIsWrong) {
   expect_bad_list("2 1.png\n1 1.png\n", "line 2 does not come after");
   expect_bad_list("one 1.png\n", "line 1 is not");
   expect_bad_list("nan 1.png\n", "line 1 is not");
-  expect_bad_list("0 1.png\n5e-324 2.png\n", "depth.txt has time stamps that are no seconds");
+  expect_bad_list("0 1.png\n5e-324 2.png\n", "depth.txt has timestamps that are not seconds");
   expect_bad_list("1\n", "line 1 is not");
   expect_bad_list("1 absent.png\n", "no such frame");
 }

@@ -281,7 +281,7 @@ TEST_F(MeshFile, GltfNumbersAreNumbers) {
   expect_error("matrix.gltf", gltf_of_nodes(R"({"matrix":[1,2,3]})"), "16 numbers");
   expect_error("scale.gltf", gltf_of_nodes(R"({"scale":[1,"a",3]})"), "3 numbers");
   expect_error("mode.gltf", gltf_of_nodes("{}", R"(,"meshes":[{"primitives":[{"mode":"x"}]}])"),
-               "no whole number");
+               "not a whole number");
 }
 
 TEST_F(MeshFile, HostileGltfIsReadOrRefused) {
@@ -399,7 +399,7 @@ TEST_F(MeshFile, GltfNodesAreTrees) {
   expect_error("loop.gltf", gltf_of_nodes(R"({},{"children":[2]},{"children":[1]})"), "ancestors");
   expect_error("self.gltf", gltf_of_nodes(R"({"children":[0]})"), "ancestors");
   expect_error("range.gltf", gltf_of_nodes(R"({"children":[1]})"), "names node 1 of only 1");
-  expect_error("minus.gltf", gltf_of_nodes(R"({"children":[-1]})"), "no whole number");
+  expect_error("minus.gltf", gltf_of_nodes(R"({"children":[-1]})"), "not a whole number");
   expect_error("twin.gltf", gltf_of_nodes("{}", R"(,"nodes":[])"), "gives 'nodes' twice");
   expect_error("mesh.gltf", gltf_of_nodes(R"({"mesh":0})"), "names mesh 0 of only 0");
 }
@@ -411,7 +411,7 @@ TEST_F(MeshFile, GltfCountsAreCheckedAgainstTheFile) {
   expect_error("buffer.gltf", with(R"("buffers":[{"byteLength":4000000000}])"), "truncated");
   expect_error("file.gltf", with(R"("buffers":[{"byteLength":4,"uri":"none.bin"}])"), "none.bin");
   expect_error("device.gltf", with(R"("buffers":[{"byteLength":4,"uri":"../../../dev/zero"}])"),
-               "no readable file");
+               "not a readable file");
   expect_error("view.gltf",
                with(buffer + R"(,"bufferViews":[{"buffer":0,"byteOffset":8,"byteLength":8}])"),
                "does not fit");

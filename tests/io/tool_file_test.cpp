@@ -249,8 +249,8 @@ TEST(ToolFile, DamagedDistanceFieldsAreErrors) {
   expect_bad(grid + 32, std::int32_t(0), "no grid");
   expect_bad(grid + 36, std::int32_t(1) << 30, "no grid");
   expect_bad(grid + 40, std::int32_t(3), "not of its grid");
-  expect_bad(values, std::nanf(""), "no distance");
-  expect_bad(values + 400, 1e30f, "no distance");
+  expect_bad(values, std::nanf(""), "not a distance");
+  expect_bad(values + 400, 1e30f, "not a distance");
 }
 
 TEST(ToolFile, SavingLeavesNoHalfFile) {

@@ -167,7 +167,7 @@ TEST(SolidField, IsRestoredFromItsParts) {
   for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity(), -10.0f}) {
     std::vector<float> wrong = values;
     wrong[values.size() / 2] = bad;
-    expect_error(SolidField::restore(field.layout(), wrong), "no distance");
+    expect_error(SolidField::restore(field.layout(), wrong), "not a distance");
   }
 }
 

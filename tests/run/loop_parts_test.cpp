@@ -230,7 +230,7 @@ TEST(LoadRelief, SaysWhatIsLessAndWhatIsBack) {
             "the computer is short of time: pages are drawn less often from now on");
   EXPECT_EQ(describe_relief({1, 0, 0}, {1, 1, 1}, 1, 1000),
             "the computer is short of time: surfaces are made of images 2 times smaller, 500 of "
-            "1000 spheres are asked from now on");
+            "1000 spheres are used from now on");
   EXPECT_EQ(describe_relief({1, 1, 0}, {1, 0, 0}, 1, 1000),
             "there is time again: surfaces are made of whole images from now on");
   EXPECT_EQ(describe_relief({}, {}, 1, 1000), "");

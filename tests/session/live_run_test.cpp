@@ -331,7 +331,7 @@ TEST(LiveRun, ReplayFindsWhatWasChanged) {
   rewrite(run, without);
   const auto nothing = replay_run(run);
   ASSERT_FALSE(nothing);
-  EXPECT_NE(nothing.error().message.find("holds no tick"), std::string::npos);
+  EXPECT_NE(nothing.error().message.find("has no tick"), std::string::npos);
 }
 
 TEST(LiveRun, EndsWithTheSource) {

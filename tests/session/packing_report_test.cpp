@@ -241,7 +241,7 @@ TEST(PackingPage, HasTheToolAndItsNumbers) {
   PALPATE_PAGES_OR_SKIP();
   const Tool tool = packed_tool(make_octahedron(0.08), 400, "<probe>.stl");
   PackingNotes notes;
-  notes.stopped = "as many as asked for";
+  notes.stopped = "the requested number was reached";
   notes.options = {{"--spheres", "400"}};
   notes.step_seconds = {{"packing", 0.25}};
   const PackingStatistics statistics = packing_statistics(tool);
@@ -278,7 +278,7 @@ TEST(PackingPage, HasTheToolAndItsNumbers) {
   EXPECT_EQ(num, 400);
   EXPECT_EQ(ends, 2 * data.at("graph").at("edges").get<int>());
   EXPECT_EQ(data.at("steps").at(0).at(1), 0.25);
-  EXPECT_EQ(data.at("stopped"), "as many as asked for");
+  EXPECT_EQ(data.at("stopped"), "the requested number was reached");
   EXPECT_EQ(data.at("warning"), "");
 }
 

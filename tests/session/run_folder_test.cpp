@@ -102,7 +102,8 @@ TEST(RunFolder, KeepsARunThatHoldsMoreThanARun) {
     touch(root.path() / "run" / name);
     const auto folder = RunFolder::create(root.path() / "run");
     ASSERT_FALSE(folder) << name;
-    EXPECT_NE(folder.error().message.find("other things than an earlier run"), std::string::npos);
+    EXPECT_NE(folder.error().message.find("files that are not of an earlier run"),
+              std::string::npos);
     EXPECT_TRUE(fs::exists(root.path() / "run" / name));
   }
   for (const char* recording : {"x", "", "\x89MCAP0\r\n"}) {

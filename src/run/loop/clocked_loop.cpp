@@ -115,7 +115,7 @@ Status ClockedLoop::start() {
   } catch (const std::system_error& error) {
     is_running_ = false;
     stop();
-    return Error{Errc::unavailable, std::string("the system gives no thread for the loop: ") +
+    return Error{Errc::unavailable, std::string("cannot start the thread of the loop: ") +
                                         error.what() + "; end other programs and try again"};
   }
   return Done{};

@@ -18,7 +18,7 @@ class FrameQueue {
     if (const Status status = read(); !status) return status;
     if (!has_upcoming_) {
       return Error{Errc::bad_input,
-                   source_.info().name + " holds no frame; give a source that does"};
+                   source_.info().name + " has no frames; give a source that does"};
     }
     if (!zero_) zero_ = upcoming_.timestamp;
     return Done{};

@@ -201,7 +201,7 @@ Status LiveLoop::start_all() {
     publishing_thread_ = std::thread([this] { publish_all(); });
     minding_thread_ = std::thread([this] { mind_all(); });
   } catch (const std::system_error& error) {
-    return Error{Errc::unavailable, std::string("the system gives no thread for the loop: ") +
+    return Error{Errc::unavailable, std::string("cannot start the threads of the loop: ") +
                                         error.what() + "; end other programs and try again"};
   }
   if (has_locked_memory_) lock_memory();  // what the threads have taken since: little
@@ -486,8 +486,8 @@ LoopReport LiveLoop::report() const {
   if (std::string text = time_thinned(report); !text.empty()) note(std::move(text));
   if (const auto outside = contacts_.num_outside_window()) {
     note("at " + std::to_string(outside) + " of " + std::to_string(report.num_contacts) +
-         " contacts the tool was so fast that it had left the part of the image that surfaces were "
-         "made of, and felt nothing; raise window.speed or set window.enabled = false");
+         " contacts the tool was so fast that it had left the processed window of the image, so "
+         "there was no force; raise window.speed or set window.enabled = false");
   }
   if (report.num_spared_stiffnesses > 0) {
     note("the contact stiffness was kept from an earlier query at " +

@@ -121,7 +121,7 @@ std::string describe_relief(const ReliefSteps& before, const ReliefSteps& after,
   }
   if (after.spheres != before.spheres) {
     add(std::to_string(num_spheres >> after.spheres) + " of " + std::to_string(num_spheres) +
-        " spheres are asked");
+        " spheres are used");
   }
   if (text.empty()) return text;
   const bool is_more =
@@ -139,7 +139,7 @@ std::string time_thinned(const LoopReport& report) {
   };
   add(report.page_thinned, "pages were drawn less often");
   add(report.image_thinned, "surfaces were made of smaller images");
-  add(report.spheres_thinned, "fewer spheres were asked");
+  add(report.spheres_thinned, "fewer spheres were used");
   if (text.empty()) return text;
   return text +
          ", because the computer was short of time; fewer other programs, a smaller image, "

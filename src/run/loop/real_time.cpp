@@ -58,7 +58,7 @@ std::string frames_left_out(std::uint64_t num, std::uint64_t num_late,
   const auto milliseconds = [](double seconds) {
     return std::to_string(std::lround(1e3 * seconds)) + " ms";
   };
-  std::string text = std::to_string(num) + " depth frames were left out, because ";
+  std::string text = std::to_string(num) + " depth frames were dropped, because ";
   if (num_slow > 0 && num_slow >= num_late) {
     text += "surfaces take " + milliseconds(1e-6 * surface_compute.summary().p50) + ", and " +
             std::to_string(num_slow) + " of them took longer than the " + milliseconds(period) +

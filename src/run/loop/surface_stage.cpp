@@ -109,7 +109,7 @@ Status SurfaceStage::wait_for_first(const Camera& camera) {
     if (const Status now = status(); !now) return now;
     if (has_backend_failed()) return lost_backend();
     if (has_source_ended() && camera.num_read.load() == 0) {
-      return Error{Errc::bad_input, name + " holds no frame; give a source that does"};
+      return Error{Errc::bad_input, name + " has no frames; give a source that does"};
     }
     if (monotonic_now() - begin > kFirstFrameTimeout) {
       return Error{Errc::unavailable, name + " has sent no frame within " +

@@ -249,7 +249,8 @@ TEST(KeyFrames, AreOfCountsInHostMemory) {
   const std::vector<float> metres(64 * 48, 1.0f);
   timeline.push(DepthImageView(64, 48, metres.data()), 0, pool);
   ASSERT_FALSE(timeline.status());
-  EXPECT_NE(timeline.status().error().message.find("16-bit counts"), std::string::npos);
+  EXPECT_NE(timeline.status().error().message.find("16-bit depth images in host memory"),
+            std::string::npos);
   const std::vector<std::uint16_t> counts(64 * 48, 1000);
   timeline.push(DepthImageView(64, 48, counts.data(), 0.001), 0.1, pool);
   EXPECT_TRUE(timeline.status());
