@@ -166,9 +166,9 @@ def _in_host(array: Any) -> NDArray[Any]:
 
         return np.asarray(cupy.from_dlpack(array).get())
     except ImportError:
-        import torch
+        import torch.utils.dlpack
 
-        return np.asarray(torch.from_dlpack(array).cpu().numpy())
+        return np.asarray(torch.utils.dlpack.from_dlpack(array).cpu().numpy())
 
 
 # Files ------------------------------------------------------------------------------------------
