@@ -674,7 +674,7 @@ TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
   EXPECT_EQ(again.contact->X_WT, seen->X_WT);
   EXPECT_EQ(again.contact->frame_number, seen->frame_number);
   EXPECT_EQ(again.contact->spheres.states, seen->spheres.states);
-  EXPECT_TRUE(same_planes(again.contact->planes, seen->planes));
+  EXPECT_TRUE(same_planes(again.contact->spheres.planes, seen->spheres.planes));
   const Json marks = again.state()["marks"];
   EXPECT_TRUE(std::any_of(marks.begin(), marks.end(), [](const Json& mark) {
     return mark["text"] == "here";
