@@ -360,12 +360,12 @@ class Output final : public RosOutput {
   void tell_spheres(RunLoop& loop, double time) {
     if (const ContactPicture* const now = loop.new_contact_picture(Onlooker::robots)) {
       const std::lock_guard lock(seen_mutex_);
-      for (std::size_t i = 0; i < now->states.size(); ++i) {
+      for (std::size_t i = 0; i < now->spheres.states.size(); ++i) {
         const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].centre);
-        sphere_states_[i] = !is_seen(p_W)                             ? RosSphere::unseen
-                            : now->states[i] == SphereState::outside  ? RosSphere::free
-                            : now->states[i] == SphereState::boundary ? RosSphere::touching
-                                                                      : RosSphere::inside;
+        sphere_states_[i] = !is_seen(p_W)                                     ? RosSphere::unseen
+                            : now->spheres.states[i] == SphereState::outside  ? RosSphere::free
+                            : now->spheres.states[i] == SphereState::boundary ? RosSphere::touching
+                                                                              : RosSphere::inside;
       }
       spheres_->publish(sphere_markers_message({wall_time(time), options_.tool_frame},
                                                tool_.spheres(), sphere_states_));

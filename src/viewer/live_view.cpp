@@ -207,8 +207,7 @@ void LiveViewImpl::take_pictures(const ViewWishes& wishes, ViewUpdate& update) {
     contact->time = news_.contact_time(seen->contact_number);
     contact->frame_number = seen->frame_number;
     contact->X_WT = seen->X_WT;
-    contact->states = seen->states;
-    contact->planes = seen->planes;
+    contact->spheres = seen->spheres;
     contact->objects = objects_at(objects_, std::span(seen->bodies.of, seen->bodies.num));
     update.contact = contact;
   }

@@ -222,14 +222,21 @@ std::string encode_frame(const ViewFrame& view) {
 
 std::string encode_contact(const ViewContact& contact, std::span<const Sphere> spheres,
                            std::uint64_t number) {
-  constexpr std::uint8_t kIsCut = 4;
-  const std::size_t count = std::min(contact.states.size(), spheres.size());
+  constexpr std::uint8_t kIsCut = 4, kIsUnseen = 8, kCamera = 16;
+  constexpr int kMostNamed = 15;
+  const auto& [all_states, planes, deciders, unseen] = contact.spheres;
+  const std::size_t count = std::min(all_states.size(), spheres.size());
   std::vector<std::uint8_t> states(count);
   std::vector<std::uint32_t> cut;
   for (std::size_t i = 0; i < count; ++i) {
-    states[i] = static_cast<std::uint8_t>(contact.states[i]);
-    if (contact.states[i] == SphereState::outside || i >= contact.planes.size()) continue;
-    if (!cuts(contact.planes[i], spheres[i])) continue;
+    states[i] = static_cast<std::uint8_t>(all_states[i]);
+    if (i < unseen.size() && unseen[i] != 0) states[i] |= kIsUnseen;
+    if (all_states[i] == SphereState::outside) continue;
+    if (i < deciders.size()) {
+      const int camera = std::min(deciders[i] + 1, kMostNamed);
+      states[i] |= static_cast<std::uint8_t>(kCamera * camera);
+    }
+    if (i >= planes.size() || !cuts(planes[i], spheres[i])) continue;
     states[i] |= kIsCut;
     cut.push_back(static_cast<std::uint32_t>(i));
   }
@@ -241,8 +248,8 @@ std::string encode_contact(const ViewContact& contact, std::span<const Sphere> s
   writer.pad();
   writer.put_count(cut.size());
   for (const std::uint32_t i : cut) {
-    writer.put(contact.planes[i].normal);
-    writer.put(contact.planes[i].offset);
+    writer.put(planes[i].normal);
+    writer.put(planes[i].offset);
   }
   writer.put_count(contact.objects.size());
   for (const Pose& X_WB : contact.objects) writer.put(X_WB);

@@ -5,10 +5,8 @@ namespace palpate::inline v0 {
 ViewContact contact_shown(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
                           const Pose& X_WT, double time, std::uint64_t frame_number) {
   const std::size_t num_spheres = query.index()->tool().spheres().size();
-  ViewContact contact{time, frame_number, X_WT, {}, {}};
-  contact.states.resize(num_spheres);
-  contact.planes.resize(num_spheres);
-  query.measure(cameras, X_WT, {.states = contact.states, .planes = contact.planes});
+  ViewContact contact{time, frame_number, X_WT, {}};
+  query.measure(cameras, X_WT, contact.spheres.wants(num_spheres));
   return contact;
 }
 

@@ -545,12 +545,12 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
       query.query(picture->X_WT, settings.contact);
       const auto states = query.states();
       const auto planes = query.planes();
-      ASSERT_EQ(picture->states.size(), states.size());
-      ASSERT_EQ(picture->planes.size(), planes.size());
+      ASSERT_EQ(picture->spheres.states.size(), states.size());
+      ASSERT_EQ(picture->spheres.planes.size(), planes.size());
       int num_touched = 0;
       for (std::size_t i = 0; i < states.size(); ++i) {
-        ASSERT_EQ(picture->states[i], states[i]);
-        ASSERT_EQ(picture->planes[i].normal, planes[i].normal);
+        ASSERT_EQ(picture->spheres.states[i], states[i]);
+        ASSERT_EQ(picture->spheres.planes[i].normal, planes[i].normal);
         num_touched += states[i] != SphereState::outside;
       }
       EXPECT_GT(num_touched, 0);

@@ -114,7 +114,7 @@ TEST(Messages, ContactHasPlanesOnlyOfSpheresThatTheyCut) {
   const ScriptedScene scene;
   const Pose X_WT{{1, 2, 3}, {0, 0.6, 0, 0.8}};
   const Pose X_WB{{4, 5, 6}, {0.8, 0, 0.6, 0}};
-  const ViewContact contact{1.25, 3, X_WT, scene.states, scene.planes, {Pose{}, X_WB}};
+  const ViewContact contact{1.25, 3, X_WT, {scene.states, scene.planes, {}, {}}, {Pose{}, X_WB}};
   MessageReader reader = read(encode_contact(contact, scene.spheres, 9), 11);
   EXPECT_EQ(reader.number, 9u);
   EXPECT_EQ(reader.time, 1.25);
@@ -136,13 +136,15 @@ TEST(Messages, ContactIsPaddedAndTakesOddPlanes) {
   const ViewContact contact{0,
                             0,
                             {},
-                            {SphereState::inside, SphereState::inside, SphereState::boundary,
-                             SphereState::boundary, SphereState::outside, SphereState::inside},
-                            {{{0, 0, 1}, 1.6f},
-                             {{0, 0, 1}, 0.4f},
-                             {{0, 0, 1}, 1.5f},
-                             {{nan, 0, 0}, nan},
-                             {{0, 0, 1}, 1.f}}};
+                            {{SphereState::inside, SphereState::inside, SphereState::boundary,
+                              SphereState::boundary, SphereState::outside, SphereState::inside},
+                             {{{0, 0, 1}, 1.6f},
+                              {{0, 0, 1}, 0.4f},
+                              {{0, 0, 1}, 1.5f},
+                              {{nan, 0, 0}, nan},
+                              {{0, 0, 1}, 1.f}},
+                             {},
+                             {}}};
   MessageReader reader = read(encode_contact(contact, spheres, 0), 11);
   reader.take<double>(7);
   ASSERT_EQ(reader.take<std::uint32_t>(), 6u);
@@ -152,6 +154,24 @@ TEST(Messages, ContactIsPaddedAndTakesOddPlanes) {
   EXPECT_EQ(reader.take<std::uint32_t>(), 0u);
   EXPECT_EQ(reader.take<std::uint32_t>(), 0u);
   EXPECT_TRUE(reader.is_at_end());
+}
+
+TEST(Messages, ContactSaysWhoDecidedAndWhatNobodySees) {
+  const std::vector<Sphere> spheres(6, {{0, 0, 1}, 0.5f});
+  constexpr SphereState kInside = SphereState::inside;
+  const ViewContact contact{
+      0,
+      0,
+      {},
+      {{kInside, kInside, kInside, SphereState::outside, SphereState::outside, kInside},
+       {},
+       {0, 2, kNoCamera, kNoCamera, 1, 15},
+       {0, 1, 1, 1, 0, 0}}};
+  MessageReader reader = read(encode_contact(contact, spheres, 0), 11);
+  reader.take<double>(7);
+  ASSERT_EQ(reader.take<std::uint32_t>(), 6u);
+  EXPECT_EQ(reader.take<std::uint8_t>(6),
+            (std::vector<std::uint8_t>{2 + 16, 2 + 8 + 48, 2 + 8, 8, 0, 2 + 240}));
 }
 
 TEST(Messages, NormalsAreBytesAndEdgesAList) {

@@ -181,7 +181,7 @@ class ScriptedSource : public ViewSource {
     }
     if (wishes.contacts) {
       auto contact = std::make_shared<ViewContact>();
-      *contact = {time, frame_number, scene_.X_WT, scene_.states, scene_.planes};
+      *contact = {time, frame_number, scene_.X_WT, {scene_.states, scene_.planes, {}, {}}};
       update.contact = std::move(contact);
     }
     if (wishes.surfaces && frame_number != last_sent_surface_) {

@@ -82,11 +82,13 @@ bool same_planes(const std::vector<Plane<float>>& a, std::span<const Plane<float
 }
 
 void expect_same(const ViewContact& shown, const Pipeline& pipeline) {
-  std::vector<SphereState> states(shown.states.size());
-  std::vector<Plane<float>> planes(shown.planes.size());
-  pipeline.query().measure(pipeline.cameras(), shown.X_WT, {.states = states, .planes = planes});
-  EXPECT_EQ(shown.states, states);
-  EXPECT_TRUE(same_planes(shown.planes, planes));
+  SpherePicture spheres;
+  pipeline.query().measure(pipeline.cameras(), shown.X_WT,
+                           spheres.wants(shown.spheres.states.size()));
+  EXPECT_EQ(shown.spheres.states, spheres.states);
+  EXPECT_TRUE(same_planes(shown.spheres.planes, spheres.planes));
+  EXPECT_EQ(shown.spheres.deciders, spheres.deciders);
+  EXPECT_EQ(shown.spheres.unseen, spheres.unseen);
 }
 
 // A tool
@@ -489,7 +491,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   RunSettings other = path_settings();
   other.contact.method = MethodKind::graph;
   play_to(40, other, 12, [&](Pipeline& pipeline) { expect_same(*watcher.contact, pipeline); });
-  EXPECT_NE(watcher.contact->states, recorded->states);
+  EXPECT_NE(watcher.contact->spheres.states, recorded->spheres.states);
   EXPECT_NE(watcher.state()["note"].get<std::string>().find("contact.method"), std::string::npos);
 
   // Refused, and nothing has changed.
@@ -515,7 +517,7 @@ TEST(RunView, ShowsWhatWouldHaveBeen) {
   ASSERT_TRUE(watcher.until([&] { return watcher.contact->time == 0.1; }));
   watcher.obey({{"command", "seek"}, {"time", 0.2}});
   ASSERT_TRUE(watcher.until([&] { return watcher.contact && watcher.contact->time == 0.2; }));
-  EXPECT_EQ(watcher.contact->states, recorded->states);
+  EXPECT_EQ(watcher.contact->spheres.states, recorded->spheres.states);
 }
 
 TEST(RunView, AWrongFolderIsOneClearError) {
@@ -630,8 +632,8 @@ TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
   // A contact somewhere within the run.
   ASSERT_TRUE(watcher_.until([&] {
     return watcher_.contact && watcher_.frame && watcher_.surface && watcher_.contact->time > 0.4 &&
-           std::count(watcher_.contact->states.begin(), watcher_.contact->states.end(),
-                      SphereState::outside) < 190;
+           std::count(watcher_.contact->spheres.states.begin(),
+                      watcher_.contact->spheres.states.end(), SphereState::outside) < 190;
   }));
   const auto seen = watcher_.contact;
   const Json state = watcher_.state();
@@ -671,8 +673,8 @@ TEST_F(LiveRunTest, IsSeenAndSeenAgain) {
   ASSERT_TRUE(again.until([&] { return again.contact && again.contact->time == time; }));
   EXPECT_EQ(again.contact->X_WT, seen->X_WT);
   EXPECT_EQ(again.contact->frame_number, seen->frame_number);
-  EXPECT_EQ(again.contact->states, seen->states);
-  EXPECT_TRUE(same_planes(again.contact->planes, seen->planes));
+  EXPECT_EQ(again.contact->spheres.states, seen->spheres.states);
+  EXPECT_TRUE(same_planes(again.contact->spheres.planes, seen->spheres.planes));
   const Json marks = again.state()["marks"];
   EXPECT_TRUE(std::any_of(marks.begin(), marks.end(), [](const Json& mark) {
     return mark["text"] == "here";

@@ -9,6 +9,7 @@ export function defaultOptions(): SceneOptions {
     stride: 1,
     toolLook: 'caps',
     outside: true,
+    sphereColour: 'state',
     graph: false,
     treeLevel: -1,
     normals: false,

@@ -80,7 +80,9 @@ export interface Frame {
 }
 export interface Contact {
   number: number; time: number; X_WT: Pose;
-  states: Uint8Array; // 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it
+  /// 0 outside, 1 boundary, 2 inside; plus 4: a plane cuts it; plus 8: where no camera sees; plus 16
+  /// times 1 + the number of the camera that decided how deep it is.
+  states: Uint8Array;
   objects: Pose[]; // X_WB of each
   planes: Float32Array; // nx ny nz d for each sphere with 4, in order, tool frame
 }
@@ -102,6 +104,7 @@ export interface SceneOptions {
   stride: number; // every n-th pixel in both directions
   toolLook: ToolLook; // caps: inside parts cut exactly by their planes
   outside: boolean; // spheres outside too
+  sphereColour: 'state' | 'camera'; // how they are, or who decided that
   graph: boolean;
   treeLevel: number; // -1: none
   normals: boolean; // as lines

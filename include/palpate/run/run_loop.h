@@ -111,9 +111,8 @@ inline constexpr std::size_t kNumOnlookers = 2;
 struct ContactPicture {
   std::uint64_t contact_number = 0, frame_number = 0;
   Pose X_WT;
-  BodyPoses bodies;                  ///< of moving objects
-  std::vector<SphereState> states;   ///< of every sphere
-  std::vector<Plane<float>> planes;  ///< ContactQuery::planes
+  BodyPoses bodies;  ///< of moving objects
+  SpherePicture spheres;
 };
 
 /// The newest surface: per pixel a point with normal and depth-change vector.

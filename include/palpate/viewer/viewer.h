@@ -46,9 +46,8 @@ struct ViewContact {
   double time = 0;  ///< s since the start of the run
   std::uint64_t frame_number = 0;
   Pose X_WT;
-  std::vector<SphereState> states;
-  std::vector<Plane<float>> planes;  ///< in the tool frame; normal 0: none
-  std::vector<Pose> objects = {};    ///< X_WB of each object of the content
+  SpherePicture spheres;
+  std::vector<Pose> objects = {};  ///< X_WB of each object of the content
 };
 
 /// Points of the first camera's surface with their normals and depth-change vectors, in its frame.

@@ -257,10 +257,8 @@ void ClockedLoop::make_pictures() {
     picture.X_WT = contact.X_WT;
     picture.bodies = contact.bodies;
     const std::size_t num_spheres = pipeline_.query().index()->tool().spheres().size();
-    picture.states.resize(num_spheres);
-    picture.planes.resize(num_spheres);
     pipeline_.query().measure(pipeline_.cameras(), contact.X_WT,
-                              {.states = picture.states, .planes = picture.planes});
+                              picture.spheres.wants(num_spheres));
     contacts_[who].publish();
   }
   if (wants_surface_.exchange(false)) {

@@ -17,8 +17,7 @@ constexpr double kAfterTick = 0.05;
 /// With room for every sphere: a picture allocates nothing.
 ContactPicture blank_picture(std::size_t num_spheres) {
   ContactPicture picture;
-  picture.states.resize(num_spheres);
-  picture.planes.resize(num_spheres);
+  picture.spheres.wants(num_spheres);
   return picture;
 }
 
@@ -180,10 +179,8 @@ void ContactStage::make_picture(const ContactRecord& contact, ContactPicture& pi
   picture.X_WT = contact.X_WT;
   picture.bodies = contact.bodies;
   const std::size_t num_spheres = part_->query().index()->tool().spheres().size();
-  picture.states.resize(num_spheres);  // no more than there was room for at the start
-  picture.planes.resize(num_spheres);
-  part_->query().measure(cameras_.all(), contact.X_WT,
-                         {.states = picture.states, .planes = picture.planes});
+  // No more than there was room for at the start.
+  part_->query().measure(cameras_.all(), contact.X_WT, picture.spheres.wants(num_spheres));
 }
 
 }  // namespace palpate::inline v0

@@ -1,9 +1,9 @@
 // Cameras that stand anywhere: what they see lies where it is in W, and is looked at from there.
 import assert from 'node:assert/strict';
 
-import { colour, isJust } from './colours.mjs';
+import { cameraColours, colour, isJust, isLit } from './colours.mjs';
 import { drawn, look, openPage, options, pageTest, project, Served, until } from './harness.mjs';
-import { oneSphere, uncut } from './worlds.mjs';
+import { oneSphere, threeSpheres, uncut } from './worlds.mjs';
 
 const ground = colour('ground');
 const { width, height, focal } = oneSphere.stream;
@@ -30,6 +30,33 @@ const aside = [0.4, 0, 0.1];
 const two = { ...oneSphere, title: 'two cameras', cameras: [[0, 0, 0, 0, 0, 0, 1], turned(...aside, angle)] };
 const seenAside = wallSeen(aside, angle, wall);
 const nothing = [[0, 0]];
+
+pageTest('spheres tell who decided, or that nobody sees them', async () => {
+  const served = await Served.start({ ...threeSpheres, cameras: two.cameras });
+  const page = await openPage(served.url, { bare: true });
+  const centres = threeSpheres.spheres.map(([x, y]) => [x, y, 0.4]);
+  const contact = { position: [0, 0, 0.4], states: [1, 2, 2], planes: [uncut, uncut, uncut] };
+  await options(page, { ...cloudAlone, cloud: false, toolLook: 'spheres', outside: true, sphereColour: 'camera', view: 'camera' });
+  const seen = async (decided) => {
+    await served.apply({ contact: { ...contact, ...decided } });
+    await drawn(page, 3);
+    const picture = await look(page);
+    return (await project(page, centres)).map((place) => picture.at(...place));
+  };
+  const [first, second] = cameraColours, fog = colour('fog'), remembered = colour('remembered');
+  for (const [decided, want] of [
+    [{ deciders: [0, 1, 7] }, [first, second, remembered]],
+    [{ deciders: [1, -1, 0], unseen: [0, 0, 1] }, [second, fog, fog]],
+    [{ states: [0, 0, 1], deciders: [-1, -1, 1], unseen: [1, 0, 0] }, [fog, colour('outside'), second]],
+  ]) {
+    for (const [i, got] of (await seen(decided)).entries()) assert.ok(isLit(got, want[i]), `${i}: ${got}, not ${want[i]}`);
+  }
+  // By their states as ever.
+  await options(page, { sphereColour: 'state' });
+  for (const [i, got] of (await seen({ deciders: [0, 1, 7], unseen: [1, 1, 1] })).entries()) {
+    assert.ok(isLit(got, colour(['boundary', 'inside', 'inside'][i])), `${i}: ${got}`);
+  }
+});
 
 pageTest('two clouds of one wall coincide', async () => {
   const served = await Served.start(two);

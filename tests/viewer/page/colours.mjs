@@ -9,6 +9,10 @@ export function colour(name) {
   return [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16));
 }
 
+/// Of what the first, second, ... camera decides.
+export const cameraColours = source.match(/CAMERA_COLOURS = \[([^\]]*)\]/)[1].match(/[0-9a-f]{6}/g)
+  .map((hex) => [0, 2, 4].map((i) => parseInt(hex.slice(i, i + 2), 16)));
+
 /// Light makes a colour brighter or darker, flat sides are paler as well: `seen` is nearest to a c +
 /// b white. Returns the share of white in it, its brightness, and how far off it is (0 to 255).
 function paint(seen, c) {

@@ -86,10 +86,13 @@ void ScriptedWorld::apply(const Json& change) {
       contact_->X_WT.rotation = normalized(Quaternion{q.at(0), q.at(1), q.at(2), q.at(3)});
     }
     for (const Json& state : contact.at("states")) {
-      contact_->states.push_back(static_cast<SphereState>(state.get<int>()));
+      contact_->spheres.states.push_back(static_cast<SphereState>(state.get<int>()));
     }
+    const auto none = Json::array();
+    contact_->spheres.deciders = contact.value("deciders", none).get<std::vector<std::int8_t>>();
+    contact_->spheres.unseen = contact.value("unseen", none).get<std::vector<std::uint8_t>>();
     for (const Json& plane : contact.at("planes")) {
-      contact_->planes.push_back({{plane.at(0), plane.at(1), plane.at(2)}, plane.at(3)});
+      contact_->spheres.planes.push_back({{plane.at(0), plane.at(1), plane.at(2)}, plane.at(3)});
     }
   }
   if (change.contains("depth")) depths_.assign(X_WC_.size(), change["depth"]);

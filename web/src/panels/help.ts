@@ -9,6 +9,7 @@ export const KEYS: [keys: string, does: string][] = [
   ['C', 'cloud'],
   ['N', 'normals'],
   ['U', 'unseen space as fog'],
+  ['W', 'spheres by who decided: each camera, or nobody'],
   ['E', 'depth-change vectors'],
   ['G', 'graph of touching spheres'],
   ['P', 'plots'],

@@ -1,5 +1,5 @@
 import { element } from '../dom';
-import { ARROW_COLOURS, EDGE_COLOURS, heat, OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
+import { ARROW_COLOURS, cameraColour, EDGE_COLOURS, heat, OTHER_COLOURS, STATE_COLOURS } from '../scene/colours';
 import type { Hello, SceneOptions } from '../types';
 
 type Entry = [colour: string, word: string, meaning: string];
@@ -33,7 +33,14 @@ function entries(hello: Hello, options: SceneOptions): Entry[] {
   const list: Entry[] = [];
   const hasStates = options.toolLook === 'spheres' || options.toolLook === 'caps';
   if (hello.kind !== 'tool') {
-    if (hasStates) {
+    if (hasStates && options.sphereColour === 'camera') {
+      const { streams } = hello;
+      streams.forEach(({ name }, i) =>
+        list.push([cameraColour(i, streams.length), name || `camera ${i + 1}`, 'decided how deep']));
+      list.push([OTHER_COLOURS.remembered, 'brown', 'what was seen before decided']);
+      list.push([OTHER_COLOURS.fog, 'gray', 'where no camera sees']);
+      if (options.outside) list.push([STATE_COLOURS.outside, 'red', 'outside']);
+    } else if (hasStates) {
       list.push([STATE_COLOURS.inside, 'blue', 'inside the scene']);
       list.push([STATE_COLOURS.boundary, 'purple', 'cut by its boundary']);
       if (options.outside) list.push([STATE_COLOURS.outside, 'red', 'outside']);

@@ -28,7 +28,16 @@ export const OTHER_COLOURS = {
   trace: '#f06595',
   fog: '#7d8794', // where no camera sees
   wall: '#db333d', // of the mesh, where a tool is cut open
+  remembered: '#a08a5c', // decided by what was seen before
 } as const;
+
+const CAMERA_COLOURS = ['#2f8fe8', '#e58a1f', '#2fae5b', '#c44fd0', '#d7c22b', '#1fb8b0'] as const;
+
+/// Of what a camera decides; -1: nobody, from `count` on: a frame that is remembered.
+export function cameraColour(number: number, count: number): string {
+  if (number < 0) return OTHER_COLOURS.fog;
+  return number < count ? CAMERA_COLOURS[number % CAMERA_COLOURS.length] : OTHER_COLOURS.remembered;
+}
 
 /// Of the rings about x, y and z by which a tool is turned.
 export const RING_COLOURS = ['#f0716a', '#5cc87d', '#62a4f7'] as const;

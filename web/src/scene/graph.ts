@@ -16,8 +16,7 @@ uniform vec3 state_colours[4];
 out vec3 line_colour;
 
 void main() {
-  int number = int(state);
-  line_colour = state_colours[number >= 4 ? number - 4 : number];
+  line_colour = state_colours[int(state) & 3];
   gl_Position = projectionMatrix * (modelViewMatrix * vec4(position, 1.0));
 }
 `;

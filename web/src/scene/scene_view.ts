@@ -97,6 +97,7 @@ class View implements SceneView {
     this.makeSensors(hello);
     this.landmarks.setHello(hello);
     this.cameras.setHello(hello);
+    this.spheres.setCameras(hello.streams.length);
     this.framed = 'nothing';
     this.sawNothing = false;
     this.framedSensors = 0;

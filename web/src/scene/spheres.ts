@@ -5,7 +5,7 @@
 
 import { DynamicDrawUsage, InstancedBufferAttribute, type InstancedBufferGeometry, Mesh, Vector3 } from 'three';
 import type { Contact, SceneOptions, Spheres } from '../types';
-import { rgb, STATE_COLOURS } from './colours';
+import { cameraColour, rgb, STATE_COLOURS } from './colours';
 import { SHADE, shaderMaterial } from './glsl';
 import { BALL_FRAGMENT, BALL_VERTEX, ballGeometry } from './sphere_shader';
 import { OPENS_WINDOW } from './window';
@@ -15,17 +15,21 @@ const UNKNOWN = 3; // state of a sphere that nothing is known of
 const VERTEX = `${BALL_VERTEX}
 in float state;
 in vec4 plane;  // n and d in T
-uniform bool caps, outside;
-uniform vec3 state_colours[4];
-flat out vec3 ball_colour;
+uniform bool caps, outside, by_camera;
+uniform vec3 state_colours[4], camera_colours[16];  // the latter: of nobody, and of each camera
+flat out vec3 ball_colour, veil_colour;
 flat out vec4 cut;   // n in the view frame, d from the centre of the sphere
 flat out int style;  // 0: whole, 1: cut, 2: only a veil
 
 void main() {
-  int number = int(state);
-  bool has_plane = number >= 4;
-  number -= has_plane ? 4 : 0;
+  int bits = int(state), number = bits & 3;
+  bool has_plane = (bits & 4) != 0, is_unseen = (bits & 8) != 0;
   ball_colour = state_colours[number];
+  veil_colour = state_colours[0];
+  if (by_camera) {
+    if (number == 1 || number == 2) ball_colour = camera_colours[bits >> 4];
+    if (is_unseen) ball_colour = veil_colour = camera_colours[0];
+  }
   cut = vec4(mat3(modelViewMatrix) * plane.xyz, plane.w - dot(plane.xyz, sphere.xyz));
   style = !caps ? 0 : has_plane ? 1 : number == 0 ? 2 : 0;
   if (number == 0 && !outside && style != 1) hide_ball(); else place_ball();
@@ -34,8 +38,7 @@ void main() {
 
 const FRAGMENT = `${BALL_FRAGMENT}${SHADE}
 uniform bool outside;
-uniform vec3 state_colours[4];
-flat in vec3 ball_colour;
+flat in vec3 ball_colour, veil_colour;
 flat in vec4 cut;
 flat in int style;
 
@@ -56,7 +59,7 @@ void main() {
   if (style == 2 || leave < enter) {
     // What is outside is a veil of every fourth pixel: depths stay right, without sorting.
     if (!outside || ((int(gl_FragCoord.x) | int(gl_FragCoord.y)) & 1) == 1) discard;
-    albedo = state_colours[0];
+    albedo = veil_colour;
     enter = -half_chord;
     leave = half_chord;
     enters_flat = leaves_flat = false;
@@ -81,7 +84,8 @@ export class ToolSpheres {
 
   constructor() {
     this.material = shaderMaterial({
-      caps: { value: true }, outside: { value: true },
+      caps: { value: true }, outside: { value: true }, by_camera: { value: false },
+      camera_colours: { value: Array.from({ length: 16 }, (_, i) => rgb(cameraColour(i - 1, 0))) },
       state_colours: {
         value: [STATE_COLOURS.outside, STATE_COLOURS.boundary, STATE_COLOURS.inside, STATE_COLOURS.unknown].map(rgb),
       },
@@ -98,6 +102,11 @@ export class ToolSpheres {
   /// Of each sphere; what is seen when it changes: `states` of the last contact.
   get stateArray(): Uint8Array {
     return this.states;
+  }
+
+  setCameras(count: number): void {
+    this.material.uniforms.camera_colours.value =
+      Array.from({ length: 16 }, (_, i) => rgb(cameraColour(i - 1, count)));
   }
 
   setSpheres(spheres: Spheres): void {
@@ -117,7 +126,7 @@ export class ToolSpheres {
     this.states.set(states);
     let from = 0;
     for (let i = 0; i < states.length; ++i) {
-      if (states[i] < 4) continue;
+      if ((states[i] & 4) === 0) continue;
       for (let k = 0; k < 4; ++k) this.planes[4 * i + k] = planes[from++];
     }
     this.object.geometry.attributes.state.needsUpdate = true;
@@ -154,6 +163,7 @@ export class ToolSpheres {
     this.object.visible = this.count > 0 && (options.toolLook === 'spheres' || options.toolLook === 'caps');
     this.material.uniforms.caps.value = options.toolLook === 'caps';
     this.material.uniforms.outside.value = options.outside;
+    this.material.uniforms.by_camera.value = options.sphereColour === 'camera';
   }
 
   dispose(): void {
