@@ -38,10 +38,16 @@ struct Options {
 
 struct Measurement {
   Penetration penetration;
-  BodyMeasure shares;  ///< of cloud and objects
+  BodyMeasure shares;        ///< of cloud and objects
+  double unseen = 0;         ///< Penetration::unseen_volume
+  std::vector<int> decided;  ///< felt spheres by each camera, and last where none looks
   double seconds = 0;
   Pose X_WT;
 };
+
+std::string camera_name(std::size_t number) {
+  return number == 0 ? "camera" : "camera_" + std::to_string(number + 1);
+}
 
 nlohmann::ordered_json to_json(const Vec3d& v) { return {v.x, v.y, v.z}; }
 
@@ -61,10 +67,13 @@ void print_results_json(const Options& options, const RunSettings& settings, con
                         double tool_volume, const std::vector<Measurement>& measurements) {
   nlohmann::ordered_json json{{"method", name_of(options.settings.contact.method)},
                               {"backend", name_of(backend)},
-                              {"usable_points", num_usable},
-                              {"results", nlohmann::ordered_json::array()}};
+                              {"usable_points", num_usable}};
+  if (settings.contact.method == MethodKind::field) {
+    json["unseen_is"] = name_of(settings.field.unseen);
+  }
+  json["results"] = nlohmann::ordered_json::array();
   for (const Measurement& measurement : measurements) {
-    const auto& [penetration, shares, seconds, X_WT] = measurement;
+    const auto& [penetration, shares, unseen, decided, seconds, X_WT] = measurement;
     json["results"].push_back({{"volume", penetration.volume},
                                {"fraction", penetration.volume / tool_volume},
                                {"force", to_json(penetration.measure_W.force)},
@@ -75,7 +84,10 @@ void print_results_json(const Options& options, const RunSettings& settings, con
                                {"compute_us", seconds * 1e6},
                                {"status", penetration.status.bits}});
     if (options.settings.contact.method == MethodKind::field) {
-      json["results"].back()["unseen"] = penetration.unseen_volume / tool_volume;
+      json["results"].back()["unseen"] = unseen / tool_volume;
+      auto& by = json["results"].back()["decided"];
+      for (std::size_t k = 0; k + 1 < decided.size(); ++k) by[camera_name(k)] = decided[k];
+      by["none"] = decided.back();
     }
     if (!(settings.output == OutputOptions{})) {
       json["results"].back()["told"] = told(settings.output, tool, X_WCamera, measurement);
@@ -132,13 +144,28 @@ Result<ChosenQuery> choose_query(const RunSettings& settings, const Tool& tool, 
   return ChosenQuery{backend, *std::move(query)};
 }
 
+/// What nobody sees at a pose, and who decided what is felt.
+void find_evidence(const ContactQuery& query, std::span<const SurfaceBlend> cameras,
+                   Measurement& at) {
+  SpherePicture spheres;
+  ContactWants wants = spheres.wants(query.index()->tool().spheres().size());
+  wants.unseen_volume = true;
+  at.unseen = query.measure(cameras, at.X_WT, wants).penetration.unseen_volume;
+  at.decided.assign(cameras.size() + 1, 0);
+  for (std::size_t i = 0; i < spheres.states.size(); ++i) {
+    if (spheres.states[i] == SphereState::outside) continue;
+    const std::int8_t camera = spheres.deciders[i];
+    ++(camera == kNoCamera ? at.decided.back() : at.decided[static_cast<std::size_t>(camera)]);
+  }
+}
+
 /// Where the cameras of the query are, by name.
 Result<NamedFrames> frames_of(const FrozenViews& scene) {
   auto frames = NamedFrames::of({});
   if (!frames) return frames.error();
   for (std::size_t i = 0; i < scene.X_WC().size(); ++i) {
-    const std::string name = i == 0 ? "camera" : "camera_" + std::to_string(i + 1);
-    if (const Status status = frames->add(name, scene.X_WC()[i]); !status) return status.error();
+    const Status status = frames->add(camera_name(i), scene.X_WC()[i]);
+    if (!status) return status.error();
   }
   return frames;
 }
@@ -196,7 +223,10 @@ Status run(const Options& given) {
     world.measure(scene->views());
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
-    measurements.push_back({measured.total(), measured, elapsed.count(), X_WT});
+    measurements.push_back({measured.total(), measured, 0, {}, elapsed.count(), X_WT});
+    if (options.settings.contact.method == MethodKind::field) {
+      find_evidence(query, scene->views(), measurements.back());
+    }
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
   }
   std::size_t num_caps_triangles = 0;

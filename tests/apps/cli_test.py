@@ -441,6 +441,25 @@ class CommandLine(unittest.TestCase):
             self.assertLess(abs(result["volume"] - volume), 0.35 * volume, depth)
             self.assertLess(result["force"][2], -0.9 * result["volume"], depth)
 
+    def test_what_nobody_sees_has_a_policy(self):
+        """20 cm behind a wall: solid, free or let go."""
+        wall = self.path("policy.png")
+        write_depth_png(wall, 320, 240, lambda u, v: 8000)
+        query = ("query", self.tool, "--intrinsics", "262,262,159.5,119.5", "--depth-unit", "0.0001",
+                 "--json", "--depth", wall, "--pose", "0 0 1.0 0 0 0 1")
+        for words, fraction, push in (((), 1, 1), (("--unseen", "free"), 0, 0),
+                                      (("--unseen", "free", "--thickness", "0.5"), 1, 1),
+                                      (("--unseen", "fade", "--thickness", "0.03"), 1, 0)):
+            json_text = json.loads(self.succeed(*query, *words))
+            result = json_text["results"][0]
+            self.assertEqual(json_text["unseen_is"], words[1] if words else "solid")
+            self.assertAlmostEqual(result["fraction"], fraction, places=2, msg=words)
+            self.assertAlmostEqual(-result["force"][2] / result["volume"] if push else
+                                   result["force"][2], push, delta=0.05, msg=words)
+            self.assertAlmostEqual(result["unseen"], 1, places=2, msg=words)
+        # A thickness of what is solid.
+        self.expect_failure(1, *query, "--thickness", "0.03", mentions="unseen free")
+
     def test_cameras_are_joined(self):
         """A wall seen from two places, and a hand before it that only one camera sees."""
         def near(u, v):
@@ -457,9 +476,15 @@ class CommandLine(unittest.TestCase):
         alone = fraction("--pose", behind)
         self.assertAlmostEqual(alone["fraction"], 1, places=3)
         self.assertGreater(alone["unseen"], 0.5)
+        self.assertGreater(alone["decided"]["camera"], 0)
+        self.assertEqual(alone["decided"]["none"], 0)
         both = ("--depth", side, "--camera-pose", "0 0 0 0 0 0 1")
         joined = fraction(*both, "--pose", behind)
         self.assertEqual((joined["fraction"], joined["unseen"]), (0, 0))
+        self.assertEqual(joined["decided"], {"camera": 0, "camera_2": 0, "none": 0})
+        # Only the one from the side sees the wall there.
+        at_wall = fraction(*both, "--pose", "0 0 0.8 0 0 0 1")["decided"]
+        self.assertGreater(at_wall["camera_2"], 10 * (at_wall["camera"] + at_wall["none"] + 1))
         self.assertAlmostEqual(fraction(*both, "--pose", beyond)["fraction"], 1, places=3)
         # Moved together with its camera, all is the same.
         moved = ("--camera-pose", "1 2 3 0 0 0 1", "--pose", "1 2 3.6 0 0 0 1")
