@@ -20,8 +20,8 @@ struct PyResult {
   std::shared_ptr<const Tool> tool;
   nb::object surface;  ///< the first one
   Pose X_WT;
-  std::optional<double> unseen;     ///< as the library says, of joined surfaces
-  std::vector<SphereState> states;  ///< of the spheres; empty: not asked for
+  std::optional<double> unseen;  ///< as the library says, of joined surfaces
+  SpherePicture spheres;         ///< empty: not asked for
 };
 
 /// Is there a measurement where a point is seen?
@@ -100,10 +100,11 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
     cameras.push_back({view, view, 1});
   }
   double fraction = 0, of_whole = 0;
-  std::vector<SphereState> states(with_states ? self.tool().tool->spheres().size() : 0);
+  SpherePicture spheres;
+  ContactWants wants = spheres.wants(with_states ? self.tool().tool->spheres().size() : 0);
+  wants.stiffness = with_stiffness;
   const ContactResult measured = self.alone([&](const Contact& contact) {
-    const ContactResult result =
-        contact.measure(cameras, X_WT, {.stiffness = with_stiffness, .states = states});
+    const ContactResult result = contact.measure(cameras, X_WT, wants);
     fraction = contact.fraction(result.penetration);
     Penetration unseen;
     unseen.volume = result.penetration.unseen_volume;
@@ -122,7 +123,7 @@ PyResult measure(PyContact& self, nb::handle given, nb::handle pose, bool with_s
                   surfaces.front(),
                   X_WT,
                   {},
-                  std::move(states)};
+                  std::move(spheres)};
   if (cameras[0].to.seen_free.num_levels > 0) result.unseen = of_whole;
   return result;
 }
@@ -167,13 +168,34 @@ centre of mass), force and torque change by minus this times them.)")
       .def_prop_ro(
           "states",
           [](nb::handle self) -> nb::object {
-            const auto& states = nb::cast<PyResult&>(self).states;
+            const auto& states = nb::cast<PyResult&>(self).spheres.states;
             if (states.empty()) return nb::none();
             return view_of(reinterpret_cast<const std::uint8_t*>(states.data()), {states.size()},
                            self);
           },
           nb::sig("def states(self) -> numpy.typing.NDArray[numpy.uint8] | None"),
           "(N,) of the spheres, if it was asked for: 0 outside, 1 at the surface, 2 inside.")
+      .def_prop_ro(
+          "decided",
+          [](nb::handle self) -> nb::object {
+            const auto& deciders = nb::cast<PyResult&>(self).spheres.deciders;
+            if (deciders.empty()) return nb::none();
+            return view_of(deciders.data(), {deciders.size()}, self);
+          },
+          nb::sig("def decided(self) -> numpy.typing.NDArray[numpy.int8] | None"),
+          R"((N,) of the spheres, with states=True and by the method "field": the number of the surface
+that decided how deep a sphere is, which says that it is least deep. -1: none of them looks there, or
+the sphere is outside.)")
+      .def_prop_ro(
+          "unseen_spheres",
+          [](nb::handle self) -> nb::object {
+            const auto& unseen = nb::cast<PyResult&>(self).spheres.unseen;
+            if (unseen.empty()) return nb::none();
+            return view_of(unseen.data(), {unseen.size()}, self);
+          },
+          nb::sig("def unseen_spheres(self) -> numpy.typing.NDArray[numpy.uint8] | None"),
+          R"((N,) of the spheres, with states=True and by the method "field": 1 if the centre lies more
+than 20 mm behind all that any camera has seen, or where none looks.)")
       .def("__repr__", [](const PyResult& self) {
         char text[160];
         std::snprintf(text, sizeof text,

@@ -75,6 +75,22 @@ def test_the_shadow_shrinks_with_every_camera(views, cube):
         assert shares[0] > 0.9 and shares[2] < 0.1
 
 
+def test_spheres_tell_who_decided(views, cube):
+    surfaces, _ = views
+    contact = palpate.Contact(cube)
+    for pose in ([0.01, 0, 0.93, 0, 0, 0, 1], [0, 0, 1.15, 0, 0, 0, 1]):
+        result = contact.measure(surfaces, pose, states=True)
+        felt = result.states > 0
+        assert felt.any() and (result.decided[~felt] == -1).all()
+        assert set(result.decided[felt]) <= {-1, 0, 1, 2}
+        volume = cube.spheres[:, 3].astype(float) ** 3
+        share = (volume * result.unseen_spheres).sum() / volume.sum()
+        assert result.unseen == pytest.approx(share, abs=0.1)
+    alone = contact.measure(surfaces[0], pose, states=True)
+    assert alone.unseen_spheres.all() and (alone.decided == 0).all()
+    assert contact.measure(surfaces, pose).decided is None
+
+
 def test_the_order_of_cameras_hardly_matters(views, cube):
     surfaces, _ = views
     contact = palpate.Contact(cube)
