@@ -26,6 +26,13 @@ struct RunSetup {
   std::optional<ProbeChoice> probe = {};  ///< where the hand was led, if nobody gave a path
 };
 
+/// Is it known how much of the tool no camera sees?
+inline bool tells_unseen(const RunSetup& setup) {
+  const RunSettings& settings = setup.settings;
+  return settings.contact.method == MethodKind::field &&
+         (setup.streams.size() > 1 || settings.backend.value_or(Backend::cpu) == Backend::cpu);
+}
+
 /// How a part of a recording begins that is not the first one, before its settings.
 struct PartStart {
   std::int32_t number = 0;     ///< of the part

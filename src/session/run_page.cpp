@@ -40,7 +40,7 @@ Json series_json(const Tool& tool, const RunLog& log) {
   if (!log.setup.settings.objects.empty()) {
     add("objects_volume_m3", [](const TickRecord& tick) { return tick.objects.volume; });
   }
-  if (log.setup.streams.size() > 1) {
+  if (tells_unseen(log.setup)) {
     const double full = full_volume(tool, log.setup.settings.contact);
     add("unseen",
         [&](const TickRecord& t) { return measured(t, t.penetration.unseen_volume) / full; });

@@ -50,14 +50,14 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
       tells_more_(!(output_ == OutputOptions{})),
       X_WB_(setup.settings.coupling.X_WB),
       cameras_(setup.streams.size()),
+      tells_unseen_(tells_unseen(setup)),
       all_ticks_(all_ticks) {
   if (all_ticks_) begin_csv(folder);
 }
 
 void RunResults::begin_csv(const fs::path& folder) {
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader << (cameras_.size() > 1 ? ",unseen" : "") << (tells_more_ ? kToldHeader : "")
-       << "\n";
+  csv_ << kHeader << (tells_unseen_ ? ",unseen" : "") << (tells_more_ ? kToldHeader : "") << "\n";
 }
 
 void RunResults::add_settings(const RunSettings& settings) {
@@ -130,7 +130,7 @@ void RunResults::add_row(const TickRecord& tick) {
              tick.num_object_pairs, tick.objects.volume, of.x, of.y, of.z, ot.x, ot.y, ot.z,
              tick.contact_number, tick.frame_number, all.status.bits, tick.contact_age,
              tick.sensor_age, tick.safety.gain, static_cast<int>(told_fault(tick)));
-  if (cameras_.size() > 1) {
+  if (tells_unseen_) {
     line_.back() = ',';
     append_number(line_, all.unseen_volume / full_volume_);
     line_ += '\n';

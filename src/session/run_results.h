@@ -60,6 +60,7 @@ class RunResults {
   const Pose X_WB_;
   std::deque<SeenPose> first_poses_;  // of the first camera
   std::vector<Camera> cameras_;
+  bool tells_unseen_;
   const bool all_ticks_;
   std::ofstream csv_;
   std::string line_;
