@@ -423,7 +423,9 @@ TEST(SolidAsking, GridsAreAsWideAsTheSpheres) {
       EXPECT_EQ(level, 0) << radius;
     } else {
       EXPECT_LT(got, 4 * wanted) << radius;
-      if (level < last) EXPECT_GT(4 * got, wanted) << radius;
+      if (level < last) {
+        EXPECT_GT(4 * got, wanted) << radius;
+      }
       if (wanted < std::ldexp(1.0, 2 * last)) {
         owed += counts * (wanted - got);
         largest_choice = std::max(largest_choice, counts * 3 * wanted);
