@@ -111,7 +111,8 @@ Answer ask(const MadeQuery& query, const SurfaceView& from, const SurfaceView& t
            const Pose& X_WT) {
   require(query.has_value(), "there is a query of every backend");
   Answer answer{{}, std::vector<SphereState>((*query)->index()->tool().spheres().size())};
-  answer.result = (*query)->measure(from, to, alpha, X_WT, {true, answer.states, {}});
+  answer.result =
+      (*query)->measure(from, to, alpha, X_WT, {.stiffness = true, .states = answer.states});
   return answer;
 }
 

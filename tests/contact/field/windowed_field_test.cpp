@@ -71,8 +71,9 @@ struct Answer {
 Answer ask(const ContactQuery& query, const SurfaceBlend& moment, const Pose& X_WT) {
   const std::size_t num = query.index()->tool().spheres().size();
   Answer answer{{}, std::vector<SphereState>(num), std::vector<Plane<float>>(num)};
-  answer.result = query.measure(moment.from, moment.to, moment.progress, X_WT,
-                                {true, answer.states, answer.planes});
+  answer.result =
+      query.measure(moment.from, moment.to, moment.progress, X_WT,
+                    {.stiffness = true, .states = answer.states, .planes = answer.planes});
   return answer;
 }
 
