@@ -16,14 +16,16 @@ Result<PyramidLayout> pyramid_layout(int width, int height, const DepthFieldOpti
   }
   if (const Status status = check_settings(options); !status) return status.error();
   if (options.unknown == UnknownSpace::blocked && options.unseen != UnseenSpace::solid) {
-    return Error{Errc::invalid_argument,
-                 "unknown blocked makes all space solid that was not seen to be free, but unseen free "
-                 "or fade makes space behind surfaces free: leave one of them out"};
+    return Error{
+        Errc::invalid_argument,
+        "unknown blocked makes all space solid that was not seen to be free, but unseen free "
+        "or fade makes space behind surfaces free: leave one of them out"};
   }
   if (options.unseen == UnseenSpace::solid && options.thickness != DepthFieldOptions{}.thickness) {
-    return Error{Errc::invalid_argument,
-                 "thickness has no effect while unseen is solid: use unseen free or unseen fade, or "
-                 "leave out thickness"};
+    return Error{
+        Errc::invalid_argument,
+        "thickness has no effect while unseen is solid: use unseen free or unseen fade, or "
+        "leave out thickness"};
   }
   PyramidLayout layout;
   layout.stride = width + 2 * DepthFieldLevel::kBorder;

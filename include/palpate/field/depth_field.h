@@ -86,8 +86,8 @@ struct DepthFieldOptions {
   /// fills none.
   int fill_levels = 4;
   UnseenSpace unseen = UnseenSpace::solid;
-  /// m, unless `unseen` is solid: up to this depth behind the first surface, along its normal, a tool
-  /// is pushed out of the front.
+  /// m, unless `unseen` is solid: up to this depth behind the first surface, along its normal, a
+  /// tool is pushed out of the front.
   double thickness = 0.05;
   /// Each frame also stores which space its camera has seen to be free (SurfaceView::seen_free), at
   /// twice the cost. Needed to combine several cameras.

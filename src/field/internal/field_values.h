@@ -124,9 +124,9 @@ PALPATE_HOSTDEV inline Curved<Real> silhouette_value(const DepthFieldLevel& leve
   return clamped_at_silhouette(own, plane, Real(other.side), z, k_by);
 }
 
-/// The values at depth z of the nine pixels around a spot, row by row. On a GPU they stay in registers
-/// if the loops over silhouettes are unrolled `kUnrolled` = 3 times, which second derivatives,
-/// short of registers, do better without.
+/// The values at depth z of the nine pixels around a spot, row by row. On a GPU they stay in
+/// registers if the loops over silhouettes are unrolled `kUnrolled` = 3 times, which second
+/// derivatives, short of registers, do better without.
 template <int kUnrolled = 3, class Real>
 PALPATE_HOSTDEV inline void values_around(const DepthFieldLevel& level, std::ptrdiff_t pixel,
                                           Real z, Real thickness, Real fx,
