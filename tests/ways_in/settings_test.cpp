@@ -22,7 +22,7 @@
 #include "tests/run/live_loop_fixtures.h"
 #include "tests/test_util/temporary_folder.h"
 
-namespace palpate {
+namespace palpate::inline v0 {
 
 /// Sets numbers as a user of the library can: without a check.
 struct UncheckedSetting {
@@ -35,6 +35,9 @@ struct UncheckedSetting {
   }
 };
 
+}  // namespace palpate::inline v0
+
+namespace palpate {
 namespace {
 
 using Json = nlohmann::ordered_json;
