@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "palpate/contact/contact_options.h"
 #include "palpate/core/core.h"
@@ -16,6 +17,23 @@
 #include "palpate/tool/tool.h"
 
 namespace palpate::inline v0 {
+
+/// State of each sphere of a tool, for display; see ContactWants.
+struct SpherePicture {
+  std::vector<SphereState> states;
+  std::vector<Plane<float>> planes;
+  std::vector<std::int8_t> deciders;
+  std::vector<std::uint8_t> unseen;
+
+  /// The wants that fill it, for a tool of this many spheres.
+  ContactWants wants(std::size_t num_spheres) {
+    states.resize(num_spheres);
+    planes.resize(num_spheres);
+    deciders.resize(num_spheres);
+    unseen.resize(num_spheres);
+    return {.states = states, .planes = planes, .deciders = deciders, .unseen = unseen};
+  }
+};
 
 // The part of a query that depends on the tool only, not on its pose.
 

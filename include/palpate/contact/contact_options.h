@@ -290,21 +290,4 @@ struct ContactWants {
 };
 inline constexpr std::int8_t kNoCamera = -1;
 
-/// How each sphere of a tool is, for pictures; see ContactWants.
-struct SpherePicture {
-  std::vector<SphereState> states;
-  std::vector<Plane<float>> planes;
-  std::vector<std::int8_t> deciders;
-  std::vector<std::uint8_t> unseen;
-
-  /// To be filled by a query of a tool of so many spheres.
-  ContactWants wants(std::size_t num_spheres) {
-    states.resize(num_spheres);
-    planes.resize(num_spheres);
-    deciders.resize(num_spheres);
-    unseen.resize(num_spheres);
-    return {.states = states, .planes = planes, .deciders = deciders, .unseen = unseen};
-  }
-};
-
 }  // namespace palpate::inline v0
