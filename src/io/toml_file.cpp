@@ -58,6 +58,7 @@ class Quotes {
     }
     return true;
   }
+  bool is_in_comment() const { return is_open_ && end_ == "\n"; }
 
  private:
   static std::string_view closing(std::string_view text, std::size_t at) {
@@ -76,12 +77,13 @@ class Quotes {
 };
 
 /// The text without what the parser cannot bear: a byte order mark, letters beyond ASCII in keys
-/// (which none has), lines without end and sections without a name.
+/// (which none has) and comments (which may be in any encoding), lines without end and sections
+/// without a name.
 Result<std::string> harmless(std::string text, const std::string& file) {
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
   Quotes quotes;
   for (std::size_t at = 0; at < text.size(); ++at) {
-    const bool is_quoted = quotes.hold(text, at);
+    const bool is_quoted = quotes.hold(text, at) && !quotes.is_in_comment();
     if (static_cast<unsigned char>(text[at]) > 127 && !is_quoted) text[at] = '?';
   }
   std::size_t line = 1;

@@ -10,7 +10,8 @@
 
 namespace palpate::inline v0 {
 
-/// Letters beyond ASCII become '?'. Errors: no such file, too large, not TOML, with the line.
+/// Outside of strings, letters beyond ASCII become '?'. Errors: no such file, too large, not TOML,
+/// with the line.
 Result<toml::table> read_toml(const std::filesystem::path& path);
 
 }  // namespace palpate::inline v0
