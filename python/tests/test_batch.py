@@ -257,7 +257,9 @@ def test_bodies_in_place_of_surfaces(cube, block):
     poses = np.tile([0.0, 0, 0, 0, 0, 0, 1], (11, 1))
     poses[:, 2] = 0.45 - side / 2 + depth
     alone = contact.measure_batch(near, poses, stiffness=True)
-    assert alone.volume[6:] == pytest.approx(side**2 * depth[6:], rel=0.05)
+    # Spheres are softer than a face at a light touch.
+    assert alone.volume[6:] == pytest.approx(side**2 * depth[6:], rel=0.12)
+    assert alone.volume[7:] == pytest.approx(side**2 * depth[7:], rel=0.05)
     assert (alone.force[6:, 2] < 0).all() and alone.volume[:3].max() < 2e-3 * alone.volume[-1]
     assert alone.potential[-1] > 0 and alone.stiffness.shape == (11, 6, 6)
     # The force is how the potential changes with a shift.

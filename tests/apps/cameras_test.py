@@ -191,7 +191,7 @@ class Cameras(CameraCase):
         self.assertLess(again["pairs"][0]["moved_mm"], 0.5)
         self.check(palpate("touch", self.tool, "--rig", better, "--path", self.path, "-o",
                            self.folder / "calibrated"))
-        self.refused("beside it", "calibrate", "--rig", rig, "-o", "/tmp/elsewhere.toml")
+        self.refused("relative to it", "calibrate", "--rig", rig, "-o", "/tmp/elsewhere.toml")
         walls = self.rig("".join(
             f"[[camera]]\nuri = 'scene:wall?size=160x120&seed={k}'\npose = [{0.1 * k}, 0, 0, 0, 0, 0, 1]"
             "\n" for k in range(2)))

@@ -394,7 +394,9 @@ TEST(RecordingParts, PauseBeforeTheDiskIsFull) {
   std::vector<std::string> said;
   RunOptions options;
   options.recording.reserve_bytes = 1e18;
-  options.say = [&](double, std::string_view text) { said.emplace_back(text); };
+  options.say = [&](double, std::string_view text) {
+    if (text.find("the recording") != std::string_view::npos) said.emplace_back(text);
+  };
   const Tool tool = small_tool();
   SyntheticStream stream(30, kFrameRate);
   auto device = test::path_device(pressing_pose, kRate);

@@ -141,6 +141,7 @@ TEST(Settings, ThroughTheLibrary) {
     // One has to give way to the other.
     if (which.key() == "surface.min_depth") settings.surface.max_depth = 1000;
     if (which.key() == "surface.max_depth") settings.surface.min_depth = 1e-3;
+    if (which.key() == "field.thickness") settings.field.unseen = UnseenSpace::free;
     UncheckedSetting::set(*table.find(which.key()), std::get<double>(value));
     auto parts = make_run_parts(index, source.info(), device.info(), settings);
     if (!parts) return parts.error();
