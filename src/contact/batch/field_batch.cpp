@@ -163,17 +163,7 @@ void FieldBatch::Worker::put(std::size_t pose, const BatchPose& at, ContactResul
     measured.measure_W = {at.R_WC * measured.measure_W.force, at.R_WC * measured.measure_W.torque};
     if (result.stiffness) rotate_stiffness(at.R_WC, *result.stiffness);
   }
-  if (answers.volume != nullptr) answers.volume[pose] = measured.volume;
-  if (answers.potential != nullptr) answers.potential[pose] = measured.potential;
-  for (int axis = 0; axis < 3; ++axis) {
-    const std::size_t i = 3 * pose + static_cast<std::size_t>(axis);
-    if (answers.force != nullptr) answers.force[i] = measured.measure_W.force[axis];
-    if (answers.torque != nullptr) answers.torque[i] = measured.measure_W.torque[axis];
-  }
-  if (answers.stiffness != nullptr) {
-    std::copy_n(&result.stiffness->m[0][0], 36, answers.stiffness + 36 * pose);
-  }
-  if (answers.status != nullptr) answers.status[pose] = measured.status.bits;
+  put_answers(pose, measured, result.stiffness, answers);
 }
 
 void FieldBatch::Worker::put_nothing(std::size_t pose) const {
@@ -293,6 +283,22 @@ Status FieldBatch::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
     worker.measure(first, std::min(num, first + of_task));
   });
   return Done{};
+}
+
+void put_answers(std::size_t pose, const Penetration& measured,
+                 const std::optional<Stiffness>& stiffness, const BatchAnswers& answers) {
+  if (answers.volume != nullptr) answers.volume[pose] = measured.volume;
+  if (answers.potential != nullptr) answers.potential[pose] = measured.potential;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::size_t i = 3 * pose + static_cast<std::size_t>(axis);
+    if (answers.force != nullptr) answers.force[i] = measured.measure_W.force[axis];
+    if (answers.torque != nullptr) answers.torque[i] = measured.measure_W.torque[axis];
+  }
+  if (answers.stiffness != nullptr) {
+    const Stiffness k = stiffness.value_or(Stiffness{});
+    std::copy_n(&k.m[0][0], 36, answers.stiffness + 36 * pose);
+  }
+  if (answers.status != nullptr) answers.status[pose] = measured.status.bits;
 }
 
 }  // namespace palpate::inline v0

@@ -1,7 +1,9 @@
 // Batches by the field method on a CPU.
 #pragma once
 
+#include <cstddef>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "palpate/contact/contact.h"
@@ -36,5 +38,9 @@ class FieldBatch final : public BatchQuery {
   mutable ThreadPool own_pool_{1};
   ThreadPool* pool_;
 };
+
+/// Writes what one pose is answered to the arrays that there are.
+void put_answers(std::size_t pose, const Penetration& measured,
+                 const std::optional<Stiffness>& stiffness, const BatchAnswers& answers);
 
 }  // namespace palpate::inline v0

@@ -6,6 +6,7 @@
 
 #include "palpate/contact/body_contact.h"
 #include "src/contact/batch/batch_pose.h"
+#include "src/contact/batch/field_batch.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -13,22 +14,6 @@ namespace {
 constexpr std::size_t kPosesAtATime = 64;
 
 Error refused(const std::string& message) { return {Errc::invalid_argument, message}; }
-
-void put(std::size_t pose, const Penetration& measured, const std::optional<Stiffness>& stiffness,
-         const BatchAnswers& answers) {
-  if (answers.volume != nullptr) answers.volume[pose] = measured.volume;
-  if (answers.potential != nullptr) answers.potential[pose] = measured.potential;
-  for (int axis = 0; axis < 3; ++axis) {
-    const std::size_t i = 3 * pose + static_cast<std::size_t>(axis);
-    if (answers.force != nullptr) answers.force[i] = measured.measure_W.force[axis];
-    if (answers.torque != nullptr) answers.torque[i] = measured.measure_W.torque[axis];
-  }
-  if (answers.stiffness != nullptr) {
-    const Stiffness k = stiffness.value_or(Stiffness{});
-    std::copy_n(&k.m[0][0], 36, answers.stiffness + 36 * pose);
-  }
-  if (answers.status != nullptr) answers.status[pose] = measured.status.bits;
-}
 
 class BodyBatch final : public BodyBatchQuery {
  public:
@@ -74,7 +59,7 @@ class BodyBatch final : public BodyBatchQuery {
                 pairs[shape_of_body_[b]]->measure(X_WT[i], X_WB_[b], answers.stiffness != nullptr);
             measured.on_a.status.bits |= measured.on_b.status.bits;
           }
-          put(i, measured.on_a, measured.stiffness_a, answers);
+          put_answers(i, measured.on_a, measured.stiffness_a, answers);
         }
       }
     });
