@@ -40,10 +40,17 @@ Json series_json(const Tool& tool, const RunLog& log) {
   if (!log.setup.settings.objects.empty()) {
     add("objects_volume_m3", [](const TickRecord& tick) { return tick.objects.volume; });
   }
-  if (tells_unseen(log.setup)) {
-    const double full = full_volume(tool, log.setup.settings.contact);
-    add("unseen",
-        [&](const TickRecord& t) { return measured(t, t.penetration.unseen_volume) / full; });
+  const double full = full_volume(tool, log.setup.settings.contact);
+  const auto unseen_share = [&](const TickRecord& t) {
+    return measured(t, t.penetration.unseen_volume) / full;
+  };
+  // One camera is plotted only where it matters.
+  constexpr double kWorthAPlot = 0.01;
+  if (tells_unseen(log.setup) &&
+      (log.setup.streams.size() > 1 || std::ranges::any_of(ticks, [&](const TickRecord& t) {
+         return unseen_share(t) > kWorthAPlot;
+       }))) {
+    add("unseen", unseen_share);
   }
   add_vector("force", "N",
              [&](const TickRecord& tick) { return tick.step.contact_W.force * measured(tick, 1); });

@@ -93,7 +93,7 @@ pageTest('a run: its numbers are those of summary.json', async () => {
   assert.ok(!text.includes('What the hand felt'));
   assert.ok(!/NaN|undefined|null/.test(text), text.match(/.*(NaN|undefined|null).*/)?.[0]);
   assert.equal(await empty(page, '.plot canvas'), 0);
-  assert.equal(await page.locator('.plot').count(), 5);  // with what the camera does not see
+  assert.equal(await page.locator('.plot').count(), 4);
 });
 
 pageTest('a run: its times may begin shortly before a power of ten', async () => {
