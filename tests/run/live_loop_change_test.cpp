@@ -140,8 +140,8 @@ TEST(LiveLoopChange, EveryStageGoesOnAndNothingJumps) {
       ASSERT_LE(norm(now.F_H_B.force - last.F_H_B.force), 1.001 * safety.max_slew * dt) << k;
     }
     if (now.revision == last.revision || now.revision == 0) continue;
-    // Neither the tool nor where the hand holds it: as the hand moves, as the tool has moved before,
-    // with frames that come whenever they do, and what 30 N do to 0.1 kg.
+    // Neither the tool nor where the hand holds it: as the hand moves, as the tool has moved
+    // before, with frames that come whenever they do, and what 30 N do to 0.1 kg.
     const TickRecord& before = seen.ticks[k > 1 ? k - 2 : 0];
     const double went_on = norm(last.step.X_WT.translation - before.step.X_WT.translation) *
                            std::max(now.dt / last.dt, 1.0);
