@@ -224,7 +224,7 @@ Status run(const Options& given) {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     const BodyMeasure& measured = world.measured(body);
     measurements.push_back({measured.total(), measured, 0, {}, elapsed.count(), X_WT});
-    if (options.settings.contact.method == MethodKind::field) {
+    if (options.json && options.settings.contact.method == MethodKind::field) {
       find_evidence(query, scene->views(), measurements.back());
     }
     if (measured.total().status.has(StepStatus::backend_failed)) return lost_backend();
