@@ -117,7 +117,9 @@ class Output final : public RosOutput {
     RunObserver& observer = monitor.observer;
     observer.on_contact = [this,
                            others = std::move(observer.on_contact)](const ContactRecord& contact) {
-      contacts_.publish(contact);
+      const bool follows = contact.number == last_contact_.number + 1;
+      contacts_.publish({contact, follows ? last_contact_.time : std::nan("")});
+      last_contact_ = {contact.number, contact.contact.time};
       if (others) others(contact);
     };
     observer.on_frame = [this, others = std::move(observer.on_frame)](const FrameRecord& record,
@@ -130,6 +132,17 @@ class Output final : public RosOutput {
 
  private:
   using Why = RosVerdict::Why;
+
+  /// A contact, and of which moment its bodies are: of the contact before it, since they move after
+  /// they were felt. Not a number: that one was not seen.
+  struct Felt {
+    ContactRecord contact;
+    double bodies_time = 0;  // s, monotonic
+  };
+  struct ContactTime {
+    std::uint64_t number = 0;
+    double time = 0;  // s, monotonic
+  };
 
   /// What the wrench's thread hands over: the tick that it told, and what it made of it.
   struct Told {
@@ -272,15 +285,14 @@ class Output final : public RosOutput {
     contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(told)));
   }
 
-  /// Where they were when they were measured.
-  void tell_bodies(const ContactRecord& contact) {
-    if (body_frames_.empty()) return;
+  void tell_bodies(const Felt& felt) {
+    if (body_frames_.empty() || std::isnan(felt.bodies_time)) return;
+    const BodyPoses& bodies = felt.contact.bodies;
     std::vector<RosTransform> transforms;
-    for (std::size_t i = 0; i < std::min<std::size_t>(body_frames_.size(), contact.bodies.num);
-         ++i) {
-      transforms.push_back({options_.camera_frame, body_frames_[i], contact.bodies.of[i]});
+    for (std::size_t i = 0; i < std::min<std::size_t>(body_frames_.size(), bodies.num); ++i) {
+      transforms.push_back({options_.camera_frame, body_frames_[i], bodies.of[i]});
     }
-    transforms_->publish(transform_message(wall_time(contact.contact.time), transforms));
+    transforms_->publish(transform_message(wall_time(felt.bodies_time), transforms));
   }
 
   /// Since the pose that was told before. Who follows stands still where the wrench is not valid.
@@ -316,7 +328,7 @@ class Output final : public RosOutput {
     contact.potential = tick.penetration.potential;
     const Pose& X_WT = tick.step.X_WT;
     contact.wrench = told_in(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
-    const LocalContact& newest = contacts_.value().contact;
+    const LocalContact& newest = contacts_.value().contact.contact;
     contact.max_stiffness = newest.max_stiffness;
     contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
     return contact;
@@ -415,10 +427,11 @@ class Output final : public RosOutput {
     Pose X_WC;
     DepthFrame frame;
   };
-  std::mutex seen_mutex_;                 // of the observer and of who tells the rest
-  std::vector<Seen> seen_;                // of each camera
-  double next_points_ = 0;                // s, of the observer's thread
-  TripleBuffer<ContactRecord> contacts_;  // from it
+  std::mutex seen_mutex_;        // of the observer and of who tells the rest
+  std::vector<Seen> seen_;       // of each camera
+  double next_points_ = 0;       // s, of the observer's thread
+  TripleBuffer<Felt> contacts_;  // from it
+  ContactTime last_contact_;     // of it
 
   // Of the wrench's thread, which others read.
   TripleBuffer<Told> told_;
