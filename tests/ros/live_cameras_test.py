@@ -158,12 +158,14 @@ class LiveCamerasTest(PeerCase):
         for each in told:
             for part, expected in zip((3, 4, 6, 7, 8, 9), [1, 2.3, *turned]):
                 self.assertAlmostEqual(each[part], expected, delta=1e-6)
-        # By Galilei, where it is says how long it has been falling: never longer than the stamps say, and shorter where
-        # the computer was too busy for the run's steps. 1 ms: of the calendar's clock.
+        # By Galilei, where it is says how long it has been falling: as long as the stamps say, and shorter only where
+        # the computer was too busy for the run's steps, which are at most 20 ms. 1 ms: of the calendar's clock.
         fallen = [(each[0], math.sqrt(max(2 * (3 - each[5]) / gravity, 0))) for each in told]
         for before, after in zip(fallen, fallen[1:]):
             self.assertGreater(after[0], before[0])
             self.assertLess(after[1] - before[1], after[0] - before[0] + 0.001)
+            if after[0] - before[0] < 0.02:
+                self.assertGreater(after[1] - before[1], after[0] - before[0] - 0.001)
         self.assertGreater(fallen[-1][1] - fallen[0][1], 0.5 * (fallen[-1][0] - fallen[0][0]))
         shapes = seen["shapes"]
         self.assertEqual({name: shape["frame"] for name, shape in shapes.items()},
