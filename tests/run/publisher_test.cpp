@@ -229,5 +229,35 @@ TEST(Publisher, AContactWaitsForItsFrame) {
   EXPECT_EQ(listener.num_ticks, 1u);
 }
 
+/// Who keeps contacts and frames for the ticks that rest on them keeps those of one batch.
+TEST(Publisher, TellsNoMoreThanTheTicksOfABatchRestOn) {
+  constexpr std::uint64_t kNum = 400;
+  Stages stages(1024);
+  for (std::uint64_t i = 0; i < kNum; ++i) {
+    for (int begun_and_written = 0; begun_and_written < 2; ++begun_and_written) {
+      stages.step_surface();
+      stages.step_contact();
+      stages.step_haptic();
+    }
+  }
+  stages.finish();
+  stages.step_surface();  // felt by nobody
+  stages.step_surface();
+  std::uint64_t num_batches = 0;
+  Listener listener([] {});
+  listener.observer.on_ticks =
+      [&, others = listener.observer.on_ticks](std::span<const TickRecord> ticks) {
+        others(ticks);
+        EXPECT_LE(listener.newest_contact, ticks.back().contact_number + 1);  // of the next batch
+        EXPECT_LE(listener.num_frames, ticks.back().contact_number + 1);
+        ++num_batches;
+      };
+  Publisher publisher(listener.observer, stages.records());
+  publisher.publish();
+  EXPECT_GT(num_batches, 10u);
+  EXPECT_EQ(listener.num_contacts, kNum);
+  EXPECT_EQ(listener.num_frames, kNum + 1);
+}
+
 }  // namespace
 }  // namespace palpate

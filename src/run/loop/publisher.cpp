@@ -1,5 +1,6 @@
 #include "src/run/loop/publisher.h"
 
+#include <limits>
 #include <utility>
 
 #include "src/run/loop/surface_stage.h"
@@ -8,6 +9,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kBatch = 256;  // ticks given to the observer at a time
+constexpr std::uint64_t kAll = std::numeric_limits<std::uint64_t>::max();
 
 }  // namespace
 
@@ -27,24 +29,30 @@ void Publisher::add_note(std::string text) {
 }
 
 void Publisher::publish() {
-  tell_frames();
-  tell_contacts();
   tell_ticks();
+  if (records_.ticks.front() == nullptr) {
+    tell_contacts(kAll);
+    tell_frames(kAll);
+  }
   tell_notes();
 }
 
-void Publisher::tell_frames() {
-  while (const SeenFrame* seen = records_.frames.front()) {
+/// Up to this number.
+void Publisher::tell_frames(std::uint64_t last) {
+  for (const SeenFrame* seen = records_.frames.front();
+       seen != nullptr && seen->record.number <= last; seen = records_.frames.front()) {
     tell_settings(seen->record.revision);
     observer_.on_frame(seen->record, seen->frame);
     records_.frames.pop();
   }
 }
 
-void Publisher::tell_contacts() {
-  while (const ContactRecord* contact = records_.contacts.front()) {
+/// Up to this number.
+void Publisher::tell_contacts(std::uint64_t last) {
+  for (const ContactRecord* contact = records_.contacts.front();
+       contact != nullptr && contact->number <= last; contact = records_.contacts.front()) {
     if (records_.num_frames() <= contact->frame_number) return;
-    tell_frames();
+    tell_frames(contact->frame_number);
     tell_settings(contact->revision);
     observer_.on_contact(*contact);
     records_.contacts.pop();
@@ -74,7 +82,7 @@ void Publisher::tell_ticks() {
 /// Also where there was no room for the record of the contact.
 bool Publisher::has_told_contact_of(const TickRecord& tick) {
   if (records_.num_contacts() < tick.contact_number) return false;
-  tell_contacts();
+  tell_contacts(tick.contact_number);
   const ContactRecord* const next = records_.contacts.front();
   return next == nullptr || next->number > tick.contact_number;
 }

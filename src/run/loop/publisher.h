@@ -25,7 +25,9 @@ struct LoopRecords {
   std::function<std::uint64_t()> num_frames, num_contacts;
 };
 
-/// Empties the queues of the stages, in one thread.
+/// Empties the queues of the stages, in one thread. Where ticks are behind, contacts and frames
+/// that only later ticks rest on wait in their queues: who keeps them for those ticks (a recording
+/// that may begin another part there) keeps no more, however slow the observer is.
 class Publisher {
  public:
   Publisher(const RunObserver& observer, LoopRecords records);
@@ -39,8 +41,8 @@ class Publisher {
   void publish();
 
  private:
-  void tell_frames();
-  void tell_contacts();
+  void tell_frames(std::uint64_t last);
+  void tell_contacts(std::uint64_t last);
   void tell_ticks();
   void tell_notes();
   void tell_moment(std::uint64_t tick);
