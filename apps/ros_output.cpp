@@ -17,7 +17,7 @@
 #include "src/core/thread_rank.h"
 #include "src/io/ros_messages.h"
 #include "src/math/internal/rotation_vector.h"
-#include "src/math/internal/told_wrench.h"
+#include "src/math/internal/wrench_transform.h"
 #include "src/ros/ros_node.h"
 #include "src/run/loop/event.h"
 #include "src/run/loop/real_time.h"
@@ -37,7 +37,7 @@ constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
 double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
 
-/// The same as told_in of a wrench: moved to the origin, A K A^T with the wrench's own map A, and
+/// The same as transformed_to of a wrench: moved to the origin, A K A^T with the wrench's own map A, and
 /// turned.
 std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
   const Vec3d r = p_W - X_WA.translation;
@@ -52,15 +52,15 @@ std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, cons
       for (int k = 0; k < 3; ++k) map[3 + i][j] += axes[k][i] * lever[k][j];
     }
   }
-  std::array<double, 36> told{};
+  std::array<double, 36> K{};
   for (std::size_t i = 0; i < 6; ++i) {
     for (std::size_t j = 0; j < 6; ++j) {
       for (int k = 0; k < 6; ++k) {
-        for (int l = 0; l < 6; ++l) told[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
+        for (int l = 0; l < 6; ++l) K[6 * i + j] += map[i][k] * K_W.m[k][l] * map[j][l];
       }
     }
   }
-  return told;
+  return K;
 }
 
 class Output final : public RosOutput {
@@ -122,7 +122,7 @@ class Output final : public RosOutput {
     };
     observer.on_frame = [this, others = std::move(observer.on_frame)](const FrameRecord& record,
                                                                       const DepthFrame& frame) {
-      tell_points(record, frame);
+      publish_points(record, frame);
       keep(record, frame);
       if (others) others(record, frame);
     };
@@ -132,7 +132,7 @@ class Output final : public RosOutput {
   using Why = RosVerdict::Why;
 
   /// What the wrench's thread hands over: the tick that it told, and what it made of it.
-  struct Told {
+  struct Published {
     TickRecord tick;
     RosVerdict verdict;
     double time = 0;            // s, monotonic
@@ -143,8 +143,8 @@ class Output final : public RosOutput {
     full_volume_ = full_volume(tool_, loop.settings().contact);
     is_ending_ = false;
     try {
-      rest_thread_ = std::thread([this, &loop] { tell_rest(loop); });
-      wrench_thread_ = std::thread([this, &loop] { tell_wrenches(loop); });
+      rest_thread_ = std::thread([this, &loop] { publish_rest(loop); });
+      wrench_thread_ = std::thread([this, &loop] { publish_wrenches(loop); });
     } catch (const std::system_error&) {
       end_with({State::failed, Why::no_thread});
     }
@@ -160,17 +160,17 @@ class Output final : public RosOutput {
     bell_.ring();
     if (wrench_thread_.joinable()) wrench_thread_.join();
     if (rest_thread_.joinable()) rest_thread_.join();
-    told_.refresh();
-    Told last = told_.value();
+    published_.refresh();
+    Published last = published_.value();
     last.verdict = verdict;
     last.time = monotonic_now();
-    tell_wrench(last);
-    tell_contact(last);
+    publish_wrench(last);
+    publish_contact(last);
     say(last);
   }
 
   /// The wrench's thread: all that others can wait for is told by another one.
-  void tell_wrenches(RunLoop& loop) {
+  void publish_wrenches(RunLoop& loop) {
     if (!loop.settings().wants_real_time || ask_for_real_time(kPriority) != 0) {
       take_rank(ThreadRank::surface);
     }
@@ -195,57 +195,57 @@ class Output final : public RosOutput {
       if (!has_tick) continue;
       if (last > 0) periods_.record(static_cast<std::int64_t>(1e9 * (time - last)));
       last = time;
-      Told& told = told_.draft();
-      told.tick = tick;
-      told.time = time;
-      told.verdict = judge(tick, time, options_.max_age);
-      tell_wrench(told);
-      const bool is_due = number % contacts_every == 0 || told.verdict.is_valid() != was_valid;
-      was_valid = told.verdict.is_valid();
-      told.num_due = num_due += is_due ? 1 : 0;
+      Published& published = published_.draft();
+      published.tick = tick;
+      published.time = time;
+      published.verdict = judge(tick, time, options_.max_age);
+      publish_wrench(published);
+      const bool is_due = number % contacts_every == 0 || published.verdict.is_valid() != was_valid;
+      was_valid = published.verdict.is_valid();
+      published.num_due = num_due += is_due ? 1 : 0;
       const bool is_looked_for = is_due || number % look_every == 0;
       ++number;
-      told_.publish();
+      published_.publish();
       if (is_looked_for) bell_.ring();
     }
   }
 
-  void tell_wrench(const Told& told) {
+  void publish_wrench(const Published& published) {
     const bool in_tool = options_.frame == WrenchFrame::tool;
     const std::string& frame = in_tool ? options_.tool_frame : options_.camera_frame;
-    const Pose& X_WT = told.tick.step.X_WT;
+    const Pose& X_WT = published.tick.step.X_WT;
     Wrench wrench;
-    if (told.verdict.is_valid()) {
-      wrench = told_in(in_tool ? X_WT : Pose{}, told.tick.step.contact_W,
+    if (published.verdict.is_valid()) {
+      wrench = transformed_to(in_tool ? X_WT : Pose{}, published.tick.step.contact_W,
                        X_WT * tool_.sphere_mass().centre_of_mass);
     }
     const bool was_sent =
-        wrench_->publish(wrench_message({wall_time(told.tick.device.time), frame}, wrench));
+        wrench_->publish(wrench_message({wall_time(published.tick.device.time), frame}, wrench));
     ++(was_sent ? num_sent_ : num_not_sent_);
   }
 
   /// The other thread, woken by the wrench's.
-  void tell_rest(RunLoop& loop) {
+  void publish_rest(RunLoop& loop) {
     take_rank(ThreadRank::recorder);
-    std::uint64_t num_told = 0;
+    std::uint64_t num_published = 0;
     for (;;) {
       const std::uint32_t heard = bell_.count();
       if (is_ending_) return;
-      if (!told_.refresh()) {
+      if (!published_.refresh()) {
         bell_.wait(heard);
         continue;
       }
-      const Told& told = told_.value();
-      if (told.num_due != num_told) {
-        if (contacts_.refresh()) tell_bodies(contacts_.value());
-        tell_contact(told);
+      const Published& published = published_.value();
+      if (published.num_due != num_published) {
+        if (contacts_.refresh()) publish_bodies(contacts_.value());
+        publish_contact(published);
       }
-      num_told = told.num_due;
-      tell_spheres(loop, told.time);
-      const bool is_news = told.verdict.state != last_state_;
-      if (told.time >= next_diagnostics_ ||
-          (is_news && told.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
-        say(told);
+      num_published = published.num_due;
+      publish_spheres(loop, published.time);
+      const bool is_changed = published.verdict.state != last_state_;
+      if (published.time >= next_diagnostics_ ||
+          (is_changed && published.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
+        say(published);
       }
       bell_.wait(heard);
     }
@@ -265,15 +265,15 @@ class Output final : public RosOutput {
     return static_cast<std::uint64_t>(1e9 * (from_1970 + time));
   }
 
-  void tell_contact(const Told& told) {
-    const std::uint64_t time = wall_time(told.tick.device.time);
-    pose_->publish(pose_message({time, options_.camera_frame}, told.tick.step.X_WT));
-    tell_twist(time, told);
-    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(told)));
+  void publish_contact(const Published& published) {
+    const std::uint64_t time = wall_time(published.tick.device.time);
+    pose_->publish(pose_message({time, options_.camera_frame}, published.tick.step.X_WT));
+    publish_twist(time, published);
+    contact_->publish(ros_contact_message({time, options_.tool_frame}, contact_of(published)));
   }
 
   /// Where they were when they were measured.
-  void tell_bodies(const ContactRecord& contact) {
+  void publish_bodies(const ContactRecord& contact) {
     if (body_frames_.empty()) return;
     std::vector<RosTransform> transforms;
     for (std::size_t i = 0; i < std::min<std::size_t>(body_frames_.size(), contact.bodies.num);
@@ -284,10 +284,10 @@ class Output final : public RosOutput {
   }
 
   /// Since the pose that was told before. Who follows stands still where the wrench is not valid.
-  void tell_twist(std::uint64_t time, const Told& told) {
-    const double now_told = told.tick.device.time, seconds = now_told - last_pose_time_;
-    const bool is_valid = told.verdict.is_valid();
-    const Pose& X_WT = told.tick.step.X_WT;
+  void publish_twist(std::uint64_t time, const Published& published) {
+    const double tick_time = published.tick.device.time, seconds = tick_time - last_pose_time_;
+    const bool is_valid = published.verdict.is_valid();
+    const Pose& X_WT = published.tick.step.X_WT;
     Twist V_WT;
     if (is_valid && has_last_pose_ && seconds > 0 && seconds <= options_.max_age) {
       V_WT = {(X_WT.translation - last_X_WT_.translation) / seconds,
@@ -296,13 +296,13 @@ class Output final : public RosOutput {
     if (seconds != 0) {
       has_last_pose_ = is_valid;
       last_X_WT_ = X_WT;
-      last_pose_time_ = now_told;
+      last_pose_time_ = tick_time;
     }
     twist_->publish(twist_message({time, options_.camera_frame}, V_WT));
   }
 
-  RosContact contact_of(const Told& told) {
-    const auto& [tick, verdict, time, num_due] = told;
+  RosContact contact_of(const Published& published) {
+    const auto& [tick, verdict, time, num_due] = published;
     RosContact contact;
     contact.state = verdict.state;
     contact.reason = verdict.reason();
@@ -315,7 +315,7 @@ class Output final : public RosOutput {
     contact.unseen = full_volume_ > 0 ? tick.penetration.unseen_volume / full_volume_ : 0;
     contact.potential = tick.penetration.potential;
     const Pose& X_WT = tick.step.X_WT;
-    contact.wrench = told_in(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
+    contact.wrench = transformed_to(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
     const LocalContact& newest = contacts_.value().contact;
     contact.max_stiffness = newest.max_stiffness;
     contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
@@ -323,7 +323,7 @@ class Output final : public RosOutput {
   }
 
   /// From the thread of the observer.
-  void tell_points(const FrameRecord& record, const DepthFrame& frame) {
+  void publish_points(const FrameRecord& record, const DepthFrame& frame) {
     if (!(options_.points_rate > 0) || record.capture_time < next_points_) return;
     if (points_->num_readers() == 0) return;
     next_points_ = record.capture_time + 1 / options_.points_rate;
@@ -357,7 +357,7 @@ class Output final : public RosOutput {
   }
 
   /// As the last contact that was asked for found them.
-  void tell_spheres(RunLoop& loop, double time) {
+  void publish_spheres(RunLoop& loop, double time) {
     if (const ContactPicture* const now = loop.new_contact_picture(Onlooker::robots)) {
       const std::lock_guard lock(seen_mutex_);
       for (std::size_t i = 0; i < now->spheres.states.size(); ++i) {
@@ -375,11 +375,11 @@ class Output final : public RosOutput {
     loop.ask_for_contact_picture(Onlooker::robots);
   }
 
-  void say(const Told& told) {
-    const RosVerdict& verdict = told.verdict;
+  void say(const Published& published) {
+    const RosVerdict& verdict = published.verdict;
     last_state_ = verdict.state;
-    last_diagnostics_ = told.time;
-    next_diagnostics_ = told.time + kDiagnosticsPeriod;
+    last_diagnostics_ = published.time;
+    next_diagnostics_ = published.time + kDiagnosticsPeriod;
     constexpr RosDiagnostic::Level kLevels[] = {
         RosDiagnostic::Level::ok, RosDiagnostic::Level::stale, RosDiagnostic::Level::error};
     const auto periods = periods_.summary();
@@ -399,7 +399,7 @@ class Output final : public RosOutput {
           {"wrenches not sent", std::to_string(num_not_sent_)},
           {"readers of the wrench", std::to_string(wrench_->num_readers())},
           {"period of the wrench, p99, us", std::to_string(static_cast<int>(periods.p99))}}}};
-    diagnostics_->publish(diagnostics_message({wall_time(told.time), ""}, status));
+    diagnostics_->publish(diagnostics_message({wall_time(published.time), ""}, status));
   }
 
   RosOutputOptions options_;
@@ -421,7 +421,7 @@ class Output final : public RosOutput {
   TripleBuffer<ContactRecord> contacts_;  // from it
 
   // Of the wrench's thread, which others read.
-  TripleBuffer<Told> told_;
+  TripleBuffer<Published> published_;
   Event bell_;
   LatencyHistogram periods_;
   std::atomic<std::uint64_t> num_sent_ = 0, num_not_sent_ = 0;
@@ -469,7 +469,7 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
       ->group(group);
 }
 
-void check_told_over_ros(const RosOutputOptions& options, const std::string& frame,
+void check_ros_output(const RosOutputOptions& options, const std::string& frame,
                          const OutputOptions& output, const std::string& verb) {
   if (!options.is_wanted) return;
   if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {

@@ -119,7 +119,7 @@ void add_ros2(CLI::App& program, Action& action) {
   app.callback([options, &app, &action] {
     check_robot(app, "ros2");
     const TouchOptions ready = touch_options(*options);
-    check_told_over_ros(ready.ros, ready.frames.wrench, ready.settings.output, "ros2");
+    check_ros_output(ready.ros, ready.frames.wrench, ready.settings.output, "ros2");
     action = [ready] { return run_touch(ready); };
   });
 }

@@ -164,7 +164,7 @@ Total total_of(const std::vector<std::vector<Felt>>& by_frame,
           100 * std::sqrt(variance)};
 }
 
-void tell_sensor(FigureResult& result, const RealCube& cube, const std::array<int, 2>& faces) {
+void add_sensor_facts(FigureResult& result, const RealCube& cube, const std::array<int, 2>& faces) {
   Table table{"The sensor: depth of the visible faces against the exact cube",
               {"face", "pixels a frame", "mean error, mm", "rms, mm", "rms of the worst frame, mm",
                "no depth, %"},
@@ -272,7 +272,7 @@ Result<FigureResult> cube_figure(Context& context) {
             });
 
   FigureResult result;
-  tell_sensor(result, **cube, faces);
+  add_sensor_facts(result, **cube, faces);
   std::vector<std::size_t> all(runs.size());
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
   const std::vector<std::string> columns{

@@ -36,12 +36,12 @@ class JointHistory {
   std::string missing() const;
 
  private:
-  struct Told {
+  struct Sample {
     double time = 0, position = 0;
   };
   std::vector<Joint> joints_;
   double kept_seconds_;
-  std::vector<std::vector<Told>> told_;  // of each joint
+  std::vector<std::vector<Sample>> samples_;  // of each joint
   std::map<std::string, std::size_t, std::less<>> numbers_;
 };
 

@@ -167,7 +167,7 @@ class K4aSource final : public DepthSource {
       }
       is_started_ = true;
     }
-    const int told = is_file_ ? api_.file_calibration(handle_, &calibration)
+    const int status = is_file_ ? api_.file_calibration(handle_, &calibration)
                               : api_.device_calibration(handle_, kNarrowUnbinned, 0, &calibration);
     // The size comes with the first image, which is kept for next().
     const auto got = take();
@@ -175,7 +175,7 @@ class K4aSource final : public DepthSource {
     if (!*got) return Error{Errc::bad_input, info_.name + " has no depth"};
     info_.width = api_.width(held_);
     info_.height = api_.height(held_);
-    if (told == kSucceeded) set_camera(calibration.depth);
+    if (status == kSucceeded) set_camera(calibration.depth);
     return Done{};
   }
 

@@ -26,7 +26,7 @@ class LinkInTree {
                                  bool is_heard);
 
   /// Whether anything between the two moves.
-  bool is_moving() const { return !told_.empty(); }
+  bool is_moving() const { return !required_.empty(); }
   /// Whether times are on the clock of this computer. None: nothing moves.
   std::optional<bool> is_live() const {
     return states_ ? std::optional(states_->is_live()) : std::nullopt;
@@ -40,7 +40,7 @@ class LinkInTree {
 
   RobotModel model_;
   std::size_t link_ = 0, base_ = 0;
-  std::vector<std::size_t> told_;  // joints
+  std::vector<std::size_t> required_;  // joints
   std::shared_ptr<const RobotStates> states_;
 };
 
@@ -48,7 +48,7 @@ class LinkInTree {
 /// `robot` is its file, for messages. Errors: as of RobotStates::open; a floating joint; nobody was
 /// named, or somebody where nothing moves; a joint that is not told of.
 Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
-                                                       std::span<const std::size_t> told,
+                                                       std::span<const std::size_t> required,
                                                        const std::string& joints,
                                                        const std::string& robot);
 

@@ -34,7 +34,7 @@ class CameraPoses {
  private:
   std::vector<TimedPose> path_{{0, {}}};  // of H in W
   std::shared_ptr<const LinkInTree> link_;
-  bool frames_tell_ = false;  // X_WH, by tf
+  bool frames_have_poses_ = false;  // X_WH, by tf
   Pose X_HC_;
 };
 

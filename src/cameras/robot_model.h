@@ -41,7 +41,7 @@ struct RobotModel {
   /// looked at.
   void place(std::span<const double> positions, std::span<Pose> X_BL) const;
   /// Joints that something has to tell of, so that every link with a mesh has a place.
-  std::vector<std::size_t> told_joints() const;
+  std::vector<std::size_t> required_joints() const;
   /// The same, so that these links have a place in each other.
   std::vector<std::size_t> joints_between(std::size_t a, std::size_t b) const;
   /// Error: no link is called so, with the nearest one that there is.

@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kSecondsKept = 5;           // live, of each joint and frame
 constexpr double kLongestWait = 1;           // s
-constexpr std::size_t kMostTold = 20000000;  // numbers in a file
+constexpr std::size_t kMostJointNumbers = 20000000;  // numbers in a file
 constexpr double kForEver = std::numeric_limits<double>::infinity();
 
 double kept_of(const StateAddress& address) {
@@ -84,21 +84,21 @@ bool RobotStates::counts_by_stamp(bool has_stamp) {
 }
 
 template <class KnownUntil>
-std::pair<const RobotStates::Told&, double> RobotStates::told_at(
+std::pair<const RobotStates::Histories&, double> RobotStates::states_at(
     std::unique_lock<std::mutex>& lock, const Moment& moment, const KnownUntil& known_until) const {
-  const auto told = [&]() -> std::pair<const Told&, double> {
+  const auto found = [&]() -> std::pair<const Histories&, double> {
     if (moment.stamp != 0 && goes_by_stamps()) return {by_stamp_, moment.stamp};
     return {by_time_, moment.time};
   };
-  if (!is_live()) return told();
+  if (!is_live()) return found();
   const std::chrono::duration<double> longest(std::min(moment.max_age, kLongestWait));
   changed_.wait_for(lock, longest, [&] {
-    const auto [what, time] = told();
+    const auto [what, time] = found();
     const double until = known_until(what, time);
     // Who has been silent for long is not waited for with every image.
     return until >= time || until < time - moment.max_age;
   });
-  return told();
+  return found();
 }
 
 Status RobotStates::positions(const Moment& moment, std::vector<double>& positions) const {
@@ -107,17 +107,17 @@ Status RobotStates::positions(const Moment& moment, std::vector<double>& positio
   const bool may_stay = address_.kind == StateAddress::Kind::table;
   positions.resize(num_joints_);
   std::unique_lock lock(mutex_);
-  const auto [told, time] =
-      told_at(lock, moment, [](const Told& what, double) { return what.joints.known_until(); });
+  const auto [states, time] =
+      states_at(lock, moment, [](const Histories& what, double) { return what.joints.known_until(); });
   for (std::size_t i = 0; i < num_joints_; ++i) {
-    const auto position = told.joints.at(i, time, moment.max_age, may_stay);
+    const auto position = states.joints.at(i, time, moment.max_age, may_stay);
     if (position) {
       positions[i] = *position;
       continue;
     }
     return Error{position.error().code,
                  position.error().message +
-                     clock_hint(&told == &by_stamp_, time, told.joints.known_until())};
+                     clock_hint(&states == &by_stamp_, time, states.joints.known_until())};
   }
   return Done{};
 }
@@ -125,7 +125,7 @@ Status RobotStates::positions(const Moment& moment, std::vector<double>& positio
 Status RobotStates::links_in_world(std::span<const std::string> links, const Moment& moment,
                                    std::span<Pose> X_WL) const {
   std::unique_lock lock(mutex_);
-  const auto [told, time] = told_at(lock, moment, [&](const Told& what, double at) {
+  const auto [states, time] = states_at(lock, moment, [&](const Histories& what, double at) {
     double until = kForEver;
     for (const std::string& link : links) {
       until = std::min(until, what.transforms.known_until(address_.world, link, at));
@@ -133,19 +133,19 @@ Status RobotStates::links_in_world(std::span<const std::string> links, const Mom
     return until;
   });
   for (std::size_t i = 0; i < links.size(); ++i) {
-    const auto X = told.transforms.find(address_.world, links[i], time, moment.max_age);
+    const auto X = states.transforms.find(address_.world, links[i], time, moment.max_age);
     if (X) {
       X_WL[i] = *X;
       continue;
     }
-    const double until = told.transforms.known_until(address_.world, links[i], time);
+    const double until = states.transforms.known_until(address_.world, links[i], time);
     std::string why = "tf has no transform for '" + links[i] + "'";
     if (until < time && until > -kForEver) {
       char text[80];
       std::snprintf(text, sizeof text, " later than %.3g s before the image", time - until);
       why += text;
     }
-    return Error{Errc::unavailable, why + clock_hint(&told == &by_stamp_, time, until)};
+    return Error{Errc::unavailable, why + clock_hint(&states == &by_stamp_, time, until)};
   }
   return Done{};
 }
@@ -196,7 +196,7 @@ class TableStates final : public RobotStates {
  public:
   using RobotStates::RobotStates;
   Status read() {
-    const auto text = read_file(address_.target, kMostTold * 8);
+    const auto text = read_file(address_.target, kMostJointNumbers * 8);
     if (!text) return text.error();
     return read_joint_table(*text, address_.target, by_time_.joints);
   }

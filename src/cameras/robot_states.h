@@ -75,20 +75,20 @@ class RobotStates {
   /// Whether a message that came now counts by its stamp, too. One that has none ends that for all.
   bool counts_by_stamp(bool has_stamp);
 
-  struct Told {
+  struct Histories {
     JointHistory joints;
     TfHistory transforms;
   };
   /// What was told, and the moment on its clock. Waits until `known_until` that is there.
   template <class KnownUntil>
-  std::pair<const Told&, double> told_at(std::unique_lock<std::mutex>& lock, const Moment& moment,
+  std::pair<const Histories&, double> states_at(std::unique_lock<std::mutex>& lock, const Moment& moment,
                                          const KnownUntil& known_until) const;
 
   const StateAddress address_;
   const std::size_t num_joints_;
   mutable std::mutex mutex_;
   mutable std::condition_variable changed_;
-  Told by_time_, by_stamp_;  // the latter live only
+  Histories by_time_, by_stamp_;  // the latter live only
   const bool may_go_by_stamps_;
   double unstamped_at_ = -std::numeric_limits<double>::infinity();  // s, when the newest came
 };

@@ -57,7 +57,7 @@ Status PageHandle::move(PageNumber page, const Pose& X_BH, double now) {
                                                  : "another page holds the tool"};
   }
   if (const Status status = check(X_BH, now); !status) return status.error();
-  told_grip_ = grip_;
+  sent_grip_ = grip_;
   last_time_ = now;
   last_X_BH_ = {X_BH.translation, normalized(X_BH.rotation)};
   mailbox_->news.publish({grip_, true, now, last_X_BH_});
@@ -74,7 +74,7 @@ Status PageHandle::check(const Pose& X_BH, double now) const {
     return refused("the rotation of the hand must be a unit quaternion; its length is %.4g",
                    length);
   }
-  if (told_grip_ != grip_) return Done{};
+  if (sent_grip_ != grip_) return Done{};
   const double seconds = std::max(now - last_time_, 0.0) + kBunch;
   const double way = norm(X_BH.translation - last_X_BH_.translation);
   const double turn = norm(rotation_between(last_X_BH_.rotation, normalized(X_BH.rotation)));

@@ -281,7 +281,7 @@ class Node final : public RosNode {
     auto& gids = is_writer ? entities_.writers : entities_.readers;
     if (is_there) gids.push_back(gid);
     if (!is_there) std::erase(gids, gid);
-    tell_entities();
+    announce_entities();
   }
 
  private:
@@ -303,10 +303,10 @@ class Node final : public RosNode {
     if (!writer) return writer.error();
     graph_ = *std::move(writer);
     const std::lock_guard lock(mutex_);
-    tell_entities();
+    announce_entities();
     return Done{};
   }
-  void tell_entities() {
+  void announce_entities() {
     if (graph_.endpoint.is_good()) write(graph_, entities_message(entities_));
   }
 

@@ -40,7 +40,7 @@ class TfHistory {
   std::vector<std::string> frames() const;
 
  private:
-  struct Told {
+  struct Sample {
     double time = 0;
     std::size_t parent = 0;  // number in Link::parents
     Pose X_PC;
@@ -48,8 +48,8 @@ class TfHistory {
   struct Link {
     std::vector<std::string> parents;  // that it had
     bool is_static = false;
-    std::vector<Told> told;
-    const Told& before(double time) const;  // the last one; else the first one
+    std::vector<Sample> samples;
+    const Sample& before(double time) const;  // the last one; else the first one
     const std::string& parent_at(double time) const { return parents[before(time).parent]; }
     std::optional<Pose> in_parent(double time, double most_apart) const;
   };

@@ -23,13 +23,13 @@ class UnseenWatch {
   std::string_view look(const TickRecord& tick) {
     const double share = tick.penetration.unseen_volume / full_volume_;
     // Somewhere in between it stays as it was.
-    const bool is_unseen = is_told_ ? share > kSeen : share > kUnseen;
-    if (is_unseen == is_told_) {
+    const bool is_unseen = is_reported_ ? share > kSeen : share > kUnseen;
+    if (is_unseen == is_reported_) {
       since_ = tick.time;
       return {};
     }
     if (tick.time - since_ < kPatience) return {};
-    is_told_ = is_unseen;
+    is_reported_ = is_unseen;
     return is_unseen ? "most of the tool is in unobserved space: the contact there is an assumption"
                      : "the cameras see the tool's surroundings again";
   }
@@ -38,7 +38,7 @@ class UnseenWatch {
   static constexpr double kUnseen = 0.5, kSeen = 0.25, kPatience = 0.25;  // s
 
   double full_volume_, since_ = 0;
-  bool is_told_ = false;
+  bool is_reported_ = false;
 };
 
 /// All that is kept of a run while it goes on; what the publishing thread calls.
@@ -266,14 +266,14 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   }
   keeper.recorder().has_moved_to(folder->target());
 
-  const auto tell_of = [&](RunLoop* running) {
+  const auto notify_loop = [&](RunLoop* running) {
     if (options.monitor != nullptr && options.monitor->on_loop) {
       options.monitor->on_loop(running);
     }
   };
-  tell_of(&loop);
+  notify_loop(&loop);
   log.was_interrupted = !wait_for_end(loop, options);
-  tell_of(nullptr);
+  notify_loop(nullptr);
   const Status status = loop.status();
   loop.stop();
   take_report(loop, status, log);

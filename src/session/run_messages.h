@@ -27,7 +27,7 @@ struct RunSetup {
 };
 
 /// Is it known how much of the tool no camera sees?
-inline bool tells_unseen(const RunSetup& setup) {
+inline bool reports_unseen(const RunSetup& setup) {
   const RunSettings& settings = setup.settings;
   return settings.contact.method == MethodKind::field &&
          (setup.streams.size() > 1 || settings.backend.value_or(Backend::cpu) == Backend::cpu);

@@ -10,7 +10,7 @@
 
 #include "palpate/io/files.h"
 #include "src/io/ros_messages.h"
-#include "src/math/internal/told_wrench.h"
+#include "src/math/internal/wrench_transform.h"
 #include "src/session/internal/run_folder.h"
 #include "src/session/lead_frames.h"
 
@@ -356,9 +356,9 @@ void RunRecorder::add_tick(const TickRecord& tick) {
   Wrench on_tool_W = tick.step.contact_W;
   on_tool_W.torque += cross(rotate(X_WT.rotation, centre_of_mass_T_), on_tool_W.force);
   write(channels_.tool_wrench, time,
-        wrench_message({time, kToolFrame}, turned_into(X_WT.rotation, on_tool_W)));
+        wrench_message({time, kToolFrame}, expressed_in(X_WT.rotation, on_tool_W)));
   write(channels_.hand_wrench, time,
-        wrench_message({time, kHand}, turned_into(tick.device.X_BH.rotation, tick.F_H_B)));
+        wrench_message({time, kHand}, expressed_in(tick.device.X_BH.rotation, tick.F_H_B)));
   if (time >= next_transforms_) add_transforms(tick, time);
 }
 

@@ -56,11 +56,11 @@ class RunResults {
   const Tool& tool_;
   double full_volume_, time_origin_;
   const OutputOptions output_;
-  const bool tells_more_;  // than the world's axes and the center of mass
+  const bool has_output_columns_;  // than the world's axes and the center of mass
   const Pose X_WB_;
   std::deque<SeenPose> first_poses_;  // of the first camera
   std::vector<Camera> cameras_;
-  bool tells_unseen_;
+  bool reports_unseen_;
   const bool all_ticks_;
   std::ofstream csv_;
   std::string line_;

@@ -35,7 +35,7 @@ class UnitWatch {
     double unit = 0.001;
     int num_looks = 0;
     double least = 0, most = 0;  ///< how many times as far as the tool the rest is
-    bool is_told = false;
+    bool has_reported = false;
   };
 
   Vec3d center_T_;

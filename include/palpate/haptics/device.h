@@ -119,7 +119,7 @@ class PageHandle {
   Status check(const Pose& X_BH, double now) const;
 
   PageNumber holder_ = 0;
-  std::uint64_t grip_ = 0, told_grip_ = 0;
+  std::uint64_t grip_ = 0, sent_grip_ = 0;
   double last_time_ = 0;  // s: when the holder was last heard of
   Pose last_X_BH_;
   std::unique_ptr<Mailbox> mailbox_;

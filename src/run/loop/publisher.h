@@ -39,22 +39,22 @@ class Publisher {
   void publish();
 
  private:
-  void tell_frames();
-  void tell_contacts();
-  void tell_ticks();
-  void tell_notes();
-  void tell_moment(std::uint64_t tick);
-  void tell_settings(std::uint32_t revision);
-  bool has_told_contact_of(const TickRecord& tick);
+  void publish_frames();
+  void publish_contacts();
+  void publish_ticks();
+  void publish_notes();
+  void publish_snapshot(std::uint64_t tick);
+  void publish_settings(std::uint32_t revision);
+  bool has_published_contact_of(const TickRecord& tick);
 
   const RunObserver& observer_;
   LoopRecords records_;
 
   std::mutex mutex_;
-  std::deque<RunSettings> settings_;  // those after `told_revision_`
+  std::deque<RunSettings> settings_;  // those after `published_revision_`
   std::vector<std::string> notes_;
   // Of the publishing thread.
-  std::uint32_t told_revision_ = 0;
+  std::uint32_t published_revision_ = 0;
   std::vector<TickRecord> batch_;
 };
 

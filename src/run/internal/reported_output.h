@@ -2,12 +2,12 @@
 #pragma once
 
 #include "palpate/run/records.h"
-#include "src/math/internal/told_wrench.h"
+#include "src/math/internal/wrench_transform.h"
 
 namespace palpate::inline v0 {
 
 /// What the frames of OutputOptions hang on, at one moment.
-struct OutputPlaces {
+struct OutputFrames {
   Pose X_WT;
   Vec3d p_WC;      ///< center of mass of the tool's spheres
   Pose X_WCamera;  ///< the first one
@@ -15,9 +15,9 @@ struct OutputPlaces {
 };
 
 /// Tells what is known in the world's axes about the tool's center of mass.
-class ToldOutput {
+class ReportedOutput {
  public:
-  ToldOutput(const OutputOptions& options, const OutputPlaces& at)
+  ReportedOutput(const OutputOptions& options, const OutputFrames& at)
       : p_WC_(at.p_WC), X_WE_(at.X_WT * options.X_TE) {
     switch (options.wrench_frame.value_or(WrenchFrame::world)) {
       case WrenchFrame::world: break;
@@ -38,7 +38,7 @@ class ToldOutput {
   /// A Wrench or a VolumeWrench in the axes of F.
   template <class Any>
   Any wrench(const Any& F_C_W) const {
-    return turned_into(X_WF_.rotation, moved_to(point_W_, F_C_W, p_WC_));
+    return expressed_in(X_WF_.rotation, moved_to(point_W_, F_C_W, p_WC_));
   }
 
  private:
