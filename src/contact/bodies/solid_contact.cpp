@@ -141,31 +141,31 @@ SolidAsking::SolidAsking(const FieldElements& elements, const SolidField& field)
   const auto last = static_cast<std::int32_t>(field.levels().size()) - 1;
   const double spacing = field.layout().spacing;
   double volume = 0, squares = 0, widest = 0, owed = 0;
-  for (std::size_t place = 0; place < level.size(); ++place) {
-    const double radius = elements.radius[place];
-    const double counts = elements.factor[place] * sphere_volume(radius);
+  for (std::size_t slot = 0; slot < level.size(); ++slot) {
+    const double radius = elements.radius[slot];
+    const double counts = elements.factor[slot] * sphere_volume(radius);
     volume += counts;
     squares += counts * radius * radius;
     // Second moments, in those of the finest grid: what the ball has lies between those of two
     // grids, and it asks the one by which all so far have theirs most nearly.
     const double wanted = std::max(1.0, std::pow(kSpacingPerRadius * radius / spacing, 2));
     double moment = 1;
-    while (moment * 4 <= wanted && level[place] < last) {
+    while (moment * 4 <= wanted && level[slot] < last) {
       moment *= 4;
-      ++level[place];
+      ++level[slot];
     }
     const double missing = counts * (wanted - moment), more = counts * 3 * moment;
-    if (level[place] < last) {
+    if (level[slot] < last) {
       if (owed + missing > more / 2 && counts > 0) {
-        ++level[place];
+        ++level[slot];
         owed -= more;
       }
       owed += missing;
     } else if (wanted > 4 * moment && counts > 0) {
       is_possible = false;
     }
-    widest = std::max(widest, std::ldexp(spacing, level[place]));
-    if (place % SphereClusters::kSize == SphereClusters::kSize - 1) {
+    widest = std::max(widest, std::ldexp(spacing, level[slot]));
+    if (slot % SphereClusters::kSize == SphereClusters::kSize - 1) {
       rounding.push_back(static_cast<float>(kMostRounding * 1.0001 * widest));
       widest = 0;
     }

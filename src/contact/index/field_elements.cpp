@@ -81,18 +81,18 @@ FieldElements::FieldElements(const Tool& tool, SphereVolumes volumes, LargeSpher
   radius = clusters.radius;
   factor.resize(radius.size());
   counted.resize(radius.size());
-  for (std::size_t place = 0; place < radius.size(); ++place) {
-    if (clusters.sphere_id[place] < 0) {  // asks what its neighbour asks, and counts nothing
+  for (std::size_t slot = 0; slot < radius.size(); ++slot) {
+    if (clusters.sphere_id[slot] < 0) {  // asks what its neighbour asks, and counts nothing
       for (std::vector<float>* const array : {&clusters.x, &clusters.y, &clusters.z, &radius}) {
-        (*array)[place] = (*array)[place - 1];
+        (*array)[slot] = (*array)[slot - 1];
       }
       continue;
     }
-    const Vec3f centre{clusters.x[place], clusters.y[place], clusters.z[place]};
+    const Vec3f centre{clusters.x[slot], clusters.y[slot], clusters.z[slot]};
     reach = std::max(reach, norm(to_double(centre)));
-    const Element& e = elements[static_cast<std::size_t>(clusters.sphere_id[place])];
-    factor[place] = static_cast<float>(e.volume / sphere_volume(e.radius));
-    counted[place] = e.counted ? 1.0f : 0.0f;
+    const Element& e = elements[static_cast<std::size_t>(clusters.sphere_id[slot])];
+    factor[slot] = static_cast<float>(e.volume / sphere_volume(e.radius));
+    counted[slot] = e.counted ? 1.0f : 0.0f;
   }
   for (auto begin = radius.begin(); begin != radius.end(); begin += SphereClusters::kSize) {
     largest_radius.push_back(*std::max_element(begin, begin + SphereClusters::kSize));

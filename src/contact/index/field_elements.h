@@ -36,7 +36,7 @@ struct FieldElements {
   }
 
   SphereClusters clusters;
-  // Per place:
+  // Per slot:
   std::vector<float> radius;          ///< as in `clusters`; padding is the ball before it again
   std::vector<float> factor;          ///< volume that counts / volume of the ball; padding: 0
   std::vector<float> counted;         ///< 1: stands for its sphere when spheres are counted

@@ -186,7 +186,7 @@ class OnGpu {
     spheres_ = memory_.copy_of(scene.spheres);
     q.num_spheres = static_cast<std::int32_t>(n);
     q.clusters.sphere_id = memory_.copy_of(scene.clusters.sphere_id);
-    q.clusters.place_of = memory_.copy_of(scene.clusters.place_of);
+    q.clusters.slot_of = memory_.copy_of(scene.clusters.slot_of);
     q.clusters.num_clusters = scene.clusters.num_clusters();
     q.sums = memory_.take<PointSums>(n);
     q.edge_sums = memory_.take<EdgeSums>(n);
@@ -305,7 +305,7 @@ class OnGpu {
     return found;
   }
 
-  // The list in single precision, and what each place knows, follow from the donors.
+  // The list in single precision, and what each slot knows, follow from the donors.
   void check_floats(const Found& found) {
     const BoundaryList& list = q_.boundary;
     const std::size_t num = found.donors.size();
@@ -331,7 +331,7 @@ class OnGpu {
                                  static_cast<float>(l.weight),
                                  lends ? static_cast<float>(l.presence) : 0.0f};
       for (int k = 0; k < 9; ++k) ASSERT_EQ(lists[k][i], expected[k]) << k << " of " << i;
-      ASSERT_EQ(donor[static_cast<std::size_t>(scene_->clusters.place_of[id])],
+      ASSERT_EQ(donor[static_cast<std::size_t>(scene_->clusters.slot_of[id])],
                 lends ? static_cast<std::int32_t>(i) : -1);
       if (lends && (heaviest < 0 || lists[7][i] > lists[7][static_cast<std::size_t>(heaviest)])) {
         heaviest = static_cast<std::int32_t>(i);

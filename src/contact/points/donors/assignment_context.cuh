@@ -1,4 +1,4 @@
-// What the parts of the take stage share: how spheres take in this query, which places have
+// What the parts of the take stage share: how spheres take in this query, which slots have
 // been touched, and how measures are added up.
 #pragma once
 
@@ -64,9 +64,9 @@ class AssignmentContext {
     sums.torque += cross(to_double(centre) - q.origin, measured.force);
   }
   /// The same for an untouched sphere, and keeps its volume.
-  __device__ void add_untouched(MeasureSums& sums, std::int32_t place, const Vec3f& centre,
+  __device__ void add_untouched(MeasureSums& sums, std::int32_t slot, const Vec3f& centre,
                                 const Assigned& assigned) const {
-    q.assigned_volume[place] = static_cast<float>(assigned.volume);
+    q.assigned_volume[slot] = static_cast<float>(assigned.volume);
     if (!(assigned.volume > 0)) return;
     add(sums, centre, assigned);
     ++sums.num_inside;
@@ -76,15 +76,15 @@ class AssignmentContext {
     return {scale * assigned.volume, scale * assigned.force};
   }
 
-  /// Untouched spheres of places [first, last) have nothing inside. By threads of the block, or of
+  /// Untouched spheres of slots [first, last) have nothing inside. By threads of the block, or of
   /// the grid.
   __device__ void leave_outside(std::int32_t first, std::int32_t last, int thread,
                                 int num_threads) const {
-    for (std::int32_t place = first + thread; place < last; place += num_threads) {
-      const std::int32_t id = q.clusters.sphere_id[place];
+    for (std::int32_t slot = first + thread; slot < last; slot += num_threads) {
+      const std::int32_t id = q.clusters.sphere_id[slot];
       if (!is_untouched(id, touched_word(id))) continue;
-      q.donor[place] = -1;
-      if (!overlays()) q.assigned_volume[place] = 0;
+      q.donor[slot] = -1;
+      if (!overlays()) q.assigned_volume[slot] = 0;
     }
   }
 
@@ -119,7 +119,7 @@ class AssignmentContext {
     constexpr int kMost = DonorChoices::kMost;
     DonorChoices best;
 #pragma unroll
-    for (int place = 0; place < kMost; ++place) {
+    for (int slot = 0; slot < kMost; ++slot) {
       double badness = mine.badness[0];
       std::int32_t donor = mine.donor[0];
       for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
@@ -130,8 +130,8 @@ class AssignmentContext {
           donor = other;
         }
       }
-      best.badness[place] = badness;
-      best.donor[place] = donor;
+      best.badness[slot] = badness;
+      best.donor[slot] = donor;
       if (donor < 0 || donor != mine.donor[0]) continue;
         // It was this lane's: its next one comes up.
 #pragma unroll

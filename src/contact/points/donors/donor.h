@@ -98,14 +98,14 @@ struct DonorChoices {
   PALPATE_HOSTDEV void offer(double its_badness, std::int32_t l) {
     if (!(its_badness < badness[kMost - 1])) return;
     // Up from the end, to behind those that are as good.
-    for (int place = kMost - 1; place > 0; --place) {
-      if (!(its_badness < badness[place - 1])) {
-        badness[place] = its_badness;
-        donor[place] = l;
+    for (int slot = kMost - 1; slot > 0; --slot) {
+      if (!(its_badness < badness[slot - 1])) {
+        badness[slot] = its_badness;
+        donor[slot] = l;
         return;
       }
-      badness[place] = badness[place - 1];
-      donor[place] = donor[place - 1];
+      badness[slot] = badness[slot - 1];
+      donor[slot] = donor[slot - 1];
     }
     badness[0] = its_badness;
     donor[0] = l;
