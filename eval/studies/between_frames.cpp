@@ -11,7 +11,7 @@
 namespace palpate::eval {
 namespace {
 
-/// Makes of a moment one surface between the two.
+/// Makes of a blend one surface between the two.
 class PointMixer {
  public:
   static Result<PointMixer> create(const DepthStreamInfo& stream, double max_jump) {
@@ -21,9 +21,9 @@ class PointMixer {
                       max_jump);
   }
   /// The views are valid until the next call.
-  SurfaceBlend mix(const SurfaceBlend& moment, ThreadPool& pool) {
-    if (moment.progress >= 1) return moment;
-    blend_clouds(moment.from.cloud, moment.to.cloud, moment.progress, max_jump_, pool, cloud_);
+  SurfaceBlend mix(const SurfaceBlend& blend, ThreadPool& pool) {
+    if (blend.progress >= 1) return blend;
+    blend_clouds(blend.from.cloud, blend.to.cloud, blend.progress, max_jump_, pool, cloud_);
     field_.update(cloud_.view(), pool);
     return {{}, {cloud_.view(), field_.view()}, 1};
   }
@@ -58,9 +58,9 @@ Result<std::vector<Felt>> feel_one(const Trial& trial, const std::vector<Method>
       work.step();
       is_arrival = next > 0;
     }
-    SurfaceBlend moment = timeline->at(now);
-    if (trial.mixing == Mixing::points) moment = mixer->mix(moment, pool);
-    queries.set_moment(moment);
+    SurfaceBlend blend = timeline->at(now);
+    if (trial.mixing == Mixing::points) blend = mixer->mix(blend, pool);
+    queries.set_blend(blend);
     for (std::size_t m = 0; m < methods.size(); ++m) {
       const ContactOptions& options = methods[m].options;
       const Penetration penetration = queries.query(touch.X_WT(k * kTick), options);

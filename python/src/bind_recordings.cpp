@@ -39,7 +39,7 @@ class Columns {
   void visit(const std::string& name, T& value) {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T>) {
       append(name, static_cast<double>(value));
-    } else if constexpr (std::same_as<T, CameraMoments> || std::same_as<T, BodyPoses>) {
+    } else if constexpr (std::same_as<T, CameraBlends> || std::same_as<T, BodyPoses>) {
       for (std::uint32_t k = 0; k < value.num; ++k) {
         visit(name + "." + std::to_string(k), value.of[k]);
       }

@@ -59,9 +59,9 @@ class Keeper {
 
   RunObserver observer() {
     RunObserver observer;
-    observer.on_moment = [this](const HandMoment& moment) {
-      recorder_->add_moment(moment);
-      tell(&RunObserver::on_moment, moment);
+    observer.on_hand_snapshot = [this](const HandSnapshot& snapshot) {
+      recorder_->add_hand_snapshot(snapshot);
+      tell(&RunObserver::on_hand_snapshot, snapshot);
     };
     observer.on_settings = [this](std::uint32_t revision, const RunSettings& settings) {
       recorder_->add_settings(revision, settings);

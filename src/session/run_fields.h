@@ -183,10 +183,10 @@ void visit_fields(T& contact, auto&& visit) {
   visit("is_valid", contact.is_valid);
 }
 
-template <Of<CameraMoment> T>
-void visit_fields(T& moment, auto&& visit) {
-  visit("camera_frame", moment.camera_frame);
-  visit("progress", moment.progress);
+template <Of<CameraBlend> T>
+void visit_fields(T& blend, auto&& visit) {
+  visit("camera_frame", blend.camera_frame);
+  visit("progress", blend.progress);
 }
 
 template <Of<ContactRecord> T>

@@ -147,11 +147,11 @@ bool RunRecorder::can_begin_here() const {
          });
 }
 
-/// What every part begins with; one that is not the first has its `moment`.
-Status RunRecorder::begin(const HandMoment* moment) {
+/// What every part begins with; one that is not the first has its `snapshot`.
+Status RunRecorder::begin(const HandSnapshot* snapshot) {
   PartStart start;
-  if (moment != nullptr) {
-    std::uint32_t first = std::min(moment->revision, setups_.back().revision);
+  if (snapshot != nullptr) {
+    std::uint32_t first = std::min(snapshot->revision, setups_.back().revision);
     // Contacts and frames may be told after a tick that knew later settings.
     first = std::min({first, frame_revision_, contact_revision_});
     for (const Camera& camera : cameras_) {
@@ -166,7 +166,7 @@ Status RunRecorder::begin(const HandMoment* moment) {
     for (const Camera& camera : cameras_) {
       start.periods.push_back(camera.frames.empty() ? 0 : camera.frames.front().record.period);
     }
-    start.hand = *moment;
+    start.hand = *snapshot;
     write(channels_.part, last_time_, part_message(start));
   }
   for (const RunSetup& setup : setups_) {
@@ -181,7 +181,7 @@ Status RunRecorder::begin(const HandMoment* moment) {
           camera_info_message({last_time_, camera_frame(k)}, setup.streams[k]));
   }
   write(channels_.marker, last_time_, tool_marker_message({last_time_, kToolFrame}, tool_->mesh()));
-  if (moment != nullptr) {
+  if (snapshot != nullptr) {
     for (std::uint32_t k = 0; k < cameras_.size(); ++k) {
       const LeadEstimate& lead = cameras_[k].lead;
       if (!start.has_surfaces || !lead.has_estimate(setups_.front().revision)) continue;
@@ -198,8 +198,8 @@ Status RunRecorder::begin(const HandMoment* moment) {
   return writer_->flush();
 }
 
-/// Another part, whose first tick is the one that the moment names.
-Status RunRecorder::begin_after(const HandMoment& moment) {
+/// Another part, whose first tick is the one that the snapshot names.
+Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
   const fs::path name = part_file(num_parts_ + 1), path = folder() / name;
   const Channels before = channels_;
   auto file = make_file(path);
@@ -212,7 +212,7 @@ Status RunRecorder::begin_after(const HandMoment& moment) {
   std::optional<McapWriter> last = std::exchange(writer_, *std::move(file));
   const auto before_it = std::tuple(paused_at_, next_try_, reason_, news_);
   ++num_parts_;
-  if (const Status begun = begin(&moment); !begun) {
+  if (const Status begun = begin(&snapshot); !begun) {
     writer_ = std::move(last);
     channels_ = before;
     std::tie(paused_at_, next_try_, reason_, news_) = before_it;
@@ -227,9 +227,9 @@ Status RunRecorder::begin_after(const HandMoment& moment) {
   return Done{};
 }
 
-void RunRecorder::add_moment(const HandMoment& moment) {
+void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
   constexpr double kMostReserve = 1 << 30, kShare = 0.02, kLongestPatience = 60,
-                   kTolerance = 0.1;  // moments are not quite a second apart
+                   kTolerance = 0.1;  // snapshots are not quite a second apart
   std::error_code error;
   const fs::space_info space = fs::space(folder(), error);
   const double reserve = options_.reserve_bytes.value_or(
@@ -245,7 +245,7 @@ void RunRecorder::add_moment(const HandMoment& moment) {
     if (time_ < next_try_ || !has_space) return;
     const std::string gap =
         "nothing was recorded from " + at(paused_at_) + " to " + at(time_) + ": " + reason_;
-    if (begin_after(moment)) {
+    if (begin_after(snapshot)) {
       patience_ = 1;
       trouble_ += (trouble_.empty() ? "" : "; ") + gap;
       news_.push_back("the recording goes on");
@@ -262,7 +262,7 @@ void RunRecorder::add_moment(const HandMoment& moment) {
   if (static_cast<double>(writer_->bytes_written()) >= options_.split_bytes ||
       time_ - part_start_ >= longest - kTolerance) {
     // Where that fails, the part that there is goes on.
-    (void)begin_after(moment);
+    (void)begin_after(snapshot);
   }
   remove_old();
 }

@@ -39,7 +39,7 @@ class RunRecorder {
   void add_frame(const FrameRecord& record, const DepthFrame& frame);
   void add_contact(const ContactRecord& contact);
   /// Before the tick that it names: here a part can end and another one begin.
-  void add_moment(const HandMoment& moment);
+  void add_hand_snapshot(const HandSnapshot& snapshot);
   void add_tick(const TickRecord& tick);
   void add_note(std::string_view text);
   /// Of that moment, s, monotonic.
@@ -68,8 +68,8 @@ class RunRecorder {
   RunRecorder(const std::filesystem::path& path, const Tool& tool, const RunSetup& setup,
               bool is_simulated, const RecordingOptions& options);
   Result<McapWriter> make_file(const std::filesystem::path& path);
-  Status begin(const HandMoment* moment);
-  Status begin_after(const HandMoment& moment);
+  Status begin(const HandSnapshot* snapshot);
+  Status begin_after(const HandSnapshot& snapshot);
   void write_frame(const FrameRecord& record, const DepthFrame& frame);
   std::uint64_t wall_time(double time);
   void write(std::uint16_t channel, std::uint64_t time, std::string_view message);

@@ -17,7 +17,7 @@ constexpr double kRounding = 1e-6;       // s; the times of messages are whole n
 
 struct KnownQuery {
   double time = 0;
-  CameraMoments cameras;
+  CameraBlends cameras;
   Pose X_WT;
   std::uint64_t frame_number = 0;
   std::uint32_t revision = 0;

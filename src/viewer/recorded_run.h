@@ -19,7 +19,7 @@ struct RecordedQuery {
   double clock = 0;  ///< the same moment on the clock by which frames were taken
   Pose X_WT;
   std::size_t frame = 0;  ///< index of the newest frame that it was made with
-  CameraMoments cameras;
+  CameraBlends cameras;
   std::vector<Pose> bodies;    ///< of objects that move, X_WB
   std::uint32_t revision = 0;  ///< of the settings
 };

@@ -105,8 +105,8 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     if (!status) return status.error();
   }
   const bool is_as_recorded = run_.settings(query.revision).time.mode == settings.time.mode;
-  if (moments_.num_cameras() != leads.size()) moments_ = CameraViews(leads.size());
-  moments_.clear();
+  if (views_.num_cameras() != leads.size()) views_ = CameraViews(leads.size());
+  views_.clear();
   for (std::size_t k = 0; k < leads.size(); ++k) {
     Camera& camera = cameras_[k];
     std::size_t num_left = leads[k].size();
@@ -128,16 +128,16 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     }
     if (!camera.timeline.status()) return camera.timeline.status().error();
     if (camera.last < 0) continue;  // it had shown nothing yet
-    moments_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
-    if (is_as_recorded) moments_[k].progress = query.cameras.of[k].progress;
-    moments_.remember(camera.timeline.key_frames(), moments_[k].progress);
+    views_[k] = camera.timeline.at(std::max(query.clock, camera.clock));
+    if (is_as_recorded) views_[k].progress = query.cameras.of[k].progress;
+    views_.remember(camera.timeline.key_frames(), views_[k].progress);
   }
   asked_.X_WT = query.X_WT;
   return true;
 }
 
 const Penetration& Repetition::measure() {
-  part_->measure(moments_.all(), false, asked_);
+  part_->measure(views_.all(), false, asked_);
   return asked_.penetration;
 }
 

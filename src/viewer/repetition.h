@@ -26,7 +26,7 @@ class Repetition {
   const Penetration& measure();
   const ContactQuery& query() const { return part_->query(); }
   /// What is measured, of each camera.
-  std::span<const SurfaceBlend> cameras() const { return moments_.all(); }
+  std::span<const SurfaceBlend> cameras() const { return views_.all(); }
   /// The first camera's.
   ViewSurface surface();
 
@@ -69,7 +69,7 @@ class Repetition {
   std::vector<Camera> cameras_;
   RunSettings made_with_;  // the settings of the timelines
   ContactRecord asked_;
-  CameraViews moments_{0};  // of each
+  CameraViews views_{0};  // of each
 };
 
 }  // namespace palpate::inline v0

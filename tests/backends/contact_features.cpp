@@ -313,8 +313,8 @@ void compare_from_depth_image(double allowed) {
   }
   const double now = 1.3 / 30;
   ASSERT_EQ(on_cuda.at(now).to.cloud.gpu, 0);
-  cpu.set_moment(on_cpu.at(now));
-  cuda.set_moment(on_cuda.at(now));
+  cpu.set_blend(on_cpu.at(now));
+  cuda.set_blend(on_cuda.at(now));
   double volume = 0;
   for (const ContactOptions& options : by_each(kAllMethods)) {
     for (const Pose& X_WT : poses(2)) {

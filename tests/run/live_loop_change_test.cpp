@@ -188,9 +188,9 @@ TEST(LiveLoopChange, ContactsAreThoseOfTheirRevision) {
       }
       timeline->push(frame, time, pool);
     }
-    SurfaceBlend moment = timeline->at(1e12);
-    moment.progress = contact.cameras.of[0].progress;
-    query.set_moment(moment);
+    SurfaceBlend blend = timeline->at(1e12);
+    blend.progress = contact.cameras.of[0].progress;
+    query.set_blend(blend);
     const Penetration again = query.query(contact.X_WT, seen.settings[contact.revision].contact);
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
@@ -543,9 +543,9 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
         }
       }
       if (k != picture->frame_number) continue;
-      SurfaceBlend moment = timeline.at(1e12);
-      moment.progress = contact.cameras.of[0].progress;
-      query.set_moment(moment);
+      SurfaceBlend blend = timeline.at(1e12);
+      blend.progress = contact.cameras.of[0].progress;
+      query.set_blend(blend);
       query.query(picture->X_WT, settings.contact);
       const auto states = query.states();
       const auto planes = query.planes();

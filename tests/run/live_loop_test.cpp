@@ -124,9 +124,9 @@ TEST(LiveLoop, TheHandFeelsTheWallAndAllIsRecorded) {
       const auto& [time, frame] = seen.frames[num_pushed];
       timeline.push(frame, num_pushed == 0 ? 0 : time + 1, pool);
     }
-    SurfaceBlend moment = timeline.at(1e9);
-    moment.progress = contact.cameras.of[0].progress;
-    query.set_moment(moment);
+    SurfaceBlend blend = timeline.at(1e9);
+    blend.progress = contact.cameras.of[0].progress;
+    query.set_blend(blend);
     const Penetration again = query.query(contact.X_WT, settings.contact);
     ASSERT_EQ(again.volume, contact.penetration.volume) << contact.number;
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
@@ -166,7 +166,7 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
       timeline.push(frame, time, pool, asked);
       num_small += asked.has_all(640, 480) ? 0 : 1;
     }
-    query.set_moment(timeline.at(1e9));
+    query.set_blend(timeline.at(1e9));
     const Penetration again = query.query(contact.X_WT, settings.contact);
     ASSERT_EQ(again.status, contact.penetration.status);
     ASSERT_EQ(again.volume, contact.penetration.volume);

@@ -254,7 +254,7 @@ Result<RunOutcome> run(const Options& options, const Tool& tool, Camera& camera,
   // A row for each sixtieth of the run, by the time of its ticks.
   std::atomic<double> time = 0;
   RunObserver& observer = view.monitor().observer;
-  observer.on_moment = [&](const HandMoment& moment) {
+  observer.on_hand_snapshot = [&](const HandSnapshot& moment) {
     time = static_cast<double>(moment.tick) / device.info().rate;
   };
   run.keep_going = [&] {

@@ -116,10 +116,10 @@ class HandPart {
             first_tick_);
   }
 
-  HandMoment moment() noexcept {
-    HandMoment moment{num_ticks_, revision_, {}};
-    remember(moment.numbers);
-    return moment;
+  HandSnapshot snapshot() noexcept {
+    HandSnapshot snapshot{num_ticks_, revision_, {}};
+    remember(snapshot.numbers);
+    return snapshot;
   }
 
   bool has_tool() const { return has_tool_; }
@@ -140,12 +140,12 @@ class HandPart {
 };
 
 /// Once a second.
-inline bool is_moment(std::uint64_t num_ticks, double tick_seconds) {
+inline bool is_snapshot_due(std::uint64_t num_ticks, double tick_seconds) {
   const auto period = static_cast<std::uint64_t>(1 / tick_seconds + 0.5);
   return num_ticks > 0 && num_ticks % (period > 0 ? period : 1) == 0;
 }
 
-/// What a query is measured against: a moment of each camera, and after those what the ones that
+/// What a query is measured against: a blend of each camera, and after those what the ones that
 /// move remember, at the progress of its camera.
 class CameraViews {
  public:
@@ -155,7 +155,7 @@ class CameraViews {
   }
   /// No camera shows anything.
   void clear() { views_.assign(num_cameras_, {}); }
-  /// Forgets what cameras remember: for the next moment. No allocation.
+  /// Forgets what cameras remember: for the next query. No allocation.
   void begin() { views_.resize(num_cameras_); }
   SurfaceBlend& operator[](std::size_t camera) { return views_[camera]; }
   const SurfaceBlend& operator[](std::size_t camera) const { return views_[camera]; }
@@ -258,7 +258,7 @@ class Pipeline {
   Status status() const;
 
   /// Of the hand, before the next tick.
-  HandMoment hand_moment() noexcept { return hand_->moment(); }
+  HandSnapshot hand_snapshot() noexcept { return hand_->snapshot(); }
   const ContactRecord& contact() const { return contact_; }
   const ContactQuery& query() const { return contacts_->query(); }
   /// For pictures: of one camera, in its frame.

@@ -216,8 +216,8 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
     has_ended_ = true;
     return {};
   }
-  if (observer_.on_moment && is_moment(report_.num_ticks, 1 / device_.info().rate)) {
-    observer_.on_moment(pipeline_.hand_moment());
+  if (observer_.on_hand_snapshot && is_snapshot_due(report_.num_ticks, 1 / device_.info().rate)) {
+    observer_.on_hand_snapshot(pipeline_.hand_snapshot());
   }
   const double begin = monotonic_now();
   TickRecord& record = newest_.draft();

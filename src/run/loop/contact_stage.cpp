@@ -49,7 +49,7 @@ void ContactStage::stop() noexcept {
 /// Notes speak of the contact thread, which is granted or refused the same.
 void ContactStage::begin_thread() { ask_for_real_time(kPriority); }
 
-void ContactStage::move_tool(const ToolMoment& tool) noexcept { tools_.publish(tool); }
+void ContactStage::move_tool(const TimedToolPose& tool) noexcept { tools_.publish(tool); }
 
 const ContactRecord& ContactStage::newest() noexcept {
   contacts_.refresh();
@@ -104,10 +104,10 @@ void ContactStage::look(double time) {
     const LiveSurfaces& taken = surfaces_.taken(k);
     if (taken.ready_time != view.surfaces.ready_time && taken.revision < awaited) {
       view.surfaces = taken;
-      if (taken.moment.progress < 1)
+      if (taken.blend.progress < 1)
         view.blend.begin(time, last_look_, taken.ready_time, taken.period);
     }
-    cameras_[k] = view.surfaces.moment;
+    cameras_[k] = view.surfaces.blend;
     if (cameras_[k].progress < 1) cameras_[k].progress = view.blend.progress(time);
     cameras_.remember(view.surfaces.key_frames.all(), cameras_[k].progress);
     newest_frame_ = std::max(newest_frame_, view.surfaces.frame_number);
@@ -131,7 +131,7 @@ void ContactStage::take_change() {
   changes_.settle();
 }
 
-void ContactStage::measure(const ToolMoment& tool) {
+void ContactStage::measure(const TimedToolPose& tool) {
   const double begin = monotonic_now();
   look(begin);
   take_change();

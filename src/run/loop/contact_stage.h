@@ -18,7 +18,7 @@
 namespace palpate::inline v0 {
 
 /// Where the tool is.
-struct ToolMoment {
+struct TimedToolPose {
   double time = 0;  ///< s, monotonic
   Pose X_WT;
 };
@@ -53,7 +53,7 @@ class ContactStage {
 
   /// Haptic thread: the tool has moved. The contact thread looks by itself when it expects that:
   /// to wake it would take the haptic thread longer than all that it computes.
-  void move_tool(const ToolMoment& tool) noexcept;
+  void move_tool(const TimedToolPose& tool) noexcept;
   /// Haptic thread: the newest contact; its number is 0 if nothing has been measured yet.
   const ContactRecord& newest() noexcept;
 
@@ -87,7 +87,7 @@ class ContactStage {
   void work();
   double next_look(double now) const;
   bool is_due(double time);
-  void measure(const ToolMoment& tool);
+  void measure(const TimedToolPose& tool);
   void look(double time);
   void take_change();
   void make_picture(const ContactRecord& contact, ContactPicture& picture);
@@ -111,7 +111,7 @@ class ContactStage {
   double next_due_ = 0;
   std::uint32_t revision_ = 0;
 
-  TripleBuffer<ToolMoment> tools_;        // haptic thread to contact thread
+  TripleBuffer<TimedToolPose> tools_;        // haptic thread to contact thread
   TripleBuffer<ContactRecord> contacts_;  // and back
   RecordQueue<ContactRecord> records_;    // to the publishing thread
   std::array<TripleBuffer<ContactPicture>, kNumOnlookers> pictures_;

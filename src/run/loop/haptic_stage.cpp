@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kPriority = 80;
 constexpr std::size_t kNumRecords = 8192;  // eight seconds at 1 kHz
-constexpr std::size_t kNumMoments = 16;
+constexpr std::size_t kNumSnapshots = 16;
 
 std::int64_t nanoseconds(double seconds) { return static_cast<std::int64_t>(1e9 * seconds); }
 
@@ -25,7 +25,7 @@ HapticStage::HapticStage(HandPart hand, SurfaceStage& surfaces, ContactStage& co
       times_(times),
       hand_(std::move(hand)),
       records_(settings.keeps_records ? kNumRecords : 0),
-      moments_(settings.keeps_records ? kNumMoments : 0) {}
+      snapshots_(settings.keeps_records ? kNumSnapshots : 0) {}
 
 Wrench HapticStage::tick(const DeviceState& state) noexcept {
   const TickStart start{monotonic_now(), thread_cpu_now()};
@@ -37,8 +37,8 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
   flags.is_force_asked_for = wants_force_.exchange(false, std::memory_order_acq_rel);
   flags.has_sensor_failed = surfaces_.has_source_failed();
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
-  if (settings_.keeps_records && is_moment(hand_.num_ticks(), settings_.tick_seconds)) {
-    moments_.push(hand_.moment());
+  if (settings_.keeps_records && is_snapshot_due(hand_.num_ticks(), settings_.tick_seconds)) {
+    snapshots_.push(hand_.snapshot());
   }
   TickRecord& record = newest_.draft();
   hand_.tick(state, contacts_.newest(), flags, record);

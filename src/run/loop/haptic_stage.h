@@ -59,7 +59,7 @@ class HapticStage {
   /// Publishing thread; empty unless records are kept.
   RecordQueue<TickRecord>& records() noexcept { return records_; }
   /// Likewise, one a second.
-  RecordQueue<HandMoment>& moments() noexcept { return moments_; }
+  RecordQueue<HandSnapshot>& snapshots() noexcept { return snapshots_; }
 
  private:
   /// When a tick began: by the clock, and by what the thread has computed until then.
@@ -82,7 +82,7 @@ class HapticStage {
   Mailbox<HapticChange> changes_;
   TripleBuffer<TickRecord> newest_;
   RecordQueue<TickRecord> records_;
-  RecordQueue<HandMoment> moments_;
+  RecordQueue<HandSnapshot> snapshots_;
   std::atomic<std::uint64_t> num_ticks_ = 0, num_missed_ = 0;
   std::atomic<Fault> fault_ = Fault::none;
   std::atomic<std::uint32_t> num_faults_ = 0;

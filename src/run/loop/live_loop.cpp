@@ -90,7 +90,7 @@ class LiveLoop final : public RunLoop {
                  static_cast<bool>(observer_.on_ticks)},
                 times_),
         publisher_(observer_, {surfaces_.seen(), contacts_.records(), haptic_.records(),
-                               haptic_.moments(), [this] { return surfaces_.num_frames(); },
+                               haptic_.snapshots(), [this] { return surfaces_.num_frames(); },
                                [this] { return contacts_.num_contacts(); }}) {}
   ~LiveLoop() override { stop(); }
 

@@ -59,9 +59,9 @@ void Publisher::publish_ticks() {
     for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
          tick = ticks.front()) {
       if (!has_published_contact_of(*tick)) break;
-      // Looked for last: a moment is written before its tick, and what is told meanwhile takes
+      // Looked for last: a snapshot is written before its tick, and what is told meanwhile takes
       // time.
-      const HandMoment* const next = records_.moments.front();
+      const HandSnapshot* const next = records_.snapshots.front();
       if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;
       batch_.push_back(*tick);
       ticks.pop();
@@ -79,13 +79,13 @@ bool Publisher::has_published_contact_of(const TickRecord& tick) {
   return next == nullptr || next->number > tick.contact_number;
 }
 
-/// Before the tick of this number. A moment comes before its tick, and may have lost it.
+/// Before the tick of this number. A snapshot comes before its tick, and may have lost it.
 void Publisher::publish_snapshot(std::uint64_t tick) {
-  RecordQueue<HandMoment>& moments = records_.moments;
-  for (const HandMoment* now = moments.front(); now != nullptr && now->tick <= tick;
-       now = moments.front()) {
-    if (now->tick == tick && observer_.on_moment) observer_.on_moment(*now);
-    moments.pop();
+  RecordQueue<HandSnapshot>& snapshots = records_.snapshots;
+  for (const HandSnapshot* now = snapshots.front(); now != nullptr && now->tick <= tick;
+       now = snapshots.front()) {
+    if (now->tick == tick && observer_.on_hand_snapshot) observer_.on_hand_snapshot(*now);
+    snapshots.pop();
   }
 }
 

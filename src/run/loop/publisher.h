@@ -21,7 +21,7 @@ struct LoopRecords {
   RecordQueue<SeenFrame>& frames;
   RecordQueue<ContactRecord>& contacts;
   RecordQueue<TickRecord>& ticks;
-  RecordQueue<HandMoment>& moments;
+  RecordQueue<HandSnapshot>& snapshots;
   std::function<std::uint64_t()> num_frames, num_contacts;
 };
 

@@ -260,9 +260,9 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   // It may pass: another timeline comes by a change.
   backend_failed_.store(!timeline.status(), std::memory_order_release);
   if (!timeline.status()) return;
-  const SurfaceBlend moment = timeline.at(newest.capture_time);
+  const SurfaceBlend blend = timeline.at(newest.capture_time);
   LiveSurfaces& made = camera.surfaces.draft();
-  made.moment = moment;
+  made.blend = blend;
   made.key_frames = timeline.key_frames();
   made.ready_time = end;
   made.capture_time = newest.capture_time;
@@ -283,7 +283,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
     record.unit = newest.frame.unit;
     record.X_WC = newest.frame.X_WC;
     record.surface = stats;
-    record.asked = moment.to.field.asked;
+    record.asked = blend.to.field.asked;
     record.compute_nanoseconds = static_cast<std::int64_t>(1e9 * (end - begin));
     record.period = timeline.period();
     seen_.push();

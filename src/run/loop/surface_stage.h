@@ -42,11 +42,11 @@ class KeyFrameViews {
 
 /// What the contact thread looks at of a camera until it takes the next ones.
 struct LiveSurfaces {
-  SurfaceBlend moment;  ///< progress 1: there is nothing to blend
+  SurfaceBlend blend;  ///< progress 1: there is nothing to blend
   KeyFrameViews key_frames;
   double ready_time = 0, capture_time = 0;  ///< s, monotonic
   double period = 1;                        ///< s, expected until the next ones
-  std::uint64_t frame_number = 0;           ///< FrameRecord::number of `moment.to`
+  std::uint64_t frame_number = 0;           ///< FrameRecord::number of `blend.to`
   std::uint64_t camera_frame = 0;           ///< likewise; `from` is the one before
   std::uint32_t revision = 0;               ///< of the settings it was made with
 };
