@@ -35,13 +35,13 @@ class PageHand final : public PolledDevice {
   Error trouble() const override { return {}; }
 
  private:
-  void take(const PageHandle::News& news, const Pose& X_BH) noexcept;
+  void take(const PageHandle::Update& news, const Pose& X_BH) noexcept;
   void follow(DeviceState& state, double seconds) const noexcept;
   void give_way(DeviceState& state, double seconds) const noexcept;
 
   std::shared_ptr<PageHandle> handle_;
   DeviceInfo info_;
-  PageHandle::News news_;
+  PageHandle::Update update_;
   Pose target_;           // X_BH
   Vec3d shift_;           // from what the page tells to where the handle is
   Quaternion turn_;       // likewise

@@ -22,7 +22,7 @@ Error refused(const char* format, auto... values) {
 }  // namespace
 
 struct PageHandle::Mailbox {
-  TripleBuffer<News> news;
+  TripleBuffer<Update> news;
 };
 
 PageHandle::PageHandle() : mailbox_(std::make_unique<Mailbox>()) {}
@@ -85,13 +85,13 @@ Status PageHandle::check(const Pose& X_BH, double now) const {
       way, turn, kFastest, kFastestTurn);
 }
 
-void PageHandle::let_go(PageNumber page) {
+void PageHandle::release(PageNumber page) {
   if (page == 0 || page != holder_) return;
   holder_ = 0;
   mailbox_->news.publish({grip_, false, last_time_, last_X_BH_});
 }
 
-const PageHandle::News* PageHandle::heard() noexcept {
+const PageHandle::Update* PageHandle::newest() noexcept {
   return mailbox_->news.refresh() ? &mailbox_->news.value() : nullptr;
 }
 

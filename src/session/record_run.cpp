@@ -143,7 +143,7 @@ class Keeper {
       recorder_->add_note(text);
       say(tick.time, text);
     }
-    for (const std::string& text : recorder_->take_news()) say(tick.time, text);
+    for (const std::string& text : recorder_->take_notes()) say(tick.time, text);
   }
   void say(double time, std::string_view text) const {
     if (say_) say_(time, text);

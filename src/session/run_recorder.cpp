@@ -210,12 +210,12 @@ Status RunRecorder::begin_after(const HandSnapshot& snapshot) {
     return file.error();
   }
   std::optional<McapWriter> last = std::exchange(writer_, *std::move(file));
-  const auto before_it = std::tuple(paused_at_, next_try_, reason_, news_);
+  const auto before_it = std::tuple(paused_at_, next_try_, reason_, notes_);
   ++num_parts_;
   if (const Status begun = begin(&snapshot); !begun) {
     writer_ = std::move(last);
     channels_ = before;
-    std::tie(paused_at_, next_try_, reason_, news_) = before_it;
+    std::tie(paused_at_, next_try_, reason_, notes_) = before_it;
     --num_parts_;
     fs::remove(path, ignored);
     return begun;
@@ -248,7 +248,7 @@ void RunRecorder::add_hand_snapshot(const HandSnapshot& snapshot) {
     if (begin_after(snapshot)) {
       patience_ = 1;
       trouble_ += (trouble_.empty() ? "" : "; ") + gap;
-      news_.push_back("the recording goes on");
+      notes_.push_back("the recording goes on");
       add_note(gap);
     } else {
       patience_ = std::min(2 * patience_, kLongestPatience);
@@ -281,7 +281,7 @@ void RunRecorder::pause(const Error& error) {
   if (!parts_.empty()) parts_.back().end = time_;
   paused_at_ = time_;
   next_try_ = time_ + patience_;
-  news_.push_back("the recording pauses: " + reason_);
+  notes_.push_back("the recording pauses: " + reason_);
 }
 
 std::uint64_t RunRecorder::wall_time(double time) {

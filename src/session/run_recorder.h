@@ -50,7 +50,7 @@ class RunRecorder {
   /// What was not recorded and why; else empty.
   const std::string& trouble() const { return trouble_; }
   /// What people should know that has happened since the last call.
-  std::vector<std::string> take_news() { return std::exchange(news_, {}); }
+  std::vector<std::string> take_notes() { return std::exchange(notes_, {}); }
 
  private:
   struct Part {
@@ -112,7 +112,7 @@ class RunRecorder {
   double paused_at_ = 0, next_try_ = 0, patience_ = 1;
   std::string reason_;  // of the pause
   std::string trouble_;
-  std::vector<std::string> news_;
+  std::vector<std::string> notes_;
 };
 
 }  // namespace palpate::inline v0

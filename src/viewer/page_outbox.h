@@ -29,9 +29,9 @@ class PageOutbox {
 
   /// What goes to the page next; null: nothing now.
   ViewMessage next(double now);
-  /// A page that has not drawn for a second, e.g. in a hidden tab, wishes for samples alone: nobody
+  /// A page that has not drawn for a second, e.g. in a hidden tab, subscribes to samples alone: nobody
   /// need make pictures for it.
-  ViewWishes wishes(double now) const;
+  ViewSubscription subscription(double now) const;
 
  private:
   static constexpr std::size_t kMaxAnswers = 16;
@@ -46,8 +46,8 @@ class PageOutbox {
 
   ViewHub& hub_;
   std::uint64_t number_;
-  ViewWishes wishes_;
-  std::uint64_t poll_of_wishes_ = 0;  // pictures come of later polls than this
+  ViewSubscription subscription_;
+  std::uint64_t poll_of_subscription_ = 0;  // pictures come of later polls than this
   std::deque<ViewMessage> answers_;   // and what was got
   std::uint64_t sent_state_ = 0;
 

@@ -36,7 +36,7 @@ class RunPlayer {
   const std::vector<SceneObject>& objects() const { return run_->objects(); }
 
   // For one other thread; none of these waits for a picture.
-  void poll(const ViewWishes& wishes, ViewUpdate& update);
+  void poll(const ViewSubscription& subscription, ViewUpdate& update);
   RunShown shown() const;
   void pause();
   void resume();  ///< at the end: from the beginning
@@ -80,7 +80,7 @@ class RunPlayer {
   Repetition repetition_;
   Last last_;
   std::size_t frame_ = 0;  // the newest one shown now
-  ViewWishes wishes_;
+  ViewSubscription subscription_;
   std::uint32_t taken_seeks_ = 0, seen_seeks_ = 0;
   std::optional<SettingsInUse> used_;
   RunSettings settings_;
@@ -93,10 +93,10 @@ class RunPlayer {
   bool was_looked_at_ = false;
   int num_steps_ = 0;
   std::uint32_t num_seeks_ = 0;
-  ViewWishes wanted_;
+  ViewSubscription wanted_;
   nlohmann::ordered_json changed_ = nlohmann::ordered_json::object();  // {key: value}
   RunShown shown_;
-  ViewUpdate news_;  // `frames` of each camera, null where there is no news
+  ViewUpdate pending_;  // `frames` of each camera, null where there is no news
   SampleQueue samples_;
 
   std::atomic<std::uint32_t> num_orders_ = 0;  // whatever makes a long way to a frame useless

@@ -28,7 +28,7 @@ class RunView final : public ViewSource {
                  shapes_of(player_.objects())} {}
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override { player_.poll(wishes, update); }
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override { player_.poll(subscription, update); }
   std::string state() override;
   std::string controls() override {
     return list_controls(settings_of(player_.shown().settings), is_recorded_control).dump();

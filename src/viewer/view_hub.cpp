@@ -13,7 +13,7 @@ constexpr double kFreshState = 0.02;   // s
 constexpr double kSamplesKept = 2;     // s
 constexpr std::size_t kMaxSamples = 8192;
 
-ViewWishes either(const ViewWishes& a, const ViewWishes& b) {
+ViewSubscription either(const ViewSubscription& a, const ViewSubscription& b) {
   return {a.frames || b.frames, a.contacts || b.contacts, a.surfaces || b.surfaces,
           a.samples || b.samples};
 }
@@ -25,7 +25,7 @@ Status ViewSource::hold(std::uint64_t) {
                "no page can hold this tool: that is for palpate touch ... --device page"};
 }
 Status ViewSource::move(std::uint64_t page, const Pose&) { return hold(page); }
-void ViewSource::let_go(std::uint64_t) {}
+void ViewSource::release(std::uint64_t) {}
 
 ViewHub::ViewHub(ViewSource& source)
     : source_(source),
@@ -38,10 +38,10 @@ ViewHub::ViewHub(ViewSource& source)
 }
 
 void ViewHub::poll(double now) {
-  ViewWishes wishes;
-  for (const PageOutbox* page : pages_) wishes = either(wishes, page->wishes(now));
+  ViewSubscription subscription;
+  for (const PageOutbox* page : pages_) subscription = either(subscription, page->subscription(now));
   ViewUpdate update;
-  source_.poll(wishes, update);
+  source_.poll(subscription, update);
   ++num_polls_;
   take_parts(update);
   take_samples(update.samples, now);
@@ -50,8 +50,8 @@ void ViewHub::poll(double now) {
 
 bool ViewHub::is_wanted(double now) const {
   return std::any_of(pages_.begin(), pages_.end(), [now](const PageOutbox* page) {
-    const ViewWishes wishes = page->wishes(now);
-    return wishes.frames || wishes.contacts || wishes.surfaces || wishes.samples;
+    const ViewSubscription subscription = page->subscription(now);
+    return subscription.frames || subscription.contacts || subscription.surfaces || subscription.samples;
   });
 }
 
@@ -137,7 +137,7 @@ ViewMessage ViewHub::stored(std::string_view what) {
   return {};
 }
 
-ViewHub::Answer ViewHub::obey(const ViewRequest& request, std::string_view text) {
+ViewHub::Answer ViewHub::execute(const ViewRequest& request, std::string_view text) {
   if (!request.error.empty()) return {false, error_text(request.id, request.error)};
   const Result<std::string> said = source_.command(text);
   is_state_old_ = true;
@@ -150,9 +150,9 @@ Status ViewHub::hold(std::uint64_t page) {
   return source_.hold(page);
 }
 
-void ViewHub::let_go(std::uint64_t page) {
+void ViewHub::release(std::uint64_t page) {
   is_state_old_ = true;
-  source_.let_go(page);
+  source_.release(page);
 }
 
 std::uint64_t ViewHub::add(PageOutbox* page) {

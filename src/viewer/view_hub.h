@@ -53,17 +53,17 @@ class ViewHub {
   /// What can be got: spheres, graph, mesh, tree, objects. Null: there is no such thing.
   ViewMessage stored(std::string_view what);
 
-  /// Obeys a command of the source's; the answer for whom it came from.
+  /// Executes a command of the source's; the answer for whom it came from.
   struct Answer {
     bool is_ok = false;
     std::string text;
   };
-  Answer obey(const ViewRequest& request, std::string_view text);
+  Answer execute(const ViewRequest& request, std::string_view text);
 
-  /// A page takes hold of the tool, moves it, lets go of it.
+  /// A page holds, moves and releases the tool.
   Status hold(std::uint64_t page);
   Status move(std::uint64_t page, const Pose& X_WT) { return source_.move(page, X_WT); }
-  void let_go(std::uint64_t page);
+  void release(std::uint64_t page);
 
   /// Returns its number.
   std::uint64_t add(PageOutbox* page);

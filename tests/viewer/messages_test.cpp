@@ -357,7 +357,7 @@ TEST(PageOutbox, EncodesOnceForAllPages) {
   EXPECT_EQ(first.last_text["number"], 1);
 }
 
-TEST(PageOutbox, SendsEachPageWhatItWishesFor) {
+TEST(PageOutbox, SendsEachPageWhatItSubscribesTo) {
   ScriptedSource source;
   source.set_time(1);
   ViewHub hub(source);
@@ -373,11 +373,11 @@ TEST(PageOutbox, SendsEachPageWhatItWishesFor) {
   EXPECT_EQ(all.take(0.1),
             (Names{"hello", "answer", "state", "10", "11", "12", "13", "20", "picture"}));
   EXPECT_EQ(none.take(0.1), (Names{"hello", "state"}));
-  EXPECT_TRUE(source.wishes().frames);
+  EXPECT_TRUE(source.subscription().frames);
   all.send({{"command", "show"}, {"frames", false}, {"surfaces", false}, {"contacts", false}});
   hub.poll(0.2);
-  EXPECT_FALSE(source.wishes().frames);
-  EXPECT_TRUE(source.wishes().samples);
+  EXPECT_FALSE(source.subscription().frames);
+  EXPECT_TRUE(source.subscription().samples);
 }
 
 TEST(PageOutbox, SendsEverySampleOfTheLastTwoSecondsOnce) {
@@ -414,7 +414,7 @@ TEST(PageOutbox, SendsEverySampleOfTheLastTwoSecondsOnce) {
   EXPECT_NEAR(page.last_binary->take<std::uint32_t>(), 2000, 21);
 }
 
-TEST(PageOutbox, APageThatDoesNotDrawWishesForNoPictures) {
+TEST(PageOutbox, APageThatDoesNotDrawGetsNoPictures) {
   ScriptedSource source;
   ViewHub hub(source);
   Outbox page(hub);
@@ -422,13 +422,13 @@ TEST(PageOutbox, APageThatDoesNotDrawWishesForNoPictures) {
   hub.poll(0);
   page.take(0);
   hub.poll(0.5);
-  EXPECT_TRUE(source.wishes().contacts);
+  EXPECT_TRUE(source.subscription().contacts);
   hub.poll(1.5);
-  EXPECT_FALSE(source.wishes().contacts);
-  EXPECT_TRUE(source.wishes().samples);
+  EXPECT_FALSE(source.subscription().contacts);
+  EXPECT_TRUE(source.subscription().samples);
   page.send({{"ack", page.last_picture}});
   hub.poll(1.6);
-  EXPECT_TRUE(source.wishes().contacts);
+  EXPECT_TRUE(source.subscription().contacts);
 }
 
 TEST(PageOutbox, AnswersEveryCommand) {

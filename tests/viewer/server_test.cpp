@@ -636,13 +636,13 @@ class BusySource : public ViewSource {
     inner_.poll({true, true, true, false}, parts_);
   }
   const ViewContent& content() const override { return inner_.content(); }
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override {
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override {
     const double now = monotonic_now();
-    inner_.poll({.samples = wishes.samples}, update);
+    inner_.poll({.samples = subscription.samples}, update);
     if (now >= next_) {
       next_ = std::max(next_ + 1.0 / 30, now);
-      if (wishes.frames) update.frames = parts_.frames;
-      if (wishes.contacts) update.contact = parts_.contact;
+      if (subscription.frames) update.frames = parts_.frames;
+      if (subscription.contacts) update.contact = parts_.contact;
     }
     cpu_seconds = thread_cpu_now();
   }

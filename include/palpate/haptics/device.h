@@ -74,7 +74,7 @@ class SteppedDevice : public HapticDevice {
 using PageNumber = std::uint64_t;
 
 /// Carries poses from a page to the device. One page holds the handle at a time. All calls except
-/// heard() come from one thread; nobody waits for it, and it never waits. Times: s, monotonic.
+/// newest() come from one thread; nobody waits for it, and it never waits. Times: s, monotonic.
 class PageHandle {
  public:
   static constexpr double kFastest = 3;       ///< m/s, limit for the poses of a page
@@ -86,7 +86,7 @@ class PageHandle {
   static constexpr double kPatience = 5;
 
   /// Update for the device.
-  struct News {
+  struct Update {
     std::uint64_t grip = 0;  ///< counter: the first pose of each grip is a reference
     bool is_held = false;
     double time = 0;  ///< s, when the pose arrived
@@ -105,14 +105,14 @@ class PageHandle {
   /// The next pose is again the reference for the current pose of the handle.
   void grip_anew() { ++grip_; }
   /// No effect if `page` does not hold it.
-  void let_go(PageNumber page);
+  void release(PageNumber page);
 
   bool is_held() const { return holder_ != 0; }
   /// The limits of a device that is only displayed: soft enough to see the spring.
   static DeviceLimits limits();
 
   /// Device's thread: the newest update, or null if there is none. Valid until the next call.
-  const News* heard() noexcept;
+  const Update* newest() noexcept;
 
  private:
   struct Mailbox;

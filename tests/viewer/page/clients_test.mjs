@@ -11,9 +11,9 @@ async function barePage(served) {
   return page;
 }
 
-/// Opens a socket in `page` that wants `wishes`, and counts what comes. It acknowledges pictures
+/// Opens a socket in `page` that wants `subscription`, and counts what comes. It acknowledges pictures
 /// only if told to.
-const listen = (page, served, wishes, acknowledges) => page.evaluate(
+const listen = (page, served, subscription, acknowledges) => page.evaluate(
   async ([address, show, acks]) => {
     const socket = new WebSocket(address);
     socket.binaryType = 'arraybuffer';
@@ -37,11 +37,11 @@ const listen = (page, served, wishes, acknowledges) => page.evaluate(
     await new Promise((resolve, reject) => { socket.onopen = resolve; socket.onerror = reject; });
     socket.send(JSON.stringify({ id: 1, command: 'show', ...show }));
     return counts.length - 1;
-  }, [served.address('/ws', 'ws:'), wishes, acknowledges]);
+  }, [served.address('/ws', 'ws:'), subscription, acknowledges]);
 
 const counts = (page, number) => page.evaluate((i) => window.counts[i], number);
 
-pageTest('pages with different wishes both go on', async () => {
+pageTest('pages with different subscriptions both continue', async () => {
   const served = await Served.start(oneSphere);
   await served.apply(lively);
   const page = await openPage(served.url);
@@ -63,8 +63,8 @@ pageTest('a page that never acknowledges gets one picture and stops nobody', asy
   await served.apply(busyNow);
   const page = await openPage(served.url);
   const bare = await barePage(served);
-  const wishes = { frames: true, contacts: true, surfaces: true, samples: true };
-  const slow = await listen(bare, served, wishes, false);
+  const subscription = { frames: true, contacts: true, surfaces: true, samples: true };
+  const slow = await listen(bare, served, subscription, false);
   await until('its first picture', async () => (await counts(bare, slow)).pictures === 1);
   const { bytes } = await counts(bare, slow);
   await drawn(page, 10);

@@ -33,7 +33,7 @@ class ScriptedWorld : public ViewSource {
   void apply(const Json& change);
 
   const ViewContent& content() const override { return content_; }
-  void poll(const ViewWishes& wishes, ViewUpdate& update) override;
+  void poll(const ViewSubscription& subscription, ViewUpdate& update) override;
   std::string state() override;
   std::string controls() override;
   Result<std::string> command(std::string_view json) override;
