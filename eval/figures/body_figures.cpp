@@ -111,7 +111,7 @@ Push push_of(const Tool& tool, const Tool& block, BodyMethod method, int num_pla
   Push push;
   std::array<double, kDepths.size()> exact{};
   double squares = 0, force = 0, volume = 0;
-  int num_felt = 0;
+  int num_with_force = 0;
   for (int place = 0; place < num_places; ++place) {
     const Quaternion turned = random.rotation(kPi);
     const double x = random.uniform(-kAside, kAside), y = random.uniform(-kAside, kAside);
@@ -129,12 +129,12 @@ Push push_of(const Tool& tool, const Tool& block, BodyMethod method, int num_pla
       if (d >= kNumFaceOn || f == Vec3d{}) continue;
       const double off = std::atan2(std::hypot(f.x, f.y), -f.z) * 180 / kPi;
       squares += off * off;
-      ++num_felt;
+      ++num_with_force;
       push.direction_most = std::max(push.direction_most, off);
     }
   }
   for (std::size_t d = 0; d < kDepths.size(); ++d) push.share[d] /= exact[d];
-  push.direction = std::sqrt(squares / num_felt);
+  push.direction = std::sqrt(squares / num_with_force);
   push.strength = force / volume;
   return push;
 }

@@ -61,7 +61,7 @@ Share exact_share(const Probe& probe, const Pose& X_WB, double half_size) {
           exact.measure_C_W.torque / (mesh * probe.radius)};
 }
 
-Share felt_share(const Probe& probe, const SurfaceView& surface) {
+Share contact_share(const Probe& probe, const SurfaceView& surface) {
   MethodQueries queries(Backend::cpu, *probe.tool);
   const ContactOptions options;
   const SurfaceBlend view{surface, surface, 1};
@@ -84,12 +84,12 @@ struct Errors {
   double lost() const { return 100.0 * num_lost / num; }
 };
 
-Errors errors_of(const Shares& felt, const Shares& truth) {
+Errors errors_of(const Shares& measured, const Shares& truth) {
   Errors errors;
-  errors.volume_by_frame.resize(felt.front().size());
-  for (std::size_t p = 0; p < felt.size(); ++p) {
-    for (std::size_t f = 0; f < felt[p].size(); ++f) {
-      const Share &is = felt[p][f], &ought = truth[p][f];
+  errors.volume_by_frame.resize(measured.front().size());
+  for (std::size_t p = 0; p < measured.size(); ++p) {
+    for (std::size_t f = 0; f < measured[p].size(); ++f) {
+      const Share &is = measured[p][f], &ought = truth[p][f];
       const double error = 100 * (is.volume - ought.volume);
       errors.volume.push_back(std::abs(error));
       errors.volume_by_frame[f].push_back(std::abs(error));
@@ -165,9 +165,9 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
     for (std::size_t p = 0; p < num_probes; ++p) {
       const Probe& probe = (*probes)[p];
       surface.X_WC = f.frame.X_WC;
-      tracked[p].push_back(felt_share(probe, surface));
+      tracked[p].push_back(contact_share(probe, surface));
       surface.X_WC = cube.X_WB * inverse(f.X_CB);
-      registered[p].push_back(felt_share(probe, surface));
+      registered[p].push_back(contact_share(probe, surface));
       shown[p].push_back(exact_share(probe, X_WB_shown, cube.half_size));
       truth[p].push_back(exact_share(probe, cube.X_WB, cube.half_size));
     }

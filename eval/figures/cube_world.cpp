@@ -56,11 +56,11 @@ Pressed press(const std::vector<CubeFrame>& frames, const std::vector<SeenFrame>
     const SurfaceBlend view{
         surface_of(frame), surface_of(frame + 1),
         blended ? static_cast<double>(moment % kMomentsPerFrame) / kMomentsPerFrame : 1};
-    const Penetration felt = query.measure({&view, 1}, X_WT).penetration;
-    const double error = felt.volume / whole - exact.volume / mesh;
+    const Penetration measured = query.measure({&view, 1}, X_WT).penetration;
+    const double error = measured.volume / whole - exact.volume / mesh;
     pressed.volume_squares += error * error;
     ++pressed.num;
-    const Vec3d force = felt.measure_W.force, truth = exact.measure_C_W.force;
+    const Vec3d force = measured.measure_W.force, truth = exact.measure_C_W.force;
     if (exact.volume / mesh < kLeastShare || force == Vec3d{}) continue;
     const double angle = std::atan2(norm(cross(force, truth)), dot(force, truth));
     pressed.direction_squares += angle * angle;

@@ -75,7 +75,7 @@ PointErrors point_errors(const FlatFrame& f) {
 }
 
 /// Of one method in one frame.
-struct Felt {
+struct MethodErrors {
   double off = 0, shake = 0, direction = 0;  ///< sums of squares: mm, mm, degrees
   double num = 0, num_pairs = 0, num_lost = 0;
   double rms() const { return std::sqrt(off / std::max(1.0, num)); }
@@ -92,28 +92,28 @@ struct Height {
   double above = 0;  ///< the plane, m
   Vec3d force;
 };
-std::optional<Height> felt_height(MethodQueries& query, const Tool& tool,
+std::optional<Height> contact_height(MethodQueries& query, const Tool& tool,
                                   const Plane<double>& plane, const Vec3d& place,
                                   const ContactOptions& options) {
   constexpr double kStep = 0.001;
   constexpr int kHalvings = 8;
   const double half = full_volume(tool, options) / 2;
   Penetration at;
-  const auto is_felt = [&](double above) {
+  const auto is_in_contact = [&](double above) {
     at = query.query({place + above * plane.normal, kTurned}, options);
     return at.volume >= half;
   };
   double above = kReach;
-  while (!is_felt(above)) {
+  while (!is_in_contact(above)) {
     above -= kStep;
     if (above < -kReach) return std::nullopt;
   }
   double low = above, high = above + kStep;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;
-    (is_felt(middle) ? low : high) = middle;
+    (is_in_contact(middle) ? low : high) = middle;
   }
-  is_felt(low);
+  is_in_contact(low);
   return Height{(low + high) / 2, at.measure_W.force};
 }
 
@@ -139,7 +139,7 @@ Result<FigureResult> planes(Context& context) {
   if (!tool) return tool.error();
   const auto methods = all_methods_alike();
   const std::size_t most = context.choose<std::size_t>(150, 20);
-  std::vector<std::vector<Felt>> felt(frames->size(), std::vector<Felt>(methods.size()));
+  std::vector<std::vector<MethodErrors>> errors(frames->size(), std::vector<MethodErrors>(methods.size()));
   run_tasks(
       context, static_cast<int>(frames->size()), static_cast<double>(frames->size()),
       [&](int task, Work& work) {
@@ -150,11 +150,11 @@ Result<FigureResult> planes(Context& context) {
         const auto places = f.region.places(f.stream, std::min(3, f.region.most_within()));
         const Vec3d beside = kBeside * normalized(cross(f.region.plane_C.normal, {0, 1, 0.2}));
         for (std::size_t m = 0; m < methods.size(); ++m) {
-          Felt& sum = felt[i][m];
+          MethodErrors& sum = errors[i][m];
           for (std::size_t p = 0; p < std::min(most, places.size()); ++p) {
             const Vec3d& place = places[p * places.size() / std::min(most, places.size())];
             const auto at = [&](const Vec3d& where) {
-              return felt_height(*query, **tool, f.region.plane_C, where, methods[m].options);
+              return contact_height(*query, **tool, f.region.plane_C, where, methods[m].options);
             };
             const auto here = at(place), there = at(place + beside);
             ++sum.num;
@@ -183,7 +183,7 @@ Result<FigureResult> planes(Context& context) {
   for (const Method& method : methods) by_frame.columns.emplace_back(method.name);
   // Of the distances of a frame's own points: frames at 0.4 and 3 m count alike.
   std::vector<std::vector<double>> off(methods.size()), shake(methods.size());
-  std::vector<Felt> all(methods.size());
+  std::vector<MethodErrors> all(methods.size());
   for (std::size_t i = 0; i < frames->size(); ++i) {
     const FlatFrame& f = (*frames)[i];
     const PointErrors points = point_errors(f);
@@ -193,7 +193,7 @@ Result<FigureResult> planes(Context& context) {
     result.numbers.push_back({f.name + ".points.rms", points.rms, "mm"});
     std::vector<std::string> cells{f.name};
     for (std::size_t m = 0; m < methods.size(); ++m) {
-      const Felt& one = felt[i][m];
+      const MethodErrors& one = errors[i][m];
       cells.push_back(words("%.2f / %.2f", one.rms(), one.shake_rms()));
       off[m].push_back(one.rms() / points.rms), shake[m].push_back(one.shake_rms() / points.rms);
       result.numbers.push_back({f.name + "." + methods[m].name + ".off", one.rms(), "mm"});
@@ -228,7 +228,7 @@ Result<FigureResult> planes(Context& context) {
   for (std::size_t m = 0; m < methods.size(); ++m) {
     Curve curve{methods[m].name, methods[m].name, {}, {}};
     for (std::size_t i = 0; i < frames->size(); ++i) {
-      curve.x.push_back(static_cast<double>(i)), curve.y.push_back(felt[i][m].rms());
+      curve.x.push_back(static_cast<double>(i)), curve.y.push_back(errors[i][m].rms());
     }
     plot.curves.push_back(std::move(curve));
   }
@@ -255,7 +255,7 @@ Result<FigureResult> planes(Context& context) {
                                  calm[kNumOthers], best(calm)),
                            is_better(calm[kNumOthers], best(calm)), Source::ours});
   std::vector<double> askew;
-  for (const Felt& sum : all) askew.push_back(sum.direction_rms());
+  for (const MethodErrors& sum : all) askew.push_back(sum.direction_rms());
   result.claims.push_back({kStraighter,
                            words("%.2f° rms against %.2f, where the probe is half inside.",
                                  askew[kNumOthers], best(askew)),

@@ -192,7 +192,7 @@ Result<Seen> see(Context& context, bool has_noise) {
 }
 
 /// What the tool feels at all probes with the cameras said to be here.
-std::vector<Share> feel(const Seen& seen, std::span<const Pose> X_WC, const Tool& tool,
+std::vector<Share> measure_probes(const Seen& seen, std::span<const Pose> X_WC, const Tool& tool,
                         const std::vector<Probe>& probes) {
   const ContactOptions options;
   const auto query =
@@ -203,12 +203,12 @@ std::vector<Share> feel(const Seen& seen, std::span<const Pose> X_WC, const Tool
     surface.X_WC = X_WC[k];
     cameras.push_back({surface, surface, 1});
   }
-  std::vector<Share> felt;
+  std::vector<Share> measured;
   for (const Probe& probe : probes) {
     const Penetration at = query->measure(cameras, probe.X_WT).penetration;
-    felt.push_back({at.volume / full_volume(tool, options), at.measure_W.force});
+    measured.push_back({at.volume / full_volume(tool, options), at.measure_W.force});
   }
-  return felt;
+  return measured;
 }
 
 /// One way of being wrong, and what comes of it.
@@ -238,16 +238,16 @@ struct ContactError {
   double volume_squares = 0, worst = 0, direction_squares = 0;
   int num = 0, num_directions = 0;
 
-  void add(const std::vector<Probe>& probes, const std::vector<Share>& felt) {
+  void add(const std::vector<Probe>& probes, const std::vector<Share>& measured) {
     for (std::size_t i = 0; i < probes.size(); ++i) {
       if (i % std::size(kDistances) < kNumFree) continue;
       const Share& exact = probes[i].exact;
-      const double error = felt[i].volume - exact.volume;
+      const double error = measured[i].volume - exact.volume;
       volume_squares += error * error, ++num;
       worst = std::max(worst, 100 * std::abs(error));
-      if (exact.volume < kLeastShare || felt[i].force == Vec3d{}) continue;
+      if (exact.volume < kLeastShare || measured[i].force == Vec3d{}) continue;
       const double angle =
-          std::atan2(norm(cross(felt[i].force, exact.force)), dot(felt[i].force, exact.force));
+          std::atan2(norm(cross(measured[i].force, exact.force)), dot(measured[i].force, exact.force));
       direction_squares += angle * angle, ++num_directions;
     }
   }
@@ -269,7 +269,7 @@ Result<Study> study(Context& context, bool has_noise, const Tool& tool,
   if (!seen) return seen.error();
   const auto truth = camera_poses();
   Study result;
-  result.truly_placed = feel(*seen, truth, tool, probes);
+  result.truly_placed = measure_probes(*seen, truth, tool, probes);
   result.draws.resize(context.choose<std::size_t>(20, 4));
   Random random(35);
   for (Draw& draw : result.draws) {
@@ -282,17 +282,17 @@ Result<Study> study(Context& context, bool has_noise, const Tool& tool,
             static_cast<double>(result.draws.size()), [&](int task, Work& work) {
               Draw& draw = result.draws[static_cast<std::size_t>(task)];
               const Pose said[] = {truth[0], draw.X_WC};
-              draw.wrong = feel(*seen, said, tool, probes);
+              draw.wrong = measure_probes(*seen, said, tool, probes);
               const Pose displaced = draw.X_WC * inverse(truth[1]);
               const Pose together[] = {displaced * truth[0], draw.X_WC};
-              draw.together = feel(*seen, together, tool, probes);
+              draw.together = measure_probes(*seen, together, tool, probes);
               for (const Probe& probe : probes) {
                 draw.displaced.push_back(exact_volume_share(tool, probe.X_WT, displaced));
               }
               const auto aligned = align_views(clouds, said, names);
               if (aligned) {
                 draw.refined = aligned->X_WC[1];
-                draw.calibrated = feel(*seen, aligned->X_WC, tool, probes);
+                draw.calibrated = measure_probes(*seen, aligned->X_WC, tool, probes);
               }
               work.step();
             });

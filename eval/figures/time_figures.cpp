@@ -29,9 +29,9 @@ Steps steps_of(const std::vector<double>& force, const std::vector<bool>& is_arr
 }
 
 /// Against z, % of the whole tool's.
-std::vector<double> lifting(const Felt& felt) {
+std::vector<double> lifting(const ForceSeries& series) {
   std::vector<double> force;
-  for (const Vec3d& f : felt.force) force.push_back(-100 * f.z);
+  for (const Vec3d& f : series.force) force.push_back(-100 * f.z);
   return force;
 }
 
@@ -73,15 +73,15 @@ Result<FigureResult> moving(Context& context, const char* title, const Touch& to
     time.mode = mode.mode;
     trials.push_back({&touch, time});
   }
-  const auto all = feel(context, trials, methods);
+  const auto all = measure_trials(context, trials, methods);
   if (!all) return all.error();
   for (std::size_t m = 0; m < methods.size(); ++m) {
     const Method& method = methods[m];
     for (std::size_t i = 0; i < trials.size(); ++i) {
       const Mode& mode = modes[i];
-      const Felt& felt = (*all)[i][m];
-      const std::vector<double> force = lifting(felt);
-      const Steps steps = steps_of(force, felt.is_arrival);
+      const ForceSeries& series = (*all)[i][m];
+      const std::vector<double> force = lifting(series);
+      const Steps steps = steps_of(force, series.is_arrival);
       table.rows.push_back(
           {method.name, mode.name, words("%.3f", steps.arrival), words("%.3f", steps.other)});
       result.numbers.push_back(

@@ -112,14 +112,14 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   // As large as the tool is in the hand. What the hand does not feel needs no limit: only the tool
   // hangs on it.
   const double radius = radius_of_gyration(tool) / o.motion_scale;
-  const bool is_felt = limits.max_torque > 0;
+  const bool has_torque = limits.max_torque > 0;
   const Axis turn{o.tool_mass * radius * radius,
                   limits.angular_damping,
-                  is_felt ? limits.max_angular_stiffness : 0,
+                  has_torque ? limits.max_angular_stiffness : 0,
                   0,
                   o.damping_ratio,
                   tick_seconds};
-  if (is_felt || o.angular_stiffness == 0) {
+  if (has_torque || o.angular_stiffness == 0) {
     settle(turn, "angular coupling stiffness", "N m/rad", o.stiffness * radius * radius,
            o.angular_stiffness, checked.warnings);
   }

@@ -228,11 +228,11 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.is_force_asked_for = flags.is_force_asked_for;
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
-  if (!coupling_->is_felt()) return end_unfelt(record);
+  if (!coupling_->drives_device()) return end_without_force(record);
   if (is_stopping_) safety_.stop();
-  const Wrench& felt = record.step.contact_W;
+  const Wrench& contact_W = record.step.contact_W;
   const bool is_free = known.contact.is_valid && known.penetration.volume == 0 &&
-                       felt.force == Vec3d{} && felt.torque == Vec3d{};
+                       contact_W.force == Vec3d{} && contact_W.torque == Vec3d{};
   record.F_H_B =
       safety_.filter(record.step.F_H_B, {state.time, state, record.contact_age, record.sensor_age,
                                          flags.has_backend_failed, flags.has_sensor_failed,
@@ -241,27 +241,27 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
 }
 
 /// Nobody can be hurt: what the tool meets is told whenever it is measured.
-void HandPart::end_unfelt(TickRecord& record) noexcept {
+void HandPart::end_without_force(TickRecord& record) noexcept {
   const Fault fault = record.is_stopping          ? Fault::stopped
                       : record.has_sensor_failed  ? Fault::sensor
                       : record.has_backend_failed ? Fault::backend
                                                   : Fault::none;
-  if (fault != Fault::none && unfelt_.fault == Fault::none) {
-    unfelt_.fault_time = record.device.time;
-    ++unfelt_.num_faults;
+  if (fault != Fault::none && status_without_force_.fault == Fault::none) {
+    status_without_force_.fault_time = record.device.time;
+    ++status_without_force_.num_faults;
   }
-  unfelt_.fault = fault;
-  unfelt_.state = fault == Fault::none ? ForceState::engaged
+  status_without_force_.fault = fault;
+  status_without_force_.state = fault == Fault::none ? ForceState::engaged
                   : is_lasting(fault)  ? ForceState::ended
                                        : ForceState::off;
-  unfelt_.gain = unfelt_.is_engaged() ? 1 : 0;
+  status_without_force_.gain = status_without_force_.is_engaged() ? 1 : 0;
   if (record.has_backend_failed) {
     record.step.contact_W = {};
     record.penetration = record.objects = {};
     record.penetration.status = StepStatus::backend_failed;
   }
   record.F_H_B = {};
-  record.safety = unfelt_;
+  record.safety = status_without_force_;
 }
 
 void HandPart::change(std::uint32_t revision, std::unique_ptr<Coupling>& coupling) noexcept {

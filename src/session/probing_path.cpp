@@ -8,7 +8,7 @@
 
 #include "src/session/coarse_depth.h"
 #include "src/session/lead_end.h"
-#include "src/session/probing_feeler.h"
+#include "src/session/probing_depths.h"
 #include "src/session/probing_motion.h"
 
 namespace palpate::inline v0 {
@@ -248,7 +248,7 @@ Result<ProbingPath> probing_path(const OpenDepthSource& open, const Tool& tool,
 
   stream = open();
   if (!stream) return stream.error();
-  const auto depths = feel_stream(**stream, tool, motion, end);
+  const auto depths = probe_stream(**stream, tool, motion, end);
   if (!depths) return depths.error();
   const Plan moves = plan(motion, *depths, end);
 

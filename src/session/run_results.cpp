@@ -198,12 +198,12 @@ void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_ = tick;
   for (auto& [recent, deepest] : cameras_) {
     // The newest one up to that which the tick names, which is one of the cameras'.
-    const SeenFrame* felt = nullptr;
+    const SeenFrame* used = nullptr;
     for (const SeenFrame& seen : recent) {
-      if (seen.number <= tick.frame_number) felt = &seen;
+      if (seen.number <= tick.frame_number) used = &seen;
     }
     const bool is_known = !deepest.frame.pixels.empty();
-    if (felt != nullptr && !(is_known && deepest.number == felt->number)) deepest = *felt;
+    if (used != nullptr && !(is_known && deepest.number == used->number)) deepest = *used;
   }
 }
 

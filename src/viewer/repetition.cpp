@@ -60,8 +60,8 @@ std::vector<Repetition::Lead> Repetition::leads_of(const RecordedQuery& query, i
 }
 
 /// Whether the timelines come to these frames by the next ones of each camera, and have all of the
-/// last `num_felt` of them.
-bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_felt) {
+/// last `num_used` of them.
+bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_used) {
   if (cameras_.empty()) return false;
   for (std::size_t k = 0; k < cameras_.size(); ++k) {
     const Camera& camera = cameras_[k];
@@ -70,8 +70,8 @@ bool Repetition::goes_on_to(const std::vector<Lead>& leads, std::size_t num_felt
     const std::int64_t first = run_.camera_frame(leads[k].front()).second;
     const std::int64_t last = run_.camera_frame(leads[k].back()).second;
     if (camera.first > first || camera.last > last || camera.last + 1 < first) return false;
-    const std::size_t felt = leads[k].size() - std::min(leads[k].size(), num_felt);
-    if (run_.camera_frame(leads[k][felt]).second <= camera.unfelt) return false;
+    const std::size_t first_used = leads[k].size() - std::min(leads[k].size(), num_used);
+    if (run_.camera_frame(leads[k][first_used]).second <= camera.unused) return false;
   }
   return true;
 }
@@ -98,8 +98,8 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     if (const Status status = make_part(settings); !status) return status.error();
   }
   const std::vector<Lead> leads = leads_of(query, num_lead_frames(settings.time));
-  const std::size_t num_felt = 1 + static_cast<std::size_t>(num_blended_frames(settings.time));
-  if (!makes_same_surfaces(settings, made_with_) || !goes_on_to(leads, num_felt)) {
+  const std::size_t num_used = 1 + static_cast<std::size_t>(num_blended_frames(settings.time));
+  if (!makes_same_surfaces(settings, made_with_) || !goes_on_to(leads, num_used)) {
     made_with_ = settings;
     const Status status = prepare(leads, settings);
     if (!status) return status.error();
@@ -112,8 +112,8 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     std::size_t num_left = leads[k].size();
     for (const std::size_t index : leads[k]) {
       // Of those before only what averages take from them matters.
-      const bool is_felt = num_left-- <= num_felt;
-      const PixelWindow asked = is_felt ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
+      const bool is_used = num_left-- <= num_used;
+      const PixelWindow asked = is_used ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
       const std::int64_t number = run_.camera_frame(index).second;
       if (number <= camera.last) continue;
       if (!keep_going()) return false;
@@ -123,7 +123,7 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
       camera.timeline.push((*frame)->shown.frame, camera.clock, pool_, asked);
       if (camera.first < 0) camera.first = number;
       camera.last = number;
-      if (!is_felt) camera.unfelt = number;
+      if (!is_used) camera.unused = number;
       camera.index = index;
     }
     if (!camera.timeline.status()) return camera.timeline.status().error();

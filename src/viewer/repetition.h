@@ -45,7 +45,7 @@ class Repetition {
   const std::string& note() const { return note_; }
 
  private:
-  bool goes_on_to(const std::vector<Lead>& leads, std::size_t num_felt);
+  bool goes_on_to(const std::vector<Lead>& leads, std::size_t num_used);
   Status prepare(const std::vector<Lead>& leads, const RunSettings& settings);
   Status make_part(RunSettings settings);
 
@@ -62,7 +62,7 @@ class Repetition {
   struct Camera {
     SurfaceTimeline timeline;
     std::int64_t first = -1, last = -1;  // camera_frame: pushed from, until; -1: none
-    std::int64_t unfelt = -1;            // likewise: the last one of which little was asked for
+    std::int64_t unused = -1;            // likewise: the last one of which little was asked for
     double clock = 0;                    // of the last one
     std::size_t index = 0;               // likewise
   };

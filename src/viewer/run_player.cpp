@@ -188,7 +188,7 @@ double RunPlayer::advance() {
     const auto last = static_cast<std::ptrdiff_t>(run_->num_frames()) - 1;
     const auto target =
         std::clamp<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(frame_) + num_steps, 0, last);
-    stepped_to = run_->felt_from(static_cast<std::size_t>(target));
+    stepped_to = run_->needed_from(static_cast<std::size_t>(target));
   }
   const std::lock_guard lock(mutex_);
   shown_.duration = duration;

@@ -158,7 +158,7 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
       SurfaceTimeline::create(source.info(), settings.surface, settings.field, settings.time)
           .value();
   eval::MethodQueries query(Backend::cpu, box_tool());
-  std::size_t num_pushed = 0, num_outside = 0, num_felt = 0, num_small = 0;
+  std::size_t num_pushed = 0, num_outside = 0, num_with_force = 0, num_small = 0;
   for (const ContactRecord& contact : seen.contacts) {
     for (; num_pushed <= contact.frame_number; ++num_pushed) {
       const auto& [time, frame] = seen.frames[num_pushed];
@@ -173,11 +173,11 @@ TEST(LiveLoop, AToolThatLeavesTheWindowIsReportedAndRepeated) {
     ASSERT_EQ(again.measure_W.force.z, contact.penetration.measure_W.force.z);
     const bool is_outside = again.status.has(StepStatus::outside_window);
     num_outside += is_outside;
-    num_felt += again.volume > 0;
+    num_with_force += again.volume > 0;
     EXPECT_EQ(again.status.is_unmeasured(), is_outside);
   }
   EXPECT_GT(num_outside, 10u);
-  EXPECT_GT(num_felt, 10u);
+  EXPECT_GT(num_with_force, 10u);
   EXPECT_GT(num_small, 10u);
   bool has_note = false;
   for (const std::string& note : report.notes) {
@@ -199,14 +199,14 @@ TEST(LiveLoop, TheStiffnessIsLeftOutOnlyForWantOfTime) {
   ASSERT_TRUE((*loop)->start());
   EXPECT_TRUE(wait_for([&] { return (*loop)->report().num_contacts > 80; }));
   (*loop)->stop();
-  std::size_t num_felt = 0, num_new = 0;
+  std::size_t num_with_force = 0, num_new = 0;
   for (const ContactRecord& contact : seen.contacts) {
-    num_felt += contact.penetration.volume > 0;
+    num_with_force += contact.penetration.volume > 0;
     num_new += contact.penetration.volume > 0 && contact.has_new_stiffness;
   }
-  EXPECT_GT(num_felt, 30u);
-  EXPECT_GT(num_new, num_felt / 4);
-  EXPECT_EQ((*loop)->report().num_spared_stiffnesses, num_felt - num_new);
+  EXPECT_GT(num_with_force, 30u);
+  EXPECT_GT(num_new, num_with_force / 4);
+  EXPECT_EQ((*loop)->report().num_spared_stiffnesses, num_with_force - num_new);
 }
 
 TEST(LiveLoop, NothingIsAllocatedWhileItRuns) {

@@ -759,7 +759,7 @@ TEST_F(LiveRunTest, EveryQueryIsFoundAndRepeated) {
     ASSERT_GT((*samples)[i].time, (*samples)[i - 1].time);
   }
   for (std::size_t i = 0; i < (*run)->num_frames(); ++i) {
-    const auto query = (*run)->query_at((*run)->felt_from(i));
+    const auto query = (*run)->query_at((*run)->needed_from(i));
     ASSERT_TRUE(query);
     // The last ones may have come too late to be felt.
     if ((*run)->frame_number(i) <= contacts.back().frame_number) {

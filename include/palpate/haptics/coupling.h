@@ -185,7 +185,7 @@ class Coupling {
   /// Saves or restores the complete state, for another coupling with the same options.
   virtual void remember(StateNumbers& numbers) noexcept = 0;
   /// True if the device gets a wrench at all.
-  virtual bool is_felt() const noexcept { return true; }
+  virtual bool drives_device() const noexcept { return true; }
 };
 
 /// Pose of a tool without coupling; with an unusable state, the tool is at the base.

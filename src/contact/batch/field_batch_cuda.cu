@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 
 // The argument of the kernel.
 struct BatchJob {
-  FeltTool tool;
+  FieldTool tool;
   Vec3d p_TC;
   const Pose* X_WT = nullptr;
   const std::int32_t* surface_of_pose = nullptr;
@@ -234,13 +234,13 @@ FieldBatchCuda::FieldBatchCuda(std::shared_ptr<const ToolIndex> index, const Fie
       gpu_(gpu),
       most_staged_(most_staged),
       memory_(gpu),
-      felt_tool_(felt_tool(*index_, method.volumes, memory_)),
+      field_tool_(make_field_tool(*index_, method.volumes, memory_)),
       p_TC_(index_->tool().sphere_mass().centre_of_mass),
       own_stream_(gpu, gpu::Priority::low),
       caller_stream_(gpu),
       table_(std::make_unique<Table>()) {
   // Fewer warps share less between them, more of them are done sooner.
-  const int num_clusters = felt_tool_.elements.num_clusters;
+  const int num_clusters = field_tool_.elements.num_clusters;
   const int fitting = num_clusters <= 8 ? 1 : (num_clusters <= 96 ? 4 : 8);
   for (int& warps : num_warps_) warps = num_warps > 0 ? num_warps : fitting;
   num_warps_[1] = std::min(num_warps_[1], kThreadsOf<Curvature> / gpu::kWarpSize);
@@ -454,7 +454,7 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
     if (const Status status = grow_table(num_cameras); !status) return status;
   }
   BatchJob job;
-  job.tool = felt_tool_;
+  job.tool = field_tool_;
   job.p_TC = p_TC_;
   if (const Status status = look_at(surfaces, stream, job); !status) return status;
   if (!poses.X_WC.empty()) {
@@ -471,7 +471,7 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
   if (asked_stream && !is_staged) return stream.status();
   // Far more than it takes.
   constexpr double kSlowest = 1e8;  // elements/s
-  const double elements = 32.0 * felt_tool_.elements.num_clusters;
+  const double elements = 32.0 * field_tool_.elements.num_clusters;
   return stream.wait(2 + elements * num / kSlowest);
 }
 

@@ -205,8 +205,8 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
   // From the one centre of mass to the other.
   const Vec3d d_BA =
       X_A * a->tool().sphere_mass().centre_of_mass - X_B * b->tool().sphere_mass().centre_of_mass;
-  const VolumeWrench felt_a{of_a.measure.force, of_a.measure.torque};
-  const VolumeWrench felt_b{of_b.measure.force, of_b.measure.torque};
+  const VolumeWrench measure_a{of_a.measure.force, of_a.measure.torque};
+  const VolumeWrench measure_b{of_b.measure.force, of_b.measure.torque};
   BodyPenetration result;
   result.on_a = of_a.measure.penetration();
   result.on_b = of_b.measure.penetration();
@@ -215,19 +215,19 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
     part->potential = weight_a * of_a.measure.potential + weight_b * of_b.measure.potential;
   }
   VolumeWrench &on_a = result.on_a.measure_W, &on_b = result.on_b.measure_W;
-  on_a.force = weight_a * felt_a.force - weight_b * felt_b.force;
+  on_a.force = weight_a * measure_a.force - weight_b * measure_b.force;
   on_b.force = -on_a.force;
-  on_a.torque = weight_a * felt_a.torque - weight_b * (felt_b.torque - cross(d_BA, felt_b.force));
-  on_b.torque = weight_b * felt_b.torque - weight_a * (felt_a.torque + cross(d_BA, felt_a.force));
+  on_a.torque = weight_a * measure_a.torque - weight_b * (measure_b.torque - cross(d_BA, measure_b.force));
+  on_b.torque = weight_b * measure_b.torque - weight_a * (measure_a.torque + cross(d_BA, measure_a.force));
   result.num_pairs = std::int64_t{result.on_a.num_boundary_spheres} +
                      result.on_a.num_inside_spheres + result.on_b.num_boundary_spheres +
                      result.on_b.num_inside_spheres;
   if (with_stiffness) {
     const Stiffness k_a = of_a.stiffness.stiffness(), k_b = of_b.stiffness.stiffness();
-    result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, felt_b, -d_BA), weight_b);
-    result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, felt_a, d_BA), weight_a);
+    result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, measure_b, -d_BA), weight_b);
+    result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, measure_a, d_BA), weight_a);
     result.moments_a = sum_of(of_a.stiffness.moments(), weight_a,
-                              of_opposite(of_b.stiffness.moments(), felt_b.force, -d_BA), weight_b);
+                              of_opposite(of_b.stiffness.moments(), measure_b.force, -d_BA), weight_b);
   }
   return result;
 }

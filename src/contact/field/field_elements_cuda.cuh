@@ -4,7 +4,7 @@
 #include <type_traits>
 
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/felt_tool_cuda.h"
+#include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/field/field_element.h"
 #include "src/gpu/team.cuh"
 

@@ -406,7 +406,7 @@ struct DepthHullCuda::Views {
   FieldFrame tool;
 };
 
-DepthHullCuda::DepthHullCuda(const FeltTool& tool, const Vec3d& p_TC, int num_spheres, int gpu)
+DepthHullCuda::DepthHullCuda(const FieldTool& tool, const Vec3d& p_TC, int num_spheres, int gpu)
     : tool_(tool),
       p_TC_(p_TC),
       num_spheres_(num_spheres),

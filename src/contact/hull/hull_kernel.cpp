@@ -179,7 +179,7 @@ class Hull {
         if (answers_[k].is_asked && !look(slot, k, is_free)) return false;
       }
     }
-    is_felt_ = ~is_free;
+    may_touch_ = ~is_free;
     return true;
   }
 
@@ -241,7 +241,7 @@ class Hull {
   void join_seen_free() {
     const VecF limit = -deep_limit(radius_);
     const VecI may_be_deep =
-        is_felt_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
+        may_touch_ & (is_between_ ? splat(-1) : shallowest_ < limit + agreement(radius_));
     VecF most = splat(-1e9f);
     bool is_first = true;
     for (int k = 0; k < job_.num_seeing; ++k) {
@@ -282,7 +282,7 @@ class Hull {
   // that up.
   void join_remembered(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
-    VecI counts = is_felt_ & (first_of(hull).phi < radius_);
+    VecI counts = may_touch_ & (first_of(hull).phi < radius_);
     if (mask_bits(counts) == 0) return;
     Space shown = nowhere();
     VecI who{}, who_shows{};
@@ -344,8 +344,8 @@ class Hull {
   // What holds where no camera looks, as long as all of them say so.
   void join_fields(std::size_t slot) {
     const HullWidth<VecF> width = hull_width(radius_);
-    const VecI is_felt = is_felt_ & (first_of(hull).phi < radius_);
-    if (!job_.may_be_unseen || mask_bits(is_felt) == 0) return;
+    const VecI is_touching = may_touch_ & (first_of(hull).phi < radius_);
+    if (!job_.may_be_unseen || mask_bits(is_touching) == 0) return;
     const VecF later = -agreement(radius_);
     Space least = nowhere();
     bool is_first = true;
@@ -356,7 +356,7 @@ class Hull {
       Space moments[2];
       for (int f = 0; f < eye.num_fields; ++f) {
         const int seat = eye.seat(f);
-        moments[f] = ask(eye, eye.field, f, answers_[k].lanes[seat], is_felt);
+        moments[f] = ask(eye, eye.field, f, answers_[k].lanes[seat], is_touching);
         if (answers_[k].asks_in_front) {
           moments[f] = lesser_of(moments[f], answers_[k].front[f], width);
         }
@@ -365,10 +365,10 @@ class Hull {
       const Space here = between(eye, moments);
       least = is_first ? here : lesser_of(least, here, width);
       is_first = false;
-      const VecI counts = is_felt & (first_of(least).phi + later > first_of(hull).phi - width.w);
+      const VecI counts = is_touching & (first_of(least).phi + later > first_of(hull).phi - width.w);
       if (mask_bits(counts) == 0) return;
     }
-    join_greater(plus(least, splat(1.0f), shifted(later)), is_felt, splat(-1));
+    join_greater(plus(least, splat(1.0f), shifted(later)), is_touching, splat(-1));
   }
 
   void join_greater(const Space& other, VecI which, VecI who) {
@@ -413,14 +413,14 @@ class Hull {
   const Eye* eyes_;
   EyeAnswer<Sample> answers_[kMostCameras];
   VecF shallowest_, radius_;
-  VecI is_felt_;
+  VecI may_touch_;
   bool is_between_ = false;
 };
 
 /// Calls f(slot, elements in the world, hull, part of the sums) for vectors of elements of which no
 /// camera sees that all are free.
 template <class Sample, class F>
-[[gnu::always_inline]] inline void for_felt(const HullJob& job, int group, const F& f) {
+[[gnu::always_inline]] inline void for_each_touching(const HullJob& job, int group, const F& f) {
   const SphereClusters& clusters = *job.tool.clusters;
   const int first = group * SphereClusters::kClustersPerGroup;
   const int last = std::min(first + SphereClusters::kClustersPerGroup, clusters.num_clusters());
@@ -448,7 +448,7 @@ template <class Sample>
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals;
   RowSums unseen;
-  for_felt<Sample>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
+  for_each_touching<Sample>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
     const SpaceGradient<VecF>& g = first_of(at.hull);
     Symmetric<VecF> h;
     if constexpr (kWithStiffness) h = at.hull.h;
@@ -467,7 +467,7 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 }
 
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
-  for_felt<Gradient>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
+  for_each_touching<Gradient>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
     const SpaceGradient<VecF>& g = at.hull;
     const VecI nobody = at.decider < VecI{};
     VecI number{};

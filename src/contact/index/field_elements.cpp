@@ -27,7 +27,7 @@ std::vector<Element> elements_of(const Tool& tool, SphereVolumes volumes, LargeS
   double reach = 0;
   std::vector<Element> elements;
   for (std::size_t id = 0; id < tool.spheres().size(); ++id) {
-    const Sphere ball = felt_ball(tool, id, volumes);
+    const Sphere ball = field_ball(tool, id, volumes);
     const double radius = ball.radius;
     const double volume = volumes == SphereVolumes::own
                               ? sphere_volume(radius)
@@ -65,7 +65,7 @@ std::vector<Sphere> balls_of(const std::vector<Element>& elements) {
 
 }  // namespace
 
-Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
+Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes) {
   Sphere ball = tool.spheres()[id];
   if (volumes == SphereVolumes::own) return ball;
   const double radius = ball.radius, volume = tool.represented_volumes()[id];

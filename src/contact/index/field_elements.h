@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 /// skin, which stands for the gaps around it, becomes wider, not denser, and a layer of such
 /// spheres goes in without a jerk. It grows by half at most, which bounds how early it touches;
 /// what is missing is made up for by its factor.
-Sphere felt_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
+Sphere field_ball(const Tool& tool, std::size_t id, SphereVolumes volumes);
 
 /// A ball takes one value of the field and cuts itself by one plane. That is exact for a flat
 /// surface, and wrong by percents of the tool's volume for a ball as large as a third of the tool

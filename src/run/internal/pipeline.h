@@ -112,7 +112,7 @@ class HandPart {
   /// All that it knows of the ticks before, but for the kind of its coupling: see StateNumbers.
   void remember(StateNumbers& numbers) noexcept {
     coupling_->remember(numbers);
-    numbers(unfelt_, safety_, revision_, num_ticks_, has_tool_, is_stopping_, last_state_time_,
+    numbers(status_without_force_, safety_, revision_, num_ticks_, has_tool_, is_stopping_, last_state_time_,
             first_tick_);
   }
 
@@ -127,10 +127,10 @@ class HandPart {
 
  private:
   double step_seconds(const DeviceState& state) noexcept;
-  void end_unfelt(TickRecord& record) noexcept;
+  void end_without_force(TickRecord& record) noexcept;
 
   std::unique_ptr<Coupling> coupling_;
-  SafetyStatus unfelt_;  // where the device is given no wrench
+  SafetyStatus status_without_force_;  // where the device is given no wrench
   SafetyFilter safety_;
   const double tick_seconds_;
   std::uint32_t revision_ = 0;

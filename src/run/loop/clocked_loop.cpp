@@ -242,9 +242,9 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
   report_.num_faults = record.safety.num_faults;
   // On this clock nobody waits for a force: measurements of two backends are not mixed.
   if (status_ = pipeline_.status(); !status_) has_ended_ = true;
-  const Wrench felt = record.F_H_B;
+  const Wrench F_H_B = record.F_H_B;
   newest_.publish();
-  return felt;
+  return F_H_B;
 }
 
 void ClockedLoop::make_pictures() {

@@ -46,13 +46,13 @@ Wrench HapticStage::tick(const DeviceState& state) noexcept {
     contacts_.move_tool({state.time, record.step.X_WT});
     surfaces_.move_tool(record.step.X_WT);
   }
-  const Wrench felt = record.F_H_B;
+  const Wrench F_H_B = record.F_H_B;
   if (HapticChange* const change = changes_.look()) {
     hand_.change(change->revision, change->coupling);
     changes_.settle();
   }
   keep_time(start, record);
-  return felt;
+  return F_H_B;
 }
 
 /// Statistics, and the record on its way to the others.

@@ -206,7 +206,7 @@ TEST(KeyFrames, QueriesEqualTheirDefinition) {
   const double scale = tool.sphere_mass().volume;
   const auto query =
       make_contact_query(Backend::cpu, tool, FieldMethod{SphereVolumes::own}).value();
-  int num_felt = 0;
+  int num_with_force = 0;
   for (const double progress : {1.0, 0.3}) {
     const std::vector<SurfaceBlend> views = camera.views(progress);
     for (int i = 0; i < 60; ++i) {
@@ -215,12 +215,12 @@ TEST(KeyFrames, QueriesEqualTheirDefinition) {
           random.rotation(3.0)};
       const Penetration want = test::hull_truth(tool, views, X_WT, SphereVolumes::own);
       const Penetration got = query->measure(views, X_WT).penetration;
-      num_felt += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
+      num_with_force += want.volume > 0.01 * scale && want.volume < 0.99 * scale;
       EXPECT_NEAR(got.volume, want.volume, 3e-5 * scale);
       EXPECT_NEAR(norm(got.measure_W.force - want.measure_W.force), 0, 2e-4 * scale);
     }
   }
-  EXPECT_GT(num_felt, 15);
+  EXPECT_GT(num_with_force, 15);
 }
 
 TEST(KeyFrames, GiveTheSameBitsWithAnyThreadsAndAllocateNothing) {
