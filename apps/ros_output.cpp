@@ -171,7 +171,7 @@ class Output final : public RosOutput {
 
   /// The wrench's thread: all that others can wait for is told by another one.
   void publish_wrenches(RunLoop& loop) {
-    if (!loop.settings().wants_real_time || ask_for_real_time(kPriority) != 0) {
+    if (!loop.settings().wants_real_time || request_real_time(kPriority) != 0) {
       take_rank(ThreadRank::surface);
     }
     const double period = 1 / options_.rate;
@@ -372,7 +372,7 @@ class Output final : public RosOutput {
     }
     if (!(options_.points_rate > 0) || time < next_spheres_ || spheres_->num_readers() == 0) return;
     next_spheres_ = time + 1 / options_.points_rate;
-    loop.ask_for_contact_picture(Onlooker::robots);
+    loop.request_contact_picture(Onlooker::robots);
   }
 
   void say(const Published& published) {

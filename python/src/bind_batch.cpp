@@ -110,12 +110,12 @@ nb::object array_in(nb::handle self, const T* at, std::initializer_list<std::siz
 }
 
 /// The surfaces of a batch, and what keeps them.
-struct AskedSurfaces {
+struct SurfaceArgument {
   std::vector<SurfaceView> views;
   std::vector<Pose> X_WC;  // empty: all cameras are at the origin of W
   SurfaceBatch batch;
 
-  explicit AskedSurfaces(nb::handle given) {
+  explicit SurfaceArgument(nb::handle given) {
     PySurfaces* many = nullptr;
     if (nb::try_cast<PySurfaces*>(given, many, false) && many != nullptr) {
       batch = many->batch;
@@ -161,14 +161,14 @@ std::vector<PyBody*> bodies_of(nb::handle given) {
 }
 
 /// Poses and numbers of surfaces, and what keeps them.
-struct AskedPoses {
+struct PoseArgument {
   Doubles numbers_of_poses;  // of the caller, where they are as they have to be
   std::vector<Pose> poses;
   AnyArray poses_on_gpu, surface_of_pose_on_gpu;
   nb::ndarray<const std::int32_t, nb::c_contig, nb::device::cpu> surface_of_pose;
   PoseBatch batch;
 
-  AskedPoses(nb::handle given, nb::handle numbers, nb::handle stream) {
+  PoseArgument(nb::handle given, nb::handle numbers, nb::handle stream) {
     static_assert(sizeof(Pose) == 7 * sizeof(double));
     const std::optional<AnyArray> array = array_on_gpu(given, stream);
     if (array) {
@@ -223,9 +223,9 @@ nb::object measure_batch(PyContact& self, nb::handle surfaces, nb::handle poses,
         "batches against bodies are measured on the CPU by the method field: create the contact "
         "with Contact(tool, \"field\", place=\"cpu\")");
   }
-  const std::optional<AskedSurfaces> fields =
-      bodies.empty() ? std::optional<AskedSurfaces>(surfaces) : std::nullopt;
-  AskedPoses given(poses, surface_of_pose, stream);
+  const std::optional<SurfaceArgument> fields =
+      bodies.empty() ? std::optional<SurfaceArgument>(surfaces) : std::nullopt;
+  PoseArgument given(poses, surface_of_pose, stream);
   const bool is_on_gpu = given.batch.gpu != kHostMemory;
   if (is_on_gpu && fields && !fields->X_WC.empty()) {
     throw PalpateError(

@@ -100,8 +100,8 @@ Result<CheckedCoupling> check_coupling(const CouplingOptions& options, const Dev
   if (damping < wanted) {
     const double lowered = o.damping_ratio * damping / wanted;
     // Nobody asked for the default.
-    const bool is_asked_for = options.damping_ratio != CouplingOptions{}.damping_ratio;
-    if (is_asked_for)
+    const bool is_requested = options.damping_ratio != CouplingOptions{}.damping_ratio;
+    if (is_requested)
       checked.warnings.push_back("the damping ratio is lowered from " + number(o.damping_ratio) +
                                  " to " + number(lowered) + ", the device's " +
                                  number(limits.max_damping) +

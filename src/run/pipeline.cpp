@@ -225,7 +225,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.contact_number = known.number;
   record.frame_number = known.frame_number;
   record.is_stopping = is_stopping_ = is_stopping_ || flags.is_stopping;
-  record.is_force_asked_for = flags.is_force_asked_for;
+  record.is_force_requested = flags.is_force_requested;
   record.has_sensor_failed = flags.has_sensor_failed;
   record.has_backend_failed = flags.has_backend_failed;
   if (!coupling_->drives_device()) return end_without_force(record);
@@ -236,7 +236,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.F_H_B =
       safety_.filter(record.step.F_H_B, {state.time, state, record.contact_age, record.sensor_age,
                                          flags.has_backend_failed, flags.has_sensor_failed,
-                                         flags.is_force_asked_for, is_free});
+                                         flags.is_force_requested, is_free});
   record.safety = safety_.status();
 }
 

@@ -198,8 +198,8 @@ void LiveViewImpl::poll(const ViewSubscription& subscription, ViewUpdate& update
 void LiveViewImpl::take_pictures(const ViewSubscription& subscription, ViewUpdate& update) {
   if (const double now = monotonic_now(); now >= next_picture_) {
     next_picture_ = now + kPicturePeriod;
-    if (subscription.contacts) loop_->ask_for_contact_picture(Onlooker::page);
-    if (subscription.surfaces) loop_->ask_for_surface_picture();
+    if (subscription.contacts) loop_->request_contact_picture(Onlooker::page);
+    if (subscription.surfaces) loop_->request_surface_picture();
   }
   if (const ContactPicture* seen =
           subscription.contacts ? loop_->new_contact_picture(Onlooker::page) : nullptr) {
@@ -301,7 +301,7 @@ Result<std::string> LiveViewImpl::command(std::string_view json) {
     if (!text) return text.error();
     monitor_.marks.add(*std::move(text));
   } else if (name == "force") {
-    loop_->ask_for_force();
+    loop_->request_force();
   } else if (name == "end") {
     wants_end_ = true;
   } else {

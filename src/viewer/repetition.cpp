@@ -113,14 +113,14 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     for (const std::size_t index : leads[k]) {
       // Of those before only what averages take from them matters.
       const bool is_used = num_left-- <= num_used;
-      const PixelWindow asked = is_used ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
+      const PixelWindow window = is_used ? PixelWindow{} : PixelWindow{0, 0, 1, 1};
       const std::int64_t number = run_.camera_frame(index).second;
       if (number <= camera.last) continue;
       if (!keep_going()) return false;
       const auto frame = frames_.get(index);
       if (!frame) return frame.error();
       camera.clock = (*frame)->clock;
-      camera.timeline.push((*frame)->shown.frame, camera.clock, pool_, asked);
+      camera.timeline.push((*frame)->shown.frame, camera.clock, pool_, window);
       if (camera.first < 0) camera.first = number;
       camera.last = number;
       if (!is_used) camera.unused = number;
@@ -132,13 +132,13 @@ Result<bool> Repetition::go_to(const RecordedQuery& query, const RunSettings& se
     if (is_as_recorded) views_[k].progress = query.cameras.of[k].progress;
     views_.remember(camera.timeline.key_frames(), views_[k].progress);
   }
-  asked_.X_WT = query.X_WT;
+  query_.X_WT = query.X_WT;
   return true;
 }
 
 const Penetration& Repetition::measure() {
-  part_->measure(views_.all(), false, asked_);
-  return asked_.penetration;
+  part_->measure(views_.all(), false, query_);
+  return query_.penetration;
 }
 
 ViewSurface Repetition::surface() {

@@ -68,7 +68,7 @@ class Repetition {
   };
   std::vector<Camera> cameras_;
   RunSettings made_with_;  // the settings of the timelines
-  ContactRecord asked_;
+  ContactRecord query_;
   CameraViews views_{0};  // of each
 };
 

@@ -45,7 +45,7 @@ void ViewHub::poll(double now) {
   ++num_polls_;
   take_parts(update);
   take_samples(update.samples, now);
-  if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) ask_state(now);
+  if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) poll_state(now);
 }
 
 bool ViewHub::is_wanted(double now) const {
@@ -109,7 +109,7 @@ ViewMessage ViewHub::samples_from(std::uint64_t number) const {
   return binary_message(encode_samples(samples, number));
 }
 
-void ViewHub::ask_state(double now) {
+void ViewHub::poll_state(double now) {
   state_ = text_message(state_text(source_, num_pages()));
   state_time_ = now;
   is_state_old_ = false;
@@ -117,7 +117,7 @@ void ViewHub::ask_state(double now) {
 }
 
 const ViewMessage& ViewHub::fresh_state(double now) {
-  if (is_state_old_ || now >= state_time_ + kFreshState) ask_state(now);
+  if (is_state_old_ || now >= state_time_ + kFreshState) poll_state(now);
   return state_;
 }
 

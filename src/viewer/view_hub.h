@@ -80,7 +80,7 @@ class ViewHub {
   void set(std::size_t part, std::function<std::string(std::uint64_t)> encode);
   void take_parts(ViewUpdate& update);
   void take_samples(const std::vector<ViewSample>& samples, double now);
-  void ask_state(double now);
+  void poll_state(double now);
 
   struct ArrivedSample {
     double arrival;

@@ -290,7 +290,7 @@ int main(int argc, char** argv) {
     std::string message = palpate::transform_message(nanoseconds(now()), stands);
     fixed->write(&message);
   }
-  bool has_asked_for_markers = false;
+  bool has_requested_markers = false;
 
   // The tool stays at 0.5 m; every fourth part of a second the wall comes to it and goes again.
   std::atomic<bool> has_ended = false;
@@ -314,8 +314,8 @@ int main(int argc, char** argv) {
       const palpate::RosTransform transform[] = {{"base", "tool0", X}};
       std::string told = palpate::transform_message(nanoseconds(time), transform);
       if (is_arm) moving->write(&told);
-      if (is_arm && !has_asked_for_markers && listener.has_heard()) {
-        has_asked_for_markers = true;
+      if (is_arm && !has_requested_markers && listener.has_heard()) {
+        has_requested_markers = true;
         robot.reader("/palpate/markers", "visualization_msgs/MarkerArray", 1 << 20, &markers, true);
       }
     }

@@ -294,7 +294,7 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   surfaces.changes().offer(surface_change);
   haptic.changes().offer(haptic_change);
   EXPECT_TRUE(wait_for([&] {
-    contacts.ask_for_picture(Onlooker::page);
+    contacts.request_picture(Onlooker::page);
     contacts.new_picture(Onlooker::page);
     tick();
     return contacts.changes().is_settled() && surfaces.changes().is_settled() &&
@@ -502,8 +502,8 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     EXPECT_EQ(touching.loop->new_contact_picture(Onlooker::robots), nullptr);
     EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
     touching.run_for(0.1);
-    touching.loop->ask_for_contact_picture(Onlooker::robots);
-    touching.loop->ask_for_surface_picture();
+    touching.loop->request_contact_picture(Onlooker::robots);
+    touching.loop->request_surface_picture();
     const ContactPicture* picture = nullptr;
     const SurfacePicture* surface = nullptr;
     ASSERT_TRUE(

@@ -275,7 +275,7 @@ TEST(LiveLoop, AForceThatStaysAwayComesWhenItIsAskedFor) {
   EXPECT_TRUE(comes_to(ForceState::held_off));
   EXPECT_EQ(tick.safety.fault, Fault::stale_sensor);
   EXPECT_EQ(device.last_force(), 0);
-  (*loop)->ask_for_force();
+  (*loop)->request_force();
   EXPECT_TRUE(comes_to(ForceState::engaged));
   EXPECT_TRUE((*loop)->is_running());
   EXPECT_TRUE((*loop)->status());

@@ -159,7 +159,7 @@ struct DepthFieldView {
 
   DepthFieldLevel levels[kMaxLevels];
   int num_levels = 0;  ///< 0: no field
-  /// The window in which the field is valid (src/field/internal/asked_window.h): there all levels
+  /// The window in which the field is valid (src/field/internal/needed_window.h): there all levels
   /// equal those of a field of the whole image; elsewhere they may be anything.
   PixelWindow asked;
   const DepthTile* tiles = nullptr;  ///< row-major; pixels beyond the image count to the outermost

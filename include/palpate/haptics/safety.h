@@ -76,13 +76,13 @@ class ForceGate {
     bool is_ready = false;      ///< all inputs of a force are there and fresh
     bool is_quiet = false;      ///< the hand is free of contact
     bool is_permitted = true;   ///< false: the dead-man switch is released
-    bool is_asked_for = false;  ///< the user requests the force: also in contact
+    bool is_requested = false;  ///< the user requests the force: also in contact
   };
   void step(const Input& input) noexcept;
 
   void remember(StateNumbers& numbers) noexcept {
     numbers(state_, fault_, fault_time_, num_faults_, gain_, fade_, fade_gain_, waiting_since_,
-            well_since_, budget_, num_quiet_, has_begun_, is_after_fault_, is_asked_for_);
+            well_since_, budget_, num_quiet_, has_begun_, is_after_fault_, is_requested_);
   }
 
   ForceState state() const noexcept { return state_; }
@@ -117,7 +117,7 @@ class ForceGate {
   double waiting_since_ = 0, well_since_ = 0;
   double budget_;  // returns of the force that may still come; a minute gives max_recoveries
   int num_quiet_ = 0;
-  bool has_begun_ = false, is_after_fault_ = false, is_asked_for_ = false;
+  bool has_begun_ = false, is_after_fault_ = false, is_requested_ = false;
 };
 
 struct SafetyOptions : ForceGateOptions {
@@ -172,7 +172,7 @@ struct SafetyInput {
   double sensor_age = 0;   ///< s
   bool backend_failed = false;
   bool sensor_failed = false;  ///< permanently
-  bool is_asked_for = false;   ///< the user requests the force
+  bool is_requested = false;   ///< the user requests the force
   bool is_free = false;        ///< the tool has no contact: the wrench only moves the tool
 };
 

@@ -106,7 +106,7 @@ struct TickRecord {
   std::uint64_t number = 0;         ///< from 0
   double dt = 0;                    ///< s, of the coupling's step; 0: no hand yet
   bool is_stopping = false;         ///< stop() was called on the safety filter
-  bool is_force_asked_for = false;  ///< the user requests the force after a fault
+  bool is_force_requested = false;  ///< the user requests the force after a fault
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 

@@ -217,7 +217,7 @@ class RunLoop {
   /// Starts; returns when the device ticks. Errors: the device, the first frame.
   virtual Status start() = 0;
   /// After a fault: the force returns as soon as all is well, also in contact. From any thread.
-  virtual void ask_for_force() noexcept = 0;
+  virtual void request_force() noexcept = 0;
   /// Fades the force out, then ends all threads. Waits for DepthSource::next (see cancel there).
   virtual void stop() noexcept = 0;
   virtual bool is_running() const noexcept = 0;
@@ -247,8 +247,8 @@ class RunLoop {
   virtual void step_frame() noexcept = 0;
   /// Requests a picture of the next contact or surface, which is made after the measurement has
   /// been published. Wait-free.
-  virtual void ask_for_contact_picture(Onlooker who) noexcept = 0;
-  virtual void ask_for_surface_picture() noexcept = 0;
+  virtual void request_contact_picture(Onlooker who) noexcept = 0;
+  virtual void request_surface_picture() noexcept = 0;
   /// The newest picture if there is a new one, else null; valid until the next call. One reader per
   /// consumer.
   virtual const ContactPicture* new_contact_picture(Onlooker who) noexcept = 0;

@@ -434,13 +434,13 @@ void FieldBatchCuda::measure_part(const PoseBatch& poses, const BatchAnswers& an
 
 Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& poses,
                                const BatchAnswers& answers,
-                               std::optional<CallerStream> asked_stream) const {
+                               std::optional<CallerStream> requested_stream) const {
   if (!status()) return status();
   if (const Status status = check(surfaces, poses, answers); !status) return status;
   if (poses.X_WT.empty()) return Done{};
   const int num = static_cast<int>(poses.X_WT.size());
-  if (asked_stream) caller_stream_.continue_in(asked_stream->handle);
-  gpu::Stream& stream = asked_stream ? caller_stream_ : own_stream_;
+  if (requested_stream) caller_stream_.continue_in(requested_stream->handle);
+  gpu::Stream& stream = requested_stream ? caller_stream_ : own_stream_;
   const bool is_staged = poses.gpu != gpu_ || answers.gpu != gpu_;
   if (is_staged) {
     if (stream.is_recording()) {
@@ -468,7 +468,7 @@ Status FieldBatchCuda::measure(const SurfaceBatch& surfaces, const PoseBatch& po
   for (int first = 0; first < num; first += at_once) {
     measure_part(poses, answers, first, std::min(at_once, num - first), job, stream);
   }
-  if (asked_stream && !is_staged) return stream.status();
+  if (requested_stream && !is_staged) return stream.status();
   // Far more than it takes.
   constexpr double kSlowest = 1e8;  // elements/s
   const double elements = 32.0 * field_tool_.elements.num_clusters;

@@ -5,7 +5,7 @@
 #include "palpate/field/sensor.h"
 #include "palpate/math/geometry.h"
 #include "src/contact/index/sphere_clusters.h"
-#include "src/field/internal/asked_window.h"
+#include "src/field/internal/needed_window.h"
 
 namespace palpate::inline v0 {
 

@@ -267,7 +267,7 @@ struct Look {
 
 // What elements see there.
 template <class Sample>
-[[gnu::always_inline]] inline Sample ask_field(const Grid& grid, const Pixels& pixels,
+[[gnu::always_inline]] inline Sample query_field(const Grid& grid, const Pixels& pixels,
                                                const Look& look, VecF depth, VecF inverse_depth) {
   const Sample own = sample<Sample>(grid, pixels, look.own, look.levels.level, depth);
   if (!look.has_wider) return own;

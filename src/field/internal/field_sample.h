@@ -252,7 +252,7 @@ PALPATE_FORMULA ImageGradient<Real> mixed(const ImageGradient<Real>& g,
 
 /// What a sphere of this radius is told by the one or two levels of its size.
 template <class Real>
-PALPATE_HOSTDEV inline ImageGradient<Real> ask_field(const DepthFieldView& field,
+PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& field,
                                                      const PixelPosition<Real>& at, Real z,
                                                      Real radius) {
   const LevelChoice<Real> choice = choose_level(field, radius, z);
@@ -283,10 +283,10 @@ PALPATE_HOSTDEV inline FieldSample<Real> sample_field(const DepthFieldView& fiel
   const Real z = p_C.z;
   if (!(z > Real(kLeastDepth))) return {2 * radius, {}};
   const PixelPosition<Real> at = project(field.intrinsics, p_C);
-  ImageGradient<Real> g = ask_field(field, at, z, radius);
+  ImageGradient<Real> g = query_field(field, at, z, radius);
   Real asked = radius;
   for (int i = 0; i < kMostDeepSteps && g.phi < -deep_limit(asked); ++i) {
-    const ImageGradient<Real> wide = ask_field(field, at, z, asked * Real(kDeepGrowth));
+    const ImageGradient<Real> wide = query_field(field, at, z, asked * Real(kDeepGrowth));
     g = deepened(g, wide, g.phi, wide.phi, asked);
     asked *= Real(kDeepGrowth);
   }

@@ -90,7 +90,7 @@ class ContactPart {
 /// What a tick cannot see by itself.
 struct TickFlags {
   bool is_stopping = false;         ///< the force is to fade out
-  bool is_force_asked_for = false;  ///< it is to come back after a fault
+  bool is_force_requested = false;  ///< it is to come back after a fault
   bool has_sensor_failed = false, has_backend_failed = false;
 };
 

@@ -36,7 +36,7 @@ class ClockedLoop final : public RunLoop {
   ~ClockedLoop() override { stop(); }
 
   Status start() override;
-  void ask_for_force() noexcept override { wants_force_ = true; }
+  void request_force() noexcept override { wants_force_ = true; }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
   bool latest(TickRecord& record) noexcept override;
@@ -48,10 +48,10 @@ class ClockedLoop final : public RunLoop {
   RunSettings settings() const override;
   void hold_frames(bool is_held) noexcept override;
   void step_frame() noexcept override;
-  void ask_for_contact_picture(Onlooker who) noexcept override {
+  void request_contact_picture(Onlooker who) noexcept override {
     wants_contact_[std::size_t(who)] = true;
   }
-  void ask_for_surface_picture() noexcept override { wants_surface_ = true; }
+  void request_surface_picture() noexcept override { wants_surface_ = true; }
   const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
     TripleBuffer<ContactPicture>& contacts = contacts_[std::size_t(who)];
     return contacts.refresh() ? &contacts.value() : nullptr;
@@ -221,7 +221,7 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
   }
   const double begin = monotonic_now();
   TickRecord& record = newest_.draft();
-  record = pipeline_.tick(state, {.is_force_asked_for = wants_force_.exchange(false)});
+  record = pipeline_.tick(state, {.is_force_requested = wants_force_.exchange(false)});
   const double took = monotonic_now() - begin;
   record.compute_nanoseconds = nanoseconds(took);
   times_.haptic_compute.record(record.compute_nanoseconds);

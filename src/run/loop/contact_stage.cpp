@@ -47,7 +47,7 @@ void ContactStage::stop() noexcept {
 }
 
 /// Notes speak of the contact thread, which is granted or refused the same.
-void ContactStage::begin_thread() { ask_for_real_time(kPriority); }
+void ContactStage::begin_thread() { request_real_time(kPriority); }
 
 void ContactStage::move_tool(const TimedToolPose& tool) noexcept { tools_.publish(tool); }
 
@@ -57,7 +57,7 @@ const ContactRecord& ContactStage::newest() noexcept {
 }
 
 void ContactStage::work() {
-  if (settings_.wants_real_time) real_time_error_.store(ask_for_real_time(kPriority));
+  if (settings_.wants_real_time) real_time_error_.store(request_real_time(kPriority));
   while (!is_stopping_.load(std::memory_order_acquire)) {
     if (tools_.refresh() && is_due(tools_.value().time)) {
       measure(tools_.value());

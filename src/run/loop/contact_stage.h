@@ -60,7 +60,7 @@ class ContactStage {
   /// Must be offered before the surfaces that it waits for.
   Mailbox<ContactChange>& changes() noexcept { return changes_; }
 
-  void ask_for_picture(Onlooker who) noexcept { wants_picture_[std::size_t(who)].store(true); }
+  void request_picture(Onlooker who) noexcept { wants_picture_[std::size_t(who)].store(true); }
   /// The newest one, if it is new; one reader of each kind.
   const ContactPicture* new_picture(Onlooker who) noexcept {
     TripleBuffer<ContactPicture>& pictures = pictures_[std::size_t(who)];

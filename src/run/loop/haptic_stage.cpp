@@ -30,11 +30,11 @@ HapticStage::HapticStage(HandPart hand, SurfaceStage& surfaces, ContactStage& co
 Wrench HapticStage::tick(const DeviceState& state) noexcept {
   const TickStart start{monotonic_now(), thread_cpu_now()};
   if (hand_.num_ticks() == 0 && settings_.wants_real_time) {
-    real_time_error_.store(ask_for_real_time(kPriority));
+    real_time_error_.store(request_real_time(kPriority));
   }
   TickFlags flags;
   flags.is_stopping = wants_stop_.load(std::memory_order_acquire) || surfaces_.has_source_ended();
-  flags.is_force_asked_for = wants_force_.exchange(false, std::memory_order_acq_rel);
+  flags.is_force_requested = wants_force_.exchange(false, std::memory_order_acq_rel);
   flags.has_sensor_failed = surfaces_.has_source_failed();
   flags.has_backend_failed = contacts_.has_backend_failed() || surfaces_.has_backend_failed();
   if (settings_.keeps_records && is_snapshot_due(hand_.num_ticks(), settings_.tick_seconds)) {

@@ -40,9 +40,9 @@ class HapticStage {
 
   // Any thread.
   /// The force fades out.
-  void ask_to_stop() noexcept { wants_stop_.store(true, std::memory_order_release); }
+  void request_stop() noexcept { wants_stop_.store(true, std::memory_order_release); }
   /// It comes back after a fault; until the next tick, several wishes are one.
-  void ask_for_force() noexcept { wants_force_.store(true, std::memory_order_release); }
+  void request_force() noexcept { wants_force_.store(true, std::memory_order_release); }
   /// For good.
   bool has_faded() const noexcept { return has_faded_.load(std::memory_order_acquire); }
   Mailbox<HapticChange>& changes() noexcept { return changes_; }

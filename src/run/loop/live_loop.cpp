@@ -95,7 +95,7 @@ class LiveLoop final : public RunLoop {
   ~LiveLoop() override { stop(); }
 
   Status start() override;
-  void ask_for_force() noexcept override { haptic_.ask_for_force(); }
+  void request_force() noexcept override { haptic_.request_force(); }
   void stop() noexcept override;
   bool is_running() const noexcept override { return is_running_.load(std::memory_order_acquire); }
   bool latest(TickRecord& record) noexcept override { return haptic_.latest(record); }
@@ -111,13 +111,13 @@ class LiveLoop final : public RunLoop {
   void hold_frames(bool is_held) noexcept override { surfaces_.hold(is_held); }
   void step_frame() noexcept override { surfaces_.step(); }
   bool is_short_of_time() const noexcept override { return is_page_thinned_.load(); }
-  void ask_for_contact_picture(Onlooker who) noexcept override {
+  void request_contact_picture(Onlooker who) noexcept override {
     num_pictures_.fetch_add(1);
-    contacts_.ask_for_picture(who);
+    contacts_.request_picture(who);
   }
-  void ask_for_surface_picture() noexcept override {
+  void request_surface_picture() noexcept override {
     num_pictures_.fetch_add(1);
-    surfaces_.ask_for_picture();
+    surfaces_.request_picture();
   }
   const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
     return contacts_.new_picture(who);
@@ -232,7 +232,7 @@ void LiveLoop::lock_all_memory() {
 }
 
 void LiveLoop::fade_out() noexcept {
-  haptic_.ask_to_stop();
+  haptic_.request_stop();
   const double limit = monotonic_now() + first_settings_.safety.fade_seconds + kFadeTimeout;
   // A device that is lost does not tick, and its motors are off.
   while (!haptic_.has_faded() && monotonic_now() < limit && device_.status()) {
@@ -347,7 +347,7 @@ void LiveLoop::mind_all() {
       if (first_settings_.may_thin) look_after_load();
     } catch (const std::bad_alloc&) {
       is_out_of_memory_ = true;
-      haptic_.ask_to_stop();
+      haptic_.request_stop();
       return;
     }
   }
@@ -422,7 +422,7 @@ void LiveLoop::look_after_backend() {
     return;
   }
   is_backend_lost_ = true;
-  haptic_.ask_to_stop();
+  haptic_.request_stop();
 }
 
 /// Also notices when the haptic thread cannot: a device that is lost does not tick.
@@ -436,7 +436,7 @@ void LiveLoop::publish_all() {
     } catch (const std::bad_alloc&) {
       // Who is told may have kept half of it. The hand needs no memory to fade out.
       is_out_of_memory_ = true;
-      haptic_.ask_to_stop();
+      haptic_.request_stop();
     }
     const bool has_ended = haptic_.has_faded() || !device_.status();
     if (has_ended && is_running_.exchange(false)) end_time_ = monotonic_now();

@@ -41,12 +41,12 @@ LoadRelief LoadMinder::make_relief(const RunSettings& settings) const {
          settings.binning << (image + 1) <= kMaxBinning) {
     ++image;
   }
-  while (spheres < kMostHalvings && num_asked() >> (spheres + 1) >= kFewestSpheres) ++spheres;
+  while (spheres < kMostHalvings && num_requested() >> (spheres + 1) >= kFewestSpheres) ++spheres;
   return {image, spheres};
 }
 
 /// Spheres, without any steps.
-std::size_t LoadMinder::num_asked() const {
+std::size_t LoadMinder::num_requested() const {
   const auto some = static_cast<std::size_t>(std::max(whole_.num_spheres, 0));
   return some == 0 ? num_spheres_ : std::min(some, num_spheres_);
 }
@@ -55,7 +55,7 @@ RunSettings LoadMinder::thinned(const RunSettings& settings, const ReliefSteps& 
   RunSettings less = settings;
   less.binning = whole_.binning << steps.image;
   less.num_spheres =
-      steps.spheres > 0 ? static_cast<int>(num_asked() >> steps.spheres) : whole_.num_spheres;
+      steps.spheres > 0 ? static_cast<int>(num_requested() >> steps.spheres) : whole_.num_spheres;
   return less;
 }
 
@@ -89,7 +89,7 @@ LoadMinder::Decision LoadMinder::look(double now, const RunSettings& present,
   if (!relief_.look(window)) return {};
   const ReliefSteps last = std::exchange(applied_, relief_.steps());
   Decision decision;
-  decision.note = describe_relief(last, applied_, whole_.binning, num_asked());
+  decision.note = describe_relief(last, applied_, whole_.binning, num_requested());
   if (applied_.image != last.image || applied_.spheres != last.spheres) {
     decision.settings = thinned(present, applied_);
   }

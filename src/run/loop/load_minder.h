@@ -46,7 +46,7 @@ class LoadMinder {
 
  private:
   LoadRelief make_relief(const RunSettings& settings) const;
-  std::size_t num_asked() const;
+  std::size_t num_requested() const;
   RunSettings thinned(const RunSettings& settings, const ReliefSteps& steps) const;
 
   DepthStreamInfo stream_;

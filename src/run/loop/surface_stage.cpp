@@ -9,7 +9,7 @@
 
 #include "src/core/monotonic_clock.h"
 #include "src/core/thread_rank.h"
-#include "src/field/internal/asked_window.h"
+#include "src/field/internal/needed_window.h"
 #include "src/run/internal/pipeline.h"
 
 namespace palpate::inline v0 {
@@ -235,7 +235,7 @@ PixelWindow SurfaceStage::next_window(Camera& camera, const Pose& X_WC, double t
   if (!window_.enabled) return {};
   const double way = speed * kMostPeriods * std::max(camera.period, camera.timeline.period());
   const DepthStreamInfo& stream = camera.timeline.stream();
-  return asked_window(stream.intrinsics, stream.width, stream.height, p_CQ, tool_.reach + way);
+  return needed_window(stream.intrinsics, stream.width, stream.height, p_CQ, tool_.reach + way);
 }
 
 void SurfaceStage::make_surfaces() {

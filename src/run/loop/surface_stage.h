@@ -111,7 +111,7 @@ class SurfaceStage {
   void hold(bool is_held) noexcept { is_held_.store(is_held); }
   void step() noexcept { num_steps_.fetch_add(1); }
 
-  void ask_for_picture() noexcept { wants_picture_.store(true); }
+  void request_picture() noexcept { wants_picture_.store(true); }
   /// The newest one, if it is new; one reader.
   const SurfacePicture* new_picture() noexcept {
     return pictures_.refresh() ? &pictures_.value() : nullptr;
