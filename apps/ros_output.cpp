@@ -157,7 +157,7 @@ class Output final : public RosOutput {
   /// Whoever follows the wrench is not left with the last one.
   void end_with(const RosVerdict& verdict) {
     is_ending_ = true;
-    bell_.ring();
+    event_.ring();
     if (wrench_thread_.joinable()) wrench_thread_.join();
     if (rest_thread_.joinable()) rest_thread_.join();
     published_.refresh();
@@ -206,7 +206,7 @@ class Output final : public RosOutput {
       const bool is_looked_for = is_due || number % look_every == 0;
       ++number;
       published_.publish();
-      if (is_looked_for) bell_.ring();
+      if (is_looked_for) event_.ring();
     }
   }
 
@@ -229,10 +229,10 @@ class Output final : public RosOutput {
     take_rank(ThreadRank::recorder);
     std::uint64_t num_published = 0;
     for (;;) {
-      const std::uint32_t heard = bell_.count();
+      const std::uint32_t heard = event_.count();
       if (is_ending_) return;
       if (!published_.refresh()) {
-        bell_.wait(heard);
+        event_.wait(heard);
         continue;
       }
       const Published& published = published_.value();
@@ -247,7 +247,7 @@ class Output final : public RosOutput {
           (is_changed && published.time >= last_diagnostics_ + kShortestDiagnosticsPeriod)) {
         say(published);
       }
-      bell_.wait(heard);
+      event_.wait(heard);
     }
   }
 
@@ -358,7 +358,7 @@ class Output final : public RosOutput {
 
   /// As the last contact that was asked for found them.
   void publish_spheres(RunLoop& loop, double time) {
-    if (const ContactPicture* const now = loop.new_contact_picture(Onlooker::robots)) {
+    if (const ContactPicture* const now = loop.new_contact_picture(PictureConsumer::robots)) {
       const std::lock_guard lock(seen_mutex_);
       for (std::size_t i = 0; i < now->spheres.states.size(); ++i) {
         const Vec3d p_W = now->X_WT * to_double(tool_.spheres()[i].centre);
@@ -372,7 +372,7 @@ class Output final : public RosOutput {
     }
     if (!(options_.points_rate > 0) || time < next_spheres_ || spheres_->num_readers() == 0) return;
     next_spheres_ = time + 1 / options_.points_rate;
-    loop.request_contact_picture(Onlooker::robots);
+    loop.request_contact_picture(PictureConsumer::robots);
   }
 
   void say(const Published& published) {
@@ -422,7 +422,7 @@ class Output final : public RosOutput {
 
   // Of the wrench's thread, which others read.
   TripleBuffer<Published> published_;
-  Event bell_;
+  Event event_;
   LatencyHistogram periods_;
   std::atomic<std::uint64_t> num_sent_ = 0, num_not_sent_ = 0;
 

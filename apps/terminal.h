@@ -33,6 +33,6 @@ class Progress {
 };
 
 /// A line on stderr while a bar may be shown. Any thread.
-void say_beside_progress(const std::string& text);
+void print_beside_progress(const std::string& text);
 
 }  // namespace palpate::apps

@@ -272,7 +272,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   run.say = [&said](double time, std::string_view text) {
     char seconds[32];
     std::snprintf(seconds, sizeof seconds, "%.2f s: ", time);
-    say_beside_progress(seconds + said.emplace_back(text));
+    print_beside_progress(seconds + said.emplace_back(text));
   };
   run.keep_going = [&] {
     if (is_live && bar.due()) {
@@ -285,7 +285,7 @@ Status touch(const TouchOptions& options, const Tool& tool, TouchInput input) {
   };
   const auto outcome =
       record_run(tool, DepthSources(std::move(sources)), **device, settings, options.output, run);
-  if (page) page->say_goodbye();
+  if (page) page->print_closing();
   if (!outcome) return outcome.error();
   return tell(options, tool, *outcome, input.probe, said, !is_live && interrupted());
 }

@@ -43,7 +43,7 @@ class PySensor {
  public:
   PySensor(const PyCamera& camera, const Place& place, const SensorOptions& options)
       : camera_(camera), place_(place), options_(options) {
-    keepers_.push_back(make());
+    owners_.push_back(make());
   }
 
   const PyCamera& camera() const { return camera_; }
@@ -62,9 +62,9 @@ class PySensor {
     if (view.gpu != kHostMemory) wait_for_producers();
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
-    surface.keeper = free_keeper();
-    surface.view = surface.keeper->update(view);
-    const Status status = surface.keeper->status();
+    surface.owner = free_owner();
+    surface.view = surface.owner->update(view);
+    const Status status = surface.owner->status();
     const nb::gil_scoped_acquire gil;
     check(status);
     return surface;
@@ -86,12 +86,12 @@ class PySensor {
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
     if (is_given &&
-        std::find(keepers_.begin(), keepers_.end(), surfaces->keeper) == keepers_.end()) {
+        std::find(owners_.begin(), owners_.end(), surfaces->owner) == owners_.end()) {
       throw nb::value_error("out: another sensor made these surfaces");
     }
-    if (surfaces->keeper == nullptr) surfaces->keeper = free_keeper();
-    surfaces->batch = surfaces->keeper->update_batch(first, num, where);
-    const Status status = surfaces->keeper->status();
+    if (surfaces->owner == nullptr) surfaces->owner = free_owner();
+    surfaces->batch = surfaces->owner->update_batch(first, num, where);
+    const Status status = surfaces->owner->status();
     const nb::gil_scoped_acquire gil;
     check(status);
     return result;
@@ -104,11 +104,11 @@ class PySensor {
     return std::make_shared<Sensor>(*std::move(sensor));
   }
 
-  std::shared_ptr<Sensor> free_keeper() {
-    for (const auto& keeper : keepers_) {
-      if (keeper.use_count() == 1) return keeper;
+  std::shared_ptr<Sensor> free_owner() {
+    for (const auto& owner : owners_) {
+      if (owner.use_count() == 1) return owner;
     }
-    return keepers_.emplace_back(make());
+    return owners_.emplace_back(make());
   }
 
   DepthImageView view_of_image(const AnyArray& image) const {
@@ -162,7 +162,7 @@ class PySensor {
   PyCamera camera_;
   Place place_;
   SensorOptions options_;
-  std::vector<std::shared_ptr<Sensor>> keepers_;
+  std::vector<std::shared_ptr<Sensor>> owners_;
   std::mutex mutex_;
 };
 

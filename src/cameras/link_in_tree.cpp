@@ -65,7 +65,7 @@ Result<std::unique_ptr<RobotStates>> open_joint_states(const RobotModel& model,
 }
 
 Result<LinkInTree> LinkInTree::open(const std::string& address, const std::string& joints,
-                                    bool is_heard) {
+                                    bool is_received) {
   const std::size_t first = address.find('#'), second = address.find('#', first + 1);
   const std::string file = address.substr(0, first);
   if (first == std::string::npos || first == 0) {
@@ -90,7 +90,7 @@ Result<LinkInTree> LinkInTree::open(const std::string& address, const std::strin
   if (status && second != std::string::npos) status = find(address.substr(second + 1), found.base_);
   if (!status) return status.error();
   found.required_ = found.model_.joints_between(found.base_, found.link_);
-  if (!is_heard) {
+  if (!is_received) {
     const auto wanted = wanted_joints(found.model_, found.required_, joints, file);
     if (!wanted) return wanted.error();
     return found;

@@ -23,7 +23,7 @@ class LinkInTree {
   /// or that do not move. Not heard: nothing is opened that tells of joints, nor waited for, and
   /// nobody may ask where a link is that moves.
   static Result<LinkInTree> open(const std::string& address, const std::string& joints,
-                                 bool is_heard);
+                                 bool is_received);
 
   /// Whether anything between the two moves.
   bool is_moving() const { return !required_.empty(); }

@@ -52,7 +52,7 @@ class PosedSource final : public DepthSource {
 
 }  // namespace
 
-Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_heard) {
+Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_received) {
   CameraPoses poses;
   poses.X_HC_ = uri.X_WC;
   poses.frames_have_poses_ = uri.extras.contains("world");
@@ -69,7 +69,7 @@ Result<CameraPoses> CameraPoses::of(const CameraUri& uri, bool is_heard) {
     poses.path_ = *std::move(path);
   }
   if (!uri.urdf.empty()) {
-    auto link = LinkInTree::open(uri.urdf, uri.joints, is_heard);
+    auto link = LinkInTree::open(uri.urdf, uri.joints, is_received);
     if (!link) {
       return Error{link.error().code, "camera " + uri.text + ": " + link.error().message};
     }

@@ -17,7 +17,7 @@ class CameraPoses {
  public:
   /// Of a URI: its pose, in what its file of poses, its URDF or tf tells of. Errors: of the files;
   /// several of them. Not heard: only whether and where it stands is asked for.
-  static Result<CameraPoses> of(const CameraUri& uri, bool is_heard = true);
+  static Result<CameraPoses> of(const CameraUri& uri, bool is_received = true);
 
   bool is_moving() const { return path_.size() > 1 || (link_ && link_->is_moving()); }
   /// The camera stays where others take it to be: at the origin of W, or where tf has it.

@@ -165,7 +165,7 @@ std::string RobotStates::missing_links(const std::vector<std::string>& links) co
   return names;
 }
 
-void RobotStates::hear_joints(std::string_view message) {
+void RobotStates::add_joint_message(std::string_view message) {
   const auto state = read_joint_state(message);
   if (!state || state->names.empty()) return;
   const std::lock_guard lock(mutex_);
@@ -178,7 +178,7 @@ void RobotStates::hear_joints(std::string_view message) {
   changed_.notify_all();
 }
 
-void RobotStates::hear_transforms(std::string_view message, bool is_static) {
+void RobotStates::add_transform_message(std::string_view message, bool is_static) {
   const auto transforms = read_transforms(message);
   if (!transforms) return;
   const std::lock_guard lock(mutex_);
@@ -215,10 +215,10 @@ class BagStates final : public RobotStates {
       const McapChannel& channel = (*reader)->channels().at((*message)->channel);
       recorded_ = 1e-9 * static_cast<double>((*message)->time);
       if (channel.schema_name == "tf2_msgs/msg/TFMessage" && !address_.world.empty()) {
-        hear_transforms((*message)->data, channel.topic.ends_with("static"));
+        add_transform_message((*message)->data, channel.topic.ends_with("static"));
       } else if (channel.schema_name == "sensor_msgs/msg/JointState" &&
                  (address_.topic.empty() || channel.topic == address_.topic)) {
-        hear_joints((*message)->data);
+        add_joint_message((*message)->data);
       }
     }
   }
@@ -245,22 +245,22 @@ class LiveStates final : public RobotStates {
       // All that came while this computer was busy is heard.
       const RosQos sensor{.is_reliable = false, .is_kept = false, .depth = 100};
       return join(topic, "sensor_msgs/JointState", sensor,
-                  [this](std::string_view message) { hear_joints(message); });
+                  [this](std::string_view message) { add_joint_message(message); });
     }
     const RosQos moving{.is_reliable = true, .is_kept = false, .depth = 100},
         fixed{.is_reliable = true, .is_kept = true, .depth = 100};
-    const Status heard =
+    const Status handler =
         join("/tf", "tf2_msgs/TFMessage", moving,
-             [this](std::string_view message) { hear_transforms(message, false); });
-    if (!heard) return heard;
+             [this](std::string_view message) { add_transform_message(message, false); });
+    if (!handler) return handler;
     return join("/tf_static", "tf2_msgs/TFMessage", fixed,
-                [this](std::string_view message) { hear_transforms(message, true); });
+                [this](std::string_view message) { add_transform_message(message, true); });
   }
 
  private:
   Status join(const std::string& topic, const std::string& type, const RosQos& qos,
-              RosNode::Heard heard) {
-    auto subscription = node_->subscribe(topic, type, qos, std::move(heard));
+              RosNode::MessageHandler handler) {
+    auto subscription = node_->subscribe(topic, type, qos, std::move(handler));
     if (!subscription) return subscription.error();
     subscriptions_.push_back(*std::move(subscription));
     return Done{};

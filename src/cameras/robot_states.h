@@ -65,8 +65,8 @@ class RobotStates {
   std::string missing_links(const std::vector<std::string>& links) const;
 
  protected:
-  void hear_joints(std::string_view message);
-  void hear_transforms(std::string_view message, bool is_static);
+  void add_joint_message(std::string_view message);
+  void add_transform_message(std::string_view message, bool is_static);
   /// From a time stamp to the clock of the frames; `who` may have one of his own.
   virtual double time_of(double stamp, [[maybe_unused]] const std::string& who) { return stamp; }
 

@@ -60,7 +60,7 @@ bool PageHand::read(DeviceState& state) noexcept {
   if (is_held) {
     follow(state, seconds);
   } else if (gives_way) {
-    give_way(state, seconds);
+    yield_to_spring(state, seconds);
   } else {
     state.V_BH = {};
   }
@@ -93,7 +93,7 @@ void PageHand::follow(DeviceState& state, double seconds) const noexcept {
 }
 
 /// Without mass: a spring that pushes it comes to rest exponentially.
-void PageHand::give_way(DeviceState& state, double seconds) const noexcept {
+void PageHand::yield_to_spring(DeviceState& state, double seconds) const noexcept {
   const DeviceLimits& limits = info_.limits;
   state.V_BH = {limited(felt_.force / (kYield * limits.max_stiffness), kFastest),
                 limited(felt_.torque / (kYield * limits.max_angular_stiffness), kFastestTurn)};

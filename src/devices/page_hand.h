@@ -37,7 +37,7 @@ class PageHand final : public PolledDevice {
  private:
   void take(const PageHandle::Update& news, const Pose& X_BH) noexcept;
   void follow(DeviceState& state, double seconds) const noexcept;
-  void give_way(DeviceState& state, double seconds) const noexcept;
+  void yield_to_spring(DeviceState& state, double seconds) const noexcept;
 
   std::shared_ptr<PageHandle> handle_;
   DeviceInfo info_;

@@ -70,10 +70,10 @@ class RosNode : public std::enable_shared_from_this<RosNode> {
   virtual Result<std::unique_ptr<RosPublisher>> publish(const std::string& topic,
                                                         const std::string& type,
                                                         const RosQos& qos) = 0;
-  using Heard = std::function<void(std::string_view message)>;
+  using MessageHandler = std::function<void(std::string_view message)>;
   virtual Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
                                                              const std::string& type,
-                                                             const RosQos& qos, Heard heard) = 0;
+                                                             const RosQos& qos, MessageHandler handler) = 0;
   /// What others and we publish, as far as it is known by now.
   virtual std::vector<RosTopic> topics() = 0;
 };

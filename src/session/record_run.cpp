@@ -42,9 +42,9 @@ class UnseenWatch {
 };
 
 /// All that is kept of a run while it goes on; what the publishing thread calls.
-class Keeper {
+class RecordingObserver {
  public:
-  Keeper(const Tool& tool, double full_volume, const DepthSources& sources,
+  RecordingObserver(const Tool& tool, double full_volume, const DepthSources& sources,
          const RunOptions& options)
       : sources_(sources),
         unseen_(full_volume),
@@ -235,8 +235,8 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   RunLog log;
   log.setup = {settings, sources.infos(), device.info(), 0, options.time_origin, options.probe};
   RunSettings& used = log.setup.settings;
-  Keeper keeper(tool, full_volume(tool, used.contact), sources, options);
-  auto chosen = choose_loop(tool, sources, device, used, options, keeper.observer());
+  RecordingObserver recording(tool, full_volume(tool, used.contact), sources, options);
+  auto chosen = choose_loop(tool, sources, device, used, options, recording.observer());
   if (!chosen) return chosen.error();
   RunLoop& loop = *chosen->loop;
   log.why_not_cuda = chosen->why_not_cuda;
@@ -256,7 +256,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   auto recorder = RunRecorder::create(folder->partial() / kRecordingFile, tool, log.setup,
                                       is_simulated, options.recording);
   if (!recorder) return recorder.error();
-  keeper.begin(*std::move(recorder),
+  recording.begin(*std::move(recorder),
                RunResults(folder->partial(), tool, log.setup, !options.recording.is_bounded()));
   if (const Status status = loop.start(); !status) return status.error();
   // From here on a folder of this name is kept, whatever happens to the program.
@@ -264,7 +264,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
     loop.stop();
     return status.error();
   }
-  keeper.recorder().has_moved_to(folder->target());
+  recording.recorder().has_moved_to(folder->target());
 
   const auto notify_loop = [&](RunLoop* running) {
     if (options.monitor != nullptr && options.monitor->on_loop) {
@@ -277,18 +277,18 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
   const Status status = loop.status();
   loop.stop();
   take_report(loop, status, log);
-  keeper.add_marks();
-  keeper.add_source_notes(log.loop.seconds);
-  keeper.add_unit_doubts(log.loop.seconds);
-  for (const std::string& text : log.warnings) keeper.recorder().add_note(text);
-  if (!log.loop.ending.empty()) keeper.recorder().add_note(log.loop.ending);
-  log.warnings.insert(log.warnings.end(), keeper.source_notes().begin(),
-                      keeper.source_notes().end());
-  keeper.recorder().finish();
-  if (const std::string& trouble = keeper.recorder().trouble(); !trouble.empty()) {
+  recording.add_marks();
+  recording.add_source_notes(log.loop.seconds);
+  recording.add_unit_doubts(log.loop.seconds);
+  for (const std::string& text : log.warnings) recording.recorder().add_note(text);
+  if (!log.loop.ending.empty()) recording.recorder().add_note(log.loop.ending);
+  log.warnings.insert(log.warnings.end(), recording.source_notes().begin(),
+                      recording.source_notes().end());
+  recording.recorder().finish();
+  if (const std::string& trouble = recording.recorder().trouble(); !trouble.empty()) {
     log.add_not_kept(trouble);
   }
-  std::string summary = keeper.results().write(folder->target(), tool, loop.times(), log);
+  std::string summary = recording.results().write(folder->target(), tool, loop.times(), log);
   return RunOutcome{log.loop,         log.peaks,   used,         std::move(summary), log.warnings,
                     log.why_not_cuda, log.failure, log.not_kept, log.was_interrupted};
 }

@@ -31,7 +31,7 @@ Status ContactRepetition::add(const EstimateStart& estimate) {
   auto of_it = timelines.upper_bound(estimate.revision);
   if (of_it != timelines.begin()) --of_it;
   if (of_it == timelines.end()) return Done{};
-  return of_it->second.go_on_from(estimate.state);
+  return of_it->second.resume_from(estimate.state);
 }
 
 bool ContactRepetition::has_frames_of(const ContactRecord& contact) const {

@@ -198,11 +198,11 @@ void LiveViewImpl::poll(const ViewSubscription& subscription, ViewUpdate& update
 void LiveViewImpl::take_pictures(const ViewSubscription& subscription, ViewUpdate& update) {
   if (const double now = monotonic_now(); now >= next_picture_) {
     next_picture_ = now + kPicturePeriod;
-    if (subscription.contacts) loop_->request_contact_picture(Onlooker::page);
+    if (subscription.contacts) loop_->request_contact_picture(PictureConsumer::page);
     if (subscription.surfaces) loop_->request_surface_picture();
   }
   if (const ContactPicture* seen =
-          subscription.contacts ? loop_->new_contact_picture(Onlooker::page) : nullptr) {
+          subscription.contacts ? loop_->new_contact_picture(PictureConsumer::page) : nullptr) {
     const auto contact = contacts_.take();
     contact->time = pending_.contact_time(seen->contact_number);
     contact->frame_number = seen->frame_number;

@@ -157,7 +157,7 @@ class WrenchListener final : public fast::DataReaderListener {
 };
 
 /// Keeps what comes.
-class Keeper final : public fast::DataReaderListener {
+class RecordingObserver final : public fast::DataReaderListener {
  public:
   void on_data_available(fast::DataReader* reader) override {
     std::string message;
@@ -279,7 +279,7 @@ int main(int argc, char** argv) {
                                     static_cast<std::uint32_t>(2 * num_pixels + 1024));
   auto* const infos = robot.writer("/camera/depth/camera_info", "sensor_msgs/CameraInfo", 4096);
   auto* const poses = robot.writer("/tool_pose", "geometry_msgs/PoseStamped", 1024);
-  Keeper contacts, transforms, markers;
+  RecordingObserver contacts, transforms, markers;
   fast::DataWriter* moving = nullptr;
   if (is_arm) {
     robot.reader("/palpate/contact", "palpate_msgs/Contact", 4096, &contacts);

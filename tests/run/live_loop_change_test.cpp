@@ -294,8 +294,8 @@ TEST(LiveLoopChange, StagesTakeChangesWithoutAllocating) {
   surfaces.changes().offer(surface_change);
   haptic.changes().offer(haptic_change);
   EXPECT_TRUE(wait_for([&] {
-    contacts.request_picture(Onlooker::page);
-    contacts.new_picture(Onlooker::page);
+    contacts.request_picture(PictureConsumer::page);
+    contacts.new_picture(PictureConsumer::page);
     tick();
     return contacts.changes().is_settled() && surfaces.changes().is_settled() &&
            haptic.changes().is_settled();
@@ -499,18 +499,18 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     RunSettings settings = patient_settings();
     settings.contact.method = method;
     Touching touching({.depth = [](int k) { return 0.5 + 0.001 * std::sin(k); }}, settings);
-    EXPECT_EQ(touching.loop->new_contact_picture(Onlooker::robots), nullptr);
+    EXPECT_EQ(touching.loop->new_contact_picture(PictureConsumer::robots), nullptr);
     EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
     touching.run_for(0.1);
-    touching.loop->request_contact_picture(Onlooker::robots);
+    touching.loop->request_contact_picture(PictureConsumer::robots);
     touching.loop->request_surface_picture();
     const ContactPicture* picture = nullptr;
     const SurfacePicture* surface = nullptr;
     ASSERT_TRUE(
-        wait_for([&] { return (picture = touching.loop->new_contact_picture(Onlooker::robots)); }));
+        wait_for([&] { return (picture = touching.loop->new_contact_picture(PictureConsumer::robots)); }));
     ASSERT_TRUE(wait_for([&] { return (surface = touching.loop->new_surface_picture()); }));
     touching.run_for(0.05);
-    EXPECT_EQ(touching.loop->new_contact_picture(Onlooker::robots),
+    EXPECT_EQ(touching.loop->new_contact_picture(PictureConsumer::robots),
               nullptr);  // one for each question
     EXPECT_EQ(touching.loop->new_surface_picture(), nullptr);
     touching.loop->stop();

@@ -11,7 +11,7 @@
 #include "src/core/monotonic_clock.h"
 #include "src/run/loop/blend_clock.h"
 #include "src/run/loop/contact_stage.h"
-#include "src/run/loop/load_minder.h"
+#include "src/run/loop/load_governor.h"
 #include "src/run/loop/paced_source.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/record_queue.h"

@@ -149,12 +149,12 @@ class Troubled final : public Base {
 // What people do meanwhile.
 
 /// Somebody who turns settings, and pages that come, look, and go without a word.
-class People {
+class Visitors {
  public:
-  People(LiveView& view, int port, unsigned seed)
+  Visitors(LiveView& view, int port, unsigned seed)
       : turning_([this, &view, seed] { turn(view, seed); }),
         looking_([this, port, seed] { look(port, seed); }) {}
-  ~People() {
+  ~Visitors() {
     is_done_ = true;
     turning_.join();
     looking_.join();
@@ -287,7 +287,7 @@ int soak(const Options& options) {
   double largest = 0, most = 0;
   int num_changes = 0, num_pages = 0;
   {
-    People people(*view, std::atoi(url.substr(url.rfind(':') + 1).c_str()), options.seed);
+    Visitors people(*view, std::atoi(url.substr(url.rfind(':') + 1).c_str()), options.seed);
     if (options.is_simulated) {
       auto hand = test::path_device(hand_at, 1000, seconds);
       Troubled<SteppedDevice> device(*std::move(hand), plan);

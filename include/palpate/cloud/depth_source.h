@@ -246,7 +246,7 @@ class DepthAverager {
   /// O(pixels).
   std::string state() const;
   /// Continues from a saved state. Error: not the state of an estimate of such images.
-  Status go_on_from(std::string_view state);
+  Status resume_from(std::string_view state);
 
  private:
   struct Impl;

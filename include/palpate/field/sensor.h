@@ -120,7 +120,7 @@ class SurfaceTimeline {
                     const PixelWindow& asked = {});
   /// Before the first frame: continues averages from DepthAverager::state. Errors: there are no
   /// averages, or the state is not that of such images.
-  Status go_on_from(std::string_view state);
+  Status resume_from(std::string_view state);
   /// The blend at `time` (s), not before the last frame. It waits for late frames (progress 1).
   /// Views stay valid until the next push, or longer with spare surfaces. O(1).
   SurfaceBlend at(double time) const;

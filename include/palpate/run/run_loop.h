@@ -104,8 +104,8 @@ bool is_fixed_while_running(const Setting& setting);
 // Display data of a run: states of the spheres, and the surface.
 
 /// Consumers of contact pictures; each requests its own.
-enum class Onlooker { page, robots };
-inline constexpr std::size_t kNumOnlookers = 2;
+enum class PictureConsumer { page, robots };
+inline constexpr std::size_t kNumPictureConsumers = 2;
 
 /// State of every sphere of the tool at one contact.
 struct ContactPicture {
@@ -247,11 +247,11 @@ class RunLoop {
   virtual void step_frame() noexcept = 0;
   /// Requests a picture of the next contact or surface, which is made after the measurement has
   /// been published. Wait-free.
-  virtual void request_contact_picture(Onlooker who) noexcept = 0;
+  virtual void request_contact_picture(PictureConsumer who) noexcept = 0;
   virtual void request_surface_picture() noexcept = 0;
   /// The newest picture if there is a new one, else null; valid until the next call. One reader per
   /// consumer.
-  virtual const ContactPicture* new_contact_picture(Onlooker who) noexcept = 0;
+  virtual const ContactPicture* new_contact_picture(PictureConsumer who) noexcept = 0;
   virtual const SurfacePicture* new_surface_picture() noexcept = 0;
 };
 

@@ -48,11 +48,11 @@ class ClockedLoop final : public RunLoop {
   RunSettings settings() const override;
   void hold_frames(bool is_held) noexcept override;
   void step_frame() noexcept override;
-  void request_contact_picture(Onlooker who) noexcept override {
+  void request_contact_picture(PictureConsumer who) noexcept override {
     wants_contact_[std::size_t(who)] = true;
   }
   void request_surface_picture() noexcept override { wants_surface_ = true; }
-  const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
+  const ContactPicture* new_contact_picture(PictureConsumer who) noexcept override {
     TripleBuffer<ContactPicture>& contacts = contacts_[std::size_t(who)];
     return contacts.refresh() ? &contacts.value() : nullptr;
   }
@@ -94,10 +94,10 @@ class ClockedLoop final : public RunLoop {
   std::uint64_t contact_number_ = 0;
 
   std::atomic<bool> is_running_ = false, is_stopping_ = false;
-  std::array<std::atomic<bool>, kNumOnlookers> wants_contact_ = {};
+  std::array<std::atomic<bool>, kNumPictureConsumers> wants_contact_ = {};
   std::atomic<bool> wants_surface_ = false, wants_force_ = false;
   TripleBuffer<TickRecord> newest_;
-  std::array<TripleBuffer<ContactPicture>, kNumOnlookers> contacts_;
+  std::array<TripleBuffer<ContactPicture>, kNumPictureConsumers> contacts_;
   TripleBuffer<SurfacePicture> surfaces_;
   std::thread thread_;
 };
@@ -249,7 +249,7 @@ Wrench ClockedLoop::tick(const DeviceState& state) {
 
 void ClockedLoop::make_pictures() {
   const ContactRecord& contact = pipeline_.contact();
-  for (std::size_t who = 0; who < kNumOnlookers; ++who) {
+  for (std::size_t who = 0; who < kNumPictureConsumers; ++who) {
     if (!wants_contact_[who].exchange(false)) continue;
     ContactPicture& picture = contacts_[who].draft();
     picture.contact_number = contact.number;

@@ -166,7 +166,7 @@ void ContactStage::measure(const TimedToolPose& tool) {
   if (settings_.keeps_records) records_.push(contact);
   num_contacts_.store(contact.number, std::memory_order_release);
   contact_compute_.record(static_cast<std::int64_t>(1e9 * (end - begin)));
-  for (std::size_t who = 0; who < kNumOnlookers; ++who) {
+  for (std::size_t who = 0; who < kNumPictureConsumers; ++who) {
     if (!wants_picture_[who].exchange(false, std::memory_order_relaxed)) continue;
     make_picture(contact, pictures_[who].draft());
     pictures_[who].publish();

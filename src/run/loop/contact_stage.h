@@ -60,9 +60,9 @@ class ContactStage {
   /// Must be offered before the surfaces that it waits for.
   Mailbox<ContactChange>& changes() noexcept { return changes_; }
 
-  void request_picture(Onlooker who) noexcept { wants_picture_[std::size_t(who)].store(true); }
+  void request_picture(PictureConsumer who) noexcept { wants_picture_[std::size_t(who)].store(true); }
   /// The newest one, if it is new; one reader of each kind.
-  const ContactPicture* new_picture(Onlooker who) noexcept {
+  const ContactPicture* new_picture(PictureConsumer who) noexcept {
     TripleBuffer<ContactPicture>& pictures = pictures_[std::size_t(who)];
     return pictures.refresh() ? &pictures.value() : nullptr;
   }
@@ -114,9 +114,9 @@ class ContactStage {
   TripleBuffer<TimedToolPose> tools_;        // haptic thread to contact thread
   TripleBuffer<ContactRecord> contacts_;  // and back
   RecordQueue<ContactRecord> records_;    // to the publishing thread
-  std::array<TripleBuffer<ContactPicture>, kNumOnlookers> pictures_;
+  std::array<TripleBuffer<ContactPicture>, kNumPictureConsumers> pictures_;
   Mailbox<ContactChange> changes_;
-  std::array<std::atomic<bool>, kNumOnlookers> wants_picture_ = {};
+  std::array<std::atomic<bool>, kNumPictureConsumers> wants_picture_ = {};
   std::atomic<bool> is_stopping_ = false, backend_failed_ = false;
   std::atomic<std::uint64_t> num_contacts_ = 0, num_spared_ = 0, num_outside_ = 0;
   std::atomic<int> real_time_error_ = 0;

@@ -19,7 +19,7 @@ class Event {
     count_.notify_one();
   }
   std::uint32_t count() const noexcept { return count_.load(std::memory_order_acquire); }
-  void wait(std::uint32_t heard) const noexcept { count_.wait(heard, std::memory_order_acquire); }
+  void wait(std::uint32_t count) const noexcept { count_.wait(count, std::memory_order_acquire); }
 
  private:
   std::atomic<std::uint32_t> count_ = 0;

@@ -16,7 +16,7 @@
 #include "src/run/loop/contact_stage.h"
 #include "src/run/loop/event.h"
 #include "src/run/loop/haptic_stage.h"
-#include "src/run/loop/load_minder.h"
+#include "src/run/loop/load_governor.h"
 #include "src/run/loop/publisher.h"
 #include "src/run/loop/real_time.h"
 #include "src/run/loop/surface_stage.h"
@@ -77,7 +77,7 @@ class LiveLoop final : public RunLoop {
         query_threads_(std::move(query_threads)),
         settings_(settings),
         notes_(std::move(parts.notes)),
-        minder_(streams_.front(), settings, index_->tool().spheres().size()),
+        governor_(streams_.front(), settings, index_->tool().spheres().size()),
         surfaces_(sources, std::move(parts.timelines), settings, ball_of(index_->tool()),
                   static_cast<bool>(observer_.on_frame), times_.surface_compute),
         contacts_(std::move(parts.contact), surfaces_,
@@ -111,7 +111,7 @@ class LiveLoop final : public RunLoop {
   void hold_frames(bool is_held) noexcept override { surfaces_.hold(is_held); }
   void step_frame() noexcept override { surfaces_.step(); }
   bool is_short_of_time() const noexcept override { return is_page_thinned_.load(); }
-  void request_contact_picture(Onlooker who) noexcept override {
+  void request_contact_picture(PictureConsumer who) noexcept override {
     num_pictures_.fetch_add(1);
     contacts_.request_picture(who);
   }
@@ -119,7 +119,7 @@ class LiveLoop final : public RunLoop {
     num_pictures_.fetch_add(1);
     surfaces_.request_picture();
   }
-  const ContactPicture* new_contact_picture(Onlooker who) noexcept override {
+  const ContactPicture* new_contact_picture(PictureConsumer who) noexcept override {
     return contacts_.new_picture(who);
   }
   const SurfacePicture* new_surface_picture() noexcept override { return surfaces_.new_picture(); }
@@ -160,7 +160,7 @@ class LiveLoop final : public RunLoop {
   std::array<double, 3> thinned_{};  // s: page, image, spheres
   // Of the minding thread.
   bool is_changing_backend_ = false;
-  LoadMinder minder_;
+  LoadGovernor governor_;
 
   std::atomic<bool> is_running_ = false, is_backend_lost_ = false, is_page_thinned_ = false;
   std::atomic<bool> is_out_of_memory_ = false;
@@ -380,21 +380,21 @@ LoadCounts LiveLoop::count_load(double contact_rate) const {
 void LiveLoop::look_after_load() {
   if (!may_begin_change()) return;
   const RunSettings present = settings();
-  LoadMinder::Decision decision =
-      minder_.look(monotonic_now(), present, count_load(present.contact_rate));
+  LoadGovernor::Decision decision =
+      governor_.look(monotonic_now(), present, count_load(present.contact_rate));
   Status done = Done{};
   if (decision.settings) done = begin_change(*decision.settings);
   if (!done) {
-    minder_.give_up(present);
+    governor_.give_up(present);
     decision.note = "less could not be computed: " + done.error().message;
   }
-  is_page_thinned_ = minder_.steps().page > 0;
+  is_page_thinned_ = governor_.steps().page > 0;
   const std::lock_guard lock(mutex_);
-  thinned_ = {minder_.page_seconds(), minder_.image_seconds(), minder_.spheres_seconds()};
+  thinned_ = {governor_.page_seconds(), governor_.image_seconds(), governor_.spheres_seconds()};
   if (decision.note.empty()) return;
   publisher_.add_note(std::move(decision.note));
   // What follows is judged by itself.
-  minder_.begin_window(monotonic_now(), count_load(present.contact_rate));
+  governor_.begin_window(monotonic_now(), count_load(present.contact_rate));
 }
 
 /// A GPU that is lost has a CPU beside it.

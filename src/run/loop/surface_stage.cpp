@@ -124,7 +124,7 @@ Status SurfaceStage::wait_for_first(const Camera& camera) {
 void SurfaceStage::stop() noexcept {
   stop_.stop();
   for (const auto& camera : cameras_) camera->source.cancel();
-  bell_.ring();
+  event_.ring();
   for (const auto& camera : cameras_) {
     if (camera->thread.joinable()) camera->thread.join();
   }
@@ -183,7 +183,7 @@ void SurfaceStage::read_frames(Camera& camera) {
     camera.frames.draft() = newest;
     camera.num_read.fetch_add(1, std::memory_order_release);
     camera.frames.publish();
-    bell_.ring();
+    event_.ring();
   }
   // The last frame has its share of time.
   stop_.sleep_for(camera.num_read.load() > 0 ? camera.period : 0);
@@ -205,7 +205,7 @@ bool SurfaceStage::may_read(Camera& camera) {
 /// The next camera in turn with a new frame, once its surface has a place; null at the end.
 SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
   for (;;) {
-    const std::uint32_t heard = bell_.count();
+    const std::uint32_t count = event_.count();
     if (stop_.is_stopping()) return nullptr;
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
       const std::size_t k = (last + 1 + i) % cameras_.size();
@@ -216,7 +216,7 @@ SurfaceStage::Camera* SurfaceStage::next_camera(std::size_t& last) {
       last = k;
       return &camera;
     }
-    bell_.wait(heard);
+    event_.wait(count);
   }
 }
 
@@ -319,7 +319,7 @@ bool SurfaceStage::take(std::size_t camera) noexcept {
   Camera& from = *cameras_[camera];
   if (!from.surfaces.refresh()) return false;
   from.num_taken.store(from.surfaces.value().camera_frame + 1, std::memory_order_release);
-  bell_.ring();
+  event_.ring();
   return true;
 }
 

@@ -187,7 +187,7 @@ class SurfaceStage {
   RecordQueue<SeenFrame> seen_;  // surface thread to publishing thread
   TripleBuffer<SurfacePicture> pictures_;
   Mailbox<SurfaceChange> changes_;
-  Event bell_;  // for the surface thread
+  Event event_;  // for the surface thread
   StopSignal stop_;
   std::atomic<std::uint64_t> num_made_ = 0;  // of all cameras
   std::atomic<std::uint32_t> revision_ = 0, num_steps_ = 0;

@@ -204,8 +204,8 @@ Found brute_force(const Case& c, const Scene& scene) {
                       to_double(scene.spheres[id].centre);
       // A Gaussian's best is the nearest, also where it is cut off.
       const Priority by = c.priority == Priority::gaussian ? Priority::distance : c.priority;
-      const double badness = -scene.weight(by, donor, id, d);
-      if (badness < least) least = badness, best = &donor;
+      const double cost = -scene.weight(by, donor, id, d);
+      if (cost < least) least = cost, best = &donor;
     }
     if (best == nullptr) continue;
     Assigned assigned;

@@ -59,7 +59,7 @@ Result<std::unique_ptr<ScriptedWorld>> ScriptedWorld::create(
 
 ScriptedWorld::ScriptedWorld(const Json& script, Tool tool,
                              std::function<void(std::string_view)> heard)
-    : tool_(std::move(tool)), heard_(std::move(heard)), controls_(script.at("controls")) {
+    : tool_(std::move(tool)), received_(std::move(heard)), controls_(script.at("controls")) {
   content_.kind = script.at("kind");
   content_.title = script.at("title");
   content_.tool = &tool_;
@@ -283,7 +283,7 @@ Result<std::string> ScriptedWorld::set(const Json& command) {
 }
 
 Result<std::string> ScriptedWorld::command(std::string_view text) {
-  heard_(text);
+  received_(text);
   const std::lock_guard lock(mutex_);
   const Json command = Json::parse(text, nullptr, false);
   if (!command.is_object()) return refused("This is not a JSON object.");

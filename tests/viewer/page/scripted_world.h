@@ -53,7 +53,7 @@ class ScriptedWorld : public ViewSource {
   Json current_state() const;
 
   const Tool tool_;
-  const std::function<void(std::string_view)> heard_;
+  const std::function<void(std::string_view)> received_;
   ViewContent content_;
 
   std::mutex mutex_;  // guards all below: tests change what the server reads

@@ -110,7 +110,7 @@ class AssignmentContext {
     }
     const DonorChoices best = best_of_warp(mine);
     best_donor = best.donor[0];
-    return donors.laid_over(best, id, asked);
+    return donors.composite(best, id, asked);
   }
 
  private:
@@ -120,26 +120,26 @@ class AssignmentContext {
     DonorChoices best;
 #pragma unroll
     for (int slot = 0; slot < kMost; ++slot) {
-      double badness = mine.badness[0];
+      double cost = mine.cost[0];
       std::int32_t donor = mine.donor[0];
       for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
-        const double other_badness = __shfl_xor_sync(gpu::kWholeWarp, badness, step);
+        const double other_cost = __shfl_xor_sync(gpu::kWholeWarp, cost, step);
         const std::int32_t other = __shfl_xor_sync(gpu::kWholeWarp, donor, step);
-        if (other_badness < badness || (other_badness == badness && other < donor)) {
-          badness = other_badness;
+        if (other_cost < cost || (other_cost == cost && other < donor)) {
+          cost = other_cost;
           donor = other;
         }
       }
-      best.badness[slot] = badness;
+      best.cost[slot] = cost;
       best.donor[slot] = donor;
       if (donor < 0 || donor != mine.donor[0]) continue;
         // It was this lane's: its next one comes up.
 #pragma unroll
       for (int i = 0; i + 1 < kMost; ++i) {
-        mine.badness[i] = mine.badness[i + 1];
+        mine.cost[i] = mine.cost[i + 1];
         mine.donor[i] = mine.donor[i + 1];
       }
-      mine.badness[kMost - 1] = 1e300;
+      mine.cost[kMost - 1] = 1e300;
       mine.donor[kMost - 1] = -1;
     }
     return best;

@@ -22,9 +22,9 @@ struct LoadCounts {
 };
 
 /// One thread.
-class LoadMinder {
+class LoadGovernor {
  public:
-  LoadMinder(const DepthStreamInfo& stream, const RunSettings& settings, std::size_t num_spheres);
+  LoadGovernor(const DepthStreamInfo& stream, const RunSettings& settings, std::size_t num_spheres);
 
   struct Decision {
     std::optional<RunSettings> settings;  ///< other ones that are to be used now
