@@ -37,8 +37,8 @@ constexpr double kAfterTick = 0.1, kFollowing = 0.01;
 
 double seconds_of(auto time) { return std::chrono::duration<double>(time).count(); }
 
-/// The same as transformed_to of a wrench: moved to the origin, A K A^T with the wrench's own map A, and
-/// turned.
+/// The same as transformed_to of a wrench: moved to the origin, A K A^T with the wrench's own map
+/// A, and turned.
 std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, const Vec3d& p_W) {
   const Vec3d r = p_W - X_WA.translation;
   const double lever[3][3] = {{0, -r.z, r.y}, {r.z, 0, -r.x}, {-r.y, r.x, 0}};
@@ -217,7 +217,7 @@ class Output final : public RosOutput {
     Wrench wrench;
     if (published.verdict.is_valid()) {
       wrench = transformed_to(in_tool ? X_WT : Pose{}, published.tick.step.contact_W,
-                       X_WT * tool_.sphere_mass().centre_of_mass);
+                              X_WT * tool_.sphere_mass().centre_of_mass);
     }
     const bool was_sent =
         wrench_->publish(wrench_message({wall_time(published.tick.device.time), frame}, wrench));
@@ -315,7 +315,8 @@ class Output final : public RosOutput {
     contact.unseen = full_volume_ > 0 ? tick.penetration.unseen_volume / full_volume_ : 0;
     contact.potential = tick.penetration.potential;
     const Pose& X_WT = tick.step.X_WT;
-    contact.wrench = transformed_to(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
+    contact.wrench =
+        transformed_to(X_WT, tick.step.contact_W, X_WT * tool_.sphere_mass().centre_of_mass);
     const LocalContact& newest = contacts_.value().contact;
     contact.max_stiffness = newest.max_stiffness;
     contact.stiffness = stiffness_in(newest.X_WT, newest.stiffness, newest.p_WC);
@@ -470,7 +471,7 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options) {
 }
 
 void check_ros_output(const RosOutputOptions& options, const std::string& frame,
-                         const OutputOptions& output, const std::string& verb) {
+                      const OutputOptions& output, const std::string& verb) {
   if (!options.is_wanted) return;
   if (!(output.X_TE == Pose{}) || output.wrench_point != WrenchPoint{}) {
     usage_error(verb +

@@ -28,7 +28,7 @@ void add_ros_options(CLI::App& app, RosOutputOptions& options);
 /// Wrong usage: --wrench-frame is one that no frame of ROS 2 stands for, or torques are wanted
 /// about a point that is not the origin of a frame.
 void check_ros_output(const RosOutputOptions& options, const std::string& frame,
-                         const OutputOptions& output, const std::string& verb);
+                      const OutputOptions& output, const std::string& verb);
 
 /// Publishes the wrench from a thread of its own, which looks at the newest tick: the haptic thread
 /// knows nothing of it. All else is told by another thread, of lower priority. A wrench that rests

@@ -82,7 +82,7 @@ struct TouchInput {
 
 /// Finds cameras and device, if they are not named, and opens the robot. Errors: those of the rig
 /// and of the robot; none, or several.
-Status find_what_is_there(TouchOptions& options);
+Status find_connected(TouchOptions& options);
 
 /// Puts what was given in frames that people name into the world, and lets gravity be what rig or
 /// cameras know of it. Errors: a frame that there is not, or that moves.

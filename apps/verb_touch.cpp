@@ -59,7 +59,7 @@ Status read_settings(const std::string& path, Options& options) {
 Status run_touch(const TouchOptions& given) {
   if (!given.settings_read) return given.settings_read;
   Options options = given;
-  if (const Status status = find_what_is_there(options); !status) return status;
+  if (const Status status = find_connected(options); !status) return status;
   if (const Status status = know_frames(options); !status) return status;
   if (const Status status = check_inputs(options); !status) return status;
   const auto tool =

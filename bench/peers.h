@@ -54,7 +54,7 @@ class BoundaryPeer {
 /// The loop of every BoundaryPeer: ask_one(centre in W, radius, answer).
 template <class AskOne>
 void query_all(std::span<const Sphere> spheres, const Pose& X_WT, std::span<SphereAnswer> answers,
-             AskOne&& ask_one) {
+               AskOne&& ask_one) {
   const Mat3d R_WT = rotation_matrix(X_WT.rotation);
   for (std::size_t k = 0; k < spheres.size(); ++k) {
     answers[k] = SphereAnswer{};

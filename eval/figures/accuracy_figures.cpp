@@ -188,7 +188,7 @@ void measure(Study& study, std::size_t pair, const Tool& tool, bool is_many, Wor
       packing_error(c, tool, SphereVolumes::own, effort.coarse_steps),
       packing_error(c, tool, SphereVolumes::represented, effort.coarse_steps)};
   for (std::size_t n = 0; n < kNoises.size(); ++n) {
-    const SeenScene seen = see(c, kNoises[n].noise);
+    const RenderedScene seen = see(c, kNoises[n].noise);
     for (std::size_t w = 0; w < study.ways.size(); ++w) {
       const Way& way = study.ways[w];
       if (way.is_many != is_many) continue;

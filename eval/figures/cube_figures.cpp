@@ -55,7 +55,7 @@ std::vector<Run> all_runs(const std::vector<Way>& ways,
 }
 
 MethodErrors measure(const Run& run, const Tool& tool, const Pose& X_CB, MethodQueries& query,
-          const ContactOptions& options) {
+                     const ContactOptions& options) {
   const double whole = full_volume(tool, options), mesh = tool.mesh_mass().volume;
   MethodErrors errors;
   Vec3d before, exact_before;
@@ -257,14 +257,14 @@ Result<FigureResult> cube_figure(Context& context) {
               const auto frame = static_cast<std::size_t>(task);
               const CubeFrame& seen = (*cube)->frames[frame];
               for (const std::size_t image : {0u, 1u}) {
-                const auto view = SeenFrame::create(
+                const auto view = FrozenFrame::create(
                     (*cube)->stream, image == 0 ? seen.frame : with_exact_cube(**cube, seen));
                 std::vector<std::unique_ptr<MethodQueries>> queries;
                 for (const auto& tool : tools) queries.push_back(query_on(view.value(), *tool));
                 for (std::size_t m = 0; m < methods.size(); ++m) {
                   for (const Run& run : runs) {
-                    errors[image][m][frame].push_back(measure(run, *tools[run.tool], seen.X_CB,
-                                                         *queries[run.tool], methods[m].options));
+                    errors[image][m][frame].push_back(measure(
+                        run, *tools[run.tool], seen.X_CB, *queries[run.tool], methods[m].options));
                   }
                 }
               }

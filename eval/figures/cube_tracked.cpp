@@ -8,8 +8,8 @@
 
 #include "eval/figures/cube_figures.h"
 #include "eval/studies/cube_ways.h"
+#include "eval/studies/frozen_frame.h"
 #include "eval/studies/range.h"
-#include "eval/studies/seen_frame.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 #include "scenes/truth.h"
@@ -158,7 +158,7 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
   Shares tracked(num_probes), registered(num_probes), shown(num_probes), truth(num_probes);
   std::vector<double> moved, turned;  // mm, degrees
   for (const CubeFrame& f : cube.frames) {
-    const auto seen = SeenFrame::create(cube.stream, f.frame);
+    const auto seen = FrozenFrame::create(cube.stream, f.frame);
     if (!seen) return seen.error();
     SurfaceView surface = seen->surfaces();
     const Pose X_WB_shown = f.frame.X_WC * f.X_CB;

@@ -5,7 +5,7 @@
 
 #include "eval/figures/cube_figures.h"
 #include "eval/studies/cube_ways.h"
-#include "eval/studies/seen_frame.h"
+#include "eval/studies/frozen_frame.h"
 #include "eval/studies/speed.h"
 #include "eval/studies/verdict_rules.h"
 #include "scenes/truth.h"
@@ -30,7 +30,7 @@ enum class Tracking { faces, board };
 
 /// `blended`: from each frame to the next one, each seen from where its camera was; else the
 /// newest frame alone.
-Pressed press(const std::vector<CubeFrame>& frames, const std::vector<SeenFrame>& seen,
+Pressed press(const std::vector<CubeFrame>& frames, const std::vector<FrozenFrame>& seen,
               Tracking tracking, bool blended, const Tool& tool, const Way& way, double half) {
   const auto cube = scenes::Environment::box({}, {half, half, half});
   const auto surface_of = [&](std::size_t i) {
@@ -88,9 +88,9 @@ Result<FigureResult> moving_cube_figure(Context& context) {
     return result;
   }
   const auto& frames = (*cube)->frames;
-  std::vector<SeenFrame> seen;
+  std::vector<FrozenFrame> seen;
   for (const CubeFrame& f : frames) {
-    auto made = SeenFrame::create((*cube)->stream, f.frame);
+    auto made = FrozenFrame::create((*cube)->stream, f.frame);
     if (!made) return made.error();
     seen.push_back(*std::move(made));
   }

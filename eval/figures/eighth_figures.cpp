@@ -42,7 +42,7 @@ double share_at_rest(MethodQueries& query, const Tool& tool, const ContactOption
 
 /// The largest stiffness on a wall until an eighth is inside, N/m.
 Result<double> wall_stiffness(Context& context, const char* shape, double size,
-                              const SeenScene& wall) {
+                              const RenderedScene& wall) {
   const auto tool = context.tool(shape, size, context.choose(2000, 300));
   if (!tool) return tool.error();
   const auto query = make_contact_query(Backend::cpu, **tool);
@@ -113,7 +113,7 @@ Result<FigureResult> figure_eighth(Context& context) {
   result.claims.push_back(
       {"At 1/8 stiffness the average penetration stays below 12.5 %.", plot.caption,
        are_true({largest[0] < kEighth, largest[1] < kEighth, largest[2] < kEighth})});
-  const SeenScene wall = see(at_the_wall(thesis_cases().front()), DepthNoise::none);
+  const RenderedScene wall = see(at_the_wall(thesis_cases().front()), DepthNoise::none);
   Table stiffness{"Stiffness on a wall with 10 N at an eighth, N/m", {"tool"}, {}};
   for (const double size : kSizes) stiffness.columns.push_back(words("%.0f cm", 100 * size));
   std::vector<double> all;

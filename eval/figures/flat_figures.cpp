@@ -93,8 +93,8 @@ struct Height {
   Vec3d force;
 };
 std::optional<Height> contact_height(MethodQueries& query, const Tool& tool,
-                                  const Plane<double>& plane, const Vec3d& place,
-                                  const ContactOptions& options) {
+                                     const Plane<double>& plane, const Vec3d& place,
+                                     const ContactOptions& options) {
   constexpr double kStep = 0.001;
   constexpr int kHalvings = 8;
   const double half = full_volume(tool, options) / 2;
@@ -139,13 +139,14 @@ Result<FigureResult> planes(Context& context) {
   if (!tool) return tool.error();
   const auto methods = all_methods_alike();
   const std::size_t most = context.choose<std::size_t>(150, 20);
-  std::vector<std::vector<MethodErrors>> errors(frames->size(), std::vector<MethodErrors>(methods.size()));
+  std::vector<std::vector<MethodErrors>> errors(frames->size(),
+                                                std::vector<MethodErrors>(methods.size()));
   run_tasks(
       context, static_cast<int>(frames->size()), static_cast<double>(frames->size()),
       [&](int task, Work& work) {
         const auto i = static_cast<std::size_t>(task);
         const FlatFrame& f = (*frames)[i];
-        const auto seen = SeenFrame::create(f.stream, f.frame);
+        const auto seen = FrozenFrame::create(f.stream, f.frame);
         auto query = query_on(seen.value(), **tool);
         const auto places = f.region.places(f.stream, std::min(3, f.region.most_within()));
         const Vec3d beside = kBeside * normalized(cross(f.region.plane_C.normal, {0, 1, 0.2}));
@@ -357,7 +358,7 @@ Result<FigureResult> holes(Context& context) {
                 path.push_back({jobs[j].middle + at * along + (reach - kDeep) * n, kTurned});
               }
               const auto feel = [&](const DepthFrame& frame) {
-                const auto seen = SeenFrame::create(f.stream, frame);
+                const auto seen = FrozenFrame::create(f.stream, frame);
                 auto query = query_on(seen.value(), **tool);
                 std::vector<std::vector<Vec3d>> forces(methods.size());
                 for (std::size_t m = 0; m < methods.size(); ++m) {

@@ -44,7 +44,8 @@ struct ForceSeries {
   }
 };
 
-Result<ForceSeries> forces_by(const RecordedRun& run, const Tool& tool, const ContactOptions& options) {
+Result<ForceSeries> forces_by(const RecordedRun& run, const Tool& tool,
+                              const ContactOptions& options) {
   const auto measured = run.by(options);
   if (!measured) return measured.error();
   ForceSeries series;
@@ -99,7 +100,7 @@ Result<Comparison> compare(Context& context, int num_spheres, double depth,
 }
 
 void add_forces(FigureResult& result, const Comparison& c, const std::vector<Method>& methods,
-              const std::string& title) {
+                const std::string& title) {
   for (int axis = 0; axis < 3; ++axis) {
     Plot plot{title, "share of the path, %", newtons(axis), {}, false, false, ""};
     for (std::size_t m = 0; m < methods.size(); ++m) {
@@ -123,9 +124,11 @@ void add_forces(FigureResult& result, const Comparison& c, const std::vector<Met
   const std::string caption =
       words("Largest step %.2f %% (%s), of the others up to %.2f %%.",
             c.series[smoothest].largest_step(), methods[smoothest].name,
-            std::max_element(c.series.begin(), c.series.end(), [](const ForceSeries& a, const ForceSeries& b) {
-              return a.largest_step() < b.largest_step();
-            })->largest_step());
+            std::max_element(c.series.begin(), c.series.end(),
+                             [](const ForceSeries& a, const ForceSeries& b) {
+                               return a.largest_step() < b.largest_step();
+                             })
+                ->largest_step());
   for (Plot& plot : result.plots) plot.caption = caption;
   result.tables.push_back(std::move(table));
   result.notes.push_back(c.name +
@@ -154,8 +157,8 @@ Result<FigureResult> figure_3_4(Context& context) {
       {"With inverse distance as priority simplified is smoother than weighted, with fewer spikes.",
        words("Largest step of simplified %.2f %%, of weighted %.2f %%; rms step %.3f and %.3f %% "
              "(simplified with the count: %.2f %%).",
-             distance, c->series[0].largest_step(), c->series[1].rms_step(), c->series[0].rms_step(),
-             count),
+             distance, c->series[0].largest_step(), c->series[1].rms_step(),
+             c->series[0].rms_step(), count),
        is_less(distance, c->series[0].largest_step())});
   return result;
 }

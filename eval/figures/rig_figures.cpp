@@ -193,7 +193,7 @@ Result<Seen> see(Context& context, bool has_noise) {
 
 /// What the tool feels at all probes with the cameras said to be here.
 std::vector<Share> measure_probes(const Seen& seen, std::span<const Pose> X_WC, const Tool& tool,
-                        const std::vector<Probe>& probes) {
+                                  const std::vector<Probe>& probes) {
   const ContactOptions options;
   const auto query =
       make_contact_query(Backend::cpu, tool, contact_method(options).value()).value();
@@ -246,8 +246,8 @@ struct ContactError {
       volume_squares += error * error, ++num;
       worst = std::max(worst, 100 * std::abs(error));
       if (exact.volume < kLeastShare || measured[i].force == Vec3d{}) continue;
-      const double angle =
-          std::atan2(norm(cross(measured[i].force, exact.force)), dot(measured[i].force, exact.force));
+      const double angle = std::atan2(norm(cross(measured[i].force, exact.force)),
+                                      dot(measured[i].force, exact.force));
       direction_squares += angle * angle, ++num_directions;
     }
   }

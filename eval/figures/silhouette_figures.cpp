@@ -26,7 +26,7 @@ constexpr std::array kBehind{0.01, 0.05, 0.1, 0.4, 0.8};
 
 const char* camera_name(bool with_noise) { return with_noise ? "noise" : "noise-free"; }
 /// A surface at `left` metres left of the optical axis, one at `right` right of it.
-Result<SeenFrame> seen_step(double left, double right, bool with_noise) {
+Result<FrozenFrame> seen_step(double left, double right, bool with_noise) {
   DepthStreamInfo stream;
   stream.width = kWidth, stream.height = kHeight, stream.intrinsics = kCamera;
   stream.unit = 5e-5;
@@ -39,7 +39,7 @@ Result<SeenFrame> seen_step(double left, double right, bool with_noise) {
       frame.pixels.push_back(static_cast<std::uint16_t>(std::lround(z / stream.unit)));
     }
   }
-  return SeenFrame::create(stream, frame);
+  return FrozenFrame::create(stream, frame);
 }
 
 /// |F| / V along x, past the edge, at some depth behind the near surface; NaN: no contact.

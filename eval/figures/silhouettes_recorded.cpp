@@ -79,14 +79,14 @@ bool nothing_steps(const StepCounts& steps, const Intrinsics& k, const Tool& too
 }
 
 struct RealFrame : FirstFrame {
-  SeenFrame seen;
+  FrozenFrame seen;
 };
 Result<std::vector<RealFrame>> real_frames(Context& context) {
   std::vector<RealFrame> frames;
   auto recorded = context.first_frames(false);
   if (!recorded) return recorded.error();
   for (FirstFrame& of_recording : *recorded) {
-    auto seen = SeenFrame::create(of_recording.stream, of_recording.frame);
+    auto seen = FrozenFrame::create(of_recording.stream, of_recording.frame);
     if (!seen) return seen.error();
     frames.push_back({std::move(of_recording), *std::move(seen)});
     context.progress(0.5);
@@ -99,8 +99,8 @@ struct RealContacts {
   Ratios all, calm;  ///< calm: where nothing steps
   Ratios stiffness;  ///< largest eigenvalues over the tool's section
 };
-RealContacts contacts_of(const RealFrame& real, const Tool& tool, ContactProbe& probe, int num_poses,
-                         std::uint64_t seed, Work& work) {
+RealContacts contacts_of(const RealFrame& real, const Tool& tool, ContactProbe& probe,
+                         int num_poses, std::uint64_t seed, Work& work) {
   constexpr double kNearest = 0.3, kFarthest = 3, kBefore = -0.02, kBeyond = 0.03;  // m
   const Intrinsics& k = real.stream.intrinsics;
   std::vector<std::size_t> measured;

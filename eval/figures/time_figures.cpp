@@ -161,7 +161,7 @@ Result<FigureResult> figure_3_15b(Context& context) {
   (*frames)->resize(std::min<std::size_t>((*frames)->size(), context.choose<std::size_t>(60, 15)));
   const auto tool = context.tool("sphere", 0.08, 1000);
   if (!tool) return tool.error();
-  const auto first = SeenFrame::create(stream, (**frames)[0]);
+  const auto first = FrozenFrame::create(stream, (**frames)[0]);
   if (!first) return first.error();
   const auto path = hand_path(*first, **tool, 0.3, 1);
   if (!path) return path.error();
@@ -178,7 +178,7 @@ Status add_drop_out(FigureResult& result, Context& context, const DepthStreamInf
   const auto methods = all_methods_alike();
   std::vector<double> volumes[2];
   for (int k = 0; k < 2; ++k) {
-    const auto seen = SeenFrame::create(stream, frames[static_cast<std::size_t>(k)]);
+    const auto seen = FrozenFrame::create(stream, frames[static_cast<std::size_t>(k)]);
     if (!seen) return seen.error();
     auto query = query_on(*seen, **tool);
     for (const Method& method : methods) {

@@ -36,8 +36,8 @@ class PointMixer {
   double max_jump_;
 };
 
-Result<std::vector<ForceSeries>> measure_trial(const Trial& trial, const std::vector<Method>& methods,
-                                   Work& work) {
+Result<std::vector<ForceSeries>> measure_trial(const Trial& trial,
+                                               const std::vector<Method>& methods, Work& work) {
   const Touch& touch = *trial.touch;
   RunSettings settings;  // with a field and points, for all methods
   settings.time = trial.time;
@@ -73,8 +73,9 @@ Result<std::vector<ForceSeries>> measure_trial(const Trial& trial, const std::ve
 
 }  // namespace
 
-Result<std::vector<std::vector<ForceSeries>>> measure_trials(Context& context, const std::vector<Trial>& trials,
-                                            const std::vector<Method>& methods) {
+Result<std::vector<std::vector<ForceSeries>>> measure_trials(Context& context,
+                                                             const std::vector<Trial>& trials,
+                                                             const std::vector<Method>& methods) {
   double num_frames = 0;
   for (const Trial& trial : trials) num_frames += static_cast<double>(trial.touch->frames.size());
   std::vector<std::vector<ForceSeries>> all(trials.size());

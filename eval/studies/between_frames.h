@@ -42,7 +42,8 @@ struct Trial {
 };
 
 /// [trial][method], in their orders. On several threads.
-Result<std::vector<std::vector<ForceSeries>>> measure_trials(Context& context, const std::vector<Trial>& trials,
-                                            const std::vector<Method>& methods);
+Result<std::vector<std::vector<ForceSeries>>> measure_trials(Context& context,
+                                                             const std::vector<Trial>& trials,
+                                                             const std::vector<Method>& methods);
 
 }  // namespace palpate::eval

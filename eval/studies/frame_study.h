@@ -45,8 +45,8 @@ struct StudyCase {
   const char *key = nullptr, *name = nullptr;
   Touch touch;
   std::vector<const Way*> ways;
-  std::vector<std::vector<ForceSeries>> series = {};          ///< [way][method]
-  std::vector<std::vector<Lateness>> lateness = {};  ///< likewise; of the moving wall only
+  std::vector<std::vector<ForceSeries>> series = {};  ///< [way][method]
+  std::vector<std::vector<Lateness>> lateness = {};   ///< likewise; of the moving wall only
 
   const ForceSeries& by(const Way& way, std::size_t method) const;
   const Lateness& late_by(const Way& way, std::size_t method) const;

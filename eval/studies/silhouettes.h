@@ -92,7 +92,7 @@ class ContactProbe {
   double whole_, section_;
 };
 
-inline Result<ContactProbe> probe_on(const SeenFrame& frame, const Tool& tool) {
+inline Result<ContactProbe> probe_on(const FrozenFrame& frame, const Tool& tool) {
   auto query = query_on(frame, tool);
   return ContactProbe(std::move(query), tool);
 }

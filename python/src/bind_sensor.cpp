@@ -85,8 +85,7 @@ class PySensor {
     if (first.gpu != kHostMemory && !where) wait_for_producers();
     const nb::gil_scoped_release no_gil;
     const std::lock_guard lock(mutex_);
-    if (is_given &&
-        std::find(owners_.begin(), owners_.end(), surfaces->owner) == owners_.end()) {
+    if (is_given && std::find(owners_.begin(), owners_.end(), surfaces->owner) == owners_.end()) {
       throw nb::value_error("out: another sensor made these surfaces");
     }
     if (surfaces->owner == nullptr) surfaces->owner = free_owner();

@@ -133,7 +133,8 @@ PythonDevice make_python_device(nb::handle object) {
     }
   }
   auto raised = std::make_shared<nb::object>();
-  return {std::make_unique<PollingDevice>(std::make_unique<PolledInPython>(object, raised)), raised};
+  return {std::make_unique<PollingDevice>(std::make_unique<PolledInPython>(object, raised)),
+          raised};
 }
 
 }  // namespace palpate::python

@@ -36,8 +36,8 @@ void JointHistory::add(std::string_view joint, double time, double position) {
 double JointHistory::known_until() const {
   double until = std::numeric_limits<double>::infinity();
   for (const auto& samples : samples_) {
-    until =
-        std::min(until, samples.empty() ? -std::numeric_limits<double>::infinity() : samples.back().time);
+    until = std::min(
+        until, samples.empty() ? -std::numeric_limits<double>::infinity() : samples.back().time);
   }
   return until;
 }
@@ -61,7 +61,8 @@ Result<double> JointHistory::at(std::size_t joint, double time, double max_age,
     const double share = (time - before.time) / (after->time - before.time);
     return before.position + share * way(before.position, after->position, is_endless);
   }
-  const auto base = std::ranges::upper_bound(samples, before.time - kShortestBase, {}, &Sample::time);
+  const auto base =
+      std::ranges::upper_bound(samples, before.time - kShortestBase, {}, &Sample::time);
   if (base == samples.begin()) return before.position;
   const Sample& from = *(base - 1);
   if (before.time - from.time > max_age + kShortestBase) return before.position;

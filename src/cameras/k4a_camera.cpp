@@ -167,8 +167,9 @@ class K4aSource final : public DepthSource {
       }
       is_started_ = true;
     }
-    const int status = is_file_ ? api_.file_calibration(handle_, &calibration)
-                              : api_.device_calibration(handle_, kNarrowUnbinned, 0, &calibration);
+    const int status = is_file_
+                           ? api_.file_calibration(handle_, &calibration)
+                           : api_.device_calibration(handle_, kNarrowUnbinned, 0, &calibration);
     // The size comes with the first image, which is kept for next().
     const auto got = take();
     if (!got) return got.error();

@@ -72,7 +72,7 @@ class TreePoses final : public LinkPoses {
   const std::unique_ptr<RobotStates> states_;
   const double max_age_;
   const std::vector<std::size_t> required_;  // joints
-  std::vector<std::size_t> shown_;       // links with a mesh
+  std::vector<std::size_t> shown_;           // links with a mesh
 };
 
 /// By the frames of tf that are called like the links.

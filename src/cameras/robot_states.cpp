@@ -17,8 +17,8 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kSecondsKept = 5;           // live, of each joint and frame
-constexpr double kLongestWait = 1;           // s
+constexpr double kSecondsKept = 5;                   // live, of each joint and frame
+constexpr double kLongestWait = 1;                   // s
 constexpr std::size_t kMostJointNumbers = 20000000;  // numbers in a file
 constexpr double kForEver = std::numeric_limits<double>::infinity();
 
@@ -107,8 +107,8 @@ Status RobotStates::positions(const Moment& moment, std::vector<double>& positio
   const bool may_stay = address_.kind == StateAddress::Kind::table;
   positions.resize(num_joints_);
   std::unique_lock lock(mutex_);
-  const auto [states, time] =
-      states_at(lock, moment, [](const Histories& what, double) { return what.joints.known_until(); });
+  const auto [states, time] = states_at(
+      lock, moment, [](const Histories& what, double) { return what.joints.known_until(); });
   for (std::size_t i = 0; i < num_joints_; ++i) {
     const auto position = states.joints.at(i, time, moment.max_age, may_stay);
     if (position) {

@@ -81,8 +81,9 @@ class RobotStates {
   };
   /// What was told, and the moment on its clock. Waits until `known_until` that is there.
   template <class KnownUntil>
-  std::pair<const Histories&, double> states_at(std::unique_lock<std::mutex>& lock, const Moment& moment,
-                                         const KnownUntil& known_until) const;
+  std::pair<const Histories&, double> states_at(std::unique_lock<std::mutex>& lock,
+                                                const Moment& moment,
+                                                const KnownUntil& known_until) const;
 
   const StateAddress address_;
   const std::size_t num_joints_;

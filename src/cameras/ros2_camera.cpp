@@ -268,10 +268,11 @@ class Ros2Source final : public DepthSource {
     infos_ = *std::move(infos);
     if (world_.empty()) return Done{};
     const auto subscribe_tf = [&](const char* topic, bool is_static,
-                             std::unique_ptr<RosSubscription>& to) -> Status {
-      auto subscription = node_->subscribe(
-          topic, "tf2_msgs/TFMessage", {true, is_static, 100},
-          [this, is_static](std::string_view message) { received_.transforms(message, is_static); });
+                                  std::unique_ptr<RosSubscription>& to) -> Status {
+      auto subscription = node_->subscribe(topic, "tf2_msgs/TFMessage", {true, is_static, 100},
+                                           [this, is_static](std::string_view message) {
+                                             received_.transforms(message, is_static);
+                                           });
       if (!subscription) return subscription.error();
       to = *std::move(subscription);
       return Done{};
@@ -353,8 +354,8 @@ class Ros2Source final : public DepthSource {
     is_unplaced_ = !place;
     if (is_unplaced_) {
       if (!is_open_) return false;  // tf may take longer to be found than images
-      received_.add_note("has images without a tf transform within 0.1 s for '" + camera_ + "' in '" +
-                      world_ + "'; they are dropped");
+      received_.add_note("has images without a tf transform within 0.1 s for '" + camera_ +
+                         "' in '" + world_ + "'; they are dropped");
       return false;
     }
     frame.X_WC = place->X_WC;

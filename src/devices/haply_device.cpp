@@ -32,8 +32,8 @@ constexpr HaplyVersion kSaysVector{3, 5};
 // A force that the service has understood comes back in its states. One that never does, for this
 // many ticks above this size, was sent in the wrong words.
 constexpr double kConfirmableForce = 0.05;  // N
-constexpr int kPatience = 50;         // ticks
-constexpr double kShareStep = 0.005;  // per tick, back to full force after the words changed
+constexpr int kPatience = 50;               // ticks
+constexpr double kShareStep = 0.005;        // per tick, back to full force after the words changed
 
 bool is_usable(const Quaternion& q) {
   const double square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
@@ -164,7 +164,8 @@ class HaplyDevice final : public PolledDevice {
   std::uint32_t buttons_ = 0;
 
   Vec3d sent_;
-  bool is_force_confirmed_ = false, has_echo_ = false, uses_other_key_ = false, ignores_force_ = false;
+  bool is_force_confirmed_ = false, has_echo_ = false, uses_other_key_ = false,
+       ignores_force_ = false;
   int num_unconfirmed_ = 0;
   double share_ = 1;
   Error trouble_;

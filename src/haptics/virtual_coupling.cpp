@@ -173,7 +173,8 @@ class VirtualCoupling final : public Coupling {
     const double resistance = dt + contact_damping_time();
     Mat6 sums = sum(a, dt * resistance, contact_.stiffness());
     TouchedPatch patch;
-    const bool touches = friction_.touch(contact_.newest(), contact_.exact_wrench(X_WT_), dt, patch);
+    const bool touches =
+        friction_.touch(contact_.newest(), contact_.exact_wrench(X_WT_), dt, patch);
     if (touches) damp(dt, patch, sums);
     Factor6 factor;
     if (!factor.set(sums)) return false;

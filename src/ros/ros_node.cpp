@@ -267,8 +267,8 @@ class Node final : public RosNode {
                                                      MessageHandler handler) override {
     auto reader = make_endpoint(participant_, name_of(topic), type, qos, false);
     if (!reader) return reader.error();
-    auto made =
-        std::make_unique<Subscription>(self(), participant_, *std::move(reader), std::move(handler));
+    auto made = std::make_unique<Subscription>(self(), participant_, *std::move(reader),
+                                               std::move(handler));
     if (const Status status = made->start(); !status) return status.error();
     return std::unique_ptr<RosSubscription>(std::move(made));
   }

@@ -73,7 +73,8 @@ class RosNode : public std::enable_shared_from_this<RosNode> {
   using MessageHandler = std::function<void(std::string_view message)>;
   virtual Result<std::unique_ptr<RosSubscription>> subscribe(const std::string& topic,
                                                              const std::string& type,
-                                                             const RosQos& qos, MessageHandler handler) = 0;
+                                                             const RosQos& qos,
+                                                             MessageHandler handler) = 0;
   /// What others and we publish, as far as it is known by now.
   virtual std::vector<RosTopic> topics() = 0;
 };

@@ -252,8 +252,8 @@ void HandPart::end_without_force(TickRecord& record) noexcept {
   }
   status_without_force_.fault = fault;
   status_without_force_.state = fault == Fault::none ? ForceState::engaged
-                  : is_lasting(fault)  ? ForceState::ended
-                                       : ForceState::off;
+                                : is_lasting(fault)  ? ForceState::ended
+                                                     : ForceState::off;
   status_without_force_.gain = status_without_force_.is_engaged() ? 1 : 0;
   if (record.has_backend_failed) {
     record.step.contact_W = {};

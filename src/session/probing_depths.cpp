@@ -27,8 +27,8 @@ struct Reach {
 class DepthProbe {
  public:
   static Result<DepthProbe> create(const DepthStreamInfo& info, const Tool& tool) {
-    auto coarse = tool.prefix(
-        static_cast<int>(std::min<std::size_t>(tool.spheres().size(), kStudySpheres)));
+    auto coarse =
+        tool.prefix(static_cast<int>(std::min<std::size_t>(tool.spheres().size(), kStudySpheres)));
     if (!coarse) return coarse.error();
     auto surface = SurfaceEstimator::create(info.width, info.height, info.intrinsics);
     if (!surface) return surface.error();
@@ -110,7 +110,7 @@ class DepthProbe {
 }  // namespace
 
 Result<ProbeDepths> probe_stream(DepthSource& stream, const Tool& tool, const ProbingMotion& motion,
-                                double end) {
+                                 double end) {
   auto probe = DepthProbe::create(stream.info(), tool);
   if (!probe) return probe.error();
   ThreadPool pool;

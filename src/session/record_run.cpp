@@ -45,7 +45,7 @@ class UnseenWatch {
 class RecordingObserver {
  public:
   RecordingObserver(const Tool& tool, double full_volume, const DepthSources& sources,
-         const RunOptions& options)
+                    const RunOptions& options)
       : sources_(sources),
         unseen_(full_volume),
         unit_(tool, sources.infos()),
@@ -257,7 +257,7 @@ Result<RunOutcome> record_run(const Tool& tool, const DepthSources& sources, Hap
                                       is_simulated, options.recording);
   if (!recorder) return recorder.error();
   recording.begin(*std::move(recorder),
-               RunResults(folder->partial(), tool, log.setup, !options.recording.is_bounded()));
+                  RunResults(folder->partial(), tool, log.setup, !options.recording.is_bounded()));
   if (const Status status = loop.start(); !status) return status.error();
   // From here on a folder of this name is kept, whatever happens to the program.
   if (const Status status = folder->commit(); !status) {

@@ -41,7 +41,7 @@ struct PartStart {
   /// more; 0: none follows at once.
   std::vector<double> periods;
   bool has_surfaces = true;  ///< frames and contacts that follow can be repeated from here
-  HandSnapshot hand;           ///< how the hand's side stands
+  HandSnapshot hand;         ///< how the hand's side stands
 };
 
 /// What the estimate of a camera's depth knew before the first frame of a part.

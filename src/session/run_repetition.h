@@ -50,7 +50,7 @@ class ContactRepetition {
   void push_next(Camera& camera, SurfaceBlend& blend);
 
   std::deque<Camera> cameras_;
-  CameraViews views_{0};                        // of each
+  CameraViews views_{0};                          // of each
   std::map<std::uint32_t, Measuring> measuring_;  // not yet used
   std::unique_ptr<ContactPart> part_;
   std::unique_ptr<ThreadPool> pool_;

@@ -57,7 +57,8 @@ RunResults::RunResults(const fs::path& folder, const Tool& tool, const RunSetup&
 
 void RunResults::begin_csv(const fs::path& folder) {
   csv_.open(folder / kUnfinishedCsv, std::ios::binary);
-  csv_ << kHeader << (reports_unseen_ ? ",unseen" : "") << (has_output_columns_ ? kOutputHeader : "") << "\n";
+  csv_ << kHeader << (reports_unseen_ ? ",unseen" : "")
+       << (has_output_columns_ ? kOutputHeader : "") << "\n";
 }
 
 void RunResults::add_settings(const RunSettings& settings) {
@@ -79,7 +80,7 @@ void RunResults::add_frame(const FrameRecord& record, const DepthFrame& frame) {
     }
   }
   if (record.camera == 0 && all_ticks_ && has_output_columns_) keep_pose(record);
-  std::deque<SeenFrame>& recent = cameras_[record.camera].recent;
+  std::deque<NumberedFrame>& recent = cameras_[record.camera].recent;
   if (recent.size() == kNumRecent) {
     // Its memory once more.
     recent.push_back(std::move(recent.front()));
@@ -136,9 +137,9 @@ void RunResults::add_row(const TickRecord& tick) {
     line_ += '\n';
   }
   if (has_output_columns_) {
-    const ReportedOutput reported(output_,
-                          {tick.step.X_WT, tick.step.X_WT * tool_.sphere_mass().centre_of_mass,
-                           first_camera_at(tick), X_WB_});
+    const ReportedOutput reported(
+        output_, {tick.step.X_WT, tick.step.X_WT * tool_.sphere_mass().centre_of_mass,
+                  first_camera_at(tick), X_WB_});
     const auto [at, turned] = reported.pose();
     const Wrench wrench = reported.wrench(on_tool);
     const VolumeWrench measure = reported.wrench(all.measure_W);
@@ -198,8 +199,8 @@ void RunResults::keep_deepest(const TickRecord& tick) {
   deepest_ = tick;
   for (auto& [recent, deepest] : cameras_) {
     // The newest one up to that which the tick names, which is one of the cameras'.
-    const SeenFrame* used = nullptr;
-    for (const SeenFrame& seen : recent) {
+    const NumberedFrame* used = nullptr;
+    for (const NumberedFrame& seen : recent) {
       if (seen.number <= tick.frame_number) used = &seen;
     }
     const bool is_known = !deepest.frame.pixels.empty();

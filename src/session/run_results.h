@@ -40,17 +40,17 @@ class RunResults {
   void keep_deepest(const TickRecord& tick);
   std::string scarce_surface_warning(const RunSetup& setup) const;
 
-  struct SeenFrame {
+  struct NumberedFrame {
     std::uint64_t number = 0;
     DepthFrame frame;
   };
-  struct SeenPose {
+  struct PoseAtTime {
     std::uint64_t number = 0;
     Pose X_WC;
   };
   struct Camera {
-    std::deque<SeenFrame> recent;
-    SeenFrame deepest;
+    std::deque<NumberedFrame> recent;
+    NumberedFrame deepest;
   };
 
   const Tool& tool_;
@@ -58,7 +58,7 @@ class RunResults {
   const OutputOptions output_;
   const bool has_output_columns_;  // than the world's axes and the center of mass
   const Pose X_WB_;
-  std::deque<SeenPose> first_poses_;  // of the first camera
+  std::deque<PoseAtTime> first_poses_;  // of the first camera
   std::vector<Camera> cameras_;
   bool reports_unseen_;
   const bool all_ticks_;

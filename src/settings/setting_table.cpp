@@ -178,8 +178,8 @@ std::string Setting::accepted() const {
 }
 
 Error Setting::refusal(const SettingValue& value, std::string_view reported_name) const {
-  std::string text = (reported_name.empty() ? key() : std::string(reported_name)) + " must be " + accepted() +
-                     ", not " + std::visit(AsText{}, value);
+  std::string text = (reported_name.empty() ? key() : std::string(reported_name)) + " must be " +
+                     accepted() + ", not " + std::visit(AsText{}, value);
   const auto* const word = std::get_if<std::string>(&value);
   if (kind == SettingKind::word && word != nullptr && !word->empty()) {
     const std::string nearest =

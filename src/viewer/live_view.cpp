@@ -10,8 +10,8 @@
 #include "src/viewer/controls.h"
 #include "src/viewer/recycler.h"
 #include "src/viewer/samples.h"
-#include "src/viewer/shown.h"
 #include "src/viewer/stages.h"
+#include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
 namespace {

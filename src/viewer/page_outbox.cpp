@@ -59,7 +59,8 @@ void PageOutbox::show(const ViewRequest& request) {
   ViewSubscription subscription = subscription_;
   for (const auto& [name, is_wanted] :
        {std::pair("frames", &subscription.frames), std::pair("contacts", &subscription.contacts),
-        std::pair("surfaces", &subscription.surfaces), std::pair("samples", &subscription.samples)}) {
+        std::pair("surfaces", &subscription.surfaces),
+        std::pair("samples", &subscription.samples)}) {
     const auto member = request.json.find(name);
     if (member == request.json.end()) continue;
     if (!member->is_boolean()) {

@@ -29,8 +29,8 @@ class PageOutbox {
 
   /// What goes to the page next; null: nothing now.
   ViewMessage next(double now);
-  /// A page that has not drawn for a second, e.g. in a hidden tab, subscribes to samples alone: nobody
-  /// need make pictures for it.
+  /// A page that has not drawn for a second, e.g. in a hidden tab, subscribes to samples alone:
+  /// nobody need make pictures for it.
   ViewSubscription subscription(double now) const;
 
  private:
@@ -48,7 +48,7 @@ class PageOutbox {
   std::uint64_t number_;
   ViewSubscription subscription_;
   std::uint64_t poll_of_subscription_ = 0;  // pictures come of later polls than this
-  std::deque<ViewMessage> answers_;   // and what was got
+  std::deque<ViewMessage> answers_;         // and what was got
   std::uint64_t sent_state_ = 0;
 
   std::deque<ViewMessage> picture_;  // what is left of it

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "src/viewer/shown.h"
+#include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
 namespace {

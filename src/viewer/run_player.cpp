@@ -6,7 +6,7 @@
 #include <new>
 #include <utility>
 
-#include "src/viewer/shown.h"
+#include "src/viewer/view_contact.h"
 
 namespace palpate::inline v0 {
 namespace {
@@ -75,7 +75,8 @@ RunPlayer::~RunPlayer() {
 
 void RunPlayer::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   const std::lock_guard lock(mutex_);
-  const bool is_looking = subscription.frames || subscription.contacts || subscription.surfaces || subscription.samples;
+  const bool is_looking =
+      subscription.frames || subscription.contacts || subscription.surfaces || subscription.samples;
   if (is_looking && !std::exchange(was_looked_at_, true)) clock_.resume();
   wanted_ = subscription;
   for (auto& frame : pending_.frames) {
@@ -86,9 +87,9 @@ void RunPlayer::poll(const ViewSubscription& subscription, ViewUpdate& update) {
   if (subscription.samples) samples_.take(update.samples);
 }
 
-RunShown RunPlayer::shown() const {
+PlayerState RunPlayer::shown() const {
   const std::lock_guard lock(mutex_);
-  RunShown shown = shown_;
+  PlayerState shown = shown_;
   if (is_short_of_memory_) shown.note = "there is not enough memory to show all of the run";
   shown.time = std::min(clock_.now(), shown.duration);
   shown.is_paused = clock_.is_paused();
@@ -261,7 +262,7 @@ void RunPlayer::show_contact(const RecordedQuery& query, std::string& trouble) {
   ViewUpdate made;
   if (needs_contact) {
     ViewContact shown =
-        contact_shown(repetition_.query(), repetition_.cameras(), query.X_WT, query.time, number);
+        view_contact(repetition_.query(), repetition_.cameras(), query.X_WT, query.time, number);
     shown.objects = objects_at(run_->objects(), query.bodies);
     made.contact = std::make_shared<const ViewContact>(std::move(shown));
     last_.contact = contact;

@@ -14,7 +14,7 @@
 namespace palpate::inline v0 {
 
 /// What there is to tell of it.
-struct RunShown {
+struct PlayerState {
   double time = 0, duration = 0, speed = 1;
   bool is_paused = false;
   std::uint64_t frame_number = 0;
@@ -37,7 +37,7 @@ class RunPlayer {
 
   // For one other thread; none of these waits for a picture.
   void poll(const ViewSubscription& subscription, ViewUpdate& update);
-  RunShown shown() const;
+  PlayerState shown() const;
   void pause();
   void resume();  ///< at the end: from the beginning
   void seek(double time);
@@ -95,7 +95,7 @@ class RunPlayer {
   std::uint32_t num_seeks_ = 0;
   ViewSubscription wanted_;
   nlohmann::ordered_json changed_ = nlohmann::ordered_json::object();  // {key: value}
-  RunShown shown_;
+  PlayerState shown_;
   ViewUpdate pending_;  // `frames` of each camera, null where there is no news
   SampleQueue samples_;
 

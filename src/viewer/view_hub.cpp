@@ -39,7 +39,8 @@ ViewHub::ViewHub(ViewSource& source)
 
 void ViewHub::poll(double now) {
   ViewSubscription subscription;
-  for (const PageOutbox* page : pages_) subscription = either(subscription, page->subscription(now));
+  for (const PageOutbox* page : pages_)
+    subscription = either(subscription, page->subscription(now));
   ViewUpdate update;
   source_.poll(subscription, update);
   ++num_polls_;
@@ -51,7 +52,8 @@ void ViewHub::poll(double now) {
 bool ViewHub::is_wanted(double now) const {
   return std::any_of(pages_.begin(), pages_.end(), [now](const PageOutbox* page) {
     const ViewSubscription subscription = page->subscription(now);
-    return subscription.frames || subscription.contacts || subscription.surfaces || subscription.samples;
+    return subscription.frames || subscription.contacts || subscription.surfaces ||
+           subscription.samples;
   });
 }
 

@@ -73,7 +73,8 @@ TEST_F(RosNodeTest, who_comes_late_gets_what_is_kept) {
   ASSERT_TRUE(writer);
   EXPECT_TRUE((*writer)->publish(message));
   Received received;
-  const auto reader = (*b)->subscribe("/tf_static", "tf2_msgs/TFMessage", kept, received.listener());
+  const auto reader =
+      (*b)->subscribe("/tf_static", "tf2_msgs/TFMessage", kept, received.listener());
   ASSERT_TRUE(test::wait_for([&] { return received.size() == 1; }));
   EXPECT_EQ(received.messages[0], message);
 }

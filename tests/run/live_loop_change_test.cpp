@@ -506,8 +506,8 @@ TEST(LiveLoopPictures, AreWhatAFreshQuerySays) {
     touching.loop->request_surface_picture();
     const ContactPicture* picture = nullptr;
     const SurfacePicture* surface = nullptr;
-    ASSERT_TRUE(
-        wait_for([&] { return (picture = touching.loop->new_contact_picture(PictureConsumer::robots)); }));
+    ASSERT_TRUE(wait_for(
+        [&] { return (picture = touching.loop->new_contact_picture(PictureConsumer::robots)); }));
     ASSERT_TRUE(wait_for([&] { return (surface = touching.loop->new_surface_picture()); }));
     touching.run_for(0.05);
     EXPECT_EQ(touching.loop->new_contact_picture(PictureConsumer::robots),

@@ -45,7 +45,7 @@ class Stages {
       ++made_frames_;  // can be felt
       return;
     }
-    SeenFrame seen;
+    PublishedFrame seen;
     seen.record.number = num_frames_;
     seen.record.revision = frame_revision_;
     frames.push(seen);
@@ -93,7 +93,7 @@ class Stages {
   std::uint64_t num_contacts() const { return num_contacts_; }
   std::uint64_t num_ticks() const { return num_ticks_; }
 
-  RecordQueue<SeenFrame> frames{512};
+  RecordQueue<PublishedFrame> frames{512};
   RecordQueue<ContactRecord> contacts;
   RecordQueue<TickRecord> ticks{4096};
   RecordQueue<HandSnapshot> snapshots{1024};

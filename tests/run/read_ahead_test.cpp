@@ -74,7 +74,8 @@ TEST(ReadAhead, TellsAnErrorAfterTheFramesBeforeIt) {
 TEST(ReadAhead, IsAheadButNotByMoreThanWanted) {
   std::atomic<int> num_requested{0}, num_allowed{2};
   const auto ahead =
-      read_ahead(std::make_unique<GuardedWall>(WallSource::Options{}, num_requested, num_allowed), 4)
+      read_ahead(std::make_unique<GuardedWall>(WallSource::Options{}, num_requested, num_allowed),
+                 4)
           .value();
   DepthFrame frame;
   ASSERT_TRUE(ahead->next(frame).value());

@@ -110,7 +110,7 @@ RunSettings settings_with(const SafetyOptions& safety) {
 
 /// A hand that goes 2 cm to and fro where the wall is.
 DelayedRun feel(const std::string& model, const RunSettings& settings,
-             const std::vector<Image>& images, const Wall& scene, double hand_turn) {
+                const std::vector<Image>& images, const Wall& scene, double hand_turn) {
   SimulatedDeviceOptions options;
   options.model = *find_device_model(model);
   options.target = [hand_turn](double time) {

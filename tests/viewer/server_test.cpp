@@ -17,8 +17,8 @@
 namespace palpate {
 namespace {
 
-using test::http_request;
 using test::body_of;
+using test::http_request;
 using test::MessageReader;
 using test::PageClient;
 using test::RawSocket;
@@ -53,14 +53,15 @@ struct Fixture {
     port = port_of(*server);
   }
   std::string get(const std::string& target, const std::string& headers = "") const {
-    return http_request(port, "GET " + target + " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
-                              "\r\nConnection: close\r\n" + headers + "\r\n");
+    return http_request(port, "GET " + target +
+                                  " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) +
+                                  "\r\nConnection: close\r\n" + headers + "\r\n");
   }
   std::string post(const std::string& body) const {
     return http_request(port,
-                    "POST /api/command HTTP/1.1\r\nHost: localhost\r\nConnection: "
-                    "close\r\nContent-Length: " +
-                        std::to_string(body.size()) + "\r\n\r\n" + body);
+                        "POST /api/command HTTP/1.1\r\nHost: localhost\r\nConnection: "
+                        "close\r\nContent-Length: " +
+                            std::to_string(body.size()) + "\r\n\r\n" + body);
   }
   /// It still does what it is there for.
   void expect_alive() const {
@@ -180,10 +181,10 @@ struct Asker {
 };
 
 int poll_state(int port, const Asker& asker, const std::string& more = "",
-              const std::string& target = "/api/state") {
+               const std::string& target = "/api/state") {
   const std::string origin = *asker.origin ? "Origin: " + std::string(asker.origin) + "\r\n" : "";
   return status_of(http_request(port, "GET " + target + " HTTP/1.1\r\nHost: " + asker.host +
-                                      "\r\nConnection: close\r\n" + origin + more + "\r\n"));
+                                          "\r\nConnection: close\r\n" + origin + more + "\r\n"));
 }
 
 TEST(ViewServer, WithoutATokenOnlyThisComputerIsAnswered) {
@@ -228,9 +229,9 @@ TEST(ViewServer, WithoutATokenOnlyThisComputerIsAnswered) {
     EXPECT_EQ(page.status(), asker.status == 200 ? 101 : 403) << asker.host << ' ' << asker.origin;
   }
   EXPECT_EQ(poll_state(fixture.port, {"localhost", "", 0}, "Host: localhost\r\n"), 403);
-  EXPECT_EQ(
-      poll_state(fixture.port, {"localhost", "http://localhost", 0}, "Origin: http://localhost\r\n"),
-      403);
+  EXPECT_EQ(poll_state(fixture.port, {"localhost", "http://localhost", 0},
+                       "Origin: http://localhost\r\n"),
+            403);
   EXPECT_EQ(status_of(http_request(fixture.port, "GET / HTTP/1.0\r\n\r\n")), 400);
 }
 
@@ -256,8 +257,9 @@ TEST(ViewServer, WithATokenEveryRequestNeedsIt) {
     EXPECT_EQ(poll_state(fixture.port, asker, bad), 401) << bad;
   // The page's files are public; another page may use them no more than the rest.
   EXPECT_EQ(status_of(fixture.get("/", "Accept-Encoding: gzip\r\n")), 200);
-  EXPECT_EQ(poll_state(fixture.port, {"robot:1", "http://evil.example", 0}, "", "/api/state" + good),
-            403);
+  EXPECT_EQ(
+      poll_state(fixture.port, {"robot:1", "http://evil.example", 0}, "", "/api/state" + good),
+      403);
   EXPECT_EQ(poll_state(fixture.port, {"robot:1", "http://robot:1", 0}, "", "/api/state" + good),
             200);
   EXPECT_EQ(status_of(fixture.post(R"({"command": "pause"})")), 401);

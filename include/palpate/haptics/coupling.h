@@ -69,7 +69,7 @@ struct FrictionState {
   /// Deflection of the sticking contact: along the surface in W, and about its normal times the
   /// torsion radius. m
   Vec3d bristle_W;
-  double bristle_turn = 0;
+  double bristle_rotation = 0;
   Vec3d normal_W;       ///< of the surface; zero: no contact
   double distance = 0;  ///< m slid, for texture
   double speed = 0;     ///< m/s, of sliding

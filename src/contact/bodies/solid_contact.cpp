@@ -217,8 +217,10 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
   VolumeWrench &on_a = result.on_a.measure_W, &on_b = result.on_b.measure_W;
   on_a.force = weight_a * measure_a.force - weight_b * measure_b.force;
   on_b.force = -on_a.force;
-  on_a.torque = weight_a * measure_a.torque - weight_b * (measure_b.torque - cross(d_BA, measure_b.force));
-  on_b.torque = weight_b * measure_b.torque - weight_a * (measure_a.torque + cross(d_BA, measure_a.force));
+  on_a.torque =
+      weight_a * measure_a.torque - weight_b * (measure_b.torque - cross(d_BA, measure_b.force));
+  on_b.torque =
+      weight_b * measure_b.torque - weight_a * (measure_a.torque + cross(d_BA, measure_a.force));
   result.num_pairs = std::int64_t{result.on_a.num_boundary_spheres} +
                      result.on_a.num_inside_spheres + result.on_b.num_boundary_spheres +
                      result.on_b.num_inside_spheres;
@@ -226,8 +228,9 @@ BodyPenetration SolidPair::penetration(const GroupSums& of_a, const GroupSums& o
     const Stiffness k_a = of_a.stiffness.stiffness(), k_b = of_b.stiffness.stiffness();
     result.stiffness_a = sum_of(k_a, weight_a, of_other(k_b, measure_b, -d_BA), weight_b);
     result.stiffness_b = sum_of(k_b, weight_b, of_other(k_a, measure_a, d_BA), weight_a);
-    result.moments_a = sum_of(of_a.stiffness.moments(), weight_a,
-                              of_opposite(of_b.stiffness.moments(), measure_b.force, -d_BA), weight_b);
+    result.moments_a =
+        sum_of(of_a.stiffness.moments(), weight_a,
+               of_opposite(of_b.stiffness.moments(), measure_b.force, -d_BA), weight_b);
   }
   return result;
 }

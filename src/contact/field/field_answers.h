@@ -59,7 +59,7 @@ struct Answer {
 // What lies deep asks wider pixels, too.
 template <class Sample, int kFields>
 [[gnu::always_inline]] inline void query_deeper(const Grid& grid, const Pixels (&fields)[kFields],
-                                              const Lanes& e, Answer<Sample, kFields>& answer) {
+                                                const Lanes& e, Answer<Sample, kFields>& answer) {
   VecF asked = e.radius;
   for (int step = 0; step < kMostDeepSteps; ++step) {
     VecI is_deep[kFields], any{};

@@ -4,8 +4,8 @@
 #include <type_traits>
 
 #include "src/contact/cuda/query_answer.h"
-#include "src/contact/field/field_tool_cuda.h"
 #include "src/contact/field/field_element.h"
+#include "src/contact/field/field_tool_cuda.h"
 #include "src/gpu/team.cuh"
 
 namespace palpate::inline v0 {
@@ -117,7 +117,7 @@ __device__ inline const Gradient& first_of(const Curvature& c) { return c.first;
 // a Curvature.
 template <class Sample>
 __device__ Sample query_field(const FieldLook& field, float u, float v, float depth,
-                            float inverse_depth, float radius) {
+                              float inverse_depth, float radius) {
   const LevelChoice<float> choice =
       choose(kFootprint * radius * field.frame.fx * inverse_depth, field.last_level, inverse_depth);
   Sample answer{};

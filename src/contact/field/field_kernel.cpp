@@ -14,9 +14,9 @@ struct Answers {
 
 template <class Sample, int kFields>
 [[gnu::always_inline]] inline void query_cluster(const MeasureJob& job, const Grid& grid,
-                                               const Pixels (&fields)[kFields], std::size_t begin,
-                                               int num_vectors, std::uint32_t near,
-                                               Answers<Sample, kFields>& to) {
+                                                 const Pixels (&fields)[kFields], std::size_t begin,
+                                                 int num_vectors, std::uint32_t near,
+                                                 Answers<Sample, kFields>& to) {
   for (int i = 0; i < num_vectors; ++i) {
     to.lanes[i] = aim(job, grid, begin + static_cast<std::size_t>(i * kLanes));
   }

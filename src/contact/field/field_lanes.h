@@ -268,7 +268,7 @@ struct Look {
 // What elements see there.
 template <class Sample>
 [[gnu::always_inline]] inline Sample query_field(const Grid& grid, const Pixels& pixels,
-                                               const Look& look, VecF depth, VecF inverse_depth) {
+                                                 const Look& look, VecF depth, VecF inverse_depth) {
   const Sample own = sample<Sample>(grid, pixels, look.own, look.levels.level, depth);
   if (!look.has_wider) return own;
   const Sample next = sample<Sample>(grid, pixels, look.wider, look.wider_level, depth);

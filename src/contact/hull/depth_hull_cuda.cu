@@ -81,8 +81,8 @@ __device__ InSpace<Sample> between(const HullEye& eye, const FieldLook (&fields)
       here = in_world(eye.R_WC[seat], frame, at, query_deep<Sample>(fields[f], at, ball.radius),
                       ball.radius);
       if (queries_in_front) {
-        const auto front = turned_to_world(eye.R_WC[seat], frame, at,
-                                           query_deep<Sample>(eye.in_front[f], at, ball.radius));
+        const auto front = rotated_to_world(eye.R_WC[seat], frame, at,
+                                            query_deep<Sample>(eye.in_front[f], at, ball.radius));
         here = lesser_of(here, front, hull_width(ball.radius));
       }
     } else {
@@ -106,7 +106,7 @@ __device__ const HullEye& eye_of(const HullQuery<kMost>& query, int view) {
 }
 template <class Sample, int kMost>
 __device__ InSpace<Sample> query_view(const HullQuery<kMost>& query, int view, const Ball& ball,
-                                    bool queries_in_front) {
+                                      bool queries_in_front) {
   const bool is_seen = view < query.num_seeing;
   const HullEye& eye = eye_of(query, view);
   return between<Sample>(eye, is_seen ? eye.seen_free : eye.field, ball, is_seen && !query.is_alone,
@@ -291,7 +291,8 @@ __global__ void __launch_bounds__(kHullThreads, 2)
     const ElementBall at = elements.balls[cluster * SphereClusters::kSize + gpu::lane_id()];
     const Ball ball{at.x, at.y, at.z, at.radius};
     for (int view = gpu::warp_id(); view < num_views(query); view += kHullWarps) {
-      views.store(view, query_view<Sample>(query, view, ball, queries_in_front(query, view, cluster)));
+      views.store(view,
+                  query_view<Sample>(query, view, ball, queries_in_front(query, view, cluster)));
     }
     __syncthreads();
     using Space = InSpace<Sample>;

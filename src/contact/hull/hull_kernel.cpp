@@ -58,9 +58,9 @@ struct Eye {
 // What one camera says about a vector of elements.
 template <class Sample>
 struct EyeAnswer {
-  Lanes lanes[2];         // in the camera at its moments; the older one's only if it has moved
-  VecF before[2];         // how far before the camera, likewise
-  Sample samples[2];      // of seen_free, not yet of what lies deep
+  Lanes lanes[2];        // in the camera at its moments; the older one's only if it has moved
+  VecF before[2];        // how far before the camera, likewise
+  Sample samples[2];     // of seen_free, not yet of what lies deep
   bool is_used = false;  // else it has no say
   bool queries_in_front = false;
   Sample in_front[2];  // likewise
@@ -209,11 +209,11 @@ class Hull {
       }
       const Lanes& at = answer.lanes[seat];
       answer.samples[f] = query_field<Sample>(eye.seen_free.grid, eye.seen_free.pixels[f], look,
-                                            at.depth, at.inverse_depth);
+                                              at.depth, at.inverse_depth);
       phi[f] = limited(first_of(answer.samples[f]).phi, e.radius).value;
       if (answer.queries_in_front) {
         answer.in_front[f] = query_field<Sample>(eye.in_front.grid, eye.in_front.pixels[f], look,
-                                               at.depth, at.inverse_depth);
+                                                 at.depth, at.inverse_depth);
         phi[f] = min(phi[f], first_of(answer.in_front[f]).phi);
       }
       if (job_.is_alone) {
@@ -257,8 +257,8 @@ class Hull {
             in_world(R_WC, eye.camera->field.frame, answer.lanes[seat], answer.samples[f], radius_);
         if (answer.queries_in_front) {
           deepen(eye.in_front, f, answer.lanes[seat], may_be_deep, answer.in_front[f]);
-          answer.front[f] = turned_to_world(R_WC, eye.camera->field.frame, answer.lanes[seat],
-                                            answer.in_front[f]);
+          answer.front[f] = rotated_to_world(R_WC, eye.camera->field.frame, answer.lanes[seat],
+                                             answer.in_front[f]);
           moments[f] = lesser_of(moments[f], answer.front[f], hull_width(radius_));
         }
         if (job_.is_alone) {
@@ -365,7 +365,8 @@ class Hull {
       const Space here = between(eye, moments);
       least = is_first ? here : lesser_of(least, here, width);
       is_first = false;
-      const VecI counts = is_touching & (first_of(least).phi + later > first_of(hull).phi - width.w);
+      const VecI counts =
+          is_touching & (first_of(least).phi + later > first_of(hull).phi - width.w);
       if (mask_bits(counts) == 0) return;
     }
     join_greater(plus(least, splat(1.0f), shifted(later)), is_touching, splat(-1));
@@ -395,8 +396,8 @@ class Hull {
 
   // What a field says at a moment, in the world.
   Space ask(const Eye& eye, const FieldPair& field, int f, const Lanes& e, VecI which) {
-    Sample sample = query_field<Sample>(field.grid, field.pixels[f], look_of(field.grid, e, radius_),
-                                      e.depth, e.inverse_depth);
+    Sample sample = query_field<Sample>(field.grid, field.pixels[f],
+                                        look_of(field.grid, e, radius_), e.depth, e.inverse_depth);
     deepen(field, f, e, which, sample);
     return in_world(eye.camera->R_WC[eye.seat(f)], eye.camera->field.frame, e, sample, radius_);
   }
@@ -448,13 +449,14 @@ template <class Sample>
   constexpr bool kWithStiffness = std::is_same_v<Sample, Curvature>;
   GroupTotals<kWithStiffness> totals;
   RowSums unseen;
-  for_each_touching<Sample>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
-    const SpaceGradient<VecF>& g = first_of(at.hull);
-    Symmetric<VecF> h;
-    if constexpr (kWithStiffness) h = at.hull.h;
-    totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
-    unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
-  });
+  for_each_touching<Sample>(
+      job, group, [&](std::size_t slot, const Lanes& e, Hull<Sample>& at, int part) {
+        const SpaceGradient<VecF>& g = first_of(at.hull);
+        Symmetric<VecF> h;
+        if constexpr (kWithStiffness) h = at.hull.h;
+        totals.add(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, h, part);
+        unseen.add(part, select(at.is_unseen(), whole_volume(job.tool, slot, e.radius), VecF{}));
+      });
   totals.write(*to);
   to->measure.unseen = unseen.total();
 }
@@ -467,17 +469,18 @@ void measure_hull_group(const HullJob& job, int group, bool with_stiffness, Grou
 }
 
 void describe_hull_group(const HullJob& job, int group, const SphereCuts& to) {
-  for_each_touching<Gradient>(job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
-    const SpaceGradient<VecF>& g = at.hull;
-    const VecI nobody = at.decider < VecI{};
-    VecI number{};
-    for (int k = 0; k < job.num_cameras; ++k) {
-      number = at.decider == splat(k) ? splat(job.cameras[k].number) : number;
-    }
-    describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
-             nobody ? splat(kNoCamera) : number);
-    mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
-  });
+  for_each_touching<Gradient>(
+      job, group, [&](std::size_t slot, const Lanes& e, Hull<Gradient>& at, int) {
+        const SpaceGradient<VecF>& g = at.hull;
+        const VecI nobody = at.decider < VecI{};
+        VecI number{};
+        for (int k = 0; k < job.num_cameras; ++k) {
+          number = at.decider == splat(k) ? splat(job.cameras[k].number) : number;
+        }
+        describe(job.tool, slot, e, g.phi < e.radius, g.phi, {g.x, g.y, g.z}, to,
+                 nobody ? splat(kNoCamera) : number);
+        mark_unseen(job.tool, slot, at.is_unseen(), to.unseen);
+      });
 }
 
 }  // namespace palpate::inline v0::PALPATE_ISA_NAMESPACE

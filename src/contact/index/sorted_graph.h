@@ -14,7 +14,7 @@ namespace palpate::inline v0 {
 /// Rows one after the other; edges go both ways.
 struct SortedGraph {
   std::vector<std::int32_t> sphere_ids;  ///< of each slot; -1 for padding
-  std::vector<std::int32_t> slot_of;    ///< of each sphere
+  std::vector<std::int32_t> slot_of;     ///< of each sphere
   std::vector<std::int32_t> row_starts;  ///< of each slot, and one past the last
   std::vector<std::int32_t> neighbours;  ///< slots
 

@@ -35,9 +35,7 @@ class SphereClusters {
     return std::min(kSize, static_cast<int>(slot_of.size()) - cluster * kSize);
   }
   /// All spheres in cluster order.
-  std::span<const std::int32_t> order() const {
-    return std::span(sphere_id).first(slot_of.size());
-  }
+  std::span<const std::int32_t> order() const { return std::span(sphere_id).first(slot_of.size()); }
 
   std::size_t num_bytes() const {
     return bytes_of(x, y, z, radius, volume, sphere_id, slot_of, clusters, groups);
@@ -45,7 +43,7 @@ class SphereClusters {
 
   std::vector<float> x, y, z, radius, volume;  ///< one per slot
   std::vector<std::int32_t> sphere_id;         ///< of each slot; -1 for padding
-  std::vector<std::int32_t> slot_of;          ///< of each sphere
+  std::vector<std::int32_t> slot_of;           ///< of each sphere
   std::vector<Cluster> clusters;
   std::vector<Cluster> groups;  ///< around kClustersPerGroup clusters
 };

@@ -297,8 +297,7 @@ MeasureSums PointMeasurement::measure_by_assignment() {
     skipped_slots_ = touched_slots_;
     for (std::size_t id = 0; id < spheres_.size(); ++id) {
       if (all_one_by_one || edges_view_.concerns(static_cast<std::int32_t>(id))) {
-        skipped_slots_[static_cast<std::size_t>(clusters_.slot_of[id])] =
-            PlaneAssignment::kTouched;
+        skipped_slots_[static_cast<std::size_t>(clusters_.slot_of[id])] = PlaneAssignment::kTouched;
       }
     }
     job.touched = skipped_slots_.data();

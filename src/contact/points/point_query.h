@@ -34,7 +34,7 @@ inline constexpr int kQueryThreads = 512;
 struct ClustersView {
   const float *x = nullptr, *y = nullptr, *z = nullptr, *radius = nullptr, *volume = nullptr;
   const std::int32_t* sphere_id = nullptr;  ///< of each slot; -1 for padding
-  const std::int32_t* slot_of = nullptr;   ///< of each sphere
+  const std::int32_t* slot_of = nullptr;    ///< of each sphere
   const Cluster* clusters = nullptr;
   const Cluster* groups = nullptr;
   std::int32_t num_clusters = 0, num_groups = 0;

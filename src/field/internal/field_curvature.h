@@ -131,8 +131,8 @@ PALPATE_FORMULA ImageCurvature<Real> chosen(const auto& condition, const ImageCu
 
 /// As query_field, with second derivatives.
 PALPATE_HOSTDEV inline ImageCurvature<double> query_field_curvature(const DepthFieldView& field,
-                                                                  const PixelPosition<double>& at,
-                                                                  double z, double radius) {
+                                                                    const PixelPosition<double>& at,
+                                                                    double z, double radius) {
   const LevelChoice<double> choice = choose_level(field, radius, z);
   const auto sample = [&](const DepthFieldLevel& level) {
     const PixelSpot<double> spot = spot_at(level, at.u, at.v);

@@ -253,8 +253,8 @@ PALPATE_FORMULA ImageGradient<Real> mixed(const ImageGradient<Real>& g,
 /// What a sphere of this radius is told by the one or two levels of its size.
 template <class Real>
 PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& field,
-                                                     const PixelPosition<Real>& at, Real z,
-                                                     Real radius) {
+                                                       const PixelPosition<Real>& at, Real z,
+                                                       Real radius) {
   const LevelChoice<Real> choice = choose_level(field, radius, z);
   const auto sample = [&](const DepthFieldLevel& level) {
     const PixelSpot<Real> spot = spot_at(level, at.u, at.v);

@@ -112,8 +112,8 @@ class HandPart {
   /// All that it knows of the ticks before, but for the kind of its coupling: see StateNumbers.
   void remember(StateNumbers& numbers) noexcept {
     coupling_->remember(numbers);
-    numbers(status_without_force_, safety_, revision_, num_ticks_, has_tool_, is_stopping_, last_state_time_,
-            first_tick_);
+    numbers(status_without_force_, safety_, revision_, num_ticks_, has_tool_, is_stopping_,
+            last_state_time_, first_tick_);
   }
 
   HandSnapshot snapshot() noexcept {

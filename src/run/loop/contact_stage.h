@@ -60,7 +60,9 @@ class ContactStage {
   /// Must be offered before the surfaces that it waits for.
   Mailbox<ContactChange>& changes() noexcept { return changes_; }
 
-  void request_picture(PictureConsumer who) noexcept { wants_picture_[std::size_t(who)].store(true); }
+  void request_picture(PictureConsumer who) noexcept {
+    wants_picture_[std::size_t(who)].store(true);
+  }
   /// The newest one, if it is new; one reader of each kind.
   const ContactPicture* new_picture(PictureConsumer who) noexcept {
     TripleBuffer<ContactPicture>& pictures = pictures_[std::size_t(who)];
@@ -111,7 +113,7 @@ class ContactStage {
   double next_due_ = 0;
   std::uint32_t revision_ = 0;
 
-  TripleBuffer<TimedToolPose> tools_;        // haptic thread to contact thread
+  TripleBuffer<TimedToolPose> tools_;     // haptic thread to contact thread
   TripleBuffer<ContactRecord> contacts_;  // and back
   RecordQueue<ContactRecord> records_;    // to the publishing thread
   std::array<TripleBuffer<ContactPicture>, kNumPictureConsumers> pictures_;

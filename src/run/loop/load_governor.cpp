@@ -27,7 +27,7 @@ void LoadCounts::count_ages(const LoopTimes& times, const SafetyOptions& limits,
 }
 
 LoadGovernor::LoadGovernor(const DepthStreamInfo& stream, const RunSettings& settings,
-                       std::size_t num_spheres)
+                           std::size_t num_spheres)
     : stream_(stream),
       num_spheres_(num_spheres),
       whole_(settings),
@@ -60,7 +60,7 @@ RunSettings LoadGovernor::thinned(const RunSettings& settings, const ReliefSteps
 }
 
 LoadGovernor::Decision LoadGovernor::look(double now, const RunSettings& present,
-                                      const LoadCounts& counts) {
+                                          const LoadCounts& counts) {
   const RunSettings decided = thinned(present, applied_);
   if (decided.binning != present.binning || decided.num_spheres != present.num_spheres) {
     whole_ = present;

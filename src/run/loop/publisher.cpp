@@ -34,7 +34,7 @@ void Publisher::publish() {
 }
 
 void Publisher::publish_frames() {
-  while (const SeenFrame* seen = records_.frames.front()) {
+  while (const PublishedFrame* seen = records_.frames.front()) {
     publish_settings(seen->record.revision);
     observer_.on_frame(seen->record, seen->frame);
     records_.frames.pop();

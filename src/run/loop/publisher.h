@@ -13,12 +13,12 @@
 
 namespace palpate::inline v0 {
 
-struct SeenFrame;
+struct PublishedFrame;
 
 /// What the stages have written, and how many frames and contacts they are through with: a record
 /// is written before it is counted, and may be used by others before both.
 struct LoopRecords {
-  RecordQueue<SeenFrame>& frames;
+  RecordQueue<PublishedFrame>& frames;
   RecordQueue<ContactRecord>& contacts;
   RecordQueue<TickRecord>& ticks;
   RecordQueue<HandSnapshot>& snapshots;

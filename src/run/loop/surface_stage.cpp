@@ -54,7 +54,8 @@ WindowOptions window_of(const RunSettings& settings) {
 }  // namespace
 
 ToolBall ball_of(const Tool& tool) {
-  constexpr double kMaxBallGrowth = 1.5;  // a ball is felt so much larger at most, in parts inside of that
+  constexpr double kMaxBallGrowth =
+      1.5;  // a ball is felt so much larger at most, in parts inside of that
   ToolBall ball{tool.sphere_mass().centre_of_mass, 0};
   for (const Sphere& sphere : tool.spheres()) {
     const double away = norm(to_double(sphere.centre) - ball.p_TC);
@@ -79,7 +80,7 @@ SurfaceStage::SurfaceStage(const DepthSources& sources, std::vector<SurfaceTimel
       window_(window_of(settings)),
       tool_(tool),
       seen_(keeps_frames ? kNumFramesToPublish * sources.size() : 0,
-            SeenFrame{blank_frame(largest_of(sources))}) {
+            PublishedFrame{blank_frame(largest_of(sources))}) {
   for (std::size_t k = 0; k < sources.size(); ++k) {
     cameras_.push_back(std::make_unique<Camera>(sources[k], std::move(timelines[k])));
   }
@@ -271,7 +272,7 @@ void SurfaceStage::make_surface(Camera& camera, std::uint32_t index) {
   made.camera_frame = camera_frame;
   made.revision = revision;
   camera.surfaces.publish();
-  if (SeenFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
+  if (PublishedFrame* seen = keeps_frames_ ? seen_.draft() : nullptr) {
     seen->frame = newest.frame;
     FrameRecord& record = seen->record = {};
     record.number = number;

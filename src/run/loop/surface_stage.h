@@ -52,7 +52,7 @@ struct LiveSurfaces {
 };
 
 /// A frame that has become a surface, for observers.
-struct SeenFrame {
+struct PublishedFrame {
   DepthFrame frame;
   FrameRecord record = {};
 };
@@ -135,7 +135,7 @@ class SurfaceStage {
   /// Frames that a source gave too late.
   std::uint64_t num_late() const noexcept;
   /// Publishing thread; empty unless frames are kept.
-  RecordQueue<SeenFrame>& seen() noexcept { return seen_; }
+  RecordQueue<PublishedFrame>& seen() noexcept { return seen_; }
   std::uint64_t num_lost() const noexcept { return seen_.num_lost(); }
 
  private:
@@ -182,9 +182,9 @@ class SurfaceStage {
   const WindowOptions window_;
   const ToolBall tool_;
 
-  TripleBuffer<Pose> tools_;     // haptic thread to surface thread
-  bool has_tool_ = false;        // of the surface thread
-  RecordQueue<SeenFrame> seen_;  // surface thread to publishing thread
+  TripleBuffer<Pose> tools_;          // haptic thread to surface thread
+  bool has_tool_ = false;             // of the surface thread
+  RecordQueue<PublishedFrame> seen_;  // surface thread to publishing thread
   TripleBuffer<SurfacePicture> pictures_;
   Mailbox<SurfaceChange> changes_;
   Event event_;  // for the surface thread

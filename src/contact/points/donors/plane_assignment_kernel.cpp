@@ -201,8 +201,7 @@ MeasureSums average_planes(const PlaneAssignment& job, int group) {
           force[2].add(part, weighted_volume * nz);
         }
       }
-      const double scale =
-          static_cast<double>(job.volume_scale[slot]) * (1.0 / weight_sum.total());
+      const double scale = static_cast<double>(job.volume_scale[slot]) * (1.0 / weight_sum.total());
       const double volume = volume_sum.total() * scale;
       if (!(volume > 0)) continue;
       const Vec3d F{force[0].total() * scale, force[1].total() * scale, force[2].total() * scale};

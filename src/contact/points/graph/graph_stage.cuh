@@ -295,7 +295,7 @@ class GraphStage {
   GraphSearch search_;
   BoundaryList boundary_;
   const std::int32_t* slot_of_;  // of each sphere
-  std::int32_t* reference_;       // of each slot
+  std::int32_t* reference_;      // of each slot
   const std::int32_t* sphere_ids_;
   EdgesView edges_;
   bool with_edges_;

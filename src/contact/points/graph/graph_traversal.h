@@ -58,11 +58,11 @@ class GraphTraversal {
 
   std::vector<Vec3f> centres_;  // of each slot
   const SortedGraph& graph_;
-  std::vector<Slot> ahead_;   // of one sphere: neighbours not settled and in its direction
+  std::vector<Slot> ahead_;    // of one sphere: neighbours not settled and in its direction
   std::vector<State> states_;  // of each slot
   std::vector<Offer> offers_;  // of each slot: the best one it has had in this round
   std::vector<Visit> visits_;  // seeds, then the spheres reached
-  std::vector<Slot> slots_;  // of each visit
+  std::vector<Slot> slots_;    // of each visit
   std::size_t num_visits_ = 0;
 };
 

@@ -25,7 +25,7 @@ class BoundaryStage {
   struct Scratch {
     Count counts[kQueryThreads / gpu::kWarpSize];  ///< of each warp
     std::uint32_t words[kQueryThreads];            ///< that a block looks at at the same time
-    std::int32_t slots[kQueryThreads];            ///< of the first sphere of each, among theirs
+    std::int32_t slots[kQueryThreads];             ///< of the first sphere of each, among theirs
     std::int32_t sphere_ids[kQueryThreads];        ///< taken at the same time
   };
 
