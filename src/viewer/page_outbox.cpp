@@ -70,7 +70,6 @@ void PageOutbox::show(const ViewRequest& request) {
     }
     *is_wanted = member->get<bool>();
   }
-  if (subscription.samples && !subscription_.samples) next_sample_ = hub_.num_samples();
   subscription_ = subscription;
   poll_of_subscription_ = hub_.num_polls();
   answers_.push_back(text_message(answer_text(request.id, "{}")));

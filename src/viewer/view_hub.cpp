@@ -4,13 +4,13 @@
 #include <utility>
 
 #include "src/viewer/page_outbox.h"
+#include "src/viewer/samples.h"
 
 namespace palpate::inline v0 {
 namespace {
 
 constexpr double kStatePeriod = 0.25;  // s
 constexpr double kFreshState = 0.02;   // s
-constexpr double kSamplesKept = 2;     // s
 constexpr std::size_t kMaxSamples = 8192;
 
 ViewSubscription either(const ViewSubscription& a, const ViewSubscription& b) {
@@ -45,7 +45,7 @@ void ViewHub::poll(double now) {
   source_.poll(subscription, update);
   ++num_polls_;
   take_parts(update);
-  take_samples(update.samples, now);
+  take_samples(update.samples);
   if (!pages_.empty() && (is_state_old_ || now >= state_time_ + kStatePeriod)) poll_state(now);
 }
 
@@ -85,12 +85,17 @@ void ViewHub::take_parts(ViewUpdate& update) {
   }
 }
 
-void ViewHub::take_samples(const std::vector<ViewSample>& samples, double now) {
-  for (const ViewSample& sample : samples) samples_.push_back({now, sample});
-  while (!samples_.empty() &&
-         (samples_.front().arrival < now - kSamplesKept || samples_.size() > kMaxSamples)) {
-    samples_.pop_front();
-    ++first_sample_;
+/// A page that joins a paused or ended run gets them too: they age with the run, not by the clock.
+void ViewHub::take_samples(const std::vector<ViewSample>& samples) {
+  for (const ViewSample& sample : samples) {
+    const bool goes_back = !samples_.empty() && sample.time < samples_.back().time;  // a seek
+    while (!samples_.empty() &&
+           (goes_back || samples_.front().time < sample.time - SampleQueue::kSeconds ||
+            samples_.size() >= kMaxSamples)) {
+      samples_.pop_front();
+      ++first_sample_;
+    }
+    samples_.push_back(sample);
   }
 }
 
@@ -107,7 +112,7 @@ ViewMessage ViewHub::samples_from(std::uint64_t number) const {
   number = std::max(number, first_sample_);
   std::vector<ViewSample> samples;
   for (std::uint64_t i = number; i < num_samples(); ++i)
-    samples.push_back(samples_[i - first_sample_].sample);
+    samples.push_back(samples_[i - first_sample_]);
   return binary_message(encode_samples(samples, number));
 }
 

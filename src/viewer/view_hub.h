@@ -39,9 +39,9 @@ class ViewHub {
   std::uint64_t number(std::size_t part) const { return parts_[part].number; }
   /// The newest; encoded when the first page takes it.
   const ViewMessage& message(std::size_t part);
-  /// Samples that there have been.
+  /// Number of samples since the start of the server.
   std::uint64_t num_samples() const { return first_sample_ + samples_.size(); }
-  /// Those from `number` on, as far as they are kept.
+  /// Samples from `number` on, at most those of the last SampleQueue::kSeconds of the run.
   ViewMessage samples_from(std::uint64_t number) const;
 
   std::uint64_t state_number() const { return state_number_; }
@@ -79,13 +79,8 @@ class ViewHub {
   };
   void set(std::size_t part, std::function<std::string(std::uint64_t)> encode);
   void take_parts(ViewUpdate& update);
-  void take_samples(const std::vector<ViewSample>& samples, double now);
+  void take_samples(const std::vector<ViewSample>& samples);
   void poll_state(double now);
-
-  struct ArrivedSample {
-    double arrival;
-    ViewSample sample;
-  };
 
   ViewSource& source_;
   const double tool_radius_;
@@ -97,7 +92,7 @@ class ViewHub {
   const std::size_t num_cameras_;
   std::vector<Newest> parts_;  // a frame of each camera, then the others
   double newest_time_ = 0;     // s since the run began, of the newest part
-  std::deque<ArrivedSample> samples_;
+  std::deque<ViewSample> samples_;  // the last seconds of the run
   std::uint64_t first_sample_ = 0;  // its number
 
   ViewMessage state_;

@@ -380,7 +380,7 @@ TEST(PageOutbox, SendsEachPageWhatItSubscribesTo) {
   EXPECT_TRUE(source.subscription().samples);
 }
 
-TEST(PageOutbox, SendsEverySampleOfTheLastTwoSecondsOnce) {
+TEST(PageOutbox, SendsEverySampleOfTheLastFourSecondsOnce) {
   ScriptedSource source;
   source.set_time(1);
   ViewHub hub(source);
@@ -411,7 +411,44 @@ TEST(PageOutbox, SendsEverySampleOfTheLastTwoSecondsOnce) {
   }
   page.send({{"ack", page.last_picture}});
   page.take(11.02);
-  EXPECT_NEAR(page.last_binary->take<std::uint32_t>(), 2000, 21);
+  EXPECT_EQ(page.last_binary->take<std::uint32_t>(), 4000u + 1);
+}
+
+TEST(PageOutbox, APageThatJoinsAPausedRunGetsItsLastSeconds) {
+  ScriptedSource source;
+  ViewHub hub(source);
+  Outbox first(hub);
+  first.send({{"command", "show"}, {"samples", true}});
+  for (int i = 1; i <= 300; ++i) {
+    source.set_time(0.02 * i);
+    hub.poll(0.02 * i);
+  }
+  // Nothing new for a minute; then somebody else comes.
+  for (int i = 0; i < 60; ++i) hub.poll(7 + i);
+  Outbox second(hub);
+  second.send({{"command", "show"}, {"samples", true}});
+  hub.poll(68);
+  EXPECT_EQ(second.take(68), (Names{"hello", "answer", "state", "20", "picture"}));
+  EXPECT_EQ(second.last_binary->take<std::uint32_t>(), 4000u + 1);
+  EXPECT_EQ(second.last_binary->number, 1999u);
+  EXPECT_NEAR(second.last_binary->time, 1.999, 1e-9);
+  second.send({{"ack", second.last_picture}});
+  // It has them: once is enough, also after it looked away.
+  second.send({{"command", "show"}, {"samples", false}});
+  second.send({{"command", "show"}, {"samples", true}});
+  hub.poll(69);
+  EXPECT_EQ(second.take(69), (Names{"answer", "answer"}));
+  // A seek back: what was there is not of this time.
+  source.set_time(0.5);
+  hub.poll(70);
+  source.set_time(0.6);
+  hub.poll(71);
+  Outbox third(hub);
+  third.send({{"command", "show"}, {"samples", true}});
+  hub.poll(72);
+  third.take(72);
+  EXPECT_EQ(third.last_binary->take<std::uint32_t>(), 100u);
+  EXPECT_NEAR(third.last_binary->time, 0.5, 1e-9);
 }
 
 TEST(PageOutbox, APageThatDoesNotDrawGetsNoPictures) {

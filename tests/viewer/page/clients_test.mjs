@@ -1,7 +1,7 @@
 // Several pages at once: none waits for another.
 import assert from 'node:assert/strict';
 
-import { browser, drawn, openPage, pageTest, Served, state, until } from './harness.mjs';
+import { browser, drawn, openPage, pageTest, Served, sleep, stat, state, until } from './harness.mjs';
 import { busy, busyNow, lively, oneSphere } from './worlds.mjs';
 
 /// A page of the server without its program, in which tests open sockets of their own.
@@ -39,6 +39,17 @@ const listen = (page, served, subscription, acknowledges) => page.evaluate(
     return counts.length - 1;
   }, [served.address('/ws', 'ws:'), subscription, acknowledges]);
 
+/// Of each plot, how many pixels of its curves' area are of a colour, not grey.
+const curves = (page) => page.evaluate(() => [...document.querySelectorAll('.plots canvas')].map((canvas) => {
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let number = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    const [low, , high] = [data[i], data[i + 1], data[i + 2]].sort((a, b) => a - b);
+    if (data[i + 3] > 128 && high - low > 60) ++number;
+  }
+  return number;
+}));
+
 const counts = (page, number) => page.evaluate((i) => window.counts[i], number);
 
 pageTest('pages with different subscriptions both continue', async () => {
@@ -56,6 +67,24 @@ pageTest('pages with different subscriptions both continue', async () => {
   await until('the state counts three', async () => (await state(page)).pages === 3);
   await bare.close();
   await until('the state counts one', async () => (await state(page)).pages === 1);
+});
+
+pageTest('a page that joins a paused run shows its last seconds', async () => {
+  const served = await Served.start(oneSphere);
+  await served.apply(lively);
+  const first = await openPage(served.url);
+  await until('three seconds of samples', async () => (await stat(first)).samples > 3000);
+  await served.apply({ frozen: true });
+  await sleep(3000);
+  const newest = (page) => page.evaluate(() => window.palpate.sample);
+  const second = await openPage(served.url);
+  await until('its samples', async () => (await stat(second)).samples > 2000);
+  assert.deepEqual(await newest(second), await newest(first));
+  const readouts = (page) => page.locator('.readouts').innerText();
+  await until('the same numbers', async () => (await readouts(second)) === (await readouts(first)));
+  const [plot] = await curves(second);
+  assert.ok(plot > 200, `the plot of the force has ${plot} coloured pixels`);
+  await second.close();
 });
 
 pageTest('a page that never acknowledges gets one picture and stops nobody', async () => {
