@@ -183,14 +183,14 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
     Jumps jumps;
   };
   const Jumps tracked_jumps = jumps_of(tracked), shown_jumps = jumps_of(shown);
-  const Row rows[] = {{"tracked, against the cube where it stands", "tracked",
-                       errors_of(tracked, truth), tracked_jumps},
-                      {"tracked, against the cube where the tracking shows it", "shown",
-                       errors_of(tracked, shown), tracked_jumps},
-                      {"by the faces of the cube, against it where it stands", "registered",
-                       errors_of(registered, truth), jumps_of(registered)},
-                      {"exact, in the cube where the tracking shows it", "exact",
-                       errors_of(shown, truth), shown_jumps}};
+  const Row rows[] = {
+      {"tracked pose, relative to the true cube", "tracked", errors_of(tracked, truth),
+       tracked_jumps},
+      {"tracked pose, relative to the tracked cube", "shown", errors_of(tracked, shown),
+       tracked_jumps},
+      {"pose from the cube's faces, relative to the true cube", "registered",
+       errors_of(registered, truth), jumps_of(registered)},
+      {"exact contact with the tracked cube", "exact", errors_of(shown, truth), shown_jumps}};
   Table table{"Fixed tools in the cube while the camera moves: median / 95th percentile",
               {"camera", "volume, %", "direction, °", "lost, %", "force from frame to frame, % rms",
                "torque from frame to frame, % of the radius, rms"},
@@ -213,9 +213,7 @@ Result<FigureResult> tracked_cube_figure(Context& context) {
   }
   const double explained = 1 - rows[1].errors.squares / rows[0].errors.squares;
   result.numbers.push_back({"explained", 100 * explained, "%"});
-  Table poses{"How far the tracking has the cube from where it stands",
-              {"of the frames", "moved, mm", "turned, °"},
-              {}};
+  Table poses{"Tracking error of the cube", {"of the frames", "moved, mm", "turned, °"}, {}};
   for (const auto& [name, share] : {std::pair{"median", 0.5}, {"p95", 0.95}, {"most", 1.0}}) {
     const double mm = percentile(moved, share), degrees = percentile(turned, share);
     poses.rows.push_back({name, words("%.1f", mm), words("%.2f", degrees)});

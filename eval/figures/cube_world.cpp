@@ -72,7 +72,8 @@ Pressed press(const std::vector<CubeFrame>& frames, const std::vector<FrozenFram
 constexpr const char* kMovingClaims[] = {
     "A camera that moves around the recorded cube feels it in the world as well as single frames "
     "do: errors at most 1.1 times those.",
-    "The cube is felt in the world to 1 % of the tool and 6 degrees while the camera moves."};
+    "The contact with the cube is accurate to 1 % of the tool and 6 degrees in the world frame "
+    "while the camera moves."};
 
 }  // namespace
 
@@ -104,7 +105,7 @@ Result<FigureResult> moving_cube_figure(Context& context) {
       {"from frame to frame, poses by the faces of the cube", "moving", Tracking::faces, true},
       {"from frame to frame, poses by the board behind it", "board", Tracking::board, true}};
   const auto ways = ways_on(best_faces(**cube), (*cube)->half_size);
-  Table table{"A cube in the world, felt while the camera moves",
+  Table table{"A cube in the world frame while the camera moves",
               {"camera", "volume, % rms", "direction, ° rms"},
               {}};
   for (const Way& way : ways) table.columns.push_back(way.name + ": volume, % / direction, °");

@@ -71,7 +71,7 @@ Result<FigureResult> figure_eighth(Context& context) {
   if (!path) return path.error();
   auto query = query_on(scene->frame, **tool);
   FigureResult result;
-  Table table{"Share of the tool inside where hand and contact are in balance, % (mean / most)",
+  Table table{"Penetration at the balance of hand and contact, % of the tool (mean / most)",
               {"hand, N/m"},
               {}};
   const auto methods = all_methods_alike();
@@ -130,8 +130,8 @@ Result<FigureResult> figure_eighth(Context& context) {
   }
   const auto [least, most] = std::minmax_element(all.begin(), all.end());
   result.claims.push_back(
-      {"The advice suits tools of every size: what is felt of a wall is equally stiff, within a "
-       "factor of 2.",
+      {"The advice suits tools of every size: the rendered stiffness of a wall is the same, within "
+       "a factor of 2.",
        words("%.0f to %.0f N/m: it goes with the force over the tool's length, and with its shape.",
              *least, *most),
        holds_below(*most, 2 * *least), Source::docs});

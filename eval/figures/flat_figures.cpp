@@ -118,7 +118,7 @@ std::optional<Height> contact_height(MethodQueries& query, const Tool& tool,
 }
 
 constexpr const char* kNearer =
-    "On flat regions of recorded frames the surface that the field feels is nearer to their plane "
+    "On flat regions of recorded frames the contact surface of the field is nearer to their plane "
     "than that of any method of the thesis.";
 constexpr const char* kCalmer =
     "It shakes less when the probe is moved by a millimetre than that of any method of the thesis.";
@@ -180,7 +180,8 @@ Result<FigureResult> planes(Context& context) {
       "The sensor: measured points of the largest flat region",
       {"frame", "pixels", "distance, m", "from the plane, mm rms", "between neighbours, mm rms"},
       {}};
-  Table by_frame{"Felt surface from the plane / step when moved by 1 mm, mm rms", {"frame"}, {}};
+  Table by_frame{
+      "Distance of the contact from the plane / change when moved by 1 mm, mm rms", {"frame"}, {}};
   for (const Method& method : methods) by_frame.columns.emplace_back(method.name);
   // Of the distances of a frame's own points: frames at 0.4 and 3 m count alike.
   std::vector<std::vector<double>> off(methods.size()), shake(methods.size());
@@ -204,10 +205,10 @@ Result<FigureResult> planes(Context& context) {
     }
     by_frame.rows.push_back(std::move(cells));
   }
-  Table overall{"What is felt of the plane, all frames",
+  Table overall{"Error on flat regions, all frames",
                 {"method", "from the plane, mm rms", "of that of the points (median frame)",
                  "moved by 1 mm, mm rms", "of the points' rms (median frame)", "direction, ° rms",
-                 "not felt, %"},
+                 "contact lost, %"},
                 {}};
   std::vector<double> ratio(methods.size()), calm(methods.size());
   for (std::size_t m = 0; m < methods.size(); ++m) {
@@ -219,7 +220,7 @@ Result<FigureResult> planes(Context& context) {
     result.numbers.push_back({std::string(methods[m].name) + ".off_ratio", ratio[m], "1"});
     result.numbers.push_back({std::string(methods[m].name) + ".shake_ratio", calm[m], "1"});
   }
-  Plot plot{"How far what is felt is from the plane",
+  Plot plot{"Distance of the contact from the plane",
             "frame",
             "mm rms",
             {},
@@ -308,13 +309,11 @@ DepthFrame with_hole(const FlatFrame& f, const Vec3d& middle, double diameter, P
 }
 
 constexpr const char* kDark =
-    "A dark patch cut into recorded frames changes what the field feels less than what any method "
-    "of "
-    "the thesis feels.";
+    "A dark patch cut into recorded frames changes the contact of the field less than that of any "
+    "method of the thesis.";
 constexpr const char* kShiny =
-    "A shiny patch cut into recorded frames changes what the field feels less than what any method "
-    "of "
-    "the thesis feels.";
+    "A shiny patch cut into recorded frames changes the contact of the field less than that of any "
+    "method of the thesis.";
 
 Result<FigureResult> holes(Context& context) {
   constexpr double kTool = 0.04, kDeep = 0.012, kWay = 0.06, kRoom = 0.06;  // m

@@ -38,7 +38,7 @@ void add_steps(FigureResult& result, const Study& study) {
   }
   result.tables.push_back(std::move(table));
   result.claims.push_back(
-      {"Only the latest frame, felt at once, makes a step when it arrives.",
+      {"Only `latest` makes a force step when a frame arrives.",
        words("The step at an arrival is %.0f to %.0f times the usual one with the latest frame, at "
              "most %.1f times it interpolated or predicted.",
              latest.low, latest.high, others.high),
@@ -155,7 +155,8 @@ void add_mixing(FigureResult& result, const Study& study) {
   result.tables.push_back(std::move(table));
   result.claims.push_back(
       {"Points are moved from frame to frame (eq. 3.18); ours weighs two measures instead.",
-       words("On a moving wall both feel the same: errors differ by at most %.2f %% of the largest "
+       words("On a moving wall both have the same error: they differ by at most %.2f %% of the "
+             "largest "
              "force, steps at an arrival are at most %.2f times the usual one.",
              differences.high, ratios.high),
        holds_with({holds_below(differences.high, 0.2), holds_below(ratios.high, 2)}),

@@ -200,7 +200,7 @@ Result<FigureResult> figure_others(Context& context) {
   }
 
   FigureResult result;
-  Table table{"Ours, the thesis' and what else one would use, 1.5 mm noise",
+  Table table{"Palpate, the thesis and alternatives, 1.5 mm noise",
               {"method", "volume, % rms", "force, % rms", "direction, ° rms", "torque, % rms",
                "largest step, exact = 1", "a query, µs", "a frame, ms", "memory, MB"},
               {}};

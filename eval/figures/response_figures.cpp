@@ -132,7 +132,7 @@ Result<FigureResult> response(Context& context) {
     all[noisy] = respond(context, cases, noisy ? DepthNoise::gaussian : DepthNoise::none);
     Table table{words("Against the exact wrench, %s: rms (95th percentile)", noise),
                 {"method", "force direction, °", "force magnitude, %", "torque direction, °",
-                 "torque magnitude, %", "time, µs", "no contact felt"},
+                 "torque magnitude, %", "time, µs", "contact missed"},
                 {}};
     for (std::size_t m = 0; m < methods.size(); ++m) {
       const Response& r = all[noisy][m];

@@ -312,15 +312,16 @@ double most_at(const Study& study, std::size_t distance, ShareOf share_of) {
 }
 
 constexpr const char* kClaims[] = {
-    "With one of two cameras 0.5° and 3 mm off no more is felt in free space than with both of "
-    "them "
-    "right or both displaced alike, to 0.2 % of the tool.",
-    "Nor is anything felt beyond a wall that is displaced by 3 mm and the angle times the range, "
+    "With one of two cameras 0.5° and 3 mm off the false contact in free space is no larger than "
+    "with both poses correct or equally displaced, to 0.2 % of the tool.",
+    "There is no false contact beyond a wall that is displaced by 3 mm and the angle times the "
+    "range, "
     "to 0.01 % of the tool.",
     "The volume of contact errs by no more than the solids displaced as far: rms, over all draws.",
     "`palpate calibrate` takes the error to at most 1 mm where the tool is, and 0.1°, with and "
     "without noise.",
-    "After it contact is felt as with the true poses: volumes err at most 1.2 times as much."};
+    "After calibration the contact equals that with the true poses: volume errors are at most 1.2 "
+    "times as large."};
 
 Result<FigureResult> misplaced_figure(Context& context) {
   const auto made = context.tool("sphere", 2 * kRadius, kSpheres);

@@ -47,7 +47,7 @@ Verdict begins_at(double measured, double claimed, double tolerance);
 /// half where it is smooth; a jump stays. Contradicted where the step stays within a tenth.
 Verdict is_continuous(double largest_step, double largest_of_half_steps);
 
-// Is ours better?
+// Is Palpate better?
 
 /// Less is better; alike within a tenth.
 Verdict is_better(double ours, double theirs);

@@ -56,7 +56,7 @@ class PageOutbox {
   double picture_time_ = 0;
   bool awaits_ack_ = false;
   std::vector<std::uint64_t> sent_parts_;  // the number of each
-  std::uint64_t next_sample_ = 0;  // a new page begins with those that the hub has
+  std::uint64_t next_sample_ = 0;          // a new page begins with those that the hub has
 };
 
 }  // namespace palpate::inline v0

@@ -90,8 +90,8 @@ class ViewHub {
   std::uint64_t num_polls_ = 0;
 
   const std::size_t num_cameras_;
-  std::vector<Newest> parts_;  // a frame of each camera, then the others
-  double newest_time_ = 0;     // s since the run began, of the newest part
+  std::vector<Newest> parts_;       // a frame of each camera, then the others
+  double newest_time_ = 0;          // s since the run began, of the newest part
   std::deque<ViewSample> samples_;  // the last seconds of the run
   std::uint64_t first_sample_ = 0;  // its number
 
