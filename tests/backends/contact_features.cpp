@@ -330,14 +330,14 @@ void compare_from_depth_image(double allowed) {
 }
 
 FeatureGroup surroundings() {
-  return {"What is felt",
+  return {"Inputs",
           {
               {"from depth image to wrench, between two frames", kMeasure, compare_from_depth_image,
                "yes: two queries", "yes: `field` in one launch"},
               {"clouds and fields in host memory", kMeasure, compare_host_memory, "yes",
                "yes: copied once per frame"},
-              {"unorganised clouds, each point method", kMeasure, compare_unorganised},
-              {"unorganised clouds by `field`", kMeasure, compare_unorganised_by_field, "yes",
+              {"unorganized clouds, each point method", kMeasure, compare_unorganised},
+              {"unorganized clouds by `field`", kMeasure, compare_unorganised_by_field, "yes",
                "yes: their image is made on the host"},
           }};
 }
