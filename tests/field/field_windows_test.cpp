@@ -50,7 +50,7 @@ bool has_same_bits(const T* a, const T* b, std::size_t num) {
 }
 
 // The pixels in which a ball is seen: all of them, and none that is farther than a pixel from one.
-TEST(AskedWindow, IsWhereTheBallIsSeen) {
+TEST(NeededWindow, IsWhereTheBallIsSeen) {
   constexpr int kWidth = 640, kHeight = 480;
   const Intrinsics k{525, 520, 300.5, 251.25};
   Random random(15);
