@@ -45,7 +45,7 @@ std::array<double, 36> stiffness_in(const Pose& X_WA, const Stiffness& K_W, cons
   const Quaternion q_AW = conjugate(X_WA.rotation);
   const Vec3d axes[3] = {rotate(q_AW, Vec3d{1, 0, 0}), rotate(q_AW, Vec3d{0, 1, 0}),
                          rotate(q_AW, Vec3d{0, 0, 1})};
-  double map[6][6] = {};  // wrenches about p_W in W to those told in A
+  double map[6][6] = {};  // maps wrenches about p_W in W to wrenches in A
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       map[i][j] = map[3 + i][3 + j] = axes[j][i];
@@ -131,12 +131,12 @@ class Output final : public RosOutput {
  private:
   using Why = RosVerdict::Why;
 
-  /// What the wrench's thread hands over: the tick that it told, and what it made of it.
+  /// What the wrench thread hands over: the published tick and its verdict.
   struct Published {
     TickRecord tick;
     RosVerdict verdict;
     double time = 0;            // s, monotonic
-    std::uint64_t num_due = 0;  // contacts that were to be told until then
+    std::uint64_t num_due = 0;  // contacts to publish until then
   };
 
   void begin(RunLoop& loop) {
@@ -169,7 +169,7 @@ class Output final : public RosOutput {
     say(last);
   }
 
-  /// The wrench's thread: all that others can wait for is told by another one.
+  /// The wrench thread; another thread publishes everything that can wait.
   void publish_wrenches(RunLoop& loop) {
     if (!loop.settings().wants_real_time || request_real_time(kPriority) != 0) {
       take_rank(ThreadRank::surface);
@@ -283,7 +283,7 @@ class Output final : public RosOutput {
     transforms_->publish(transform_message(wall_time(contact.contact.time), transforms));
   }
 
-  /// Since the pose that was told before. Who follows stands still where the wrench is not valid.
+  /// Since the last published pose. Zero while the wrench is not valid: a follower then stops.
   void publish_twist(std::uint64_t time, const Published& published) {
     const double tick_time = published.tick.device.time, seconds = tick_time - last_pose_time_;
     const bool is_valid = published.verdict.is_valid();
@@ -416,7 +416,7 @@ class Output final : public RosOutput {
     Pose X_WC;
     DepthFrame frame;
   };
-  std::mutex seen_mutex_;                 // of the observer and of who tells the rest
+  std::mutex seen_mutex_;                 // of the observer and of the thread of the rest
   std::vector<Seen> seen_;                // of each camera
   double next_points_ = 0;                // s, of the observer's thread
   TripleBuffer<ContactRecord> contacts_;  // from it
@@ -427,7 +427,7 @@ class Output final : public RosOutput {
   LatencyHistogram periods_;
   std::atomic<std::uint64_t> num_sent_ = 0, num_not_sent_ = 0;
 
-  // Of who tells the rest.
+  // Of the thread that publishes the rest.
   bool has_last_pose_ = false;
   Pose last_X_WT_;
   double last_pose_time_ = 0;

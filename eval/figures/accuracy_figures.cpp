@@ -77,7 +77,7 @@ struct Errors {
 
 struct Quantity {
   const char *key, *column, *row, *unit;  ///< `column` and `row`: its name in tables
-  int digits;                             ///< kFitting: as few as tell it
+  int digits;                             ///< kFitting: as few as suffice
   double Errors::*value;
   bool is_rms;
 };
@@ -266,7 +266,7 @@ Table worst_table(const Study& study) {
   return table;
 }
 
-/// The row of a table that tells of a way over all pairs.
+/// The row of a table for one variant over all pairs.
 std::vector<std::string> cells_of(const Study& study, std::size_t way, const char* second,
                                   std::size_t noise) {
   std::vector<std::string> cells{study.ways[way].name, second};

@@ -1,5 +1,5 @@
 // cube: every method against the exact cube that a depth camera recorded from a moving hand, with
-// the errors of the sensor told first and apart from those of the methods.
+// with the errors of the sensor apart from those of the methods.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,5 +1,5 @@
 // cube-world: the recorded cube in the world. The camera goes round it in a hand, the tool presses
-// into it, and what is felt is told in the cube's frame, which is W.
+// into it, and the contact is in the cube's frame, which is W.
 #include <cmath>
 #include <utility>
 

@@ -443,7 +443,7 @@ Result<FigureResult> misplaced_figure(Context& context) {
     }
     if (num_refused > 0) calibrated = Verdict::fails;
     if (has_noise) continue;
-    // Noise is felt in free space with the true poses, too: what is beyond is told without it.
+    // With noise there is false contact in free space with the true poses too.
     result.claims.push_back(
         {kClaims[0],
          words("At most %.2f %% of the tool more, of up to %.1f %% with both displaced.",

@@ -31,7 +31,7 @@ struct ContactCase {
 std::vector<ContactCase> thesis_cases();
 /// One per kind of environment and tool, turned by 20 degrees and off the axis of symmetry.
 std::vector<ContactCase> tilted_cases();
-/// Both: what errors are told over.
+/// Both: the set over which errors are reported.
 std::vector<ContactCase> accuracy_cases();
 /// The same tool, turned the same way, against the wall.
 ContactCase at_the_wall(const ContactCase& original);

@@ -38,7 +38,7 @@ struct Contents {
   };
   std::map<std::string, Topic> images;
   std::map<std::string, RosCameraModel> cameras;
-  std::map<std::string, double> units;  // by the topic that tells them, likewise
+  std::map<std::string, double> units;  // by topic, likewise
   std::map<std::string, SensorKind> sensors;
   TfHistory transforms;
   bool was_cut_off = false;
@@ -59,7 +59,7 @@ Result<DepthFrame> read_frame(const std::string& schema, const McapMessage& mess
   return frame;
 }
 
-/// Metres per count, as our recordings and those of RealSense cameras tell them.
+/// Metres per count, as in our recordings and those of RealSense cameras.
 std::optional<double> declared_unit(const McapChannel& channel, std::string_view message) {
   CdrReader from(message);
   double unit = 0;
@@ -169,7 +169,7 @@ bool is_unit_of(std::string_view unit, const std::string& images) {
   return option != std::string_view::npos && of_images.starts_with(unit.substr(0, option + 1));
 }
 
-/// The unit that is told of the images first, or the only one that there is.
+/// The first unit declared for these images, or the only one.
 std::optional<double> find_unit(const Contents& contents, const std::string& topic) {
   for (const auto& [name, unit] : contents.units) {
     if (is_unit_of(name, topic)) return unit;
@@ -178,7 +178,7 @@ std::optional<double> find_unit(const Contents& contents, const std::string& top
   return std::nullopt;
 }
 
-/// Where a camera is, as transforms tell.
+/// The pose of a camera from transforms.
 struct CameraInTree {
   TfHistory transforms;
   std::string world, frame;

@@ -13,7 +13,7 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr double kFirstFrameTimeout = 10;  // s
-constexpr double kBlackSeconds = 1;        // s without any measurement that people are told of
+constexpr double kBlackSeconds = 1;        // s without any measurement until a note
 constexpr double kLongestBack = 1;         // s; a stamp before that is of a clock that was set back
 constexpr std::size_t kMostNotes = 100;
 

@@ -11,7 +11,8 @@
 namespace palpate::inline v0 {
 namespace {
 
-constexpr double kShortestBase = 0.02;  // s that a velocity is told from, so that noise stays small
+constexpr double kShortestBase =
+    0.02;  // s between the samples of a velocity, so that noise stays small
 
 /// From a to b; of an endless joint not more than half a turn.
 double way(double a, double b, bool is_endless) {

@@ -284,7 +284,7 @@ FoundCameras find_k4a_cameras() {
   }
   found.is_usable = true;
   found.library = loaded->path;
-  found.version = version_of_file(loaded->path);  // the library tells none
+  found.version = version_of_file(loaded->path);  // the library reports none
   const std::uint32_t num = loaded->device_count();
   for (std::uint32_t i = 0; i < num; ++i) found.devices.push_back("k4a:" + std::to_string(i));
   found.reason = num > 0 ? "Azure Kinect and Femto; recordings"

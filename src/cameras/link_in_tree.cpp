@@ -9,9 +9,9 @@ namespace palpate::inline v0 {
 namespace {
 
 constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
-constexpr double kMaxAge = 0.1;                // s, of what is told of a joint
+constexpr double kMaxAge = 0.1;                // s, of a joint position
 
-/// Of whom is to be told. Errors: as of open_joint_states, by what stands in the URDF alone.
+/// Joints whose states are needed. Errors: as of open_joint_states, from the URDF alone.
 Result<std::vector<JointHistory::Joint>> wanted_joints(const RobotModel& model,
                                                        std::span<const std::size_t> required,
                                                        const std::string& joints,

@@ -17,7 +17,7 @@ namespace {
 
 using namespace orbbec;
 
-/// The library tells errors through a last argument.
+/// The library reports errors through a last argument.
 class Check {
  public:
   ~Check() { forget(); }
@@ -130,7 +130,7 @@ class OrbbecSource final : public DepthSource {
     info_.height = height;
     Check check;
     const CameraIntrinsic camera = api_.intrinsic(&profile, check);
-    if (!check.is_fine() || !(camera.fx > 0)) return;  // people may tell them
+    if (!check.is_fine() || !(camera.fx > 0)) return;  // the URI may have them
     const auto d = [](float value) { return static_cast<double>(value); };
     info_.intrinsics = {d(camera.fx), d(camera.fy), d(camera.cx), d(camera.cy)};
     scale_camera({camera.width, camera.height}, info_);

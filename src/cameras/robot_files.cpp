@@ -1,4 +1,4 @@
-// Opens a self filter by the names that people give: a URDF or a mesh, and who tells where it is.
+// Opens a self filter from the options: a URDF or a mesh, and a source of its pose.
 #include <algorithm>
 #include <utility>
 
@@ -20,7 +20,7 @@ constexpr std::size_t kMostBytes = 64u << 20;  // of a URDF
 /// By joints, from the base on.
 class TreePoses final : public LinkPoses {
  public:
-  /// `states`: null where no joint has to be told of.
+  /// `states`: null if no joint state is needed.
   TreePoses(RobotModel model, std::vector<TimedPose> X_WB, std::unique_ptr<RobotStates> states,
             double max_age)
       : model_(std::move(model)),

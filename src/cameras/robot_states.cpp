@@ -26,7 +26,7 @@ double kept_of(const StateAddress& address) {
   return address.kind == StateAddress::Kind::ros2 ? kSecondsKept : kForEver;
 }
 
-/// Words for stamps that cannot be of one clock; `until`: s, the newest that was told.
+/// Explanation for stamps that cannot be of one clock; `until`: s, the newest stamp.
 std::string clock_hint(bool is_by_stamp, double time, double until) {
   constexpr double kFarAway = 60;  // s
   if (!is_by_stamp || std::isinf(until) || std::abs(time - until) < kFarAway) return "";
@@ -242,7 +242,7 @@ class LiveStates final : public RobotStates {
     node_ = *std::move(node);
     if (address_.world.empty()) {
       const std::string topic = address_.target.empty() ? "/joint_states" : address_.target;
-      // All that came while this computer was busy is heard.
+      // Everything that came while this computer was busy is read.
       const RosQos sensor{.is_reliable = false, .is_kept = false, .depth = 100};
       return join(topic, "sensor_msgs/JointState", sensor,
                   [this](std::string_view message) { add_joint_message(message); });

@@ -25,18 +25,18 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kFirstImage = 10;       // s, while opening
-constexpr double kLongestSilence = 2;    // s without an image that people are told of
+constexpr double kLongestSilence = 2;    // s without an image until a note
 constexpr double kLongestPairing = 0.1;  // s that an image waits for its camera_info
-constexpr double kLongestTf = 0.1;       // s that an image waits for what tells where it was taken
+constexpr double kLongestTf = 0.1;       // s that an image waits for its transform
 constexpr double kKeptTf = 5;            // s
 constexpr std::size_t kNumModels = 32;   // camera_infos that are kept
-constexpr int kMostImages = 200;         // a second; more are a mistake that people are told of
+constexpr int kMostImages = 200;         // per second; more are a mistake, with a note
 
 double seconds_since_1970() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
-/// What the subscriptions have heard. Their threads write, one reads.
+/// What the subscriptions have received. Their threads write, one reads.
 class ReceivedMessages {
  public:
   void image(std::string_view message) {
@@ -79,8 +79,8 @@ class ReceivedMessages {
     Pose X_WC;
     bool is_fixed = false;  // no frame between the two may move
   };
-  /// At a time of the stamps, between what tf tells of before and after it; waits a tenth of a
-  /// second for the latter. None: it does not tell.
+  /// At a time of the stamps, between the transforms before and after it; waits a tenth of a
+  /// second for the latter. None: there is no transform.
   std::optional<Place> place(const std::string& world, const std::string& frame, double time) {
     std::unique_lock lock(mutex_);
     double until = 0;
@@ -322,7 +322,7 @@ class Ros2Source final : public DepthSource {
                           : "there are images on " + listed(others);
   }
 
-  /// False: no image now, or one that is not understood, which people are told once.
+  /// False: no image now, or one that is not understood, with one note.
   bool read(DepthFrame& frame) {
     if (!received_.take(image_)) return false;
     last_image_ = monotonic_now();
@@ -345,7 +345,7 @@ class Ros2Source final : public DepthSource {
     return true;
   }
 
-  /// False: tf does not tell where the camera was, which people are told at the end, and once.
+  /// False: tf has no pose of the camera, with one note, and one at the end.
   bool place(DepthFrame& frame) {
     info_.frame = world_.empty() ? image_.frame : world_;
     if (world_.empty()) return true;

@@ -307,7 +307,7 @@ bool HaplyDevice::accepts_force(const HaplyEntry& arm) noexcept {
   return true;
 }
 
-/// Looks at what the service has to tell beside the states.
+/// Reads what the service sends beside the states.
 bool HaplyDevice::is_well() noexcept {
   if (!events_) return true;
   std::string_view text;

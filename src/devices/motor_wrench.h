@@ -1,4 +1,4 @@
-// The last look at a wrench before a driver gets it, and rotations as drivers tell them.
+// The last look at a wrench before a driver gets it, and rotations as drivers report them.
 #pragma once
 
 #include <cmath>

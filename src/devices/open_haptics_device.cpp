@@ -59,7 +59,7 @@ int asked_integer(const OpenHapticsApi& api, HdEnum what) {
   return api.take_errors().code == 0 ? value : 0;
 }
 
-/// What the driver tells of the current device, and of the weakest one what it does not tell.
+/// Limits that the driver reports, and those of the weakest device for the others.
 DeviceLimits driver_limits(const OpenHapticsApi& api) {
   DeviceLimits limits = find_device_model("touch").value_or(device_models().front()).limits;
   limits.max_force = asked(api, kHdMaxForce, 1, limits.max_force);

@@ -43,7 +43,7 @@ PageHand::PageHand(std::shared_ptr<PageHandle> handle) : handle_(std::move(handl
 
 Status PageHand::begin() {
   handle_->newest();
-  update_ = {};  // who held it before has to be heard of again
+  update_ = {};  // the previous holder has to send again
   felt_ = {};
   last_time_ = held_time_ = 0;
   return Done{};

@@ -1,4 +1,4 @@
-// The motion of a handle between the poses that a page tells.
+// The motion of a handle between the poses that a page sends.
 #pragma once
 
 #include <memory>
@@ -43,7 +43,7 @@ class PageHand final : public PolledDevice {
   DeviceInfo info_;
   PageHandle::Update update_;
   Pose target_;           // X_BH
-  Vec3d shift_;           // from what the page tells to where the handle is
+  Vec3d shift_;           // from the page's position to that of the handle
   Quaternion turn_;       // likewise
   Wrench felt_;           // F_H_B
   double last_time_ = 0;  // s; 0: no tick yet

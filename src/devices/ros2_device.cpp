@@ -159,7 +159,7 @@ class Ros2Tool final : public PolledDevice {
   DeviceInfo info_;
   std::shared_ptr<RosNode> node_;
   TfTree tree_;
-  std::mutex mutex_;  // of those who tell
+  std::mutex mutex_;  // of the subscriptions
   TripleBuffer<ReceivedPose> poses_;
   std::atomic<std::uint64_t> num_poses_ = 0;
   ReceivedPose last_;

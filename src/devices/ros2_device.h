@@ -8,8 +8,8 @@
 
 namespace palpate::inline v0 {
 
-/// "/topic[@FRAME]": geometry_msgs/PoseStamped, told in FRAME if that is given and the message
-/// names another one. "FRAME@BASE": a frame of tf, in the frame BASE.
+/// "/topic[@FRAME]": geometry_msgs/PoseStamped, transformed to FRAME if that is given and the
+/// message names another one. "FRAME@BASE": a frame of tf, in the frame BASE.
 struct Ros2ToolAddress {
   std::string topic, frame, base;  ///< either a topic or a frame
 };

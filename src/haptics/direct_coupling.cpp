@@ -127,7 +127,7 @@ class DirectCoupling final : public Coupling {
   Pose X_WT_;
 };
 
-/// The tool is moved, and what it meets is told.
+/// The tool follows the hand; its contact is reported, and the device gets no force.
 class NoCoupling final : public Coupling {
  public:
   NoCoupling(const CouplingOptions& options, const MassProperties& tool)

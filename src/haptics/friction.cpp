@@ -50,7 +50,7 @@ double dot6(const Vec6& a, const Vec6& b) {
   return dot(a.linear, b.linear) + dot(a.angular, b.angular);
 }
 
-/// Whether speeds can be told of a step.
+/// Whether a step is long enough for a velocity.
 bool is_time(double dt) { return dt > 1e-9; }
 
 /// Share of a wave of texture that is left at so many of them per second: all of it up to half the

@@ -1,4 +1,4 @@
-// One node of ROS 2 in this process: what it publishes, what it hears, and how it shows in the
+// One node of ROS 2 in this process: what it publishes and receives, and how it appears in the
 // graph. Messages are bytes as src/io makes and reads them.
 #pragma once
 
@@ -17,7 +17,7 @@ namespace palpate::inline v0 {
 
 /// What publishers offer and subscribers ask for.
 struct RosQos {
-  bool is_reliable = true;  ///< else best effort, which hears both kinds of publishers
+  bool is_reliable = true;  ///< else best effort, which matches both kinds of publishers
   bool is_kept = false;     ///< transient local: who comes later gets the last ones too
   int depth = 10;
 
@@ -44,7 +44,7 @@ class RosPublisher {
   virtual int num_readers() const = 0;
 };
 
-/// Hears in a thread of its own; nothing is heard any more once it is gone.
+/// Calls its handler in a thread of its own, and never after it is destroyed.
 class RosSubscription {
  public:
   virtual ~RosSubscription() = default;

@@ -240,7 +240,7 @@ void HandPart::tick(const DeviceState& state, const ContactRecord& known, const 
   record.safety = safety_.status();
 }
 
-/// Nobody can be hurt: what the tool meets is told whenever it is measured.
+/// There is no force on a hand: the contact is reported whenever it is measured.
 void HandPart::end_without_force(TickRecord& record) noexcept {
   const Fault fault = record.is_stopping          ? Fault::stopped
                       : record.has_sensor_failed  ? Fault::sensor

@@ -93,7 +93,7 @@ class RecordingObserver {
     };
     return observer;
   }
-  /// Of the depth stream: told at once, recorded, and kept for the summary.
+  /// Of the depth stream: printed at once, recorded, and kept for the summary.
   void add_source_notes(double time) {
     for (DepthSource* source : sources_) {
       for (std::string& text : source->take_notes()) {
@@ -205,7 +205,7 @@ Result<ChosenLoop> choose_loop(const Tool& tool, const DepthSources& sources, Ha
   return ChosenLoop{*std::move(loop), why_not_cuda};
 }
 
-/// What the loop tells when it has stopped.
+/// What the loop reports after it has stopped.
 void take_report(const RunLoop& loop, const Status& status, RunLog& log) {
   log.loop = loop.report();
   // A path that was played to its end is no failure.

@@ -124,7 +124,7 @@ Result<Json> moment_json(const Tool& tool, const RunLog& log) {
   return json;
 }
 
-/// The end of a path that still tells what it is: the last two parts.
+/// The last two parts of a path.
 std::string short_name(const std::string& name) {
   const std::size_t last = name.find_last_of('/', name.empty() ? 0 : name.size() - 2);
   if (last == std::string::npos || last == 0) return name;

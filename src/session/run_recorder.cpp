@@ -152,7 +152,7 @@ Status RunRecorder::begin(const HandSnapshot* snapshot) {
   PartStart start;
   if (snapshot != nullptr) {
     std::uint32_t first = std::min(snapshot->revision, setups_.back().revision);
-    // Contacts and frames may be told after a tick that knew later settings.
+    // Contacts and frames may come after a tick with later settings.
     first = std::min({first, frame_revision_, contact_revision_});
     for (const Camera& camera : cameras_) {
       if (camera.frames.empty()) continue;
@@ -382,7 +382,7 @@ void RunRecorder::forget(const TickRecord& tick) {
     };
     const std::int64_t needed = contacts_.empty() ? number(frames.back()) - kMostUnfelt
                                                   : contacts_.front().cameras.of[k].camera_frame;
-    // A contact may be told before its frame.
+    // A contact may come before its frame.
     while (!frames.empty() && number(frames.front()) + lead < needed) {
       cameras_[k].lead.take(frames.front());
       frames.pop_front();

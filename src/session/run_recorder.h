@@ -94,7 +94,7 @@ class RunRecorder {
   double wall_offset_ = 0;       // s from the run's clock to the time since 1970
   std::uint64_t last_time_ = 0;  // ns since 1970
   std::uint64_t next_transforms_ = 0;
-  /// What was told of a camera, and what the next part would begin with.
+  /// What is known of a camera, and what the next part would begin with.
   struct Camera {
     std::deque<RecordedDepth> frames;
     std::uint64_t next_points = 0;

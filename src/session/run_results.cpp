@@ -226,7 +226,7 @@ void RunResults::move_to(RunLog& log) {
   log.faults = std::move(faults_);
   log.changes = std::move(changes_);
   log.deepest = deepest_;
-  // If the newest one was not told, neither is it known what the others were.
+  // If the newest one was not published, the others are unknown too.
   const bool is_known = std::any_of(cameras_.begin(), cameras_.end(), [&](const Camera& camera) {
     return camera.deepest.number == deepest_.frame_number;
   });

@@ -24,7 +24,7 @@ class RunResults {
 
   /// After the last tick: what was added goes into `log`, and all into files. The folder may have
   /// another name by now. A disk that is full takes nothing from what there is: what is missing is
-  /// told in `log.not_kept`. Returns what summary.json holds.
+  /// reported in `log.not_kept`. Returns what summary.json holds.
   std::string write(const std::filesystem::path& folder, const Tool& tool, const LoopTimes& times,
                     RunLog& log);
 

@@ -68,7 +68,8 @@ class PendingData {
     const std::lock_guard lock(mutex_);
     samples_.take(samples);
   }
-  /// When the contact of that number was, s since the run began: now, if it has not been told yet.
+  /// Time of the contact of that number, s since the run began: now, if it has not been published
+  /// yet.
   double contact_time(std::uint64_t number) const {
     const std::lock_guard lock(mutex_);
     const auto found = std::lower_bound(
@@ -170,7 +171,7 @@ void LiveViewImpl::show(RunLoop* loop) {
   look_at_loop();
 }
 
-/// What can be told without the loop, too.
+/// State that needs no loop.
 void LiveViewImpl::look_at_loop() {
   if (loop_ == nullptr) return;
   settings_ = loop_->settings();

@@ -26,7 +26,7 @@ struct RecordedQuery {
 
 struct RecordedFrame {
   ViewFrame shown;
-  double clock = 0;  ///< s, as the surfaces were told
+  double clock = 0;  ///< s, as for the surfaces
 };
 
 struct RecordedMark {

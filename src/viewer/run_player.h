@@ -13,7 +13,7 @@
 
 namespace palpate::inline v0 {
 
-/// What there is to tell of it.
+/// State of the player, for pages.
 struct PlayerState {
   double time = 0, duration = 0, speed = 1;
   bool is_paused = false;

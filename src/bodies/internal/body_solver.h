@@ -32,7 +32,7 @@ struct BodyTouch {
   ContactPatch patch;   ///< levers are from a's center of mass
   double friction = 0;  ///< coefficient
   double grip = 0;      ///< N/m: how stiff what sticks is; 0: by the weight of the lighter one
-  /// J: what the contact holds. Unless it is told, nobody asks where that came from.
+  /// J: what the contact holds. Set only if its source matters.
   double potential = kUnknown;
   /// How kNoBody moves: of the point of it that lies at a's center of mass.
   Twist V_W;

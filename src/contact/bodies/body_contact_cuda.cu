@@ -114,7 +114,7 @@ __device__ bool measure_cluster(const BodyJob& job, const Ball& mine, const Ball
     ++share.num_pairs;
     overlapped |= 1u << k;
   }
-  // Lane k tells that sphere k of the cluster has been touched by some lane.
+  // Lane k knows whether some lane has touched sphere k of the cluster.
   unsigned by_any = overlapped;
   for (int step = gpu::kWarpSize / 2; step > 0; step /= 2) {
     by_any |= __shfl_xor_sync(gpu::kWholeWarp, by_any, step);

@@ -20,7 +20,7 @@ struct SolidAsking {
   // Per slot of the elements:
   std::vector<std::int32_t> level;  ///< the grid that is asked
   std::vector<float> rounding;      ///< per cluster: see is_clear
-  /// Mean square of the lengths, m2, below which nothing is told apart: radii and spacing.
+  /// Mean square of the lengths, m2, below which nothing is distinguished: radii and spacing.
   double coarseness = 0;
   bool is_possible = true;  ///< no element is too large for the widest grid
 };

@@ -114,7 +114,7 @@ struct GraphSearch {
   /// empty part for each further offer. Room for as many as there are edges, and all parts.
   RowPart* listed[2] = {};
   std::int32_t* num_listed = nullptr;  ///< three, used in turn, all 0 between queries
-  std::int32_t* num_rounds = nullptr;  ///< so far, as told by a block that went on alone
+  std::int32_t* num_rounds = nullptr;  ///< so far, as reported by a block that continued alone
   /// The boundary spheres themselves; at least 1, and greater than first_round + rounds of the
   /// query before.
   std::int32_t first_round = 1;

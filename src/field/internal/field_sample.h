@@ -23,7 +23,7 @@
 // itself (a B-spline then weighs the surface as a disc of radius r would); between two levels both
 // are blended, and the blend is part of the gradient. What lies deep is asked about with wider
 // pixels, which see exits that are farther away and smooth out noise: the field there is the
-// maximum of what spheres of radius r, 4 r, 16 r, ... are told. phi is once continuously
+// maximum of the values for spheres of radius r, 4 r, 16 r, ... phi is once continuously
 // differentiable in p, so forces are continuous.
 #pragma once
 
@@ -213,8 +213,8 @@ PALPATE_FORMULA Curved<Real> deep_excess(Real depth, Real footprint, Real per_fo
           growth * e.slope, growth * e.bend + (is_bent ? bend : zero)};
 }
 
-/// What a sphere of this radius is told, and the next wider one: the maximum of both, where the
-/// wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
+/// The value for a sphere of this radius, and for the next wider one: the maximum of both, where
+/// the wider one knows only of what is deeper than kDeep footprints, stretched so that it says what
 /// both say where they agree. `Told` is an ImageGradient or an ImageCurvature.
 template <class Told, class Real>
 PALPATE_FORMULA Told deepened(const Told& fine, const Told& wide, Real fine_phi, Real wide_phi,
@@ -250,7 +250,7 @@ PALPATE_FORMULA ImageGradient<Real> mixed(const ImageGradient<Real>& g,
           g.by_z + blend * (next.by_z - g.by_z) + change * by_z};
 }
 
-/// What a sphere of this radius is told by the one or two levels of its size.
+/// The value for a sphere of this radius from the one or two levels of its size.
 template <class Real>
 PALPATE_HOSTDEV inline ImageGradient<Real> query_field(const DepthFieldView& field,
                                                        const PixelPosition<Real>& at, Real z,

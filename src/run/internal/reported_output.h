@@ -1,4 +1,4 @@
-// Where the frame and the point are that people want pose and wrench told in.
+// Pose and wrench in the frame and about the point of OutputOptions.
 #pragma once
 
 #include "palpate/run/records.h"
@@ -6,7 +6,7 @@
 
 namespace palpate::inline v0 {
 
-/// What the frames of OutputOptions hang on, at one moment.
+/// What the frames of OutputOptions depend on, at one time.
 struct OutputFrames {
   Pose X_WT;
   Vec3d p_WC;      ///< center of mass of the tool's spheres
@@ -14,7 +14,7 @@ struct OutputFrames {
   Pose X_WB;       ///< base of the device
 };
 
-/// Tells what is known in the world's axes about the tool's center of mass.
+/// Transforms from the world's axes and the tool's center of mass.
 class ReportedOutput {
  public:
   ReportedOutput(const OutputOptions& options, const OutputFrames& at)

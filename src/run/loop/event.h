@@ -11,7 +11,8 @@ namespace palpate::inline v0 {
 
 /// One thread sleeps until another one rings. Ringing never waits. A ring between `count` and
 /// `wait` is not missed:
-///   for (;;) { const auto heard = bell.count(); if (something_to_do()) break; bell.wait(heard); }
+///   for (;;) { const auto count = event.count(); if (something_to_do()) break; event.wait(count);
+///   }
 class Event {
  public:
   void ring() noexcept {

@@ -244,7 +244,7 @@ void LiveLoop::stop() noexcept {
   if (haptic_.num_ticks() > 0 && publishing_thread_.joinable()) fade_out();
   if (was_started_) device_.stop();
   if (is_running_.exchange(false)) end_time_ = monotonic_now();
-  // The contact thread first: the surface thread waits for it at most until it is told to stop.
+  // The contact thread first: the surface thread waits for it at most until it is stopped.
   contacts_.stop();
   surfaces_.stop();
   stop_publishing_.stop();
@@ -434,7 +434,7 @@ void LiveLoop::publish_all() {
     try {
       if (!is_out_of_memory_) publisher_.publish();
     } catch (const std::bad_alloc&) {
-      // Who is told may have kept half of it. The hand needs no memory to fade out.
+      // The observer may have kept half of it. The hand needs no memory to fade out.
       is_out_of_memory_ = true;
       haptic_.request_stop();
     }

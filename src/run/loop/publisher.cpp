@@ -59,7 +59,7 @@ void Publisher::publish_ticks() {
     for (const TickRecord* tick = ticks.front(); tick != nullptr && batch_.size() < kBatch;
          tick = ticks.front()) {
       if (!has_published_contact_of(*tick)) break;
-      // Looked for last: a snapshot is written before its tick, and what is told meanwhile takes
+      // Looked for last: a snapshot is written before its tick, and publishing meanwhile takes
       // time.
       const HandSnapshot* const next = records_.snapshots.front();
       if (next != nullptr && tick->number >= next->tick && !batch_.empty()) break;

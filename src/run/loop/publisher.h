@@ -1,4 +1,4 @@
-// What a live loop tells its observer: all records, each after those that it rests on.
+// Publishes the records of a live loop to its observer, each after those that it depends on.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,7 @@ class Publisher {
   void add_note(std::string text);
 
   /// What is there. A surface can be felt, and a contact too, a moment before its record is
-  /// written: what has to wait for that is told the next time.
+  /// written: what has to wait for that is published the next time.
   void publish();
 
  private:

@@ -49,7 +49,7 @@ class AssignmentContext {
     return overlays() || compares_all() || (method == MethodKind::weighted && is_at_edge(id));
   }
 
-  /// The word of PointQuery::touched that tells about a sphere, and what it tells.
+  /// The word of PointQuery::touched of a sphere, and its bit there.
   __device__ std::uint32_t touched_word(std::int32_t id) const {
     return id < 0 ? 0 : q.touched[id / 32];
   }
